@@ -78,10 +78,10 @@ def view(
         else:
             films.still(log, output, side or "right", colour, times[0] if times else None)
     else:
-        from orchestrator.results import above as from_above
-        from orchestrator.results import picture as pictures
+        from orchestrator.results.views import above as from_above
+        from orchestrator.results.views import side_view
 
-        (from_above if above else pictures).draw(log, output, times or None)
+        (from_above if above else side_view).draw(log, output, times or None)
     if output:
         print(output)
 

@@ -1,4 +1,4 @@
-"""Ground of a scene as a line along the initial heading: level, or with one bump."""
+"""Ground of a scene as a line along the initial heading: level, or with one bump across it."""
 
 from __future__ import annotations
 
@@ -6,14 +6,16 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from orchestrator.log.time_series import Floats
 
 FINE = 9  # points on each rounded edge
+UP = np.array([0.0, 0.0, 1.0])
 
 
-class Ground(NamedTuple):
-    """Ground profile, constant across the heading."""
+class GroundProfile(NamedTuple):
+    """Height of the ground along the initial heading; constant across it."""
 
     start: Floats  # (3) origin of the line, world
     ahead: Floats  # (3) unit vector along the line
@@ -21,14 +23,48 @@ class Ground(NamedTuple):
     along: Floats  # (k,) places of the corners of a bump along the line, in order; empty without one
     height: Floats  # (k,) heights of the corners, world, m
 
+    @property
+    def left(self) -> Floats:
+        """Unit vector (3) across the line, to the left."""
+        return np.array([-self.ahead[1], self.ahead[0], 0.0])
+
+    def station(self, places: Floats) -> Floats:
+        """Distances along the line of places (..., 3) in world, m."""
+        return np.asarray((places - self.start) @ self.ahead)
+
+    def offset(self, places: Floats) -> Floats:
+        """Distances to the left of the line of places (..., 3) in world, m."""
+        return np.asarray((places - self.start) @ self.left)
+
     def at(self, along: Floats) -> Floats:
         """Heights at places along the line, world, m."""
         if not len(self.along):
             return np.full(np.shape(along), self.level)
         return np.interp(along, self.along, self.height)
 
+    def points(self, along: Floats, offset: ArrayLike = 0.0) -> Floats:
+        """Points (..., 3) of the surface in world, at distances along the line (...,) and to its left, m."""
+        found = self.start * [1.0, 1.0, 0.0] + along[..., None] * self.ahead + np.multiply.outer(offset, self.left)
+        found[..., 2] += self.at(along)
+        return np.asarray(found)
 
-def ground(scene: Mapping[str, Any]) -> Ground | None:
+    def bends(self, low: float, high: float) -> Floats:
+        """Places along the line (k,) between which the ground is straight: both ends and the corners between them."""
+        return np.unique([low, *self.along[(self.along > low) & (self.along < high)], high])
+
+    def normals(self, places: Floats) -> Floats:
+        """Unit normals (..., 3) of the ground under places (..., 3) in world."""
+        along = self.station(places)
+        slope = (self.at(along + 1e-3) - self.at(along - 1e-3)) / 2e-3
+        return (UP - slope[..., None] * self.ahead) / np.sqrt(1.0 + slope * slope)[..., None]
+
+
+def metres(low: float, high: float) -> Floats:
+    """Whole metres from one place along the line to another."""
+    return np.arange(np.ceil(low), np.floor(high) + 1.0)
+
+
+def ground(scene: Mapping[str, Any]) -> GroundProfile | None:
     """Ground of a scene as logged; None without one. Raises KeyError for incomplete scenes."""
     if scene.get("assembly") != "vehicle":
         return None
@@ -39,7 +75,7 @@ def ground(scene: Mapping[str, Any]) -> Ground | None:
     place, level = np.array(start["position"], float), float(drawn)
     bump = (scene.get("ground") or {}).get("bump")
     if not bump:
-        return Ground(place, ahead, level, np.zeros(0), np.zeros(0))
+        return GroundProfile(place, ahead, level, np.zeros(0), np.zeros(0))
     rise, slope, radius, half = bump["rise"], bump["slope"], bump["radius"], 0.5 * bump["length"]
     straight = rise - 2.0 * radius * (1.0 - np.cos(slope))
     foot = half + 2.0 * radius * np.sin(slope) + straight / np.tan(slope)
@@ -48,6 +84,6 @@ def ground(scene: Mapping[str, Any]) -> Ground | None:
     a = np.concatenate([half + over, (foot - over)[::-1]])  # from the top down
     z = np.concatenate([rise - under, under[::-1]])
     middle = bump["start"] + foot
-    return Ground(
+    return GroundProfile(
         place, ahead, level, np.concatenate([middle - a[::-1], middle + a]), level + np.concatenate([z[::-1], z])
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from orchestrator.log.described import system_of
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats, Series
+from orchestrator.results.rotation import body_axis
 
 Made = TypeVar("Made")
 Kept = NDArray[np.bool_] | bool
@@ -200,12 +201,6 @@ class RunData:
                 return values[max(int(np.searchsorted(times, t + 1e-9)) - 1, 0)]
         raise Missing(f"the log holds no step of '{instance}'")
 
-    def in_plane(self, track: str, wheel: str, t: float) -> tuple[float, float]:
-        """Centre of a wheel (forward, up) from the sprocket axle at time t, m."""
-        origin, ahead = self.axle(track, np.array([t]), Window(t, t))
-        offset = self.near(track, "in", f"{wheel}.position", t) - origin[0]
-        return float(offset @ ahead[0]), float(offset[2])
-
     def axle(self, track: str, t: Floats, window: Window | None = None) -> tuple[Floats, Floats]:
         """Position of the sprocket axle and horizontal unit vector ahead, (m, 3) each."""
         before = window and window._replace(start=window.start - BEFORE)
@@ -222,8 +217,7 @@ class RunData:
             raise Missing(f"the log holds no step of '{track}'")
         at = np.searchsorted(times, t + 1e-9) - 1  # input at t; at the end of the run, the last one
         at = np.clip(at, 0, len(times) - 1)
-        w, x, y, z = q[at].T
-        axis_x, axis_y = 2 * (x * y - w * z), 1 - 2 * (x * x + z * z)  # spin axis, body y in world
+        axis_x, axis_y, _ = body_axis(q[at], 1).T  # spin axis, body y in world
         ahead = np.stack([axis_y, -axis_x, np.zeros_like(axis_x)], axis=-1)  # spin axis x vertical
         return position[at], ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
 
@@ -261,7 +255,7 @@ def _average(t: Floats, values: Floats, kept: Kept, axis: int | None) -> Any:
     return np.average(np.where(kept, values, 0.0), axis, np.broadcast_to(own * kept, values.shape))
 
 
-def pitch_radius(vehicle: dict[str, Any]) -> float:
+def pitch_radius(vehicle: Mapping[str, Any]) -> float:
     """Pitch radius of the pins on the sprocket of a vehicle table, m."""
     return float(vehicle["track"]["pitch"] / (2 * np.sin(np.pi / vehicle["sprocket"]["teeth"])))
 

@@ -36,7 +36,7 @@ from orchestrator.results.analyses.catalogue import ANALYSES, TRACK, Analysis, a
 from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.thinned import Envelope
-from orchestrator.results.views.bodies import Bodies
+from orchestrator.results.views.bodies import EVERY, Bodies
 from orchestrator.scene.scene import load
 
 STEP = 1e-3
@@ -620,7 +620,7 @@ def test_patches_at_rest_carry_what_wheels_are_loaded_by(driven, face, fits):
     """Stiffness times depth, along the normals of the links: some per mille more, as those of the rim fan out."""
     with Log(driven) as log:
         run, start = RunData(log), Window(-1.0, 1e-6)
-        bodies, vehicle = Bodies(run, patches.FASTEST, window=start), run.scene["vehicle"]
+        bodies, vehicle = Bodies(run, EVERY, window=start), run.scene["vehicle"]
         poses, found = next(bodies.blocks()), patches.of(run, start)
         links, pairs = poses.links["left_track"], []
         for wheel in bodies.wheels:

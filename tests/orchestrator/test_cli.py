@@ -23,9 +23,10 @@ from orchestrator.log.container_writer import ContainerWriter
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import LogFailed, Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
-from orchestrator.results import above, picture
 from orchestrator.results.analyses.phases import Phase
 from orchestrator.results.run_data import RunData
+from orchestrator.results.views import above, side_view
+from orchestrator.results.views.bodies import EVERY, Bodies
 from orchestrator.scene import gallery
 from orchestrator.scene.scene import load
 
@@ -457,10 +458,10 @@ def test_view_takes_the_end_as_it_is_written(step, refused):
         recorded = np.arange(k + 1) * float(step)
         end = float(k * Decimal(step))
         above += end > recorded[-1]
-        assert picture._instants(recorded, [end]) == [recorded[k]]
-        assert picture._instants(recorded, None)[-1] == recorded[k]
+        assert side_view._instants(recorded, recorded[-1], [end]) == [recorded[k]]
+        assert side_view._instants(recorded, recorded[-1], None)[-1] == recorded[k]
         with pytest.raises(BadInput, match=f"from 0 to {end:.9g} s"):
-            picture._instants(recorded, [end + 1e-3 * float(step)])
+            side_view._instants(recorded, recorded[-1], [end + 1e-3 * float(step)])
     assert above == refused
 
 
@@ -568,11 +569,16 @@ def test_view_from_above(cotrack, tmp_path):
     assert (status, out) == (0, "a.png\n"), err
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
     with Log("a.mcap") as log:
-        places, force = above._track(RunData(log), "left_track", [0.0, 0.02])
+        bodies = Bodies(RunData(log), EVERY)
+        bodies.keep([0.0, 0.02])
+        views = [above.view_from_above(bodies, poses) for poses in bodies.blocks(1)]
         whole = [log.signal(f"left_track.ground.force.{axis}")[1] for axis in "xy"]
-    assert np.ptp(places[1][:, 0]) == pytest.approx(4.5, abs=0.3)  # as long as a track, in its plane
-    assert places[1][:, 1] == pytest.approx(1.0795, abs=1e-3)
-    assert [each.shape for each in force] == [(64, 2), (64, 2)]
+    corners = np.concatenate(views[1].links)
+    left = corners[corners[:, 1] > 0.0]
+    assert np.ptp(left[:, 0]) == pytest.approx(4.5, abs=0.3)  # as long as a track, as wide as a link
+    assert [left[:, 1].min(), left[:, 1].max()] == pytest.approx([1.0795 - 0.189, 1.0795 + 0.189], abs=1e-3)
+    force = [view.force[:64] for view in views]
+    assert [view.feet.shape for view in views] == [(128, 2), (128, 2)]
     every = load("turn", "rigid").links_every  # steps over which forces of links are means
     for k, rows in ((0, slice(1)), (1, slice(21 - every, 21))):
         assert force[k].sum(axis=0) == pytest.approx([part[rows].mean() for part in whole], abs=1e-6)

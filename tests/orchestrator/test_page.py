@@ -32,8 +32,8 @@ from orchestrator.results.page.circuit import profile
 from orchestrator.results.page.document import document
 from orchestrator.results.page.embedded import floats, script, unpacked
 from orchestrator.results.page.events import events, lifted
+from orchestrator.results.page.player import UNIT, player
 from orchestrator.results.page.pressure import pressure
-from orchestrator.results.page.side_view import UNIT, side_view
 from orchestrator.results.page.study import Judged, study
 from orchestrator.results.page.words import number, percent, quantity, text
 from orchestrator.results.run_data import EVER, RunData, Window
@@ -417,21 +417,28 @@ def test_places_are_those_of_the_analysis(vehicle):
     np.testing.assert_array_equal(one.tension, block.values[0][-1, order])
 
 
+def side_of_links(log):
+    """Times of the links, pins ahead of the sprocket's axle (m, 64) and over the ground (m, 64), the axle (m,), m."""
+    series = log.read("/left_track/links")
+    x, z = (
+        series.values[:, [series.names.index(f"joint[{i + 1}].position.{axis}") for i in range(64)]] for axis in "xz"
+    )
+    axle = log.sample(["left_drive.sprocket.position.x"], series.t)[:, 0]  # also at the end, where no step begins
+    return series.t, x - axle[:, None], z - ground(RunData(log).scene).level, axle
+
+
 def test_the_side_view_shows_what_was_recorded(vehicle):
     with Log(vehicle) as log:
-        run = RunData(log)
-        view = side_view(run, chain(run, "left_track"))
-        links, below = run.links("left_track", EVER), ground(run.scene)
-        axle = run.log.sample(["left_track.sprocket.position.x", "left_track.sprocket.position.z"], links.t)
+        view = player(RunData(log), "left_track")
+        times, forward, over, axle = side_of_links(log)
     t = unpacked(view["t"])
-    rows = [np.abs(links.t - moment).argmin() for moment in t]
+    rows = [np.abs(times - moment).argmin() for moment in t]
     raw = np.frombuffer(base64.b64decode(view["pins"]), "<i2").reshape(len(t), 64, 2) * UNIT
-    assert np.abs(raw[..., 0] - links.forward[rows]).max() <= 0.51 * UNIT
-    over = links.up[rows] + (axle[rows, 1] - below.level)[:, None]  # heights over the ground
-    assert np.abs(raw[..., 1] - over).max() <= 0.51 * UNIT
-    assert np.abs(raw[..., 1] - 1.03 * over).max() > 0.51 * UNIT
+    assert np.abs(raw[..., 0] - forward[rows]).max() <= 0.51 * UNIT
+    assert np.abs(raw[..., 1] - over[rows]).max() <= 0.51 * UNIT
+    assert np.abs(raw[..., 1] - 1.03 * over[rows]).max() > 0.51 * UNIT
     assert raw[..., 1].min() == pytest.approx(0.029, abs=0.01), "pins run a pad's half thickness over the ground"
-    assert unpacked(view["ground"]["along"]) == pytest.approx(axle[rows, 0], abs=1e-6)
+    assert unpacked(view["ground"]["along"]) == pytest.approx(axle[rows], abs=1e-6)
     assert view["ground"]["corners"][0] == pytest.approx([0.5, 0.0])
     assert max(z for _, z in view["ground"]["corners"]) == pytest.approx(0.2)
     assert len(view["wheels"]) == 7
@@ -760,13 +767,12 @@ def test_two_runs_stand_side_by_side(vehicle, tmp_path):
     data = embedded(html)
     shown, drawn = data["player"]["reference"], data["charts"]["tension-map"]
     with Log(vehicle) as log:
-        run = RunData(log)
-        links, below = run.links("left_track", EVER), ground(run.scene)
-        axle = run.log.sample(["left_track.sprocket.position.z"], links.t)
-    rows = [np.abs(links.t - moment).argmin() for moment in unpacked(data["player"]["t"])]
+        links = RunData(log).links("left_track", EVER)
+        times, forward, over, _ = side_of_links(log)
+    rows = [np.abs(times - moment).argmin() for moment in unpacked(data["player"]["t"])]
     raw = np.frombuffer(base64.b64decode(shown["pins"]), "<i2").reshape(len(rows), 64, 2) * UNIT
-    assert np.abs(raw[..., 0] - links.forward[rows]).max() <= 0.51 * UNIT
-    assert np.abs(raw[..., 1] - (links.up[rows] + axle[rows] - below.level)).max() <= 0.51 * UNIT
+    assert np.abs(raw[..., 0] - forward[rows]).max() <= 0.51 * UNIT
+    assert np.abs(raw[..., 1] - over[rows]).max() <= 0.51 * UNIT
     assert (shown["pictures"], shown["closed"]) == (len(rows), True)
     edges = np.linspace(0.0, 0.06, len(unpacked(drawn["t"])) + 1)
     k = np.clip((links.t * (len(edges) - 1) / 0.06).astype(int), 0, len(edges) - 2)

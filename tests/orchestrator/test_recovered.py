@@ -12,8 +12,8 @@ from orchestrator.log.reader import Log
 from orchestrator.log.tools import RECOVERED, WHOLE, recover, verify
 from orchestrator.results.difference import differences
 from orchestrator.results.energy import ledger
-from orchestrator.results.picture import draw
 from orchestrator.results.run_data import Missing, RunData
+from orchestrator.results.views.side_view import draw
 from orchestrator.scene.scene import load
 
 WINDOWED = ("_mean", "_rms")  # over a second, of which less is left

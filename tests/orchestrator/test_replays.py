@@ -20,8 +20,8 @@ from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, WHOLE, verify
 from orchestrator.results.answered import answers
 from orchestrator.results.difference import differences
-from orchestrator.results.picture import draw
 from orchestrator.results.run_data import RunData
+from orchestrator.results.views.side_view import draw
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
 

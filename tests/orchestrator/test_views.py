@@ -1,23 +1,28 @@
 """Views in space: where bodies stand, by what the log holds and the contact laws; files by other libraries' readers."""
 
+import base64
 import json
 import re
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fmus.vehicle import BadInput
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.results import picture
 from orchestrator.results.analyses import events
+from orchestrator.results.ground_profile import ground
+from orchestrator.results.page import player
+from orchestrator.results.page.embedded import unpacked
+from orchestrator.results.rotation import matrices, quaternions
 from orchestrator.results.run_data import RunData, Window, within
-from orchestrator.results.views import film, foxglove_scene, projected, rerun_scene
-from orchestrator.results.views.bodies import Bodies, quaternions, rotation
+from orchestrator.results.views import above, film, foxglove_scene, projected, rerun_scene, side_view
+from orchestrator.results.views.bodies import Bodies
 from orchestrator.results.views.plots import curves, plots
-from orchestrator.results.views.solids import prism, strip, strip_triangles
+from orchestrator.results.views.solids import across, prism, strip
 from orchestrator.scene.scene import load
 
 STOP, STEP = 0.04, 1e-3
@@ -91,7 +96,7 @@ def test_wheels_and_hull_stand_where_they_were_recorded(shown):
     assert {wheel.radius for wheel in bodies.wheels if wheel.kind == "idler"} == {vehicle["idler"]["radius"]}
     recorded = [log.signal(f"chassis.chassis.position.{x}")[1] for x in "xyz"]
     np.testing.assert_array_equal(poses.hull.position.T, recorded)
-    corners = bodies.hull.corners @ rotation(poses.hull.orientation[0]).T + poses.hull.position[0]
+    corners = bodies.hull.corners @ matrices(poses.hull.orientation[0]).T + poses.hull.position[0]
     c, s = np.cos(0.4), np.sin(0.4)
     drawn = np.array(vehicle["chassis"]["hull"]) @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
     np.testing.assert_allclose(corners, drawn + np.array([1.0, -2.0, 0.3]), atol=1e-12)
@@ -139,8 +144,11 @@ def depths_apart(log, bodies, poses):
     return count, apart
 
 
-def stretched(log, path, times):
-    """A log of links at these times, each as it was first in another log, moved to the right by a metre a second."""
+def stretched(log, path, times, blown=None):
+    """A log of links at these times, each as it was first in another log, moved to the right by a metre a second.
+
+    From record ``blown`` on places are no numbers.
+    """
     with Log(log) as whole:
         links = whole.read("/chain/links")
         about = whole.topics["/chain/links"]
@@ -149,7 +157,8 @@ def stretched(log, path, times):
         with Recorder(path, topics, attachments, whole.metadata) as recorder:
             x = np.array([name.endswith("position.x") for name in about.names])
             for k, t in enumerate(times):
-                recorder.write("/chain/links", k, float(t), 0.1, links.values[0] + float(t) * x)
+                way = float("nan") if blown is not None and k >= blown else float(t)
+                recorder.write("/chain/links", k, float(t), 0.1, links.values[0] + way * x)
             recorder.close("ok", "", len(times))
     return path
 
@@ -186,17 +195,21 @@ def test_an_open_chain_has_neither_wheels_nor_hull_nor_ground(hanging):
 def test_quaternions_and_rotations_are_inverse():
     turned = np.random.default_rng(3).normal(size=(50, 4))
     turned /= np.linalg.norm(turned, axis=1, keepdims=True)
-    again = np.roll(quaternions(rotation(turned)), 1, axis=-1)
+    again = np.roll(quaternions(matrices(turned)), 1, axis=-1)
     assert np.abs(np.abs(np.einsum("ni,ni->n", again, turned)) - 1).max() < 1e-12
     w, x, y, z = 0.5**0.5, 0.0, 0.0, 0.5**0.5  # a quarter turn to the left: ahead becomes left
-    np.testing.assert_allclose(rotation(np.array([w, x, y, z])) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
+    np.testing.assert_allclose(matrices(np.array([w, x, y, z])) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
+
+
+def triangles(surface):
+    """The three corners of all of them, (n, 3) each."""
+    return np.moveaxis(surface.corners[surface.numbers], 1, 0)
 
 
 def test_triangles_of_sprocket_and_ground_look_outwards(shown):
     _, bodies, _ = shown
     sprocket = next(wheel for wheel in bodies.wheels if wheel.kind == "sprocket")
-    corners, triangles = prism(sprocket)
-    a, b, c = np.moveaxis(corners[triangles], 1, 0)
+    a, b, c = triangles(prism(sprocket))
     x, y = sprocket.outline.T
     area = 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
     volume = float(np.einsum("ni,ni->", a, np.cross(b, c))) / 6.0
@@ -205,9 +218,7 @@ def test_triangles_of_sprocket_and_ground_look_outwards(shown):
     assert tips.max() == pytest.approx(bodies.scene["vehicle"]["sprocket"]["outer_radius"], rel=1e-12)
     pitch_radius = 0.0762 / np.sin(np.pi / 10)
     assert tips.min() == pytest.approx(pitch_radius - 0.015, rel=1e-12)
-    ground = strip(bodies.ground, -6.0, 4.0, 5.0)
-    flat = ground.reshape(-1, 3)
-    a, b, c = np.moveaxis(flat[strip_triangles(len(ground))], 1, 0)
+    a, b, c = triangles(strip(across(bodies.ground, bodies.ground.bends(-6.0, 4.0), 5.0)))
     normal = np.cross(b - a, c - a)
     assert (normal[:, 2] > 0).all()
     assert 0.5 * normal[:, 2].sum() == pytest.approx(10.0 * 10.0, rel=1e-12)  # the area under it
@@ -242,7 +253,7 @@ def test_rerun_holds_the_boxes_of_bodies(driven, tmp_path):
     links = poses.links["left_track"]
     np.testing.assert_allclose(batch["Boxes3D:centers"].to_pylist(), links.centres, atol=1e-6)
     turned = np.array(batch["Boxes3D:quaternions"].to_pylist())
-    np.testing.assert_allclose(rotation(np.roll(turned, 1, axis=-1)), links.axes, atol=1e-6)
+    np.testing.assert_allclose(matrices(np.roll(turned, 1, axis=-1)), links.axes, atol=1e-6)
     np.testing.assert_allclose(
         batch["Boxes3D:half_sizes"].to_pylist(), np.broadcast_to(bodies.tracks[0].half, (3, 64, 3)), atol=1e-7
     )
@@ -356,7 +367,7 @@ def test_the_section_of_the_ground_runs_under_a_vehicle_that_turned(shown):
     profile = bodies.ground
     for turned in (0.0, 0.7):
         seen = projected.camera("right", 0.4 + turned, profile.start + np.array([0.0, 0.0, 1.0]))
-        line, metres = projected.section(seen, bodies, 4.0)
+        line, metres = projected.section(seen, profile, -4.0, 4.0)
         places = seen.centre + line[:, :1] * seen.right + line[:, 1:] * seen.up
         np.testing.assert_allclose(profile.at((places - profile.start) @ profile.ahead), places[:, 2], atol=1e-12)
         assert line[:, 1].max() - line[:, 1].min() == pytest.approx(0.01, abs=1e-9)
@@ -367,7 +378,9 @@ def test_a_picture_shows_the_ground_as_it_is(driven):
     with Log(driven) as log:
         run = RunData(log)
         links = run.links("left_track", Window(0.02, 0.02))
-        line = picture.ground_line(run, "left_track", 0.02, -4.5, 0.5)
+        bodies = Bodies(run, 1e4, track="left_track")
+        bodies.keep([0.02])
+        line, _ = projected.section(side_view.side_view(bodies, next(bodies.blocks())).seen, bodies.ground, -4.5, 0.5)
     deep = np.interp(links.forward[0], *line.T) - (links.up[0] - 0.029)
     assert np.ptp(line[:, 1]) == pytest.approx(0.01, abs=1e-6)
     top = line[line[:, 1] > line[:, 1].max() - 1e-9, 0]
@@ -390,8 +403,8 @@ def foot():
 def test_numbers_under_narrow_panes_do_not_overlap(tmp_path, monkeypatch):
     path, drawn = tmp_path / "folded.mcap", []
     simulate(load("folded_chain", "rigid", ("run.stop=0.01", "chain.links=65", "expect={}")), path)
-    monkeypatch.setattr(picture, "saved", lambda figure, output: drawn.append(figure))
-    picture.draw(path, tmp_path / "x.png")
+    monkeypatch.setattr(side_view, "saved", lambda figure, output: drawn.append(figure))
+    side_view.draw(path, tmp_path / "x.png")
     (figure,) = drawn
     figure.canvas.draw()
     panes = figure.axes[:-1]  # the last one is the scale of colours
@@ -406,9 +419,9 @@ def test_numbers_under_narrow_panes_do_not_overlap(tmp_path, monkeypatch):
 
 def test_pictures_are_of_instants_in_which_something_moves():
     recorded = np.arange(0, 10.01, 0.1)
-    assert picture._instants(recorded, None, Window(1.0, 4.0)) == pytest.approx([0.0, 2.0, 3.0, 4.0])
-    assert picture._instants(recorded, None) == pytest.approx([3.3, 6.7, 10.0])
-    assert picture._instants(np.zeros(1), None) == [0.0]
+    assert side_view._instants(recorded, 10.0, None, Window(1.0, 4.0)) == pytest.approx([0.0, 2.0, 3.0, 4.0])
+    assert side_view._instants(recorded, 10.0, None) == pytest.approx([3.3, 6.7, 10.0])
+    assert side_view._instants(np.zeros(1), 0.0, None) == [0.0]
 
 
 def test_what_cannot_be_written_is_refused_first(cotrack, hanging, tmp_path, monkeypatch):
@@ -465,3 +478,164 @@ def test_curves_are_every_record(driven):
         np.testing.assert_array_equal(t, times[kept])
         np.testing.assert_allclose(values, recorded[kept] / 1e3, rtol=1e-15)
         assert len(found) == 1 + 2 + 2 + 4
+
+
+# --- one link and one tooth in all drawings ---------------------------------------------------------
+
+AT, LINK = 0.02, 5  # s; from 1 on
+
+
+@pytest.fixture(scope="module")
+def marked(driven):
+    """A corner of a link of the left track on its right side and the first tip of its sprocket, from the log alone."""
+    with Log(driven) as log:
+        vehicle = RunData(log).scene["vehicle"]
+
+        def vector(prefix, parts="xyz"):
+            return log.sample([f"{prefix}.{part}" for part in parts], np.array([AT]))[0]
+
+        before, after = (vector(f"left_track.joint[{i}].position") for i in (LINK, LINK + 1))
+        across = sum(vector(f"left_track.joint[{i}].axis") for i in (LINK, LINK + 1))
+        axle = vector("left_track.sprocket.position")
+        turned = Rotation.from_quat(vector("left_track.sprocket.orientation", "wxyz"), scalar_first=True)
+    along = (after - before) / np.linalg.norm(after - before)
+    out = np.cross(along, across) / np.linalg.norm(np.cross(along, across))
+    chain, sprocket = vehicle["track"], vehicle["sprocket"]
+    left = np.cross(out, along)
+    corner = 0.5 * (before + after) - 0.47 * chain["pitch"] * along - 0.5 * chain["width"] * left - chain["face"] * out
+    angle = -0.8 * np.pi / sprocket["teeth"]
+    ahead, up = sprocket["outer_radius"] * np.array([np.cos(angle), np.sin(angle)])
+    return corner, axle + turned.apply([ahead, -0.5 * chain["width"], up])
+
+
+def missed(points, found):
+    """How far the nearest of the found points (n, k) is from each of some points (m, k), m, at most."""
+    found = np.asarray(found)
+    return max(np.linalg.norm(found - point, axis=1).min() for point in points)
+
+
+@pytest.fixture
+def instant(driven):
+    with Log(driven) as log:
+        bodies = Bodies(RunData(log), 1e4)
+        bodies.keep([AT])
+        yield log, bodies, next(bodies.blocks())
+
+
+def test_flat_drawings_place_a_link_and_a_tooth_where_they_were(instant, marked):
+    _, bodies, poses = instant
+    for eye in projected.EYES:
+        seen = projected.camera(eye, 0.4, poses.hull.position[0])
+        found = np.concatenate(projected.polygons(seen, bodies, poses, 0, (0.0, 1.0)).outlines)
+        assert missed(seen.flat(np.stack(marked)), found) < 1e-9, eye
+    view = side_view.side_view(bodies, poses)
+    boxes, rims = view.links.reshape(-1, 2), np.concatenate([outline for _, _, outline in view.wheels])
+    corner, tip = view.seen.flat(np.stack(marked))
+    assert missed([corner], boxes) < 1e-9
+    assert missed([tip], rims) < 1e-9
+    assert missed([corner], 1.03 * boxes) > 1e-3
+    assert missed([tip], 1.03 * rims) > 1e-3
+    lowest = int(poses.links["left_track"].centres[0, :, 2].argmin())
+    track, links = bodies.tracks[0], poses.links["left_track"]
+    under = links.centres[0, lowest] + links.axes[0, lowest] @ (track.half * [1.0, 1.0, -1.0])
+    assert missed([under[:2]], np.concatenate(above.view_from_above(bodies, poses).links)) < 1e-9
+
+
+def test_the_player_places_a_link_and_a_tooth_where_they_were(instant, marked, monkeypatch):
+    """As page.js draws them: links from pin to pin, less a gap, wheels turned about their centres."""
+    log, _, poses = instant
+    monkeypatch.setattr(player, "RATE", 100.0)
+    view = player.player(RunData(log), "left_track")
+    k = int(np.abs(unpacked(view["t"]) - AT).argmin())
+    assert unpacked(view["t"])[k] == pytest.approx(AT)
+
+    def places(packed):
+        return np.frombuffer(base64.b64decode(packed), "<i2").reshape(view["pictures"], -1, 2)[k] * view["unit"]
+
+    axle = poses.wheels["left_track/sprocket"].position[0]
+    level = ground(RunData(log).scene).level
+    seen = projected.camera("right", 0.4, np.array([*axle[:2], level]))
+    a, b = places(view["pins"])[LINK - 1 : LINK + 1]
+    gap, along = 0.5 * (1.0 - view["drawn"]), (b - a) / np.linalg.norm(b - a)
+    outwards = np.array([-along[1], along[0]])
+    ends = [a + gap * (b - a), b - gap * (b - a)]
+    corners = [end + side * 0.5 * view["thick"] * outwards for end in ends for side in (-1, 1)]
+    sprocket = next(wheel for wheel in view["wheels"] if wheel["outline"])
+    angle = unpacked(sprocket["angle"])[k]
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    outline = places(sprocket["centre"]) + np.array(sprocket["outline"]) @ turn.T
+    corner, tip = seen.flat(np.stack(marked))
+    assert missed([corner], corners) < 3 * player.UNIT
+    assert missed([tip], outline) < 3 * player.UNIT
+    assert missed([tip], np.array(outline) - 5 * player.UNIT) > 3 * player.UNIT
+
+
+def test_rerun_places_a_link_and_a_tooth_where_they_were(driven, marked, tmp_path):
+    chunk = pytest.importorskip("rerun.chunk")
+    rerun_scene.show(driven, tmp_path / "run.rrd")
+    found = {}
+    for piece in chunk.RrdReader(tmp_path / "run.rrd").stream():
+        found.setdefault((piece.entity_path, piece.is_static), piece.to_record_batch())
+    boxes = found["/world/links/left_track", False]
+    centres, turned, half = (
+        np.array(boxes[f"Boxes3D:{name}"].to_pylist())[1] for name in ("centers", "quaternions", "half_sizes")
+    )  # at 20 ms
+    corners = centres + np.einsum("nij,nj->ni", Rotation.from_quat(turned).as_matrix(), half * [-1.0, -1.0, -1.0])
+    assert missed(marked[:1], corners) < 1e-6
+    wheel = "/world/wheels/left_track\\/sprocket"
+    place = found[wheel, False]
+    position = np.array(place["Transform3D:translation"].to_pylist())[1, 0]
+    turn = Rotation.from_quat(np.array(place["Transform3D:quaternion"].to_pylist())[1, 0])
+    vertices = np.array(found[f"{wheel}/shape", True]["Mesh3D:vertex_positions"].to_pylist())[0]
+    assert missed(marked[1:], position + turn.apply(vertices)) < 1e-6
+
+
+def test_foxglove_places_a_link_and_a_tooth_where_they_were(driven, marked, tmp_path):
+    pytest.importorskip("foxglove")
+    foxglove_scene.write(driven, tmp_path / "x.mcap")
+    found = {topic: decoded(tmp_path / "x.mcap", topic) for topic in ("/shapes", "/scene", "/frames")}
+
+    def numbers(of, names="xyz"):
+        return np.array([getattr(of, name) for name in names])
+
+    links = next(each for each in found["/scene"][1].entities if each.id == "links of left_track").cubes
+    corners = [
+        numbers(cube.pose.position)
+        + Rotation.from_quat(numbers(cube.pose.orientation, "xyzw")).apply(-0.5 * numbers(cube.size))
+        for cube in links
+    ]
+    assert missed(marked[:1], corners) < 1e-9
+    frame = next(each for each in found["/frames"][1].transforms if each.child_frame_id == "left_track/sprocket")
+    shape = next(each for each in found["/shapes"][0].entities if each.id == "left_track/sprocket").triangles[0]
+    turn = Rotation.from_quat(numbers(frame.rotation, "xyzw"))
+    assert missed(marked[1:], numbers(frame.translation) + turn.apply([numbers(p) for p in shape.points])) < 1e-9
+
+
+def decoded(path, topic):
+    """Messages of a topic, by the schema in the file."""
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+    from mcap.reader import make_reader
+
+    found = []
+    with path.open("rb") as file:
+        for schema, _, message in make_reader(file).iter_messages(topic):
+            files = descriptor_pb2.FileDescriptorSet.FromString(schema.data)
+            pool = descriptor_pool.DescriptorPool()
+            for each in files.file:
+                pool.Add(each)
+            kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
+            found.append(kind.FromString(message.data))
+    return found
+
+
+def test_a_run_that_blew_up_is_shown_up_to_there(hanging, tmp_path):
+    path = stretched(hanging, tmp_path / "blown.mcap", np.arange(5) * 0.1, blown=3)
+    with Log(path) as log:
+        bodies = Bodies(RunData(log), 1e4)
+        (poses,) = bodies.blocks()
+        np.testing.assert_allclose(poses.t, [0.0, 0.1, 0.2], atol=1e-12)
+        bodies.keep([0.1, 0.4])
+        assert len(side_view._figure(bodies).axes) == 2, "a pane and the scale of colours"
+        bodies.keep([0.4])
+        with pytest.raises(BadInput, match="values of /chain/links are no finite numbers: there is nothing to show"):
+            next(bodies.blocks())

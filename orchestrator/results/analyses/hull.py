@@ -8,25 +8,15 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.energy import Port, ports
+from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import BEFORE, Missing, RunData, Window
 
 
-class Pose(NamedTuple):
-    """Position and axes."""
+class HullAxes(NamedTuple):
+    """Position and axes of the hull."""
 
     origin: Floats  # (m, 3) m, world
     axes: Floats  # (m, 3, 3) columns ahead, left, up of the hull, in world
-
-
-def matrices(q: Floats) -> Floats:
-    """Rotation matrices (..., 3, 3) of quaternions (..., 4) (w, x, y, z), body to world."""
-    w, x, y, z = np.moveaxis(q, -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def sprocket(run: RunData, track: str) -> Port | None:
@@ -46,7 +36,7 @@ def sprocket_speed(run: RunData, instance: str) -> str:
     return f"{port.taker}.{port.taken.removesuffix('sprocket')}speed"
 
 
-def poses(run: RunData, track: str, t: Floats) -> Pose:
+def poses(run: RunData, track: str, t: Floats) -> HullAxes:
     """Sprocket axle of a track, with the axes of the hull, at times (m,), s.
 
     Without a hull the axes are those of the start; without a sprocket the origin is the start.
@@ -59,10 +49,10 @@ def poses(run: RunData, track: str, t: Floats) -> Pose:
         origin = _at(t, *run.vectors(port.taker, "out", f"{port.taken}.position", window=around))
     if run.has("chassis.chassis.orientation.w"):
         q = _at(t, *run.vectors("chassis", "out", "chassis.orientation", "wxyz", around))
-        return Pose(origin, matrices(q / np.linalg.norm(q, axis=1, keepdims=True)))
+        return HullAxes(origin, matrices(q / np.linalg.norm(q, axis=1, keepdims=True)))
     heading = float(run.scene.get("start", {}).get("heading", 0.0))
     c, s = np.cos(heading), np.sin(heading)
-    return Pose(origin, np.tile(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), (len(t), 1, 1)))
+    return HullAxes(origin, np.tile(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), (len(t), 1, 1)))
 
 
 def _at(t: Floats, times: Floats, values: Floats) -> Floats:

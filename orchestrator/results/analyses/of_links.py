@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -10,9 +10,9 @@ import numpy as np
 from fmus.link_outputs import INTERVAL
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
+from orchestrator.results.link_columns import POSITION, columns
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, since
 
-POSITION = "joint[*].position"
 SIZE = 200  # records in memory at once
 GROUPS = {  # signals by the group of ``track.link_outputs`` that contains them
     "link[*].tension": "tension",
@@ -115,14 +115,3 @@ def _columns(run: RunData, track: str, signal: str) -> np.ndarray:
         how = f"; record it with the group '{group}' of track.link_outputs in the scene" if group else ""
         raise Missing(f"{run.log.path} holds no '{track}.{signal}'{how}")
     return found
-
-
-def columns(names: Sequence[str], signal: str) -> np.ndarray:
-    """Columns of a signal of links 1, 2, ... among names of a topic: (n,), of a vector (n, 3), or empty."""
-    of = {name: column for column, name in enumerate(names)}
-    parts = [""] if signal.replace("*", "1") in of else [".x", ".y", ".z"]
-    found: list[list[int]] = []
-    while all(signal.replace("*", str(len(found) + 1)) + part in of for part in parts):
-        found.append([of[signal.replace("*", str(len(found) + 1)) + part] for part in parts])
-    whole = np.array(found, int).reshape(-1, len(parts))
-    return whole[:, 0] if len(parts) == 1 else whole

@@ -14,10 +14,9 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
 from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, means
-from orchestrator.results.views.bodies import Bodies
+from orchestrator.results.views.bodies import EVERY, Bodies
 
 GAUSS = 0.5 / np.sqrt(3.0)  # offset of the two Gauss points on a unit interval from its middle
-FASTEST = 1e6  # records a second: no limit
 KINDS = ("road_wheel", "idler")  # smooth wheels
 
 
@@ -66,13 +65,14 @@ def patch(pins: Floats, normals: Floats, centre: Floats, radius: float, face: fl
 
 def of(run: RunData, window: Window = EVER) -> Patches:
     """Contact patches of all road wheels and idlers; raises Missing."""
-    bodies = Bodies(run, FASTEST, window=window)
+    bodies = Bodies(run, EVERY, window=window)
     wheels = [wheel for wheel in bodies.wheels if wheel.kind in KINDS and wheel.track in run.tracks]
     if not wheels or not bodies.tracks:
         raise Missing(f"{run.log.path} holds no links on wheels")
     face = hull.number(run, "track", "face")
-    parts = []
+    parts, times = [], []
     for poses in bodies.blocks():
+        times.append(poses.t)
         found = np.zeros((3, len(poses.t), len(wheels)))
         for k, wheel in enumerate(wheels):
             links = poses.links[wheel.track]
@@ -86,4 +86,4 @@ def of(run: RunData, window: Window = EVER) -> Patches:
             )
         parts.append(found)
     names = tuple(wheel.name.replace("/", ".") for wheel in wheels)
-    return Patches(names, bodies.t, *np.concatenate(parts, axis=1))
+    return Patches(names, np.concatenate(times), *np.concatenate(parts, axis=1))

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull
 from orchestrator.results.analyses.at_steps import RECOVER
 from orchestrator.results.analyses.spells import TOUCHES, Spells, spells
 from orchestrator.results.analyses.table import Table
+from orchestrator.results.rotation import body_axis
 from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, means, since
 
 
@@ -73,7 +73,7 @@ def blocks(run: RunData, window: Window = EVER) -> Iterator[tuple[Floats, Floats
         force = np.concatenate([found[topic].values for topic in wanted if topic != "/chassis/out"], axis=1)
         up = np.tile([0.0, 0.0, 1.0], (count, 1))
         if turned and count:
-            up = hull.matrices(found["/chassis/out"].values)[..., 2]
+            up = body_axis(found["/chassis/out"].values, 2)
         yield t, np.einsum("mki,mi->mk", force.reshape(count, len(wheels), 3), up)
 
 

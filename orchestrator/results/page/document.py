@@ -13,9 +13,9 @@ from orchestrator.results.page.embedded import script
 from orchestrator.results.page.ending import ending
 from orchestrator.results.page.exactness import exactness
 from orchestrator.results.page.phases import phases
+from orchestrator.results.page.player import player as player_of
 from orchestrator.results.page.provenance import compared, made
 from orchestrator.results.page.sections import Pair, Section
-from orchestrator.results.page.side_view import side_view
 from orchestrator.results.page.study import Study, attempt
 from orchestrator.results.page.words import number, text
 
@@ -58,8 +58,8 @@ def _player(run: Study, reference: Study | None) -> Section | None:
     if chain is None:
         return None
     other = reference.chains.get(chain.track) if reference else None
-    held = (reference.run, other) if reference and other and other.columns.position else None
-    view = attempt(lambda: side_view(run.run, chain, held), run.missing)
+    held = reference.run if reference and other and other.columns.position else None
+    view = attempt(lambda: player_of(run.run, chain.track, held), run.missing)
     return Section("view", "Side view", "What does it look like?", _VIEW, {"player": view}) if view else None
 
 
@@ -71,7 +71,7 @@ _VIEW = """<figure class="player"><canvas id="picture" role="img" aria-label="si
 <option value="0.25">&frac14; &times;</option>
 <option value="0.5">&frac12; &times;</option><option value="1" selected>real time</option>
 <option value="2">2 &times;</option></select></div>
-<div class="legend"><span>link tension, kN</span><span id="least"></span><i id="scale"></i><span id="most"></span></div>
+<div class="legend"><span id="coloured"></span><span id="least"></span><i id="scale"></i><span id="most"></span></div>
 <figcaption><p id="viewed"></p><p class="muted">At first it shows the picture nearest to the instant of the
 largest tension. Space plays and
 pauses, the arrow keys go picture by picture. A click on a curve over time brings that instant here. The ring is

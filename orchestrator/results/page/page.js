@@ -170,8 +170,9 @@
     const [left, bottom] = view.low, [right, top] = view.high;
     let now = 0, playing = false, began = 0, from = 0, scale = 1, ox = 0, oy = 0, width = 0, height = 0;
     slider.max = view.pictures - 1;
-    document.getElementById("least").textContent = number(view.least / 1e3, 3);
-    document.getElementById("most").textContent = number(view.most / 1e3, 3);
+    document.getElementById("coloured").textContent = view.label;
+    document.getElementById("least").textContent = number(view.least, 3);
+    document.getElementById("most").textContent = number(view.most, 3);
     document.getElementById("scale").style.background = `linear-gradient(90deg, ${VIRIDIS.join(",")})`;
     document.getElementById("viewed").textContent =
       `The ${view.track.replaceAll("_", " ")} seen from the vehicle's right; ahead is to the right. ${view.pictures} pictures` +
@@ -221,18 +222,10 @@
     };
 
     const outline = (wheel, k, x, y) => {
+      const c = scale * Math.cos(wheel.angle[k]), n = scale * Math.sin(wheel.angle[k]);
       pen.beginPath();
-      if (!wheel.teeth) {
-        pen.arc(x, y, scale * wheel.radius, 0, 2 * Math.PI);
-        return;
-      }
-      const half = Math.PI / wheel.teeth;
-      for (let tooth = 0; tooth < wheel.teeth; tooth++) {
-        [[-0.8, wheel.outer], [-0.25, wheel.root], [0.25, wheel.root], [0.8, wheel.outer]].forEach(([share, radius]) => {
-          const angle = wheel.angle[k] + 2 * half * tooth + share * half;
-          pen.lineTo(x + scale * radius * Math.cos(angle), y - scale * radius * Math.sin(angle));
-        });
-      }
+      if (wheel.outline.length) wheel.outline.forEach(([ahead, up]) => pen.lineTo(x + c * ahead - n * up, y - n * ahead - c * up));
+      else pen.arc(x, y, scale * wheel.radius, 0, 2 * Math.PI);
       pen.closePath();
     };
 
@@ -255,7 +248,7 @@
         pen.strokeStyle = colour("wheel-edge");
         pen.lineWidth = 1.2;
         pen.stroke();
-        const reach = 0.7 * scale * (wheel.root || wheel.radius);
+        const reach = 0.7 * scale * wheel.radius;
         for (let spoke = 0; spoke < 3; spoke++) {
           const angle = wheel.angle[k] + 2 * Math.PI * spoke / 3;
           pen.beginPath();
@@ -269,11 +262,11 @@
       for (let i = 0; i < view.links; i++) {
         const [ax, ay] = pinAt(i), [bx, by] = pinAt((i + 1) % view.pinCount), pull = tension[k * view.links + i];
         if (pull > most) [most, worst] = [pull, i];
-        const gap = 0.05;
+        const gap = 0.5 * (1 - view.drawn);
         pen.beginPath();
         pen.moveTo(ax + gap * (bx - ax), ay + gap * (by - ay));
         pen.lineTo(bx - gap * (bx - ax), by - gap * (by - ay));
-        pen.lineWidth = Math.max(2.5, 2 * view.face * scale);
+        pen.lineWidth = Math.max(2.5, view.thick * scale);
         pen.strokeStyle = viridis((pull - view.least) / (view.most - view.least));
         pen.stroke();
       }
@@ -292,7 +285,7 @@
       pen.strokeStyle = colour("bad");
       pen.lineWidth = 2;
       pen.stroke();
-      const words = [`link ${worst + 1} bears ${number(most / 1e3, 3)} kN`];
+      const words = [`link ${worst + 1} bears ${number(most, 3)} kN`];
       if (speed) words.unshift(`${number(Math.abs(speed[k]) < 5e-4 ? 0 : speed[k], 3)} m/s`);
       pen.fillStyle = colour("ink");
       pen.font = `600 14px ${getComputedStyle(document.body).fontFamily}`;

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from orchestrator.results.analyses import hull
+from orchestrator.results.rotation import body_axis
 from orchestrator.results.run_data import Missing, RunData
 from orchestrator.results.validity.entry import WARNING, Entry, passed
 from orchestrator.results.validity.on_sprocket import HULL
@@ -32,7 +33,7 @@ def find(piece: Piece) -> Iterator[Entry]:
     drawn = run.scene.get("vehicle", {}).get("idler", {}).get("x", np.nan)
     for name in _idlers(run):
         t, place = piece.vector(name)
-        ahead = hull.matrices(piece.vector(HULL, "wxyz")[1])[..., 0]
+        ahead = body_axis(piece.vector(HULL, "wxyz")[1], 0)
         x = np.einsum("mi,mi->m", place - piece.vector("chassis.chassis.position")[1], ahead)
         moved = np.abs(x + run.scene["vehicle"]["chassis"]["centre"][0] - drawn)
         if (found := passed(t, moved, travel)) is not None:

@@ -10,6 +10,7 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
 from orchestrator.results.energy import Port
+from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import Missing, RunData
 from orchestrator.results.validity.piece import Piece
 
@@ -102,7 +103,7 @@ def _axes(piece: Piece, t: Floats) -> tuple[Floats, Floats]:
         heading = float(piece.run.scene.get("start", {}).get("heading", 0.0))
         ahead = np.tile([np.cos(heading), np.sin(heading), 0.0], (len(t), 1))
         return ahead, np.tile([0.0, 0.0, 1.0], (len(t), 1))
-    axes = hull.matrices(q / np.linalg.norm(q, axis=1, keepdims=True))
+    axes = matrices(q / np.linalg.norm(q, axis=1, keepdims=True))
     return axes[..., 0], axes[..., 2]
 
 

@@ -8,14 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.views.bodies import LinkPoses, Track
+from orchestrator.results.views.bodies import LinkPoses
+from orchestrator.results.views.shapes import TrackBody
 
 METRES = 5e-5  # of an arrow for a newton: 20 kN are a metre
 SEEN = 0.01  # m: shorter arrows are left out
 ASIDE = 0.03  # m beyond the outer edge of a link: wheels and links would hide them
 
 
-def ground_arrows(track: Track, links: LinkPoses, rows: Any = slice(None)) -> tuple[Floats, Floats, NDArray[np.int64]]:
+def ground_arrows(
+    track: TrackBody, links: LinkPoses, rows: Any = slice(None)
+) -> tuple[Floats, Floats, NDArray[np.int64]]:
     """Origins (n, 3), at the pads, and vectors (n, 3), m, of some instants, and how many each of them has."""
     assert links.ground is not None
     outer = (-1.0 if track.name.startswith("right") else 1.0) * (track.half[1] + ASIDE)

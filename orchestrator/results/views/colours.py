@@ -1,18 +1,40 @@
-"""Colours of links, and of what does not change its own."""
+"""Colours of links by what was recorded of them, and of bodies whose colour does not change."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
 
+Scale = tuple[float, float]  # least and largest value
 MAP = "viridis"
 STEEL = (150, 155, 160)
 WHEEL = {"sprocket": (120, 120, 125), "road_wheel": (90, 95, 100), "idler": (90, 95, 100)}
+SPOKE = (225, 225, 225)
 HULL = (70, 95, 70)
 EARTH = (176, 160, 136)
+METRE = (120, 105, 85)  # lines on the ground
 FORCE = (200, 40, 40)
+
+
+class LinkColour(NamedTuple):
+    """A signal of links that their colour can show, of a vector its size."""
+
+    signal: str
+    scale: float
+    label: str
+
+
+LINK_COLOURS = {
+    "tension": LinkColour("link[*].tension", 1e-3, "link tension, kN"),
+    "stress": LinkColour("link[*].stress", 1e-6, "largest axial stress of a link, MPa"),
+    "ground": LinkColour("link[*].ground.force", 1e-3, "normal force of the ground on a link, kN"),
+    "wheels": LinkColour("link[*].wheels.force", 1e-3, "force of the wheels on a link, kN"),
+    "sliding": LinkColour("link[*].ground.sliding", 1.0, "sliding speed of a link over the ground, m/s"),
+}
 
 
 def of_one(colour: tuple[int, int, int]) -> tuple[float, float, float]:
@@ -21,7 +43,7 @@ def of_one(colour: tuple[int, int, int]) -> tuple[float, float, float]:
     return red / 255.0, green / 255.0, blue / 255.0
 
 
-def coloured(values: Floats | None, shape: tuple[int, ...], scale: tuple[float, float]) -> NDArray[np.uint8]:
+def coloured(values: Floats | None, shape: tuple[int, ...], scale: Scale) -> NDArray[np.uint8]:
     """Red, green and blue (*shape, 3) of values (*shape); steel without them."""
     from matplotlib import colormaps
 

@@ -16,14 +16,12 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
 from orchestrator.results.views.arrows import METRES, ground_arrows
-from orchestrator.results.views.bodies import Bodies, Poses
+from orchestrator.results.views.bodies import EVERY, Bodies, Poses
 from orchestrator.results.views.files import checked_name
-from orchestrator.results.views.projected import EYES, Camera, camera, heading, hull_lines, polygons, section
-from orchestrator.results.views.solids import places
+from orchestrator.results.views.projected import EYES, Camera, camera, heading, hull_lines, plane, polygons, section
 from orchestrator.results.whole_file import fresh
 
 RATES = {".mp4": 25, ".gif": 12.5}  # pictures a second; a GIF has whole hundredths of a second
-EVERY = 1e9  # pictures a second, more than any log has instants
 STILL = ".png"
 WIDTHS = {".mp4": 1280, ".gif": 800, STILL: 1280}  # of a picture, pixels
 DPI = 100
@@ -46,7 +44,7 @@ def write(path: Path, output: Path, eye: str = "right", colour: str | None = Non
         bodies = Bodies(RunData(log), RATES[suffix], colour)
         if bodies.t[-1] - bodies.t[0] > LONGEST:
             raise BadInput(f"{path} is {bodies.t[-1] - bodies.t[0]:.9g} s long: a film is of {LONGEST:g} s at most")
-        picture = _Picture(bodies, eye, WIDTHS[suffix])
+        picture = FilmPicture(bodies, eye, WIDTHS[suffix])
         with fresh(output) as beside:
             if ffmpeg:
                 return _mp4(ffmpeg, beside, picture)
@@ -61,8 +59,8 @@ def still(path: Path, output: Path, eye: str, colour: str | None = None, at: flo
     _checked(eye)
     with Log(path) as log:
         bodies = Bodies(RunData(log), EVERY, colour, (-np.inf, np.inf if at is None else at))
-        bodies.t = bodies.t[-1:]
-        (drawn,) = _Picture(bodies, eye, WIDTHS[STILL]).shown(1.0)
+        bodies.keep(bodies.t[-1:])
+        (drawn,) = FilmPicture(bodies, eye, WIDTHS[STILL]).shown(1.0)
         with fresh(output) as beside:
             Image.fromarray(drawn).save(beside)
 
@@ -72,7 +70,7 @@ def _checked(eye: str) -> None:
         raise BadInput(f"--seen-from {eye}: one looks from one of {', '.join(EYES)}")
 
 
-def _mp4(ffmpeg: Any, output: Path, picture: _Picture) -> int:
+def _mp4(ffmpeg: Any, output: Path, picture: FilmPicture) -> int:
     writer = ffmpeg.write_frames(
         str(output), picture.size, fps=RATES[".mp4"], pix_fmt_in="rgba", macro_block_size=2, codec="libx264",
         output_params=["-crf", "20", "-movflags", "+faststart"], ffmpeg_log_level="error",
@@ -88,7 +86,7 @@ def _mp4(ffmpeg: Any, output: Path, picture: _Picture) -> int:
     return count
 
 
-def _gif(output: Path, picture: _Picture) -> int:
+def _gif(output: Path, picture: FilmPicture) -> int:
     from PIL import Image
 
     images: list[Any] = []
@@ -114,62 +112,61 @@ def _palette(first: NDArray[np.uint8]) -> Any:
     return Image.fromarray(np.ascontiguousarray(wide)).quantize(256)
 
 
-class _Picture:
+class FilmPicture:
     """Pictures of one size; what does not change is drawn once."""
 
     def __init__(self, bodies: Bodies, eye: str, width: int) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.collections import LineCollection, PolyCollection
         from matplotlib.figure import Figure
 
         self._bodies, self._eye = bodies, eye
         self._scale = bodies.range()
         self._lower = eye == "top" and bodies.colour in ("ground", "sliding")  # the upper run would hide what it shows
-        self._speed = self._recorded_speed()
+        self._speed = bodies.speeds()
         low, high = self._extent()
-        beside = BESIDE if bodies.colour else EDGE
-        across = width - EDGE - beside
+        across = width - EDGE - (BESIDE if bodies.colour else EDGE)
         metre = across / (high[0] - low[0])  # pixels
-        upright = int(np.ceil(metre * (high[1] - low[1])))
-        height = upright + TOP + EDGE
+        height = int(np.ceil(metre * (high[1] - low[1]))) + TOP + EDGE
         height += height % 2
         self.size = (width, height)
         figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
         self._canvas = FigureCanvasAgg(figure)
-        self._pane = pane = figure.add_axes(
-            (EDGE / width, EDGE / height, across / width, (height - TOP - EDGE) / height)
-        )
-        pane.set_xlim(low[0], high[0])
-        pane.set_ylim(low[1], low[1] + (height - TOP - EDGE) / metre)
-        pane.set_xticks([])
-        pane.set_yticks([])
+        self._pane = figure.add_axes((EDGE / width, EDGE / height, across / width, (height - TOP - EDGE) / height))
+        self._pane.set_xlim(low[0], high[0])
+        self._pane.set_ylim(low[1], low[1] + (height - TOP - EDGE) / metre)
+        self._pane.set_xticks([])
+        self._pane.set_yticks([])
         self._half = 0.5 * float(np.hypot(*(high - low))) + MARGIN
         figure.text(EDGE / width, 1 - 8 / height, bodies.title, va="top", fontsize=10, parse_math=False, wrap=True)
         if bodies.colour:
             self._scale_of_colours(figure)
         self._clock = figure.text(EDGE / width, 1 - 36 / height, "", va="top", fontsize=10, parse_math=False)
-        self._earth = PolyCollection([], facecolors=[], edgecolors="0.5", linewidths=0.4)
-        self._solid = PolyCollection([], facecolors=[], edgecolors="0.2", linewidths=0.3)
         has_forces = any(links.ground is not None for links in next(bodies.blocks(1)).links.values())
         self._arrows = f",  red: forces of the ground, {1e-3 / METRES:.3g} kN a metre" if has_forces else ""
         self._without = ",  without the upper run of links" if self._lower else ""
-        self._lines = [
-            LineCollection([], colors=colour, linewidths=width)
-            for colour, width in (
-                ("0.45", 0.7),
-                ("0.95", 1.0),
-                (colours.of_one(colours.HULL), 1.2),
-                (colours.of_one(colours.FORCE), 1.2),
-            )
-        ]
-        self._numbers = [pane.text(0, 0, "", fontsize=7, ha="center", va="top", color="0.3") for _ in range(24)]
-        self._artists = [self._earth, self._lines[0], self._solid, *self._lines[1:]]
-        for collection in self._artists:
-            pane.add_collection(collection, autolim=False)
-        for artist in (*self._artists, *self._numbers, self._clock):
-            artist.set_animated(True)
+        self._add_artists()
         self._canvas.draw()
         self._empty = self._canvas.copy_from_bbox(figure.bbox)
+
+    def _add_artists(self) -> None:
+        """Everything that changes from picture to picture, the nearest last."""
+        from matplotlib.collections import LineCollection, PolyCollection
+
+        def lines(colour: Any, width: float) -> LineCollection:
+            return LineCollection([], colors=colour, linewidths=width)
+
+        self._earth = PolyCollection([], facecolors=[], edgecolors="0.5", linewidths=0.4)
+        self._metres = lines("0.45", 0.7)
+        self._solid = PolyCollection([], facecolors=[], edgecolors="0.2", linewidths=0.3)
+        self._spokes = lines("0.95", 1.0)
+        self._hull = lines(colours.of_one(colours.HULL), 1.2)
+        self._forces = lines(colours.of_one(colours.FORCE), 1.2)
+        self._artists = [self._earth, self._metres, self._solid, self._spokes, self._hull, self._forces]
+        for collection in self._artists:
+            self._pane.add_collection(collection, autolim=False)
+        self._numbers = [self._pane.text(0, 0, "", fontsize=7, ha="center", va="top", color="0.3") for _ in range(24)]
+        for artist in (*self._artists, *self._numbers, self._clock):
+            artist.set_animated(True)
 
     def shown(self, rate: float) -> Iterator[NDArray[np.uint8]]:
         """Pictures (height, width, 4), the last instant included, in real time: one stands until the next instant."""
@@ -191,9 +188,9 @@ class _Picture:
         found = polygons(seen, bodies, poses, k, self._scale, self._lower)
         self._solid.set_verts(found.outlines)
         self._solid.set_facecolor(list(map(tuple, found.colours)))
-        self._lines[1].set_segments(list(found.lines))
-        self._lines[2].set_segments(list(hull_lines(seen, bodies, poses, k)))
-        self._lines[3].set_segments(list(self._forces(seen, poses, k)))
+        self._spokes.set_segments(list(found.lines))
+        self._hull.set_segments(list(hull_lines(seen, bodies, poses, k)))
+        self._forces.set_segments(list(self._arrows_of(seen, poses, k)))
         t = float(poses.t[k])
         self._clock.set_text(f"{SEEN_FROM[self._eye]},  t = {t:.2f} s{self._motion(t)}{self._arrows}{self._without}")
         self._canvas.restore_region(self._empty)
@@ -214,7 +211,7 @@ class _Picture:
 
     def _extent(self) -> tuple[Floats, Floats]:
         """Lower left and upper right corner of what is seen, m from its middle."""
-        first = places(next(self._bodies.blocks(1)))
+        first = next(self._bodies.blocks(1)).places()
         self._middle = 0.5 * (first.min(axis=0) + first.max(axis=0))
         low, high = np.full(2, np.inf), np.full(2, -np.inf)
         for poses in self._bodies.blocks():
@@ -234,32 +231,37 @@ class _Picture:
         return low - 0.5 * more, high + 0.5 * more
 
     def _ground(self, seen: Camera) -> None:
-        if not self._bodies.ground:
+        profile = self._bodies.ground
+        if profile is None:
             return
-        earth = colours.of_one(colours.EARTH)
+        earth = np.array(colours.of_one(colours.EARTH))
         if self._eye == "right":
-            line, metres = section(seen, self._bodies, self._half)
+            line, metres = section(seen, profile, -self._half, self._half)
             bottom = [[self._half, -2 * self._half], [-self._half, -2 * self._half]]
             self._earth.set_verts([np.concatenate([line, bottom])])
-            self._earth.set_facecolor([earth])
-            ticks = np.stack([metres[:, :2], metres[:, :2] - [0.0, 0.08]], axis=1)
-            self._lines[0].set_segments(list(ticks))
-            left, right = self._pane.get_xlim()
-            inside = metres[(metres[:, 0] > left + 0.2) & (metres[:, 0] < right - 0.2)]
-            every = 1 if len(inside) < 12 else 5
-            labelled = inside[np.round(inside[:, 2]) % every == 0][: len(self._numbers)]
-            for text in self._numbers:
-                text.set_text("")
-            for text, (x, y, metre) in zip(self._numbers, labelled, strict=False):
-                text.set_position((x, y - 0.1))
-                text.set_text(f"{metre:.0f} m")
+            self._earth.set_facecolor([tuple(earth)])
+            self._metres.set_segments(list(np.stack([metres[:, :2], metres[:, :2] - [0.0, 0.08]], axis=1)))
+            self._number(metres)
             return
-        quads, brightness, lines = _plane(seen, self._bodies, 2.0 * self._half)
+        quads, brightness, lines = plane(seen, profile, 2.0 * self._half)
         self._earth.set_verts(list(quads))
-        self._earth.set_facecolor(list(map(tuple, np.clip(brightness[:, None] * np.array(earth), 0.0, 1.0))))
-        self._lines[0].set_segments(list(lines))
+        self._earth.set_facecolor(list(map(tuple, np.clip(brightness[:, None] * earth, 0.0, 1.0))))
+        self._metres.set_segments(list(lines))
 
-    def _forces(self, seen: Camera, poses: Poses, k: int) -> Floats:
+    def _number(self, metres: Floats) -> None:
+        """Write the place along the way under metres (m, 3), or every fifth of many."""
+        left, right = self._pane.get_xlim()
+        inside = metres[(metres[:, 0] > left + 0.2) & (metres[:, 0] < right - 0.2)]
+        every = 1 if len(inside) < 12 else 5
+        labelled = inside[np.round(inside[:, 2]) % every == 0][: len(self._numbers)]
+        for text in self._numbers:
+            text.set_text("")
+        for text, (x, y, metre) in zip(self._numbers, labelled, strict=False):
+            text.set_position((x, y - 0.1))
+            text.set_text(f"{metre:.0f} m")
+
+    def _arrows_of(self, seen: Camera, poses: Poses, k: int) -> Floats:
+        """Forces of the ground (n, 2, 2)."""
         found = [np.empty((0, 2, 2))]
         for track in self._bodies.tracks:
             links = poses.links[track.name]
@@ -268,16 +270,10 @@ class _Picture:
                 found.append(seen.flat(np.stack([origins, origins + vectors], axis=1)))
         return np.concatenate(found)
 
-    def _recorded_speed(self) -> tuple[Floats, Floats] | None:
-        run = self._bodies.run
-        if not run.has("chassis.speed"):
-            return None
-        return self._bodies.t, run.log.sample(["chassis.speed"], self._bodies.t)[:, 0]
-
     def _motion(self, t: float) -> str:
         if self._speed is None:
             return ""
-        return f",  {np.interp(t, *self._speed):z.2f} m/s"
+        return f",  {np.interp(t, self._bodies.t, self._speed):z.2f} m/s"
 
     def _scale_of_colours(self, figure: Any) -> None:
         from matplotlib.cm import ScalarMappable
@@ -289,30 +285,3 @@ class _Picture:
         bar = figure.colorbar(scale, cax=pane, extend="max")
         bar.set_label(self._bodies.label, fontsize=8)
         bar.ax.tick_params(labelsize=8)
-
-
-def _plane(seen: Camera, bodies: Bodies, half: float) -> tuple[Floats, Floats, Floats]:
-    """The ground round the middle as quadrangles (n, 4, 2) with their brightness, and lines each metre (m, 2, 2)."""
-    profile = bodies.ground
-    assert profile is not None
-    aside = np.cross([0.0, 0.0, 1.0], profile.ahead)
-    offset = seen.centre - profile.start
-    middle, beside = float(offset @ profile.ahead), float(offset @ aside)
-    low, high = middle - half, middle + half
-    metres = np.arange(np.ceil(low), np.floor(high) + 1.0)
-    along = np.unique(np.concatenate([[low, high], profile.along[(profile.along > low) & (profile.along < high)]]))
-
-    def at(places: Floats, across: Any) -> Floats:
-        found = profile.start * [1.0, 1.0, 0.0] + np.multiply.outer(places, profile.ahead)
-        found = found + np.multiply.outer(across, aside)
-        found[..., 2] += profile.at(places)
-        return np.asarray(found)
-
-    right, left = at(along, np.full(len(along), beside - half)), at(along, np.full(len(along), beside + half))
-    quads = seen.flat(np.stack([right[:-1], right[1:], left[1:], left[:-1]], axis=1))
-    slope = np.diff(profile.at(along)) / np.diff(along)
-    lines = [seen.flat(np.stack([at(metres, np.full(len(metres), beside + side)) for side in (-half, half)], axis=1))]
-    for metre in np.arange(np.ceil(beside - half), np.floor(beside + half) + 1.0):
-        row = seen.flat(at(along, np.full(len(along), metre)))
-        lines.append(np.stack([row[:-1], row[1:]], axis=1))
-    return quads, 1.0 + 0.6 * slope, np.concatenate(lines)

@@ -22,13 +22,16 @@ from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import events
 from orchestrator.results.analyses.events import WARNINGS, Event
+from orchestrator.results.rotation import quaternions
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
 from orchestrator.results.views.arrows import ground_arrows
-from orchestrator.results.views.bodies import Bodies, Poses, Wheel, quaternions
+from orchestrator.results.views.bodies import Bodies, Poses
+from orchestrator.results.views.colours import Scale
 from orchestrator.results.views.files import checked_name
 from orchestrator.results.views.plots import Plot, curves, plots
-from orchestrator.results.views.solids import ROOM, UPRIGHT, Reach, metres, prism, spokes, strip, strip_triangles
+from orchestrator.results.views.shapes import WheelBody, spokes
+from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, prism
 from orchestrator.results.whole_file import fresh
 
 RATE = 50.0  # instants a second
@@ -57,7 +60,7 @@ def write(path: Path, output: Path, colour: str | None = None) -> Path:
     return layout
 
 
-def _write(bodies: Bodies, beside: list[Plot], scale: tuple[float, float], output: Path) -> None:
+def _write(bodies: Bodies, beside: list[Plot], scale: Scale, output: Path) -> None:
     foxglove, channels, kinds = (library(f"foxglove{part}", "view") for part in ("", ".channels", ".messages"))
     context = foxglove.Context()  # nobody else's topics
     with foxglove.open_mcap(output, context=context):
@@ -139,38 +142,37 @@ def _lines(kinds: ModuleType, pairs: Floats, width: float, colour: Any) -> Any:
     )  # fmt: skip
 
 
-def _triangles(kinds: ModuleType, corners: Floats, triangles: Any, colour: Any) -> Any:
+def _triangles(kinds: ModuleType, surface: Triangles, colour: Any) -> Any:
     return kinds.TriangleListPrimitive(
-        pose=_unmoved(kinds), points=_points(kinds, corners), indices=triangles.ravel().tolist(),
+        pose=_unmoved(kinds), points=_points(kinds, surface.corners), indices=surface.numbers.ravel().tolist(),
         color=_colour(kinds, colour),
     )  # fmt: skip
 
 
 def _shapes(kinds: ModuleType, bodies: Bodies, t: float) -> Iterator[Any]:
-    """What does not change, each in its own frame."""
+    """Shapes of wheels, hull and ground, each in its own frame."""
     stamp = _stamp(kinds, t)
     for wheel in bodies.wheels:
         yield kinds.SceneEntity(
             timestamp=stamp, frame_id=wheel.name, id=wheel.name, frame_locked=True,
-            lines=[_lines(kinds, spokes(wheel), 0.016, (225, 225, 225))], **_wheel(kinds, wheel),
+            lines=[_lines(kinds, spokes(wheel), 0.016, colours.SPOKE)], **_wheel(kinds, wheel),
         )  # fmt: skip
     if bodies.hull:
         edges = bodies.hull.corners[bodies.hull.edges]
         lines = [_lines(kinds, edges, 0.024, colours.HULL)]
         yield kinds.SceneEntity(timestamp=stamp, frame_id="hull", id="hull", frame_locked=True, lines=lines)
     if bodies.ground:
-        low, high, far = Reach().with_bodies(bodies)
-        corners = strip(bodies.ground, low - ROOM, high + ROOM, far + ROOM)
-        mesh = _triangles(kinds, corners, strip_triangles(len(corners)), colours.EARTH)
-        marks = _lines(kinds, metres(bodies.ground, low - ROOM, high + ROOM, far + ROOM), 0.01, (120, 105, 85))
+        surface, metres = Reach().with_bodies(bodies).ground(bodies.ground)
+        mesh = _triangles(kinds, surface, colours.EARTH)
+        marks = _lines(kinds, metres, 0.01, colours.METRE)
         yield kinds.SceneEntity(
             timestamp=stamp, frame_id=WORLD, id="ground", frame_locked=True, triangles=[mesh], lines=[marks]
         )
 
 
-def _wheel(kinds: ModuleType, wheel: Wheel) -> dict[str, Any]:
+def _wheel(kinds: ModuleType, wheel: WheelBody) -> dict[str, Any]:
     if len(wheel.outline):
-        return {"triangles": [_triangles(kinds, *prism(wheel), colours.WHEEL[wheel.kind])]}
+        return {"triangles": [_triangles(kinds, prism(wheel), colours.WHEEL[wheel.kind])]}
     pose = kinds.Pose(position=_vector(kinds, (0.0, 0.0, 0.0)), orientation=_quaternion(kinds, UPRIGHT))
     cylinder = kinds.CylinderPrimitive(
         pose=pose, size=_vector(kinds, (2 * wheel.radius, 2 * wheel.radius, wheel.width)), bottom_scale=1.0,
@@ -179,7 +181,7 @@ def _wheel(kinds: ModuleType, wheel: Wheel) -> dict[str, Any]:
     return {"cylinders": [cylinder]}
 
 
-def _entities(kinds: ModuleType, bodies: Bodies, poses: Poses, k: int, scale: tuple[float, float]) -> Iterator[Any]:
+def _entities(kinds: ModuleType, bodies: Bodies, poses: Poses, k: int, scale: Scale) -> Iterator[Any]:
     """Links and forces at the k-th instant."""
     stamp = _stamp(kinds, poses.t[k])
     for track in bodies.tracks:
@@ -219,15 +221,14 @@ def _frames(kinds: ModuleType, poses: Poses, k: int) -> Iterator[Any]:
         )  # fmt: skip
 
 
-def _layout(bodies: Bodies, beside: list[Plot], scale: tuple[float, float]) -> dict[str, Any]:
+def _layout(bodies: Bodies, beside: list[Plot], scale: Scale) -> dict[str, Any]:
     """A layout as the application imports it from a file: space to the left, curves to the right."""
     space = "3D!space"
-    name = f"links by {bodies.label}: {scale[0]:.3g} (dark) to {scale[1]:.3g} (light)" if bodies.colour else "links"
     # Lichtblick hides the axes of a frame, and its line to the world, by the frame's name only
     frames = [WORLD, *(wheel.name for wheel in bodies.wheels), *(["hull"] if bodies.hull else [])]
     panels: dict[str, Any] = {
         space: {
-            "foxglovePanelTitle": name,
+            "foxglovePanelTitle": bodies.legend(scale),
             "cameraState": {
                 "perspective": True, "distance": 9.0, "phi": 60.0, "thetaOffset": -60.0, "fovy": 45.0, "near": 0.1,
                 "far": 5000.0, "target": [0, 0, 0], "targetOffset": [0, 0, 0], "targetOrientation": [0, 0, 0, 1],

@@ -5,26 +5,18 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
+from orchestrator.results.ground_profile import UP, GroundProfile, metres
+from orchestrator.results.rotation import body_axis, matrices
 from orchestrator.results.views import colours
-from orchestrator.results.views.bodies import Bodies, Poses, Wheel, body_axis, rotation
-from orchestrator.results.views.solids import spokes
+from orchestrator.results.views.bodies import Bodies, BodyPose, Poses
+from orchestrator.results.views.colours import Scale
+from orchestrator.results.views.shapes import FACES, NORMALS, SPOKES, WheelBody, in_world, rim, spokes
 
 EYES = ("right", "top", "corner")
-RIM = 28  # corners of a round wheel
 LIGHT = np.array([0.35, -0.45, 0.82])  # where it comes from: ahead, left, up
 IN_FRONT = 0.05  # m: links are drawn over the wheels that they lie on
-FACES = np.array([  # corners of a box, by face, and its normal's axis and sign
-    [[1, -1, -1], [1, 1, -1], [1, 1, 1], [1, -1, 1]],
-    [[-1, -1, -1], [-1, -1, 1], [-1, 1, 1], [-1, 1, -1]],
-    [[-1, 1, -1], [-1, 1, 1], [1, 1, 1], [1, 1, -1]],
-    [[-1, -1, -1], [1, -1, -1], [1, -1, 1], [-1, -1, 1]],
-    [[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]],
-    [[-1, -1, -1], [-1, 1, -1], [1, 1, -1], [1, -1, -1]],
-], float)  # fmt: skip
-NORMALS = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
 
 
 class Camera(NamedTuple):
@@ -42,7 +34,7 @@ class Camera(NamedTuple):
 
 
 class Polygons(NamedTuple):
-    """In the order in which they are drawn."""
+    """Polygons in the order in which they are drawn."""
 
     outlines: list[Floats]  # (k, 2) each
     colours: Floats  # (n, 3), of 1
@@ -52,101 +44,24 @@ class Polygons(NamedTuple):
 def camera(eye: str, heading: float, centre: Floats) -> Camera:
     """From the right, from the top, or from a corner ahead, of what is headed so, rad."""
     ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
-    left, vertical = np.array([-ahead[1], ahead[0], 0.0]), np.array([0.0, 0.0, 1.0])
+    left = np.array([-ahead[1], ahead[0], 0.0])
     if eye == "top":
-        return Camera(ahead, left, vertical, centre)
-    toward = -left if eye == "right" else 0.55 * ahead - 0.75 * left + 0.5 * vertical
+        return Camera(ahead, left, UP, centre)
+    toward = -left if eye == "right" else 0.55 * ahead - 0.75 * left + 0.5 * UP
     toward = toward / np.linalg.norm(toward)
-    up = vertical - (vertical @ toward) * toward
+    up = UP - (UP @ toward) * toward
     up = up / np.linalg.norm(up)
     return Camera(np.cross(up, toward), up, toward, centre)
 
 
-def polygons(
-    seen: Camera, bodies: Bodies, poses: Poses, k: int, scale: tuple[float, float], lower: bool = False
-) -> Polygons:
-    """Links and wheels at the k-th instant: faces that are turned to who looks, the nearest last.
-
-    ``lower``: without wheels and links whose outer face does not look down.
-    """
-    outlines: list[Floats] = []
-    depths: list[Floats] = []
-    tints: list[Floats] = []
-    lines: list[Floats] = []
-    for track in bodies.tracks:
-        links = poses.links[track.name]
-        shown = None if links.colour is None else links.colour[k]
-        paint = colours.coloured(shown, (track.links,), scale) / 255.0
-        axes, centres = links.axes[k], links.centres[k]
-        facing = axes @ NORMALS.T  # (links, 3, faces)
-        turned = np.einsum("nkf,k->nf", facing, seen.toward)
-        which, face = np.nonzero((turned > 1e-6) & ((axes[:, 2, 2] < 0.0) | (not lower))[:, None])
-        corners = np.einsum("pcj,pij->pci", FACES[face] * track.half, axes[which]) + centres[which, None]
-        outlines += list(seen.flat(corners))
-        depths.append(corners.mean(axis=1) @ seen.toward + IN_FRONT)
-        tints.append(paint[which] * _bright(np.moveaxis(facing, 1, 2)[which, face], seen)[:, None])
-    for wheel in () if lower else bodies.wheels:
-        pose = poses.wheels[wheel.name]
-        corners, bands, near = _wheel(wheel, pose.position[k], rotation(pose.orientation[k]), seen)
-        grey = np.array(colours.WHEEL[wheel.kind]) / 255.0
-        for band, normal in bands:
-            outlines.append(seen.flat(band))
-            depths.append(np.array([band.mean(axis=0) @ seen.toward]))
-            tints.append((grey * _bright(normal[None], seen))[None])
-        if len(corners):
-            outlines.append(seen.flat(corners))
-            depths.append(np.array([corners.mean(axis=0) @ seen.toward]))
-            tints.append(np.minimum(grey * 1.35, 1.0)[None])
-            lines.append(seen.flat(near))
-    if not outlines:
-        return Polygons([], np.empty((0, 3)), np.empty((0, 2, 2)))
-    order = np.argsort(np.concatenate(depths), kind="stable")
-    return Polygons(
-        [outlines[i] for i in order],
-        np.concatenate(tints)[order],
-        np.concatenate(lines) if lines else np.empty((0, 2, 2)),
-    )
-
-
-def _wheel(
-    wheel: Wheel, centre: Floats, turned: Floats, seen: Camera
-) -> tuple[Floats, list[tuple[Floats, Floats]], Floats]:
-    """The face (k, 3) that one sees, parts of the rim with their normals, and the spokes (n, 2, 3) on that face."""
-    rim = wheel.outline
-    if not len(rim):
-        angle = 2.0 * np.pi * np.arange(RIM) / RIM
-        rim = wheel.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    toward = float(turned[:, 1] @ seen.toward)
-    side = np.sign(toward) * 0.5 * wheel.width
-    face = np.stack([rim[:, 0], np.full(len(rim), side), rim[:, 1]], axis=1)
-    near = face @ turned.T + centre
-    far = (face * [1.0, -1.0, 1.0]) @ turned.T + centre
-    bands = []
-    if abs(toward) < 0.999:
-        for i, j in zip(range(len(rim)), np.roll(np.arange(len(rim)), -1), strict=True):
-            edge = rim[j] - rim[i]
-            normal = turned @ (np.array([edge[1], 0.0, -edge[0]]) / np.linalg.norm(edge))
-            if normal @ seen.toward > 1e-6:
-                bands.append((np.stack([near[i], near[j], far[j], far[i]]), normal))
-    if abs(toward) < 1e-3:  # seen edge on
-        return np.empty((0, 3)), bands, np.empty((0, 2, 3))
-    lines = spokes(wheel)
-    lines = lines[np.sign(lines[:, 0, 1]) == np.sign(side)]
-    return near, bands, lines @ turned.T + centre
-
-
-def _bright(normal: Floats, seen: Camera) -> Floats:
-    """How bright faces (n, 3) are, of 1: those turned to who looks are bright in every view."""
-    light = LIGHT / np.linalg.norm(LIGHT)
-    return np.clip(0.62 + 0.2 * np.maximum(normal @ light, 0.0) + 0.3 * np.maximum(normal @ seen.toward, 0.0), 0.0, 1.0)
-
-
-def hull_lines(seen: Camera, bodies: Bodies, poses: Poses, k: int) -> Floats:
-    """Edges (n, 2, 2) of the hull; none without one."""
-    if not (bodies.hull and poses.hull):
-        return np.empty((0, 2, 2))
-    corners = bodies.hull.corners @ rotation(poses.hull.orientation[k]).T + poses.hull.position[k]
-    return seen.flat(corners[bodies.hull.edges])
+def beside(bodies: Bodies, poses: Poses, k: int, track: str) -> Camera:
+    """From the right of a track, its sprocket's axle in the middle; without a sprocket, the place of the start."""
+    sprocket = poses.wheels.get(f"{track}/sprocket")
+    if sprocket is None:
+        start = bodies.scene["start"]
+        return camera("right", start["heading"], np.array(start["position"], float))
+    x, y, _ = body_axis(sprocket.orientation[k], 1)
+    return camera("right", float(np.arctan2(-x, y)), sprocket.position[k])
 
 
 def heading(poses: Poses, k: int, start: float) -> float:
@@ -157,22 +72,110 @@ def heading(poses: Poses, k: int, start: float) -> float:
     return float(np.arctan2(y, x))
 
 
-def section(seen: Camera, bodies: Bodies, half: float) -> tuple[Floats, NDArray[np.float64]]:
-    """The ground under a side view: points (n, 2) of its line, and of its metres (m, 3): x, y and place along the way.
+class _Faces:
+    """Faces as they come, to be drawn the nearest last."""
 
-    It is cut by the upright plane through the middle of the picture.
+    def __init__(self, seen: Camera) -> None:
+        self.seen = seen
+        self.outlines: list[Floats] = []
+        self.depths: list[Floats] = [np.empty(0)]
+        self.tints: list[Floats] = [np.empty((0, 3))]
+        self.lines: list[Floats] = [np.empty((0, 2, 2))]
+
+    def add(self, corners: Floats, tints: Floats, front: float = 0.0) -> None:
+        """Faces (n, k, 3) in world with their colours (n, 3); drawn as if so much nearer, m."""
+        self.outlines += list(self.seen.flat(corners))
+        self.depths.append(corners.mean(axis=1) @ self.seen.toward + front)
+        self.tints.append(tints)
+
+    def bright(self, normals: Floats) -> Floats:
+        """How bright faces with these normals (n, 3) are (n, 1): those turned to who looks are bright in every view."""
+        light, toward = normals @ (LIGHT / np.linalg.norm(LIGHT)), normals @ self.seen.toward
+        return np.clip(0.62 + 0.2 * np.maximum(light, 0.0) + 0.3 * np.maximum(toward, 0.0), 0.0, 1.0)[:, None]
+
+    def sorted(self) -> Polygons:
+        """All of them."""
+        order = np.argsort(np.concatenate(self.depths), kind="stable")
+        outlines = [self.outlines[i] for i in order]
+        return Polygons(outlines, np.concatenate(self.tints)[order], np.concatenate(self.lines))
+
+
+def polygons(seen: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale, lower: bool = False) -> Polygons:
+    """Links and wheels at the k-th instant: faces that are turned to who looks, the nearest last.
+
+    ``lower``: without wheels and links whose outer face does not look down.
     """
-    profile = bodies.ground
-    assert profile is not None
-    to_middle = float((seen.centre - profile.start) @ profile.ahead)
-    slant = float(seen.right @ profile.ahead)
-    across = np.linspace(-half, half, 400)
+    faces = _Faces(seen)
+    for track in bodies.tracks:
+        links = poses.links[track.name]
+        shown = None if links.colour is None else links.colour[k]
+        paint = colours.coloured(shown, (track.links,), scale) / 255.0
+        axes = links.axes[k]
+        normals = np.swapaxes(axes @ NORMALS.T, 1, 2)  # (links, faces, 3)
+        down = axes[:, 2, 2] < 0.0
+        which, face = np.nonzero((normals @ seen.toward > 1e-6) & (down | (not lower))[:, None])
+        corners = in_world(FACES[face] * track.half, links.centres[k, which], axes[which])
+        faces.add(corners, paint[which] * faces.bright(normals[which, face]), IN_FRONT)
+    for wheel in () if lower else bodies.wheels:
+        _add_wheel(faces, wheel, poses.wheels[wheel.name], k)
+    return faces.sorted()
+
+
+def _add_wheel(faces: _Faces, wheel: WheelBody, pose: BodyPose, k: int) -> None:
+    """The parts of the rim that one sees, and the face with its spokes unless it is seen edge on."""
+    position, axes = pose.position[k], matrices(pose.orientation[k])
+    toward = float(axes[:, 1] @ faces.seen.toward)
+    side = 1.0 if toward > 0.0 else -1.0
+    near, far = (in_world(rim(wheel, which), position, axes) for which in (side, -side))
+    grey = np.array(colours.WHEEL[wheel.kind]) / 255.0
+    if abs(toward) < 0.999:
+        after = np.roll(near, -1, axis=0)
+        normals = np.cross(axes[:, 1], after - near)
+        normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        shown = normals @ faces.seen.toward > 1e-6
+        bands = np.stack([near, after, np.roll(far, -1, axis=0), far], axis=1)
+        faces.add(bands[shown], grey * faces.bright(normals[shown]))
+    if abs(toward) > 1e-3:
+        faces.add(near[None], np.minimum(grey * 1.35, 1.0)[None])
+        lines = spokes(wheel)[: SPOKES // 2] if side < 0.0 else spokes(wheel)[SPOKES // 2 :]
+        faces.lines.append(faces.seen.flat(in_world(lines, position, axes)))
+
+
+def hull_lines(seen: Camera, bodies: Bodies, poses: Poses, k: int) -> Floats:
+    """Edges (n, 2, 2) of the hull; none without one."""
+    if not (bodies.hull and poses.hull):
+        return np.empty((0, 2, 2))
+    corners = in_world(bodies.hull.corners, poses.hull.position[k], matrices(poses.hull.orientation[k]))
+    return seen.flat(corners[bodies.hull.edges])
+
+
+def section(seen: Camera, profile: GroundProfile, low: float, high: float) -> tuple[Floats, Floats]:
+    """The ground under a side view, from one place in the picture to another.
+
+    Points (n, 2) of its line, and its metres (m, 3): x, y and place along the way. It is cut by the upright plane
+    through the middle of the picture.
+    """
+    middle, slant = float(profile.station(seen.centre)), float(seen.right @ profile.ahead)
+    x = np.linspace(low, high, 400)
     if abs(slant) > 1e-6:
-        corners = (profile.along - to_middle) / slant
-        across = np.sort(np.concatenate([across, corners[np.abs(corners) < half]]))
-    line = np.stack([across, profile.at(to_middle + slant * across) - seen.centre[2]], axis=1)
+        corners = (profile.along - middle) / slant
+        x = np.sort(np.concatenate([x, corners[(corners > low) & (corners < high)]]))
+    line = np.stack([x, profile.at(middle + slant * x) - seen.centre[2]], axis=1)
     if abs(slant) < 0.05:  # driving across the way: no metre of it passes
         return line, np.empty((0, 3))
-    ends = to_middle + slant * np.array([-half, half])
-    metres = np.arange(np.ceil(ends.min()), np.floor(ends.max()) + 1.0)
-    return line, np.stack([(metres - to_middle) / slant, profile.at(metres) - seen.centre[2], metres], axis=1)
+    marks = metres(*sorted((middle + slant * low, middle + slant * high)))
+    return line, np.stack([(marks - middle) / slant, profile.at(marks) - seen.centre[2], marks], axis=1)
+
+
+def plane(seen: Camera, profile: GroundProfile, half: float) -> tuple[Floats, Floats, Floats]:
+    """The ground round the middle as quadrangles (n, 4, 2) with their brightness, and lines each metre (m, 2, 2)."""
+    middle, aside = float(profile.station(seen.centre)), float(profile.offset(seen.centre))
+    along = profile.bends(middle - half, middle + half)
+    right, left = profile.points(along, aside - half), profile.points(along, aside + half)
+    quads = seen.flat(np.stack([right[:-1], right[1:], left[1:], left[:-1]], axis=1))
+    marks = metres(middle - half, middle + half)
+    lines = [seen.flat(np.stack([profile.points(marks, aside + side) for side in (-half, half)], axis=1))]
+    for offset in metres(aside - half, aside + half):
+        row = seen.flat(profile.points(along, offset))
+        lines.append(np.stack([row[:-1], row[1:]], axis=1))
+    return quads, 1.0 + 0.6 * np.diff(profile.at(along)) / np.diff(along), np.concatenate(lines)

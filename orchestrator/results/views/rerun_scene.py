@@ -11,7 +11,6 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.vehicle import BadInput
 from orchestrator.log.extra import library
@@ -19,25 +18,16 @@ from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER, Floats
 from orchestrator.results.analyses import events
 from orchestrator.results.analyses.events import WARNINGS, Event
-from orchestrator.results.ground_profile import Ground
+from orchestrator.results.rotation import quaternions
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
 from orchestrator.results.views.arrows import ground_arrows
-from orchestrator.results.views.bodies import Bodies, Poses, Wheel, quaternions
+from orchestrator.results.views.bodies import Bodies, BodyPose, Poses
+from orchestrator.results.views.colours import Scale
 from orchestrator.results.views.files import checked_name
 from orchestrator.results.views.plots import Plot, curves, plots
-from orchestrator.results.views.solids import (
-    ROOM,
-    UPRIGHT,
-    Reach,
-    faceted,
-    metres,
-    places,
-    prism,
-    spokes,
-    strip,
-    strip_triangles,
-)
+from orchestrator.results.views.shapes import WheelBody, spokes
+from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, faceted, prism
 from orchestrator.results.whole_file import fresh
 
 RATE = 50.0  # instants a second
@@ -63,7 +53,7 @@ def show(path: Path, output: Path | None = None, colour: str | None = None) -> N
 
 
 @contextmanager
-def opened(path: Path, output: Path | None) -> Iterator[Scene]:
+def opened(path: Path, output: Path | None) -> Iterator[RerunRecording]:
     """A scene that goes to the viewer, or to a file, which is there when all of it is; raises as ``show`` does."""
     if output:
         checked_name(output, (".rrd",))
@@ -73,28 +63,28 @@ def opened(path: Path, output: Path | None) -> Iterator[Scene]:
     recording = rerun.RecordingStream("cotrack", make_default=False, make_thread_default=False)
     if output is None:
         try:
-            yield Scene(rerun, blueprints, recording, path.stem, None)
+            yield RerunRecording(rerun, blueprints, recording, path.stem, None)
             recording.flush()
         except RuntimeError as error:  # the viewer does not start, or was closed
             raise BadInput(f"the viewer Rerun takes nothing: {error}; -o FILE.rrd writes its file") from None
         return
     with fresh(output) as beside:
         try:
-            yield Scene(rerun, blueprints, recording, path.stem, beside)
+            yield RerunRecording(rerun, blueprints, recording, path.stem, beside)
         finally:
             recording.disconnect()  # the file is whole and closed
 
 
-class Scene:
+class RerunRecording:
     """A recording of Rerun that is made part by part: ``begin``, then all else, as often as there is more."""
 
     def __init__(self, rerun: ModuleType, blueprints: ModuleType, recording: Any, name: str, file: Path | None) -> None:
         self._rerun, self._blueprints, self._recording = rerun, blueprints, recording
         self._name, self._file = name, file
 
-    def begin(self, bodies: Bodies, beside: list[Plot], scale: tuple[float, float], told: bool = False) -> None:
-        """Where views stand, one of them for events (``told``); from here on there is a viewer, or a file."""
-        arranged = _arranged(self._blueprints, bodies, beside, scale, told)
+    def begin(self, bodies: Bodies, beside: list[Plot], scale: Scale, with_events: bool = False) -> None:
+        """Open the viewer or the file and arrange its views, one of them for events (``with_events``)."""
+        arranged = _arranged(self._blueprints, bodies, beside, scale, with_events)
         self._recording.send_recording_name(f"{self._name}: {bodies.title}")
         if self._file is None:
             self._recording.spawn(default_blueprint=arranged)
@@ -106,14 +96,17 @@ class Scene:
                 self._recording.log(path_of("plots", plot.name, signal), line, static=True)
 
     def shapes(self, bodies: Bodies, reach: Reach, before: Reach | None = None) -> None:
-        """What does not change, each in its own frame; after ``before`` nothing but a ground that has grown."""
+        """Send the shapes of bodies and the ground; after ``before`` nothing but a ground that has grown."""
         if before is None:
             _send_shapes(self._rerun, self._recording, bodies)
         if bodies.ground and reach != before:
-            _send_ground(self._rerun, self._recording, bodies.ground, reach)
+            surface, lines = reach.ground(bodies.ground)
+            self._recording.log("world/ground", _mesh(self._rerun, surface, colours.EARTH), static=True)
+            marks = self._rerun.LineStrips3D(lines, colors=[colours.METRE], radii=0.004)
+            self._recording.log("world/ground/metres", marks, static=True)
 
-    def poses(self, bodies: Bodies, scale: tuple[float, float]) -> None:
-        """Where everything is at the instants of ``bodies``."""
+    def poses(self, bodies: Bodies, scale: Scale) -> None:
+        """Send the poses of all bodies at all instants."""
         for poses in bodies.blocks():
             _send_poses(self._rerun, self._recording, bodies, poses, scale)
 
@@ -126,7 +119,7 @@ class Scene:
             self._recording.send_columns(place, times, rerun.Scalars.columns(scalars=values))
 
     def events(self, happened: Sequence[Event]) -> None:
-        """What happened, as text."""
+        """Send events as text."""
         if happened:
             times = [self._rerun.TimeColumn(TIMELINE, duration=[event.t for event in happened])]
             texts = [f"{event.component}: {event.text}" for event in happened]
@@ -140,7 +133,7 @@ def path_of(*names: str) -> str:
 
 
 def _send_shapes(rerun: ModuleType, recording: Any, bodies: Bodies) -> None:
-    """What does not change, each in its own frame."""
+    """Send shapes of wheels and hull, each in its own frame."""
     recording.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     for track in bodies.tracks:
         solid = rerun.Boxes3D.from_fields(fill_mode="solid")
@@ -153,35 +146,26 @@ def _send_shapes(rerun: ModuleType, recording: Any, bodies: Bodies) -> None:
         recording.log(FOLLOWED, shape, static=True)
 
 
-def _send_ground(rerun: ModuleType, recording: Any, ground: Ground, reach: Reach) -> None:
-    low, high, far = reach.low - ROOM, reach.high + ROOM, reach.far + ROOM
-    corners = strip(ground, low, high, far)
-    mesh = _mesh(rerun, corners.reshape(-1, 3), strip_triangles(len(corners)), colours.EARTH)
-    recording.log("world/ground", mesh, static=True)
-    lines = rerun.LineStrips3D(metres(ground, low, high, far), colors=[(120, 105, 85)], radii=0.004)
-    recording.log("world/ground/metres", lines, static=True)
+def _mesh(rerun: ModuleType, surface: Triangles, colour: tuple[int, int, int]) -> Any:
+    corners, normals = faceted(surface)
+    return rerun.Mesh3D(vertex_positions=corners, vertex_normals=normals, albedo_factor=[*colour, 255])
 
 
-def _mesh(rerun: ModuleType, corners: Floats, triangles: NDArray[np.int64], colour: tuple[int, int, int]) -> Any:
-    places, normals = faceted(corners, triangles)
-    return rerun.Mesh3D(vertex_positions=places, vertex_normals=normals, albedo_factor=[*colour, 255])
-
-
-def _send_wheel(rerun: ModuleType, recording: Any, wheel: Wheel) -> None:
+def _send_wheel(rerun: ModuleType, recording: Any, wheel: WheelBody) -> None:
     place = path_of("world", "wheels", wheel.name)
     if len(wheel.outline):
-        shape = _mesh(rerun, *prism(wheel), colours.WHEEL[wheel.kind])
+        shape = _mesh(rerun, prism(wheel), colours.WHEEL[wheel.kind])
     else:
         shape = rerun.Cylinders3D(
             lengths=[wheel.width], radii=[wheel.radius], quaternions=[UPRIGHT], colors=[colours.WHEEL[wheel.kind]],
             fill_mode="solid",
         )  # fmt: skip
     recording.log(f"{place}/shape", shape, static=True)
-    lines = rerun.LineStrips3D(spokes(wheel), colors=[(225, 225, 225)], radii=0.008)
+    lines = rerun.LineStrips3D(spokes(wheel), colors=[colours.SPOKE], radii=0.008)
     recording.log(f"{place}/spokes", lines, static=True)
 
 
-def _send_poses(rerun: ModuleType, recording: Any, bodies: Bodies, poses: Poses, scale: tuple[float, float]) -> None:
+def _send_poses(rerun: ModuleType, recording: Any, bodies: Bodies, poses: Poses, scale: Scale) -> None:
     count = len(poses.t)
     times = [rerun.TimeColumn(TIMELINE, duration=poses.t)]
     for track in bodies.tracks:
@@ -204,30 +188,26 @@ def _send_poses(rerun: ModuleType, recording: Any, bodies: Bodies, poses: Poses,
             place = path_of("world", "forces of the ground", track.name)
             recording.send_columns(place, times, arrows.partition(counts))
     for name, pose in poses.wheels.items():
-        _move(rerun, recording, path_of("world", "wheels", name), times, pose.position, pose.orientation)
+        _send_motion(rerun, recording, path_of("world", "wheels", name), times, pose)
     if bodies.hull and poses.hull:
-        _move(rerun, recording, "world/hull", times, poses.hull.position, poses.hull.orientation)
+        _send_motion(rerun, recording, "world/hull", times, poses.hull)
 
 
-def _move(
-    rerun: ModuleType, recording: Any, place: str, times: list[Any], position: Floats, orientation: Floats
-) -> None:
-    turned = np.roll(orientation, -1, axis=1)  # w, x, y, z to x, y, z, w
-    recording.send_columns(place, times, rerun.Transform3D.columns(translation=position, quaternion=turned))
+def _send_motion(rerun: ModuleType, recording: Any, path: str, times: list[Any], pose: BodyPose) -> None:
+    turned = np.roll(pose.orientation, -1, axis=1)  # w, x, y, z to x, y, z, w
+    recording.send_columns(path, times, rerun.Transform3D.columns(translation=pose.position, quaternion=turned))
 
 
-def _arranged(
-    blueprints: ModuleType, bodies: Bodies, beside: list[Plot], scale: tuple[float, float], told: bool
-) -> Any:
+def _arranged(blueprints: ModuleType, bodies: Bodies, beside: list[Plot], scale: Scale, with_events: bool) -> Any:
     """Space to the left, curves to the right; the eye goes with the hull where there is one."""
     eye, target = _eye(bodies)
     controls = {"position": eye, "look_target": target, "eye_up": (0.0, 0.0, 1.0)}
     if bodies.hull:
         controls["tracking_entity"] = FOLLOWED
-    name = f"links by {bodies.label}: {scale[0]:.3g} (dark) to {scale[1]:.3g} (light)" if bodies.colour else "links"
-    space = blueprints.Spatial3DView(origin="world", name=name, eye_controls=blueprints.EyeControls3D(**controls))
+    eye_controls = blueprints.EyeControls3D(**controls)
+    space = blueprints.Spatial3DView(origin="world", name=bodies.legend(scale), eye_controls=eye_controls)
     views = [blueprints.TimeSeriesView(origin=path_of("plots", plot.name), name=plot.title) for plot in beside]
-    views += [blueprints.TextLogView(origin=EVENTS, name="events")] if told else []
+    views += [blueprints.TextLogView(origin=EVENTS, name="events")] if with_events else []
     panes = [space, blueprints.Vertical(*views)] if views else [space]
     shares = [3, 2][: len(panes)]
     return blueprints.Blueprint(
@@ -239,8 +219,8 @@ def _arranged(
 
 
 def _eye(bodies: Bodies) -> tuple[Floats, Floats]:
-    """Where one looks from and at, at first: from ahead, from the right, from above."""
-    here = places(next(bodies.blocks(1)))
+    """Places of the eye and of its target at first: it looks from ahead, from the right and from above."""
+    here = next(bodies.blocks(1)).places()
     middle = 0.5 * (here.min(axis=0) + here.max(axis=0))
     size = float(np.ptp(here, axis=0).max())
     heading = bodies.scene["start"]["heading"]

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import circuit, hull
+from orchestrator.results.analyses import circuit
+from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import RunData, Window
 
 SIDE = "right"
@@ -35,7 +36,7 @@ def in_chassis(run: RunData, t: Floats, vectors: Floats, placed: bool) -> Floats
     times, centre = run.vectors("chassis", "out", "chassis.position")
     _, q = run.vectors("chassis", "out", "chassis.orientation", "wxyz")
     at = np.clip(np.searchsorted(times, t - 1e-9), 0, len(times) - 1)
-    return np.asarray(np.einsum("mi,mij->mj", vectors - (centre[at] if placed else 0.0), hull.matrices(q[at])))
+    return np.asarray(np.einsum("mi,mij->mj", vectors - (centre[at] if placed else 0.0), matrices(q[at])))
 
 
 def edges(vehicle: Mapping[str, Any], placed: circuit.Placed) -> tuple[float, float, float, float]:

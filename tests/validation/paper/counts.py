@@ -10,7 +10,7 @@ import numpy as np
 
 from fmus.physics.rigid import pin
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses.hull import matrices
+from orchestrator.results.rotation import matrices
 from orchestrator.scene.scene import Scene
 from orchestrator.studies.tables import Row
 from tests.validation.paper.models import CLOSED, RIGID, scene

@@ -8,7 +8,6 @@ which differ by so much more that they would hide the others.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,9 +15,13 @@ import numpy as np
 
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
-from orchestrator.results import picture
 from orchestrator.results.analyses import circuit, deformation, hull
-from orchestrator.results.run_data import Links, RunData, Window
+from orchestrator.results.ground_profile import GroundProfile
+from orchestrator.results.run_data import RunData, Window
+from orchestrator.results.views import side_view
+from orchestrator.results.views.bodies import EVERY, Bodies
+from orchestrator.results.views.colours import MAP
+from orchestrator.results.views.side_view import SideView
 from tests.validation.paper.conventions import (
     FIRST,
     INSTANT,
@@ -206,29 +209,31 @@ def _shade(pane: Any, between: tuple[float, ...]) -> None:
 
 def _configuration(logs: dict[Model, Path]) -> Any:
     """Figure 21: all models at the instant, one below the other, one scale of tension; the first joint is marked."""
-    with ExitStack() as stack:
-        runs = {model: RunData(stack.enter_context(Log(path))) for model, path in logs.items()}
-        return _panes({model: (run, run.links(TRACK, Window(INSTANT, INSTANT))) for model, run in runs.items()})
+    found = {}
+    for model, run in _opened(logs):
+        bodies = Bodies(run, EVERY, "tension", track=TRACK)
+        bodies.keep([INSTANT])
+        found[model] = side_view.side_view(bodies, next(bodies.blocks(1))), bodies.ground
+    return _panes(found)
 
 
-def _panes(found: dict[Model, tuple[RunData, Links]]) -> Any:
+def _panes(found: dict[Model, tuple[SideView, GroundProfile | None]]) -> Any:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure as Page
 
-    tension = np.concatenate([links.tension[0] for _, links in found.values()]) / 1e3
-    scale = ScalarMappable(Normalize(float(tension.min()), float(tension.max())), "viridis")
+    tension = np.concatenate([view.colour for view, _ in found.values() if view.colour is not None])
+    scale = float(tension.min()), float(tension.max())
     page = Page(figsize=(9.0, 2.3 * len(found) + 0.5), layout="constrained")
     panes: Any = page.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
-    for pane, (model, (run, links)) in zip(panes, found.items(), strict=True):
-        reach = tuple((float(part.min()) - 0.25, float(part.max()) + 0.25) for part in (links.forward, links.up))
-        picture.add(pane, run, TRACK, links, scale, reach)
-        place = links.forward[0, FIRST - 1], links.up[0, FIRST - 1]
+    for pane, (model, (view, ground)) in zip(panes, found.items(), strict=True):
+        side_view.add(pane, view, ground, scale, side_view.extent([view]))
+        place = view.pins[FIRST - 1]
         pane.plot(*place, "o", color="C3", markersize=5, fillstyle="none")
         pane.annotate("first joint", place, (6, 6), textcoords="offset points", color="C3", fontsize=8)
         pane.set_title(f"{model.label}, t = {INSTANT:g} s", fontsize=9, loc="left")
     panes[-1].set_xlabel("ahead of the sprocket axle, m")
-    page.colorbar(scale, ax=list(panes), label="link tension, kN", shrink=0.8)
+    page.colorbar(ScalarMappable(Normalize(*scale), MAP), ax=list(panes), label="link tension, kN", shrink=0.8)
     page.suptitle("Figure 21. Right chain, coloured by tension", fontsize=10)
     return page
 

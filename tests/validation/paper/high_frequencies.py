@@ -23,8 +23,8 @@ from fmus.vehicle import BadInput, VehicleTable
 from orchestrator.execution.states import states_at
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull
 from orchestrator.results.analyses.spectrum import amplitudes
+from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.studies.tables import Row
 from tests.validation.paper.conventions import FIRST, in_chassis
@@ -81,7 +81,7 @@ def forces(vehicle: Any, t: float, samples: int) -> tuple[Floats, Floats]:
     for k in range(samples):
         vehicle.advance(t + k / RATE, 1.0 / RATE)
         mean = chain.s.on_links_sum[FIRST - 1, force] / chain.s.span[on_links.SPAN]
-        found[k] = (mean @ hull.matrices(chassis.state[3:7]))[[0, 2]]
+        found[k] = (mean @ matrices(chassis.state[3:7]))[[0, 2]]
     tension, stress, place = np.zeros(n), np.zeros(n), np.zeros((chain.nodes, 3))
     links_shown(chain.link, chain.environment, chain.s, chain.work, tension, stress, place)
     return found, tension

@@ -15,7 +15,7 @@ import numpy as np
 
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses.hull import matrices
+from orchestrator.results.rotation import matrices
 from orchestrator.scene.scene import Scene
 from tests.validation.paper.states import model, saved
 

@@ -1,0 +1,20 @@
+"""Columns of a topic that hold a signal of all links or pins of a track."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+POSITION = "joint[*].position"
+
+
+def columns(names: Sequence[str], signal: str) -> np.ndarray:
+    """Columns of a signal of links 1, 2, ... among a topic's names: (n,) or, of a vector, (n, 3); empty for none."""
+    of = {name: column for column, name in enumerate(names)}
+    parts = [""] if signal.replace("*", "1") in of else [".x", ".y", ".z"]
+    found: list[list[int]] = []
+    while all(signal.replace("*", str(len(found) + 1)) + part in of for part in parts):
+        found.append([of[signal.replace("*", str(len(found) + 1)) + part] for part in parts])
+    whole = np.array(found, int).reshape(-1, len(parts))
+    return whole[:, 0] if len(parts) == 1 else whole

@@ -1,0 +1,120 @@
+"""A run seen from above: the way of the hull, both tracks and the force of the ground on their links, at instants.
+
+A log from before links said so, or one without them, shows the force of the ground on each track.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from fmus.vehicle import BadInput
+from orchestrator.log.reader import Log
+from orchestrator.log.time_series import Floats
+from orchestrator.results.picture import saved
+from orchestrator.results.run_data import EVER, RunData, Window, within
+from orchestrator.results.views.bodies import EVERY, Bodies, NoInstant, Poses
+from orchestrator.results.views.files import PICTURES, checked_name
+from orchestrator.results.views.projected import camera, polygons
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+INSTANTS = 5
+ROOM = 5.0  # m: of the vehicle beside its way
+LONGEST, OF_LINKS = 0.1, 0.045  # of the picture: the arrow of the largest force on a track, on a link
+SHORTEST = 0.03  # of the longest: below, there is no arrow
+SEEN = camera("top", 0.0, np.zeros(3))  # the picture's axes are those of the world
+
+
+class ViewFromAbove(NamedTuple):
+    """Both tracks at one instant, in x and y of the world."""
+
+    t: float  # s
+    hull: Floats  # (2,) m, centre of mass
+    links: list[Floats]  # (k, 2) m, faces of the lower run that look up
+    feet: Floats  # (n, 2) m, of the forces
+    force: Floats  # (n, 2) N
+    by_link: bool  # else by track
+
+
+def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None:
+    """Draw a vehicle's log from above; raises BadInput for what cannot be drawn or written."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    checked_name(output, PICTURES)
+    with Log(path) as log:
+        run = RunData(log)
+        linked = run.tracks and all(f"/{name}/links" in log.topics for name in run.tracks)
+        if not run.has("chassis.yaw") or not linked:
+            raise BadInput(f"{path} holds no vehicle with the links of its tracks to draw from above")
+        try:
+            bodies = Bodies(run, EVERY)
+        except NoInstant:
+            raise BadInput("the log holds no step to draw") from None
+        t, way = run.vectors("chassis", "out", "chassis.position", "xy", EVER)
+        bodies.keep(_instants(t, times))
+        figure = Figure(figsize=(8.0, 8.0), layout="constrained")
+        FigureCanvasAgg(figure)
+        pane = figure.subplots()
+        pane.plot(*way.T, color="0.6", linewidth=1.0, zorder=1, label="centre of mass of the hull")
+        views = [view_from_above(bodies, poses) for poses in bodies.blocks(1)]
+        _add(pane, views, float(np.ptp(way, axis=0).max()) + ROOM)
+        pane.set_aspect("equal", adjustable="datalim")
+        pane.set_xlabel("x, m")
+        pane.set_ylabel("y, m")
+        pane.legend(fontsize=8)
+        pane.set_title(bodies.title, fontsize=9, parse_math=False)
+        saved(figure, output)
+
+
+def view_from_above(bodies: Bodies, poses: Poses, k: int = 0) -> ViewFromAbove:
+    """Both tracks at the k-th instant."""
+    t, by_link = float(poses.t[k]), all(links.ground is not None for links in poses.links.values())
+    feet, force = [], []
+    for name, links in poses.links.items():
+        if by_link and links.ground is not None:
+            feet.append(links.centres[k])
+            force.append(links.ground[k])
+        else:
+            times, whole = bodies.run.vectors(name, "out", "ground.force", "xyz", EVER)
+            feet.append(links.pins[k].mean(axis=0)[None])
+            force.append(np.array([[np.interp(t, times, part) for part in whole.T]]))
+    faces = polygons(SEEN, bodies, poses, k, (0.0, 1.0), lower=True).outlines
+    hull = poses.places().mean(axis=0) if poses.hull is None else poses.hull.position[k]
+    return ViewFromAbove(t, hull[:2], faces, np.concatenate(feet)[:, :2], np.concatenate(force)[:, :2], by_link)
+
+
+def _add(pane: Axes, views: Sequence[ViewFromAbove], size: float) -> None:
+    """Draw the tracks, the largest force as an arrow of a share of the picture's size, m."""
+    from matplotlib.collections import PolyCollection
+
+    by_link = all(view.by_link for view in views)
+    longest = (OF_LINKS if by_link else LONGEST) * size
+    largest = max(float(np.linalg.norm(view.force, axis=1).max()) for view in views) or 1.0
+    for view in views:
+        pane.add_collection(PolyCollection(view.links, facecolors="C0", edgecolors="none", alpha=0.35))
+        arrows = view.force * longest / largest
+        shown = np.hypot(*arrows.T) > SHORTEST * longest
+        pane.quiver(
+            *view.feet[shown].T, *arrows[shown].T, angles="xy", scale_units="xy", scale=1.0, color="C3", zorder=3,
+            width=0.0015 if by_link else 0.003,
+        )  # fmt: skip
+        pane.plot(*view.hull, "o", color="0.3", markersize=3)
+        pane.annotate(f"{view.t:.3g} s", tuple(view.hull), textcoords="offset points", xytext=(4, 4), fontsize=8)
+    what = "link" if by_link else "track"
+    pane.plot([], [], color="C3", label=f"force of the ground on a {what}, up to {largest / 1e3:.3g} kN")
+
+
+def _instants(t: Floats, times: Sequence[float] | None) -> Sequence[float]:
+    """The times, by default evenly over the run; raises BadInput outside of it."""
+    if not len(t):
+        raise BadInput("the log holds no step to draw")
+    for moment in times or ():
+        if not within(np.array(moment), Window(float(t[0]), float(t[-1]))):
+            raise BadInput(f"--at {moment:.9g}: steps were recorded from {t[0]:.9g} to {t[-1]:.9g} s")
+    return times or np.linspace(t[0], t[-1], INSTANTS).tolist()

@@ -1,0 +1,127 @@
+"""Shapes of bodies in their own frames: links are boxes, wheels cylinders or toothed discs, the hull a convex body.
+
+A body frame is x ahead, y left, z up; of a link x is along it from pin to pin and z outwards, away from the wheels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.run_data import pitch_radius
+
+DRAWN = 0.94  # of the pitch is drawn of a link: gaps show where it ends
+THINNEST = 0.005  # m, half thickness of a link whose face runs through its pins
+SPOKES = 6  # on both faces of a wheel together
+RIM = 28  # corners that stand for a round rim
+FACES = np.array([  # corners of a box by face, and the outward normals of the faces
+    [[1, -1, -1], [1, 1, -1], [1, 1, 1], [1, -1, 1]],
+    [[-1, -1, -1], [-1, -1, 1], [-1, 1, 1], [-1, 1, -1]],
+    [[-1, 1, -1], [-1, 1, 1], [1, 1, 1], [1, 1, -1]],
+    [[-1, -1, -1], [1, -1, -1], [1, -1, 1], [-1, -1, 1]],
+    [[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]],
+    [[-1, -1, -1], [-1, 1, -1], [1, 1, -1], [1, -1, -1]],
+], float)  # fmt: skip
+NORMALS = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
+RIGHT = 3  # the face of a box that one sees from the right
+
+
+class TrackBody(NamedTuple):
+    """The links of a track: boxes."""
+
+    name: str  # instance
+    links: int
+    closed: bool  # the last link ends at the first pin
+    half: Floats  # (3) half sizes along, across, outwards, m
+
+
+class WheelBody(NamedTuple):
+    """A wheel, about its body y axis."""
+
+    name: str  # left_track/road_wheel[1]
+    kind: str  # sprocket, road_wheel or idler
+    track: str  # the instance that it carries; "chassis" without one
+    radius: float  # m; of a sprocket, of its pins' seats
+    width: float  # m
+    outline: Floats  # (k, 2) of a sprocket with its teeth, ahead and up, m; none of round wheels
+
+
+class HullBody(NamedTuple):
+    """The convex hull of its corners; the origin of its frame is the hull's centre of mass."""
+
+    corners: Floats  # (k, 3) m
+    edges: NDArray[np.int64]  # (e, 2) of corners: where faces meet at an angle
+
+
+def track_body(name: str, links: int, closed: bool, vehicle: Mapping[str, Any]) -> TrackBody:
+    """The links of a track of a vehicle table."""
+    chain = vehicle["track"]
+    half = np.array([0.5 * DRAWN * chain["pitch"], 0.5 * chain["width"], max(chain["face"], THINNEST)])
+    return TrackBody(name, links, closed, half)
+
+
+def wheel_body(name: str, kind: str, track: str, vehicle: Mapping[str, Any]) -> WheelBody:
+    """A wheel of a vehicle table; a sprocket is as wide as a link."""
+    if kind != "sprocket":
+        return WheelBody(name, kind, track, vehicle[kind]["radius"], vehicle[kind]["width"], np.empty((0, 2)))
+    radius = pitch_radius(vehicle) - vehicle["sprocket"]["pin_radius"]
+    return WheelBody(name, kind, track, radius, vehicle["track"]["width"], teeth(vehicle))
+
+
+def teeth(vehicle: Mapping[str, Any]) -> Floats:
+    """Outline of a sprocket (k, 2) about its centre, ahead and up, a seat of a pin ahead, m.
+
+    Teeth are straight from seat to tip.
+    """
+    sprocket, number = vehicle["sprocket"], vehicle["sprocket"]["teeth"]
+    root, half = pitch_radius(vehicle) - sprocket["pin_radius"], np.pi / number
+    angle = (2 * half * np.arange(number)[:, None] + half * np.array([-0.8, -0.25, 0.25, 0.8])).ravel()
+    radii = np.tile([sprocket["outer_radius"], root, root, sprocket["outer_radius"]], number)
+    return radii[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def hull_body(chassis: Mapping[str, Any] | None) -> HullBody | None:
+    """The hull of a chassis table; None where its corners span no volume."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    if not chassis or len(chassis["hull"]) < 4:
+        return None
+    corners = np.array(chassis["hull"]) - chassis["centre"]
+    try:
+        found = ConvexHull(corners)
+    except QhullError:
+        return None
+    normal: dict[tuple[int, int], list[Floats]] = {}
+    for face, equation in zip(found.simplices, found.equations, strict=True):
+        for a, b in pairwise([*face, face[0]]):
+            normal.setdefault((min(a, b), max(a, b)), []).append(equation[:3])
+    edges = [edge for edge, (one, other) in normal.items() if one @ other < 1.0 - 1e-9]  # others lie in a flat face
+    return HullBody(corners, np.array(edges))
+
+
+def rim(wheel: WheelBody, side: float) -> Floats:
+    """Corners (k, 3) of a wheel's face to the left (``side`` 1) or right (-1), in its body frame, m."""
+    flat = wheel.outline
+    if not len(flat):
+        angle = 2.0 * np.pi * np.arange(RIM) / RIM
+        flat = wheel.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.insert(flat, 1, 0.5 * side * wheel.width, axis=1)
+
+
+def spokes(wheel: WheelBody) -> Floats:
+    """Lines (SPOKES, 2, 3) on both faces of a wheel, the right one first, in its body frame: one sees that it turns."""
+    angle = np.arange(SPOKES // 2) * 4.0 * np.pi / SPOKES
+    end = 0.95 * wheel.radius * np.stack([np.cos(angle), np.zeros(SPOKES // 2), np.sin(angle)], axis=1)
+    lines = np.stack([0.15 * end, end], axis=1)
+    aside = np.array([0.0, 0.5 * wheel.width + 0.004, 0.0])
+    return np.concatenate([lines - aside, lines + aside])
+
+
+def in_world(corners: Floats, position: Floats, axes: Floats) -> Floats:
+    """Corners (..., k, 3) of a body frame in world, of bodies at positions (..., 3) with axes (..., 3, 3)."""
+    return np.asarray(corners @ np.swapaxes(axes, -1, -2) + position[..., None, :])

@@ -1,0 +1,169 @@
+"""Side views of a track: wheels, links coloured by their tension and the ground, a few instants in panes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from fmus.vehicle import BadInput
+from orchestrator.log.reader import Log
+from orchestrator.log.time_series import Floats
+from orchestrator.results.picture import saved
+from orchestrator.results.rotation import matrices
+from orchestrator.results.run_data import EVER, RunData, Window, within
+from orchestrator.results.views.bodies import EVERY, Bodies, NoInstant, Poses
+from orchestrator.results.views.colours import MAP, Scale, coloured
+from orchestrator.results.views.files import PICTURES, checked_name
+from orchestrator.results.views.pose_columns import nearest
+from orchestrator.results.views.projected import Camera, beside, section
+from orchestrator.results.views.shapes import FACES, RIGHT, in_world, rim
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from orchestrator.results.ground_profile import GroundProfile
+
+INSTANTS = 3  # of the part of a run in which something moves; its start is shown besides
+MOVES = 0.05  # of the largest speed
+UPRIGHT = 0.7  # height over width beyond which instants stand beside each other
+MARGIN = 0.25  # m round the pins
+HIGH, NUMBER = 4.2, 0.6  # inches: of a pane beside others, and of the room that a number under it needs
+SHADES = {"sprocket": ("0.85", "0.5"), "road_wheel": ("0.92", "0.6"), "idler": ("0.92", "0.6")}  # face and edge
+
+Extent = tuple[tuple[float, float], tuple[float, float]]  # ahead and up, from and to, m
+
+
+class SideView(NamedTuple):
+    """A track at one instant, ahead of its sprocket's axle and up from it, m; without a sprocket, of the start."""
+
+    t: float  # s
+    seen: Camera
+    pins: Floats  # (nodes, 2)
+    links: Floats  # (links, 4, 2) corners
+    colour: Floats | None  # (links,)
+    wheels: list[tuple[str, Floats, Floats]]  # kind, centre (2,) and outline (k, 2)
+
+
+def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None:
+    """Draw the first track of a log from the side; raises BadInput for what cannot be drawn or written."""
+    checked_name(output, PICTURES)
+    with Log(path) as log:
+        run = RunData(log)
+        track = next((name for name in run.tracks if f"/{name}/links" in log.topics), "")
+        if not track:
+            raise BadInput(f"{path} holds no links to draw")
+        try:
+            bodies = Bodies(run, EVERY, track=track)
+        except NoInstant:
+            raise BadInput(f"{path} holds no links to draw") from None
+        if not bodies.tracks:
+            raise BadInput(f"{path} holds no links to draw")
+        bodies.keep(_instants(bodies.t, bodies.end, times, None if times else _moving(run, track)))
+        saved(_figure(bodies), output)
+
+
+def side_view(bodies: Bodies, poses: Poses, k: int = 0) -> SideView:
+    """The first track at the k-th instant."""
+    track, links = bodies.tracks[0], poses.links[bodies.tracks[0].name]
+    seen = beside(bodies, poses, k, track.name)
+    boxes = in_world(FACES[RIGHT] * track.half, links.centres[k], links.axes[k])
+    wheels = []
+    for wheel in bodies.wheels:
+        position, orientation = (part[k] for part in poses.wheels[wheel.name])
+        outline = in_world(rim(wheel, -1.0), position, matrices(orientation))
+        wheels.append((wheel.kind, seen.flat(position), seen.flat(outline)))
+    colour = None if links.colour is None else links.colour[k]
+    return SideView(float(poses.t[k]), seen, seen.flat(links.pins[k]), seen.flat(boxes), colour, wheels)
+
+
+def extent(views: Sequence[SideView]) -> Extent:
+    """Room for all of them and MARGIN beyond their pins."""
+    pins = np.concatenate([view.pins for view in views])
+    (left, low), (right, high) = (pins.min(axis=0) - MARGIN).tolist(), (pins.max(axis=0) + MARGIN).tolist()
+    return (left, right), (low, high)
+
+
+def add(pane: Axes, view: SideView, ground: GroundProfile | None, scale: Scale, shown: Extent) -> None:
+    """Add a track and the ground under it to an axis."""
+    from matplotlib.collections import PolyCollection
+    from matplotlib.patches import Polygon
+
+    for kind, centre, outline in view.wheels:
+        face, edge = SHADES[kind]
+        pane.add_patch(Polygon(outline, facecolor=face, edgecolor=edge))
+        pane.plot(*centre, ".", color="0.4", markersize=3)
+    paint = coloured(view.colour, (len(view.links),), scale) / 255.0
+    pane.add_collection(PolyCollection(list(view.links), facecolors=paint, edgecolors="0.25", linewidths=0.3))
+    if ground is not None:
+        line, _ = section(view.seen, ground, *shown[0])
+        pane.fill_between(line[:, 0], line[:, 1], shown[1][0], color="0.8", zorder=0)
+    pane.set_aspect("equal")
+    pane.set_xlim(shown[0])
+    pane.set_ylim(shown[1])
+    pane.set_ylabel("m")
+
+
+def _figure(bodies: Bodies) -> Figure:
+    """A pane for each instant, one below the other, or beside each other where these would be slivers."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+    from matplotlib.figure import Figure
+
+    poses = [*bodies.blocks(1)]
+    views, scale, speeds = [side_view(bodies, each) for each in poses], bodies.range(poses), bodies.speeds()
+    shown = extent(views)
+    wide, high = (end - begin for begin, end in shown)
+    upright = high > UPRIGHT * wide
+    across = max(9.0, 2.1 * len(views) + 2.0) if upright else 9.0
+    figure = Figure(figsize=(across, 5.5 if upright else 2.1 * len(views) + 0.4), layout="constrained")
+    FigureCanvasAgg(figure)
+    shape = (1, len(views)) if upright else (len(views), 1)
+    panes = figure.subplots(*shape, sharex=True, sharey=True, squeeze=False).ravel()
+    for pane, view in zip(panes, views, strict=True):
+        add(pane, view, bodies.ground, scale, shown)
+        motion = "" if speeds is None else f", {np.interp(view.t, bodies.t, speeds):z.2f} m/s"
+        pane.set_title(f"t = {view.t:.2f} s{motion}", fontsize=9, loc="left")
+        if upright:
+            pane.label_outer()
+    driven = any(wheel.kind == "sprocket" for wheel in bodies.wheels)
+    label = "ahead of the sprocket axle, m" if driven else "x of the start, m"
+    if upright:  # a pane is about as narrow as a number
+        panes[0].locator_params(axis="x", nbins=max(1, int(HIGH * wide / high / NUMBER) - 1), min_n_ticks=1)
+        figure.supxlabel(label, fontsize="medium")
+    else:
+        panes[-1].set_xlabel(label)
+    if bodies.colour:
+        figure.colorbar(ScalarMappable(Normalize(*scale), MAP), ax=list(panes), label=bodies.label, shrink=0.8)
+    title = f"{bodies.title}\n{bodies.tracks[0].name}, seen from the right"
+    figure.suptitle(title, fontsize=10, parse_math=False)
+    return figure
+
+
+def _moving(run: RunData, track: str) -> Window | None:
+    """From when to when the vehicle, or else the track, moves; None where it rests, or its speed was not recorded."""
+    names = [name for name in ("chassis.speed", f"{track}.speed") if run.has(name)]
+    if not names:
+        return None
+    t, speed = run.signal(names[0], EVER)
+    moves = t[np.abs(speed) > max(MOVES * float(np.max(np.abs(speed), initial=0.0)), 1e-3)]
+    return Window(float(moves[0]), float(moves[-1])) if len(moves) else None
+
+
+def _instants(recorded: Floats, end: float, times: Sequence[float] | None, moving: Window | None = None) -> list[float]:
+    """Of the recorded instants those nearest to the times, s; raises BadInput for times outside of the run.
+
+    By default the start and thirds of the part in which something moves, or of the run where nothing does.
+    """
+    for t in times or ():
+        if not within(np.array(t), Window(float(recorded[0]), end)):
+            raise BadInput(f"--at {t:.9g}: links were recorded from {recorded[0]:.9g} to {end:.9g} s")
+    if times is None:
+        begin, end = moving or Window(0.0, float(recorded[-1]))
+        thirds = [begin + (end - begin) * (i + 1) / INSTANTS for i in range(INSTANTS)] if end > begin else [end]
+        times = [float(recorded[0]), *thirds] if moving else thirds
+    return list(dict.fromkeys(recorded[nearest(recorded, np.array(times))].tolist()))
