@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from fmus.link_outputs import INTERVAL
 from fmus.monolith.model import ADAPTIVE, EQUAL, Monolith, Part
 from fmus.ports import TOLERANCE, Port
 from fmus.vehicle import BadInput
@@ -110,16 +109,6 @@ def parts_of(assembly: Assembly) -> list[Part]:
     return [Part(part.name, part.kind, part.config, part.parameters) for part in assembly.parts]
 
 
-def _sampled(assembly: Assembly) -> Assembly:
-    """The assembly with link means over one step: a truth is compared with runs of short intervals."""
-    once = {INTERVAL: 1.0}
-    parts = (
-        part._replace(parameters={**part.parameters, **once}) if INTERVAL in part.parameters else part
-        for part in assembly.parts
-    )
-    return assembly._replace(parts=tuple(parts))
-
-
 def run(
     scene: Scene,
     path: Path,
@@ -141,7 +130,7 @@ def run(
     ComponentFailed before the first step.
     """
     scene = placed(scene)
-    assembly = _sampled(assemble(scene))
+    assembly = assemble(scene)
     graph = system(assembly)
     clock = master.Clock(scene.run.step, scene.run.steps)
     if begun is not None:

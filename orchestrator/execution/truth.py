@@ -24,14 +24,14 @@ from fmus.monolith.model import content
 from fmus.vehicle import BadInput
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution import monolithic
-from orchestrator.results.difference import Difference, differences_of_logs
+from orchestrator.results.difference import INTERVAL, Difference, differences_of_logs
 from orchestrator.scene import assembly, parts, placing
 from orchestrator.scene.placing import placed
 from orchestrator.scene.run_tables import Run
 from orchestrator.scene.scene import Scene
 
 ORDER = 2
-SAMPLING, LINKS = 1e-3, 10  # s between outputs; number of outputs between records of links
+SAMPLING = 1e-3  # s between outputs
 LOGS = ("truth.mcap", "coarse.mcap")
 FIGURES = "truth.json"  # also holds a hash of each log
 
@@ -104,7 +104,7 @@ def bare(scene: Scene) -> Scene:
     """The placed scene without settings that do not affect the truth; sampled at SAMPLING if possible."""
     run = scene.run
     step = SAMPLING if abs(run.stop / SAMPLING - round(run.stop / SAMPLING)) < 1e-6 else run.step
-    sampled = Run(stop=run.stop, step=step, outputs=1, links=LINKS)
+    sampled = Run(stop=run.stop, step=step, outputs=1, links=max(1, round(INTERVAL / step)))
     how = {key: None for key, one in scene.track.sets().items() if one.method}
     track = scene.track.model_copy(update={**how, "link_outputs": STANDARD})
     same = {"run": sampled, "track": track, "expect": {}, "planar": False}  # planar chains move as chains in space

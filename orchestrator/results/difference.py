@@ -3,7 +3,8 @@
 The norm is relative: RMS over time of the difference, divided by the RMS over time of the reference, or by a floor if
 that is larger. A sample counts for the time since the one before it, so steps may vary. Positions count from their
 start. Link tensions and joint forces are sensitive (errors grow some 15-fold per second at speed): they are compared
-by mean and RMS over windows of a second, and link by link only up to ``POINTWISE`` s.
+by mean and RMS over windows of a second, and link by link only up to ``POINTWISE`` s. A log holds joint forces as means
+over its own interval of records; the RMS of means depends on that interval, so both are brought to INTERVAL first.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from orchestrator.results.alignment import TIME, Alignment
 from orchestrator.results.run_data import EVER, Floats, Missing, RunData, Window, since, within
 
 WINDOW = 1.0  # s
+INTERVAL = 0.01  # s: joint forces are compared as means over this time; sparser logs as they are
 POINTWISE = 4.0  # s: sensitive observables are compared instant by instant up to here
 EARLY = Window(-np.inf, POINTWISE)
 
@@ -238,8 +240,14 @@ def _tension(run: RunData, window: Window = EVER) -> Signal:
 
 
 def _joint_force(run: RunData, window: Window) -> Signal:
+    """Magnitudes of the mean joint forces over each INTERVAL of a window; the first record as it is."""
     parts = _axes(run, "force", window)
-    return Signal(parts[0].t, np.sqrt(sum(part.values**2 for part in parts)))
+    begin, end = parts[0].t[[0, -1]]
+    t = begin + INTERVAL * np.arange(int((end - begin) / INTERVAL + 1e-6) + 1)
+    if len(t) < 2:
+        raise Missing(f"the log holds less than {INTERVAL:g} s")
+    means = [np.vstack([part.values[:1], _at(part._replace(mean=True), t)]) for part in parts]
+    return Signal(t, np.sqrt(sum(mean**2 for mean in means)))
 
 
 def _tensions(run: RunData) -> tuple[Signal, Signal]:
@@ -261,14 +269,15 @@ def _windowed(run: RunData, read: Callable[[RunData, Window], Signal]) -> tuple[
         raise Missing("the log holds no step")
     count = max(1, round((t[-1] - t[0]) / WINDOW))
     edges = t[0] + WINDOW * np.arange(count + 1.0)
-    lengths, means, squares = since(t), [], []
+    means, squares = [], []
     for low, high in pairwise(edges):
         inside = np.flatnonzero((t > low + 1e-9) & (t <= high + 1e-9))
         if not len(inside):
             raise Missing(f"nothing was recorded between {low:g} and {high:g} s")
-        values = read(run, Window(float(t[inside[0] - 1]), float(t[inside[-1]]))).values[1:]
-        means.append(_mean(values, lengths[inside]))
-        squares.append(_mean(values**2, lengths[inside]))
+        found = read(run, Window(float(t[inside[0] - 1]), float(t[inside[-1]])))
+        lengths, values = np.diff(found.t), found.values[1:]
+        means.append(_mean(values, lengths))
+        squares.append(_mean(values**2, lengths))
     return Signal(edges[1:], np.array(means)[:, None]), Signal(edges[1:], np.sqrt(squares)[:, None])
 
 

@@ -15,9 +15,8 @@ from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling.scheme import CouplingFailed
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.recorder import LogFailed
+from orchestrator.results.difference import INTERVAL
 from orchestrator.scene.scene import Scene
-
-LINKS = 0.01  # s between records of links
 
 
 @contextmanager
@@ -32,8 +31,8 @@ def logged(scene: Scene, name: str) -> Iterator[Path]:
 
 
 def sampled(scene: Scene) -> Scene:
-    """The scene with all outputs recorded, those of links every LINKS s (variable steps: unchanged)."""
-    every = max(1, round(LINKS / scene.run.step)) if scene.run.variable is None else scene.links_every
+    """The scene with all outputs recorded, those of links every INTERVAL s (variable steps: unchanged)."""
+    every = max(1, round(INTERVAL / scene.run.step)) if scene.run.variable is None else scene.links_every
     return scene.model_copy(update={"run": scene.run.model_copy(update={"outputs": 1, "links": every})})
 
 

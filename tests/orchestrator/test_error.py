@@ -15,7 +15,16 @@ from orchestrator.execution.estimate import companions, estimate
 from orchestrator.execution.precision import Setting, cheapest, fraction, front
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
-from orchestrator.results.difference import Difference, Observable, Signal, aligned, difference, differences, worst
+from orchestrator.results.difference import (
+    Difference,
+    Observable,
+    Signal,
+    aligned,
+    difference,
+    differences,
+    differences_of_logs,
+    worst,
+)
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.scene import load
 from orchestrator.studies import Case, error_runtime, work_precision
@@ -53,6 +62,19 @@ def test_means_meet_as_means():
     np.testing.assert_allclose(a, b, atol=1e-12)
     a, b = aligned(coarse._replace(mean=False), fine._replace(mean=False))
     assert np.abs(a - b).max() > 5e-3
+
+
+def test_joint_forces_do_not_depend_on_the_interval_of_their_means(tmp_path):
+    """Means over 2.5 and over 10 ms of the same run are the same observables; those of a tighter chain are others."""
+    paths = [tmp_path / name for name in ("fine.mcap", "coarse.mcap", "tight.mcap")]
+    for path, how in zip(
+        paths, (("run.links=1",), ("run.links=4",), ("run.links=4", "rig.tension=10.3 kN")), strict=True
+    ):
+        simulate(load("rig", "rigid", ("run.step=2.5 ms", "run.stop=100 ms", *how)), path)
+    names = ("joint_force", "joint_force_mean", "joint_force_rms")
+    same, other = (differences_of_logs(path, paths[1]) for path in (paths[0], paths[2]))
+    assert max(same[name].relative for name in names) < 1e-9
+    assert min(other[name].relative for name in names) > 5e-3
 
 
 def test_only_decisive_observables_decide():

@@ -22,6 +22,7 @@ from orchestrator.execution import truth as module
 from orchestrator.execution.simulate import simulate
 from orchestrator.execution.states import states_at
 from orchestrator.log.reader import Log
+from orchestrator.results.difference import INTERVAL, differences_of_logs
 from orchestrator.results.energy import ledger
 from orchestrator.results.measures import third_law
 from orchestrator.results.run_data import RunData, Window
@@ -30,7 +31,7 @@ from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
 SOFT = ("track.start=displaced", "vehicle.material.youngs_modulus=2e7", "chain.links=16")
-DRIVEN = ("run.stop=0.03", "run.outputs=1", "drive.ramp_start=0", "drive.ramp_time=0.5")
+DRIVEN = ("run.stop=0.03", "run.links=10", "run.outputs=1", "drive.ramp_start=0", "drive.ramp_time=0.5")
 
 
 def energies(log):
@@ -241,28 +242,36 @@ def at_the_end(path, observables=OBSERVABLES):
 
 @pytest.fixture(scope="module")
 def coupled(tmp_path_factory):
-    """The same by co-simulation, the components' steps shrunk along: what it says at the end, by step."""
-    path, said = tmp_path_factory.mktemp("coupled") / "a.mcap", {}
+    """Logs of the same by co-simulation, the components' steps shrunk along, by step."""
+    folder, logs = tmp_path_factory.mktemp("coupled"), {}
     for h in (1e-3, 5e-4, 2.5e-4):
-        result = simulate(load("straight", "flexible", (f"run.step={h}", f"track.step={h / 2}", *DRIVEN)), path)
-        assert result["status"] == "ok"
-        said[h] = at_the_end(path)
-    return said
+        settings = (f"run.step={h}", f"track.step={h / 2}", *DRIVEN, f"run.links={round(INTERVAL / h)}")
+        logs[h] = folder / f"{h}.mcap"
+        assert simulate(load("straight", "flexible", settings), logs[h])["status"] == "ok"
+    return logs
 
 
 def misfit(coupled, path):
-    """What is left of the coupling's error, linear in H, after its extrapolation to 0, over that error."""
-    fine, finer, end = coupled[5e-4], coupled[2.5e-4], at_the_end(path)
+    """Rest of the coupling's error, linear in H, after its extrapolation to 0, over that error."""
+    fine, finer, end = (at_the_end(log) for log in (coupled[5e-4], coupled[2.5e-4], path))
     return np.abs(2.0 * finer - fine - end) / np.abs(finer - end)
 
 
 @pytest.mark.study
 def test_co_simulation_converges_to_the_monolith(driven, coupled):
-    error = {h: np.abs(said - at_the_end(driven)) for h, said in coupled.items()}
+    error = {h: np.abs(at_the_end(log) - at_the_end(driven)) for h, log in coupled.items()}
     for h in (1e-3, 5e-4):
         order = np.log2(error[h] / error[h / 2])
         assert np.all(np.abs(order - 1.0) < 0.25), order
     assert np.all(misfit(coupled, driven) < 0.2)
+
+
+@pytest.mark.study
+def test_joint_forces_converge_to_those_of_the_monolith(driven, coupled):
+    """Both logs hold means over INTERVAL: no part of the difference stays when the step goes to 0."""
+    error = {h: differences_of_logs(log, driven)["joint_force"].relative for h, log in coupled.items()}
+    for h in (1e-3, 5e-4):
+        assert error[h] / error[h / 2] > 1.6, error
 
 
 @pytest.mark.study
