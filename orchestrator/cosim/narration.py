@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 PATIENCE = 4.0  # s between two messages
+PERIOD = 0.25  # s between two looks at the clock
 KERNELS = "cotrack.kernels"  # logger that receives each kernel compilation
 FIRST = "kernels are compiled for this machine, which happens once and takes about half a minute"
 
@@ -16,14 +17,14 @@ FIRST = "kernels are compiled for this machine, which happens once and takes abo
 class Narration(logging.Handler):
     """Progress messages from the moment the context is entered; thread-safe.
 
-    ``write`` receives each line. While kernels are compiled the reminders count them.
+    ``write`` receives each line; ``clock`` gives the time in s. While kernels are compiled the reminders count them.
     """
 
-    def __init__(self, write: Callable[[str], None], patience: float = PATIENCE) -> None:
+    def __init__(self, write: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:
         super().__init__()
-        self._write, self._patience = write, patience
-        self._what, self._detail, self._kernels = "", "", 0
-        self._since = self._said = time.monotonic()
+        self._write, self._clock = write, clock
+        self._what, self._detail, self._kernels, self._counted = "", "", 0, 0
+        self._since = self._said = clock()
         self._quiet, self._over, self._speaking = False, threading.Event(), threading.RLock()
         self._thread: threading.Thread | None = None
 
@@ -33,7 +34,7 @@ class Narration(logging.Handler):
         kernels.propagate = False
         kernels.addHandler(self)
         self._over.clear()
-        self._thread = threading.Thread(target=self._remind, daemon=True)
+        self._thread = threading.Thread(target=self._watch, daemon=True)
         self._thread.start()
         return self
 
@@ -51,7 +52,7 @@ class Narration(logging.Handler):
 
     def begin(self, what: str) -> None:
         """Set the task; it is announced only if it takes long."""
-        self._what, self._detail, self._since = what, "", time.monotonic()
+        self._what, self._detail, self._since = what, "", self._clock()
         self._said = self._since
 
     def note(self, detail: str) -> None:
@@ -65,7 +66,7 @@ class Narration(logging.Handler):
         try:
             yield
         finally:
-            self._quiet, self._said = False, time.monotonic()
+            self._quiet, self._said = False, self._clock()
 
     def emit(self, record: logging.LogRecord) -> None:
         """Count a kernel that is about to be compiled."""
@@ -75,17 +76,18 @@ class Narration(logging.Handler):
 
     def _say(self, line: str) -> None:
         self._write(line)
-        self._said = time.monotonic()
+        self._said = self._clock()
 
-    def _remind(self) -> None:
-        before = 0
-        while not self._over.wait(min(0.25, 0.5 * self._patience)):
-            if self._quiet or time.monotonic() < self._said + self._patience:
-                continue
-            with self._speaking:
-                compiled = f"{self._kernels} kernels compiled" if self._kernels > before else ""
-                before = self._kernels
-                details = ", ".join(filter(None, (self._detail, compiled)))
-                self._say(
-                    f"{self._what}: {time.monotonic() - self._since:.0f} s so far" + (f", {details}" if details else "")
-                )
+    def remind(self) -> None:
+        """Write the task and the time since its beginning if the last line is older than the patience."""
+        if self._quiet or self._clock() < self._said + PATIENCE:
+            return
+        with self._speaking:
+            compiled = f"{self._kernels} kernels compiled" if self._kernels > self._counted else ""
+            self._counted = self._kernels
+            details = ", ".join(filter(None, (self._detail, compiled)))
+            self._say(f"{self._what}: {self._clock() - self._since:.0f} s so far" + (f", {details}" if details else ""))
+
+    def _watch(self) -> None:
+        while not self._over.wait(PERIOD):
+            self.remind()

@@ -4,86 +4,102 @@ import io
 import logging
 import subprocess
 import sys
-import time
+import threading
+
+import pytest
 
 from orchestrator.cosim import observers
-from orchestrator.cosim.narration import FIRST, KERNELS, PATIENCE, Narration
+from orchestrator.cosim.narration import FIRST, KERNELS, PATIENCE, PERIOD, Narration
 from orchestrator.cosim.observers import ProgressBar
 
 
-def told(work, patience=0.05):
-    """Lines that were written while ``work(narration)`` was done, with their times."""
-    lines = []
-    began = time.monotonic()
-    with Narration(lambda line: lines.append((time.monotonic() - began, line)), patience) as narration:
-        work(narration)
-    return lines
+class Clock:
+    """A clock that a test moves."""
+
+    time = 0.0
+
+    def __call__(self):
+        return self.time
 
 
-def test_it_speaks_at_once_and_again():
-    def work(narration):
-        narration("chains are laid out")
-        narration.note("3 of 4")
-        time.sleep(0.3)
-        narration("done")
+class Watched:
+    """A narration with its clock and the lines that it wrote."""
 
-    lines = [line for _, line in told(work)]
-    assert (lines[0], lines[-1]) == ("chains are laid out", "done")
-    assert len(lines) > 3
-    assert all(line == "chains are laid out: 0 s so far, 3 of 4" for line in lines[1:-1])
-    assert PATIENCE + 0.25 < 5.0  # how often it looks is a quarter of a second
+    def __init__(self):
+        self.lines, self.clock = [], Clock()
+        self.narration = Narration(self.lines.append, self.clock)
+
+    def after(self, seconds):
+        """Lines that a reminder adds so many seconds later."""
+        self.clock.time += seconds
+        before = len(self.lines)
+        self.narration.remind()
+        return self.lines[before:]
 
 
-def test_what_is_quick_or_seen_elsewhere_needs_no_word():
-    def work(narration):
+@pytest.fixture
+def watched():
+    return Watched()
+
+
+def test_a_task_is_announced_at_once_and_again_before_five_seconds(watched):
+    watched.narration("chains are laid out")
+    watched.narration.note("3 of 4")
+    assert watched.lines == ["chains are laid out"]
+    assert watched.after(0.9 * PATIENCE) == []
+    assert watched.after(0.2 * PATIENCE) == ["chains are laid out: 4 s so far, 3 of 4"]
+    assert watched.after(0.9 * PATIENCE) == []
+    assert watched.after(0.2 * PATIENCE) == ["chains are laid out: 9 s so far, 3 of 4"]
+    assert PATIENCE + PERIOD < 5.0
+
+
+def test_the_thread_of_a_narration_reminds():
+    lines, spoken, times = [], threading.Event(), iter([0.0, 0.0])
+    with Narration(lambda line: (lines.append(line), spoken.set()), lambda: next(times, 2.0 * PATIENCE)) as narration:
         narration.begin("scenes")
-        with narration.elsewhere():
-            time.sleep(0.2)
+        assert spoken.wait(60.0)
+    assert lines == ["scenes: 8 s so far"]
+
+
+def test_what_is_quick_or_seen_elsewhere_needs_no_word(watched):
+    with watched.narration:
+        watched.narration.begin("scenes")
+        assert watched.after(0.9 * PATIENCE) == []
+        with watched.narration.elsewhere():
+            assert watched.after(2.0 * PATIENCE) == []
             logging.getLogger(KERNELS).info("seen in the bar")
+        assert watched.after(0.9 * PATIENCE) == []
+    assert watched.after(0.2 * PATIENCE) != []
 
-    assert told(work) == []
-    assert [line for _, line in told(lambda n: (n.begin("scenes"), time.sleep(0.2)))] != []
 
-
-def test_patience_begins_with_the_work():
+def test_patience_begins_with_the_work(watched):
     """Not when the module was loaded."""
-    lines = []
-    narration = Narration(lines.append, 0.3)
-    time.sleep(0.4)
-    with narration:
-        narration.begin("scenes")
-        time.sleep(0.15)
-    assert lines == []
+    watched.clock.time = 10.0 * PATIENCE
+    watched.narration.begin("scenes")
+    assert watched.after(0.9 * PATIENCE) == []
 
 
-def test_kernels_that_are_compiled_are_announced_and_counted():
-    def work(narration):
-        narration("components start")
+def test_kernels_that_are_compiled_are_announced_and_counted(watched):
+    with watched.narration:
+        watched.narration("components start")
         for k in range(3):
             logging.getLogger(KERNELS).info("kernel %d", k)
-        time.sleep(0.2)
-
-    lines = [line for _, line in told(work)]
-    assert lines[:2] == ["components start", FIRST]
-    assert lines[2] == "components start: 0 s so far, 3 kernels compiled"
-    assert "kernels" not in lines[3]
+        assert watched.lines == ["components start", FIRST]
+        assert watched.after(PATIENCE) == ["components start: 4 s so far, 3 kernels compiled"]
+        assert watched.after(PATIENCE) == ["components start: 8 s so far"]
     logging.getLogger(KERNELS).info("nobody listens any more")
+    assert len(watched.lines) == 4
 
 
-def test_a_run_that_nobody_watches_says_how_far_it_is(monkeypatch):
+def test_a_run_that_nobody_watches_says_how_far_it_is(watched, monkeypatch):
     """A bar on a terminal, else a note for the next reminder."""
     monkeypatch.setattr(observers, "REFRESH", 0.0)
     monkeypatch.setattr(sys, "stderr", io.StringIO())
-
-    def work(narration):
-        with ProgressBar("rig", 2.0, narration) as bar:
-            narration("2 s are simulated")
-            bar(0, 0.0, 1e-3)
-            time.sleep(0.05)
-            bar(1, 0.5, 1e-3)
-            time.sleep(0.2)
-
-    assert any("0.5 of 2 s simulated" in line for _, line in told(work))
+    with ProgressBar("rig", 2.0, watched.narration) as bar:
+        watched.narration("2 s are simulated")
+        bar(0, 0.0, 1e-3)
+        bar(1, 0.5, 1e-3)
+        assert "0.5 of 2 s simulated" in watched.after(PATIENCE)[0]
 
 
 def test_a_run_speaks_within_the_first_second(environment, tmp_path):
