@@ -309,6 +309,7 @@ def cache(warm, tmp_path):
     return shutil.copytree(warm[0], tmp_path / "cache")
 
 
+@pytest.mark.long
 def test_a_run_on_damaged_files_is_right_and_heals_them(environment, warm, cache):
     """Before they were checked a cut library ended the process by SIGBUS, a missing resource by SIGSEGV."""
     rng = random.Random(6)

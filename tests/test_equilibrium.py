@@ -69,6 +69,7 @@ def test_a_vehicle_stays_where_it_starts(kind):
     assert share < 0.2 * LOAD
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("own", [FOUR, HEAVY, ("ground.hull=true", "vehicle.gravity=15")], ids=["four", "heavy", "g"])
 def test_vehicles_of_ones_own_stay_too(own):
     far, share = moved(at_rest("rigid", "symmetric=true", *own), 0.5)

@@ -23,6 +23,7 @@ for speed in (None, 20.5):
 BRIEF = ("run.stop=0.05 s", "run.outputs=1", "drive.ramp_start=0 s", "drive.ramp_time=0.2 s")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("model", "kind"), [("flexible", "TrackFlexible"), ("rigid", "TrackRigid")])
 def test_a_master_of_ones_own_does_what_cotrack_does(model, kind, environment, tmp_path):
     products.build_to(tmp_path, products.of_scenes([load(products.STANDARD, model, BRIEF)]))

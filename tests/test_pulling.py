@@ -147,6 +147,7 @@ def pads(track):
     return Pads(load, -along, left)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("kind", "band"), [("rigid", 1e-3), ("flexible", 8e-3)])
 def test_pads_slip_and_push_as_their_motion_says(tracks, kind, band):
     """Load, friction and slip from places alone, which do not show the axes of single cables."""

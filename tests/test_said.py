@@ -168,7 +168,11 @@ def answers(phases):
 
 
 @pytest.mark.parametrize(
-    "name", ["short", *(pytest.param(name, marks=pytest.mark.study) for name in RUNS if name != "short")]
+    "name",
+    [
+        pytest.param("short", marks=pytest.mark.long),
+        *(pytest.param(name, marks=pytest.mark.study) for name in RUNS if name != "short"),
+    ],
 )
 def test_summary_and_page_answer_ten_questions(cotrack, tmp_path, name):
     scene, settings, kinds = RUNS[name]

@@ -64,6 +64,7 @@ def test_scene_comes_out_as_expected(ran, name, model):
     assert abs(result["energy"]["residual_relative"]) < CLOSES
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", STEERED)
 def test_scenes_that_steer_begin(ran, name):
     """Their first second, on rigid links: forces in pairs, an energy that closes, a vehicle that turns or drives."""
@@ -127,6 +128,7 @@ def test_port_energy_falls_with_the_communication_step(ran):
     assert TracksFirst.ORDER < np.log2(ports[1] / ports[0]) < 4.5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", MODELS)
 def test_heading_changes_nothing(ran, model):
     pair = []
@@ -140,6 +142,7 @@ def test_heading_changes_nothing(ran, model):
         assert difference < 1e-3 * abs(straight[late].mean())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", MODELS)
 def test_rig_turns_backwards_alike(ran, model):
     """The last 5 revolutions backwards: pins, chain speed, torque balance, and the tight span enters again."""
@@ -168,6 +171,7 @@ def test_beams_hang_as_the_scene_expects(ran):
     assert all(check["ok"] for check in result["checks"].values())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "settings", "figures"),
     [("settle", ("run.stop=0.4 s",), ("settlement",)), ("straight", BRIEF, ("distance", "speed"))],
@@ -197,6 +201,7 @@ TWINS = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "check", "settings"), TWINS)
 def test_expectations_can_fail(ran, name, check, settings):
     assert ran(name, "flexible", *settings)["checks"][check]["ok"] is False
@@ -225,6 +230,7 @@ def measured(result, name):
         return measures.NAMES[name](RunData(log), "", Window(0.0, result["simulated_time"]))
 
 
+@pytest.mark.long
 def test_a_heavier_hull_is_noticed(ran):
     twin = ran("settle", "flexible", "vehicle.chassis.mass=5600")
     assert twin["checks"]["ground_force"]["ok"] is False
@@ -267,6 +273,7 @@ def alike(a, b, topic, least=0.0):
 HALF = (*BRIEF, "symmetric=true")
 
 
+@pytest.mark.long
 def test_half_a_vehicle_moves_like_the_whole(ran):
     """The left half with its mirror image: the same motion, forces and energies, half the topics."""
     whole, half = ran("straight", "flexible", *BRIEF), ran("straight", "flexible", *HALF)
@@ -282,6 +289,7 @@ def test_half_a_vehicle_moves_like_the_whole(ran):
     assert heavier["observables"]["distance"] != pytest.approx(whole["observables"]["distance"], rel=1e-3)
 
 
+@pytest.mark.long
 def test_a_planar_half_vehicle_moves_like_the_half(ran):
     """No lateral dofs, a smaller state: the same chassis, pins and forces; heading is of no account."""
     half, planar = ran("straight", "flexible", *HALF), ran("straight", "flexible", *HALF, "planar=true")

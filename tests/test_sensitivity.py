@@ -350,6 +350,7 @@ def test_every_key_of_every_scene_is_asked():
     assert {acts(key).case for key in ASKED} == set(CASES)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("key", "kind"), [*BRIEF, *(pytest.param(*one, marks=pytest.mark.study) for one in REST)])
 def test_a_key_changes_what_is_computed(key, kind):
     assert effect(key, kind) > ROUNDING

@@ -12,6 +12,7 @@ from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("model", "height", "pitch"), [("flexible", 0.0, 0.0), ("rigid", 0.0, 0.0), ("rigid", 2.0, 2.8)]
 )

@@ -94,6 +94,7 @@ SPEEDS = (8.0, 12.0)
 STEADY = Window(4.0, 6.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_turn_is_that_of_the_general_theory(turned, kind):
     found, theory = turned(kind, *SPEEDS, STEADY)
@@ -163,6 +164,7 @@ def path(kind, settings, steps=1500):
     return np.array(places)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_swapped_sides_mirror_the_path_and_a_heading_turns_it(kind):
     there, back = path(kind, speeds(8, 12)), path(kind, speeds(12, 8))

@@ -231,6 +231,7 @@ def test_a_vehicle_by_its_clock():
     assert row["window"] == "0.005 s, off at 0 s"
 
 
+@pytest.mark.long
 def test_layers_repeat_the_log(monkeypatch):
     monkeypatch.setattr(layers, "QUICK_STOP", 0.004)
     two = {row: each for row, each in layers.COMPONENTS.items() if row in ("drive", "track, rigid")}
@@ -256,6 +257,7 @@ def test_a_replay_that_does_not_repeat_the_log_is_no_figure(monkeypatch):
         layers.replayed(part, inputs, outputs, 1)
 
 
+@pytest.mark.long
 def test_parts_of_an_iteration_by_todays_kernels():
     for name, kind in (("flexible", "TrackFlexible"), ("rigid", "TrackRigid")):
         model = motion.model(motion.CASES[name], 1e-3, 8)
@@ -289,6 +291,7 @@ def test_the_share_of_a_record_is_that_of_its_pieces(monkeypatch):
     assert told == pytest.approx([2000.0, 12.5, 25.0, 37.5, 2e-6])
 
 
+@pytest.mark.long
 def test_start_and_memory(monkeypatch):
     times = start.command("hanging_chain", "rigid", str(cache_folder()))
     assert 0.0 < times["startup"] < times["first"] < times["whole"]

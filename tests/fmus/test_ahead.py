@@ -4,6 +4,8 @@ import json
 import subprocess
 import sys
 
+import pytest
+
 from fmus import ahead
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
@@ -21,6 +23,7 @@ model.step(0.0, 1e-3, np.array([p.start for p in model.ports if p.causality == "
 """
 
 
+@pytest.mark.long
 def test_what_was_compiled_beside_is_not_compiled_again(environment, monkeypatch, tmp_path):
     cache = tmp_path / "cache"
     monkeypatch.setenv("COTRACK_CACHE", str(cache))

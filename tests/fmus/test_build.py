@@ -33,6 +33,7 @@ def test_same_question_same_file(toy, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["other.fmu"]
 
 
+@pytest.mark.long
 def test_equal_sources_give_equal_bytes(tmp_path, monkeypatch):
     """Whenever they are built: a log's FMU can be built again, which a replay does."""
     monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)

@@ -42,6 +42,7 @@ def dofs(model):
 # --- closed by a spring ------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_spinning_loop_opens_by_its_joint_force_over_the_stiffness():
     """Relative equilibrium: m w^2 Rc / (2 sin(pi/N)) of rigid links, of steel ones 3e-6 more."""
     rigid = TABLE["track"]["mass"] * SPIN**2 * P / (2.0 * np.tan(np.pi / N)) / (2.0 * np.sin(np.pi / N))
@@ -59,6 +60,7 @@ def test_a_spinning_loop_opens_by_its_joint_force_over_the_stiffness():
     assert np.log10(np.divide(off[:-1], off[1:])) == pytest.approx([1.0, 1.0], abs=0.02)
 
 
+@pytest.mark.long
 @INTEGRATORS
 def test_a_loop_that_a_spring_closes_moves_like_a_closed_one_as_the_spring_stiffens(integrator):
     """It begins closed; how far its pins are from those of the closed mesh falls as 1 / k."""
@@ -117,6 +119,7 @@ def opened(vectors, closure):
     return np.abs(vectors[::2, SHARED] - np.roll(vectors[1::2, SHARED], 1, axis=0))[first:].max()
 
 
+@pytest.mark.long
 @CLOSURES
 def test_accelerations_with_equations_are_those_without(closure):
     """Of a random shape in random motion; they satisfy the equations too."""
@@ -139,6 +142,7 @@ def test_accelerations_with_equations_are_those_without(closure):
     assert np.abs(own.s.vdot.reshape(-1)[mine] - there).max() > 1e-6 * largest
 
 
+@pytest.mark.long
 @INTEGRATORS
 @CLOSURES
 def test_a_chain_with_equations_moves_like_one_without(closure, integrator):
@@ -172,6 +176,7 @@ def test_what_is_taken_off_the_equations_is_put_back_after_an_explicit_step():
 # --- how many, and on wheels -------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_counts_of_coordinates_and_equations():
     """Paper (2): 64 links of 12 coordinates, 4 equations a pin; 63 pins where the loop is cut, 126 of a vehicle."""
     for joints, closure, coordinates, equations in (
@@ -216,6 +221,7 @@ def shown(model):
     return y[:LINKS], y[5 * LINKS : 8 * LINKS].reshape(-1, 3)
 
 
+@pytest.mark.long
 def test_a_track_on_wheels_that_a_spring_closes():
     """It opens by the tension there; as the spring stiffens, tensions become those of the closed track as 1 / k."""
     closed = on_wheels()

@@ -63,6 +63,7 @@ KINDS = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.long
 @KINDS
 def test_the_mass_in_cholesky_coordinates_is_the_identity(kind, given):
     """B B^T = M, B triangular in some order of the coordinates; rates carry the kinetic energy of the report."""
@@ -79,6 +80,7 @@ def test_the_mass_in_cholesky_coordinates_is_the_identity(kind, given):
     assert not left.any()
 
 
+@pytest.mark.long
 @KINDS
 def test_accelerations_and_forces_are_those_of_nodal_coordinates(kind, given):
     """Of a random shape in random motion, with what the links show."""
@@ -111,6 +113,7 @@ def test_accelerations_and_forces_are_those_of_nodal_coordinates(kind, given):
     assert np.abs(here - there).max() < 1e-11 * np.abs(there).max()
 
 
+@pytest.mark.long
 @CLOSURES
 def test_runge_kutta_takes_the_same_steps_to_rounding(closure):
     """The coordinates are a linear function of each other, and so is each stage."""
@@ -127,6 +130,7 @@ def test_runge_kutta_takes_the_same_steps_to_rounding(closure):
     assert np.abs(off.s.v - whole.s.v).max() > 1e-6 * np.abs(whole.s.v).max()
 
 
+@pytest.mark.long
 @CLOSURES
 def test_adams_methods_come_to_the_same_within_their_tolerances(closure):
     """Their error is measured in other coordinates, so the steps are others; soft links, which accuracy binds."""
@@ -187,6 +191,7 @@ def test_a_saved_state_runs_on_to_the_same_bits():
     assert np.array_equal(one.state, other.state)
 
 
+@pytest.mark.long
 def test_a_track_on_wheels():
     """Contacts, pin forces and wrenches of the vehicle's own track, whose wheels run away."""
     settings = "track.integrator=runge_kutta", "track.joints=eliminated"

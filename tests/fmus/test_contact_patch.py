@@ -83,6 +83,7 @@ def shoved(rows: np.ndarray, lateral: bool) -> np.ndarray:
     return rows
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["cable", "planar", "beam", "rigid"])
 def test_what_contacts_absorb_is_stored_dissipated_or_covered(kind):
     at = rigid() if kind == "rigid" else flexible(kind)

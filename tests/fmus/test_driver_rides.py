@@ -69,6 +69,7 @@ def test_without_feed_forward_of_slip_and_lag_it_overshoots():
     assert beside(5.0, 14.0, parameters={"friction": 0.0}) > 0.05
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("radius", "friction"), [(12.5, 0.2), (8.0, 0.3), (12.5, 0.3), (40.0, 0.3), (12.5, 0.7), (12.5, 1.2)]
 )

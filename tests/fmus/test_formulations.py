@@ -174,6 +174,7 @@ SIDES = ("left", "right")
 TRACK = ("track.integrator=runge_kutta", "track.formulation=recursive")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("closure", ["pin", "spring"])
 def test_a_vehicle_on_joint_coordinates(closure):
     """From rest: the same as in the augmented formulation; a saved state goes on to the same bits."""

@@ -126,6 +126,7 @@ def test_a_chain_that_hangs_turns_by_its_weight(links, to):
     assert np.ptp(pulls[1]) > 1e-2 * abs(pulls[1].mean()) or links == 3
 
 
+@pytest.mark.long
 @BOTH
 def test_starts_are_those_of_the_ends(kind):
     held, loop = made(kind, 9, HOLD), made(kind, 9, gravity=0.0)
@@ -171,6 +172,7 @@ def test_support_of_thin_rods():
     )
 
 
+@pytest.mark.long
 @EACH
 @SUPPORTS
 def test_a_chain_that_is_let_go_pulls_at_its_support_as_rods_do(kind, start, links):
@@ -223,6 +225,7 @@ def test_links_that_are_too_soft_to_be_let_go():
     assert per_link(model)[1][0, 2] == pytest.approx(expected_support("folded", 33)[1], rel=1e-3)
 
 
+@pytest.mark.long
 @BOTH
 @pytest.mark.parametrize("integrator", ["generalized_alpha", "runge_kutta"])
 def test_a_held_chain_keeps_its_pin_and_its_energy(kind, integrator):

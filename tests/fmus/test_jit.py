@@ -64,6 +64,7 @@ def run(environment, tmp_path):
     return run
 
 
+@pytest.mark.long
 def test_kernel_is_found_at_another_path_and_not_after_an_edit_of_its_callee(parts, run, tmp_path):
     assert run(parts) == (6.0, 0, 1)
     assert run(parts) == (6.0, 1, 0)
@@ -78,6 +79,7 @@ def test_kernel_is_found_at_another_path_and_not_after_an_edit_of_its_callee(par
     assert run(parts) == (6.0, 1, 0)  # the old physics, where it still is the physics
 
 
+@pytest.mark.long
 def test_damaged_or_forbidden_cache_only_costs_time(parts, run, tmp_path):
     assert run(parts) == (6.0, 0, 1)
     kept = list((tmp_path / "cache" / "kernels").rglob("*.kernel"))
@@ -99,6 +101,7 @@ except IndexError as error:
 """
 
 
+@pytest.mark.long
 def test_indices_are_checked_when_asked_for_whatever_is_cached(environment):
     said = []
     for more in ({}, {"NUMBA_BOUNDSCHECK": "1"}, {}, {"NUMBA_BOUNDSCHECK": "1"}):
@@ -115,6 +118,7 @@ def test_without_compilation_the_function_itself_comes_back(environment):
     assert subprocess.run([sys.executable, "-c", code], env=env).returncode == 0
 
 
+@pytest.mark.long
 def test_arrays_of_kernels_that_are_apart_do_not_overlap(environment):
     """What the compiler was told of all kinds of tracks, looked at call by call in a step on their wheels."""
     program, kinds = Path(__file__).with_name("overlaps.py"), ["rigid", "cable", "free", "planar", "beam"]
@@ -367,6 +371,7 @@ def behind_doors() -> list[tuple[str, str]]:
     return found
 
 
+@pytest.mark.long
 def test_an_edit_behind_any_door_is_another_kernel(tmp_path):
     """Of everything that has the door among its imports, so above all of the integrators."""
     tree = tmp_path / "fmus"
@@ -407,6 +412,7 @@ def doubled(x):
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("shared", [False, True])
 def test_an_edit_behind_a_door_compiles_its_caller_again(environment, tmp_path, shared):
     package = tmp_path / "parts"

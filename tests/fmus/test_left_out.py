@@ -33,6 +33,7 @@ def loaded(kind: str, track: dict, **changes) -> set[str]:
     return set(json.loads(done.stdout))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["track_flexible", "track_rigid"])
 def test_a_hanging_chain_loads_no_contact_code(kind):
     names = loaded(kind, {})
@@ -56,6 +57,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("elasticity", [None, *OTHERS])
 def test_a_chain_loads_its_own_elasticity_only(elasticity):
     """The default, and the small deformation that it is, load neither of the others nor what those share."""
@@ -68,6 +70,7 @@ def test_a_chain_loads_its_own_elasticity_only(elasticity):
     assert (shared <= names) if own else not shared & names
 
 
+@pytest.mark.long
 def test_a_planar_chain_loads_no_beams_and_another_chain_no_planar_one():
     planar, cables = loaded("track_flexible", {}, element="planar"), loaded("track_flexible", {})
     assert {"fmus.physics.chain.flexible.planar", "fmus.physics.ancf.cable"} <= planar
@@ -77,6 +80,7 @@ def test_a_planar_chain_loads_no_beams_and_another_chain_no_planar_one():
     assert not [name for name in names if "contact" in name]
 
 
+@pytest.mark.long
 def test_contents_are_what_a_component_loads():
     """A child that compiles nothing loads all that a real step loads, and neither loads the rest."""
     from fmus.loaded import contents

@@ -428,6 +428,7 @@ fmpy.simulate_fmu(sys.argv[1], stop_time=0.003, step_size=1e-3)
 }
 
 
+@pytest.mark.long
 def test_twenty_processes_in_a_row_end_well(toy, environment):
     scripts = list(RUNS.values())
     codes = [
@@ -502,6 +503,7 @@ for fmu in sys.argv[1:]:  # each is unpacked, run and deleted
 """
 
 
+@pytest.mark.long
 def test_fmus_run_one_after_the_other_in_one_process(toy, environment, tmp_path):
     """Though what the second one imports has gone with the first one's folder; not from another build."""
     ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.9144, 0.0]}

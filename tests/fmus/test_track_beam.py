@@ -200,6 +200,7 @@ def test_a_chain_twists_as_its_section_says():
     assert torque(lateral_bending=0.97 * section["lateral_bending"]) == pytest.approx(expected, rel=2e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("yaw", [0.0, 0.05])
 def test_contacts_give_the_chain_what_the_wheels_get(yaw):
     """Force and moment of rims, teeth and guides, askew, by the work of rigid motions; force of the ground."""

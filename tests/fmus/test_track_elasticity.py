@@ -272,6 +272,7 @@ def swing(elasticity: str, steps: int = 200, **changes):
     return model, np.array(lacks) / top
 
 
+@pytest.mark.long
 @each
 def test_energy_ledger_of_a_swing(elasticity):
     """Soft links with damping: kinetic + strain + gravity + dissipated stays; the damping counts."""

@@ -225,6 +225,7 @@ def test_order_of_the_integrators(swinging, integrator, order, steps):
     assert abs(rates - order).max() < 0.3, rates
 
 
+@pytest.mark.long
 def test_adams_keeps_tolerances_with_fewer_evaluations_than_runge_kutta(swinging):
     found = {}
     for tolerance in (1e-5, 1e-7, 1e-9):

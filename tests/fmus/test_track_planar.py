@@ -141,6 +141,7 @@ def test_ends_that_are_pulled_work_alike(start):
     assert np.abs(flat.pins() - solid.pins()).max() < 1e-10
 
 
+@pytest.mark.long
 def test_the_same_explicitly():
     explicit = {"links": 8, "integrator": "runge_kutta", "start": "displaced"}
     flat, solid = (hanging(element=element, **explicit) for element in ("planar", "cable"))

@@ -345,6 +345,7 @@ def test_rigid_links_show_the_forces_that_cables_show_at_rest():
     assert shown["rigid"][1:] == pytest.approx(shown["cable"][1:], rel=3e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_impulses_on_the_wheels_balance_the_momentum(track, integrator):
     model, state = track

@@ -193,6 +193,7 @@ def momenta(model):
     return linear, angular
 
 
+@pytest.mark.long
 def test_momentum_is_that_of_the_wheels_and_of_second_order():
     """The links' turning about themselves, a constant on the axes' rate, is what wheels give besides."""
     lacks = []
@@ -272,6 +273,7 @@ def totals(model, twist=1.0):
     return linear, angular + inertia * R @ rate, energy
 
 
+@pytest.mark.long
 def test_a_loop_that_tumbles_keeps_momentum_and_energy():
     """About all axes, explicitly; what shows is 1e-8 of the links' own turning."""
     model, (p0, l0, e0), (p1, l1, e1) = tumbling(1e-4)

@@ -47,6 +47,7 @@ MODELS = {
 # outputs that other tests of this module look at: of tracks, of all
 COUNTED = ("solver.steps", "solver.evaluations", "solver.iterations", "solver.rejected")
 STATUS = "status"
+BRIEF = ("rigid", "cable", "driven", "joined", "thrown", "drawn cable", "swinging rigid", "free beam")  # few kernels
 # 0 by definition: rigid links have no strain, a chain in its plane turns no wheel about an upright axis and its pins
 # lie level, as the last pins of open chains do, and no guides hold it; one that turns has no ends that are pulled, nor
 # damped pins
@@ -102,7 +103,9 @@ def assert_right(run: str) -> None:
     assert examined(run)
 
 
-@pytest.mark.parametrize("run", runs.RUNS)
+@pytest.mark.parametrize(
+    "run", [run if run in BRIEF else pytest.param(run, marks=pytest.mark.long) for run in runs.RUNS]
+)
 def test_outputs_are_what_states_and_inputs_make_of_them(run):
     assert_right(run)
 
@@ -124,6 +127,7 @@ def noticed(kind: str) -> dict[str, set[str]]:
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("fault", [*FAULTS, SOMETHING])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_planted_fault_is_noticed(kind, fault):
@@ -238,6 +242,7 @@ def described() -> dict[str, set[str]]:
     return found
 
 
+@pytest.mark.long
 def test_no_output_is_without_a_check():
     """Of each link kind's own runs: an output that no run shows, or no check looks at, is named here."""
     by_kind = {"TrackRigid": ["TrackRigid"], "TrackFlexible": ["cable", "turning", "planar", "beam"],
@@ -254,6 +259,7 @@ def test_no_output_is_without_a_check():
     assert len(described()["TrackRigid"]) > 500
 
 
+@pytest.mark.long
 def test_an_output_without_a_check_would_be_named(monkeypatch):
     outputs = {"TrackRigid": {"tension.min", "tension.spread"}}
     monkeypatch.setattr(sys.modules[__name__], "described", lambda: outputs)

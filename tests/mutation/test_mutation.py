@@ -49,6 +49,7 @@ def test_areas_share_a_hundred_faults_and_have_tests():
     assert "tests/orchestrator/test_energy.py" in energy
 
 
+@pytest.mark.long
 def test_a_draw_is_the_same_for_a_seed_and_begins_with_known_faults():
     one, again, other = (command.chosen(20, seed) for seed in (1, 1, 2))
     assert one == again

@@ -84,6 +84,7 @@ def ends(run, name):
 # power
 
 
+@pytest.mark.long
 def test_power_through_ports_is_the_work_of_the_ledger(driven):
     with Log(driven) as log:
         run = RunData(log)

@@ -427,6 +427,7 @@ def test_a_replay_of_no_step_is_exit_1(cotrack, tmp_path):
         assert (status, len(err.splitlines())) == (2, 1), err
 
 
+@pytest.mark.long
 def test_different_scenes_are_compared_when_asked(cotrack):
     for name, *settings in (
         ("a",), ("b", "--track", "rigid", "--step", "2 ms", "--coupling", "jacobi"),
@@ -470,6 +471,7 @@ def child(arguments, environment, **streams):
     return subprocess.run(command, env=environment, text=True, **streams)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("buffered", [True, False])
 def test_a_full_or_closed_stdout_is_a_sentence(environment, buffered):
     if not os.path.exists("/dev/full"):
@@ -562,6 +564,7 @@ def test_view_draws(cotrack, tmp_path):
     assert not (tmp_path / "b.png").exists()
 
 
+@pytest.mark.long
 def test_view_from_above(cotrack, tmp_path):
     brief = ("run", "turn", "--track", "rigid", "--stop", "0.02", "--no-estimate")
     assert cotrack(*brief, "--log", "a.mcap")[0] in (0, 1)
@@ -644,6 +647,7 @@ def started(tmp_path, environment):
     pytest.fail(f"the run did not begin: {process.communicate()}")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_closes_the_log(tmp_path, environment, number):
     process, log = started(tmp_path, environment)
@@ -664,6 +668,7 @@ def test_a_signal_closes_the_log(tmp_path, environment, number):
         assert reading.closing["steps"] == result["communication_steps"]
 
 
+@pytest.mark.long
 def test_a_killed_run_leaves_a_log_that_can_be_saved(tmp_path, environment):
     process, log = started(tmp_path, environment)
     process.kill()

@@ -82,6 +82,7 @@ def test_the_code_does_what_the_matrix_says(cut, variant):
     assert now() == pytest.approx(matrix @ before, abs=1e-8 if variant == "iterative" else 1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("cut", "variant"), MEMBERS)
 def test_stable_below_the_predicted_limit_and_not_above(cut, variant):
     limit = predicted_limit(variant, cut)
@@ -240,6 +241,7 @@ def test_a_failing_step_is_tried_shorter():
     assert run(couple("tracks_first", stages), pace, [])[:3] == ("failed", "a: never", 0)
 
 
+@pytest.mark.long
 def test_variable_steps_cost_no_more_than_fixed_ones_of_the_same_error():
     for row in study.steps_at_equal_error((study.TOLERANCES[2],)):
         assert row.ok, row
@@ -256,6 +258,7 @@ WAYS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("way", WAYS)
 def test_a_rig_runs_and_replays_with_every_coupling(way, tmp_path):
     path = tmp_path / "rig.mcap"

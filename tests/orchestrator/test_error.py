@@ -64,6 +64,7 @@ def test_means_meet_as_means():
     assert np.abs(a - b).max() > 5e-3
 
 
+@pytest.mark.long
 def test_joint_forces_do_not_depend_on_the_interval_of_their_means(tmp_path):
     """Means over 2.5 and over 10 ms of the same run are the same observables; those of a tighter chain are others."""
     paths = [tmp_path / name for name in ("fine.mcap", "coarse.mcap", "tight.mcap")]
@@ -248,6 +249,7 @@ def test_cases_of_the_study_have_names_of_their_own():
 # --- the study -------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_study_of_a_small_swing(tmp_path, monkeypatch, capsys):
     """From the command to table, picture and the settings that ``--error`` takes."""
     monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / "cache"))

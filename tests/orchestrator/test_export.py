@@ -144,6 +144,7 @@ print(int(most) * 1024)  # of this program: that of getrusage may be its parent'
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="reads what Linux says of a process")
 def test_memory_is_that_of_a_row_group(tmp_path):
     """Of 400 MB, a row group of 2 MB is in memory, and 2 kB for each of its columns; all rows where it is larger."""

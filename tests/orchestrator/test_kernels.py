@@ -307,6 +307,7 @@ print("numba" in sys.modules)
 """
 
 
+@pytest.mark.long
 def test_a_process_that_finds_the_object_file_imports_no_numba(environment, tmp_path):
     env = {**environment, "COTRACK_CACHE": str(tmp_path / "cache"), "NUMBA_DISABLE_JIT": "1"}
 

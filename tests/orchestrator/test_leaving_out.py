@@ -29,6 +29,7 @@ def test_pairs_of_the_study():
         cases(True, "turn")
 
 
+@pytest.mark.long
 def test_what_is_added_in_vain_changes_nothing(tmp_path):
     bare, kept = tmp_path / "bare.mcap", []
     run("hanging_chain", Side(BRIEF), bare)

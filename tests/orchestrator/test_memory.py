@@ -12,6 +12,7 @@ from tests.benchmarks.process import isolated
 HALF = ["symmetric=true", "planar=true", "run.step=2 ms"]  # the quick form of a vehicle
 
 
+@pytest.mark.long
 def test_a_long_run_needs_no_more_memory_than_a_short_one():
     """Read whole, a log of 21 s more takes 100 MB more."""
     options = {"scene": "straight", "track": "flexible", "settings": HALF}

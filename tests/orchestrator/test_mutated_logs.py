@@ -115,6 +115,7 @@ def survey(whole, seeds, drawn, monkeypatch, folder):
     return seen
 
 
+@pytest.mark.long
 def test_a_mutated_log_ends_in_a_sentence(whole, monkeypatch, tmp_path):
     seen = survey(whole, range(48), 24, monkeypatch, tmp_path)
     assert seen["verify"] == {0, 1}, "mutants of both kinds"

@@ -113,6 +113,7 @@ def outputs(scene, parts, graph, change=lambda name, parameters: parameters):
     return np.array(rows)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "kind", "settings", "telling"),
     [

@@ -307,6 +307,7 @@ def test_a_failure_among_many_steps_leaves_a_log_of_those_before(tmp_path, monke
     assert 10 < steps < 100
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("coupling", ["tracks_first", "jacobi", "iterative"])
 def test_python_does_the_same_where_there_are_no_kernels(tmp_path, monkeypatch, coupling):
     settings = ("run.stop=0.03", "expect={}", "drive.ramp_start=0", f"run.coupling={coupling}")

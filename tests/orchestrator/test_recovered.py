@@ -92,6 +92,7 @@ def places(whole, count):
     return sorted({*np.linspace(edges[0], end - 1, count).astype(int).tolist(), *edges, end})
 
 
+@pytest.mark.long
 def test_what_is_left_of_a_run_is_as_good_as_a_shorter_run(tmp_path):
     def run(n):
         settings = (f"run.stop={n * 1e-3}", "run.links=4", "expect={}", "drive.ramp_start=0")

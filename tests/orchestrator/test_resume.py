@@ -49,6 +49,7 @@ def rig(tmp_path_factory):
     return ran(tmp_path_factory.mktemp("logs") / "rig.mcap", "rig", "rigid", *RIG)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("coupling", COUPLINGS)
 def test_every_coupling_goes_on_as_if_nothing_had_been(tmp_path, coupling):
     whole = ran(tmp_path / "whole.mcap", "rig", "rigid", *RIG, f"run.coupling={coupling}")
@@ -114,6 +115,7 @@ def test_a_branch_with_the_same_number_is_the_run_that_was_not_interrupted(tmp_p
         assert log.metadata["branched"] == {"of": str(whole), "step": "20", "set": f"{key}={number!r}"}
 
 
+@pytest.mark.long
 def test_a_branch_parts_at_the_step_after_its_checkpoint(rig, tmp_path):
     """Stiffer teeth and rims, pressed in as they were, hold a tenth more energy, which no work put in."""
     settings = [f"vehicle.contact.{where}.stiffness=2.2e6" for where in ("sprocket", "wheel")]
@@ -144,6 +146,7 @@ def test_a_branch_parts_at_the_step_after_its_checkpoint(rig, tmp_path):
         assert json.loads(twig.metadata["branched"]["before"]) == log.metadata["branched"]
 
 
+@pytest.mark.long
 def test_what_does_not_branch_off_is_a_sentence(rig, cotrack, tmp_path):
     for setting, said in (
         ("run.step=0.5 ms", "run.step stays as it is"),
@@ -169,6 +172,7 @@ def test_a_longer_run_is_that_of_a_longer_scene(rig, tmp_path):
     assert digest(tmp_path / "on.mcap") == digest(longer)
 
 
+@pytest.mark.long
 def test_a_killed_run_goes_on(rig, tmp_path):
     """Its log ends somewhere; what follows the last checkpoint is done again."""
     script = (
@@ -242,6 +246,7 @@ def test_bytes_that_are_no_checkpoint_are_a_sentence(rig, tmp_path):
         assert not (tmp_path / "new.mcap").exists()
 
 
+@pytest.mark.long
 def test_what_was_warned_of_is_not_forgotten(tmp_path):
     settings = ("run.stop=0.14", "expect={}", 'tracks=["left"]', "track.axes=fixed", "run.checkpoints=0.13")
     whole = ran(tmp_path / "whole.mcap", "settle", "flexible", *settings)

@@ -38,6 +38,7 @@ def energies(log):
     return {name: log.signal(f"chain.energy.{name}")[1] for name in ("kinetic", "strain", "gravity", "dissipated")}
 
 
+@pytest.mark.long
 def test_monolith_is_of_order_four():
     """A soft chain let go: its motion has no kinks."""
     assembly = assemble(load("hanging_chain", "flexible", SOFT))
@@ -51,6 +52,7 @@ def test_monolith_is_of_order_four():
     assert abs(slope - 4.0) < 0.2, slope
 
 
+@pytest.mark.long
 def test_adams_error_follows_its_tolerance_in_fewer_evaluations_than_runge_kutta():
     """The soft chain: motion without kinks, one start, and steps as long as accuracy lets them be."""
     assembly = assemble(load("hanging_chain", "flexible", SOFT))
@@ -81,6 +83,7 @@ def test_adams_error_follows_its_tolerance_in_fewer_evaluations_than_runge_kutta
         Monolith(monolithic.parts_of(assembly), assembly.connections, integrator="euler")
 
 
+@pytest.mark.long
 def test_a_monolith_goes_on_from_the_states_of_a_co_simulation(tmp_path):
     """A chain alone by Runge-Kutta is the same in both, so that it is to go on as if there had been no change."""
     settings = (*SOFT, "track.integrator=runge_kutta", "run.step=1 ms", "run.stop=0.03")
@@ -113,6 +116,7 @@ def test_a_monolith_goes_on_from_the_states_of_a_co_simulation(tmp_path):
         other.begin_at(0.0, {})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", [{"refine": 4.0}, {"integrator": "adams"}], ids=["runge-kutta", "adams"])
 def test_energy_of_a_free_chain_closes(tmp_path, how):
     settings = (*SOFT, "vehicle.material.relaxation_time=1e-4", "run.stop=0.1", "track.start=polygon")

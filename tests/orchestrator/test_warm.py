@@ -19,6 +19,7 @@ def test_an_unknown_scene_is_refused():
         warm.variants(["strait"])
 
 
+@pytest.mark.long
 def test_scenes_begin_and_say_how_long_it_took(environment):
     """In a process that has loaded no FMU: what it spawns would find the packages where it did."""
     command = [sys.executable, "-m", "orchestrator", "warm", "hanging_chain"]

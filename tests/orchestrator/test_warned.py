@@ -180,6 +180,7 @@ def test_a_failed_run_tells_its_warnings(cotrack, creaking, monkeypatch):
 ONE_SIDED = ("run", "settle", "--set", 'tracks=["left"]', "--stop", "0.12", "--log", "a.mcap")
 
 
+@pytest.mark.long
 def test_a_vehicle_that_rolls_takes_its_cables_out_of_their_plane(cotrack):
     """With one track it stands askew: said once, when the axes pass 0.2 degrees; again in a replay."""
     status, out, err = cotrack(*ONE_SIDED, "--set", "track.axes=fixed", "--json")

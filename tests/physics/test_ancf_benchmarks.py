@@ -72,6 +72,7 @@ def test_the_reference_itself():
         assert elastica(alpha) == pytest.approx(w, abs=5e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", CABLES, ids=name)
 @pytest.mark.parametrize("alpha", TIP)
 def test_elastica_of_the_cable(kind, alpha):
@@ -235,6 +236,7 @@ def last(motion):
     return t, q.copy(), v.copy()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", CABLES, ids=name)
 def test_the_rotating_cable(kind):
     mesh, q, v = rotating(kind)
@@ -253,6 +255,7 @@ def test_the_rotating_cable(kind):
     assert abs(other - found[0]).max() > 10 * tolerance
 
 
+@pytest.mark.long
 def test_integrators_keep_their_orders():
     mesh, q, v = rotating(cable_engineering, n=2)
     for method, order, end, steps, reference in (
@@ -307,6 +310,7 @@ def test_cholesky_coordinates_have_the_identity_as_mass(kind):
     assert own.applied(z) @ u == pytest.approx(mesh.applied(q) @ v, rel=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", [cable, cable_general], ids=name)
 def test_cholesky_coordinates_give_the_same_motion(kind):
     mesh, q, v = rotating(kind, damping=100.0)

@@ -90,6 +90,7 @@ def slope(f, e):
     return np.array(rows)
 
 
+@pytest.mark.long
 def test_force_is_the_gradient_of_the_energy(element):
     kind, c = element
     e = bent(kind, c)

@@ -164,6 +164,7 @@ def test_the_rail_is_the_mesh_of_cables():
 # Motion ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("slider", "smooth"), [("point", True), ("point", False), ("cable", True)])
 def test_five_seconds_without_friction(slider, smooth):
     """Over nodes and back: energy and constraint."""
@@ -252,6 +253,7 @@ def minimal(b, r, s, times):
     return found[:, : 3 * n].reshape(-1, n, 3), found[:, 3 * n], kept
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("slider", "longest"), [("point", 2.5e-3), ("cable", 1.25e-3)])
 def test_against_minimal_coordinates(slider, longest):
     """Order 2 towards the motion that has no constraint to solve, over two nodes of the rail."""

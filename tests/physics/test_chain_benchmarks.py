@@ -23,6 +23,7 @@ def tip(kind, h, pitch=P, **changes):
     return kind(line(LINKS, pitch), held=True, **changes).release().run(0.5, h).pins()[-1, 0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("kind", "expected"), [(Rigid, 9.413161), (Flexible, 9.413174)])
 def test_released_horizontal_chain(kind, expected):
     """Thin rods, steel cables; order 2, whatever the spectral radius; steel and rods differ by 13 um."""
@@ -82,6 +83,7 @@ def steel_swings(n, cable=STEEL):
     return np.array(found)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("swings", [rigid_swings, steel_swings])
 def test_small_swings_of_the_hanging_chain(swings):
     """To 1e-4 as wanted, and to 5e-6, where the twin of two links less shows in the fourth."""
@@ -200,6 +202,7 @@ def check_fall(t, drop):
     return top, half
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("links", [17, 33, 65, 129])
 def test_folded_chain_beats_free_fall(links):
     t, drop, drift = fall(Rigid, links, 0.05)
@@ -265,6 +268,7 @@ def test_every_integrator_is_here():
     assert set(INTEGRATORS) == set(track.INTEGRATORS)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("kind", "cable", "integrator", "steps", "energy", "angular"),
     [

@@ -61,6 +61,7 @@ def test_factors_are_those_of_the_matrix(n, m, closed):
     assert np.abs(T @ T.T - dense).max() > 1e-3 * np.abs(dense).max()
 
 
+@pytest.mark.long
 @SIZES
 def test_substitutions_are_exact(n, m, closed):
     A, U, L, dense = mass(n, m, closed)

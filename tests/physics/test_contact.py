@@ -127,6 +127,7 @@ PASSES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("law", PASSES)
 def test_work_on_a_contact_is_stored_and_dissipated(law):
     """Along a random motion in and out, the wheel moving and turning: force times velocity, by Simpson's rule."""

@@ -128,6 +128,7 @@ def _closing(chain):
     return B @ chain.jacobian()
 
 
+@pytest.mark.long
 def test_released_chain_of_thin_rods():
     """64 rods let go from the horizontal: the tip after 0.5 s is at 9.413161 m."""
     chain = Chain(of_angles(np.zeros(64)), HANGS, ROD).run(0.5, 1e-4)

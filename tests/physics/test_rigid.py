@@ -157,6 +157,7 @@ ENDS = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ends", ENDS)
 def test_solver_equals_dense(ends: Ends):
     rng = np.random.default_rng(7)

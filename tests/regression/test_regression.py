@@ -20,6 +20,7 @@ def test_runs_are_of_all_scenes_and_have_names_of_their_own():
         assert load(run.scene, run.track, run.settings).run.stop >= run.stop
 
 
+@pytest.mark.long
 def test_equal_bits_are_equal_and_one_last_digit_is_found(tmp_path, monkeypatch):
     heavier = HANGING._replace(settings=("vehicle.gravity=9.810000000000002",))
     for run, name in ((HANGING, "own"), (heavier, "heavier")):

@@ -367,6 +367,7 @@ def test_a_rods_inertia_is_one_of_the_vehicles():
     assert {(pair.run, pair.reference) for pair in effects.PAIRS} >= {(RIGID_ROD, CLOSED_ROD), (CLOSED, CLOSED_ROD)}
 
 
+@pytest.mark.long
 def test_effects_are_differences_of_two_runs(tmp_path, monkeypatch):
     monkeypatch.setattr(effects, "INSTANT", 0.05)
     monkeypatch.setattr(effects, "TURNING", Window(0.0, 0.05))

@@ -110,6 +110,7 @@ def fails_once(folder) -> list[Row]:
     return [checked("0", "survived", 1.0, 1.0, 0.1)]
 
 
+@pytest.mark.long
 def test_processes_give_the_same_rows():
     wanted = [FAST, Case("0", "bad", raises)]
     alone, side_by_side = (pool.run(wanted, workers) for workers in (1, 10**400))  # no more than cases
@@ -125,6 +126,7 @@ def test_processes_take_our_modules_not_those_of_an_fmu_that_ran_here(tmp_path, 
     assert all(row.ok for row in rows)
 
 
+@pytest.mark.long
 def test_a_dead_process_and_an_endless_case_are_recorded():
     cases = [Case("0", "dead", dies), Case("0", "endless", sleeps, limit=1.0), FAST]
     rows = pool.run(cases, 2)
@@ -172,6 +174,7 @@ def test_processes_end_with_a_study_that_a_signal_ends(tmp_path, environment, nu
             os.close(end)
 
 
+@pytest.mark.long
 def test_a_study_goes_on_where_it_was(tmp_path):
     """What is done is not done again; what lost its process is."""
     trace = tmp_path / "trace"
@@ -188,6 +191,7 @@ def test_a_study_goes_on_where_it_was(tmp_path):
     assert kept.get(other) is None, "other arguments, another case"
 
 
+@pytest.mark.long
 def test_a_cluster_gives_the_same_rows_and_outlives_a_worker(tmp_path):
     from dask.distributed import LocalCluster
 
