@@ -167,12 +167,9 @@ def answers(phases):
     return dict(zip(QUESTIONS, found, strict=True))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param("short", marks=pytest.mark.long),
-        *(pytest.param(name, marks=pytest.mark.study) for name in RUNS if name != "short"),
-    ],
+    "name", ["short", *(pytest.param(name, marks=pytest.mark.study) for name in RUNS if name != "short")]
 )
 def test_summary_and_page_answer_ten_questions(cotrack, tmp_path, name):
     scene, settings, kinds = RUNS[name]
