@@ -1,7 +1,7 @@
-"""The topic /events: what happened in a run, written when it has ended, in messages of Foxglove's type Log.
+"""Topic /events: events of a run in messages of Foxglove's type Log, written when the run has ended.
 
-They are JSON, which any tool shows as it is. They follow from the other messages, so no digest counts them, and our
-reader leaves them out: ``analyses/events.py`` finds them in any log.
+The messages are JSON, which any tool displays. They follow from the other messages, so digests and ``reader`` leave
+them out; ``analyses/events.py`` finds the events in any log.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from orchestrator.log.message_records import PREFIX, prefix
 
 TOPIC, TYPE = "/events", "foxglove.Log"
-INFO, WARNING = 2, 3  # levels of that type
+INFO, WARNING = 2, 3  # levels of foxglove.Log
 _TIME = {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
 _TEXT, _NUMBER = {"type": "string"}, {"type": "integer"}
 SCHEMA = json.dumps({
@@ -30,17 +30,17 @@ SCHEMA = json.dumps({
 
 
 class Told(NamedTuple):
-    """One event."""
+    """Event of a run."""
 
     t: float  # s
-    name: str  # of what it happened to: "left_track.road_wheel[1]"
+    name: str  # part concerned: "left_track.road_wheel[1]"
     kind: str
     text: str
     level: int = INFO
 
 
 def records(channel: int, events: Sequence[Told]) -> tuple[NDArray[np.uint8], NDArray[np.uint64]]:
-    """Message records of ``channel`` (m, bytes) and their times (m,), ns; blanks after JSON make them of one size."""
+    """Return message records (m, bytes), padded with blanks to one size, and their times (m,), ns."""
     times = np.array([max(round(event.t * 1e9), 0) for event in events], "<u8")
     texts = [_text(event, int(time)) for event, time in zip(events, times, strict=True)]
     size = PREFIX + max(map(len, texts))
