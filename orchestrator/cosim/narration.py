@@ -14,9 +14,10 @@ FIRST = "kernels are compiled for this machine, which happens once and takes abo
 
 
 class Narration(logging.Handler):
-    """Progress messages from the moment the context is entered; thread-safe.
+    """Writer of progress messages, active inside its context; thread-safe.
 
-    ``write`` receives each line. While kernels are compiled the reminders count them.
+    :param write: receives each line.
+    :param patience: s between two reminders, which also count compiled kernels.
     """
 
     def __init__(self, write: Callable[[str], None], patience: float = PATIENCE) -> None:

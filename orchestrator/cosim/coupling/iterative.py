@@ -21,7 +21,9 @@ KEPT = 6  # earlier differences that the acceleration uses
 
 
 class Iterative(Scheme):
-    """Converged if no unknown changes by more than ``tolerance`` of the largest value of its connection.
+    """Coupling that repeats a step until its unknown inputs converge.
+
+    Converged: no unknown changes by more than ``tolerance`` of the largest value of its connection.
 
     :raises CouplingFailed: here if a component cannot save its state, in ``advance`` after ``iterations`` sweeps.
     """

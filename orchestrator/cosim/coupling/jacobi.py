@@ -8,7 +8,7 @@ from orchestrator.log.wire import Rule
 
 
 class Jacobi(Scheme):
-    """All members step at once, whatever their stage; constant: of order 1."""
+    """Coupling in which all members step in parallel, whatever their stage; constant: order 1."""
 
     NAME = "jacobi"
 
