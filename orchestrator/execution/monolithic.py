@@ -1,4 +1,4 @@
-"""Monolithic run of a scene, without co-simulation, by the same master and into the same log topics."""
+"""Monolithic run of a scene (without co-simulation), with the same master and the same log topics."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from orchestrator.scene.scene import Scene
 
 
 class Shown:
-    """Part of the monolith, with the interface of a loaded component for wiring, log and statistics."""
+    """Part of the monolith with the interface of a loaded component for wiring, log and statistics."""
 
     def __init__(self, name: str, model: Any) -> None:
         self.name, self._model = name, model
@@ -49,7 +49,7 @@ class Shown:
         self.read()
 
     def unit(self, name: str) -> str:
-        """Unit of a variable."""
+        """Return the unit of a variable, '1' if it has none."""
         return self._units.get(name, "1")
 
     def read(self) -> None:
@@ -64,7 +64,7 @@ class Shown:
         self._model.link_outputs(self.y_links)
 
     def read_counters(self) -> None:
-        """Read the counters of the one integration, which all parts share."""
+        """Read the counters of the integration, which all parts share."""
         self.counters[:-1] = np.minimum(self._model.counters, np.iinfo(np.int32).max)
 
 
@@ -79,7 +79,7 @@ class Whole(Scheme):
         self._feed(early=True)
 
     def exchange(self, t: float, h: float, now: Outputs) -> None:
-        """Advance one step; parts that take wrenches get the means over it as inputs."""
+        """Advance all parts by one step; mean wrenches over the step become inputs of the parts they act on."""
         self._feed(early=True)
         began = time.perf_counter()
         try:
@@ -106,12 +106,12 @@ class Whole(Scheme):
 
 
 def parts_of(assembly: Assembly) -> list[Part]:
-    """Parts of an assembly in the form that the monolith takes."""
+    """Return the parts of an assembly as parts of a ``Monolith``."""
     return [Part(part.name, part.kind, part.config, part.parameters) for part in assembly.parts]
 
 
 def _sampled(assembly: Assembly) -> Assembly:
-    """The assembly with link means over one step: a truth is compared with runs of short intervals."""
+    """Return the assembly with link means over one step, because the log is compared with short intervals."""
     once = {INTERVAL: 1.0}
     parts = (
         part._replace(parameters={**part.parameters, **once}) if INTERVAL in part.parameters else part
