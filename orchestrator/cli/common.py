@@ -22,11 +22,11 @@ from orchestrator.cosim.narration import Narration
 from orchestrator.log.notices import LogNotice
 
 FMI_WARNING = 1
-LOST = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, errno.EDQUOT)  # the stream accepts no more data
+LOST = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, errno.EDQUOT)  # errors of a stream that accepts no more data
 
 
 class TrackModel(StrEnum):
-    """Choice of the track model."""
+    """The two track models."""
 
     flexible = "flexible"
     rigid = "rigid"

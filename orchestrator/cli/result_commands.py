@@ -23,7 +23,7 @@ def replay(
     ] = None,
     other: Annotated[
         str | None,
-        typer.Option("--with", metavar="rigid|flexible|FMU", help="another model, driven by the recorded inputs"),
+        typer.Option("--with", metavar="rigid|flexible|FMU", help="another model under the recorded motion"),
     ] = None,
     settings: Settings = None,
     output: Annotated[

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from orchestrator.log.message_records import PREFIX, prefix
 
 TOPIC, TYPE = "/events", "foxglove.Log"
-INFO, WARNING = 2, 3  # levels of foxglove.Log
+INFO, WARNING = 2, 3  # levels of that type
 _TIME = {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
 _TEXT, _NUMBER = {"type": "string"}, {"type": "integer"}
 SCHEMA = json.dumps({
@@ -30,17 +30,17 @@ SCHEMA = json.dumps({
 
 
 class Told(NamedTuple):
-    """Event of a run."""
+    """One event."""
 
     t: float  # s
-    name: str  # part concerned: "left_track.road_wheel[1]"
+    name: str  # of what it happened to: "left_track.road_wheel[1]"
     kind: str
     text: str
     level: int = INFO
 
 
 def records(channel: int, events: Sequence[Told]) -> tuple[NDArray[np.uint8], NDArray[np.uint64]]:
-    """Return message records (m, bytes), padded with blanks to one size, and their times (m,), ns."""
+    """Message records of ``channel`` (m, bytes) and their times (m,), ns; blanks after JSON make them of one size."""
     times = np.array([max(round(event.t * 1e9), 0) for event in events], "<u8")
     texts = [_text(event, int(time)) for event, time in zip(events, times, strict=True)]
     size = PREFIX + max(map(len, texts))
