@@ -115,14 +115,14 @@ def cheapest(scene: str, track: str, error: float) -> Setting:
     known = [row for row in read() if (row.scene, row.track) == (scene, track)]
     if not known:
         raise BadInput(
-            f"--error: what precision costs in '{scene}' on {track} links is not known:"
-            f" find out with cotrack study error-runtime {scene} -o DIR"
+            f"--error: no error of '{scene}' on {track} links has been measured:"
+            f" run cotrack study error-runtime {scene} -o DIR"
         )
     within = [row for row in known if row.error <= error]
     if not within:
         best = min(known, key=lambda row: row.error)
         raise BadInput(
-            f"--error {error:.3g}: no setting of '{scene}' on {track} links is known to reach it;"
+            f"--error {error:.3g}: no measured setting of '{scene}' on {track} links reaches it;"
             f" the best has an error of {best.error:.2g}"
         )
     return min(within, key=lambda row: row.wall_time)

@@ -40,7 +40,7 @@ class Verdict(NamedTuple):
     def sentence(self) -> str:
         """Verdict as a sentence."""
         if not self.steps or not self.compared:
-            return f"nothing was compared: the log holds {self.steps} steps and {self.compared} numbers of it"
+            return f"nothing was compared: the log holds {self.steps} steps and {self.compared} of its values"
         inputs = f"; its inputs were altered: {' and '.join(self.altered)} has another sha256 than was recorded"
         told = inputs if self.altered else ""
         if self.difference is None:

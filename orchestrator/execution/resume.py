@@ -59,7 +59,7 @@ def resume(
         )
         if settings:
             if native:
-                raise BadInput(f"--set: {source} is of native FMUs, whose states hold their numbers as well")
+                raise BadInput(f"--set: {source} was run with native FMUs, whose states contain their parameters")
             scene = branched(scene, settings, f"{source}: scene.json")
             told = about | {"set": "; ".join(settings)} | ({"before": json.dumps(earlier)} if earlier else {})
             metadata = {"resumed": about, BRANCHED: told}

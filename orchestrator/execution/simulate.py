@@ -39,7 +39,7 @@ from orchestrator.scene.ranges import implausible
 from orchestrator.scene.run_tables import Run
 from orchestrator.scene.scene import Scene
 
-QUIET = 1.0  # J: a smaller strain energy of bonds counts as rest, unless the scene sets another limit
+QUIET = 1.0  # J, reference energy of the power residual until a bond has carried more, unless the scene sets it
 LATER = 10  # niceness of compiling processes other than the longest one
 
 
@@ -96,7 +96,7 @@ def _simulate(
     say = narration or (lambda what: None)
     reached = Reached()
     with ExitStack() as stack:
-        say(f"{scene.name}: components are built and brought to their start")
+        say(f"{scene.name}: components are built and initialised")
         run = _Prepared.of(*opened(scene, stack, logger, native), begun)
         told = _warned_before(run, logger)
         result["warnings"] = told
@@ -123,7 +123,7 @@ def _simulate(
                     result |= found
                     recorder.tell(happened)
                     if estimated and result["status"] == "ok":
-                        say(f"{scene.name}: the error is estimated, by up to two runs with longer steps")
+                        say(f"{scene.name}: the error is estimated by up to two runs with longer steps")
                         result["error"] = estimate.estimate(run.scene, path, result, _companion(interrupt))
                 status, message = outcome.status, outcome.message
                 if invalid := summary.invalid(result["validity"]):

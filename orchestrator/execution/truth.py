@@ -74,7 +74,7 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
                 found = _found(folder)
                 if found is None:
                     if narration:
-                        narration(f"{scene.name}: two monolithic runs in short steps make its truth")
+                        narration(f"{scene.name}: its truth is computed by two monolithic runs in short steps")
                     found, built = _build(scene, folder, narration), True
     except OSError as error:
         raise BadInput(f"truth: it cannot be kept in the cache: {reason(error)}") from None
