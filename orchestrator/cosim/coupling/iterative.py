@@ -80,7 +80,7 @@ class Iterative(Scheme):
         return None if id(feed) in self._place else "start"
 
     def made(self, feed: Feed, now: Outputs, h: float) -> Floats:
-        """Present guess of the unknown inputs of a feed."""
+        """Return the present guess of the unknown inputs of a feed."""
         return self._guess[self._place[id(feed)]]
 
     def memory(self) -> dict[str, Floats]:
