@@ -1,14 +1,14 @@
-"""Scenes, systems of FMUs, their run, their logs: ``import orchestrator as cotrack`` offers the names of ``OFFERED``.
+"""Python interface: ``import orchestrator as cotrack`` offers the names of ``OFFERED``.
 
-A name is imported when it is asked for, so that this package costs nothing and its generic modules need nothing else.
+A name is imported when it is first used, so importing the package is fast and its generic modules need nothing else.
 """
 
 from importlib import import_module
 from typing import Any
 
-__version__ = "0.2.0"  # of the distribution too
+__version__ = "0.2.0"  # also the version of the distribution
 
-OFFERED = {  # name: module and what it is called there
+OFFERED = {  # public name: module, name in the module
     "run": ("execution.simulate", "simulate"),
     "scenes": ("scene.gallery", "names"),
     "load": ("scene.scene", "load"),

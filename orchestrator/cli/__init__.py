@@ -1,7 +1,7 @@
-"""The command ``cotrack``. Results go to stdout, messages and progress to stderr.
+"""Command ``cotrack``; results go to stdout, messages and progress to stderr.
 
 Exit status: 0 if the command is done and every check is met; 1 if it failed, a check is not met or the energy balance
-stays open; 2 on bad input.
+is open; 2 on bad input.
 """
 
 from __future__ import annotations
@@ -67,9 +67,9 @@ def _version(wanted: bool) -> None:
 def _common(
     context: typer.Context,
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="what is installed")
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="print the installed version")
     ] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="show where an error was raised; before the command")] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="print tracebacks; give it before the command")] = False,
 ) -> None:
     logging.getLogger("cotrack").setLevel(logging.DEBUG if debug else logging.NOTSET)
     context.with_resource(narration)
@@ -99,6 +99,6 @@ def main(command: Callable[[], object] = app) -> None:
                 stream.flush()
         except OSError as error:
             status = tell(*ended_by(error)) if stream is sys.stdout else status
-            with suppress(OSError, ValueError):  # the data that are still in the buffer must not raise again
+            with suppress(OSError, ValueError):  # buffered data must not raise again at exit
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     sys.exit(status)

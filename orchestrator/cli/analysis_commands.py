@@ -25,7 +25,7 @@ To = Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")]
 
 
 def options() -> dict[str, Parameter]:
-    """Options of all analyses, by the names of the arguments of ``analyse``."""
+    """Return the options of all analyses by the names of the arguments of ``analyse``."""
     found = {option.flag: option for one in ANALYSES.values() for option in (*one.options, *one.of_picture)}
     return {
         _argument(flag): Parameter(
@@ -47,12 +47,12 @@ def _argument(flag: str) -> str:
 
 def analyse(
     log: LogPath,
-    what: Annotated[str, typer.Argument(metavar="WHAT", help="one of these analyses")],
+    what: Annotated[str, typer.Argument(metavar="WHAT", help="one of the analyses above")],
     start: From = -inf,
     end: To = inf,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="FILE.csv", help="all numbers; of deformation also .png, .svg or .pdf"),
+        typer.Option("-o", "--output", metavar="FILE.csv", help="all numbers; for deformation also .png, .svg or .pdf"),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="one JSON object on stdout")] = False,
     **given: Any,
@@ -96,7 +96,7 @@ analyse.__signature__ = Signature(  # type: ignore[attr-defined]
 _WIDE = max(map(len, ANALYSES)) + 2
 analyse.__doc__ = "\n".join(
     [
-        "What happened in a run, as a table with units.\n\n\b",
+        "Analyse a run and print a table with units.\n\n\b",
         *(f"{name:{_WIDE}}{one.about}" for name, one in ANALYSES.items()),
         "\nWith -o a CSV file: the table, or all of "
         f"{and_list([name for name, one in ANALYSES.items() if one.in_full])} over time, frequency or length.",
@@ -113,7 +113,7 @@ def _belong(what: str, given: Mapping[str, Any]) -> None:
 
 
 def _asked(options: Sequence[Option], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Options that were given, by argument name."""
+    """Return the options that were given, by argument name."""
     return {one.name: given[_argument(one.flag)] for one in options if given[_argument(one.flag)]}
 
 
@@ -132,7 +132,7 @@ def _check(start: float, end: float) -> None:
 def plot(
     names: Annotated[
         list[str],
-        typer.Argument(metavar="LOG... SIGNAL...", help="logs, then signals: instance.variable, * for anything"),
+        typer.Argument(metavar="LOG... SIGNAL...", help="logs, then signals: instance.variable, * for any text"),
     ],
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help=".png, .svg or .pdf; default LOG-plot.png")
@@ -141,8 +141,8 @@ def plot(
     end: To = inf,
     spectrum: Annotated[bool, typer.Option("--spectrum", help="amplitudes over frequency")] = False,
     order: Annotated[bool, typer.Option("--order", help="amplitudes over tooth orders")] = False,
-    waterfall: Annotated[bool, typer.Option("--waterfall", help="a map of a family as link[*].tension")] = False,
-    place: Annotated[bool, typer.Option("--place", help="a map by place on the circuit of the chain")] = False,
+    waterfall: Annotated[bool, typer.Option("--waterfall", help="map of a family as link[*].tension")] = False,
+    place: Annotated[bool, typer.Option("--place", help="map by place on the circuit of the chain")] = False,
 ) -> None:
     """Draw signals over time, frequency or tooth order, or as a map.
 
@@ -156,7 +156,7 @@ def plot(
     if not logs:
         raise BadInput("plot needs a log: a file, or a name that ends in .mcap")
     if not signals:
-        raise BadInput("plot needs a signal: 'cotrack log info --signals LOG' says which there are")
+        raise BadInput("plot needs a signal: 'cotrack log info --signals LOG' lists them")
     _check(start, end)
     target = output or logs[0].with_name(f"{logs[0].stem}-plot.png")
     signal_picture.draw(

@@ -1,4 +1,4 @@
-"""Arguments, messages and exit status that all commands share."""
+"""Arguments, messages and exit status shared by all commands."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ narration = Narration(narrate)
 
 
 def ended_by(error: Exception) -> tuple[str, int]:
-    """Message and exit status for an error."""
+    """Return message and exit status for an error."""
     if logging.getLogger("cotrack").isEnabledFor(logging.DEBUG):
         traceback.print_exception(error)
     if isinstance(error, refusals()):
@@ -64,7 +64,7 @@ def ended_by(error: Exception) -> tuple[str, int]:
 
 
 def refusals() -> tuple[type[Exception], ...]:
-    """Exceptions that report bad input, before anything ran."""
+    """Return the exceptions that report bad input, before anything ran."""
     from fmus.build import BuildFailed
     from orchestrator.cosim.checkpoint import Unusable
     from orchestrator.cosim.component import ComponentFailed
@@ -93,7 +93,7 @@ def refusals() -> tuple[type[Exception], ...]:
 
 
 def noticing() -> None:
-    """Show every LogNotice once, on stderr, from now on; other warnings are shown as before."""
+    """Print every LogNotice once on stderr from now on; other warnings are shown as before."""
     before: Callable[..., None] = warnings.showwarning
     said: set[str] = set()
 

@@ -11,7 +11,7 @@ from orchestrator.results.difference import Difference
 from orchestrator.results.divergence import Divergence
 from orchestrator.results.run_data import RunData, Window
 
-SHOWN = 12  # most lines for signals that only one log has
+SHOWN = 12  # largest number of printed signals that only one log has
 
 
 def limits(allowed: Sequence[str], apart: Mapping[str, Difference]) -> dict[str, float]:
@@ -39,7 +39,7 @@ def table(
     most: Mapping[str, float],
     parted: Divergence | None,
 ) -> dict[str, Any]:
-    """Result of a comparison as one JSON object."""
+    """Return the result of a comparison as one JSON object."""
     observables = {
         name: {"unit": one.unit, "rms": one.absolute, "relative": one.relative, "decisive": one.decisive}
         | ({"allowed": most[name], "ok": one.relative <= most[name]} if name in most else {})
@@ -80,7 +80,7 @@ def _place(found: Bits) -> dict[str, Any]:
 
 
 def lines(result: Mapping[str, Any]) -> Iterator[str]:
-    """Lines of text for the result of a comparison."""
+    """Yield the lines of text for the result of a comparison."""
     for role, key in (("run", "run"), ("reference", "reference")):
         about = result[key]
         what = ", ".join(str(about[name]) for name in ("scene", "track", "coupling") if about[name])

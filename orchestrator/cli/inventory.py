@@ -18,13 +18,13 @@ CONTACTS = ("contact with wheels and teeth", "contact with the ground")
 
 
 def lines(scene: Scene) -> Iterator[str]:
-    """Lines of the inventory; raises BuildFailed if a component cannot start."""
+    """Yield the lines of the inventory; raises BuildFailed if a component cannot start."""
     yield from describe(scene)
     yield from _evaluated(scene, assemble(scene))
 
 
 def describe(scene: Scene) -> Iterator[str]:
-    """Parts of a scene with their sizes, and parts that are left out."""
+    """Yield lines about the parts of a scene with their sizes, and about parts that are left out."""
     run = scene.run
     yield f"{scene.name}: {scene.title}"
     if run.variable is None:
@@ -51,7 +51,7 @@ def _expected(name: str, check: Check) -> str:
 
 
 def _parts(scene: Scene) -> tuple[list[str], list[str]]:
-    """Lines for present parts and lines for absent ones."""
+    """Return lines for present parts and lines for absent ones."""
     assembly, present = assemble(scene), []
     wide = max(len(part.kind) for part in assembly.parts)
     for part in assembly.parts:
@@ -132,7 +132,7 @@ def _evaluated(scene: Scene, assembly: Assembly) -> Iterator[str]:
 
 
 def pairs(scene: Scene, part: Part) -> list[str]:
-    """Contact pairs that a component evaluates."""
+    """Return the contact pairs that a component evaluates."""
     if part.stage != TRACK:
         own: dict[str, Any] = part.config.get("chassis", {}).get("ground", {})
         points = len(part.config["vehicle"]["chassis"].get("hull", ())) if own.get("hull") else 0
@@ -153,7 +153,7 @@ def pairs(scene: Scene, part: Part) -> list[str]:
 
 
 def _folded(modules: Iterable[str]) -> Iterator[str]:
-    """Modules grouped by folder, one line each."""
+    """Yield one line per folder with its modules."""
     folders: dict[str, list[str]] = {}
     for module in modules:
         folder, _, name = module.rpartition(".")

@@ -1,4 +1,4 @@
-"""The commands ``cotrack log ...``."""
+"""Commands ``cotrack log ...``: info, verify, recover, export."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from orchestrator.cli.printed import plain
 from orchestrator.results.validity.entry import recorded
 
 JsonOption = Annotated[bool, typer.Option("--json", help="one JSON object on stdout")]
-app = typer.Typer(help="Look into a log.", no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(help="Inspect, verify, recover or export a log.", no_args_is_help=True, rich_markup_mode=None)
 
 
 @app.command("info")
 def info(
     log: LogPath,
-    signals: Annotated[bool, typer.Option("--signals", help="the name and unit of every signal, by topic")] = False,
+    signals: Annotated[bool, typer.Option("--signals", help="print name and unit of every signal, by topic")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Print what a log holds and how its run ended."""
+    """Print the contents of a log and the status of its run."""
     from orchestrator.log import tools
     from orchestrator.log.log_format import checkpoint_step
 
@@ -51,7 +51,7 @@ def info(
         *(f"  {topic:22} {kind} for other tools" for topic, kind in held.others.items()),
         *(f"  attached: {name}, {size} bytes" for name, size in about.attachments.items() if name not in points),
         *(
-            [f"  {len(points)} checkpoints, {sum(points.values())} bytes: 'cotrack resume' goes on from there"]
+            [f"  {len(points)} checkpoints, {sum(points.values())} bytes: 'cotrack resume' continues from one"]
             * bool(points)
         ),
         f"  digest {about.digest or 'none: a part is damaged'}",
@@ -69,7 +69,7 @@ def info(
 
 
 def _as_table(about: Any) -> dict[str, Any]:
-    """JSON object of an ``Info``."""
+    """Return the JSON object of an ``Info``."""
     held = about.log
     return {
         "log": str(held.path),
@@ -97,7 +97,7 @@ def _as_table(about: Any) -> dict[str, Any]:
 
 @app.command("verify")
 def verify(log: LogPath, as_json: JsonOption = False) -> None:
-    """Check that a log is whole: exit 0, or 1 when it is broken."""
+    """Check that a log is whole: exit 0, or 1 if it is broken."""
     from orchestrator.log import tools
 
     _report(tools.verify(log), as_json)
@@ -111,7 +111,7 @@ def recover(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Write the whole part of a broken log: exit 0 without loss, 3 with loss, 1 when nothing is left."""
+    """Save the complete steps of a broken log: exit 0 without loss, 3 with loss, 1 if nothing is left."""
     from orchestrator.log import tools
 
     _report(tools.recover(log, output or log.with_name(f"{log.stem}-recovered.mcap")), as_json)
@@ -133,12 +133,12 @@ def export(
     ],
     signals: Annotated[
         list[str] | None,
-        typer.Option("--signal", metavar="NAME", help="instance.variable, * for anything; repeatable"),
+        typer.Option("--signal", metavar="NAME", help="instance.variable, * for any text; repeatable"),
     ] = None,
     topics: Annotated[
         list[str] | None, typer.Option("--topic", metavar="TOPIC", help="a whole topic; repeatable")
     ] = None,
-    kind: Annotated[Kind | None, typer.Option("--as", help="of the files of a folder, default csv")] = None,
+    kind: Annotated[Kind | None, typer.Option("--as", help="format of the files in a folder, default csv")] = None,
     start: Annotated[float, typer.Option("--from", metavar="T", help="first instant, s")] = float("-inf"),
     end: Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")] = float("inf"),
 ) -> None:

@@ -1,4 +1,4 @@
-"""Command of older versions that has moved into a clone; it answers with the new place."""
+"""Command of older versions that exists in a clone only; it prints the new place."""
 
 from __future__ import annotations
 

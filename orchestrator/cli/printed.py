@@ -1,4 +1,4 @@
-"""Summary of a run as lines of text, and values that JSON can hold."""
+"""Output of commands: summary of a run as lines of text, values that JSON can hold."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import Any
 
 from orchestrator.results.validity.entry import Entry
 
-MOST = 1000  # longest sentence that is shown, in characters
-OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # phases show these better than the last second
+MOST = 1000  # longest printed sentence, characters
+OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # printed by phase instead of by the last second
 
 
 def finite(value: Any) -> Any:
@@ -22,7 +22,7 @@ def finite(value: Any) -> Any:
 
 
 def plain(text: str) -> str:
-    """Text of any origin as one line of printable characters, shortened to MOST."""
+    """Return text of any origin as one line of printable characters, shortened to MOST."""
     shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[:MOST])
     return shown if len(text) <= MOST else f"{shown} ..."
 
@@ -54,7 +54,7 @@ WORDS = {
 
 
 def _error(found: dict[str, Any]) -> str:
-    """Sentence about the error estimate of a run."""
+    """Return a sentence about the error estimate of a run."""
     if found["total"] is None:
         return f"estimated error: not known, {found['message']}"
     most = max(
@@ -69,7 +69,7 @@ def _error(found: dict[str, Any]) -> str:
 
 
 def _headline(r: dict[str, Any]) -> str:
-    """First line: scene, links, status, number of met checks."""
+    """Return the first line: scene, links, status, number of met checks."""
     links = f", {r['track']} links" if r["track"] else ""
     met = sum(check["ok"] for check in r["checks"].values())
     checks = f"; {met} of {len(r['checks'])} checks are met" if r["checks"] else ""
@@ -77,7 +77,7 @@ def _headline(r: dict[str, Any]) -> str:
 
 
 def _pace(r: dict[str, Any]) -> str:
-    """Line about run time and real-time factor."""
+    """Return the line about run time and real-time factor."""
     factor = r["real_time_factor"]
     pace = f"{factor:.3g} times as fast as" if factor >= 1.0 or not factor else f"{1.0 / factor:.3g} times slower than"
     return (
@@ -87,7 +87,7 @@ def _pace(r: dict[str, Any]) -> str:
 
 
 def _observables(r: dict[str, Any]) -> list[str]:
-    """One line per averaging window with its finite observables, without those that phases show better."""
+    """Return a line per averaging window with its finite observables; OF_PHASES only without phases."""
     lines: dict[str, list[str]] = {}
     for key, value in r["observables"].items():
         name, unit, size, digits = WORDS[key]
@@ -99,7 +99,7 @@ def _observables(r: dict[str, Any]) -> list[str]:
 
 
 def _window(of: dict[str, float]) -> str:
-    """Averaging window in words."""
+    """Return the averaging window in words."""
     return f"mean of {of['from']:.6g} to {of['to']:.6g} s" if of["from"] else f"whole run, 0 to {of['to']:.6g} s"
 
 
@@ -110,19 +110,19 @@ def _phases(found: list[dict[str, Any]]) -> list[str]:
 
 
 def _bearer(phases: list[dict[str, Any]]) -> str:
-    """Track and time of the largest tension; empty without phases."""
+    """Return track and time of the largest tension in words; empty without phases."""
     most = max((one for one in phases if one["tension_track"]), key=lambda one: one["tension"], default=None)
     return f" in {most['tension_track'].replace('_', ' ')} at {most['tension_t']:.4g} s" if most else ""
 
 
 def warning(told: dict[str, Any]) -> str:
-    """Line about a component's warning."""
+    """Return the line about a component's warning."""
     times = f", {told['count']} times" if told["count"] > 1 else ""
     return f"warning: {told['component']} at {told['time']:.6g} s{times}: {told['text']}"
 
 
 def validity(told: dict[str, Any]) -> str:
-    """Line about an entry of the validity ledger."""
+    """Return the line about an entry of the validity ledger."""
     entry = Entry(**told)
     return f"validity, {entry.severity}: {entry.component} from {entry.time:.6g} s on: {entry.sentence}"
 
@@ -144,7 +144,7 @@ def _ledger(energy: dict[str, Any]) -> str:
 
 
 def _causes(causes: dict[str, float]) -> str:
-    """Dissipated energy by cause, largest first."""
+    """Return the line about dissipated energy by cause, largest first."""
     parts = sorted(causes.items(), key=lambda each: -abs(each[1]))
     return "dissipated: " + ", ".join(f"{cause.replace('_', ' ')} {lost:.4g} J" for cause, lost in parts)
 

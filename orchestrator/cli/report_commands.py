@@ -1,4 +1,4 @@
-"""The command ``report``."""
+"""Command ``report``: an HTML page about a run."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ def report(
     log: LogPath,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="the page, .html")],
     reference: Annotated[
-        Path | None, typer.Argument(metavar="[REFERENCE]", help="a log that the run is held against")
+        Path | None, typer.Argument(metavar="[REFERENCE]", help="a log to compare the run with")
     ] = None,
-    different: Annotated[bool, typer.Option("--different", help="even if they are runs of different scenes")] = False,
+    different: Annotated[bool, typer.Option("--different", help="also compare runs of different scenes")] = False,
 ) -> None:
-    """Write one HTML page about a run, with a player; it needs nothing but a browser.
+    """Write one HTML page about a run, with a player; it needs a browser only.
 
-    The page shows how the run ended, checks, motion, drives, energy, tension, loads and events. With a reference,
-    each chart shows both runs and a table lists their differences.
+    The page shows status, checks, motion, drives, energy, tension, loads and events. With a reference, each chart
+    shows both runs and a table lists their differences.
     """
     from orchestrator.execution.reported import report as write
 

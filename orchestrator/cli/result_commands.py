@@ -19,7 +19,7 @@ def replay(
     log: LogPath,
     component: Annotated[
         list[str] | None,
-        typer.Option("--component", metavar="NAME", help="what is stepped again; repeatable, all without it"),
+        typer.Option("--component", metavar="NAME", help="component to step, repeatable; default all"),
     ] = None,
     other: Annotated[
         str | None,
@@ -27,22 +27,21 @@ def replay(
     ] = None,
     settings: Settings = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="PATH", help="log of the other model's answer")
+        Path | None, typer.Option("-o", "--output", metavar="PATH", help="log of the other model")
     ] = None,
     picture: Annotated[
-        Path | None, typer.Option("--picture", metavar="FILE", help="both answers over time, .png or .svg")
+        Path | None, typer.Option("--picture", metavar="FILE", help="outputs of both models over time, .png or .svg")
     ] = None,
-    start: Annotated[float, typer.Option("--from", metavar="T", help="first instant that is compared, s")] = -inf,
-    end: Annotated[float, typer.Option("--to", metavar="T", help="last one; the component is stepped that far")] = inf,
-    as_json: Annotated[bool, typer.Option("--json", help="one JSON object on stdout, of a comparison")] = False,
+    start: Annotated[float, typer.Option("--from", metavar="T", help="first instant of the comparison, s")] = -inf,
+    end: Annotated[float, typer.Option("--to", metavar="T", help="last instant, s; the component stops there")] = inf,
+    as_json: Annotated[bool, typer.Option("--json", help="comparison as one JSON object on stdout")] = False,
 ) -> None:
     """Step components with their recorded inputs and compare the outputs with the log.
 
-    The comparison is bit by bit. With another model (--with) or other numbers (--set) in place of one component, the
-    command prints how the two answers differ. The component is built from the scene in the log, or is the FMU that
+    The comparison is bit by bit. With another model (--with) or changed parameters (--set) in place of one component,
+    the command prints how the outputs differ. The component is built from the scene in the log, or is the FMU that
     --with names; a file that the log names is never run. An FMU with the recorded hash is compared bit by bit unless
-    -o asks for a log of its answer. Components are always stepped from the beginning of the log, whatever the window
-    of the comparison.
+    -o requests a log of its outputs. Components are always stepped from the beginning of the log.
     """
     from orchestrator.execution import replay_model
 
@@ -68,26 +67,26 @@ def replay(
 
 
 def _told(verdict: Any) -> dict[str, Any]:
-    """JSON object of a ``replays.Verdict``."""
+    """Return the JSON object of a ``replays.Verdict``."""
     told = None if verdict.difference is None else verdict.difference._asdict()
     return {**verdict._asdict(), "difference": told, "equal": verdict.equal}
 
 
 def _answer_name(log: Path, component: str, other: str) -> str:
-    """Default file name of the log of an answer; ``other`` is a model, an FMU or "set"."""
+    """Return the default name of another model's log; ``other``: track model, FMU file or "set"."""
     from orchestrator.log.export import file_name
 
     return f"{log.stem}-{file_name(component)}-{Path(other).stem}.mcap"
 
 
 def _answer(log: Path, again: Any, path: Path, picture: Path | None, window: tuple[float, float]) -> None:
-    """Log the answer of another model; print a table and draw a picture of both."""
+    """Log another model's outputs, print a table of the differences and draw both models."""
     from orchestrator.log.reader import Log
     from orchestrator.results import answered
 
     name = again.component.name
     if not again.answer(path, window[1]):
-        leave(f"{log} holds no step of '{name}': there is nothing to answer", 1)
+        leave(f"{log} holds no step of '{name}': there is nothing to replay", 1)
     with Log(log) as one, Log(path) as two:
         found = answered.answers(one, two, name, window)
     if not found:
@@ -102,22 +101,24 @@ def _answer(log: Path, again: Any, path: Path, picture: Path | None, window: tup
 
 def compare(
     run: Annotated[Path, typer.Argument(metavar="A", help="an MCAP log")],
-    reference: Annotated[Path, typer.Argument(metavar="B", help="the reference: the log that A is held against")],
-    different: Annotated[bool, typer.Option("--different", help="even if they are runs of different scenes")] = False,
-    start: Annotated[float, typer.Option("--from", metavar="T", help="first instant of what is compared, s")] = -inf,
+    reference: Annotated[Path, typer.Argument(metavar="B", help="the reference, another MCAP log")],
+    different: Annotated[bool, typer.Option("--different", help="also compare runs of different scenes")] = False,
+    start: Annotated[float, typer.Option("--from", metavar="T", help="first instant of the comparison, s")] = -inf,
     end: Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")] = inf,
     align: Annotated[
         str, typer.Option("--align", metavar="BY", help="time, travel (of the chains, m) or SIGNAL=VALUE (an event)")
     ] = "time",
     allowed: Annotated[
         list[str] | None,
-        typer.Option("--allow", metavar="[NAME=]RELATIVE", help="most of an observable, or of all decisive ones"),
+        typer.Option(
+            "--allow", metavar="[NAME=]RELATIVE", help="allowed difference of one or all decisive observables"
+        ),
     ] = None,
     bitwise: Annotated[
-        bool, typer.Option("--bits", help="where they part bit by bit, what that spreads to, how it grows")
+        bool, typer.Option("--bits", help="compare bits: first difference, signals it spreads to, growth")
     ] = False,
     picture: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="the growth as a picture, .png or .svg")
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="picture of the growth, .png or .svg")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="one JSON object on stdout")] = False,
 ) -> None:

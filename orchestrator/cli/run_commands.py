@@ -23,19 +23,19 @@ def run(
     ] = None,
     coupling: Annotated[
         str | None,
-        typer.Option("--coupling", metavar="NAME", help="the coupling scheme, instead of the scene's"),
+        typer.Option("--coupling", metavar="NAME", help="coupling scheme, instead of the scene's"),
     ] = None,
     error: Annotated[
-        str | None, typer.Option("--error", metavar="E", help="'1%': the cheapest settings known to keep it")
+        str | None, typer.Option("--error", metavar="E", help="'1%': use the cheapest settings known to reach it")
     ] = None,
     estimate: Annotated[
-        bool, typer.Option(help="say how wrong the run is: two coarser runs beside it, up to 1.8 times its time more")
+        bool, typer.Option(help="estimate the error by two coarser runs, in up to 1.8 times the run's time")
     ] = True,
     log: Annotated[Path | None, typer.Option("--log", metavar="PATH", help="default logs/SCENE-TRACK.mcap")] = None,
-    native: Annotated[bool, typer.Option("--native", help="by FMUs of machine code alone, to the same bits")] = False,
+    native: Annotated[bool, typer.Option("--native", help="use native FMUs; results have the same bits")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
-    """Run a scene, log it, make its checks and estimate its error."""
+    """Run a scene, record it, evaluate its checks and estimate its error."""
     narration(f"{scene}: the scene is read")
     from orchestrator.execution import summary
     from orchestrator.scene.scene import load
@@ -71,21 +71,21 @@ def run(
 def resume(
     log: LogPath,
     at: Annotated[
-        float | None, typer.Option("--at", metavar="T", help="from the last checkpoint by then, s, instead of the last")
+        float | None, typer.Option("--at", metavar="T", help="continue from the last checkpoint by then, s")
     ] = None,
-    stop: Annotated[float | None, typer.Option("--stop", metavar="T", help="another end, s")] = None,
+    stop: Annotated[float | None, typer.Option("--stop", metavar="T", help="end, s, instead of the scene's")] = None,
     settings: Settings = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="PATH", help="default LOG-resumed.mcap, of a branch LOG-branch.mcap"),
+        typer.Option("-o", "--output", metavar="PATH", help="default LOG-resumed.mcap, with --set LOG-branch.mcap"),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
     """Continue a run from a checkpoint in its log.
 
-    The new log equals, bit by bit, that of an uninterrupted run; it includes all that came before. A run that was
-    stopped or killed continues from its last checkpoint. With --set the run branches off there with other numbers of
-    the scene. The states continue unchanged: nothing is laid out or brought to equilibrium again.
+    The new log equals, bit by bit, that of an uninterrupted run; it includes everything before the checkpoint. A run
+    that was stopped or killed continues from its last checkpoint. With --set the run branches off there with changed
+    numbers of the scene. The states continue unchanged: layout and equilibrium are not computed again.
     """
     from orchestrator.execution import summary
     from orchestrator.execution.resume import resume as go_on
@@ -106,13 +106,13 @@ def truth(
     settings: Settings = None,
     stop: Annotated[str | None, typer.Option("--stop", metavar="T", help="end, '2 s' or a number")] = None,
     against: Annotated[
-        Path | None, typer.Option("--against", metavar="LOG", help="how far this run of the scene is off")
+        Path | None, typer.Option("--against", metavar="LOG", help="print the error of this run of the scene")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
-    """Run the scene without co-simulation, converged in its step.
+    """Run a scene as a monolith (without co-simulation), converged in its step.
 
-    The monolithic reference has an error estimate of its own and is kept: a second call finds it.
+    The monolithic reference has an error estimate and is cached: a second call finds it.
     """
     from orchestrator.execution import truth as module
     from orchestrator.log.reader import Log

@@ -21,7 +21,7 @@ def scenes() -> None:
 
 
 def show(scene: SceneName, track: TrackOption = None, settings: Settings = None) -> None:
-    """Show the parts of a scene, their sizes, and what is left out."""
+    """Print the parts of a scene with their sizes, and the parts that are left out."""
     from orchestrator.cli.inventory import lines
     from orchestrator.scene.scene import load
 
@@ -30,24 +30,22 @@ def show(scene: SceneName, track: TrackOption = None, settings: Settings = None)
 
 
 def build(
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="the folder of the FMUs")],
-    scene: Annotated[str | None, typer.Argument(metavar="[SCENE]", help="only what this scene needs")] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="folder for the FMUs")],
+    scene: Annotated[str | None, typer.Argument(metavar="[SCENE]", help="only the FMUs of this scene")] = None,
     everything: Annotated[bool, typer.Option("--all", help="every distinct FMU of the gallery")] = False,
     track: TrackOption = None,
     settings: Settings = None,
     vehicle: Annotated[
-        str | None, typer.Option("--vehicle", metavar="FILE", help="a vehicle, instead of the scene's")
+        str | None, typer.Option("--vehicle", metavar="FILE", help="vehicle file, instead of the scene's")
     ] = None,
-    native: Annotated[
-        bool, typer.Option("--native", help="of machine code alone, what a start is computed from constant")
-    ] = False,
+    native: Annotated[bool, typer.Option("--native", help="native FMUs; parameters of the start are constant")] = False,
     windows: Annotated[
-        bool, typer.Option("--windows", help="with --native: with libraries for Windows beside those for Linux")
+        bool, typer.Option("--windows", help="with --native: add libraries for Windows to those for Linux")
     ] = False,
 ) -> None:
     """Build FMUs whose default parameters are those of the scene.
 
-    Without a scene: the four standard FMUs; with --all: those of the whole gallery.
+    Without a scene: the four standard FMUs; with --all: the FMUs of the whole gallery.
     """
     from orchestrator.scene import products
     from orchestrator.scene.parts import TRACKS
@@ -56,7 +54,7 @@ def build(
     if scene is not None and everything:
         raise BadInput("give a scene or --all, not both")
     if windows and not native:
-        raise BadInput("--windows is for --native: Python FMUs run where Python does")
+        raise BadInput("--windows needs --native: Python FMUs run on every system that has Python")
     changes = [*([f"vehicle={vehicle}"] if vehicle else ()), *(settings or ())]
     models = [track] if track else list(TRACKS)
     if everything:
@@ -70,9 +68,9 @@ def build(
 
 
 def warm(
-    scenes: Annotated[list[str] | None, typer.Argument(help="scenes; all of the gallery")] = None,
+    scenes: Annotated[list[str] | None, typer.Argument(help="scenes; default the whole gallery")] = None,
 ) -> None:
-    """Compile the kernels of scenes before their first run, in as many processes as there are cores."""
+    """Compile the kernels of scenes before their first run, in one process per core."""
     from orchestrator.execution.warm import variants
     from orchestrator.execution.warm import warm as begun
 

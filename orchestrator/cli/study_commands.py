@@ -1,4 +1,4 @@
-"""The command ``study``: many cases, results as tables and figures."""
+"""Command ``study``: many cases, results as tables and figures."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from orchestrator.cli.common import narration
 if TYPE_CHECKING:
     from orchestrator.studies import Case
 
-Output = Annotated[Path | None, typer.Option("-o", "--output", metavar="DIR", help="the folder of tables and figures")]
-Quick = Annotated[bool, typer.Option("--quick", help="below five minutes on two cores")]
+Output = Annotated[Path | None, typer.Option("-o", "--output", metavar="DIR", help="folder for tables and figures")]
+Quick = Annotated[bool, typer.Option("--quick", help="fewer cases, below five minutes on two cores")]
 Workers = Annotated[
-    int | None, typer.Option("--workers", metavar="N", help="processes; default 2, 1 where runs are timed", min=1)
+    int | None, typer.Option("--workers", metavar="N", help="processes; default 2, or 1 if runs are timed", min=1)
 ]
 Scheduler = Annotated[
-    str | None, typer.Option("--scheduler", metavar="ADDRESS", help="a Dask scheduler, instead of processes")
+    str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler, instead of local processes")
 ]
 
 
 def study(
-    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="without it: the known studies")] = None,
+    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="default: list the studies")] = None,
     output: Output = None,
     scene: Annotated[
         str | None, typer.Argument(metavar="[SCENE]", help="for studies of a scene; default straight")
@@ -49,7 +49,7 @@ def study(
         return
     chosen = studies.find(name)
     folder = folder_of(name, output)
-    timed = hasattr(chosen, "WORKERS")  # a study of one scene that measures run times: one run at a time
+    timed = hasattr(chosen, "WORKERS")  # studies of one scene measure run times, so one run at a time
     if scene is not None and not timed:
         raise BadInput(f"study {name} takes no scene")
     cases = chosen.cases(quick, scene) if scene is not None else chosen.cases(quick)

@@ -1,4 +1,4 @@
-"""The command ``view``: a recorded run as a picture, a film or a 3D scene."""
+"""Command ``view``: a recorded run as a picture, a film or a 3D scene."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ def view(
         typer.Option("-o", "--output", metavar="FILE", help=".png, .svg, .pdf, .gif, .mp4, .rrd or .mcap"),
     ] = None,
     times: Annotated[
-        list[float] | None, typer.Option("--at", metavar="T", help="an instant of a picture, s; repeatable")
+        list[float] | None, typer.Option("--at", metavar="T", help="instant of a picture, s; repeatable")
     ] = None,
     above: Annotated[
-        bool, typer.Option("--above", help="picture: the way of a vehicle and forces of the ground")
+        bool, typer.Option("--above", help="picture of the vehicle's path and the ground forces, from above")
     ] = False,
     in_rerun: Annotated[
-        bool, typer.Option("--rerun", help="in space, in the viewer Rerun; with -o its file, .rrd")
+        bool, typer.Option("--rerun", help="3D scene in the viewer Rerun; with -o its file, .rrd")
     ] = False,
-    live: Annotated[bool, typer.Option("--live", help="with --rerun: a run that goes on, until it ends")] = False,
+    live: Annotated[bool, typer.Option("--live", help="with --rerun: follow a run until it ends")] = False,
     in_foxglove: Annotated[
-        bool, typer.Option("--foxglove", help="in space, for Foxglove: a file .mcap and its layout")
+        bool, typer.Option("--foxglove", help="3D scene for Foxglove: a file .mcap and its layout")
     ] = False,
     side: Annotated[
         str | None,
-        typer.Option("--seen-from", metavar="right|top|corner", help="film or one still, .png: where one looks from"),
+        typer.Option("--seen-from", metavar="right|top|corner", help="viewpoint of a film, or of one still (.png)"),
     ] = None,
     colour: Annotated[
         str | None,
         typer.Option(
-            "--colour", metavar="SIGNAL", help="of links, but in pictures: tension, stress, ground, wheels, sliding"
+            "--colour", metavar="SIGNAL", help="of links in films and 3D: tension, stress, ground, wheels, sliding"
         ),
     ] = None,
 ) -> None:
     """Draw a run: a picture, a film, or a 3D scene (--rerun, --foxglove).
 
     A picture shows the links of a track from the side, coloured by tension, at several instants; with --above the
-    path of the vehicle; with --seen-from one instant in the style of a film. Whatever the log lacks is left out.
+    path of the vehicle; with --seen-from one instant in the style of a film. Items that the log lacks are left out.
     """
     suffix = output.suffix.lower() if output else ""
     film = suffix in (".gif", ".mp4") and not in_rerun and not in_foxglove

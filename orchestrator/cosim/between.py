@@ -1,4 +1,4 @@
-"""Statistics between two records: mean, least and most over the steps since the last record.
+"""Statistics of link outputs over the steps since the last record: mean, least and most.
 
 Outputs of forces, sliding and depth of links are means since the last record. The mean over one step follows from the
 difference of two readings.
@@ -48,5 +48,5 @@ class Between:
 
 
 def names(of: tuple[str, ...]) -> list[str]:
-    """Names of the values that ``take`` returns."""
+    """Return the names of the values that ``take`` returns."""
     return [f"{name}.{part}" for part in PARTS for name in of]

@@ -1,4 +1,4 @@
-"""One loaded FMU: any FMI 2.0 co-simulation FMU, through fmpy and arrays that are made once."""
+"""Component: a loaded FMI 2.0 co-simulation FMU, called through fmpy with preallocated arrays."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ Floats = NDArray[np.float64]
 Logger = Callable[[str, int, str], None]  # instance, FMI status, message; of a warning only the first of its kind
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd")  # an angle has no dimension
-LINK_FAMILIES = ("link[", "joint[")  # outputs of every link: read and recorded at a rate of their own
-ARRAY = ("links.base.lo", "links.base.hi", "links.size")  # where they lie in memory, all in one piece, and its bytes
-SETTERS: dict[str, tuple[str, Any, Any]] = {  # of a type: the function, what it takes, what may be given
+LINK_FAMILIES = ("link[", "joint[")  # prefixes of per-link outputs, which are read and recorded at their own rate
+ARRAY = ("links.base.lo", "links.base.hi", "links.size")  # address (two words) and bytes of the array of link outputs
+SETTERS: dict[str, tuple[str, Any, Any]] = {  # FMI type: setter, C type, allowed Python types
     "Real": ("fmi2SetReal", c_double, int | float),
     "Integer": ("fmi2SetInteger", c_int, int),
     "Enumeration": ("fmi2SetInteger", c_int, int),
@@ -70,11 +70,11 @@ _WRAPPER = "Fatal py exception encountered: "  # pythonfmu: the sentence is on t
 
 
 class ComponentFailed(RuntimeError):
-    """An FMU cannot be loaded or did not do what it was asked; the message is one sentence with its name."""
+    """An FMU cannot be loaded or a call failed; the message is one sentence with the instance name."""
 
 
 class State(NamedTuple):
-    """A saved state of a component with the values of its arrays and its warnings; good until freed."""
+    """Saved FMU state with the values of the arrays and the warnings; valid until freed."""
 
     handle: fmi2FMUstate
     arrays: tuple[NDArray[Any], ...]  # u, y, y_links, counters
@@ -83,18 +83,18 @@ class State(NamedTuple):
 
 # ------------------------------------------------------------------ messages
 
-_components: dict[int, Component] = {}  # by identity
+_components: dict[int, Component] = {}  # by id, which is the FMI component environment
 
 
 def _receive(environment: int | None, name: bytes, status: int, category: bytes | None, message: bytes) -> None:
     component = _components.get(environment or 0)
-    if component is None:  # an instance made by other code: fmpy has room for one logger in a process
+    if component is None:  # an instance of other code: fmpy has one logger per process
         printLogMessage(environment, name, status, category, message)
     else:
         component._receive(status, (message or b"").decode("utf-8", "replace"), (category or b"").decode())
 
 
-_receiver = fmi2CallbackLoggerTYPE(_receive)  # lives as long as the process
+_receiver = fmi2CallbackLoggerTYPE(_receive)  # must live as long as the process
 
 
 def _callbacks(environment: int) -> fmi2CallbackFunctions:
@@ -114,17 +114,17 @@ _libraries: dict[Path, Any] = {}
 
 @atexit.register
 def _finalise() -> None:
-    """End the helper threads of pythonfmu libraries; without this one exit in five aborts."""
+    """End the helper threads of pythonfmu libraries; without this, one process in five aborts at exit."""
     for library in _libraries.values():
         with suppress(AttributeError):  # not a pythonfmu library
             library.finalizePythonInterpreter()
 
 
 def unpack(fmu: Path) -> Path:
-    """The folder that holds the unpacked FMU, by content: every file of the FMU is in it as it was packed.
+    """Unpack an FMU into a cache folder named by its content; return the folder. Raises ComponentFailed.
 
-    Where it is not the same any more it is written again; a process that has the old one open keeps it. Where the cache
-    cannot be used the folder lasts as long as this process. Raises ComponentFailed.
+    A file that differs from the packed one is replaced; a process that has the old one open keeps it. If the cache
+    cannot be used, a temporary folder lasts until the end of the process.
     """
     try:
         content = fmu.read_bytes()
@@ -145,14 +145,14 @@ def unpack(fmu: Path) -> Path:
         raise
     except OSError as error:
         raise ComponentFailed(f"cannot unpack the FMU '{fmu}': {error}") from None
-    except Exception as error:  # each method of compression has an error of its own
+    except Exception as error:  # every compression method has its own error class
         raise ComponentFailed(f"'{fmu}' is not an FMU: it is not a zip archive that can be read: {error}") from None
 
 
 def _complete(archive: zipfile.ZipFile, folder: Path) -> Path:
-    """Every file of the archive in the folder as it was packed; other files there are left alone.
+    """Make every file of the archive in the folder equal to the packed one; other files remain.
 
-    Python would run bytecode that nobody checks: there is none, and an empty file where it would be.
+    Bytecode is not unpacked, because Python would run it unchecked; an empty file blocks its folder.
     """
     of_sources = set()
     for name in dict.fromkeys(archive.namelist()):
@@ -166,7 +166,7 @@ def _complete(archive: zipfile.ZipFile, folder: Path) -> Path:
         if entry.is_dir():
             make(file)
         elif not _as_packed(file, entry):
-            if not file.is_relative_to(folder):  # it names a drive
+            if not file.is_relative_to(folder):  # the name contains a drive
                 raise zipfile.BadZipFile(f"it holds a file called '{name}'")
             make(file.parent)
             write(file, archive.read(entry))
@@ -194,11 +194,10 @@ def _bar(bytecode: Path) -> None:
 
 
 class Component(AbstractContextManager["Component"]):
-    """An FMU instance with arrays: write ``u``, step, read ``y``. Use it in a ``with``.
+    """FMU instance with arrays: write ``u``, step, read ``y``. Use it in a ``with``.
 
-    Methods may be called from any thread, one at a time; the GIL is free while the FMU computes, as far as
-    the FMU lets go of it. Whatever fails raises ComponentFailed with the FMU's own message where it logged
-    one.
+    Methods may be called from any thread, one at a time; the GIL is released while the FMU computes, unless the FMU
+    itself holds it. Every failure raises ComponentFailed, with the message that the FMU logged, if any.
     """
 
     def __init__(self, fmu: Path, name: str, logger: Logger | None = None) -> None:
@@ -206,11 +205,11 @@ class Component(AbstractContextManager["Component"]):
         self._logger = logger
         self._messages: list[tuple[int, str]] = []
         self._warnings = Warnings(name)
-        self._clock = np.zeros(1)  # s, where the last step began
+        self._clock = np.zeros(1)  # s, beginning of the last step
         self._states: list[State] = []
         self._handle: Any = None
         self._step_call: Record | None = None
-        self._spent = 0.0  # s inside the FMU, but for steps by ``step_call``
+        self._spent = 0.0  # s inside the FMU, without steps by ``step_call``
         self._phase = "made"
         folder = unpack(Path(fmu))
         self.description = _description(folder, fmu)
@@ -232,7 +231,7 @@ class Component(AbstractContextManager["Component"]):
         self.parameters = tuple(v.name for v in variables if v.causality == "parameter")
         self.constants = {v.name: v.start for v in variables if v.variability == "constant"}
         self.u = np.array([float(self._variables[n].start or 0.0) for n in self.inputs])
-        self.y = np.zeros(len(self.outputs) + 1)[:-1]  # there is room for an output of links behind it
+        self.y = np.zeros(len(self.outputs) + 1)[:-1]  # memory for one link output follows
         self.y_links = np.zeros(len(self.links))
         self.counters = np.zeros(len(self.integers), dtype=np.int32)
         self._arrays: tuple[NDArray[Any], ...] = (self.u, self.y, self.y_links, self.counters)
@@ -240,7 +239,7 @@ class Component(AbstractContextManager["Component"]):
         self._y = self._group(self.outputs, self.y, c_double, self.links[:1])
         self._y_links = self._group(self.links, self.y_links, c_double)
         self._counters = self._group(self.integers, self.counters, c_int)
-        self._array = 0  # address at which the FMU keeps the outputs of links, where it says so
+        self._array = 0  # address of the FMU's array of link outputs; 0: unknown
 
     def _group(
         self, names: tuple[str, ...], values: NDArray[Any], kind: type, behind: tuple[str, ...] = ()
@@ -265,9 +264,9 @@ class Component(AbstractContextManager["Component"]):
             )
         except Exception as error:
             raise ComponentFailed(f"cannot load the binary of '{fmu}': {error}") from None
-        # without fmpy's wrapper round each call, which costs as much as an exchange
+        # without fmpy's wrapper of each call, which costs as much as an exchange
         self._library = self._fmu.dll
-        _libraries[library] = self._library  # never unloaded: Python modules may hold on to it
+        _libraries[library] = self._library  # never unloaded: Python modules may refer to it
         _components[id(self)] = self
         self._callbacks = _callbacks(id(self))
         handle = self._fmu.fmi2Instantiate(
@@ -277,7 +276,7 @@ class Component(AbstractContextManager["Component"]):
             _location(folder / "resources").encode(),
             byref(self._callbacks),
             False,
-            True,  # without logging there are no messages either
+            True,  # logging on: without it the FMU sends no messages
         )
         if not handle:
             del _components[id(self)]
@@ -286,11 +285,11 @@ class Component(AbstractContextManager["Component"]):
         self._phase = "instantiated"
 
     def unit(self, name: str) -> str:
-        """Unit of a variable as the FMU names it, '1' if it has none."""
+        """Return the unit of a variable as the FMU names it, '1' if it has none."""
         return self._variables[name].unit or "1"
 
     def dimension(self, name: str) -> tuple[float, ...] | None:
-        """Exponents of kg, m, s, A, K, mol, cd and 10 in a variable's unit; None where the FMU does not say."""
+        """Return the exponents of kg, m, s, A, K, mol, cd and 10 in a variable's unit; None if unknown."""
         for unit in self.description.unitDefinitions:
             base = unit.baseUnit
             if unit.name == self._variables[name].unit and base is not None:
@@ -312,11 +311,11 @@ class Component(AbstractContextManager["Component"]):
 
     @property
     def warnings(self) -> list[Warned]:
-        """What the FMU has logged with status warning since its start, without what was taken back."""
+        """Messages that the FMU logged with status warning since its start, without steps taken back."""
         return self._warnings.told()
 
     def warned_of(self, earlier: Mapping[str, Warned]) -> None:
-        """It has warned of this in an earlier process, which is gone on with."""
+        """Set the warnings of the earlier process whose run is continued."""
         self._warnings = Warnings(self.name, earlier)
 
     def _receive(self, status: int, message: str, category: str) -> None:
@@ -328,7 +327,7 @@ class Component(AbstractContextManager["Component"]):
             self._logger(self.name, status, message)
 
     def _complaint(self) -> str:
-        """The first thing the FMU complained about during the last call, on one line."""
+        """Return the first error message that the FMU logged in the last call, on one line."""
         if not self._messages:
             return ""
         text = self._messages[0][1].strip()
@@ -353,12 +352,15 @@ class Component(AbstractContextManager["Component"]):
         sentence = self._complaint() or f"{function} failed with FMI status {status}"
         return ComponentFailed(f"{self.name}: {sentence}")
 
-    # -------------------------------------------------------------- life
+    # -------------------------------------------------------------- initialisation and steps
 
     def initialise(
         self, parameters: Mapping[str, float | int | str], start: float = 0.0, stop: float | None = None
     ) -> None:
-        """Set parameters, run the initialisation with the inputs in ``u``, and read all outputs."""
+        """Set parameters, initialise with the inputs in ``u`` and read all outputs; times in s.
+
+        Raises ComponentFailed, also for an unknown parameter or a value of the wrong type.
+        """
         if self._phase != "instantiated":
             self._call(self._library.fmi2Reset)
             self._phase = "instantiated"
@@ -396,21 +398,21 @@ class Component(AbstractContextManager["Component"]):
         self._call(getattr(self._library, setter), (c_uint * 1)(variable.valueReference), 1, content)
 
     def write(self) -> None:
-        """``u`` goes into the FMU."""
+        """Set the FMU's Real inputs from ``u``."""
         self._exchange(self._library.fmi2SetReal, self._u)
 
     def step(self, t: float, h: float) -> None:
-        """From t to t + h, both in s."""
+        """Advance the FMU from t to t + h, both in s."""
         self._clock[0] = t
         self._call(self._library.fmi2DoStep, t, h, not self._states)
 
     def read(self) -> None:
-        """The Real outputs go into ``y``, but for those of links."""
+        """Read the Real outputs, without link outputs, into ``y``."""
         self._exchange(self._library.fmi2GetReal, self._y)
 
     @property
     def step_call(self) -> Record:
-        """``write``, ``step`` and ``read`` as a table for the kernels."""
+        """Table (a ``StepCall``) with which kernels do ``write``, ``step`` and ``read``."""
         if self._step_call is None:
             fmu = self._library
             functions = (fmu.fmi2SetReal, fmu.fmi2DoStep, fmu.fmi2GetReal)
@@ -425,7 +427,7 @@ class Component(AbstractContextManager["Component"]):
         return self._step_call
 
     def show_links(self, due: int) -> None:
-        """``read_links`` is part of each ``step_call`` after which the word at the address ``due`` is not zero."""
+        """Let steps by ``step_call`` read link outputs whenever the word at the address ``due`` is not 0."""
         links_at, n_links, _ = self._y_links
         found = n_links, addressof(links_at), self.y_links.ctypes.data, due, self._array
         for name, word in zip(StepCall._fields[StepCall._fields.index("n_links") :], found, strict=True):
@@ -440,23 +442,23 @@ class Component(AbstractContextManager["Component"]):
             self._messages.clear()
 
     def failure(self) -> ComponentFailed | None:
-        """The failure of the last step by ``step_call``, if it failed."""
+        """Return the failure of the last step by ``step_call``, or None."""
         last = StepCall(*self.step_call[0].item())
         if not last.failed:
             return None
         return self._failure(CALLS[StepCall._fields[last.failed]], last.status)
 
     def read_links(self) -> None:
-        """The outputs of links go into ``y_links``."""
+        """Read link outputs into ``y_links``."""
         if self._array:
             one, _, values = self._y_links
-            self._call(self._library.fmi2GetReal, one, 1, values)  # computes all of them
+            self._call(self._library.fmi2GetReal, one, 1, values)  # reading one makes the FMU compute all
             memmove(values, self._array, self.y_links.nbytes)
         else:
             self._exchange(self._library.fmi2GetReal, self._y_links)
 
     def _find_array(self) -> None:
-        """Whether the outputs of links can be copied from where they lie."""
+        """Ask the FMU for the address of its link outputs, from which they can be copied."""
         there = [name for name in ARRAY if name in self._variables and self._variables[name].type == "Integer"]
         if there == [*ARRAY] and self.links:
             values = (c_int * len(ARRAY))()
@@ -465,7 +467,7 @@ class Component(AbstractContextManager["Component"]):
             self._array = (high & 0xFFFFFFFF) << 32 | low & 0xFFFFFFFF if size == self.y_links.nbytes else 0
 
     def read_counters(self) -> None:
-        """The Integer outputs go into ``counters``."""
+        """Read the Integer outputs into ``counters``."""
         self._exchange(self._library.fmi2GetInteger, self._counters)
 
     def _exchange(self, function: Callable[..., Any], group: tuple[Any, int, Any]) -> None:
@@ -475,7 +477,7 @@ class Component(AbstractContextManager["Component"]):
     # -------------------------------------------------------------- state
 
     def save(self) -> State:
-        """The state of the FMU and the arrays, to be restored or freed."""
+        """Save the state of the FMU and the arrays; the result must be freed."""
         handle = fmi2FMUstate()
         self._call(self._able("canGetAndSetFMUstate", "save its state").fmi2GetFMUstate, byref(handle))
         return self._state(handle)
@@ -491,7 +493,7 @@ class Component(AbstractContextManager["Component"]):
             self._step_call["no_rollback"] = not states
 
     def restore(self, state: State) -> None:
-        """Back to a saved state, bit for bit; it stays good for another time."""
+        """Restore a saved state bit by bit; it stays valid."""
         self._call(self._able("canGetAndSetFMUstate", "restore a state").fmi2SetFMUstate, state.handle)
         self._phase = "running"
         for array, saved in zip(self._arrays, state.arrays, strict=True):
@@ -499,12 +501,12 @@ class Component(AbstractContextManager["Component"]):
         self._warnings.restore(state.warned)
 
     def free(self, state: State) -> None:
-        """Forget a saved state."""
+        """Release a saved state."""
         self._keep([kept for kept in self._states if kept is not state])
         self._call(self._library.fmi2FreeFMUstate, byref(state.handle))
 
     def dump(self, state: State) -> bytes:
-        """A saved state as bytes, for another process with the same FMU."""
+        """Serialise a saved state for another process with the same FMU."""
         fmu = self._able("canSerializeFMUstate", "write its state")
         size = c_size_t()
         self._call(fmu.fmi2SerializedFMUstateSize, state.handle, byref(size))
@@ -513,7 +515,7 @@ class Component(AbstractContextManager["Component"]):
         return content.raw
 
     def load(self, content: bytes) -> State:
-        """Restore from the bytes of `dump`, also into an instance that has not been initialised."""
+        """Restore from the bytes of ``dump``, also into an instance that is not initialised; must be freed."""
         fmu = self._able("canSerializeFMUstate", "read a state")
         handle = fmi2FMUstate()
         size = len(content)
@@ -535,7 +537,7 @@ class Component(AbstractContextManager["Component"]):
     # -------------------------------------------------------------- end
 
     def close(self) -> None:
-        """Terminate and free the instance, unless it is lost (after fmi2Fatal nothing may be called)."""
+        """Terminate and free the instance; after fmi2Fatal no function may be called."""
         if self._handle is None:
             return
         if self._phase != "lost":
@@ -570,6 +572,6 @@ def _description(folder: Path, fmu: Path) -> Any:
 
 
 def _location(resources: Path) -> str:
-    """URI of the resources; in the clear where wrappers, which decode %20 at most, would look elsewhere."""
+    """Return the URI of the resources, unquoted if it has other escapes than %20, the one wrappers decode."""
     quoted = resources.as_uri()
     return quoted if "%" not in quoted.replace("%20", "") else unquote(quoted)

@@ -134,7 +134,7 @@ def _indices(names: tuple[str, ...], wanted: tuple[str, ...], instance: str, wha
 
 
 def wire(system: System, components: Mapping[str, Steppable]) -> Stages:
-    """Members of every stage, with connections as index arrays; raises Miswired."""
+    """Return the members of every stage, with connections as index arrays; raises Miswired."""
     feeds: dict[str, list[Feed]] = {instance.name: [] for instance in system.instances}
     for connection in system.connections:
         for end in (connection.source, connection.target):

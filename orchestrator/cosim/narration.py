@@ -15,9 +15,10 @@ FIRST = "kernels are compiled for this machine, which happens once and takes abo
 
 
 class Narration(logging.Handler):
-    """Progress messages from the moment the context is entered; thread-safe.
+    """Writer of progress messages, active inside its context; thread-safe.
 
-    ``write`` receives each line; ``clock`` gives the time in s. While kernels are compiled the reminders count them.
+    :param write: receives each line.
+    :param clock: returns the time, s. Reminders also count compiled kernels.
     """
 
     def __init__(self, write: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:

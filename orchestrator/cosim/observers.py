@@ -131,7 +131,7 @@ class Reached:
     k, t = 0, 0.0
 
     def patience(self, k: int) -> int:
-        """Never urgent."""
+        """Return a number above any run: this observer need not see every step."""
         return UNHURRIED
 
     def __call__(self, k: int, t: float, h: float) -> None:
@@ -213,7 +213,7 @@ class ProgressBar:
         self._shown.close()
 
     def patience(self, k: int) -> int:
-        """Never urgent: the wall clock decides."""
+        """Return a number above any run: the bar follows the wall clock, not the steps."""
         return UNHURRIED
 
     def __call__(self, k: int, t: float, h: float) -> None:

@@ -1,4 +1,4 @@
-"""The step of given components as a plan for the kernels: what is copied when, and who steps at once."""
+"""Communication step as a plan for the kernels: copies of inputs, and groups that step in parallel."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from orchestrator.kernels.compiled import kernels
 from orchestrator.kernels.tables import ENDED, Mailbox, StepGroup, StepPlan, record
 from orchestrator.log.wire import Rule
 
-WORTHWHILE = 5e-5  # s: in a shorter step an FMU of ours is mostly Python, which runs in one thread at a time
-LOOKS = 20_000  # for a task before a worker sleeps: about a millisecond
+WORTHWHILE = 5e-5  # s, least step time for threads: a shorter step of our FMUs is mostly Python, which has one lock
+LOOKS = 20_000  # polls for a task before a worker sleeps, about a millisecond
 
 
 class Move(NamedTuple):
@@ -32,22 +32,22 @@ class Move(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """Components that step at once, and their inputs."""
+    """Components that step in parallel, and the copies of their inputs."""
 
     components: Sequence[Component]
     moves: Sequence[Move]
 
 
 class Program:
-    """Steps components, some of them in worker threads. Inputs without a rule are set before the step.
+    """Step of all components by the kernels; inputs without a rule must be set before.
 
-    :param threads: whether components that step at once do so in threads; the result is the same.
+    :param threads: components of a stage step in parallel threads; the result is the same without.
     """
 
     def __init__(self, stages: Sequence[Stage], threads: bool = True) -> None:
         self._components = [component for stage in stages for component in stage.components]
         self._kernels = kernels()
-        self._kept: list[NDArray[Any]] = []  # the plan has their addresses
+        self._kept: list[NDArray[Any]] = []  # arrays whose addresses are in the plan
         n_workers = max(len(stage.components) for stage in stages) - 1 if threads and spare_processors() else 0
         self._workers = [Worker() for _ in range(n_workers)]
         before = self._moves([move for stage in stages for move in stage.moves if move.rule != "end"])
@@ -62,16 +62,16 @@ class Program:
         self._workers = []
 
     def run(self, t: float, h: float) -> None:
-        """From t to t + h; raises ComponentFailed: of the components that failed at once, the first one."""
+        """Step all components from t to t + h, s; raises ComponentFailed for the first one that failed."""
         for component in self._components:
             component.begin(t)
         if self._kernels.step_all(self._plan, t, h):
             raise self.failure()
 
     def march(self, tape: Tape, k: int, n: int, h: float) -> int:
-        """Do the steps k + 1 to k + n of ``h`` s, a row of each on the tape.
+        """Do the steps k + 1 to k + n of ``h`` s and write their rows to the tape.
 
-        Returns how many were done before a component failed.
+        Returns the number of steps done before a component failed.
         """
         for component in self._components:
             component.begin(k * h)
@@ -82,7 +82,7 @@ class Program:
         return done
 
     def failure(self) -> ComponentFailed:
-        """Of the components that failed in the last step at once, the first one's."""
+        """Return the failure of the last step; if several components failed, that of the first one."""
         return next(failure for component in self._components if (failure := component.failure()) is not None)
 
     def _group(self, stage: Stage) -> StepGroup:
@@ -91,7 +91,7 @@ class Program:
         return StepGroup(*self._moves(ends), *self._moves(means), len(calls), self._words(calls))
 
     def _moves(self, moves: Sequence[Move]) -> tuple[int, int, int]:
-        """How many values, and where the addresses of targets and sources are."""
+        """Return the number of values, and the addresses of the arrays of target and source addresses."""
         to = [move.u.ctypes.data + 8 * int(k) for move in moves for k in move.inputs]
         by = [move.y.ctypes.data + 8 * int(k) for move in moves for k in move.outputs]
         return len(to), self._words(to), self._words(by)
@@ -100,18 +100,18 @@ class Program:
         return self._keep(np.array(values, dtype=np.int64))
 
     def _keep(self, table: NDArray[Any]) -> int:
-        """Its address."""
+        """Keep an array alive; return its address."""
         self._kept.append(table)
         return int(table.ctypes.data)
 
 
 def spare_processors() -> bool:
-    """Whether there is more than one."""
+    """Whether this process may use more than one processor."""
     return len(os.sched_getaffinity(0)) > 1
 
 
 class Worker:
-    """A thread that does the tasks of its mailbox."""
+    """Thread that does the tasks of its mailbox."""
 
     def __init__(self) -> None:
         self.mailbox = record(Mailbox())
@@ -123,6 +123,6 @@ class Worker:
         kernels().work(self.address, LOOKS)
 
     def close(self) -> None:
-        """End the thread, which has no task."""
+        """End the thread, which must have no task."""
         kernels().set_state(self.address, ENDED)
         self._thread.join()

@@ -1,4 +1,4 @@
-"""What components show after each of many steps: rows that the kernels write into the pages of a log."""
+"""Rows of a batch of steps, which kernels write directly into the pages of a log."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from orchestrator.log.page import HEAD, LENGTH, Page
 
 
 class Taken(NamedTuple):
-    """Rows that steps done together have added."""
+    """Numbers of rows added by one batch of steps."""
 
-    steps: int  # what each component was given, then what each one shows
-    links: int  # all outputs of links, after those of the steps whose number is a multiple of ``every``
+    steps: int  # rows of inputs and outputs of all components, one per step
+    links: int  # rows of link outputs, one per step whose number is a multiple of ``every``
 
 
 class Tape:
-    """Writes steps of these components into a page, and their links, read after one step in ``every``, into another.
+    """Writer of steps into one page and of link outputs, every ``every``-th step, into another.
 
-    :param pages: for the steps, and where there are links for these.
-    :param lend: told before rows are written; nobody else touches the pages until they hear of the rows.
+    :param pages: page of the steps; then that of the links if any component has links.
+    :param lend: called before rows are written; the recorder leaves the pages alone until it gets the row numbers.
     """
 
     def __init__(
@@ -47,18 +47,18 @@ class Tape:
 
     @property
     def room(self) -> int:
-        """Steps for which there is room."""
+        """Number of steps that fit into the pages."""
         return min(page.room * every for page, every in zip(self._pages, (1, self.every), strict=False))
 
     @property
     def due(self) -> int:
-        """Address of the word that says whether links are read after a step."""
+        """Address of the word that is 1 if links are read after the step."""
         return int(self._due.ctypes.data)
 
     def addresses(self, h: float) -> tuple[int, int, int]:
-        """Addresses of both tables, which go on where their pages end, and of the head of a row.
+        """Prepare a batch of steps of length ``h``, s; return addresses of both tables and of the row head.
 
-        ``h``: length of the steps, s.
+        The tables continue behind the last rows of their pages.
         """
         self._taken = None
         self._head[LENGTH] = h
@@ -69,28 +69,28 @@ class Tape:
         return rows.address, links.address, int(self._head.ctypes.data)
 
     def hold(self, k: int, n: int) -> None:
-        """The steps k + 1 to k + n are on it."""
+        """Note that rows of the steps k + 1 to k + n have been written."""
         self._taken = Taken(n, (k + n) // self.every - k // self.every)
 
     def take(self) -> Taken | None:
-        """What was held since the last time."""
+        """Return the row numbers of the last batch, once; None if there is none."""
         taken, self._taken = self._taken, None
         return taken
 
     def shown(self, row: int) -> dict[str, Floats]:
-        """By component, its outputs in a row that is held."""
+        """Return the outputs of each component in a row of the batch."""
         block = self._pages[0].block
         return {name: block.table[block.count + row, where].copy() for name, where in self._shown.items()}
 
     def links(self, taken: Taken) -> tuple[list[int], list[float], Floats]:
-        """Of rows of links that are held: numbers of the steps, times (s), values (m, all outputs of links)."""
+        """Return step numbers, times, s, and values (m, link outputs) of the batch's link rows."""
         block = self._pages[-1].block
         rows = slice(block.count, block.count + taken.links)
         return block.sequence[rows].tolist(), block.t[rows].tolist(), block.values[rows].copy()
 
 
 class _Table:
-    """A ``RowTable`` of arrays."""
+    """``RowTable`` of the arrays ``parts``, whose memory it keeps alive."""
 
     def __init__(self, parts: Sequence[NDArray[np.float64]]) -> None:
         self._kept = parts
@@ -100,6 +100,6 @@ class _Table:
         self.address = int(self._table.ctypes.data)
 
     def go_on(self, page: Page) -> None:
-        """The next row is that behind the last one of a page."""
+        """Place the next row behind the last row of a page."""
         block = page.block
         self._table["end"] = block.table.ctypes.data + block.count * block.table.strides[0]

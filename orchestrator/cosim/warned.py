@@ -42,7 +42,7 @@ class Warnings:
         return known is None
 
     def told(self) -> list[Warned]:
-        """All warnings in the order of their first occurrence."""
+        """Return all warnings in the order of their first occurrence."""
         return [replace(one, count=max(one.count, 1)) for one in self._known.values()]
 
     def save(self) -> Mapping[str, Warned]:

@@ -15,7 +15,7 @@ from orchestrator.scene.scene import load
 
 
 def command(run: RunData) -> str | None:
-    """``cotrack run`` with the settings that differ from the gallery's scene; None if none suffice."""
+    """Return ``cotrack run`` with the settings that differ from the gallery; None if they do not suffice."""
     wanted = run.scene
     if BRANCHED in run.log.metadata:
         return None
@@ -38,7 +38,7 @@ def _resolved(name: str, model: str | None, settings: list[str]) -> Any:
 
 
 def _apart(own: Mapping[str, Any], wanted: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted keys and values of ``wanted`` that ``own`` lacks or has otherwise."""
+    """Yield dotted keys and values of ``wanted`` that ``own`` lacks or that differ."""
     for key, value in wanted.items():
         if isinstance(value, Mapping) and isinstance(own.get(key), Mapping):
             yield from _apart(own[key], value, f"{above}{key}.")

@@ -1,8 +1,8 @@
-"""Branch of a run: it continues from a checkpoint with other parameters.
+"""Branch of a run: continuation from a checkpoint with changed parameters.
 
 The new FMUs are initialised with the new parameters. Their saved states keep these parameters and take variables,
-counters and model states from the checkpoint. The start is not computed again: a link that is stiffer from here on
-keeps its stretch.
+counters and model states from the checkpoint. The start is not computed again: a link that becomes stiffer keeps its
+stretch.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ MAY_CHANGE = ("run.stop", "run.checkpoints", "run.allow")  # keys of ``run`` tha
 
 
 def branched(scene: Scene, settings: Sequence[str], where: str) -> Scene:
-    """The scene with other numbers; raises BadInput for a change of anything else."""
+    """Return the scene with changed numbers; raises BadInput for a change of anything else."""
     said = "; ".join(settings)
     before = scene.resolved()
     found = changed(scene.resolved(), settings, where)
@@ -32,7 +32,7 @@ def branched(scene: Scene, settings: Sequence[str], where: str) -> Scene:
 
 
 def _more_than_numbers(one: Mapping[str, Any], other: Mapping[str, Any], above: str = "") -> Iterator[str]:
-    """Dotted keys that differ in more than a number, and keys about stepping that differ at all."""
+    """Yield dotted keys that differ in more than a number, and keys of ``run`` that differ at all."""
     for name in sorted({*one, *other}):
         key, a, b = f"{above}{name}", one.get(name), other.get(name)
         if isinstance(a, Mapping) and isinstance(b, Mapping):
@@ -48,8 +48,9 @@ def _numbers(value: object) -> bool:
 
 
 def taken_over(component: Component, content: bytes, settings: Sequence[str]) -> bytes:
-    """State of an initialised component with the moving quantities of a saved state of other parameters.
+    """Return the state of an initialised component with variables and model state of a saved state.
 
+    ``content``: saved state of a component with other parameters, of which only the parameters are not taken over.
     Raises ValueError if the saved state does not fit.
     """
     own = component.save()

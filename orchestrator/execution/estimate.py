@@ -32,14 +32,14 @@ Run = Callable[[Scene, Path], dict[str, Any]]  # records a scene, in this proces
 
 
 class Companions(NamedTuple):
-    """The two coarser scenes of an estimate."""
+    """Scenes of the coarser runs of an estimate."""
 
     coupling: Scene | None  # None for a single component, which has no coupling
     both: Scene
 
 
 def companions(scene: Scene, internal: float, simulated: float, components: int) -> Companions:
-    """Scenes with twice the communication step, and with twice the internal step too.
+    """Return the scene with twice the communication step, and that with twice the internal step as well.
 
     ``internal``: internal step of the tracks, s. A variable step is doubled through its tolerance; internal steps
     that follow it get no scene of their own. An explicit integrator at its stable step cannot be doubled: its own
@@ -72,7 +72,7 @@ def companions(scene: Scene, internal: float, simulated: float, components: int)
 
 
 def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> dict[str, Any]:
-    """Relative errors of a recorded run, in total and by observable; without companions, the reason."""
+    """Estimate the relative errors of a recorded run, in total and by observable, or give the reason."""
     steps, simulated = _steps(scene, summary), summary["simulated_time"]
     if not steps or not all(steps) or simulated < 4.0 * scene.run.step:
         return unknown("the run is too short, or nothing in it has an internal step to double")
@@ -132,18 +132,18 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> d
 
 
 def _steps(scene: Scene, summary: dict[str, Any]) -> list[int]:
-    """Number of internal steps of each track."""
+    """Return the number of internal steps of each track."""
     tracks = {part.name for part in assemble(scene).parts if part.stage == TRACK}
     return [cost["steps"] for name, cost in summary["components"].items() if name in tracks]
 
 
 def unknown(reason: str) -> dict[str, Any]:
-    """Entry of a summary without an estimate."""
+    """Return the entry of a summary without an estimate."""
     return {**dict.fromkeys(PARTS), "observables": {}, "wall_time": 0.0, "message": reason}
 
 
 def _looser(variable: Variable) -> Variable:
-    """Tolerances for twice the step: a power residual is of order 2, the error of a step of order 3."""
+    """Return the tolerances for twice the step: a power residual has order 2, the error of a step order 3."""
     factor = 4.0 if variable.estimate == "power" else 8.0
     return variable.model_copy(
         update={

@@ -23,7 +23,7 @@ class Interrupt:
 
 @contextmanager
 def interruptible() -> Iterator[Interrupt]:
-    """Context in which the first signal only requests the end: the step ends and the log is closed."""
+    """Install the handler; while it is gentle, the first signal lets the step end and the log be closed."""
     interrupt = Interrupt()
     main = threading.current_thread() is threading.main_thread()
     signals = [signal.SIGINT, signal.SIGTERM] if main else []

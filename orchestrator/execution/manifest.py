@@ -64,7 +64,7 @@ def open_log(
 def manifest(
     scene: Scene, graph: System, components: Mapping[str, Recorded]
 ) -> tuple[dict[str, list[tuple[str, str]]], dict[str, bytes], dict[str, dict[str, str]]]:
-    """Topics, attachments and metadata of a log before step 0."""
+    """Return topics -> (variable, unit), attachments and metadata of a log before step 0."""
     topics: dict[str, list[tuple[str, str]]] = {}
     attachments = {
         "scene.json": as_json(scene.resolved()),
@@ -101,7 +101,7 @@ def manifest(
 
 
 def describe(graph: System) -> dict[str, Any]:
-    """System as plain data, with the hash of every FMU."""
+    """Return the system graph as plain data, with the hash of every FMU."""
     return {
         "instances": [
             {
@@ -117,7 +117,7 @@ def describe(graph: System) -> dict[str, Any]:
 
 
 def provenance() -> dict[str, str]:
-    """Time, system, processor and versions of a run; unknown entries are left out."""
+    """Return time, system, processor, LLVM version and commit of a run, without unknown entries."""
     found = {
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "system": platform.platform(),
@@ -130,7 +130,7 @@ def provenance() -> dict[str, str]:
 
 @cache
 def _processor() -> str:
-    """Number and name of the processors."""
+    """Return number and name of the processors."""
     name = platform.processor()
     with suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
@@ -140,7 +140,7 @@ def _processor() -> str:
 
 @cache
 def _commit() -> str:
-    """Git commit of the sources, with "+" if they are changed; empty for an installed package."""
+    """Return the git commit of the sources, with "+" if they are changed; empty for an installed package."""
     root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return ""
@@ -156,7 +156,7 @@ def _commit() -> str:
 
 
 def _types(components: Mapping[str, Recorded]) -> dict[str, str]:
-    """Message types by topic; instances of one kind of FMU share theirs."""
+    """Return topic -> message type; instances of one kind of FMU share their types."""
     return {
         f"/{name}/{topic}": schema.type_name(f"/{component.description.modelName}/{topic}")
         for name, component in components.items()
@@ -166,24 +166,24 @@ def _types(components: Mapping[str, Recorded]) -> dict[str, str]:
 
 
 def _strides(scene: Scene, components: Mapping[str, Recorded]) -> dict[str, int]:
-    """Recording interval by topic, in communication steps."""
+    """Return topic -> recording interval in communication steps."""
     every = {"out": scene.run.outputs, "links": scene.links_every}
     return {f"/{name}/{kind}": steps for name in components for kind, steps in every.items()}
 
 
 def description(fmu: Path) -> bytes:
-    """Content of modelDescription.xml in an FMU."""
+    """Read modelDescription.xml in an FMU."""
     with zipfile.ZipFile(fmu) as archive:
         return archive.read("modelDescription.xml")
 
 
 def sha256(file: Path) -> str:
-    """SHA-256 of a file's content."""
+    """Compute the SHA-256 of a file's content."""
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def as_json(data: Any) -> bytes:
-    """JSON bytes of an attachment."""
+    """Encode data as the JSON bytes of an attachment."""
     return json.dumps(data, indent=1, sort_keys=True).encode()
 
 

@@ -1,4 +1,4 @@
-"""Monolithic run of a scene, without co-simulation, by the same master and into the same log topics."""
+"""Monolithic run of a scene (without co-simulation), with the same master and the same log topics."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from orchestrator.scene.scene import Scene
 
 
 class Shown:
-    """Part of the monolith, with the interface of a loaded component for wiring, log and statistics."""
+    """Part of the monolith with the interface of a loaded component for wiring, log and statistics."""
 
     def __init__(self, name: str, model: Any) -> None:
         self.name, self._model = name, model
@@ -48,7 +48,7 @@ class Shown:
         self.read()
 
     def unit(self, name: str) -> str:
-        """Unit of a variable."""
+        """Return the unit of a variable, '1' if it has none."""
         return self._units.get(name, "1")
 
     def read(self) -> None:
@@ -63,7 +63,7 @@ class Shown:
         self._model.link_outputs(self.y_links)
 
     def read_counters(self) -> None:
-        """Read the counters of the one integration, which all parts share."""
+        """Read the counters of the integration, which all parts share."""
         self.counters[:-1] = np.minimum(self._model.counters, np.iinfo(np.int32).max)
 
 
@@ -78,7 +78,7 @@ class Whole(Scheme):
         self._feed(early=True)
 
     def exchange(self, t: float, h: float, now: Outputs) -> None:
-        """Advance one step; parts that take wrenches get the means over it as inputs."""
+        """Advance all parts by one step; mean wrenches over the step become inputs of the parts they act on."""
         self._feed(early=True)
         began = time.perf_counter()
         try:
@@ -105,7 +105,7 @@ class Whole(Scheme):
 
 
 def parts_of(assembly: Assembly) -> list[Part]:
-    """Parts of an assembly in the form that the monolith takes."""
+    """Return the parts of an assembly as parts of a ``Monolith``."""
     return [Part(part.name, part.kind, part.config, part.parameters) for part in assembly.parts]
 
 

@@ -1,4 +1,4 @@
-"""Tables of precision: settings of scenes with the error and the run time that a study measured.
+"""Tables of precision: settings of scenes with measured error and run time.
 
 The gallery's table is shipped beside the scenes and names the commit of its measurements. Results of ``cotrack study
 error-runtime`` on this machine replace its entries. A table has a checksum.
@@ -32,12 +32,12 @@ class Setting(NamedTuple):
 
 
 def own() -> Path:
-    """File that studies on this machine write."""
+    """Return the file that studies on this machine write."""
     return cache_folder() / "precision.json"
 
 
 def read(*files: Path) -> list[Setting]:
-    """All settings; for a scene and track the last file that has them counts."""
+    """Read all settings; for each scene and track the last file that has entries counts."""
     found: list[Setting] = []
     for file in files or (SHIPPED, own()):
         rows = _rows(file)
@@ -46,13 +46,13 @@ def read(*files: Path) -> list[Setting]:
 
 
 def _of_others(settings: list[Setting], new: Iterable[Setting]) -> list[Setting]:
-    """Settings whose scene and track do not occur among the new ones."""
+    """Return the settings whose scene and track do not occur among the new ones."""
     known = {(one.scene, one.track) for one in new}
     return [one for one in settings if (one.scene, one.track) not in known]
 
 
 def _rows(file: Path) -> list[Setting]:
-    """Settings in a table; a damaged table gives a warning and an empty list."""
+    """Read the settings in a table; a damaged table gives a warning and an empty list."""
     try:
         if file == own():
             check(file.parent)
@@ -80,7 +80,7 @@ def front(
     cost: Callable[[Any], float] = attrgetter("wall_time"),
     error: Callable[[Any], float] = attrgetter("error"),
 ) -> list[Any]:
-    """Pareto front in error and run time, cheapest first."""
+    """Return the Pareto front in error and run time, cheapest first."""
     best: list[Any] = []
     for one in sorted(ways, key=lambda way: (cost(way), error(way))):
         if not best or error(one) < error(best[-1]):
@@ -89,7 +89,7 @@ def front(
 
 
 def write(settings: Iterable[Setting], file: Path) -> None:
-    """Write the fronts of scenes and tracks, and keep the file's entries of others. Raises OSError."""
+    """Write the Pareto front of each scene and track; entries of others remain. Raises OSError."""
     new: dict[tuple[str, str], list[Setting]] = {}
     for one in settings:
         new.setdefault((one.scene, one.track), []).append(one)
@@ -111,18 +111,18 @@ def fraction(text: str) -> float:
 
 
 def cheapest(scene: str, track: str, error: float) -> Setting:
-    """Setting with the least run time within the error; raises BadInput when none is known."""
+    """Return the setting with the least run time within ``error``; raises BadInput if none is known."""
     known = [row for row in read() if (row.scene, row.track) == (scene, track)]
     if not known:
         raise BadInput(
-            f"--error: what precision costs in '{scene}' on {track} links is not known:"
-            f" find out with cotrack study error-runtime {scene} -o DIR"
+            f"--error: no error of '{scene}' on {track} links has been measured:"
+            f" run cotrack study error-runtime {scene} -o DIR"
         )
     within = [row for row in known if row.error <= error]
     if not within:
         best = min(known, key=lambda row: row.error)
         raise BadInput(
-            f"--error {error:.3g}: no setting of '{scene}' on {track} links is known to reach it;"
+            f"--error {error:.3g}: no measured setting of '{scene}' on {track} links reaches it;"
             f" the best has an error of {best.error:.2g}"
         )
     return min(within, key=lambda row: row.wall_time)

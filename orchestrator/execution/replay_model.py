@@ -1,7 +1,7 @@
-"""Component of a replay: the FMU that ran, another track model, other numbers, or a given FMU.
+"""Component of a replay: the FMU that ran, another track model, changed parameters, or a given FMU.
 
-A file that only the log vouches for is never run: the component is built from our own sources with the scene in the
-log, and must have the recorded hash.
+A file that a log names is never run: the component is built from our own sources with the scene in the log, and must
+have the recorded hash.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from orchestrator.scene.scene import Scene, changed, from_table
 
 
 class Model(NamedTuple):
-    """Component that is stepped in a replay."""
+    """FMU and parameters of the component that is stepped in a replay."""
 
     fmu: Path
     parameters: replays.Parameters
     stage: int
-    scene: Scene | None  # its scene, None for a given FMU
-    ran: bool  # whether it is the FMU that ran
+    scene: Scene | None  # None for a given FMU
+    ran: bool  # True if FMU and parameters are those of the log
     native: bool = False
-    settings: Sequence[str] = ()  # changes from the scene in the log
+    settings: Sequence[str] = ()  # KEY=VALUE, changes of the scene in the log
 
 
 class Again(NamedTuple):
@@ -52,10 +52,10 @@ class Again(NamedTuple):
         return replays.verify(self.log, self.component, self.parameters, window)
 
     def answer(self, path: Path, end: float = EVER[1]) -> int:
-        """Log the component's own answer until ``end``, s; return the number of steps (0: no log is written).
+        """Log the component's outputs until ``end``, s; return the number of steps (0: no log is written).
 
-        The new log names the replayed one with its digest, the FMU's hash and parameters, and the scene where that is
-        known, so it can be replayed in turn. Raises BadInput, Unfit.
+        The new log names the replayed log and its digest, hash and parameters of the FMU, and the scene if it is
+        known, so it can be replayed itself. Raises BadInput, Unfit.
         """
         log, name, model = self.log, self.component.name, self.model
         if path.exists() and path.samefile(log.path):
@@ -67,7 +67,7 @@ class Again(NamedTuple):
         }
         if model.scene is not None:
             attachments["scene.json"] = as_json(model.scene.resolved())
-        of = str(log.path).encode(errors="backslashreplace").decode()  # a name may hold bytes that are not text
+        of = str(log.path).encode(errors="backslashreplace").decode()  # file names may hold bytes that are not text
         metadata = {"replay": {"of": of, "digest": log.digest(), "component": name}}
         if model.settings:
             metadata["replay"]["set"] = "; ".join(model.settings)
@@ -123,7 +123,7 @@ def _entry(log: Log, name: str) -> dict[str, Any]:
 
 
 def _theirs(log: Log, entry: Mapping[str, Any], fmu: Path) -> Model:
-    """Model from a given FMU, with the parameters of the recorded component."""
+    """Return the model of a given FMU, with the parameters of the recorded component; raises BadInput."""
     if not fmu.is_file():
         raise BadInput(f"no FMU '{fmu}': give rigid, flexible or an .fmu file")
     ran = sha256(fmu) == entry["sha256"]
@@ -132,7 +132,10 @@ def _theirs(log: Log, entry: Mapping[str, Any], fmu: Path) -> Model:
 
 
 def _ours(log: Log, entry: Mapping[str, Any], track: str | None, settings: Sequence[str]) -> Model:
-    """Model built from the scene in the log, with its own track model or ``track``, and ``settings``."""
+    """Build the model from the scene in the log, with its track model or ``track``, and ``settings``.
+
+    Raises BadInput, Unfit, BuildFailed.
+    """
     name = entry["name"]
     if "scene.json" not in log.attachments:
         raise BadInput(f"{log.path} does not say of which scene '{name}' is: name its FMU with --with")

@@ -1,4 +1,4 @@
-"""Replay of one component: step it with recorded inputs, bit by bit, at the recorded (t, h)."""
+"""Replay of a component: step it with the recorded inputs at the recorded t and h."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Verdict(NamedTuple):
     def sentence(self) -> str:
         """Verdict as a sentence."""
         if not self.steps or not self.compared:
-            return f"nothing was compared: the log holds {self.steps} steps and {self.compared} numbers of it"
+            return f"nothing was compared: the log holds {self.steps} steps and {self.compared} of its values"
         inputs = f"; its inputs were altered: {' and '.join(self.altered)} has another sha256 than was recorded"
         told = inputs if self.altered else ""
         if self.difference is None:
@@ -58,10 +58,7 @@ def check(component: Component, inputs: Series) -> None:
 
 
 def drive(component: Component, inputs: Series, parameters: Parameters) -> Iterator[tuple[int, float]]:
-    """Step a component through recorded inputs; yields (k, t) at the start and after each step.
-
-    Raises Unfit.
-    """
+    """Step a component with recorded inputs; yields (k, t) at the start and after each step; raises Unfit."""
     check(component, inputs)
     component.initialise(parameters, 0.0)
     yield 0, 0.0
@@ -77,8 +74,8 @@ def drive(component: Component, inputs: Series, parameters: Parameters) -> Itera
 def verify(log: Log, component: Component, parameters: Parameters, window: tuple[float, float] = EVER) -> Verdict:
     """Step the component again and compare all recorded outputs, bit by bit; raises Unfit.
 
-    Outputs of links are included. With a window, a closed interval of time, s, the component is stepped to its end
-    and compared inside.
+    Link outputs are included. With a window, a closed time interval, s, the component is stepped to its end and
+    compared inside it.
     """
     inputs = log.read(f"/{component.name}/in")
     check(component, inputs)
@@ -122,7 +119,7 @@ def verify(log: Log, component: Component, parameters: Parameters, window: tuple
 
 
 def _altered(log: Log, topic: str) -> tuple[str, ...]:
-    """Input topics that differ from the closing record; empty without one."""
+    """Return the input topics whose hash differs from the closing record; empty without such a record."""
     if log.closing is None:
         return ()
     sources = dict.fromkeys([topic, *(wire.source for wire in log.topics[topic].wires)])
@@ -131,7 +128,7 @@ def _altered(log: Log, topic: str) -> tuple[str, ...]:
 
 
 class Described(NamedTuple):
-    """Metadata and attachments of the log of an answer."""
+    """Metadata and attachments for the log of a replayed model."""
 
     attachments: Mapping[str, bytes]
     metadata: Mapping[str, Mapping[str, str]]
@@ -141,7 +138,7 @@ class Described(NamedTuple):
 def answer(
     log: Log, component: Component, parameters: Parameters, path: Path, described: Described, end: float = EVER[1]
 ) -> int:
-    """Step another model with the inputs recorded until ``end``, s, and log its answer to ``path``.
+    """Step another model with the inputs recorded until ``end``, s, and log its outputs to ``path``.
 
     Returns the number of steps; without a step no log is written. Raises Unfit.
     """

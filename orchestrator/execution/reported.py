@@ -1,4 +1,4 @@
-"""Report of a log: its checks are repeated with its own scene, then ``results/page`` writes the page."""
+"""Report of a log: checks evaluated with the scene in the log, then a page by ``results/page``."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def report(
     reference: str | os.PathLike[str] | None = None,
     different: bool = False,
 ) -> None:
-    """Write the page of a log; with a ``reference`` also its comparison (``different``: of any scene).
+    """Write the page of a log; with ``reference`` also a comparison (``different``: of different scenes).
 
     Raises BadInput, LogUnreadable, NotInstalled.
     """
@@ -46,7 +46,7 @@ def report(
 
 
 def _judged(run: RunData) -> Judged:
-    """Checks and observables of a log by its own scene, or a note why there are none."""
+    """Evaluate checks and observables by the scene in the log; without one, return the reason."""
     if not run.scene:
         return Judged({}, {}, "the log does not say of which scene it is")
     try:

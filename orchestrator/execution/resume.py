@@ -38,10 +38,10 @@ def resume(
 ) -> dict[str, Any]:
     """Resume a run from the last checkpoint by ``at``, s, until ``stop``, s.
 
-    None stands for the last checkpoint and the scene's stop. The log may be that of an interrupted or killed run. The
-    FMUs are built from the scene in the log and must have the recorded hashes. ``settings``, KEY=VALUE, branch off
-    with other numbers (``branch``). Returns the summary of ``simulate``; raises its errors, LogUnreadable and
-    BadInput.
+    None stands for the last checkpoint and for the scene's stop. The log may be that of an interrupted or killed run.
+    The FMUs are built from the scene in the log and must have the recorded hashes. ``settings``, KEY=VALUE: branch
+    off with changed parameters (``branch``). Returns the summary of ``simulate``; raises its errors, LogUnreadable
+    and BadInput.
     """
     with Log(source) as log:
         notices.notice(notices.other_version(source, log.metadata.get("versions", {})))
@@ -59,7 +59,7 @@ def resume(
         )
         if settings:
             if native:
-                raise BadInput(f"--set: {source} is of native FMUs, whose states hold their numbers as well")
+                raise BadInput(f"--set: {source} was run with native FMUs, whose states contain their parameters")
             scene = branched(scene, settings, f"{source}: scene.json")
             told = about | {"set": "; ".join(settings)} | ({"before": json.dumps(earlier)} if earlier else {})
             metadata = {"resumed": about, BRANCHED: told}
@@ -68,7 +68,7 @@ def resume(
 
 
 def _text(path: Path) -> str:
-    return str(path).encode(errors="backslashreplace").decode()  # a name may hold bytes that are not text
+    return str(path).encode(errors="backslashreplace").decode()  # file names may hold bytes that are not text
 
 
 def _scene(log: Log, stop: float | None) -> Scene:
@@ -79,7 +79,7 @@ def _scene(log: Log, stop: float | None) -> Scene:
 
 
 def _chosen(log: Log, at: float | None, run: Run) -> tuple[int, float]:
-    """Step number and time, s, of the last checkpoint by ``at``; raises BadInput, Unusable."""
+    """Return step number and time, s, of the last checkpoint by ``at``; raises BadInput, Unusable."""
     numbers = sorted(k for name in log.attachments if (k := checkpoint_step(name)) is not None)
     if not numbers:
         raise BadInput(f"{log.path} has no checkpoint to go on from")
@@ -104,7 +104,7 @@ def _native(log: Log, scene: Scene) -> bool:
 
 
 def _copy(log: Log, recorder: Recorder, number: int) -> None:
-    """Copy the records up to a step; the inputs of a step belong to its end."""
+    """Copy the records up to a step, with the inputs that lead to it."""
     for piece in log.chunks():
         for messages in piece:
             kept = messages.sequence.astype(np.int64) + messages.topic.endswith("/in") <= number

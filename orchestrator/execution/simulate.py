@@ -1,4 +1,4 @@
-"""One run of a scene from the built FMUs to the summary."""
+"""Run of a scene: build and load FMUs, simulate, record, evaluate."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ from orchestrator.scene.ranges import implausible
 from orchestrator.scene.run_tables import Run
 from orchestrator.scene.scene import Scene
 
-QUIET = 1.0  # J: a smaller strain energy of bonds counts as rest, unless the scene sets another limit
-LATER = 10  # niceness of the compiling processes beside the longest one
+QUIET = 1.0  # J, reference energy of the power residual until a bond has carried more, unless the scene sets it
+LATER = 10  # niceness of compiling processes other than the longest one
 
 
 class Begun(NamedTuple):
-    """Checkpoint of an earlier run, and how its record is carried over."""
+    """Checkpoint of an earlier run, and the function that copies its log."""
 
     step: int  # number of the last step done
     checkpoint: bytes
-    copy: Callable[[Recorder], None]
+    copy: Callable[[Recorder], None]  # copies the records up to the step
     metadata: Mapping[str, Mapping[str, str]]
     made: Callable[[Component, bytes], bytes] = lambda _, state: state  # maps a saved state to what the component gets
 
@@ -64,12 +64,12 @@ def simulate(
 ) -> dict[str, Any]:
     """Build, run, record and evaluate a scene; return the summary (``summary.empty``).
 
-    ``narration`` receives the progress. ``estimated``: two coarser runs beside it estimate the error; they take 1.2
-    to 1.8 times the run's own time more. ``native``: use native FMUs, which give the same numbers; the coarser runs
-    use Python FMUs. ``begun``: checkpoint of an earlier run (``resume``).
+    ``narration`` receives the progress. ``estimated``: two additional coarser runs estimate the error; they take 1.2
+    to 1.8 times the run's own time. ``native``: use native FMUs, which give the same numbers; the coarser runs use
+    Python FMUs. ``begun``: checkpoint of an earlier run (``resume``).
 
-    Raises BadInput, BuildFailed, ComponentFailed, CouplingFailed, LogFailed or KeyboardInterrupt before the first
-    step, and then writes no log. Later failures stand in the summary's status and message.
+    Before the first step raises BadInput, BuildFailed, ComponentFailed, CouplingFailed, LogFailed or KeyboardInterrupt
+    and writes no log. Later failures are reported in the summary's status and message.
     """
     check_writable(path)
     with interruptible() as interrupt:
@@ -96,7 +96,7 @@ def _simulate(
     say = narration or (lambda what: None)
     reached = Reached()
     with ExitStack() as stack:
-        say(f"{scene.name}: components are built and brought to their start")
+        say(f"{scene.name}: components are built and initialised")
         run = _Prepared.of(*opened(scene, stack, logger, native), begun)
         told = _warned_before(run, logger)
         result["warnings"] = told
@@ -123,7 +123,7 @@ def _simulate(
                     result |= found
                     recorder.tell(happened)
                     if estimated and result["status"] == "ok":
-                        say(f"{scene.name}: the error is estimated, by up to two runs with longer steps")
+                        say(f"{scene.name}: the error is estimated by up to two runs with longer steps")
                         result["error"] = estimate.estimate(run.scene, path, result, _companion(interrupt))
                 status, message = outcome.status, outcome.message
                 if invalid := summary.invalid(result["validity"]):
@@ -139,7 +139,7 @@ def _simulate(
 
 
 class _Prepared(NamedTuple):
-    """Scene whose components are at its start or at a checkpoint."""
+    """Scene with wired components at their start or at a checkpoint."""
 
     scene: Scene
     graph: System
@@ -166,7 +166,7 @@ class _Prepared(NamedTuple):
 
 
 def _warned_before(run: _Prepared, logger: Logger | None) -> list[dict[str, Any]]:
-    """Warnings about recording and scene; the logger gets them too."""
+    """Return warnings about recording and scene; the logger gets them too."""
     aliases = run.scene.folded if any_links(run.components) else ""
     sentences = [("log", aliases)] * bool(aliases) + _beforehand(run.scene)
     if logger:
@@ -178,7 +178,7 @@ def _warned_before(run: _Prepared, logger: Logger | None) -> list[dict[str, Any]
 
 
 def _observers(run: _Prepared, recorder: Recorder, reached: Reached) -> list[master.Observer]:
-    """Observers of the run: log, checkpoints, progress; they start at the step of the checkpoint."""
+    """Return the observers for log and checkpoints; they start at the checkpoint of the run, if any."""
     scene, scheme, pace, at = run.scene, run.scheme, run.pace, run.at
     every = max(1, round(STATS_PERIOD / pace.step))
     logging = Logging(recorder, list(run.components.values()), every, scene.between)
@@ -200,7 +200,7 @@ def _observers(run: _Prepared, recorder: Recorder, reached: Reached) -> list[mas
 def _marched(
     run: _Prepared, observers: list[master.Observer], interrupt: Interrupt, result: dict[str, Any]
 ) -> master.Outcome:
-    """Step to the end; the outcome and the cost go into the result, the time also if it raises."""
+    """Step to the end and add outcome and cost to the result, the time also after an exception."""
     since, spent = time.perf_counter(), time.process_time()
     try:
         outcome = master.run(run.scheme, run.pace, observers, lambda: interrupt.asked, run.at and run.at[:2])
@@ -216,7 +216,7 @@ def _marched(
 
 
 def _beforehand(scene: Scene) -> list[tuple[str, str]]:
-    """Warnings before the run: numbers outside the plausible range."""
+    """Return warnings about numbers of the scene outside the plausible range."""
     return [("scene", sentence) for sentence in implausible(scene.resolved(), f"{scene.name}.toml")]
 
 
@@ -252,7 +252,7 @@ def _evaluated(
 
 
 def _companion(interrupt: Interrupt) -> estimate.Run:
-    """Recorder of a coarser run; Ctrl-C ends that run and the estimate."""
+    """Return the function that records a coarser run; Ctrl-C ends that run and the estimate."""
 
     def record(scene: Scene, path: Path) -> dict[str, Any]:
         try:
@@ -269,7 +269,7 @@ def _companion(interrupt: Interrupt) -> estimate.Run:
 
 
 def _results(result: Mapping[str, Any]) -> dict[str, str]:
-    """Entries of the closing record about errors and cost."""
+    """Return the results in the closing record: errors, cost, validity."""
     energy = result["energy"] or {}
     chosen = {
         "wall_time": result["wall_time"],
@@ -282,7 +282,7 @@ def _results(result: Mapping[str, Any]) -> dict[str, str]:
 
 
 def paced(run: Run) -> master.Clock | VariableStep | PowerResidual:
-    """Clock with fixed or variable communication steps."""
+    """Return the step length control of a run, fixed or variable."""
     variable = run.variable
     if variable is None:
         return master.Clock(run.step, run.steps)
@@ -295,7 +295,7 @@ def paced(run: Run) -> master.Clock | VariableStep | PowerResidual:
 def opened(
     scene: Scene, stack: ExitStack, logger: Logger | None, native: bool = False
 ) -> tuple[Scene, System, dict[str, Component]]:
-    """The placed scene, its graph, and its loaded components."""
+    """Place a scene, build its graph, load its components; raises BadInput, BuildFailed, ComponentFailed."""
     beside = _compiled_beside(scene)
     try:
         scene = placed(scene)
@@ -310,7 +310,7 @@ def _compiled_beside(scene: Scene) -> list[subprocess.Popen[str]]:
     """Start processes that compile kernels while the search for the idler position compiles cables."""
     if scene.placed:
         return []
-    parts = reversed(assemble(scene).parts)  # of each kind the first part, whose start does not depend on inputs
+    parts = reversed(assemble(scene).parts)  # the first part of each kind; its start does not depend on inputs
     kinds = {part.kind: (part.kind, part.config, part.parameters) for part in parts}
     kinds.pop("TrackFlexible", None)
     # Longest compilation first: on two cores the others get their share when the search is done.
@@ -349,7 +349,7 @@ def warm_up(stages: Stages, h: float) -> None:
 
 
 def cost(component: Recorded) -> dict[str, float | int]:
-    """Wall time and counters of a component."""
+    """Return wall time, s, and counters of a component."""
     component.read_counters()
     counters = {
         name.removeprefix("solver."): int(value)
@@ -361,7 +361,7 @@ def cost(component: Recorded) -> dict[str, float | int]:
 
 
 def warnings(components: Mapping[str, Recorded]) -> list[dict[str, Any]]:
-    """Warnings of the components in order of time."""
+    """Return the warnings of all components in order of time."""
     told = [one for component in components.values() for one in component.warnings]
     return [asdict(one) for one in sorted(told, key=lambda one: one.time)]
 

@@ -32,17 +32,17 @@ from orchestrator.scene.scene import Scene
 
 
 class States(NamedTuple):
-    """Flat state of each model, by part."""
+    """Model states of all parts at one time."""
 
     time: float  # s
-    parts: dict[str, NDArray[np.float64]]
+    parts: dict[str, NDArray[np.float64]]  # part -> flat state
 
 
 def states_at(scene: Scene, time: float, narration: Narration | None = None) -> States:
     """Find the states of a scene at ``time``, s, or compute them by co-simulation.
 
-    The scene's stop is ignored. Raises BadInput if ``time`` is no multiple of the communication step, and the errors
-    of ``simulate``.
+    The scene's stop is ignored. Raises BadInput if ``time`` is not a multiple of the communication step, and the
+    errors of ``simulate``.
     """
     run = scene.run.model_copy(update={"stop": time, "checkpoints": time})
     steps = run.steps

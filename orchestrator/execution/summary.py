@@ -20,14 +20,14 @@ from orchestrator.scene.scene import ChainScene, Scene, VehicleScene
 from orchestrator.scene.tables import Check
 from orchestrator.scene.values import SIDES
 
-LAST = 1.0  # s: observables are means over the end of a run, with these exceptions:
-OF_THE_RUN = ("tension_max", "distance", "path_error")  # largest value of the run, or from its start to its end
+LAST = 1.0  # s: observables are means over the last second of a run, except the next two groups
+OF_THE_RUN = ("tension_max", "distance", "path_error")  # largest value of the run, or difference from start to end
 TIMELESS = ("weight",)
-OPEN = 0.05  # share of the work; a larger energy residual gives a warning
+OPEN = 0.05  # share of the work above which an energy residual gives a warning
 
 
 def empty(scene: str, track: str | None) -> dict[str, Any]:
-    """Summary with all its keys, before the run."""
+    """Return a summary with all keys, as before the run."""
     return {
         "scene": scene,
         "track": track,
@@ -55,7 +55,7 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
 
 
 def evaluate(run: RunData, scene: Scene, simulated: float) -> dict[str, Any]:
-    """Energy, checks and observables of a log that covers ``simulated`` s of the scene."""
+    """Evaluate energy, checks, observables, phases and validity of a log that covers ``simulated`` s."""
     try:
         energy: dict[str, Any] | None = ledger(run)._asdict()
     except Missing:
@@ -71,7 +71,7 @@ def evaluate(run: RunData, scene: Scene, simulated: float) -> dict[str, Any]:
 
 
 def happened(run: RunData) -> list[dict[str, Any]]:
-    """Phases of a vehicle's run with their figures (``analyses/phases``); empty without a hull."""
+    """Return the phases of a vehicle's run with their figures (``analyses/phases``); empty without a hull."""
     try:
         return [one._asdict() for one in phases.of(run).phases]
     except (Missing, NoSuchSignal):
@@ -79,7 +79,7 @@ def happened(run: RunData) -> list[dict[str, Any]]:
 
 
 def windows(names: Iterable[str], simulated: float) -> dict[str, dict[str, float]]:
-    """Averaging window of each observable, s."""
+    """Return the averaging window of each observable, s."""
     last = max(0.0, simulated - LAST)
     return {
         name: {"from": 0.0 if name in OF_THE_RUN else last, "to": simulated} for name in names if name not in TIMELESS
@@ -87,7 +87,7 @@ def windows(names: Iterable[str], simulated: float) -> dict[str, dict[str, float
 
 
 def energy_warning(energy: dict[str, Any] | None) -> str:
-    """Sentence if the energy balance is open by more than OPEN, else empty."""
+    """Return a sentence if the energy balance is open by more than OPEN, else an empty text."""
     if energy is None:
         return ""
     parts = {"the energy ledger": energy["residual_relative"]}
@@ -102,7 +102,7 @@ def energy_warning(energy: dict[str, Any] | None) -> str:
 
 
 def invalid(entries: Sequence[Mapping[str, Any]]) -> str:
-    """Sentence if the validity ledger has a failure, else empty."""
+    """Return a sentence if the validity ledger has a failure, else an empty text."""
     failures = [Entry(**entry) for entry in entries if entry["severity"] == FAILURE]
     if not failures:
         return ""
@@ -120,9 +120,9 @@ def passed(result: Mapping[str, Any]) -> bool:
 
 
 def checks(run: RunData, scene: Scene, simulated: float) -> dict[str, dict[str, Any]]:
-    """Results of the checks whose window the run covers.
+    """Evaluate the checks whose window the run covers.
 
-    Tolerances are absolute; a note gives the reason for a missing value.
+    Tolerances in the result are absolute; a note gives the reason for a missing value.
     """
     results = {}
     for name, check in scene.expect.items():
@@ -143,7 +143,7 @@ def checks(run: RunData, scene: Scene, simulated: float) -> dict[str, dict[str, 
 
 
 def _value(run: RunData, check: Check, window: Window) -> tuple[float, str]:
-    """Value of a check, or NaN (never ok) and the reason."""
+    """Return the value of a check and an empty note, or NaN (never ok) and the reason."""
     return _evaluated(
         lambda: (
             measures.reduce(*run.signal(str(check.signal), window), check.reduce)
@@ -155,7 +155,7 @@ def _value(run: RunData, check: Check, window: Window) -> tuple[float, str]:
 
 
 def _evaluated(evaluate: Callable[[], float], measure: str | None = None) -> tuple[float, str]:
-    """Number computed from a log, or NaN and the reason."""
+    """Return a number computed from a log and an empty note, or NaN and the reason."""
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore", RuntimeWarning)  # the mean of an empty set is NaN, which is reported
@@ -168,7 +168,7 @@ def _evaluated(evaluate: Callable[[], float], measure: str | None = None) -> tup
 
 
 def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float]:
-    """Observables of a run of this kind of scene; for their averaging windows see ``windows``."""
+    """Evaluate the observables of this kind of scene; for their averaging windows see ``windows``."""
     last = Window(max(0.0, simulated - LAST), simulated)
     if not run.tracks:
         return {}
@@ -204,7 +204,7 @@ def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float
 
 
 def _turning(run: RunData, last: Window, joined: bool) -> dict[str, Callable[[], float]]:
-    """Observables of a steered vehicle."""
+    """Return the functions for the observables of a steered vehicle."""
     wanted: dict[str, Callable[[], float]] = {
         "yaw_rate": lambda: turning.yaw_rate(run, "", last),
         "turn_radius": lambda: turning.turn_radius(run, "", last),
@@ -220,7 +220,7 @@ def _turning(run: RunData, last: Window, joined: bool) -> dict[str, Callable[[],
 
 
 def weight(scene: VehicleScene) -> float:
-    """Weight of all bodies of a vehicle scene, N."""
+    """Compute the weight of all bodies of a vehicle scene, N."""
     v = scene.vehicle
     wheels = len(v.road_wheel.x) * (v.road_wheel.mass + v.road_arm.mass)
     side = v.sprocket.mass + v.idler.mass + wheels

@@ -74,7 +74,7 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
                 found = _found(folder)
                 if found is None:
                     if narration:
-                        narration(f"{scene.name}: two monolithic runs in short steps make its truth")
+                        narration(f"{scene.name}: its truth is computed by two monolithic runs in short steps")
                     found, built = _build(scene, folder, narration), True
     except OSError as error:
         raise BadInput(f"truth: it cannot be kept in the cache: {reason(error)}") from None
@@ -84,7 +84,7 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
 
 
 def _found(folder: Path) -> dict[str, Any] | None:
-    """Figures of a stored truth if its files are intact, else None."""
+    """Return the figures of a stored truth if its files are intact, else None."""
     figures = kept(folder / FIGURES)
     if figures is None:
         return None
@@ -101,13 +101,13 @@ def _hashes(folder: Path) -> dict[str, str]:
 
 
 def bare(scene: Scene) -> Scene:
-    """The placed scene without settings that do not affect the truth; sampled at SAMPLING if possible."""
+    """Return the placed scene without settings irrelevant for the truth, sampled at SAMPLING if possible."""
     run = scene.run
     step = SAMPLING if abs(run.stop / SAMPLING - round(run.stop / SAMPLING)) < 1e-6 else run.step
     sampled = Run(stop=run.stop, step=step, outputs=1, links=max(1, round(INTERVAL / step)))
     how = {key: None for key, one in scene.track.sets().items() if one.method}
     track = scene.track.model_copy(update={**how, "link_outputs": STANDARD})
-    same = {"run": sampled, "track": track, "expect": {}, "planar": False}  # planar chains move as chains in space
+    same = {"run": sampled, "track": track, "expect": {}, "planar": False}  # planar and spatial chains move alike
     return placed(scene).model_copy(update=same)
 
 
@@ -122,7 +122,7 @@ def key(scene: Scene) -> str:
 
 
 def _build(scene: Scene, folder: Path, narration: Narration | None) -> dict[str, Any]:
-    """Run both side by side and store their difference; files are moved into place whole, figures last."""
+    """Do both runs in parallel; move the complete logs into place, then the figures."""
     stop = threading.Event()
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix="fresh-", ignore_cleanup_errors=True) as fresh:
         logs = [Path(fresh) / name for name in LOGS]
@@ -152,7 +152,7 @@ def _build(scene: Scene, folder: Path, narration: Narration | None) -> dict[str,
 
 @contextmanager
 def _alone(lock: Path) -> Iterator[None]:
-    """Lock against other processes; without file locks both build, and the first result stays."""
+    """Lock against other processes; without file locks several may build the same truth."""
     try:
         import fcntl
     except ImportError:

@@ -1,4 +1,4 @@
-"""Compilation before the first run: scenes are started in processes of their own, one per core."""
+"""Compilation before the first run: short runs of scenes in parallel processes, one per core."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ SOON = "run.stop=10 ms"
 
 
 def variants(scenes: Sequence[str] = ()) -> list[tuple[str, str]]:
-    """Pairs of scene and track model, by default of the whole gallery; raises BadInput."""
+    """Return pairs of scene and track model, by default of the whole gallery; raises BadInput."""
     return [(name, track) for name in scenes or gallery.names() for track in TRACKS if load(name, track)]
 
 
 def warm(wanted: Sequence[tuple[str, str]], workers: int | None = None) -> Iterator[tuple[str, str, float]]:
-    """Start the scenes; yields name, error message (or nothing) and start-up time, s, of each."""
+    """Run the start of each scene; yields name, error message (empty if it started) and start-up time, s."""
     workers = min(workers or os.cpu_count() or 1, len(wanted))
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
         for done in as_completed([pool.submit(_begin, *each) for each in wanted]):

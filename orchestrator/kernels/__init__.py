@@ -1,1 +1,1 @@
-"""Compiled functions of the orchestrator: a communication step and the packing of rows, without Python's lock."""
+"""Compiled kernels of the orchestrator without Python's lock: communication step, packing of rows."""

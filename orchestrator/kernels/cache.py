@@ -1,4 +1,4 @@
-"""The cache folder, for what imports nothing of ``fmus``: functions of ``fmus/cache.py`` once more."""
+"""Cache folder for modules that import nothing of ``fmus``: copies of functions of ``fmus/cache.py``."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def keep(file: Path, content: bytes) -> None:
 
 
 def kept(file: Path) -> bytes | None:
-    """What `keep` wrote; None where nothing is there, or not that any more. Raises OSError, Untrusted."""
+    """Content that `keep` wrote; None where the file is missing or damaged. Raises OSError, Untrusted."""
     check(*file.parents[:3])
     try:
         with file.open("rb") as stream:

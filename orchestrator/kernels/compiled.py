@@ -1,7 +1,7 @@
-"""The kernels of this folder as C functions that run without Python's lock, kept as an object file in the cache.
+"""Kernels of this folder as C functions without Python's lock, cached as one object file.
 
-numba compiles them, llvmlite joins them into one object file, named by the hash of this folder: a process that finds it
-need not import numba. The functions need the C library alone; one that needs anything of Python is refused.
+numba compiles them, llvmlite links them into an object file named by the hash of this folder: a process that finds it
+need not import numba. The functions need the C library alone; one that needs Python's run time is refused.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import llvmlite.binding as llvm
 
 from orchestrator.kernels.cache import cache_folder, keep, kept, own
 
-CAN_STEP = sys.platform == "linux" and platform.machine() == "x86_64"  # the system calls and the pause of ``stepping``
+CAN_STEP = sys.platform == "linux" and platform.machine() == "x86_64"  # ``stepping`` uses futex and pause
 WORD, REAL = ctypes.c_int64, ctypes.c_double
 PACKING = {"copy_words": (WORD,) * 8}
 STEPPING = {
@@ -35,12 +35,12 @@ STEPPING = {
 }
 KERNELS: dict[str, dict[str, Any]] = {"packing": PACKING, **({"stepping": STEPPING} if CAN_STEP else {})}
 FROM_C = {"clock_gettime", "memcpy", "sched_yield", "syscall"}
-COMPILED = logging.getLogger("cotrack.kernels")  # is told of what has to be compiled
+COMPILED = logging.getLogger("cotrack.kernels")  # receives a message for each compilation
 
 
 @cache
 def kernels() -> SimpleNamespace:
-    """All kernels of this process by name; they return a word."""
+    """Load all kernels, compiled if necessary; return them by name. Each returns an integer."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     llvm.initialize_native_asmparser()
@@ -57,7 +57,10 @@ def kernels() -> SimpleNamespace:
 
 
 def function(name: str, address: int, kinds: Sequence[Any]) -> Callable[..., int]:
-    """A kernel as numba makes it: it gets two addresses, for its result and for an exception, then its arguments."""
+    """Wrap a kernel in numba's calling convention: addresses of result and exception, then arguments.
+
+    The wrapper raises RuntimeError if the kernel raised.
+    """
     kernel = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.POINTER(WORD), ctypes.POINTER(WORD), *kinds)(address)
 
     def call(*values: float) -> int:
@@ -70,7 +73,7 @@ def function(name: str, address: int, kinds: Sequence[Any]) -> Callable[..., int
 
 
 def _key() -> str:
-    """Hash of the sources of this folder, of what compiles them and for which system."""
+    """Hash of the sources of this folder, the compiler versions, the system and the processor type."""
     digest = hashlib.sha256()
     for source in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(source.name.encode() + b"\0" + hashlib.sha256(source.read_bytes()).digest())
@@ -80,7 +83,7 @@ def _key() -> str:
 
 
 def _found_or_made(key: str, make: Callable[[], bytes]) -> bytes:
-    """An object file of the cache; where it cannot be used, made for this process alone."""
+    """Return the cached object file, or make and cache it; an unusable cache is ignored."""
     file = cache_folder() / "kernels" / "orchestrator" / f"{key}.o"
     with suppress(OSError):
         if content := kept(file):
@@ -94,7 +97,7 @@ def _found_or_made(key: str, make: Callable[[], bytes]) -> bytes:
 
 
 def _object_file() -> bytes:
-    """All kernels as one object file."""
+    """Compile all kernels into one object file."""
     whole = llvm.parse_assembly("")
     for module, functions in KERNELS.items():
         for name, kinds in functions.items():
@@ -103,7 +106,10 @@ def _object_file() -> bytes:
 
 
 def compiled(kernel: Callable[..., Any], kinds: Sequence[Any]) -> llvm.ModuleRef:
-    """A kernel with all that it calls, under its own name. Raises TypeError where it needs anything of Python."""
+    """Compile a kernel with its callees into an LLVM module that exports the kernel's name.
+
+    ``kinds``: C types of the arguments. Raises TypeError if the kernel needs Python's run time.
+    """
     from numba import cfunc, types
     from numba.core import config
 
@@ -111,7 +117,7 @@ def compiled(kernel: Callable[..., Any], kinds: Sequence[Any]) -> llvm.ModuleRef
     settings: Any = config
     known = {WORD: types.int64, REAL: types.float64}
     signature = types.int64(*(known[kind] for kind in kinds))
-    disabled, settings.DISABLE_JIT = settings.DISABLE_JIT, 0  # that is for kernels that Python can run as well
+    disabled, settings.DISABLE_JIT = settings.DISABLE_JIT, 0  # Python cannot run these kernels uncompiled
     try:
         made = cfunc(signature, **options)(kernel)
     finally:
@@ -120,7 +126,7 @@ def compiled(kernel: Callable[..., Any], kinds: Sequence[Any]) -> llvm.ModuleRef
     for each in (*module.functions, *module.global_variables):
         if not each.is_declaration:
             each.linkage = "internal"
-    own_name = made.native_name.removeprefix("cfunc.")  # that is a way in for others, which looks for exceptions
+    own_name = made.native_name.removeprefix("cfunc.")  # without numba's C wrapper, which handles exceptions
     inner = module.get_function(own_name)
     inner.linkage, inner.name = "external", kernel.__name__
     module.triple = llvm.get_process_triple()
@@ -133,5 +139,5 @@ def compiled(kernel: Callable[..., Any], kinds: Sequence[Any]) -> llvm.ModuleRef
 
 
 def _processor() -> Any:
-    """Any of this kind: an object file may be found by another machine."""
+    """Target for any processor of this type, because machines may share the cache."""
     return llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(opt=2)

@@ -1,4 +1,4 @@
-"""The few machine operations that numba has no function for. Addresses are integers."""
+"""Machine operations that numba lacks; addresses are integers."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from numba import extending, types
 from numba.core import cgutils
 from numba.extending import register_jitable
 
-intrinsic: Any = extending.intrinsic  # a kernel calls one without its first argument
+intrinsic: Any = extending.intrinsic  # kernels call an intrinsic without its first argument ``typing``
 BYTE, STATUS, WORD, REAL = ir.IntType(8), ir.IntType(32), ir.IntType(64), ir.DoubleType()
 ADDRESS = BYTE.as_pointer()
-ORDER = "seq_cst"  # of atomic operations: all threads see them in one order
+ORDER = "seq_cst"  # all threads see atomic operations in one order
 MONOTONIC = 1  # clock_gettime
 FUTEX, WAIT_PRIVATE, WAKE_PRIVATE = 202, 128, 129  # system call of Linux on x86-64, and its operations
 
@@ -27,7 +27,7 @@ def _at(builder: Any, address: Any, kind: Any) -> Any:
 
 @intrinsic
 def record_at(typing: Any, address: Any, dtype: Any) -> Any:
-    """The record of a numpy dtype that lies at an address: its fields are read and written there."""
+    """Return the record of a numpy dtype at an address, as a view."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
@@ -37,7 +37,7 @@ def record_at(typing: Any, address: Any, dtype: Any) -> Any:
 
 @intrinsic
 def load_word(typing: Any, address: Any) -> Any:
-    """The integer of 8 bytes at an address, which need not be a multiple of 8."""
+    """Return the 8-byte integer at an address, which may be unaligned."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return builder.load(_at(builder, args[0], WORD), align=1)
@@ -47,7 +47,7 @@ def load_word(typing: Any, address: Any) -> Any:
 
 @intrinsic
 def store_word(typing: Any, address: Any, value: Any) -> Any:
-    """Write an integer of 8 bytes to an address, which need not be a multiple of 8."""
+    """Write an 8-byte integer to an address, which may be unaligned."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         builder.store(args[1], _at(builder, args[0], WORD), align=1)
@@ -58,7 +58,7 @@ def store_word(typing: Any, address: Any, value: Any) -> Any:
 
 @intrinsic
 def load_real(typing: Any, address: Any) -> Any:
-    """The double at an address."""
+    """Return the double at an address."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return builder.load(_at(builder, args[0], REAL))
@@ -79,7 +79,7 @@ def store_real(typing: Any, address: Any, value: Any) -> Any:
 
 @intrinsic
 def atomic_load(typing: Any, address: Any) -> Any:
-    """The word at an address that other threads write."""
+    """Return the word at an address that other threads write."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return builder.load_atomic(_at(builder, args[0], WORD), ORDER, 8)
@@ -89,7 +89,7 @@ def atomic_load(typing: Any, address: Any) -> Any:
 
 @intrinsic
 def atomic_store(typing: Any, address: Any, value: Any) -> Any:
-    """Write a word that other threads read; they then see what was written before it, too."""
+    """Write a word that other threads read; earlier writes are visible to them as well."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         builder.store_atomic(args[1], _at(builder, args[0], WORD), ORDER, 8)
@@ -100,7 +100,7 @@ def atomic_store(typing: Any, address: Any, value: Any) -> Any:
 
 @intrinsic
 def compare_and_swap(typing: Any, address: Any, expected: Any, value: Any) -> Any:
-    """Write a word if it is the expected one; returns the word that was there."""
+    """Replace the word at an address if it equals ``expected``; returns the old word."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         swapped = builder.cmpxchg(_at(builder, args[0], WORD), args[1], args[2], ORDER, ORDER)
@@ -122,7 +122,7 @@ def pause(typing: Any) -> Any:
 
 @intrinsic
 def clock(typing: Any) -> Any:
-    """Time that only grows, ns."""
+    """Return the monotonic time, ns."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         kind = ir.FunctionType(STATUS, [STATUS, ADDRESS])
@@ -143,12 +143,12 @@ def futex_wait(address, state):
 
 @register_jitable
 def futex_wake(address):
-    """Wake a thread that sleeps at an address; returns how many did."""
+    """Wake at most one thread that sleeps at an address; returns the number woken."""
     return syscall(FUTEX, address, WAKE_PRIVATE, 1, 0)
 
 
 def _call(builder: Any, function: Any, kinds: list[Any], values: list[Any]) -> Any:
-    """The status, as a word, of a function of FMI at an address."""
+    """Emit the call of an FMI function at an address; its status is returned as a word."""
     pointer = builder.inttoptr(function, ir.FunctionType(STATUS, kinds).as_pointer())
     given = [
         builder.inttoptr(value, kind) if kind == ADDRESS else value for value, kind in zip(values, kinds, strict=True)
@@ -158,7 +158,7 @@ def _call(builder: Any, function: Any, kinds: list[Any], values: list[Any]) -> A
 
 @intrinsic
 def call_exchange(typing: Any, function: Any, instance: Any, references: Any, n: Any, values: Any) -> Any:
-    """Call fmi2SetReal or fmi2GetReal by address; returns FMI's status."""
+    """Call fmi2SetReal or fmi2GetReal by address; returns the FMI status."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return _call(builder, args[0], [ADDRESS, ADDRESS, WORD, ADDRESS], args[1:])
@@ -168,7 +168,7 @@ def call_exchange(typing: Any, function: Any, instance: Any, references: Any, n:
 
 @intrinsic
 def call_do_step(typing: Any, function: Any, instance: Any, t: Any, h: Any, no_rollback: Any) -> Any:
-    """Call fmi2DoStep by address; returns FMI's status."""
+    """Call fmi2DoStep by address; returns the FMI status."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         flag = builder.trunc(args[4], STATUS)

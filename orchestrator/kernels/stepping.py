@@ -1,8 +1,8 @@
-"""A communication step: inputs copied, components stepped, some of them by worker threads, rows appended to the log.
+"""Kernels of a communication step: copy inputs, step components (some in worker threads), append rows.
 
-In Python every array that is copied and every call cost microseconds, and a thread of Python begins 60 us late and its
-end is noticed 20 us late. These kernels run without Python's lock. Workers look for their next task all the time;
-after a millisecond without one they sleep in the kernel of the system.
+In Python every array copy and every call take microseconds, a thread starts 60 us late and its end is noticed 20 us
+late. These kernels run without Python's lock. Workers poll for their next task; after a millisecond without one they
+sleep in the operating system.
 """
 
 from numba.extending import register_jitable
@@ -43,8 +43,8 @@ from orchestrator.kernels.tables import (
 CALL, MAILBOX, PLAN, GROUP = map(record_type, (StepCall, Mailbox, StepPlan, StepGroup))
 ROWS, HEAD = map(record_type, (RowTable, RowHead))
 SET_REAL, DO_STEP, GET_REAL = (StepCall._fields.index(name) for name in ("set_real", "do_step", "get_real"))
-WARNING = 1  # FMI's status of a call that did what it was asked; a greater one is a failure
-YIELD = 1023  # looks after which a waiting thread lets others run; a power of two less one
+WARNING = 1  # FMI status; a greater one is a failure
+YIELD = 1023  # polls after which a waiting thread yields the processor; a power of two less one
 NO_LIMIT = -1
 MEAN = True
 
@@ -54,7 +54,7 @@ MEAN = True
 
 @register_jitable
 def spin(address, state, limit):
-    """Wait while the word at an address is ``state``, for at most ``limit`` looks; returns the word."""
+    """Wait while the word at an address is ``state``, for at most ``limit`` polls; returns the word."""
     looks = 0
     found = atomic_load(address)
     while found == state and looks != limit:
@@ -68,7 +68,7 @@ def spin(address, state, limit):
 
 @register_jitable
 def work(address, limit):
-    """A worker's loop: do the tasks of a mailbox until it is ended; sleep after ``limit`` looks without one."""
+    """Worker loop: do the tasks of a mailbox until its state is ENDED; sleep after ``limit`` polls."""
     mailbox = record_at(address, MAILBOX)
     while True:
         state = spin(address, FREE, limit)
@@ -85,7 +85,7 @@ def work(address, limit):
 
 @register_jitable
 def set_state(address, state):
-    """Give the mailbox of a worker without a task another state, and wake the worker."""
+    """Set the state of the mailbox of a worker without a task, and wake the worker."""
     if compare_and_swap(address, FREE, state) == ASLEEP:
         compare_and_swap(address, ASLEEP, state)
         futex_wake(address)
@@ -94,14 +94,14 @@ def set_state(address, state):
 
 @register_jitable
 def submit(address, task):
-    """Give a worker without a task one."""
+    """Give a task to a worker that has none."""
     record_at(address, MAILBOX).task = task
     set_state(address, SUBMITTED)
 
 
 @register_jitable
 def wait(address):
-    """Wait for a submitted task. If its worker, which may not be running, has not begun it, do it here."""
+    """Wait for a submitted task; do it here if its worker has not begun."""
     if compare_and_swap(address, SUBMITTED, FREE) == SUBMITTED:
         step_component(record_at(address, MAILBOX).task)
     else:
@@ -113,7 +113,7 @@ def wait(address):
 
 @register_jitable
 def step_component(address):
-    """Write inputs, step, read outputs, those of links where they are due; notes failure, status and wall time."""
+    """Write inputs, step, read outputs and due link outputs; store failure, status and wall time."""
     call = record_at(address, CALL)
     begun = clock()
     call.failed = call_functions(call)
@@ -123,7 +123,7 @@ def step_component(address):
 
 @register_jitable
 def call_functions(call):
-    """Call FMI's functions of a step; returns the index of the field of the one that failed, or 0."""
+    """Call the FMI functions of a step; returns the field index of the one that failed, or 0."""
     if call.n_inputs != 0:
         call.status = call_exchange(call.set_real, call.instance, call.inputs, call.n_inputs, call.u)
         if call.status > WARNING:
@@ -151,7 +151,7 @@ def call_functions(call):
 
 @register_jitable
 def copy_inputs(n, to, source, mean):
-    """Copy n doubles, given by arrays of addresses; or write the ``mean`` of what is there and what is copied."""
+    """Copy n doubles between addresses in arrays; ``mean``: write the mean of old and copied value."""
     for i in range(n):
         u, value = load_word(to + 8 * i), load_real(load_word(source + 8 * i))
         store_real(u, 0.5 * (load_real(u) + value) if mean else value)
@@ -159,9 +159,9 @@ def copy_inputs(n, to, source, mean):
 
 @register_jitable
 def step_group(group, plan, t, h):
-    """Step components at once: the last one here, others by as many workers as there are, where that one takes long.
+    """Step the components of a group in parallel; returns the number that failed.
 
-    Returns how many failed.
+    The last component steps in this thread. Workers step the others if the last step of that component was long.
     """
     last = group.n_calls - 1
     long = record_at(load_word(group.calls + 8 * last), CALL).seconds >= plan.worthwhile
@@ -185,7 +185,7 @@ def step_group(group, plan, t, h):
 
 @register_jitable
 def step_all(address, t, h):
-    """Do the step of a plan from t to t + h; returns how many components failed in the group that ended it."""
+    """Do the step of a plan from t to t + h; returns the number of failed components, 0 if it is complete."""
     plan = record_at(address, PLAN)
     copy_inputs(plan.n_copies, plan.copies_to, plan.copies_from, not MEAN)
     for i in range(plan.n_groups):
@@ -203,7 +203,7 @@ def step_all(address, t, h):
 
 @register_jitable
 def append_row(address):
-    """Append a row of the values that the parts of a table have now."""
+    """Append a row with the present values of the parts of a table."""
     rows = record_at(address, ROWS)
     end = rows.end
     for i in range(rows.n_parts):
@@ -215,11 +215,11 @@ def append_row(address):
 
 @register_jitable
 def step_many(plan, rows, link_rows, head, due, every, k, n, h):
-    """Do the steps k + 1 to k + n of h s; returns how many were done before a component failed.
+    """Do the steps k + 1 to k + n of h s; returns the number done before a component failed.
 
-    A row is appended to ``rows`` after each step, one to ``link_rows`` after each whose number is a multiple of
-    ``every``, where the word at ``due`` is 1 before the step; number and time of the step are written into ``head``,
-    a part of both.
+    A row is appended to ``rows`` after each step, and to ``link_rows`` after each step whose number is a multiple of
+    ``every``; before such a step the word at ``due`` is set to 1, else to 0. Number and time of the step are written
+    into ``head``, which is a part of both tables.
     """
     row_head = record_at(head, HEAD)
     done = 0

@@ -1,6 +1,6 @@
-"""Tables that Python and the kernels share: records of words of 8 bytes, integers or doubles.
+"""Tables shared by Python and the kernels: records of 8-byte integers and doubles.
 
-Addresses are integers. Whoever makes a table keeps it and all that it has the addresses of.
+Addresses are integers. The maker of a table must keep alive the table and all memory that it refers to.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ CACHE_LINE = 8  # words
 
 
 class StepCall(NamedTuple):
-    """The calls that step a component, their arguments, and how the last step went."""
+    """FMI calls that step a component, their arguments, and the result of the last step."""
 
     instance: int
     set_real: int
@@ -28,29 +28,29 @@ class StepCall(NamedTuple):
     outputs: int  # value references
     n_outputs: int
     y: int
-    t: float  # s, where the step begins
+    t: float  # s, beginning of the step
     h: float  # s, its length
-    no_rollback: int  # whether no earlier state will be restored
+    no_rollback: int  # 1: no earlier state will be restored
     failed: int = 0  # index of the field of the function that failed, or 0
-    status: int = 0  # of FMI, returned by the last function
-    seconds: float = 1.0  # wall time of the last step; before the first one a guess that is long
+    status: int = 0  # FMI status of the last function
+    seconds: float = 1.0  # wall time of the last step; initially an overestimate
     total: float = 0.0  # wall time of all steps, s
-    n_links: int = 0  # 0 where nobody records them
+    n_links: int = 0  # number of link outputs; 0: not recorded
     links: int = 0  # value references
     y_links: int = 0
-    links_due: int = 0  # address of a word: whether links are read after this step
-    links_array: int = 0  # where the FMU keeps them once one of them is read, the reference behind the outputs'; or 0
+    links_due: int = 0  # address of a word: 1 if links are read after this step
+    links_array: int = 0  # address of the FMU's link outputs, or 0; reading the output behind the others fills it
 
 
 class Mailbox(NamedTuple):
-    """A worker's slot for one task."""
+    """Slot of a worker for one task."""
 
     state: int = FREE
-    task: int = 0  # a StepCall
+    task: int = 0  # address of a StepCall
 
 
 class StepPlan(NamedTuple):
-    """A communication step: copy inputs that are known before it, then step group after group."""
+    """Plan of a communication step: copy the inputs known before it, then step group after group."""
 
     n_copies: int  # u = y, by address
     copies_to: int
@@ -59,11 +59,11 @@ class StepPlan(NamedTuple):
     groups: int  # addresses
     n_workers: int
     mailboxes: int  # addresses
-    worthwhile: float  # s: workers are used where the last member of a group took so long
+    worthwhile: float  # s: workers are used if the last member of the group took at least this long
 
 
 class StepGroup(NamedTuple):
-    """Components that step at once, and inputs that they take from components that have stepped."""
+    """Components that step in parallel, and their inputs from components that have stepped."""
 
     n_copies: int  # u = y
     copies_to: int
@@ -76,7 +76,7 @@ class StepGroup(NamedTuple):
 
 
 class RowHead(NamedTuple):
-    """The words of a log row before its values."""
+    """Words of a log row before its values."""
 
     number: int  # of the step
     ns: int  # time, written when the row is packed
@@ -85,7 +85,7 @@ class RowHead(NamedTuple):
 
 
 class RowTable(NamedTuple):
-    """A table that grows by rows: parts that lie anywhere, copied one after the other."""
+    """Table that grows by rows; a row is a copy of parts anywhere in memory, one after the other."""
 
     n_parts: int
     parts: int  # addresses
@@ -94,13 +94,13 @@ class RowTable(NamedTuple):
 
 
 def record_type(table: type) -> np.dtype[Any]:
-    """The numpy type of a table."""
+    """Return the numpy dtype of a table class."""
     kinds = {int: np.int64, float: np.float64}
     return np.dtype([(name, kinds[kind]) for name, kind in get_type_hints(table).items()], align=True)
 
 
 def record(table: NamedTuple) -> Record:
-    """A table in memory (1,); it begins with a cache line that no other thread's table is on."""
+    """Return a table in memory (1,) on cache lines of its own, which no other table shares."""
     words = np.zeros(len(table) // CACHE_LINE * CACHE_LINE + 2 * CACHE_LINE, dtype=np.int64)
     first = -(words.ctypes.data // 8) % CACHE_LINE
     made = words[first : first + len(table)].view(record_type(type(table)))

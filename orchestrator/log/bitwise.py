@@ -13,7 +13,7 @@ _SIGN = 1 << 63
 
 
 class Difference(NamedTuple):
-    """The first place where two recordings differ."""
+    """First place where two recordings differ."""
 
     instance: str
     variable: str
@@ -21,10 +21,10 @@ class Difference(NamedTuple):
     t: float  # s
     recorded: float
     replayed: float
-    ulps: int | None  # representable numbers from one to the other; None where one is not a number
+    ulps: int | None  # distance in representable numbers; None where one value is NaN
 
     def __str__(self) -> str:
-        apart = f", {self.ulps} ULP apart" if self.ulps else ""  # not for zeros of two signs
+        apart = f", {self.ulps} ULP apart" if self.ulps else ""  # 0 ULP: zeros of opposite sign
         return (
             f"{self.instance}.{self.variable} differs first at step {self.step}, t = {self.t:.6g} s{apart}: "
             f"recorded {self.recorded!r} ({_hexadecimal(self.recorded)}), "
@@ -33,7 +33,7 @@ class Difference(NamedTuple):
 
 
 def difference(topic: str, variable: str, step: int, recorded: float, replayed: float, t: float) -> Difference:
-    """Of two numbers of a topic."""
+    """Return the difference of two values of a variable; ``t`` in s."""
     numbers = float(recorded), float(replayed)
     return Difference(topic.strip("/").partition("/")[0], variable, step, t, *numbers, ulps(*numbers))
 
@@ -41,11 +41,11 @@ def difference(topic: str, variable: str, step: int, recorded: float, replayed: 
 def first_difference(
     topic: str, recorded: Series, replayed: Series, every: int = 1, first: int = 0
 ) -> Difference | None:
-    """The first difference in time, then in the order of the variables, or None when all bits are equal.
+    """Return the first difference in time, then in the order of the variables; None if all bits are equal.
 
-    Compares ``t`` and the values as bits: -0.0 is not 0.0, and a NaN equals itself. A recording that ends early
-    differs at its end, in the variable ``t`` against NaN. Both begin with step ``first`` and hold one in ``every``.
-    Raises ValueError for different variables.
+    ``t`` and values are compared as bits: -0.0 differs from 0.0, a NaN equals itself. A recording that ends early
+    differs at its end, in the variable ``t`` against NaN. Both begin with step ``first`` and hold every ``every``-th
+    step. Raises ValueError for different variables.
     """
     if recorded.names != replayed.names:
         raise ValueError(f"the recordings of {topic} hold different variables")
@@ -67,12 +67,12 @@ def first_difference(
 
 
 def bits(values: Floats) -> NDArray[np.uint64]:
-    """Numbers as bits, of the same shape."""
+    """Return the bit patterns of an array, of the same shape."""
     return np.ascontiguousarray(values).view(np.uint64)
 
 
 def ulps(one: float, other: float) -> int | None:
-    """How many representable numbers lie between two, the second one counted; None where one is not a number."""
+    """Distance of two numbers in representable numbers (adjacent: 1); None where one is NaN."""
     if np.isnan(one) or np.isnan(other):
         return None
     places = [int(np.float64(value).view(np.uint64)) for value in (one, other)]

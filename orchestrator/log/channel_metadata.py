@@ -1,4 +1,4 @@
-"""Channels: what the record of a channel says of its topic, as the texts that MCAP's metadata hold, and read again."""
+"""Metadata of MCAP channel records: encoding and checked decoding of names, units, places, wires."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ FIELDS = set(Wire._fields)
 
 
 class Recorded(NamedTuple):
-    """A channel whose messages ``recorder`` wrote."""
+    """Channel of a topic that ``recorder`` writes."""
 
     topic: str
     about: Topic
-    columns: tuple[int, ...]  # of its variables, those that its messages hold
-    names: tuple[str, ...]  # of these
+    columns: tuple[int, ...]  # indices of the variables that the messages hold (the others are wired)
+    names: tuple[str, ...]  # names of these
     layout: schema.Layout
 
 
 def recorded(topic: str, about: Topic) -> Recorded:
-    """The channel of a topic; raises ValueError for one that no message can be made of."""
+    """Return the channel of a topic; raises ValueError if its variables do not fit into a message."""
     wired = {name for wire in about.wires for name in wire.inputs}
     columns = tuple(column for column, name in enumerate(about.names) if name not in wired)
     names = tuple(about.names[column] for column in columns)
@@ -33,7 +33,7 @@ def recorded(topic: str, about: Topic) -> Recorded:
 
 
 def texts(channel: Recorded) -> dict[str, str]:
-    """Its metadata; a variable that a wire has has no place in its messages."""
+    """Encode a channel as metadata texts; wired variables have the empty place."""
     about = channel.about
     places = dict(zip(channel.columns, schema.places(channel.names), strict=True))
     found = {
@@ -46,10 +46,10 @@ def texts(channel: Recorded) -> dict[str, str]:
 
 
 def read(topic: str, about: Mapping[str, str], described: bytes) -> Recorded:
-    """The channel of these metadata, whose schema is ``described``; raises LookupError, ValueError, RecursionError."""
+    """Decode a channel from its metadata and schema data; raises LookupError, ValueError, RecursionError."""
     names, units, places = (_texts(about[key]) for key in ("names", "units", "places"))
     if not len(names) == len(set(names)) == len(units) == len(places):
-        raise ValueError("names, units and places do not belong together")
+        raise ValueError("names, units and places differ in number or a name is listed twice")
     every = int(about["every"])
     if not 1 <= every <= MOST_STEPS:
         raise ValueError(f"a topic is not recorded every {every} steps")
@@ -58,9 +58,9 @@ def read(topic: str, about: Mapping[str, str], described: bytes) -> Recorded:
     held = tuple(names[column] for column in columns)
     wired = [name for wire in wires for name in wire.inputs]
     if sorted(wired) != sorted(set(names) - set(held)):
-        raise ValueError("what has no place has no wire")
+        raise ValueError("the variables without a place are not the wired ones")
     if wires and every != 1:
-        raise ValueError("wires are of every step")
+        raise ValueError("a wired topic is not recorded at every step")
     layout = schema.layout([places[column] for column in columns])
     if not schema.describes(described, layout.fields):
         raise ValueError("schema and places differ")
@@ -68,7 +68,7 @@ def read(topic: str, about: Mapping[str, str], described: bytes) -> Recorded:
 
 
 def _wires(text: str) -> tuple[Wire, ...]:
-    """A JSON list of wires."""
+    """Decode a JSON list of wires; raises ValueError."""
     found = json.loads(text)
     if not isinstance(found, list) or not all(isinstance(each, dict) and each.keys() == FIELDS for each in found):
         raise ValueError("not a list of wires")
@@ -76,19 +76,19 @@ def _wires(text: str) -> tuple[Wire, ...]:
     for each in found:
         outputs, inputs = (_all_texts(each[key]) for key in ("outputs", "inputs"))
         if len(outputs) != len(inputs) or each["rule"] not in RULES:
-            raise ValueError("a wire is not told as one")
+            raise ValueError("a wire has an unknown rule or not as many outputs as inputs")
         (source,) = _all_texts([each["source"]])
         wires.append(Wire(source, each["rule"], outputs, inputs))
     return tuple(wires)
 
 
 def _texts(text: str) -> tuple[str, ...]:
-    """A JSON list of texts."""
+    """Decode a JSON list of texts; raises ValueError."""
     return _all_texts(json.loads(text))
 
 
 def _all_texts(found: object) -> tuple[str, ...]:
     if not isinstance(found, list) or not all(isinstance(each, str) for each in found):
         raise ValueError("not a list of texts")
-    "".join(found).encode()  # half a surrogate pair is JSON, but no text
+    "".join(found).encode()  # raises ValueError for half a surrogate pair, which JSON allows
     return tuple(found)

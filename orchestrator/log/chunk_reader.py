@@ -1,4 +1,4 @@
-"""Chunks: compressed pieces of a log with the messages of its topics, checked and taken apart as they are read."""
+"""Chunks of a log: compressed message records, checked, unpacked and split by channel when read."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _SPAN = struct.Struct("<QQ")  # begins a chunk: first and last time in it, ns
 
 
 class Chunks:
-    """The chunks of a log.
+    """Chunks of one log.
 
-    ``spans``: offset of each in the file -> first and last time in it, s. ``unpacked``: of those in memory, by offset,
-    their messages.
+    ``spans``: offset in the file -> first and last time in the chunk, s. ``unpacked``: offset -> messages, for the
+    chunks in memory.
     """
 
     def __init__(self, file: ContainerReader, channels: Mapping[int, Recorded]) -> None:
@@ -29,16 +29,19 @@ class Chunks:
         self.spans: dict[int, tuple[float, float]] = {}
         self.unpacked: dict[int, list[Messages]] = {}
         self._room = KEEP
-        self._runs: dict[int, dict[int, list[range]]] = {}  # by offset, where its messages are
+        self._runs: dict[int, dict[int, list[range]]] = {}  # offset -> places of its messages by channel
 
     def add(self, offset: int) -> None:
-        """Note the chunk at ``offset``, and when it begins and ends as it says itself."""
+        """Register the chunk at ``offset`` with the first and last time in its header."""
         first, last = _SPAN.unpack(self._file.body(offset, _SPAN.size).ljust(_SPAN.size, b"\0"))
         self.spans[offset] = 1e-9 * first, 1e-9 * last
         self._file.let_go(offset)
 
     def read(self, offset: int, topics: Collection[str] | None = None, keep: bool = True) -> list[Messages]:
-        """The message records of a chunk by channel, of topics or of all; raises LogUnreadable."""
+        """Return the message records of a chunk, one ``Messages`` per channel; raises LogUnreadable.
+
+        ``topics`` selects (None: all). ``keep``: keep the unpacked chunk in memory while there is room.
+        """
         piece = self.unpacked.get(offset)
         if piece is None:
             piece = self._unpack(offset, keep)
@@ -60,7 +63,7 @@ class Chunks:
             ) from None
         if not keep:
             self._file.let_go(offset)
-        elif len(content) <= self._room:  # a log is read topic by topic, a chunk unpacked once
+        elif len(content) <= self._room:  # topics are read one after another, so a kept chunk is unpacked once
             self._room -= len(content)
             self.unpacked[offset] = piece
         return piece

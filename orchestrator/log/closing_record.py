@@ -1,6 +1,6 @@
-"""The last record of a log: how the run ended, results, warnings, and by topic a count of messages and a sha256.
+"""Closing record of a log: status, results and warnings of the run, count and sha256 of each topic.
 
-A log without it was cut off. MCAP's metadata hold texts alone: ``texts`` makes them, ``read`` reads them again.
+A log without it was cut off. MCAP metadata hold texts only: ``texts`` encodes the record, ``read`` decodes it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def texts(
     results: Mapping[str, str],
     warnings: Sequence[Mapping[str, object]],
 ) -> dict[str, str]:
-    """The record; ``topics``: messages and sha256 of each."""
+    """Return the record as texts; ``topics``: topic -> (number of messages, sha256)."""
     record = {"status": status, "message": message, "steps": str(steps)}
     for topic, (messages, sha256) in topics.items():
         record |= {f"messages:{topic}": str(messages), f"sha256:{topic}": sha256}
@@ -32,7 +32,10 @@ def texts(
 
 
 def read(record: Mapping[str, str]) -> dict[str, Any]:
-    """With numbers as numbers and the entries by topic in dicts of their own; raises ValueError, RecursionError."""
+    """Decode a closing record: numbers as int, and one dict by topic for messages, sha256 and results.
+
+    Raises ValueError, RecursionError.
+    """
     by_topic = {
         kind: {key.partition(":")[2]: value for key, value in record.items() if key.startswith(f"{kind}:")}
         for kind in ("messages", "sha256", "result")
@@ -54,8 +57,8 @@ def _warnings(text: str) -> list[dict[str, Any]]:
         raise ValueError("warnings are no list")
     for each in found:
         if not isinstance(each, dict) or {key: type(value) for key, value in each.items()} != _WARNED:
-            raise ValueError("a warning is not told as one")
+            raise ValueError("a warning does not consist of component, text, time and count")
         if not 0 < each["count"] <= MOST_STEPS:
-            raise ValueError("a warning was not told so often")
-        f"{each['component']}{each['text']}".encode()  # half a surrogate pair is JSON, but no text
+            raise ValueError("the count of a warning is out of range")
+        f"{each['component']}{each['text']}".encode()  # raises ValueError for half a surrogate pair, which JSON allows
     return found

@@ -1,7 +1,7 @@
-"""An MCAP file, mapped into memory and walked from its beginning, record by record.
+"""Reader of an MCAP file, mapped into memory and walked record by record.
 
-One that a killed run left without its end reads as far as it goes, and after a damaged record the walk goes on with the
-next one that the indexes at the end know, where there are any; ``faults`` says what is missing.
+A file without its end is read up to the last whole record. After a damaged record the walk continues with the next
+record in the indexes at the end of the file, if there are any. ``faults`` lists what is missing.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from orchestrator.log.container_writer import being_written, reason
 
 HEAD = struct.Struct("<BQ")  # opcode and length before every record
 FOOTER = HEAD.size + 20 + len(MCAP0_MAGIC)  # bytes from the footer to the end of a file
-AROUND = 16 * mmap.PAGESIZE  # bytes that a system may map when one of them is touched
-_CHUNK, _LENGTH = struct.Struct("<QQQII"), struct.Struct("<Q")  # times, size, checksum, letters of the compression
-PIECE = 256 * AROUND  # bytes that are summed up at once
-INDEXES: dict[int, tuple[Any, str]] = {  # records of the summary that say where another one is
+AROUND = 16 * mmap.PAGESIZE  # bytes that the system may map when one of them is read
+_CHUNK, _LENGTH = struct.Struct("<QQQII"), struct.Struct("<Q")  # times, size, checksum, length of compression name
+PIECE = 256 * AROUND  # bytes per update of a checksum
+INDEXES: dict[int, tuple[Any, str]] = {  # index records of the summary and their field with an offset
     Opcode.CHUNK_INDEX: (ChunkIndex, "chunk_start_offset"),
     Opcode.ATTACHMENT_INDEX: (AttachmentIndex, "offset"),
     Opcode.METADATA_INDEX: (MetadataIndex, "offset"),
@@ -41,11 +41,11 @@ DAMAGE = (
 
 
 class LogUnreadable(RuntimeError):
-    """A log, or the part of it that was asked for, cannot be read; the message is one sentence."""
+    """A log, or the requested part of it, cannot be read; the message is one sentence."""
 
 
 class ContainerReader:
-    """An open file; raises LogUnreadable for one that is missing or no MCAP file."""
+    """MCAP file open for reading; raises LogUnreadable if it is missing or not an MCAP file."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -57,25 +57,25 @@ class ContainerReader:
         self._decompressor = zstandard.ZstdDecompressor()
 
     def close(self) -> None:
-        """Give the file back."""
+        """Unmap the file."""
         self._data.close()
 
     def fault(self, sentence: str) -> None:
-        """Note what is wrong, once."""
+        """Add a sentence to ``faults`` unless it is there already."""
         if sentence not in self.faults:
             self.faults.append(sentence)
 
     def body(self, offset: int, most: int | None = None) -> bytes:
-        """The bytes of a record after its length, or the first of them."""
+        """Return the content of the record at ``offset``, at most its first ``most`` bytes."""
         _, length = HEAD.unpack_from(self._data, offset)
         return self._data[offset + HEAD.size : offset + HEAD.size + (length if most is None else min(length, most))]
 
     def record(self, kind: Any, offset: int) -> Any:
-        """The record of a class of ``mcap.records``; raises one of DAMAGE."""
+        """Parse the record at ``offset`` as a class of ``mcap.records``; raises one of DAMAGE."""
         return parsed(kind, self.body(offset))
 
     def content(self, offset: int) -> bytes:
-        """The records inside a chunk, unpacked and checked; raises one of DAMAGE."""
+        """Return the unpacked and checked content of the chunk at ``offset``; raises one of DAMAGE."""
         _, length = HEAD.unpack_from(self._data, offset)
         start = offset + HEAD.size
         with memoryview(self._data) as whole, whole[start : start + length] as body:
@@ -95,12 +95,12 @@ class ContainerReader:
             return bytes(packed)
         if kind != b"zstd":
             raise ValueError(f"compression {kind.decode(errors='replace')!r} is not known")
-        if zstandard.frame_content_size(packed) not in (-1, size):  # -1: not said
+        if zstandard.frame_content_size(packed) not in (-1, size):  # -1: unknown
             raise ValueError("its size does not hold")
         return self._decompressor.decompress(packed, size)
 
     def walk(self, note: Callable[[int, int], None]) -> None:
-        """Tell ``note`` opcode and offset of every record of data; it may raise one of DAMAGE."""
+        """Call ``note(opcode, offset)`` for every data record; ``note`` may raise one of DAMAGE."""
         offset = len(MCAP0_MAGIC)
         while offset < self.size:
             following = self._step(offset, note)
@@ -116,7 +116,7 @@ class ContainerReader:
             self.fault(f"{self.path}: the end of the file is missing or damaged")
 
     def _step(self, offset: int, note: Callable[[int, int], None]) -> int | None:
-        """Past the record at ``offset``; the offset of the next one, or None where this one is no good."""
+        """Visit the record at ``offset``; return the offset of the next one, or None if it is damaged."""
         if offset + HEAD.size > self.size:
             return None
         opcode, length = HEAD.unpack_from(self._data, offset)
@@ -135,7 +135,7 @@ class ContainerReader:
         return following
 
     def _indexed(self) -> list[int]:
-        """Offsets of the records that the summary at the end knows; empty where there is none."""
+        """Return the sorted offsets of records in the summary; empty without a readable summary."""
         found = []
         try:
             offset = self.record(Footer, self.size - FOOTER).summary_start
@@ -151,9 +151,9 @@ class ContainerReader:
         return sorted(found)
 
     def let_go(self, offset: int) -> None:
-        """Of the file's pages that hold the record at ``offset``: what is mapped counts as memory."""
+        """Release the mapped pages of the record at ``offset``, which count as memory of the process."""
         _, length = HEAD.unpack_from(self._data, offset)
-        start = offset - offset % AROUND - AROUND  # what was touched since the chunk before it, too
+        start = offset - offset % AROUND - AROUND  # includes pages read since the previous chunk
         self._release(max(0, start), offset + HEAD.size + length)
 
     def _release(self, start: int, end: int) -> None:
@@ -161,13 +161,13 @@ class ContainerReader:
             self._data.madvise(mmap.MADV_DONTNEED, start, end - start)
 
     def data_sound(self) -> bool:
-        """Whether all bytes but the indexes at the end are as they were written."""
+        """Whether the checksum over all data, without the indexes at the end, holds."""
         if self.data_end is None:
             return False
         return self.record(DataEnd, self.data_end).data_section_crc == self._crc(0, self.data_end)
 
     def indexes_sound(self) -> bool:
-        """Whether those at the end, which is there, are as they were written."""
+        """Whether the checksum over the indexes holds; the file must have its end."""
         footer = self.record(Footer, self.size - FOOTER)
         return footer.summary_crc == self._crc(footer.summary_start, self.size - FOOTER + HEAD.size + 16)
 
@@ -183,12 +183,12 @@ class ContainerReader:
 
 
 def parsed(kind: Any, body: bytes) -> Any:
-    """The record of a class of ``mcap.records``; raises one of DAMAGE."""
+    """Parse bytes as a class of ``mcap.records``; raises one of DAMAGE."""
     return kind.read(ReadDataStream(io.BytesIO(body)))
 
 
 def _mapped(path: Path) -> tuple[mmap.mmap, bool]:
-    """The file, and whether a recorder has it open."""
+    """Map a file; return it with whether a recorder has it open. Raises LogUnreadable."""
     try:
         with path.open("rb") as stream:
             size = os.fstat(stream.fileno()).st_size

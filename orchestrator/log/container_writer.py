@@ -1,6 +1,6 @@
-"""An MCAP file being written, record by record (https://mcap.dev/spec), safe against a full disk.
+"""Writer of an MCAP file (https://mcap.dev/spec), which leaves whole records on a full disk.
 
-``mcap.writer`` costs 3 to 16 us a message on the caller's thread and cannot go on after a full disk.
+``mcap.writer`` costs 3 to 16 us a message on the caller's thread and cannot continue after a full disk.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import IO, Any
 
 import numpy as np
 import zstandard
-from isal.isal_zlib import crc32  # four times as fast as that of zlib
+from isal.isal_zlib import crc32  # four times as fast as zlib.crc32
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -39,13 +39,13 @@ from numpy.typing import NDArray
 
 try:
     import fcntl
-except ImportError:  # Windows does not let go of open files in any case
+except ImportError:  # Windows locks open files itself
     fcntl = None  # type: ignore[assignment]
 
-ZSTD, COMPRESSION_LEVEL = b"zstd", -20  # a quarter of the processor that level 1 takes, and 20 % larger
-_CHUNK = struct.Struct("<BQQQQII4sQ")  # all of a chunk but its records: opcode, length, times, size, checksum, kind
+ZSTD, COMPRESSION_LEVEL = b"zstd", -20  # a quarter of level 1's processor time, and 20 % more bytes
+_CHUNK = struct.Struct("<BQQQQII4sQ")  # chunk without its records: opcode, length, times, size, checksum, kind
 _HEAD = 9  # bytes of opcode and length, which the length does not count
-CLOSING = 1 << 14  # bytes that are left for the closing record where a disk is nearly full
+CLOSING = 1 << 14  # bytes reserved for the closing record on a nearly full disk
 SUMMARY = (
     Opcode.SCHEMA,
     Opcode.CHANNEL,
@@ -61,7 +61,10 @@ class LogFailed(RuntimeError):
 
 
 class ContainerWriter:
-    """An MCAP file being written. A record that does not fit on the disk is taken back whole."""
+    """MCAP file open for writing; a record that does not fit on the disk is removed whole.
+
+    All methods that write raise OSError.
+    """
 
     def __init__(self, path: Path) -> None:
         self.size = 0
@@ -79,13 +82,13 @@ class ContainerWriter:
             raise
 
     def metadata(self, name: str, entries: Mapping[str, str]) -> None:
-        """A record of texts."""
+        """Write a metadata record (texts by key)."""
         offset = self.size
         self._append(_bytes(Metadata(name, dict(entries))))
         self._indexed[Opcode.METADATA_INDEX].append(MetadataIndex(offset=offset, length=self.size - offset, name=name))
 
     def attachment(self, name: str, content: bytes) -> None:
-        """A whole file."""
+        """Write a whole file as an attachment record."""
         kind = mimetypes.guess_type(name)[0] or "application/octet-stream"
         record = Attachment(create_time=0, log_time=0, name=name, media_type=kind, data=content)
         offset = self.size
@@ -96,7 +99,10 @@ class ContainerWriter:
     def channel(
         self, number: int, topic: str, kind: str, description: bytes, about: dict[str, str], json: bool = False
     ) -> None:
-        """A topic and its message type, which ``description`` describes; topics may share one. Protobuf, or JSON."""
+        """Write a channel record, and a schema record unless one with this ``description`` exists already.
+
+        ``kind``: name of the message type; ``about``: metadata of the channel; ``json``: JSON instead of protobuf.
+        """
         written, described_by = (
             (MessageEncoding.JSON, SchemaEncoding.JSONSchema)
             if json
@@ -113,12 +119,12 @@ class ContainerWriter:
         self._counts[number] = 0
 
     def chunk(self, parts: Sequence[tuple[int, NDArray[np.uint8], NDArray[np.uint64]]], last: bool = False) -> None:
-        """Write message records (m, size) with their times (ns), by channel number, as one chunk.
+        """Write a chunk of (channel number, message records (m, size), times (m,) in ns).
 
-        ``last``: only where there is room for the end of the file behind it.
+        ``last``: write it only if the end of the file fits behind it, else raise OSError.
         """
         content = self._joined([rows for _, rows, _ in parts])
-        spans = {id(times): times for _, _, times in parts}.values()  # topics share them
+        spans = {id(times): times for _, _, times in parts}.values()  # topics share arrays of times
         start, end = min(int(times.min()) for times in spans), max(int(times.max()) for times in spans)
         data = self._compressor.compress(content)
         length = _CHUNK.size - _HEAD + len(data)
@@ -154,11 +160,11 @@ class ContainerWriter:
         )
 
     def finish(self) -> None:
-        """End of data, summary, footer: one write, so that a full disk leaves the data as they are."""
+        """Write end of data, summary and footer in one write, so that a full disk leaves the data intact."""
         self._append(self._end())
 
     def _end(self) -> bytes:
-        """What comes after the last record."""
+        """Return the bytes after the last record: end of data, summary, footer, magic."""
         chunks = self._indexed[Opcode.CHUNK_INDEX]
         statistics = Statistics(
             attachment_count=len(self._indexed[Opcode.ATTACHMENT_INDEX]),
@@ -186,11 +192,11 @@ class ContainerWriter:
         return data_end + summary + footer[:-4] + struct.pack("<I", crc) + MCAP0_MAGIC
 
     def close(self) -> None:
-        """Give the file back."""
+        """Close the file."""
         self._stream.close()
 
     def _joined(self, parts: Sequence[NDArray[np.uint8]]) -> memoryview:
-        """Their bytes one after the other, in room that is used again: fresh memory costs more than the copy."""
+        """Concatenate arrays into a reused buffer, because allocating memory costs more than the copy."""
         size = sum(part.size for part in parts)
         if size > len(self._room):
             self._room = np.empty(size, np.uint8)
@@ -209,7 +215,7 @@ class ContainerWriter:
             self._crc = crc32(part, self._crc)
 
     def _need(self, size: int) -> None:
-        """Raises OSError where so many bytes do not fit on the disk: only writing them tells."""
+        """Raise OSError if ``size`` bytes do not fit on the disk; only writing them shows it."""
         try:
             self._write(bytes(size))
         finally:
@@ -222,13 +228,13 @@ class ContainerWriter:
                 rest = rest[self._stream.write(rest) :]
 
     def _cut_back(self) -> None:
-        with suppress(OSError):  # what cannot be cut back stays behind as a cut record
+        with suppress(OSError):  # else an incomplete record remains at the end of the file
             self._stream.truncate(self.size)
             self._stream.seek(self.size)
 
 
 def check_writable(path: Path) -> None:
-    """Whether a log can be written there, as far as can be said now; raises LogFailed."""
+    """Raise LogFailed if a log cannot be written to ``path``, as far as can be known in advance."""
     why = ""
     if path.is_dir():
         why = "it is a directory"
@@ -256,7 +262,7 @@ def check_writable(path: Path) -> None:
 
 
 def _lock(stream: IO[bytes]) -> bool:
-    """Take the file for oneself until it is closed; False: someone else has it."""
+    """Lock the file until it is closed; return False if another process holds the lock."""
     if fcntl is not None:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -268,7 +274,7 @@ def _lock(stream: IO[bytes]) -> bool:
 
 
 def being_written(stream: IO[bytes]) -> bool:
-    """Whether a recorder has the file."""
+    """Whether a recorder holds the lock of the file."""
     if fcntl is not None:
         try:
             fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -288,11 +294,11 @@ def _bytes(*records: McapRecord) -> bytes:
 
 
 def failed(path: Path, error: Exception) -> LogFailed:
-    """What is said of a log that cannot be written."""
+    """Return the LogFailed for a log that cannot be written."""
     return LogFailed(f"the log {path} cannot be written: {reason(error)}")
 
 
 def reason(error: Exception) -> str:
-    """Why a file cannot be read or written, as the end of a sentence."""
+    """Return the reason of a file error as the end of a sentence."""
     text = (error.strerror or str(error)) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
     return text[:1].lower() + text[1:]

@@ -1,4 +1,4 @@
-"""What a log says of its system (``system.json``) and of its components, checked: it may come from anyone."""
+"""System graph (``system.json``) and model descriptions in a log, which may come from anyone."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class _Table(BaseModel):
 
 class _Instance(_Table):
     name: str
-    fmu: str | None = None  # name of its file, hash of its content; neither: stepped without an FMU
+    fmu: str | None = None  # file name; without it and the hash of its content: a component without an FMU
     sha256: str | None = None
     parameters: dict[str, bool | Integer | float | str] = Field(default_factory=dict)
     stage: Integer = 0
@@ -50,7 +50,10 @@ class _System(_Table):
 
 
 def system_of(log: Log) -> dict[str, Any]:
-    """Instances and connections of a log, as ``execution.manifest`` wrote them; raises LogUnreadable, NoSuchSignal."""
+    """Return instances and connections as written by ``execution.manifest``, validated.
+
+    Raises LogUnreadable, NoSuchSignal.
+    """
     table = log.table("system.json")
     try:
         _System.model_validate(table)
@@ -60,11 +63,11 @@ def system_of(log: Log) -> dict[str, Any]:
 
 
 def said_of(log: Log, signal: str) -> str:
-    """What a component's own model description says of "instance.variable"; "" where it says nothing or is damaged."""
+    """Return the model description's text on "instance.variable"; "" if it is missing or damaged."""
     instance, _, variable = signal.partition(".")
     try:
         tree = ElementTree.fromstring(log.attachment(f"{instance}.modelDescription.xml"))
-    except (LogUnreadable, ElementTree.ParseError, LookupError, ValueError):  # a LookupError too: there is none
+    except (LogUnreadable, ElementTree.ParseError, LookupError, ValueError):  # LookupError: no such attachment
         return ""
     found = (each.get("description", "") for each in tree.iter("ScalarVariable") if each.get("name") == variable)
     return next(found, "")

@@ -1,7 +1,7 @@
-"""The topic /events: what happened in a run, written when it has ended, in messages of Foxglove's type Log.
+"""Topic /events: events of a run in messages of Foxglove's type Log, written when the run has ended.
 
-They are JSON, which any tool shows as it is. They follow from the other messages, so no digest counts them, and our
-reader leaves them out: ``analyses/events.py`` finds them in any log.
+The messages are JSON, which any tool displays. They follow from the other messages, so digests and ``reader`` leave
+them out; ``analyses/events.py`` finds the events in any log.
 """
 
 from __future__ import annotations

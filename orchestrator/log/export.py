@@ -1,4 +1,4 @@
-"""Recorded values as files: CSV, Parquet or MATLAB, one a topic or one of all, a few messages at a time."""
+"""Export of recorded values, block by block, to CSV, Parquet or MATLAB: a file per topic or one."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from orchestrator.log.extra import library
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.time_series import EVER, Floats, Series
 
-BLOCK = 4000  # rows that are in memory at once
-GROUP = 64 << 20  # bytes of a row group of a Parquet file, before it is compressed
+BLOCK = 4000  # rows in memory at once
+GROUP = 64 << 20  # bytes of a row group of a Parquet file before compression
 
 
 class Columns(NamedTuple):
-    """Of a table whose first column is the time, s."""
+    """Names and units of the columns after the first one, which is the time in s."""
 
     names: tuple[str, ...]  # instance.variable
     units: tuple[str, ...]
 
 
 class Writer(Protocol):
-    """A file of one table."""
+    """File of one table, written block by block; methods raise OSError."""
 
     def rows(self, table: Floats) -> None:
-        """More rows (m, 1 + columns)."""
+        """Append rows (m, 1 + columns)."""
 
     def close(self) -> None:
-        """All rows are there."""
+        """Finish and close the file."""
 
 
 class Csv:
-    """Numbers are the shortest that read back as the same double; only the payload of a NaN is lost."""
+    """CSV file; numbers read back as the same double, only the payload of a NaN is lost."""
 
     def __init__(self, file: Path, columns: Columns) -> None:
         self._stream = file.open("w", newline="", encoding="utf-8")
@@ -48,18 +48,19 @@ class Csv:
         self._writer.writerow(["t [s]", *titles])
 
     def rows(self, table: Floats) -> None:
-        """As text."""
+        """Append rows (m, 1 + columns) as text."""
         self._writer.writerows(table.tolist())
 
     def close(self) -> None:
-        """Whole lines only."""
+        """Close the file."""
         self._stream.close()
 
 
 class Parquet:
-    """Bit by bit; bytes of equal place side by side, which compresses better; units are in the columns' metadata.
+    """Parquet file with the exact bits and the units in the metadata of the columns.
 
-    A row group is in memory at a time, and 2 kB that pyarrow keeps of each of its columns until the file is closed.
+    Byte streams are split, which compresses better. Memory: one row group, and for each group 2 kB per column that
+    pyarrow keeps until the file is closed.
     """
 
     def __init__(self, file: Path, columns: Columns) -> None:
@@ -77,11 +78,11 @@ class Parquet:
             compression="zstd",
             use_dictionary=False,
             use_byte_stream_split=True,
-            write_statistics=["t"],  # by which readers skip row groups; of all columns they cost a third of the time
+            write_statistics=["t"],  # lets readers skip row groups; for all columns they take a third of the time
         )
 
     def rows(self, table: Floats) -> None:
-        """Kept until they make a row group."""
+        """Collect rows (m, 1 + columns) and write each full row group."""
         while len(table):
             part, begin = table[: self._columns.shape[1] - self._filled], self._filled
             self._filled += len(part)
@@ -96,25 +97,25 @@ class Parquet:
         self._filled = 0
 
     def close(self) -> None:
-        """With the last rows and the footer."""
+        """Write the last rows and the footer, close the file."""
         with self._writer:
             if self._filled:
                 self._write()
 
 
 class Matlab:
-    """``t``, ``values`` (m, n), ``names`` and ``units`` of a .mat file of version 5; all rows are in memory."""
+    """MATLAB file (version 5) with ``t``, ``values`` (m, n), ``names``, ``units``; all rows in memory."""
 
     def __init__(self, file: Path, columns: Columns) -> None:
         self._file, self._columns = file, columns
         self._tables: list[Floats] = [np.empty((0, 1 + len(columns.names)))]
 
     def rows(self, table: Floats) -> None:
-        """Kept."""
+        """Keep a copy of rows (m, 1 + columns)."""
         self._tables.append(table.copy())
 
     def close(self) -> None:
-        """Written as a whole."""
+        """Write the whole file."""
         from scipy.io import savemat
 
         whole = np.concatenate(self._tables)
@@ -133,16 +134,16 @@ def export(
     window: tuple[float, float] = EVER,
     kind: str | None = None,
 ) -> list[Path]:
-    """Write recorded values of a closed interval of time, s, and return the files.
+    """Write recorded values of a closed time interval ``window``, s, and return the files.
 
-    ``signals`` and ``topics`` choose, ``*`` in them stands for anything; without either everything is written. ``out``
-    is one file (``.csv``, ``.parquet`` or ``.mat``: its signals must have the same times), or a folder, which gets one
-    file a topic (``left_track.out.csv``) of that ``kind``, by default csv.
+    ``signals`` and ``topics`` select, with ``*`` for any text; without either everything is written. ``out`` is one
+    file (``.csv``, ``.parquet`` or ``.mat``; its signals must have the same times) or a folder, which gets one file per
+    topic (``left_track.out.csv``) of this ``kind``, csv by default.
 
-    :raises NoSuchSignal: for what the log does not hold, or cannot put into one file.
-    :raises LogUnreadable: for a log, or a part of it, that cannot be read.
-    :raises LogFailed: where a file cannot be written. Nothing half-written is left.
-    :raises NotInstalled: for a format whose library is missing.
+    :raises NoSuchSignal: if the log lacks a signal, or signals of one file have different times.
+    :raises LogUnreadable: if the log, or a part of it, cannot be read.
+    :raises LogFailed: if a file cannot be written; no incomplete file remains.
+    :raises NotInstalled: if the library of the format is missing.
     """
     target = Path(out)
     suffix = target.suffix.lower().removeprefix(".")
@@ -171,7 +172,7 @@ def export(
 
 
 def side_by_side(log: Log, chosen: dict[str, list[int]], window: tuple[float, float]) -> Iterator[Floats]:
-    """Tables (m, 1 + columns) of topics that have the same times; raises NoSuchSignal where they have not."""
+    """Yield tables (m, 1 + columns) of topics with equal times; raises NoSuchSignal if they differ."""
     first, *others = chosen
     for block in log.blocks(chosen, BLOCK, window=window):
         for topic in others:
@@ -181,17 +182,17 @@ def side_by_side(log: Log, chosen: dict[str, list[int]], window: tuple[float, fl
 
 
 def table(series: Series) -> Floats:
-    """Time and values side by side (m, 1 + columns)."""
+    """Return time and values of a series as one table (m, 1 + columns)."""
     return np.concatenate([series.t[:, None], series.values], axis=1)
 
 
 @contextmanager
 def written(file: Path, kind: str, columns: Columns) -> Iterator[Writer]:
-    """A file that is there when all of it is; raises LogFailed, NotInstalled."""
+    """Write to a temporary file and rename it when it is complete; raises LogFailed, NotInstalled."""
     fresh = file.with_name(f".{file.name}.{os.getpid()}")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        if file.exists() and not file.is_file():  # a device is written as it stands
+        if file.exists() and not file.is_file():  # a device is written directly
             fresh = file
         writer = KINDS[kind](fresh, columns)
         try:
@@ -210,7 +211,7 @@ def written(file: Path, kind: str, columns: Columns) -> Iterator[Writer]:
 def _remove(file: Path) -> None:
     try:
         file.unlink(missing_ok=True)
-    except OSError:  # its folder is none
+    except OSError:  # its parent is not a folder
         return
 
 
@@ -220,12 +221,12 @@ def _columns(log: Log, topic: str, columns: Sequence[int]) -> Columns:
 
 
 def file_name(name: str) -> str:
-    """What a log calls something as part of a file's name, wherever the log comes from."""
+    """Return a name from a log as a safe part of a file name, at most 100 characters long."""
     return re.sub(r"[^\w.()\[\]-]", "_", name.strip("/").replace("/", ".")).strip(".")[:100] or "_"
 
 
 def _files(folder: Path, topics: Sequence[str], suffix: str) -> list[Path]:
-    """A file for each topic, no two alike, in a folder."""
+    """Return one path per topic in a folder, distinct also where letter case is ignored."""
     taken: set[str] = set()
     found = []
     for topic in topics:

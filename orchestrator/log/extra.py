@@ -1,4 +1,4 @@
-"""Libraries of extras, imported when they are asked for."""
+"""Optional libraries (extras of the distribution), imported when they are first used."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class NotInstalled(RuntimeError):
 
 
 def library(name: str, extra: str = "analysis") -> ModuleType:
-    """A library of an extra by the name of its module; raises NotInstalled."""
+    """Import a module of an optional library by its name; raises NotInstalled."""
     try:
         return import_module(name)
     except ImportError:

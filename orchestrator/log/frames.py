@@ -1,4 +1,4 @@
-"""Recorded values as tables of other libraries, with names and units; those are of the extra ``analysis``."""
+"""Recorded values as pandas, pyarrow, polars or xarray tables (libraries of the extra ``analysis``)."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from orchestrator.log.reader import Log
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import EVER, Floats
 
-Named = dict[str, tuple[str, Floats]]  # by signal its unit and values (m,)
+Named = dict[str, tuple[str, Floats]]  # signal -> unit and values (m,)
 
 
 def _table(log: Log, signals: Sequence[str], window: tuple[float, float]) -> tuple[Floats, Named]:
-    """Times (m,) and the signals; raises NoSuchSignal where signals differ in their times."""
+    """Return times (m,), s, and the signals; raises NoSuchSignal if signals have different times."""
     chosen = log.choose(signals)
     whole = np.concatenate([*side_by_side(log, chosen, window)])
     places = [(topic, column) for topic, columns in chosen.items() for column in columns]
@@ -28,9 +28,10 @@ def _table(log: Log, signals: Sequence[str], window: tuple[float, float]) -> tup
 
 
 def to_pandas(log: Log, *signals: str, window: tuple[float, float] = EVER) -> Any:
-    """A DataFrame of signals (``*`` stands for anything) over ``t``, s; units are in its ``attrs``.
+    """Return signals as a DataFrame indexed by ``t``, s, with units in ``attrs["units"]``.
 
-    Raises NoSuchSignal, also for signals that do not have the same times, LogUnreadable, NotInstalled.
+    ``*`` in ``signals`` stands for any text; ``window``: closed time interval, s. Raises NoSuchSignal, also for signals
+    with different times, LogUnreadable, NotInstalled.
     """
     pandas = library("pandas")
     t, columns = _table(log, signals, window)
@@ -40,7 +41,7 @@ def to_pandas(log: Log, *signals: str, window: tuple[float, float] = EVER) -> An
 
 
 def to_arrow(log: Log, *signals: str, window: tuple[float, float] = EVER) -> Any:
-    """A table with the columns ``t`` and the signals, units in their metadata; raises as ``to_pandas``."""
+    """Return a table of ``t`` and the signals, units in the metadata; raises like ``to_pandas``."""
     arrow = library("pyarrow")
     t, columns = _table(log, signals, window)
     fields = [
@@ -51,15 +52,15 @@ def to_arrow(log: Log, *signals: str, window: tuple[float, float] = EVER) -> Any
 
 
 def to_polars(log: Log, *signals: str, window: tuple[float, float] = EVER) -> Any:
-    """A DataFrame with the columns ``t`` and the signals; raises as ``to_pandas``."""
+    """Return a DataFrame with columns ``t`` and the signals; raises like ``to_pandas``."""
     t, columns = _table(log, signals, window)
     return library("polars").DataFrame({"t": t} | {name: values for name, (_, values) in columns.items()})
 
 
 def to_xarray(log: Log, *signals: str, window: tuple[float, float] = EVER) -> Any:
-    """A Dataset over ``t``; ``left_track.link[3].tension`` is ``left_track.link.tension`` at ``link`` = 3.
+    """Return a Dataset over ``t``, families of signals as 2-D arrays; raises like ``to_pandas``.
 
-    Raises as ``to_pandas``.
+    ``left_track.link[3].tension`` is ``left_track.link.tension`` at ``link`` = 3.
     """
     xarray = library("xarray")
     t, columns = _table(log, signals, window)

@@ -1,4 +1,4 @@
-"""Message records: those of one topic in one chunk, as they stand in the file, decoded by the thousand."""
+"""MCAP message records as byte arrays (m, bytes), which are decoded together."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from numpy.typing import NDArray
 from orchestrator.log.schema import Bytes, Layout
 from orchestrator.log.time_series import Series
 
-MOST_STEPS = 2**32 - 1  # a message counts them in 32 bits
-LONGEST = 2**64 / 1e9  # s: a message counts nanoseconds in 64 bits
+MOST_STEPS = 2**32 - 1  # the sequence of a message has 32 bits
+LONGEST = 2**64 / 1e9  # s: times of a message are nanoseconds in 64 bits
 PREFIX = 31  # bytes of a message record before its data: opcode, length, channel, sequence, two times
-SEQUENCE, LOG_TIME, PUBLISH_TIME = 11, 15, 23  # where these begin in it
-IDENTITY = 11  # bytes of it that depend on the file: opcode, length, channel; the rest is in the digest
+SEQUENCE, LOG_TIME, PUBLISH_TIME = 11, 15, 23  # byte offsets in the record
+IDENTITY = 11  # leading bytes that depend on the file: opcode, length, channel; the rest is in the digest
 _PREFIX = struct.Struct("<BQHIQQ")
 _IDENTITY = struct.Struct("<BQH")
 _HEAD = 9  # bytes of opcode and length, which the length does not count
 
 
 class Messages(NamedTuple):
-    """Message records of one topic in one chunk, as they stand in the file."""
+    """Message records of one topic in one chunk, as bytes of the file."""
 
     topic: str
-    names: tuple[str, ...]  # of the variables that they hold
+    names: tuple[str, ...]  # recorded variables
     layout: Layout
     rows: NDArray[np.uint8]  # (m, bytes)
 
     def decode(self, columns: Sequence[int] | None = None) -> Series:
-        """What they say, as arrays; of some variables, or of all."""
+        """Return the messages as a series; ``columns`` selects recorded variables (None: all)."""
         t, h, values = self.layout.unpack(self.rows, PREFIX, columns)
         return Series(t, h, self.names if columns is None else tuple(self.names[k] for k in columns), values)
 
@@ -42,7 +42,7 @@ class Messages(NamedTuple):
         return self.layout.unpack(self.rows, PREFIX, ())[0]
 
     def digestible(self) -> memoryview:
-        """The bytes that a topic's sha256 is made of: sequence, times and data."""
+        """Return the bytes that enter a topic's sha256: sequence, times and data."""
         return np.ascontiguousarray(self.rows[:, IDENTITY:]).data
 
     @property
@@ -57,7 +57,7 @@ class Messages(NamedTuple):
 
     @property
     def publish_time(self) -> NDArray[np.uint64]:
-        """The same once more (m,), ns."""
+        """Publish time (m,), ns; equal to ``log_time`` in an intact log."""
         return self._column(PUBLISH_TIME, PREFIX, "<u8")
 
     def _column(self, start: int, end: int, kind: str) -> NDArray:
@@ -65,19 +65,20 @@ class Messages(NamedTuple):
 
 
 def size_of(layout: Layout) -> int:
-    """Bytes of a message record."""
+    """Return the size of a message record in bytes."""
     return PREFIX + len(layout.template)
 
 
 def prefix(channel: int, size: int) -> bytes:
-    """What all message records of a channel begin with, sequence and times zero; ``size``: bytes of a record."""
+    """Return the bytes before the data of a channel's records of ``size`` bytes; sequence and times 0."""
     return _PREFIX.pack(Opcode.MESSAGE, size - _HEAD, channel, 0, 0, 0)
 
 
 def runs_by_channel(content: Bytes) -> dict[int, list[range]]:
-    """Where message records begin in the content of a chunk (n,), by channel; raises ValueError.
+    """Find the message records in the content of a chunk (n,); raises ValueError.
 
-    A range is a run of records of one size, its step. Those of a log that ``recorder`` wrote stand together.
+    Returns ranges of offsets by channel. A range is a run of records of equal size, which is its step. ``recorder``
+    writes the records of a channel in one run.
     """
     found: dict[int, list[range]] = {}
     offset, end = 0, len(content)
@@ -97,7 +98,7 @@ def runs_by_channel(content: Bytes) -> dict[int, list[range]]:
 
 
 def _alike(content: Bytes, size: int) -> int:
-    """How many records of one size, opcode and channel come one after the other."""
+    """Number of consecutive records of ``size`` bytes with the opcode and channel of the first one."""
     most, count = len(content) // size, 1
     rows = content[: most * size].reshape(most, size)[:, :IDENTITY]
     while count < most:

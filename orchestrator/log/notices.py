@@ -1,4 +1,4 @@
-"""What a reader says of a log before anything else, as a warning: commands show it as their first line on stderr."""
+"""Notices about a log that is read, issued as warnings; commands print them first on stderr."""
 
 from __future__ import annotations
 
@@ -14,12 +14,15 @@ class LogNotice(UserWarning):
 
 
 def cut_off(path: Path, t: float) -> str:
-    """Of a log without a closing record, whose last record is at ``t`` s."""
+    """Return the notice for a log without a closing record, whose last record is at ``t`` s."""
     return f"{path} was cut off at t = {t:.6g} s: no closing record"
 
 
 def other_version(path: Path, versions: Mapping[str, str]) -> str:
-    """Of a log by another version of cotrack, as its metadata ``versions`` say; empty for this one."""
+    """Return the notice for a log of another cotrack version, empty for this one.
+
+    ``versions``: metadata of the log.
+    """
     made = versions.get("cotrack", "unknown")
     if made == __version__:
         return ""
@@ -27,6 +30,6 @@ def other_version(path: Path, versions: Mapping[str, str]) -> str:
 
 
 def notice(sentence: str) -> None:
-    """Say it, unless it is empty."""
+    """Issue a LogNotice with the sentence, unless it is empty."""
     if sentence:
         warnings.warn(sentence, LogNotice, stacklevel=3)

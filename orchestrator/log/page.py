@@ -1,4 +1,4 @@
-"""Pages: what topics that are written together wait in for the recorder's thread, which packs it into messages."""
+"""Pages: buffers of log rows, which the recorder's thread packs into messages."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ Columns = NDArray[np.intp]
 
 
 class Unproven(ValueError):
-    """An input is not what its wire says; the message is one sentence."""
+    """An input differs from the value that its wire gives; the message is one sentence."""
 
 
 class Block:
-    """Rows of a page: a head, then values. Row 0 repeats the last one of the block before."""
+    """Rows of a page, each a head and then the values. Row 0 repeats the last row of the previous block."""
 
     def __init__(self, table: Floats, count: int = 1) -> None:
         words = table.view(np.int64)
@@ -41,19 +41,19 @@ class Block:
         self.count = count
 
     def follow(self, other: Block) -> Block:
-        """Begin after another one."""
+        """Reset this block: row 0 becomes the last row of ``other``."""
         self.table[0] = other.table[other.count - 1]
         self.count = 1
         return self
 
     def steps(self, first: int, end: int) -> Block:
-        """Those of its rows that are of steps from ``first`` to before ``end``, in its memory."""
+        """Return the rows of steps ``first`` to ``end`` - 1 as a view on the same memory."""
         begin, stop = np.searchsorted(self.sequence[1 : self.count], [first, end]).tolist()
         return Block(self.table[begin : stop + 1], stop - begin + 1)
 
 
 class Channel:
-    """One topic: how its messages lie, how many there are, and their hash."""
+    """Message layout, message count and running hash of one topic; raises ValueError for ``every`` < 1."""
 
     def __init__(self, number: int, recorded: Recorded) -> None:
         self.number = number
@@ -64,11 +64,11 @@ class Channel:
         self.size = size_of(self.layout)  # bytes of a message record
         self.hash = hashlib.sha256()
         self.messages = 0
-        self._rows = np.empty((0, self.size), np.uint8)  # used again, for most bytes of a record are always the same
+        self._rows = np.empty((0, self.size), np.uint8)  # reused: most bytes of a record never change
         self._hashed = np.empty(0, np.uint8)
 
     def pack(self, block: Block, due: NDArray[np.int64], moves: NDArray[np.int64]) -> NDArray[np.uint8]:
-        """Message records of the rows that are ``due`` (m,); good until the next call."""
+        """Return message records (m, bytes) of the rows with numbers ``due`` (m,); valid until the next call."""
         m = len(due)
         if m > len(self._rows):
             self._rows = np.empty((m, self.size), np.uint8)
@@ -79,7 +79,7 @@ class Channel:
         return rows
 
     def count(self, rows: NDArray[np.uint8]) -> None:
-        """Messages that are in the file."""
+        """Add message records (m, bytes) that are in the file to count and hash."""
         hashed = self._hashed[: len(rows) * (self.size - IDENTITY)]
         hashed.reshape(len(rows), -1)[:] = rows[:, IDENTITY:]
         self.hash.update(hashed.data)
@@ -87,17 +87,18 @@ class Channel:
 
 
 def copy_words(rows: Floats, chosen: NDArray[np.int64], moves: NDArray[np.int64], records: NDArray[np.uint8]) -> None:
-    """Copy words of chosen rows (m,) into as many records (m, bytes), all arrays contiguous.
+    """Copy words of rows into message records.
 
-    ``moves`` (n, 2): from so many bytes behind the beginning of the row, which may be negative, to that byte of the
-    record; the later of two that overlap counts.
+    ``rows`` (rows, words), ``chosen`` (m,) numbers of rows, ``records`` (m, bytes); all arrays are contiguous.
+    ``moves`` (n, 2): pairs of a source offset, in bytes from the beginning of the row and possibly negative, and a byte
+    of the record. Where two moves overlap the later one wins.
     """
     source, target = (rows.ctypes.data, rows.strides[0]), (records.ctypes.data, records.shape[1])
     kernels().copy_words(*source, chosen.ctypes.data, len(chosen), moves.ctypes.data, len(moves), *target)
 
 
 class Packed(NamedTuple):
-    """Messages of a topic that are about to be written."""
+    """Message records of a topic, ready to be written."""
 
     channel: Channel
     rows: NDArray[np.uint8]  # (m, bytes)
@@ -105,15 +106,15 @@ class Packed(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """A topic's part of a row."""
+    """Part of a row with the values of one topic."""
 
     channel: Channel
-    late: bool  # whether it holds what the step that ended was given
-    moves: NDArray[np.int64]  # of ``copy_words``
+    late: bool  # True for inputs of the step that has ended: its number and start time are in the row before
+    moves: NDArray[np.int64]  # (n, 2), see ``copy_words``
 
 
 class _Proof(NamedTuple):
-    """Columns of a row that one rule connects."""
+    """Columns of a row that are compared by one wire rule."""
 
     rule: Rule
     outputs: Columns
@@ -121,13 +122,12 @@ class _Proof(NamedTuple):
 
 
 class Page:
-    """Topics that are written together: a row holds the values of all.
+    """Buffer of topics that are written together: one row holds the values of all.
 
-    :param given: topics that hold what the step that ended was given: their messages have the number and the time of
-        its beginning.
-    :param shown: topics of the time of the row.
-    :param whole: a row also holds variables that wires have; they are compared with the outputs, which the page has,
-        and not recorded. Raises ValueError where it has not.
+    :param given: topics with the inputs of the step that has ended; their messages carry its number and start time.
+    :param shown: topics with values at the time of the row.
+    :param whole: rows also hold wired inputs, which are compared with the outputs on this page and not recorded.
+    :raises ValueError: if ``whole`` and the page lacks outputs that a wire needs.
     """
 
     def __init__(self, given: Sequence[Channel], shown: Sequence[Channel], whole: bool = True) -> None:
@@ -135,7 +135,7 @@ class Page:
         self.topics = tuple(channel.topic for channel in channels)
         strides = {channel.about.every for channel in channels}
         self.every = strides.pop() if len(strides) == 1 and not given else 1
-        self.size = sum(channel.size for channel in channels)  # bytes of a row's message records
+        self.size = sum(channel.size for channel in channels)  # bytes of the message records of a row
         self.capacity = CHUNK // self.size + 1
         self.widths = [len(channel.about.names if whole else channel.columns) for channel in channels]
         self._words = HEAD + sum(self.widths)  # of a row
@@ -153,9 +153,9 @@ class Page:
         return Block(np.zeros((self.capacity + 1, self._words)))
 
     def _moves(self, channel: Channel, late: bool, columns: Columns) -> NDArray[np.int64]:
-        """Where the words of a row stand in a message record of a channel that has these ``columns`` of it."""
-        before = -self._words if late else 0  # a step began where the row before was
-        head = [(before + NUMBER, SEQUENCE), (before + NS, LOG_TIME)]  # the upper half of a number is written over
+        """Return the moves (n, 2) from a row with these ``columns`` into a message record of the channel."""
+        before = -self._words if late else 0  # the previous row holds number and time of the beginning of the step
+        head = [(before + NUMBER, SEQUENCE), (before + NS, LOG_TIME)]  # the log time overwrites the number's upper half
         head += [(before + NS, PUBLISH_TIME), (before + TIME, PREFIX + TIME_AT), (LENGTH, PREFIX + LENGTH_AT)]
         order = channel.layout.order
         values = np.column_stack([columns[order], PREFIX + channel.layout.starts[order]])
@@ -163,7 +163,7 @@ class Page:
         return np.ascontiguousarray(moves * [WORD, 1], np.int64)
 
     def _all_proofs(self) -> list[_Proof]:
-        """What is to be compared, by rule."""
+        """Return the columns to be compared, by rule; raises ValueError where outputs are missing."""
         about = {part.channel.topic: part.channel.about for part in self._parts}
         place = {
             (topic, name): self._first[topic] + k for topic, one in about.items() for k, name in enumerate(one.names)
@@ -183,7 +183,7 @@ class Page:
         return proofs
 
     def add(self, sequence: int, t: float, h: float, values: Sequence[Floats]) -> None:
-        """Another row: the values of each topic, which are copied; raises ValueError where their number is wrong."""
+        """Append a row with copies of the values of each topic; raises ValueError for a wrong number."""
         block = self.block
         row = block.count
         if [*map(len, values)] != self.widths:
@@ -195,25 +195,25 @@ class Page:
 
     @property
     def room(self) -> int:
-        """Rows that the block has room for."""
+        """Number of rows that the block can still take."""
         return self.capacity + 1 - self.block.count
 
     def filled(self, n: int) -> None:
-        """So many rows more stand in the block, behind the last one."""
+        """Count n rows that were written into the block's memory behind its last row."""
         self.block.count += n
 
     def turn(self) -> Block:
-        """The filled block; another one takes its place."""
+        """Return the filled block and replace it by an empty one."""
         filled = self.block
         self.block = (self.spare.pop() if self.spare else self._blank()).follow(filled)
         return filled
 
     def pack(self, block: Block) -> list[Packed]:
-        """Messages of the topics that have any in a block; raises Unproven."""
+        """Return the message records of a block, by topic, without topics that have none; raises Unproven."""
         self._prove(block)
         block.ns[: block.count] = np.rint(block.t[: block.count] * 1e9)
         packed = []
-        found: dict[tuple[bool, int], tuple[NDArray[np.int64], NDArray[np.uint64]]] = {}  # topics have few strides
+        found: dict[tuple[bool, int], tuple[NDArray[np.int64], NDArray[np.uint64]]] = {}  # many topics share a stride
         for channel, late, moves in self._parts:
             key = late, channel.about.every
             due, times = found[key] = found.get(key) or self._due(block, *key)
@@ -222,17 +222,17 @@ class Page:
         return packed
 
     def _due(self, block: Block, late: bool, every: int) -> tuple[NDArray[np.int64], NDArray[np.uint64]]:
-        """Rows of messages of topics that have one in so many steps, and the times of these."""
+        """Return numbers (m,) and times (m,), ns, of the rows that a topic of stride ``every`` records."""
         steps = block.sequence[1 : block.count] - late
         due = np.flatnonzero((steps % every == 0) & (steps >= 0)) + 1
         return due, block.ns[due - late]
 
     def _prove(self, block: Block) -> None:
-        """Whether inputs are what their wires say."""
+        """Compare wired inputs with the values that their wires give, bit by bit; raises Unproven."""
         if not self._proofs:
             return
         steps = block.sequence[: block.count]
-        begin = 1 + int(block.count > 1 and steps[1] == 0)  # the start was given nothing by a step
+        begin = 1 + int(block.count > 1 and steps[1] == 0)  # the row of the start has no step before it
         if np.any(np.diff(steps[begin - 1 :]) != 1):
             raise Unproven("a step is missing")
         before, now = block.table[begin - 1 : block.count - 1], block.table[begin : block.count]
@@ -248,6 +248,4 @@ class Page:
     def _sentence(self, t: float, column: int) -> str:
         topic = max((first, topic) for topic, first in self._first.items() if first <= column)[1]
         names = next(part.channel.about.names for part in self._parts if part.channel.topic == topic)
-        return (
-            f"{topic}: '{names[column - self._first[topic]]}' at t = {t:.6g} s is not what its coupling is said to give"
-        )
+        return f"{topic}: '{names[column - self._first[topic]]}' at t = {t:.6g} s is not what its coupling's rule gives"

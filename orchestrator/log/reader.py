@@ -1,8 +1,8 @@
-"""Reads a log, whole or cut off: every complete message as arrays, bit by bit what was recorded.
+"""Reader of a log, whole or cut off: every complete message as arrays with the recorded bits.
 
-``complete`` and ``faults`` say what is missing. Contents are checked against their CRCs as they are read. ``read``
-keeps what it has read; ``stream``, ``select``, ``ends`` and ``blocks`` go through the file and keep nothing, so that a
-long log needs no more memory.
+``complete`` and ``faults`` tell what is missing. Contents are checked against their CRCs when they are read. ``read``
+keeps its result in memory; ``stream``, ``select``, ``ends`` and ``blocks`` keep nothing, so that a long log needs no
+more memory.
 """
 
 from __future__ import annotations
@@ -33,23 +33,22 @@ from orchestrator.log.time_series import EVER, Floats, Series, Topic, joined, no
 
 
 class NoSuchSignal(LookupError):
-    """A log does not hold the topic or variable asked for; the message is one sentence."""
+    """The log lacks the requested topic, variable or attachment; the message is one sentence."""
 
     def __str__(self) -> str:
         return str(self.args[0])
 
 
 class Log(AbstractContextManager["Log"]):
-    """A log opened for reading (a context manager).
+    """Log opened for reading (a context manager).
 
-    ``topics``, ``metadata`` (name -> key -> value) and ``attachments`` (names) are what was recorded before
-    step 0; ``closing`` is the closing record with ``status``, ``message``, ``steps``, ``results``, ``warnings`` (dicts
-    with component, text, time in s and count), and ``messages`` and ``sha256`` by topic, or None where the log was cut
-    off; ``complete`` says whether closing record and indexes are there and the log could be walked without a fault,
-    ``faults`` what is wrong, in sentences. A log that was cut off says so when it is opened, in a LogNotice, but for
-    those who look at what a run is still to close (``unfinished``).
+    ``topics``, ``metadata`` (name -> key -> value) and ``attachments`` (names) were written before step 0.
+    ``closing`` is the closing record with ``status``, ``message``, ``steps``, ``results``, ``warnings`` (dicts with
+    component, text, time in s and count), and ``messages`` and ``sha256`` by topic; None if the log was cut off.
+    ``complete``: closing record and indexes exist and the walk found no fault. ``faults``: sentences.
 
-    :raises LogUnreadable: for a file that is missing or no log.
+    :param unfinished: the run may still be going on; otherwise opening a log that was cut off issues a LogNotice.
+    :raises LogUnreadable: if the file is missing or no log.
     """
 
     def __init__(self, path: str | os.PathLike[str], unfinished: bool = False) -> None:
@@ -57,10 +56,10 @@ class Log(AbstractContextManager["Log"]):
         self._file = ContainerReader(self.path)
         self.size = self._file.size
         self.faults = self._file.faults
-        self.being_written = self._file.being_written  # by a run that goes on
+        self.being_written = self._file.being_written  # by a run that has not ended
         self.topics: dict[str, Topic] = {}
         self.metadata: dict[str, dict[str, str]] = {}
-        self.others: dict[str, str] = {}  # topics for other tools, which this reader leaves out, with their types
+        self.others: dict[str, str] = {}  # topics of other tools, left out by this reader -> message type
         self.closing: dict | None = None
         self._attachments: dict[str, int] = {}  # name -> offset
         self._schemas: dict[int, Schema] = {}
@@ -85,7 +84,7 @@ class Log(AbstractContextManager["Log"]):
         self.close()
 
     def close(self) -> None:
-        """Give the file back; arrays that were read stay."""
+        """Close the file; arrays that were read remain valid."""
         self._chunks.unpacked.clear()
         self._file.close()
 
@@ -100,7 +99,7 @@ class Log(AbstractContextManager["Log"]):
         return tuple(self._places)
 
     def attachment(self, name: str) -> bytes:
-        """The content of an attached file; raises NoSuchSignal, LogUnreadable."""
+        """Return the content of an attached file; raises NoSuchSignal, LogUnreadable."""
         if name not in self._attachments:
             raise NoSuchSignal(f"{self.path} has no attachment '{name}'{_near(name, self._attachments)}")
         offset = self._attachments[name]
@@ -110,11 +109,11 @@ class Log(AbstractContextManager["Log"]):
         return parsed(Attachment, body).data
 
     def table(self, name: str) -> dict[str, Any]:
-        """The JSON object in an attached file; raises NoSuchSignal, LogUnreadable."""
+        """Return the JSON object in an attached file; raises NoSuchSignal, LogUnreadable."""
         content = self.attachment(name)
         try:
             found = json.loads(content)
-            json.dumps(found, ensure_ascii=False).encode()  # half a surrogate pair is JSON, but no text
+            json.dumps(found, ensure_ascii=False).encode()  # raises ValueError for half a surrogate pair
         except (ValueError, RecursionError) as damage:
             raise LogUnreadable(f"{self.path}: the attachment '{name}' is not readable JSON: {damage}") from None
         if not isinstance(found, dict):
@@ -122,7 +121,10 @@ class Log(AbstractContextManager["Log"]):
         return found
 
     def read(self, topic: str) -> Series:
-        """All messages of a topic; raises NoSuchSignal, LogUnreadable. Kept: do not write into the arrays."""
+        """Return all messages of a topic; raises NoSuchSignal, LogUnreadable.
+
+        The result is cached: do not write into the arrays.
+        """
         if topic not in self._series:
             every = range(len(self.topics[self.known_topic(topic)].names))
             pieces = self._stream({topic: every}, self._chunks.spans, keep=True)
@@ -132,9 +134,10 @@ class Log(AbstractContextManager["Log"]):
     def stream(
         self, wanted: Mapping[str, Sequence[int]], window: tuple[float, float] = EVER
     ) -> Iterator[dict[str, Series]]:
-        """Some columns of topics in a closed interval of time, s, in one pass: piece by piece, as the log has them.
+        """Yield columns of topics in a closed time interval, s, in one pass through the file.
 
-        A piece holds some messages of some of the topics. Nothing is kept. Raises NoSuchSignal, LogUnreadable.
+        ``wanted``: topic -> columns. A piece holds some messages of some of the topics. Nothing is kept in memory.
+        Raises NoSuchSignal, LogUnreadable.
         """
         return self._stream(wanted, self._chunks.spans, window)
 
@@ -156,7 +159,7 @@ class Log(AbstractContextManager["Log"]):
                     yield piece
 
     def select(self, wanted: Mapping[str, Sequence[int]], window: tuple[float, float] = EVER) -> dict[str, Series]:
-        """Some columns of topics in a closed interval of time, s; raises NoSuchSignal, LogUnreadable."""
+        """Return columns of topics in a closed time interval, s; raises NoSuchSignal, LogUnreadable."""
         found = {topic: [self._nothing(topic).columns(columns)] for topic, columns in wanted.items()}
         for piece in self.stream(wanted, window):
             for topic, series in piece.items():
@@ -164,13 +167,16 @@ class Log(AbstractContextManager["Log"]):
         return {topic: joined(parts) for topic, parts in found.items()}
 
     def ends(self, topic: str) -> Series:
-        """The first and the last message of a topic; none where there is none. Raises NoSuchSignal, LogUnreadable."""
+        """Return the first and the last message of a topic, empty without messages.
+
+        Raises NoSuchSignal, LogUnreadable.
+        """
         wanted = {topic: range(len(self.topics[self.known_topic(topic)].names))}
         offsets = list(self._chunks.spans)
         first = next(self._stream(wanted, offsets), None)
         if first is None:
             return self._nothing(topic)
-        for number in range(1, len(offsets) + 1):  # backwards, until there is one
+        for number in range(1, len(offsets) + 1):  # more and more chunks from the end, until one has a message
             *_, last = [None, *self._stream(wanted, offsets[-number:])]
             if last is not None:
                 break
@@ -184,11 +190,11 @@ class Log(AbstractContextManager["Log"]):
         more: int = 0,
         window: tuple[float, float] = EVER,
     ) -> Iterator[dict[str, Series]]:
-        """Topics, or columns of topics, side by side, in a closed interval of time, s.
+        """Yield topics, or columns of topics, in blocks of equally many messages in a closed time interval, s.
 
-        ``size`` messages of each at a time and some ``more``, with which the next block begins. The last block holds
-        what is left: fewer, or, of topics that do not end together, more of some. However a log lies in its file, its
-        blocks are the same. Raises NoSuchSignal, LogUnreadable.
+        A block has ``size`` + ``more`` messages of each topic; the last ``more`` begin the next block. The last block
+        holds the rest, possibly with different numbers by topic. Blocks do not depend on the chunks of the file.
+        Raises NoSuchSignal, LogUnreadable.
         """
         whole_topics = {topic: range(len(self.topics[self.known_topic(topic)].names)) for topic in topics}
         wanted = topics if isinstance(topics, Mapping) else whole_topics
@@ -203,9 +209,9 @@ class Log(AbstractContextManager["Log"]):
         yield {topic: joined(parts) for topic, parts in held.items()}
 
     def choose(self, signals: Sequence[str] = (), topics: Sequence[str] = ()) -> dict[str, list[int]]:
-        """Topic -> columns of signals ("instance.variable") and whole topics, in the order of the log.
+        """Return topic -> columns for signals ("instance.variable") and whole topics, in the order of the log.
 
-        ``*`` stands for anything; without either, all. Raises NoSuchSignal.
+        ``*`` stands for any text; without arguments everything is selected. Raises NoSuchSignal.
         """
         if not topics and not signals:
             return {topic: [*range(len(about.names))] for topic, about in self.topics.items()}
@@ -221,10 +227,10 @@ class Log(AbstractContextManager["Log"]):
         return {topic: sorted(chosen[topic]) for topic in self.topics if topic in chosen}
 
     def sample(self, signals: Sequence[str], t: Floats) -> Floats:
-        """Signals at times (m,), s, by straight lines between their records (m, signals).
+        """Interpolate signals linearly at times ``t`` (m,), s; returns (m, signals).
 
-        Before the first record and after the last they are held. What passes faster than twice between two times is
-        shown at another frequency: take means first where that matters. Raises NoSuchSignal, LogUnreadable.
+        Values are held before the first and after the last record. Frequencies above half the sampling rate of ``t``
+        are aliased: average first where that matters. Raises NoSuchSignal, LogUnreadable.
         """
         places = [self.find(signal) for signal in signals]
         wanted: dict[str, list[int]] = {}
@@ -237,7 +243,7 @@ class Log(AbstractContextManager["Log"]):
         )
 
     def lengths(self) -> dict[str, int]:
-        """Number of messages by topic; raises LogUnreadable."""
+        """Count the messages of each topic; raises LogUnreadable."""
         found = dict.fromkeys(self.topics, 0)
         for offset in self._chunks.spans:
             for messages in self._chunks.read(offset, found, keep=False):
@@ -245,17 +251,17 @@ class Log(AbstractContextManager["Log"]):
         return found
 
     def sequence(self, topic: str) -> NDArray[np.uint32]:
-        """Number of the step of every message of a topic (m,); raises LogUnreadable."""
+        """Return the step numbers (m,) of a topic's messages; raises LogUnreadable."""
         return np.concatenate([np.empty(0, np.uint32), *(messages.sequence for messages in self._of(topic))])
 
     def known_topic(self, topic: str) -> str:
-        """The topic, if the log has it; raises NoSuchSignal."""
+        """Return the topic if the log has it, else raise NoSuchSignal."""
         if topic not in self.topics:
             raise NoSuchSignal(f"{self.path} has no topic '{topic}'{_near(topic, self.topics)}")
         return topic
 
     def name(self, topic: str, column: int) -> str:
-        """The "instance.variable" in a column of a topic."""
+        """Return "instance.variable" of a column of a topic."""
         return f"{_owner(topic)}.{self.topics[topic].names[column]}"
 
     def __contains__(self, signal: object) -> bool:
@@ -263,29 +269,29 @@ class Log(AbstractContextManager["Log"]):
         return signal in self._places
 
     def find(self, signal: str) -> tuple[str, int]:
-        """Topic and column of "instance.variable"; raises NoSuchSignal."""
+        """Return topic and column of "instance.variable"; raises NoSuchSignal."""
         if signal not in self._places:
             raise NoSuchSignal(f"{self.path} has no signal '{signal}'{_near(signal, self._places)}")
         return self._places[signal]
 
     def signal(self, name: str) -> tuple[Floats, Floats]:
-        """Time (m,), s, and value (m,) of "instance.variable"; raises NoSuchSignal, LogUnreadable."""
+        """Return times (m,), s, and values (m,) of "instance.variable"; raises NoSuchSignal, LogUnreadable."""
         topic, column = self.find(name)
         series = self.read(topic)
         return series.t, series.values[:, column]
 
     def unit(self, name: str) -> str:
-        """The unit of "instance.variable"; raises NoSuchSignal."""
+        """Return the unit of "instance.variable"; raises NoSuchSignal."""
         topic, column = self.find(name)
         return self.topics[topic].units[column]
 
     def chunks(self) -> Iterator[list[Messages]]:
-        """The log piece by piece, by topic, as recorded; raises LogUnreadable at a damaged piece."""
+        """Yield the messages of each chunk by topic, as recorded; raises LogUnreadable at a damaged chunk."""
         for offset in self._chunks.spans:
             yield self._chunks.read(offset, keep=False)
 
     def intact(self) -> Iterator[Messages]:
-        """All messages, piece by piece and by topic, without the damaged pieces, which go to ``faults``."""
+        """Yield all messages, chunk by chunk and by topic; damaged chunks are left out and go to ``faults``."""
         for offset in self._chunks.spans:
             try:
                 yield from self._chunks.read(offset, keep=False)
@@ -293,16 +299,16 @@ class Log(AbstractContextManager["Log"]):
                 self._file.fault(str(damage))
 
     def hashes(self) -> dict[str, str]:
-        """A sha256 by topic over sequence, times and data of its messages; raises LogUnreadable."""
+        """Return topic -> sha256 over sequence, times and data of its messages; raises LogUnreadable."""
         found = {topic: hashlib.sha256() for topic in self.topics}
         for messages in chain.from_iterable(self.chunks()):
             found[messages.topic].update(messages.digestible())
         return {topic: value.hexdigest() for topic, value in found.items()}
 
     def digest(self, hashes: Mapping[str, str] | None = None) -> str:
-        """One sha256 over names, units and messages of all topics but /stats: equal runs, equal digests.
+        """Return one sha256 over names, units and messages of all topics but /stats; equal for equal runs.
 
-        ``hashes``, if they are known, save another pass. Raises LogUnreadable.
+        ``hashes``: result of ``hashes()`` if known, which saves a pass. Raises LogUnreadable.
         """
         about = {topic: (*each[:3], *([each.wires] if each.wires else [])) for topic, each in self.topics.items()}
         whole = [
@@ -313,11 +319,11 @@ class Log(AbstractContextManager["Log"]):
         return hashlib.sha256(json.dumps(whole).encode()).hexdigest()
 
     def sound(self) -> bool:
-        """Whether all bytes but the indexes at the end are as they were written."""
+        """Whether the checksum over all data, without the indexes at the end, holds."""
         return self._file.data_sound()
 
     def checksums(self) -> list[str]:
-        """Faults of attachments and of the checksums over all bytes, in sentences; chunks: see ``intact``."""
+        """Check attachments and the checksums over all bytes; return faults as sentences (chunks: ``intact``)."""
         found = []
         for name in self._attachments:
             try:
@@ -331,7 +337,7 @@ class Log(AbstractContextManager["Log"]):
         return found
 
     def _note(self, opcode: int, offset: int) -> None:
-        """Note what a record says; raises one of ``container_reader.DAMAGE``."""
+        """Register a record of the walk; raises one of ``container_reader.DAMAGE``."""
         if opcode == Opcode.CHUNK:
             self._chunks.add(offset)
         elif opcode == Opcode.ATTACHMENT:
@@ -351,7 +357,7 @@ class Log(AbstractContextManager["Log"]):
             self._note_channel(self._file.record(Channel, offset))
 
     def _check_format(self, record: Mapping[str, str]) -> None:
-        """Raises LogUnreadable for a log of a newer version."""
+        """Raise LogUnreadable for a log of a newer format."""
         try:
             log_format.check(record)
         except log_format.TooNew as newer:
@@ -359,7 +365,7 @@ class Log(AbstractContextManager["Log"]):
             raise LogUnreadable(f"{self.path} {newer}") from None
 
     def _note_channel(self, channel: Channel) -> None:
-        """A topic and how its messages are laid out; one that was not recorded by recorder.py is left out."""
+        """Register a channel; one that ``recorder`` did not write goes to ``others``."""
         if channel.id in self._channels:
             return
         if "places" not in channel.metadata:
@@ -368,11 +374,11 @@ class Log(AbstractContextManager["Log"]):
             return
         recorded = channel_metadata.read(channel.topic, channel.metadata, self._schemas[channel.schema_id].data)
         if self.topics.setdefault(channel.topic, recorded.about) != recorded.about:
-            raise ValueError(f"{channel.topic} is described twice, not alike")
+            raise ValueError(f"{channel.topic} has two different descriptions")
         self._channels[channel.id] = self._recorded[channel.topic] = recorded
 
     def _check_wires(self) -> None:
-        """Leave out topics whose wires lead nowhere."""
+        """Remove topics whose wires refer to outputs that the log lacks; each is a fault."""
         for topic, about in list(self.topics.items()):
             for wire in about.wires:
                 source = self._recorded.get(wire.source)
@@ -384,7 +390,7 @@ class Log(AbstractContextManager["Log"]):
             del self._channels[number]
 
     def _nothing(self, topic: str) -> Series:
-        """No messages of a topic; raises NoSuchSignal."""
+        """Return an empty series of a topic; raises NoSuchSignal."""
         return nothing(self.topics[self.known_topic(topic)].names)
 
     def _of(self, topic: str) -> Iterator[Messages]:
@@ -392,13 +398,13 @@ class Log(AbstractContextManager["Log"]):
 
 
 def _owner(topic: str) -> str:
-    """The instance of a topic; statistics stand apart: "/stats/chassis" -> "stats.chassis"."""
+    """Return the instance of a topic; statistics have a prefix: "/stats/chassis" -> "stats.chassis"."""
     words = topic.strip("/").split("/")
     return f"stats.{words[1]}" if words[0] == "stats" and len(words) > 1 else words[0]
 
 
 def _matches(pattern: str, text: str) -> bool:
-    """Whether ``pattern``, with ``*`` for anything, is ``text`` (brackets mean themselves)."""
+    """Whether ``pattern`` matches ``text``; ``*`` stands for any text, brackets are literal."""
     return re.fullmatch(".*".join(map(re.escape, pattern.split("*"))), text) is not None
 
 

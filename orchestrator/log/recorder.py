@@ -1,13 +1,13 @@
-"""Writes a log: one MCAP file with one protobuf message per topic and step, safe against being killed.
+"""Writer of a log: an MCAP file with one protobuf message per topic and step, readable after a kill.
 
-``Recorder.write`` copies the values into a block and returns, or someone else fills the blocks (``lend``); a
-thread packs whole blocks into messages, compresses them into chunks of about 2 MiB and writes these about four
-times a second of wall time or more often, so a killed run loses no more than that. In a chunk the messages of a
-topic stand together. Time in the file is simulation time, and what depends on the wall clock goes to
-``/stats/<instance>`` only: two equal runs write equal messages. The last record, the metadata ``closing``, says how
-the run ended and holds a sha256 per topic; a log without it was cut off.
+``Recorder.write`` copies values into a block and returns; kernels may write into the blocks directly (``lend``,
+``filled``). A thread packs full blocks into messages, compresses them into chunks of about 2 MiB and writes a chunk at
+least about four times a second of wall time, so a killed run loses no more than that. In a chunk the messages of a
+topic are contiguous. Time in the file is simulation time, and values that depend on the wall clock are in
+``/stats/<instance>`` only: two equal runs write equal messages. The last record, the metadata ``closing``, holds the
+status of the run and a sha256 per topic; a log without it was cut off.
 
-Inputs that a wire makes of outputs are left out, once they have been compared with these, step by step and bit by bit.
+Wired inputs are compared with the outputs they follow from, step by step and bit by bit, and then left out.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ BACKLOG = 4  # chunks that may wait for the disk before the run waits too
 
 
 class Recorder(AbstractContextManager["Recorder"]):
-    """An open log; closes itself when left, with status "failed" unless ``close`` was called before.
+    """Log open for writing; leaving the context closes it, as "failed" unless ``close`` was called.
 
-    :param path: the file; its folder is made, an older log is replaced, any other file is refused.
-    :param topics: topic -> (variable, unit) in the order of the arrays handed to ``write``. By convention
+    :param path: the file; its folder is created, an older log is replaced, any other file is refused.
+    :param topics: topic -> (variable, unit) in the order of the arrays given to ``write``. By convention
         "/<instance>/in", "/<instance>/out", "/<instance>/links" and "/stats/<instance>".
-    :param attachments: name -> content of the files that belong to the run.
+    :param attachments: name -> content of files that belong to the run.
     :param metadata: name -> key -> value, all text.
     :param every: topic -> n: only steps whose number is a multiple of n are recorded (default 1).
-    :param wires: topic -> wires of its variables that other topics hold. One that is written by itself is taken at its
-        word, without the variables of its wires.
-    :param types: topic -> name of its message type, by default one of its own; topics of one kind may share one.
+    :param wires: topic -> wires of its inputs. A topic that is written alone is written without its wired inputs,
+        which are not checked then.
+    :param types: topic -> name of its message type (default: one for each topic); topics of one kind may share one.
     :param flush: longest time that a message waits for the disk, s of wall time.
-    :raises LogFailed: here and in ``write`` and ``close``, when the file cannot be written or a wire is wrong.
-    :raises ValueError: for topics that no message can be made of.
+    :raises LogFailed: here, in ``write`` and in ``close`` if the file cannot be written or a wire is wrong.
+    :raises ValueError: if the variables of a topic do not fit into a message.
     """
 
     def __init__(
@@ -70,10 +70,10 @@ class Recorder(AbstractContextManager["Recorder"]):
             self._channels[topic] = Channel(number, channel_metadata.recorded(topic, about))
         self._pages = {topic: Page([], [channel], whole=False) for topic, channel in self._channels.items()}
         self._turn = threading.Condition()
-        self._backlog: deque[list[tuple[Page, Block]] | tuple[str, bytes]] = deque()  # chunks and files
-        self._bytes = 0  # of messages in the blocks
-        self._last = 0  # newest sequence written
-        self._lent = self._overdue = False  # whether someone fills the pages, and they have waited long
+        self._backlog: deque[list[tuple[Page, Block]] | tuple[str, bytes]] = deque()  # chunks and attachments
+        self._bytes = 0  # message bytes in the blocks
+        self._last = 0  # number of the last step written
+        self._lent = self._overdue = False  # kernels are writing into the pages; the pages are due to be written
         self._writing = False
         self._closing = self._closed = False
         self._failure: LogFailed | None = None
@@ -81,7 +81,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         try:
             check_writable(self.path)
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            if self.path.is_file():  # a reader that has the older file open keeps it
+            if self.path.is_file():  # a reader of the older file keeps it
                 self.path.unlink()
             self._file = ContainerWriter(self.path)
         except OSError as error:
@@ -96,14 +96,15 @@ class Recorder(AbstractContextManager["Recorder"]):
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
         if not self._closed:
-            message = str(error) or (kind.__name__ if kind else "the run ended without saying how")
-            with suppress(LogFailed) if error else nullcontext():  # the first error is the one to hear of
+            message = str(error) or (kind.__name__ if kind else "the run ended without a status")
+            with suppress(LogFailed) if error else nullcontext():  # the first error is the one to report
                 self.close("failed", message, self._last)
 
     def together(self, given: Sequence[str], shown: Sequence[str]) -> str:
-        """Let topics be written by one ``write``, under the name that is returned: those of wires, at every step.
+        """Join topics into one page, so that one ``write`` records all; return its name for ``write``.
 
-        ``given``: what the step that ended was given; its messages have the number and the time of its beginning.
+        ``given``: topics with inputs of the step that has ended; their messages carry its number and start time.
+        Wired topics and their sources are joined and written at every step.
         """
         topics = [*given, *shown]
         name = " ".join(topics)
@@ -114,18 +115,18 @@ class Recorder(AbstractContextManager["Recorder"]):
         return name
 
     def stride(self, topic: str) -> int:
-        """One step in so many is recorded."""
+        """Return n: steps whose number is a multiple of n are recorded."""
         return self._pages[topic].every
 
     def due(self, topic: str, sequence: int) -> bool:
-        """Whether ``write`` would record this step: what is not due need not be fetched."""
+        """Whether ``write`` records this step; values of other steps need not be read."""
         return sequence % self.stride(topic) == 0
 
     def write(self, topic: str, sequence: int, t: float, h: float, *values: NDArray[np.float64]) -> None:
-        """Record a topic's values at time t (s, 0 to LONGEST) of step ``sequence``, h (s) being the step's length.
+        """Record values at time t, s, of step ``sequence`` of length h, s; ``topic`` may be a joined page.
 
-        Of topics that are written ``together`` the values of each, in their order. ``values`` are copied. A step that
-        is not due is left out. Waits only when the disk is far behind.
+        ``values``: one array per joined topic, in order; they are copied. A step that is not due is ignored. Waits only
+        if the disk is far behind. Raises ValueError unless 0 <= t < LONGEST, LogFailed.
         """
         page = self._pages[topic]
         if sequence % page.every:
@@ -138,16 +139,16 @@ class Recorder(AbstractContextManager["Recorder"]):
             self._added(sequence, page.room > 0)
 
     def pages(self, *names: str) -> list[Page]:
-        """Of topics that are written ``together``: whoever fills them calls ``lend`` before and ``filled`` after."""
+        """Return joined pages by name, to be written directly between ``lend`` and ``filled``."""
         return [self._pages[name] for name in names]
 
     def lend(self) -> None:
-        """Leave the pages alone until they are ``filled``."""
+        """Keep the recorder's thread away from the pages until ``filled``."""
         with self._turn:
             self._lent = True
 
     def filled(self, rows: Mapping[str, int]) -> None:
-        """So many rows more stand in the pages of topics, of steps without a gap; those not due are left out."""
+        """Count rows written into pages: page name -> number, for consecutive steps of its stride."""
         last = 0
         with self._turn:
             self._lent = False
@@ -165,14 +166,14 @@ class Recorder(AbstractContextManager["Recorder"]):
             raise ValueError(f"{topic} cannot be recorded at t = {t} s: a log begins at 0 and ends by {LONGEST:g}")
 
     def _ready(self) -> None:
-        """Raises what has gone wrong; the caller holds the lock, here and below."""
+        """Raise the failure of the thread, if any; the caller holds the lock, as in ``_added``."""
         if self._failure is not None:
             raise self._failure
         if self._closing:
             raise ValueError(f"the log {self.path} is closed")
 
     def _added(self, sequence: int, room: bool) -> None:
-        """A chunk is handed over where it is full or a page has no ``room``; waits where the disk is far behind."""
+        """Hand over a full chunk, or if a page has no ``room``; wait if the disk is far behind."""
         self._last = sequence
         if self._bytes >= CHUNK or not room:
             self._hand_over()
@@ -180,14 +181,14 @@ class Recorder(AbstractContextManager["Recorder"]):
                 self._turn.wait()
 
     def begin(self, topic: str, sequence: int, t: float, h: float, *values: NDArray[np.float64]) -> None:
-        """Topics that are written ``together`` go on after a step whose messages are there already."""
+        """Continue a joined page after step ``sequence``, whose messages are recorded already."""
         with self._turn:
             page = self._pages[topic]
             page.add(sequence, t, h, values)
-            page.turn()  # as the row before the next one
+            page.turn()  # makes it the row before the next one
 
     def attach(self, name: str, content: bytes) -> None:
-        """A file that belongs to the run as far as it has come: after all messages so far."""
+        """Attach a file behind all messages so far."""
         with self._turn:
             if self._failure is not None:
                 raise self._failure
@@ -204,7 +205,7 @@ class Recorder(AbstractContextManager["Recorder"]):
             self._ready()
 
     def end(self) -> None:
-        """Write what is left of the messages: now the file can be read, and lacks only its closing record."""
+        """Write the remaining messages; the file is then readable and lacks only its closing record."""
         known = self._failure
         with self._turn:
             self._closing = True
@@ -231,10 +232,10 @@ class Recorder(AbstractContextManager["Recorder"]):
         results: Mapping[str, str] | None = None,
         warnings: Sequence[Mapping[str, object]] = (),
     ) -> None:
-        """Write what is left, the closing record and the indexes; a second call does nothing.
+        """Write remaining messages, closing record and indexes; a second call does nothing.
 
         ``results`` (text by name) and ``warnings`` (``warned.Warned`` as dicts) go into the closing record. After a
-        failure that was raised before, what can still be written is written and nothing is raised.
+        failure that was raised already, everything that still fits is written and nothing is raised.
         """
         if self._closed:
             return
@@ -262,7 +263,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         metadata: Mapping[str, Mapping[str, str]],
         types: Mapping[str, str],
     ) -> None:
-        """Everything that stands before step 0."""
+        """Write all records that precede step 0: format, metadata, attachments, channels; raises OSError."""
         self._file.metadata(log_format.NAME, {"version": str(log_format.VERSION)})
         for name, entries in metadata.items():
             self._file.metadata(name, entries)
@@ -271,13 +272,13 @@ class Recorder(AbstractContextManager["Recorder"]):
         described: dict[str, tuple[schema.Field, ...]] = {}  # by message type
         for topic, channel in self._channels.items():
             kind, fields = types.get(topic, schema.type_name(topic)), channel.layout.fields
-            if described.setdefault(kind, fields) != fields:  # of one kind, but not alike
+            if described.setdefault(kind, fields) != fields:  # one kind, but different variables
                 kind = schema.type_name(topic)
             about, description = channel_metadata.texts(channel.recorded), schema.descriptor(kind, fields)
             self._file.channel(channel.number, topic, kind, description, about)
 
     def _hand_over(self) -> None:
-        """Queue the filled blocks as one chunk and go on with empty ones; the caller holds the lock."""
+        """Queue the filled blocks as one chunk and replace them by empty ones; the caller holds the lock."""
         filled = [(page, page.turn()) for page in self._pages.values() if page.block.count > 1]
         if filled:
             self._backlog.append(filled)
@@ -285,7 +286,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._turn.notify_all()
 
     def _drain(self) -> None:
-        """The thread: write chunks as they come, and what there is when none comes for a while."""
+        """Thread: write queued chunks; if none is queued for ``flush`` s, write what the blocks hold."""
         while True:
             with self._turn:
                 self._turn.wait_for(lambda: self._backlog or self._closing, timeout=self._flush)
@@ -304,7 +305,7 @@ class Recorder(AbstractContextManager["Recorder"]):
                     self._file.attachment(*filled)
                 else:
                     self._write_chunk(filled)
-            except Exception as error:  # whatever it is, the run must hear of it
+            except Exception as error:  # any error must be reported to the run
                 with self._turn:
                     unproven = isinstance(error, Unproven)
                     self._failure = LogFailed(f"{self.path}: {error}") if unproven else failed(self.path, error)
@@ -322,7 +323,7 @@ class Recorder(AbstractContextManager["Recorder"]):
                 self._turn.notify_all()
 
     def _save(self, chunks: Iterable[Sequence[tuple[Page, Block]]]) -> None:
-        """Write the first steps of them, as many as fit on a disk that has no room for all."""
+        """Write as many of the first steps of ``chunks`` as fit on a full disk."""
         for filled in chunks:
             numbers = np.concatenate([block.sequence[1 : block.count] for _, block in filled])
             first, end = int(numbers.min()), int(numbers.max()) + 1

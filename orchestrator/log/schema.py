@@ -1,13 +1,13 @@
-"""The protobuf message of a topic: generated from variable names, packed and unpacked as arrays of bytes.
+"""Protobuf message type of a topic, made from variable names; packed and unpacked as byte arrays.
 
 A message is ``t`` and ``h``, then every single variable as a ``double``, then every family of variables that
 differ in one index only (``link[1].tension``, ``link[2].tension``, ...) as one packed ``repeated double``
-(``link_tension``). Every field is always written, so all messages of a topic have the same size and differ
-in the eight bytes of each value only: packing fills the holes of a template (``page``), unpacking reads them back, for
-thousands of messages at once and without touching a bit of any value.
+(``link_tension``). Every field is always written, so all messages of a topic have the same size and differ only
+in the eight bytes of each value. Packing (``page``) writes these bytes into a template, unpacking reads them, for
+thousands of messages at once and bit by bit.
 
-Dots and other signs that protobuf does not allow become underscores. A place is ``speed`` or
-``link_tension[3]`` (counted from 0): places are recorded beside the names, so the naming is reversible.
+Dots and other characters that protobuf does not allow become underscores. A place is ``speed`` or
+``link_tension[3]`` (counted from 0). Places are recorded with the names, so the mapping is reversible.
 """
 
 from __future__ import annotations
@@ -25,45 +25,45 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
-FIRST_NUMBER = 16  # of the variables' fields: the tags of 16 to 2047 are two bytes, so holes are evenly spaced
-MOST_FIELDS = 8000  # in a message: protobuf's decoder holds one in 65,535 bytes, 8 a field
-FIXED64, LENGTH_DELIMITED = 1, 2  # wire types
-TIME_AT, LENGTH_AT = 1, 10  # where t and h begin in every message
+FIRST_NUMBER = 16  # first field number of a variable: tags of 16 to 2047 take two bytes, so values are evenly spaced
+MOST_FIELDS = 8000  # per message: protobuf's decoder keeps a message in 65,535 bytes, 8 per field
+FIXED64, LENGTH_DELIMITED = 1, 2  # protobuf wire types
+TIME_AT, LENGTH_AT = 1, 10  # byte offsets of t and h in every message
 
 _INDEX = re.compile(r"\[(\d+)\]")
 _PLACE = re.compile(r"(\w+)(?:\[(\d+)\])?", re.ASCII)
 
 
 class Field(NamedTuple):
-    """One field of a message."""
+    """Field of a message."""
 
     name: str
     number: int
-    length: int  # of a packed repeated double; 0 for a double
+    length: int  # number of values of a packed repeated double; 0 for a double
 
 
 class Group(NamedTuple):
-    """Consecutive fields of one kind: their values are evenly spaced in the message."""
+    """Consecutive fields of one kind, whose values are evenly spaced in the message."""
 
-    first: int  # of the values in field order
-    shape: tuple[int, int]  # fields, values in each
-    offset: int  # byte in the message of the first value
-    stride: int  # bytes from one field's first value to the next field's
+    first: int  # index of the first value in field order
+    shape: tuple[int, int]  # fields, values per field
+    offset: int  # byte offset of the first value in the message
+    stride: int  # bytes from the first value of a field to that of the next field
 
 
 class Layout(NamedTuple):
-    """Where each variable of a topic stands in its message."""
+    """Byte layout of a topic's messages."""
 
     fields: tuple[Field, ...]
-    order: NDArray[np.intp]  # index of the variable that is value i in field order
+    order: NDArray[np.intp]  # (n,) index of the variable that is value i in field order
     groups: tuple[Group, ...]
-    starts: NDArray[np.intp]  # of each variable, the byte in the message where its value begins
-    template: bytes  # a message whose values, t and h are all zero
+    starts: NDArray[np.intp]  # (n,) byte offset of each variable's value in the message
+    template: bytes  # message with all values, t and h zero
 
     def unpack(self, rows: Bytes, offset: int, columns: Sequence[int] | None = None) -> tuple[Floats, Floats, Floats]:
-        """Return t (m,), h (m,), values (m, variables) of the messages at byte ``offset`` of each row.
+        """Return t (m,), s, h (m,), s, and values (m, variables) of messages at ``offset`` in each row.
 
-        ``columns``: of these variables only, which is quicker for few.
+        ``columns``: return these variables only, which is faster for a few.
         """
         t = _holes(rows, offset + TIME_AT, (1,), (0,))[:, 0].copy()
         h = _holes(rows, offset + LENGTH_AT, (1,), (0,))[:, 0].copy()
@@ -81,12 +81,12 @@ class Layout(NamedTuple):
 
 
 def _holes(rows: Bytes, offset: int, shape: tuple[int, ...], strides: tuple[int, ...]) -> NDArray:
-    """The doubles in rows of bytes, as an (unaligned) array (rows, *shape) on the same memory."""
+    """Return the doubles in rows of bytes as an unaligned view (rows, *shape) on the same memory."""
     return np.ndarray((len(rows), *shape), "<f8", rows, offset, (rows.strides[0], *strides))
 
 
 def places(names: Sequence[str]) -> list[str]:
-    """For each variable the place of its value: ``field``, or ``field[index]`` counted from 0."""
+    """Return the place of each variable, ``field`` or ``field[index]`` (from 0); raises ValueError."""
     families: dict[str, list[int]] = {}
     for name in names:
         key, index = family(name)
@@ -113,19 +113,19 @@ def places(names: Sequence[str]) -> list[str]:
 
 
 def family(name: str) -> tuple[str, int | None]:
-    """``link[3].tension`` -> ("link[*].tension", 3); a name without exactly one index -> (name, None)."""
+    """Split ``link[3].tension`` into ("link[*].tension", 3); without exactly one index (name, None)."""
     found = _INDEX.findall(name)
     return (_INDEX.sub("[*]", name), int(found[0])) if len(found) == 1 else (name, None)
 
 
 def _identifier(text: str) -> str:
-    """A protobuf identifier that looks like ``text``."""
+    """Return ``text`` as a protobuf identifier."""
     word = re.sub(r"\W+", "_", text, flags=re.ASCII).strip("_") or "x"
     return word if word[0].isalpha() else f"x{word}"
 
 
 def _unique(word: str, taken: set[str]) -> str:
-    """``word``, numbered where taken; compared as JSON spells names: without case and underscores."""
+    """Return ``word``, with a number if it is taken; case and underscores are ignored, as in JSON names."""
     candidate, number = word, 1
     while (key := candidate.replace("_", "").lower()) in taken:
         number += 1
@@ -135,7 +135,7 @@ def _unique(word: str, taken: set[str]) -> str:
 
 
 def layout(where: Sequence[str]) -> Layout:
-    """The layout of a message whose variable i has its value at the place ``where[i]``; raises ValueError."""
+    """Return the layout of a message whose variable i has the place ``where[i]``; raises ValueError."""
     members: dict[str, dict[int | None, int]] = {}
     for variable, place in enumerate(where):
         match = _PLACE.fullmatch(place)
@@ -148,7 +148,7 @@ def layout(where: Sequence[str]) -> Layout:
         if set(found) not in ({None}, set(range(len(found)))):
             raise ValueError(f"the values of the field '{name}' are not counted from 0 to {len(found) - 1}")
     counts = {name: 0 if None in found else len(found) for name, found in members.items()}
-    names = sorted(members, key=counts.__getitem__)  # stable: singles in their order, then families by length
+    names = sorted(members, key=counts.__getitem__)  # stable sort: singles in given order, then families by length
     if len(names) > MOST_FIELDS:
         raise ValueError(f"a message holds {MOST_FIELDS} variables and families, not {len(names)}")
     fields = tuple(Field(name, number, counts[name]) for number, name in enumerate(names, FIRST_NUMBER))
@@ -164,7 +164,7 @@ def layout(where: Sequence[str]) -> Layout:
 
 
 def _lay_out(fields: Sequence[Field]) -> tuple[tuple[Group, ...], bytes]:
-    """Groups of evenly spaced fields, and the bytes of a message of zeros."""
+    """Return groups of evenly spaced fields, and the bytes of a message of zeros."""
     body = bytearray(_header(Field("t", 1, 0)) + bytes(8) + _header(Field("h", 2, 0)) + bytes(8))
     groups, first = [], 0
     for (size, count), run in groupby(fields, lambda field: (len(_header(field)), field.length)):
@@ -177,14 +177,14 @@ def _lay_out(fields: Sequence[Field]) -> tuple[tuple[Group, ...], bytes]:
 
 
 def _header(field: Field) -> bytes:
-    """The bytes before a field's values: the tag, and the length of a packed family."""
+    """Return the bytes before a field's values: the tag, and for a family its length in bytes."""
     if field.length == 0:
         return _varint(field.number << 3 | FIXED64)
     return _varint(field.number << 3 | LENGTH_DELIMITED) + _varint(8 * field.length)
 
 
 def _varint(number: int) -> bytes:
-    """Base 128, least significant group first."""
+    """Encode an integer as a protobuf varint: base 128, least significant group first."""
     groups = bytearray()
     while number > 0x7F:
         groups.append(number & 0x7F | 0x80)
@@ -193,13 +193,13 @@ def _varint(number: int) -> bytes:
 
 
 def type_name(topic: str) -> str:
-    """The message type of a topic: "/left_track/out" -> "cotrack.left_track.Out"."""
+    """Return the name of a topic's message type: "/left_track/out" -> "cotrack.left_track.Out"."""
     *package, message = [_identifier(word) for word in topic.strip("/").split("/")]
     return ".".join(["cotrack", *package, message[0].upper() + message[1:]])
 
 
 def descriptor(name: str, fields: Iterable[Field]) -> bytes:
-    """A serialised FileDescriptorSet with the one message type ``name``: what MCAP keeps as schema."""
+    """Return a serialised FileDescriptorSet with the message type ``name``, the schema data of MCAP."""
     package, _, message = name.rpartition(".")
     file = FileDescriptorProto(name=f"{name.replace('.', '/')}.proto", package=package, syntax="proto3")
     kind = file.message_type.add(name=message)

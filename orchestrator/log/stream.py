@@ -1,4 +1,4 @@
-"""What was asked for of some topics, chunk by chunk: wired inputs get the values of the outputs that they are."""
+"""Reading of selected columns chunk by chunk; wired inputs are reconstructed from recorded outputs."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from orchestrator.log.message_records import Messages
 from orchestrator.log.time_series import EVER, Series, joined, nothing
 from orchestrator.log.wire import Floats, Rule, Wire, handed_over
 
-FEW = 4  # one variable in so many is decoded by itself
+FEW = 4  # fewer than one variable in four: each is decoded separately
 Steps = NDArray[np.int64]
 
 
 class Stream:
-    """Messages of topics, given away as soon as they are whole. Feed it the chunks of a log in their order.
+    """Reader of selected columns; gets the chunks of a log in order, returns messages once complete.
 
-    An input whose outputs the log has lost is lost, too: its message is left out.
+    An input message whose outputs are missing in the log is left out.
 
-    :param recorded: the log's topics.
+    :param recorded: channels of the log by topic.
     :param wanted: topic -> columns.
-    :param window: closed interval of time, s.
+    :param window: closed time interval, s.
     """
 
     def __init__(
@@ -37,15 +37,15 @@ class Stream:
         self._window = window
         self._outputs = {source: _Outputs(recorded[source], sorted(names)) for source, names in needed.items()}
         self._topics = {topic: _Topic(recorded[topic], columns, self._outputs) for topic, columns in wanted.items()}
-        self.topics = {*self._topics, *self._outputs}  # whose messages it wants to see
+        self.topics = {*self._topics, *self._outputs}  # topics whose messages ``add`` needs
 
     @property
     def waits(self) -> bool:
-        """Whether messages have come that are not whole yet."""
+        """Whether some messages still lack outputs of a later chunk."""
         return any(len(topic.steps) for topic in self._topics.values())
 
     def add(self, piece: Iterable[Messages]) -> dict[str, Series]:
-        """What is whole with the messages of another chunk; topics of which nothing is are left out."""
+        """Add the messages of the next chunk; return the messages that are complete now, by topic."""
         for messages in piece:
             if messages.topic in self._outputs:
                 self._outputs[messages.topic].add(messages)
@@ -59,7 +59,7 @@ class Stream:
 
 
 class _Outputs:
-    """A topic's variables that wires use: rows that some input may still need."""
+    """Output columns that wires need from one topic; holds the rows that inputs may still need."""
 
     def __init__(self, recorded: Recorded, names: Sequence[str]) -> None:
         self.names = list(names)
@@ -68,49 +68,49 @@ class _Outputs:
         self.values = np.empty((0, len(names)))
 
     def add(self, messages: Messages) -> None:
-        """Rows that come after those that are here."""
+        """Append the rows of later messages."""
         self.sequence = np.concatenate([self.sequence, messages.sequence])
         self.values = np.concatenate([self.values, decoded(messages, self._held).values])
 
     def forget(self, number: int) -> None:
-        """Rows of steps before that one."""
+        """Drop the rows of steps before ``number``."""
         first = int(np.searchsorted(self.sequence, number))
         self.sequence, self.values = self.sequence[first:], self.values[first:]
 
     def find(self, steps: Steps) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-        """Rows of steps, and whether they are there."""
+        """Return row numbers (m,) of steps (m,), and a mask (m,) of the steps that are present."""
         if not len(self.sequence):
             return np.zeros(len(steps), np.intp), np.zeros(len(steps), bool)
         rows = np.minimum(np.searchsorted(self.sequence, steps), len(self.sequence) - 1)
         return rows, self.sequence[rows] == steps
 
     def rows(self, which: NDArray[np.intp], columns: list[int]) -> Floats:
-        """Some rows and columns of the values."""
-        together = bool((np.diff(which) == 1).all())  # mostly, and then without a copy
+        """Return values (m, columns) of rows and columns."""
+        together = bool((np.diff(which) == 1).all())  # the usual case: a view instead of a copy
         return (self.values[which[0] : which[-1] + 1] if together else self.values[which])[:, columns]
 
 
 class _Part(NamedTuple):
-    """Of a topic's variables that were asked for, those that one wire has."""
+    """Selected inputs of a topic that one wire defines."""
 
     source: str
     rule: Rule
     outputs: list[int]  # columns of ``_Outputs``
-    places: list[int]  # among what was asked for
+    places: list[int]  # columns among the selected ones
 
     @property
     def later(self) -> int:
-        """How many steps after an input the last output comes that it needs."""
+        """Number of steps from an input to the last output that it needs: 0 or 1."""
         return int(self.rule != "start")
 
 
 class _Topic:
-    """A topic that was asked for: its messages that wait for outputs."""
+    """Selected topic with the messages that wait for outputs."""
 
     def __init__(self, recorded: Recorded, columns: Sequence[int], outputs: Mapping[str, _Outputs]) -> None:
         names = [recorded.about.names[column] for column in columns]
         held = {column: k for k, column in enumerate(recorded.columns)}
-        self._own = [k for k, column in enumerate(columns) if column in held]  # places among what was asked for
+        self._own = [k for k, column in enumerate(columns) if column in held]  # selected columns that are recorded
         self._held = [held[columns[k]] for k in self._own]
         self._outputs = outputs
         self.parts = [
@@ -122,12 +122,12 @@ class _Topic:
             )
             for wire, wired in _wired(recorded, names)
         ]
-        self.next = 0  # number of the first message that is not given away
-        self.steps = np.empty(0, np.int64)  # of the messages that wait
+        self.next = 0  # step number of the first message that is not returned yet
+        self.steps = np.empty(0, np.int64)  # step numbers of the waiting messages
         self._nothing = self._waiting = nothing(names)
 
     def add(self, messages: Messages, window: tuple[float, float]) -> None:
-        """Messages that come after those that are here."""
+        """Append later messages in the window."""
         own, steps = decoded(messages, self._held), messages.sequence.astype(np.int64)
         self.next = int(steps[-1]) + 1
         if self.parts:
@@ -142,7 +142,7 @@ class _Topic:
         self._waiting, self.steps = own, steps
 
     def take(self) -> Series:
-        """The messages whose outputs came; those whose outputs are lost are left out."""
+        """Return the messages whose outputs have come, without those whose outputs are missing in the log."""
         decided = len(self.steps)
         for part in self.parts:
             came = self._outputs[part.source].sequence
@@ -167,7 +167,7 @@ class _Topic:
 
 
 def _wired(recorded: Recorded, names: Sequence[str]) -> Iterator[tuple[Wire, dict[str, str]]]:
-    """Wires that have any of these inputs: output -> input of those."""
+    """Yield each wire of any inputs ``names`` with its pairs output -> input among them."""
     for wire in recorded.about.wires:
         wired = {one: other for one, other in zip(wire.outputs, wire.inputs, strict=True) if other in names}
         if wired:
@@ -175,7 +175,7 @@ def _wired(recorded: Recorded, names: Sequence[str]) -> Iterator[tuple[Wire, dic
 
 
 def decoded(messages: Messages, columns: Sequence[int]) -> Series:
-    """Some of the variables that messages hold; few one by one."""
+    """Decode columns of messages; a few columns are decoded one by one, else all at once."""
     if FEW * len(columns) < len(messages.names):
         return messages.decode(columns)
     whole = messages.decode()

@@ -1,4 +1,4 @@
-"""What is recorded on a topic, and its messages as arrays over time."""
+"""Topics and their messages as arrays over time."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ EVER = (-np.inf, np.inf)
 
 
 class Topic(NamedTuple):
-    """What is recorded on a topic."""
+    """Variables and recording interval of a topic."""
 
     names: tuple[str, ...]  # variables, in the order of the values
     units: tuple[str, ...]
-    every: int  # one step in ``every`` is recorded
-    wires: tuple[Wire, ...] = ()  # of inputs that are recorded elsewhere
+    every: int  # only steps whose number is a multiple of ``every`` are recorded
+    wires: tuple[Wire, ...] = ()  # of inputs that are recorded as outputs of other topics
 
 
 class Series(NamedTuple):
-    """The messages of a topic."""
+    """Messages of a topic."""
 
     t: Floats  # (m,) s
     h: Floats  # (m,) s, communication step
@@ -30,26 +30,26 @@ class Series(NamedTuple):
     values: Floats  # (m, variables)
 
     def rows(self, which: Any) -> Series:
-        """Some of the messages, by a slice or a mask."""
+        """Return the messages selected by a slice, a mask or indices."""
         return Series(self.t[which], self.h[which], self.names, self.values[which])
 
     def columns(self, which: Sequence[int]) -> Series:
-        """Some of the variables."""
+        """Return the series of the selected variables."""
         return Series(self.t, self.h, tuple(self.names[column] for column in which), self.values[:, which])
 
     def gap(self, start: float = 0.0) -> tuple[float, float] | None:
-        """Beginning and end, s, of the first steps that are missing; of inputs, recorded from ``start`` on."""
+        """Return beginning and end, s, of the first gap between inputs recorded from ``start``, or None."""
         expected = np.append(start, self.t + self.h)[:-1]
         missing = np.flatnonzero(~(np.abs(self.t - expected) <= 1e-9))
         return (float(expected[missing[0]]), float(self.t[missing[0]])) if len(missing) else None
 
 
 def nothing(names: Sequence[str]) -> Series:
-    """No messages."""
+    """Return an empty series of the variables ``names``."""
     return Series(np.empty(0), np.empty(0), tuple(names), np.empty((0, len(names))))
 
 
 def joined(parts: Sequence[Series]) -> Series:
-    """One after the other."""
+    """Concatenate series of the same variables in time; needs one at least."""
     t, h, values = (np.concatenate([part[column] for part in parts]) for column in (0, 1, 3))
     return Series(t, h, parts[0].names, values)

@@ -1,4 +1,4 @@
-"""What can be asked of a log: is it whole, save what is left of it, what is in it."""
+"""Operations on whole logs: verify, recover and summarise."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ WHOLE, BROKEN, RECOVERED = 0, 1, 3  # exit codes
 
 
 class Verdict(NamedTuple):
-    """What a check or a recovery found."""
+    """Result of a verification or a recovery."""
 
     code: int  # WHOLE, BROKEN or RECOVERED
     sentences: list[str]
 
 
 class Tally:
-    """What passes by of one topic: its steps and times."""
+    """Message count, size, first and last time, newest step and hash of one topic."""
 
     def __init__(self) -> None:
         self.messages = 0
         self.bytes = 0  # before compression
         self.first = self.last = float("nan")  # s
-        self.newest: int | None = None  # sequence
+        self.newest: int | None = None  # number of the last step
         self.hash = hashlib.sha256()
 
     def add(self, messages: Messages, stride: int | None) -> list[str]:
-        """Count messages; sentences on steps that are missing (every ``stride``) and times that are wrong."""
+        """Count messages; return sentences about missing steps (stride ``stride``) and wrong times."""
         found = []
         sequence = messages.sequence.astype(np.int64)
         if stride and self.newest is None and sequence[0] >= stride:
@@ -67,9 +67,9 @@ class Tally:
 
 
 class Info(NamedTuple):
-    """A log at a glance."""
+    """Summary of a log."""
 
-    log: Log  # closed: what it says of itself
+    log: Log  # closed; its attributes remain readable
     start: float  # s; nan without messages
     end: float  # s; nan without messages
     digest: str  # empty where a part is damaged
@@ -78,7 +78,7 @@ class Info(NamedTuple):
 
 
 def verify(path: str | os.PathLike[str]) -> Verdict:
-    """Whether a log is whole: every checksum, step and sha256, the closing record, wires along connections."""
+    """Check that a log is whole: checksums, steps, sha256, closing record, wires against connections."""
     try:
         with Log(path, unfinished=True) as log:
             faults = _faults(log)
@@ -94,7 +94,7 @@ def verify(path: str | os.PathLike[str]) -> Verdict:
 
 
 def _faults(log: Log) -> list[str]:
-    """All that is wrong with a log, in sentences."""
+    """Return all faults of a log as sentences."""
     tallies = {topic: Tally() for topic in log.topics}
     faults = [
         fault
@@ -120,13 +120,13 @@ def _faults(log: Log) -> list[str]:
 
 
 def _short(log: Log, reached: int, steps: int) -> bool:
-    """Whether a log that ends with the step ``reached`` lacks some that the run did."""
+    """Whether a log that ends with step ``reached`` lacks recorded steps of a run of ``steps`` steps."""
     strides = [every for topic in log.topics if (every := _stride(log, topic))]
     return bool(strides) and reached + min(strides) <= steps
 
 
 def _miswired(log: Log) -> list[str]:
-    """Inputs that the log takes from outputs which the system does not connect with them, in sentences."""
+    """Return sentences about wires without a connection in ``system.json``."""
     if "system.json" not in log.attachments:
         return []
     try:
@@ -148,16 +148,16 @@ def _miswired(log: Log) -> list[str]:
 
 
 def _stride(log: Log, topic: str) -> int | None:
-    """Steps from one message to the next; None for statistics, which are recorded when it suits."""
+    """Number of steps between messages of a topic; None for statistics, which have no fixed interval."""
     return None if topic.startswith("/stats/") else log.topics[topic].every
 
 
 def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> Verdict:
-    """Write a new log with everything that is whole in a broken one.
+    """Write a new log with all complete steps of a broken one.
 
-    WHOLE where only the indexes at the end were broken, RECOVERED where something is lost or may have been
-    changed (the new log's closing record says so), BROKEN where nothing could be saved. Of a step that is not whole
-    nothing is saved, so that all topics end with the same one; results of the closing record stay in any case.
+    Returns WHOLE if only the indexes at the end were broken, RECOVERED if something is lost or may have been changed
+    (the new closing record says so), BROKEN if nothing could be saved. Incomplete steps are left out, so all topics
+    end with the same step. Results of the closing record are kept.
     """
     source, target = Path(path), Path(out)
     if target.exists() and source.exists() and target.samefile(source):
@@ -174,7 +174,7 @@ def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> Verdic
 
 @contextmanager
 def _replacing(target: Path) -> Iterator[Path]:
-    """A file to be written, which takes the place of ``target`` once it is whole."""
+    """Write a temporary file and replace ``target`` by it when it is complete; raises LogFailed."""
     check_writable(target)
     fresh = target.with_name(f".{target.name}.{os.getpid()}")
     try:
@@ -215,7 +215,7 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
         ended = f"; the run ended with status {closing['status']}" if closing["status"] else ""
         recorder.close(
             "failed",
-            f"recovered from a broken log, which reads to t = {reached:.6g} s{ended}",
+            f"recovered from a broken log, readable to t = {reached:.6g} s{ended}",
             closing["steps"] if last is None else last,
             closing["results"],
             closing["warnings"],
@@ -227,11 +227,10 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
 
 
 def _whole_steps(log: Log, recorded: Mapping[str, int], done: int) -> NDArray[np.int64] | None:
-    """Numbers of the steps of which no message is lost (m,); None where all that were ``recorded`` are there.
+    """Return the numbers (m,) of the steps without a lost message; None if no message is lost.
 
-    Where those do not go as far as the ``done`` steps of the run, something was lost before it was recorded.
-
-    An input belongs to the step that it leads to.
+    ``recorded``: messages by topic in the closing record. ``done``: steps of the run; a log that ends earlier has lost
+    steps before they were recorded. Inputs count with the step that ends them.
     """
     found = {topic: [np.empty(0, np.int64)] for topic in log.topics}
     for messages in log.intact():
@@ -244,7 +243,7 @@ def _whole_steps(log: Log, recorded: Mapping[str, int], done: int) -> NDArray[np
     whole = np.ones(len(steps), bool)
     for topic, its in of.items():
         every, first = log.topics[topic].every, int(_is_input(topic))
-        if len(its) or not len(steps) or steps[-1] < every:  # else it was never recorded, which is no loss
+        if len(its) or not len(steps) or steps[-1] < every:  # else the topic was never recorded: no loss
             whole &= (steps < first) | ((steps - first) % every != 0) | np.isin(steps, its)
     return steps[whole]
 
@@ -258,7 +257,7 @@ def _is_input(topic: str) -> bool:
 
 
 def _attachment(log: Log, name: str) -> bytes | None:
-    """The content of an attached file, None where it is damaged (which goes to the log's faults)."""
+    """Return the content of an attached file; None if it is damaged, which is added to the log's faults."""
     try:
         return log.attachment(name)
     except LogUnreadable as damage:
@@ -267,7 +266,7 @@ def _attachment(log: Log, name: str) -> bytes | None:
 
 
 def info(path: str | os.PathLike[str]) -> Info:
-    """A log at a glance; reads all of it. Raises LogUnreadable."""
+    """Read a whole log and return its summary; raises LogUnreadable."""
     with Log(path, unfinished=True) as log:
         tallies, known = {topic: Tally() for topic in log.topics}, len(log.faults)
         for messages in log.intact():

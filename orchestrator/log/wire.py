@@ -1,7 +1,7 @@
-"""Wires: inputs that are, bit by bit, what the log holds of another component's outputs, and are recorded there only.
+"""Wires: inputs that equal recorded outputs of another component and are not recorded again.
 
-What a coupling hands over is an output as it was at the beginning of the step ("start"), at its end ("end") or the mean
-of both ("middle"); what it makes otherwise, by extrapolation or iteration, is recorded in full.
+The input is the output at the beginning of the step ("start"), at its end ("end") or the mean of both ("middle").
+Inputs that a coupling extrapolates or iterates have no wire and are recorded.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ RULES: tuple[Rule, ...] = get_args(Rule)
 
 
 class Wire(NamedTuple):
-    """Inputs of a topic that one rule makes of outputs of another."""
+    """Inputs of a topic that follow from outputs of another topic by one rule."""
 
     source: str  # topic of the outputs
     rule: Rule
@@ -26,7 +26,7 @@ class Wire(NamedTuple):
 
 
 def handed_over(rule: Rule, start: Floats, end: Floats) -> Floats:
-    """The inputs of a step, from the outputs at its beginning and at its end; of any shape."""
+    """Return the inputs of a step from the outputs at its beginning and end, all of one shape."""
     if rule == "middle":
         return 0.5 * (start + end)
     return start if rule == "start" else end

@@ -9,7 +9,7 @@ from orchestrator.log.wire import Rule
 
 
 class GaussSeidel(Scheme):
-    """Stages step one after another; constant: on the latest values, of order 1."""
+    """Coupling in which stages step one after another; constant: with the latest values, order 1."""
 
     NAME = "gauss_seidel"
 

@@ -33,12 +33,12 @@ class Past(NamedTuple):
 
 
 def constant(feed: Feed, now: Outputs) -> Floats:
-    """Outputs of the source at t."""
+    """Return the outputs of the source at t."""
     return now[feed.source.name][feed.outputs]
 
 
 def extrapolated(feed: Feed, now: Outputs, past: Past, h: float) -> Floats:
-    """Outputs of the source extrapolated to the middle of the step."""
+    """Extrapolate the outputs of the source to the middle of the step."""
     y = constant(feed, now)
     if feed.carries == "state":
         return y
@@ -51,7 +51,7 @@ def extrapolated(feed: Feed, now: Outputs, past: Past, h: float) -> Floats:
 
 
 def at_end(feed: Feed) -> Rule:
-    """Rule for the output at t + h of a source that has stepped; a state is always of t."""
+    """Rule for the output at t + h of a source that has stepped; a state always belongs to t."""
     return "start" if feed.carries == "state" else "end"
 
 
@@ -61,5 +61,5 @@ def interpolated(feed: Feed) -> Rule:
 
 
 def mean(feed: Feed, now: Outputs) -> Floats:
-    """Value of a source that has stepped for the middle of the step; ``now``: outputs at t."""
+    """Return the value for the middle of the step of a source that has stepped; ``now``: outputs at t."""
     return handed_over(interpolated(feed), constant(feed, now), feed.source.y[feed.outputs])

@@ -21,7 +21,9 @@ KEPT = 6  # earlier differences that the acceleration uses
 
 
 class Iterative(Scheme):
-    """Converged if no unknown changes by more than ``tolerance`` of the largest value of its connection.
+    """Coupling that repeats a step until its unknown inputs converge.
+
+    Converged: no unknown changes by more than ``tolerance`` of the largest value of its connection.
 
     :raises CouplingFailed: here if a component cannot save its state, in ``advance`` after ``iterations`` sweeps.
     """
@@ -78,7 +80,7 @@ class Iterative(Scheme):
         return None if id(feed) in self._place else "start"
 
     def made(self, feed: Feed, now: Outputs, h: float) -> Floats:
-        """Present guess of the unknown inputs of a feed."""
+        """Return the present guess of the unknown inputs of a feed."""
         return self._guess[self._place[id(feed)]]
 
     def memory(self) -> dict[str, Floats]:

@@ -8,7 +8,7 @@ from orchestrator.log.wire import Rule
 
 
 class Jacobi(Scheme):
-    """All members step at once, whatever their stage; constant: of order 1."""
+    """Coupling in which all members step in parallel, whatever their stage; constant: order 1."""
 
     NAME = "jacobi"
 
@@ -18,13 +18,13 @@ class Jacobi(Scheme):
         self.ORDER = 2 if self.linear else 1
 
     def groups(self) -> Stages:
-        """A single group of all members."""
+        """Return one group of all members."""
         return (self.members,)
 
     def stepped(self, member: Member) -> frozenset[str]:
-        """Empty: all components step at once."""
+        """Return no names, because all components step in parallel."""
         return frozenset()
 
     def rule(self, feed: Feed, stepped: bool) -> Rule | None:
-        """Value at t, or None for extrapolation."""
+        """Return the rule for the value at t, or None for extrapolation."""
         return None if self.linear and feed.carries != "state" else "start"

@@ -46,7 +46,7 @@ class Bond(NamedTuple):
 
 
 def bonds(members: Sequence[Member]) -> tuple[Bond, ...]:
-    """Pairs of feeds that share a bond."""
+    """Return the pairs of feeds that share a bond."""
     ends: dict[str, list[tuple[Member, Feed]]] = {}
     for member in members:
         for feed in member.feeds:

@@ -140,7 +140,7 @@ class Scheme:
         self.past = Past(now, h, self.past.last)
 
     def exchange(self, t: float, h: float, now: Outputs) -> None:
-        """Do the step; ``now`` holds the outputs at t. Inputs from later outputs are set when these are known."""
+        """Do the step; ``now``: outputs at t. Inputs that need outputs at t + h are set once these exist."""
         for u, feed in self._without_rule:
             u[feed.inputs] = self.made(feed, now, h)
         if self._program is not None:
