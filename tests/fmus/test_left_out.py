@@ -1,4 +1,7 @@
-"""A component loads what its scene declares: in a fresh process, and with a cold or warm kernel cache alike."""
+"""A component loads only the modules that its scene needs, with a cold or a warm kernel cache.
+
+Each case runs in a fresh process.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +61,10 @@ OTHERS = {
 
 @pytest.mark.parametrize("elasticity", [None, *OTHERS])
 def test_a_chain_loads_its_own_elasticity_only(elasticity):
-    """The default, and the small deformation that it is, load neither of the others nor what those share."""
+    """A chain loads the modules of its own elasticity only.
+
+    The default is small deformation; it loads neither the modules of the others nor those that they share.
+    """
     names = loaded("track_flexible", {}, **({"elasticity": elasticity} if elasticity else {}))
     own = OTHERS[elasticity or "small_deformation"]
     assert own <= names
@@ -78,7 +84,7 @@ def test_a_planar_chain_loads_no_beams_and_another_chain_no_planar_one():
 
 
 def test_contents_are_what_a_component_loads():
-    """A child that compiles nothing loads all that a real step loads, and neither loads the rest."""
+    """The list from a child that compiles nothing is the list of modules that a real step loads."""
     from fmus.loaded import contents
     from fmus.vehicle import read_table, vehicle
 
