@@ -25,7 +25,10 @@ def tip(kind, h, pitch=P, **changes):
 
 @pytest.mark.parametrize(("kind", "expected"), [(Rigid, 9.413161), (Flexible, 9.413174)])
 def test_released_horizontal_chain(kind, expected):
-    """Thin rods, steel cables; order 2, whatever the spectral radius; steel and rods differ by 13 um."""
+    """Released horizontal chains of thin rods and steel cables converge with order 2 for any spectral radius.
+
+    Steel and rods differ by 13 um.
+    """
     tips = np.array([tip(kind, h) for h in (1e-3, 5e-4, 2.5e-4)])
     assert np.abs(tips - expected).max() < 2e-5
     limit = tips[2] + (tips[2] - tips[1]) / 3.0
@@ -41,7 +44,7 @@ SWINGS = np.array([1.20242178, 2.76073253, 4.33154065, 5.91226122])  # omega sqr
 
 
 def rigid_swings(n):
-    """From the angular accelerations of links let go a little off the vertical, one at a time."""
+    """Frequencies from the angular accelerations of links released a little off the vertical, one at a time."""
     stiff, d = np.empty((n, n)), 1e-5
     for k in range(n):
         ends = []
@@ -54,7 +57,7 @@ def rigid_swings(n):
 
 
 def steel_swings(n, cable=STEEL):
-    """By Sturm counts: negative eigenvalues of the condensed K - omega^2 M at the loaded equilibrium, in the plane."""
+    """Frequencies by Sturm counts: negative eigenvalues of the condensed K - omega^2 M at the loaded equilibrium."""
     chain = Flexible(line(n), held=True, cable=cable)
     stretch = (n - np.arange(n) - 0.5) * cable.rhoA * P * G / cable.EA
     depth = -P * np.concatenate([[0.0], np.cumsum(1.0 + stretch)])
@@ -84,7 +87,7 @@ def steel_swings(n, cable=STEEL):
 
 @pytest.mark.parametrize("swings", [rigid_swings, steel_swings])
 def test_small_swings_of_the_hanging_chain(swings):
-    """To 1e-4 as wanted, and to 5e-6, where the twin of two links less shows in the fourth."""
+    """Small swings of the hanging chain agree to 5e-6; two links less show in the fourth mode."""
     off = np.abs(swings(LINKS) / SWINGS - 1.0)
     assert off.max() < 5e-6
     twin = np.abs(swings(LINKS - 2) / SWINGS - 1.0)
@@ -103,7 +106,7 @@ def rigid_loop(mass=MASS):
 
 
 def steel_loop(mass=MASS):
-    """Relative equilibrium: K(q) = omega^2 M q, its turning about the axis left to the smallest correction."""
+    """Relative equilibrium K(q) = omega^2 M q; the free rotation about the axis gets the smallest correction."""
     loop = Flexible(ring(LINKS), closed=True, gravity=0.0, cable=STEEL._replace(rhoA=mass / P))
     loop.s.vdot[:] = -(RATE**2) * loop.s.q
     loop.s.vdot[:, 7] = 0.0
@@ -134,7 +137,10 @@ def test_joint_force_of_a_spinning_loop(loop):
 
 
 def test_hoop_strain_of_the_steel_loop():
-    """T / EA to 1/2400, which is the polygon: along a link the tension is m omega^2 p (cot^2 + 1/3) / 4, to 1e-7."""
+    """The hoop strain of the steel loop is T / EA to 1/2400, the effect of the polygon.
+
+    Along a link the tension is m omega^2 p (cot^2 + 1/3) / 4, to 1e-7.
+    """
     loop = steel_loop()
     tension = float(joint_forces(loop).mean())
     e, found = np.zeros((4, 3)), []
@@ -154,7 +160,7 @@ def test_hoop_strain_of_the_steel_loop():
 
 
 def fall(kind, links, turn, gravity=G, integrator="runge_kutta"):
-    """Pinned at one end, folded once, let go at the other; steps in which no link turns more than ``turn`` rad.
+    """Fall of a chain that is pinned at one end, folded once and released; no link turns more than ``turn`` a step.
 
     Returns times over sqrt(2 L/g) and drops over L of the tip until after its largest, and the energy drift over m g L.
     """
@@ -208,7 +214,7 @@ def test_folded_chain_beats_free_fall(links):
 
 
 def test_the_landmarks_of_the_fall_can_be_missed():
-    """The twin: gravity 3 % larger; both times are off, though the tip still beats the slower free fall."""
+    """With 3 % more gravity both times are wrong (twin), though the tip still precedes the slower free fall."""
     top, half = landmarks(*fall(Rigid, 17, 0.05, gravity=1.03 * G)[:2])
     assert abs(top / 0.8472 - 1.0) > 0.01
     assert abs(half / 0.948 - 1.0) > 0.005
@@ -234,7 +240,7 @@ def test_folded_chain_with_smaller_steps(links):
 
 SOFT = STEEL._replace(EA=2e5 * AREA, EI=2e5 * SECOND)
 ZIGZAG = 0.3 * np.cos(2.2 * np.arange(8))
-SPIN = np.array([0.2, 2.0, 0.3])  # rad/s, rigid
+SPIN = np.array([0.2, 2.0, 0.3])  # rad/s, of rigid links
 
 
 def free(kind, cable=STEEL, lateral=0.0):
@@ -251,7 +257,7 @@ def free(kind, cable=STEEL, lateral=0.0):
 
 
 def drift(chain, h, integrator, time=10.0):
-    """Largest change of the energy over itself, and of the angular momentum (3) over its size, seen 100 times."""
+    """Largest relative change of the energy, and of the angular momentum (3) over its size, in 100 samples."""
     start, angular = chain.energy(), chain.angular_momentum()
     lost, turned = 0.0, np.zeros(3)
     for _ in range(100):
@@ -287,12 +293,15 @@ def test_every_integrator_is_here():
     ],
 )
 def test_drift_of_a_free_chain_over_ten_seconds(kind, cable, integrator, steps, energy, angular):
-    """Two-sided rates; Runge-Kutta of order 4 loses energy at order 5. Rigid links turn about all three axes."""
+    """The drift of a free chain falls at the order of its integrator, for energy and angular momentum.
+
+    Runge-Kutta of order 4 loses energy at order 5. Rigid links turn about all three axes.
+    """
     parts = {} if kind is Rigid else {"cable": cable}
     found = [drift(free(kind, **parts), h, integrator) for h in steps]
     lost, turned = np.array([f[0] for f in found]), np.array([f[1].max() for f in found])
     if kind is Rigid:
-        assert np.all(np.abs(SPIN) > 0.1)  # each axis has its share
+        assert np.all(np.abs(SPIN) > 0.1)  # each axis contributes
     assert np.abs(np.log2(lost[:-1] / lost[1:]) - energy).max() < 0.4, lost
     assert np.abs(np.log2(turned[:-1] / turned[1:]) - angular).max() < 0.4, turned
     assert min(energy, angular) > INTEGRATORS[integrator] - 0.1
@@ -301,7 +310,10 @@ def test_drift_of_a_free_chain_over_ten_seconds(kind, cable, integrator, steps, 
 
 
 def test_cables_keep_the_component_about_the_pin_alone():
-    """A sideways motion: about y the drift falls at order 2, about the other axes it is there whatever the step."""
+    """Cables keep the angular momentum about the pins' axis alone: its drift falls at order 2, the others stay.
+
+    The motion has a lateral part.
+    """
     turned = np.array(
         [drift(free(Flexible, lateral=0.3), h, "generalized_alpha", 2.0)[1] for h in (2.5e-3, 1.25e-3, 6.25e-4)]
     )
@@ -312,7 +324,7 @@ def test_cables_keep_the_component_about_the_pin_alone():
 
 
 def test_damped_cables_lose_energy_but_not_angular_momentum():
-    """The twin: a relaxation time of 0.1 ms takes energy whatever the step."""
+    """Damped cables lose energy at any step (relaxation time 0.1 ms), but no angular momentum (twin)."""
     tau = 1e-4
     damped = SOFT._replace(nuA=tau * SOFT.EA, nuI=tau * SOFT.EI)
     found = [drift(free(Flexible, damped), h, "generalized_alpha", 2.0) for h in (2.5e-3, 1.25e-3)]
