@@ -1,4 +1,4 @@
-"""A vehicle in process runs as `cotrack run` does, to the bit, and takes other parameters part by part."""
+"""A vehicle in process runs as `cotrack run` does, to the bit, with other parameters of single parts if wanted."""
 
 import numpy as np
 import pytest
