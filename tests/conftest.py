@@ -85,7 +85,7 @@ def clean_imports():
 
 @pytest.fixture
 def scaled(monkeypatch):
-    """Return ``scaled(log, topic, name, factor)``, which multiplies a variable by the factor whenever a log is read."""
+    """Return ``scaled(log, topic, name, factor)``, which multiplies a variable when a log is read."""
 
     def change(log, topic, name, factor):
         assert name in log.topics[topic].names

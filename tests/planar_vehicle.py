@@ -1,4 +1,4 @@
-"""A tracked vehicle in the plane, by the general theory of skid steering with inertia: a fast plant for drivers.
+"""A tracked vehicle in the plane, by the general theory of skid steering: a plant for drivers.
 
 The forces are those of ``skid_steering`` in any motion, steady or not: Coulomb friction under the road wheels, with the
 loads shifted by the accelerations along and across the hull. Sprockets follow their demands with a first-order lag.
@@ -67,7 +67,7 @@ def _march(x, told, n, h, wanted, wheels, shares, p):
 
 
 class Ride:
-    """A driver's model on the planar vehicle: outputs by name, and the motion (n, 8) of the vehicle, at each step."""
+    """Ride of a driver's model on the planar vehicle: outputs by name, motion (n, 8) at each step."""
 
     def __init__(self, model, plant, hull, stop, h=2e-3):
         """Run for ``stop`` s; ``hull``: distance of the hull's centre of mass ahead of the vehicle's, m."""

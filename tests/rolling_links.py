@@ -1,4 +1,4 @@
-"""Rocking of the links of a ground run while wheels roll over them: plane statics, an independent code.
+"""Rocking of the links of a ground run under rolling wheels: plane statics, independent code.
 
 A run of rigid links hangs from the sprocket's tangent, lies under five loaded wheels and is pulled by the strand to the
 idler. Pads press on a ground that is a spring at two Gauss points of each link, wheels on a spring spread along it;

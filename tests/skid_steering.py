@@ -1,4 +1,4 @@
-"""The general theory of skid steering for a vehicle on firm ground, in steady motion: an independent code.
+"""The general theory of skid steering on firm ground, in steady motion: an independent code.
 
 Steeds, Tracked vehicles, Automobile Engineer, 1950; Wong and Chiang, A general theory for skid steering of tracked
 vehicles on firm ground, Proc. IMechE D 215, 2001. Tracks press on the ground under their road wheels, where friction
@@ -47,7 +47,10 @@ class Turn(NamedTuple):
 
 
 def turn(vehicle, sprockets):
-    """Steady motion with the sprockets at (left, right) rad/s, by continuation in the sharpness of friction."""
+    """Steady motion with the sprockets at (left, right) rad/s.
+
+    By continuation in the sharpness of friction.
+    """
     speeds = vehicle.radius * np.array(sprockets)
 
     def balance(z, creep):

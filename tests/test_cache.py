@@ -1,4 +1,7 @@
-"""The cache recovers: runs are right after any damage to its files; folders that others can write are not used."""
+"""The cache recovers: runs are right after any damage to its files.
+
+Folders that others can write are not used.
+"""
 
 import errno
 import inspect

@@ -1,4 +1,4 @@
-"""A driver with full vehicles: from beside the path, S-curves at the limit of friction, reversing, turning.
+"""A driver with full vehicles: offsets, S-curves at the friction limit, reversing, turning.
 
 ``fmus/test_driver_rides`` has the same with a planar vehicle. Friction 1.2 is more than the chains of this vehicle
 bear: a braking track pulls its idler beyond its travel, and the chain jumps over teeth. There the tensioner is stiffer.
@@ -104,7 +104,7 @@ def test_it_comes_to_its_path_from_beside():
 
 @pytest.mark.study
 def test_it_drives_back_turns_on_the_spot_and_stops():
-    """It reverses, turns on the spot and stops 5 m ahead of its start and 3 m to the left.
+    """The vehicle reverses, turns on the spot and stops 5 m ahead and 3 m to the left of its start.
 
     Places are those of the wheels' middle.
     """

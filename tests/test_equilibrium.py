@@ -1,4 +1,4 @@
-"""A vehicle starts in static equilibrium of hull, arms, idlers, chains and ground, and stays there at rest."""
+"""A vehicle starts in static equilibrium with its chains and the ground, and stays at rest."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def seen(vehicle):
 
 
 def moved(scene, duration):
-    """Largest change of the settlement, m, and largest relative change of a wheel's load, within ``duration`` s."""
+    """Largest change of the settlement, m, and relative change of a wheel's load in ``duration`` s."""
     vehicle = InProcess(scene)
     height, loads = seen(vehicle)
     far = share = 0.0
@@ -148,7 +148,10 @@ def test_a_vehicle_on_one_track_leans_and_stays():
 
 
 def test_bare_wheels_stand_on_the_ground():
-    """Bare wheels stand on the ground, by four numbers of statics: weight on ten wheels, contacts and springs."""
+    """Bare wheels stand on the ground, by four numbers of statics.
+
+    Weight on ten wheels, their contacts and springs.
+    """
     scene = at_rest("rigid", "tracks=[]")
     far, _ = moved(scene, 0.2)
     assert far < 1e-9

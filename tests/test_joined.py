@@ -1,4 +1,4 @@
-"""A vehicle with a steering differential between its sprockets: two drives in one, closed powers, keys of a scene."""
+"""A vehicle with a steering differential: two drives in one, closed powers, keys of a scene."""
 
 import numpy as np
 import pytest

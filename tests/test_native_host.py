@@ -1,4 +1,7 @@
-"""A master in C runs native FMUs of a whole vehicle without an environment, with the bits of the Python models."""
+"""A master in C runs native FMUs of a vehicle, with the bits of the Python models.
+
+It has no environment variables.
+"""
 
 from __future__ import annotations
 
@@ -151,7 +154,10 @@ def test_libcosim_drives_the_vehicle(tmp_path):
 
 @pytest.mark.benchmark
 def test_times_of_kinds_in_hosts(tmp_path, capsys):
-    """Print times of set, step and get (us, median): native FMUs in C, native and Python FMUs by fmpy, in turn."""
+    """Print times of set, step and get, us: native FMUs in C, native and Python FMUs by fmpy.
+
+    Medians, with steps in turn.
+    """
     settings = ("run.step=1 ms", "track.step=1 ms", "run.stop=3 s", "drive.ramp_start=0", "drive.ramp_time=0.5")
     vehicle = InProcess(load("straight", "flexible", settings))
     assembly = assemble(vehicle.scene)

@@ -1,4 +1,4 @@
-"""Slip of the pads and torque of the sprocket of a driving track, from places and forces of its pins alone.
+"""Slip of the pads and torque of the sprocket of a driving track, from its pins alone.
 
 A short turn records every step of both tracks. Planes, velocities and loads are computed here from places; laws and
 numbers are those of the vehicle's table.
@@ -170,7 +170,10 @@ def test_pads_slip_and_push_as_their_motion_says(tracks, kind, band):
     ],
 )
 def test_rocking_links_explain_the_slip_of_a_track(tracks, speeds, kind, band):
-    """The slip of a track follows from thrust, yaw and the rocking of its links by statics under recorded loads."""
+    """The slip of a track follows from thrust, yaw and the rocking of its links.
+
+    Rocking is by statics under the recorded loads.
+    """
     for side, speed in zip(SIDES, speeds, strict=True):
         track = tracks(kind, speeds)[side].within(DRIVEN[speeds])
         rocked = rocked_by_loads(track, RADIUS * speed)
@@ -223,7 +226,10 @@ def slip_of(track, rocked, speed):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_forces_of_pins_turn_the_sprocket(tracks, kind):
-    """Moments and momentum of the links between two cuts give the sprocket's torque, on the ramp and after it."""
+    """Moments and momentum of the links between two cuts give the sprocket's torque.
+
+    On the ramp and after it.
+    """
     for side in SIDES:
         pulled, rest, torque, strands = moments(tracks(kind)[side])
         for steps, band in ((100, 0.005), (500, 0.001)):
@@ -240,12 +246,12 @@ def apart(found, wanted, steps):
 
 
 def moments(track):
-    """Impulses between two records about the pins' axis through the hub, N m s, and of the strands' pulls, N s.
+    """Impulses between two records about the pins' axis, N m s, and of the strands' pulls, N s.
 
-    Returns the impulses of the pulls at the two cuts, of weight and momentum of the links between them, and of the
-    sprocket's torque, which is the sum of both; and the difference of the amounts of the pulls. The links are those
-    from the last pin before the teeth to the first one after them. About the moving hub c, M = dL/dt + c' x P; a pin
-    has no moment about its own axis, but one about the sprocket's axis where that is inclined.
+    The axis is that through the hub. Returns the impulses of the pulls at the two cuts, of weight and momentum of the
+    links between them, and of the sprocket's torque, which is the sum of both; and the difference of the amounts of the
+    pulls. The links are those from the last pin before the teeth to the first one after them. About the moving hub c, M
+    = dL/dt + c' x P; a pin has no moment about its own axis, but one about the sprocket's axis where that is inclined.
     """
     t, arm = track.t, track.pins - track.hub[:, None]
     speed, moved = np.gradient(track.pins, t, axis=0), np.gradient(track.hub, t, axis=0)

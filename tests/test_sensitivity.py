@@ -133,7 +133,7 @@ FLEXIBLE, ALL = ("cable", "beam"), ("cable", "beam", "rigid")
 
 
 class Acts(NamedTuple):
-    """Where a key acts."""
+    """Place of action of a key: a case, kinds of links, another value, outputs."""
 
     case: str
     kinds: tuple[str, ...] = ("cable",)  # of links; keys of other components are tested with the cheapest
@@ -327,7 +327,7 @@ def in_brief(key: str, kinds: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def asked() -> dict[str, tuple[str, ...]]:
-    """All keys of all resolved scenes of the gallery and of all cases, and the kinds of links on which they act."""
+    """All keys of all scenes of the gallery and of all cases, with the kinds of links they act on."""
     found: set[str] = set()
     for name in gallery.names():
         for model in ("flexible", "rigid"):

@@ -1,4 +1,4 @@
-"""At the start every wheel is where its track was laid round it, on both sides and in any pose."""
+"""Every wheel is where its track was laid round it at the start, on both sides and in any pose."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Steering: an independent theory, mirror images, turned starts, energy balance, on rigid links and beams.
+"""Steering: independent theory, mirror images, turned starts, energy, on rigid links and beams.
 
 The general theory brackets a run within these bands: it has no links, whose pads run about 1.1 % faster than the pitch
 circle, and no strand tensions, which move load between the wheels.
@@ -107,7 +107,10 @@ def test_a_turn_is_that_of_the_general_theory(turned, kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_power_goes_where_the_forces_are(turned, kind):
-    """Power follows the forces: the inner sprocket brakes, the outer one drives, losses within a track are small."""
+    """Power follows the forces: the inner sprocket brakes, the outer one drives.
+
+    Losses within a track are small.
+    """
     found, _ = turned(kind, *SPEEDS, STEADY)
     assert abs(found["ledger"]) < 1e-3
     for k, side in enumerate(("left", "right")):
@@ -149,9 +152,9 @@ def test_a_turn_with_little_slip(turned, kind):
 
 
 def test_a_turn_begins_as_that_of_beams():
-    """Cables begin a turn as beams do: 2 % of the yaw after 0.9 s at (8, 12) rad/s, within the guides' clearance.
+    """Cables begin a turn as beams do, to 2 % of the yaw after 0.9 s at (8, 12) rad/s.
 
-    The yaw of rigid links is 1 to 2 % larger.
+    Within the guides' clearance. The yaw of rigid links is 1 to 2 % larger.
     """
     settings = ("run.stop=0.9 s", *speeds(8, 12))
     yaw = {kind: path("flexible", (*settings, f"track.element={kind}"), 900)[-1, 3] for kind in ("cable", "beam")}
@@ -248,7 +251,10 @@ def test_free_axes_hold_at_long_steps(step):
 
 
 def leaning(kind, *settings):
-    """Roll, vertical force and longitudinal moment of the rims of a vehicle on its left track and bare right wheels."""
+    """Roll, vertical force, and rims' longitudinal moment of a vehicle on its left track.
+
+    The right wheels are bare.
+    """
     vehicle = InProcess(load("settle", kind, ('tracks=["left"]', "run.step=1 ms", "track.step=1 ms", *settings)))
     track = vehicle.run(1.2)["left_track"]
     held = sum(track[f"road_wheel[{i}].torque.x"] for i in range(1, 6))
@@ -256,9 +262,9 @@ def leaning(kind, *settings):
 
 
 def test_a_vehicle_leans_on_cables_as_on_rigid_links():
-    """A vehicle on one track leans on cables as on rigid links; with fixed axes the rims would tip over the links.
+    """A vehicle on one track leans on cables as on rigid links.
 
-    It stands 42 mm higher on its track than on its wheels.
+    With fixed axes the rims would tip over the links. It stands 42 mm higher on its track than on its wheels.
     """
     rigid, cable, fixed = leaning("rigid"), leaning("flexible"), leaning("flexible", "track.axes=fixed")
     assert 0.015 < rigid[0] < 0.025

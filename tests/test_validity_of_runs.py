@@ -1,4 +1,4 @@
-"""Runs outside the range of their model say so: reversals of the drives, and random plausible settings."""
+"""Runs outside the range of their model say so: reversals, and random plausible settings."""
 
 import pytest
 from plausible_settings import AGREES, COUNT, compared, row, warned
@@ -22,7 +22,10 @@ def kinds(result, severity):
 
 @pytest.mark.study
 def test_a_reversal_at_once_fails(tmp_path):
-    """A reversal within 0.01 s fails: pins 82 mm deep in the teeth of links of 58 mm, and a chain that jumps."""
+    """A reversal within 0.01 s fails: deep pins and a chain that jumps.
+
+    Pins are 82 mm deep in the teeth, of links of 58 mm.
+    """
     result = reversed_in(AT_ONCE, tmp_path / "a.mcap")
     assert result["status"] == "failed"
     assert kinds(result, "failure") == {"penetration", "tooth_jump"}

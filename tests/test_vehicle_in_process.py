@@ -1,4 +1,7 @@
-"""A vehicle in process runs as `cotrack run` does, to the bit, with other parameters of single parts if wanted."""
+"""A vehicle in process runs as `cotrack run` does, to the bit.
+
+Single parts may have other parameters.
+"""
 
 import numpy as np
 import pytest

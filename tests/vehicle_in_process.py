@@ -1,8 +1,8 @@
-"""A scene's models coupled in this process, tracks first, as `cotrack run` does, without FMUs, master and log.
+"""A scene's models coupled in this process, tracks first, without FMUs, master and log.
 
-For tests that need states, which a log does not hold; a system that no scene file describes (different drives left and
-right, another parameter of one part); or many short runs. The numbers are those of `cotrack run`, to the bit
-(``test_vehicle_in_process.py``)::
+The same as `cotrack run` does. For tests that need states, which a log does not hold; a system that no scene file
+describes (different drives left and right, another parameter of one part); or many short runs. The numbers are those of
+`cotrack run`, to the bit (``test_vehicle_in_process.py``)::
 
     scene = load("straight", "rigid", ["start.heading=37 deg"])
     vehicle = InProcess(scene, {"left_drive": {"speed.end": 8.0}, "*_track": {"contact.ground.friction": 0.5}})

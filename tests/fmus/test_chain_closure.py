@@ -1,4 +1,4 @@
-"""Loops of flexible links that a stiff spring closes at a cut (paper 8.1), and loops with pins as constraints.
+"""Loops of flexible links: closed by a stiff spring at a cut (paper 8.1), or with constrained pins.
 
 References are exact solutions, conserved quantities, and the same loop with eliminated pins.
 """
@@ -112,7 +112,7 @@ def test_energy_and_momentum_of_a_loop_that_a_spring_closes(damping):
 
 
 def both(**changes):
-    """Return the loop with eliminated and with constrained pins, and the places of their links' coordinates."""
+    """Return loops with eliminated and with constrained pins, and the places of their coordinates."""
     models = [loop(joints=joints, **changes) for joints in ("eliminated", "constrained")]
     return models, [places(model.kit, model.s.q, 4, model.links_count) for model in models]
 
@@ -125,7 +125,10 @@ def opened(vectors, closure):
 
 @CLOSURES
 def test_accelerations_with_equations_are_those_without(closure):
-    """Constrained and eliminated pins give the same accelerations in a random state; the constraints hold too."""
+    """Constrained and eliminated pins give the same accelerations in a random state.
+
+    The constraints hold too.
+    """
     (whole, own), (at, mine) = both(closure=closure, start="polygon")
     random = np.random.default_rng(15)
     used = np.unique(at)
@@ -222,7 +225,7 @@ def on_wheels(*settings):
 
 
 def shown(model):
-    """Return the tensions of the links (N), shape (LINKS,), and the forces of the pins (N), shape (LINKS, 3)."""
+    """Tensions of the links (LINKS,) and forces of the pins (LINKS, 3), N."""
     y = np.zeros(model.link_ports)
     model.link_outputs(y)
     return y[:LINKS], y[5 * LINKS : 8 * LINKS].reshape(-1, 3)

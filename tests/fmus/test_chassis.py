@@ -1,4 +1,4 @@
-"""Chassis: exact solutions, conserved quantities, an independent formulation, order, energy balance, symmetry."""
+"""Chassis: exact solutions, conserved quantities, independent formulation, order, symmetry."""
 
 import copy
 
@@ -131,7 +131,7 @@ def test_wheel_rate_from_the_geometry():
 
 
 def test_a_deep_static_deflection_by_hand():
-    """A deep static deflection satisfies the moment balance about the pin, computed from the drawn points alone."""
+    """A deep static deflection satisfies the moment balance about the pin, from the drawn points alone."""
     heavy = {
         "chassis.mass": 1e12,
         "chassis.inertia": (1e12, 1e12, 1e12),
@@ -488,7 +488,10 @@ def test_convergence_rate_is_four():
 
 
 def test_energy_ledger_closes():
-    """Kinetic + gravity + spring + dissipated energy - work of the wrenches stays constant with all in motion."""
+    """The energy balance closes with all parts in motion.
+
+    Kinetic + gravity + spring + dissipated energy - work of the wrenches stays constant.
+    """
 
     def residual(work=1.0):
         probe = Probe()

@@ -1,4 +1,4 @@
-"""Ground contact of the chassis, at hull points and bare wheels: weight, momentum, friction, energy balance."""
+"""Ground contact of hull points and bare wheels: weight, momentum, friction, energy balance."""
 
 import subprocess
 import sys
@@ -18,7 +18,7 @@ RIDGE = {"start": 0.5, "rise": 0.3, "slope": 0.4, "length": 1.0, "radius": 0.5}
 
 
 class Body:
-    """A chassis on the ground with bare wheels; parameters of the contact law that are not given are the table's."""
+    """A chassis on the ground with bare wheels; ``law`` replaces values of the table's contact law."""
 
     def __init__(self, hull=False, bare=("left", "right"), bump=None, law=(), start=(), **parameters):
         table = {
@@ -67,7 +67,7 @@ def test_one_bare_side_alone_lets_the_vehicle_down_on_it():
 
 
 def test_a_vehicle_on_its_roof():
-    """A vehicle dropped upside down comes to rest on the corners of its roof and loses no more than its energy."""
+    """A vehicle dropped upside down comes to rest on its roof, within its initial energy."""
     start = {"pitch": np.pi, "height": 0.75}
     body = Body(hull=True, bare=(), start=start, law={"damping": 1e5}).run(3.0)
     assert body["ground.force.z"] == pytest.approx(MASS * G, rel=2e-3)

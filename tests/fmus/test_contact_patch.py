@@ -1,4 +1,4 @@
-"""Contacts of all chains: the power of wheels, ground and links is stored, dissipated or lost by covering."""
+"""Contacts of all chains: their power is stored, dissipated or lost by covering."""
 
 from __future__ import annotations
 

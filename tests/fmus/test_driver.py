@@ -1,4 +1,4 @@
-"""Driver: paths in closed form, pure pursuit against its linear theory, learnt slip, errors, speed demands."""
+"""Driver: paths in closed form, pure pursuit against linear theory, learnt slip, errors, demands."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ PLAIN = {"friction": 0.0, "drive.lag": 0.0, "yaw.gain": 0.0, "yaw.integral": 0.0
 
 
 class Unicycle:
-    """A driver with a vehicle that turns about the point that follows the path, as its sprocket speeds prescribe."""
+    """A driver, and a vehicle that turns about the point that follows the path without slip."""
 
     def __init__(self, grip=1.0, left=0.0, **parameters):
         self.model = Model({"vehicle": TABLE})

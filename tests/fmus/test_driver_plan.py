@@ -1,4 +1,4 @@
-"""The driver's plan and its slip of the tracks against exact answers and the independent general theory."""
+"""The driver's plan and slip against exact answers and the independent general theory."""
 
 import numpy as np
 import pytest
@@ -118,7 +118,7 @@ CASES = [((8, 12), 0.3), ((0, 10), 0.3), ((-10, 10), 0.3), ((19, 21), 0.3), ((8,
 
 @pytest.mark.parametrize(("sprockets", "friction"), CASES)
 def test_slip_is_that_of_the_independent_theory(sprockets, friction):
-    """Slip agrees with the independent theory to the tolerance of both solvers, but not at 3 % more friction."""
+    """Slip agrees with the independent theory to solver tolerance, but not at 3 % more friction."""
     known = Vehicle(friction=friction)
     stands = matched(known)
     steady = turn(known, sprockets)

@@ -1,4 +1,4 @@
-"""The driver on a planar vehicle of the general theory: offsets, S-curves at the friction limit, reversing, turns.
+"""The driver on a planar vehicle: offsets, S-curves at the friction limit, reversing, turns.
 
 ``test_driven`` has the same rides with full vehicles.
 """

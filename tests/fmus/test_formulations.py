@@ -49,7 +49,7 @@ def energy(model) -> float:
     ],
 )
 def test_two_seconds_are_the_same_to_rounding(links, ends, start, grown):
-    """Both formulations agree after 2 s to grown rounding, on chains of 0.3 to 10 m, whips of 40 rad/s included.
+    """Both formulations agree after 2 s to grown rounding, also for whips of 40 rad/s.
 
     Method and step are the same; ``grown`` is in m.
     """
@@ -109,7 +109,10 @@ def test_a_chain_at_rest_stays_there_in_joint_coordinates():
 
 @pytest.mark.parametrize("given", [{}, EXPLICIT, RECURSIVE])
 def test_a_spring_goes_to_the_pin_as_its_stiffness_grows(given):
-    """Error and gap of a spring closure fall as 1/k at the same step; energy is kept but for the damper's loss."""
+    """Error and gap of a spring closure fall as 1/k at the same step.
+
+    The energy is kept but for the damper's loss.
+    """
     pin = made(Rigid, 16, **given, **OVAL)
     pin.step(0.0, 0.1, NONE)
     off, gaps = [], []
@@ -179,7 +182,7 @@ TRACK = ("track.integrator=runge_kutta", "track.formulation=recursive")
 
 @pytest.mark.parametrize("closure", ["pin", "spring"])
 def test_a_vehicle_on_joint_coordinates(closure):
-    """A vehicle from rest moves as in the augmented formulation; a restored state continues with the same bits."""
+    """A vehicle from rest moves as in the augmented formulation, also from a restored state."""
     ends = []
     for settings in (TRACK, TRACK[:1]):
         vehicle = driven(*settings, f"track.closure={closure}")
@@ -226,7 +229,7 @@ def test_a_loop_as_monolith():
 @pytest.mark.study
 @pytest.mark.parametrize("closure", ["pin", "spring"])
 def test_a_vehicle_as_monolith(closure):
-    """A vehicle as monolith has the same motion and forces in both formulations, the mirrored side included."""
+    """A vehicle as monolith has the same motion and forces in both formulations, mirrored side included."""
     shown = []
     for formulation in ("recursive", "augmented"):
         settings = ["drive.ramp_start=0", "drive.ramp_time=0.5", *TRACK[:1], f"track.closure={closure}"]

@@ -307,7 +307,7 @@ LOOPS = [
 
 @pytest.mark.parametrize(("kind", "links", "spin", "young"), LOOPS)
 def test_loops_of_any_length_and_spin(kind, links, spin, young):
-    """Loops of any length and spin carry the joint force of the stretched radius, and the strain that belongs to it.
+    """Loops of any length and spin have the joint force of the stretched radius, and its strain.
 
     It holds at the start and after steps. The rounding of a position 25 m from the origin is 1e-4 N in steel; a
     residual sums a few.
@@ -334,9 +334,7 @@ def test_loops_of_any_length_and_spin(kind, links, spin, young):
     force = np.linalg.norm(per_link(model)[1], axis=1)
     # forces are means over a step h with the integrator's weights: they turn during it and lose 0.4 (spin h)^2
     turned = 0.5 * (1e-3 * spin) ** 2
-    np.testing.assert_allclose(
-        force, expected, rtol=1e-4 + turned, atol=1.0 if spin >= 1.0 else 20.0
-    )  # 1 nm of position
+    np.testing.assert_allclose(force, expected, rtol=1e-4 + turned, atol=1.0 if spin >= 1.0 else 20.0)  # by 1 nm
 
 
 @pytest.mark.parametrize("span", [0.8, 0.1])

@@ -35,7 +35,7 @@ def tension(model: str, *settings: str, stiffer: float = 1.0, mass: float = 18.0
 
 
 def by_theory(mass: float = 18.0) -> float:
-    """Tension of rods of length l on a circle, N: the pull at their pins and m l w^2/12 of their own rotation."""
+    """Tension of rods of length l on a circle, N: pull at the pins and m l w^2/12 of their rotation."""
     l, half = 0.1524, np.pi / LINKS
     at_the_pins = mass * SPIN**2 * 0.5 * l / np.tan(half) / (2.0 * np.sin(half)) * np.cos(half)
     return at_the_pins + mass * l * SPIN**2 / 12.0

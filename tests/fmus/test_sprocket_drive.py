@@ -1,4 +1,4 @@
-"""Sprocket drive: exact profiles and spins, third law, gyroscopic moment, energy balance, order, errors."""
+"""Sprocket drive: exact profiles and spins, third law, gyroscopic moment, energy, order, errors."""
 
 import numpy as np
 import pytest

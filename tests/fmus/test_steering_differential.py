@@ -1,4 +1,4 @@
-"""Steering differential: equal to two drives at prescribed speeds, open, exact spins, closed power balance."""
+"""Steering differential: equal to two drives, open, exact spins, closed power balance."""
 
 import numpy as np
 import pytest
@@ -68,7 +68,7 @@ def run(duration, chains=CHAINS, h=H, **parameters):
 
 
 def swaying(t, side):
-    """Position, attitude, velocity and angular velocity of a mount on a hull with growing yaw and pitch rates."""
+    """Position, attitude, velocity and angular velocity of a mount with growing yaw and pitch rates."""
     omega = np.array([0.1, 0.3 + 0.8 * t, 0.5 * t])
     turn = Rotation.from_rotvec([0.1 * t, 0.3 * t + 0.4 * t * t, 0.25 * t * t])
     arm = turn.apply(np.array(PLACE) * (1, SIDES[side], 1))

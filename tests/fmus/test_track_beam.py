@@ -1,4 +1,4 @@
-"""The flexible track of beams: pins that turn with the vehicle, with the same chain, contacts and ports."""
+"""The flexible track of beams: pins that turn with the vehicle; the same contacts and ports."""
 
 from __future__ import annotations
 
@@ -72,7 +72,10 @@ def spun(element: str, rate):
 
 
 def newton(model, count: int, mass: float = 0.0) -> None:
-    """Make ``count`` Newton corrections towards static equilibrium; ``mass`` (1/s2) enters the matrix only."""
+    """Make ``count`` Newton corrections towards static equilibrium.
+
+    ``mass`` (1/s2) enters the matrix only.
+    """
     still, none, w = np.zeros_like(model.s.q), np.zeros_like(model.s.q), model.work
     for _ in range(count):
         x = Motion(model.s.q, still, none, model.s.axes)
@@ -188,7 +191,7 @@ def test_sideways_a_chain_of_pins_is_one_beam():
 
 
 def test_a_chain_twists_as_its_section_says():
-    """A chain twists as its section says: torque = G J angle / length, J = section.torsion for any bending."""
+    """A chain twists by torque = G J angle / length, J = section.torsion, for any bending."""
     n, angle, section = 4, 1e-3, TABLE["section"]
     assert section["torsion"] == pytest.approx(torsion.constant(0.378, 0.0401), rel=1e-3)
 
@@ -223,7 +226,10 @@ def test_contacts_give_the_chain_what_the_wheels_get(yaw):
     rows[:, 9:12], rows[:, 12:15] = [-np.sin(yaw), np.cos(yaw), 0.0], [np.cos(yaw), np.sin(yaw), 0.0]
 
     def given(ground: int) -> tuple[np.ndarray, np.ndarray]:
-        """Force (N) and moment about the origin (N m) of all contacts on the chain; fills ``w.wrench`` of the wheels."""
+        """Force (N) and moment about the origin (N m) of all contacts on the chain.
+
+        Fills ``w.wrench`` of the wheels.
+        """
         rolled(model, model.s.q, model.s.v, 0.0, False, model.contacts._replace(ground=ground))
         on_links = np.where(w.touched[:, None, None], -w.load, 0.0)
         on_pins, pins = -w.b.reshape(LINKS, 2, 3), model.s.q.reshape(LINKS, 6, 3)[:, :2]
@@ -318,7 +324,10 @@ def test_a_free_loop_keeps_energy_and_angular_momentum_about_every_axis():
 
 
 def turned_wheels(model, t: float, angle: float, time: float) -> np.ndarray:
-    """Inputs of wheels that yaw about the track's middle by ``angle`` (rad) along a half cosine of ``time`` s."""
+    """Inputs of wheels that yaw about the track's middle by ``angle`` (rad).
+
+    The yaw is a half cosine of ``time`` s.
+    """
     s = min(t / time, 1.0)
     yaw, rate = 0.5 * angle * (1 - np.cos(np.pi * s)), 0.5 * angle * np.pi / time * np.sin(np.pi * s)
     middle, u = np.array([-2.0, 0.0]), at_rest(model).reshape(-1, 13)
@@ -359,7 +368,7 @@ def test_a_quarter_turn():
 
 
 def test_a_cable_resists_where_a_beam_follows():
-    """At half a degree of yaw cables resist with 4.7e6 N m/rad and a warning, while beams follow."""
+    """Cables resist a yaw of 0.5 degrees with 4.7e6 N m/rad and a warning; beams follow."""
     moments = {}
     for element in ("cable", "beam"):
         model, h, angle = suspended(element), 1e-3, np.radians(0.5)
@@ -414,9 +423,10 @@ def test_energy_ledger_of_a_swing_and_the_explicit_chain():
 
 
 def test_the_explicit_step_and_the_mass():
-    """The stable explicit step follows the mass: rotary inertia beyond the section's slows the fastest mode.
+    """The stable explicit step follows the mass.
 
-    The fastest mode is one of the section.
+    Rotary inertia beyond the section's slows the fastest mode, which is one of the section. The fastest mode is one of
+    the section.
     """
     model = hanging(links=2, element="beam", start="polygon")
     assert model.stable == pytest.approx(4.695e-6, rel=1e-3)
@@ -451,7 +461,10 @@ def test_one_component_takes_either_element():
 
 
 def test_the_component_of_beams():
-    """The FMU of beams passes fmpy's validation; a restored state continues alike, even one from before the start."""
+    """The FMU of beams passes fmpy's validation and continues alike from a restored state.
+
+    So it does from a state before the start.
+    """
     ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.9, 0.0]}
     track = {"links": 8, "closed": False, "wheels": [], "ground": False, "gravity": 9.81, "ends": ends}
     fmu = build("TrackFlexible", {"vehicle": TABLE, "track": track, "link_outputs": True})

@@ -176,9 +176,9 @@ def elastic_catenary(law, EA: float, weight: float, length: float, span: float) 
 
 
 def test_a_soft_chain_hangs_as_its_law_of_stretch_says():
-    """A soft chain hangs as its stretch law says: Green strain stiffens, so the engineering chain hangs lower.
+    """A soft chain hangs as its stretch law says.
 
-    The continuum gives the difference.
+    Green strain stiffens, so the engineering chain hangs lower. The continuum gives the difference.
     """
     length, sag, said = LINKS * PITCH, {}, {}
     for name in ELASTICITIES:
@@ -194,7 +194,10 @@ def test_a_soft_chain_hangs_as_its_law_of_stretch_says():
 
 @each
 def test_a_soft_chain_finds_the_equilibrium_of_the_library(elasticity):
-    """A soft chain finds the equilibrium of the same mesh in the library, from the shape of another elasticity."""
+    """A soft chain finds the library's equilibrium of the same mesh.
+
+    It starts from the shape of another elasticity.
+    """
     n, other = 16, "engineering" if elasticity != "engineering" else "general"
     model = hanging(links=n, elasticity=elasticity, **SOFT)
     start = hanging(links=n, elasticity=other, **SOFT)
@@ -235,7 +238,10 @@ def test_tension_and_stress_of_a_stretched_chain(elasticity):
 
 @each
 def test_stress_of_a_bent_link(elasticity):
-    """Stress of a bent steel link without tension (0.01 rad per link) is E times fibre distance over radius."""
+    """Stress of a bent steel link without tension is E times fibre distance over radius.
+
+    It bends by 0.01 rad.
+    """
     model = hanging(links=2, elasticity=elasticity, start="polygon")
     angle, radius = 0.01, PITCH / 0.01
     turns = angle * np.arange(3)
@@ -304,9 +310,10 @@ def test_energy_ledger_of_a_swing(elasticity):
 
 @each
 def test_the_explicit_step_follows_the_elasticity(elasticity):
-    """The stable explicit step follows the elasticity: local strain has modes within a link, average strain has none.
+    """The stable explicit step follows the elasticity.
 
-    The fastest mode of average strain is slower with the table's rotary inertia than with that of a rod.
+    Local strain has modes within a link, average strain has none. The fastest mode of average strain is slower with the
+    table's rotary inertia than with that of a rod.
     """
     track = TABLE["track"]
     rod = TABLE | {"track": track | {"inertia": (track["inertia"][0], track["mass"] * PITCH**2 / 12.0, 0.25)}}

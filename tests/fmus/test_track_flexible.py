@@ -89,7 +89,10 @@ def spinning(links: int = 64, omega: float = 5.0) -> Model:
 
 
 def test_coordinates_of_a_track():
-    """Coordinates of a track: 64 x 12 less 64 pins of 4 equations; an open chain keeps the slopes of its ends."""
+    """Coordinates of a track: 64 x 12 less 64 pins of 4 equations.
+
+    An open chain keeps the slopes of its ends.
+    """
     assert carrier().s.q.size == 512
     open_chain = hanging()
     assert open_chain.s.q.size - 2 * 2 == 516  # no link ends at the first pin, and none begins at the last

@@ -36,7 +36,7 @@ def bent() -> tuple[np.ndarray, np.ndarray]:
 
 
 def forces(c: cable.Cable, e: np.ndarray, v: np.ndarray) -> tuple:
-    """Force, matrix, power, energy and end moments of the cable and of the planar cable in the same motion."""
+    """Force, matrix, power, energy and end moments of the cable and of the planar cable."""
     found = []
     for axes in ([0, 1, 2], XZ):
         n, one = len(axes), c._replace(axes=tuple(axes))
@@ -110,7 +110,10 @@ def evaluate(m) -> None:
 
 
 def test_coordinates_and_time():
-    """A track has 64 x 8 less 64 x 2 coordinates; a released chain moves as cables do, with y in its outputs."""
+    """A track has 64 x 8 less 64 x 2 coordinates, and a released chain moves as cables do.
+
+    Its outputs have their y.
+    """
     assert carrier(element="planar").s.q.size == 384
     flat, solid = (hanging(start="displaced", element=element) for element in ("planar", "cable"))
     assert np.abs(flat.pins() - solid.pins()).max() < 1e-10
@@ -162,7 +165,10 @@ def test_only_small_deformations_are_planar():
 
 
 def test_a_bump_has_the_normal_of_the_plane():
-    """The normal of a bump turns along t by the curvature that ``level`` returns (``bend`` in ``plane.Face``)."""
+    """The normal of a bump turns along t by the curvature that ``level`` returns.
+
+    It is ``bend`` in ``plane.Face``.
+    """
     ground = bumpy(0.0, 0.0, 0.2, 0.5, 0.4, 0.3)
     for x, z in ((0.1, 0.02), (0.5, 0.15)):
         _, n0, n2, bend = level(ground, x, z)

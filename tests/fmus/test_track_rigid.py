@@ -288,7 +288,7 @@ def track():
 
 
 def inputs(model, t, spin, lateral=0.0, yaw=0.0, heading=0.0):
-    """Inputs: the sprocket spins up to ``spin`` rad/s in 0.2 s; all wheels slide sideways and yaw about the origin."""
+    """Inputs: the sprocket spins up to ``spin`` rad/s in 0.2 s; all wheels slide sideways and yaw."""
     ramp = 0.2
     rate = spin * min(t / ramp, 1.0)
     angle = spin * (0.5 * t * t / ramp if t < ramp else t - 0.5 * ramp)

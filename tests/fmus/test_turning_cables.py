@@ -35,9 +35,9 @@ def shaken(model, size=1e-3):
 
 
 def residual(model, turn=(0.0, 0.0, 0.0), by=BY, moved=None, fresh=False):
-    """Residuals of the links (n, 12), N, and of the balance of moments, with axes turned or pins ``moved``.
+    """Residuals of the links (n, 12), N, and of the balance of moments.
 
-    Rates and accelerations change with them by the factors ``by``.
+    The axes are turned, or the pins ``moved``. Rates and accelerations change with them by the factors ``by``.
     """
     axes, w, still = model.s.axes.copy(), model.work, model.work.still
     axes[:ORIGIN] = (Rotation.from_rotvec(turn).as_matrix()).ravel()
@@ -55,7 +55,10 @@ def differences(function, step):
 
 
 def border_of(model):
-    """Columns (nodes, 8, 2), rows and corner (2, 2) of the axes' rotation, before the condensation of links."""
+    """Columns (nodes, 8, 2), rows and corner (2, 2) of the axes' rotation.
+
+    They are those before the condensation of links.
+    """
     w, a, at, n = model.work, model.work.axes, model.kit.LAYOUT, model.links_count
     columns, rows = np.zeros((model.nodes, 8, 2)), np.zeros((model.nodes, 8, 2))
     columns[:, at.pin], rows[:, at.pin] = a.edge[..., :2], a.edge[..., 2:]
@@ -247,7 +250,7 @@ def test_a_state_that_is_put_back_goes_on_to_the_bit(integrator):
 
 
 def tumbling(step, integrator=EXPLICIT, shake=0.0, **changes):
-    """A soft loop that spins, yaws, rolls and bends out of its plane; ``totals`` at the start and after 0.1 s.
+    """Spin a soft loop that yaws, rolls and bends; return ``totals`` at the start and after 0.1 s.
 
     Its wheels are 50 m away on all sides and move to and fro at ``shake`` m/s: only the origin follows them.
     """
@@ -356,7 +359,7 @@ def test_both_integrators_turn_a_chain_on_its_wheels_alike():
 
 @pytest.mark.study
 def test_free_axes_and_fixed_ones_are_the_same_straight_on():
-    """Free and fixed axes agree straight on, explicitly, on wheels that roll and rise; 1 % more speed shows."""
+    """Free and fixed axes agree straight on, on wheels that roll and rise; 1 % more speed shows."""
     found = []
     for axes, speed in (("fixed", 0.5), ("free", 0.5), ("free", 0.505)):
         soft = {"integrator": EXPLICIT, "material.youngs_modulus": 2e9, "step": 1e-5}

@@ -1,4 +1,4 @@
-"""Run libcosim on the system in the JSON file argv[1]; replace the file by the Real outputs at the end.
+"""Run libcosim on the system in the JSON file argv[1]; replace the file by the Real outputs.
 
 The system: {"h": ns, "steps", "parts": [{"name", "fmu", "outputs": [value references]}], "wires": [[source, output,
 target, input]]}. At each communication point a component gets the outputs of the others at that point.

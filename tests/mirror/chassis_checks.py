@@ -78,7 +78,7 @@ def ways(view: View, names: Sequence[str]) -> Floats:
 
 
 def velocity(view: View, names: Sequence[str]) -> Floats:
-    """Velocity of the chassis: impulses of wrenches and weight from rest, less the momentum of all other bodies."""
+    """Velocity of the chassis: impulses from rest, less the momentum of all other bodies."""
     bodies, part = view.hull.bodies(without_rates=True), view.part
     mass = sum(body.mass for body in bodies)
     force = sum(f for _, f, _ in view.hull.given) + mass * weight(view)

@@ -1,4 +1,4 @@
-"""A check: which outputs it covers, their expected values and tolerance; and the faults that it has to notice."""
+"""Check: the outputs that it covers, their expected values and tolerance, and faults to notice."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ class Check(NamedTuple):
         return [name for name in part.outputs if re.fullmatch(self.outputs, name)]
 
     def bounds(self, view: View) -> dict[str, tuple[Floats, Floats]]:
-        """Lowest and highest allowed value of every output at all instants, computed without the output itself."""
+        """Bounds of every output at all instants, computed without the output itself."""
         names = self.names(view.part)
         found = {}
         for group in ([name] for name in names) if self.balance else filter(None, [names]):
@@ -156,6 +156,6 @@ class Check(NamedTuple):
 
 
 def forward(view: View) -> Floats:
-    """Heading of the vehicle, horizontal and perpendicular to the axle of the first wheel, shape (K + 1, 3)."""
+    """Heading of the vehicle, horizontal and perpendicular to the first wheel's axle, shape (K + 1, 3)."""
     ahead = np.cross(view.wheels.axle[:, 0], UP)
     return ahead / np.linalg.norm(ahead, axis=1, keepdims=True)

@@ -12,7 +12,10 @@ from mirror.seen import Seen
 
 
 def of(quantity: Callable[[Seen], Floats]) -> Callable[[View, Sequence[str]], Expected]:
-    """Check of one output that belongs to each step; the value at the start, at rest, is that of the first step."""
+    """Check of one output that belongs to each step.
+
+    The value at the start, at rest, is that of the first step.
+    """
 
     def expected(view: View, names: Sequence[str]) -> Expected:
         found = quantity(view.seen)

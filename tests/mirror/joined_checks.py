@@ -1,4 +1,4 @@
-"""Expected outputs of a steering differential: each side as a drive's sprocket, each shaft as its motor."""
+"""Expected outputs of a steering differential: sides as sprockets of drives, shafts as motors."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ class Chain:
 
 
 class Rigid(Chain):
-    """Rigid links: state of centre of mass, quaternion, velocity of the centre, body-fixed angular velocity."""
+    """Rigid links: pose, velocity of the centre of mass, body-fixed angular velocity."""
 
     guided = True
 
@@ -158,7 +158,7 @@ class Rigid(Chain):
 
 
 class Element(Chain):
-    """Links with nodal coordinates, positions and gradients; subclasses give ``points`` and shape functions."""
+    """Links with nodal coordinates; subclasses give ``points`` and shape functions."""
 
     own: Floats  # (T, nodes, w) rates in the state's layout
 
@@ -250,12 +250,18 @@ class Element(Chain):
 
     @property
     def beyond_rod(self) -> float:
-        """Second moment of mass along the link beyond that of a rod, kg m2; acts on the mean slope of the line."""
+        """Second moment of mass along the link beyond that of a rod, kg m2.
+
+        It acts on the mean slope of the line.
+        """
         raise NotImplementedError
 
     @cached_property
     def mean_slope(self) -> Floats:
-        """Weights (rows) of the mean slope of the line: its first moment about the middle, over that of unit slope."""
+        """Weights (rows) of the mean slope of the line.
+
+        First moment of the line about the middle, over that of unit slope.
+        """
         x, w = gauss(4)
         return 12.0 / self.pitch * np.einsum("p,p,pa->a", w, x - 0.5, self.centreline(x))
 
@@ -277,7 +283,7 @@ class Element(Chain):
 
 
 class Cable(Element):
-    """Cable; a pin has a position, slopes (x, z) of the ending and of the beginning link, and the shared y slope."""
+    """Cable; a pin has position, slopes (x, z) of both links, and the shared y slope."""
 
     width = 8
 
@@ -424,7 +430,7 @@ class Cable(Element):
 
 
 class Turning(Cable):
-    """Cable in axes that turn: rotation; origin, its velocity and acceleration; angular velocity and acceleration.
+    """Cable in axes that turn: rotation, origin, their velocities and accelerations.
 
     A link has a width and is stiffer about its normal. The state's values are along the axes, as ``c`` and ``dc`` are.
     """
@@ -633,7 +639,10 @@ class Beam(Element):
 
     @cached_property
     def mass_matrix(self) -> Floats:
-        """Mass of a box with the table's inertias; inertia of a length beyond the pitch acts on the mean slope."""
+        """Mass of a box with the table's inertias.
+
+        Inertia of a length beyond the pitch acts on the mean slope.
+        """
         (x, w), (s, m) = gauss(4), gauss(2)
         M, slope, (roll, pin, yaw) = np.zeros((8, 8)), self.mean_slope, self.vehicle["track"]["inertia"]
         wide, high = (np.sqrt(6.0 * moment / self.mass) for moment in (roll + yaw - pin, roll + pin - yaw))
@@ -675,8 +684,9 @@ class Beam(Element):
         return float(self.part.parameters["material.youngs_modulus"])
 
     def rated(self, change: Floats) -> list[tuple[float, Floats]]:
-        """Changes of the strains (with weights of energy) by a ``change`` of coordinates; strains are quadratic in
-        them.
+        """Changes of the strains (with weights of energy) by a ``change`` of coordinates.
+
+        Strains are quadratic in them.
         """
         more, less = self.parts(self.e + 0.5 * change), self.parts(self.e - 0.5 * change)
         return [(w, s - r) for (w, s), (_, r) in zip(more, less, strict=True)]

@@ -76,10 +76,10 @@ def wheels(part: Part) -> Wheels:
 
 
 class Recursion(NamedTuple):
-    """Generalised-alpha as a recursion from forces to impulses (Chung and Hulbert 1993, Arnold and Bruels 2007); or
-    HHT.
+    """Generalised-alpha or HHT as a recursion from forces to impulses.
 
-    (1 - alpha_m) W1 + alpha_m W0 = (1 - alpha_f) F1 + alpha_f F0; the mean over the step is (1 - gamma) W0 + gamma W1.
+    Chung and Hulbert 1993, Arnold and Bruels 2007. (1 - alpha_m) W1 + alpha_m W0 = (1 - alpha_f) F1 + alpha_f F0; the
+    mean over the step is (1 - gamma) W0 + gamma W1.
     """
 
     alpha_m: float

@@ -1,4 +1,4 @@
-"""Demands of a driver that knows the friction: plan by dense least squares, slip by scipy's root finder.
+"""Demands of a driver that knows the friction: plan by least squares, slip by root finding.
 
 The footing of the vehicle is that of ``skid.footing``, which ``fmus/test_driver_plan`` checks. Paths only go forward.
 """

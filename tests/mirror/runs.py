@@ -1,4 +1,4 @@
-"""The runs that are checked: vehicles that start turned and away from the origin, drive, yaw, brake and nod.
+"""The runs that are checked: vehicles that start turned, drive, yaw, brake and nod.
 
 Further runs have the outputs that a vehicle does not use: pulled and free ends, hulls on the ground.
 """
@@ -101,7 +101,10 @@ def driven(*settings: str, duration: float = 0.8) -> Record:
 
 
 def joined() -> Record:
-    """A vehicle with a differential: a controller accelerates and brakes, the right side is faster for a while."""
+    """A vehicle with a differential accelerates and brakes by a controller.
+
+    Its right side is faster for a while.
+    """
     motors = (
         "drive.mode=controller", "drive.speed=8 rad/s", "drive.ramp_start=0 s", "drive.ramp_time=0.3 s",
         "drive.stop=0.5 s", "drive.stop_time=0.1 s", "drive.brake=800 N m", "drive.steering.speed=9 rad/s",
@@ -111,7 +114,7 @@ def joined() -> Record:
 
 
 class Run(NamedTuple):
-    """How to make a run, and its components without checks: they repeat another one."""
+    """A run: the function that makes it, and components without checks, because they repeat another one."""
 
     make: Callable[[], Record]
     without: tuple[str, ...] = ()

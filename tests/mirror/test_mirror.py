@@ -146,7 +146,10 @@ def test_a_planted_fault_is_noticed(kind, fault):
 
 
 def test_counters_of_a_track_count_what_is_called(environment):
-    """The counters of a track equal the calls of evaluations, iterations and steps in uncompiled integrators."""
+    """The counters of a track equal the calls in uncompiled integrators.
+
+    Calls of evaluations, iterations and steps.
+    """
     program = Path(__file__).with_name("counted.py")
     done = subprocess.run([sys.executable, str(program)], env={**environment, "NUMBA_DISABLE_JIT": "1"},
                           capture_output=True, text=True)  # fmt: skip
@@ -203,7 +206,10 @@ class Started:
 
 @pytest.mark.parametrize("kind", MODELS)
 def test_status_says_how_the_last_step_went(kind, tmp_path):
-    """The status output tells of the last step: 0 good, 1 warning, 3 failure; it returns to 0 after a warning."""
+    """The status output tells of the last step: 0 good, 1 warning, 3 failure.
+
+    It returns to 0 after a warning.
+    """
     name = {"Driver": "serpentine", "SteeringDifferential": "differential"}.get(kind, "straight")
     scene = load(name, "rigid" if kind == "TrackRigid" else "flexible")
     part = next(part for part in assemble(scene).parts if part.kind == kind)

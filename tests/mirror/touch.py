@@ -1,9 +1,9 @@
-"""Contacts of links by the laws in `fmus/physics/README.md` and the tracks' READMEs; plain numpy, world axes.
+"""Contacts of links by the laws in `fmus/physics/README.md` and the tracks' READMEs.
 
-Stiffness and damping of the table are per link (per pin in the teeth) and shared by its points: two Gauss points on the
-part of the inner face inside a rim, on the whole outer face for the ground; links with a width have points on both
-sides of their middle. A rim's damper acts on the penetration rate of the whole rim, all others on the approach of the
-point.
+Plain numpy, world axes. Stiffness and damping of the table are per link (per pin in the teeth) and shared by its
+points: two Gauss points on the part of the inner face inside a rim, on the whole outer face for the ground; links with
+a width have points on both sides of their middle. A rim's damper acts on the penetration rate of the whole rim, all
+others on the approach of the point.
 """
 
 from __future__ import annotations
@@ -44,7 +44,10 @@ class Push(NamedTuple):
 
 
 def press(law: Law, share, depth: Floats, n: Floats, w: Floats, rate: Floats | None = None) -> Push:
-    """Contact of points with faces of normals ``n`` and relative velocity ``w``; ``rate`` drives the damper."""
+    """Contact of points with faces of normals ``n`` and relative velocity ``w``.
+
+    ``rate`` drives the damper.
+    """
     along = (w * n).sum(-1)
     rate = -along if rate is None else rate
     s = np.clip(depth / RAMP, 0.0, 1.0)
@@ -92,7 +95,10 @@ class _Sum:
                        z((T, chain.n)))  # fmt: skip
 
     def book(self, t, at, x: Floats, w: Floats, depth: Floats, push: Push, m: int | None, kind: tuple) -> None:
-        """Add forces at points ``x`` (p, 3) at instants ``t`` on links (or pins) ``at``, by wheel ``m`` or the ground."""
+        """Add forces at points ``x`` (p, 3), at instants ``t``, on links (or pins) ``at``.
+
+        They come from wheel ``m`` or the ground.
+        """
         sums, f = self.t, push.force
         if kind == TOOTH:
             np.add.at(sums.teeth, (t, at), f)
@@ -121,7 +127,10 @@ class _Sum:
 
 
 def inside(chain: Chain, wheels: Wheels, m: int, radius: float):
-    """Part of each link's inner face inside a circle: t, i (p), its ends as fractions, foot, normal, length."""
+    """Part of each link's inner face inside a circle.
+
+    Returns t, i (p), its ends as fractions, foot, normal, length.
+    """
     a, b, _, _ = chain.ends
     axle, centre = wheels.axle[:, m, None], wheels.centre[:, m, None]
     along = b - a

@@ -287,7 +287,7 @@ def stress_of_all(view: View, names: Sequence[str]) -> Floats:
 
 
 def joint_forces(view: View, names: Sequence[str]) -> Floats:
-    """Pin forces as means over the steps by the recursion; accelerations are known from the 30th instant on."""
+    """Pin forces as means over the steps by the recursion, known from the 30th instant on."""
     found = view.joints.copy()
     found[:30] = found[30]
     means = started(found[0], view.recursion.means(found))

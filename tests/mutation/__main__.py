@@ -1,4 +1,4 @@
-"""``python -m tests.mutation -o DIR``: plant faults one at a time in a copy of the checkout, run its tests.
+"""``python -m tests.mutation -o DIR``: plant faults one at a time in a copy and run its tests.
 
 The nearest tests run first, then the default suite, then the long ones. Results are kept in ``DIR/faults.json`` and not
 repeated.

@@ -1,4 +1,4 @@
-"""One-line faults of a Python source: changed operators, comparisons, functions and numbers; omitted statements."""
+"""One-line faults of a Python source: changed operators, functions, numbers; omitted statements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs aligned by time, by travel, by an event: the same motion later, and the same way at another pace."""
+"""Runs aligned by time, by travel, by an event: the same motion later, or at another pace."""
 
 import json
 
@@ -40,7 +40,7 @@ def apart(one, two, along, window=EVER):
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Logs: the reference, the same 0.3 s later, the same way at another pace, and that with 4 % more pitch."""
+    """Logs: reference, the same 0.3 s later, another pace, and that with 4 % more pitch."""
     folder = tmp_path_factory.mktemp("logs")
     later = lambda t: max(t - 0.3, 0.0)  # noqa: E731
     return {

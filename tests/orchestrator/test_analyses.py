@@ -1,4 +1,4 @@
-"""Analyses against known answers: exact sums of a run's own records, made-up signals, published examples."""
+"""Analyses against known answers: sums of a run's records, made-up signals, published examples."""
 
 import inspect
 import json
@@ -228,7 +228,10 @@ def test_a_scene_without_teeth_is_told(tmp_path):
 
 
 def test_places_are_arc_lengths_from_the_crossing():
-    """Places are arc lengths from the crossing: the pins of a square of 8 links of 1 m go round the same places."""
+    """Places are arc lengths from the crossing.
+
+    The pins of a square of 8 links of 1 m go round the same places.
+    """
     corner = np.array([[1, 0], [1, -1], [0, -1], [-1, -1], [-1, 0], [-1, 1], [0, 1], [1, 1]], float)
     after = np.roll(corner, -1, axis=0)
     moved = np.array([corner + share * (after - corner) for share in (0.0, 0.25, 0.75)])
@@ -328,7 +331,10 @@ def stressed(path, stress):
 
 
 def test_damage_is_that_of_miner(tmp_path):
-    """Damage is Miner's sum of counts (S / 100 MPa)^m / 2e6, by hand, for the ranges S of E1049 times 20 MPa."""
+    """Damage is Miner's sum of counts (S / 100 MPa)^m / 2e6, by hand.
+
+    The ranges S are those of E1049 times 20 MPa.
+    """
     stress = 20e6 * E1049[:, None] * np.array([1.0, 0.5, 2.0, 0.0])
     by_hand = sum(n * (s * 20e6 / 100e6) ** 3 for s, n in ((3, 0.5), (4, 1.5), (6, 0.5), (8, 1.0), (9, 0.5))) / 2e6
     with Log(stressed(tmp_path / "f.mcap", stress)) as log:
@@ -446,9 +452,9 @@ def bent(path, turned=0.0, gradient=GRADIENT):
 
 @pytest.mark.parametrize("turned", [0.0, 0.7, 3.0])
 def test_deformation_of_a_known_cubic_in_its_tangent_frame(tmp_path, turned):
-    """Deformation of a known cubic in its tangent frame is the bending, and half of the angle's square along it.
+    """Deformation of a known cubic in its tangent frame is the bending.
 
-    The tangent takes 2e-5 x off.
+    Along it, half of the angle's square. The tangent takes 2e-5 x off.
     """
     with Log(bent(tmp_path / "bent.mcap", turned)) as log:
         found = deformation.of(RunData(log), at=[0.3])
@@ -532,7 +538,10 @@ def over_time(t, values, keep):
 
 @pytest.mark.parametrize("even", [True, False])
 def test_a_slip_ratio_weighs_a_record_by_its_own_step_alone(tmp_path, even):
-    """A slip ratio weighs a record by its own step: after a halt its first record counts, the halt does not."""
+    """A slip ratio weighs a record by its own step.
+
+    After a halt its first record counts, the halt does not.
+    """
     t = np.linspace(0.0, 4.0, 401)
     t = t if even else t + 0.4 * np.sin(t)
     speed = np.where(np.sin(2 * np.pi * t) > 0.2, 2.0 + t, 0.01)

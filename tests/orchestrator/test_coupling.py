@@ -1,4 +1,4 @@
-"""Every coupling at every cut of the two masses: order, stable step, energy; real FMUs; scenes; variable steps."""
+"""Every coupling at every cut of two masses: order, stable step, energy; FMUs, scenes, variable steps."""
 
 import math
 from itertools import pairwise

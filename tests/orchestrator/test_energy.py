@@ -1,4 +1,4 @@
-"""The energy balance: rotations between quaternions, ports, and integrals of the components themselves."""
+"""The energy balance: rotations between quaternions, ports, integrals of the components."""
 
 import json
 from itertools import pairwise
@@ -154,7 +154,10 @@ def booked(path, **energies):
 
 
 def test_potential_energy_that_comes_back_counts_in_the_scale(tmp_path):
-    """Potential energy that returns counts in the scale: 1 kJ from gravity into a spring and back, 10 J lost."""
+    """Potential energy that returns counts in the scale.
+
+    1 kJ goes from gravity into a spring and back; 10 J are lost.
+    """
     back = 1000.0 * np.sin(np.linspace(0.0, np.pi, 101)) ** 2
     lost = np.linspace(0.0, 10.0, 101)
     books = booked(tmp_path / "log.mcap", hull={"gravity": 5e6 - back, "spring": back - lost})

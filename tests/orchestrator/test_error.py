@@ -1,4 +1,4 @@
-"""The error of a run: its norm, the run's own estimate, the cost of precision, the study of error against run time."""
+"""The error of a run: norm, own estimate, cost of precision, study of error against run time."""
 
 import json
 import math

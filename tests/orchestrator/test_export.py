@@ -146,7 +146,7 @@ print(int(most) * 1024)  # of this program: that of getrusage may be its parent'
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads what Linux says of a process")
 def test_memory_is_that_of_a_row_group(tmp_path):
-    """Memory is that of a row group: of 400 MB, a group of 2 MB is in memory, and 2 kB for each of its columns.
+    """Memory is that of a row group: 2 MB of a log of 400 MB, and 2 kB for each column.
 
     With a larger group all rows are in memory.
     """

@@ -1,4 +1,4 @@
-"""Kernels of the orchestrator: each intrinsic does what its name says; the object file is found or made whole."""
+"""Kernels of the orchestrator: each intrinsic does what its name says; the object file is whole."""
 
 import subprocess
 import sys

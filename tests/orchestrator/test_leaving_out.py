@@ -1,4 +1,4 @@
-"""Savings by omitted parts: the pairs of runs, the measure of their difference, the table; the output of ``show``."""
+"""Savings by omitted parts: pairs of runs, measure of their difference, table, and ``show``."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The master and ``tracks_first`` on two masses, cut at their spring, with exact solutions on both sides."""
+"""The master and ``tracks_first`` on two masses, cut at their spring, with exact solutions."""
 
 import math
 

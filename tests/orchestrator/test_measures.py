@@ -36,7 +36,7 @@ class Record:
 
 
 def on_the_sprocket(turned, reverse_numbers=False, pins=40):
-    """Links of a chain on half of the sprocket with straight rearward spans, turned by an angle at each time."""
+    """Links of a chain on half of the sprocket with straight spans, turned by an angle at each time."""
     t = np.linspace(0.0, 1.0, len(turned))
     order = np.arange(pins)[::-1] if reverse_numbers else np.arange(pins)
     forward, up = np.empty((len(t), pins)), np.empty((len(t), pins))
@@ -147,7 +147,7 @@ def test_reductions(how, value):
 
 
 def test_a_mean_weighs_samples_by_their_steps():
-    """A mean weighs samples by their steps: a ramp over steps of 1 and of 10 ms; a mean over samples is wrong."""
+    """A mean weighs samples by their steps, of 1 and of 10 ms; a mean over samples is wrong."""
     t = np.concatenate([np.arange(0.0, 0.1, 1e-3), np.arange(0.1, 1.001, 1e-2)])
     assert measures.reduce(t, t, "mean") == pytest.approx(0.5, rel=0.01)
     assert measures.reduce(t, t, "rms") == pytest.approx(3**-0.5, rel=0.01)
@@ -165,7 +165,10 @@ def test_a_mean_of_some_records_leaves_out_the_time_of_the_others():
 
 @pytest.mark.parametrize("measure", [measures.sag, measures.hoop_strain, measures.span_tension])
 def test_measures_of_links_are_means_over_time(measure):
-    """Measures of links are means over time: values double at 0.5 s, where records become ten times as sparse."""
+    """Measures of links are means over time.
+
+    Values double at 0.5 s, where records become ten times as sparse.
+    """
     t = np.concatenate([np.arange(0.0, 0.5, 1e-3), np.arange(0.5, 1.0005, 1e-2)])
     size = 1.0 + (t > 0.5 - 1e-9)
     forward = -0.5 * PITCH * np.array([0.0, 1.0, 1.0, 0.0]) * size[:, None] - 0.5

@@ -1,4 +1,7 @@
-"""A log of a scene without an FMU (version 0.2.0): readers read it, commands that need FMUs say why they cannot."""
+"""A log of a scene without an FMU (version 0.2.0).
+
+Readers read it; commands that need FMUs say why they cannot.
+"""
 
 from pathlib import Path
 

@@ -85,7 +85,7 @@ def signal(log, name):
 
 
 def written(path, columns, t, scene=None, closed="ok", warnings=(), metadata=None, results=None, links=None):
-    """Write a log of outputs by instance and name, with a system and a scene; ``links``: link outputs of "a"."""
+    """Write a log of outputs by instance and name; ``links`` are link outputs of "a"."""
     topics, instances = {}, []
     for name in columns:
         instance, _, variable = name.partition(".")
@@ -422,7 +422,7 @@ def test_places_are_those_of_the_analysis(vehicle):
 
 
 def side_of_links(log):
-    """Times of the links, pins ahead of the sprocket axle and above the ground (m, 64), and the axle (m,), m."""
+    """Times of links, pins ahead of the axle and above the ground (m, 64), and the axle (m,), m."""
     series = log.read("/left_track/links")
     x, z = (
         series.values[:, [series.names.index(f"joint[{i + 1}].position.{axis}") for i in range(64)]] for axis in "xz"
@@ -449,7 +449,10 @@ def test_the_side_view_shows_what_was_recorded(vehicle):
 
 
 def bearing(change=0.0):
-    """Times and outputs of three links: the first is most tense at 0.3 s, the second most stressed at 0.7 s."""
+    """Times and outputs of three links.
+
+    The first is most tense at 0.3 s, the second most stressed at 0.7 s.
+    """
     t = np.linspace(0.0, 1.0, 101)
     blow = {moment: np.exp(-(((t - moment) / 0.05) ** 2)) for moment in (0.3, 0.5, 0.7)}
     links = {f"link[{i}].tension": np.full(101, 100.0 * i) for i in (1, 2, 3)}

@@ -240,7 +240,7 @@ class Sheet:
 
 
 def marched(n, failing=0):
-    """March a coupled pair by many steps at once, and another pair by single steps, and return both records."""
+    """March coupled pairs by many steps at once and by single steps; return both records."""
     pairs = [[Linked(failing), Linked()] for _ in range(2)]
     programs = []
     for one, other in pairs:

@@ -142,7 +142,10 @@ def test_an_fmu_file_that_is_what_ran_is_compared(log, tmp_path):
 
 
 def test_other_numbers_answer_to_the_same_inputs(log, tmp_path):
-    """With other numbers the answer is the run with those numbers, to the bit, because a chain has no inputs."""
+    """The answer with other numbers is the run with those numbers, to the bit.
+
+    A chain has no inputs.
+    """
     heavier = "vehicle.gravity=10.0"
     run = tmp_path / "run.mcap"
     assert simulate(load("hanging_chain", "flexible", (*SETTINGS, heavier)), run)["status"] == "ok"

@@ -325,7 +325,7 @@ def test_scenes_are_frozen():
 
 
 def test_half_a_turn_of_roll():
-    """With half a turn of roll the parts get the pose R_z(heading) R_y(pitch) R_x(180 deg)."""
+    """The parts get the pose R_z(heading) R_y(pitch) R_x(180 deg) for half a turn of roll."""
     scene = load("settle", None, ["start.heading=0.3", "start.pitch=0.2", "start.roll=180 deg"])
     for part in assemble(scene).parts:
         w, x, y, z = orientation(start(part.parameters))
@@ -403,7 +403,10 @@ def test_scene_and_vehicle_files_of_any_content_are_one_sentence(tmp_path, repla
 
 
 def test_runs_of_one_scene():
-    """Runs of one scene may differ in computation, recording, name and checks; any other number is another scene."""
+    """Runs of one scene may differ in computation, recording, name and checks.
+
+    Any other number is another scene.
+    """
     whole = load("straight").resolved()
     for change in (
         "track=rigid", "track.element=beam", "track.step=1 ms", "run.stop=1 s", "run.step=2 ms", "run.links=1",

@@ -20,13 +20,19 @@ from orchestrator.studies.verdict import BLOWN, CLEAN, MUTE, RIGHT, WRONG, ended
 
 
 def step_of(pair, h):
-    """Matrix (4, 4) of one step: position and velocity of the chain, then of the wheel, whose side sends them."""
+    """Matrix (4, 4) of one step: position and velocity of the chain, then of the wheel.
+
+    The wheel's side sends its state.
+    """
     step = amplification("tracks_first", "linear", "wrench", pair, h)
     return np.hstack([step[:4, :2], step[:4, 2:4] + step[:4, 5:7]])
 
 
 def test_a_wheel_on_a_chain_that_stands_still():
-    """A wheel on a fixed chain is unstable above k h^2 / 2 m + c h / m = 2, for the mean force k (x + v h / 2) + c v."""
+    """A wheel on a fixed chain is unstable above k h^2 / 2 m + c h / m = 2.
+
+    The mean force is k (x + v h / 2) + c v.
+    """
     k, c, m = 5.4e6, 1.35e4, 430.0
     exact = (-c + math.sqrt(c * c + 4.0 * k * m)) / k
     pair = Oscillator(k, c, 1.0, m, k1=1e13, c1=1e5, k2=0.0)

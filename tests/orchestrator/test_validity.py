@@ -64,7 +64,10 @@ SPROCKET = {
 
 
 def running(path, turned, off, turn=0.0, middle=(1.0, 2.0, 3.0)):
-    """Log of a chain on a sprocket that has ``turned`` (m,) rad, with pins ``off`` (m,) teeth from their gaps."""
+    """Log of a chain on a sprocket that has ``turned`` (m,) rad.
+
+    Its pins are ``off`` (m,) teeth from their gaps.
+    """
     table = vehicle()
     step = 2.0 * np.pi / TEETH
     radius = table["track"]["pitch"] / (2.0 * np.sin(np.pi / TEETH))
@@ -92,7 +95,10 @@ def running(path, turned, off, turn=0.0, middle=(1.0, 2.0, 3.0)):
 
 @pytest.mark.parametrize("turn", [0.0, 2.5], ids=["in front", "behind"])
 def test_pins_that_pass_regularly_do_not_jump(tmp_path, turn):
-    """Pins that pass regularly are no jump: two revolutions ahead, one back, up to 0.4 pitch up the flanks."""
+    """Pins that pass regularly are no jump.
+
+    Two revolutions ahead, one back, up to 0.4 pitch up the flanks.
+    """
     turned = np.concatenate([np.linspace(0.0, 12.6, 1500), np.linspace(12.6, 6.3, 800)])
     climbing = 0.4 * np.sin(np.linspace(0.0, 40.0, len(turned)))
     assert found(running(tmp_path / "log.mcap", turned, climbing, turn)) == ()
@@ -234,7 +240,10 @@ def test_creep_is_sliding_where_friction_should_hold(tmp_path, slip, share, spee
 
 @pytest.mark.parametrize(("force", "time", "pushes"), [(7e3, 0.04, True), (6e3, 0.04, False), (7e3, 0.01, False)])
 def test_links_that_push_longer_than_a_peak(tmp_path, force, time, pushes):
-    """Links in compression longer than a peak are reported; the limit is 6.45 kN by the arch between two wheels."""
+    """Links in compression longer than a peak are reported.
+
+    The limit is 6.45 kN, by the arch of links between two wheels.
+    """
     t = 1e-2 * np.arange(301)
     tension = np.where((t > 0.999) & (t < 0.999 + time), -force, 1e4)
     entries = standing(tmp_path, left_track__tension__min=tension)
@@ -278,7 +287,10 @@ def said_on_page(path):
 
 @pytest.fixture(scope="module")
 def pressed():
-    """Settings of a rig whose sprocket jumps to 30 rad/s: pins go 76 mm into its teeth, the chain jumps a tooth."""
+    """Settings of a rig whose sprocket jumps to 30 rad/s.
+
+    Pins go 76 mm into its teeth, the chain jumps a tooth.
+    """
     return ("run.stop=40 ms", "run.step=0.25 ms", "track.step=0.25 ms", "drive.ramp_time=0", "drive.speed=30")
 
 

@@ -1,4 +1,4 @@
-"""Views in space: places of bodies against the log and the contact laws; files read by other libraries."""
+"""Views in space: places of bodies against log and contact laws; files in other libraries."""
 
 import base64
 import json
@@ -490,7 +490,10 @@ AT, LINK = 0.02, 5  # s; from 1
 
 @pytest.fixture(scope="module")
 def marked(driven):
-    """A right corner of a link of the left track, and the first tooth tip of its sprocket, from the log alone."""
+    """A corner of a link of the left track and a tooth tip of its sprocket, from the log alone.
+
+    The corner is on the right side; the tip is the first one.
+    """
     with Log(driven) as log:
         vehicle = RunData(log).scene["vehicle"]
 

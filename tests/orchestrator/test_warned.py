@@ -1,4 +1,4 @@
-"""Warnings of components in the summary, in JSON and in the log: each kind once, with its time and its count."""
+"""Warnings of components in summary, JSON and log: each kind once, with time and count."""
 
 import json
 import sys
@@ -29,7 +29,10 @@ CREAKS = "the spring creaks at 5 % of its load"
 
 @pytest.fixture
 def cotrack(capsys, caplog, monkeypatch, tmp_path):
-    """Return a function that calls the command in an empty folder: exit code, stdout, lines on stderr and of the log."""
+    """Return a function that calls the command in an empty folder.
+
+    It returns exit code, stdout, and lines on stderr and of the log.
+    """
     monkeypatch.chdir(tmp_path)
 
     def call(*arguments):
@@ -184,9 +187,9 @@ ONE_SIDED = ("run", "settle", "--set", 'tracks=["left"]', "--stop", "0.12", "--l
 
 
 def test_a_vehicle_that_rolls_takes_its_cables_out_of_their_plane(cotrack):
-    """A vehicle that rolls takes its cables out of their plane: one warning at 0.2 degrees, again in a replay.
+    """A vehicle that rolls takes its cables out of their plane.
 
-    With one track the vehicle leans to one side.
+    It warns once, at 0.2 degrees, and again in a replay. With one track the vehicle leans to one side.
     """
     status, out, err = cotrack(*ONE_SIDED, "--set", "track.axes=fixed", "--json")
     assert status == 0, err

@@ -1,4 +1,4 @@
-"""Chains without ports, run by the kernels of the two tracks: no wheels, no ground, any end held or free."""
+"""Chains without ports, run by the kernels of the tracks: no wheels, no ground, free or held ends."""
 
 from __future__ import annotations
 

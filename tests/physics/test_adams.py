@@ -1,4 +1,4 @@
-"""Adams methods: order of each, error against tolerance, quadratures, jumps, comparison with scipy's VODE."""
+"""Adams methods: orders, error against tolerance, quadratures, jumps, scipy's VODE."""
 
 from itertools import pairwise
 
@@ -39,7 +39,10 @@ EXACT = np.concatenate([np.cos(END * RATES), -RATES * np.sin(END * RATES)])
 
 
 def run(f, start, end, tolerance, besides=0, stops=()):
-    """Integrate from 0 to ``end`` s with restarts at ``stops``; f gives rates of the state, then of the quadratures."""
+    """Integrate from 0 to ``end`` s with restarts at ``stops``.
+
+    f gives rates of the state, then of the quadratures.
+    """
     n = len(start)
     m, t = adams(n, besides, tolerance, tolerance), 0.0
     m.x[:n] = m.y[:n] = start
@@ -149,7 +152,7 @@ def test_error_follows_the_tolerance_in_few_evaluations():
 
 
 def test_no_worse_than_vode():
-    """At an error no larger than that of scipy's VODE, the same methods need no more evaluations."""
+    """The methods are no worse than scipy's VODE: a smaller error with fewer evaluations."""
     for tolerance in (1e-5, 1e-8):
         calls = []
         other = ode(lambda t, x, calls=calls: (calls.append(t), oscillators(t, x))[1])

@@ -1,4 +1,4 @@
-"""Elements against exact solutions: elastica, frequencies, a flexible rotating cable; Cholesky coordinates."""
+"""Elements against exact solutions: elastica, frequencies, rotating cable; Cholesky coordinates."""
 
 from __future__ import annotations
 
@@ -105,9 +105,9 @@ def test_the_beam_converges_with_order_2(cure):
 
 
 def test_poissons_ratio_without_a_cure_converges_to_a_stiffer_beam():
-    """With nu = 0.3 and no cure the beam converges to EI times (1 - nu)/((1 + nu)(1 - 2 nu)) = 1.346.
+    """The beam with nu = 0.3 and no cure converges to EI times (1 - nu)/((1 + nu)(1 - 2 nu)) = 1.346.
 
-    At small loads the deflection is a quarter too small.
+    At small loads the stiffness is a third too large.
     """
     stiffer = 0.7 / (1.3 * 0.4)
     assert stiffer == pytest.approx(1.346, abs=5e-4)
@@ -190,7 +190,10 @@ def test_frequencies_of_the_beam(ends, cure):
 
 
 def test_frequencies_of_a_stubby_beam_are_timoshenkos():
-    """Frequencies of a pinned beam of L/h = 20 are Timoshenko's (shear and rotatory inertia), with order 2."""
+    """Frequencies of a pinned beam of L/h = 20 are Timoshenko's, with order 2.
+
+    They include shear and rotatory inertia.
+    """
     h, E = 1 / 20, 12 * 20.0**4
     kGA, rhoI, waves = 0.5 * E * h * h, h * h / 12, np.pi * np.arange(1, 4)
     b = 1 + waves**2 * (1 / kGA + rhoI)  # (rhoI/kGA) w^4 - (1 + k^2 (EI/kGA + rhoI)) w^2 + EI k^4 = 0

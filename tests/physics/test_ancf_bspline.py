@@ -78,7 +78,10 @@ def test_a_mesh_that_is_less_smooth_than_its_knots_is_refused():
 
 @pytest.mark.parametrize("m", range(1, 5))
 def test_a_knot_imposes_three_equations_at_a_time(m):
-    """A knot imposes three equations at a time: each missing knot removes a control point (three coordinates)."""
+    """A knot imposes three equations at a time.
+
+    Each missing knot removes a control point (three coordinates).
+    """
     count = bspline.extraction(spline([m]).t).reshape(8, -1)
     assert np.linalg.matrix_rank(count) == 4 + m
     removed = 2 * 12 - 3 * np.linalg.matrix_rank(count)

@@ -1,4 +1,4 @@
-"""Properties of every element: potential, exact tangent, rigid motion, momentum, mass, dissipation, stress."""
+"""Properties of every element: potential, tangent, rigid motion, momentum, mass, dissipation."""
 
 from __future__ import annotations
 

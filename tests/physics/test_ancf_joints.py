@@ -287,7 +287,10 @@ def test_the_block_of_a_corner_has_a_potential_and_turns_freely():
 
 
 def spinning(kind, c, n=64, omega=5.0):
-    """Relative equilibrium of a free loop that spins about y: elastic force = omega^2 M q about its centre."""
+    """Relative equilibrium of a free loop that spins about y.
+
+    Elastic force = omega^2 M q about its centre.
+    """
     mesh, _ = chain(kind, c, n, True)
     e = mesh.e0.reshape(n, 2, -1, 3).copy()
     e[:, :, 0] -= e[:, :, 0].mean(axis=(0, 1))

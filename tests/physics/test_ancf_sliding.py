@@ -1,4 +1,4 @@
-"""The sliding joint: exact Jacobians, ranks, energy, and two independent descriptions of the same motion."""
+"""The sliding joint: exact Jacobians, ranks, energy, and two descriptions of the same motion."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ KINDS = ("point", "cable")
 
 
 def rope(slider, smooth=True, mass=1.0, place=0.6, gravity=9.81, stiffness=(4e3, 2.0), ends=2, drag=0.0):
-    """Bodies, rail and state at rest of a straight rail along x with a slider at ``place``; ``ends`` are pinned."""
+    """Bodies, rail and state at rest of a straight rail along x with a slider at ``place``.
+
+    ``ends`` of the rail are pinned.
+    """
     EA, EI = stiffness
     c = Cable(L / N, 0.5, EA, EI, 0.0, 0.0)
     T = sliding.chain_map(N, c.l, smooth)
@@ -185,7 +188,7 @@ def test_five_seconds_without_friction(slider, smooth):
 
 
 def test_drag_takes_what_it_says():
-    """With friction the energy falls by the loss of the joint, to rounding (twin of the energy)."""
+    """Friction takes from the energy what the joint reports as lost, to rounding (twin of the energy)."""
     b, r, s = rope("cable", drag=0.05)
     start = sum(sliding.energy(b, s))
     s = run(b, r, s, 1.0, 2e-3)
@@ -195,7 +198,7 @@ def test_drag_takes_what_it_says():
 
 
 def minimal(b, r, s, times):
-    """The same motion in minimal coordinates, by DOP853: the rail's vectors, u and m give those of the slider.
+    """Motion in minimal coordinates by DOP853: u, m and the rail's vectors give the slider's.
 
     Y are the free vectors; X = Y but for the sliding point S(u) Y and its slope S'(u) Y / m. Returns Y, u and the
     indices of Y at ``times``.
@@ -295,7 +298,10 @@ def test_point_on_a_turning_rod():
 
 
 def test_momentum_of_free_bodies():
-    """Free bodies keep linear momentum to rounding and angular momentum at order 2, without supports and weight."""
+    """Free bodies keep linear momentum to rounding and angular momentum at order 2.
+
+    There are no supports and no weight.
+    """
     drift = []
     for h in (4e-3, 2e-3):
         b, r, s = rope("cable", gravity=0.0, ends=0, stiffness=(1e3, 0.5))
@@ -314,9 +320,9 @@ def test_momentum_of_free_bodies():
 
 
 def test_nodes_are_impacts_for_a_cable_on_a_rail_that_is_not_smooth():
-    """Nodes of a rail that is not smooth are impacts for a cable: over C1 nodes its rate of rotation jumps.
+    """Nodes of a rail that is not smooth are impacts for a cable.
 
-    The rate of the constraint is off by far more than over C2 nodes.
+    Over C1 nodes its rate of rotation jumps. The rate of the constraint is off by far more than over C2 nodes.
     """
     worst = []
     for smooth in (True, False):

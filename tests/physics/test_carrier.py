@@ -29,9 +29,10 @@ def chain_speed(x, v, closed, carrier):
 
 
 def vehicle(turned=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0), turning=(0.0, 0.0, 0.0), spin=20.0):
-    """Rows of the wheels and pin positions and velocities of a track that moves as a body while its pins pass.
+    """Rows of the wheels, and pins of a track that moves as a body while its pins pass.
 
-    Pins pass along the chords of the polygon at PASSING; ``turned`` (rad, z y x), ``turning`` rad/s in the world.
+    Pins have positions and velocities. Pins pass along the chords of the polygon at PASSING; ``turned`` (rad, z y x),
+    ``turning`` rad/s in the world.
     """
     A, w, c = Rotation.from_euler("ZYX", turned).as_matrix(), np.array(turning), np.array([3.0, -2.0, 1.0])
     rows = np.zeros((len(CENTRES), WIDTH))

@@ -1,4 +1,4 @@
-"""Chains of rigid and of steel links against known numbers: release, small swings, spinning, falling, drift."""
+"""Chains of rigid and of steel links against known numbers: release, swings, spin, fall, drift."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def tip(kind, h, pitch=P, **changes):
 
 @pytest.mark.parametrize(("kind", "expected"), [(Rigid, 9.413161), (Flexible, 9.413174)])
 def test_released_horizontal_chain(kind, expected):
-    """Released horizontal chains of thin rods and steel cables converge with order 2 for any spectral radius.
+    """Released chains of thin rods and steel cables converge with order 2 for any spectral radius.
 
     Steel and rods differ by 13 um.
     """
@@ -44,7 +44,7 @@ SWINGS = np.array([1.20242178, 2.76073253, 4.33154065, 5.91226122])  # omega sqr
 
 
 def rigid_swings(n):
-    """Frequencies from the angular accelerations of links released a little off the vertical, one at a time."""
+    """Frequencies from the angular accelerations of links released near the vertical, one at a time."""
     stiff, d = np.empty((n, n)), 1e-5
     for k in range(n):
         ends = []
@@ -57,7 +57,10 @@ def rigid_swings(n):
 
 
 def steel_swings(n, cable=STEEL):
-    """Frequencies by Sturm counts: negative eigenvalues of the condensed K - omega^2 M at the loaded equilibrium."""
+    """Frequencies by Sturm counts of the condensed K - omega^2 M at the loaded equilibrium.
+
+    They count negative eigenvalues, in the plane.
+    """
     chain = Flexible(line(n), held=True, cable=cable)
     stretch = (n - np.arange(n) - 0.5) * cable.rhoA * P * G / cable.EA
     depth = -P * np.concatenate([[0.0], np.cumsum(1.0 + stretch)])
@@ -106,7 +109,10 @@ def rigid_loop(mass=MASS):
 
 
 def steel_loop(mass=MASS):
-    """Relative equilibrium K(q) = omega^2 M q; the free rotation about the axis gets the smallest correction."""
+    """Relative equilibrium K(q) = omega^2 M q.
+
+    The free rotation about the axis gets the smallest correction.
+    """
     loop = Flexible(ring(LINKS), closed=True, gravity=0.0, cable=STEEL._replace(rhoA=mass / P))
     loop.s.vdot[:] = -(RATE**2) * loop.s.q
     loop.s.vdot[:, 7] = 0.0
@@ -160,9 +166,10 @@ def test_hoop_strain_of_the_steel_loop():
 
 
 def fall(kind, links, turn, gravity=G, integrator="runge_kutta"):
-    """Fall of a chain that is pinned at one end, folded once and released; no link turns more than ``turn`` a step.
+    """Fall of a chain that is pinned at one end, folded once and released.
 
-    Returns times over sqrt(2 L/g) and drops over L of the tip until after its largest, and the energy drift over m g L.
+    No link turns more than ``turn`` rad in a step. Returns times over sqrt(2 L/g) and drops over L of the tip until
+    after its largest, and the energy drift over m g L.
     """
     n = links // 2
     quarter = np.pi / 2
@@ -214,7 +221,10 @@ def test_folded_chain_beats_free_fall(links):
 
 
 def test_the_landmarks_of_the_fall_can_be_missed():
-    """With 3 % more gravity both times are wrong (twin), though the tip still precedes the slower free fall."""
+    """Both times are wrong with 3 % more gravity (twin).
+
+    The tip still precedes the slower free fall.
+    """
     top, half = landmarks(*fall(Rigid, 17, 0.05, gravity=1.03 * G)[:2])
     assert abs(top / 0.8472 - 1.0) > 0.01
     assert abs(half / 0.948 - 1.0) > 0.005
@@ -257,7 +267,10 @@ def free(kind, cable=STEEL, lateral=0.0):
 
 
 def drift(chain, h, integrator, time=10.0):
-    """Largest relative change of the energy, and of the angular momentum (3) over its size, in 100 samples."""
+    """Largest relative change of energy, and of angular momentum (3) over its size.
+
+    In 100 samples.
+    """
     start, angular = chain.energy(), chain.angular_momentum()
     lost, turned = 0.0, np.zeros(3)
     for _ in range(100):
@@ -310,9 +323,9 @@ def test_drift_of_a_free_chain_over_ten_seconds(kind, cable, integrator, steps, 
 
 
 def test_cables_keep_the_component_about_the_pin_alone():
-    """Cables keep the angular momentum about the pins' axis alone: its drift falls at order 2, the others stay.
+    """Cables keep the angular momentum about the pins' axis alone.
 
-    The motion has a lateral part.
+    Its drift falls at order 2, the others stay. The motion has a lateral part.
     """
     turned = np.array(
         [drift(free(Flexible, lateral=0.3), h, "generalized_alpha", 2.0)[1] for h in (2.5e-3, 1.25e-3, 6.25e-4)]

@@ -103,7 +103,10 @@ def test_power_of_the_force_is_dissipation_and_storage(contact, x):
 
 
 def passing(start, reach, rng):
-    """Smooth random path of time in 0 to 1 about ``start`` (3), at most ``reach`` m away; position and velocity."""
+    """Smooth random path of time in 0 to 1 about ``start`` (3): position and velocity.
+
+    At most ``reach`` m away.
+    """
     a, phase = reach * rng.uniform(0.3, 1.0, (3, 3)), rng.uniform(0.0, 2.0 * np.pi, (3, 3))
     rate = 2.0 * np.pi * np.arange(1, 4)
 
@@ -129,9 +132,9 @@ PASSES = {
 
 @pytest.mark.parametrize("law", PASSES)
 def test_work_on_a_contact_is_stored_and_dissipated(law):
-    """Work on a contact is stored and dissipated, along a random motion in and out of a moving, turning wheel.
+    """Work on a contact is stored and dissipated, along a random motion in and out.
 
-    Work is the integral of force times velocity by Simpson's rule.
+    The wheel moves and turns. Work is the integral of force times velocity by Simpson's rule.
     """
     contact, start, wheel = PASSES[law]
     path, s = passing(np.asarray(start), 8e-3, np.random.default_rng(8)), Pressed()
@@ -325,7 +328,10 @@ def test_pins_at_the_pitch_circle_just_touch_their_seats():
 
 @pytest.mark.parametrize("b", np.linspace(0.0, 0.084, 22))
 def test_penetration_is_a_distance_and_mirrored(b):
-    """The penetration of a tooth is a distance at any depth: it grows no more than the pin moves; mirrored."""
+    """The penetration of a tooth is a distance at any depth, and mirrored.
+
+    It grows no more than the pin moves.
+    """
     a = np.linspace(0.1, 0.28, 1800)
     depths = np.maximum([depth_at(x, b) for x in a], 0.0)
     assert abs(np.diff(depths)).max() < 1.01 * (a[1] - a[0])
@@ -412,7 +418,7 @@ def test_edges_too_round_for_their_bump_are_refused():
 
 
 def stopped(v_reg: float, sharp: bool, most: int = 40) -> tuple[np.ndarray, list[float]]:
-    """One implicit step of a mass that slides on the ground: final velocity, and sizes of Newton's corrections."""
+    """Stop a mass on the ground in one implicit step; return its velocity and Newton's corrections."""
     law, mass, h = LAW._replace(v_reg=v_reg), 18.0, 1e-3
     s, x, before = Pressed(), np.array([0.1, 0.2, -0.01]), np.array([0.05, 0.02, 0.0])  # stops within a step
     v, sizes = before.copy(), []
