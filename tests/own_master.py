@@ -25,10 +25,7 @@ def load(folder, kind, name):
 
 
 def main(folder, track="TrackFlexible", stop=0.1, speed=None, ramp=None, lateral=1.0795):
-    """Position and speed of the chassis after ``stop`` s.
-
-    Drives without settings keep their scene's profile.
-    """
+    """Position and speed of the chassis after ``stop`` s; unset drives keep their scene's profile."""
     order = {f"{side}_{part}": kind for part, kind in (("track", track), ("drive", "SprocketDrive"))
              for side in ("left", "right")} | {"chassis": "Chassis"}  # fmt: skip
     fmus, where = {}, {}

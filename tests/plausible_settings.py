@@ -86,10 +86,7 @@ def scene(k: int, halved: bool) -> Scene:
 
 
 def observed(path: Path, found: dict[str, Any]) -> dict[str, float]:
-    """Observables of a run, with slip as a velocity, m/s.
-
-    Relative to a reversing chain it means nothing.
-    """
+    """Observables of a run, with slip as a velocity, m/s (a ratio means nothing in a reversal)."""
     with Log(path) as log:
         run = RunData(log)
         slip = run.mean("left_track.slip", Window(STOP - summary.LAST, STOP))

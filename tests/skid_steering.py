@@ -47,10 +47,7 @@ class Turn(NamedTuple):
 
 
 def turn(vehicle, sprockets):
-    """Steady motion with the sprockets at (left, right) rad/s.
-
-    By continuation in the sharpness of friction.
-    """
+    """Steady motion with the sprockets at (left, right) rad/s, by continuation in the friction."""
     speeds = vehicle.radius * np.array(sprockets)
 
     def balance(z, creep):

@@ -1,7 +1,4 @@
-"""The cache recovers: runs are right after any damage to its files.
-
-Folders that others can write are not used.
-"""
+"""The cache recovers from any damage to its files, and folders that others can write are not used."""
 
 import errno
 import inspect
@@ -123,9 +120,7 @@ def test_a_damaged_fmu_is_built_again(fresh_cache):
     assert build_toy() == fmu
     with zipfile.ZipFile(fmu) as archive:
         again = {name: archive.read(name) for name in archive.namelist()}
-    assert {name for name in packed if again[name] != packed[name]} <= {"modelDescription.xml"}, (
-        "more than its date differs"
-    )
+    assert {name for name in packed if again[name] != packed[name]} <= {"modelDescription.xml"}, "only its date differs"
     assert fmus.cache.kept(fmu) is not None
 
 

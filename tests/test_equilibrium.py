@@ -94,10 +94,7 @@ def test_kinds_of_links_start_in_one_place():
 
 @pytest.mark.parametrize("pose", [(), ("start.heading=0.7", "start.position=[3, -2, 0.25]")])
 def test_tracks_are_laid_round_the_wheels_that_the_chassis_shows(pose):
-    """Tracks are laid round the wheels that the chassis shows; mounts and sprockets have the same numbers.
-
-    To the last bit if the start pose moves nothing.
-    """
+    """Tracks are laid round the wheels that the chassis shows; mounts and sprockets match them."""
     vehicle = InProcess(at_rest("rigid", *pose))
     for side in ("left", "right"):
         model, drive = vehicle[f"{side}_track"].model, vehicle[f"{side}_drive"]
@@ -117,10 +114,7 @@ def test_settlement_distance_and_energy_count_from_their_own_starts():
 
 
 def test_a_side_without_a_track_goes_without_the_push_of_one():
-    """On a side without a track the tensioner has no push: it holds its idler where drawn.
-
-    The other side carries its chain.
-    """
+    """On a side without a track the tensioner has no push and holds its idler where drawn."""
     scene = at_rest("rigid", 'tracks=["left"]')
     place = scene.start.equilibrium
     assert abs(place.right[-1]) < 1e-4
@@ -148,10 +142,7 @@ def test_a_vehicle_on_one_track_leans_and_stays():
 
 
 def test_bare_wheels_stand_on_the_ground():
-    """Bare wheels stand on the ground, by four numbers of statics.
-
-    Weight on ten wheels, their contacts and springs.
-    """
+    """Bare wheels stand on the ground, by four numbers of statics."""
     scene = at_rest("rigid", "tracks=[]")
     far, _ = moved(scene, 0.2)
     assert far < 1e-9

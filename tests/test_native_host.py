@@ -1,7 +1,4 @@
-"""A master in C runs native FMUs of a vehicle, with the bits of the Python models.
-
-It has no environment variables.
-"""
+"""A master in C without an environment runs native FMUs with the bits of the Python models."""
 
 from __future__ import annotations
 
@@ -156,7 +153,7 @@ def test_libcosim_drives_the_vehicle(tmp_path):
 def test_times_of_kinds_in_hosts(tmp_path, capsys):
     """Print times of set, step and get, us: native FMUs in C, native and Python FMUs by fmpy.
 
-    Medians, with steps in turn.
+    They are medians; the kinds step in turn.
     """
     settings = ("run.step=1 ms", "track.step=1 ms", "run.stop=3 s", "drive.ramp_start=0", "drive.ramp_time=0.5")
     vehicle = InProcess(load("straight", "flexible", settings))

@@ -43,10 +43,7 @@ def settled(kind):
 
 @cache
 def standing(kind, *changes):
-    """Mean outputs of a settled vehicle after a change.
-
-    The window fades in and out, so that ringing cancels.
-    """
+    """Mean outputs of a settled vehicle after a change, with a fading window: ringing cancels."""
     vehicle = InProcess(scene_of("settle", kind, STANDING, **dict(changes)))
     for name, member in vehicle.members.items():
         member.model.state[:] = settled(kind)[name]
@@ -125,10 +122,7 @@ def test_a_stiffer_suspension_gives_less():
 
 @pytest.mark.parametrize("key", ["suspension", "tensioner"])
 def test_a_preload_is_balanced_by_its_stiffness(key):
-    """A preload is balanced by the stiffness: a push P moves the spring by P/k.
-
-    The chassis has no tracks and no weight.
-    """
+    """A preload is balanced by the stiffness: a push P moves the spring by P/k."""
     force = 1e3
 
     def place(chassis):

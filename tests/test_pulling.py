@@ -170,10 +170,7 @@ def test_pads_slip_and_push_as_their_motion_says(tracks, kind, band):
     ],
 )
 def test_rocking_links_explain_the_slip_of_a_track(tracks, speeds, kind, band):
-    """The slip of a track follows from thrust, yaw and the rocking of its links.
-
-    Rocking is by statics under the recorded loads.
-    """
+    """The slip of a track follows from thrust, yaw and the static rocking of its links."""
     for side, speed in zip(SIDES, speeds, strict=True):
         track = tracks(kind, speeds)[side].within(DRIVEN[speeds])
         rocked = rocked_by_loads(track, RADIUS * speed)
@@ -226,10 +223,7 @@ def slip_of(track, rocked, speed):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_forces_of_pins_turn_the_sprocket(tracks, kind):
-    """Moments and momentum of the links between two cuts give the sprocket's torque.
-
-    On the ramp and after it.
-    """
+    """Moments and momentum of the links between two cuts give the sprocket's torque."""
     for side in SIDES:
         pulled, rest, torque, strands = moments(tracks(kind)[side])
         for steps, band in ((100, 0.005), (500, 0.001)):

@@ -1,7 +1,4 @@
-"""Every scene of the gallery runs in full on both track models and passes its checks.
-
-With few exceptions.
-"""
+"""Scenes of the gallery run in full on both track models, with few exceptions, and pass all checks."""
 
 import json
 
@@ -69,10 +66,7 @@ def test_scene_comes_out_as_expected(ran, name, model):
 
 @pytest.mark.parametrize("name", STEERED)
 def test_scenes_that_steer_begin(ran, name):
-    """Scenes that steer begin on rigid links: forces are paired, the energy balance closes.
-
-    The first second; the vehicle turns or drives. The vehicle turns or drives.
-    """
+    """Scenes that steer begin on rigid links: paired forces, closed energy, a vehicle that moves."""
     who = "driver" if name == "serpentine" else "drive"
     result = ran(name, "rigid", "run.stop=1 s", f"{who}.ramp_start=0 s", f"{who}.ramp_time=0.5 s")
     assert (result["status"], result["message"], result["validity"]) == ("ok", "", [])
@@ -124,10 +118,7 @@ def test_impulse_across_the_ports(ran, scaled):
 
 
 def test_port_energy_falls_with_the_communication_step(ran):
-    """The energy of the ports falls with the order of the coupling at least.
-
-    Without the jumps between steps it would have order 1.
-    """
+    """The energy of the ports falls with the order of the coupling at least."""
     ports = []
     for h in ("1 ms", "2 ms"):
         result = ran("straight", "flexible", *BRIEF, f"run.step={h}")
@@ -151,10 +142,7 @@ def test_heading_changes_nothing(ran, model):
 
 @pytest.mark.parametrize("model", MODELS)
 def test_rig_turns_backwards_alike(ran, model):
-    """The rig turns backwards alike over 5 revolutions.
-
-    Pins, chain speed, torque balance, and re-entry of the tight span.
-    """
+    """The rig turns backwards alike over 5 revolutions: pins, chain speed, torque, tight span."""
     result = ran("rig", model, "drive.speed=-3 rad/s", "run.links=40")
     assert result["status"] == "ok"
     assert {name: check["value"] for name, check in result["checks"].items() if not check["ok"]} == {}
@@ -298,10 +286,7 @@ def test_half_a_vehicle_moves_like_the_whole(ran):
 
 
 def test_a_planar_half_vehicle_moves_like_the_half(ran):
-    """A planar half vehicle moves like the half: same chassis, pins and forces.
-
-    No lateral coordinates; any heading.
-    """
+    """A planar half vehicle moves like the half: same chassis, pins and forces, at any heading."""
     half, planar = ran("straight", "flexible", *HALF), ran("straight", "flexible", *HALF, "planar=true")
     with Log(half["log"]) as a, Log(planar["log"]) as b:
         for topic in ("/chassis/out", "/left_track/links"):

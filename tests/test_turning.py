@@ -107,10 +107,7 @@ def test_a_turn_is_that_of_the_general_theory(turned, kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_power_goes_where_the_forces_are(turned, kind):
-    """Power follows the forces: the inner sprocket brakes, the outer one drives.
-
-    Losses within a track are small.
-    """
+    """Power follows the forces: the inner sprocket brakes, the outer one drives, losses are small."""
     found, _ = turned(kind, *SPEEDS, STEADY)
     assert abs(found["ledger"]) < 1e-3
     for k, side in enumerate(("left", "right")):
@@ -143,19 +140,13 @@ def test_all_kinds_of_links_turn_alike(turned, speeds_of):
 @pytest.mark.study
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_turn_with_little_slip(turned, kind):
-    """In a turn with little slip (19 and 21 rad/s, below 3 %) the theory is coarse.
-
-    The vibration of the links weakens friction.
-    """
+    """The theory is coarse in a turn with little slip (19 and 21 rad/s, below 3 %)."""
     found, theory = turned(kind, 19.0, 21.0, Window(4.0, 6.0))
     assert -0.10 < found["yaw_rate"] / theory.rate - 1.0 < 0.03
 
 
 def test_a_turn_begins_as_that_of_beams():
-    """Cables begin a turn as beams do, to 2 % of the yaw after 0.9 s at (8, 12) rad/s.
-
-    Within the guides' clearance. The yaw of rigid links is 1 to 2 % larger.
-    """
+    """Cables begin a turn as beams do: 2 % of the yaw at 0.9 s, within the guides' clearance."""
     settings = ("run.stop=0.9 s", *speeds(8, 12))
     yaw = {kind: path("flexible", (*settings, f"track.element={kind}"), 900)[-1, 3] for kind in ("cable", "beam")}
     assert yaw["cable"] == pytest.approx(yaw["beam"], rel=0.02)
@@ -251,10 +242,7 @@ def test_free_axes_hold_at_long_steps(step):
 
 
 def leaning(kind, *settings):
-    """Roll, vertical force, and rims' longitudinal moment of a vehicle on its left track.
-
-    The right wheels are bare.
-    """
+    """Roll, vertical force, rims' longitudinal moment of a vehicle on a left track and bare wheels."""
     vehicle = InProcess(load("settle", kind, ('tracks=["left"]', "run.step=1 ms", "track.step=1 ms", *settings)))
     track = vehicle.run(1.2)["left_track"]
     held = sum(track[f"road_wheel[{i}].torque.x"] for i in range(1, 6))
@@ -262,10 +250,7 @@ def leaning(kind, *settings):
 
 
 def test_a_vehicle_leans_on_cables_as_on_rigid_links():
-    """A vehicle on one track leans on cables as on rigid links.
-
-    With fixed axes the rims would tip over the links. It stands 42 mm higher on its track than on its wheels.
-    """
+    """A vehicle on one track leans on cables as on rigid links; fixed axes would tip the rims."""
     rigid, cable, fixed = leaning("rigid"), leaning("flexible"), leaning("flexible", "track.axes=fixed")
     assert 0.015 < rigid[0] < 0.025
     np.testing.assert_allclose(cable, rigid, rtol=0.01)

@@ -22,10 +22,7 @@ def kinds(result, severity):
 
 @pytest.mark.study
 def test_a_reversal_at_once_fails(tmp_path):
-    """A reversal within 0.01 s fails: deep pins and a chain that jumps.
-
-    Pins are 82 mm deep in the teeth, of links of 58 mm.
-    """
+    """A reversal within 0.01 s fails: pins 82 mm deep in the teeth, and a chain that jumps."""
     result = reversed_in(AT_ONCE, tmp_path / "a.mcap")
     assert result["status"] == "failed"
     assert kinds(result, "failure") == {"penetration", "tooth_jump"}

@@ -1,7 +1,4 @@
-"""A vehicle in process runs as `cotrack run` does, to the bit.
-
-Single parts may have other parameters.
-"""
+"""A vehicle in process runs as `cotrack run` does, to the bit, also with other parameters."""
 
 import numpy as np
 import pytest

@@ -125,10 +125,7 @@ def opened(vectors, closure):
 
 @CLOSURES
 def test_accelerations_with_equations_are_those_without(closure):
-    """Constrained and eliminated pins give the same accelerations in a random state.
-
-    The constraints hold too.
-    """
+    """Constrained and eliminated pins give the same accelerations in a random state."""
     (whole, own), (at, mine) = both(closure=closure, start="polygon")
     random = np.random.default_rng(15)
     used = np.unique(at)
@@ -167,10 +164,7 @@ def test_a_chain_with_equations_moves_like_one_without(closure, integrator):
 
 
 def test_what_is_taken_off_the_equations_is_put_back_after_an_explicit_step():
-    """Projection after an explicit step restores position and velocity along the constraint forces.
-
-    The linear momentum stays.
-    """
+    """Projection after an explicit step closes positions and velocities and keeps linear momentum."""
     model = loop(joints="constrained", integrator="runge_kutta", start="polygon")
     model.s.q[5, 0] += 1e-9
     model.s.v[5, 0] += 1e-6
@@ -185,10 +179,7 @@ def test_what_is_taken_off_the_equations_is_put_back_after_an_explicit_step():
 
 
 def test_counts_of_coordinates_and_equations():
-    """Counts of coordinates and constraints (paper (2)): 64 links of 12 coordinates, 4 equations per pin.
-
-    A loop that is cut has 63 pins, a vehicle 126.
-    """
+    """Counts of coordinates and constraints (paper (2)); a cut loop has 63 pins, a vehicle 126."""
     for joints, closure, coordinates, equations in (
         ("eliminated", "pin", 512, 0), ("eliminated", "spring", 516, 0),
         ("constrained", "pin", 768, 256), ("constrained", "spring", 768, 252),

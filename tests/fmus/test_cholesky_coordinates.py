@@ -170,10 +170,7 @@ def test_the_ledger_closes(closure, integrator):
 
 @pytest.mark.parametrize("ends", [SPAN, {"kind": "held", "first": [1.0, 2.0]}], ids=["pinned", "held"])
 def test_ends_that_are_held_stay(ends):
-    """A fixed coordinate stays and acts on no other.
-
-    Its row and its column of the mass are those of the identity.
-    """
+    """A fixed coordinate stays and acts on no other."""
     start = "displaced" if ends is SPAN else "straight"
     whole, own = pair(lambda **c: made(Flexible, 8, ends, start=start, integrator="runge_kutta", **c))
     first = own.s.q[0, :3].copy()

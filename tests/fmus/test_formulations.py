@@ -109,10 +109,7 @@ def test_a_chain_at_rest_stays_there_in_joint_coordinates():
 
 @pytest.mark.parametrize("given", [{}, EXPLICIT, RECURSIVE])
 def test_a_spring_goes_to_the_pin_as_its_stiffness_grows(given):
-    """Error and gap of a spring closure fall as 1/k at the same step.
-
-    The energy is kept but for the damper's loss.
-    """
+    """Error and gap of a spring closure fall as 1/k; the energy is kept but for the damper's loss."""
     pin = made(Rigid, 16, **given, **OVAL)
     pin.step(0.0, 0.1, NONE)
     off, gaps = [], []

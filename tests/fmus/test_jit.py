@@ -383,10 +383,7 @@ def behind_doors() -> list[tuple[str, str]]:
 
 
 def test_an_edit_behind_any_door_is_another_kernel(tmp_path):
-    """An edit behind a late import changes the hash of every kernel that reaches it.
-
-    Above all those of the integrators.
-    """
+    """An edit behind a late import changes the hash of every kernel that reaches it."""
     tree = tmp_path / "fmus"
     shutil.copytree(jit.ROOT, tree, ignore=shutil.ignore_patterns("__pycache__", "*.md"))
 

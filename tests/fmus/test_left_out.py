@@ -1,7 +1,4 @@
-"""A component loads only the modules that its scene needs, with a cold or a warm kernel cache.
-
-Each case runs in a fresh process.
-"""
+"""A component loads only what its scene needs, in a fresh process, with a cold or warm cache."""
 
 from __future__ import annotations
 

@@ -316,10 +316,7 @@ def test_outputs_can_be_read_during_initialisation_and_follow_parameters(raw):
 
 
 def test_link_outputs_lie_where_it_says(raw):
-    """Link outputs lie at the given address, with the bits of single reads.
-
-    Reading either half of the address computes them.
-    """
+    """Link outputs lie at the given address, which reading either half computes, to the bit."""
     slave, references = raw
     slave.setupExperiment()
     slave.enterInitializationMode()

@@ -177,10 +177,7 @@ def test_driven_against_the_brake_it_creeps_at_the_speed_that_fades_it():
 
 
 def test_controller_under_a_load_is_a_damped_oscillator():
-    """The controller under a constant chain torque is a damped oscillator, J w' = c - P w - I theta.
-
-    The closed form starts from rest.
-    """
+    """The controller under a constant chain torque is a damped oscillator, J w' = c - P w - I theta."""
     P, K, c = 60.0, 900.0, -100.0
     gains = {"controller.proportional": P, "controller.integral": K}
     probe = Probe(mode="controller", **gains).run(0.3, chain=(0, c, 0))
@@ -265,10 +262,7 @@ def test_third_law(mode, extrapolation):
 
 
 def test_gyroscopic_moment_of_a_turning_mount():
-    """A turning mount gets the gyroscopic moment -d(J Omega a)/dt as mean over the step.
-
-    A yawing mount gets J Omega psi'.
-    """
+    """A turning mount gets the mean moment -d(J Omega a)/dt of each step; a yawing one J Omega psi'."""
     psi, omega, h = 0.4, 12.0, 1e-3
     probe = Probe(mode="speed", **{"speed.start": omega, "speed.end": omega})
     mount = turning([0, 0, psi], start=(0, 0, 0))

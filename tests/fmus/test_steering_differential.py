@@ -109,10 +109,7 @@ def test_prescribed_speeds_are_those_of_two_drives():
 
 
 def test_an_open_differential_gives_both_sides_half_of_the_torque():
-    """An open differential gives each side half of the torque, whatever the chains do.
-
-    With a steering torque of 3 % it does not.
-    """
+    """An open differential gives each side half of the torque, whatever the chains do."""
     probe = run(0.3, **{"propulsion.mode": "torque", "propulsion.torque.drive": 700.0, "steering.mode": "torque"})
     assert [probe[f"{side}.torque"] for side in SIDES] == pytest.approx([350.0, 350.0], rel=1e-12)
     assert abs(probe["left.speed"] - probe["right.speed"]) > 5.0

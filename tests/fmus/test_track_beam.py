@@ -72,10 +72,7 @@ def spun(element: str, rate):
 
 
 def newton(model, count: int, mass: float = 0.0) -> None:
-    """Make ``count`` Newton corrections towards static equilibrium.
-
-    ``mass`` (1/s2) enters the matrix only.
-    """
+    """Make ``count`` Newton corrections to equilibrium; ``mass`` (1/s2) enters the matrix only."""
     still, none, w = np.zeros_like(model.s.q), np.zeros_like(model.s.q), model.work
     for _ in range(count):
         x = Motion(model.s.q, still, none, model.s.axes)
@@ -87,10 +84,7 @@ def newton(model, count: int, mass: float = 0.0) -> None:
 
 
 def test_coordinates_of_a_track():
-    """Coordinates of a track of beams: 64 x 24 less 64 pins of 6 equations.
-
-    An open chain keeps the gradients of its two ends.
-    """
+    """A track of beams has 64 x 24 less 64 x 6 coordinates; an open chain keeps its end gradients."""
     assert carrier(element="beam").s.q.size == 1152
     chain = hanging(element="beam")
     assert chain.s.q.size - 2 * 6 == 1158
@@ -226,10 +220,7 @@ def test_contacts_give_the_chain_what_the_wheels_get(yaw):
     rows[:, 9:12], rows[:, 12:15] = [-np.sin(yaw), np.cos(yaw), 0.0], [np.cos(yaw), np.sin(yaw), 0.0]
 
     def given(ground: int) -> tuple[np.ndarray, np.ndarray]:
-        """Force (N) and moment about the origin (N m) of all contacts on the chain.
-
-        Fills ``w.wrench`` of the wheels.
-        """
+        """Force (N) and moment about the origin (N m) of all contacts; fills ``w.wrench`` of the wheels."""
         rolled(model, model.s.q, model.s.v, 0.0, False, model.contacts._replace(ground=ground))
         on_links = np.where(w.touched[:, None, None], -w.load, 0.0)
         on_pins, pins = -w.b.reshape(LINKS, 2, 3), model.s.q.reshape(LINKS, 6, 3)[:, :2]
@@ -324,10 +315,7 @@ def test_a_free_loop_keeps_energy_and_angular_momentum_about_every_axis():
 
 
 def turned_wheels(model, t: float, angle: float, time: float) -> np.ndarray:
-    """Inputs of wheels that yaw about the track's middle by ``angle`` (rad).
-
-    The yaw is a half cosine of ``time`` s.
-    """
+    """Inputs of wheels that yaw by ``angle`` rad about the track's middle within ``time`` s."""
     s = min(t / time, 1.0)
     yaw, rate = 0.5 * angle * (1 - np.cos(np.pi * s)), 0.5 * angle * np.pi / time * np.sin(np.pi * s)
     middle, u = np.array([-2.0, 0.0]), at_rest(model).reshape(-1, 13)
@@ -423,11 +411,7 @@ def test_energy_ledger_of_a_swing_and_the_explicit_chain():
 
 
 def test_the_explicit_step_and_the_mass():
-    """The stable explicit step follows the mass.
-
-    Rotary inertia beyond the section's slows the fastest mode, which is one of the section. The fastest mode is one of
-    the section.
-    """
+    """The stable explicit step follows the mass: rotary inertia slows the fastest mode."""
     model = hanging(links=2, element="beam", start="polygon")
     assert model.stable == pytest.approx(4.695e-6, rel=1e-3)
     x, y, z = (TABLE["track"]["mass"] * size**2 / 12.0 for size in (PITCH, *model.link.element[1:3]))
@@ -461,10 +445,7 @@ def test_one_component_takes_either_element():
 
 
 def test_the_component_of_beams():
-    """The FMU of beams passes fmpy's validation and continues alike from a restored state.
-
-    So it does from a state before the start.
-    """
+    """The FMU of beams passes fmpy's validation and continues alike from any saved state."""
     ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.9, 0.0]}
     track = {"links": 8, "closed": False, "wheels": [], "ground": False, "gravity": 9.81, "ends": ends}
     fmu = build("TrackFlexible", {"vehicle": TABLE, "track": track, "link_outputs": True})

@@ -84,10 +84,7 @@ def test_force_is_the_gradient_of_the_reported_energy(elasticity):
 
 @each
 def test_the_tangent_is_the_derivative_of_force_and_damping(elasticity):
-    """The tangent is the derivative of force and damping.
-
-    All three leave out the rotation of the chord in the bending damping.
-    """
+    """The tangent is the derivative of force and damping, without the rotation of the chord."""
     model = bent(elasticity)
     link = model.link.element._replace(nuA=40.0)
     rng = np.random.default_rng(5)
@@ -176,10 +173,7 @@ def elastic_catenary(law, EA: float, weight: float, length: float, span: float) 
 
 
 def test_a_soft_chain_hangs_as_its_law_of_stretch_says():
-    """A soft chain hangs as its stretch law says.
-
-    Green strain stiffens, so the engineering chain hangs lower. The continuum gives the difference.
-    """
+    """A soft chain hangs as its stretch law says: the engineering chain hangs lower."""
     length, sag, said = LINKS * PITCH, {}, {}
     for name in ELASTICITIES:
         model = hanging(elasticity=name, **SOFT)
@@ -194,10 +188,7 @@ def test_a_soft_chain_hangs_as_its_law_of_stretch_says():
 
 @each
 def test_a_soft_chain_finds_the_equilibrium_of_the_library(elasticity):
-    """A soft chain finds the library's equilibrium of the same mesh.
-
-    It starts from the shape of another elasticity.
-    """
+    """A soft chain finds the library's equilibrium from the shape of another elasticity."""
     n, other = 16, "engineering" if elasticity != "engineering" else "general"
     model = hanging(links=n, elasticity=elasticity, **SOFT)
     start = hanging(links=n, elasticity=other, **SOFT)
@@ -238,10 +229,7 @@ def test_tension_and_stress_of_a_stretched_chain(elasticity):
 
 @each
 def test_stress_of_a_bent_link(elasticity):
-    """Stress of a bent steel link without tension is E times fibre distance over radius.
-
-    It bends by 0.01 rad.
-    """
+    """Stress of a steel link bent by 0.01 rad is E times fibre distance over radius."""
     model = hanging(links=2, elasticity=elasticity, start="polygon")
     angle, radius = 0.01, PITCH / 0.01
     turns = angle * np.arange(3)

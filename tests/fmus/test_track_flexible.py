@@ -89,10 +89,7 @@ def spinning(links: int = 64, omega: float = 5.0) -> Model:
 
 
 def test_coordinates_of_a_track():
-    """Coordinates of a track: 64 x 12 less 64 pins of 4 equations.
-
-    An open chain keeps the slopes of its ends.
-    """
+    """A track has 64 x 12 less 64 x 4 coordinates; an open chain keeps the slopes of its ends."""
     assert carrier().s.q.size == 512
     open_chain = hanging()
     assert open_chain.s.q.size - 2 * 2 == 516  # no link ends at the first pin, and none begins at the last
@@ -237,9 +234,7 @@ def test_adams_keeps_tolerances_with_fewer_evaluations_than_runge_kutta(swinging
         error, counters = swinging("adams", 1.0, **{"adams.rtol": tolerance, "adams.atol": tolerance})
         found[tolerance] = error
         assert 1e-5 * tolerance < error < 1e-2 * tolerance, found  # errors of positions; the velocities limit the steps
-        assert counters[EVALUATIONS] == 2 * counters[STEPS] + counters[REJECTED] + 10, (
-            "the method does not start anew at each communication step"
-        )
+        assert counters[EVALUATIONS] == 2 * counters[STEPS] + counters[REJECTED] + 10, "it restarts at each step"
     other, equal = swinging("runge_kutta", 2.5e-4)
     assert error < other
     assert 2 * counters[EVALUATIONS] < equal[EVALUATIONS]
@@ -259,10 +254,7 @@ def swings_of_tension(model: Model) -> float:
 
 
 def test_a_chain_let_go_carries_the_tension_of_that_instant(monkeypatch):
-    """A released chain starts with the tension of rigid links, without an axial wave.
-
-    A twin that is released unstretched rings.
-    """
+    """A released chain starts with the tension of rigid links; one released unstretched rings."""
     model = hanging(links=16, start="displaced", integrator="runge_kutta")
     rigid = track_rigid.Model({"vehicle": TABLE, "track": model.config, "link_outputs": True})
     rigid.initialise(parameters(rigid, start="displaced"))

@@ -93,9 +93,7 @@ def test_a_moving_chain_has_the_same_residual_and_matrix():
     for name in ("A", "U", "L"):
         blocks = getattr(full, name)
         assert same(getattr(flat, name), blocks[:, XZ][:, :, XZ], 1e-11)
-        assert np.abs(blocks[:, 1, XZ]).max() == np.abs(blocks[:, XZ, 1]).max() == 0.0, (
-            "motion in the plane couples with motion out of it"
-        )
+        assert np.abs(blocks[:, 1, XZ]).max() == np.abs(blocks[:, XZ, 1]).max() == 0.0, "planes are decoupled"
     assert same(flat.wrench, full.wrench, 1e-11)
     assert same(flat.sums, full.sums, 1e-11)
     measured = [*range(1, 10), 12, 16]
@@ -110,10 +108,7 @@ def evaluate(m) -> None:
 
 
 def test_coordinates_and_time():
-    """A track has 64 x 8 less 64 x 2 coordinates, and a released chain moves as cables do.
-
-    Its outputs have their y.
-    """
+    """A track has 64 x 8 less 64 x 2 coordinates, and a released chain moves as cables do."""
     assert carrier(element="planar").s.q.size == 384
     flat, solid = (hanging(start="displaced", element=element) for element in ("planar", "cable"))
     assert np.abs(flat.pins() - solid.pins()).max() < 1e-10
@@ -165,10 +160,7 @@ def test_only_small_deformations_are_planar():
 
 
 def test_a_bump_has_the_normal_of_the_plane():
-    """The normal of a bump turns along t by the curvature that ``level`` returns.
-
-    It is ``bend`` in ``plane.Face``.
-    """
+    """The normal of a bump turns by the curvature of ``level`` along t (``bend`` in ``plane.Face``)."""
     ground = bumpy(0.0, 0.0, 0.2, 0.5, 0.4, 0.3)
     for x, z in ((0.1, 0.02), (0.5, 0.15)):
         _, n0, n2, bend = level(ground, x, z)

@@ -55,10 +55,7 @@ def differences(function, step):
 
 
 def border_of(model):
-    """Columns (nodes, 8, 2), rows and corner (2, 2) of the axes' rotation.
-
-    They are those before the condensation of links.
-    """
+    """Columns (nodes, 8, 2), rows and corner (2, 2) of the axes' rotation before condensation."""
     w, a, at, n = model.work, model.work.axes, model.kit.LAYOUT, model.links_count
     columns, rows = np.zeros((model.nodes, 8, 2)), np.zeros((model.nodes, 8, 2))
     columns[:, at.pin], rows[:, at.pin] = a.edge[..., :2], a.edge[..., 2:]
@@ -286,10 +283,7 @@ def totals(model, twist=1.0):
 
 
 def test_a_loop_that_tumbles_keeps_momentum_and_energy():
-    """A tumbling loop keeps momentum and energy about all axes with the explicit integrator.
-
-    An error of 1e-8 of the links' own rotation would show.
-    """
+    """A tumbling loop keeps momentum and energy about all axes with the explicit integrator."""
     model, (p0, l0, e0), (p1, l1, e1) = tumbling(1e-4)
     assert np.abs(l0).min() > 2e3
     assert np.abs(model.s.axes[[RATE, RATE + 2]] - [3.0, 2.0]).min() > 0.05
@@ -304,10 +298,7 @@ def test_a_loop_that_tumbles_keeps_momentum_and_energy():
 
 
 def test_orders_of_the_integrators_in_a_tumble():
-    """In a tumble the explicit integrator has order 4, the implicit ones order 2, with the same limit.
-
-    Links that are 2 % stiffer move elsewhere.
-    """
+    """In a tumble the explicit integrator has order 4, the implicit ones order 2, with one limit."""
     truth = tumbling(2.5e-5)[0].pins()
     for integrator, order, largest in ((EXPLICIT, 4, 1e-10), (IMPLICIT, 2, 3e-7), ("hht", 2, 4e-7)):
         errors = [np.abs(tumbling(step, integrator)[0].pins() - truth).max() for step in (5e-4, 2.5e-4)]

@@ -1,4 +1,1 @@
-"""Every output of every component, recomputed from its definition.
-
-The code shares nothing with the kernels.
-"""
+"""Every output of every component, recomputed by code that shares nothing with the kernels."""

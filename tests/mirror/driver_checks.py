@@ -12,10 +12,7 @@ from mirror.seen import Seen
 
 
 def of(quantity: Callable[[Seen], Floats]) -> Callable[[View, Sequence[str]], Expected]:
-    """Check of one output that belongs to each step.
-
-    The value at the start, at rest, is that of the first step.
-    """
+    """Check of an output that belongs to each step; at the start, at rest, that of the first step."""
 
     def expected(view: View, names: Sequence[str]) -> Expected:
         found = quantity(view.seen)

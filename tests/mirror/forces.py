@@ -23,10 +23,7 @@ STEP = 1e-6  # m, for differences of energies
 
 
 def across(chain: Chain) -> tuple[Floats, Floats]:
-    """Damping of the pins' velocity perpendicular to the chain.
-
-    Returns force (T, nodes, 3), N, and loss (T), W.
-    """
+    """Transverse damping of the pins: force (T, nodes, 3), N, and loss (T), W."""
     damping = float(chain.part.config["track"].get("transverse_damping") or 0.0)
     v = chain.rates
     if isinstance(chain, Rigid):

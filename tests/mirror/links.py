@@ -250,10 +250,7 @@ class Element(Chain):
 
     @property
     def beyond_rod(self) -> float:
-        """Second moment of mass along the link beyond that of a rod, kg m2.
-
-        It acts on the mean slope of the line.
-        """
+        """Second moment of mass along the link beyond a rod's, kg m2, on the mean slope of the line."""
         raise NotImplementedError
 
     @cached_property
@@ -639,10 +636,7 @@ class Beam(Element):
 
     @cached_property
     def mass_matrix(self) -> Floats:
-        """Mass of a box with the table's inertias.
-
-        Inertia of a length beyond the pitch acts on the mean slope.
-        """
+        """Mass of a box with the table's inertias; length beyond the pitch acts on the mean slope."""
         (x, w), (s, m) = gauss(4), gauss(2)
         M, slope, (roll, pin, yaw) = np.zeros((8, 8)), self.mean_slope, self.vehicle["track"]["inertia"]
         wide, high = (np.sqrt(6.0 * moment / self.mass) for moment in (roll + yaw - pin, roll + pin - yaw))
@@ -684,10 +678,7 @@ class Beam(Element):
         return float(self.part.parameters["material.youngs_modulus"])
 
     def rated(self, change: Floats) -> list[tuple[float, Floats]]:
-        """Changes of the strains (with weights of energy) by a ``change`` of coordinates.
-
-        Strains are quadratic in them.
-        """
+        """Changes of the quadratic strains, with energy weights, by a ``change`` of coordinates."""
         more, less = self.parts(self.e + 0.5 * change), self.parts(self.e - 0.5 * change)
         return [(w, s - r) for (w, s), (_, r) in zip(more, less, strict=True)]
 

@@ -101,10 +101,7 @@ def driven(*settings: str, duration: float = 0.8) -> Record:
 
 
 def joined() -> Record:
-    """A vehicle with a differential accelerates and brakes by a controller.
-
-    Its right side is faster for a while.
-    """
+    """A vehicle with a differential and a controller; its right side is faster for a while."""
     motors = (
         "drive.mode=controller", "drive.speed=8 rad/s", "drive.ramp_start=0 s", "drive.ramp_time=0.3 s",
         "drive.stop=0.5 s", "drive.stop_time=0.1 s", "drive.brake=800 N m", "drive.steering.speed=9 rad/s",

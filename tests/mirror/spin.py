@@ -1,7 +1,4 @@
-"""A sprocket drive from its inputs, its parameters and `fmus/sprocket_drive/README.md`.
-
-Plain numpy, world axes.
-"""
+"""Sprocket drive by its inputs, parameters and `fmus/sprocket_drive/README.md`; world axes."""
 
 from __future__ import annotations
 

@@ -148,7 +148,7 @@ def test_a_planted_fault_is_noticed(kind, fault):
 def test_counters_of_a_track_count_what_is_called(environment):
     """The counters of a track equal the calls in uncompiled integrators.
 
-    Calls of evaluations, iterations and steps.
+    Evaluations, iterations and steps are counted as they are called.
     """
     program = Path(__file__).with_name("counted.py")
     done = subprocess.run([sys.executable, str(program)], env={**environment, "NUMBA_DISABLE_JIT": "1"},
@@ -206,10 +206,7 @@ class Started:
 
 @pytest.mark.parametrize("kind", MODELS)
 def test_status_says_how_the_last_step_went(kind, tmp_path):
-    """The status output tells of the last step: 0 good, 1 warning, 3 failure.
-
-    It returns to 0 after a warning.
-    """
+    """The status output is 0 after a good step, 1 after a warning, 3 after a failure."""
     name = {"Driver": "serpentine", "SteeringDifferential": "differential"}.get(kind, "straight")
     scene = load(name, "rigid" if kind == "TrackRigid" else "flexible")
     part = next(part for part in assemble(scene).parts if part.kind == kind)

@@ -44,10 +44,7 @@ class Push(NamedTuple):
 
 
 def press(law: Law, share, depth: Floats, n: Floats, w: Floats, rate: Floats | None = None) -> Push:
-    """Contact of points with faces of normals ``n`` and relative velocity ``w``.
-
-    ``rate`` drives the damper.
-    """
+    """Contact of points with faces (normals ``n``, relative velocity ``w``; ``rate`` for the damper)."""
     along = (w * n).sum(-1)
     rate = -along if rate is None else rate
     s = np.clip(depth / RAMP, 0.0, 1.0)
@@ -95,10 +92,7 @@ class _Sum:
                        z((T, chain.n)))  # fmt: skip
 
     def book(self, t, at, x: Floats, w: Floats, depth: Floats, push: Push, m: int | None, kind: tuple) -> None:
-        """Add forces at points ``x`` (p, 3), at instants ``t``, on links (or pins) ``at``.
-
-        They come from wheel ``m`` or the ground.
-        """
+        """Add forces at points ``x`` (p, 3) and instants ``t`` on links (or pins) ``at`` by wheel ``m``."""
         sums, f = self.t, push.force
         if kind == TOOTH:
             np.add.at(sums.teeth, (t, at), f)

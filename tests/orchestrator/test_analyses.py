@@ -110,9 +110,7 @@ def test_of_the_hull_relative_power_and_that_on_its_motion_are_what_the_chassis_
     assert abs(found.energy[mount]) < 1e-6 * abs(found.energy_carried[mount])
     assert found.energy_drive[0] == pytest.approx(motor, rel=1e-4)
     assert -found.energy[sprocket] == pytest.approx(motor - spun, rel=0.02)
-    assert abs(found.energy_carried[sprocket]) > 0.03 * abs(found.energy[sprocket]), (
-        "uncorrected power has the same error"
-    )
+    assert abs(found.energy_carried[sprocket]) > 0.03 * abs(found.energy[sprocket]), "raw power is similar"
 
 
 def test_power_sees_a_wrench_that_is_off_by_three_per_cent(driven, scaled):
@@ -228,10 +226,7 @@ def test_a_scene_without_teeth_is_told(tmp_path):
 
 
 def test_places_are_arc_lengths_from_the_crossing():
-    """Places are arc lengths from the crossing.
-
-    The pins of a square of 8 links of 1 m go round the same places.
-    """
+    """Places are arc lengths from the crossing: the pins of a square go round the same places."""
     corner = np.array([[1, 0], [1, -1], [0, -1], [-1, -1], [-1, 0], [-1, 1], [0, 1], [1, 1]], float)
     after = np.roll(corner, -1, axis=0)
     moved = np.array([corner + share * (after - corner) for share in (0.0, 0.25, 0.75)])
@@ -331,10 +326,7 @@ def stressed(path, stress):
 
 
 def test_damage_is_that_of_miner(tmp_path):
-    """Damage is Miner's sum of counts (S / 100 MPa)^m / 2e6, by hand.
-
-    The ranges S are those of E1049 times 20 MPa.
-    """
+    """Damage is Miner's sum of counts (S / 100 MPa)^m / 2e6 by hand (E1049, ranges times 20 MPa)."""
     stress = 20e6 * E1049[:, None] * np.array([1.0, 0.5, 2.0, 0.0])
     by_hand = sum(n * (s * 20e6 / 100e6) ** 3 for s, n in ((3, 0.5), (4, 1.5), (6, 0.5), (8, 1.0), (9, 0.5))) / 2e6
     with Log(stressed(tmp_path / "f.mcap", stress)) as log:
@@ -454,7 +446,7 @@ def bent(path, turned=0.0, gradient=GRADIENT):
 def test_deformation_of_a_known_cubic_in_its_tangent_frame(tmp_path, turned):
     """Deformation of a known cubic in its tangent frame is the bending.
 
-    Along it, half of the angle's square. The tangent takes 2e-5 x off.
+    Along the chord it is half of the angle's square. The tangent takes 2e-5 x off.
     """
     with Log(bent(tmp_path / "bent.mcap", turned)) as log:
         found = deformation.of(RunData(log), at=[0.3])
@@ -538,10 +530,7 @@ def over_time(t, values, keep):
 
 @pytest.mark.parametrize("even", [True, False])
 def test_a_slip_ratio_weighs_a_record_by_its_own_step_alone(tmp_path, even):
-    """A slip ratio weighs a record by its own step.
-
-    After a halt its first record counts, the halt does not.
-    """
+    """A slip ratio weighs a record by its own step; a halt before it does not count."""
     t = np.linspace(0.0, 4.0, 401)
     t = t if even else t + 0.4 * np.sin(t)
     speed = np.where(np.sin(2 * np.pi * t) > 0.2, 2.0 + t, 0.01)
@@ -556,9 +545,7 @@ def test_a_slip_ratio_weighs_a_record_by_its_own_step_alone(tmp_path, even):
     wanted = 100.0 * over_time(t, ratio, speed > slip.SLOWEST)
     assert found["slip ratio"] == pytest.approx(wanted, rel=1e-9)
     kept = np.flatnonzero(speed > slip.SLOWEST)
-    assert np.average(100.0 * ratio[kept], weights=np.diff(t[kept], prepend=0.0)) > 1.5 * wanted, (
-        "the twin, which weighs with the halts, must differ"
-    )
+    assert np.average(100.0 * ratio[kept], weights=np.diff(t[kept], prepend=0.0)) > 1.5 * wanted, "the twin"
 
 
 def test_means_of_links_are_over_time_where_records_are_uneven(tmp_path):
@@ -607,10 +594,7 @@ def test_loads_of_wheels_are_counted_by_time(tmp_path):
 
 
 def test_a_wheel_on_a_flat_face_has_the_patch_of_a_circle():
-    """A wheel on a flat face has the patch of a circle: a chord of the rim, or the part of it on the link.
-
-    The depth is the circle's to some per mille.
-    """
+    """A wheel on a flat face has the patch of a circle: a chord of the rim, or its part on the link."""
     radius, face, sunk, pitch = 0.3, 0.03, 0.004, 0.15
     pins = np.array([[0.0, 0.0, 0.0], [pitch, 0.0, 0.0], [2 * pitch, 0.0, 0.0]])
     normals = np.tile([0.0, 0.0, -1.0], (1, 2, 1))  # outwards: the wheel stands on the other side
@@ -817,9 +801,7 @@ def test_curves_of_long_records_are_thinned_as_those_of_the_page(tmp_path):
     path = made(tmp_path / "s.mcap", {"/track/out": [("force", "N"), ("travel", "m")]}, rows)
     with Log(path) as log:
         (found,) = signal_picture._curves(RunData(log), ["track.force"], EVER, False, False, 0, False)
-    assert (found.x[found.y.argmax()], found.x[found.y.argmin()]) == (t[7777], t[12345]), (
-        "extrema are not at their instants"
-    )
+    assert (found.x[found.y.argmax()], found.x[found.y.argmin()]) == (t[7777], t[12345]), "wrong instants"
     assert {*zip(found.x, found.y, strict=True)} <= {*zip(t, values, strict=True)}
     same = Envelope(0.0, float(t[-1]), 1, signal_picture.CURVE)
     same.add(t, values[:, None])

@@ -23,10 +23,7 @@ def wrote(path, rows, every=1, names=("sprocket.force.x", "none", "own")):
 
 @pytest.fixture
 def made(tmp_path):
-    """A log and an answer that is 3 N larger from 40 ms on and 7 N less at 50 ms.
-
-    The log has every second step.
-    """
+    """A log of every second step, and an answer 3 N larger from 40 ms on and 7 N less at 50 ms."""
     now = FORCE + 3.0 * (T > 0.0395)
     now[50] = FORCE[50] - 7.0
     zero, log = np.zeros(len(T)), wrote(tmp_path / "a.mcap", (FORCE, 0 * T, 0 * T + 1.0), every=2)

@@ -452,10 +452,7 @@ def test_different_scenes_are_compared_when_asked(cotrack):
 
 @pytest.mark.parametrize(("step", "refused"), [("0.3e-3", 557), ("0.7e-3", 71), ("1e-3", 0)])
 def test_view_takes_the_end_as_it_is_written(step, refused):
-    """View accepts the end as printed, which rounding may put above the last record.
-
-    Checked for 1000 ends k H.
-    """
+    """View accepts the end as printed, which rounding puts above the last record for some k H."""
     above = 0
     for k in range(1, 1001):
         recorded = np.arange(k + 1) * float(step)

@@ -65,10 +65,7 @@ def test_means_meet_as_means():
 
 
 def test_joint_forces_do_not_depend_on_the_interval_of_their_means(tmp_path):
-    """Joint forces do not depend on the interval of their means: 2.5 and 10 ms give the same observables.
-
-    A tighter chain gives others.
-    """
+    """Joint forces do not depend on the interval of their means, 2.5 or 10 ms."""
     paths = [tmp_path / name for name in ("fine.mcap", "coarse.mcap", "tight.mcap")]
     for path, how in zip(
         paths, (("run.links=1",), ("run.links=4",), ("run.links=4", "rig.tension=10.3 kN")), strict=True
@@ -226,9 +223,7 @@ def test_the_cheapest_setting_within_an_error(tmp_path, monkeypatch):
     precision.write([ROWS[3]._replace(wall_time=8.0)], precision.own())
     assert cheapest("swing", "flexible", 0.15).wall_time == 1.0
     assert cheapest("swing", "flexible", 0.05).wall_time == 2.0
-    assert cheapest("swing", "rigid", 0.05).wall_time == 8.0, (
-        "the newer study of a track model must replace the older one"
-    )
+    assert cheapest("swing", "rigid", 0.05).wall_time == 8.0, "the newer study of a track model counts"
     with pytest.raises(BadInput, match=r"the best has an error of 0\.02"):
         cheapest("swing", "flexible", 0.01)
     with pytest.raises(BadInput, match="study error-runtime swung"):

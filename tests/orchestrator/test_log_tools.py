@@ -199,10 +199,7 @@ def ragged(path, steps=60, results=None):
 
 
 def test_a_recovered_log_ends_with_a_step_that_all_topics_have(tmp_path):
-    """A recovered log ends with a step that all topics have, for cuts anywhere.
-
-    Each topic has its own stride.
-    """
+    """A log that was cut anywhere ends, recovered, with a step that all topics have."""
     data = ragged(tmp_path / "whole.mcap").read_bytes()
     spans = chunk_spans(data)
     assert len(spans) > 20

@@ -165,10 +165,7 @@ def test_a_mean_of_some_records_leaves_out_the_time_of_the_others():
 
 @pytest.mark.parametrize("measure", [measures.sag, measures.hoop_strain, measures.span_tension])
 def test_measures_of_links_are_means_over_time(measure):
-    """Measures of links are means over time.
-
-    Values double at 0.5 s, where records become ten times as sparse.
-    """
+    """Measures of links are means over time, also where records become ten times as sparse."""
     t = np.concatenate([np.arange(0.0, 0.5, 1e-3), np.arange(0.5, 1.0005, 1e-2)])
     size = 1.0 + (t > 0.5 - 1e-9)
     forward = -0.5 * PITCH * np.array([0.0, 1.0, 1.0, 0.0]) * size[:, None] - 0.5

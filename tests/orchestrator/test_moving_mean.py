@@ -40,9 +40,7 @@ def test_the_mean_over_a_period_of_ripple_on_a_ramp_is_the_ramp(pieces):
         assert at.sum() > 400
         assert np.abs(mean.y - 3.0 * mean.t)[at].max() < rest * ripple
     mean = found.over(1.03 * PERIOD)
-    assert np.abs(mean.y - 3.0 * mean.t)[inside(mean, PERIOD)].max() > 1e-2 * ripple, (
-        "a window that is 3 % off must show"
-    )
+    assert np.abs(mean.y - 3.0 * mean.t)[inside(mean, PERIOD)].max() > 1e-2 * ripple, "a window that is 3 % off shows"
 
 
 def test_a_sample_counts_as_long_as_its_step():

@@ -134,10 +134,7 @@ def test_a_log_of_this_version_says_nothing_of_versions(cotrack, cut):
 
 
 def test_compare_works_across_versions(cotrack, cut, tmp_path):
-    """Logs of different versions compare: newer keys have their defaults in the older log.
-
-    Differences are reported.
-    """
+    """Logs of different versions compare: newer keys have their defaults in the older log."""
     with Log(OLD) as log:
         links, run = log.table("scene.json")["chain"]["links"], log.table("scene.json")["run"]
     table = load("hanging_chain", "rigid", (f"chain.links={links}", f"run.stop={run['stop']}"))

@@ -184,14 +184,10 @@ def rippling(path, teeth=TEETH, size=1.0):
 def test_a_band_has_the_line_of_its_mean_and_keeps_its_extremes(tmp_path):
     path, t, torque = rippling(tmp_path / "a.mcap")
     charts = embedded(page(path))["charts"]
-    assert charts["torque"]["window"] == "2 tooth passings at top speed, 62.8 ms", (
-        "two tooth passings are less than 4 s / 100"
-    )
+    assert charts["torque"]["window"] == "2 tooth passings at top speed, 62.8 ms", "two are less than 4 s / 100"
     (trace,) = charts["torque"]["traces"]
     band = {(float(x), float(y)) for x, y in zip(unpacked(trace["t"]), unpacked(trace["y"]), strict=True)}
-    assert band <= {*zip(map(float, t.astype("f4")), map(float, torque.astype("f4")), strict=True)}, (
-        "the band has values that were not recorded"
-    )
+    assert band <= {*zip(map(float, t.astype("f4")), map(float, torque.astype("f4")), strict=True)}, "as recorded"
     assert max(y for _, y in band) == np.float32(torque.max())
     x, mean = unpacked(trace["mean"]["t"]), unpacked(trace["mean"]["y"])
     inner = (x > 0.04) & (x < 3.96)
@@ -449,10 +445,7 @@ def test_the_side_view_shows_what_was_recorded(vehicle):
 
 
 def bearing(change=0.0):
-    """Times and outputs of three links.
-
-    The first is most tense at 0.3 s, the second most stressed at 0.7 s.
-    """
+    """Outputs of three links: the first is most tense at 0.3 s, the second most stressed at 0.7 s."""
     t = np.linspace(0.0, 1.0, 101)
     blow = {moment: np.exp(-(((t - moment) / 0.05) ** 2)) for moment in (0.3, 0.5, 0.7)}
     links = {f"link[{i}].tension": np.full(101, 100.0 * i) for i in (1, 2, 3)}
@@ -514,9 +507,7 @@ def test_thinning_keeps_every_peak(drawn, bins):
     curve = envelope.curve(0)
     assert (np.diff(curve.t) > 0).all()
     assert len(curve.t) <= 2 * bins
-    assert set(zip(curve.t, curve.y, strict=True)) <= set(zip(t, values, strict=True)), (
-        "a thinned curve has points that are not in the data"
-    )
+    assert set(zip(curve.t, curve.y, strict=True)) <= set(zip(t, values, strict=True)), "no invented points"
     place = np.clip((t * (bins / 3.0)).astype(int), 0, bins - 1)
     for bin_ in np.unique(place):
         inside = values[place == bin_]
@@ -787,9 +778,7 @@ def test_two_runs_stand_side_by_side(vehicle, tmp_path):
     k = np.clip((links.t * (len(edges) - 1) / 0.06).astype(int), 0, len(edges) - 2)
     most = [links.tension[k == slice_].max(axis=0) for slice_ in range(len(edges) - 1)]
     assert unpacked(drawn["reference"]).reshape(64, -1) == pytest.approx(1e-3 * np.array(most).T, rel=1e-6)
-    assert unpacked(drawn["values"]) != pytest.approx(unpacked(drawn["reference"]), rel=1e-3), (
-        "the run has its own values"
-    )
+    assert unpacked(drawn["values"]) != pytest.approx(unpacked(drawn["reference"]), rel=1e-3), "the run's own"
     assert '<option value="difference">' in html
     assert embedded(page(vehicle))["charts"]["tension-map"]["reference"] is None
     assert "<select data-chart" not in page(vehicle)

@@ -93,9 +93,7 @@ def test_ringing_makes_no_phases(tmp_path):
     np.testing.assert_allclose(bounds(of), CORNERS, atol=0.25)
     assert of[2].speed == pytest.approx(TOP, rel=0.01)
     harder = v + (trapezoid(t, 0.5 * TOP, (4.0, 4.2, 5.0, 5.2)))
-    assert len(found(made(tmp_path / "h.mcap", t, harder))) > len(KINDS), (
-        "the twin: 1.5 times as large it is no ringing"
-    )
+    assert len(found(made(tmp_path / "h.mcap", t, harder))) > len(KINDS), "the twin: 1.5 times is no ringing"
 
 
 def test_turns_are_found_to_a_step_and_through_zero(tmp_path):
@@ -232,10 +230,7 @@ def test_a_sentence_says_what_it_did(tmp_path):
 
 
 def test_a_broken_line_of_many_breaks_is_found(tmp_path):
-    """A broken line of many breaks is found: a saw of twenty teeth, each corner to a record.
-
-    The noise-free line has no more breaks.
-    """
+    """A broken line of many breaks is found: a saw of twenty teeth, each corner to a record."""
     t = np.arange(20001) * 1e-3
     corners = np.arange(21.0) + 0.013 * np.sin(np.arange(21.0))
     y = np.interp(t, corners, np.arange(21) % 2)

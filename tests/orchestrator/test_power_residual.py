@@ -31,10 +31,7 @@ def one_step(o, h):
 
 @pytest.mark.parametrize(("heavier", "right"), [(1.0, True), (1.02, False)])
 def test_by_hand(heavier, right):
-    """A free mass under the mean force F gets F^2 h^2 / 2 m too much energy, by hand.
-
-    v_1 = v + F h / m.
-    """
+    """A free mass under the mean force F (v_1 = v + F h / m) gets F^2 h^2 / 2 m too much energy."""
     h, m, v = 0.1, FREE.m2, FREE.start[3]
     (sent, received), force, after = one_step(FREE._replace(m2=heavier * m), h)
     assert (received == pytest.approx(0.5 * m * (after**2 - v**2), rel=1e-12)) == right
@@ -62,10 +59,7 @@ def test_order(variant, order):
 
 @pytest.mark.parametrize(("stiffer", "right"), [(1.0, True), (1.1, False)])
 def test_it_is_the_energy_that_the_coupling_loses(stiffer, right):
-    """The residual is the energy that the coupling loses, in a conservative system.
-
-    With another spring it is not.
-    """
+    """The residual is the energy that the coupling of a conservative system loses."""
     o, h, lost = FREE._replace(k=2.0), 1e-3, 0.0
     stages, a, b = coupled("spring", o)
     scheme = couple("jacobi constant", stages)
@@ -111,10 +105,7 @@ def test_the_shortest_step_is_counted_where_it_is_too_long():
 
 
 def test_a_tighter_tolerance_is_more_right():
-    """A tighter tolerance gives smaller errors.
-
-    The residual of a step goes with h^2, the motion has order 2. A tolerance of a hundredth gives a tenth of the step.
-    """
+    """A tighter tolerance gives smaller errors: a hundredth of it, a tenth of the step, order 2."""
     truth, errors, steps = expm(whole(study.FREE) * 3.0) @ study.FREE.start, [], []
     for tolerance in (1e-3, 1e-5):
         stages, a, b = coupled("wrench", study.FREE)

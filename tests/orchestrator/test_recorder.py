@@ -401,10 +401,7 @@ def test_words_of_rows_are_copied_into_records():
 
 
 def test_pages_that_are_lent_are_left_alone(tmp_path):
-    """Pages that are lent for filling stay in place.
-
-    Overdue messages are written as soon as they return.
-    """
+    """Pages that are lent for filling stay in place, even if messages are overdue."""
     with Recorder(tmp_path / "a.mcap", {"/a/out": [("x", "m")]}, {}, {}, flush=0.02) as recorder:
         (page,) = recorder.pages("/a/out")
         for k in range(1, 4):

@@ -110,13 +110,9 @@ def test_seldom_records_say_what_happened_between_them(runs):
         np.testing.assert_allclose(most[k], own.max(axis=0), rtol=1e-12, atol=1e-8)
         np.testing.assert_allclose(records.values[k, means], own[:, means].mean(axis=0), rtol=1e-12, atol=1e-8)
         np.testing.assert_array_equal(records.values[k, ~means], own[-1, ~means])
-        assert np.abs(records.values[k, means] - own[-1, means]).max() > 1.0, (
-            "means of links are those of the last step"
-        )
+        assert np.abs(records.values[k, means] - own[-1, means]).max() > 1.0, "those of the last step"
         np.testing.assert_allclose(mean[k], own.mean(axis=0), rtol=1e-12, atol=1e-9)
-        assert np.abs(mean[k] - every.values[20 * k - 20 : 20 * k].mean(axis=0)).max() > 1.0, (
-            "means of links are those of one step earlier"
-        )
+        assert np.abs(mean[k] - every.values[20 * k - 20 : 20 * k].mean(axis=0)).max() > 1.0, "one step earlier"
     np.testing.assert_array_equal(most[0], every.values[0])
 
 

@@ -142,10 +142,7 @@ def test_an_fmu_file_that_is_what_ran_is_compared(log, tmp_path):
 
 
 def test_other_numbers_answer_to_the_same_inputs(log, tmp_path):
-    """The answer with other numbers is the run with those numbers, to the bit.
-
-    A chain has no inputs.
-    """
+    """Other numbers give the run with those numbers, to the bit, because a chain has no inputs."""
     heavier = "vehicle.gravity=10.0"
     run = tmp_path / "run.mcap"
     assert simulate(load("hanging_chain", "flexible", (*SETTINGS, heavier)), run)["status"] == "ok"
@@ -228,10 +225,7 @@ def test_a_log_that_was_cut_off_is_replayed_as_far_as_all_of_it_goes(log, tmp_pa
 
 
 def test_names_in_a_log_lead_nowhere(log, tmp_path):
-    """Names in a log create no files: instances, attachments and topics may have any name.
-
-    Only requested files are written.
-    """
+    """Names of instances, attachments and topics in a log create no files; only requested ones exist."""
     content = Content(log)
     scene, system = (json.loads(content.attachments[name]) for name in ("scene.json", "system.json"))
     system["instances"][0]["name"] = "../../evil"

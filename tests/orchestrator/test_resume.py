@@ -67,10 +67,7 @@ def forget(pace, scheme, memory):
 
 @pytest.mark.parametrize("estimate", ["doubling", "power"])
 def test_variable_steps_go_on(tmp_path, monkeypatch, estimate):
-    """A run with variable steps resumes with the same steps.
-
-    Checkpoints are at the first points after 20, 40 and 60 ms that allow it.
-    """
+    """A run with variable steps resumes with the same steps, from checkpoints where they allow it."""
     variable = (f"run.variable.estimate={estimate}", "run.variable.tolerance=1e-5")
     whole = ran(tmp_path / "whole.mcap", "rig", "rigid", *RIG, *variable)
     with Log(whole) as log:
@@ -127,9 +124,7 @@ def test_a_branch_parts_at_the_step_after_its_checkpoint(rig, tmp_path):
     assert resume(rig, branch, 0.04, settings=settings)["status"] == "ok"
     with Log(rig) as one, Log(branch) as other:
         first = divergence(one, other).first
-        assert (first.step, first.variable) == (40, "sprocket.force.x"), (
-            "the first difference is an input of the step that begins there"
-        )
+        assert (first.step, first.variable) == (40, "sprocket.force.x"), "an input of the step that begins there"
         for name in ("track", "drive", "idler_drive"):
             a, b = (log.read(f"/{name}/out").values for log in (one, other))
             assert a[:41].tobytes() == b[:41].tobytes()

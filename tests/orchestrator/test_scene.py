@@ -332,9 +332,7 @@ def test_half_a_turn_of_roll():
         found = Rotation.from_quat([x, y, z, w])
         rolled = Rotation.from_euler("ZYX", [0.3, 0.2, np.pi])
         assert (found.inv() * rolled).magnitude() < 1e-12
-        assert (found.inv() * Rotation.from_euler("ZYX", [0.3, 0.2, 0.97 * np.pi])).magnitude() > 0.09, (
-            "the twin, 0.97 of the roll, must differ"
-        )
+        assert (found.inv() * Rotation.from_euler("ZYX", [0.3, 0.2, 0.97 * np.pi])).magnitude() > 0.09, "a twin"
     with pytest.raises(BadInput, match=r"start: roll = 1\.5708 rad must be 0 or half a turn"):
         load("settle", None, ["start.roll=90 deg"])
     bump = "ground.bump={start=1.0, rise=0.3, slope=0.5, length=1.0, radius=0.3}"
@@ -403,10 +401,7 @@ def test_scene_and_vehicle_files_of_any_content_are_one_sentence(tmp_path, repla
 
 
 def test_runs_of_one_scene():
-    """Runs of one scene may differ in computation, recording, name and checks.
-
-    Any other number is another scene.
-    """
+    """Runs of one scene may differ in computation, recording, name and checks, in nothing else."""
     whole = load("straight").resolved()
     for change in (
         "track=rigid", "track.element=beam", "track.step=1 ms", "run.stop=1 s", "run.step=2 ms", "run.links=1",

@@ -20,10 +20,7 @@ from orchestrator.studies.verdict import BLOWN, CLEAN, MUTE, RIGHT, WRONG, ended
 
 
 def step_of(pair, h):
-    """Matrix (4, 4) of one step: position and velocity of the chain, then of the wheel.
-
-    The wheel's side sends its state.
-    """
+    """Matrix (4, 4) of one step: position and velocity of the chain, then of the wheel."""
     step = amplification("tracks_first", "linear", "wrench", pair, h)
     return np.hstack([step[:4, :2], step[:4, 2:4] + step[:4, 5:7]])
 

@@ -125,9 +125,7 @@ def test_energy_of_a_free_chain_closes(tmp_path, how):
     total = sum(parts.values())
     moved = np.ptp(parts["gravity"])
     assert np.ptp(total) < 1e-6 * moved
-    assert np.ptp(total - 0.02 * parts["dissipated"]) > 1e-6 * moved, (
-        "the twin, which loses 2 % of the dissipation, must not close"
-    )
+    assert np.ptp(total - 0.02 * parts["dissipated"]) > 1e-6 * moved, "a twin that loses 2 % of the dissipation"
 
 
 @pytest.fixture(scope="module")
@@ -282,10 +280,7 @@ def test_co_simulation_converges_to_the_monolith(driven, coupled):
 
 @pytest.mark.study
 def test_joint_forces_converge_to_those_of_the_monolith(driven, coupled):
-    """Joint forces converge to those of the monolith; both logs hold means over INTERVAL.
-
-    So no part of the difference stays when the step goes to 0.
-    """
+    """Joint forces converge to those of the monolith, because both logs hold means over INTERVAL."""
     error = {h: differences_of_logs(log, driven)["joint_force"].relative for h, log in coupled.items()}
     for h in (1e-3, 5e-4):
         assert error[h] / error[h / 2] > 1.6, error
@@ -407,10 +402,7 @@ def test_books_of_a_differential_close(mode, tmp_path):
 @pytest.mark.study
 @pytest.mark.parametrize("motors", [(), ("drive.steering.mode=controller", "drive.mode=controller")])
 def test_driven_co_simulation_goes_to_the_monolith(motors):
-    """Driven co-simulation converges to the monolith with order 1, for all motors.
-
-    The driver's own steps are the same in both.
-    """
+    """Driven co-simulation converges to the monolith with order 1, for all motors."""
     path = ("driver.arcs=[[0.05, 0], [9, 0.3]]", "driver.reach=0.5", "driver.preview=0.2", "driver.ramp_start=0",
             "driver.ramp_time=0.1", *motors)  # fmt: skip
     names = ("chassis.chassis.position.x", "chassis.chassis.velocity.x")

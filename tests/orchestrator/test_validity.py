@@ -64,10 +64,7 @@ SPROCKET = {
 
 
 def running(path, turned, off, turn=0.0, middle=(1.0, 2.0, 3.0)):
-    """Log of a chain on a sprocket that has ``turned`` (m,) rad.
-
-    Its pins are ``off`` (m,) teeth from their gaps.
-    """
+    """Log of a sprocket that has ``turned`` (m,) rad and a chain ``off`` (m,) teeth from its gaps."""
     table = vehicle()
     step = 2.0 * np.pi / TEETH
     radius = table["track"]["pitch"] / (2.0 * np.sin(np.pi / TEETH))
@@ -95,10 +92,7 @@ def running(path, turned, off, turn=0.0, middle=(1.0, 2.0, 3.0)):
 
 @pytest.mark.parametrize("turn", [0.0, 2.5], ids=["in front", "behind"])
 def test_pins_that_pass_regularly_do_not_jump(tmp_path, turn):
-    """Pins that pass regularly are no jump.
-
-    Two revolutions ahead, one back, up to 0.4 pitch up the flanks.
-    """
+    """Pins that pass regularly are no jump, though they climb 0.4 pitch up their flanks."""
     turned = np.concatenate([np.linspace(0.0, 12.6, 1500), np.linspace(12.6, 6.3, 800)])
     climbing = 0.4 * np.sin(np.linspace(0.0, 40.0, len(turned)))
     assert found(running(tmp_path / "log.mcap", turned, climbing, turn)) == ()
@@ -287,10 +281,7 @@ def said_on_page(path):
 
 @pytest.fixture(scope="module")
 def pressed():
-    """Settings of a rig whose sprocket jumps to 30 rad/s.
-
-    Pins go 76 mm into its teeth, the chain jumps a tooth.
-    """
+    """Settings of a rig whose sprocket jumps to 30 rad/s: pins 76 mm in the teeth, a tooth jump."""
     return ("run.stop=40 ms", "run.step=0.25 ms", "track.step=0.25 ms", "drive.ramp_time=0", "drive.speed=30")
 
 

@@ -490,10 +490,7 @@ AT, LINK = 0.02, 5  # s; from 1
 
 @pytest.fixture(scope="module")
 def marked(driven):
-    """A corner of a link of the left track and a tooth tip of its sprocket, from the log alone.
-
-    The corner is on the right side; the tip is the first one.
-    """
+    """A right corner of a link and the first tooth tip of the left sprocket, from the log alone."""
     with Log(driven) as log:
         vehicle = RunData(log).scene["vehicle"]
 

@@ -187,10 +187,7 @@ ONE_SIDED = ("run", "settle", "--set", 'tracks=["left"]', "--stop", "0.12", "--l
 
 
 def test_a_vehicle_that_rolls_takes_its_cables_out_of_their_plane(cotrack):
-    """A vehicle that rolls takes its cables out of their plane.
-
-    It warns once, at 0.2 degrees, and again in a replay. With one track the vehicle leans to one side.
-    """
+    """A vehicle that rolls takes its cables out of their plane: a warning at 0.2 degrees."""
     status, out, err = cotrack(*ONE_SIDED, "--set", "track.axes=fixed", "--json")
     assert status == 0, err
     (warning,) = told(out)

@@ -124,10 +124,7 @@ def test_unequal_steps_of_order_k_are_exact_for_polynomials_of_degree_k():
 
 
 def test_factors_of_an_error_are_those_of_the_generating_function():
-    """The error factors satisfy sum_{m <= j} gamma*_m / (j - m + 1) = 0 for j > 0.
-
-    Hairer, Norsett, Wanner, III.1.
-    """
+    """Error factors: sum_{m <= j} gamma*_m / (j - m + 1) = 0, j > 0 (Hairer, Norsett, Wanner, III.1)."""
     signed = np.where(np.arange(len(GAMMA)) == 0, 1.0, -1.0) * GAMMA
     for j in range(1, len(GAMMA)):
         assert abs(sum(signed[m] / (j - m + 1) for m in range(j + 1))) < 1e-14

@@ -190,10 +190,7 @@ def test_frequencies_of_the_beam(ends, cure):
 
 
 def test_frequencies_of_a_stubby_beam_are_timoshenkos():
-    """Frequencies of a pinned beam of L/h = 20 are Timoshenko's, with order 2.
-
-    They include shear and rotatory inertia.
-    """
+    """Frequencies of a pinned beam of L/h = 20 are Timoshenko's (shear, rotatory inertia), order 2."""
     h, E = 1 / 20, 12 * 20.0**4
     kGA, rhoI, waves = 0.5 * E * h * h, h * h / 12, np.pi * np.arange(1, 4)
     b = 1 + waves**2 * (1 / kGA + rhoI)  # (rhoI/kGA) w^4 - (1 + k^2 (EI/kGA + rhoI)) w^2 + EI k^4 = 0
@@ -352,10 +349,7 @@ class Chord(Mesh):
 
 @pytest.mark.parametrize(("kind", "worst"), [(Mesh, (0.0, 1e-6)), (Chord, (0.01, 0.05))], ids=["green", "chord"])
 def test_energy_of_a_soft_chain_released_from_the_horizontal(kind, worst):
-    """Energy error of a soft chain released from the horizontal, over the largest strain energy.
-
-    16 links, EA = 1e5 N.
-    """
+    """Energy error of a soft chain (16 links, EA = 1e5 N) over the largest strain energy."""
     c, n = Cable(0.1524, 118.0, 1e5, 20.0, 0.0, 0.0), 16
     ties = [Tie((k, 1), (k + 1, 0), joints.pin_cable([0, 1, 0])) for k in range(n - 1)]
     mesh = kind([Member(cable, c, nodes(cable, [0, 0, 0], np.eye(3), c.l, n))], ties, [Support((0, 0), joints.held(2))])

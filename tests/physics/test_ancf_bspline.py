@@ -58,10 +58,7 @@ def test_bezier_maps_are_inverse():
 
 
 def test_the_map_is_linear_and_conserves_length_and_mass():
-    """The map is linear: weights of positions sum to 1, of slopes to 0.
-
-    So an affine motion of the control points is that of the mesh.
-    """
+    """The map is linear and affine: weights of positions sum to 1, of slopes to 0."""
     E = bspline.extraction(spline([2, 1, 3]).t)
     np.testing.assert_allclose(E.sum(axis=2), np.tile([1.0, 0, 1, 0], (len(E), 1)), atol=3e-15)
 
@@ -78,10 +75,7 @@ def test_a_mesh_that_is_less_smooth_than_its_knots_is_refused():
 
 @pytest.mark.parametrize("m", range(1, 5))
 def test_a_knot_imposes_three_equations_at_a_time(m):
-    """A knot imposes three equations at a time.
-
-    Each missing knot removes a control point (three coordinates).
-    """
+    """A knot imposes three equations at a time: each missing knot removes a control point."""
     count = bspline.extraction(spline([m]).t).reshape(8, -1)
     assert np.linalg.matrix_rank(count) == 4 + m
     removed = 2 * 12 - 3 * np.linalg.matrix_rank(count)

@@ -208,10 +208,7 @@ def test_sections_of_cables_turn_as_one_body_in_their_plane(name):
 
 
 def frame_tip(kind, n, stiffer=1.0, h=0.05, rigid=100.0):
-    """Relative errors of a clamped L-frame's tip displacements x and z under a force (1, 0, 1).
-
-    The reference is Timoshenko's.
-    """
+    """Errors of a clamped L-frame's tip displacements x, z under a force (1, 0, 1), over Timoshenko's."""
     L1, L2, E, shear, P = 1.0, 0.8, 1e7, 5 / 6, 0.16 * h**4 * 1e3
     A, inertia, kGA = h * h, h**4 / 12, shear * 0.5 * E * h * h
     if kind is beam:
@@ -287,10 +284,7 @@ def test_the_block_of_a_corner_has_a_potential_and_turns_freely():
 
 
 def spinning(kind, c, n=64, omega=5.0):
-    """Relative equilibrium of a free loop that spins about y.
-
-    Elastic force = omega^2 M q about its centre.
-    """
+    """Equilibrium of a spinning free loop about its centre: elastic force = omega^2 M q."""
     mesh, _ = chain(kind, c, n, True)
     e = mesh.e0.reshape(n, 2, -1, 3).copy()
     e[:, :, 0] -= e[:, :, 0].mean(axis=(0, 1))

@@ -52,10 +52,7 @@ def test_every_mode_satisfies_the_pin_and_jumps_where_it_may(mode, axis, before)
 
 @pytest.mark.parametrize("axis", AXES.values(), ids=AXES)
 def test_five_deformations_and_one_rotation(axis):
-    """Strains of the 12 - 6 free coordinates of a node have rank 5; the rotation is the sixth.
-
-    bb never jumps.
-    """
+    """Strains of a node's 12 - 6 free coordinates have rank 5; the sixth is rotation; bb never jumps."""
     jump = modes.jump_of_strain(axis)
     assert np.linalg.matrix_rank(jump, 1e-6) == 5
     assert np.abs(jump[:, 0]).max() < 1e-9
@@ -70,10 +67,7 @@ def test_five_deformations_and_one_rotation(axis):
 
 @pytest.mark.parametrize("axis", AXES.values(), ids=AXES)
 def test_a_mesh_with_this_pin_can_move_in_every_mode(axis):
-    """The pin of meshes is the same: 48 - 6 coordinates, all modes among them.
-
-    A pin of another axis differs.
-    """
+    """The pin of meshes is the same: 48 - 6 coordinates and all modes, unlike that of another axis."""
 
     def misfit(pin, pair):
         mesh = Mesh([Member(beam, STEEL, modes.straight(L))], [Tie((0, 1), (1, 0), joints.pin_beam(pin))])
@@ -121,10 +115,7 @@ def test_the_section_changes_on_one_side_only():
 
 
 def test_the_pin_stretches_as_one():
-    """The pin stretches as one: all six strains are continuous.
-
-    The stretch decays linearly along each element.
-    """
+    """The pin stretches as one: six continuous strains, and a linear decay along each element."""
     pair = moved("pin stretch", AXES["y"])
     before, behind = modes.at_joint(pair, L)
     np.testing.assert_allclose(before, behind, atol=1e-16)

@@ -16,10 +16,7 @@ KINDS = ("point", "cable")
 
 
 def rope(slider, smooth=True, mass=1.0, place=0.6, gravity=9.81, stiffness=(4e3, 2.0), ends=2, drag=0.0):
-    """Bodies, rail and state at rest of a straight rail along x with a slider at ``place``.
-
-    ``ends`` of the rail are pinned.
-    """
+    """Bodies, rail and state at rest of a straight rail with a slider at ``place``, ``ends`` pinned."""
     EA, EI = stiffness
     c = Cable(L / N, 0.5, EA, EI, 0.0, 0.0)
     T = sliding.chain_map(N, c.l, smooth)
@@ -298,10 +295,7 @@ def test_point_on_a_turning_rod():
 
 
 def test_momentum_of_free_bodies():
-    """Free bodies keep linear momentum to rounding and angular momentum at order 2.
-
-    There are no supports and no weight.
-    """
+    """Free bodies keep linear momentum to rounding and angular momentum at order 2."""
     drift = []
     for h in (4e-3, 2e-3):
         b, r, s = rope("cable", gravity=0.0, ends=0, stiffness=(1e3, 0.5))
@@ -320,10 +314,7 @@ def test_momentum_of_free_bodies():
 
 
 def test_nodes_are_impacts_for_a_cable_on_a_rail_that_is_not_smooth():
-    """Nodes of a rail that is not smooth are impacts for a cable.
-
-    Over C1 nodes its rate of rotation jumps. The rate of the constraint is off by far more than over C2 nodes.
-    """
+    """Nodes of a rail that is not smooth are impacts for a cable: its rate of rotation jumps there."""
     worst = []
     for smooth in (True, False):
         b, r, s = rope("cable", smooth)

@@ -34,10 +34,7 @@ def tip(mesh, *pushes, steps=1):
     ("ratio", "published"), [(1, 0.1406), (1.5, 0.196), (2, 0.229), (3, 0.263), (5, 0.291), (10, 0.312)]
 )
 def test_the_series_gives_the_published_constants(ratio, published):
-    """The series gives J/(width height^3) of Timoshenko and Goodier's table (three digits).
-
-    Sides are in either order.
-    """
+    """The series gives J/(width height^3) of Timoshenko and Goodier's table (three digits)."""
     b, h = 0.03 * ratio, 0.03
     assert torsion.constant(b, h) / (b * h**3) == pytest.approx(published, rel=3e-3)
     assert torsion.constant(b, h) / (b * h**3) != pytest.approx(1.01 * published, rel=3e-3)
@@ -69,10 +66,7 @@ def test_an_end_couple_twists_as_saint_venant_says(ratio, cure):
 @pytest.mark.parametrize("cure", CURES)
 @pytest.mark.parametrize("across", [1, 2])
 def test_transverse_shear_keeps_its_own_factor(across, cure):
-    """Transverse shear keeps its own factor.
-
-    A short cantilever is Timoshenko's with any factor of torsion.
-    """
+    """Transverse shear keeps its own factor: Timoshenko's cantilever with any factor of torsion."""
     b, h, L, P = 0.2, 0.1, 0.5, 1.0
     G, depth = 0.5 * E / (1 + CURES[cure][0]), (b, h)[across - 1]
     EI, kGA = E * b * h * depth**2 / 12, SHEAR * G * b * h

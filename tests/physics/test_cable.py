@@ -78,10 +78,7 @@ def test_rigid_motion_strains_and_damps_nothing():
 
 
 def test_internal_forces_balance():
-    """Internal forces balance, and so do moments about axes normal to the chord.
-
-    Without damping, about all axes.
-    """
+    """Forces balance, and moments about axes normal to the chord (all axes without damping)."""
     e, v = bent(SOFT, 0.05), rng.standard_normal((4, 3))
     elastic = internal(SOFT, e, np.zeros((4, 3)))
     damping = internal(SOFT, e, v) - elastic

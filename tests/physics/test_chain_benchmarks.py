@@ -25,10 +25,7 @@ def tip(kind, h, pitch=P, **changes):
 
 @pytest.mark.parametrize(("kind", "expected"), [(Rigid, 9.413161), (Flexible, 9.413174)])
 def test_released_horizontal_chain(kind, expected):
-    """Released chains of thin rods and steel cables converge with order 2 for any spectral radius.
-
-    Steel and rods differ by 13 um.
-    """
+    """Released chains converge with order 2 for any spectral radius; steel and rods differ by 13 um."""
     tips = np.array([tip(kind, h) for h in (1e-3, 5e-4, 2.5e-4)])
     assert np.abs(tips - expected).max() < 2e-5
     limit = tips[2] + (tips[2] - tips[1]) / 3.0
@@ -57,10 +54,7 @@ def rigid_swings(n):
 
 
 def steel_swings(n, cable=STEEL):
-    """Frequencies by Sturm counts of the condensed K - omega^2 M at the loaded equilibrium.
-
-    They count negative eigenvalues, in the plane.
-    """
+    """Frequencies by Sturm counts of the condensed K - omega^2 M at the loaded equilibrium."""
     chain = Flexible(line(n), held=True, cable=cable)
     stretch = (n - np.arange(n) - 0.5) * cable.rhoA * P * G / cable.EA
     depth = -P * np.concatenate([[0.0], np.cumsum(1.0 + stretch)])
@@ -109,10 +103,7 @@ def rigid_loop(mass=MASS):
 
 
 def steel_loop(mass=MASS):
-    """Relative equilibrium K(q) = omega^2 M q.
-
-    The free rotation about the axis gets the smallest correction.
-    """
+    """Equilibrium K(q) = omega^2 M q with the smallest correction of the rotation about the axis."""
     loop = Flexible(ring(LINKS), closed=True, gravity=0.0, cable=STEEL._replace(rhoA=mass / P))
     loop.s.vdot[:] = -(RATE**2) * loop.s.q
     loop.s.vdot[:, 7] = 0.0
@@ -143,10 +134,7 @@ def test_joint_force_of_a_spinning_loop(loop):
 
 
 def test_hoop_strain_of_the_steel_loop():
-    """The hoop strain of the steel loop is T / EA to 1/2400, the effect of the polygon.
-
-    Along a link the tension is m omega^2 p (cot^2 + 1/3) / 4, to 1e-7.
-    """
+    """The hoop strain of the steel loop is T / EA to 1/2400, the effect of the polygon."""
     loop = steel_loop()
     tension = float(joint_forces(loop).mean())
     e, found = np.zeros((4, 3)), []
@@ -221,10 +209,7 @@ def test_folded_chain_beats_free_fall(links):
 
 
 def test_the_landmarks_of_the_fall_can_be_missed():
-    """Both times are wrong with 3 % more gravity (twin).
-
-    The tip still precedes the slower free fall.
-    """
+    """Both times are wrong with 3 % more gravity (twin), but the tip still precedes free fall."""
     top, half = landmarks(*fall(Rigid, 17, 0.05, gravity=1.03 * G)[:2])
     assert abs(top / 0.8472 - 1.0) > 0.01
     assert abs(half / 0.948 - 1.0) > 0.005
@@ -267,10 +252,7 @@ def free(kind, cable=STEEL, lateral=0.0):
 
 
 def drift(chain, h, integrator, time=10.0):
-    """Largest relative change of energy, and of angular momentum (3) over its size.
-
-    In 100 samples.
-    """
+    """Largest relative change of energy, and of angular momentum (3), in 100 samples."""
     start, angular = chain.energy(), chain.angular_momentum()
     lost, turned = 0.0, np.zeros(3)
     for _ in range(100):
@@ -323,10 +305,7 @@ def test_drift_of_a_free_chain_over_ten_seconds(kind, cable, integrator, steps, 
 
 
 def test_cables_keep_the_component_about_the_pin_alone():
-    """Cables keep the angular momentum about the pins' axis alone.
-
-    Its drift falls at order 2, the others stay. The motion has a lateral part.
-    """
+    """Cables keep the angular momentum about the pins' axis alone (order 2) in a lateral motion."""
     turned = np.array(
         [drift(free(Flexible, lateral=0.3), h, "generalized_alpha", 2.0)[1] for h in (2.5e-3, 1.25e-3, 6.25e-4)]
     )

@@ -103,10 +103,7 @@ def test_power_of_the_force_is_dissipation_and_storage(contact, x):
 
 
 def passing(start, reach, rng):
-    """Smooth random path of time in 0 to 1 about ``start`` (3): position and velocity.
-
-    At most ``reach`` m away.
-    """
+    """Smooth random path in time 0 to 1 within ``reach`` m of ``start`` (3): position and velocity."""
     a, phase = reach * rng.uniform(0.3, 1.0, (3, 3)), rng.uniform(0.0, 2.0 * np.pi, (3, 3))
     rate = 2.0 * np.pi * np.arange(1, 4)
 
@@ -132,10 +129,7 @@ PASSES = {
 
 @pytest.mark.parametrize("law", PASSES)
 def test_work_on_a_contact_is_stored_and_dissipated(law):
-    """Work on a contact is stored and dissipated, along a random motion in and out.
-
-    The wheel moves and turns. Work is the integral of force times velocity by Simpson's rule.
-    """
+    """Work on a contact, by Simpson's rule, is stored and dissipated along a random motion."""
     contact, start, wheel = PASSES[law]
     path, s = passing(np.asarray(start), 8e-3, np.random.default_rng(8)), Pressed()
     first, row = wheel_row()[None, :], np.zeros((1, WIDTH))
@@ -230,10 +224,7 @@ def test_hunt_and_crossley_send_a_mass_back_as_they_say():
 
 
 def test_a_wheel_that_rolls_on_a_flat_feels_no_damper():
-    """A wheel that rolls on a flat has no damper force: its penetration rate is that of its centre.
-
-    The force follows that rate.
-    """
+    """A wheel that rolls on a flat has no damper force: its penetration rate is that of its centre."""
     row, s = wheel_row(), Pressed()
     row[3:6], row[6:9] = (2.0, 0.0, 0.0), (0.0, 2.0 / 0.305, 0.0)
     side, still = np.array([0.0, 0.0, -1.0]), np.zeros(3)
@@ -328,10 +319,7 @@ def test_pins_at_the_pitch_circle_just_touch_their_seats():
 
 @pytest.mark.parametrize("b", np.linspace(0.0, 0.084, 22))
 def test_penetration_is_a_distance_and_mirrored(b):
-    """The penetration of a tooth is a distance at any depth, and mirrored.
-
-    It grows no more than the pin moves.
-    """
+    """The penetration of a tooth is a distance at any depth: it grows no more than the pin moves."""
     a = np.linspace(0.1, 0.28, 1800)
     depths = np.maximum([depth_at(x, b) for x in a], 0.0)
     assert abs(np.diff(depths)).max() < 1.01 * (a[1] - a[0])

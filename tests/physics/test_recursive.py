@@ -139,10 +139,7 @@ def test_released_chain_of_thin_rods():
 
 
 def pendulum(J):
-    """Lagrange's equations of three equal links in a plane, by their angles over x.
-
-    Each link has inertia ``J``.
-    """
+    """Lagrange's equations of three equal links in a plane, inertia ``J``, by their angles over x."""
     c, links = 0.5 * P, np.arange(3)
     # a joint moves the centre of its own link at c, those of all later links at P
     M = np.array(
@@ -288,10 +285,7 @@ class Counted(np.ndarray):
 
 
 def test_cost_grows_with_the_number_of_links():
-    """The cost grows with the number of links.
-
-    Factorisation and solution touch a fixed number of entries per link.
-    """
+    """The cost grows with the number of links: a fixed number of entries is touched per link."""
 
     def touched(n):
         tree = recursive.Tree(*(part.view(Counted) for part in recursive.tree(n)))
