@@ -1,8 +1,8 @@
-"""Fixtures of all tests.
+"""Fixtures shared by all tests.
 
-Built FMUs and compiled kernels go into the ordinary cache, which is addressed by content: workers share it,
-and a kernel is compiled once, not once a run. Two workers that need a new kernel at the same time both compile it:
-hence the order of the modules.
+Built FMUs and compiled kernels go into the ordinary cache, which is addressed by content. Workers share it, so a kernel
+is compiled once and not once per run. Two workers that need a new kernel at the same time both compile it; the order of
+the modules makes this rare.
 """
 
 import os
@@ -18,7 +18,7 @@ from fmus.build import build_shell
 from orchestrator.cli import app, main
 from orchestrator.log.stream import Stream
 
-# how long an example takes says something of the machine, not of the code
+# the run time of an example depends on the machine, not on the code
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("untimed")
 
@@ -27,11 +27,13 @@ TOY = HERE / "toy"
 ROOT = HERE.parent
 
 
-@pytest.hookimpl(trylast=True)  # of those that are run
+@pytest.hookimpl(trylast=True)  # after the deselection of tests, so that only selected tests are counted
 def pytest_collection_modifyitems(items):
-    """With an empty cache one worker compiles the vehicles' kernels while the other is at the pieces of physics.
+    """Sort the tests so that two workers with an empty cache seldom compile the same kernels.
 
-    What needs whole vehicles comes after them and finds its kernels. Large modules are first, for an even end.
+    One worker compiles the kernels of the vehicles while the other runs the tests of physics. Tests that need whole
+    vehicles come last and find their kernels compiled. Large modules come first, so that both workers end at about the
+    same time.
     """
     sizes = Counter(item.path for item in items)
 
@@ -43,12 +45,12 @@ def pytest_collection_modifyitems(items):
 
 
 def build_toy(folder=None, name=None, **config):
-    """The FMU of a mass on a spring, with so many spare inputs and outputs."""
+    """Build the FMU of a mass on a spring; ``config`` sets the number of spare inputs and outputs."""
     return build_shell(TOY / "toy_fmu.py", {"spare": 3, "start": 0.1, **config}, folder, name, packages=[TOY])
 
 
 def messages(err):
-    """What a command wrote to stderr, without the lines in which it says what it is at."""
+    """Return the error text of a command without its progress lines."""
     return "".join(line for line in err.splitlines(True) if not line.startswith("... "))
 
 
@@ -59,7 +61,7 @@ def toy():
 
 @pytest.fixture(scope="session")
 def environment():
-    """Environment of a child process that sees the packages under test and the toy."""
+    """Environment of a child process in which the packages under test and the toy can be imported."""
     path = os.pathsep.join([str(ROOT), str(HERE), *filter(None, [os.environ.get("PYTHONPATH")])])
     return {**os.environ, "PYTHONPATH": path, "NUMBA_DISABLE_JIT": "0"}
 
@@ -73,7 +75,7 @@ def fresh_cache(tmp_path, monkeypatch):
 
 @pytest.fixture
 def clean_imports():
-    """The interpreter's search path and modules are afterwards as they were."""
+    """Restore the interpreter's search path and modules after the test."""
     path, modules = list(sys.path), set(sys.modules)
     yield
     sys.path[:] = path
@@ -83,7 +85,7 @@ def clean_imports():
 
 @pytest.fixture
 def scaled(monkeypatch):
-    """``scaled(log, topic, name, factor)``: logs are read as if a variable were so many times as large."""
+    """Return ``scaled(log, topic, name, factor)``, which multiplies a variable when a log is read."""
 
     def change(log, topic, name, factor):
         assert name in log.topics[topic].names
@@ -102,13 +104,16 @@ def scaled(monkeypatch):
 
 @pytest.fixture
 def cotrack(call):
-    """``call`` of the command ``cotrack``."""
+    """Return ``call`` bound to the command ``cotrack``."""
     return partial(call, app)
 
 
 @pytest.fixture
 def call(capsys, monkeypatch, tmp_path):
-    """Call a command line in an empty folder; exit status, stdout, stderr without the lines of its narration."""
+    """Return a function that calls a command line in an empty folder.
+
+    It returns the exit status, stdout, and stderr without progress lines.
+    """
     monkeypatch.chdir(tmp_path)
 
     def call(command, *arguments):

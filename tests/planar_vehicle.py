@@ -1,26 +1,26 @@
-"""A tracked vehicle in the plane, by the general theory of skid steering with inertia: a quick plant for drivers.
+"""A tracked vehicle in the plane, by the general theory of skid steering: a plant for drivers.
 
-The forces are those of ``skid_steering`` at any motion, steady or not: Coulomb friction under the road wheels, loads
-moved by the accelerations along and across the hull. Sprockets follow their demands with a lag of first order.
-Classical Runge-Kutta; the frame is x ahead, y left, from the centre of mass.
+The forces are those of ``skid_steering`` in any motion, steady or not: Coulomb friction under the road wheels, with the
+loads shifted by the accelerations along and across the hull. Sprockets follow their demands with a first-order lag.
+Classical Runge-Kutta; the frame is x forward, y left, from the centre of mass.
 """
 
 import numba
 import numpy as np
 from skid_steering import G, Vehicle
 
-X, Y, HEADING, AHEAD, LEFT, RATE, SPEEDS = 0, 1, 2, 3, 4, 5, slice(6, 8)  # of the state; speeds of both sprockets
-LONGEST = 1e-3  # s: an internal step
+X, Y, HEADING, AHEAD, LEFT, RATE, SPEEDS = 0, 1, 2, 3, 4, 5, slice(6, 8)  # indices; speeds of both sprockets
+LONGEST = 1e-3  # s: longest internal step
 
 
 class Planar:
-    """The vehicle; what it is told are the wanted speeds of its sprockets (left, right), rad/s."""
+    """The vehicle; its inputs are the demanded speeds of its sprockets (left, right), rad/s."""
 
     def __init__(self, vehicle=None, inertia=38.5e3, lag=0.1, place=(0.0, 0.0, 0.0), speed=0.0):
         v = vehicle or Vehicle()
         self.vehicle, self.inertia, self.lag = v, inertia, lag
         self.x = np.array([*place, speed, 0.0, 0.0, speed / v.radius, speed / v.radius])
-        self.told = np.zeros(2)  # acceleration ahead and left in the last step, m/s2
+        self.told = np.zeros(2)  # acceleration forward and left in the last step, m/s2
         self._arrays = np.array(v.wheels), np.array(v.shares)
 
     def step(self, h, wanted):
@@ -32,7 +32,7 @@ class Planar:
 
 @numba.njit
 def _rates(x, told, wanted, wheels, shares, p, out):
-    """Derivatives of the state."""
+    """Write the derivatives of the state to ``out``; return the specific forces forward and left, m/s2."""
     mass, inertia, height, half, width, radius, friction, creep, lag = p
     u, v, r = x[3], x[4], x[5]
     middle = (shares * wheels).sum()
@@ -67,10 +67,10 @@ def _march(x, told, n, h, wanted, wheels, shares, p):
 
 
 class Ride:
-    """A driver's model on the planar vehicle: outputs by name, and the motion (n, 8) of the vehicle, at each step."""
+    """Ride of a driver's model on the planar vehicle: outputs by name, motion (n, 8) at each step."""
 
     def __init__(self, model, plant, hull, stop, h=2e-3):
-        """``hull``: how far the hull's centre of mass is ahead of the vehicle's, m."""
+        """Run for ``stop`` s; ``hull``: distance of the hull's centre of mass ahead of the vehicle's, m."""
         self.names = [p.name for p in model.ports if p.causality == "output" and isinstance(p.start, float)]
         shown, moved, y = [], [], np.zeros(len(self.names))
         for k in range(round(stop / h)):
@@ -86,7 +86,7 @@ class Ride:
 
 
 def motion(x, hull):
-    """The 13 that a driver sees."""
+    """The 13 inputs of a driver."""
     c, s, half = np.cos(x[HEADING]), np.sin(x[HEADING]), 0.5 * x[HEADING]
     u, v = x[AHEAD], x[LEFT] + hull * x[RATE]
     place = x[X] + hull * c, x[Y] + hull * s, 0.4

@@ -1,8 +1,8 @@
-"""The general theory of skid steering for a vehicle on firm ground, in steady motion: an independent code.
+"""The general theory of skid steering on firm ground, in steady motion: an independent code.
 
 Steeds, Tracked vehicles, Automobile Engineer, 1950; Wong and Chiang, A general theory for skid steering of tracked
-vehicles on firm ground, Proc. IMechE D 215, 2001. Tracks press on the ground under their road wheels; there friction
-opposes the slip velocity. x ahead, y left, from the centre of mass; turns to the left are positive.
+vehicles on firm ground, Proc. IMechE D 215, 2001. Tracks press on the ground under their road wheels, where friction
+opposes the slip velocity. x forward, y left, from the centre of mass; turns to the left are positive.
 """
 
 from typing import NamedTuple
@@ -14,14 +14,14 @@ G = 9.81
 
 
 class Vehicle(NamedTuple):
-    """The M113 as its table makes it, SI."""
+    """The M113 by the vehicle's table, SI units."""
 
-    mass: float = 15891.58  # of the whole
-    height: float = 0.578  # of the centre of mass over the ground
-    half_width: float = 1.0795  # of a track's middle from the vehicle's
+    mass: float = 15891.58  # of the whole vehicle
+    height: float = 0.578  # of the centre of mass above the ground
+    half_width: float = 1.0795  # from the vehicle's middle to that of a track
     width: float = 0.378  # of a track
-    wheels: tuple[float, ...] = (1.3374, 0.6704, 0.0034, -0.6636, -1.3296)  # ahead of the centre of mass
-    # of the load of a track: the wheels' loads less what the slanting end strands lift of the first and the last
+    wheels: tuple[float, ...] = (1.3374, 0.6704, 0.0034, -0.6636, -1.3296)  # forward of the centre of mass
+    # of a track's load: wheel loads less the lift of the first and the last wheel by the inclined end strands
     shares: tuple[float, ...] = (0.158, 0.238, 0.221, 0.217, 0.166)
     radius: float = 10.0 * 0.1524 / (2.0 * np.pi)  # speed of a track over that of its sprocket
     friction: float = 0.3
@@ -29,14 +29,14 @@ class Vehicle(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """Steady motion; (left, right)."""
+    """Steady motion; arrays are (left, right)."""
 
     rate: float
     ahead: float  # velocity of the centre of mass
     left: float
-    slip: np.ndarray  # speed of a track over the ground's along it
-    force: np.ndarray  # of the ground along the vehicle
-    transfer: float  # of load from the inner to the outer track
+    slip: np.ndarray  # speed of a track relative to the ground along it
+    force: np.ndarray  # force of the ground along the vehicle
+    transfer: float  # load moved from the inner to the outer track
 
     @property
     def radius(self):
@@ -47,7 +47,7 @@ class Turn(NamedTuple):
 
 
 def turn(vehicle, sprockets):
-    """Steady motion with the sprockets at (left, right) rad/s; friction sharpens step by step on the way to it."""
+    """Steady motion with the sprockets at (left, right) rad/s, by continuation in the friction."""
     speeds = vehicle.radius * np.array(sprockets)
 
     def balance(z, creep):
@@ -68,17 +68,17 @@ def turn(vehicle, sprockets):
 
 
 def acting(vehicle, speeds, z):
-    """Forces of the ground (2, 2) on the tracks, their moment about the vertical, load moved to the outer track."""
+    """Forces of the ground (2, 2) on the tracks, their moment about the vertical, load on the outer track."""
     u, v, r = z
     x, shares = np.array(vehicle.wheels), np.array(vehicle.shares)
     transfer = vehicle.mass * r * u * vehicle.height / (2.0 * vehicle.half_width)
-    wanted = r * v * vehicle.height / G  # where the loads' middle has to lie
+    wanted = r * v * vehicle.height / G  # required centre of the loads
     middle = shares @ x
     tilt = (wanted - middle) / (shares @ (x - middle) ** 2)
     along = shares * (1.0 + tilt * (x - middle))
     forces, moment = np.zeros((2, 2)), 0.0
     for side, sign in enumerate((1.0, -1.0)):
-        load = 0.5 * vehicle.mass * G - sign * transfer  # turning left, the right track is the outer one
+        load = 0.5 * vehicle.mass * G - sign * transfer  # in a left turn the right track is the outer one
         for y in (sign * vehicle.half_width + part * 0.25 * vehicle.width for part in (-1.0, 1.0)):
             w = np.stack([u - r * y - speeds[side] + 0.0 * x, v + r * x])
             f = -vehicle.friction * 0.5 * load * along * w / np.sqrt((w**2).sum(axis=0) + vehicle.creep**2)

@@ -1,4 +1,4 @@
-"""The cache heals: whatever becomes of a file in it, runs are right; and what others can write into is left alone."""
+"""The cache recovers from any damage to its files, and folders that others can write are not used."""
 
 import errno
 import inspect
@@ -37,7 +37,7 @@ DAMAGES = ("flip", "cut", "empty", "delete")
 
 
 def damage(file, how, rng):
-    """In place, as a bad disk does: whoever has the file open sees it."""
+    """Damage a file in place, as a bad disk does: processes that have it open see the damage."""
     content = bytearray(file.read_bytes())
     if how == "delete":
         file.unlink()
@@ -81,7 +81,7 @@ def test_a_kept_file_is_found_whole_or_not_at_all(fresh_cache):
     file.write_bytes(whole)
     assert fmus.cache.kept(file) == b"content"
     file.rename(file.with_name("other"))
-    assert fmus.cache.kept(file.with_name("other")) is None, "the content of another file"
+    assert fmus.cache.kept(file.with_name("other")) is None, "the content of another file was accepted"
 
 
 def test_a_damaged_kernel_is_not_unpickled(fresh_cache, monkeypatch):
@@ -120,12 +120,12 @@ def test_a_damaged_fmu_is_built_again(fresh_cache):
     assert build_toy() == fmu
     with zipfile.ZipFile(fmu) as archive:
         again = {name: archive.read(name) for name in archive.namelist()}
-    assert {name for name in packed if again[name] != packed[name]} <= {"modelDescription.xml"}, "but its date"
+    assert {name for name in packed if again[name] != packed[name]} <= {"modelDescription.xml"}, "only its date differs"
     assert fmus.cache.kept(fmu) is not None
 
 
 def as_packed(fmu, folder):
-    """Names of files that are not what the FMU holds."""
+    """Names of files that differ from the content of the FMU."""
     with zipfile.ZipFile(fmu) as archive:
         return [
             name for name in archive.namelist()
@@ -166,7 +166,7 @@ def test_no_bytecode_is_run_that_nobody_checks(toy, fresh_cache, tmp_path):
     env = {**os.environ, "PYTHONDONTWRITEBYTECODE": "", "PYTHONPATH": ""}
     subprocess.run([sys.executable, "-c", code, sources.parent], env=env, check=True)
     assert (sources / "__pycache__").read_bytes() == b""
-    (sources / "__pycache__").unlink()  # then Python writes some
+    (sources / "__pycache__").unlink()  # Python writes some later
     subprocess.run([sys.executable, "-c", code, sources.parent], env=env, check=True)
     assert list((sources / "__pycache__").iterdir())
     unpack(toy)
@@ -198,7 +198,7 @@ def short_chain():
 
 
 def built_of(counter):
-    """Stands in for the monolith: the two logs, their hashes and some figures."""
+    """Substitute for the monolith: the two logs, their hashes and some figures."""
 
     def build(scene, folder, title):
         counter["built"] += 1
@@ -221,7 +221,7 @@ def test_a_damaged_table_of_settings_is_left_out_and_named(fresh_cache, caplog):
         damage(file, how, rng)
         caplog.clear()
         found = [row for row in precision.read() if row.scene not in ("straight", "hard_stop", "rig", "hanging_chain")]
-        if found:  # a blank became another one
+        if found:  # a blank was changed to another one
             assert found[0].error == 0.0125
             assert json.loads(file.read_bytes()) == json.loads(whole)
         else:
@@ -261,7 +261,7 @@ def test_what_others_can_write_or_own_is_not_trusted(fresh_cache, level, monkeyp
     assert fmus.cache.kept(place / "file") == b"content"
     me = os.geteuid()
     monkeypatch.setattr(os, "geteuid", lambda: me + 1)
-    if me:  # what belongs to root is trusted
+    if me:  # files of root are trusted
         with pytest.raises(fmus.cache.Untrusted, match=rf"belongs to another user \({me}\); name a folder of your own"):
             fmus.cache.own(place)
 
@@ -285,7 +285,7 @@ with Component(build_toy(), "toy", heard) as component:
 
 
 def run_toy(environment, cache):
-    """The toy in a process of its own: what it tells, its outputs, whether its kernel was found, what its log says."""
+    """Run the toy in its own process: messages, outputs, number of kernels found, text of its log."""
     done = subprocess.run(
         [sys.executable, "-c", TOY_RUN], env={**environment, "COTRACK_CACHE": str(cache)},
         capture_output=True, text=True,
@@ -298,20 +298,23 @@ def run_toy(environment, cache):
 
 @pytest.fixture(scope="module")
 def warm(environment, tmp_path_factory):
-    """A cache that one run has filled, and its outputs."""
+    """A cache that one run has filled, and the outputs of that run."""
     cache = tmp_path_factory.mktemp("warm") / "cache"
     return cache, run_toy(environment, cache)[1]
 
 
 @pytest.fixture
 def cache(warm, tmp_path):
-    """A copy of it."""
+    """A copy of the warm cache."""
     return shutil.copytree(warm[0], tmp_path / "cache")
 
 
 @pytest.mark.long
 def test_a_run_on_damaged_files_is_right_and_heals_them(environment, warm, cache):
-    """Before they were checked a cut library ended the process by SIGBUS, a missing resource by SIGSEGV."""
+    """A run on damaged files is right and repairs them.
+
+    Without checks a cut library ended the process by SIGBUS, a missing resource by SIGSEGV.
+    """
     rng = random.Random(6)
     for pattern, how in (
         ("kernels/*/*advance*.kernel", "flip"),
@@ -325,7 +328,7 @@ def test_a_run_on_damaged_files_is_right_and_heals_them(environment, warm, cache
 
 
 class Trap:
-    """Makes a folder where it is unpickled."""
+    """An object that makes a folder when it is unpickled."""
 
     def __init__(self, folder):
         self.folder = folder
@@ -346,14 +349,14 @@ def test_nothing_is_unpickled_from_a_folder_that_others_can_write(environment, w
         f"the cache folder {cache} cannot be used, so every process compiles and builds anew: "
         f"others can write into {cache} (mode 777); chmod -R go-w it, or name another folder in COTRACK_CACHE"
     )
-    assert told == [f"1 {sentence}"], "what a host hears that has no log of Python's"
+    assert told == [f"1 {sentence}"], "the message for a host without Python's log"
     assert said == f"{sentence}\n"
     cache.chmod(0o700)
     pickle.loads(fmus.cache.kept(kernel))
-    assert trap.exists(), "the trap is no trap"
+    assert trap.exists(), "the trap does not work"
 
 
-# --- going on without ------------------------------------------------------------------------------
+# --- runs without a cache ---------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -423,16 +426,16 @@ KINDS = {
 
 
 class Ran(NamedTuple):
-    """What a command did."""
+    """Result of a command."""
 
     status: int
     result: str  # digest of its log; of a truth its errors and the digests of its logs
-    told: list[str]  # sentences
+    told: list[str]  # messages
     opened: set[Path]
 
 
 def command(arguments, folder, environment):
-    """Run a command in a folder, its cache beside it."""
+    """Run a command in a folder that also holds its cache."""
     log = folder / "run.mcap"
     log.unlink(missing_ok=True)
     done = subprocess.run(
@@ -455,13 +458,13 @@ def command(arguments, folder, environment):
 
 @pytest.mark.study
 def test_two_hundred_flips_and_sixty_other_damages(environment, tmp_path):
-    """A run is right, whatever was damaged; it may say so. Half an hour."""
+    """A run is right after any damage, possibly with a message. Takes half an hour."""
     precision_table = tmp_path / "cache" / "precision.json"
     fmus.cache.make(precision_table.parent)
     swing = ("run.step=2 ms", "track.step=1 ms")
     precision.write([Setting("hanging_chain", "flexible", swing, 0.004, 0.2)], precision_table)
     for arguments in COMMANDS:
-        command(arguments, tmp_path, environment)  # fills the cache
+        command(arguments, tmp_path, environment)  # fill the cache
     right = {arguments: command(arguments, tmp_path, environment) for arguments in COMMANDS}
     assert all(ran.status == 0 and ran.result for ran in right.values())
     pristine = tmp_path / "pristine"
@@ -486,7 +489,7 @@ def test_two_hundred_flips_and_sixty_other_damages(environment, tmp_path):
         verdict = "right" if ran[:2] == right[arguments][:2] else "wrong"
         if verdict == "wrong" and kind == "precision.json" and ran.status == 0:
             verdict = "told" if any("precision.json is damaged" in line for line in ran.told) else "wrong"
-            verdict = "right" if how == "delete" else verdict  # then it never was there
+            verdict = "right" if how == "delete" else verdict  # a deleted file is as if it never existed
         became[how, verdict] += 1
         if verdict == "wrong":
             wrong.append((how, file, ran))

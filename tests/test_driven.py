@@ -1,4 +1,4 @@
-"""A driver drives the vehicle: paths, mirror images, turned starts, what a scene may say, replay."""
+"""A driver drives the vehicle: paths, mirror images, turned starts, keys of a scene, replay."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ BRIEF = ("run.stop=1 s", "driver.ramp_start=0", "driver.ramp_time=0.4 s", "track
 
 
 def way(*settings, steps=1200):
-    """Positions of the hull (steps, 3), its heading, and how far it is from its path."""
+    """Positions of the hull (steps, 3), its heading, and its distance from its path."""
     vehicle = InProcess(load("serpentine", "rigid", (*BRIEF, *settings)))
     places = []
     for _ in range(steps):

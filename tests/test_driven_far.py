@@ -1,8 +1,7 @@
-"""A driver takes full vehicles from beside their path, along S-curves at the limit of friction, back, and round.
+"""A driver with full vehicles: offsets, S-curves at the friction limit, reversing, turning.
 
-``fmus/test_driver_rides`` drives a planar vehicle so. Friction 1.2 is more than the chains of this vehicle bear: a
-track that brakes draws its idler forward beyond its travel, and the chain jumps over teeth. There its tensioner is
-stiffer.
+``fmus/test_driver_rides`` has the same with a planar vehicle. Friction 1.2 is more than the chains of this vehicle
+bear: a braking track pulls its idler beyond its travel, and the chain jumps over teeth. There the tensioner is stiffer.
 """
 
 import numpy as np
@@ -17,7 +16,7 @@ SHOWN = ("path.lateral_error", "path.heading_error", "path.progress", "speed.dem
 
 
 def ride(track, stop, friction, *settings):
-    """What the driver shows in each step (4, n), and the vehicle."""
+    """Outputs of the driver in each step (4, n), and the vehicle."""
     scene = load("serpentine", track, (*COARSE, f"vehicle.contact.ground.friction={friction}", *settings))
     vehicle, shown = InProcess(scene), []
     for _ in range(round(stop / scene.run.step)):
@@ -27,7 +26,7 @@ def ride(track, stop, friction, *settings):
 
 
 def overshoot(track, friction, speed, *settings, off=2.0, stop=14.0):
-    """How far beyond its path a vehicle comes that starts at rest so far beside it, over that distance."""
+    """Overshoot over the path of a vehicle that starts at rest ``off`` m beside it, over that distance."""
     path = f"driver.points=[[0, {off}], [300, {off}]]"
     (error, *_, wanted), _ = ride(
         track, stop, friction, "driver.arcs=false", path, f"driver.speed={speed}", "driver.ramp_time=2", *settings
@@ -39,7 +38,7 @@ def overshoot(track, friction, speed, *settings, off=2.0, stop=14.0):
 
 
 def s_curve(track, friction, *settings, radius=12.5):
-    """Largest distance from an S, at the speed of 0.8 of the friction where the driver sees fit."""
+    """Largest distance from an S-curve, at the speed of 0.8 of the friction unless the driver reduces it."""
     limit = friction * 9.81
     speed = np.sqrt(0.8 * limit * radius)
     k, arc, lead = 1.0 / radius, 1.5 * radius, 6.0 + speed**2 / limit
@@ -99,13 +98,16 @@ def test_without_the_friction_it_overshoots():
 
 
 def test_it_comes_to_its_path_from_beside():
-    """In 6 s to 4 % of the distance, from one side: errors are critically damped."""
+    """A vehicle beside its path reaches it in 6 s to 4 %, from one side: errors are critically damped."""
     assert overshoot("rigid", 0.3, 3.0, off=1.0, stop=6.0) < 0.0
 
 
 @pytest.mark.study
 def test_it_drives_back_turns_on_the_spot_and_stops():
-    """5 m ahead of where the wheels' middle began, then 3 m to the left."""
+    """The vehicle reverses, turns on the spot and stops 5 m ahead and 3 m to the left of its start.
+
+    Places are those of the wheels' middle.
+    """
     arcs = f"driver.arcs=[[5, 0], [6, 0.1], [-6, 0.1], [0, {0.5 * np.pi}], [3, 0]]"
     (error, _, way, wanted), vehicle = ride("rigid", 30.0, 0.3, arcs, "driver.speed=2", "driver.ramp_time=1.5")
     chassis = vehicle["chassis"]

@@ -1,4 +1,4 @@
-"""A vehicle begins in static equilibrium of hull, arms, idlers, chains and ground and stays there till it is driven."""
+"""A vehicle starts in static equilibrium with its chains and the ground, and stays at rest."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import changed, from_table, load
 
 MOTION = [port.name.removeprefix("of.") for port in wheel_state("of", "output")]
-HEIGHT, LOAD = 1e-4, 5e-3  # m, and of each wheel's load: how far a vehicle may move in its first second
+HEIGHT, LOAD = 1e-4, 5e-3  # m, and share of each wheel's load: largest motion in the first second
 KINDS = {
     "rigid": ("rigid", ()),
     "rigid, spring": ("rigid", ("track.closure=spring",)),
@@ -24,13 +24,13 @@ KINDS = {
     "turning": ("flexible", ("track.axes=free",)),
     "beam": ("flexible", ("track.element=beam",)),
 }
-SHORT = {"turning": 0.1, "beam": 0.1}  # s, of kinds that take long
+SHORT = {"turning": 0.1, "beam": 0.1}  # s, of models that take long
 FOUR = ("vehicle.road_wheel.x=[-0.7, -1.55, -2.4, -3.25]", "vehicle.suspension.stiffness=8e5")
 HEAVY = ("vehicle.chassis.centre=[-1.6, 0, 0.5]",)
 
 
 def at_rest(model, *settings):
-    """`straight`, which rests for two seconds."""
+    """Scene `straight`, which rests for two seconds."""
     return placed(load("straight", model, ("track.link_outputs=false", *settings)))
 
 
@@ -47,7 +47,7 @@ def seen(vehicle):
 
 
 def moved(scene, duration):
-    """How far the settlement goes, m, and by what share a wheel's load changes, at most, within ``duration``."""
+    """Largest change of the settlement, m, and relative change of a wheel's load in ``duration`` s."""
     vehicle = InProcess(scene)
     height, loads = seen(vehicle)
     far = share = 0.0
@@ -78,7 +78,7 @@ def test_vehicles_of_ones_own_stay_too(own):
 
 
 def test_the_place_of_another_spring_is_not_that_of_this_one():
-    """The twin: a suspension 3 % stiffer than the one that the place was solved for."""
+    """The equilibrium of a suspension that is 3 % stiffer is not that of this one (twin)."""
     other = at_rest("rigid", "symmetric=true", "vehicle.suspension.stiffness=1.03e6").start.equilibrium
     table = at_rest("rigid", "symmetric=true").resolved()
     table["start"]["equilibrium"] = other.model_dump(mode="json")
@@ -95,7 +95,7 @@ def test_kinds_of_links_start_in_one_place():
 
 @pytest.mark.parametrize("pose", [(), ("start.heading=0.7", "start.position=[3, -2, 0.25]")])
 def test_tracks_are_laid_round_the_wheels_that_the_chassis_shows(pose):
-    """To the last bit where the start pose moves nothing; mounts and sprockets begin with the same numbers."""
+    """Tracks are laid round the wheels that the chassis shows; mounts and sprockets match them."""
     vehicle = InProcess(at_rest("rigid", *pose))
     for side in ("left", "right"):
         model, drive = vehicle[f"{side}_track"].model, vehicle[f"{side}_drive"]
@@ -115,7 +115,7 @@ def test_settlement_distance_and_energy_count_from_their_own_starts():
 
 
 def test_a_side_without_a_track_goes_without_the_push_of_one():
-    """Its tensioner holds its idler where drawn, while the other one carries its chain."""
+    """On a side without a track the tensioner has no push and holds its idler where drawn."""
     scene = at_rest("rigid", 'tracks=["left"]')
     place = scene.start.equilibrium
     assert abs(place.right[-1]) < 1e-4
@@ -125,11 +125,14 @@ def test_a_side_without_a_track_goes_without_the_push_of_one():
     assert abs(vehicle["chassis"]["right.tensioner.force"]) < 100.0
     assert vehicle["chassis"]["left.tensioner.force"] == pytest.approx(28.8e3, rel=1e-2)
     own = at_rest("rigid", 'tracks=["left"]', "vehicle.tensioner.preload=2 kN").start.equilibrium
-    assert own.right[-1] == pytest.approx(-2e-3, abs=1e-4), "a preload of one's own is that of both sides"
+    assert own.right[-1] == pytest.approx(-2e-3, abs=1e-4), "a user's own preload applies to both sides"
 
 
 def test_a_vehicle_on_one_track_leans_and_stays():
-    """Its wheels tilt on their links: loads come to rest within 0.7 %, after 3 % in the first milliseconds."""
+    """A vehicle on one track leans and stays.
+
+    Its wheels tilt on their links: loads settle within 0.7 %, after 3 % in the first milliseconds.
+    """
     vehicle = InProcess(at_rest("rigid", 'tracks=["left"]'))
     height, loads = seen(vehicle)
     assert vehicle["chassis"]["roll"] == pytest.approx(0.0193, abs=3e-4)
@@ -140,7 +143,7 @@ def test_a_vehicle_on_one_track_leans_and_stays():
 
 
 def test_bare_wheels_stand_on_the_ground():
-    """Four numbers of statics: weight on ten wheels, their contacts and springs."""
+    """Bare wheels stand on the ground, by four numbers of statics."""
     scene = at_rest("rigid", "tracks=[]")
     far, _ = moved(scene, 0.2)
     assert far < 1e-9
@@ -152,7 +155,7 @@ def test_bare_wheels_stand_on_the_ground():
 
 @cache
 def end_of_settling(model):
-    """Of the drawn vehicle, after four seconds."""
+    """Settlement and loads of the drawn vehicle after four seconds."""
     settings = ("symmetric=true", "track.link_outputs=false", "run.step=2 ms", "track.step=2 ms")
     vehicle = InProcess(load("settle", model, settings)).run(4.0)
     return seen(vehicle)
@@ -181,7 +184,7 @@ def test_what_is_raised_turned_or_laid_out_begins_as_drawn(setting):
 
 
 def test_a_log_of_old_begins_as_it_did():
-    """Its scene is placed and knows of no equilibrium."""
+    """A log of an older version starts as it did: its scene is placed and has no equilibrium."""
     table = placed(load("straight", "rigid", ["start.state=drawn"])).resolved()
     del table["start"]["state"], table["push"]
     scene = from_table(table, "old")
@@ -190,13 +193,13 @@ def test_a_log_of_old_begins_as_it_did():
 
 
 def test_a_placed_scene_keeps_its_place():
-    """A log's scene with another number goes on from where it was: replays and branches."""
+    """A placed scene keeps its place with another number, as in replays and branches of a log."""
     scene = at_rest("rigid")
     other = changed(scene.resolved(), ["vehicle.suspension.stiffness=2e6"], "log")
     assert placed(other).start.equilibrium == scene.start.equilibrium
 
 
 def test_no_equilibrium_is_a_sentence():
-    """A hull so far ahead that it tips over."""
+    """A hull so far forward that it tips over has no equilibrium, which the error says."""
     with pytest.raises(BadInput, match=r"equilibrium was not found, start\.state = 'drawn' needs none"):
         placed(load("straight", "rigid", ["vehicle.chassis.centre=[9, 0, 0.4]"]))

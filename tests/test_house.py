@@ -1,4 +1,4 @@
-"""The walls of the house: who may import whom, and the folder's shape."""
+"""The walls of the project: allowed imports, and the shape of its folders."""
 
 import ast
 import subprocess
@@ -12,7 +12,7 @@ FMUS = ROOT / "fmus"
 ORCHESTRATOR = ROOT / "orchestrator"
 COMPONENTS = ("track_flexible", "track_rigid", "chassis", "sprocket_drive", "steering_differential", "driver")
 
-# The rooms of the orchestrator, storey by storey: each imports only from storeys below its own, wherever it does so.
+# Packages of the orchestrator by level: each imports only from levels below its own, anywhere in its modules.
 STOREYS = (
     ("kernels",),
     ("log",),
@@ -22,7 +22,7 @@ STOREYS = (
     ("studies",),
     ("cli",),
 )
-# Modules that run any FMI 2.0 co-simulation FMU: nothing of ours is behind them.
+# Modules that run any FMI 2.0 co-simulation FMU and depend on no FMU of the project.
 GENERIC = (
     "kernels/cache.py",
     "kernels/compiled.py",
@@ -75,25 +75,25 @@ DOORS = {
 }  # fmt: skip
 PROOF = ROOT / "tests"
 TO_PHYSICS = ORCHESTRATOR / "studies" / "limits.py"  # predicts the limit of a link's highest frequency
-KERNELS = PROOF / "benchmarks" / "kernels.py"  # times the parts of a step by the signatures of the kernels
+KERNELS = PROOF / "benchmarks" / "kernels.py"  # measures the parts of a step by the signatures of the kernels
 AT_RUN_TIME = {"numpy", "scipy", "numba", "llvmlite", "pythonfmu", "fmus"}
 
 
 def imports(source: str) -> set[str]:
-    """Every module that a source imports, wherever it does so."""
+    """Every module that a source imports, at any place in it."""
     found = set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, "imports are absolute"
+            assert node.level == 0, "imports must be absolute"
             found.add(node.module)
             found |= {f"{node.module}.{alias.name}" for alias in node.names}
     return found
 
 
 def ours(modules: set[str], package: str) -> set[str]:
-    """Those of ``package``, as modules (names of things inside a module left out)."""
+    """Modules of ``package`` among the imports, without names inside a module."""
     found = set()
     for module in modules:
         path = ROOT.joinpath(*module.split("."))
@@ -107,7 +107,7 @@ def sources(folder: Path) -> list[Path]:
 
 
 def reachable(module: str, seen: set[str] | None = None) -> set[str]:
-    """Top-level packages that importing a module of fmus brings along, statically."""
+    """Top-level packages that the import of a module of fmus loads, by static analysis."""
     seen = set() if seen is None else seen
     packages: set[str] = set()
     path = ROOT.joinpath(*module.split("."))
@@ -155,13 +155,16 @@ def test_physics_knows_arrays_and_kernels_only():
 
 
 def test_the_product_knows_nothing_of_its_proof():
-    """Validation, regression and benchmarks are in ``tests``, which is in no wheel."""
+    """The product does not import ``tests`` (validation, regression, benchmarks), which is in no wheel."""
     for file in [*sources(FMUS), *sources(ORCHESTRATOR)]:
         assert "tests" not in {name.split(".")[0] for name in imports(file.read_text(encoding="utf-8"))}, file
 
 
 def test_fmus_carry_no_physics_that_nothing_in_them_uses():
-    """All of ``fmus/`` is packed into every FMU: other elements and joints are in ``tests/validation/ancf``."""
+    """FMUs carry no physics that they do not use, because all of ``fmus/`` is packed into every FMU.
+
+    Other elements and joints are in ``tests/validation/ancf``.
+    """
     used: set[str] = set()
     for file in sources(FMUS):
         if not file.is_relative_to(FMUS / "physics"):
@@ -188,12 +191,12 @@ def test_generic_modules_import_nothing_of_fmus(name):
     found = imports(source)
     assert not any(module.split(".")[0] == "fmus" for module in found)
     inner = {module.removeprefix("orchestrator.").replace(".", "/") for module in ours(found, "orchestrator")}
-    files = {f"{module}.py" for module in inner if (ORCHESTRATOR / f"{module}.py").is_file()}  # others are folders
-    assert files <= set(GENERIC), "a generic module leans on one that is not"
+    files = {f"{module}.py" for module in inner if (ORCHESTRATOR / f"{module}.py").is_file()}  # the others are folders
+    assert files <= set(GENERIC), "a generic module imports one that is not"
 
 
 def rooms(modules: set[str]) -> set[str]:
-    """The rooms of the orchestrator that these modules are in."""
+    """Packages of the orchestrator that contain these modules."""
     return {name.split(".")[1] for name in modules if name.startswith("orchestrator.")} & {
         r for s in STOREYS for r in s
     }
@@ -205,7 +208,7 @@ def test_rooms_import_from_storeys_below_alone():
         for room in names:
             for file in sources(ORCHESTRATOR / room):
                 assert rooms(imports(file.read_text(encoding="utf-8"))) <= {room, *below}, file
-    assert not rooms(imports((ORCHESTRATOR / "__init__.py").read_text())), "the package itself imports when it is asked"
+    assert not rooms(imports((ORCHESTRATOR / "__init__.py").read_text())), "the package itself imports on request only"
     assert rooms(imports("from orchestrator import cli\nimport orchestrator.log.reader")) == {"cli", "log"}
 
 
@@ -248,7 +251,7 @@ def test_the_checks_see_forbidden_imports():
 
 
 def test_numbers_in_names_of_signals_are_read_in_one_place():
-    """``link[12].tension`` is a family and a number by ``schema.family`` alone."""
+    """Numbers in names of signals, as in ``link[12].tension``, are read by ``schema.family`` alone."""
     behind = [
         file.relative_to(ORCHESTRATOR).as_posix()
         for file in sources(ORCHESTRATOR)

@@ -1,4 +1,4 @@
-"""A vehicle whose sprockets a steering differential joins: two drives in one, closed powers, what a scene may say."""
+"""A vehicle with a steering differential: two drives in one, closed powers, keys of a scene."""
 
 import numpy as np
 import pytest
@@ -59,7 +59,7 @@ def test_steered_the_other_way_it_drives_in_mirror(to_the_left):
 
 
 def test_powers_close(to_the_left):
-    """Of the half shafts that of the motors; the chains take it."""
+    """The power of the half shafts is that of the motors, and the chains receive it."""
     _, vehicle = to_the_left
     gear = vehicle["differential"]
     given = gear["left.work"] + gear["right.work"]

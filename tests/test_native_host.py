@@ -1,4 +1,4 @@
-"""A master in C couples native FMUs of a whole vehicle without an environment: to the bits of the Python components."""
+"""A master in C without an environment runs native FMUs with the bits of the Python models."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ def host(folder):
 
 
 def built(assembly):
-    """An FMU a part, whose parameters are those of the scene by default."""
+    """One FMU per part, with the scene's parameters as defaults."""
     return build_native_all([(p.kind, p.config | {"parameters": p.parameters}, None) for p in assembly.parts])
 
 
 def told(assembly, files, h, steps):
-    """What the host is told of a system."""
+    """Description of a system for the host."""
     lines, names = [], {}
     for part, file in zip(assembly.parts, files, strict=True):
         with Component(file, part.name) as component:
@@ -54,7 +54,7 @@ def told(assembly, files, h, steps):
 
 
 def driven(scene, links, settings, steps, folder):
-    """End values (Real outputs by part) of the host and in this process, and the host's times, us."""
+    """Final Real outputs by part, of the host and in this process, and the host's times, us."""
     vehicle = InProcess(load(scene, links, settings))
     assembly, h = assemble(vehicle.scene), vehicle.scene.run.step
     order = told(assembly, built(assembly), h, steps)
@@ -79,7 +79,10 @@ def test_a_host_without_an_environment_drives_the_vehicle(scene, links, tmp_path
 
 @pytest.mark.study
 def test_windows_drives_the_vehicle(tmp_path):
-    """Under Wine (Debian's ``wine64``), 0.2 s: the same but for last digits, as sines are another library's."""
+    """On Windows (Wine, Debian's ``wine64``) the vehicle drives the same but for last digits, for 0.2 s.
+
+    Sines come from another library.
+    """
     wine = shutil.which("wine64") or shutil.which("wine64", path="/usr/lib/wine")
     if wine is None or find_spec("ziglang") is None:
         pytest.skip("needs wine64 and ziglang")
@@ -104,7 +107,10 @@ def test_windows_drives_the_vehicle(tmp_path):
 
 @pytest.mark.study
 def test_libcosim_drives_the_vehicle(tmp_path):
-    """3 s of ``straight`` in another tool, to the bits of the same calls here (`pip install 'cotrack[hosts]'`)."""
+    """libcosim drives 3 s of ``straight`` with the bits of the same calls here.
+
+    Needs `pip install 'cotrack[hosts]'`.
+    """
     pytest.importorskip("libcosimpy")
     settings = ("run.step=1 ms", "track.step=1 ms", "run.stop=3 s")
     assembly, steps, ns = assemble(placed(load("straight", "flexible", settings))), 3000, 1_000_000
@@ -140,12 +146,15 @@ def test_libcosim_drives_the_vehicle(tmp_path):
         for component, values in zip(components, shown, strict=True):
             assert np.array_equal(component.y, values)
         chassis = known["chassis"][1]
-        assert chassis.y[chassis.outputs.index("distance")] > 0.1, "it drove"
+        assert chassis.y[chassis.outputs.index("distance")] > 0.1, "the vehicle did not drive"
 
 
 @pytest.mark.benchmark
 def test_times_of_kinds_in_hosts(tmp_path, capsys):
-    """Set, step and get, us, median: native ones in the C host; native and Python ones by fmpy, steps in turn."""
+    """Print times of set, step and get, us: native FMUs in C, native and Python FMUs by fmpy.
+
+    They are medians; the kinds step in turn.
+    """
     settings = ("run.step=1 ms", "track.step=1 ms", "run.stop=3 s", "drive.ramp_start=0", "drive.ramp_time=0.5")
     vehicle = InProcess(load("straight", "flexible", settings))
     assembly = assemble(vehicle.scene)
@@ -165,7 +174,7 @@ def test_times_of_kinds_in_hosts(tmp_path, capsys):
         for pair in pairs.values():
             for component in pair:
                 component.initialise({})
-                component._fmu.component = component._handle  # fmpy's own calls, wrappers and all
+                component._fmu.component = component._handle  # fmpy's own calls with their wrappers
         references = {
             name: [[{v.name: v.valueReference for v in pair[0].description.modelVariables}[port] for port in ports]
                    for ports in (pair[0].inputs, pair[0].outputs)]

@@ -1,4 +1,4 @@
-"""A master of one's own drives the standard FMUs to the same bits as ``cotrack run``."""
+"""A user's own master drives the standard FMUs to the same bits as ``cotrack run``."""
 
 import ast
 import subprocess

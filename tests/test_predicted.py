@@ -1,7 +1,7 @@
-"""Masses and stiffnesses move ground forces and deflections by the amount that statics predict, on every kind of links.
+"""Masses and stiffnesses change forces and deflections as statics predicts, for all kinds of links.
 
-The yardsticks are scalings: weight by mass, deflection by force over stiffness, motion by stiffness over density. Each
-is asked for a change of a tenth and would show one of a few per cent (``FAINT``) that did something else.
+The references are scalings: weight by mass, deflection by force over stiffness, motion by stiffness over density. Each
+is tested by a change of a tenth and would show a wrong effect of a few per cent (``FAINT``).
 """
 
 import math
@@ -18,7 +18,7 @@ G = 9.81
 MORE = 1.1
 FAINT = 0.03
 KINDS = ("cable", "planar", pytest.param("beam", marks=pytest.mark.study), "rigid")
-# the standing half of a vehicle in long steps: statics do not depend on them
+# half a vehicle at rest in long steps: statics does not depend on them
 STANDING = ("symmetric=true", "run.step=2 ms", "track.step=2 ms", "track.link_outputs=false", "placed=true")
 
 
@@ -36,14 +36,14 @@ def scene_of(name, kind, settings=(), **changes):
 
 @cache
 def settled(kind):
-    """States of a half vehicle that stands."""
+    """States by component of half a vehicle at rest."""
     vehicle = InProcess(scene_of("settle", kind, STANDING)).run(1.6)
     return {name: member.model.state.copy() for name, member in vehicle.members.items()}
 
 
 @cache
 def standing(kind, *changes):
-    """What the outputs of a settled vehicle come to after a change; means that fade in and out: ringing cancels."""
+    """Mean outputs of a settled vehicle after a change, with a fading window: ringing cancels."""
     vehicle = InProcess(scene_of("settle", kind, STANDING, **dict(changes)))
     for name, member in vehicle.members.items():
         member.model.state[:] = settled(kind)[name]
@@ -71,7 +71,7 @@ MASSES = {
 
 @pytest.mark.parametrize("part", MASSES)
 def test_a_mass_weighs_on_the_ground(part):
-    """Half of it on the left track."""
+    """A mass weighs on the ground, half of it on the left track."""
     table = load("settle", "rigid").vehicle
     mass = getattr(table, part.split(".")[0]).mass
     more = 0.5 * MASSES[part] * (MORE - 1.0) * mass * G
@@ -94,14 +94,14 @@ def test_gravity_pulls_at_all_masses(kind):
 
 
 def potential(means):
-    """Of a whole vehicle, J: what chassis and tracks store and how high they stand."""
+    """Potential energy of a whole vehicle, J: stored energy and height of chassis and tracks."""
     body = sum(means[f"chassis.energy.{part}"] for part in ("gravity", "spring"))
     return body + 2.0 * sum(means[f"left_track.energy.{part}"] for part in ("gravity", "strain", "contact"))
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_stiffer_contact_stores_less(kind):
-    """At rest d(potential)/d(ln k) is the energy that the springs k store, wherever they are."""
+    """A stiffer contact stores less: at rest d(potential)/d(ln k) is the energy in the springs k."""
     laws = load("settle", "rigid").vehicle.contact
     pairs = ("sprocket", "wheel", "ground")
     stiffer = tuple((f"vehicle.contact.{pair}.stiffness", MORE * getattr(laws, pair).stiffness) for pair in pairs)
@@ -111,7 +111,7 @@ def test_a_stiffer_contact_stores_less(kind):
 
 
 def test_a_stiffer_suspension_gives_less():
-    """Its loads stay, so it is shortened by its force over its stiffness."""
+    """A stiffer suspension gives less: its loads stay, so its shortening is force over stiffness."""
     table = load("settle", "rigid").vehicle
     drawn = math.dist(table.suspension.on_arm, table.suspension.on_chassis)
     stiffer = standing("cable", ("vehicle.suspension.stiffness", MORE * table.suspension.stiffness))
@@ -122,11 +122,11 @@ def test_a_stiffer_suspension_gives_less():
 
 @pytest.mark.parametrize("key", ["suspension", "tensioner"])
 def test_a_preload_is_balanced_by_its_stiffness(key):
-    """A chassis without tracks and weight: a push of P moves its spring by P/k, with twice the k by half of that."""
+    """A preload is balanced by the stiffness: a push P moves the spring by P/k."""
     force = 1e3
 
     def place(chassis):
-        """Length of the first spring, or how far the idler stands behind the chassis, along the chassis."""
+        """Length of the first spring, or distance of the idler behind the chassis along it, m."""
         if key == "suspension":
             return chassis["left.suspension[1].length"]
         behind, below = (chassis[f"left.idler.position.{x}"] - chassis[f"chassis.position.{x}"] for x in "xz")
@@ -147,7 +147,7 @@ def test_a_preload_is_balanced_by_its_stiffness(key):
 
 
 def spun(kind, **changes):
-    """Stretch of the chords of a spinning loop, and how far a link's ends turn against its chord, rad."""
+    """Stretch of the chords of a spinning loop, and rotation of a link's ends relative to its chord, rad."""
     model = InProcess(scene_of("spinning_loop", kind, ("chain.links=16",), **changes))["chain"].model
     places = model.pins()
     chord = np.roll(places, -1, axis=0) - places
@@ -160,7 +160,7 @@ def spun(kind, **changes):
 
 @pytest.mark.parametrize("kind", ["cable", "planar", "beam"])
 def test_links_stretch_and_bend_by_their_stiffness(kind):
-    """T/EA, and w l^3/24EI of a link on two pins under its own m omega^2 Rc."""
+    """Links stretch by T/EA and bend by w l^3/24EI under their own m omega^2 Rc, on two pins."""
     table = load("spinning_loop", "flexible").vehicle
     mass, E, section, p, links, omega = table.track.mass, table.material.youngs_modulus, table.section, 0.1524, 16, 5.0
     middle = p / (2.0 * math.tan(math.pi / links))
@@ -168,7 +168,7 @@ def test_links_stretch_and_bend_by_their_stiffness(kind):
     turn = mass * omega**2 * middle * p**2 / (24.0 * E * section.bending)
     stretched, turned = spun(kind)
     assert stretched == pytest.approx(tension / (E * section.area), rel=0.02)
-    if kind != "beam":  # one beam a link is too stiff in bending: shear ties it (fmus/physics/ancf/README.md)
+    if kind != "beam":  # one beam per link is too stiff in bending: shear locks it (fmus/physics/ancf/README.md)
         assert turned == pytest.approx(turn, rel=FAINT)
     for key, value, stretch, bend in (
         ("vehicle.section.area", section.area, MORE, 1.0 if kind != "beam" else None),

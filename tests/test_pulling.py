@@ -1,6 +1,6 @@
-"""A track that pulls: how its pads slip and what turns its sprocket, from the places and forces of its pins alone.
+"""Slip of the pads and torque of the sprocket of a driving track, from its pins alone.
 
-Of each track a short turn records every step. Planes, velocities and loads are computed here from places; laws and
+A short turn records every step of both tracks. Planes, velocities and loads are computed here from places; laws and
 numbers are those of the vehicle's table.
 """
 
@@ -17,9 +17,9 @@ from orchestrator.results.run_data import Window
 from orchestrator.scene.scene import load
 
 G, PITCH, MASS, INERTIA, FACE, WIDTH = 9.81, 0.1524, 18.02, 0.04, 0.029, 0.378
-STIFFNESS, DAMPING, SOFT, MU, CREEP, LEVEL = 2e6, 5e3, 1e-3, 0.3, 0.01, -0.578  # a link on the ground
+STIFFNESS, DAMPING, SOFT, MU, CREEP, LEVEL = 2e6, 5e3, 1e-3, 0.3, 0.01, -0.578  # per link on the ground
 RADIUS, TIP = 10.0 * PITCH / (2.0 * np.pi), 0.28  # m; no tooth reaches a pin beyond the tip
-FIRST = 2.006 - 0.655  # m, of the first wheel ahead of the hull's middle
+FIRST = 2.006 - 0.655  # m, first wheel forward of the hull's middle
 KINDS = ("rigid", "flexible")
 STEADY = Window(2.2, 3.0)
 SIDES = ("left", "right")
@@ -27,17 +27,17 @@ DRIVEN = {(4, 8): STEADY, (8, 12): STEADY, (14, 18): Window(4.0, 6.0)}
 
 
 class Track(NamedTuple):
-    """A track of 64 links over time, world axes, SI; signals of its vehicle."""
+    """A track of 64 links over time, world axes, SI, with signals of its vehicle."""
 
     t: np.ndarray  # (k,)
     pins: np.ndarray  # (k, 64, 3)
     force: np.ndarray  # (2, k, 64, 3) of each pin on the link that begins there, at begin and end of the step before
-    axis: np.ndarray  # (k, 3) of the pins, to the left: the normal of the plane through them
-    hub: np.ndarray  # (k, 3) middle of the sprocket
+    axis: np.ndarray  # (k, 3) of the pins, to the left: normal of the plane through them
+    hub: np.ndarray  # (k, 3) centre of the sprocket
     torque: np.ndarray  # (k, 3) on the sprocket, mean over the step before
     ground: np.ndarray  # (k, 3) force of the ground
     slip: np.ndarray  # (k,)
-    wheels: np.ndarray  # (k, 5) force up on each road wheel
+    wheels: np.ndarray  # (k, 5) upward force on each road wheel
     yaw: np.ndarray  # (k,)
     place: np.ndarray  # (k, 3) of the hull
     velocity: np.ndarray  # (k, 3)
@@ -50,7 +50,7 @@ class Track(NamedTuple):
 
 @pytest.fixture(scope="module")
 def tracks(tmp_path_factory):
-    """Both tracks of a run by kind of link and speeds of the sprockets, rad/s."""
+    """Return a function that gives both tracks of a run by kind of link and sprocket speeds, rad/s."""
     made = {}
 
     def once(kind, speeds=(8, 12)):
@@ -67,7 +67,7 @@ def tracks(tmp_path_factory):
 
 
 def read(log, side):
-    """From 0.2 s on."""
+    """Track of a side from a log, from 0.2 s on."""
     hull, track, links, drive = (
         log.read(topic)
         for topic in ("/chassis/out", f"/{side}_track/out", f"/{side}_track/links", f"/{side}_drive/out")
@@ -85,7 +85,7 @@ def read(log, side):
     pins, force = (
         np.stack([vector(links, f"joint[{i}].{what}") for i in range(1, 65)], axis=1) for what in ("position", "force")
     )
-    means = "link_outputs.interval" in str(log.attachment("system.json"))  # else forces are those of the instant
+    means = "link_outputs.interval" in str(log.attachment("system.json"))  # else forces are instantaneous
     force = np.stack([force if means else np.concatenate([force[:1], force[:-1]]), force])
     yaw = found(hull, "yaw")[:, 0]
     normal = np.linalg.svd(pins - pins.mean(axis=1, keepdims=True), full_matrices=False)[2][:, 2]
@@ -100,20 +100,20 @@ def read(log, side):
 
 
 def ahead(track, x, y):
-    """Components ahead and to the left of the hull; x, y (k, ...)."""
+    """Components forward and to the left of the hull; x, y (k, ...)."""
     c, s = (f(track.yaw).reshape(-1, *[1] * (np.ndim(x) - 1)) for f in (np.cos, np.sin))
     return x * c + y * s, y * c - x * s
 
 
 class Pads(NamedTuple):
-    """Points of the links on the ground, (k, 64, 2 along, 2 across)."""
+    """Points of the links on the ground, shape (k, 64, 2 along, 2 across)."""
 
     load: np.ndarray  # N
-    back: np.ndarray  # m/s over the ground, backwards
+    back: np.ndarray  # m/s backwards over the ground
     left: np.ndarray  # m/s to the left
 
     def push(self, friction=MU):
-        """Force of the ground ahead, mean over time, N."""
+        """Forward force of the ground, mean over time, N."""
         return force_of(self.load, self.back, self.left, friction) / len(self.load)
 
     @property
@@ -122,7 +122,7 @@ class Pads(NamedTuple):
 
 
 def force_of(load, back, left, friction=MU):
-    """Sum of the ground's friction ahead, N."""
+    """Sum of the forward friction of the ground, N."""
     return (friction * load * back / np.sqrt(back**2 + left**2 + CREEP**2)).sum()
 
 
@@ -150,7 +150,7 @@ def pads(track):
 @pytest.mark.long
 @pytest.mark.parametrize(("kind", "band"), [("rigid", 1e-3), ("flexible", 8e-3)])
 def test_pads_slip_and_push_as_their_motion_says(tracks, kind, band):
-    """Load, friction and slip from places alone, which do not show the axes of single cables."""
+    """Load, friction and slip of pads follow from places alone, for chains whose axes the places show."""
     for side in SIDES:
         track = tracks(kind)[side].within(STEADY)
         found = pads(track)
@@ -171,22 +171,22 @@ def test_pads_slip_and_push_as_their_motion_says(tracks, kind, band):
     ],
 )
 def test_rocking_links_explain_the_slip_of_a_track(tracks, speeds, kind, band):
-    """Statics of the ground run under the recorded loads say how pads rock; with that, thrust and yaw give the slip."""
+    """The slip of a track follows from thrust, yaw and the static rocking of its links."""
     for side, speed in zip(SIDES, speeds, strict=True):
         track = tracks(kind, speeds)[side].within(DRIVEN[speeds])
         rocked = rocked_by_loads(track, RADIUS * speed)
         found = rocking_of(pads(track), track) / (RADIUS * speed)
         np.testing.assert_allclose([rocked.mean, rocked.spread], found, rtol=0.2)
         assert slip_of(track, rocked, RADIUS * speed) == pytest.approx(track.slip.mean(), rel=band)
-    # without rocking, and with pads nearer to the pins, the right track would be another one
+    # without rocking, and with pads nearer to the pins, the result would differ for the right track
     assert slip_of(track, rocked, 0.0) < (1.0 - 2.0 * band) * track.slip.mean()
     assert abs(rocked_by_loads(track, RADIUS * speed, 0.65 * FACE).mean / found[0] - 1.0) > 0.2
 
 
 def rocked_by_loads(track, speed, face=FACE):
-    """``Rocking`` of the ground run under the mean loads of its wheels, pulled as its rear strand is.
+    """``Rocking`` of the ground run under the mean loads of its wheels and the pull of its rear strand.
 
-    Of the pull a chain that runs at ``speed``, m/s, needs m v^2 (m a length) to follow its own curves.
+    A chain at ``speed``, m/s, needs m v^2 of the pull (m per length) to follow its own curves.
     """
     push, load = ahead(track, *track.ground[:, :2].T)[0].mean(), track.ground[:, 2].mean()
     x, _ = ahead(track, *(track.pins[..., k] - track.place[:, None, k] for k in range(2)))
@@ -197,7 +197,7 @@ def rocked_by_loads(track, speed, face=FACE):
 
 
 def rocking_of(found, track):
-    """Speed backwards of pads over that of their link's middle, m/s: mean and root mean square, weighted with load."""
+    """Backward speed of pads relative to their link's middle, m/s: mean and root mean square, by load."""
     middles = 0.5 * (track.pins + np.roll(track.pins, -1, axis=1))
     speed = np.gradient(middles, track.t, axis=0)
     along, _ = ahead(track, speed[..., 0], speed[..., 1])
@@ -208,7 +208,7 @@ def rocking_of(found, track):
 
 
 def slip_of(track, rocked, speed):
-    """Mean slip with which pads that rock at a chain's ``speed`` make the thrust of a track, m/s."""
+    """Mean slip at which pads that rock at a chain's ``speed`` give the thrust of a track, m/s."""
     push, load = ahead(track, *track.ground[:, :2].T)[0].mean(), track.ground[:, 2].mean()
     _, v = ahead(track, *track.velocity[:, :2].T)
     turning = track.turning.mean()
@@ -224,7 +224,7 @@ def slip_of(track, rocked, speed):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_forces_of_pins_turn_the_sprocket(tracks, kind):
-    """The links between two cuts, in windows of the ramp and after it: their moments and momentum make its torque."""
+    """Moments and momentum of the links between two cuts give the sprocket's torque."""
     for side in SIDES:
         pulled, rest, torque, strands = moments(tracks(kind)[side])
         for steps, band in ((100, 0.005), (500, 0.001)):
@@ -234,19 +234,19 @@ def test_forces_of_pins_turn_the_sprocket(tracks, kind):
 
 
 def apart(found, wanted, steps):
-    """Largest difference of the sums over windows of so many steps, over the sum of amounts."""
+    """Largest error of sums over windows of ``steps`` steps, over the sum of amounts."""
     whole = len(wanted) // steps * steps
     open_by, size = (each[:whole].reshape(-1, steps).sum(axis=1) for each in (found - wanted, np.abs(wanted)))
     return float(np.abs(open_by / size).max())
 
 
 def moments(track):
-    """Impulses between two records about the pins' axis through the hub, N m s, and of the strands' pulls, N s.
+    """Impulses between two records about the pins' axis, N m s, and of the strands' pulls, N s.
 
-    Of the pulls at the two cuts; of weight and momentum of the links between them; of the sprocket's torque, which is
-    the sum of both; and the difference of the amounts of the pulls. The links are those from the last pin before the
-    teeth to the first one behind them. About the hub c, which moves, M = dL/dt + c' x P; no pin has a moment about its
-    axis, but it has one about the sprocket's where that is askew.
+    The axis is that through the hub. Returns the impulses of the pulls at the two cuts, of weight and momentum of the
+    links between them, and of the sprocket's torque, which is the sum of both; and the difference of the amounts of the
+    pulls. The links are those from the last pin before the teeth to the first one after them. About the moving hub c, M
+    = dL/dt + c' x P; a pin has no moment about its own axis, but one about the sprocket's axis where that is inclined.
     """
     t, arm = track.t, track.pins - track.hub[:, None]
     speed, moved = np.gradient(track.pins, t, axis=0), np.gradient(track.hub, t, axis=0)

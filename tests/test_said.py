@@ -1,7 +1,7 @@
-"""Ten questions to what a run prints and to its page, answered again from the log by another reader.
+"""Ten questions to the summary and the page of a run, answered again from the log by another reader.
 
-The reader here is that of the package mcap with plain protobuf messages; nothing of ours reads the log. ``full``: the
-scenes of the gallery and a manoeuvre; by default a short manoeuvre on rigid links.
+This reader is that of the package mcap with plain protobuf messages, without code of the product. ``full``: the scenes
+of the gallery and a manoeuvre; by default a short manoeuvre on rigid links.
 """
 
 import html
@@ -14,7 +14,7 @@ import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
 
-MANOEUVRE = (  # drives off, turns right, brakes: speed of both sprockets over time
+MANOEUVRE = (  # drive off, turn right, brake: speed of both sprockets over time
     "drive.left.speed_points=[[0.5,0],[2,8],[3.5,8],[4,10],[5.5,10],[6,8],[6.5,8],[7.5,0]]",
     "drive.right.speed_points=[[0.5,0],[2,8],[3.5,8],[4,6],[5.5,6],[6,8],[6.5,8],[7.5,0]]",
     "run.stop=9",
@@ -48,7 +48,7 @@ QUESTIONS = (
 
 
 class Said(NamedTuple):
-    """What is said of a phase; NaN is nothing."""
+    """Figures of a phase in the text; NaN where there is none."""
 
     name: str
     start: float
@@ -68,7 +68,7 @@ def number(text):
 
 
 def printed(out):
-    """Phases of a summary as it is printed."""
+    """Phases of a printed summary."""
     for line in out.splitlines():
         if found := PRINTED.match(line):
             g = found.groupdict()
@@ -97,7 +97,7 @@ def on_page(text):
 
 @cache
 def message_type(name, descriptors):
-    """The class of messages that a schema describes."""
+    """Message class of a schema."""
     pool = descriptor_pool.DescriptorPool()
     for file in descriptor_pb2.FileDescriptorSet.FromString(descriptors).file:
         pool.Add(file)
@@ -105,7 +105,7 @@ def message_type(name, descriptors):
 
 
 class Record:
-    """Signals of a log, by the field of a message, read by others' code."""
+    """Signals of a log by topic and field, read without code of the product."""
 
     def __init__(self, path):
         self._rows = {}
@@ -122,7 +122,7 @@ class Record:
         return np.array([getattr(row, field) for row in self._rows[topic]])
 
     def phase(self, said):
-        """The same figures from the records between two instants, each for the step that it ends."""
+        """The same figures from the records between two instants; each record has the weight of its step."""
         a, b = (int(np.abs(self.t - instant).argmin()) for instant in (said.start, said.end))
         hull, h = "/chassis/out", np.diff(self.t[a : b + 1])
         length = self.t[b] - self.t[a]
@@ -150,7 +150,7 @@ class Record:
 
 
 def answers(phases):
-    """To the ten questions; NaN where it did not do so."""
+    """Answers to the ten questions; NaN where the run has none."""
     held = [one for one in phases if one.name == "steady" or one.name.startswith("turn")]
     longest = max(held, key=lambda one: one.end - one.start)
     turns = [one for one in phases if "left" in one.name or "right" in one.name]
@@ -194,7 +194,7 @@ def test_summary_and_page_answer_ten_questions(cotrack, tmp_path, name):
 
 
 def _starts_with(kinds, found):
-    """Each of the kinds, in order; more may come between and after."""
+    """Whether the kinds appear in this order; others may be between and after."""
     rest = iter(found)
     return all(kind in rest for kind in kinds)
 
@@ -204,7 +204,7 @@ def _line(out, what):
 
 
 def _bounds_are_where_the_speed_changes(record, said):
-    """By a rule of another kind: half-second means of the speed at either end of each growth and fall."""
+    """Bounds of phases are where the speed changes, by half-second means of the speed at both ends."""
     v = record.of("/chassis/out", "speed")
     top = np.abs(v).max()
     for one in said:

@@ -1,4 +1,4 @@
-"""Every scene of the gallery runs in full, on both track models, but for some, and what it expects comes true."""
+"""Scenes of the gallery run in full on both track models, with few exceptions, and pass all checks."""
 
 import json
 
@@ -19,7 +19,7 @@ from orchestrator.scene import gallery
 from orchestrator.scene.scene import load
 
 MODELS = ("flexible", "rigid")
-STEERED = "pivot", "serpentine", "brake_turn", "differential"  # in full a study: ``turn`` stands for them
+STEERED = "pivot", "serpentine", "brake_turn", "differential"  # in full only as studies: ``turn`` represents them
 CASES = [
     pytest.param(
         name,
@@ -37,7 +37,7 @@ _runs = {}
 
 @pytest.fixture(scope="session")
 def ran(tmp_path_factory):
-    """Run a scene once a session; its summary."""
+    """Return a function that runs a scene once per session and gives its summary."""
 
     def once(name, model, *settings):
         key = (name, model, *settings)
@@ -51,7 +51,7 @@ def ran(tmp_path_factory):
 
 @pytest.mark.parametrize(("name", "model"), CASES)
 def test_scene_comes_out_as_expected(ran, name, model):
-    """Every check, a whole log, an energy that closes."""
+    """A scene passes every check, with a whole log and a closed energy balance."""
     result = ran(name, model)
     assert (result["status"], result["message"]) == ("ok", "")
     assert result["validity"] == [], "a false alarm"
@@ -67,7 +67,7 @@ def test_scene_comes_out_as_expected(ran, name, model):
 @pytest.mark.long
 @pytest.mark.parametrize("name", STEERED)
 def test_scenes_that_steer_begin(ran, name):
-    """Their first second, on rigid links: forces in pairs, an energy that closes, a vehicle that turns or drives."""
+    """Scenes that steer begin on rigid links: paired forces, closed energy, a vehicle that moves."""
     who = "driver" if name == "serpentine" else "drive"
     result = ran(name, "rigid", "run.stop=1 s", f"{who}.ramp_start=0 s", f"{who}.ramp_time=0.5 s")
     assert (result["status"], result["message"], result["validity"]) == ("ok", "", [])
@@ -115,11 +115,11 @@ def test_impulse_across_the_ports(ran, scaled):
         run = RunData(log)
         assert third_law(run, "", Window(0.0, 0.3)) < 1e-12
         scaled(log, "/chassis/in", "left.road_wheel[3].force.z", 1.001)
-        assert third_law(run, "", Window(0.0, 0.3)) > 1e-6, "a twin that loses a thousandth of a wheel's force"
+        assert third_law(run, "", Window(0.0, 0.3)) > 1e-6, "a twin that loses 0.1 % of a wheel's force passes"
 
 
 def test_port_energy_falls_with_the_communication_step(ran):
-    """At the order of the coupling at least; without the jumps between steps it would be of order 1."""
+    """The energy of the ports falls with the order of the coupling at least."""
     ports = []
     for h in ("1 ms", "2 ms"):
         result = ran("straight", "flexible", *BRIEF, f"run.step={h}")
@@ -145,7 +145,7 @@ def test_heading_changes_nothing(ran, model):
 @pytest.mark.long
 @pytest.mark.parametrize("model", MODELS)
 def test_rig_turns_backwards_alike(ran, model):
-    """The last 5 revolutions backwards: pins, chain speed, torque balance, and the tight span enters again."""
+    """The rig turns backwards alike over 5 revolutions: pins, chain speed, torque, tight span."""
     result = ran("rig", model, "drive.speed=-3 rad/s", "run.links=40")
     assert result["status"] == "ok"
     assert {name: check["value"] for name, check in result["checks"].items() if not check["ok"]} == {}
@@ -208,14 +208,14 @@ def test_expectations_can_fail(ran, name, check, settings):
 
 
 def test_folded_chain_of_other_length(ran):
-    """Times scale with the root of the length."""
+    """The fall times of a folded chain scale with the root of its length."""
     result = ran("folded_chain", "rigid", "chain.links=17", "run.stop=0.63 s")
     for name in ("fall_time", "half_fall_time", "behind_free_fall"):
         assert measured(result, name) == pytest.approx(FALL[name], rel=0.01, abs=1e-12)
 
 
 def test_a_chain_let_go_shows_its_support_from_the_start(ran):
-    """0.494898 of the weight of 33 rods, at t = 0 and in the first milliseconds."""
+    """A released chain has its support force from t = 0 on: 0.494898 of the weight of 33 rods."""
     with Log(ran("folded_chain", "flexible")["log"]) as log:
         t, force = log.signal("chain.joint[1].force.z")
     assert t[0] == 0.0
@@ -253,13 +253,16 @@ def test_displaced_start_swings(ran):
 
 
 def alike(a, b, topic, least=0.0):
-    """The same motion and forces in two logs, to the growth of rounding; forces over ``least`` of the largest."""
+    """Assert that two logs have the same motion and forces, up to the growth of rounding.
+
+    Forces below ``least`` of the largest are left out.
+    """
     names = [n for n in b.read(topic).names if n.endswith((".x", ".z", "tension"))]
     names = [n for n in names if ".torque" not in n and "angular" not in n and "orientation" not in n]
     assert len(names) > 30
     columns = [[series.names.index(n) for n in names] for series in (a.read(topic), b.read(topic))]
     one, other = a.read(topic).values[:, columns[0]], b.read(topic).values[:, columns[1]]
-    # a link of 3e9 N/m turns the rounding of a coordinate, 1e-15 m, into microns of a newton, ever again
+    # a link of 3e9 N/m turns the rounding of a coordinate, 1e-15 m, into micronewtons, at every step
     force = np.array([n.endswith("tension") or ".force" in n for n in names])
     scale = np.maximum(np.abs(one).max(axis=0), 1e-3)
     scale[force] = np.maximum(scale[force], least * scale[force].max(initial=0.0))
@@ -267,7 +270,7 @@ def alike(a, b, topic, least=0.0):
     scale[soil] = scale[soil].max(initial=0.0)
     apart = np.abs(other - one).max(axis=0) / scale
     assert apart[~force].max() < 1e-9
-    assert apart[force].max(initial=0.0) < 3e-8  # pin forces are sums over links, which gather their rounding
+    assert apart[force].max(initial=0.0) < 3e-8  # pin forces are sums over links and of their rounding
 
 
 HALF = (*BRIEF, "symmetric=true")
@@ -275,7 +278,7 @@ HALF = (*BRIEF, "symmetric=true")
 
 @pytest.mark.long
 def test_half_a_vehicle_moves_like_the_whole(ran):
-    """The left half with its mirror image: the same motion, forces and energies, half the topics."""
+    """Half a vehicle moves like the whole: the same motion, forces and energies with half the topics."""
     whole, half = ran("straight", "flexible", *BRIEF), ran("straight", "flexible", *HALF)
     with Log(whole["log"]) as a, Log(half["log"]) as b:
         assert not any(topic.startswith(("/right", "/stats/right")) for topic in b.topics)
@@ -291,7 +294,7 @@ def test_half_a_vehicle_moves_like_the_whole(ran):
 
 @pytest.mark.long
 def test_a_planar_half_vehicle_moves_like_the_half(ran):
-    """No lateral dofs, a smaller state: the same chassis, pins and forces; heading is of no account."""
+    """A planar half vehicle moves like the half: same chassis, pins and forces, at any heading."""
     half, planar = ran("straight", "flexible", *HALF), ran("straight", "flexible", *HALF, "planar=true")
     with Log(half["log"]) as a, Log(planar["log"]) as b:
         for topic in ("/chassis/out", "/left_track/links"):

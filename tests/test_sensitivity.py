@@ -1,9 +1,9 @@
-"""Every number that a scene resolves to does something: it changes a motion, a force or an energy that is computed.
+"""Every number of a resolved scene has an effect: it changes a computed motion, force or energy.
 
-`KEYS` says for each key in which case it acts, on which kinds of links, and by how much it is changed there. A case is
-a short run of the models in this process; the same through FMUs has the marker `study`. What the key itself is shown as
-(a drive's speed, a start position) is not looked at. Rounding is what the next larger gravity, or the like, makes of
-the same run; a key must do a thousand times as much.
+`KEYS` gives for each key the case in which it acts, the kinds of links, and its change. A case is a short run of the
+models in this process; the same through FMUs has the marker `study`. Outputs that repeat the key itself (a drive's
+speed, a start position) do not count. Rounding is the effect of the next larger gravity, or another key's next value,
+in the same run; a key must have a thousand times that effect.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import from_table, load
 from orchestrator.scene.settings import put
 
-ROUNDING = 1e3  # so many times the effect of an ulp, and of the rounding of an output itself
+ROUNDING = 1e3  # required effect over that of an ulp, and over the rounding of an output itself
 FACTOR = 1.02
 
 
 class Case(NamedTuple):
-    """A short run of a scene, in which its keys are changed."""
+    """A short run of a scene in which keys are changed."""
 
     scene: str
     settings: tuple[str, ...] = ()
     duration: float = 0.02  # s
-    ulp: str = "vehicle.gravity"  # a key whose last digit shows what rounding grows to
+    ulp: str = "vehicle.gravity"  # a key whose last digit shows the growth of rounding
     overrides: Overrides | None = None
 
 
@@ -133,23 +133,23 @@ FLEXIBLE, ALL = ("cable", "beam"), ("cable", "beam", "rigid")
 
 
 class Acts(NamedTuple):
-    """Where a key acts."""
+    """Place of action of a key: a case, kinds of links, another value, outputs."""
 
     case: str
-    kinds: tuple[str, ...] = ("cable",)  # of links; what acts on other components is asked with the cheapest
+    kinds: tuple[str, ...] = ("cable",)  # of links; keys of other components are tested with the cheapest
     value: Any = None  # instead of FACTOR times the value
-    seen: str = ""  # a pattern of outputs where motions and forces are not what it changes
+    seen: str = ""  # pattern of outputs, where the key changes no motion or force
 
 
-# The first that matches; keys of the vehicle's parts act through the chassis or a drive, whatever the links.
+# The first match counts; keys of the vehicle's parts act through the chassis or a drive, whatever the links.
 KEYS: dict[str, Acts] = {
     "vehicle.chassis.hull.*": Acts("buried"),
     "vehicle.track.tension": Acts("tensioned", ALL),
     "vehicle.track.inertia.1": Acts("vehicle", ALL),
-    "vehicle.track.inertia.*": Acts("vehicle", ("beam", "rigid")),  # a cable has none but about its pin
+    "vehicle.track.inertia.*": Acts("vehicle", ("beam", "rigid")),  # a cable has inertia about its pin only
     "vehicle.track.links": Acts("vehicle", ALL, 65),
     "vehicle.track.pitch": Acts("eleven teeth", ALL, 0.1527),
-    "vehicle.track.width": Acts("vehicle", ("beam", "rigid")),  # a cable touches on its line
+    "vehicle.track.width": Acts("vehicle", ("beam", "rigid")),  # a cable has contact on its line
     "vehicle.*.width": Acts("on one track"),
     "vehicle.track.*": Acts("vehicle", ALL),
     "vehicle.section.lateral_bending": Acts("vehicle", ("beam",)),  # a cable bends alike about both axes
@@ -168,7 +168,7 @@ KEYS: dict[str, Acts] = {
     "vehicle.tensioner.preload": Acts("vehicle", value=1e3),
     "vehicle.gravity": Acts("vehicle", ALL),
     "vehicle.*": Acts("vehicle"),
-    "push": Acts("on one track", value=1e3),  # on the idler that has no track
+    "push": Acts("on one track", value=1e3),  # on the idler without a track
     "start.position.?": Acts("vehicle", value=1.0, seen="*.position.*"),
     "start.heading": Acts("vehicle", value=0.5),
     "start.roll": Acts("buried", value=math.pi),
@@ -207,7 +207,7 @@ KEYS: dict[str, Acts] = {
     "idler_drive.torque": Acts("two motors"),
     "idler_drive.*": Acts("two speeds"),
 }
-# How long and what is recorded; what is expected or a limit. They change nothing that is computed, and must not.
+# Duration, recording, checks and limits: they must not change any computed value.
 APART = ("run.stop", "run.outputs", "run.links", "run.checkpoints", "expect.*", "vehicle.tensioner.travel")
 
 
@@ -222,12 +222,12 @@ def flat(value: Any, key: str = "") -> Iterator[tuple[str, float | int]]:
 
 
 def acts(key: str) -> Acts | None:
-    """Where a key acts."""
+    """Entry of ``KEYS`` for a key, or None."""
     return next((where for pattern, where in KEYS.items() if fnmatch.fnmatchcase(key, pattern)), None)
 
 
 def scene_of(case: Case, kind: str, **changes: float | int) -> Any:
-    """The case's scene with links of a kind and the numbers ``changes`` of its resolved form."""
+    """Scene of the case with a kind of links and the numbers ``changes`` in its resolved form."""
     settings = [*case.settings, *(["track.element=beam"] if kind == "beam" else [])]
     table = load(case.scene, "rigid" if kind == "rigid" else "flexible", settings).resolved()
     for key, value in changes.items():
@@ -236,14 +236,14 @@ def scene_of(case: Case, kind: str, **changes: float | int) -> Any:
 
 
 def seen(name: str, pattern: str) -> bool:
-    """Whether an output is a motion or a force, and not what was put in."""
+    """Whether an output is a motion or a force, and not an input that is shown."""
     if pattern:
         return fnmatch.fnmatchcase(name, f"*{pattern}")
     return bool(re.search(r"position|velocity|displacement|pitch$|roll$|yaw$|force|torque|tension|place", name))
 
 
 def computed(case: Case, kind: str, fmus: bool = False, **changes: float | int) -> dict[str, float]:
-    """Outputs at the end of a case by name: those of the models in this process, or of FMUs."""
+    """Outputs at the end of a case by name: of the models in this process, or of FMUs."""
     scene = scene_of(case, kind, **changes)
     if fmus or scene.run.variable is not None:
         return stepped(case, scene)
@@ -257,7 +257,7 @@ def computed(case: Case, kind: str, fmus: bool = False, **changes: float | int) 
 
 
 def stepped(case: Case, scene: Any) -> dict[str, float]:
-    """The same through the master, by FMUs."""
+    """Outputs at the end of a case through the master, with FMUs."""
     with ExitStack() as stack:
         assembly = assemble(placed(scene))
         parts = [
@@ -281,13 +281,13 @@ def stepped(case: Case, scene: Any) -> dict[str, float]:
 
 
 def family(name: str) -> str:
-    """Outputs of one family share their rounding: components, sides, wheels, links and axes of one quantity."""
+    """Family of outputs with common rounding: components, sides, wheels, links and axes of one quantity."""
     return re.sub(r"\[\d+\]|\.[xyzw]$|^(left|right)_|\.(left|right)\.", "", name)
 
 
 @cache
 def base(name: str, kind: str, fmus: bool) -> tuple[dict[str, float], dict[str, float]]:
-    """Outputs of a case, and by family what rounding makes of them."""
+    """Outputs of a case, and the effect of rounding on them by family."""
     case = CASES[name]
     first = computed(case, kind, fmus)
     table = dict(flat(scene_of(case, kind).resolved()))
@@ -300,14 +300,14 @@ def base(name: str, kind: str, fmus: bool) -> tuple[dict[str, float], dict[str, 
 
 
 def changed(key: str, value: float | int, given: Any) -> float | int:
-    """Another value of a key: by a factor, one more of what is counted, or something for nothing."""
+    """Another value of a key: by a factor, one more of a count, or 0.02 instead of 0."""
     if given is not None:
         return given if value != given else FACTOR * given
     return value + 1 if isinstance(value, int) else FACTOR * value if value else 0.02
 
 
 def effect(key: str, kind: str, fmus: bool = False) -> float:
-    """What a change of the key does to a motion, force or energy, over what rounding does; the largest."""
+    """Largest effect of a change of the key on a motion, force or energy, over that of rounding."""
     where = acts(key)
     assert where is not None, key
     case = CASES[where.case]
@@ -322,12 +322,12 @@ def effect(key: str, kind: str, fmus: bool = False) -> float:
 
 
 def in_brief(key: str, kinds: tuple[str, ...]) -> tuple[str, ...]:
-    """Of the kinds a key is asked on those that are quick: beams only where cables or rigid links say nothing."""
+    """Kinds of links for the short test of a key: no beams, if cables or rigid links show the key."""
     return kinds if len(kinds) < 3 and "cable" not in kinds else tuple(kind for kind in kinds if kind != "beam")
 
 
 def asked() -> dict[str, tuple[str, ...]]:
-    """All keys of all resolved scenes of the gallery and of all cases, and the kinds of links they act on."""
+    """All keys of all scenes of the gallery and of all cases, with the kinds of links they act on."""
     found: set[str] = set()
     for name in gallery.names():
         for model in ("flexible", "rigid"):
@@ -346,7 +346,7 @@ REST = [(key, kind) for key, kinds in ASKED.items() for kind in kinds if (key, k
 def test_every_key_of_every_scene_is_asked():
     assert [key for key, kinds in ASKED.items() if not kinds] == []
     patterns = {next(p for p in KEYS if fnmatch.fnmatchcase(key, p)) for key in ASKED}
-    assert set(KEYS) - patterns == set()  # none that asks for nothing
+    assert set(KEYS) - patterns == set()  # every pattern matches a key
     assert {acts(key).case for key in ASKED} == set(CASES)
 
 
@@ -357,7 +357,7 @@ def test_a_key_changes_what_is_computed(key, kind):
 
 
 def test_a_mass_that_does_nothing_is_found(monkeypatch):
-    """A chassis that keeps its mass whatever the table says, and links that keep theirs."""
+    """A mass without effect is found: a chassis and links that ignore their mass in the table."""
     from fmus.chassis import model as chassis
     from fmus.track_flexible import model as flexible
 

@@ -1,4 +1,4 @@
-"""At the start every wheel is where its track was laid out round it, on both sides and at any pose."""
+"""Every wheel is where its track was laid round it at the start, on both sides and in any pose."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_wheels_stand_where_their_tracks_were_laid(tmp_path, model, height, pitc
         if part.kind.startswith("Track"):
             lateral = part.parameters["start.lateral"]
             for wheel in part.config["track"]["wheels"]:
-                assert ("start" in wheel) == (height == 0.0), "what is raised begins as drawn"
+                assert ("start" in wheel) == (height == 0.0), "a raised vehicle must start as drawn"
                 ahead, over = wheel["start"][0:3:2] if "start" in wheel else wheel["position"]
                 forward = np.cos(pitch) * ahead + np.sin(pitch) * over
                 up = np.cos(pitch) * over - np.sin(pitch) * ahead + height
@@ -61,7 +61,7 @@ def test_a_side_without_a_track_stands_on_its_wheels(tmp_path):
 
 
 def test_a_vehicle_falls_as_a_whole_until_it_touches(tmp_path):
-    """Upside down too: the common centre of mass falls by g t^2 / 2; and the ground is met where it is."""
+    """A vehicle falls as a whole by g t^2 / 2 until it touches the ground, also upside down."""
     settings = ("start.height=2.5", "start.pitch=180 deg", "ground.hull=true", "run.step=1 ms", "track.step=1 ms")
     result, _ = ended(tmp_path, *settings, "run.stop=0.3")
     log = Log(tmp_path / "run.mcap")

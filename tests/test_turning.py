@@ -1,7 +1,7 @@
-"""Steering: an independent theory, mirror images, turned starts, books that close, on rigid links and beams.
+"""Steering: independent theory, mirror images, turned starts, energy, on rigid links and beams.
 
-The bands are those within which the general theory brackets a run: it knows no links, whose pads run about 1.1 % faster
-than the pitch circle, and no strand tensions, which move load between the wheels.
+The general theory brackets a run within these bands: it has no links, whose pads run about 1.1 % faster than the pitch
+circle, and no strand tensions, which move load between the wheels.
 """
 
 import numpy as np
@@ -33,7 +33,7 @@ def speeds(left, right):
 
 @pytest.fixture(scope="module")
 def turned(tmp_path_factory):
-    """Means of a run by name, and the theory."""
+    """Return a function that gives means of a run by name, and the theory."""
     made = {}
 
     def once(kind, left, right, window, *settings):
@@ -64,7 +64,7 @@ def turned(tmp_path_factory):
 
 
 def outside(found, theory):
-    """What lies outside of the bands."""
+    """Quantities outside their bands, with value and band."""
     vehicle = Vehicle()
     faster = turn(vehicle._replace(radius=PADS * vehicle.radius), SPEEDS)
     wanted = {
@@ -99,7 +99,7 @@ STEADY = Window(4.0, 6.0)
 def test_a_turn_is_that_of_the_general_theory(turned, kind):
     found, theory = turned(kind, *SPEEDS, STEADY)
     assert outside(found, theory) == {}
-    # tracks that roll without slip, or the load of wheels where that of links belongs, are far off
+    # tracks without slip, or wheel loads instead of link loads, are far off
     assert abs(2.0 * Vehicle().half_width * found["yaw_rate"] / (4.0 * Vehicle().radius) - 1.0) > 0.25
     wheels = turn(Vehicle(shares=(0.222, 0.208, 0.193, 0.191, 0.186)), SPEEDS)
     assert abs(found["yaw_rate"] / wheels.rate - 1.0) > 0.04
@@ -108,7 +108,7 @@ def test_a_turn_is_that_of_the_general_theory(turned, kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_power_goes_where_the_forces_are(turned, kind):
-    """The inner sprocket brakes, the outer one drives; what a track loses within itself is little."""
+    """Power follows the forces: the inner sprocket brakes, the outer one drives, losses are small."""
     found, _ = turned(kind, *SPEEDS, STEADY)
     assert abs(found["ledger"]) < 1e-3
     for k, side in enumerate(("left", "right")):
@@ -127,7 +127,7 @@ def test_rigid_and_flexible_links_turn_alike(turned):
 @pytest.mark.study
 @pytest.mark.parametrize("speeds_of", [(8.0, 12.0), (0.0, 10.0), (-10.0, 10.0), (20.0, 16.0)])
 def test_all_kinds_of_links_turn_alike(turned, speeds_of):
-    """From 2 s after the ramp on, to 0.3 %."""
+    """All kinds of links turn alike to 0.3 %, from 2 s after the ramp on."""
     window = Window(4.0, 6.0)
     rates = {
         "rigid": turned("rigid", *speeds_of, window)[0]["yaw_rate"],
@@ -141,13 +141,13 @@ def test_all_kinds_of_links_turn_alike(turned, speeds_of):
 @pytest.mark.study
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_turn_with_little_slip(turned, kind):
-    """At 19 and 21 rad/s tracks slip less than 3 %: the dither of the links weakens friction, the theory is coarse."""
+    """The theory is coarse in a turn with little slip (19 and 21 rad/s, below 3 %)."""
     found, theory = turned(kind, 19.0, 21.0, Window(4.0, 6.0))
     assert -0.10 < found["yaw_rate"] / theory.rate - 1.0 < 0.03
 
 
 def test_a_turn_begins_as_that_of_beams():
-    """Yaw within the play of the guides, at 0.9 s, to 2 %: (8, 12) rad/s; one of rigid links is 1 to 2 % further."""
+    """Cables begin a turn as beams do: 2 % of the yaw at 0.9 s, within the guides' clearance."""
     settings = ("run.stop=0.9 s", *speeds(8, 12))
     yaw = {kind: path("flexible", (*settings, f"track.element={kind}"), 900)[-1, 3] for kind in ("cable", "beam")}
     assert yaw["cable"] == pytest.approx(yaw["beam"], rel=0.02)
@@ -179,7 +179,7 @@ def test_swapped_sides_mirror_the_path_and_a_heading_turns_it(kind):
 
 
 def test_free_axes_go_straight_as_fixed_ones_do():
-    """To a hundred-thousandth; only what rolls and yaws by rounding may differ."""
+    """Free axes drive straight as fixed ones do, to 1e-5; only roll and yaw by rounding may differ."""
     settings = ("drive.left.speed=8", "drive.right.speed=8", "track.element=cable")
     ways = [path("flexible", (*settings, f"track.axes={axes}"))[:, :3] for axes in ("fixed", "free")]
     gone = ways[0][-1, 0] - ways[0][0, 0]
@@ -235,7 +235,7 @@ def test_sides_that_cannot_be_are_a_sentence(settings, sentence):
 
 @pytest.mark.parametrize("step", [2e-3, 4e-3, 8e-3])
 def test_free_axes_hold_at_long_steps(step):
-    """The origin follows the wheels at any step; nothing grows that is not there."""
+    """Free axes are stable at long steps: the origin follows the wheels, and no error grows."""
     given = (f"run.step={step}", f"track.step={step}", f"run.stop={200 * step}", "drive.ramp_time=0.5")
     vehicle = InProcess(load("turn", "flexible", (*QUICK[1:2], *given, "track.link_outputs=false"))).run(200 * step)
     yaw = InProcess(load("turn", "rigid", (*QUICK[1:2], *given, "track.link_outputs=false"))).run(200 * step)
@@ -244,7 +244,7 @@ def test_free_axes_hold_at_long_steps(step):
 
 
 def leaning(kind, *settings):
-    """Roll, vertical force and rims' moment about the way of a vehicle on its left track and the bare right wheels."""
+    """Roll, vertical force, rims' longitudinal moment of a vehicle on a left track and bare wheels."""
     vehicle = InProcess(load("settle", kind, ('tracks=["left"]', "run.step=1 ms", "track.step=1 ms", *settings)))
     track = vehicle.run(1.2)["left_track"]
     held = sum(track[f"road_wheel[{i}].torque.x"] for i in range(1, 6))
@@ -252,7 +252,7 @@ def leaning(kind, *settings):
 
 
 def test_a_vehicle_leans_on_cables_as_on_rigid_links():
-    """It stands 42 mm higher on its track than on its wheels; fixed axes would let the rims tip over the links."""
+    """A vehicle on one track leans on cables as on rigid links; fixed axes would tip the rims."""
     rigid, cable, fixed = leaning("rigid"), leaning("flexible"), leaning("flexible", "track.axes=fixed")
     assert 0.015 < rigid[0] < 0.025
     np.testing.assert_allclose(cable, rigid, rtol=0.01)
@@ -284,7 +284,7 @@ def test_free_axes_without_wheels_are_a_sentence():
 
 
 def test_points_of_a_file_are_in_the_scene(tmp_path, monkeypatch):
-    """Beside the scene file, or from where one stands; the resolved scene needs the file no more."""
+    """Points of a file beside the scene or in the current folder are copied into the resolved scene."""
     (tmp_path / "left.csv").write_text("time,speed\n0,0\n2,8\n")
     base = (gallery.resources.files("orchestrator") / "gallery" / "turn.toml").read_text()
     (tmp_path / "mine.toml").write_text(base.replace('speed = "8 rad/s"', 'speed_points = "left.csv"'))

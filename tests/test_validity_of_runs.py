@@ -1,4 +1,4 @@
-"""Runs that leave what their model is good for say so: reversals of the drives, and random plausible settings."""
+"""Runs outside the range of their model say so: reversals, and random plausible settings."""
 
 import pytest
 from plausible_settings import AGREES, COUNT, compared, row, warned
@@ -11,7 +11,7 @@ SLOW, AT_ONCE = 0.2, 0.01  # s, from 20 to -20 rad/s
 
 
 def reversed_in(time, path, *settings):
-    """The summary of a vehicle that drives at 20 rad/s when its sprockets turn round within ``time``, s."""
+    """Summary of a vehicle at 20 rad/s whose sprockets reverse within ``time`` s."""
     points = [[0, 0], [1.0, 20], [1.5, 20], [1.5 + time, -20]]
     return simulate(load("straight", "rigid", (*HALF, f"drive.speed_points={points}", *settings)), path)
 
@@ -22,7 +22,7 @@ def kinds(result, severity):
 
 @pytest.mark.study
 def test_a_reversal_at_once_fails(tmp_path):
-    """Pins 82 mm deep in the teeth of links of 58 mm, and a chain that jumps."""
+    """A reversal within 0.01 s fails: pins 82 mm deep in the teeth, and a chain that jumps."""
     result = reversed_in(AT_ONCE, tmp_path / "a.mcap")
     assert result["status"] == "failed"
     assert kinds(result, "failure") == {"penetration", "tooth_jump"}
@@ -33,7 +33,7 @@ def test_a_reversal_at_once_fails(tmp_path):
 
 @pytest.mark.study
 def test_a_reversal_in_a_fifth_of_a_second_warns(tmp_path):
-    """33 mm, more than half of a link."""
+    """A reversal within 0.2 s warns of a penetration of 33 mm, more than half of a link."""
     result = reversed_in(SLOW, tmp_path / "b.mcap")
     assert (result["status"], result["message"]) == ("ok", "")
     assert kinds(result, "failure") == set()

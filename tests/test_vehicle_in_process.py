@@ -1,4 +1,4 @@
-"""A vehicle in process runs as `cotrack run` does, to the bit, and takes other parameters part by part."""
+"""A vehicle in process runs as `cotrack run` does, to the bit, also with other parameters."""
 
 import numpy as np
 import pytest

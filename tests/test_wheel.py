@@ -1,4 +1,4 @@
-"""The wheel holds everything: unpacked elsewhere, it lists its scenes and builds an FMU from its own files."""
+"""The wheel is complete: unpacked elsewhere, it lists its scenes and builds an FMU from its own files."""
 
 import os
 import subprocess

@@ -1,6 +1,7 @@
-"""Run with NUMBA_DISABLE_JIT=1: which kernels that are ``apart`` write an array that lies over another of theirs.
+"""Find kernels that are declared ``apart`` and write an array that overlaps another argument.
 
-Prints one JSON object: by kind of track the calls that were looked at, and sentences on those that break the rule.
+Run with NUMBA_DISABLE_JIT=1. Prints one JSON object: for each kind of track the number of calls that were checked and a
+sentence for each violation.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ calls = 0
 
 
 def hidden(value):
-    """Without the whole state beside its views: a kernel that touches it then fails."""
+    """Replace the flat state beside its views by None, so that a kernel that uses it fails."""
     if not isinstance(value, tuple):
         return value
     inside = [hidden(part) for part in value]
@@ -65,7 +66,7 @@ TRACK = {"links": 64, "closed": True, "wheels": wheels(), "ground": True, "gravi
 
 
 def steps(kind):
-    """One step of a track that was laid on its wheels."""
+    """Make one step of a track that starts on its wheels."""
     if kind == "rigid":
         model = Rigid({"vehicle": TABLE, "track": TRACK})
         model.initialise(parameters(model, start="polygon"))

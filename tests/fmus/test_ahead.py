@@ -1,4 +1,4 @@
-"""Kernels that a process beside compiles are those that a component needs."""
+"""The kernels that a background process compiles are those that the component needs."""
 
 import json
 import subprocess

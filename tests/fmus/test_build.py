@@ -1,4 +1,4 @@
-"""An FMU is a function of sources and configuration, built once and by one process."""
+"""An FMU depends on its sources and configuration alone and is built once, by one process."""
 
 import sys
 import zipfile
@@ -35,7 +35,7 @@ def test_same_question_same_file(toy, tmp_path):
 
 @pytest.mark.long
 def test_equal_sources_give_equal_bytes(tmp_path, monkeypatch):
-    """Whenever they are built: a log's FMU can be built again, which a replay does."""
+    """Builds at different times give the same bytes, so that a replay can rebuild the FMU of a log."""
     monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
     contents = []
     for name in ("one", "two"):

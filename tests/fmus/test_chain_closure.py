@@ -1,6 +1,6 @@
-"""Loops of flexible links that a stiff spring closes at a cut (paper 8.1), and chains with equations of their pins.
+"""Loops of flexible links: closed by a stiff spring at a cut (paper 8.1), or with constrained pins.
 
-What an exact solution, a conserved quantity or the chain with eliminated pins says of them.
+References are exact solutions, conserved quantities, and the same loop with eliminated pins.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ N, SPIN = 16, 20.0  # links, rad/s
 LINKS = 64
 CLOSURES = pytest.mark.parametrize("closure", ["pin", pytest.param("spring", marks=pytest.mark.study)])
 INTEGRATORS = pytest.mark.parametrize("integrator", ["generalized_alpha", "runge_kutta"])
-SHARED = [0, 1, 2, 4]  # of a link's own pin: position, slope along the joint axis
+SHARED = [0, 1, 2, 4]  # coordinates that two links share at a pin: position, and slope along the joint axis
 
 
 def loop(links=N, **changes):
@@ -44,7 +44,10 @@ def dofs(model):
 
 @pytest.mark.long
 def test_a_spinning_loop_opens_by_its_joint_force_over_the_stiffness():
-    """Relative equilibrium: m w^2 Rc / (2 sin(pi/N)) of rigid links, of steel ones 3e-6 more."""
+    """The gap of a spinning loop equals its joint force over the spring's stiffness.
+
+    Relative equilibrium of rigid links: force m w^2 Rc / (2 sin(pi/N)); steel links carry 3e-6 more.
+    """
     rigid = TABLE["track"]["mass"] * SPIN**2 * P / (2.0 * np.tan(np.pi / N)) / (2.0 * np.sin(np.pi / N))
     closed = np.linalg.norm(per_link(loop(start_of_spin=SPIN))[1], axis=1)
     assert closed == pytest.approx(np.full(N, rigid), rel=1e-5)
@@ -52,7 +55,7 @@ def test_a_spinning_loop_opens_by_its_joint_force_over_the_stiffness():
     for k in (1e8, 1e9, 1e10):
         model = loop(start_of_spin=SPIN, closure="spring", closure_of_stiffness=k, closure_of_damping=0.0)
         force = np.linalg.norm(per_link(model)[1], axis=1)
-        # the first pin's force is the spring's
+        # the force of the first pin is the force of the spring
         assert gap(model) * k == pytest.approx(force[0], rel=1e-9)
         assert gap(model) * 1.03 * k != pytest.approx(force[0], rel=1e-2)
         off.append(np.abs(force - closed).max())
@@ -63,11 +66,11 @@ def test_a_spinning_loop_opens_by_its_joint_force_over_the_stiffness():
 @pytest.mark.long
 @INTEGRATORS
 def test_a_loop_that_a_spring_closes_moves_like_a_closed_one_as_the_spring_stiffens(integrator):
-    """It begins closed; how far its pins are from those of the closed mesh falls as 1 / k."""
+    """The motion of a loop closed by a spring approaches that of the closed loop as 1 / k."""
     start = {"start_of_spin": 5.0, "start_of_ovalling": 4.0, "start": "polygon", "integrator": integrator}
     closed = run(loop(**start), 0.02).pins()
     off = []
-    for k in (1e7, 1e8, 1e9):  # at 1e10, half of a link's own stiffness, what rings in steel shows: 1e-8 m
+    for k in (1e7, 1e8, 1e9):  # at 1e10, half of a link's own stiffness, the ringing of the steel shows: 1e-8 m
         there = run(loop(**start, closure="spring", closure_of_stiffness=k), 0.02).pins()
         off.append(np.abs(there - closed).max())
     assert 1e-7 < off[0] < 1e-4
@@ -75,7 +78,7 @@ def test_a_loop_that_a_spring_closes_moves_like_a_closed_one_as_the_spring_stiff
 
 
 def momentum(model):
-    """Linear, and angular about y, of the coordinates: the mass of the closed mesh, link by link."""
+    """Linear momentum (x, z) and angular momentum about y of the mesh, summed link by link."""
     at = places(model.kit, model.s.q, 4, model.links_count)
     e, v, M = model.s.q.reshape(-1)[at], model.s.v.reshape(-1)[at], model.work.M
     p = np.einsum("ab,ibk->iak", M, v)
@@ -85,7 +88,10 @@ def momentum(model):
 
 @pytest.mark.parametrize("damping", [0.0, 1e4])
 def test_energy_and_momentum_of_a_loop_that_a_spring_closes(damping):
-    """The spring's energy is strain, what its damper takes is dissipated; equal and opposite forces keep momentum."""
+    """The energy balance of a loop closed by a spring holds, and the momenta stay constant.
+
+    The spring's energy counts as strain, the loss of its damper as dissipated; the two forces are equal and opposite.
+    """
     k = 1e8
     model = loop(
         start_of_spin=SPIN, start_of_ovalling=10.0, closure="spring", closure_of_stiffness=k,
@@ -97,24 +103,24 @@ def test_energy_and_momentum_of_a_loop_that_a_spring_closes(damping):
     stored.append(0.5 * k * gap(model) ** 2)
     balance = [r[KINETIC] + r[STRAIN] + r[DISSIPATED] for r in (before, model.report)]
     exchanged = np.abs(np.diff(stored))[0]
-    assert np.ptp(balance) < 1e-4 * exchanged  # a spring 5 % off would be seen
+    assert np.ptp(balance) < 1e-4 * exchanged  # an error of 5 % in the spring would be seen
     assert (model.report[DISSIPATED] > 1e-4 * exchanged) == (damping > 0.0)
     now = momentum(model)
     assert now[:2] == pytest.approx(moving[:2], abs=1e-9 * moving[2])
-    assert now[2] == pytest.approx(moving[2], rel=1e-6 if damping else 1e-11)  # it resists the turning of the gap
+    assert now[2] == pytest.approx(moving[2], rel=1e-6 if damping else 1e-11)  # the damper resists rotation of the gap
 
 
 # --- pins as equations -------------------------------------------------------------------------------------
 
 
 def both(**changes):
-    """The same loop with eliminated pins and with equations of its pins, and where their links' coordinates are."""
+    """Return loops with eliminated and with constrained pins, and the places of their coordinates."""
     models = [loop(joints=joints, **changes) for joints in ("eliminated", "constrained")]
     return models, [places(model.kit, model.s.q, 4, model.links_count) for model in models]
 
 
 def opened(vectors, closure):
-    """What each pin leaves of its equations (2); that of the spring apart."""
+    """Largest residual of the pins' constraints (2), without that of the spring."""
     first = 1 if closure == "spring" else 0
     return np.abs(vectors[::2, SHARED] - np.roll(vectors[1::2, SHARED], 1, axis=0))[first:].max()
 
@@ -122,7 +128,7 @@ def opened(vectors, closure):
 @pytest.mark.long
 @CLOSURES
 def test_accelerations_with_equations_are_those_without(closure):
-    """Of a random shape in random motion; they satisfy the equations too."""
+    """Constrained and eliminated pins give the same accelerations in a random state."""
     (whole, own), (at, mine) = both(closure=closure, start="polygon")
     random = np.random.default_rng(15)
     used = np.unique(at)
@@ -137,7 +143,7 @@ def test_accelerations_with_equations_are_those_without(closure):
     assert np.abs(here - there).max() < 1e-11 * largest
     assert opened(own.s.vdot, closure) < 1e-11 * largest
     assert np.abs(own.work.R - whole.work.R).max() < 1e-11 * np.abs(whole.work.R).max()
-    own.s.q.reshape(-1)[mine[3, 0, 0]] += 1e-6  # a pin that is open by a micrometre is no such chain
+    own.s.q.reshape(-1)[mine[3, 0, 0]] += 1e-6  # a pin that is open by a micrometre gives other accelerations
     own._let_go()
     assert np.abs(own.s.vdot.reshape(-1)[mine] - there).max() > 1e-6 * largest
 
@@ -158,11 +164,11 @@ def test_a_chain_with_equations_moves_like_one_without(closure, integrator):
     own = models[1].s
     assert opened(own.q, closure) < 1e-15
     assert opened(own.v, closure) < 1e-12 * SPIN
-    assert (opened(own.q, "pin") > 1e-7) == (closure == "spring")  # the spring gives way
+    assert (opened(own.q, "pin") > 1e-7) == (closure == "spring")  # the spring opens
 
 
 def test_what_is_taken_off_the_equations_is_put_back_after_an_explicit_step():
-    """Position and velocity, along what the pins' forces would do: the linear momentum stays."""
+    """Projection after an explicit step closes positions and velocities and keeps linear momentum."""
     model = loop(joints="constrained", integrator="runge_kutta", start="polygon")
     model.s.q[5, 0] += 1e-9
     model.s.v[5, 0] += 1e-6
@@ -178,7 +184,7 @@ def test_what_is_taken_off_the_equations_is_put_back_after_an_explicit_step():
 
 @pytest.mark.long
 def test_counts_of_coordinates_and_equations():
-    """Paper (2): 64 links of 12 coordinates, 4 equations a pin; 63 pins where the loop is cut, 126 of a vehicle."""
+    """Counts of coordinates and constraints (paper (2)); a cut loop has 63 pins, a vehicle 126."""
     for joints, closure, coordinates, equations in (
         ("eliminated", "pin", 512, 0), ("eliminated", "spring", 516, 0),
         ("constrained", "pin", 768, 256), ("constrained", "spring", 768, 252),
@@ -187,9 +193,9 @@ def test_counts_of_coordinates_and_equations():
         assert dofs(model) == coordinates
         if equations:
             assert model.work.joints.multipliers[int(closure == "spring") :].size == equations
-            # one Schur block row a pin and one inverse a link: storage grows with the links, not with their square
+            # storage grows with the number of links, not with its square: a block row per pin and an inverse per link
             assert model.work.joints.S.size == 3 * LINKS * 16
-        assert model.nodes == LINKS  # joints that are shown
+        assert model.nodes == LINKS  # joints among the outputs
 
 
 @pytest.mark.parametrize(
@@ -205,7 +211,7 @@ def test_what_has_no_equations_of_its_pins_is_refused(changes, sentence):
 
 
 def on_wheels(*settings):
-    """A track of the vehicle in ``straight``, at rest, that then follows wheels which run away."""
+    """Return a track of the vehicle in ``straight``, at rest, whose wheels then move away from it."""
     scene = load("straight", "flexible", ["placed=true", *settings])
     part = next(part for part in assemble(scene)[0] if part.name == "left_track")
     model = Flexible(part.config)
@@ -215,7 +221,7 @@ def on_wheels(*settings):
 
 
 def shown(model):
-    """Tensions of the links, forces of the pins."""
+    """Tensions of the links (LINKS,) and forces of the pins (LINKS, 3), N."""
     y = np.zeros(model.link_ports)
     model.link_outputs(y)
     return y[:LINKS], y[5 * LINKS : 8 * LINKS].reshape(-1, 3)
@@ -223,7 +229,7 @@ def shown(model):
 
 @pytest.mark.long
 def test_a_track_on_wheels_that_a_spring_closes():
-    """It opens by the tension there; as the spring stiffens, tensions become those of the closed track as 1 / k."""
+    """A track closed by a spring opens by tension over stiffness; its tensions converge as 1 / k."""
     closed = on_wheels()
     tension, joints = shown(closed)[0], closed.pins()
     off = []

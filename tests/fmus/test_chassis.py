@@ -1,4 +1,4 @@
-"""The chassis: exact solutions, conserved quantities, an independent formulation, order, ledger, symmetry."""
+"""Chassis: exact solutions, conserved quantities, independent formulation, order, symmetry."""
 
 import copy
 
@@ -20,12 +20,12 @@ LEAVES = 12  # left arms, left idler, right arms, right idler
 
 
 def cross2(a, b):
-    """The plane cross product."""
+    """Cross product of two vectors in a plane."""
     return a[0] * b[1] - a[1] * b[0]
 
 
 class Probe:
-    """A model with its variables by name; inputs that are not set stay 0, as unconnected."""
+    """A model whose variables are read and set by name; inputs that are not set stay 0."""
 
     def __init__(self, changes=None, sides=("left", "right"), **parameters):
         table = copy.deepcopy(TABLE)
@@ -67,7 +67,7 @@ FLOATING = {**UNDAMPED, "gravity": 0.0}
 
 
 def stir(model, scale=1.0, seed=5):
-    """A lively state: turned, moving, arms and idlers displaced, wheels spinning."""
+    """Set a state with everything in motion: turned, moving, arms and idlers displaced, wheels spinning."""
     rng, x, n = np.random.default_rng(seed), model.state, LEAVES
     x[:3] = rng.normal(size=3)
     x[3:7] = Rotation.from_rotvec(scale * rng.normal(size=3)).as_quat(scalar_first=True)
@@ -106,14 +106,17 @@ def test_free_fall_moves_no_spring():
 
 
 def test_wheel_rate_from_the_geometry():
-    """A held force on a wheel: small deflection = F 0.288^2 / (k arm^2), arm 0.2507 m from the pin."""
+    """The small deflection under a constant force on a wheel follows from the geometry.
+
+    Deflection = F 0.288^2 / (k arm^2); the force acts 0.2507 m from the pin.
+    """
     arm = abs(cross2([-0.104, -0.240], [-0.588, 0.166])) / np.hypot(0.484, 0.406)
     assert arm == pytest.approx(0.251, abs=5e-4)
     rate = 1e6 * arm**2 / 0.288**2
     assert rate == pytest.approx(0.76e6, rel=5e-3)
 
     def deflection(changes=None, force=20.0):
-        """Of a wheel, after the springs rest, under equal forces on all and a chassis too heavy to follow."""
+        """Deflection of a wheel in equilibrium, m: equal forces on all wheels, chassis too heavy to move."""
         heavy = {"chassis.mass": 1e12, "chassis.inertia": (1e12, 1e12, 1e12), "gravity": 0.0}
         probe = Probe({**heavy, "suspension.damping": 6e4, **(changes or {})})
         for side in ("left", "right"):
@@ -128,7 +131,7 @@ def test_wheel_rate_from_the_geometry():
 
 
 def test_a_deep_static_deflection_by_hand():
-    """Moment balance about the pin at the angle found, from the drawn points alone."""
+    """A deep static deflection satisfies the moment balance about the pin, from the drawn points alone."""
     heavy = {
         "chassis.mass": 1e12,
         "chassis.inertia": (1e12, 1e12, 1e12),
@@ -146,7 +149,7 @@ def test_a_deep_static_deflection_by_hand():
     length = np.hypot(*line)
     push = 5e3 + 1e6 * (np.hypot(0.484, 0.406) - length)
     moment = -wheel[0] * 25e3  # upward force on a trailing wheel lifts it
-    spring = push * cross2(end, line / length)  # the push on the arm is along -line
+    spring = push * cross2(end, line / length)  # the spring pushes the arm along -line
     assert abs(spring) == pytest.approx(moment, rel=1e-6)
     assert probe["right.suspension[4].force"] == pytest.approx(push, rel=1e-6)
     assert probe["right.suspension[4].length"] == pytest.approx(length, rel=1e-12)
@@ -166,7 +169,7 @@ def test_tensioner_pushes_rearward():
     probe.run(2.0)
     assert probe["left.idler.position"][0] - IDLER == pytest.approx(2e3 / 1e6, rel=1e-4)
     assert probe["left.tensioner.force"] == pytest.approx(17e3, rel=1e-7)
-    assert probe["right.idler.position"][0] - IDLER == pytest.approx(-15e-3, rel=1e-4)  # nothing holds it
+    assert probe["right.idler.position"][0] - IDLER == pytest.approx(-15e-3, rel=1e-4)  # no force holds it
 
 
 def test_a_torque_spins_a_wheel_and_nothing_else():
@@ -182,7 +185,7 @@ def test_a_torque_spins_a_wheel_and_nothing_else():
 
 
 def top(changes=None):
-    """All mass but the chassis negligible, one idler spinning: a gyrostat, symmetric about y."""
+    """Return a symmetric gyrostat about y: one spinning idler, all masses but the chassis negligible."""
     light = {
         "gravity": 0.0,
         "chassis.inertia": (1000.0, 600.0, 1000.0), "chassis.centre": (0.0, 0.0, 0.0), "chassis.mass": 1e3,
@@ -198,7 +201,7 @@ def top(changes=None):
 
 @pytest.mark.parametrize("spin", [0.0, 40.0])
 def test_precession_of_a_symmetric_gyrostat(spin):
-    """Torque-free: the axis turns about the momentum H at |H| / I_t, with the wheel's spin in H."""
+    """Without torque the axis turns about the momentum H at |H| / I_t; H includes the wheel's spin."""
 
     def axis_after(time, changes=None):
         probe = top(changes)
@@ -219,10 +222,10 @@ def test_precession_of_a_symmetric_gyrostat(spin):
 
 
 def accelerations_by_constraints(table, x, u):
-    """Accelerations of the same state from maximal coordinates: every body free, pins as equations.
+    """Accelerations of the same state from maximal coordinates: free bodies, pins as constraints.
 
-    Bodies with full inertia tensors and Euler's equations, constraint forces by one dense solve. Returns what
-    ``rates`` calls dx/dt from index 7 (without bookkeeping).
+    Bodies have full inertia tensors and obey Euler's equations; one dense solve gives the constraint forces. Returns
+    what ``rates`` calls dx/dt from index 7 on, without bookkeeping.
     """
     n, half = LEAVES, LEAVES // 2
     A = Rotation.from_quat(x[3:7], scalar_first=True).as_matrix()
@@ -247,7 +250,7 @@ def accelerations_by_constraints(table, x, u):
         gammas.append(gamma)
 
     def same_point(i, j, p, directions=np.eye(3)):  # noqa: B008
-        """The point p of bodies i and j moves alike along the directions."""
+        """Constrain the point p of bodies i and j to move alike along the directions."""
         ri, rj = p - place[i], p - place[j]
         gi = np.cross(omega[i], np.cross(omega[i], ri))
         gj = np.cross(omega[j], np.cross(omega[j], rj))
@@ -258,7 +261,7 @@ def accelerations_by_constraints(table, x, u):
             )
 
     def same_turn(i, j, directions):
-        """No relative rotation about directions e fixed in body i."""
+        """Forbid relative rotation about directions e that are fixed in body i."""
         for e in directions:
             g = np.cross(omega[i], e) @ (omega[j] - omega[i])
             row({j: np.concatenate([np.zeros(3), e]), i: -np.concatenate([np.zeros(3), e])}, -g)
@@ -282,7 +285,7 @@ def accelerations_by_constraints(table, x, u):
                 J = (idler["transverse_inertia"], idler["spin_inertia"], idler["transverse_inertia"])
                 b = body(idler["mass"], J, A, x[:3] + r, v, w_wheel)
                 same_turn(root, b, [a_x, A[:, 2]])
-                for e in (a_y, A[:, 2]):  # stays on the slide: e.(r_b - r_0) constant, e fixed in the chassis
+                for e in (a_y, A[:, 2]):  # it stays on the slide: e.(r_b - r_0) is constant, e fixed in the chassis
                     g = 2 * np.cross(w0, e) @ (v - v0) + np.cross(w0, np.cross(w0, e)) @ r
                     row({b: np.concatenate([e, np.zeros(3)]), root: np.concatenate([-e, np.cross(e, r)])}, -g)
                 t = table["tensioner"]
@@ -345,7 +348,7 @@ def accelerations_by_constraints(table, x, u):
     acc = np.linalg.solve(K, f)[:size].reshape(-1, 6)
     rate_dots, spin_dots = np.zeros(n), np.zeros(n)
     for k, (b, on) in enumerate(hinges):
-        spin_dots[k] = a_y @ acc[b, 3:]  # the axis turns across itself: d(a.w) = a.w'
+        spin_dots[k] = a_y @ acc[b, 3:]  # perpendicular change of the axis: d(a.w) = a.w'
         if on is None:  # along the slide
             r, v = place[b] - x[:3], velocity[b] - v0
             rate = x[ROOT + 2 * n + k]
@@ -360,7 +363,7 @@ def accelerations_by_constraints(table, x, u):
 @pytest.mark.parametrize("seed", range(3))
 def test_accelerations_agree_with_maximal_coordinates(seed):
     table = copy.deepcopy(TABLE)
-    table["chassis"]["centre"] = (-2.006, 0.13, 0.406)  # nothing may hide behind symmetry
+    table["chassis"]["centre"] = (-2.006, 0.13, 0.406)  # an asymmetric vehicle: no error may cancel by symmetry
     table["suspension"]["preload"], table["tensioner"]["preload"] = 4e3, 9e3
     model = Model({"vehicle": table, "chassis": {"sides": ["left", "right"]}})
     model.initialise({})
@@ -401,7 +404,7 @@ def test_accelerations_agree_with_maximal_coordinates(seed):
 
 
 def momenta(model):
-    """Linear momentum, and angular momentum about the world's origin, body by body from the table."""
+    """Linear momentum and angular momentum about the world's origin, body by body from the table."""
     x, n, table = model.state, LEAVES, TABLE
     A = Rotation.from_quat(x[3:7], scalar_first=True).as_matrix()
     v, w = x[7:10], A @ x[10:13]
@@ -460,7 +463,10 @@ def total_energy(model):
 
 @pytest.mark.parametrize("what", [momenta, total_energy])
 def test_free_flight_conserves(what):
-    """Springs oscillate and wheels spin; the drift falls with the integrator's order and is small at 1 ms."""
+    """Momentum and energy are conserved in free flight: the drift falls with the integrator's order.
+
+    Springs oscillate and wheels spin; at 1 ms the drift is below 1e-8.
+    """
     coarse, fine = drift(4e-3, what=what), drift(2e-3, what=what)
     assert drift(1e-3, what=what) < 1e-8
     assert 3.6 < np.log2(coarse / fine) < 5.4
@@ -482,7 +488,10 @@ def test_convergence_rate_is_four():
 
 
 def test_energy_ledger_closes():
-    """Kinetic + gravity + spring + dissipated - work of the wrenches stays, with everything in motion."""
+    """The energy balance closes with all parts in motion.
+
+    Kinetic + gravity + spring + dissipated energy - work of the wrenches stays constant.
+    """
 
     def residual(work=1.0):
         probe = Probe()

@@ -1,4 +1,4 @@
-"""What of the chassis touches the ground: hull points and bare wheels; weight, momentum, friction, ledger."""
+"""Ground contact of hull points and bare wheels: weight, momentum, friction, energy balance."""
 
 import subprocess
 import sys
@@ -18,7 +18,7 @@ RIDGE = {"start": 0.5, "rise": 0.3, "slope": 0.4, "length": 1.0, "radius": 0.5}
 
 
 class Body:
-    """A chassis on the ground, its wheels bare; what is not said of a law is the table's."""
+    """A chassis on the ground with bare wheels; ``law`` replaces values of the table's contact law."""
 
     def __init__(self, hull=False, bare=("left", "right"), bump=None, law=(), start=(), **parameters):
         table = {
@@ -44,7 +44,7 @@ class Body:
 
     @property
     def energy(self):
-        """All of it, with what was lost."""
+        """Total energy with the dissipated part, J."""
         return sum(self[f"energy.{part}"] for part in ("kinetic", "gravity", "spring", "contact", "dissipated"))
 
 
@@ -53,7 +53,7 @@ def test_bare_wheels_carry_the_weight():
     assert body["ground.force.z"] == pytest.approx(MASS * G, rel=1e-5)
     assert body["ground.force.z"] != pytest.approx(1.01 * MASS * G, rel=1e-3)
     assert abs(body["roll"]) < 1e-12
-    sunk = WHEEL["z"] - WHEEL["radius"] - 2 * TABLE["track"]["face"]  # of the level ground
+    sunk = WHEEL["z"] - WHEEL["radius"] - 2 * TABLE["track"]["face"]  # from the level ground
     depths = [
         sunk - body[f"{s}.road_wheel[{i}].position.z"] + WHEEL["radius"] for s in ("left", "right") for i in range(1, 6)
     ]
@@ -67,7 +67,7 @@ def test_one_bare_side_alone_lets_the_vehicle_down_on_it():
 
 
 def test_a_vehicle_on_its_roof():
-    """Dropped upside down it comes to rest on the corners of its roof, within the energy it had."""
+    """A vehicle dropped upside down comes to rest on its roof, within its initial energy."""
     start = {"pitch": np.pi, "height": 0.75}
     body = Body(hull=True, bare=(), start=start, law={"damping": 1e5}).run(3.0)
     assert body["ground.force.z"] == pytest.approx(MASS * G, rel=2e-3)
@@ -76,7 +76,7 @@ def test_a_vehicle_on_its_roof():
 
 
 def test_a_hull_slides_as_far_as_friction_says():
-    """v^2 / 2 mu g, on the hull's floor: wheels and idlers pulled up out of the way."""
+    """A hull slides by v^2 / (2 mu g); wheels and idlers are pulled up and do not touch."""
     v, mu = 3.0, 0.3
 
     def way(**law):
@@ -88,7 +88,7 @@ def test_a_hull_slides_as_far_as_friction_says():
         )
         x = body.model.state
         body.run(2.0)
-        x[7] += v  # at rest on its floor: all of it is pushed
+        x[7] += v  # at rest on its floor; then all of it gets the speed v
         before = x[0]
         body.run(2.0)
         assert abs(x[7]) < 1e-3
@@ -99,7 +99,10 @@ def test_a_hull_slides_as_far_as_friction_says():
 
 
 def test_sliding_wheels_spin_up_to_rolling():
-    """Angular momentum about the ground: v = v0 / (1 + sum I / (m R^2)), wherever the friction has acted."""
+    """Sliding wheels spin up to rolling at v = v0 / (1 + sum I / (m R^2)).
+
+    The angular momentum about the ground is conserved, wherever the friction has acted.
+    """
     v0 = 2.0
     inertia = 10 * WHEEL["spin_inertia"] / WHEEL["radius"] ** 2
 

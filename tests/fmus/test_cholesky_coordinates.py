@@ -1,4 +1,4 @@
-"""Chains of flexible links that move in Cholesky coordinates, against the same ones in nodal coordinates."""
+"""Chains of flexible links in Cholesky coordinates against the same chains in nodal coordinates."""
 
 import numpy as np
 import pytest
@@ -13,9 +13,9 @@ from fmus.physics.chain.report import DISSIPATED, GRAVITY, KINETIC, STRAIN, WORK
 from fmus.track_flexible.model import Model as Flexible
 
 N = 16
-SPAN = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.8 * 8 * 0.1524, 0.0]}  # displaced from 0.7
+SPAN = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.8 * 8 * 0.1524, 0.0]}  # starts displaced from a span of 0.7
 OVAL = {"start_of_spin": 20.0, "start_of_ovalling": 2.0}
-SOFT = {  # the damper of the closure too: no mode is so fast that a step at the limit of stability is coarse for it
+SOFT = {  # the closure's damper is soft too: a step at the stability limit must resolve every mode
     "material_of_youngs_modulus": 2e7, "closure_of_stiffness": 1e6, "closure_of_damping": 1e3, "start_of_spin": 20.0,
     "start_of_ovalling": 4.0,
 }  # fmt: skip
@@ -23,17 +23,17 @@ EXPLICIT = {"integrator": "runge_kutta", "coordinates": "cholesky"}
 
 
 def pair(build):
-    """The same chain in nodal and in Cholesky coordinates."""
+    """Return the same chain in nodal and in Cholesky coordinates."""
     return [build(coordinates=coordinates) for coordinates in ("nodal", "cholesky")]
 
 
 def used(model):
-    """Of the flat nodal coordinates those that a link has."""
+    """Indices of the flat nodal coordinates that belong to a link."""
     return np.unique(places(model.kit, model.s.q, len(model.work.M), model.links_count))
 
 
 def matrix(model):
-    """B^T, dense, on the used coordinates: what ``fold`` does to each of them alone."""
+    """B^T as a dense matrix on the used coordinates, from ``fold`` applied to each unit vector."""
     s, at = model.s, used(model)
     before = s.flat.copy()
     columns = []
@@ -47,7 +47,7 @@ def matrix(model):
 
 
 def mass(model):
-    """The mass matrix of the mesh on the used coordinates, link by link."""
+    """Mass matrix of the mesh on the used coordinates, assembled link by link."""
     at, M = places(model.kit, model.s.q, len(model.work.M), model.links_count), model.work.M
     whole = np.zeros((model.s.q.size, model.s.q.size))
     for link in at:
@@ -66,14 +66,17 @@ KINDS = pytest.mark.parametrize(
 @pytest.mark.long
 @KINDS
 def test_the_mass_in_cholesky_coordinates_is_the_identity(kind, given):
-    """B B^T = M, B triangular in some order of the coordinates; rates carry the kinetic energy of the report."""
+    """B B^T = M, and B is triangular in some order of the coordinates.
+
+    The rates carry the kinetic energy of the report.
+    """
     model = made(kind, 5, gravity=0.0, start="polygon", **given, **EXPLICIT, **{"start.spin": 3.0})
     B, M = matrix(model).T, mass(model)
     assert np.abs(B @ B.T - M).max() < 1e-13 * np.abs(M).max()
     assert np.abs(1.03 * B @ B.T - M).max() > 1e-2 * np.abs(M).max()
     assert 0.5 * np.sum(model.s.p[1] ** 2) == pytest.approx(model.report[KINETIC], rel=1e-13)
     left = np.ones(len(B), dtype=bool)
-    for _ in range(len(B)):  # row by row that has but one entry among the columns that are left
+    for _ in range(len(B)):  # eliminate each row that has a single entry among the remaining columns
         rows = [r for r in range(len(B)) if np.count_nonzero(np.abs(B[r, left]) > 1e-12) == 1]
         done = [c for r in rows for c in np.flatnonzero(left & (np.abs(B[r]) > 1e-12))]
         left[done] = False
@@ -83,7 +86,7 @@ def test_the_mass_in_cholesky_coordinates_is_the_identity(kind, given):
 @pytest.mark.long
 @KINDS
 def test_accelerations_and_forces_are_those_of_nodal_coordinates(kind, given):
-    """Of a random shape in random motion, with what the links show."""
+    """Accelerations and link forces in a random state are those of nodal coordinates."""
     models = pair(
         lambda **c: made(kind, N, gravity=9.81, start="polygon", integrator="runge_kutta", **given, **c)
     )  # fmt: skip
@@ -95,7 +98,7 @@ def test_accelerations_and_forces_are_those_of_nodal_coordinates(kind, given):
             array.reshape(-1)[at] += size * shift
     whole, own = models
     state = own.state.copy()
-    assert own.hold(state[own.s.p.size :]), "nodal"
+    assert own.hold(state[own.s.p.size :]), "a nodal model accepted a state of Cholesky coordinates"
     q, v = own.s.q.copy(), own.s.v.copy()
     k = [np.zeros(2 * whole.s.q.size) for _ in models]
     for model, rates in zip(models, k, strict=True):
@@ -116,7 +119,7 @@ def test_accelerations_and_forces_are_those_of_nodal_coordinates(kind, given):
 @pytest.mark.long
 @CLOSURES
 def test_runge_kutta_takes_the_same_steps_to_rounding(closure):
-    """The coordinates are a linear function of each other, and so is each stage."""
+    """Runge-Kutta steps agree to rounding: the two coordinates are linear functions of each other."""
     whole, own = pair(lambda **c: loop(closure=closure, integrator="runge_kutta", **OVAL, **c))
     for model in (whole, own):
         run(model, 0.01)
@@ -133,7 +136,11 @@ def test_runge_kutta_takes_the_same_steps_to_rounding(closure):
 @pytest.mark.long
 @CLOSURES
 def test_adams_methods_come_to_the_same_within_their_tolerances(closure):
-    """Their error is measured in other coordinates, so the steps are others; soft links, which accuracy binds."""
+    """Adams methods agree within their tolerances.
+
+    They measure errors in other coordinates and so choose other steps. The links are soft, so that accuracy limits the
+    step.
+    """
 
     def there(tolerance, coordinates, **changes):
         given = {"adams_of_rtol": tolerance, "adams_of_atol": tolerance, "coordinates": coordinates}
@@ -154,7 +161,7 @@ def test_adams_methods_come_to_the_same_within_their_tolerances(closure):
 @pytest.mark.parametrize("integrator", ["runge_kutta", "adams"])
 @CLOSURES
 def test_the_ledger_closes(closure, integrator):
-    """Energy and what is dissipated are constant in a soft loop that nothing acts on."""
+    """Mechanical plus dissipated energy is constant in a soft loop without external forces."""
     given = {"adams_of_rtol": 1e-8, "adams_of_atol": 1e-8} if integrator == "adams" else {}
     model = loop(**SOFT, closure=closure, **EXPLICIT | {"integrator": integrator}, **given)
     before = model.report.copy()
@@ -167,7 +174,7 @@ def test_the_ledger_closes(closure, integrator):
 
 @pytest.mark.parametrize("ends", [SPAN, {"kind": "held", "first": [1.0, 2.0]}], ids=["pinned", "held"])
 def test_ends_that_are_held_stay(ends):
-    """A held coordinate moves nothing and is moved by nothing: its row and its column of the mass are 1."""
+    """A fixed coordinate stays and acts on no other."""
     start = "displaced" if ends is SPAN else "straight"
     whole, own = pair(lambda **c: made(Flexible, 8, ends, start=start, integrator="runge_kutta", **c))
     first = own.s.q[0, :3].copy()
@@ -193,7 +200,7 @@ def test_a_saved_state_runs_on_to_the_same_bits():
 
 @pytest.mark.long
 def test_a_track_on_wheels():
-    """Contacts, pin forces and wrenches of the vehicle's own track, whose wheels run away."""
+    """Contacts, pin forces and wrenches of the vehicle's track agree while its wheels move away."""
     settings = "track.integrator=runge_kutta", "track.joints=eliminated"
     whole, own = (on_wheels(*settings, f"track.coordinates={c}") for c in ("nodal", "cholesky"))
     for model in (whole, own):

@@ -1,4 +1,4 @@
-"""Contacts of all chains: what wheels, ground and links put in is stored, dissipated or lost to covered parts."""
+"""Contacts of all chains: their power is stored, dissipated or lost by covering."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from fmus.physics.chain.sums import CONTACT, LOSSES, PATCH_POWER
 from fmus.physics.rigid import body
 from fmus.physics.wheels import move
 
-H = 1e-7  # s, of the difference
+H = 1e-7  # s, step of the finite difference
 
 
 def flexible(element: str):
-    """A function of time, 0 at the start: stored J, dissipated W, lost by covering W, absorbed W."""
+    """Return a function of time (0 at the start): stored J, dissipated W, lost by covering W, absorbed W."""
     model, rng = test_track_flexible.carrier(element=element), np.random.default_rng(3)
     if element == "beam":
         model.s.q[:, 1] += 0.02  # beyond the play of the guides
@@ -40,7 +40,7 @@ def flexible(element: str):
         for i in np.flatnonzero(w.touched):
             model.kit.coordinates(model.s.v, i, (i + 1) % model.nodes, w.v)
             into += np.sum(w.load[i] * w.v)
-        pushed = 6 if element == "beam" else len(model.kit.AXES)  # of a pin by teeth, of a beam's with its axis
+        pushed = 6 if element == "beam" else len(model.kit.AXES)  # a tooth pushes the pin; a beam has a pin axis too
         into += np.sum(w.b[:, :pushed] * model.s.v[:, :pushed])
         return w.sums[CONTACT], w.sums[LOSSES:].sum(), w.sums[PATCH_POWER], into - np.sum(w.wrench[:-1] * rows[:, 3:9])
 
@@ -48,7 +48,7 @@ def flexible(element: str):
 
 
 def rigid():
-    """The same of rigid links, in a motion that keeps their pins: as one body."""
+    """The same function for rigid links that move as one body, which keeps their pins closed."""
     model, turning = test_track_rigid.rolling(), np.array([0.03, 0.2, -0.05])
     model.initialise(test_track_rigid.parameters(model))
     s, w = model.s, model.work
@@ -74,7 +74,7 @@ def rigid():
 
 
 def shoved(rows: np.ndarray, lateral: bool) -> np.ndarray:
-    """Wheels that move and turn, out of their plane too where chains are held in it by guides."""
+    """Move and turn the wheels; out of their plane only if ``lateral``."""
     rng, rows = np.random.default_rng(5), rows.copy()
     rows[:, 3:9] = rng.uniform(-0.5, 0.5, (len(rows), 6))
     rows[:, 2] -= 2e-3  # deeper
@@ -90,8 +90,8 @@ def test_what_contacts_absorb_is_stored_dissipated_or_covered(kind):
     grown = (at(H)[0] - at(-H)[0]) / (2.0 * H)
     _, dissipated, covered, absorbed = at(0.0)
     left, scale = absorbed - grown - dissipated - covered, abs(grown)
-    allowed = (3e-5 if kind == "beam" else 1e-5) * scale  # what moving parts lose leaves out how far a beam bends
+    allowed = (3e-5 if kind == "beam" else 1e-5) * scale  # the loss of moving parts neglects the bending of a beam
     assert scale > 10.0
     assert abs(left) < allowed
-    assert abs(left - 0.03 * grown) > 100.0 * allowed, "a twin that stores 3 % more"
-    assert abs(left + 0.03 * covered) > allowed, "a twin whose covered parts lose 3 % less"
+    assert abs(left - 0.03 * grown) > 100.0 * allowed, "a twin that stores 3 % more passed"
+    assert abs(left + 0.03 * covered) > allowed, "a twin whose covered parts lose 3 % less passed"

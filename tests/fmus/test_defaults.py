@@ -1,4 +1,4 @@
-"""What an FMU's parameters and inputs are when nobody sets them."""
+"""Defaults of an FMU's parameters and inputs."""
 
 import json
 
@@ -89,7 +89,7 @@ def part(name):
 
 
 def unconnected(model, parameters, shift=0.0):
-    """Outputs after ten steps with the inputs as they are declared, the first connector's x shifted."""
+    """Outputs after ten steps with the declared inputs; ``shift`` moves the first connector's x, m."""
     model.initialise({port.name: port.start for port in model.ports if port.causality == "parameter"} | parameters)
     u = np.array([port.start for port in model.ports if port.causality == "input"])
     u[0] += shift
@@ -103,7 +103,7 @@ def unconnected(model, parameters, shift=0.0):
 
 @pytest.mark.parametrize("lateral", [1.0795, -1.0795])
 def test_a_track_that_nothing_moves_stays_on_its_wheels(lateral):
-    """Wherever its config makes it start."""
+    """A track whose wheels do not move stays on them, wherever its configuration places it."""
     own = {**PLACE, "start.lateral": lateral}
     drawn = unconnected(RigidTrack(part("track").config), {})
     model = RigidTrack(part("track").config | {"parameters": own})

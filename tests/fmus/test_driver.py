@@ -1,4 +1,4 @@
-"""The driver: paths in closed form, pure pursuit against its linear theory, learnt slip, manners; a demanded drive."""
+"""Driver: paths in closed form, pure pursuit against linear theory, learnt slip, errors, demands."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from fmus.sprocket_drive.model import Model as SprocketDrive
 from orchestrator.scene.scene import load
 
 TABLE = load("straight").vehicle.model_dump()
-AHEAD = float(np.mean(TABLE["road_wheel"]["x"])) - TABLE["chassis"]["centre"][0]  # of the place that follows the path
+AHEAD = float(np.mean(TABLE["road_wheel"]["x"])) - TABLE["chassis"]["centre"][0]  # of the point that follows the path
 RADIUS = TABLE["sprocket"]["teeth"] * TABLE["track"]["pitch"] / (2.0 * np.pi)
 H = 2e-3
 PLAIN = {"friction": 0.0, "drive.lag": 0.0, "yaw.gain": 0.0, "yaw.integral": 0.0, "preview": 0.0, "reach": 3.0,
@@ -22,7 +22,7 @@ PLAIN = {"friction": 0.0, "drive.lag": 0.0, "yaw.gain": 0.0, "yaw.integral": 0.0
 
 
 class Unicycle:
-    """A driver and a vehicle that turns about the place that follows the path, as its sprockets tell it."""
+    """A driver, and a vehicle that turns about the point that follows the path without slip."""
 
     def __init__(self, grip=1.0, left=0.0, **parameters):
         self.model = Model({"vehicle": TABLE})
@@ -43,7 +43,7 @@ class Unicycle:
         return np.array([x, y, 0.4, np.cos(half), 0, 0, np.sin(half), *v, 0, 0, 0, self.rate])
 
     def step(self, t):
-        """One step; what the driver sees of it."""
+        """Make one step; return the inputs that the driver saw."""
         self.model.outputs(self.outputs)
         left, right = RADIUS * self.outputs[:2]
         self.speed, self.rate = 0.5 * (left + right), (right - left) / self.width
@@ -84,7 +84,10 @@ def test_beyond_its_ends_a_path_is_straight():
 
 
 def test_a_path_through_points_of_a_circle_is_that_circle():
-    """To the third order of their distance, away from the ends, where a natural spline has no curvature."""
+    """A path through points of a circle is that circle to the third order of their distance.
+
+    The ends are excluded, where a natural spline has no curvature.
+    """
     worst = []
     for n in (41, 81):
         angle = np.linspace(0.0, 3.0, n)
@@ -100,9 +103,12 @@ def test_a_path_through_points_of_a_circle_is_that_circle():
 
 @pytest.mark.parametrize(("reach", "agrees"), [(3.0, True), (3.2, False)])
 def test_a_small_error_decays_as_the_linear_theory_says(reach, agrees):
-    """e'' + 2 a e' + a^2 e = 0 with a = v/L: e = e0 exp(-a t) (1 + a t)."""
+    """A small error decays as the linear theory says: e'' + 2 a e' + a^2 e = 0, a = v/L.
+
+    Its solution is e = e0 exp(-a t) (1 + a t).
+    """
     run = Unicycle(left=0.01, **{**PLAIN, "path.arcs": "100 0", "reach": reach}).run(4.0)
-    at = 2.0 / 3.0 * H * (np.arange(len(run.shown)) - 0.5)  # demands are those of the middle of a step
+    at = 2.0 / 3.0 * H * (np.arange(len(run.shown)) - 0.5)  # demands belong to the middle of a step
     theory = 0.01 * np.exp(-at) * (1.0 + at)
     assert (abs(run["path.lateral_error"] - theory)[1:].max() < 5e-5) == agrees
 
@@ -110,12 +116,12 @@ def test_a_small_error_decays_as_the_linear_theory_says(reach, agrees):
 @pytest.mark.parametrize("curvature", [0.1, -0.2])
 def test_no_error_stays_on_an_arc(curvature):
     run = Unicycle(**{**PLAIN, "path.arcs": f"60 {curvature}"}).run(12.0)
-    assert abs(run["path.lateral_error"][-1]) < 2e-3  # the order of a step's turn
+    assert abs(run["path.lateral_error"][-1]) < 2e-3  # of the size of one step's turn
     assert run["curvature.demand"][-1] == pytest.approx(curvature, rel=2e-3)
 
 
 def test_slip_is_learnt():
-    """Of a vehicle that turns by 0.77 of what it is told: only the integral takes the error away."""
+    """A vehicle that turns by 0.77 of its demand follows a curve only with the integral part."""
     settings = {**PLAIN, "path.arcs": "60 0.1"}
     assert abs(Unicycle(1.3, **settings).run(12.0)["path.lateral_error"][-1]) > 0.05
     learnt = Unicycle(1.3, **{**settings, "yaw.gain": 1.0, "yaw.integral": 1.0}).run(14.0)
@@ -142,7 +148,7 @@ def test_it_slows_down_to_a_curve_and_takes_it_as_its_acceleration_allows():
     s, v = run["path.progress"], run["speed.demand"]
     before, within = s < 19.8, (s > 20.2) & (s < 29.8)
     curve = np.minimum(4.0, np.sqrt(0.8 / 0.2 + 2 * 0.5 * (20.0 - s[before])))
-    assert ((v[before] <= curve + 1e-9) & (v[before] > curve - 0.05)).all()  # a place of the plan early
+    assert ((v[before] <= curve + 1e-9) & (v[before] > curve - 0.05)).all()  # at most one point of the plan early
     np.testing.assert_allclose(v[within], 2.0, rtol=1e-9)
     assert within.sum() > 100
     assert v[s > 30.5].max() == pytest.approx(4.0)
@@ -152,7 +158,7 @@ def test_it_slows_down_to_a_curve_and_takes_it_as_its_acceleration_allows():
 def test_it_comes_back_from_afar_and_says_how_far_it_was(off):
     settings = {"friction": 0.0, "path.arcs": "200 0", "speed.start": 3.0, "speed.end": 3.0}
     run = Unicycle(left=1.01 * off, **settings).run(12.0)
-    assert run["path.lateral_error"][0] == 0.0  # of the standing hull that nothing moved yet
+    assert run["path.lateral_error"][0] == 0.0  # from the hull at rest, before the first motion
     assert abs(run["path.lateral_error"][1]) == pytest.approx(abs(1.01 * off), rel=1e-2)
     assert abs(run["path.lateral_error"][-1]) < 5e-3
     assert [text.split(" s ")[1][:14] for text in run.model.warnings()] == ["the vehicle is"]
@@ -160,7 +166,7 @@ def test_it_comes_back_from_afar_and_says_how_far_it_was(off):
 
 
 def test_a_path_is_approached_along_a_line_through_its_beginning():
-    """Exactly behind it there is no error, to neither side."""
+    """A vehicle behind a path approaches its beginning along a line; exactly behind it the error is 0."""
     way = path.of_arcs("path.arcs", "5 0")
     for left in (4.0, -4.0, 1e-17, 0.0):
         assert path.nearest(way, 0, -3.0, left, 1.0) == (0.0, left)
@@ -269,7 +275,7 @@ def test_a_demanded_drive_has_no_profile(parameters, said):
 
 
 def test_the_fmu_is_valid_and_drives_in_a_loop_of_fmpys(tmp_path):
-    """The same bits as the model, with a vehicle of five lines."""
+    """The FMU is valid and gives the same bits as the model, with a vehicle of five lines."""
     file = build("Driver", {"vehicle": TABLE})
     assert not validate_fmu(str(file))
     said = read_model_description(str(file))

@@ -1,4 +1,4 @@
-"""The driver's plan and its slip of the tracks against exact answers and the independent general theory."""
+"""The driver's plan and slip against exact answers and the independent general theory."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ BOUND = planning.Bounds(top=20.0, lateral=1e3, grip=2.0, deceleration=1.0, turni
 
 
 def planned(arcs, bounds):
-    """A path and its plan."""
+    """Return a path and its plan."""
     path = route.of_arcs("path.arcs", arcs)
     plan = planning.plan(path)
     planning.make(plan, path, bounds)
@@ -32,7 +32,10 @@ def along(path, plan, places, what):
 
 @pytest.mark.parametrize(("deceleration", "agrees"), [(0.5, True), (0.51, False)])
 def test_speed_on_a_straight_is_a_trapezoid_over_time(deceleration, agrees):
-    """Exact between places too: the square of the speed is straight over the way."""
+    """The speed on a straight is a trapezoid over time, exact between the points of the plan too.
+
+    The square of the speed is linear over the distance.
+    """
     path, plan = planned("40 0", FREE._replace(deceleration=deceleration))
     places = np.linspace(0.0, 40.0, 777)
     exact = np.minimum(4.0, np.sqrt(2.0 * 0.5 * (40.0 - places)))
@@ -41,7 +44,7 @@ def test_speed_on_a_straight_is_a_trapezoid_over_time(deceleration, agrees):
 
 @pytest.mark.parametrize(("lateral", "agrees"), [(0.8, True), (0.82, False)])
 def test_a_curve_is_met_at_the_speed_that_it_allows(lateral, agrees):
-    """Braking begins for a curve one place early at most, and it is driven at v^2 k = the bound."""
+    """Braking for a curve begins at most one point early; the curve is driven at v^2 k = the bound."""
     path, plan = planned("20 0; 10 0.2; 40 0", FREE._replace(lateral=lateral))
     before, within = np.linspace(0.0, 19.7, 99), np.linspace(20.3, 29.7, 50)
     early, late = (np.minimum(4.0, np.sqrt(4.0 + 2.0 * 0.5 * (way - before))) for way in (19.75, 20.0))
@@ -69,14 +72,14 @@ def test_the_way_that_is_taken_stays_near_the_path_and_turns_as_friction_allows(
     assert abs(turning).max() < 1.15 * BOUND.turning
     assert abs(turning).max() > 0.7 * BOUND.turning
     assert 0.01 < abs(plan.off).max() < BOUND.tolerance
-    # the way that is taken is a curve: its distance has the curvature's difference as its second derivative
+    # the chosen way is a curve: the second derivative of its distance is the difference of the curvatures
     bends = np.diff(plan.off, 2) / ds**2
     assert np.allclose(bends[inner], (plan.curvature - plan.drawn)[1:-1][inner], atol=1e-9)
     assert abs(plan.off[[0, -1]]).max() < 1e-3
 
 
 def test_smoothing_is_the_solution_of_its_equations():
-    """Against numpy's dense solver of the same sum of squares."""
+    """The smoothing agrees with numpy's dense solution of the same least-squares problem."""
     _, plan = planned("6 0; 6 0.1; 6 0", BOUND)
     n, ds = len(plan.square), 0.1
     D = np.diff(np.eye(n), 3, axis=0) / ds**3
@@ -89,7 +92,7 @@ def test_smoothing_is_the_solution_of_its_equations():
 
 
 def test_footing_of_the_vehicle():
-    """Mass and load shares against the study of this vehicle in ``skid_steering``."""
+    """Mass and load shares agree with those of this vehicle in ``skid_steering``."""
     stands, ahead = footing(TABLE)
     known = Vehicle()
     assert stands.mass == pytest.approx(known.mass, rel=1e-9)
@@ -101,7 +104,7 @@ def test_footing_of_the_vehicle():
 
 
 def matched(known):
-    """How the vehicle stands, with the numbers of the independent theory."""
+    """Footing of the vehicle with the numbers of the independent theory."""
     wheels, shares = np.array(known.wheels), np.array(known.shares)
     middle = float(shares @ wheels)
     return footing(TABLE)[0]._replace(
@@ -115,7 +118,7 @@ CASES = [((8, 12), 0.3), ((0, 10), 0.3), ((-10, 10), 0.3), ((19, 21), 0.3), ((8,
 
 @pytest.mark.parametrize(("sprockets", "friction"), CASES)
 def test_slip_is_that_of_the_independent_theory(sprockets, friction):
-    """With its numbers of the vehicle, to the tolerance of both solvers; not with a friction 3 % off."""
+    """Slip agrees with the independent theory to solver tolerance, but not at 3 % more friction."""
     known = Vehicle(friction=friction)
     stands = matched(known)
     steady = turn(known, sprockets)
@@ -129,7 +132,10 @@ def test_slip_is_that_of_the_independent_theory(sprockets, friction):
 
 @pytest.mark.parametrize(("sprockets", "friction"), CASES)
 def test_sprocket_speeds_of_a_steady_circle(sprockets, friction):
-    """From the vehicle's table alone: sum and difference of the sprockets within 2 % of the theory's faster one."""
+    """Sprocket speeds of a steady circle, from the vehicle's table alone, agree with the theory.
+
+    Their sum and difference are within 2 % of the faster sprocket's speed.
+    """
     known = Vehicle(friction=friction)
     stands, _ = footing(TABLE)
     steady = turn(known, sprockets)
@@ -143,7 +149,7 @@ def test_sprocket_speeds_of_a_steady_circle(sprockets, friction):
     assert not np.allclose(kinematic, sprockets, atol=fast / 2.0)
 
 
-UNSTEADY = [  # friction, speed, yaw rate, its derivative, accelerations of the centre of mass ahead and left
+UNSTEADY = [  # friction, speed, yaw rate and its derivative, acceleration of the centre of mass forward and left
     (0.3, 4.0, 0.3, 0.2, 0.1, 1.2), (0.3, 5.0, 0.1, -0.15, -0.5, 0.5), (0.7, 6.0, -0.5, -0.3, 0.4, -3.0),
     (1.2, 3.0, 0.6, 0.5, -0.6, 1.8), (0.2, 2.0, -0.2, 0.1, 0.05, -0.4), (0.3, -2.0, 0.2, 0.1, 0.2, -0.4),
 ]  # fmt: skip
@@ -151,7 +157,10 @@ UNSTEADY = [  # friction, speed, yaw rate, its derivative, accelerations of the 
 
 @pytest.mark.parametrize(("friction", "speed", "rate", "turning", "ahead", "left"), UNSTEADY)
 def test_slip_of_any_motion_is_that_of_a_planar_vehicle(friction, speed, rate, turning, ahead, left):
-    """Forces of an independent code, solved by scipy: the sprockets and the drift that make these accelerations."""
+    """Slip in any motion balances the forces of an independent planar vehicle.
+
+    Scipy solves for the sprocket speeds and the drift that give these accelerations.
+    """
     known = Vehicle(friction=friction)
     stands = matched(known)
     numbers = (known.mass, stands.inertia, known.height, known.half_width, known.width, 1.0, friction, known.creep, 1.0)
@@ -192,7 +201,7 @@ def test_a_yaw_acceleration_beyond_the_friction_is_reduced():
 
 @pytest.mark.parametrize("factor", [1.0, 1.4])
 def test_other_vehicles_stand_on_their_own_footing(factor):
-    """Half of the load lies on each side of the centre of mass, whatever the wheels' places."""
+    """The loads balance about the centre of mass, wherever the wheels are."""
     table = {**TABLE, "road_wheel": {**TABLE["road_wheel"], "x": [factor * x for x in TABLE["road_wheel"]["x"]]}}
     stands, _ = footing(table)
     assert stands.shares @ stands.wheels == pytest.approx(0.0, abs=1e-9)

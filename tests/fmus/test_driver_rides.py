@@ -1,6 +1,6 @@
-"""The driver on a planar vehicle of the general theory: offsets, S-curves at the friction's limit, ways back, turns.
+"""The driver on a planar vehicle: offsets, S-curves at the friction limit, reversing, turns.
 
-Full vehicles drive the same in ``test_driven``.
+``test_driven`` has the same rides with full vehicles.
 """
 
 import copy
@@ -14,16 +14,16 @@ from fmus.driver.model import Model
 from orchestrator.scene.scene import load
 
 TABLE = load("straight").vehicle.model_dump()
-MIDDLE = -1.9924  # of mass of the vehicle, in its frame, m
+MIDDLE = -1.9924  # of the centre of mass, in the vehicle's frame, m
 HULL = TABLE["chassis"]["centre"][0] - MIDDLE
 
 
 def ride(parameters, stop, friction=0.3, table=TABLE, vehicle=None, **plant):
-    """A ride on the ground that the table says, or another one; starts at rest."""
+    """Ride from rest on the ground of the table or with another friction."""
     own = copy.deepcopy(table)
     own["contact"]["ground"]["friction"] = friction
     model = Model({"vehicle": own})
-    model.initialise({"yaw.lag": 0.0} | parameters)  # of chains that give way, which this vehicle has not
+    model.initialise({"yaw.lag": 0.0} | parameters)  # lag of compliant chains, which this vehicle does not have
     heading = parameters.get("start.heading", 0.0)
     place = (MIDDLE * np.cos(heading), MIDDLE * np.sin(heading), heading)
     vehicle = vehicle or Vehicle(friction=friction)
@@ -31,7 +31,7 @@ def ride(parameters, stop, friction=0.3, table=TABLE, vehicle=None, **plant):
 
 
 def beside(speed, stop, off=2.0, **settings):
-    """Overshoot over the offset of a vehicle that starts so far beside its path."""
+    """Overshoot, relative to the initial offset, of a vehicle that starts ``off`` m beside its path."""
     parameters = settings.pop("parameters", {})
     path = {"path.points": f"0 {off}; 300 {off}", "speed.end": speed, "ramp.end": 2.0}
     found = ride(path | parameters, stop, **settings)
@@ -43,7 +43,10 @@ def beside(speed, stop, off=2.0, **settings):
 
 
 def s_curve(radius, friction, parameters=None, **settings):
-    """An S at 0.8 of the friction, and the largest lateral acceleration over that of the friction."""
+    """Drive an S at 0.8 of the friction limit.
+
+    Returns the largest lateral error (m) and the largest lateral acceleration over that of the friction.
+    """
     limit = friction * 9.81
     speed = np.sqrt(0.8 * limit * radius)
     k, arc = 1.0 / radius, 1.5 * radius
@@ -65,7 +68,7 @@ def test_from_two_metres_beside_its_path_it_hardly_overshoots(speed, friction):
 
 
 def test_without_feed_forward_of_slip_and_lag_it_overshoots():
-    """The twin: a driver that knows no friction steers by a width alone."""
+    """A driver without friction in its model, which steers by the width alone, overshoots (twin)."""
     assert beside(5.0, 14.0, parameters={"friction": 0.0}) > 0.05
 
 
@@ -84,11 +87,11 @@ def test_an_s_curve_needs_the_friction_as_it_is():
 
 
 def test_it_drives_back_turns_on_the_spot_and_stops():
-    """At each end it stands within 2 cm; going back along the same arc leads to where it began."""
+    """The vehicle reverses along the same arc, turns on the spot and stops within 2 cm of each end."""
     arcs = f"5 0; 6 0.1; -6 0.1; 0 {0.5 * np.pi}; 3 0"
     found = ride({"path.arcs": arcs, "speed.end": 2.0, "ramp.end": 1.5}, 30.0)
     x, y, heading = found.moved[-1, :3]
-    # 5 m ahead of where the wheels' middle began, then 3 m to the left
+    # 5 m ahead of the start of the wheels' middle, then 3 m to the left
     assert np.allclose((x - MIDDLE, y), (5.0, 3.0), atol=0.05)
     assert heading == pytest.approx(0.5 * np.pi, abs=0.02)
     assert abs(found["path.lateral_error"]).max() < 0.06
@@ -97,7 +100,7 @@ def test_it_drives_back_turns_on_the_spot_and_stops():
     backwards = found["speed.demand"] < -0.5
     assert 3.0 < 2e-3 * backwards.sum() < 8.0
     assert found.moved[backwards, AHEAD].min() < -1.5
-    there = np.flatnonzero(np.diff(np.sign(found["speed.demand"])))  # it changes its direction at 11 m
+    there = np.flatnonzero(np.diff(np.sign(found["speed.demand"])))  # it reverses at 11 m
     assert abs(found["path.progress"][there] - 11.0).min() < 0.03
 
 
@@ -118,7 +121,7 @@ def test_a_path_driven_backwards_as_well_as_ahead():
 
 
 def test_another_vehicle_place_and_heading():
-    """Longer and wider, and turned by 0.9 rad at the start."""
+    """The driver follows its path with a longer and wider vehicle, and with an initial heading of 0.9 rad."""
     table = copy.deepcopy(TABLE)
     wheels = [-1.989 + 1.15 * (x + 1.989) for x in table["road_wheel"]["x"]]
     table["road_wheel"]["x"], table["track"]["lateral"] = wheels, 1.2
@@ -135,7 +138,7 @@ def test_another_vehicle_place_and_heading():
 
 
 def test_it_never_asks_for_more_than_friction_gives_along():
-    """However steep the ramp is: the demand rises by 0.8^2 of the friction at most."""
+    """The demanded acceleration is at most 0.8^2 of the friction, however steep the ramp is."""
     found = ride({"path.arcs": "60 0", "speed.end": 6.0, "ramp.end": 0.1}, 6.0, friction=0.2)
     rises = np.diff(found["speed.demand"]) / 2e-3
     assert rises.max() == pytest.approx(0.64 * 0.2 * 9.81, rel=1e-6)

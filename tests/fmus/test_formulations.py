@@ -49,7 +49,10 @@ def energy(model) -> float:
     ],
 )
 def test_two_seconds_are_the_same_to_rounding(links, ends, start, grown):
-    """The same method and step: what rounding grows to is m on chains of 0.3 to 10 m, whips of 40 rad/s included."""
+    """Both formulations agree after 2 s to grown rounding, also for whips of 40 rad/s.
+
+    Method and step are the same; ``grown`` is in m.
+    """
     models = [made(Rigid, links, ends, **given, **start) for given in (EXPLICIT, RECURSIVE)]
     before = models[0].pins()
     for model in models:
@@ -60,7 +63,7 @@ def test_two_seconds_are_the_same_to_rounding(links, ends, start, grown):
     coarse = made(Rigid, links, ends, gravity=9.81 * (1.0 + 1e-9), **RECURSIVE, **start)
     coarse.step(0.0, 2.0, NONE)
     if ends:
-        assert np.abs(coarse.pins() - one).max() > grown, "gravity off by 1e-9"
+        assert np.abs(coarse.pins() - one).max() > grown, "a twin with gravity off by 1e-9 agrees"
 
 
 def test_a_loop_of_joint_coordinates_stays_closed_and_keeps_its_energy():
@@ -106,7 +109,7 @@ def test_a_chain_at_rest_stays_there_in_joint_coordinates():
 
 @pytest.mark.parametrize("given", [{}, EXPLICIT, RECURSIVE])
 def test_a_spring_goes_to_the_pin_as_its_stiffness_grows(given):
-    """Error and gap fall as 1/k, at one step and so without its error; the energy is kept but for what is lost."""
+    """Error and gap of a spring closure fall as 1/k; the energy is kept but for the damper's loss."""
     pin = made(Rigid, 16, **given, **OVAL)
     pin.step(0.0, 0.1, NONE)
     off, gaps = [], []
@@ -128,7 +131,7 @@ def test_a_spring_goes_to_the_pin_as_its_stiffness_grows(given):
 
 
 def test_a_soft_spring_swings_and_loses_what_its_damper_takes():
-    """Both integrators at their orders, and the ledger of an explicit one."""
+    """A soft spring closure converges at the orders of both integrators, and the energy balance closes."""
     soft = {**OVAL, **SPRING, "closure.stiffness": 1e3, "closure.damping": 50.0}
     exact = made(Rigid, 8, **RECURSIVE, **soft)
     start = energy(exact)
@@ -177,7 +180,7 @@ TRACK = ("track.integrator=runge_kutta", "track.formulation=recursive")
 @pytest.mark.long
 @pytest.mark.parametrize("closure", ["pin", "spring"])
 def test_a_vehicle_on_joint_coordinates(closure):
-    """From rest: the same as in the augmented formulation; a saved state goes on to the same bits."""
+    """A vehicle from rest moves as in the augmented formulation, also from a restored state."""
     ends = []
     for settings in (TRACK, TRACK[:1]):
         vehicle = driven(*settings, f"track.closure={closure}")
@@ -204,7 +207,7 @@ def test_a_vehicle_on_joint_coordinates(closure):
 
 @pytest.mark.study
 def test_a_loop_as_monolith():
-    """Joint coordinates are what moves there too; the loop is closed after each of its steps."""
+    """A loop as monolith moves alike in joint coordinates; the loop is closed after each of its steps."""
     ends = []
     for formulation in ("recursive", "augmented"):
         settings = ["chain.links=16", "chain.ovalling=1", "track.integrator=runge_kutta"]
@@ -224,7 +227,7 @@ def test_a_loop_as_monolith():
 @pytest.mark.study
 @pytest.mark.parametrize("closure", ["pin", "spring"])
 def test_a_vehicle_as_monolith(closure):
-    """The same motion and forces, the mirrored side included."""
+    """A vehicle as monolith has the same motion and forces in both formulations, mirrored side included."""
     shown = []
     for formulation in ("recursive", "augmented"):
         settings = ["drive.ramp_start=0", "drive.ramp_time=0.5", *TRACK[:1], f"track.closure={closure}"]

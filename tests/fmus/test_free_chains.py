@@ -1,4 +1,4 @@
-"""Chains that nothing guides, behind the ports of a track: held at one end, or a free loop; rigid and flexible."""
+"""Unguided chains behind the ports of a track: held at one end, or a free loop; rigid and flexible."""
 
 from typing import ClassVar
 
@@ -21,7 +21,7 @@ P, PIN = TABLE["track"]["pitch"], TABLE["track"]["inertia"][1]
 
 
 class Beams(Flexible):
-    """The same made of beams."""
+    """A chain that is made of beams."""
 
     given: ClassVar = {"element": "beam"}
 
@@ -42,7 +42,7 @@ class Engineering(Beams):
 
 
 BOTH = pytest.mark.parametrize("kind", [Rigid, Flexible, Beams])
-# cables with other strains are a study here: ``test_track_elasticity`` has them
+# cables with other strain measures are studies here; ``test_track_elasticity`` has them
 SELDOM = [pytest.param(kind, marks=pytest.mark.study) for kind in (General, Engineering)]
 EACH = pytest.mark.parametrize("kind", [Rigid, Flexible, PlanarCables, *SELDOM, Beams])
 HOLD = {"kind": "held", "first": [1.0, 2.0]}
@@ -52,7 +52,7 @@ AREA = TABLE["section"]["area"]
 
 
 def mass_of(model):
-    """Of a link, kg; of elements, by shifting the one and the other pin alike."""
+    """Mass of a link, kg; of elements, from a shift of both pins."""
     if isinstance(model, Rigid):
         return model.link.mass
     M = model.work.M
@@ -80,7 +80,7 @@ def allowed(model):
 
 
 def per_link(model):
-    """Tensions (n), forces of the pins (nodes, 3)."""
+    """Return the tensions (n) and the forces of the pins (nodes, 3), N."""
     n, m = model.links_count, model.nodes
     y = np.zeros(2 * n + 6 * m)
     model.link_outputs(y)
@@ -110,7 +110,7 @@ def test_a_belt_of_many_links_closes_to_rounding_in_a_few_corrections(links, mon
 @pytest.mark.parametrize("to", [(0.8, 0.0), (0.4, 0.0), (0.5, 0.3), (-0.5, 0.2)])
 @pytest.mark.parametrize("links", [3, 64, 1024])
 def test_a_chain_that_hangs_turns_by_its_weight(links, to):
-    """One horizontal pull, and each link's weight adds to the vertical one; not so in the arc of a circle."""
+    """A catenary has one horizontal pull, and each link's weight adds to the vertical one; an arc has not."""
     first = np.array([1.0, 2.0])
     last = first + np.array(to) * links * P
     pulls = []
@@ -143,10 +143,10 @@ def test_starts_are_those_of_the_ends(kind):
 
 
 def support(angles, mass, inertia):
-    """Force (2) that holds the first pin of links at these angles as they are let go: Lagrange's equations of rods."""
+    """Force (2) on the first pin of rods that are released at these angles, N, by Lagrange's equations."""
     n = len(angles)
     turning = P * np.stack([-np.sin(angles), np.cos(angles)], axis=1)
-    moved = (np.tri(n, k=-1) + 0.5 * np.eye(n))[:, :, None] * turning  # of centre i by angle j
+    moved = (np.tri(n, k=-1) + 0.5 * np.eye(n))[:, :, None] * turning  # displacement of centre i by angle j
     M = mass * np.einsum("ijk,ilk->jl", moved, moved) + inertia * np.eye(n)
     accelerations = np.linalg.solve(M, -mass * 9.81 * moved[:, :, 1].sum(axis=0))
     return mass * np.einsum("ijk,j->k", moved, accelerations) + [0.0, n * mass * 9.81]
@@ -162,10 +162,10 @@ SUPPORTS = pytest.mark.parametrize(("start", "links"), [("folded", 33), ("straig
 
 
 def test_support_of_thin_rods():
-    """By hand: one bar m g/4; a fold of one link down, across, up."""
+    """The support force of thin rods agrees with results by hand: one bar m g/4; a fold down, across, up."""
     m, g = 18.0, 9.81
     np.testing.assert_allclose(support(np.zeros(1), m, m * P**2 / 12), [0.0, m * g / 4], atol=1e-9)
-    across = 1.5 / (4.0 / 3.0)  # angular acceleration of the link across, times pitch over g
+    across = 1.5 / (4.0 / 3.0)  # angular acceleration of the middle link, times pitch over g
     fold = np.array([-np.pi / 2, 0.0, np.pi / 2])
     np.testing.assert_allclose(
         support(fold, m, m * P**2 / 12), [0.0, m * g * (1.0 + 1.0 - across / 2 + 1.0 - across)], atol=1e-9
@@ -176,9 +176,10 @@ def test_support_of_thin_rods():
 @EACH
 @SUPPORTS
 def test_a_chain_that_is_let_go_pulls_at_its_support_as_rods_do(kind, start, links):
-    """At once and in the first milliseconds: no wave is born. The share of the weight: 0.495 folded, 0.0051 level.
+    """A released chain pulls at its support as rods do, at once and in the first milliseconds.
 
-    Whatever the links, they have the table's inertia about their pins; a bar alone makes m g J / (J + m p^2 / 4).
+    No wave starts. Share of the weight: 0.495 folded, 0.0051 level. All links have the table's inertia about their
+    pins; a single bar gives m g J / (J + m p^2 / 4).
     """
     model = made(kind, links, HOLD, start=start, step=1e-4 if start == "folded" else 5e-4)
     expected = expected_support(start, links)
@@ -206,7 +207,7 @@ def test_a_copied_start_goes_on_alike(kind):
 
 @SUPPORTS
 def test_undeformed_links_let_go_ring(monkeypatch, start, links):
-    """The twin."""
+    """Released links that start without their static strain ring (twin)."""
     monkeypatch.setattr(Flexible, "tighten", lambda self: None)
     model = made(Flexible, links, HOLD, start=start, step=1e-4)
     expected = expected_support(start, links)
@@ -242,7 +243,7 @@ def test_a_held_chain_keeps_its_pin_and_its_energy(kind, integrator):
 
 @BOTH
 def test_a_loop_spins_in_relative_equilibrium(kind):
-    """Joint force m omega^2 Rc / (2 sin(pi/N)); a hundredth more of the spin shows."""
+    """A spinning loop has the joint force m omega^2 Rc / (2 sin(pi/N)); 1 % more spin shows."""
     links, spin = 64, 5.0
     model = made(kind, links, gravity=0.0, **{"start.spin": spin})
     expected = TABLE["track"]["mass"] * spin**2 * P / (2 * np.tan(np.pi / links)) / (2 * np.sin(np.pi / links))
@@ -257,7 +258,7 @@ def test_a_loop_spins_in_relative_equilibrium(kind):
 
 
 def test_a_polygon_that_spins_is_not_yet_stretched():
-    """The twin: without the equilibrium the links carry nothing at first, and the loop rings."""
+    """Without the initial equilibrium the links carry nothing at first, and the loop rings (twin)."""
     model = made(Flexible, 16, gravity=0.0, start="polygon", **{"start.spin": 5.0})
     assert model.report[T_MEAN] == pytest.approx(0.0, abs=1e-3)
     stretched = made(Flexible, 16, gravity=0.0, **{"start.spin": 5.0})
@@ -267,7 +268,10 @@ def test_a_polygon_that_spins_is_not_yet_stretched():
 
 @BOTH
 def test_a_loop_becomes_oval_as_its_links_turn(kind):
-    """Velocities of the pins against those of the links' own turning, added up round the loop; other rates show."""
+    """A loop becomes oval with the pin velocities that follow from its links' rates of rotation.
+
+    The rates are summed round the loop; other rates give other velocities.
+    """
     links, rate = 16, 3.0
     model = made(kind, links, gravity=0.0, start="polygon", **{"start.spin": 5.0, "start.ovalling": rate})
     start = model.pins()[:, [0, 2]]
@@ -276,7 +280,7 @@ def test_a_loop_becomes_oval_as_its_links_turn(kind):
     steps = turning[:, None] * np.stack([chord[:, 1], -chord[:, 0]], axis=1)
     np.testing.assert_allclose(steps.sum(axis=0), 0.0, atol=1e-12)
     expected = np.cumsum(steps, axis=0) - steps
-    expected -= expected.mean(axis=0)  # no momentum
+    expected -= expected.mean(axis=0)  # no linear momentum
     h = 1e-6
     model.step(0.0, h, np.zeros(0))
     np.testing.assert_allclose((model.pins()[:, [0, 2]] - start) / h, expected, atol=1e-4)
@@ -306,9 +310,10 @@ LOOPS = [
 
 @pytest.mark.parametrize(("kind", "links", "spin", "young"), LOOPS)
 def test_loops_of_any_length_and_spin(kind, links, spin, young):
-    """Joint force at the stretched radius and the strain that carries it, at the start and after steps.
+    """Loops of any length and spin have the joint force of the stretched radius, and its strain.
 
-    Rounding of a place 25 m from the origin is 1e-4 N in steel, of which a residual sums a few.
+    It holds at the start and after steps. The rounding of a position 25 m from the origin is 1e-4 N in steel; a
+    residual sums a few.
     """
     soft = {"material.youngs_modulus": young} if young and kind is not Rigid else {}
     model = made(kind, links, gravity=0.0, **{"start.spin": spin}, **soft)
@@ -320,25 +325,28 @@ def test_loops_of_any_length_and_spin(kind, links, spin, young):
     force = np.linalg.norm(per_link(model)[1], axis=1)
     np.testing.assert_allclose(force, expected, rtol=5e-6, atol=rounding)
     if kind is not Rigid:
-        along = second_moments(TABLE["track"]["inertia"])[0] if kind is Beams else PIN  # of mass, kg m2
+        along = second_moments(TABLE["track"]["inertia"])[0] if kind is Beams else PIN  # about the centre, kg m2
         inside = expected * np.cos(np.pi / links) + spin**2 * along / chord.mean()  # mean along a link
         strain = chord.mean() / P - 1.0
         carried = stiffness * strain * (1.0 if kind is Engineering else (1.0 + 0.5 * strain) * (1.0 + strain))
-        size = 0.02 if links < 64 else 2e-5  # bending counts where links meet at an angle
+        size = 0.02 if links < 64 else 2e-5  # bending matters where links meet at an angle
         assert carried == pytest.approx(inside, rel=size, abs=rounding)
         assert 1.05 * carried != pytest.approx(inside, rel=size, abs=rounding)
     for k in range(3):
         model.step(1e-3 * k, 1e-3, np.zeros(0))
     force = np.linalg.norm(per_link(model)[1], axis=1)
-    # forces are means over a step h, as the integrator weighs its ends: they turn on the way, and lose 0.4 (spin h)^2
+    # forces are means over a step h with the integrator's weights: they turn during it and lose 0.4 (spin h)^2
     turned = 0.5 * (1e-3 * spin) ** 2
-    np.testing.assert_allclose(force, expected, rtol=1e-4 + turned, atol=1.0 if spin >= 1.0 else 20.0)  # 1 nm off
+    np.testing.assert_allclose(force, expected, rtol=1e-4 + turned, atol=1.0 if spin >= 1.0 else 20.0)  # by 1 nm
 
 
 @pytest.mark.parametrize("span", [0.8, 0.1])
 @pytest.mark.parametrize("kind", [Rigid, Flexible, PlanarCables, SELDOM[1]])
 def test_a_hanging_chain_of_many_links_is_the_continuum(kind, span):
-    """S = 2 a sinh(D / 2 a), sag a (cosh(D / 2 a) - 1); the links stretch a little besides."""
+    """A hanging chain of many links is a catenary: S = 2 a sinh(D / 2 a), sag a (cosh(D / 2 a) - 1).
+
+    The links stretch a little besides.
+    """
     links, u = 1024, brentq(lambda u: np.sinh(u) / u - 1.0 / span, 1e-3, 20.0)
     ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [span * links * P, 0.0]}
     model = made(kind, links, ends)
@@ -352,7 +360,7 @@ def test_a_hanging_chain_of_many_links_is_the_continuum(kind, span):
 
 @pytest.mark.parametrize("kind", [Rigid, Flexible, Beams])
 def test_a_chain_of_many_links_is_let_go(kind):
-    """From its displaced shape: no wave of tension."""
+    """A long chain that is released from its displaced shape starts no wave of tension."""
     ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.8 * 256 * P, 0.0]}
     model = made(kind, 256, ends, start="displaced", step=1e-4)
     before = per_link(model)[0]

@@ -1,4 +1,4 @@
-"""Kernels are found by content: at any path, and never after an edit of what they call."""
+"""Kernels are found by content: at any path, and not after an edit of a function that they call."""
 
 import ast
 import json
@@ -70,13 +70,13 @@ def test_kernel_is_found_at_another_path_and_not_after_an_edit_of_its_callee(par
     assert run(parts) == (6.0, 1, 0)
 
     elsewhere = shutil.copytree(parts, tmp_path / "elsewhere")
-    (elsewhere / "parts" / "bystander.py").write_text("LIMIT = 2\n")  # not reached: no matter
+    (elsewhere / "parts" / "bystander.py").write_text("LIMIT = 2\n")  # not imported by the kernel
     assert run(elsewhere) == (6.0, 1, 0)
 
     callee = elsewhere / "parts" / "deep" / "callee.py"
     callee.write_text(callee.read_text().replace("2.0 +", "5.0 +"))
     assert run(elsewhere) == (15.0, 0, 1)
-    assert run(parts) == (6.0, 1, 0)  # the old physics, where it still is the physics
+    assert run(parts) == (6.0, 1, 0)  # the old value is right at the old path
 
 
 @pytest.mark.long
@@ -120,7 +120,10 @@ def test_without_compilation_the_function_itself_comes_back(environment):
 
 @pytest.mark.long
 def test_arrays_of_kernels_that_are_apart_do_not_overlap(environment):
-    """What the compiler was told of all kinds of tracks, looked at call by call in a step on their wheels."""
+    """No arrays overlap in kernels that are declared free of aliasing.
+
+    A step of each kind of track on its wheels is checked call by call.
+    """
     program, kinds = Path(__file__).with_name("overlaps.py"), ["rigid", "cable", "free", "planar", "beam"]
     path = os.pathsep.join([str(program.parent), environment["PYTHONPATH"]])
     env = {**environment, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
@@ -176,7 +179,10 @@ def test_reachable_sources_follow_every_kind_of_import(tmp_path, monkeypatch, cl
 
 
 def test_a_kernel_is_hashed_with_its_callees_when_its_package_was_loaded_from_elsewhere(parts, monkeypatch):
-    """As in a tool that has deleted the first of its FMUs; the callee counts all the same."""
+    """A kernel is hashed with its callees even if its package was loaded from a folder that is gone.
+
+    A tool may have deleted the first of its FMUs. An edit of the callee changes the hash all the same.
+    """
     caller = parts / "parts" / "caller.py"
     monkeypatch.setitem(sys.modules, "parts", types.ModuleType("parts"))
     hashes = []
@@ -230,7 +236,7 @@ print(*events, sep="|")
 
 
 def test_an_fmu_says_before_it_compiles(toy, environment, tmp_path):
-    """Once a machine, before anything is compiled; each kernel is told to its logger."""
+    """An FMU announces once per machine that it compiles, and logs each kernel."""
     env = {**environment, "COTRACK_CACHE": str(tmp_path / "cache")}
     command = [sys.executable, "-c", ANNOUNCED, str(toy)]
     first, again = (
@@ -243,7 +249,10 @@ def test_an_fmu_says_before_it_compiles(toy, environment, tmp_path):
 
 
 def test_what_a_kernel_calls_is_its_own_and_computes_the_same_bits(monkeypatch):
-    """It leans on numba's insides: where they change, kernels become slower and this test fails."""
+    """The callees of a kernel are internal to it and compute the same bits.
+
+    This relies on numba's internals: if they change, kernels become slower and this test fails.
+    """
     found: list[set[tuple[str, bool]]] = []
     internal = linking.internal
 
@@ -304,7 +313,10 @@ def test_a_kernel_that_borrows_its_arrays_returns_none():
 
 
 def test_only_what_python_calls_has_machine_code(fresh_cache, monkeypatch):
-    """It leans on numba's insides: where they change, a cold start takes longer and this test fails."""
+    """Only functions that Python calls get machine code.
+
+    This relies on numba's internals: if they change, a cold start takes longer and this test fails.
+    """
 
     @jit.kernel
     def halved(x):
@@ -338,7 +350,10 @@ def test_an_exception_comes_out_of_a_kernel_that_a_kernel_calls():
 
 
 def test_kernels_that_make_arrays_say_so():
-    """Nothing would free them: numba itself notices only some."""
+    """Kernels that allocate arrays are declared as allocating, or nothing would free the arrays.
+
+    Numba itself notices only some of them.
+    """
     found = {"kernel": [], "allocating": []}
     for file in jit.sources():
         for node in ast.walk(ast.parse(file.read_text())):
@@ -352,7 +367,7 @@ def test_kernels_that_make_arrays_say_so():
 
 
 def behind_doors() -> list[tuple[str, str]]:
-    """Modules of doors, and each module that one of them opens to."""
+    """Return pairs of a module with late imports (``door``) and a module that it imports so."""
     found = []
     for path in jit.sources():
         tree = ast.parse(path.read_text(encoding="utf-8"))
@@ -373,7 +388,7 @@ def behind_doors() -> list[tuple[str, str]]:
 
 @pytest.mark.long
 def test_an_edit_behind_any_door_is_another_kernel(tmp_path):
-    """Of everything that has the door among its imports, so above all of the integrators."""
+    """An edit behind a late import changes the hash of every kernel that reaches it."""
     tree = tmp_path / "fmus"
     shutil.copytree(jit.ROOT, tree, ignore=shutil.ignore_patterns("__pycache__", "*.md"))
 

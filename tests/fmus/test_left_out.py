@@ -1,4 +1,4 @@
-"""A component loads what its scene declares: in a fresh process, and with a cold or warm kernel cache alike."""
+"""A component loads only what its scene needs, in a fresh process, with a cold or warm cache."""
 
 from __future__ import annotations
 
@@ -60,7 +60,10 @@ OTHERS = {
 @pytest.mark.long
 @pytest.mark.parametrize("elasticity", [None, *OTHERS])
 def test_a_chain_loads_its_own_elasticity_only(elasticity):
-    """The default, and the small deformation that it is, load neither of the others nor what those share."""
+    """A chain loads the modules of its own elasticity only.
+
+    The default is small deformation; it loads neither the modules of the others nor those that they share.
+    """
     names = loaded("track_flexible", {}, **({"elasticity": elasticity} if elasticity else {}))
     own = OTHERS[elasticity or "small_deformation"]
     assert own <= names
@@ -82,7 +85,7 @@ def test_a_planar_chain_loads_no_beams_and_another_chain_no_planar_one():
 
 @pytest.mark.long
 def test_contents_are_what_a_component_loads():
-    """A child that compiles nothing loads all that a real step loads, and neither loads the rest."""
+    """The list from a child that compiles nothing is the list of modules that a real step loads."""
     from fmus.loaded import contents
     from fmus.vehicle import read_table, vehicle
 

@@ -1,4 +1,4 @@
-"""One vehicle has one inertia: rigid links, cables and beams turn as the table of the vehicle says."""
+"""A vehicle has one inertia: rigid links, cables and beams turn as its table says."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ RATE = 3.0  # rad/s
 
 
 def built(kind, links, ends, inertia, **changes):
-    """The same of a table with other inertias."""
+    """Build a chain with the vehicle's table but with other inertias, kg m2."""
     track = {"links": links, "closed": ends is None, "wheels": [], "ground": False, "gravity": 9.81 if ends else 0.0}
     table = {**TABLE, "track": {**TABLE["track"], "inertia": list(inertia)}}
     model = kind({"vehicle": table, "track": {**track, "ends": ends}, "link_outputs": True})
@@ -29,7 +29,7 @@ def built(kind, links, ends, inertia, **changes):
 
 
 def turning_energy(model, axis):
-    """Of a single link that turns about its first pin, J, less that of its centre of mass."""
+    """Kinetic energy of a link that turns about its first pin, J, without that of its centre of mass."""
     w = RATE * np.eye(3)[axis]
     if isinstance(model, Rigid):
         model.s.v[0] = np.concatenate([np.cross(w, [0.5 * P, 0.0, 0.0]), w])
@@ -47,7 +47,10 @@ def turning_energy(model, axis):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_link_turns_with_the_inertia_of_the_table(kind):
-    """About all axes; a cable, which is a line, has that about its pin, and about its normal the same."""
+    """A link turns about each axis with the inertia of the table.
+
+    A cable is a line: it has the inertia about its pin, and the same about its normal.
+    """
     axes = {Rigid: INERTIA, Beams: INERTIA, Flexible: (0.0, INERTIA[1], INERTIA[1]), PlanarCables: (None, INERTIA[1])}
     for axis, inertia in enumerate(axes[kind]):
         if inertia is not None:
@@ -57,7 +60,7 @@ def test_a_link_turns_with_the_inertia_of_the_table(kind):
 
 
 def test_rotary_inertia_neither_weighs_nor_moves():
-    """What the elements have beside their lines has no part in a translation."""
+    """The rotary inertia of the elements has no part in a translation."""
     for kind in (Flexible, PlanarCables, Beams):
         model = made(kind, 1, HOLD)
         shift = np.zeros(len(model.work.M))
@@ -68,7 +71,7 @@ def test_rotary_inertia_neither_weighs_nor_moves():
 
 
 def motion(kind, inertia, **changes):
-    """Pins of a loop of eight links that becomes oval as it spins, after 50 ms."""
+    """Pins of a loop of eight links that becomes oval as it spins, after 50 ms, m."""
     spin = {"start": "polygon", "start.spin": 20.0, "start.ovalling": 8.0, "step": 1e-4}
     model = built(kind, 8, None, inertia, **spin, **changes)
     for k in range(10):
@@ -78,7 +81,7 @@ def motion(kind, inertia, **changes):
 
 @pytest.mark.parametrize("kind", [Flexible, Beams])
 def test_flexible_links_move_as_rigid_ones_the_stiffer_they_are(kind):
-    """Apart by 1 / E; links with 3 % more inertia stay where they are however stiff."""
+    """Flexible links approach the motion of rigid ones as 1 / E; 3 % more inertia gives another limit."""
     rigid = motion(Rigid, INERTIA)
     apart = [np.abs(motion(kind, INERTIA, **{"material.youngs_modulus": E}) - rigid).max() for E in (2e8, 2e9, 2e10)]
     twin = np.abs(motion(Rigid, (INERTIA[0], 1.03 * INERTIA[1], INERTIA[2])) - rigid).max()
@@ -88,7 +91,7 @@ def test_flexible_links_move_as_rigid_ones_the_stiffer_they_are(kind):
 
 
 def eigenvalues(model):
-    """Of a link's mass matrix, seen from that of its line or volume."""
+    """Eigenvalues of a link's mass matrix relative to that of its line or volume alone."""
     c = model.link.element
     alone = np.zeros_like(model.work.M)
     mass(c._replace(rotary=(0.0, 0.0, 0.0) if isinstance(model, Beams) and model.element == "beam" else 0.0), alone)
@@ -121,7 +124,7 @@ def test_a_cable_bears_all_inertias_that_rounding_leaves(kind):
 
 @pytest.mark.parametrize("axis", range(3))
 def test_a_beam_bears_the_inertias_of_all_bodies(axis):
-    """None has more about one axis than about the other two together."""
+    """A beam accepts every inertia that a body can have: each less than the sum of the other two."""
     bound = sum(INERTIA) - INERTIA[axis]
 
     def most(share: float) -> Any:

@@ -1,4 +1,4 @@
-"""Tension of links means one thing: the pull between a link's two parts, mean along it, by equilibrium."""
+"""The tension of a link is the pull between its two parts, averaged along it, by equilibrium."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ KINDS = {
 
 @cache
 def tension(model: str, *settings: str, stiffer: float = 1.0, mass: float = 18.0) -> float:
-    """Of each link of a loop that turns, N."""
+    """Mean tension of the links of a spinning loop, N."""
     young, shear = stiffer * STEEL, stiffer * 7.923e10
     material = f"vehicle.material.youngs_modulus={young} Pa", f"vehicle.material.shear_modulus={shear} Pa"
     scene = load("spinning_loop", model, [f"chain.spin={SPIN} rad/s", f"chain.links={LINKS}", *material, *settings,
@@ -35,7 +35,7 @@ def tension(model: str, *settings: str, stiffer: float = 1.0, mass: float = 18.0
 
 
 def by_theory(mass: float = 18.0) -> float:
-    """Rods of length l on a circle: the pull of their pins along them, and m l w^2/12 of their own turning."""
+    """Tension of rods of length l on a circle, N: pull at the pins and m l w^2/12 of their rotation."""
     l, half = 0.1524, np.pi / LINKS
     at_the_pins = mass * SPIN**2 * 0.5 * l / np.tan(half) / (2.0 * np.sin(half)) * np.cos(half)
     return at_the_pins + mass * l * SPIN**2 / 12.0
@@ -50,7 +50,7 @@ def test_of_rigid_links_it_is_that_of_rods():
     "cable", *(pytest.param(kind, marks=pytest.mark.study) for kind in KINDS if kind != "cable")
 ])  # fmt: skip
 def test_flexible_links_have_the_same_as_they_become_stiff(kind):
-    """What is left falls as 1 / E, from either side of the steel's."""
+    """The tension of flexible links approaches that of rods as 1 / E."""
     soft, stiff = (tension(*KINDS[kind], stiffer=k) / by_theory() - 1.0 for k in (1.0, 4.0))
     assert abs(soft) < 5e-4
     assert soft / stiff == pytest.approx(4.0, rel=0.02)
@@ -58,6 +58,9 @@ def test_flexible_links_have_the_same_as_they_become_stiff(kind):
 
 
 def test_rotary_inertia_beside_a_rods_is_no_part_of_it():
-    """It stretches the element (by 5 times what is allowed here), while no part of the link pulls at the other."""
+    """Rotary inertia beyond that of a rod does not change the tension.
+
+    It stretches the element (by 5 times the tolerance here), but no part of the link pulls at the other.
+    """
     heavy = 'vehicle.track.inertia=["0.22 kg m^2", "0.05 kg m^2", "0.25 kg m^2"]'
     assert tension("flexible", heavy, stiffer=4.0) == pytest.approx(by_theory(), rel=1e-3)

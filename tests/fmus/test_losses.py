@@ -1,4 +1,4 @@
-"""What a track dissipates, by cause: each alone, and of a known amount."""
+"""Dissipation of a track by cause: each cause alone, with a known amount."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from vehicle_in_process import InProcess
 from orchestrator.scene.scene import load
 
 PREFIX = "energy.dissipated."
-PARAMETERS = {  # by cause: what brings it about
+PARAMETERS = {  # by cause: parameters that make it the only one
     "ground_friction": "contact.ground.friction", "ground_damping": "contact.ground.damping",
     "wheel_friction": "contact.wheel.friction", "wheel_damping": "contact.wheel.damping",
     "tooth_friction": "contact.sprocket.friction", "tooth_damping": "contact.sprocket.damping",
@@ -46,14 +46,17 @@ def test_causes_add_up_and_all_contacts_lose():
 def test_without_its_cause_a_loss_is_nothing_and_the_others_stay(cause):
     found = losses(driven(**{PARAMETERS[cause]: 0.0}))
     lost = found.pop(cause)
-    # a face that leaves faster than its spring takes that energy with it, damper or not
+    # a face that separates fast takes the energy of its spring with it, with or without a damper
     assert lost == 0.0 if cause.endswith("friction") else abs(lost) < 1e-2 * sum(found.values())
     assert all(found[other] > 1e-3 for other in found if other in PARAMETERS)
 
 
 @pytest.mark.parametrize(("friction", "right"), [(0.3, True), (0.31, False)])
 def test_a_locked_track_that_is_dragged_loses_friction_times_load_times_way(friction, right):
-    """Its wheels press it 1 cm into the ground, move along that at 1 m/s and do not turn."""
+    """A locked track that is dragged loses friction x load x distance.
+
+    The wheels press it 1 cm into the ground, move at 1 m/s and do not turn.
+    """
     track, speed, h = InProcess(scene(), {"*_track": {"contact.ground.friction": friction}})["left_track"], 1.0, 1e-3
     u, deep = track.u.copy(), 0.01
     x, z = ([name.endswith(f".position.{axis}") for name in track.inputs] for axis in "xz")

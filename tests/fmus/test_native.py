@@ -1,4 +1,4 @@
-"""Native FMUs against the models that they are made of: the same bits, the same sentences, nothing of Python."""
+"""Native FMUs against the models that they are built from: the same bits and messages, without Python."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ MANY = [
 
 
 class Run(NamedTuple):
-    """A part of a scene that ran as Python: its model, and at each step its inputs and all its outputs after it."""
+    """A part of a scene that ran as Python: its model, and its inputs and all outputs at each step."""
 
     part: object
     member: object
@@ -121,7 +121,7 @@ def begun(case, stack=None, messages=None):
 
 
 def follow(component, run, steps):
-    """Outputs after some steps with the inputs of a run."""
+    """Return outputs (steps, ports) and link outputs (steps, link ports) after each of the steps."""
     shown = []
     for k in steps:
         component.u[:] = run.u[k]
@@ -135,7 +135,7 @@ def follow(component, run, steps):
 
 
 def assert_same(case):
-    """And with inputs that are a little different the outputs are not."""
+    """Assert that outputs equal those of Python, and that slightly different inputs change them."""
     run = ran(case)
     with begun(case) as component:
         y, links = follow(component, run, range(case.steps))
@@ -179,7 +179,7 @@ CHAIN, DRIVE, CHASSIS = FEW[:3]
 
 
 def bent(case, place, value):
-    """Inputs of a run's first step with one that cannot be."""
+    """Inputs of a run's first step with one invalid value."""
     u = ran(case).u[0].copy()
     u[place] = value
     return u
@@ -300,7 +300,7 @@ MOTOR = {
 }  # fmt: skip
 LAWS = {f"contact.{pair}.{key}": value for pair in ("sprocket", "wheel", "ground")
         for key, value in {"damping": 900.0, "friction": 0.35, "friction_velocity": 0.03}.items()}  # fmt: skip
-OTHERS = {  # other values of all that is free, of each kind
+OTHERS = {  # other values of all free parameters, by kind
     "SprocketDrive": {
         **PLACE, **MOTOR, "start.lateral": 0.1, "start.angle": 0.3, "mode": "controller", "extrapolation": "velocity",
         "demand.lag": 0.2,
@@ -324,7 +324,7 @@ OTHERS = {  # other values of all that is free, of each kind
 
 
 def others(case):
-    """Other values of all parameters of a part that are free."""
+    """Other values of all free parameters of a part."""
     part = ran(case).part
     constant = held(part.kind, part.config, dict(part.parameters) | OTHERS[part.kind])["parameters"]
     known = {port.name for port in ran(case).member.model.ports}
@@ -332,7 +332,7 @@ def others(case):
 
 
 def assert_free(case):
-    """A model with other parameters goes from the start as the FMU that was built with its own, and is told others."""
+    """Assert that an FMU with other parameters set equals a model that was initialised with them."""
     run, parameters = ran(case), others(case)
     assert len(parameters) > 5
     model = type(run.member.model)(run.part.config)
@@ -361,7 +361,7 @@ def assert_free(case):
             np.testing.assert_array_equal(component.y_links, links)
         content = component.dump(state)
         component.restore(state)
-        with begun(case) as other:  # of other parameters until it takes the state
+        with begun(case) as other:  # has other parameters until it restores the state
             other.restore(other.load(content))
             other.u[:] = u
             other.write()
@@ -376,14 +376,14 @@ def assert_free(case):
 
 
 def still(run, model, y):
-    """Inputs of a part whose surroundings stand still where it starts."""
+    """Inputs of a part whose surroundings rest at its start position."""
     wheels = [port.name.rpartition(".position")[0] for port in model.ports
               if port.causality == "input" and port.name.endswith(".position.x")]  # fmt: skip
     if run.part.kind.startswith("Track"):
         x, z = np.array([wheel["position"] for wheel in model.wheel_list]).T
         return np.concatenate([model.pose.standing(a, model.lateral, b) for a, b in zip(x, z, strict=True)])
     u = run.u[-1].copy()
-    if wheels:  # a mount or a hull: somewhere near
+    if wheels:  # a mount or a hull: near the output position
         u[:3] = y[:3]
     return u
 
@@ -424,7 +424,7 @@ def test_choices_are_refused_by_what_there_is():
 
 @pytest.mark.parametrize("links", ["flexible", "rigid"])
 def test_one_file_serves_both_sides(links):
-    """Of a vehicle that turns: tracks differ by their lateral place, drives by their speed."""
+    """One FMU serves both sides of a vehicle: tracks differ by lateral place, drives by speed."""
     parts = {part.name: part for part in assemble(placed(load("turn", links))).parts}
     for name in ("track", "drive"):
         left, right = (parts[f"{side}_{name}"] for side in ("left", "right"))
@@ -452,7 +452,10 @@ def test_equal_sources_give_equal_bytes():
 @pytest.mark.long
 @pytest.mark.parametrize("case", [FEW[0], FEW[2]], ids=lambda case: f"{case.part}-{case.links}")
 def test_kernels_for_any_processor_give_the_bits_of_those_for_newer_ones(case, monkeypatch, tmp_path):
-    """A library chooses when it is instantiated; without a choice it has those for any."""
+    """Kernels for any processor give the bits of those for newer ones.
+
+    A library chooses when it is instantiated; one without a choice has the kernels for any processor.
+    """
     run = ran(case)
     config = held(run.part.kind, run.part.config, run.part.parameters)
     monkeypatch.setattr(link, "FLAGS", (*link.FLAGS, "-DONLY_ANY_PROCESSOR"))

@@ -1,4 +1,4 @@
-"""What any FMI tool sees of our FMUs, seen through fmpy's own calls."""
+"""Behaviour of the FMUs in any FMI tool, seen through fmpy's own calls."""
 
 import ctypes
 import re
@@ -36,7 +36,7 @@ def component(toy):
 
 @pytest.fixture
 def raw(toy, xml):
-    """The same FMU through fmpy alone, and its value references."""
+    """Return the same FMU through fmpy alone, and its value references by name."""
     slave = FMU2Slave(guid="", modelIdentifier="Toy", unzipDirectory=str(unpack(toy)), instanceName="raw")
     slave.instantiate(loggingOn=True)
     references = {
@@ -46,7 +46,7 @@ def raw(toy, xml):
 
 
 def advance(component, first, count):
-    """Outputs, counters and link outputs after each of some steps with a changing force."""
+    """Outputs, counters and link outputs after each of ``count`` steps with a changing force."""
     trace = []
     for i in range(first, first + count):
         component.u[0] = np.sin(0.7 * i)
@@ -127,7 +127,7 @@ def test_save_step_restore_step_is_bit_equal(component):
     component.restore(saved)
     assert np.array_equal(advance(component, 5, 10), first)
     assert not np.array_equal(advance(component, 5, 10), first)  # without restoring
-    component.restore(saved)  # it is good for more than one time
+    component.restore(saved)  # a saved state can be restored more than once
     assert np.array_equal(advance(component, 5, 10), first)
     component.free(saved)
 
@@ -144,7 +144,7 @@ def test_restore_brings_back_inputs_outputs_and_link_outputs(component):
     component.read_counters()
     assert np.array_equal((*component.y, *component.y_links, *component.counters), trace[-1])
     component.u[0] = 0.0
-    component._exchange(component._fmu.fmi2GetReal, component._u)  # the FMU's own memory of its input
+    component._exchange(component._fmu.fmi2GetReal, component._u)  # read the FMU's own copy of its input
     assert component.u[0] == force
 
 
@@ -155,7 +155,7 @@ def test_state_as_bytes_revives_in_a_new_instance_with_its_parameters(toy):
         content = first.dump(first.save())
         assert content == first.dump(first.save())
         trace = advance(first, 5, 10)
-    with Component(toy, "second") as second:  # neither initialised nor told the parameters
+    with Component(toy, "second") as second:  # neither initialised nor given the parameters
         second.load(content)
         assert np.array_equal(advance(second, 5, 10), trace)
     with Component(toy, "third") as third:
@@ -250,7 +250,7 @@ def test_step_needs_a_length(component, h):
     component.initialise({})
     with pytest.raises(ComponentFailed, match="a step needs a finite time and a positive length"):
         component.step(0.0, h)
-    component.step(0.0, H)  # nothing has happened
+    component.step(0.0, H)  # still valid
 
 
 @pytest.mark.parametrize(
@@ -272,7 +272,7 @@ def test_wrong_parameter_is_refused_at_the_end_of_initialisation(toy, raw, param
     name, value = next(iter(parameters.items()))
     (slave.setString if isinstance(value, str) else slave.setReal)([references[name]], [value])
     slave.setupExperiment()
-    slave.enterInitializationMode()  # up to here all is well
+    slave.enterInitializationMode()  # no failure up to here
     for _ in range(2):
         with pytest.raises(FMICallException, match="fmi2ExitInitializationMode failed"):
             slave.exitInitializationMode()
@@ -316,7 +316,7 @@ def test_outputs_can_be_read_during_initialisation_and_follow_parameters(raw):
 
 
 def test_link_outputs_lie_where_it_says(raw):
-    """Reading either half of the address computes them; what lies there is what is read one by one, to the bit."""
+    """Link outputs lie at the given address, which reading either half computes, to the bit."""
     slave, references = raw
     slave.setupExperiment()
     slave.enterInitializationMode()
@@ -505,7 +505,10 @@ for fmu in sys.argv[1:]:  # each is unpacked, run and deleted
 
 @pytest.mark.long
 def test_fmus_run_one_after_the_other_in_one_process(toy, environment, tmp_path):
-    """Though what the second one imports has gone with the first one's folder; not from another build."""
+    """FMUs run one after the other in one process, but not one from another build of the package.
+
+    The second runs although modules that it imports were unpacked in the first one's deleted folder.
+    """
     ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.9144, 0.0]}
     track = {"links": 8, "closed": False, "wheels": [], "ground": False, "gravity": 9.81, "ends": ends}
     config = {"vehicle": TABLE, "track": track, "link_outputs": True}

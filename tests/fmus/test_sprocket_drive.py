@@ -1,4 +1,4 @@
-"""The sprocket drive: exact profiles and spins, third law, gyroscopic moment, ledger, order, manners."""
+"""Sprocket drive: exact profiles and spins, third law, gyroscopic moment, energy, order, errors."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ RAMP = {"speed.end": 20.0, "ramp.start": 2.0, "ramp.end": 6.0}
 
 
 class Probe:
-    """A drive with its variables by name; its mount is unconnected until ``mount`` is set."""
+    """A drive whose variables are read by name; its mount is unconnected until ``mount`` is set."""
 
     def __init__(self, inertia=J, **parameters):
         self.model = Model({"drive": {"inertia": inertia, "mount": list(PLACE)}})
@@ -37,11 +37,11 @@ class Probe:
 
     @property
     def axis(self):
-        """The sprocket's lateral axis in the world."""
+        """Lateral axis of the sprocket in the world frame."""
         return Rotation.from_quat(self["sprocket.orientation"], scalar_first=True).apply([0, 1, 0])
 
     def step(self, h, chain=(0, 0, 0), force=(0, 0, 0), mount=None):
-        """One step; mount(t) gives position, Rotation, velocity, angular velocity."""
+        """Make one step; mount(t) gives position, Rotation, velocity, angular velocity."""
         if mount is not None:
             position, rotation, velocity, omega = mount(self.t)
             self.u[:13] = *position, *rotation.as_quat(scalar_first=True), *velocity, *omega
@@ -58,7 +58,10 @@ class Probe:
 
 @pytest.mark.parametrize("t", [1.0, 2.5, 4.0, 5.9, 6.5, 7.001, 7.02, 7.04, 7.1])
 def test_angle_speed_and_slope_of_a_profile_are_derivatives(t):
-    """In the ramp, between, in the stop and after it; of a stop 3 % longer they are not."""
+    """Speed and slope of a profile are derivatives, in the ramp, between, in the stop and after it.
+
+    With a stop that is 3 % longer they are not.
+    """
     stop = {"stop.start": 7.0, "stop.time": 0.05}
     p, d = Probe(**RAMP, **stop).model.drive, 1e-5
     (before, early), (after, late) = profile(p, t - d), profile(p, t + d)
@@ -69,7 +72,7 @@ def test_angle_speed_and_slope_of_a_profile_are_derivatives(t):
 
 
 def turning(omega, velocity=(0.0, 0.0, 0.0), start=(0.2, -0.1, 0.4)):
-    """A mount that turns at a constant world rate and moves at a constant velocity."""
+    """Return a mount that turns at a constant world rate and moves at a constant velocity."""
     omega, velocity = np.asarray(omega), np.asarray(velocity)
 
     def mount(t):
@@ -102,7 +105,7 @@ def test_prescribed_speed_and_angle_are_exact_at_any_step(h):
 
 
 def test_a_stop_is_a_half_cosine_too():
-    """Speed and angle across the stop at steps that fall into it and over it."""
+    """A stop is a half cosine; speed and angle are exact at steps that end within it or pass over it."""
 
     def end(time, h):
         probe = Probe(**RAMP, **{"stop.start": 6.5, "stop.time": 0.2})
@@ -147,7 +150,10 @@ def test_constant_torque_spins_up_linearly():
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("fade", [0.1, 1e-3])
 def test_brake_against_its_closed_form(sign, fade):
-    """J w' = -B w / sqrt(w^2 + e^2) has the integral sqrt(w^2 + e^2) - e asinh(e / w)."""
+    """The brake follows its closed form: J w' = -B w / sqrt(w^2 + e^2).
+
+    Its integral is sqrt(w^2 + e^2) - e asinh(e / w).
+    """
     brake = {"mode": "torque", "brake.torque": 500.0, "brake.speed": fade, "speed.start": sign * 4.0}
     probe = Probe(**brake)
     probe.model.initialise(brake)
@@ -161,7 +167,7 @@ def test_brake_against_its_closed_form(sign, fade):
         assert integral(4.0) - integral(probe["speed"]) == pytest.approx(500 / J * probe.t, rel=1e-6)
         assert integral(4.0) - integral(probe["speed"]) != pytest.approx(510 / J * probe.t, rel=1e-2)
     probe.run(1.0)
-    assert abs(probe["speed"]) < 1e-6  # it stops, and does not ring
+    assert abs(probe["speed"]) < 1e-6  # it stops and does not oscillate
     assert probe["energy.dissipated"] == pytest.approx(0.5 * J * 16, rel=1e-6)
 
 
@@ -171,7 +177,7 @@ def test_driven_against_the_brake_it_creeps_at_the_speed_that_fades_it():
 
 
 def test_controller_under_a_load_is_a_damped_oscillator():
-    """J w' = c - P w - I theta: closed form from rest under a constant chain torque."""
+    """The controller under a constant chain torque is a damped oscillator, J w' = c - P w - I theta."""
     P, K, c = 60.0, 900.0, -100.0
     gains = {"controller.proportional": P, "controller.integral": K}
     probe = Probe(mode="controller", **gains).run(0.3, chain=(0, c, 0))
@@ -194,9 +200,9 @@ def test_controller_keeps_its_limit_and_does_not_wind_up():
         speeds.append(probe["speed"])
         torques.append(probe["torque"])
     assert max(np.abs(torques)) <= 400.0 * (1 + 1e-12)
-    assert speeds[500] == pytest.approx(400 / J * 0.501, rel=1e-2)  # at the limit
+    assert speeds[500] == pytest.approx(400 / J * 0.501, rel=1e-2)  # at the torque limit
     assert speeds[-1] == pytest.approx(30.0, abs=1e-2)
-    # an integral that grew from 0 to 1 s would hold 30/2 rad s x 600 = 9 kN m, and push far beyond the target
+    # an integral without anti-windup would hold 30/2 rad s x 600 = 9 kN m at 1 s and overshoot the target
     assert max(speeds) < 30.0 * 1.1
 
 
@@ -230,12 +236,12 @@ MODES = {
 @pytest.mark.parametrize("extrapolation", ["velocity", "acceleration"])
 @pytest.mark.parametrize("mode", MODES)
 def test_third_law(mode, extrapolation):
-    """Impulse of the chain less impulse to the mount = change of J Omega a, to rounding, on any motion."""
+    """Impulse of the chain less impulse to the mount = change of J Omega a, to rounding, in any motion."""
     rng, h = np.random.default_rng(1), 1e-3
     probe = Probe(**MODES[mode], extrapolation=extrapolation)
 
     def mount(t):
-        """A motion whose exchanged rates do not even belong to its poses."""
+        """Motion with random rates that do not match its poses."""
         turn = Rotation.from_rotvec([0.3 * np.sin(9 * t), 0.5 * t, 0.2 * np.cos(7 * t)])
         return rng.normal(size=3), turn, rng.normal(size=3), rng.normal(size=3)
 
@@ -256,7 +262,7 @@ def test_third_law(mode, extrapolation):
 
 
 def test_gyroscopic_moment_of_a_turning_mount():
-    """The mount feels -d(J Omega a)/dt, in the mean over the step; sideways it is J Omega psi'."""
+    """A turning mount gets the mean moment -d(J Omega a)/dt of each step; a yawing one J Omega psi'."""
     psi, omega, h = 0.4, 12.0, 1e-3
     probe = Probe(mode="speed", **{"speed.start": omega, "speed.end": omega})
     mount = turning([0, 0, psi], start=(0, 0, 0))
@@ -265,7 +271,7 @@ def test_gyroscopic_moment_of_a_turning_mount():
     assert np.allclose(probe["mount.torque"], -J * omega * (axes[1] - axes[0]) / h, rtol=0, atol=1e-9)
     assert np.linalg.norm(probe["mount.torque"]) == pytest.approx(J * omega * psi, rel=1e-6)
     assert np.linalg.norm(probe["mount.torque"]) != pytest.approx(1.02 * J * omega * psi, rel=1e-2)
-    # turning left, a wheel that rolls forward rolls the mount outward: its right side is pressed down
+    # turning left, a wheel that rolls forward presses the right side of the mount down
     assert mount(probe.t)[1].inv().apply(probe["mount.torque"])[0] > 0
 
 
@@ -384,7 +390,7 @@ def test_saving_is_copying_the_state():
 
 def test_cost_in_evaluations():
     probe = Probe(mode="torque", **{"brake.torque": 500.0, "brake.speed": 0.01}).run(0.01)
-    steps = int(np.ceil(2 * 1e-3 * 500 / (0.01 * J)))  # half a time constant of the brake each
+    steps = int(np.ceil(2 * 1e-3 * 500 / (0.01 * J)))  # each step is half a time constant of the brake
     assert list(probe.model.counters) == [10 * steps, 40 * steps]
 
 
@@ -435,7 +441,7 @@ def test_a_brake_too_sharp_is_refused():
 
 
 def test_a_jump_of_the_clock_is_no_jump_of_the_speed():
-    """A drive that starts at t = 5 s begins with the profile's speed there, without an impulse."""
+    """A drive whose first step is at t = 5 s begins with the profile's speed there, without an impulse."""
     probe = Probe(**RAMP)
     probe.t = 5.0
     probe.step(1e-3)
@@ -450,7 +456,10 @@ POINTS = "0.5 0; 1.5 8; 2.25 -4; 3 -4"
 
 
 def test_speed_and_angle_of_points_are_exact_at_any_step():
-    """Triangles and trapezoids, whatever the steps; a point that is a hundredth later shows."""
+    """Speed and angle of points are exact at any step; a point that is 0.01 s later shows.
+
+    The exact areas are triangles and trapezoids.
+    """
     areas = {1.0: 1.0, 1.5: 4.0, 2.0: 6.0, 3.5: 6.0 - 0.5 - 5.0}
     speeds = {1.0: 4.0, 1.5: 8.0, 2.0: 0.0, 3.5: -4.0}
     for h in (1e-3, 0.05, 0.25, 0.5):
@@ -472,7 +481,7 @@ def test_points_on_a_ramp_turn_as_the_ramp_does():
 
 
 def test_torque_and_brake_of_points():
-    """Torque that rises from 0 to 300 N m in a second gives a parabola; a brake that sets in later stops it."""
+    """Torque that rises linearly gives a parabola of speed; a brake given by points stops the sprocket."""
     probe = Probe(mode="torque", **{"torque.points": "0 0; 1 300; 1.001 0"}).run(1.0)
     assert probe["speed"] == pytest.approx(150.0 / J, rel=1e-9)
     assert probe["energy.work"] == pytest.approx(0.5 * J * (150.0 / J) ** 2, rel=1e-9)
@@ -499,7 +508,10 @@ def test_points_that_are_none_are_a_sentence(given, sentence):
 
 @pytest.mark.parametrize(("ratio", "agrees"), [(4.0, True), (4.1, False)])
 def test_an_engine_with_a_falling_curve_takes_the_sprocket_to_its_speed(ratio, agrees):
-    """T = r T0 (1 - r w / w0), so that w = w0/r (1 - exp(-t/tau)), tau = J w0 / (r^2 T0)."""
+    """An engine with a linearly falling curve has the closed form w = w0/r (1 - exp(-t/tau)).
+
+    T = r T0 (1 - r w / w0) and tau = J w0 / (r^2 T0).
+    """
     full, top = 200.0, 100.0
     probe = Probe(
         mode="torque", **{"torque.drive": 1e6, "engine.points": f"0 {full}; {top} 0", "gear.ratio": ratio}
@@ -518,7 +530,7 @@ def test_a_controller_has_no_more_than_its_engine():
     engine = {"engine.points": "0 50; 40 50; 80 0", "gear.ratio": 2.0}
     profile_ = {"speed.end": 30.0, "ramp.end": 0.01}
     probe = Probe(mode="controller", **profile_, **engine).run(1.0)
-    assert probe["torque"] == pytest.approx(100.0, rel=1e-9)  # w < 20 rad/s: the flat part
+    assert probe["torque"] == pytest.approx(100.0, rel=1e-9)  # w < 20 rad/s: the constant part
     assert probe["speed"] == pytest.approx(100.0 / J, rel=1e-3)
     assert Probe(mode="controller", **profile_).run(1.0)["speed"] > 2.0 * probe["speed"]
 

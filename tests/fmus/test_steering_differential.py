@@ -1,4 +1,4 @@
-"""The steering differential: two drives in one where speeds are prescribed, an open one, exact spins, closed powers."""
+"""Steering differential: equal to two drives, open, exact spins, closed power balance."""
 
 import numpy as np
 import pytest
@@ -16,17 +16,17 @@ J, H = 13.87, 1e-3
 PLACE = [0.1, 1.0795, -0.2]
 SIDES = {"left": 1.0, "right": -1.0}
 RAMP = {"ramp.start": 0.1, "ramp.end": 0.6}
-CHAINS = {"left": (30.0, -900.0, 50.0), "right": (-20.0, 500.0, 10.0)}  # torque on the sprocket, N m
+CHAINS = {"left": (30.0, -900.0, 50.0), "right": (-20.0, 500.0, 10.0)}  # chain torques on the sprockets, N m
 MOTION = ("position", "orientation", "velocity", "angular_velocity")
 
 
 def both(**values):
-    """The same of both motors."""
+    """Return the same settings for both motors."""
     return {f"{shaft}.{name}": value for name, value in values.items() for shaft in ("propulsion", "steering")}
 
 
 class Probe:
-    """A component with its variables by name."""
+    """A component whose variables are read and set by name."""
 
     def __init__(self, model, **parameters):
         self.model, self.t = model, 0.0
@@ -68,7 +68,7 @@ def run(duration, chains=CHAINS, h=H, **parameters):
 
 
 def swaying(t, side):
-    """Position, attitude, velocity, angular velocity of a mount on a hull that yaws and pitches ever faster."""
+    """Position, attitude, velocity and angular velocity of a mount with growing yaw and pitch rates."""
     omega = np.array([0.1, 0.3 + 0.8 * t, 0.5 * t])
     turn = Rotation.from_rotvec([0.1 * t, 0.3 * t + 0.4 * t * t, 0.25 * t * t])
     arm = turn.apply(np.array(PLACE) * (1, SIDES[side], 1))
@@ -85,7 +85,7 @@ def sway(probe, name, side):
 
 
 def test_prescribed_speeds_are_those_of_two_drives():
-    """8 and 12 rad/s: of everything that either side shows, on mounts that move."""
+    """Prescribed speeds give all outputs of two separate drives (8 and 12 rad/s), on moving mounts."""
     one = differential(**{"propulsion.speed.end": 10.0, "steering.speed.end": 4.0}, **both(**RAMP))
     two = {}
     for side, speed in (("left", 8.0), ("right", 12.0)):
@@ -109,7 +109,7 @@ def test_prescribed_speeds_are_those_of_two_drives():
 
 
 def test_an_open_differential_gives_both_sides_half_of_the_torque():
-    """Whatever the chains do; with a steering torque of 3 % it does not."""
+    """An open differential gives each side half of the torque, whatever the chains do."""
     probe = run(0.3, **{"propulsion.mode": "torque", "propulsion.torque.drive": 700.0, "steering.mode": "torque"})
     assert [probe[f"{side}.torque"] for side in SIDES] == pytest.approx([350.0, 350.0], rel=1e-12)
     assert abs(probe["left.speed"] - probe["right.speed"]) > 5.0
@@ -119,7 +119,7 @@ def test_an_open_differential_gives_both_sides_half_of_the_torque():
 
 
 def test_free_spins_under_constant_torques_are_exact():
-    """J w' = T_p/2 -+ T_s + T_c on either side."""
+    """Free spins are exact: J w' = T_p/2 -+ T_s + T_c on either side."""
     probe = run(0.4, **{"propulsion.mode": "torque", "propulsion.torque.drive": 700.0, "steering.mode": "torque",
                         "steering.torque.drive": 90.0})  # fmt: skip
     for side, sign in SIDES.items():
@@ -142,7 +142,10 @@ MOTORS = {
 
 @pytest.mark.parametrize("motors", MOTORS)
 def test_powers_of_both_half_shafts_are_those_of_the_motors_less_the_brakes(motors):
-    """On mounts that move; exact where speeds are prescribed, else better than of second order, 1e-8 at 1 ms."""
+    """Powers of the half shafts are those of the motors less the brakes, on moving mounts.
+
+    The balance is exact at prescribed speeds; else its order is above two and its error at 1 ms is 1e-8.
+    """
     open_by = []
     for h in (2 * H, H):
         probe = differential(**MOTORS[motors], **both(**RAMP))
@@ -161,7 +164,10 @@ def test_powers_of_both_half_shafts_are_those_of_the_motors_less_the_brakes(moto
 
 
 def test_what_one_side_takes_and_the_other_gives_is_said():
-    """The left track is turned by the ground, the right one drives."""
+    """Power from a side that its chain drives is reported as regenerated.
+
+    The ground turns the left track; the right one drives.
+    """
     probe = run(0.8, {"left": (0, 900, 0), "right": (0, -1500, 0)}, **MOTORS["speeds"], **both(**RAMP))
     assert [probe[f"{side}.power"] for side in SIDES] == pytest.approx([-900 * 8.0, 1500 * 12.0])
     assert probe["power.regenerated"] == pytest.approx(900 * 8.0)
@@ -185,12 +191,12 @@ def test_impulse_of_the_chains_is_that_of_the_mounts_and_the_change_of_spin():
         quaternion = [probe[f"{side}.sprocket.orientation.{part}"] for part in "wxyz"]
         axle = Rotation.from_quat(quaternion, scalar_first=True).apply([0, 1, 0])
         spin = J * (probe.vector(f"{side}.sprocket.angular_velocity") @ axle) * axle
-        # absolute rates begin at what the sprockets had: nothing, with controllers at rest in the world
+        # absolute rates start from those of the sprockets: 0 with controllers at rest in the world
         assert given[side] == pytest.approx(spin, rel=1e-9, abs=1e-9)
 
 
 def test_each_side_follows_its_own_demand():
-    """w = w0 (1 - exp(-t/T)) on either side, at any step."""
+    """Each side follows its own demand: w = w0 (1 - exp(-t/T)), at any step."""
     for h in (H, 0.02):
         probe = differential(demanded=True, **{"demand.lag": 0.2})
         for side, speed in (("left", 5.0), ("right", -3.0)):
@@ -248,7 +254,10 @@ def test_absurd_inputs_fail_with_a_sentence(name, value, said):
 
 
 def test_an_engine_that_turns_slower_gives_no_more_than_its_curve():
-    """2 J w' = r T(r w), whatever is asked for; the other motor keeps the sides together."""
+    """An engine gives no more torque than its curve: 2 J w' = r T(r w).
+
+    The steering motor keeps both sides at equal speeds.
+    """
     curve = {"propulsion.mode": "torque", "propulsion.torque.drive": 1e5, "propulsion.engine.points": "0 50; 400 50",
              "propulsion.gear.ratio": 14.0}  # fmt: skip
     probe = run(0.3, {}, **curve)
@@ -257,7 +266,7 @@ def test_an_engine_that_turns_slower_gives_no_more_than_its_curve():
 
 
 def test_the_fmu_is_valid_and_spins_in_a_loop_of_fmpys(tmp_path):
-    """The same bits as the model."""
+    """The FMU is valid and gives the same bits as the model in a loop of fmpy calls."""
     file = build("SteeringDifferential", {"drive": {"inertia": J, "mount": PLACE}})
     assert not validate_fmu(str(file))
     said = read_model_description(str(file))

@@ -1,4 +1,4 @@
-"""The place of the wheel that tightens a track is searched once for a build of the components."""
+"""The place of the tensioning wheel is computed once per build of the components."""
 
 import pytest
 
@@ -21,14 +21,14 @@ def test_a_place_is_found_again(monkeypatch, tmp_path):
     first = tensioning.tension_wheel(CONFIG, "idler", 1e4)
     assert tensioning.tension_wheel(CONFIG, "idler", 1e4) == first
     assert searched == [1e4]
-    assert tensioning.tension_wheel(CONFIG, "idler", 1.01e4) != first, "the twin: another tension"
+    assert tensioning.tension_wheel(CONFIG, "idler", 1.01e4) != first, "another tension gives the same place"
     lighter = CONFIG | {"vehicle": CONFIG["vehicle"] | {"track": CONFIG["vehicle"]["track"] | {"mass": 1.0}}}
     tensioning.tension_wheel(lighter, "idler", 1e4)
-    assert searched == [1e4, 1.01e4, 1e4], "the twin: another vehicle"
+    assert searched == [1e4, 1.01e4, 1e4], "another vehicle gives the stored place"
     for file in tmp_path.rglob("place"):
         file.write_bytes(file.read_bytes().replace(b"-", b"+"))
     assert tensioning.tension_wheel(CONFIG, "idler", 1e4) == first
-    assert len(searched) == 4, "the twin: a damaged file"
+    assert len(searched) == 4, "a damaged file is read"
 
 
 def test_a_cache_that_cannot_be_used_costs_time_only(monkeypatch, tmp_path):

@@ -1,4 +1,4 @@
-"""The flexible track of beams: pins that turn with the vehicle, through the same chain, contacts and ports."""
+"""The flexible track of beams: pins that turn with the vehicle; the same contacts and ports."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Y = np.array([0.0, 1.0, 0.0])
 
 
 def coordinates(model, q=None) -> np.ndarray:
-    """Of all links (n, 8, 3)."""
+    """Coordinates of all links, shape (n, 8, 3)."""
     e, q = np.zeros((model.links_count, 8, 3)), model.s.q if q is None else q
     for i in range(model.links_count):
         gather(q, i, (i + 1) % model.nodes, e[i])
@@ -42,7 +42,7 @@ def coordinates(model, q=None) -> np.ndarray:
 
 
 def scattered(model, R: np.ndarray) -> np.ndarray:
-    """Residuals of links (n, 8, 3), summed up by coordinate of the pins (nodes, 18)."""
+    """Residuals of links (n, 8, 3) summed by coordinate of the pins, shape (nodes, 18)."""
     f = np.zeros_like(model.s.q)
     for i in range(model.links_count):
         j = (i + 1) % model.nodes
@@ -52,7 +52,7 @@ def scattered(model, R: np.ndarray) -> np.ndarray:
 
 
 def spun(element: str, rate):
-    """A free loop, let go as a regular polygon that turns at ``rate`` (3) about its middle."""
+    """A free loop, released as a regular polygon that turns at ``rate`` (3) about its middle."""
     model = make({"wheels": wheels(), "gravity": 0.0}, start="polygon", element=element)
     model.contacts, model.environment = None, model.environment._replace(mount=-1)
     model.rows, model.work = np.zeros((0, 15)), model.work._replace(moved=np.zeros((0, 15)), flat=np.zeros((0, 15)))
@@ -62,7 +62,7 @@ def spun(element: str, rate):
     rate = np.asarray(rate, float)
     if element == "beam":
         model.s.v[:] = np.cross(rate, model.s.q.reshape(-1, 6, 3)).reshape(model.s.q.shape)
-    else:  # its pins cannot turn: their slope along y keeps its value
+    else:  # its pins cannot turn: the slope along y stays constant
         q, v = model.s.q, model.s.v
         v[:, :3] = np.cross(rate, q[:, :3])
         for x in (3, 5):
@@ -72,7 +72,7 @@ def spun(element: str, rate):
 
 
 def newton(model, count: int, mass: float = 0.0) -> None:
-    """So many of Newton's corrections towards static equilibrium; ``mass``, 1/s2, in the matrix alone."""
+    """Make ``count`` Newton corrections to equilibrium; ``mass`` (1/s2) enters the matrix only."""
     still, none, w = np.zeros_like(model.s.q), np.zeros_like(model.s.q), model.work
     for _ in range(count):
         x = Motion(model.s.q, still, none, model.s.axes)
@@ -84,18 +84,18 @@ def newton(model, count: int, mass: float = 0.0) -> None:
 
 
 def test_coordinates_of_a_track():
-    """64 x 24 less 64 pins of 6 equations; an open chain keeps the gradients of its two ends."""
+    """A track of beams has 64 x 24 less 64 x 6 coordinates; an open chain keeps its end gradients."""
     assert carrier(element="beam").s.q.size == 1152
     chain = hanging(element="beam")
     assert chain.s.q.size - 2 * 6 == 1158
     closed = make({"links": LINKS, "wheels": wheels()}, start="polygon", element="beam")
-    told = coordinates(closed, np.arange(1152.0).reshape(closed.s.q.shape))  # which coordinate is where
-    assert len(np.unique(told)) == 1152 == 64 * 24 - 64 * 6  # none is idle
+    told = coordinates(closed, np.arange(1152.0).reshape(closed.s.q.shape))  # index of each coordinate
+    assert len(np.unique(told)) == 1152 == 64 * 24 - 64 * 6  # none is unused
     e = coordinates(closed, np.random.default_rng(1).standard_normal(closed.s.q.shape))
     pin = joints.pin_beam(Y)
     for before, after in zip(e, np.roll(e, -1, axis=0), strict=True):
         one, other = before[4:].ravel(), after[:4].ravel()
-        rest = other - pin.follow @ one  # what joint (3) leaves free
+        rest = other - pin.follow @ one  # the motion that joint (3) leaves free
         assert abs(rest - pin.own @ (pin.own.T @ rest)).max() < 1e-14
     assert pin.equations == 6
 
@@ -141,15 +141,18 @@ def test_the_matrix_is_the_derivative_of_force_and_damping():
 
 
 def test_a_hanging_chain_finds_the_equilibrium_of_the_library():
-    """The same links as a mesh with the pins of joint (3), its own gravity and Newton's method."""
+    """A hanging chain has the equilibrium of the same mesh in the library.
+
+    The library has the pins of joint (3), its own gravity and its own Newton method.
+    """
     n, model = 16, hanging(links=16, element="beam", **SOFT)
-    newton(model, 3)  # the start is at rest to a thousandth of a newton
+    newton(model, 3)  # the start is in equilibrium to 1e-3 N
     observe(model.link, model.environment, model.s, model.work, model.report)
     steel = hanging(links=16, element="beam")
     assert abs(coordinates(steel) - coordinates(model)).max() > 1e-3
     part = mesh.Member(library, model.link.element, coordinates(steel))
     ties = [mesh.Tie((k, 1), (k + 1, 0), joints.pin_beam(Y)) for k in range(n - 1)]
-    free = joints.pin_beam(Y).own  # r and r_y are the ground's
+    free = joints.pin_beam(Y).own  # r and r_y are fixed to the ground
     whole = mesh.Mesh([part], ties, [mesh.Support((0, 0), free), mesh.Support((n - 1, 1), free)])
     assert whole.start().size == n * 24 - (n + 1) * 6
     whole = whole.loaded(loads.gravity(whole, [0, 0, -9.81]))
@@ -161,13 +164,16 @@ def test_a_hanging_chain_finds_the_equilibrium_of_the_library():
 
 
 def test_sideways_a_chain_of_pins_is_one_beam():
-    """Both ends clamped sideways by their pins, one moved aside: F = 12 EI d / (L^3 (1 + phi)), Timoshenko."""
+    """Laterally a chain with pins is one Timoshenko beam: F = 12 EI d / (L^3 (1 + phi)).
+
+    Its pins clamp both ends; one end is moved aside.
+    """
     n, aside = 16, 1e-3
     model = hanging(links=n, element="beam", start="polygon")
     model.settle_pins(np.column_stack([PITCH * np.arange(n + 1), np.zeros(n + 1)]))
     model.environment = model.environment._replace(gravity=0.0)
     model.s.q[-1, 1] += aside
-    newton(model, 12, mass=1.0)  # a little mass holds the straight chain, which is free to fold up and down
+    newton(model, 12, mass=1.0)  # a little mass stabilises the straight chain, which can fold up and down
     force = model.work.R[-1, 4, 1]
     c, L, area = model.link.element, n * PITCH, TABLE["section"]["area"]
     EI = model.link.young * TABLE["section"]["lateral_bending"]
@@ -179,7 +185,7 @@ def test_sideways_a_chain_of_pins_is_one_beam():
 
 
 def test_a_chain_twists_as_its_section_says():
-    """One end's pin turned about the chain: torque = G J angle / length, J = section.torsion whatever the bending."""
+    """A chain twists by torque = G J angle / length, J = section.torsion, for any bending."""
     n, angle, section = 4, 1e-3, TABLE["section"]
     assert section["torsion"] == pytest.approx(torsion.constant(0.378, 0.0401), rel=1e-3)
 
@@ -203,23 +209,26 @@ def test_a_chain_twists_as_its_section_says():
 @pytest.mark.long
 @pytest.mark.parametrize("yaw", [0.0, 0.05])
 def test_contacts_give_the_chain_what_the_wheels_get(yaw):
-    """Force and moment of rims, teeth and guides, askew, by the work of rigid motions; force of the ground."""
+    """Contacts of a skewed chain give it the opposite of the wheels' and the ground's force and moment.
+
+    Rims, teeth and guides are checked by the work of rigid motions.
+    """
     model, rng = carrier(element="beam"), np.random.default_rng(4)
-    model.s.q[:, 1] += 0.02  # beyond the play of the guides
+    model.s.q[:, 1] += 0.02  # more than the clearance of the guides
     model.s.q[:] += 1e-3 * rng.standard_normal(model.s.q.shape)
     model.s.v[:] = 0.1 * rng.standard_normal(model.s.v.shape)
     rows, w = model.start_rows.copy(), model.work
     rows[:, 9:12], rows[:, 12:15] = [-np.sin(yaw), np.cos(yaw), 0.0], [np.cos(yaw), np.sin(yaw), 0.0]
 
     def given(ground: int) -> tuple[np.ndarray, np.ndarray]:
-        """On the chain: force, and moment about the origin, of all contacts; with them the wheels' in ``w.wrench``."""
+        """Force (N) and moment about the origin (N m) of all contacts; fills ``w.wrench`` of the wheels."""
         rolled(model, model.s.q, model.s.v, 0.0, False, model.contacts._replace(ground=ground))
         on_links = np.where(w.touched[:, None, None], -w.load, 0.0)
         on_pins, pins = -w.b.reshape(LINKS, 2, 3), model.s.q.reshape(LINKS, 6, 3)[:, :2]
         force = on_links[:, [0, 4]].sum((0, 1)) + on_pins[:, 0].sum(0)
         moments = np.cross(coordinates(model), on_links), np.cross(pins, on_pins)
-        assert abs(moments[0][:, [1, 2, 3, 5, 6, 7]]).max() > 1.0  # the section's share
-        assert abs(moments[1][:, 1]).max() > 1.0  # and that of the pins' ends
+        assert abs(moments[0][:, [1, 2, 3, 5, 6, 7]]).max() > 1.0  # the part of the section
+        assert abs(moments[1][:, 1]).max() > 1.0  # and the part of the pins' ends
         return force, sum(moment.sum((0, 1)) for moment in moments)
 
     w.moved[:] = rows
@@ -233,12 +242,15 @@ def test_contacts_give_the_chain_what_the_wheels_get(yaw):
             about = wheel[:, 3:].sum(0) + np.cross(rows[:, :3], wheel[:, :3]).sum(0)
             assert abs(moment + about).max() < 1e-12 * largest
             assert abs(moment + 1.03 * about).max() > 1e-3 * largest
-    assert abs(wheel[:, 1]).max() > 10.0  # the guides hold
+    assert abs(wheel[:, 1]).max() > 10.0  # the guides carry load
 
 
 @pytest.mark.parametrize("rise", [0.0, 0.03])
 def test_the_matrices_of_contacts_are_their_derivatives(rise):
-    """Ground, level or with a bump, teeth and guides, whose points do not move as a rim rolls."""
+    """The matrices of contacts are their derivatives: ground, level or with a bump, teeth and guides.
+
+    Their contact points do not move as a rim rolls.
+    """
     model, rng, by_rate = carrier(element="beam"), np.random.default_rng(6), 300.0
     model.s.q[:, 1] += 0.02
     model.s.q[:] += 1e-3 * rng.standard_normal(model.s.q.shape)
@@ -249,7 +261,7 @@ def test_the_matrices_of_contacts_are_their_derivatives(rise):
         model.contacts = model.contacts._replace(shape=bump)
     w, q, v = model.work, model.s.q.copy(), model.s.v.copy()
     w.moved[:] = model.start_rows
-    w.moved[1:, 2] += 5.0  # road wheels and idler out of the way
+    w.moved[1:, 2] += 5.0  # road wheels and idler without contact
 
     def load(d: np.ndarray) -> np.ndarray:
         w.b[:], w.sums[:], w.wrench[:], w.A[:] = 0.0, 0.0, 0.0, 0.0
@@ -266,14 +278,17 @@ def test_the_matrices_of_contacts_are_their_derivatives(rise):
     found[:, :6] += on_pins
     assert w.touched.sum() > 15
     assert abs(on_pins).max() > 1e3
-    guided = np.linalg.norm(q[:, [0, 2]], axis=1) < 0.5  # a guide's share of a link changes where the disc ends
+    guided = np.linalg.norm(q[:, [0, 2]], axis=1) < 0.5  # a guide's share of a link changes at the edge of the disc
     assert abs(found - numeric)[~guided].max() < 1e-5 * abs(numeric).max()
     assert abs(found - numeric)[guided].max() < 0.05 * abs(numeric).max()
     assert abs(1.03 * found - numeric)[~guided].max() > 1e-3 * abs(numeric).max()
 
 
 def test_a_free_loop_keeps_energy_and_angular_momentum_about_every_axis():
-    """Turning about a vertical axis as it spins; the cable's pins take the part that is not theirs."""
+    """A free loop that spins and yaws keeps energy and angular momentum about every axis.
+
+    A loop of cables does not: its pins take moments about the other axes.
+    """
 
     def momentum(model, M) -> np.ndarray:
         if model.element == "beam":
@@ -301,7 +316,7 @@ def test_a_free_loop_keeps_energy_and_angular_momentum_about_every_axis():
 
 
 def turned_wheels(model, t: float, angle: float, time: float) -> np.ndarray:
-    """Inputs of wheels that yaw about the middle of the track by ``angle``, along half a cosine of ``time`` s."""
+    """Inputs of wheels that yaw by ``angle`` rad about the track's middle within ``time`` s."""
     s = min(t / time, 1.0)
     yaw, rate = 0.5 * angle * (1 - np.cos(np.pi * s)), 0.5 * angle * np.pi / time * np.sin(np.pi * s)
     middle, u = np.array([-2.0, 0.0]), at_rest(model).reshape(-1, 13)
@@ -315,7 +330,7 @@ def turned_wheels(model, t: float, angle: float, time: float) -> np.ndarray:
 
 
 def yaw_moment(model) -> float:
-    """Of the chain on its wheels about the middle of the track, N m."""
+    """Yaw moment of the chain on its wheels about the middle of the track, N m."""
     force, arm = model.s.mean[:-1, :3], model.rows[:, :2] - [-2.0, 0.0]
     return float((arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum() + model.s.mean[:-1, 5].sum())
 
@@ -325,24 +340,24 @@ def suspended(element: str):
 
 
 def test_a_quarter_turn():
-    """The wheels yaw by 90 degrees in 0.8 s and the chain of beams goes with them: its pins lie along the axles."""
+    """A chain of beams follows wheels that yaw by 90 degrees in 0.8 s: its pins lie along the axles."""
     model, h = suspended("beam"), 2e-3
     before = model.report[3]
     for k in range(450):
         model.step(k * h, h, turned_wheels(model, k * h, np.pi / 2, 0.8))
     assert model.warnings() == []
-    axis = np.array([-1.0, 0.0, 0.0])  # of the wheels now: y has become -x
+    axis = np.array([-1.0, 0.0, 0.0])  # lateral axis of the wheels after the turn: y has become -x
     along = model.s.q[:, 3:6] @ axis
     assert along == pytest.approx(np.ones(LINKS), abs=1e-3)
-    assert abs((model.s.q[:, :3] - [-2.0, 0.0, 0.0]) @ axis).max() < 0.015  # within the play of the guides
+    assert abs((model.s.q[:, :3] - [-2.0, 0.0, 0.0]) @ axis).max() < 0.015  # within the clearance of the guides
     e = coordinates(model)
-    assert np.array_equal(e[:, [4, 6]], np.roll(e, -1, axis=0)[:, [0, 2]])  # position and axis of each pin
+    assert np.array_equal(e[:, [4, 6]], np.roll(e, -1, axis=0)[:, [0, 2]])  # position and axis of each pin are shared
     assert model.report[3] == pytest.approx(before, rel=0.05)
     assert abs(yaw_moment(model)) < 500.0
 
 
 def test_a_cable_resists_where_a_beam_follows():
-    """Half a degree of yaw: 4.7e6 N m/rad of a closed cable chain, and a warning."""
+    """Cables resist a yaw of 0.5 degrees with 4.7e6 N m/rad and a warning; beams follow."""
     moments = {}
     for element in ("cable", "beam"):
         model, h, angle = suspended(element), 1e-3, np.radians(0.5)
@@ -369,7 +384,10 @@ def test_the_start_is_at_rest_on_its_wheels():
 
 
 def swing(steps: int = 100, links: int = 4, **changes):
-    """A chain let go from a displaced shape; what the ledger lacks after each millisecond, of the kinetic energy."""
+    """Release a chain from a displaced shape.
+
+    Returns the model and the energy error after each millisecond over the largest kinetic energy.
+    """
     model = hanging(links=links, element="beam", start="displaced", **changes)
     parts, lacks = [KINETIC, STRAIN, GRAVITY, DISSIPATED], []
     total, top = model.report[parts].sum(), 0.0
@@ -384,17 +402,17 @@ def test_energy_ledger_of_a_swing_and_the_explicit_chain():
     soft = {"material.youngs_modulus": 2e7, "material.relaxation_time": 2e-4}
     model, lacks = swing(integrator="runge_kutta", step=1.0, **soft)
     assert abs(lacks).max() < 1e-6
-    # thirty times what the ledger may lack; 0.89e-4, and 1.08e-4 before links had the table's rotary inertia
+    # 30 times the allowed energy error; 0.89e-4, and 1.08e-4 before links had the table's rotary inertia
     assert model.report[DISSIPATED] > 0.6e-4 * model.report[KINETIC]
     other, lacks = swing(step=5e-5, spectral_radius=0.9, **soft)
     assert abs(lacks).max() < 1e-4
     assert abs(model.s.q[:, :3] - other.s.q[:, :3]).max() < 1e-5
-    _, lacks = swing(links=8)  # steel, as a scene has it
+    _, lacks = swing(links=8)  # steel, as in a scene
     assert abs(lacks).max() < 5e-3
 
 
 def test_the_explicit_step_and_the_mass():
-    """The rotary inertia that the table has beside the section's slows the fastest mode, one of the section."""
+    """The stable explicit step follows the mass: rotary inertia slows the fastest mode."""
     model = hanging(links=2, element="beam", start="polygon")
     assert model.stable == pytest.approx(4.695e-6, rel=1e-3)
     x, y, z = (TABLE["track"]["mass"] * size**2 / 12.0 for size in (PITCH, *model.link.element[1:3]))
@@ -428,7 +446,7 @@ def test_one_component_takes_either_element():
 
 
 def test_the_component_of_beams():
-    """Clean by fmpy's validation; a saved state goes on alike, one from before the start too."""
+    """The FMU of beams passes fmpy's validation and continues alike from any saved state."""
     ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.9, 0.0]}
     track = {"links": 8, "closed": False, "wheels": [], "ground": False, "gravity": 9.81, "ends": ends}
     fmu = build("TrackFlexible", {"vehicle": TABLE, "track": track, "link_outputs": True})
@@ -445,7 +463,7 @@ def test_the_component_of_beams():
             found.append(chain.y.copy())
             chain.restore(state)
         assert np.array_equal(*found)
-        chain.restore(blank)  # of an element that is not chosen yet
+        chain.restore(blank)  # a state from before the element was chosen
 
 
 def test_what_cannot_be_is_refused():

@@ -1,4 +1,4 @@
-"""The three elasticities of the flexible track, each through the same chain."""
+"""The three elasticities of the flexible track, in the same chain."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ each = pytest.mark.parametrize("elasticity", ELASTICITIES)
 
 
 def coordinates(model) -> np.ndarray:
-    """Of all links (n, 4, 3)."""
+    """Coordinates of all links, shape (n, 4, 3)."""
     e = np.zeros((model.links_count, 4, 3))
     for i in range(model.links_count):
         gather(model.s.q, i, (i + 1) % model.nodes, e[i])
@@ -43,7 +43,7 @@ def coordinates(model) -> np.ndarray:
 
 
 def bent(elasticity: str, links: int = 4, **changes):
-    """A soft chain out of every symmetry."""
+    """A soft chain without any symmetry."""
     model = hanging(links=links, elasticity=elasticity, **{**SOFT, **changes})
     model.s.vdot[:] = 0.0
     model.s.q[:] += 0.05 * np.random.default_rng(3).standard_normal(model.s.q.shape) * ([PITCH] * 3 + [1.0] * 5)
@@ -51,7 +51,7 @@ def bent(elasticity: str, links: int = 4, **changes):
 
 
 def residual(model) -> np.ndarray:
-    """Of the links, summed up by coordinate of the pins (nodes, 8)."""
+    """Residuals of the links summed by coordinate of the pins, shape (nodes, 8)."""
     model.evaluate(Motion(model.s.q, model.s.v, model.s.vdot, model.s.axes))
     f, R = np.zeros_like(model.s.q), model.work.R
     for i in range(model.links_count):
@@ -84,7 +84,7 @@ def test_force_is_the_gradient_of_the_reported_energy(elasticity):
 
 @each
 def test_the_tangent_is_the_derivative_of_force_and_damping(elasticity):
-    """The change of the chord's direction in the bending damping apart, which all three leave out."""
+    """The tangent is the derivative of force and damping, without the rotation of the chord."""
     model = bent(elasticity)
     link = model.link.element._replace(nuA=40.0)
     rng = np.random.default_rng(5)
@@ -110,7 +110,7 @@ def test_force_and_damping_add_up(elasticity):
     e = coordinates(model)[2]
     v, Q, f = np.random.default_rng(7).standard_normal((4, 3)), np.zeros((4, 3)), np.zeros((4, 3))
     power = element.force(link, e, v, Q)
-    assert kind.force(link, e, np.zeros((4, 3)), f) == 0.0  # at rest the elastic one alone
+    assert kind.force(link, e, np.zeros((4, 3)), f) == 0.0  # at rest the elastic force alone
     assert power == pytest.approx(kind.damping(link, e, v, f), rel=1e-12)
     np.testing.assert_allclose(Q, f, atol=1e-12 * abs(f).max())
     others = [other for other in ELASTICITIES if other != elasticity]
@@ -122,7 +122,7 @@ def stored(elasticity: str, link: Cable, e: np.ndarray) -> float:
 
 
 def newton(model, most: int = 20, extra: float = 0.0) -> list[float]:
-    """Newton's corrections of the pins on the way to static equilibrium; ``extra`` mass, 1/s2, spoils the matrix."""
+    """Sizes of Newton's corrections (m) up to static equilibrium; ``extra`` mass (1/s2) spoils the matrix."""
     w, sizes, still, none = model.work, [], np.zeros_like(model.s.q), np.zeros_like(model.s.q)
     while len(sizes) < most and (not sizes or sizes[-1] > 1e-11):
         x = Motion(model.s.q, still, none, model.s.axes)
@@ -136,7 +136,10 @@ def newton(model, most: int = 20, extra: float = 0.0) -> list[float]:
 @each
 @pytest.mark.parametrize(("young", "move", "near", "factor_"), [(2e6, 0.02, 3e-4, 200.0), (2e11, 1e-4, 2e-6, 3e5)])
 def test_newton_converges_quadratically(elasticity, young, move, near, factor_):
-    """With one end moved: once ``near``, each correction, m, is below ``factor_`` times the square of the last."""
+    """Newton's method converges quadratically after one end was moved.
+
+    Once a correction (m) is below ``near``, the next is below ``factor_`` times its square.
+    """
     model = hanging(links=16, elasticity=elasticity, **{**SOFT, "material.youngs_modulus": young})
     model.s.q[-1, 0] -= move
     spoilt = model.s.q.copy()
@@ -146,7 +149,7 @@ def test_newton_converges_quadratically(elasticity, young, move, near, factor_):
     assert 1 <= len(tail) <= 3, sizes  # three corrections from there to 1e-11 m
     assert all(b < factor_ * a**2 + 1e-11 for a, b in tail), sizes
     model.s.q[:] = spoilt
-    assert len(newton(model, extra=30.0)) > len(sizes) + 2  # the twin
+    assert len(newton(model, extra=30.0)) > len(sizes) + 2  # twin: a wrong matrix
 
 
 def test_steel_hangs_the_same():
@@ -156,7 +159,7 @@ def test_steel_hangs_the_same():
 
 
 def elastic_catenary(law, EA: float, weight: float, length: float, span: float) -> float:
-    """Sag of a continuous chain of no bending stiffness that stretches by tension = EA law(stretch)."""
+    """Sag (m) of a continuous chain without bending stiffness and with tension = EA law(stretch)."""
     s = np.linspace(0.0, 0.5 * length, 4001)
 
     def shape(H: float) -> tuple[float, float]:
@@ -170,7 +173,7 @@ def elastic_catenary(law, EA: float, weight: float, length: float, span: float) 
 
 
 def test_a_soft_chain_hangs_as_its_law_of_stretch_says():
-    """Green strain stiffens with the stretch, so the engineering chain hangs lower, by what the continuum says."""
+    """A soft chain hangs as its stretch law says: the engineering chain hangs lower."""
     length, sag, said = LINKS * PITCH, {}, {}
     for name in ELASTICITIES:
         model = hanging(elasticity=name, **SOFT)
@@ -185,7 +188,7 @@ def test_a_soft_chain_hangs_as_its_law_of_stretch_says():
 
 @each
 def test_a_soft_chain_finds_the_equilibrium_of_the_library(elasticity):
-    """The same links as a mesh with its own pins, gravity and Newton's method, from another elasticity's shape."""
+    """A soft chain finds the library's equilibrium from the shape of another elasticity."""
     n, other = 16, "engineering" if elasticity != "engineering" else "general"
     model = hanging(links=n, elasticity=elasticity, **SOFT)
     start = hanging(links=n, elasticity=other, **SOFT)
@@ -205,8 +208,9 @@ def test_a_soft_chain_finds_the_equilibrium_of_the_library(elasticity):
 
 @each
 def test_tension_and_stress_of_a_stretched_chain(elasticity):
-    """Links stretched by a fifth: tension is what the pins carry, EA law(1.2). Stress of (12) is E eps, of the others
-    that of the tension.
+    """The tension of links stretched by a fifth is the pins' force, EA law(1.2).
+
+    The stress of (12) is E eps, that of the others tension over area.
     """
     stretch = 1.2
     model = hanging(links=8, elasticity=elasticity, start="polygon", **SOFT)
@@ -225,7 +229,7 @@ def test_tension_and_stress_of_a_stretched_chain(elasticity):
 
 @each
 def test_stress_of_a_bent_link(elasticity):
-    """An arc of steel, 0.01 rad a link, without tension: E times fibre over radius."""
+    """Stress of a steel link bent by 0.01 rad is E times fibre distance over radius."""
     model = hanging(links=2, elasticity=elasticity, start="polygon")
     angle, radius = 0.01, PITCH / 0.01
     turns = angle * np.arange(3)
@@ -239,7 +243,7 @@ def test_stress_of_a_bent_link(elasticity):
 
 @pytest.mark.study  # a minute of compilation: contacts with links of another elasticity
 def test_a_closed_track_settles_on_its_wheels():
-    """Steel links: the same tensions, and nothing moves, whatever the elasticity."""
+    """A closed track of steel has the same tensions with every elasticity and stays at rest on its wheels."""
     found = {}
     for name in ELASTICITIES:
         model = carrier(elasticity=name)
@@ -261,7 +265,10 @@ def test_a_closed_track_settles_on_its_wheels():
 
 
 def swing(elasticity: str, steps: int = 200, **changes):
-    """A chain let go from a displaced shape; what the ledger lacks after each millisecond."""
+    """Release a chain from a displaced shape.
+
+    Returns the model and the energy error after each millisecond over the largest kinetic energy.
+    """
     model = hanging(links=8, elasticity=elasticity, start="displaced", **changes)
     parts, lacks = [KINETIC, STRAIN, GRAVITY, DISSIPATED], []
     total, top = model.report[parts].sum(), 0.0
@@ -275,7 +282,10 @@ def swing(elasticity: str, steps: int = 200, **changes):
 @pytest.mark.long
 @each
 def test_energy_ledger_of_a_swing(elasticity):
-    """Soft links with damping: kinetic + strain + gravity + dissipated stays; the damping counts."""
+    """Kinetic + strain + gravity + dissipated energy of a swing of soft, damped links stays constant.
+
+    The damping dissipates more than 0.1 % of the kinetic energy.
+    """
     soft = {"material.youngs_modulus": 2e7, "material.relaxation_time": 2e-4}
     model, lacks = swing(elasticity, integrator="runge_kutta", step=2e-5, **soft)
     assert abs(lacks).max() < 1e-6
@@ -283,15 +293,16 @@ def test_energy_ledger_of_a_swing(elasticity):
     other, lacks = swing(elasticity, step=5e-5, spectral_radius=0.9, **soft)
     assert abs(lacks).max() < 1e-4
     assert abs(model.s.q[:, :3] - other.s.q[:, :3]).max() < 1e-5  # explicit and implicit agree
-    _, lacks = swing(elasticity)  # steel, as a scene has it
+    _, lacks = swing(elasticity)  # steel, as in a scene
     assert abs(lacks).max() < 5e-3
 
 
 @each
 def test_the_explicit_step_follows_the_elasticity(elasticity):
-    """Local strain has modes within a link that average strain has not.
+    """The stable explicit step follows the elasticity.
 
-    The fastest mode of average strain is slower with the table's rotary inertia than with a rod's.
+    Local strain has modes within a link, average strain has none. The fastest mode of average strain is slower with the
+    table's rotary inertia than with that of a rod.
     """
     track = TABLE["track"]
     rod = TABLE | {"track": track | {"inertia": (track["inertia"][0], track["mass"] * PITCH**2 / 12.0, 0.25)}}
@@ -311,4 +322,4 @@ def test_an_unknown_elasticity_is_refused():
     with pytest.raises(InvalidParameter, match="elasticity = 'large': must be one of small_deformation, general, eng"):
         hanging(links=8, elasticity="large")
     port = next(port for port in hanging(links=8).ports if port.name == "elasticity")
-    assert port.choices == tuple(ELASTICITIES)  # which the FMU's shell checks at the end of initialisation
+    assert port.choices == tuple(ELASTICITIES)  # the FMU's shell checks these at the end of initialisation

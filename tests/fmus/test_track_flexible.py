@@ -63,7 +63,7 @@ def carrier(**changes) -> Model:
 
 
 def at_rest(model: Model, lift: float = 0.0) -> np.ndarray:
-    """Inputs of wheels that stand where the track was laid out, moved up by ``lift``."""
+    """Inputs of wheels at rest at the places of the layout, raised by ``lift``, m."""
     u = np.zeros(13 * len(model.wheel_list))
     for k, wheel in enumerate(model.wheel_list):
         c, s = model.frame[3:]
@@ -74,7 +74,7 @@ def at_rest(model: Model, lift: float = 0.0) -> np.ndarray:
 
 
 def spinning(links: int = 64, omega: float = 5.0) -> Model:
-    """A free loop as a regular polygon, spinning about its centre, stretched to its steady state by hand."""
+    """A free loop as a regular polygon that spins about its centre, stretched to its steady state."""
     model = make({"links": links, "wheels": wheels(), "gravity": 0.0}, start="polygon")
     model.contacts = model.contacts._replace(radius=np.zeros(0), teeth=np.zeros(0, dtype=np.int64))
     model.rows, model.environment = np.zeros((0, 15)), model.environment._replace(mount=-1)
@@ -89,15 +89,15 @@ def spinning(links: int = 64, omega: float = 5.0) -> Model:
 
 
 def test_coordinates_of_a_track():
-    """64 x 12 less 64 pins of 4 equations; an open chain keeps the slopes of its two ends."""
+    """A track has 64 x 12 less 64 x 4 coordinates; an open chain keeps the slopes of its ends."""
     assert carrier().s.q.size == 512
     open_chain = hanging()
-    assert open_chain.s.q.size - 2 * 2 == 516  # neither an ending link at the first pin nor a beginning one at the last
+    assert open_chain.s.q.size - 2 * 2 == 516  # no link ends at the first pin, and none begins at the last
     assert len(LAYOUT.outer) == 8
 
 
 def test_hanging_chain_is_a_catenary():
-    """Against the discrete polygon of rigid links, and its end tension against the continuum."""
+    """A hanging chain is the polygon of rigid links; its end tension is that of the catenary."""
     model = hanging()
     w = TABLE["track"]["mass"] / PITCH * 9.81
     assert -model.s.q[:, 2].min() == pytest.approx(2.589308, abs=2e-5)
@@ -108,7 +108,7 @@ def test_hanging_chain_is_a_catenary():
     for k in range(50):
         model.step(k * 1e-3, 1e-3, np.zeros(0))
     assert abs(model.s.q - before).max() < 1e-7
-    assert model.counters[2] == 50  # one iteration a step
+    assert model.counters[2] == 50  # one iteration per step
 
 
 def test_the_start_is_at_rest_on_its_wheels():
@@ -119,12 +119,12 @@ def test_the_start_is_at_rest_on_its_wheels():
         model.step(k * 1e-3, 1e-3, u)
     assert abs(model.s.v).max() < 1e-6
     assert abs(model.s.q - first).max() < 1e-8
-    model.step(0.02, 1e-3, at_rest(model, lift=1e-4))  # the twin: a tenth of a millimetre shows
+    model.step(0.02, 1e-3, at_rest(model, lift=1e-4))  # twin: a tenth of a millimetre shows
     assert abs(model.s.v[:, :3]).max() > 1e-4
 
 
 def test_momentum_goes_where_the_wrenches_say():
-    """Change of momentum of the chain = weight - impulse given to wheels and ground."""
+    """Change of momentum of the chain = impulse of weight - impulse on wheels and ground."""
     model = carrier()
     u = at_rest(model)
     for k, wheel in enumerate(model.wheel_list):
@@ -152,7 +152,10 @@ def test_momentum_goes_where_the_wrenches_say():
 
 
 def test_a_spinning_loop_carries_its_centrifugal_force():
-    """T = m w^2 Rc / (2 sin(pi / N)) for rigid links; the steel loop oscillates about it by its own stretch."""
+    """A spinning loop has the tension T = m w^2 Rc / (2 sin(pi / N)) of rigid links.
+
+    The steel loop oscillates about it by its own stretch.
+    """
     links, omega = 64, 5.0
     model = spinning(links, omega)
     mass = model.link.element.rhoA * PITCH
@@ -188,7 +191,7 @@ def test_a_free_loop_keeps_energy_and_angular_momentum():
 
 @pytest.fixture(scope="module")
 def swinging():
-    """Paths of the pins of a soft hanging chain let go from a displaced shape, and what an integrator took."""
+    """Return ``off`` (below) for a soft hanging chain that is released from a displaced shape."""
     soft = {
         "material.youngs_modulus": 2e6,
         "material.relaxation_time": 0.0,
@@ -208,7 +211,7 @@ def swinging():
     truth, _ = state("runge_kutta", 2e-5)
 
     def off(integrator: str, step: float, **more) -> tuple[float, np.ndarray]:
-        """Root mean square of the error, m, and the counters."""
+        """Root mean square error of the pins' paths, m, and the counters."""
         path, counters = state(integrator, step, **more)
         return float(np.sqrt(np.mean((path - truth) ** 2))), counters
 
@@ -219,7 +222,7 @@ def swinging():
                                                             ("hht", 2, (4e-4, 2e-4, 1e-4)),
                                                             ("runge_kutta", 4, (1e-3, 5e-4, 2.5e-4))])  # fmt: skip
 def test_order_of_the_integrators(swinging, integrator, order, steps):
-    """Against Runge-Kutta with a much smaller step."""
+    """The integrators have their orders, against Runge-Kutta with a much smaller step."""
     errors = [swinging(integrator, step)[0] for step in steps]
     rates = np.log2(np.array(errors[:-1]) / errors[1:])
     assert abs(rates - order).max() < 0.3, rates
@@ -231,8 +234,8 @@ def test_adams_keeps_tolerances_with_fewer_evaluations_than_runge_kutta(swinging
     for tolerance in (1e-5, 1e-7, 1e-9):
         error, counters = swinging("adams", 1.0, **{"adams.rtol": tolerance, "adams.atol": tolerance})
         found[tolerance] = error
-        assert 1e-5 * tolerance < error < 1e-2 * tolerance, found  # places: it is velocities that bind
-        assert counters[EVALUATIONS] == 2 * counters[STEPS] + counters[REJECTED] + 10, "it begins anew at each step"
+        assert 1e-5 * tolerance < error < 1e-2 * tolerance, found  # errors of positions; the velocities limit the steps
+        assert counters[EVALUATIONS] == 2 * counters[STEPS] + counters[REJECTED] + 10, "it restarts at each step"
     other, equal = swinging("runge_kutta", 2.5e-4)
     assert error < other
     assert 2 * counters[EVALUATIONS] < equal[EVALUATIONS]
@@ -252,7 +255,7 @@ def swings_of_tension(model: Model) -> float:
 
 
 def test_a_chain_let_go_carries_the_tension_of_that_instant(monkeypatch):
-    """No axial wave: the tension of rigid links at once, and no jump after; a twin let go unstretched rings."""
+    """A released chain starts with the tension of rigid links; one released unstretched rings."""
     model = hanging(links=16, start="displaced", integrator="runge_kutta")
     rigid = track_rigid.Model({"vehicle": TABLE, "track": model.config, "link_outputs": True})
     rigid.initialise(parameters(rigid, start="displaced"))
@@ -278,7 +281,7 @@ def test_explicit_and_implicit_agree():
 
 
 def test_any_place_and_heading_is_the_same():
-    """Rates of the wheels turned along; in the track's frame nothing changes."""
+    """Any place and heading gives the same motion in the track's frame; the wheels' rates turn along."""
     one = carrier()
     other = carrier(
         **{"start.position.x": 40.0, "start.position.y": -7.0, "start.position.z": 1.0, "start.heading": 0.6}
@@ -301,7 +304,7 @@ def test_any_place_and_heading_is_the_same():
     one.outputs(y)
     other.outputs(z)
     np.testing.assert_allclose(np.hypot(y[0:42:6], y[1:42:6]), np.hypot(z[0:42:6], z[1:42:6]), rtol=1e-6, atol=1e-3)
-    assert abs(y[0] - z[0]) > 1.0  # the world axes do differ
+    assert abs(y[0] - z[0]) > 1.0  # in world axes they differ
 
 
 def test_a_copied_state_goes_on_bit_for_bit():
@@ -321,7 +324,7 @@ def test_speed_and_travel_of_a_spinning_loop():
     model = spinning(64, 5.0)
     for k in range(100):
         model.advance(k * 1e-3, 1e-3)
-    around = 64 * PITCH * 5.0 / (2 * pi)  # pins that pass, times the pitch
+    around = 64 * PITCH * 5.0 / (2 * pi)  # number of pins that pass, times the pitch
     assert model.report[SPEED] == pytest.approx(around, rel=2e-3)
     assert model.report[TRAVEL] == pytest.approx(0.1 * around, rel=2e-2)
     assert model.report[T_MAX] > 0.0
@@ -342,7 +345,7 @@ def test_tracks_that_cannot_be_are_refused():
 
 @pytest.mark.parametrize("young", [2e6, 2e13])
 def test_soft_and_hard_chains_find_their_rest(young):
-    """Tension at the ends carries the weight whatever the stiffness; a hundredth of it more would show."""
+    """The tensions at the ends of a chain carry its weight for any stiffness; 1 % more weight would show."""
     model = hanging(**{"material.youngs_modulus": young})
     ends = [model.work.R[0, 0], -model.work.R[-1, 2]]
     weight = 64 * model.link.element.rhoA * model.pitch * 9.81
@@ -378,7 +381,7 @@ def test_a_cable_warns_once_when_it_is_turned_out_of_its_plane():
 
 @pytest.mark.parametrize("kind", ["cable", "rigid"])
 def test_sharp_friction_halves_no_step(kind):
-    """Locked wheels rock the track to and fro, friction bends within 0.1 mm/s: every step of 1 ms is done at once."""
+    """Sharp friction halves no step: locked wheels rock the track, friction saturates within 0.1 mm/s."""
     base = {"links": LINKS, "closed": True, "wheels": wheels(), "ground": True, "gravity": 9.81, "ends": None}
     maker = track_rigid.Model if kind == "rigid" else Model
     model = maker({"vehicle": TABLE, "track": base, "link_outputs": False})

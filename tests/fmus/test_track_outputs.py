@@ -1,4 +1,4 @@
-"""The page of the tracks' outputs has a row for each of them."""
+"""The documentation of the tracks' outputs has a row for each of them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fmus.link_outputs import GROUPS
 from fmus.track import OUTPUTS
 
 PAGE = Path(fmus.__file__).with_name("track.md").read_text(encoding="utf-8")
-WRENCH = ["S.force", "S.torque"]  # of each wheel
+WRENCH = ["S.force", "S.torque"]  # for each wheel
 
 
 def described() -> list[str]:

@@ -1,4 +1,4 @@
-"""A track that is given wheels where it was not laid refuses its first step, whatever its links."""
+"""A track refuses its first step if its wheels are not where it was laid out, for all kinds of links."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ KINDS = [(Flexible, "cable"), (Flexible, "planar"), (Flexible, "beam"), (Rigid, 
 
 
 def laid(kind, element, **parameters):
-    """A left track of the standard vehicle, not settled, and the wheels of its drawn position."""
+    """Return an unsettled left track of the standard vehicle, and the inputs of its wheels as drawn."""
     scene = load("straight", "rigid" if kind is Rigid else "flexible")
     model = kind(next(part.config for part in assemble(scene).parts if part.name == "left_track"))
     given = {port.name: port.start for port in model.ports if port.causality == "parameter"}
@@ -40,7 +40,7 @@ def test_wheels_of_another_place_are_refused(place):
 
 @pytest.mark.parametrize(("kind", "element"), KINDS)
 def test_wheels_in_their_place_are_not(kind, element):
-    """Nor those of a master that begins a step later: 5 cm ahead."""
+    """Wheels in their place are accepted, also those of a master that begins a step later (5 cm ahead)."""
     model, wheels = laid(kind, element)
     wheels[::13] += 0.05
     model.step(0.0, 1e-6, wheels)

@@ -1,4 +1,4 @@
-"""The planar chain is the chain of cables without what is zero: element, contacts, whole scenes."""
+"""The planar chain equals the chain of cables without its zeros: element, contacts, whole scenes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fmus.physics.integrate.generalized_alpha import Slopes
 from tests.fmus.test_track_flexible import PITCH, at_rest, carrier, hanging, make
 
 XZ = [0, 2]
-LIFT = np.array([0, 2, 3, 4, 5, 6])  # where the six coordinates of a planar pin stand among the cable's eight
+LIFT = np.array([0, 2, 3, 4, 5, 6])  # places of a planar pin's six coordinates among the cable's eight
 RANDOM = np.random.default_rng(7)
 
 
@@ -36,7 +36,7 @@ def bent() -> tuple[np.ndarray, np.ndarray]:
 
 
 def forces(c: cable.Cable, e: np.ndarray, v: np.ndarray) -> tuple:
-    """Force, matrix, power, energy and end moments of the cable, and of the planar one at the same motion."""
+    """Force, matrix, power, energy and end moments of the cable and of the planar cable."""
     found = []
     for axes in ([0, 1, 2], XZ):
         n, one = len(axes), c._replace(axes=tuple(axes))
@@ -60,7 +60,7 @@ def test_the_element_is_the_cable_in_its_plane():
 
 
 def lifted(model) -> tuple:
-    """The cable model in the state of a planar one."""
+    """A cable model in the state of a planar one."""
     solid = carrier()
     for name in ("q", "v", "a", "vdot"):
         getattr(solid.s, name)[:] = 0.0
@@ -71,7 +71,10 @@ def lifted(model) -> tuple:
 
 
 def test_a_moving_chain_has_the_same_residual_and_matrix():
-    """On all its wheels and the ground, everything in motion, with ``by_rate`` and ``by_acceleration``."""
+    """A moving chain has the same residual and matrix, on all its wheels and the ground.
+
+    Both ``by_rate`` and ``by_acceleration`` enter.
+    """
     model = carrier(element="planar")
     u = at_rest(model)
     for k in range(len(model.wheel_list)):
@@ -90,12 +93,12 @@ def test_a_moving_chain_has_the_same_residual_and_matrix():
     for name in ("A", "U", "L"):
         blocks = getattr(full, name)
         assert same(getattr(flat, name), blocks[:, XZ][:, :, XZ], 1e-11)
-        assert np.abs(blocks[:, 1, XZ]).max() == np.abs(blocks[:, XZ, 1]).max() == 0.0, "the plane is its own"
+        assert np.abs(blocks[:, 1, XZ]).max() == np.abs(blocks[:, XZ, 1]).max() == 0.0, "planes are decoupled"
     assert same(flat.wrench, full.wrench, 1e-11)
     assert same(flat.sums, full.sums, 1e-11)
     measured = [*range(1, 10), 12, 16]
     assert model.report[measured] == pytest.approx(solid.report[measured], rel=1e-7)
-    solid.s.q[5, 0] += 1e-9  # the twin: a nanometre
+    solid.s.q[5, 0] += 1e-9  # twin: a nanometre
     evaluate(solid)
     assert not same(flat.b, full.b[:, XZ], 1e-5)
 
@@ -105,7 +108,7 @@ def evaluate(m) -> None:
 
 
 def test_coordinates_and_time():
-    """64 x 8 less 64 x 2; a chain let go falls as the cables do, and its outputs have their y back."""
+    """A track has 64 x 8 less 64 x 2 coordinates, and a released chain moves as cables do."""
     assert carrier(element="planar").s.q.size == 384
     flat, solid = (hanging(start="displaced", element=element) for element in ("planar", "cable"))
     assert np.abs(flat.pins() - solid.pins()).max() < 1e-10
@@ -124,7 +127,7 @@ def test_coordinates_and_time():
 
 @pytest.mark.parametrize("start", ["rest", "polygon"])
 def test_ends_that_are_pulled_work_alike(start):
-    """The bench: sprocket, constant pulls, damping across; the work of the pulls is the same."""
+    """Pulled ends do the same work, as on the bench: sprocket, constant pulls, transverse damping."""
     ends = {"kind": "pulled", "first": [-15e3, 0.0], "last": [-14e3, 0.0]}
     wheel = {"name": "sprocket", "kind": "teeth", "position": [0.0, 0.0]}
     track = {"links": 24, "closed": False, "wheels": [wheel], "gravity": 0.0, "ends": ends, "transverse_damping": 300.0}
@@ -158,7 +161,7 @@ def test_only_small_deformations_are_planar():
 
 
 def test_a_bump_has_the_normal_of_the_plane():
-    """``level`` turns its normal by the curvature along t: what ``plane.Face`` calls bend."""
+    """The normal of a bump turns by the curvature of ``level`` along t (``bend`` in ``plane.Face``)."""
     ground = bumpy(0.0, 0.0, 0.2, 0.5, 0.4, 0.3)
     for x, z in ((0.1, 0.02), (0.5, 0.15)):
         _, n0, n2, bend = level(ground, x, z)

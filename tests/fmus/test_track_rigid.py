@@ -34,7 +34,7 @@ P, MASS, LINKS = TRACK["pitch"], TRACK["mass"], TRACK["links"]
 
 
 class Chain:
-    """A chain without ports: no wheels, no ground."""
+    """A chain without ports, wheels and ground."""
 
     def __init__(self, pins, ends, gravity=0.0, inertia=TRACK["inertia"], pitch=P, mass=MASS, radius=0.8):
         n = len(pins) if ends.closed else len(pins) - 1
@@ -82,7 +82,7 @@ class Chain:
         return kinetic + self.link.mass * self.env.gravity * s.q[:, 2].sum()
 
     def momenta(self):
-        """Linear and angular momentum about the origin."""
+        """Linear momentum, and angular momentum about the origin, each (3)."""
         s = self.s
         pin_motion(self.link, s, self.work)
         spin = np.einsum("nij,nj->ni", self.work.system.A, self.link.inertia * s.v[:, 3:])
@@ -91,7 +91,7 @@ class Chain:
 
 
 def ring(n):
-    """A regular polygon, its index running so that the links' z is outwards."""
+    """Pins of a regular polygon, numbered so that the links' z axes point outwards."""
     angle = -2.0 * np.pi * np.arange(n) / n
     return P / (2.0 * np.sin(np.pi / n)) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
@@ -111,13 +111,13 @@ def test_joint_force_of_a_spinning_loop(n):
     assert np.abs(np.linalg.norm(loop.s.lam[:, :3], axis=1) / expected - 1.0).max() < 1e-12
     loop.run(0.5, 1e-3)
     assert np.abs(np.linalg.norm(loop.s.lam[:, :3], axis=1) / expected - 1.0).max() < 1e-6
-    assert loop.counters[2] <= 1.1 * loop.counters[0]  # one solve a step
-    off = spinning(n, rate, 1.02 * P)  # the twin
+    assert loop.counters[2] <= 1.1 * loop.counters[0]  # one solve per step
+    off = spinning(n, rate, 1.02 * P)  # twin: another pitch
     assert np.abs(np.linalg.norm(off.s.lam[:, :3], axis=1) / expected - 1.0).max() > 1e-3
 
 
 def released(h, pitch=P, time=0.5, radius=0.8):
-    """64 thin rods, pinned at one end, let go from the horizontal."""
+    """64 thin rods, pinned at one end and released from the horizontal."""
     pins = np.stack([pitch * np.arange(65), np.zeros(65)], axis=1)
     rods = Chain(pins, Ends(False, True, False), 9.81, (0.25, MASS * pitch**2 / 12, 0.22), pitch=pitch, radius=radius)
     return rods.release().run(time, h)
@@ -148,7 +148,7 @@ def test_released_chain_explicitly():
 def test_energy_of_the_released_chain():
     start = released(1e-3, time=1e-9).energy()
     errors = [abs(released(h, radius=1.0).energy() - start) for h in (2e-3, 1e-3)]
-    assert errors[1] < 1e-5 * MASS * 64 * 9.81  # of the weight over a metre
+    assert errors[1] < 1e-5 * MASS * 64 * 9.81  # relative to the weight times a metre
     assert np.log2(errors[0] / errors[1]) > 1.7
 
 
@@ -164,7 +164,7 @@ def test_pins_do_not_drift():
 
 
 def tumbling(n=12):
-    """A squashed loop in space, thrown and turning about an oblique axis."""
+    """A squashed loop in space that flies and turns about an oblique axis."""
     pins = ring(n)
     pins[:, 1] *= 0.6
     pins = close_exactly(pins, P, closed=True)
@@ -288,7 +288,7 @@ def track():
 
 
 def inputs(model, t, spin, lateral=0.0, yaw=0.0, heading=0.0):
-    """The sprocket spins up to ``spin`` rad/s in 0.2 s, all wheels slide sideways and yaw about the origin."""
+    """Inputs: the sprocket spins up to ``spin`` rad/s in 0.2 s; all wheels slide sideways and yaw."""
     ramp = 0.2
     rate = spin * min(t / ramp, 1.0)
     angle = spin * (0.5 * t * t / ramp if t < ramp else t - 0.5 * ramp)
@@ -327,9 +327,10 @@ def test_closed_track_stays_at_rest(track):
 
 
 def test_rigid_links_show_the_forces_that_cables_show_at_rest():
-    """Between seated pins too, where T cos^2(pi/z), 9.5 % less, passes from link to link.
+    """Rigid links at rest have the forces of cables, between seated pins too.
 
-    A rim pulls a cable's halves apart, by 2 % of its tension on the idler.
+    There T cos^2(pi/z), 9.5 % less, passes from link to link. A rim stretches the halves of a cable, by 2 % of its
+    tension on the idler.
     """
     shown = {}
     for name, settings in {"rigid": ("rigid",), "cable": ("flexible",)}.items():
@@ -376,7 +377,7 @@ def test_sprocket_drives_the_chain_over_wheels_and_ground(track):
     for k in range(400):
         model.step(k * 1e-3, 1e-3, inputs(model, k * 1e-3, 10.0))
     y = outputs(model)
-    pins = 10 * 10.0 * 0.3 / (2.0 * np.pi)  # teeth passed: half a ramp of 0.2 s and 0.2 s
+    pins = 10 * 10.0 * 0.3 / (2.0 * np.pi)  # teeth passed: half of the ramp of 0.2 s, and 0.2 s
     assert y["travel"] == pytest.approx(pins * P, rel=0.01)
     assert y["speed"] == pytest.approx(10 * P * 10.0 / (2.0 * np.pi), rel=0.04)
     assert y["energy.dissipated"] > 0.0
@@ -418,7 +419,7 @@ def test_guides_take_the_chain_along_sideways(track):
     free.initialise(parameters(free))
     for k in range(600):
         free.step(k * 1e-3, 1e-3, inputs(free, k * 1e-3, 0.0, lateral=0.05))
-    assert np.abs(free.pins()[:, 1]).max() < 1e-3  # nothing takes it along
+    assert np.abs(free.pins()[:, 1]).max() < 1e-3  # nothing moves it sideways
 
 
 def test_turned_vehicle_runs_alike(track):

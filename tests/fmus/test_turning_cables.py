@@ -1,4 +1,4 @@
-"""Cables in axes that turn with them: what turns a chain, momentum, order, energy, states."""
+"""Cables in axes that turn with them: loads on a turning chain, momentum, order, energy, states."""
 
 from itertools import pairwise
 
@@ -26,7 +26,7 @@ def carrier(**changes):
 
 
 def shaken(model, size=1e-3):
-    """A chain on its wheels, out of its plane, no two links alike, and touching."""
+    """Put a chain on its wheels into contact, out of its plane, with no two links alike."""
     rng = np.random.default_rng(2)
     model.s.q[:] += size * rng.standard_normal(model.s.q.shape) * [1.0, 1.0, 1.0, 0.1, 0.1, 0.1, 0.1, 0.1]
     model.work.moved[:] = model.start_rows
@@ -35,9 +35,9 @@ def shaken(model, size=1e-3):
 
 
 def residual(model, turn=(0.0, 0.0, 0.0), by=BY, moved=None, fresh=False):
-    """Of the links (n, 12), N, and the moment that their balance lacks, with the axes turned or the pins ``moved``.
+    """Residuals of the links (n, 12), N, and of the balance of moments.
 
-    Rates and accelerations go with that as ``by`` says.
+    The axes are turned, or the pins ``moved``. Rates and accelerations change with them by the factors ``by``.
     """
     axes, w, still = model.s.axes.copy(), model.work, model.work.still
     axes[:ORIGIN] = (Rotation.from_rotvec(turn).as_matrix()).ravel()
@@ -50,12 +50,12 @@ def residual(model, turn=(0.0, 0.0, 0.0), by=BY, moved=None, fresh=False):
 
 
 def differences(function, step):
-    """Of what a function returns, by its argument."""
+    """Central differences of the values of a function of one argument."""
     return [(there - back) / (2.0 * step) for there, back in zip(function(step), function(-step), strict=True)]
 
 
 def border_of(model):
-    """Columns (nodes, 8, 2), rows and corner (2, 2) of the turning, as they were before links were condensed."""
+    """Columns (nodes, 8, 2), rows and corner (2, 2) of the axes' rotation before condensation."""
     w, a, at, n = model.work, model.work.axes, model.kit.LAYOUT, model.links_count
     columns, rows = np.zeros((model.nodes, 8, 2)), np.zeros((model.nodes, 8, 2))
     columns[:, at.pin], rows[:, at.pin] = a.edge[..., :2], a.edge[..., 2:]
@@ -75,7 +75,10 @@ def border_of(model):
 
 @pytest.mark.parametrize("by", [BY, Slopes(0.0, 2e3, 4e6), Slopes(0.0, 2e4, 4e6)])
 def test_the_border_is_what_a_turn_of_the_axes_does(by):
-    """By differences, at rest, but for the turning of faces and forces; what is off by a fiftieth is seen."""
+    """The border of the matrix is the derivative by a rotation of the axes, by differences, at rest.
+
+    The rotation of faces and forces is left out. An error of 2 % is seen.
+    """
     model = shaken(carrier())
     model.contacts = model.contacts._replace(sprocket=model.contacts.sprocket._replace(k=0.0, c=0.0, mu=0.0))
     residual(model, by=by, fresh=True)
@@ -104,7 +107,10 @@ def test_the_border_is_what_a_turn_of_the_axes_does(by):
 
 
 def test_the_balance_is_the_work_of_a_rotation():
-    """Of all that the axes carry: contact forces and weight as others see them, internal forces not at all."""
+    """The balance of moments is the work of a rotation on all that moves with the axes.
+
+    Contact forces and weight count as computed elsewhere; internal forces do no work.
+    """
     model = shaken(carrier())
     _, moment = residual(model, fresh=True)
     model.contacts = model.contacts._replace(soil=model.contacts.soil._replace(k=0.0, mu=0.0))
@@ -114,21 +120,21 @@ def test_the_balance_is_the_work_of_a_rotation():
     from_wheels = (w.wrench[:m, 3:] + arms).sum(axis=0)
     q, mass = model.s.q, TABLE["track"]["mass"]
     weight = mass * 9.81
-    expected = np.zeros(3)  # of forces on the chain, reversed, as a residual has them
+    expected = np.zeros(3)  # of the forces on the chain, with the sign of a residual
     for i in range(model.links_count):
         model.kit.coordinates(q, i, (i + 1) % model.nodes, w.e)
         middle = 0.5 * (w.e[0] + w.e[2]) + PITCH / 12.0 * (w.e[1] - w.e[3])
         expected += np.cross(middle, [0.0, 0.0, weight])
     expected += from_wheels
     assert without_ground == pytest.approx(expected[[0, 2]], abs=1e-6 * np.abs(arms).max())
-    assert abs(moment - without_ground).max() > 0.5  # N m: the ground has its part
+    assert abs(moment - without_ground).max() > 0.5  # N m: the ground contributes
 
 
 PITCH = TABLE["track"]["pitch"]
 
 
 def test_what_turns_as_a_whole_is_not_loaded_by_turning():
-    """Wheels and axes turn alike at a constant rate, the chain keeps its place in them: centripetal forces are all."""
+    """A rigid rotation of wheels, axes and chain at a constant rate adds centripetal forces only."""
     model = carrier()
     rate, axes, w = np.array([0.0, 0.0, 2.0]), model.s.axes.copy(), model.work
     model.contacts = model.contacts._replace(ground=0)
@@ -146,9 +152,10 @@ def test_what_turns_as_a_whole_is_not_loaded_by_turning():
 
 
 def driven(model, h, spin, steps):
-    """A chain on wheels alone that yaw faster and faster about their middle, up to ``spin`` rad/s; its balance.
+    """Drive a chain by wheels that yaw about their middle, up to ``spin`` rad/s; there is no ground.
 
-    Impulses (3) and angular impulses (3) about the origin that the wheels gave, the chain's momenta before and after.
+    Returns impulse (3) and angular impulse (3) of the wheels about the origin, and the chain's momenta before and
+    after.
     """
     start, middle = model.start_rows.copy(), model.start_rows[:, :3].mean(axis=0)
     first = momenta(model)
@@ -195,13 +202,16 @@ def momenta(model):
 
 @pytest.mark.long
 def test_momentum_is_that_of_the_wheels_and_of_second_order():
-    """The links' turning about themselves, a constant on the axes' rate, is what wheels give besides."""
+    """The change of momentum is the impulse of the wheels, to second order.
+
+    The links' own inertia, constant and driven by the axes' rate, takes the rest.
+    """
     lacks = []
     for h in (5e-4, 2.5e-4):
         model = make(ALONE, axes="free")
         given, turned, (p0, l0), (p1, l1) = driven(model, h, 3.0, round(2.0 / h))
         twist = model.link.twist * model.s.axes[RATE + 2]
-        assert l1[2] == pytest.approx(6422.0, rel=1e-3)  # kg m2/s; the same chain turned as one body: 3 rad/s of it
+        assert l1[2] == pytest.approx(6422.0, rel=1e-3)  # kg m2/s, of the same chain as one body at 3 rad/s
         assert np.abs(p1 - p0 - given).max() < 1e-4 * l1[2]
         assert twist == pytest.approx(41.30, rel=1e-3)
         lacks.append(abs(l1[2] + twist - l0[2] - turned[2]))
@@ -238,9 +248,9 @@ def test_a_state_that_is_put_back_goes_on_to_the_bit(integrator):
 
 
 def tumbling(step, integrator=EXPLICIT, shake=0.0, **changes):
-    """A soft loop that spins, yaws, rolls and bends out of its plane; ``totals`` at first and after 0.1 s.
+    """Spin a soft loop that yaws, rolls and bends; return ``totals`` at the start and after 0.1 s.
 
-    Its wheels are 50 m off all round and move to and fro at ``shake`` m/s: the origin follows them, nothing else.
+    Its wheels are 50 m away on all sides and move to and fro at ``shake`` m/s: only the origin follows them.
     """
     soft = {"material.youngs_modulus": 2e6, "material.relaxation_time": 0.0, "spectral_radius": 0.9}
     given = {"start": "polygon", "tolerance": 1e-12, "integrator": integrator, "step": step}
@@ -252,7 +262,7 @@ def tumbling(step, integrator=EXPLICIT, shake=0.0, **changes):
     for x, z in model.kit.PLANE:
         model.s.v[:, x], model.s.v[:, z] = 3.0 * model.s.q[:, z], -3.0 * model.s.q[:, x]
     model.s.v[:, 1] = np.cos(2.0 * angle)
-    model.s.v[:, 7] = -2.0 * np.sin(2.0 * angle) * angle[1] / PITCH  # along the links, as they lie
+    model.s.v[:, 7] = -2.0 * np.sin(2.0 * angle) * angle[1] / PITCH  # along the links
     model.s.axes[RATE], model.s.axes[RATE + 2] = 3.0, 2.0
     model._let_go()
     start = totals(model)
@@ -265,7 +275,7 @@ def tumbling(step, integrator=EXPLICIT, shake=0.0, **changes):
 
 
 def totals(model, twist=1.0):
-    """Linear and angular momentum, and energy, with ``twist`` times the links' turning about themselves."""
+    """Linear and angular momentum and energy, with ``twist`` times the links' own rotation."""
     linear, angular = momenta(model)
     R, rate = model.s.axes[:9].reshape(3, 3), model.s.axes[RATE : RATE + 3]
     inertia = twist * model.link.twist
@@ -275,7 +285,7 @@ def totals(model, twist=1.0):
 
 @pytest.mark.long
 def test_a_loop_that_tumbles_keeps_momentum_and_energy():
-    """About all axes, explicitly; what shows is 1e-8 of the links' own turning."""
+    """A tumbling loop keeps momentum and energy about all axes with the explicit integrator."""
     model, (p0, l0, e0), (p1, l1, e1) = tumbling(1e-4)
     assert np.abs(l0).min() > 2e3
     assert np.abs(model.s.axes[[RATE, RATE + 2]] - [3.0, 2.0]).min() > 0.05
@@ -290,7 +300,7 @@ def test_a_loop_that_tumbles_keeps_momentum_and_energy():
 
 
 def test_orders_of_the_integrators_in_a_tumble():
-    """Explicit 4, implicit 2, to the same motion; one of links that are 2 % stiffer is far off."""
+    """In a tumble the explicit integrator has order 4, the implicit ones order 2, with one limit."""
     truth = tumbling(2.5e-5)[0].pins()
     for integrator, order, largest in ((EXPLICIT, 4, 1e-10), (IMPLICIT, 2, 3e-7), ("hht", 2, 4e-7)):
         errors = [np.abs(tumbling(step, integrator)[0].pins() - truth).max() for step in (5e-4, 2.5e-4)]
@@ -321,7 +331,10 @@ def test_the_origin_goes_where_it_will():
 
 
 def test_both_integrators_turn_a_chain_on_its_wheels_alike():
-    """Order 1, for the wheels' velocities jump at each communication step; 2 % more stiffness shows."""
+    """Both integrators turn a chain on its wheels alike, to order 1; 2 % more stiffness shows.
+
+    The order is 1 because the wheels' velocities jump at each communication step.
+    """
     pins = {}
     for integrator, step, young in (
         (EXPLICIT, 1.0, 2e9), (EXPLICIT, 1.0, 2.04e9), (IMPLICIT, 1e-4, 2e9), (IMPLICIT, 5e-5, 2e9),
@@ -339,7 +352,7 @@ def test_both_integrators_turn_a_chain_on_its_wheels_alike():
 
 @pytest.mark.study
 def test_free_axes_and_fixed_ones_are_the_same_straight_on():
-    """Explicitly, on wheels that roll and rise; one of wheels a hundredth faster is not."""
+    """Free and fixed axes agree straight on, on wheels that roll and rise; 1 % more speed shows."""
     found = []
     for axes, speed in (("fixed", 0.5), ("free", 0.5), ("free", 0.505)):
         soft = {"integrator": EXPLICIT, "material.youngs_modulus": 2e9, "step": 1e-5}

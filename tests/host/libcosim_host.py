@@ -1,7 +1,7 @@
-"""Run libcosim on the system that the JSON file argv[1] describes; its Real outputs at the end replace that.
+"""Run libcosim on the system in the JSON file argv[1]; replace the file by the Real outputs.
 
 The system: {"h": ns, "steps", "parts": [{"name", "fmu", "outputs": [value references]}], "wires": [[source, output,
-target, input]]}. Each component is given at the communication point what its peers show there.
+target, input]]}. At each communication point a component gets the outputs of the others at that point.
 """
 
 import json

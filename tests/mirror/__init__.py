@@ -1,1 +1,1 @@
-"""Every output of every component computed again, from its definition, by code that shares nothing with the kernels."""
+"""Every output of every component, recomputed by code that shares nothing with the kernels."""

@@ -1,10 +1,10 @@
-"""Forces in the pins of a chain from how its links move: Newton's and Euler's equations, link by link.
+"""Pin forces of a chain from the motion of its links: Newton's and Euler's equations, link by link.
 
-The n equations of forces leave open one force that all pins may have in common. Pins carry no moment about their own
-axis, so where all axes are parallel n equations of moments give its part in the plane of the chain. Its part along the
-axis depends on how the links are held sideways: the first pin of rigid ones gives way along itself, and passes on no
-more than the halves of what teeth do to it; elements are bent. A chain of beams twists: there all of it is the
-gradient of one link's strain energy, and its inertia.
+The n force equations leave one force open that all pins may have in common. Pins carry no moment about their own axis:
+where all axes are parallel, n moment equations give its part in the plane of the chain. Its part along the axis depends
+on the lateral support of the links: the first pin of rigid ones is free along its axis and passes on no more than the
+halves of the teeth's forces; elements are bent. A chain of beams twists: there all of it is the gradient of one link's
+strain energy, and its inertia.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from mirror.record import Floats
 if TYPE_CHECKING:
     from mirror.check import View
 
-STEP = 1e-6  # m, of the difference of energies
+STEP = 1e-6  # m, for differences of energies
 
 
 def across(chain: Chain) -> tuple[Floats, Floats]:
-    """Damping of the pins' velocity across the chain: force (T, nodes, 3), N, and its loss (T), W."""
+    """Transverse damping of the pins: force (T, nodes, 3), N, and loss (T), W."""
     damping = float(chain.part.config["track"].get("transverse_damping") or 0.0)
     v = chain.rates
     if isinstance(chain, Rigid):
@@ -44,7 +44,7 @@ def across(chain: Chain) -> tuple[Floats, Floats]:
 
 
 def pulls(chain: Chain) -> tuple[Floats, Floats]:
-    """Constant forces on the first and on the last pin, world."""
+    """Constant forces on the first and on the last pin, world frame, N."""
     ends = chain.part.config["track"]["ends"]
     if not ends or ends["kind"] != "pulled":
         return np.zeros(3), np.zeros(3)
@@ -52,14 +52,15 @@ def pulls(chain: Chain) -> tuple[Floats, Floats]:
 
 
 def joints(view: View) -> Floats:
-    """Force of each pin on the link that begins there (T, nodes, 3); of the last pin of an open chain, on its carrier.
+    """Force of each pin on the link that begins there, N, shape (T, nodes, 3).
 
-    T instants, the first 30 of them without a value: accelerations are found from a past that ends there.
+    The last pin of an open chain: on its support. T instants; the first 30 are NaN, because accelerations are found
+    from the preceding instants.
     """
     c, touch = view.chain, view.touch
     d_linear, d_angular = c.momentum_rates(view.accelerations)
     arms = [end - c.middle for end in c.ends[:2]]
-    # what teeth and damping do to a pin is passed on to the link that ends there, with the reaction of the other one
+    # forces of teeth and damping on a pin pass to the link that ends there, with the reaction of the next link
     load = (touch.teeth + across(c)[0])[:, c.second]
     if not c.closed:
         load[:, -1] = 0.0
@@ -81,7 +82,7 @@ def joints(view: View) -> Floats:
     if c.closed and not isinstance(c, Rigid):
         free, force = elastic_force(view)
         missing = force - found[np.arange(len(found)), free]
-        if not isinstance(c, Beam):  # sideways alone
+        if not isinstance(c, Beam):  # the lateral component only
             missing = (missing * axis).sum(1, keepdims=True) * axis
         found = found + missing[:, None]
     found[:30] = np.nan
@@ -89,9 +90,10 @@ def joints(view: View) -> Floats:
 
 
 def elastic_force(view: View) -> tuple[Floats, Floats]:
-    """For each instant a link that touches nothing, and the force of its first pin (T, 3).
+    """Return for each instant a link without contact, and the force of its first pin (T, 3), N.
 
-    The gradient of its strain energy, at coordinates as far ahead as the material's damping looks, and its inertia.
+    The force is the gradient of the link's strain energy, at coordinates advanced by the damping's relaxation time,
+    plus its inertia.
     """
     c = view.chain
     free = np.argmax(abs(view.touch.force).max(-1) == 0.0, axis=1)

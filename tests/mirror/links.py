@@ -1,7 +1,7 @@
-"""The kinds of links as their READMEs define them: where a point of a link is, its mass, strain and tension.
+"""The kinds of links as their READMEs define them: points of a link, its mass, strain and tension.
 
 Plain numpy, world axes, all instants at once: T instants, n links, e the coordinates of elements. The states are read
-as the READMEs of the two tracks describe them; nothing of the kernels is used.
+as the READMEs of the two tracks describe them; no kernel is used.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from mirror.motion import start_frame, turned
 from mirror.record import Floats, Part
 
 UP = np.array([0.0, 0.0, 1.0])
-STRETCH = 1e-6  # of the difference of energies
+STRETCH = 1e-6  # for differences of energies
 
 
 def gauss(count: int) -> tuple[Floats, Floats]:
-    """Abscissae and weights on the unit interval."""
+    """Gauss abscissae and weights on the unit interval."""
     x, w = leggauss(count)
     return 0.5 * (x + 1.0), 0.5 * w
 
 
 def hermite(xi, l: float, derivative: int = 0) -> Floats:
-    """The cubic's four shape functions of position and slope at its ends, or their derivatives by length (..., 4)."""
+    """Cubic shape functions of position and slope at both ends, or their derivatives by length (..., 4)."""
     table = ([1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1])  # by powers of xi
     found = []
     for a, row in enumerate(table):
@@ -37,9 +37,9 @@ def hermite(xi, l: float, derivative: int = 0) -> Floats:
 
 
 class Chain:
-    """What all kinds share."""
+    """Common part of all kinds of links."""
 
-    lateral: tuple[float, ...] = (0.0,)  # of contact points from the middle, m
+    lateral: tuple[float, ...] = (0.0,)  # lateral places of contact points from the middle, m
     guided = False
 
     def __init__(self, part: Part) -> None:
@@ -54,18 +54,18 @@ class Chain:
         self.turn = Rotation.from_euler("z", heading)
         self.ahead, self.across = self.turn.apply([1, 0, 0]), self.turn.apply([0, 1, 0])
         self.origin = start_frame(p)[0] + float(p["start.lateral"]) * self.across
-        self.second = (np.arange(self.n) + 1) % self.nodes  # the pin at the end of each link
+        self.second = (np.arange(self.n) + 1) % self.nodes  # second pin of each link
         self.read(part.state)
 
     def world(self, a: Floats) -> Floats:
-        """Vectors (..., 3) of the start's axes."""
+        """Vectors (..., 3) from the axes of the start to the world's."""
         return self.turn.apply(a.reshape(-1, 3)).reshape(a.shape)
 
     def read(self, state: Floats) -> None:
         raise NotImplementedError
 
     def moved(self, tau: float) -> Chain:
-        """``tau`` s on, or back, at its rates."""
+        """The chain ``tau`` s later (or earlier) at its present rates."""
         raise NotImplementedError
 
     # positions and velocities (T, nodes, 3) of the pins
@@ -74,17 +74,17 @@ class Chain:
 
     @property
     def ends(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Of each link: its two pins, and their velocities (T, n, 3)."""
+        """Both pins of each link, and their velocities, (T, n, 3) each."""
         return self.pins[:, : self.n], self.pins[:, self.second], self.rates[:, : self.n], self.rates[:, self.second]
 
     @property
     def mass(self) -> float:
-        """Of a link, kg."""
+        """Mass of a link, kg."""
         return self.vehicle["track"]["mass"]
 
 
 class Rigid(Chain):
-    """Poses: centre of mass, quaternion; velocities: of the centre, angular in the link's own axes."""
+    """Rigid links: pose, velocity of the centre of mass, body-fixed angular velocity."""
 
     guided = True
 
@@ -111,7 +111,10 @@ class Rigid(Chain):
         return other
 
     def point(self, t, i, xi, y, off) -> tuple[Floats, Floats]:
-        """Of link ``i`` at the instant ``t``, a fraction ``xi`` along it, across and outwards: place and velocity."""
+        """Place and velocity of a point of link ``i`` at instant ``t``.
+
+        The point is a fraction ``xi`` along the link, ``y`` across and ``off`` outwards, m.
+        """
         local = np.stack(np.broadcast_arrays((np.asarray(xi) - 0.5) * self.pitch, y, off), axis=-1)
         arm = np.einsum("...ij,...j->...i", self.body[t, i], local)
         return self.centre[t, i] + arm, self.velocity[t, i] + np.cross(self.spin[t, i], arm)
@@ -128,36 +131,39 @@ class Rigid(Chain):
 
     @property
     def height(self) -> Floats:
-        """Of the centre of mass of each link (T, n)."""
+        """Height of the centre of mass of each link (T, n), m."""
         return self.centre[..., 2]
 
     strain_energy = 0.0
 
     def momentum_rates(self, a: Floats) -> tuple[Floats, Floats]:
-        """Of each link: d/dt of momentum, and of angular momentum about its middle (T, n, 3), at the rates' rates."""
+        """Rates of momentum, and of angular momentum about the middle, of each link (T, n, 3).
+
+        ``a`` are the derivatives of the state's rates.
+        """
         J = np.array(self.vehicle["track"]["inertia"])
         torque = J * a[..., 3:] + np.cross(self.own_rate, J * self.own_rate)
         return self.mass * self.world(a[..., :3]), np.einsum("tnij,tnj->tni", self.body, torque)
 
     @property
     def momentum(self) -> Floats:
-        """Of each link (T, n, 3)."""
+        """Momentum of each link (T, n, 3)."""
         return self.mass * self.velocity
 
     middle = property(lambda self: self.centre)
 
     def gradients_at(self, xi: float) -> Floats:
-        """The unit vector along each link (T, n, 3)."""
+        """Unit vector along each link (T, n, 3)."""
         return self.body[..., 0]
 
 
 class Element(Chain):
-    """Links with coordinates: positions and gradients at two nodes; ``points`` and shape functions by the subclass."""
+    """Links with nodal coordinates; subclasses give ``points`` and shape functions."""
 
-    own: Floats  # (T, nodes, w) rates as the state holds them
+    own: Floats  # (T, nodes, w) rates in the state's layout
 
     def coordinates(self, x: Floats, places: bool) -> Floats:
-        """(T, nodes, w) of a state to (T, n, rows, 3), world."""
+        """Element coordinates (T, n, rows, 3), world frame, of a state's values (T, nodes, w)."""
         raise NotImplementedError
 
     def read(self, state: Floats) -> None:
@@ -178,7 +184,7 @@ class Element(Chain):
 
     @cached_property
     def mass_matrix(self) -> Floats:
-        """Integral of rho S_a S_b."""
+        """Mass matrix: integral of rho S_a S_b."""
         raise NotImplementedError
 
     def energies(self, e: Floats) -> Floats:
@@ -207,28 +213,28 @@ class Element(Chain):
         return 0.5 * (self.ends[0] + self.ends[1])
 
     def accelerated(self, a: Floats) -> Floats:
-        """Accelerations (T, n, rows, 3), world, of rates' rates ``a`` (T, nodes, w)."""
+        """Accelerations (T, n, rows, 3), world frame, from derivatives ``a`` of the rates (T, nodes, w)."""
         return self.coordinates(a, False)
 
     @property
     def momentum(self) -> Floats:
-        """Of each link (T, n, 3)."""
+        """Momentum of each link (T, n, 3)."""
         x, w = gauss(4)
         return self.mass * np.einsum("p,pa,tnai->tni", w, self.centreline(x), self.v)
 
     @property
     def damped(self) -> Floats:
-        """What damping adds to the tension of each link (T, n), N."""
+        """Contribution of damping to the tension of each link (T, n), N."""
         raise NotImplementedError
 
     @property
     def material_loss(self) -> Floats:
-        """Of all links (T), W."""
+        """Power lost in the material of all links (T), W."""
         raise NotImplementedError
 
     @cached_property
     def stretching(self) -> Floats:
-        """A uniform stretch along the line of the pins by 1: coordinates (T, n, rows, 3)."""
+        """Change of coordinates (T, n, rows, 3) by a unit stretch along the line of the pins."""
         line = self.ends[1] - self.ends[0]
         line = line / np.linalg.norm(line, axis=-1, keepdims=True)
         found, half = np.zeros_like(self.e), self.e.shape[2] // 2
@@ -238,23 +244,26 @@ class Element(Chain):
 
     @cached_property
     def tension(self) -> Floats:
-        """(T, n), N: what a stretch works against, over the length."""
+        """Tension of each link (T, n), N: work of a stretch, over the length."""
         more, less = (self.energies(self.e + way * STRETCH * self.stretching) for way in (1.0, -1.0))
         return (more - less) / (2.0 * STRETCH * self.pitch) + self.damped
 
     @property
     def beyond_rod(self) -> float:
-        """What the second moment of mass along the link has beyond a rod's, kg m2: on the mean slope of the line."""
+        """Second moment of mass along the link beyond a rod's, kg m2, on the mean slope of the line."""
         raise NotImplementedError
 
     @cached_property
     def mean_slope(self) -> Floats:
-        """The mean slope of the line (rows): its first moment about the middle, over that of a unit slope."""
+        """Weights (rows) of the mean slope of the line.
+
+        First moment of the line about the middle, over that of unit slope.
+        """
         x, w = gauss(4)
         return 12.0 / self.pitch * np.einsum("p,p,pa->a", w, x - 0.5, self.centreline(x))
 
     def whirled(self, a: Floats) -> Floats:
-        """What a stretch works against in the inertia of the mean slope (T, n), N."""
+        """Part of the inertia of the mean slope in the tension (T, n), N."""
         turning = np.einsum("a,tnai->tni", self.mean_slope, self.accelerated(a))
         return self.beyond_rod / self.pitch * (turning * self.stretching[:, :, 1]).sum(-1)
 
@@ -271,7 +280,7 @@ class Element(Chain):
 
 
 class Cable(Element):
-    """A pin: position, slope (x, z) of the link that ends there, of the one that begins there, and the shared (y)."""
+    """Cable; a pin has position, slopes (x, z) of both links, and the shared y slope."""
 
     width = 8
 
@@ -296,7 +305,7 @@ class Cable(Element):
 
     @cached_property
     def mass_matrix(self) -> Floats:
-        """The line's, and what the table's inertia about the pin has beyond a rod's on the mean slope of the line."""
+        """Mass of the line, and on its mean slope the table's inertia about the pin beyond that of a rod."""
         x, w = gauss(4)
         S, slope = self.centreline(x), self.mean_slope
         return self.mass * np.einsum("p,pa,pb->ab", w, S, S) + self.beyond_rod * np.outer(slope, slope)
@@ -306,7 +315,7 @@ class Cable(Element):
         return self.vehicle["track"]["inertia"][1] - self.mass * self.pitch**2 / 12.0
 
     def point(self, t, i, xi, y, off) -> tuple[Floats, Floats]:
-        """On the face ``off`` outside the centreline, along r_x cross the pins' axis."""
+        """Point on the face, ``off`` outside the centreline, along r_x cross the pins' axis."""
         e, v = self.e[t, i], self.v[t, i]
         S, C = hermite(xi, self.pitch), hermite(xi, self.pitch, 1)
         x, u, slope, rate = (np.einsum("...a,...ai->...i", f, g) for f, g in ((S, e), (S, v), (C, e), (C, v)))
@@ -322,7 +331,7 @@ class Cable(Element):
         return self.pins[t, j], self.rates[t, j]
 
     def slopes(self, e: Floats, xi, derivative: int = 1) -> Floats:
-        """r_x or r_xx at fractions (p) of elements ``e`` (..., 4, 3): (..., p, 3)."""
+        """r_x or r_xx (..., p, 3) at fractions (p) of elements ``e`` (..., 4, 3)."""
         return np.einsum("pa,...ai->...pi", hermite(xi, self.pitch, derivative), e)
 
     def gradients_at(self, xi: float) -> Floats:
@@ -331,7 +340,7 @@ class Cable(Element):
 
     @property
     def stiffness(self) -> tuple[float, float]:
-        """EA, N, and EI, N m2."""
+        """Stiffnesses EA, N, and EI, N m2."""
         E, section = float(self.part.parameters["material.youngs_modulus"]), self.vehicle["section"]
         return E * section["area"], E * section["bending"]
 
@@ -341,12 +350,12 @@ class Cable(Element):
         return 0.5 * (np.einsum("p,...pi,...pi->...", w, self.slopes(e, x), self.slopes(e, x)) - 1.0)
 
     def bent(self, e: Floats, xi) -> Floats:
-        """What EI turns into a moment at fractions (p), 1/m: here |r_xx|."""
+        """Curvature at fractions (p), 1/m, that EI turns into a moment: here |r_xx|."""
         return np.linalg.norm(self.slopes(e, xi, 2), axis=-1)
 
     @cached_property
     def axial(self) -> Floats:
-        """(T, n), N: EA times the strain."""
+        """Axial force (T, n), N: EA times the strain."""
         return self.stiffness[0] * self.stretched(self.e)
 
     @property
@@ -355,12 +364,12 @@ class Cable(Element):
 
     @property
     def moving(self) -> tuple[Floats, Floats]:
-        """Coordinates and rates (T, n, 4, 3) in the axes in which strains are measured."""
+        """Coordinates and rates (T, n, 4, 3) in the axes of the strains."""
         return self.e, self.v
 
     @property
     def dragged(self) -> Floats:
-        """(T, n), N: damping of the stretch, per unit of stretch."""
+        """Damping force of the stretch (T, n), N, per unit of stretch."""
         x, w = gauss(3)
         e, v = self.moving
         rate = np.einsum("p,tnpi,tnpi->tn", w, self.slopes(e, x), self.slopes(v, x))
@@ -379,7 +388,7 @@ class Cable(Element):
 
     @property
     def bending_loss(self) -> Floats:
-        """Of the curvature, seen from the chord (T), W."""
+        """Power lost by damping of the curvature, relative to the chord (T), W."""
         x, w = gauss(3)
         e, v = self.moving
         chord, swing = e[:, :, 2] - e[:, :, 0], v[:, :, 2] - v[:, :, 0]
@@ -390,7 +399,7 @@ class Cable(Element):
 
     @cached_property
     def stress(self) -> Floats:
-        """(T, n), Pa: tension over area and end moment over section, at the fibre that has more."""
+        """Largest stress (T, n), Pa: tension over area plus end moment over section modulus."""
         section, (_, EI) = self.vehicle["section"], self.stiffness
         moment = EI * self.bent(self.e, [0.0, 1.0]).max(-1)
         fibre = moment * section["outer_fibre"] / section["bending"]
@@ -399,7 +408,7 @@ class Cable(Element):
 
     @cached_property
     def fibres(self) -> tuple[Floats, Floats]:
-        """(T, n) at the outer and the inner fibre, Pa: tension over area, and curvature towards the outer side."""
+        """Stress at the outer and the inner fibre (T, n), Pa: tension over area, and outward curvature."""
         section, (x, w) = self.vehicle["section"], gauss(3)
         slope = self.slopes(self.e, [0.5])[:, :, 0]
         outwards = np.cross(slope, self.axes)
@@ -418,9 +427,9 @@ class Cable(Element):
 
 
 class Turning(Cable):
-    """The cable in axes that turn: rotation, origin, its velocity and acceleration, rate of turning and its derivative.
+    """Cable in axes that turn: rotation, origin, their velocities and accelerations.
 
-    A link has a width, and is stiffer about its normal. What a state holds is along the axes, as ``c`` and ``dc`` are.
+    A link has a width and is stiffer about its normal. The state's values are along the axes, as ``c`` and ``dc`` are.
     """
 
     guided = True
@@ -442,14 +451,14 @@ class Turning(Cable):
         self.place()
 
     def vectors(self, x: Floats) -> Floats:
-        """(T, nodes, 8) to (T, n, 4, 3), along the axes."""
+        """Vectors (T, n, 4, 3) along the axes, from (T, nodes, 8)."""
         first, last = x[:, : self.n], x[:, self.second]
         return np.stack(
             [first[..., [0, 1, 2]], first[..., [5, 7, 6]], last[..., [0, 1, 2]], last[..., [3, 7, 4]]], axis=2
         )
 
     def place(self) -> None:
-        """All that is in the world."""
+        """Set all quantities in the world frame."""
         self.e, self.v = self.out(self.c), self.out(self.dc + np.cross(self.w[:, None, None], self.c))
         self.e[:, :, [0, 2]] += self.o[:, None, None]
         self.v[:, :, [0, 2]] += self.do[:, None, None]
@@ -457,7 +466,7 @@ class Turning(Cable):
 
     @property
     def kinetic(self) -> Floats:
-        """Besides, of what lies across the links' lines."""
+        """Kinetic energy, with the inertia perpendicular to the links' lines, J."""
         roll, pin, yaw = self.vehicle["track"]["inertia"]
         return super().kinetic + 0.5 * self.n * 0.5 * (roll + yaw - pin) * (self.w**2).sum(1)
 
@@ -483,7 +492,10 @@ class Turning(Cable):
         return np.broadcast_to(self.R[:, None, :, 1], self.e[:, :, 0].shape)
 
     def point(self, t, i, xi, y, off) -> tuple[Floats, Floats]:
-        """The normal is square to the pins' axis; ``y`` lies square to the link, which yaws against that axis."""
+        """Point with normal perpendicular to the pins' axis; ``y`` is perpendicular to the link.
+
+        The link yaws relative to the pins' axis.
+        """
         c, dc, S, C = self.c[t, i], self.dc[t, i], hermite(xi, self.pitch), hermite(xi, self.pitch, 1)
         x, u, slope, rate = (np.einsum("...a,...ai->...i", f, g) for f, g in ((S, c), (S, dc), (C, c), (C, dc)))
         across = np.array([0.0, 1.0, 0.0])
@@ -501,7 +513,7 @@ class Turning(Cable):
         return self.seen(t, self.c[t, j, 0] + y, self.dc[t, j, 0])
 
     def seen(self, t, x: Floats, u: Floats) -> tuple[Floats, Floats]:
-        """Place and velocity in the world of points at the instants ``t``, along the axes."""
+        """Place and velocity in the world frame of points given along the axes, at the instants ``t``."""
         u = u + np.cross(self.w[t], x)
         return tuple(at[t] + np.einsum("...ij,...j->...i", self.R[t], a) for at, a in ((self.o, x), (self.do, u)))
 
@@ -510,7 +522,7 @@ class Turning(Cable):
         return self.c, self.dc
 
     def energies(self, e: Floats) -> Floats:
-        """Bending about the normal is that of the section."""
+        """Strain energy, with the section's lateral bending about the normal, J."""
         section, (_, EI) = self.vehicle["section"], self.stiffness
         x, w = gauss(3)
         axis = self.R[:, :, 1].reshape(len(self.R), *[1] * (e.ndim - 3), 1, 3)
@@ -520,12 +532,12 @@ class Turning(Cable):
 
 
 class General(Cable):
-    """Green's strain and curvature, local."""
+    """Cable with local Green strain and curvature."""
 
-    points = gauss(5), gauss(3)  # of the stretch and of bending: what an energy per length is integrated with
+    points = gauss(5), gauss(3)  # Gauss points of stretch and of bending for an energy per length
 
     def strains(self, e: Floats, xi) -> tuple[Floats, Floats]:
-        """Axial strain, and the force over EA times it, |r_x|."""
+        """Axial strain, and the ratio of the force to EA times it, |r_x|."""
         size = np.linalg.norm(self.slopes(e, xi), axis=-1)
         return 0.5 * (size**2 - 1.0), size
 
@@ -540,7 +552,7 @@ class General(Cable):
         return self.stiffness[0] * (strain * lever) @ w
 
     def drags(self, x) -> tuple[Floats, Floats]:
-        """Damping of the stretch at fractions (p): force per unit of it, N, and what it works on, 1/s (T, n, p)."""
+        """Damping of the stretch at fractions (p) (T, n, p): force per unit of stretch, N, and its rate, 1/s."""
         slope = self.slopes(self.e, x)
         rate = (slope * self.slopes(self.v, x)).sum(-1)
         return self.tau * self.stiffness[0] * rate / (slope**2).sum(-1), rate
@@ -564,7 +576,7 @@ class General(Cable):
 
 
 class Engineering(General):
-    """|r_x| - 1, and the angle turned per length of the straight link."""
+    """Cable with strain |r_x| - 1, and curvature as angle per length of the straight link."""
 
     def strains(self, e: Floats, xi) -> tuple[Floats, Floats]:
         size = np.linalg.norm(self.slopes(e, xi), axis=-1)
@@ -576,7 +588,7 @@ class Engineering(General):
 
 
 class Planar(Cable):
-    """The cable without its lateral dofs: position and two slopes, x and z of each."""
+    """Cable without lateral coordinates: position and two slopes, x and z of each."""
 
     width = 6
 
@@ -587,7 +599,7 @@ class Planar(Cable):
 
 
 class Beam(Element):
-    """A pin: position, gradient r_y along it; r_x, r_z of the link that ends there; r_x, r_z of the other."""
+    """Beam; a pin has position, r_y along it, and r_x, r_z of the ending and of the beginning link."""
 
     width = 18
     guided = True
@@ -608,7 +620,7 @@ class Beam(Element):
 
     @property
     def axes(self) -> Floats:
-        """Of each link, the mean of its pins'."""
+        """Axis of each link, the mean of its pins' axes."""
         axis = self.e[:, :, 2] + self.e[:, :, 6]
         return axis / np.linalg.norm(axis, axis=-1, keepdims=True)
 
@@ -624,7 +636,7 @@ class Beam(Element):
 
     @cached_property
     def mass_matrix(self) -> Floats:
-        """Of a box with the table's inertias; its length beyond the pitch on the mean slope of the line."""
+        """Mass of a box with the table's inertias; length beyond the pitch acts on the mean slope."""
         (x, w), (s, m) = gauss(4), gauss(2)
         M, slope, (roll, pin, yaw) = np.zeros((8, 8)), self.mean_slope, self.vehicle["track"]["inertia"]
         wide, high = (np.sqrt(6.0 * moment / self.mass) for moment in (roll + yaw - pin, roll + pin - yaw))
@@ -650,7 +662,7 @@ class Beam(Element):
         return self.e[t, i, half] + y * self.e[t, i, half + 2], self.v[t, i, half] + y * self.v[t, i, half + 2]
 
     def gradients(self, xi, y, z, e=None) -> Floats:
-        """F, columns r_x, r_y, r_z, at one place of all links (T, n, 3, 3)."""
+        """Deformation gradient F (T, n, 3, 3), columns r_x, r_y, r_z, at one place of all links."""
         e = self.e if e is None else e
         C, l = hermite(xi, self.pitch, 1), self.pitch
         D = np.array([[C[0], C[1], -y / l, -z / l, C[2], C[3], y / l, z / l],
@@ -666,7 +678,7 @@ class Beam(Element):
         return float(self.part.parameters["material.youngs_modulus"])
 
     def rated(self, change: Floats) -> list[tuple[float, Floats]]:
-        """What a ``change`` of the coordinates does to the parts of the energy: strains are of second order in them."""
+        """Changes of the quadratic strains, with energy weights, by a ``change`` of coordinates."""
         more, less = self.parts(self.e + 0.5 * change), self.parts(self.e - 0.5 * change)
         return [(w, s - r) for (w, s), (_, r) in zip(more, less, strict=True)]
 
@@ -685,7 +697,7 @@ class Beam(Element):
 
     @cached_property
     def stress(self) -> Floats:
-        """E times Green's strain xx, at the section's corners, at the Gauss points of the axis."""
+        """Largest E times Green's strain xx at the section's corners, at the Gauss points of the axis, Pa."""
         found = 0.0
         for x in gauss(4)[0]:
             for y in (-0.5 * self.wide, 0.5 * self.wide):
@@ -701,7 +713,7 @@ class Beam(Element):
 
     @cached_property
     def fibres(self) -> tuple[Floats, Floats]:
-        """E times Green's strain xx in the middle of the width, mean along the link, outside and inside."""
+        """E times Green's strain xx at mid-width, mean along the link, outside and inside, Pa."""
         off, (x, w) = self.vehicle["section"]["outer_fibre"], gauss(4)
         return tuple(
             sum(b * self.young * 0.5 * ((self.gradients(a, 0.0, z)[..., 0] ** 2).sum(-1) - 1.0)
@@ -714,10 +726,10 @@ class Beam(Element):
         return sum(w * s**2 for w, s in self.parts(e))
 
     def parts(self, e: Floats) -> list[tuple[float, Floats]]:
-        """The energy as weights, J, and strains whose squares they weigh.
+        """The energy as weights, J, and strains; the energy is the sum of weight times strain squared.
 
         Saint-Venant-Kirchhoff: without lateral coupling over the section, the rest of Hooke's law on the axis. Shears
-        xy and xz have the factor of torsion over the section, and what transverse shear has more of it on the axis.
+        xy and xz have the torsion factor over the section; on the axis they have the rest of the transverse shear.
         """
         section, material = self.vehicle["section"], self.vehicle["material"]
         E, nu = self.young, 0.5 * material["youngs_modulus"] / material["shear_modulus"] - 1.0
@@ -728,7 +740,7 @@ class Beam(Element):
         (x, w), (s, m) = gauss(4), gauss(2)
 
         def strains(a: float, y: float, z: float) -> tuple[Floats, Floats, Floats]:
-            """Normal ones, the two shears with the axis, that within the section."""
+            """Normal strains, the two shears with the axis, and the shear within the section."""
             F = self.gradients(a, y, z, e)
             C = np.einsum("...ij,...ik->...jk", F, F)
             normal = 0.5 * (np.stack([C[..., i, i] for i in range(3)], -1) - 1.0)
@@ -752,7 +764,7 @@ KINDS = {"cable": Cable, "planar": Planar, "beam": Beam, "general": General, "en
 
 
 def chain(part: Part) -> Chain:
-    """The links of a track."""
+    """Return the links of a track."""
     if part.kind == "TrackRigid":
         return Rigid(part)
     if part.parameters["axes"] == "free":

@@ -1,7 +1,7 @@
-"""Every output of every component against what independent code makes of states, inputs and other outputs.
+"""Every output of every component against independent code from states, inputs and other outputs.
 
 Each kind of link drives a vehicle that starts turned and elsewhere, speeds up, yaws, brakes and nods; ends, soft links
-and the hull have runs of their own (``runs``). README.md beside this says how to add a check.
+and the hull have runs of their own (``runs``). The README.md of this folder says how to add a check.
 """
 
 from __future__ import annotations
@@ -44,13 +44,12 @@ MODELS = {
     "TrackRigid": TrackRigid, "TrackFlexible": TrackFlexible, "Chassis": Chassis, "SprocketDrive": SprocketDrive,
     "SteeringDifferential": SteeringDifferential, "Driver": Driver,
 }  # fmt: skip
-# outputs that other tests of this module look at: of tracks, of all
+# outputs that other tests of this module check: of tracks, of all components
 COUNTED = ("solver.steps", "solver.evaluations", "solver.iterations", "solver.rejected")
 STATUS = "status"
 BRIEF = ("rigid", "cable", "driven", "joined", "thrown", "drawn cable", "swinging rigid", "free beam")  # few kernels
-# 0 by definition: rigid links have no strain, a chain in its plane turns no wheel about an upright axis and its pins
-# lie level, as the last pins of open chains do, and no guides hold it; one that turns has no ends that are pulled, nor
-# damped pins
+# 0 by definition: rigid links have no strain; a chain in its plane turns no wheel about an upright axis, has level pins
+# and no guides; the last pins of open chains are level; a chain that turns has no pulled ends and no damped pins
 NOTHING = {
     "TrackRigid": r"stress\.max|link\[\d+\]\.(stress|fibre\..*)|energy\.(strain|.*\.material)|joint\[65\]\.axis\.z",
     "beam": r"joint\[65\]\.axis\.z",
@@ -58,30 +57,30 @@ NOTHING = {
     "planar": r".*\.torque\.z|joint\[\d+\]\.axis\.z|energy\..*\.guides",
     "turning": r"energy\.work|energy\..*\.joints",
 }
-# of the other elasticities what they alone decide
+# outputs that depend on the elasticity
 STRAINED = r"tension\..*|stress\.max|link\[\d+\]\.(?!wheels).*|joint\[\d+\]\.force\.[xy]|energy\.strain"
 KINDS = (
     "TrackRigid", "cable", "turning", "planar", "beam", "general", "engineering", "Chassis", "SprocketDrive",
     "SteeringDifferential", "Driver",
 )  # fmt: skip
 SOMETHING = "something where nothing is"
-SOIL = r"link\[\d+\]\.(ground|wheels)\..*"  # 0 of links that do not touch it within a run
+SOIL = r"link\[\d+\]\.(ground|wheels)\..*"  # 0 for links without contact within a run
 
 
 class Finding(NamedTuple):
-    """What a check says of one output in one run."""
+    """Result of a check for one output in one run."""
 
     kind: str
     part: str
     output: str
     says: str
-    off: float  # over what is allowed
-    noticed: frozenset[str]  # the faults planted in the output that it notices
+    off: float  # error over the tolerance
+    noticed: frozenset[str]  # planted faults in the output that the check notices
 
 
 @cache
 def examined(run: str) -> tuple[Finding, ...]:
-    """All checks of a run, on the outputs as they are and with each fault planted."""
+    """All checks of a run, on its outputs and on outputs with each fault planted."""
     record, found = runs.record(run), []
     for part in record.parts.values():
         if part.name in runs.RUNS.get(run, runs.Run(None)).without:
@@ -118,7 +117,7 @@ def test_outputs_of_other_elasticities_on_a_vehicle(run):
 
 @cache
 def noticed(kind: str) -> dict[str, set[str]]:
-    """Of all outputs that a kind shows, the faults that some check notices in some run."""
+    """Faults that some check notices in some run, by output of a kind of component."""
     found = defaultdict(set)
     for run in runs.RUNS:
         for finding in examined(run):
@@ -131,7 +130,7 @@ def noticed(kind: str) -> dict[str, set[str]]:
 @pytest.mark.parametrize("fault", [*FAULTS, SOMETHING])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_planted_fault_is_noticed(kind, fault):
-    """In every output: by a check of that output, in one of the runs."""
+    """A fault planted in any output is noticed by a check of that output in one of the runs."""
     nothing = NOTHING.get(kind, "-")
     asked = STRAINED if kind in ("general", "engineering") else ".*"
     outputs = [
@@ -151,7 +150,10 @@ def test_a_planted_fault_is_noticed(kind, fault):
 
 
 def test_counters_of_a_track_count_what_is_called(environment):
-    """The integrators run uncompiled, every evaluation, iteration and step counted as it is called."""
+    """The counters of a track equal the calls in uncompiled integrators.
+
+    Evaluations, iterations and steps are counted as they are called.
+    """
     program = Path(__file__).with_name("counted.py")
     done = subprocess.run([sys.executable, str(program)], env={**environment, "NUMBA_DISABLE_JIT": "1"},
                           capture_output=True, text=True)  # fmt: skip
@@ -160,16 +162,16 @@ def test_counters_of_a_track_count_what_is_called(environment):
         for step in steps:
             assert step["shown"] == step["counted"], kind
         last, before = np.array(steps[-1]["shown"]), np.array(steps[0]["shown"])
-        assert (last > before).all(), "a counter that stands still is not looked at"
+        assert (last > before).all(), "a counter stands still and so is not checked"
         assert len(last) == len(COUNTED)
         assert [round(1.05 * count) for count in last[:3]] != steps[-1]["counted"][:3]
 
 
-# --- the FMU's own output, and the list of all -----------------------------------------------------
+# --- outputs of the FMU shell, and the list of all outputs ----------------------------------------
 
 
 def shell(kind: str, config: dict, folder: Path) -> Slave:
-    """A component as an FMI tool would find it, its modelDescription included, without a build."""
+    """A component as an FMI tool sees it, with its modelDescription, without a build."""
     folder.mkdir(parents=True)
     (folder / "config.json").write_text(json.dumps(config))
     (folder / "build.txt").write_text(BUILD)
@@ -179,7 +181,7 @@ def shell(kind: str, config: dict, folder: Path) -> Slave:
 
 
 def shown(slave: Slave) -> list[str]:
-    """Its outputs, by modelDescription.xml."""
+    """Names of the outputs in modelDescription.xml."""
     variables = slave.to_xml().find("ModelVariables")
     return [v.get("name") for v in variables if v.get("causality") == "output"]
 
@@ -208,7 +210,7 @@ class Started:
 
 @pytest.mark.parametrize("kind", MODELS)
 def test_status_says_how_the_last_step_went(kind, tmp_path):
-    """0: well, 1: it warned, 3: it failed; a component that has warned and goes on well says 0 again."""
+    """The status output is 0 after a good step, 1 after a warning, 3 after a failure."""
     name = {"Driver": "serpentine", "SteeringDifferential": "differential"}.get(kind, "straight")
     scene = load(name, "rigid" if kind == "TrackRigid" else "flexible")
     part = next(part for part in assemble(scene).parts if part.kind == kind)
@@ -216,7 +218,7 @@ def test_status_says_how_the_last_step_went(kind, tmp_path):
     first = component.slave.variables[0].name
     assert component.status == 0
     assert component.step() == (True, 0)
-    if kind == "TrackFlexible":  # cables that are tilted by half a degree
+    if kind == "TrackFlexible":  # cables tilted by half a degree
         half = np.radians(0.25)
         tilted = {"idler.orientation.w": np.cos(half), "idler.orientation.x": np.sin(half)}
         assert component.step(**tilted) == (True, 1)
@@ -227,7 +229,7 @@ def test_status_says_how_the_last_step_went(kind, tmp_path):
 
 @cache
 def described() -> dict[str, set[str]]:
-    """Outputs in the modelDescriptions of all components of the gallery, with each track model, by their FMU."""
+    """Outputs in the modelDescriptions of all components of the gallery, with each track model, by FMU."""
     from tempfile import TemporaryDirectory
 
     found, seen = defaultdict(set), set()
@@ -244,7 +246,7 @@ def described() -> dict[str, set[str]]:
 
 @pytest.mark.long
 def test_no_output_is_without_a_check():
-    """Of each link kind's own runs: an output that no run shows, or no check looks at, is named here."""
+    """Every output has a run that shows it and a check; the test lists those without."""
     by_kind = {"TrackRigid": ["TrackRigid"], "TrackFlexible": ["cable", "turning", "planar", "beam"],
                "Chassis": ["Chassis"], "SprocketDrive": ["SprocketDrive"],
                "SteeringDifferential": ["SteeringDifferential"], "Driver": ["Driver"]}  # fmt: skip
@@ -252,7 +254,7 @@ def test_no_output_is_without_a_check():
     for fmu, outputs in described().items():
         for kind in by_kind[fmu]:
             looked_at = set(noticed(kind)) | {STATUS} | (set(COUNTED) if fmu.startswith("Track") else set())
-            if kind == "turning":  # round wheels, so without the last pin of an open chain
+            if kind == "turning":  # runs on wheels only, so it has no last pin of an open chain
                 looked_at |= {output for output in outputs if output.startswith("joint[65].")}
             without += [f"{kind}: {output}" for output in sorted(outputs - looked_at)]
     assert not without

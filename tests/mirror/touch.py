@@ -1,8 +1,9 @@
-"""What links touch, from the laws as `fmus/physics/README.md` and the tracks' READMEs state them; plain numpy, world.
+"""Contacts of links by the laws in `fmus/physics/README.md` and the tracks' READMEs.
 
-Stiffness and damping of the table are per link (per pin in the teeth), shared by its points: two Gauss points on the
-part of the inner face inside a rim, on the whole outer face for the ground; where links have a width, on either side of
-their middle. A rim's damper feels how fast the rim as a whole sinks in, all others the point's own approach.
+Plain numpy, world axes. Stiffness and damping of the table are per link (per pin in the teeth) and shared by its
+points: two Gauss points on the part of the inner face inside a rim, on the whole outer face for the ground; links with
+a width have points on both sides of their middle. A rim's damper acts on the penetration rate of the whole rim, all
+others on the approach of the point.
 """
 
 from __future__ import annotations
@@ -15,9 +16,9 @@ from mirror.links import UP, Chain
 from mirror.motion import Wheels
 from mirror.record import Floats
 
-SPREAD = 0.5 / np.sqrt(3.0)  # of two Gauss points about the middle of the unit interval
-RAMP = 1e-3  # m of penetration over which a damper takes hold
-HORN = 0.05  # m: reach of a guide horn into a disc
+SPREAD = 0.5 / np.sqrt(3.0)  # distance of two Gauss points from the middle of the unit interval
+RAMP = 1e-3  # m, penetration over which a damper sets in
+HORN = 0.05  # m, penetration depth of a guide horn in a disc
 
 
 class Law(NamedTuple):
@@ -33,17 +34,17 @@ class Law(NamedTuple):
 
 
 class Push(NamedTuple):
-    """Of so many points (p)."""
+    """Contact forces, energies and losses of p points."""
 
-    force: Floats  # on them (p, 3)
-    normal: Floats  # N
+    force: Floats  # on the points (p, 3), N
+    normal: Floats  # normal force, N
     stored: Floats  # J
     rubbed: Floats  # W lost by friction
     damped: Floats  # W lost by the damper
 
 
 def press(law: Law, share, depth: Floats, n: Floats, w: Floats, rate: Floats | None = None) -> Push:
-    """Faces with normals ``n``, towards points that move at ``w`` against them; ``rate``: what the damper feels."""
+    """Contact of points with faces (normals ``n``, relative velocity ``w``; ``rate`` for the damper)."""
     along = (w * n).sum(-1)
     rate = -along if rate is None else rate
     s = np.clip(depth / RAMP, 0.0, 1.0)
@@ -56,7 +57,7 @@ def press(law: Law, share, depth: Floats, n: Floats, w: Floats, rate: Floats | N
     return Push(force, normal, 0.5 * share * law.k * depth**2, *lost)
 
 
-# what loses energy in contacts: friction and damping of three, both together of guides
+# causes of contact losses: friction and damping of three pairs; of guides, both together
 CAUSES = ("ground_friction", "ground_damping", "wheel_friction", "wheel_damping", "tooth_friction", "tooth_damping",
           "guides")  # fmt: skip
 GROUND, WHEEL, TOOTH, GUIDE = (0, 1), (2, 3), (4, 5), (6, 6)
@@ -67,18 +68,18 @@ class Touch(NamedTuple):
 
     wrench: Floats  # (T, m, 6) on the wheels, about their centres
     ground: Floats  # (T, n, 3) of the ground on the links
-    force: Floats  # (T, n, 3) on the links by rims, guides and ground
+    force: Floats  # (T, n, 3) of rims, guides and ground on the links
     torque: Floats  # (T, n, 3) about their middles
     teeth: Floats  # (T, nodes, 3) on the pins
     stored: Floats  # (T) J
     lost: Floats  # (T, causes) W
-    along: Floats  # (T, n) N: forces on a link along it times how far from its middle, over its length
-    taken: Floats  # (T) W: what wheels and links put in
+    along: Floats  # (T, n) N: forces along a link times their distance from its middle, over its length
+    taken: Floats  # (T) W: power that wheels and links put in
     depth: Floats  # (T) m
     load: Floats  # (T) N on the ground
     slide: Floats  # (T, 3) N m/s: load times velocity of the points on the ground
     sliding: Floats  # (T, n, 3) m/s, mean velocity of the points on the ground
-    sunk: Floats  # (T, n) m, depth of the deepest of them
+    sunk: Floats  # (T, n) m, depth of the deepest point
 
 
 class _Sum:
@@ -91,7 +92,7 @@ class _Sum:
                        z((T, chain.n)))  # fmt: skip
 
     def book(self, t, at, x: Floats, w: Floats, depth: Floats, push: Push, m: int | None, kind: tuple) -> None:
-        """Points ``x`` (p, 3) at instants ``t`` on links (or pins) ``at`` and the wheel ``m``, or the ground."""
+        """Add forces at points ``x`` (p, 3) and instants ``t`` on links (or pins) ``at`` by wheel ``m``."""
         sums, f = self.t, push.force
         if kind == TOOTH:
             np.add.at(sums.teeth, (t, at), f)
@@ -114,13 +115,16 @@ class _Sum:
         np.maximum.at(sums.depth, t, depth)
 
     def material(self, t, m: int, x: Floats, u: Floats) -> Floats:
-        """Velocity of points against the material of a wheel."""
+        """Velocity of points relative to the material of a wheel."""
         wheels = self.wheels
         return u - wheels.velocity[t, m] - np.cross(wheels.spin[t, m], x - wheels.centre[t, m])
 
 
 def inside(chain: Chain, wheels: Wheels, m: int, radius: float):
-    """The part of each link's inner face inside a circle: t, i (p), its ends as fractions, the foot, the normal."""
+    """Part of each link's inner face inside a circle.
+
+    Returns t, i (p), its ends as fractions, foot, normal, length.
+    """
     a, b, _, _ = chain.ends
     axle, centre = wheels.axle[:, m, None], wheels.centre[:, m, None]
     along = b - a
@@ -155,7 +159,7 @@ def rims(sums: _Sum, law: Law, m: int, radius: float) -> None:
             w = sums.material(t, m, x, u)
             push = press(law, share[on], depths[-1][on], (radial / rho[:, None])[on], w[on], sinking[on])
             sums.book(t[on], i[on], x[on], w[on], depths[-1][on], push, m, WHEEL)
-    # the parabola through two depths stores more than they do: its mean square over the part, by three points
+    # a parabola through two depths stores more than two points: its mean square over the part, by three points
     half = 0.5 * (high - low) * length
     bow, extra = half**2 / (2.0 * radius), 0.0
     for eta, weight in zip(*np.polynomial.legendre.leggauss(3), strict=True):
@@ -199,7 +203,7 @@ def soil(sums: _Sum, law: Law, level: float) -> None:
 
 
 class Outline:
-    """Path of a pin's centre in the gap between two teeth: seat, flank, rounding, land; a outwards, b across."""
+    """Path of a pin's centre between two teeth: seat, flank, rounding, land; a outwards, b across."""
 
     def __init__(self, vehicle: dict[str, Any]) -> None:
         s = vehicle["sprocket"]
@@ -209,7 +213,7 @@ class Outline:
         self.top, self.round = s["outer_radius"] + s["pin_radius"], s["tip_radius"] + s["pin_radius"]
         d = np.array([np.cos(s["flank_angle"]), np.sin(s["flank_angle"])])  # up the flank
         self.normal = np.array([d[1], -d[0]])  # out of the tooth
-        self.foot = self.seat - self.gap * self.normal  # where the flank leaves the seat
+        self.foot = self.seat - self.gap * self.normal  # start of the flank at the seat
         # centre of the rounding: its radius behind the flank, and below the land
         behind = self.foot - self.round * self.normal
         p = behind @ d
@@ -217,7 +221,7 @@ class Outline:
         self.tip, self.length, self.d = behind + climb * d, climb, d
 
     def press(self, a: Floats, b: Floats) -> tuple[Floats, Floats]:
-        """Depth (p), and the normal in a and b (p, 2), of pins at b >= 0: that of the nearest of the four pieces."""
+        """Depth (p) and normal in a and b (p, 2) of pins at b >= 0, by the nearest of the four pieces."""
         x = np.stack([a, b], axis=-1)
         rho = np.linalg.norm(x, axis=-1)
         found = []
@@ -246,7 +250,7 @@ def teeth(sums: _Sum, law: Law, m: int, outline: Outline) -> None:
     far = np.linalg.norm(chain.pins - wheels.centre[:, m, None], axis=-1)
     t, j = np.nonzero(far < outline.top + 0.5)
     axle, radial, centre = wheels.axle[t, m], wheels.radial[t, m], wheels.centre[t, m]
-    quarter = np.cross(axle, radial)  # where it turns to
+    quarter = np.cross(axle, radial)  # direction of rotation
     for y in chain.lateral:
         x, u = chain.pin(t, j, y)
         d = x - centre
@@ -266,13 +270,13 @@ def teeth(sums: _Sum, law: Law, m: int, outline: Outline) -> None:
 
 
 def ground_level(vehicle: dict[str, Any], parameters: dict[str, Any]) -> float:
-    """World height of the ground: pads that hang under the drawn road wheels just touch it."""
+    """World height of the ground, m: pads under the drawn road wheels just touch it."""
     wheel = vehicle["road_wheel"]
     return float(parameters["start.position.z"]) + wheel["z"] - wheel["radius"] - 2.0 * vehicle["track"]["face"]
 
 
 def touch(chain: Chain, wheels: Wheels, covering: bool = False) -> Touch:
-    """All contacts of a track; or those alone that cover more or less of a link as it moves."""
+    """All contacts of a track, or only those that cover more or less of a link as it moves."""
     part, vehicle = chain.part, chain.vehicle
     laws = {pair: Law.of(part.parameters, vehicle["contact"], pair) for pair in ("sprocket", "wheel", "ground")}
     outline, sums = Outline(vehicle), _Sum(chain, wheels)

@@ -1,4 +1,4 @@
-"""What the outputs of a track should be."""
+"""Expected outputs of a track."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from mirror.record import Floats
 from mirror.touch import CAUSES, touch
 
 AXES = {axis: k for k, axis in enumerate("xyz")}
-SPLIT = 0.1  # rad between the neighbours of a link from which on it is no straight run
-MOMENT = 1e-7  # s, of the difference of stored energies
+SPLIT = 0.1  # rad, angle between the neighbours of a link above which the run is not straight
+MOMENT = 1e-7  # s, for differences of stored energies
 
 
 def wheel_names(view: View) -> list[str]:
@@ -25,12 +25,12 @@ def wheel_names(view: View) -> list[str]:
 
 
 def started(first: Floats, steps: Floats) -> Floats:
-    """The value at the start before those of the steps."""
+    """Prepend the value at the start to those of the steps."""
     return np.concatenate([first[None], steps])
 
 
 def summed(view: View, rates: Floats) -> Floats:
-    """The integral of a rate at instants, by trapezia, as the component adds it up."""
+    """Integral of a rate at instants by the trapezium rule, as the component sums it."""
     return np.concatenate([[0.0], np.cumsum(0.5 * view.part.h * (rates[1:] + rates[:-1]))])
 
 
@@ -38,7 +38,7 @@ def summed(view: View, rates: Floats) -> Floats:
 
 
 def wrenches(view: View, names: Sequence[str]) -> Floats:
-    """Contact laws at all instants, through the recursion that makes impulses of them."""
+    """Wrenches of the contact laws at all instants, as means over steps by the integrator's recursion."""
     found, wheels = view.touch.wrench, wheel_names(view)
     means = started(found[0], view.recursion.means(found))
     columns = []
@@ -49,7 +49,7 @@ def wrenches(view: View, names: Sequence[str]) -> Floats:
 
 
 def ground(view: View, names: Sequence[str]) -> Floats:
-    """The same of the ground, on all links or on each."""
+    """Ground forces, on all links or on each, as means by the recursion."""
     means = started(view.touch.ground[0], view.recursion.means(view.touch.ground))
     whole = means.sum(1)
     columns = []
@@ -60,7 +60,7 @@ def ground(view: View, names: Sequence[str]) -> Floats:
 
 
 def ground_of_links(view: View, names: Sequence[str]) -> Floats:
-    """What the track has of the ground, less what other links have."""
+    """Ground force of a link: that of the track less those of the other links."""
     (name,) = names
     axis = name[-1]
     others = [f"link[{i}].ground.force.{axis}" for i in range(1, view.chain.n + 1)]
@@ -68,7 +68,10 @@ def ground_of_links(view: View, names: Sequence[str]) -> Floats:
 
 
 def wheels_of_links(view: View, names: Sequence[str]) -> Floats:
-    """Of rims and guides on each link, and of teeth on the pin where it ends; on the first pin of an open chain too."""
+    """Forces of rims and guides on each link, with those of teeth on the pin at its end.
+
+    In an open chain the first link also takes those on the first pin.
+    """
     c, found = view.chain, view.touch.force - view.touch.ground + view.touch.teeth[:, view.chain.second]
     if not c.closed:
         found[:, 0] += view.touch.teeth[:, 0]
@@ -76,7 +79,7 @@ def wheels_of_links(view: View, names: Sequence[str]) -> Floats:
 
 
 def of_links(view: View, found: Floats, names: Sequence[str]) -> Floats:
-    """Mean over the steps, by the recursion, of what each link has (T, n, 3)."""
+    """Means over the steps, by the recursion, of a force on each link (T, n, 3)."""
     means = started(found[0], view.recursion.means(found))
     return np.stack([means[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
 
@@ -91,7 +94,7 @@ def sunk(view: View, names: Sequence[str]) -> Floats:
 
 
 def links_on_wheels(view: View, names: Sequence[str]) -> Floats:
-    """The reaction of all wheels, less what other links have."""
+    """Wheel force of a link: the reaction on all wheels less the forces on other links."""
     (name,) = names
     axis = name[-1]
     others = [f"link[{i}].wheels.force.{axis}" for i in range(1, view.chain.n + 1)]
@@ -100,7 +103,7 @@ def links_on_wheels(view: View, names: Sequence[str]) -> Floats:
 
 
 def newton(view: View, names: Sequence[str]) -> Floats:
-    """At rest: what is left of the joints' forces, the ground's and the weight of a link."""
+    """Balance at rest: residual of joint forces, ground force and weight of a link."""
     (name,) = names
     c, part, i, axis = view.chain, view.part, link_number(names[0]) + 1, name[-1]
     found = np.full(len(part.t), np.nan)
@@ -128,18 +131,18 @@ def momentum(view: View, names: Sequence[str]) -> Floats:
 
 
 def chain_momentum(view: View) -> Floats:
-    """World (T, 3)."""
+    """Linear momentum of the chain, world frame (T, 3)."""
     c = view.chain
     if isinstance(c, Rigid):
         return c.mass * c.velocity.sum(1)
     return np.einsum("ab,tnbi->ti", c.mass_matrix[[0, len(c.mass_matrix) // 2]], c.v)
 
 
-# --- motion along itself ---------------------------------------------------------------------------
+# --- motion along the chain -----------------------------------------------------------------------
 
 
 def attitude(view: View):
-    """Of what carries the wheels: rotation, angular velocity (K + 1, 3); the chassis where there is one."""
+    """Rotation and angular velocity (K + 1, 3) of the wheels' support: the chassis, where there is one."""
     if "chassis" in view.record.parts:
         chassis = view.record["chassis"]
         return turned(chassis.vector("chassis.orientation", "wxyz")), chassis.vector("chassis.angular_velocity")
@@ -148,7 +151,7 @@ def attitude(view: View):
 
 
 def over_carrier(view: View) -> Floats:
-    """Mean velocity along the chain of its straight runs, over what its sprocket is mounted on (K + 1)."""
+    """Mean velocity of the straight runs along the chain, relative to the sprocket's mount (K + 1)."""
     c = view.chain
     a, b, va, vb = c.ends
     _, spin = attitude(view)
@@ -174,7 +177,7 @@ def travel(view: View, names: Sequence[str]) -> Floats:
 
 
 def counted(view: View) -> tuple[Floats, Floats]:
-    """Pins that have passed lines fixed on the vehicle, times the pitch: over its upper and its lower run (K + 1)."""
+    """Distance of pins past lines fixed on the vehicle, on the upper and the lower run (K + 1), m."""
     c, (turn, _) = view.chain, attitude(view)
     matrix = turn.as_matrix()
     local = np.einsum("tji,tnj->tni", matrix, c.pins - view.wheels.centre[:, :1])
@@ -194,20 +197,20 @@ def counted(view: View) -> tuple[Floats, Floats]:
 
 
 def passed(view: View, names: Sequence[str]) -> tuple[Floats, Floats]:
-    """Between what has passed above and what has passed below."""
+    """Bounds of the travel: the distances on the upper and on the lower run."""
     above, below = counted(view)
     return np.minimum(above, below)[:, None], np.maximum(above, below)[:, None]
 
 
 def growth_of_travel(view: View, names: Sequence[str]) -> Floats:
-    """The trapezium rule, read the other way: twice the mean speed of a step less the speed at its other end."""
+    """Speed at the end of a step from the travel: twice the mean speed less the speed at the other end."""
     mean = np.diff(view.part["travel"]) / view.part.h
     own = over_carrier(view)
     return np.concatenate([[np.nan], 2.0 * mean - own[:-1]])[:, None]
 
 
 def slip(view: View, names: Sequence[str]) -> Floats:
-    """Load on each point of the ground times its rearward velocity, over all load."""
+    """Rearward velocity of the ground's contact points, averaged by their load."""
     t = view.touch
     back = -(t.slide * forward(view)).sum(1)
     return (back / np.where(t.load > 0.0, t.load, np.inf))[:, None]
@@ -217,11 +220,11 @@ def slip(view: View, names: Sequence[str]) -> Floats:
 
 
 def tensions(view: View) -> Floats:
-    """(K + 1, n): from strain and turning, or of a rod on which pins, contacts and its own turning pull."""
+    """Tensions (K + 1, n): from strain and rotation, or of a rod with pin forces, contacts and rotation."""
     c = view.chain
     if not isinstance(c, Rigid):
         found = c.tension + c.whirled(view.accelerations)
-        found[:30] = np.nan  # accelerations are found from a past that ends there
+        found[:30] = np.nan  # accelerations need the preceding instants
         return found
     first, last = pin_pulls(view)
     whirled = c.mass * c.pitch / 12.0 * (c.own_rate[..., 1:] ** 2).sum(-1)
@@ -229,7 +232,7 @@ def tensions(view: View) -> Floats:
 
 
 def pin_pulls(view: View) -> tuple[Floats, Floats]:
-    """What stretches links (K + 1, n, 3): the force of their first pin, reversed, and that of their last one."""
+    """Forces that stretch links (K + 1, n, 3): of their first pins, reversed, and of their last pins."""
     c, forces = view.chain, view.joints
     load = (view.touch.teeth + across(c)[0])[:, c.second]
     if not c.closed:
@@ -251,10 +254,11 @@ def tension_of_all(view: View, names: Sequence[str]) -> Floats:
 
 
 def carried(view: View, names: Sequence[str]) -> tuple[Floats, Floats]:
-    """Between the forces of a link's two pins along it, or as far beyond, while it touches nothing.
+    """Bounds of a link's tension from the forces of its two pins along it, while it has no contact.
 
-    Rims pull the halves of a link apart, and a blow passes through it as a wave. A link that turns, at 150 rad/s where
-    a slack run is pulled straight, pulls its own halves outwards: m L w^2 / 12, as a rod's mean over its length.
+    The bounds are the two forces, extended by their difference: rims pull the halves of a link apart, and an impact
+    passes through it as a wave. A link that turns, at 150 rad/s where a slack run is pulled straight, adds m L w^2 /
+    12, the mean of a rod over its length.
     """
     c = view.chain
     a, b, va, vb = c.ends
@@ -283,7 +287,7 @@ def stress_of_all(view: View, names: Sequence[str]) -> Floats:
 
 
 def joint_forces(view: View, names: Sequence[str]) -> Floats:
-    """Means over the steps, by the recursion, of what is known from the 30th instant on."""
+    """Pin forces as means over the steps by the recursion, known from the 30th instant on."""
     found = view.joints.copy()
     found[:30] = found[30]
     means = started(found[0], view.recursion.means(found))
@@ -292,7 +296,7 @@ def joint_forces(view: View, names: Sequence[str]) -> Floats:
 
 
 def joints_by_momentum(view: View, names: Sequence[str]) -> Floats:
-    """What the momentum of one link gains over each step, less all other forces on it."""
+    """Pin force: change of one link's momentum over each step, less all other forces on it."""
     (name,), c, part = names, view.chain, view.part
     j, axis = link_number(name), name[-1]
     i = min(j, c.n - 1)
@@ -327,7 +331,7 @@ def joint_places(view: View, names: Sequence[str]) -> Floats:
 
 
 def joint_ways(view: View, names: Sequence[str]) -> Floats:
-    """Where the rates of the state take the pins from their start."""
+    """Positions of the pins, integrated from their start by the rates of the state."""
     c, h = view.chain, view.part.h[:, None, None]
     found = c.pins[:1] + started(np.zeros(c.pins.shape[1:]), np.cumsum(0.5 * h * (c.rates[1:] + c.rates[:-1]), axis=0))
     return np.stack([found[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
@@ -354,7 +358,7 @@ def stored(view: View, names: Sequence[str]) -> Floats:
 
 
 def lost(view: View, names: Sequence[str]) -> Floats:
-    """In contacts, in the material of links, across the chain."""
+    """Energy lost in contacts, in the material of links, and by damping across the chain."""
     c = view.chain
     powers = {cause: view.touch.lost[:, k] for k, cause in enumerate(CAUSES)}
     powers["material"] = np.zeros(len(view.part.t)) if isinstance(c, Rigid) else c.material_loss
@@ -368,9 +372,9 @@ def causes_together(view: View, names: Sequence[str]) -> Floats:
 
 
 def ledger(view: View, names: Sequence[str]) -> Floats:
-    """What wheels and end loads have put in and is neither stored nor covered.
+    """Work of wheels and end loads that is neither stored nor lost by covering.
 
-    A wheel that is elsewhere at the next step than it was moved on to has jumped, under the wrenches of both steps.
+    A wheel whose next position differs from its extrapolation has jumped; the wrenches of both steps do work on it.
     """
     part, put_in = view.part, np.zeros(len(view.part.h))
     for m, wheel in enumerate(wheel_names(view)):
@@ -388,7 +392,7 @@ def ledger(view: View, names: Sequence[str]) -> Floats:
 
 
 def patch_defect(view: View, names: Sequence[str]) -> Floats:
-    """What contacts take in less what they lose and what is stored more a moment later."""
+    """Power into contacts less their losses and the growth of stored energy a moment later, integrated, J."""
     c, w = view.chain, view.wheels
     after, before = (touch(c.moved(tau), w.moved(tau), covering=True) for tau in (MOMENT, -MOMENT))
     now = touch(c, w, covering=True)
@@ -397,7 +401,7 @@ def patch_defect(view: View, names: Sequence[str]) -> Floats:
 
 
 def pulled(view: View, names: Sequence[str]) -> Floats:
-    """Constant forces times the way of the ends."""
+    """Work of the constant end forces, J."""
     c = view.chain
     first, last = pulls(c)
     way = c.pins - c.pins[0]
@@ -412,7 +416,7 @@ def deepest(view: View, names: Sequence[str]) -> Floats:
 
 
 def steps(view: View, names: Sequence[str]) -> Floats:
-    """As many as the largest internal step asks for, in runs without a halving."""
+    """Number of steps by the largest internal step, in runs without a halving."""
     each = np.ceil(view.part.h / float(view.part.parameters["step"]) - 1e-9)
     return np.concatenate([[0.0], np.cumsum(each)])[:, None]
 
@@ -431,7 +435,7 @@ def on_wheels(view: View) -> bool:
 
 
 def implicit(view: View) -> bool:
-    """Whether impulses come of forces by the recursion: one implicit internal step a communication step."""
+    """Whether the recursion gives impulses: one implicit internal step per communication step."""
     p = view.part.parameters
     return p["integrator"] in ("generalized_alpha", "hht") and bool((view.part.h < 1.001 * float(p["step"])).all())
 
@@ -445,7 +449,10 @@ def explicit(view: View) -> bool:
 
 
 def undamped(view: View) -> bool:
-    """On wheels; what damps pins across is known at instants alone, and by the recursion."""
+    """Whether a chain on wheels has no transverse damping, or one that the recursion gives.
+
+    Transverse damping is known at instants only.
+    """
     return view.driven() and not turning(view) and (implicit(view) or not view.track["transverse_damping"])
 
 
@@ -466,7 +473,10 @@ def straight_on(view: View) -> bool:
 
 
 def in_one_frame(view: View) -> bool:
-    """The turning of the axes is no part of the recursion; what damps pins across is no output."""
+    """Whether axes stay fixed and pins are undamped across.
+
+    The recursion leaves out the rotation of the axes, and transverse damping is no output.
+    """
     return not turning(view) and not view.track["transverse_damping"]
 
 
@@ -480,7 +490,7 @@ CHECKS = (
     Check(WHEEL + r"\.force\.[xyz]", "contact laws", wrenches, 1e-3, 0.2, applies=implicit_on_wheels),
     Check(WHEEL + r"\.torque\.[xyz]", "contact laws", wrenches, 1e-3, 0.05, applies=implicit_on_wheels),
     Check(WHEEL + r"\.force\.[xyz]", "balance of momentum", momentum, 1e-3, 1.0, balance=True, applies=undamped),
-    # the turning of the axes is no part of the recursion: their jitter leaves some 5 N of 34 kN, at shorter steps too
+    # the recursion leaves out the rotation of the axes: its jitter leaves some 5 N of 34 kN, at shorter steps too
     Check(rf"({WHEEL}|ground)\.force\.[xyz]", "balance of momentum", momentum, 1e-3, 5.0, balance=True,
           applies=turning),
     Check(r"ground\.force\.[xyz]", "contact laws", ground, 1e-3, 2.0, applies=implicit),

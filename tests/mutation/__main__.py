@@ -1,6 +1,7 @@
-"""``python -m tests.mutation -o DIR``: plant faults one at a time in a copy of the checkout and run its tests.
+"""``python -m tests.mutation -o DIR``: plant faults one at a time in a copy and run its tests.
 
-The nearest tests come first, then the default suite, then the long ones. What is done stays done: ``DIR/faults.json``.
+The nearest tests run first, then the default suite, then the long ones. Results are kept in ``DIR/faults.json`` and not
+repeated.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from tests.mutation.operators import Fault, faults
 STAGES = {"nearest": (), "default": (), "long": ("-m", "study")}
 SURVIVED = "survived"
 COLUMNS = (Column("area", "area"), Column("place", "place"), Column("new", "fault"), Column("found", "found by"))
-LIMIT = 3600.0  # s of a stage: a fault that makes tests hang is noticed too
+LIMIT = 3600.0  # s per stage: a fault that makes tests hang is noticed too
 
 
 def chosen(count: int, seed: int) -> list[dict[str, Any]]:
@@ -48,7 +49,7 @@ def _entry(area: Area, file: Path, fault: Fault) -> dict[str, Any]:
 
 
 def noticed(checkout: Path, entry: dict[str, Any], stages: tuple[str, ...]) -> None:
-    """Plant a fault, run the stages that it has not survived yet, and take it back."""
+    """Plant a fault, run the stages that it has not survived yet, and restore the source."""
     place = checkout / entry["file"]
     source = place.read_text(encoding="utf-8")
     lines = source.splitlines(keepends=True)
@@ -84,7 +85,7 @@ def mutate(
     area: Annotated[str, typer.Option("--area", metavar="TEXT", help="areas whose name has this in it")] = "",
     stage: Annotated[str, typer.Option("--until", metavar="STAGE", help="nearest, default or long")] = "long",
 ) -> None:
-    """Plant faults and run the tests; exit 1 where a fault survives all stages."""
+    """Plant faults and run the tests; exit 1 if a fault survives all stages."""
     if stage not in STAGES:
         raise BadInput(f"--until {stage}: must be one of {', '.join(STAGES)}")
     stages = tuple(STAGES)[: list(STAGES).index(stage) + 1]

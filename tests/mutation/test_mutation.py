@@ -1,4 +1,4 @@
-"""Faults are real faults, the same for a seed, and a test that fails is noticed."""
+"""Faults are valid changes and depend on the seed alone; a failing test is noticed."""
 
 import ast
 import json
@@ -70,7 +70,7 @@ def test_a_failing_test_notices_a_fault(tmp_path, monkeypatch, new, found):
              "new": new, "found": "", "stages": []}  # fmt: skip
     command.noticed(tmp_path, entry, ("nearest",))
     assert (entry["found"], entry["stages"]) == (found, ["nearest"])
-    assert "a + b" in (tmp_path / "sums.py").read_text(), "taken back"
+    assert "a + b" in (tmp_path / "sums.py").read_text(), "the fault was not removed"
 
 
 def test_what_is_done_stays_done(call, tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""Damaged logs: bytes flipped, cut or put in, and logs whose checksums hold but whose content is altered."""
+"""Damaged logs: bytes flipped, cut or inserted, and logs with valid checksums but altered content."""
 
 import json
 import random
@@ -26,7 +26,7 @@ TEXTS = (b"", b"{", b"[]", b"7", b"null", b"\xff\xfe", b'"x"', b"{}", b'{"a":' *
 
 
 class Content:
-    """What a log holds, to be altered and written again with checksums that hold."""
+    """Content of a log, to be altered and written again with valid checksums."""
 
     def __init__(self, path: Path) -> None:
         with path.open("rb") as stream:
@@ -47,7 +47,7 @@ class Content:
         self.chunks = [piece for piece in pieces if piece]
 
     def nudge(self, topic: str, place: int, step: int) -> None:
-        """Change a number by one ULP: the 8 bytes from ``place`` on of a topic's message of a step."""
+        """Change a number by one ULP: the 8 bytes from ``place`` on in a topic's message of a step."""
         for piece in self.chunks:
             for k, (number, rows, times) in enumerate(piece):
                 row = np.flatnonzero(np.ascontiguousarray(rows[:, 11:15]).view("<u4")[:, 0] == step)
@@ -58,7 +58,7 @@ class Content:
                     piece[k] = number, rows, times
 
     def write(self, path: Path) -> Path:
-        """A log of it; raises UnicodeEncodeError for text that no record can hold."""
+        """Write the content as a log; raises UnicodeEncodeError for text that no record can hold."""
         path.unlink(missing_ok=True)
         file = ContainerWriter(path)
         try:
@@ -80,7 +80,7 @@ class Content:
 
 
 def bytes_changed(data: bytes, chance: random.Random) -> bytes:
-    """A few bytes flipped, cut out, put in or written twice, or the end cut off."""
+    """Data with a few bytes flipped, cut out, inserted or duplicated, or with its end cut off."""
     changed = bytearray(data)
     for _ in range(chance.choice((1, 1, 1, 3, 20))):
         at = chance.randrange(len(changed))
@@ -104,7 +104,7 @@ def bytes_changed(data: bytes, chance: random.Random) -> bytes:
 
 
 def content_changed(content: Content, chance: random.Random) -> Content:
-    """One or two things altered: of an attachment, of metadata, of the closing record, of a channel, of messages."""
+    """Content with one or two changes: an attachment, metadata, the closing record, a channel, messages."""
     altered = deepcopy(content)
     for _ in range(chance.choice((1, 1, 2))):
         match chance.randrange(7):
@@ -146,7 +146,7 @@ def _text(chance: random.Random) -> str:
 
 
 def _json(content: bytes, chance: random.Random) -> bytes:
-    """A JSON text with one value replaced or left out, or what is no JSON."""
+    """A JSON text with one value replaced or left out, or invalid JSON."""
     if not chance.randrange(5):
         cut = chance.randrange(len(content)) if content else 0
         return chance.choice((*TEXTS, content[:cut], content[:cut] + b"\xff" + content[cut:]))

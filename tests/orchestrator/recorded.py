@@ -34,13 +34,13 @@ EVERY = {"/left_track/links": 5}
 
 
 def values(topic: str, k: int) -> np.ndarray:
-    """What is recorded on a topic at step k."""
+    """Values of a topic at step k."""
     number = list(TOPICS).index(topic)
     return np.sin(np.arange(len(TOPICS[topic])) + 0.01 * k + number) * 10.0**number
 
 
 def record(path: Path, steps: int = 100, wall: float = 0.0, change=lambda topic, k, row: row, **options) -> Path:
-    """Write a log of ``steps`` steps; ``change`` may alter what is recorded."""
+    """Write a log of ``steps`` steps; ``change`` may alter the values."""
     with Recorder(path, TOPICS, ATTACHMENTS, METADATA, every=EVERY, **options) as recorder:
         write_steps(recorder, steps, wall, change)
         recorder.close("ok", "", steps)
@@ -48,14 +48,14 @@ def record(path: Path, steps: int = 100, wall: float = 0.0, change=lambda topic,
 
 
 def record_in_chunks(path: Path, steps: int = 1500) -> Path:
-    """Write a log of some ten chunks."""
+    """Write a log of about ten chunks."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "CHUNK", 80_000)
         return record(path, steps, flush=60)
 
 
 def write_steps(recorder: Recorder, steps: int, wall: float = 0.0, change=lambda topic, k, row: row) -> None:
-    """Steps 0 to ``steps``."""
+    """Write steps 0 to ``steps``."""
     for k in range(steps + 1):
         for topic in TOPICS:
             if topic.startswith("/stats/"):

@@ -1,4 +1,4 @@
-"""Runs laid side by side by time, by travel, by an event: the same motion later, and the same way at another pace."""
+"""Runs aligned by time, by travel, by an event: the same motion later, or at another pace."""
 
 import json
 
@@ -22,7 +22,7 @@ TOPICS = {
 
 
 def wrote(path, way, rate, scale=1.0):
-    """A vehicle at the place ``way(t)`` that nods as that place says; ``scale``: by how much more."""
+    """Write a log of a vehicle at the place ``way(t)`` with a pitch by place, times ``scale``."""
     with Recorder(path, TOPICS, {"system.json": json.dumps(SYSTEM).encode()}, {}) as recorder:
         for k in range(STEPS + 1):
             x, v = way(k * H), rate(k * H)
@@ -40,7 +40,7 @@ def apart(one, two, along, window=EVER):
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """The reference, the same 0.3 s later, the same way driven otherwise, and that with 4 % more pitch."""
+    """Logs: reference, the same 0.3 s later, another pace, and that with 4 % more pitch."""
     folder = tmp_path_factory.mktemp("logs")
     later = lambda t: max(t - 0.3, 0.0)  # noqa: E731
     return {
@@ -55,7 +55,7 @@ def test_what_comes_later_is_the_same_since_the_event(runs):
     by_time, by_event = (apart(runs["later"], runs["reference"], along) for along in ("time", "chassis.speed=1.5"))
     assert by_time["velocity"].relative > 0.1
     assert by_event["velocity"].relative < 1e-6
-    assert by_event["position"].relative < 1e-4, "counted from the first instant in common"
+    assert by_event["position"].relative < 1e-4, "positions must count from the first common instant"
     assert apart(runs["slower"], runs["reference"], "chassis.speed=1.5")["velocity"].relative > 0.02
 
 

@@ -1,4 +1,4 @@
-"""Analyses against known answers: exact sums of a run's own records, made-up signals, published examples."""
+"""Analyses against known answers: sums of a run's records, made-up signals, published examples."""
 
 import inspect
 import json
@@ -46,7 +46,7 @@ GROUPS = "['tension', 'position', 'force', 'ground', 'fibres', 'slopes']"
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory):
-    """The left half of a vehicle that drives off at once, to the left of ahead."""
+    """The left half of a vehicle that drives off at once, with heading 0.6 rad."""
     settings = (
         "run.stop=0.2 s", "drive.ramp_start=0 s", "drive.ramp_time=0.15 s", "drive.speed=6 rad/s", "symmetric=true",
         "start.heading=0.6", f"track.link_outputs={GROUPS}",
@@ -58,14 +58,14 @@ def driven(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def spinning(tmp_path_factory):
-    """The free loop that spins."""
+    """A log of the free loop that spins."""
     path = tmp_path_factory.mktemp("analyses") / "spinning.mcap"
     assert simulate(load("spinning_loop", "flexible", ("run.stop=0.05 s", "run.links=20")), path)["message"] == ""
     return path
 
 
 def made(path, topics, rows, scene=None, instances=("track",), connections=(), closing=()):
-    """A log of such topics: of each its variables and units, and its times with their values (m, variables)."""
+    """Write a log of topics: for each its variables and units, and its times with values (m, variables)."""
     system = {"instances": [{"name": name} for name in instances], "connections": list(connections)}
     files = {"scene.json": json.dumps(scene or {}).encode(), "system.json": json.dumps(system).encode()}
     with Recorder(path, topics, files, {}) as recorder:
@@ -107,11 +107,11 @@ def test_of_the_hull_relative_power_and_that_on_its_motion_are_what_the_chassis_
     of_hull = [k for k, name in enumerate(found.ports) if name != "left_track.sprocket"]
     assert 2 * (found.energy + found.energy_carried)[of_hull].sum() == pytest.approx(received, rel=2e-3)
     sprocket, mount = (found.ports.index(name) for name in ("left_track.sprocket", "left_drive.mount"))
-    # a mount does not move against the hull, and a sprocket gives on what the motor gives it, less its own spin
+    # a mount does not move relative to the hull; a sprocket passes on the motor's torque less its own spin
     assert abs(found.energy[mount]) < 1e-6 * abs(found.energy_carried[mount])
     assert found.energy_drive[0] == pytest.approx(motor, rel=1e-4)
     assert -found.energy[sprocket] == pytest.approx(motor - spun, rel=0.02)
-    assert abs(found.energy_carried[sprocket]) > 0.03 * abs(found.energy[sprocket]), "raw power is about the same"
+    assert abs(found.energy_carried[sprocket]) > 0.03 * abs(found.energy[sprocket]), "raw power is similar"
 
 
 def test_power_sees_a_wrench_that_is_off_by_three_per_cent(driven, scaled):
@@ -121,9 +121,9 @@ def test_power_sees_a_wrench_that_is_off_by_three_per_cent(driven, scaled):
         scaled(log, "/left_track/out", "sprocket.torque.y", 1.03)
         wrong = power.of(RunData(log)).energy
         largest = max(abs(given) for given, _ in energy._works(RunData(log)).values())
-    # heading 0.6 rad: of the torque about the axle as much is about y
+    # heading 0.6 rad: cos^2 of the torque about the axle is about y
     assert wrong[0] / right[0] == pytest.approx(1.0 + 0.03 * np.cos(0.6) ** 2, rel=1e-4)
-    assert abs(wrong[0] - right[0]) > 5e-3 * largest, "the ledger would not see it"
+    assert abs(wrong[0] - right[0]) > 5e-3 * largest, "the energy balance does not see the fault"
     np.testing.assert_array_equal(wrong[1:], right[1:])
 
 
@@ -166,7 +166,7 @@ def test_a_sine_shows_its_amplitude_at_its_frequency(tmp_path, shape, even):
     with Log(path) as log:
         found = spectrum.of(RunData(log), "track.travel", shape=shape)
     assert found.resampled is not even
-    allowed = 1e-3 if even else 1e-2  # straight lines between samples take a little of a sine
+    allowed = 1e-3 if even else 1e-2  # linear interpolation between samples takes a little of a sine
     assert found.amplitude[0, 0] == pytest.approx(7.0, rel=1e-2)
     assert found.peak() == (pytest.approx(12.5, abs=0.01), pytest.approx(50.0, rel=allowed))
     assert found.peak(above=30.0) == (pytest.approx(40.0, abs=0.01), pytest.approx(20.0, rel=allowed))
@@ -227,7 +227,7 @@ def test_a_scene_without_teeth_is_told(tmp_path):
 
 
 def test_places_are_arc_lengths_from_the_crossing():
-    """A square of 8 links of 1 m, turned step by step: its pins go round the same places."""
+    """Places are arc lengths from the crossing: the pins of a square go round the same places."""
     corner = np.array([[1, 0], [1, -1], [0, -1], [-1, -1], [-1, 0], [-1, 1], [0, 1], [1, 1]], float)
     after = np.roll(corner, -1, axis=0)
     moved = np.array([corner + share * (after - corner) for share in (0.0, 0.25, 0.75)])
@@ -248,7 +248,7 @@ def test_the_envelope_of_a_spinning_loop_is_its_uniform_tension(spinning):
     with Log(spinning) as log:
         found = envelope.of(RunData(log))
     side = 0.1524
-    radius = side / (2 * np.tan(np.pi / 64))  # of the middles of links
+    radius = side / (2 * np.tan(np.pi / 64))  # of the links' middles
     expected = 18.0 * 5.0**2 * radius / (2 * np.sin(np.pi / 64))  # m omega^2 Rc / (2 sin(pi/N))
     assert found.unit == "N"
     assert len(found.place) == 64
@@ -259,9 +259,9 @@ def test_the_envelope_of_a_spinning_loop_is_its_uniform_tension(spinning):
 
 
 def test_an_envelope_shows_what_links_feel_where_they_are(tmp_path):
-    """A polygon turns; tension depends on the place alone, so that every place has one value."""
+    """An envelope shows tension by place: on a polygon that turns, every place has one value."""
     n, t = 40, np.arange(50) * STEP
-    angle = -2 * np.pi * (np.arange(n)[None] / n + 3.1 * t[:, None])  # as links are numbered
+    angle = -2 * np.pi * (np.arange(n)[None] / n + 3.1 * t[:, None])  # in the numbering of the links
     pins = np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=2)
     middle = np.angle(np.exp(1j * (angle - np.pi / n))) % (2 * np.pi)
     tension = 1e4 + 1e3 * np.cos(middle)
@@ -275,7 +275,7 @@ def test_an_envelope_shows_what_links_feel_where_they_are(tmp_path):
     with Log(made(tmp_path / "e.mcap", topics, rows, scene)) as log:
         found = envelope.of(RunData(log), bins=20)
     expected = 1e4 + 1e3 * np.cos(2 * np.pi * (np.arange(20) + 0.5) / 20)
-    half = 1e3 * np.pi / 20  # of a bin
+    half = 1e3 * np.pi / 20  # half a bin's width
     assert np.abs(found.least - expected).max() < 1.05 * half
     assert np.abs(found.most - expected).max() < 1.05 * half
     np.testing.assert_allclose(found.mean, expected, atol=0.3 * half)
@@ -327,7 +327,7 @@ def stressed(path, stress):
 
 
 def test_damage_is_that_of_miner(tmp_path):
-    """Ranges S of E1049 in units of 20 MPa: damage is the sum of counts (S / 100 MPa)^m / 2e6, by hand."""
+    """Damage is Miner's sum of counts (S / 100 MPa)^m / 2e6 by hand (E1049, ranges times 20 MPa)."""
     stress = 20e6 * E1049[:, None] * np.array([1.0, 0.5, 2.0, 0.0])
     by_hand = sum(n * (s * 20e6 / 100e6) ** 3 for s, n in ((3, 0.5), (4, 1.5), (6, 0.5), (8, 1.0), (9, 0.5))) / 2e6
     with Log(stressed(tmp_path / "f.mcap", stress)) as log:
@@ -374,15 +374,15 @@ def test_forces_of_links_are_those_of_the_track(driven):
     summed = np.einsum("mnij,mnj->mi", found.axes, found.ground)
     np.testing.assert_allclose(summed, [whole[0], *between], atol=1e-9 * np.abs(whole).max())
     assert np.abs(whole[-1, 2]) > 4e4
-    # of strain alone; a link's tension has what damping and turning take besides
+    # from strain alone; a link's tension also has damping and rotation
     np.testing.assert_allclose(found.axial, tension, atol=1e-3 * tension.max())
     np.testing.assert_allclose(
         np.linalg.norm(found.joint, axis=2), np.linalg.norm(world.reshape(*found.t.shape, -1, 3), axis=2), rtol=1e-12
     )
-    # a taut link is pulled against its way by the pin where it begins, and the ground pushes inwards
+    # the first pin of a taut link pulls it backwards, and the ground pushes inwards
     assert np.median(-found.joint[-1, :, 0] / tension[-1]) == pytest.approx(1.0, abs=0.05)
     assert found.ground[-1, :, 2].sum() == pytest.approx(-between[-1][2], rel=0.02)
-    assert np.abs(found.joint[..., 1]).max() < 1e-6 * np.abs(found.joint).max(), "a straight run has none across"
+    assert np.abs(found.joint[..., 1]).max() < 1e-6 * np.abs(found.joint).max(), "a straight run has lateral forces"
 
 
 def test_a_force_of_the_ground_that_is_off_by_three_per_cent_is_seen(driven, scaled):
@@ -399,7 +399,7 @@ def test_a_force_of_the_ground_that_is_off_by_three_per_cent_is_seen(driven, sca
 
 
 def test_the_moment_of_a_link_is_that_of_its_fibres(driven):
-    """M = (inner - outer) / 2 times I over the distance of the fibre, of the recorded stress."""
+    """The moment of a link is that of its fibre stresses: M = (inner - outer) / 2 x I / fibre distance."""
     with Log(driven) as log:
         run = RunData(log)
         moment = links.of(run).moment
@@ -427,7 +427,7 @@ ROD, GRADIENT = 0.2, (1.0 + 1e-5, 0.0, 2e-5)  # m; at the first pin of a made-up
 
 
 def bent(path, turned=0.0, gradient=GRADIENT):
-    """One link of known shape, r = x + 1e-5 x + (2e-5 x, 0, 2e-5 x - 3e-4 x^2 + 1e-3 x^3), whole turned about y."""
+    """Log of one link with r = x + 1e-5 x + (2e-5 x, 0, 2e-5 x - 3e-4 x^2 + 1e-3 x^3), rotated about y."""
     x = np.array([0.0, ROD])
     slope = np.stack([np.ones(2), np.zeros(2), -6e-4 * x + 3e-3 * x**2], axis=1) + np.array(gradient) - [1.0, 0.0, 0.0]
     along, outwards = x * gradient[0], gradient[2] * x - 3e-4 * x**2 + 1e-3 * x**3
@@ -445,7 +445,10 @@ def bent(path, turned=0.0, gradient=GRADIENT):
 
 @pytest.mark.parametrize("turned", [0.0, 0.7, 3.0])
 def test_deformation_of_a_known_cubic_in_its_tangent_frame(tmp_path, turned):
-    """The tangent takes 2e-5 x off: what is left is the bending, and half of the angle's square along it."""
+    """Deformation of a known cubic in its tangent frame is the bending.
+
+    Along the chord it is half of the angle's square. The tangent takes 2e-5 x off.
+    """
     with Log(bent(tmp_path / "bent.mcap", turned)) as log:
         found = deformation.of(RunData(log), at=[0.3])
     x = found.x
@@ -461,7 +464,7 @@ def test_deformation_of_a_known_cubic_in_its_tangent_frame(tmp_path, turned):
 
 
 def test_links_in_tension_lengthen_by_their_strain(driven):
-    """Mean axial displacement of the far pin: stress l / E, less what bending takes; nothing is lateral."""
+    """Links in tension lengthen by stress l / E less the shortening by bending; nothing is lateral."""
     with Log(driven) as log:
         run = RunData(log)
         found = deformation.of(run, at=[0.1, 0.2])
@@ -517,7 +520,7 @@ def test_slip_and_thrust_are_along_the_heading(driven):
 
 
 def over_time(t, values, keep):
-    """Mean of a step function, value k from t[k - 1] to t[k], over the steps that are kept: by hand."""
+    """Mean of a step function (value k from t[k - 1] to t[k]) over the kept steps, by hand."""
     total = time = 0.0
     for k in range(len(t)):
         if keep[k]:
@@ -528,11 +531,11 @@ def over_time(t, values, keep):
 
 @pytest.mark.parametrize("even", [True, False])
 def test_a_slip_ratio_weighs_a_record_by_its_own_step_alone(tmp_path, even):
-    """Stop and go: after every halt the first record is kept, the halt before it is not."""
+    """A slip ratio weighs a record by its own step; a halt before it does not count."""
     t = np.linspace(0.0, 4.0, 401)
     t = t if even else t + 0.4 * np.sin(t)
     speed = np.where(np.sin(2 * np.pi * t) > 0.2, 2.0 + t, 0.01)
-    ratio = 0.02 + 0.3 * np.exp(-40.0 * ((t + 0.97) % 1.0))  # most where it drives off
+    ratio = 0.02 + 0.3 * np.exp(-40.0 * ((t + 0.97) % 1.0))  # largest at the start
     names = ["travel", "slip", "speed", *(f"ground.force.{axis}" for axis in "xyz")]
     values = np.column_stack([t, ratio * speed, speed, np.zeros((len(t), 2)), np.full(len(t), 1e4)])
     topics = {"/chassis/out": [("yaw", "rad")], "/track/out": [(name, "1") for name in names]}
@@ -547,7 +550,7 @@ def test_a_slip_ratio_weighs_a_record_by_its_own_step_alone(tmp_path, even):
 
 
 def test_means_of_links_are_over_time_where_records_are_uneven(tmp_path):
-    """Records of 1 and of 10 ms: the mean by place, of forces and of patches is that over time."""
+    """Means of forces and patches by place are means over time, with records of 1 and of 10 ms."""
     t = np.concatenate([np.arange(0.0, 0.5, 1e-3), np.arange(0.5, 1.0005, 1e-2)])
     tension = 1e4 * (1.0 + (t > 0.5 - 1e-9))
     angle = -2.0 * np.pi * (np.arange(12) + 0.5) / 12
@@ -559,7 +562,7 @@ def test_means_of_links_are_over_time_where_records_are_uneven(tmp_path):
     topics = {"/track/out": [("travel", "m")], "/track/links": [(name, "1") for name in names]}
     path = made(tmp_path / "u.mcap", topics, {"/track/out": (t, t[:, None]), "/track/links": (t, values)})
     wanted = over_time(t, tension, np.ones(len(t), bool))
-    assert tension.mean() < 0.8 * wanted, "the twin: over records"
+    assert tension.mean() < 0.8 * wanted, "the twin, a mean over records, must differ"
     with Log(path) as log:
         run = RunData(log)
         np.testing.assert_allclose(envelope.of(run, bins=5).mean, wanted, rtol=1e-9)
@@ -571,7 +574,7 @@ def test_means_of_links_are_over_time_where_records_are_uneven(tmp_path):
 
 
 def rolling(path, load, **more):
-    """A log of two road wheels with such loads (m, 2)."""
+    """Write a log of two road wheels with the given loads (m, 2)."""
     t = np.arange(len(load)) * STEP
     names = [(f"road_wheel[{i}].force.{axis}", "N") for i in (1, 2) for axis in "xyz"]
     force = np.zeros((len(load), 2, 3))
@@ -592,14 +595,14 @@ def test_loads_of_wheels_are_counted_by_time(tmp_path):
 
 
 def test_a_wheel_on_a_flat_face_has_the_patch_of_a_circle():
-    """A chord of the rim, or what of it lies on the link; its depth is the circle's to some per mille."""
+    """A wheel on a flat face has the patch of a circle: a chord of the rim, or its part on the link."""
     radius, face, sunk, pitch = 0.3, 0.03, 0.004, 0.15
     pins = np.array([[0.0, 0.0, 0.0], [pitch, 0.0, 0.0], [2 * pitch, 0.0, 0.0]])
-    normals = np.tile([0.0, 0.0, -1.0], (1, 2, 1))  # outwards: the wheel stands on it
+    normals = np.tile([0.0, 0.0, -1.0], (1, 2, 1))  # outwards: the wheel stands on the other side
     height, half = radius - sunk, np.sqrt(radius**2 - (radius - sunk) ** 2)
 
     def depths(low, high):
-        """Mean of the exact depth."""
+        """Mean of the exact depth from ``low`` to ``high``, m."""
         s = np.linspace(low, high, 20001)
         return radius - np.trapezoid(np.hypot(height, s), s) / (high - low)
 
@@ -618,7 +621,10 @@ def test_a_wheel_on_a_flat_face_has_the_patch_of_a_circle():
 
 @pytest.mark.parametrize(("face", "fits"), [(0.029, True), (0.030, False)])
 def test_patches_at_rest_carry_what_wheels_are_loaded_by(driven, face, fits):
-    """Stiffness times depth, along the normals of the links: some per mille more, as those of the rim fan out."""
+    """Patches at rest carry the loads of wheels: stiffness times depth, along the normals of the links.
+
+    They carry some per mille more, because the normals of the rim fan out.
+    """
     with Log(driven) as log:
         run, start = RunData(log), Window(-1.0, 1e-6)
         bodies, vehicle = Bodies(run, EVERY, window=start), run.scene["vehicle"]
@@ -686,7 +692,7 @@ def test_events_come_in_order_with_what_they_are_of(tmp_path):
     np.testing.assert_allclose(np.diff(teeth[:5]), 0.1, rtol=1e-6)
     assert {event.text for event in every.of("tooth")} == {"a tooth ahead"}
     assert [(event.kind, round(event.t, 6)) for event in late.events] == [
-        ("locked", 0.65),  # it stood already
+        ("locked", 0.65),  # it was at rest already
         ("released", 0.8),
         ("step", 0.9),
     ]
@@ -796,7 +802,7 @@ def test_curves_of_long_records_are_thinned_as_those_of_the_page(tmp_path):
     path = made(tmp_path / "s.mcap", {"/track/out": [("force", "N"), ("travel", "m")]}, rows)
     with Log(path) as log:
         (found,) = signal_picture._curves(RunData(log), ["track.force"], EVER, False, False, 0, False)
-    assert (found.x[found.y.argmax()], found.x[found.y.argmin()]) == (t[7777], t[12345]), "each when it was"
+    assert (found.x[found.y.argmax()], found.x[found.y.argmin()]) == (t[7777], t[12345]), "wrong instants"
     assert {*zip(found.x, found.y, strict=True)} <= {*zip(t, values, strict=True)}
     same = Envelope(0.0, float(t[-1]), 1, signal_picture.CURVE)
     same.add(t, values[:, None])

@@ -1,4 +1,4 @@
-"""Another model's answer beside the recorded one: differences that are known beforehand."""
+"""The answer of another model beside the recorded one: known differences."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def wrote(path, rows, every=1, names=("sprocket.force.x", "none", "own")):
 
 @pytest.fixture
 def made(tmp_path):
-    """A log and an answer that is 3 N more from 40 ms on and 7 N less at 50 ms; every second step is in the log."""
+    """A log of every second step, and an answer 3 N larger from 40 ms on and 7 N less at 50 ms."""
     now = FORCE + 3.0 * (T > 0.0395)
     now[50] = FORCE[50] - 7.0
     zero, log = np.zeros(len(T)), wrote(tmp_path / "a.mcap", (FORCE, 0 * T, 0 * T + 1.0), every=2)

@@ -1,4 +1,4 @@
-"""The command line: what it prints, how it exits, what it leaves behind."""
+"""The command line: its output, exit codes and files."""
 
 import json
 import os
@@ -57,7 +57,7 @@ def test_show(cotrack):
 
 
 def test_an_open_ledger_is_not_a_success(cotrack, tmp_path):
-    """A chain that falls 20 cm a step: nothing is asked of it, yet it cannot be right."""
+    """An open energy balance is a failure: a chain without checks falls 20 cm per step."""
     text = (Path(gallery.__file__).parents[1] / "gallery" / "released_chain.toml").read_text(encoding="utf-8")
     (tmp_path / "fall.toml").write_text(text.partition("[expect")[0], encoding="utf-8")
     fall = ("run", "fall.toml", "--no-estimate", "--set", "chain.links=8", "--stop", "0.6", "--json")
@@ -77,7 +77,7 @@ def test_run_ends_with_one_json_object(cotrack, tmp_path):
     assert (result["status"], result["message"]) == ("ok", "")
     assert result["communication_steps"] == 20
     assert result["simulated_time"] == pytest.approx(0.02)
-    assert set(result["checks"]) == {"rest"}, "the other windows are not covered"
+    assert set(result["checks"]) == {"rest"}, "checks of windows that the run does not reach are reported"
     assert set(result["components"]["chain"]) >= {
         "wall_time",
         "steps",
@@ -221,8 +221,8 @@ def test_checks_that_cannot_be_made_say_why(cotrack):
 
 @pytest.mark.parametrize("phase", ["build", "initialise", "warm up"])
 def test_ctrl_c_during_the_start_up(cotrack, monkeypatch, tmp_path, phase):
-    """Also where a component takes the interruption for a failure of its own."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
+    """Ctrl-C during the start is reported, also where a component reports it as its own failure."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job ignores it
 
     def interrupted(*_):
         try:
@@ -265,7 +265,7 @@ def test_a_full_disk_fails_the_run(cotrack, monkeypatch):
 
 
 def test_a_run_that_fails_before_it_writes_names_no_log(cotrack, monkeypatch, tmp_path):
-    """An earlier log stands where its own would be."""
+    """A run that fails before it writes reports no log, although an earlier log has the same name."""
     assert cotrack(*SHORT)[0] == 0
     earlier = tmp_path / "logs" / "hanging_chain-flexible.mcap"
     assert earlier.is_file()
@@ -294,11 +294,11 @@ def test_headline_figures_have_their_window(cotrack):
     assert set(result["windows"]) == set(result["observables"])
     assert result["windows"]["tension_max"] == {"from": 0.0, "to": 1.5}
     assert result["windows"]["sag"] == {"from": 0.5, "to": 1.5}
-    assert result["phases"] == [], "no hull"
+    assert result["phases"] == [], "without a hull there are no phases"
 
 
 def test_turns_of_the_last_second_are_left_to_phases(capsys):
-    """What a summary prints of a run that turned and stands at last."""
+    """The summary of a run that turned and stands at the end leaves turn radius and rate to the phases."""
     turned = dict.fromkeys(Phase._fields, float("nan")) | {
         "kind": "turn", "turning": "right", "start": 3.6, "end": 6.0, "yaw_rate": -0.25, "yaw_rate_most": -0.31,
         "radius": 7.9, "tension": 42e3, "tension_t": 3.743, "tension_track": "right_track", "speed": 1.96, "way": 4.77,
@@ -326,7 +326,7 @@ def test_a_component_that_fails_ends_the_run_and_closes_the_log(cotrack, monkeyp
         run(self, t, h)
 
     monkeypatch.setattr(Program, "run", failing)
-    monkeypatch.setattr(scheme, "TOGETHER", 0.0)  # one by one
+    monkeypatch.setattr(scheme, "TOGETHER", 0.0)  # calls one by one
     status, out, err = cotrack(*SHORT)
     assert status == 1
     assert "link 7" in err
@@ -351,7 +351,7 @@ def test_equal_runs_have_equal_digests_and_replay_is_equal(cotrack):
     assert out.startswith("equal: ")
     assert cotrack(*SHORT, "--log", "c.mcap", "--set", "vehicle.gravity=9.8100001")[0] == 0
     with Log("c.mcap") as log:
-        assert log.digest() != digests[0], "the twin differs"
+        assert log.digest() != digests[0], "the twin has the same digest"
 
 
 def test_replay_with_the_other_track_model(cotrack, tmp_path):
@@ -397,7 +397,7 @@ def test_an_answer_is_replayed_in_turn(cotrack, tmp_path):
     with replay_model.opened(Path("a.mcap"), "chain", None) as again:
         shutil.copy(again.model.fmu, "mine.fmu")
     status, out, _ = cotrack("replay", "a.mcap", "--component", "chain", "--with", "mine.fmu")
-    assert (status, out[:7]) == (0, "equal: "), "the file is what ran"
+    assert (status, out[:7]) == (0, "equal: "), "the file is not what ran"
     status, out, _ = cotrack("replay", "b.mcap", "--component", "chain", "--with", "mine.fmu")
     assert (status, out.splitlines()[-1]) == (0, "log b-chain-mine.mcap")
     status, _, err = cotrack("replay", "b-chain-mine.mcap", "--component", "chain")
@@ -453,7 +453,7 @@ def test_different_scenes_are_compared_when_asked(cotrack):
 
 @pytest.mark.parametrize(("step", "refused"), [("0.3e-3", 557), ("0.7e-3", 71), ("1e-3", 0)])
 def test_view_takes_the_end_as_it_is_written(step, refused):
-    """Of 1000 ends k H, so many lie above the last record by rounding."""
+    """View accepts the end as printed, which rounding puts above the last record for some k H."""
     above = 0
     for k in range(1, 1001):
         recorded = np.arange(k + 1) * float(step)
@@ -484,7 +484,7 @@ def test_a_full_or_closed_stdout_is_a_sentence(environment, buffered):
     os.close(reading)
     ended = child(["scenes"], environment, stdout=writing, stderr=subprocess.PIPE)
     os.close(writing)
-    assert (ended.returncode, ended.stderr) == (1, ""), "who reads has read enough"
+    assert (ended.returncode, ended.stderr) == (1, ""), "a closed pipe is not an error to report"
 
 
 def test_an_error_of_ours_is_a_sentence_too(cotrack, monkeypatch):
@@ -502,7 +502,7 @@ def test_an_error_of_ours_is_a_sentence_too(cotrack, monkeypatch):
     status, out, err = cotrack("run", "rig", "--json")
     assert status == 1
     assert last(out)["message"].startswith("internal error: ZeroDivisionError")
-    assert "Traceback" not in err, "asked for once only"
+    assert "Traceback" not in err, "the error is reported more than once"
 
 
 def test_names_of_files_need_not_be_text(cotrack, tmp_path):
@@ -582,7 +582,7 @@ def test_view_from_above(cotrack, tmp_path):
     assert [left[:, 1].min(), left[:, 1].max()] == pytest.approx([1.0795 - 0.189, 1.0795 + 0.189], abs=1e-3)
     force = [view.force[:64] for view in views]
     assert [view.feet.shape for view in views] == [(128, 2), (128, 2)]
-    every = load("turn", "rigid").links_every  # steps over which forces of links are means
+    every = load("turn", "rigid").links_every  # steps over which link forces are averaged
     for k, rows in ((0, slice(1)), (1, slice(21 - every, 21))):
         assert force[k].sum(axis=0) == pytest.approx([part[rows].mean() for part in whole], abs=1e-6)
     assert "from 0 to 0.02 s" in cotrack("view", "a.mcap", "--above", "--at", "1", "-o", "b.png")[2]
@@ -631,7 +631,7 @@ def test_build_names_variants(cotrack, tmp_path):
 
 
 def started(tmp_path, environment):
-    """A long run in a process of its own that has begun to write its log."""
+    """Start a long run in its own process and wait until it writes its log."""
     log = tmp_path / "long.mcap"
     command = [sys.executable, "-m", "orchestrator", "run", "hanging_chain", "--stop", "1000"]
     process = subprocess.Popen(

@@ -1,4 +1,4 @@
-"""A component is any FMI 2.0 co-simulation FMU, its arrays and its sentences."""
+"""A component is any FMI 2.0 co-simulation FMU: its arrays and its messages."""
 
 import re
 import threading
@@ -17,7 +17,7 @@ H = 1e-3
 
 
 def changed(fmu, target, change):
-    """A copy of an FMU with another modelDescription.xml (or file list)."""
+    """Copy an FMU with another modelDescription.xml (or file list)."""
     with zipfile.ZipFile(fmu) as source, zipfile.ZipFile(target, "w") as copy:
         for name in source.namelist():
             content = change(name, source.read(name))
@@ -53,7 +53,10 @@ def test_arrays_follow_the_description(toy):
 
 
 def test_links_are_copied_from_where_they_lie(toy, tmp_path):
-    """The same bits as one by one: of an FMU that says where, of one that does not, and in machine code."""
+    """Link outputs copied from their address have the bits of single reads.
+
+    Checked for FMUs with and without the address, in Python and in machine code.
+    """
 
     def silent(name, content):
         return content.replace(b"links.size", b"links.length") if name == "modelDescription.xml" else content
@@ -61,7 +64,7 @@ def test_links_are_copied_from_where_they_lie(toy, tmp_path):
     found = {}
     for fmu, addressed in ((toy, True), (changed(toy, tmp_path / "silent.fmu", silent), False)):
         with Component(fmu, "toy") as component:
-            for _ in range(2):  # a reset moves them
+            for _ in range(2):  # a reset changes the address
                 component.initialise({"start.x": 0.25})
                 assert bool(component._array) == addressed
             for k in range(3):
@@ -124,7 +127,7 @@ def test_components_step_side_by_side_in_threads(toy):
 
 @pytest.mark.skipif(not CAN_STEP, reason="no kernels for this system")
 def test_a_step_by_kernels_is_the_step(toy):
-    """And its failure is the component's, in its own words."""
+    """A step by kernels equals the step by Python; its failure is reported in the component's own words."""
     with Component(toy, "one") as one, Component(toy, "two") as two:
         for component in (one, two):
             component.initialise({})
@@ -171,7 +174,7 @@ def test_failures_in_threads_find_their_component(toy):
         ThreadPoolExecutor(2) as pool,
     ):
         assert list(pool.map(run, (one, two))) == ["one", "two"]
-    assert sorted(heard) == [("one", 3)] * 2 + [("two", 3)] * 2  # the sentence and the traceback
+    assert sorted(heard) == [("one", 3)] * 2 + [("two", 3)] * 2  # the message and the traceback
 
 
 @pytest.mark.parametrize(

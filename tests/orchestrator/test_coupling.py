@@ -1,4 +1,4 @@
-"""Every coupling at every cut of the two masses: order, stable step, energy; real FMUs; scenes; variable steps."""
+"""Every coupling at every cut of two masses: order, stable step, energy; FMUs, scenes, variable steps."""
 
 import math
 from itertools import pairwise
@@ -94,7 +94,7 @@ def test_stable_below_the_predicted_limit_and_not_above(cut, variant):
 
 
 def test_the_limit_belongs_to_the_spring():
-    """The twin: a spring that is a fifth stiffer grows where the right one does not."""
+    """A spring that is 20 % stiffer grows at the limit of the right one (twin)."""
     limit = predicted_limit("jacobi linear", "wrench")
     assert grows("jacobi linear", "wrench", 0.95 * limit, DAMPED._replace(k=1.2 * DAMPED.k))
 
@@ -110,7 +110,7 @@ def test_the_correction_keeps_the_energy_one_order_better(cut):
 
 
 def test_uneven_steps_keep_the_order():
-    """Lengths in the ratio 1 : 2 : 3; what knows nothing of them is of order 1."""
+    """Uneven steps (ratio 1 : 2 : 3) keep order two; a scheme that ignores them has order one."""
     for variant in ("jacobi linear", "gauss_seidel linear", "iterative", "energy_corrected"):
         errors = []
         for h in (0.02, 0.01):
@@ -167,7 +167,7 @@ def pair(toy):
 
 
 def pulled(pair, variant, pace):
-    """Error of both positions at 0.4 s."""
+    """Sum of the errors of both positions at 0.4 s."""
     for component, x in zip(pair, (0.1, 0.0), strict=True):
         component.u[0] = 0.1 - x
         component.initialise({"start.x": x, "substeps": 40, "stiffness": 9.0, "damping": 0.0})
@@ -208,8 +208,8 @@ def test_variable_steps_land_on_the_end_and_show_every_point_as_it_was():
     assert pace.forced == 0
     assert [k for k, *_ in seen] == list(range(len(seen)))
     assert all(after[1] == before[1] + after[2] for before, after in pairwise(seen))
-    assert a.steps > len(seen), "tried steps count"
-    stages, again, _ = coupled("wrench", DAMPED)  # side a alone, fed with what was shown
+    assert a.steps > len(seen), "rejected steps must count"
+    stages, again, _ = coupled("wrench", DAMPED)  # side a alone with the recorded inputs
     for before, after in pairwise(seen):
         again.u[:] = after[3]
         again.step(before[1], after[2])
@@ -264,7 +264,7 @@ def test_a_rig_runs_and_replays_with_every_coupling(way, tmp_path):
     path = tmp_path / "rig.mcap"
     result = simulate(load("rig", "rigid", (*BRIEF, *WAYS[way])), path)
     assert result["status"] == "ok"
-    assert ("energy ledger leaves" in result["message"]) == (way == "held"), "held inputs are noticed, others are not"
+    assert ("energy ledger leaves" in result["message"]) == (way == "held"), "only held inputs warn"
     assert result["simulated_time"] == pytest.approx(0.012)
     with Log(path) as log:
         named = {"held": "jacobi (hold = constant)", "variable": "tracks_first", "power": "tracks_first"}

@@ -1,4 +1,4 @@
-"""Where two logs part: found at the very bit, in any chunks, with what it spreads to and how it grows."""
+"""The divergence of two logs: found at the very bit, in any chunks, with its spread and growth."""
 
 import json
 import math
@@ -21,7 +21,7 @@ STEPS = 600
 
 
 def altered(changes):
-    """A change for ``record``: (topic, step, column) -> factor of the value, or ULP as an int."""
+    """Return a change for ``record``: (topic, step, column) -> factor of the value, or an int in ULP."""
 
     def change(topic, k, row):
         for (where, step, column), what in changes.items():
@@ -117,7 +117,7 @@ def test_ulps_are_counted_across_zero(x, n):
     y = x
     for _ in range(abs(n)):
         y = math.nextafter(y, math.inf if n > 0 else -math.inf)
-    zeros = (x < 0.0) != (y < 0.0) or (x == 0.0) != (y == 0.0)  # -0.0 and 0.0 are one for nextafter
+    zeros = (x < 0.0) != (y < 0.0) or (x == 0.0) != (y == 0.0)  # nextafter treats -0.0 and 0.0 as equal
     assert abs(ulps(x, float(y)) - abs(n)) <= (1 if zeros or np.isinf(y) else 0) or np.isinf(y)
     assert ulps(-0.0, 0.0) == 0
     assert ulps(5e-324, -5e-324) == 2
@@ -130,7 +130,7 @@ SHORT = ("run.stop=0.02", "expect={}", "chain.links=8")
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """A chain, and one whose gravity is another by the last bit."""
+    """Logs of a chain, and of one whose gravity differs in the last bit."""
     folder = tmp_path_factory.mktemp("runs")
     for name, more in (("a", ()), ("b", ("vehicle.gravity=9.810000000000002",))):
         assert simulate(load("hanging_chain", None, (*SHORT, *more)), folder / f"{name}.mcap")["status"] == "ok"

@@ -1,4 +1,4 @@
-"""The energy ledger: rotations between quaternions, ports, and books kept by the components themselves."""
+"""The energy balance: rotations between quaternions, ports, integrals of the components."""
 
 import json
 from itertools import pairwise
@@ -36,7 +36,7 @@ def test_turns_are_rotation_vectors_in_the_world():
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory):
-    """The vehicle drives off at once, for half a second."""
+    """A log of a vehicle that drives off at once, for half a second."""
     settings = ["run.stop=0.5 s", "drive.ramp_start=0 s", "drive.ramp_time=0.5 s", "drive.speed=2 rad/s"]
     path = tmp_path_factory.mktemp("energy") / "driven.mcap"
     result = simulate(load("straight", "flexible", settings), path)
@@ -53,7 +53,7 @@ def test_every_wheel_and_mount_is_a_port(driven):
 
 
 def test_work_at_the_ports_is_what_the_components_received(driven):
-    """Chassis and drives integrate the work of their ports themselves."""
+    """Work at the ports is what the components received, by the integrals of chassis and drives."""
     with Log(driven) as log:
         run = RunData(log)
         books = ledger(run)
@@ -96,9 +96,9 @@ def test_a_chain_at_rest_has_no_work(tmp_path):
 
 
 def test_what_the_ledger_leaves_open_falls_with_the_step(tmp_path):
-    """The ports' part at the order of the coupling, all at order 1, that of the dampers' rates in a track.
+    """The ledger's residual falls with the step at order one, that of the dampers' rates in a track.
 
-    Without what covered parts lose it tends to 0.26 J.
+    The ports' part has the order of the coupling. Without the covering losses the residual tends to 0.26 J.
     """
     books = []
     for step in ("0.25 ms", "0.125 ms"):
@@ -114,13 +114,13 @@ def test_what_the_ledger_leaves_open_falls_with_the_step(tmp_path):
 
 
 def jumped(tmp_path, step, stop):
-    """The ledger of a rig whose sprocket jumps to 20 rad/s at once."""
+    """Energy balance of a rig whose sprocket jumps to 20 rad/s at once."""
     settings = [f"run.stop={stop}", f"run.step={step}", f"track.step={step}", "drive.ramp_time=0", "drive.speed=20"]
     return simulate(load("rig", "rigid", settings), tmp_path / f"{step}-{stop}.mcap")["energy"]
 
 
 def test_the_impact_of_a_speed_that_jumps_is_open_at_order_two(tmp_path):
-    """First 10 ms: pins rebound from the teeth that hit them."""
+    """The residual of a speed jump has order two in the first 10 ms, where pins rebound from the teeth."""
     books = [jumped(tmp_path, step, "10 ms") for step in ("0.5 ms", "0.25 ms", "0.125 ms")]
     rates = np.log2([abs(a["residual"] / b["residual"]) for a, b in pairwise(books)])
     assert np.abs(rates - 2.0).max() < 0.3, rates
@@ -129,14 +129,14 @@ def test_the_impact_of_a_speed_that_jumps_is_open_at_order_two(tmp_path):
 
 @pytest.mark.parametrize("step", ["0.25 ms", "0.125 ms"])
 def test_pins_that_a_jump_presses_through_the_teeth_keep_their_energy(tmp_path, step):
-    """51 mm deep, where the nearest face changes."""
+    """Pins that a jump presses 51 mm into the teeth, where the nearest face changes, keep their energy."""
     books = jumped(tmp_path, step, "50 ms")
     assert abs(books["residual_relative"]) < 1e-3
-    assert 0.02 * books["dissipated"] > 2e-3 * abs(books["work"])  # what a fiftieth of the losses would leave
+    assert 0.02 * books["dissipated"] > 2e-3 * abs(books["work"])  # 2 % of the losses would be seen
 
 
 def booked(path, **energies):
-    """The ledger of a log whose components hold such energies (kind -> (m,)) over time."""
+    """Energy balance of a log whose components hold the given energies (kind -> (m,)) over time."""
     names = list(energies)
     system = {"instances": [{"name": name} for name in names], "connections": []}
     topics = {f"/{name}/in": [("u", "1")] for name in names}
@@ -154,12 +154,15 @@ def booked(path, **energies):
 
 
 def test_potential_energy_that_comes_back_counts_in_the_scale(tmp_path):
-    """1 kJ goes from gravity into a spring and back, slowly; 10 J of it are lost on the way."""
+    """Potential energy that returns counts in the scale.
+
+    1 kJ goes from gravity into a spring and back; 10 J are lost.
+    """
     back = 1000.0 * np.sin(np.linspace(0.0, np.pi, 101)) ** 2
     lost = np.linspace(0.0, 10.0, 101)
     books = booked(tmp_path / "log.mcap", hull={"gravity": 5e6 - back, "spring": back - lost})
     assert books["residual"] == pytest.approx(10.0)
-    assert books["residual_relative"] == pytest.approx(0.01, rel=1e-3), "not of what is left of it in the end"
+    assert books["residual_relative"] == pytest.approx(0.01, rel=1e-3), "the scale is the remaining energy at the end"
     assert energy_warning(books) == ""
 
 

@@ -1,4 +1,4 @@
-"""How wrong a run is: the norm, the run's own estimate, what precision costs, the study of error against run time."""
+"""The error of a run: norm, own estimate, cost of precision, study of error against run time."""
 
 import json
 import math
@@ -46,7 +46,7 @@ def test_the_norm_of_a_known_difference():
     assert found.absolute == pytest.approx(0.02)
     assert found.relative == pytest.approx(0.01)
     still = difference(signal(0.01, lambda t: 1e-3 + 0 * t), signal(0.01, lambda t: 0 * t), LINE)
-    assert still.relative == pytest.approx(0.01), "relative to the floor where nothing moves"
+    assert still.relative == pytest.approx(0.01), "a constant signal has no error relative to the floor"
 
 
 def test_runs_of_other_steps_meet_at_the_instants_of_the_sparser():
@@ -56,7 +56,7 @@ def test_runs_of_other_steps_meet_at_the_instants_of_the_sparser():
 
 
 def test_means_meet_as_means():
-    """Means of t over steps of 20 and of 5 ms are the same means over 20 ms; instants taken for means are not."""
+    """Means of t over steps of 20 and of 5 ms agree as means over 20 ms; instants taken for means do not."""
     coarse, fine = (signal(h, lambda t, h=h: t - h / 2, mean=True) for h in (0.02, 0.005))
     a, b = aligned(coarse, fine)
     np.testing.assert_allclose(a, b, atol=1e-12)
@@ -66,7 +66,7 @@ def test_means_meet_as_means():
 
 @pytest.mark.long
 def test_joint_forces_do_not_depend_on_the_interval_of_their_means(tmp_path):
-    """Means over 2.5 and over 10 ms of the same run are the same observables; those of a tighter chain are others."""
+    """Joint forces do not depend on the interval of their means, 2.5 or 10 ms."""
     paths = [tmp_path / name for name in ("fine.mcap", "coarse.mcap", "tight.mcap")]
     for path, how in zip(
         paths, (("run.links=1",), ("run.links=4",), ("run.links=4", "rig.tension=10.3 kN")), strict=True
@@ -85,7 +85,7 @@ def test_only_decisive_observables_decide():
 
 @pytest.fixture(scope="module")
 def swings(tmp_path_factory):
-    """Short swings of a chain at several steps, each with its own estimate: summaries and logs by step in ms."""
+    """Return summaries and logs, by step in ms, of short swings of a chain, each with its own estimate."""
     folder, found = tmp_path_factory.mktemp("swings"), {}
     for step in (4.0, 2.0, 0.25):
         log = folder / f"{step}.mcap"
@@ -100,7 +100,7 @@ def test_the_estimate_is_within_a_factor_of_three(swings, step):
     with Log(swings[step]["log"]) as run, Log(swings[0.25]["log"]) as fine:
         true = differences(RunData(run), RunData(fine))
     own = swings[step]["error"]
-    assert own["coupling"] == 0.0, "there is nothing to couple"
+    assert own["coupling"] == 0.0, "an uncoupled system has no coupling error"
     assert own["total"] == own["integration"]
     for name, one in true.items():
         assert 1 / 3 < own["observables"][name]["total"] / one.relative < 3, name
@@ -108,7 +108,10 @@ def test_the_estimate_is_within_a_factor_of_three(swings, step):
 
 
 def test_steps_that_were_halved_do_not_spoil_the_companions(tmp_path):
-    """A track that took 12 steps more than 1000 set out to take one a communication step: its double is 8 ms."""
+    """Halved steps do not spoil the companion runs of the estimate.
+
+    A track that took 12 steps more than 1000 was set to one per communication step: doubled, its step is 8 ms.
+    """
     asked = []
 
     def record(scene, path):
@@ -126,12 +129,15 @@ def test_steps_that_were_halved_do_not_spoil_the_companions(tmp_path):
     alike = companions(explicit, 8e-6, 4.0, 5)
     assert alike.both == alike.coupling, "its stable step cannot be doubled"
     soft = companions(explicit, explicit.track.step, 4.0, 5)
-    assert soft.both.track.step == 2.0 * soft.coupling.track.step, "the twin: the step that was asked for can"
+    assert soft.both.track.step == 2.0 * soft.coupling.track.step, "the twin: the requested step can be doubled"
 
 
 @pytest.mark.parametrize(("step", "known"), [("1 ms", False), ("1 us", True)])
 def test_a_chain_at_its_stable_step_has_nothing_coarser_beside_it(tmp_path, step, known):
-    """Explicit cables are stable to 3.6 us whatever longer step is asked for; a shorter one can be doubled."""
+    """A chain at its stable step has no coarser companion.
+
+    Explicit cables are stable to 3.6 us, whatever longer step is requested; a shorter one can be doubled.
+    """
     explicit = ("chain.links=8", "track.start=displaced", "track.integrator=runge_kutta", f"track.step={step}")
     scene = load("hanging_chain", "flexible", (*explicit, "run.step=1 ms", "run.stop=10 ms", "run.links=1"))
     own = simulate(scene, tmp_path / "run.mcap", estimated=True)["error"]
@@ -201,7 +207,7 @@ def test_compare_and_version(swings, monkeypatch, capsys):
     assert (status, said.out.split()[0]) == (0, "cotrack")
 
 
-# --- what precision costs --------------------------------------------------------------------------
+# --- the cost of precision --------------------------------------------------------------------------
 
 ROWS = [
     Setting("swing", "flexible", ("run.step=4 ms",), 0.1, 1.0),
@@ -218,7 +224,7 @@ def test_the_cheapest_setting_within_an_error(tmp_path, monkeypatch):
     precision.write([ROWS[3]._replace(wall_time=8.0)], precision.own())
     assert cheapest("swing", "flexible", 0.15).wall_time == 1.0
     assert cheapest("swing", "flexible", 0.05).wall_time == 2.0
-    assert cheapest("swing", "rigid", 0.05).wall_time == 8.0, "the newer study of a track model replaces the older"
+    assert cheapest("swing", "rigid", 0.05).wall_time == 8.0, "the newer study of a track model counts"
     with pytest.raises(BadInput, match=r"the best has an error of 0\.02"):
         cheapest("swing", "flexible", 0.01)
     with pytest.raises(BadInput, match="study error-runtime swung"):
@@ -233,7 +239,7 @@ def test_fractions():
 
 
 def test_shipped_settings_are_sound():
-    """Every one loads, and their scenes are those of the gallery."""
+    """Every shipped setting loads, and its scene is one of the gallery."""
     assert re.fullmatch("[0-9a-f]{40}", json.loads(precision.SHIPPED.read_text())["commit"])
     shipped = precision.read(precision.SHIPPED)
     assert {row.scene for row in shipped} >= {"hanging_chain", "rig", "straight"}
@@ -251,7 +257,7 @@ def test_cases_of_the_study_have_names_of_their_own():
 
 @pytest.mark.long
 def test_a_study_of_a_small_swing(tmp_path, monkeypatch, capsys):
-    """From the command to table, picture and the settings that ``--error`` takes."""
+    """A study runs from the command to its table, its picture and the settings that ``--error`` uses."""
     monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / "cache"))
     base, steps, finer = SWING, ("track.step=2 ms", "run.step=2 ms"), ("track.step=0.5 ms", "run.step=0.5 ms")
     cases = [

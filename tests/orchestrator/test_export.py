@@ -1,4 +1,4 @@
-"""Recorded values as files and as tables of other libraries: what comes back is what was recorded, bit by bit."""
+"""Recorded values as files and as tables of other libraries: they come back bit by bit."""
 
 import csv
 import subprocess
@@ -86,7 +86,7 @@ def test_export_of_what_is_not_there(small, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(LogFailed, match="cannot be written"):
         export(small, tmp_path / "file" / "a.csv", ["chassis.speed"])
-    assert [path.name for path in tmp_path.iterdir()] == ["file"], "nothing half-written is left"
+    assert [path.name for path in tmp_path.iterdir()] == ["file"], "a half-written file is left"
 
 
 def test_parquet_gives_every_bit_back(chunked, tmp_path):
@@ -147,7 +147,10 @@ print(int(most) * 1024)  # of this program: that of getrusage may be its parent'
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="reads what Linux says of a process")
 def test_memory_is_that_of_a_row_group(tmp_path):
-    """Of 400 MB, a row group of 2 MB is in memory, and 2 kB for each of its columns; all rows where it is larger."""
+    """Memory is that of a row group: 2 MB of a log of 400 MB, and 2 kB for each column.
+
+    With a larger group all rows are in memory.
+    """
     file = tmp_path / "a.parquet"
 
     def peak(pieces, group):
@@ -160,8 +163,8 @@ def test_memory_is_that_of_a_row_group(tmp_path):
     assert np.array_equal(found.read(["x7"])["x7"].to_numpy(), np.repeat(np.arange(1000.0), 1000))
     assert many - few < 2500 * COLUMNS * found.num_row_groups + 10e6
     assert peak(1000, 400_000_000) - few > 350e6
-    rows = export_module.GROUP / 8 / 320  # of a group of the links of a track, with five groups of outputs
-    assert 0.015 * 8 * rows > 2500, "what is kept of a column is little beside what is written of it"
+    rows = export_module.GROUP / 8 / 320  # of a group of a track's links, with five groups of outputs
+    assert 0.015 * 8 * rows > 2500, "the buffers of a column are large beside its written data"
 
 
 def test_a_matlab_file(chunked, tmp_path):

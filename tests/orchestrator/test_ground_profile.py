@@ -1,4 +1,4 @@
-"""The line of the ground against the contact law's own ground."""
+"""The drawn line of the ground against the ground of the contact law."""
 
 import numpy as np
 import pytest
@@ -20,14 +20,14 @@ def test_points_of_the_line_lie_on_the_ground(settings):
     shape = ground_shape(scene.vehicle.model_dump(), 0.0, bump)
     along = np.concatenate([np.linspace(-1.0, 6.0, 300), found.along])
     depths = [level(shape, x, z - found.start[2])[0] for x, z in zip(along, found.at(along), strict=True)]
-    # a straight line between two points of an arc lies below it by less than this
+    # a straight line between two points of an arc is below it by less than this
     assert np.abs(depths).max() < 0.15 * (0.35 / 8) ** 2 / 8 * 1.1
     assert len(found.along) == (36 if bump else 0)
     assert not bump or found.at(np.array([found.along.mean()]))[0] == pytest.approx(found.level + 0.2)
 
 
 def test_axes_of_a_loop_point_outwards():
-    angle = -np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)  # as tracks run: over the top, ahead
+    angle = -np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)  # in the direction of tracks: forward over the top
     pins = np.stack([np.cos(angle), 0.0 * angle, np.sin(angle)], axis=-1)
     axes = link_axes(pins, np.array([0.0, 1.0, 0.0]), 12)
     middle = 0.5 * (pins + np.roll(pins, -1, axis=0))

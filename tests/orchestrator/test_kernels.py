@@ -1,4 +1,4 @@
-"""Kernels of the orchestrator: each intrinsic does what its name says, and the object file is found whole or made."""
+"""Kernels of the orchestrator: each intrinsic does what its name says; the object file is whole."""
 
 import subprocess
 import sys
@@ -39,7 +39,7 @@ needs_linux = pytest.mark.skipif(not CAN_STEP, reason="a system call of Linux on
 
 
 def loaded(kernel, *kinds):
-    """A function of intrinsics, compiled as kernels are; the engine lives as long as it."""
+    """A function of intrinsics, compiled as kernels are; it keeps the engine alive."""
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
@@ -122,7 +122,7 @@ def test_a_word_is_swapped_if_it_is_the_expected_one():
 
 
 def counting_up(atomically):
-    """What two threads count together to, each to 200 000."""
+    """Sum of two threads that each count to 200 000 in the same word."""
 
     def swapping(address, n):
         for _ in range(n):
@@ -155,7 +155,7 @@ def test_a_swap_is_never_lost():
 
 @needs_linux
 def test_others_run_while_a_kernel_waits():
-    """A kernel has no lock of Python, and it lets other threads have its processor."""
+    """Other threads run while a kernel waits: it holds no lock of Python and yields the processor."""
 
     def kernel(address):
         looks = 0
@@ -184,10 +184,10 @@ def test_a_thread_sleeps_until_it_is_woken():
         return futex_wake(address)
 
     word, sleep, wake = np.array([3]), loaded(sleeper, WORD, WORD), loaded(waker, WORD)
-    assert wake(at(word)) == 0, "nobody sleeps"
+    assert wake(at(word)) == 0, "nothing waits to be woken"
     thread = threading.Thread(target=sleep, args=(at(word), 3))
     thread.start()
-    while wake(at(word)) == 0:  # until it sleeps
+    while wake(at(word)) == 0:  # until the thread sleeps
         pass
     word[0] = 4
     wake(at(word))
@@ -225,7 +225,7 @@ def test_bytes_are_copied():
 
 
 def test_functions_of_fmi_are_called_by_address():
-    """With their arguments, also beyond 32 bits, and their status, also one that is negative."""
+    """FMI functions are called by address, with arguments beyond 32 bits and with negative status."""
     called, u = [], np.array([0.5, 0.25])
 
     def exchange(instance, references, n, values):

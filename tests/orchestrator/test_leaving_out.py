@@ -1,4 +1,4 @@
-"""What leaving out saves: the pairs, the measure of their difference, the table; what show says of a scene."""
+"""Savings by omitted parts: pairs of runs, measure of their difference, table, and ``show``."""
 
 import math
 
@@ -52,9 +52,10 @@ def test_what_is_added_in_vain_changes_nothing(tmp_path):
 
 
 def test_a_speed_that_is_hardly_shown_is_measured_by_the_motion(tmp_path):
-    """The halves of a chain swing against each other: its mean speed is rounding, its links move all the same.
+    """A speed near zero is measured by the motion of the links.
 
-    What rounding may grow to on this machine is asked of a run with the next larger gravity.
+    The halves of a chain swing against each other: its mean speed is rounding, but its links move. The growth of
+    rounding on this machine is measured by a run with the next larger gravity.
     """
     ulp = f"vehicle.gravity={math.nextafter(9.81, 10.0)!r}"
     logs = [tmp_path / f"{name}.mcap" for name in ("whole", "planar", "ulp", "other")]

@@ -1,4 +1,4 @@
-"""A view of a run that goes on: what comes into the log bit by bit is what a view of the whole log shows."""
+"""A live view of a running log shows what a view of the whole log shows."""
 
 import threading
 import time
@@ -24,7 +24,7 @@ def rig(tmp_path_factory):
 
 
 def again(source, path, pause, end=None):
-    """Write the log of a run once more, step by step with a pause every 20 steps, as far as ``end``."""
+    """Write the log of a run again up to ``end``, with a pause after every 100 rows."""
     with Log(source) as log:
         topics = {topic: list(zip(about.names, about.units, strict=True)) for topic, about in log.topics.items()}
         every = {topic: about.every for topic, about in log.topics.items()}
@@ -49,7 +49,7 @@ def again(source, path, pause, end=None):
 
 
 def held(file):
-    """Times and centres of links, and all values of the speed of the chain, in a file of Rerun."""
+    """Times and centres of links, and all values of the chain's speed, in a Rerun file."""
     chunk = pytest.importorskip("rerun.chunk")
     links, curve = [], []
     for piece in chunk.RrdReader(file).stream():
@@ -79,7 +79,7 @@ def test_a_run_that_goes_on_is_shown_as_far_as_it_came(rig, tmp_path, monkeypatc
     live.follow(tmp_path / "run.mcap", tmp_path / "live.rrd")
     writer.join()
     rerun_scene.show(tmp_path / "run.mcap", tmp_path / "whole.rrd")
-    assert len({end for end in ends if 0.0 < end < 0.3}) > 2, "it came bit by bit"
+    assert len({end for end in ends if 0.0 < end < 0.3}) > 2, "the log did not grow between the reads"
     (links, curve), (all_links, all_of_it) = held(tmp_path / "live.rrd"), held(tmp_path / "whole.rrd")
     assert [t for t, _ in links] == [t for t, _ in all_links]
     assert links == all_links
@@ -88,7 +88,7 @@ def test_a_run_that_goes_on_is_shown_as_far_as_it_came(rig, tmp_path, monkeypatc
 
 
 def test_steps_between_two_records_of_links_wait(rig, tmp_path, monkeypatch):
-    """Looked at so often that some windows hold steps and no record of links: nothing is lost, nothing comes twice."""
+    """Steps between two records of links wait: with short windows nothing is lost or repeated."""
     monkeypatch.setattr(rerun_scene, "RATE", 1e4)
     rerun_scene.show(rig, tmp_path / "whole.rrd")
     ends = [0.0, 0.011, 0.013, 0.0141, 0.2, 0.203, np.inf]
@@ -124,4 +124,4 @@ def test_where_nothing_comes_it_says_so(tmp_path, monkeypatch):
     monkeypatch.setattr(live, "PATIENCE", 0.05)
     with pytest.raises(BadInput, match="no run has written a record there"):
         live.follow(tmp_path / "none.mcap", tmp_path / "live.rrd")
-    assert not list(tmp_path.iterdir()), "nothing half-written is left"
+    assert not list(tmp_path.iterdir()), "a half-written file is left"

@@ -41,7 +41,7 @@ def records(data):
 
 
 def chunk_spans(data):
-    """(start of the chunk, end of its message indexes)."""
+    """(start of the chunk, end of its message indexes) of all chunks."""
     found = []
     for opcode, start, end in records(data):
         if opcode == 0x06:
@@ -181,7 +181,7 @@ STRIDES = {"/a/in": 1, "/a/out": 3, "/a/links": 7, "/b/in": 1, "/b/out": 1, "/st
 
 
 def ragged(path, steps=60, results=None):
-    """A log as a run writes it, topic after topic, in chunks that end anywhere in a step."""
+    """Write a log as a run does, topic after topic, in chunks that end anywhere in a step."""
     topics = {topic: [("x", "m"), ("y", "m")] for topic in STRIDES}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "CHUNK", 500)
@@ -199,7 +199,7 @@ def ragged(path, steps=60, results=None):
 
 
 def test_a_recovered_log_ends_with_a_step_that_all_topics_have(tmp_path):
-    """Wherever it was cut: with every step before that, at each topic's own stride."""
+    """A log that was cut anywhere ends, recovered, with a step that all topics have."""
     data = ragged(tmp_path / "whole.mcap").read_bytes()
     spans = chunk_spans(data)
     assert len(spans) > 20
@@ -221,7 +221,7 @@ def test_a_recovered_log_ends_with_a_step_that_all_topics_have(tmp_path):
                 elif len(left.sequence("/b/out")):
                     assert found == list(range(0, stop, every)), (cut, topic)
             lasts = [len(left.sequence(topic)) for topic in ("/a/in", "/b/in")]
-            assert n >= min(lasts) - 1, "no more than the step that was cut is lost"
+            assert n >= min(lasts) - 1, "more than the cut step is lost"
     assert len(ends) > 15
 
 
@@ -261,7 +261,7 @@ def test_results_of_the_closing_record_are_kept(tmp_path):
         assert "; the run ended with status ok" in saved.closing["message"]
         inputs, outputs = saved.sequence("/a/in"), saved.sequence("/b/out")
         assert 40 < len(inputs) < 60
-        assert np.array_equal(inputs + 1, outputs[1:]), "steps round the gap are whole"
+        assert np.array_equal(inputs + 1, outputs[1:]), "steps beside the gap are incomplete"
 
 
 WARNED = {"component": "a", "text": "x", "time": 0.0, "count": 1}
@@ -287,7 +287,7 @@ def test_warnings_that_are_none_damage_their_record(small, tmp_path, told):
 def test_a_recovery_that_fails_leaves_what_was_there(small, tmp_path):
     content = Content(small)
     content.chunks[0] = [(number, rows.copy(), times) for number, rows, times in content.chunks[0]]
-    content.chunks[0][0][1][0, PREFIX + 1 : PREFIX + 9] = list(np.float64(-1.0).tobytes())  # t
+    content.chunks[0][0][1][0, PREFIX + 1 : PREFIX + 9] = list(np.float64(-1.0).tobytes())  # the time t
     del content.metadata["closing"]
     strange = content.write(tmp_path / "strange.mcap")
     saved = Path(shutil.copy(small, tmp_path / "saved.mcap"))
@@ -312,12 +312,12 @@ def test_recovering_leaves_out_a_damaged_chunk_only(chunked, tmp_path):
     for offset in (
         start + 100,
         start + 3,
-    ):  # in its content; in its length, so that the way to the next is lost
+    ):  # in its content; in its length, so that the next record cannot be found
         damaged = data.copy()
         damaged[offset] ^= 0x40
         (tmp_path / "bad.mcap").write_bytes(damaged)
         assert recover(tmp_path / "bad.mcap", tmp_path / "saved.mcap").code == RECOVERED
-        assert "step" in verify(tmp_path / "saved.mcap").sentences[0]  # the gap stays a gap
+        assert "step" in verify(tmp_path / "saved.mcap").sentences[0]  # the gap remains
         with Log(chunked) as whole, Log(tmp_path / "saved.mcap") as saved:
             kept = saved.sequence("/chassis/out")
             assert 300 < len(kept) < 1501

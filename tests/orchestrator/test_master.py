@@ -1,4 +1,4 @@
-"""The master and ``tracks_first`` on two masses, split at their spring, solved exactly on each side."""
+"""The master and ``tracks_first`` on two masses, cut at their spring, with exact solutions."""
 
 import math
 
@@ -17,7 +17,7 @@ END = 10.0
 
 
 class ForceSide:
-    """Mass 1 and the coupling spring; sees mass 2 as moving on with its velocity; gives the mean force."""
+    """Mass 1 and the coupling spring; extrapolates mass 2 by its velocity; returns the mean force."""
 
     inputs, outputs = ("x", "v"), ("force",)
     stage = 0
@@ -154,7 +154,7 @@ def test_observers_see_every_point_once_with_the_inputs_of_the_step():
     def watch(k, t, h):
         seen.append((k, t))
         if k:
-            assert force.u.tolist() == before[-1], "inputs are those the step was made with"
+            assert force.u.tolist() == before[-1], "inputs are not those of the step"
         before.append(motion.state.tolist())
 
     run(coupled(force, motion), Clock(0.1, 5), [watch])

@@ -12,7 +12,7 @@ RESTING = {"sprocket": {"teeth": TEETH}, "track": {"pitch": PITCH}}
 
 
 class Record:
-    """As much of a log as a measure looks at."""
+    """The part of a log that a measure reads."""
 
     def __init__(self, links=None, signals=None, **scene):
         self.scene = {"vehicle": RESTING, **scene}
@@ -36,7 +36,7 @@ class Record:
 
 
 def on_the_sprocket(turned, reverse_numbers=False, pins=40):
-    """A chain that wraps half of the sprocket, its spans straight rearwards, turned by an angle at each time."""
+    """Links of a chain on half of the sprocket with straight spans, turned by an angle at each time."""
     t = np.linspace(0.0, 1.0, len(turned))
     order = np.arange(pins)[::-1] if reverse_numbers else np.arange(pins)
     forward, up = np.empty((len(t), pins)), np.empty((len(t), pins))
@@ -103,7 +103,7 @@ def test_spans(upper, lower, speed, sense):
 
 
 def falling(drop, pitch=PITCH, links=10):
-    """A chain whose last pin has dropped, of its length, at times over sqrt(2 L/g) in a second."""
+    """A chain whose last pin has dropped by the share ``drop(t)`` of its length; sqrt(2 L/g) = 1 s."""
     length = links * pitch
     t = np.linspace(0.0, 1.0, 1001)
     up = np.zeros((len(t), links + 1))
@@ -147,7 +147,7 @@ def test_reductions(how, value):
 
 
 def test_a_mean_weighs_samples_by_their_steps():
-    """A ramp over steps of 1 and of 10 ms: its mean over time, which a mean over samples misses."""
+    """A mean weighs samples by their steps, of 1 and of 10 ms; a mean over samples is wrong."""
     t = np.concatenate([np.arange(0.0, 0.1, 1e-3), np.arange(0.1, 1.001, 1e-2)])
     assert measures.reduce(t, t, "mean") == pytest.approx(0.5, rel=0.01)
     assert measures.reduce(t, t, "rms") == pytest.approx(3**-0.5, rel=0.01)
@@ -165,7 +165,7 @@ def test_a_mean_of_some_records_leaves_out_the_time_of_the_others():
 
 @pytest.mark.parametrize("measure", [measures.sag, measures.hoop_strain, measures.span_tension])
 def test_measures_of_links_are_means_over_time(measure):
-    """Twice as much from 0.5 s on, where records are ten times as far apart."""
+    """Measures of links are means over time, also where records become ten times as sparse."""
     t = np.concatenate([np.arange(0.0, 0.5, 1e-3), np.arange(0.5, 1.0005, 1e-2)])
     size = 1.0 + (t > 0.5 - 1e-9)
     forward = -0.5 * PITCH * np.array([0.0, 1.0, 1.0, 0.0]) * size[:, None] - 0.5

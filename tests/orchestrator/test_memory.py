@@ -1,4 +1,4 @@
-"""The memory of a run does not grow with what it simulates."""
+"""The memory of a run does not grow with its duration."""
 
 import pytest
 
@@ -9,12 +9,12 @@ from orchestrator.results.run_data import RunData
 from orchestrator.scene.scene import load
 from tests.benchmarks.process import isolated
 
-HALF = ["symmetric=true", "planar=true", "run.step=2 ms"]  # the quick form of a vehicle
+HALF = ["symmetric=true", "planar=true", "run.step=2 ms"]  # the fast form of a vehicle
 
 
 @pytest.mark.long
 def test_a_long_run_needs_no_more_memory_than_a_short_one():
-    """Read whole, a log of 21 s more takes 100 MB more."""
+    """A run of 24 s needs no more memory than one of 3 s; its whole log would take 100 MB more."""
     options = {"scene": "straight", "track": "flexible", "settings": HALF}
     short, long = (isolated("memory_run", stop=stop, **options) for stop in (3.0, 24.0))
     assert long < short + 30.0

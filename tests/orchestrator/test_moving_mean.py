@@ -1,4 +1,4 @@
-"""Moving means and curves that are bands, against what is known exactly."""
+"""Moving means, and curves drawn as bands, against exact results."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ PERIOD = 0.0625
 
 
 def moving(t, values, pieces=1):
-    """The integral of a signal whose samples come in so many pieces."""
+    """Integral of a signal whose samples come in ``pieces``."""
     integrals = Integrals(float(t[0]), float(t[-1]), 1)
     for part in np.array_split(np.arange(len(t)), pieces):
         integrals.add(t[part], values[part, None])
@@ -19,7 +19,7 @@ def moving(t, values, pieces=1):
 
 
 def means_of(function, t):
-    """Means over each step of what has this integral; of the first instant anything."""
+    """Mean over each step of a function with this integral; the value of the first instant is arbitrary."""
     whole = function(t)
     return np.concatenate([[1e3], np.diff(whole) / np.diff(t)])
 
@@ -47,8 +47,8 @@ def test_a_sample_counts_as_long_as_its_step():
     t = np.cumsum(np.concatenate([[0.0], np.tile([1e-3, 3e-3], 1000)]))
     values = np.concatenate([[0.0], np.tile([8.0, 4.0], 1000)])
     mean = moving(t, values).over(0.04)
-    assert mean.y[inside(mean, 0.04)] == pytest.approx(5.0, rel=1e-9)  # not 6, which is the mean of samples
-    assert mean.y == pytest.approx(5.0, rel=0.1), "at the ends of what there is"
+    assert mean.y[inside(mean, 0.04)] == pytest.approx(5.0, rel=1e-9)  # not 6, the mean of samples
+    assert mean.y == pytest.approx(5.0, rel=0.1), "wrong at the ends of the data"
 
 
 def test_what_is_no_number_is_left_out_with_its_time():
@@ -58,7 +58,7 @@ def test_what_is_no_number_is_left_out_with_its_time():
     values[2000] = np.inf
     mean = moving(t, values, 3).over(0.05)
     assert mean.y == pytest.approx(2.0, rel=1e-9)
-    assert not ((mean.t > 1.03) & (mean.t < 1.46)).any(), "there is nothing to be the mean of"
+    assert not ((mean.t > 1.03) & (mean.t < 1.46)).any(), "a mean where there are no data"
     assert len(moving(t, np.full(4001, np.nan)).over(0.05).t) == 0
     once = Integrals(1.0, 1.0, 1)
     once.add(np.array([1.0]), np.array([[3.0]]))

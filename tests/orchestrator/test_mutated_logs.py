@@ -1,4 +1,4 @@
-"""Logs of all kinds of damage under the whole command line: sentences and exit statuses, nothing else."""
+"""Every command answers logs with any damage by messages and exit codes only."""
 
 import io
 import random
@@ -15,7 +15,7 @@ from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate
 from orchestrator.scene.scene import load
 
-LONG = 1500  # characters that nobody reads as a sentence
+LONG = 1500  # characters; a longer text is not a message
 HANG = 20  # s of CPU time
 WRITTEN = {
     "mutant.mcap", "saved.mcap", "csv", "view.png", "view.rrd", "scene.mcap", "scene.layout.json", "plot.png",
@@ -25,7 +25,7 @@ WRITTEN = {
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """A small log with links, its component described in a line."""
+    """A small log with links; its component has a description of one line."""
     folder = tmp_path_factory.mktemp("mutated")
     settings = ("run.stop=0.02", "chain.links=8", "run.links=7", "expect={}")
     simulate(load("hanging_chain", "flexible", settings), folder / "run.mcap")
@@ -55,7 +55,7 @@ def commands(path, whole, drawn):
 
 
 def called(arguments, monkeypatch):
-    """Exit status, what was printed; raises what the command lets out."""
+    """Exit code, stdout and stderr of a command; raises any exception that the command does not catch."""
     out, err = io.StringIO(), io.StringIO()
     monkeypatch.setattr(sys, "argv", ["cotrack", *map(str, arguments)])
     with redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as ended:
@@ -65,7 +65,7 @@ def called(arguments, monkeypatch):
 
 @contextmanager
 def ended_at(limit):
-    """What computes longer fails, where the system has such a timer."""
+    """Raise RuntimeError after ``limit`` s of computing, where the system has such a timer."""
     if not hasattr(signal, "setitimer"):
         yield
         return
@@ -74,7 +74,7 @@ def ended_at(limit):
         raise RuntimeError(f"not done after {limit} s")
 
     before = signal.signal(signal.SIGPROF, late)
-    signal.setitimer(signal.ITIMER_PROF, limit)  # of this process: the machine may be busy
+    signal.setitimer(signal.ITIMER_PROF, limit)  # CPU time of this process: the machine may be busy
     try:
         yield
     finally:
@@ -83,10 +83,10 @@ def ended_at(limit):
 
 
 def survey(whole, seeds, drawn, monkeypatch, folder):
-    """Call every command on every mutant; the statuses that were seen, by command."""
+    """Call every command on every mutant; return the exit codes by command."""
 
     def not_built(*_):
-        raise BuildFailed("not built here")  # what is stepped is no matter of the log
+        raise BuildFailed("not built here")  # the FMU does not matter here
 
     monkeypatch.setattr(replay_model, "build_parts", not_built)
     monkeypatch.chdir(folder)
@@ -118,7 +118,7 @@ def survey(whole, seeds, drawn, monkeypatch, folder):
 @pytest.mark.long
 def test_a_mutated_log_ends_in_a_sentence(whole, monkeypatch, tmp_path):
     seen = survey(whole, range(48), 24, monkeypatch, tmp_path)
-    assert seen["verify"] == {0, 1}, "mutants of both kinds"
+    assert seen["verify"] == {0, 1}, "there are no mutants of both kinds"
     assert seen["recover"] >= {0, 3}
     assert seen["compare"] == seen["view"] == {0, 2}
     assert seen["replay"] == {2}
@@ -130,7 +130,7 @@ def test_many_mutated_logs_end_in_sentences(whole, monkeypatch, tmp_path):
 
 
 def test_the_survey_sees_a_traceback(whole, monkeypatch, tmp_path):
-    """A fault behind the command line does not go unseen."""
+    """The survey fails on an exception behind the command line."""
     from orchestrator.log import tools
 
     def broken(path):

@@ -1,4 +1,4 @@
-"""What readers say first: of a log that was cut off, of one that another version made."""
+"""First messages of readers: for a log that was cut off, and for one of another version."""
 
 import shutil
 import warnings
@@ -20,7 +20,7 @@ OLD = Path(__file__).with_name("logs") / "format_1.mcap"  # made by cotrack 0.1.
 
 @pytest.fixture(scope="module")
 def cut(tmp_path_factory):
-    """A chain's log, whole and without its end."""
+    """Folder with a chain's log, whole and without its end."""
     folder = tmp_path_factory.mktemp("cut")
     settings = ("run.stop=0.3 s", "run.checkpoints=0.05 s")
     assert simulate(load("hanging_chain", "rigid", settings), folder / "whole.mcap")["status"] == "ok"
@@ -53,7 +53,7 @@ def test_every_reading_command_says_first_that_a_log_was_cut_off(cotrack, cut, c
     assert [str(one.message) for one in said] == [log.cut_off]
     sentence = f"{paths['LOG']} was cut off at t = {last:.6g} s: no closing record"
     assert err.splitlines()[0] == f"cotrack: {sentence}"
-    assert err.count("was cut off") == 1, "once"
+    assert err.count("was cut off") == 1, "the message appears once"
     assert 0.0 < last < 0.3
 
 
@@ -134,7 +134,7 @@ def test_a_log_of_this_version_says_nothing_of_versions(cotrack, cut):
 
 
 def test_compare_works_across_versions(cotrack, cut, tmp_path):
-    """Keys that came later are as they are by default in the older log; one that differs is told."""
+    """Logs of different versions compare: newer keys have their defaults in the older log."""
     with Log(OLD) as log:
         links, run = log.table("scene.json")["chain"]["links"], log.table("scene.json")["run"]
     table = load("hanging_chain", "rigid", (f"chain.links={links}", f"run.stop={run['stop']}"))

@@ -1,4 +1,4 @@
-"""What ``import orchestrator as cotrack`` offers, whatever else of the package has been imported."""
+"""Names that ``import orchestrator as cotrack`` offers, whatever else of the package is imported."""
 
 import pkgutil
 import subprocess
@@ -11,7 +11,7 @@ import pytest
 
 import orchestrator as cotrack
 
-RESERVED = {*cotrack.OFFERED, "plot", "report"}  # the last two are to come
+RESERVED = {*cotrack.OFFERED, "plot", "report"}  # the last two are planned
 PEERS = {"tests.benchmarks.peers.exudyn_loops": "exudyn", "tests.benchmarks.peers.mujoco_loops": "mujoco"}
 
 
@@ -28,10 +28,10 @@ def submodules():
 
 def test_no_module_takes_a_name_that_is_offered(submodules):
     assert {"orchestrator.scene.scene", "orchestrator.cli.run_commands", "orchestrator.studies.pool"} <= set(submodules)
-    assert not RESERVED & vars(cotrack).keys(), "an import has made a module of it"
+    assert not RESERVED & vars(cotrack).keys(), "an import has replaced it by a module"
     rooms = {name.split(".")[1] for name in submodules}
     assert not RESERVED & rooms
-    assert rooms < vars(cotrack).keys(), "the check sees what an import leaves behind"
+    assert rooms < vars(cotrack).keys(), "the check does not see the modules of an import"
     assert dir(cotrack) == sorted({*vars(cotrack), *cotrack.OFFERED})
 
 

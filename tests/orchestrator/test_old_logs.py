@@ -1,4 +1,7 @@
-"""A log of a scene without an FMU, of version 0.2.0: what reads logs reads it, what needs FMUs says why not."""
+"""A log of a scene without an FMU (version 0.2.0).
+
+Readers read it; commands that need FMUs say why they cannot.
+"""
 
 from pathlib import Path
 

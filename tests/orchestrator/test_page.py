@@ -1,4 +1,4 @@
-"""The page of a run: its figures are those of the log, nothing is asked of anywhere, any record gets a page."""
+"""The page of a run: its figures are those of the log, it loads nothing, and any record gets a page."""
 
 import base64
 import json
@@ -40,9 +40,9 @@ from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.thinned import Envelope
 from orchestrator.scene.scene import load
 
-PLOTS = "/* plotly.js v0 */"  # stands for the library
+PLOTS = "/* plotly.js v0 */"  # replaces the library
 HOSTILE = "</script><b onload='x()'>&\"\u2028<img src=https://example.org/x.png>"
-# it falls onto its springs: there is something to see
+# the vehicle falls onto its springs, so that there is motion
 BUMP = "ground.bump={start=0.5, rise=0.2, slope=0.35, length=0.6, radius=0.15}"
 SETTINGS = ["run.stop=0.06 s", "start.state=drawn", BUMP]
 CHECKS = ("sag", "sag_discrete", "tension", "tension_discrete")
@@ -85,7 +85,7 @@ def signal(log, name):
 
 
 def written(path, columns, t, scene=None, closed="ok", warnings=(), metadata=None, results=None, links=None):
-    """A log of outputs by instance and name, with a system and a scene; ``links``: of outputs of the links of "a"."""
+    """Write a log of outputs by instance and name; ``links`` are link outputs of "a"."""
     topics, instances = {}, []
     for name in columns:
         instance, _, variable = name.partition(".")
@@ -125,13 +125,13 @@ def test_key_figures_are_those_of_the_log(vehicle, scaled):
         assert found["tension"]["link"] == np.argmax(own) + 1
         loads = wheel_loads.of(RunData(log))
         assert found["wheel_load"]["value"] == pytest.approx(loads.most.max(), rel=1e-9)
-        left = loads.most[:5]  # the right side has the same, but for rounding
+        left = loads.most[:5]  # the right side has the same up to rounding
         assert found["wheel_load"]["signal"] == f"{loads.wheels[left.argmax()]}.load"
         assert found["distance"]["value"] == signal(log, "chassis.distance")[1][-1]
         assert found["real_time_factor"]["value"] == pytest.approx(0.06 / float(log.closing["results"]["wall_time"]))
         work = sum(np.diff(signal(log, f"{side}_drive.energy.work")[1][[0, -1]])[0] for side in ("left", "right"))
         assert found["energy"]["work"] == pytest.approx(work, abs=1e-9)
-        assert "stress" not in found, "links are rigid"
+        assert "stress" not in found, "rigid links have no stress"
         return found
 
     with Log(vehicle) as log:
@@ -174,7 +174,7 @@ TEETH = {"vehicle": {"sprocket": {"teeth": 10}}}
 
 
 def rippling(path, teeth=TEETH, size=1.0):
-    """A log of a drive whose torque rises by 100 N m a second and ripples by 50 N m tooth by tooth, at 20 rad/s."""
+    """Log of a drive at 20 rad/s: its torque rises by 100 N m per second and ripples by 50 N m per tooth."""
     t = np.linspace(0.0, 4.0, 3201)
     torque = 100.0 * t + 50.0 * size * np.sin(200.0 * t)
     columns = {"d.speed": np.full(3201, 20.0), "d.torque": torque, "a.travel": t, "d.power": 20.0 * t}
@@ -184,7 +184,7 @@ def rippling(path, teeth=TEETH, size=1.0):
 def test_a_band_has_the_line_of_its_mean_and_keeps_its_extremes(tmp_path):
     path, t, torque = rippling(tmp_path / "a.mcap")
     charts = embedded(page(path))["charts"]
-    assert charts["torque"]["window"] == "2 tooth passings at top speed, 62.8 ms", "one is less than 4 s / 100"
+    assert charts["torque"]["window"] == "2 tooth passings at top speed, 62.8 ms", "two are less than 4 s / 100"
     (trace,) = charts["torque"]["traces"]
     band = {(float(x), float(y)) for x, y in zip(unpacked(trace["t"]), unpacked(trace["y"]), strict=True)}
     assert band <= {*zip(map(float, t.astype("f4")), map(float, torque.astype("f4")), strict=True)}, "as recorded"
@@ -194,13 +194,13 @@ def test_a_band_has_the_line_of_its_mean_and_keeps_its_extremes(tmp_path):
     assert inner.sum() > 450
     assert np.abs(mean - 100.0 * x)[inner].max() < 0.5
     for key in ("power", "sprocket-speed"):
-        assert (charts[key]["window"], charts[key]["traces"][0]["mean"]) == ("", None), "a line is drawn as it is"
+        assert (charts[key]["window"], charts[key]["traces"][0]["mean"]) == ("", None), "a line has no mean"
     other = rippling(tmp_path / "b.mcap", {"vehicle": {"sprocket": {"teeth": 11}}})[0]
     (trace,) = embedded(page(other))["charts"]["torque"]["traces"]
     x, mean = unpacked(trace["mean"]["t"]), unpacked(trace["mean"]["y"])
-    assert np.abs(mean - 100.0 * x)[(x > 0.04) & (x < 3.96)].max() > 2.0, "teeth that are not those of the ripple"
+    assert np.abs(mean - 100.0 * x)[(x > 0.04) & (x < 3.96)].max() > 2.0, "teeth that do not match the ripple must show"
     plain = embedded(page(rippling(tmp_path / "c.mcap", {})[0]))["charts"]["torque"]
-    assert plain["window"] == "40 ms", "without a sprocket a hundredth of the run"
+    assert plain["window"] == "40 ms", "without a sprocket the window is 1 % of the run"
 
 
 def test_a_reference_to_a_band_is_its_mean_over_the_same_time(tmp_path):
@@ -210,7 +210,7 @@ def test_a_reference_to_a_band_is_its_mean_over_the_same_time(tmp_path):
     assert (own["reference"], reference["reference"]) == (False, True)
     assert len(unpacked(reference["t"])) == 501
     own, reference = embedded(page(other, path))["charts"]["torque"]["traces"]
-    assert own["mean"] is None, "this one is a line: against it all of the other is drawn"
+    assert own["mean"] is None, "this one is a line, so all of the other is drawn"
     assert np.ptp(unpacked(reference["y"]) - 100.0 * unpacked(reference["t"])) == pytest.approx(100.0, rel=0.05)
 
 
@@ -242,7 +242,7 @@ def test_losses_are_those_of_the_components_in_their_words(vehicle):
 
 
 def test_the_energy_card_counts_what_was_released():
-    """62.56 kJ cannot be dissipated of 60.53 kJ: stored energy came in too."""
+    """The energy card counts released energy: 62.56 kJ dissipated of 60.53 kJ work need stored energy."""
     stored = {"kinetic": 20.0, "gravity": -3600.0, "strain": 0.0, "spring": 550.0, "contact": 970.0}
     change, work, lost = sum(stored.values()), 60530.0, 62560.0
     books = Ledger(work, change, lost, 0.0, work - change - lost, 0.0, 0.0, {}, {}, {}, stored)
@@ -273,8 +273,8 @@ def test_card_and_sentence_of_a_run_agree_and_add_up(vehicle):
                 change[kind] += values[-1] - values[0]
         work = sum(np.diff(signal(log, f"{side}_drive.energy.work")[1][[0, -1]])[0] for side in ("left", "right"))
     supplied = max(work, 0.0) - sum(min(each, 0.0) for each in change.values())
-    assert min(change.values()) < 0.0, "something is released"
-    both = ": " if work > 0.0 else " released ("  # the sum stands before two sources only
+    assert min(change.values()) < 0.0, "no energy is released"
+    both = ": " if work > 0.0 else " released ("  # the sum comes first only if there are two sources
     assert f"of {quantity(supplied, 'J')}{both}" in html
     assert f"<b>{quantity(supplied, 'J')}</b> came in: " in html
     assert "released: height" in html
@@ -368,9 +368,9 @@ def test_the_command_that_runs_it_again_gives_the_same_scene(vehicle, hanging, c
     with Log(vehicle) as log:
         run = RunData(log)
         run.scene = {**run.scene, "name": "mine"}
-        assert command(run) is None  # no scene of the gallery
+        assert command(run) is None  # not a scene of the gallery
         run.scene = {**run.scene, "name": "straight", "planar": None}
-        assert command(run) is None  # nor this
+        assert command(run) is None  # neither is this
 
 
 def test_the_way_round_starts_on_the_sprocket(vehicle):
@@ -378,8 +378,8 @@ def test_the_way_round_starts_on_the_sprocket(vehicle):
         run = RunData(log)
         one = profile(run, chain(run, "left_track"), 0.04)
         links = run.links("left_track", EVER)
-    assert np.allclose(np.diff(one.place), 0.1524, rtol=0.02), "link by link, a pitch apart"
-    assert one.ahead[[0, -1]].min() > 0.2, "in the middle of the wrap on the sprocket, which is ahead"
+    assert np.allclose(np.diff(one.place), 0.1524, rtol=0.02), "links are not a pitch apart"
+    assert one.ahead[[0, -1]].min() > 0.2, "it is in the middle of the wrap on the sprocket, which is ahead"
     names = [section.name for section in one.sections]
     assert names == ["sprocket", "lower run", "idler", "upper run", "sprocket"]
     row = np.abs(links.t - one.t).argmin()
@@ -418,7 +418,7 @@ def test_places_are_those_of_the_analysis(vehicle):
 
 
 def side_of_links(log):
-    """Times of the links, pins ahead of the sprocket's axle (m, 64) and over the ground (m, 64), the axle (m,), m."""
+    """Times of links, pins ahead of the axle and above the ground (m, 64), and the axle (m,), m."""
     series = log.read("/left_track/links")
     x, z = (
         series.values[:, [series.names.index(f"joint[{i + 1}].position.{axis}") for i in range(64)]] for axis in "xz"
@@ -437,7 +437,7 @@ def test_the_side_view_shows_what_was_recorded(vehicle):
     assert np.abs(raw[..., 0] - forward[rows]).max() <= 0.51 * UNIT
     assert np.abs(raw[..., 1] - over[rows]).max() <= 0.51 * UNIT
     assert np.abs(raw[..., 1] - 1.03 * over[rows]).max() > 0.51 * UNIT
-    assert raw[..., 1].min() == pytest.approx(0.029, abs=0.01), "pins run a pad's half thickness over the ground"
+    assert raw[..., 1].min() == pytest.approx(0.029, abs=0.01), "pins run half a pad's thickness above the ground"
     assert unpacked(view["ground"]["along"]) == pytest.approx(axle[rows], abs=1e-6)
     assert view["ground"]["corners"][0] == pytest.approx([0.5, 0.0])
     assert max(z for _, z in view["ground"]["corners"]) == pytest.approx(0.2)
@@ -445,7 +445,7 @@ def test_the_side_view_shows_what_was_recorded(vehicle):
 
 
 def bearing(change=0.0):
-    """Times and outputs of three links: the first is most tense at 0.3 s, the second most stressed at 0.7 s."""
+    """Outputs of three links: the first is most tense at 0.3 s, the second most stressed at 0.7 s."""
     t = np.linspace(0.0, 1.0, 101)
     blow = {moment: np.exp(-(((t - moment) / 0.05) ** 2)) for moment in (0.3, 0.5, 0.7)}
     links = {f"link[{i}].tension": np.full(101, 100.0 * i) for i in (1, 2, 3)}
@@ -477,10 +477,10 @@ def test_every_link_that_bears_the_most_has_its_curves(tmp_path):
         ("link-2-force", force, 0.5, 1e-3),
     ):
         (trace,) = charts[key]["traces"]
-        assert unpacked(trace["t"]) == pytest.approx(t, abs=1e-6), "all samples: there is room for them"
+        assert unpacked(trace["t"]) == pytest.approx(t, abs=1e-6), "all samples fit"
         assert unpacked(trace["y"]) == pytest.approx(size * values, rel=1e-6)
         assert charts[key]["mark"] == pytest.approx([moment, size * values.max()])
-    t, links = bearing(5.2e3)  # 4 % more, in another pin
+    t, links = bearing(5.2e3)  # 4 % more, at another pin
     html = page(written(tmp_path / "b.mcap", {"a.travel": t}, t, links=links))
     assert "Link 3 of a, which had the most force in its pin</h3>" in html
 
@@ -507,7 +507,7 @@ def test_thinning_keeps_every_peak(drawn, bins):
     curve = envelope.curve(0)
     assert (np.diff(curve.t) > 0).all()
     assert len(curve.t) <= 2 * bins
-    assert set(zip(curve.t, curve.y, strict=True)) <= set(zip(t, values, strict=True)), "nothing is made up"
+    assert set(zip(curve.t, curve.y, strict=True)) <= set(zip(t, values, strict=True)), "no invented points"
     place = np.clip((t * (bins / 3.0)).astype(int), 0, bins - 1)
     for bin_ in np.unique(place):
         inside = values[place == bin_]
@@ -562,7 +562,7 @@ def test_a_lifted_wheel_is_told_with_its_times_as_the_analyses_have_them(tmp_pat
     html = page(path)
     assert "0.208 s together" in html
     assert "1 road wheel is lifted off: wheel 1 (a)." in html
-    assert "left the ground" not in html, "it did"
+    assert "left the ground" not in html, "it did not leave the ground"
     held = written(tmp_path / "b.mcap", columns | {"a.ground.force.z": 0.0 * t + 1e4}, t, {"assembly": "vehicle"})
     assert "o track left the ground" in page(held)
     assert ">9 kN<" in html
@@ -590,7 +590,7 @@ def test_an_estimated_error_and_rejected_steps_are_told(tmp_path):
     assert "of torque, the worst observable" in html
     rows = re.findall(r"<tr><td>(.*?)</tr>", re.search(r'id="exactness".*?</table>', html, re.S)[0])
     assert [row.partition("<")[0] for row in rows] == ["torque", "tension mean", "pitch"], (
-        "worst first, then what is sensitive"
+        "failed ones come first, then by sensitivity"
     )
     assert rows[0] == "torque</td><td><b>1.2 %</b></td><td>1 %</td><td></td><td>1.23 kN m</td>"
     assert rows[1] == "tension mean</td><td><b>0.05 %</b></td><td>0.03 %</td><td></td><td>7.5 N</td>"
@@ -625,7 +625,7 @@ def test_a_check_says_why_its_bounds_are_what_they_are(tmp_path):
     t = np.linspace(0.0, 1.0, 11)
     expected = load("straight").expect["speed_excess"]
     low, high = expected.expected - expected.tolerance, expected.expected + expected.tolerance
-    assert (low, high) == (0.0, 0.05), "as the measure says"
+    assert (low, high) == (0.0, 0.05), "the window is not that of the measure"
     assert "So 0 to 5 % is" in " ".join(measures.speed_excess.__doc__.split())
     scene = {"expect": {"speed_excess": {"measure": "speed_excess"}, "travel": {"signal": "a.travel"}}}
     one = {"value": 0.014, "expected": 0.025, "tolerance": 0.025, "ok": True, "note": ""}
@@ -638,7 +638,7 @@ def test_a_check_says_why_its_bounds_are_what_they_are(tmp_path):
         assert words in checks
 
 
-# --- a page that stands alone ----------------------------------------------------------------------
+# --- a page without the network -------------------------------------------------------------------
 
 ASKED = re.compile(
     r"""(?:src|href|srcset|action|data|poster)\s*=\s*["']?\s*(?:https?:)?//|url\(|@import|\bfetch\(|import\("""
@@ -674,7 +674,7 @@ def test_hostile_text_stays_text(tmp_path):
     assert text(HOSTILE) in html
     assert html.count("<script") == html.count("</script>") == 3
     for chart in embedded(html)["charts"].values():
-        assert not any("<" in trace["name"] for trace in chart.get("traces", ())), "the library reads some HTML"
+        assert not any("<" in trace["name"] for trace in chart.get("traces", ())), "the library interprets some HTML"
     assert not ASKED.search(html.replace(text(HOSTILE), ""))
 
 

@@ -1,4 +1,4 @@
-"""Phases of runs whose speed and yaw rate are known lines: bounds to a step, figures by hand, ringing left out."""
+"""Phases of runs with known speed and yaw rate: bounds to one step, figures by hand, ringing ignored."""
 
 import json
 
@@ -12,14 +12,14 @@ from orchestrator.results.broken_line import breaks
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 
 STEP = 2e-3
-CORNERS = (1.034, 3.018, 6.052, 7.146, 8.5)  # s: it drives off, holds its speed, brakes, stands, the end
+CORNERS = (1.034, 3.018, 6.052, 7.146, 8.5)  # s: start, constant speed, braking, rest, end
 KINDS = ["rest", "acceleration", "steady", "braking", "rest"]
 TOP = 4.0  # m/s
 TRACKS = ("left_track", "right_track")
 
 
 def times(end, even=True):
-    """Steps of 2 ms, or of 0.5 to 3.5 ms."""
+    """Times with steps of 2 ms, or of 0.5 to 3.5 ms."""
     t = np.arange(0.0, end + 0.5 * STEP, STEP)
     return t if even else t + 0.75 * STEP * np.sin(37.0 * t) * (t > 0.0) * (t < t[-1])
 
@@ -29,7 +29,7 @@ def trapezoid(t, top=TOP, corners=CORNERS):
 
 
 def made(path, t, v, yaw_rate=None, slip=None, tension=None, work=None, tracks=TRACKS):
-    """A log of a vehicle that moves so; the integral of the yaw rate is its heading."""
+    """Log of a vehicle with this motion; its heading is the integral of the yaw rate."""
     zero = np.zeros(len(t))
     yaw_rate = zero if yaw_rate is None else yaw_rate
     steps = np.diff(t)
@@ -58,7 +58,7 @@ def found(path, window=EVER):
 
 
 def bounds(of):
-    assert [one.start for one in of[1:]] == [one.end for one in of[:-1]], "without gaps"
+    assert [one.start for one in of[1:]] == [one.end for one in of[:-1]], "there are gaps"
     return np.array([one.end for one in of])
 
 
@@ -70,7 +70,7 @@ def test_bounds_of_a_trapezoid_are_found_to_a_step(tmp_path, even):
     assert [one.kind for one in of] == KINDS
     off = bounds(of) - CORNERS
     assert np.abs(off).max() <= 1.01 * longest
-    assert np.abs(bounds(of) - CORNERS + 3.0 * longest).max() > 1.01 * longest, "the twin: three steps off"
+    assert np.abs(bounds(of) - CORNERS + 3.0 * longest).max() > 1.01 * longest, "the twin, three steps off, must differ"
 
 
 def test_each_bound_follows_its_corner_in_both_directions(tmp_path):
@@ -82,7 +82,7 @@ def test_each_bound_follows_its_corner_in_both_directions(tmp_path):
 
 
 def test_ringing_makes_no_phases(tmp_path):
-    """Teeth at 30 Hz, and a hull that nods at 1.2 Hz after it has driven off and after it has stopped."""
+    """Ringing makes no phases: teeth at 30 Hz, and a hull that nods at 1.2 Hz after start and stop."""
     t = times(CORNERS[-1])
     v = trapezoid(t) + 0.05 * np.sin(2 * np.pi * 30.0 * t)
     for begin, size in ((CORNERS[1], 0.35), (CORNERS[3], -0.3)):
@@ -93,11 +93,11 @@ def test_ringing_makes_no_phases(tmp_path):
     np.testing.assert_allclose(bounds(of), CORNERS, atol=0.25)
     assert of[2].speed == pytest.approx(TOP, rel=0.01)
     harder = v + (trapezoid(t, 0.5 * TOP, (4.0, 4.2, 5.0, 5.2)))
-    assert len(found(made(tmp_path / "h.mcap", t, harder))) > len(KINDS), "the twin: half as fast again is no ringing"
+    assert len(found(made(tmp_path / "h.mcap", t, harder))) > len(KINDS), "the twin: 1.5 times is no ringing"
 
 
 def test_turns_are_found_to_a_step_and_through_zero(tmp_path):
-    """To the right and at once to the left, at a constant speed."""
+    """Turns are found to a step, also a change from right to left through zero, at constant speed."""
     t = times(8.0)
     corners = [1.03, 1.53, 3.01, 4.01, 5.53, 6.13]
     yaw_rate = np.interp(t, corners, [0.0, -0.3, -0.3, 0.3, 0.3, 0.0])
@@ -113,11 +113,14 @@ def test_turns_are_found_to_a_step_and_through_zero(tmp_path):
     assert left.yaw_rate_most == pytest.approx(0.3, rel=1e-9)
     assert right.radius == pytest.approx(3.0 * (3.51 - 1.03) / heading, rel=2e-3)
     assert right.radius != pytest.approx(3.0 * (3.51 - 1.03) / (1.03 * heading), rel=2e-3)
-    assert of[0].radius != of[0].radius, "straight on there is none"
+    assert of[0].radius != of[0].radius, "without a turn the radius is NaN"
 
 
 def test_the_begin_of_a_slow_turn_is_straight(tmp_path):
-    """It still accelerates when the yaw rate begins to grow: 0.015 rad/s on average until it holds its speed."""
+    """The beginning of a slow turn counts as straight.
+
+    The vehicle still accelerates when the yaw rate begins to grow: 0.015 rad/s on average until the speed is constant.
+    """
     t = times(7.0)
     yaw_rate = np.interp(t, [2.0, 6.0], [0.0, 0.2])
     of = found(made(tmp_path / "b.mcap", t, np.interp(t, [1.0, 2.6], [0.0, 3.0]), yaw_rate))
@@ -128,7 +131,7 @@ def test_the_begin_of_a_slow_turn_is_straight(tmp_path):
 
 
 def test_a_quick_stop_is_braking(tmp_path):
-    """From 3 m/s in 0.3 s, as with locked sprockets."""
+    """A quick stop is braking: from 3 m/s in 0.3 s, as with locked sprockets."""
     t = times(6.0)
     of = found(made(tmp_path / "q.mcap", t, np.interp(t, [1.0, 3.0, 4.0, 4.3], [0.0, 3.0, 3.0, 0.0])))
     assert [one.kind for one in of] == KINDS
@@ -155,7 +158,7 @@ def test_a_pivot_is_a_turn_and_a_crawl_is_no_rest(tmp_path):
 
 
 def test_both_at_once(tmp_path):
-    """It turns while it drives off: one phase for each pair of states."""
+    """A turn during acceleration: one phase for each pair of states."""
     t = times(6.0)
     yaw_rate = np.interp(t, [2.0, 2.4], [0.0, 0.4])
     of = found(made(tmp_path / "b.mcap", t, np.interp(t, [1.0, 3.5], [0.0, 5.0]), yaw_rate))
@@ -202,7 +205,7 @@ def test_what_a_log_does_not_hold_is_left_out(tmp_path):
     assert "tension" not in phases.sentence(bare._asdict())
     broken = trapezoid(t)
     broken[700:] = np.nan
-    assert found(made(tmp_path / "n.mcap", t, broken))[-1].end == t[699], "up to the last number"
+    assert found(made(tmp_path / "n.mcap", t, broken))[-1].end == t[699], "the last phase ends with the last number"
     with pytest.raises(Missing, match="too few steps"):
         found(made(tmp_path / "s.mcap", t[:2], broken[:2]))
 
@@ -227,7 +230,7 @@ def test_a_sentence_says_what_it_did(tmp_path):
 
 
 def test_a_broken_line_of_many_breaks_is_found(tmp_path):
-    """A saw of twenty teeth, each to a record; the noise-free line has no more breaks."""
+    """A broken line of many breaks is found: a saw of twenty teeth, each corner to a record."""
     t = np.arange(20001) * 1e-3
     corners = np.arange(21.0) + 0.013 * np.sin(np.arange(21.0))
     y = np.interp(t, corners, np.arange(21) % 2)

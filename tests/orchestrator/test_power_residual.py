@@ -1,4 +1,4 @@
-"""The power residual: by hand, its order, the energy it stands for; the pace that follows it."""
+"""Power residual: by hand, its order, the energy that it estimates; the step control that uses it."""
 
 import math
 
@@ -31,7 +31,7 @@ def one_step(o, h):
 
 @pytest.mark.parametrize(("heavier", "right"), [(1.0, True), (1.02, False)])
 def test_by_hand(heavier, right):
-    """A free mass m under the mean force F, v_1 = v + F h / m: it gets its kinetic energy, F^2 h^2 / 2 m too much."""
+    """A free mass under the mean force F (v_1 = v + F h / m) gets F^2 h^2 / 2 m too much energy."""
     h, m, v = 0.1, FREE.m2, FREE.start[3]
     (sent, received), force, after = one_step(FREE._replace(m2=heavier * m), h)
     assert (received == pytest.approx(0.5 * m * (after**2 - v**2), rel=1e-12)) == right
@@ -43,14 +43,14 @@ ORDERS = {"tracks_first": 1, "jacobi constant": 1, "jacobi linear": 2, "gauss_se
 
 @pytest.mark.parametrize(("variant", "order"), ORDERS.items())
 def test_order(variant, order):
-    """Of the sum over a second; one less than that of a step."""
+    """Order of the sum over a second, one less than that of a step."""
     sums = []
     for h in (0.01, 0.005):
         stages, *_ = coupled("wrench", study.FREE._replace(start=(1.0, 0.3, 0.2, -0.4)))
         scheme, total = couple(variant, stages), 0.0
         for k in range(round(1.0 / h)):
             scheme.advance(k * h, h)
-            if k > 1:  # steps without a past are of a lower order
+            if k > 1:  # steps without a past have a lower order
                 sent, received = works(bonds(scheme.members)[0], scheme.past.outputs, h)
                 total += abs(sent - received)
         sums.append(total)
@@ -59,7 +59,7 @@ def test_order(variant, order):
 
 @pytest.mark.parametrize(("stiffer", "right"), [(1.0, True), (1.1, False)])
 def test_it_is_the_energy_that_the_coupling_loses(stiffer, right):
-    """Of a system that keeps its energy and sends no state; counted with another spring it is another."""
+    """The residual is the energy that the coupling of a conservative system loses."""
     o, h, lost = FREE._replace(k=2.0), 1e-3, 0.0
     stages, a, b = coupled("spring", o)
     scheme = couple("jacobi constant", stages)
@@ -77,7 +77,7 @@ def test_it_is_the_energy_that_the_coupling_loses(stiffer, right):
     assert (start - held(stiffer * o.k) == pytest.approx(lost, rel=1e-3)) == right
 
 
-# The pace -----------------------------------------------------------------------------------------------------------
+# Step control -----------------------------------------------------------------------------------------------------
 
 
 def pace(stop=1.0, step=0.02, tolerance=1e-4, shortest=1e-4, longest=0.1):
@@ -92,7 +92,7 @@ def test_it_lands_on_the_end_and_saves_nothing():
     assert outcome.status == "ok"
     assert outcome.time == pytest.approx(1.0, abs=1e-12)
     h = np.array(seen)[1:, 1]
-    assert a.steps == len(h), "no step is tried"
+    assert a.steps == len(h), "steps were tried and rejected"
     assert h.max() <= 0.1
     assert h.max() / h.min() > 1.5
     assert (way.rejected, way.forced) == (0, 0)
@@ -105,7 +105,7 @@ def test_the_shortest_step_is_counted_where_it_is_too_long():
 
 
 def test_a_tighter_tolerance_is_more_right():
-    """A step's residual goes with h^2, so a tenth of a step for a hundredth of it; the motion is of order 2."""
+    """A tighter tolerance gives smaller errors: a hundredth of it, a tenth of the step, order 2."""
     truth, errors, steps = expm(whole(study.FREE) * 3.0) @ study.FREE.start, [], []
     for tolerance in (1e-3, 1e-5):
         stages, a, b = coupled("wrench", study.FREE)
@@ -153,7 +153,10 @@ def test_units_of_an_fmu(toy):
 
 
 def test_the_wheels_of_a_vehicle_are_bonds(tmp_path):
-    """Forces times velocities and torques times angular velocities; the log says how the steps were chosen."""
+    """The wheels of a vehicle are bonds: forces with velocities, torques with angular velocities.
+
+    The log says how the steps were chosen.
+    """
     settings = ("run.stop=20 ms", "run.variable.estimate=power", "run.variable.tolerance=1e-5")
     result = simulate(load("hard_stop", "rigid", settings), tmp_path / "run.mcap")
     assert (result["status"], result["rejected_steps"]) == ("ok", 0)

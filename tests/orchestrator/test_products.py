@@ -1,4 +1,4 @@
-"""FMUs of ``cotrack build``: a scene's parameters are what they start with when nobody sets any."""
+"""FMUs of ``cotrack build``: their start values are the scene's parameters."""
 
 import json
 import sys
@@ -31,7 +31,7 @@ def variant(name, kind):
 
 
 def described(kind, config, folder):
-    """Start values in the modelDescription.xml that the FMU would have."""
+    """Start values in the modelDescription.xml of the FMU, without a build."""
     (folder / "config.json").write_text(json.dumps(config))
     (folder / "build.txt").write_text(source_hash())
     shell = getattr(import_module("fmus." + KINDS[kind].removesuffix(".py").replace("/", ".")), kind)
@@ -43,7 +43,7 @@ def text(value):
     return value if isinstance(value, str) else repr(float(value))
 
 
-STEERED = ("brake_turn", "pivot", "turn")  # serpentine's drives are alike
+STEERED = ("brake_turn", "pivot", "turn")  # the drives of serpentine are equal
 
 
 @pytest.mark.parametrize("kind", VARIANTS)
@@ -62,11 +62,11 @@ def test_every_parameter_of_a_scene_is_a_start_value(name, kind, tmp_path):
             if {key: starts[key] for key in wanted} == wanted
         ]
         assert len(fitting) == 1, part.name
-        own = part.kind == "SprocketDrive" and name in STEERED  # elsewhere one serves both sides
+        own = part.kind == "SprocketDrive" and name in STEERED  # in other scenes one FMU serves both sides
         assert float(fitting[0].get("start.lateral", 0.0)) == (lateral if own else abs(lateral))
-        # elsewhere means of links are those of one step: how often a tool records is its own matter
+        # in other tools means of links span one step: how often they record is their own matter
         assert float(fitting[0].get(INTERVAL, 1.0)) == 1.0 <= float(over)
-        before = described(part.kind, part.config, tmp_path)  # as runs build it: the model's own defaults
+        before = described(part.kind, part.config, tmp_path)  # as for runs, with the model's own defaults
         if kind == "beam" and part.kind == "TrackFlexible":
             assert (before["element"], fitting[0]["element"]) == ("cable", "beam")
         if part.kind == "SprocketDrive":
@@ -98,7 +98,7 @@ STOPS = ("drive.ramp_time=5 ms", "drive.stop=6 ms", "drive.stop_time=5 ms")
 
 
 def outputs(scene, parts, graph, change=lambda name, parameters: parameters):
-    """All outputs of 20 coupled steps, with what is set of each part's parameters."""
+    """All outputs of 20 coupled steps; ``change`` replaces the parameters that are set on a part."""
     instances = tuple(
         instance._replace(parameters=change(instance.name, part.parameters))
         for instance, part in zip(graph.instances, parts, strict=True)
@@ -123,7 +123,7 @@ def outputs(scene, parts, graph, change=lambda name, parameters: parameters):
     ],
 )
 def test_fmus_of_a_scene_do_what_the_scene_does(name, kind, settings, telling, tmp_path):
-    """Bit for bit without a parameter set; one that is set to another value shows."""
+    """FMUs of a scene give its bits without any parameter set; another value of one shows."""
     scene = placed(load(name, "rigid" if kind == "rigid" else "flexible", [*VARIANTS[kind], *settings]))
     assembly = assemble(scene)
     ordinary = system(assembly)
@@ -136,7 +136,7 @@ def test_fmus_of_a_scene_do_what_the_scene_does(name, kind, settings, telling, t
     key, value = telling
     off = outputs(scene, assembly.parts, products, lambda _, own: {key: value} if key in own else {})
     assert not np.array_equal(off, run)
-    if kind == "beam":  # nor does what runs build do it without its parameters
+    if kind == "beam":  # and the FMUs of runs do not without their parameters
         assert not np.array_equal(outputs(scene, assembly.parts, ordinary, lambda *_: {}), run)
 
 

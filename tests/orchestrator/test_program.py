@@ -1,4 +1,4 @@
-"""A step by kernels: what it calls in which order, hands over and says of failures, and in which thread."""
+"""A step by kernels: order of calls, transfer of values, failures, and threads."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ pytestmark = pytest.mark.skipif(not CAN_STEP, reason="no kernels for this system
 
 
 class Instance:
-    """An FMU that notes what it is called with; ``statuses`` are what its functions return.
+    """An FMU that records its calls; ``statuses`` are the return values of its functions.
 
-    It shows twice what it was given, and how often it has stepped.
+    Its outputs are twice its inputs, and the number of its steps.
     """
 
     def __init__(self, statuses=(0, 0, 0), inputs=3, pause=0.0):
@@ -108,7 +108,7 @@ def test_what_failed_is_named_and_ends_the_step(statuses, failed, done):
 
 
 def test_values_are_handed_over_by_their_rules():
-    """At the start, at the end and in the middle of the step; the same as what the log makes of them."""
+    """Values are transferred by their rules (start, end, middle of the step), as the log computes them."""
     chance = np.random.default_rng(3)
     first, second = Instance(inputs=4), Instance(inputs=5)
     first.y[:], second.y[:] = chance.normal(size=5), chance.normal(size=6)
@@ -143,7 +143,7 @@ def test_a_stage_steps_at_once_and_every_failure_is_heard(failing):
 
 
 def test_short_steps_are_done_here():
-    """What is over before a thread would have begun, or where there is none."""
+    """Steps that end before a thread would start run in the calling thread, as do steps without threads."""
     for threads in (True, False):
         pair = [Instance(), Instance()]
         program = program_of((pair, []), threads=threads)
@@ -181,7 +181,7 @@ def test_a_worker_sleeps_without_a_task_and_wakes_with_the_next(worker):
 
 @pytest.mark.skipif(not spare_processors(), reason="needs a second processor")
 def test_a_task_that_no_worker_begins_is_done_by_who_waits():
-    """As with a worker whose thread does not run: here it has ended."""
+    """A task that no worker begins is done by the thread that waits; here the worker has ended."""
     pair = [Instance(), Instance()]
     program = program_of((pair, []))
     (worker,) = program._workers
@@ -200,7 +200,7 @@ def test_the_time_is_that_of_the_calls():
 
 
 class Linked(Instance):
-    """One with outputs of links, which are how often they were read; its step ``failing`` fails."""
+    """An instance whose link outputs count their reads; its step ``failing`` fails."""
 
     def __init__(self, failing=0):
         super().__init__()
@@ -227,20 +227,20 @@ class Linked(Instance):
 
 
 class Sheet:
-    """A page without topics: two rows are there before."""
+    """A buffer of rows without topics; two rows are there before."""
 
     def __init__(self, width):
         self.block = Block(np.zeros((10, HEAD + width)), count=2)
         self.room = 8
 
     def added(self, n):
-        """Of the n rows behind them: numbers, times, lengths, values."""
+        """Sequence numbers, times, step lengths and values of the n rows after them."""
         rows, block = slice(2, 2 + n), self.block
         return block.sequence[rows].tolist(), block.t[rows].tolist(), {*block.h[rows].tolist()}, block.values[rows]
 
 
 def marched(n, failing=0):
-    """A pair that feeds one another: as many steps at once, and the rows that single steps show."""
+    """March coupled pairs by many steps at once and by single steps; return both records."""
     pairs = [[Linked(failing), Linked()] for _ in range(2)]
     programs = []
     for one, other in pairs:
@@ -273,11 +273,11 @@ def test_many_steps_at_once_are_the_steps_one_by_one():
     numbers, times, lengths, values = steps_page.added(5)
     assert (numbers, times, lengths) == ([5, 6, 7, 8, 9], [k * 0.1 for k in range(5, 10)], {0.1})
     assert values.tobytes() == rows.tobytes()
-    assert len(np.unique(rows[:, -1])) == 5, "they change"
+    assert len(np.unique(rows[:, -1])) == 5, "outputs do not change"
     numbers, times, links = tape.links(taken)
     assert (numbers, times) == ([6, 9], [6 * 0.1, 9 * 0.1])
     assert links.tolist() == [[1.0, -1.0, 1.0, -1.0], [2.0, -2.0, 2.0, -2.0]]
-    assert not any(page.block.table[:2].any() for page in (steps_page, links_page)), "what was there stays"
+    assert not any(page.block.table[:2].any() for page in (steps_page, links_page)), "earlier rows were overwritten"
     assert np.array_equal(tape.shown(3)[pair[1].name], rows[3, -4:])
     assert tape.take() is None
 
@@ -292,7 +292,10 @@ def test_of_many_steps_those_before_a_failure_are_kept(failing):
 
 
 def test_a_failure_among_many_steps_leaves_a_log_of_those_before(tmp_path, monkeypatch):
-    """No step is found for a wild sprocket, one by one or many at once: the record, where it ended, what it says."""
+    """A failure among many steps leaves a log of the steps before it, with the same end and message.
+
+    A sprocket at 1e5 rad/s has no solution, one by one or many steps at once.
+    """
     settings = ("run.stop=0.1", "expect={}", "drive.speed=1e5 rad/s", "drive.ramp_start=0", "drive.ramp_time=0.02")
     told = []
     for together in (0.0, 10.0):

@@ -121,7 +121,7 @@ def test_most_of_a_cut_log_is_there(chunked):
 
 
 def test_messages_in_any_order_and_compression_read_alike(small, tmp_path):
-    """MCAP's own writer puts the messages of all topics in the order of time."""
+    """Messages in any order and compression read alike; MCAP's own writer sorts all topics by time."""
     for compression in (CompressionType.NONE, CompressionType.ZSTD):
         with small.open("rb") as stream, (tmp_path / "other.mcap").open("wb") as target:
             writer = Writer(target, chunk_size=20_000, compression=compression)
@@ -163,7 +163,7 @@ def test_first_difference():
 
 
 def test_who_knows_mcap_and_protobuf():
-    """Only what handles a log's file, its chunks and their messages knows MCAP, only the schema knows protobuf."""
+    """Only the modules of a log's file, chunks and messages import mcap, only the schema imports protobuf."""
     users = {"mcap": set(), "google.protobuf": set()}
     for path in Path(__file__).parents[2].glob("orchestrator/**/*.py"):
         for package, found in users.items():
@@ -209,7 +209,7 @@ OLD = Path(__file__).with_name("logs") / "format_1.mcap"  # made on 2026-11-21, 
 
 
 def test_an_old_log_stays_readable():
-    """Its digest is what it was."""
+    """An old log stays readable, with the same digest."""
     with Log(OLD) as log:
         assert log.digest() == "aa9904c9ceb3be31b23ee579c6f99991302ec69b75dd956b3315d5acbb79fb3e"
         assert len(log.read("/chain/in").t) == 20

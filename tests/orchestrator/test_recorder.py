@@ -50,7 +50,7 @@ NAMES = st.lists(
 
 
 def standard_messages(path):
-    """(topic, sequence, message) as any tool decodes them: MCAP's own reader, protobuf's own decoder."""
+    """(channel, message, decoded message) by MCAP's own reader and protobuf's own decoder."""
     pool, classes = DescriptorPool(), {}
     with path.open("rb") as stream:
         for kind, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
@@ -64,7 +64,7 @@ def standard_messages(path):
 
 
 def until_cut(messages):
-    """What an iterator gives before it complains about the end of the file."""
+    """Items of an iterator up to its error at the end of the file."""
     with suppress(McapError, struct.error):
         yield from messages
 
@@ -142,7 +142,7 @@ def test_what_stands_before_step_0(tmp_path):
     path = record(tmp_path / "a.mcap")
     data = path.read_bytes()
     for text in (b"small", b"<fmiModelDescription/>", b"versions", b"/chassis/out"):
-        assert 0 < data.index(text) < data.index(b"zstd")  # the first chunk
+        assert 0 < data.index(text) < data.index(b"zstd")  # in the first chunk
 
 
 def test_equal_runs_have_equal_digests_and_a_changed_bit_shows(tmp_path):
@@ -153,7 +153,7 @@ def test_equal_runs_have_equal_digests_and_a_changed_bit_shows(tmp_path):
 
     paths = {
         "one": record(tmp_path / "one.mcap", flush=0.25),
-        "two": record(tmp_path / "two.mcap", wall=7.0, flush=0.001),  # other chunks, other wall clock
+        "two": record(tmp_path / "two.mcap", wall=7.0, flush=0.001),  # other chunks and another wall clock
         "bit": record(tmp_path / "bit.mcap", change=flip),
     }
     digests = {}
@@ -287,7 +287,7 @@ def test_a_full_disk_is_one_sentence_and_leaves_all_that_fits(tmp_path, room):
     child = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
     assert child.stderr == ""
     assert child.stdout == f"the log {path} cannot be written: file too large\n"
-    assert path.stat().st_size > room - 40_000, "what is left has room for the end of a file and no step"
+    assert path.stat().st_size > room - 40_000, "the remaining space holds the end of a file and no step"
     with Log(path) as log:
         given, shown, links = (log.read(f"/a/{kind}").values for kind in ("in", "out", "links"))
         assert log.closing["status"] == "failed"
@@ -380,7 +380,10 @@ def test_cost_of_a_message(tmp_path, width):
 
 
 def test_words_of_rows_are_copied_into_records():
-    """As numpy does it move by move: from any rows, also from the one before, the later of two that overlap counts."""
+    """Words of rows are copied into records as numpy does it move by move.
+
+    Rows may be any, also the one before; of two overlapping moves the later one counts.
+    """
     random = np.random.default_rng(5)
     rows = random.random((50, 9))
     sources, targets = 8 * random.integers(-9, 9, 40), random.integers(0, 92, 40)
@@ -398,7 +401,7 @@ def test_words_of_rows_are_copied_into_records():
 
 
 def test_pages_that_are_lent_are_left_alone(tmp_path):
-    """Whoever fills them may take longer than messages wait for the disk; then these are written at once."""
+    """Pages that are lent for filling stay in place, even if messages are overdue."""
     with Recorder(tmp_path / "a.mcap", {"/a/out": [("x", "m")]}, {}, {}, flush=0.02) as recorder:
         (page,) = recorder.pages("/a/out")
         for k in range(1, 4):

@@ -1,4 +1,4 @@
-"""Links are recorded often enough to show what teeth do to them; where they are not, it is said."""
+"""Links are recorded often enough to show tooth passings; if not, a warning says so."""
 
 import math
 
@@ -22,7 +22,7 @@ STEPS, RATES = st.floats(1e-5, 1e-2), st.floats(0.1, 1e3)
 def test_ten_samples_a_tooth_or_every_step(step, teeth):
     every = links_every(step, teeth)
     assert every == 1 or 1.0 / (every * step * teeth) >= SAMPLES * (1.0 - 1e-9)
-    assert every == SELDOM or 1.0 / ((every + 1) * step * teeth) < SAMPLES, "no more often than that"
+    assert every == SELDOM or 1.0 / ((every + 1) * step * teeth) < SAMPLES, "links are recorded more often than needed"
     assert every == 1 or not folded(every, step, teeth)
 
 
@@ -39,7 +39,7 @@ def test_the_frequency_that_shows_is_that_of_the_samples(step, teeth, every):
         t = np.arange(200) * every * step
         own, seen = np.cos(2 * np.pi * teeth * t), np.cos(2 * np.pi * shown * t)
         assert shown <= 0.5 / (every * step) * (1 + 1e-3)
-        if shown * t[-1] < 20.0:  # else four digits are too few to compare over so many periods
+        if shown * t[-1] < 20.0:  # else four digits are too few for so many periods
             assert np.abs(own - seen).max() < 0.1
 
 
@@ -49,7 +49,7 @@ def test_the_frequency_that_shows_is_that_of_the_samples(step, teeth, every):
         ("straight", (), 20.0),
         ("turn", (), 12.0),
         ("pivot", (), 10.0),
-        ("brake_turn", (), 10.0),  # of the side that is not braked
+        ("brake_turn", (), 10.0),  # of the side without brake
         ("differential", (), 10.0 + 0.5 * 4.0),
         ("rig", (), 3.0),
         ("rig", ("drive.mode=torque", "drive.torque=10", "drive.speed=0"), 20.0),
@@ -64,9 +64,9 @@ def test_top_speed_is_what_the_scene_asks_for(scene, settings, speed):
     assert load(scene, None, (*settings, "run.links=7")).links_every == 7
 
 
-# --- records that are too seldom --------------------------------------------------------------------
+# --- records that are too sparse --------------------------------------------------------------------
 
-# it drives off so fast that bodies pass through each other
+# it drives off so fast that bodies penetrate each other
 WILD = 'run.allow=["penetration", "tooth_jump"]'
 BRIEF = (
     "run.stop=0.08",
@@ -77,7 +77,7 @@ BRIEF = (
     "drive.speed=40",
     WILD,
 )
-RARE = "run.links=20"  # 1 sample in 20 ms, 64 teeth a second
+RARE = "run.links=20"  # 1 sample in 20 ms, 64 teeth per second
 
 
 @pytest.fixture(scope="module")
@@ -132,7 +132,7 @@ def test_they_go_on_and_are_replayed_as_others(runs, tmp_path):
     assert verify(runs["rare"]).code == WHOLE
     resume(runs["rare"], tmp_path / "again.mcap", 0.045)
     with Log(runs["rare"]) as log, Log(tmp_path / "again.mcap") as again:
-        assert again.metadata["resumed"]["step"] == "40", "checkpoints lie on records of links"
+        assert again.metadata["resumed"]["step"] == "40", "checkpoints do not lie on records of links"
         assert again.digest() == log.digest()
     with replay_model.opened(runs["rare"], "track", None) as once_more:
         assert once_more.verify().equal

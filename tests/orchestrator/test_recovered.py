@@ -1,4 +1,4 @@
-"""Recovered logs are logs: verified, compared, balanced, replayed and drawn like any other, wherever they were cut."""
+"""Recovered logs can be verified, compared, balanced, replayed and drawn like any other, wherever cut."""
 
 import struct
 
@@ -16,11 +16,11 @@ from orchestrator.results.run_data import Missing, RunData
 from orchestrator.results.views.side_view import draw
 from orchestrator.scene.scene import load
 
-WINDOWED = ("_mean", "_rms")  # over a second, of which less is left
+WINDOWED = ("_mean", "_rms")  # means over a second, which is longer than the rest of the log
 
 
 def recorded(path, scene, track, *settings):
-    """A run's log in chunks of a few steps."""
+    """Log of a run in chunks of a few steps."""
     with pytest.MonkeyPatch.context() as patch:
         for module in (page, recorder):
             patch.setattr(module, "CHUNK", 6_000)
@@ -48,7 +48,10 @@ def ends(log):
 
 
 def survey(whole, rerun_to, cuts, components, folder, seldom):
-    """Cut a log at each place and use what is recovered; ``rerun_to`` runs so many steps. The last steps found."""
+    """Cut a log at each place and use what is recovered; return the set of last steps.
+
+    ``rerun_to(n)`` runs n steps for the comparison.
+    """
     data, found = whole.read_bytes(), set()
     with Log(whole) as log:
         reference = RunData(log)
@@ -61,7 +64,7 @@ def survey(whole, rerun_to, cuts, components, folder, seldom):
                 n = left.closing["steps"]
                 found.add(n)
                 if n < max(about.every for topic, about in left.topics.items() if topic.endswith("/out")):
-                    continue  # no step's outputs are left to compare
+                    continue  # the outputs of no step are left to compare
                 assert set(ends(left).values()) == {n}, cut
                 run = RunData(left)
                 books = ledger(run)
@@ -85,7 +88,7 @@ def survey(whole, rerun_to, cuts, components, folder, seldom):
 
 
 def places(whole, count):
-    """So many places all over the messages, and the borders of the chunks."""
+    """``count`` places all over the messages, and the borders of the chunks."""
     with Log(whole) as log:
         end = log._file.data_end
     edges = borders(whole.read_bytes())
@@ -104,7 +107,7 @@ def test_what_is_left_of_a_run_is_as_good_as_a_shorter_run(tmp_path):
 
 
 def test_steps_that_are_lost_are_no_shorter_run(tmp_path):
-    """A chunk in the middle is gone: no ledger, no replay, each in a sentence."""
+    """A log without a chunk in its middle is no shorter run: balance and replay are refused in a sentence."""
     whole = recorded(tmp_path / "chain.mcap", "hanging_chain", "rigid", "run.stop=0.1", "chain.links=8", "expect={}")
     data = bytearray(whole.read_bytes())
     edges = borders(data)

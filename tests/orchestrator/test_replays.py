@@ -1,4 +1,4 @@
-"""Replay: what is stepped is our own build or an FMU that the user names; answers can be replayed in turn."""
+"""Replay steps our own build or an FMU that the user names; answers can be replayed in turn."""
 
 import hashlib
 import json
@@ -30,14 +30,14 @@ SETTINGS = ("run.stop=0.02", "chain.links=8", "run.links=7", "expect={}")
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
-    """A hanging chain of eight links."""
+    """Log of a hanging chain of eight links."""
     path = tmp_path_factory.mktemp("replay") / "chain.mcap"
     assert simulate(load("hanging_chain", "flexible", SETTINGS), path)["status"] == "ok"
     return path
 
 
 def altered(log, path, change):
-    """The log with another system.json and scene.json; all checksums hold."""
+    """The log with another system.json and scene.json; all checksums are valid."""
     content = Content(log)
     tables = {name: json.loads(content.attachments[f"{name}.json"]) for name in ("system", "scene")}
     change(**tables)
@@ -53,7 +53,7 @@ def fmu_of(log):
 
 
 def test_an_fmu_that_only_the_log_vouches_for_is_not_run(log, tmp_path):
-    """A stranger's log names a stranger's FMU, with its hash."""
+    """An FMU that only the log vouches for is not run: the log of a stranger names it, with its hash."""
     mark, stranger = tmp_path / "ran", tmp_path / "stranger.fmu"
     with zipfile.ZipFile(fmu_of(log)) as ours, zipfile.ZipFile(stranger, "w") as theirs:
         for name in ours.namelist():
@@ -112,7 +112,7 @@ def test_an_answer_holds_what_answered_and_can_be_replayed(log, tmp_path, other)
             assert (scene["track"]["model"], theirs["track"]["model"]) == ("rigid", "flexible")
             assert scene["vehicle"] == theirs["vehicle"]
         else:
-            assert "scene.json" not in log_of_answer.attachments, "nobody knows which scene that FMU is of"
+            assert "scene.json" not in log_of_answer.attachments, "the scene of that FMU is unknown"
     if other == "rigid":
         draw(answer, tmp_path / "answer.png")
     else:
@@ -142,7 +142,7 @@ def test_an_fmu_file_that_is_what_ran_is_compared(log, tmp_path):
 
 
 def test_other_numbers_answer_to_the_same_inputs(log, tmp_path):
-    """A chain has no inputs: its answer is the run with those numbers, to the bit."""
+    """Other numbers give the run with those numbers, to the bit, because a chain has no inputs."""
     heavier = "vehicle.gravity=10.0"
     run = tmp_path / "run.mcap"
     assert simulate(load("hanging_chain", "flexible", (*SETTINGS, heavier)), run)["status"] == "ok"
@@ -163,7 +163,7 @@ def test_other_numbers_answer_to_the_same_inputs(log, tmp_path):
         assert again.model.ran
         assert again.verify().equal
     with replay_model.opened(log, "chain", None, settings=["vehicle.gravity=9.81"]) as again:
-        assert again.model.ran, "nothing is other than it was"
+        assert again.model.ran, "nothing was changed, so the recorded model must run"
         assert again.answer(tmp_path / "half.mcap", 0.01) == 10
 
 
@@ -225,7 +225,7 @@ def test_a_log_that_was_cut_off_is_replayed_as_far_as_all_of_it_goes(log, tmp_pa
 
 
 def test_names_in_a_log_lead_nowhere(log, tmp_path):
-    """Instances, attachments, topics and the scene may be called anything; files are those that were asked for."""
+    """Names of instances, attachments and topics in a log create no files; only requested ones exist."""
     content = Content(log)
     scene, system = (json.loads(content.attachments[name]) for name in ("scene.json", "system.json"))
     system["instances"][0]["name"] = "../../evil"
@@ -281,7 +281,7 @@ def test_a_scene_or_system_that_cannot_be_is_refused_in_a_sentence(log, tmp_path
 
 
 def test_a_log_of_another_version_can_be_drawn(log, tmp_path):
-    """With keys that this one does not know, without keys that it wants and the picture does not; no wild numbers."""
+    """A log of another version can be drawn: unknown keys, missing keys; but no absurd numbers."""
 
     def older(system, scene):
         scene["vehicle"]["sprocket"]["colour"] = "red"
@@ -314,7 +314,10 @@ def test_a_run_that_blew_up_is_compared_in_silence(log, tmp_path, recwarn):
 
 
 def test_one_bit_of_an_input_is_named_where_it_is(tmp_path):
-    """A sprocket is elsewhere by one ULP at step 40: its own replay says so, and the track's that was given it."""
+    """A changed bit of an input is named: a sprocket that differs by one ULP at step 40.
+
+    The replay of the drive says so, and that of the track, which received it.
+    """
     settings = ("run.stop=0.08", "expect={}", "drive.ramp_start=0", "run.links=8")
     whole = tmp_path / "whole.mcap"
     assert simulate(load("rig", "rigid", settings), whole)["status"] == "ok"

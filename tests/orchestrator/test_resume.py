@@ -1,4 +1,4 @@
-"""A run that goes on from a checkpoint is, bit by bit, the run that was not interrupted."""
+"""A run that continues from a checkpoint equals the uninterrupted run, bit by bit."""
 
 import json
 import os
@@ -62,13 +62,13 @@ def test_every_coupling_goes_on_as_if_nothing_had_been(tmp_path, coupling):
 
 
 def forget(pace, scheme, memory):
-    """Go on from where a run was, as if that were a start."""
+    """Forget the lengths of past steps, as at a start (twin)."""
     pace._start = pace._start._replace(t=float(memory["pace"][0]))
 
 
 @pytest.mark.parametrize("estimate", ["doubling", "power"])
 def test_variable_steps_go_on(tmp_path, monkeypatch, estimate):
-    """With the lengths that they had; checkpoints are at the first points after 20, 40 and 60 ms that allow it."""
+    """A run with variable steps resumes with the same steps, from checkpoints where they allow it."""
     variable = (f"run.variable.estimate={estimate}", "run.variable.tolerance=1e-5")
     whole = ran(tmp_path / "whole.mcap", "rig", "rigid", *RIG, *variable)
     with Log(whole) as log:
@@ -85,7 +85,7 @@ def test_variable_steps_go_on(tmp_path, monkeypatch, estimate):
     for kind in (VariableStep, PowerResidual):
         monkeypatch.setattr(kind, "remember", forget)
     resume(whole, tmp_path / "again.mcap", 0.05)
-    assert digest(tmp_path / "again.mcap") != digest(whole), "the twin forgets how long steps were"
+    assert digest(tmp_path / "again.mcap") != digest(whole), "the twin, which forgets the step lengths, must differ"
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,10 @@ def test_a_branch_with_the_same_number_is_the_run_that_was_not_interrupted(tmp_p
 
 @pytest.mark.long
 def test_a_branch_parts_at_the_step_after_its_checkpoint(rig, tmp_path):
-    """Stiffer teeth and rims, pressed in as they were, hold a tenth more energy, which no work put in."""
+    """A branch with other settings differs from the step after its checkpoint on.
+
+    Stiffer teeth and rims with the same penetration hold 10 % more energy, which no work has put in.
+    """
     settings = [f"vehicle.contact.{where}.stiffness=2.2e6" for where in ("sprocket", "wheel")]
     branch = tmp_path / "branch.mcap"
     assert resume(rig, branch, 0.04, settings=settings)["status"] == "ok"
@@ -174,7 +177,7 @@ def test_a_longer_run_is_that_of_a_longer_scene(rig, tmp_path):
 
 @pytest.mark.long
 def test_a_killed_run_goes_on(rig, tmp_path):
-    """Its log ends somewhere; what follows the last checkpoint is done again."""
+    """A killed run resumes: its log ends anywhere, and the steps after the last checkpoint are done again."""
     script = (
         "from pathlib import Path\n"
         "from orchestrator.execution.simulate import simulate\n"

@@ -87,7 +87,7 @@ def test_settings_reach_scene_vehicle_and_track():
     assert scene.track.model == "rigid"
     assert scene.drive.speed == pytest.approx(10.471975512)
     assert scene.vehicle.road_wheel.x[0] == -0.7
-    assert load("straight").vehicle.contact.ground.friction == 0.3, "the twin is as the file has it"
+    assert load("straight").vehicle.contact.ground.friction == 0.3, "the file's value must be back"
 
 
 def test_integrators_reach_the_tracks():
@@ -96,7 +96,7 @@ def test_integrators_reach_the_tracks():
         return next(part.parameters for part in assemble(placed(scene)).parts if part.name == "left_track")
 
     assert "spectral_radius" not in parameters("track.integrator=generalized_alpha")
-    assert parameters("track.integrator=hht")["spectral_radius"] == 0.5, "the strongest damping that it has"
+    assert parameters("track.integrator=hht")["spectral_radius"] == 0.5, "the default is the strongest damping"
     assert parameters("track.integrator=hht", "track.spectral_radius=0.9")["spectral_radius"] == 0.9
     told = parameters("track.integrator=adams", "track.rtol=1e-8", "track.atol=1e-7")
     assert (told["adams.rtol"], told["adams.atol"]) == (1e-8, 1e-7)
@@ -169,7 +169,7 @@ def test_quantities(quantity):
 
 
 def test_common_units_are_those_of_pint():
-    """To the last bit: which way a quantity is read shows nowhere."""
+    """Common units give the same bits as pint."""
     pint, values = vehicle._registry(), np.random.default_rng(3).uniform(0.0, 300.0, 50).tolist()
     for (given, unit), factor in vehicle.COMMON.items():
         read = vehicle.to_si(unit)
@@ -223,7 +223,7 @@ def test_coordinates_are_for_explicit_integrators():
 
 @pytest.mark.parametrize("model", ["flexible", "rigid"])
 def test_keys_of_a_track_are_parameters_of_its_fmu(model):
-    """Every key, its choices, and the defaults by which conflicts are found."""
+    """Keys of a track are parameters of its FMU, with their choices and defaults."""
     part = assemble(load("rig", model)).parts[0]
     shell = import_module(f"fmus.track_{model}.model").Model
     ports = {port.name: port for port in shell(part.config).ports}
@@ -232,14 +232,17 @@ def test_keys_of_a_track_are_parameters_of_its_fmu(model):
             port = ports[sets.parameter or key]
             asked = get_args(Track.model_fields[key].annotation)
             chosen = next((get_args(one) for one in asked if get_origin(one) is Literal), ())
-            assert set(chosen) <= {*(STARTS if key == "start" else port.choices)}, "of starts those of its ends"
-            assert {*port.choices} - set(chosen) <= {"planar"}, "scenes say that by a key of their own"
+            assert set(chosen) <= {*(STARTS if key == "start" else port.choices)}, "an unknown start"
+            assert {*port.choices} - set(chosen) <= {"planar"}, "scenes have a key of their own for this choice"
     for name, value in DEFAULTS[model].items():
         assert ports[name].start == value
 
 
 def test_a_key_of_a_track_is_declared_once(monkeypatch):
-    """A toy key reaches the FMU, belongs to one model, is dropped by a swap of models and no part of the motion."""
+    """A key of a track is declared once.
+
+    A toy key reaches the FMU, belongs to one model, is dropped when the model changes, and is not part of the motion.
+    """
 
     class Toy(Track):
         stickiness: Annotated[float | None, Sets("glue.stickiness", model="rigid", method=True)] = None
@@ -322,7 +325,7 @@ def test_scenes_are_frozen():
 
 
 def test_half_a_turn_of_roll():
-    """The pose that the parts are told is that of the roll: R_z(heading) R_y(pitch) R_x(half a turn)."""
+    """The parts get the pose R_z(heading) R_y(pitch) R_x(180 deg) for half a turn of roll."""
     scene = load("settle", None, ["start.heading=0.3", "start.pitch=0.2", "start.roll=180 deg"])
     for part in assemble(scene).parts:
         w, x, y, z = orientation(start(part.parameters))
@@ -337,12 +340,12 @@ def test_half_a_turn_of_roll():
         load("settle", None, ["start.roll=180 deg", bump])
 
 
-HUGE, HUGER = "9" * 400, "0x" + "f" * 5000  # one that no double holds, one that Python does not even print
+HUGE, HUGER = "9" * 400, "0x" + "f" * 5000  # too large for a double, and too large for Python to print
 ODD = (HUGE, "-" + HUGE, HUGER, "9" * 5000, "1e400", "nan", "\udcff", "[" * 3000, "[[1]]", "{a = 1}", f'"{HUGE} m"', "")
 
 
 def leaves(value, above=""):
-    """Dotted keys of everything in a table, tables and lists too."""
+    """Dotted keys of all values in a table, also of tables and lists."""
     entries = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, inner in entries:
         yield f"{above}{key}"
@@ -350,7 +353,7 @@ def leaves(value, above=""):
 
 
 def test_no_value_ends_otherwise_than_in_a_sentence():
-    """Every key of a scene, with values of all kinds: taken or refused."""
+    """Every key of a scene accepts values of all kinds or refuses them in a sentence."""
     found = list(leaves(load("hanging_chain").resolved()))
     assert {"run.step", "run.links", "chain.links", "vehicle.road_wheel.x.0"} <= set(found)
     deep = "a." * 3000 + "a"
@@ -398,7 +401,7 @@ def test_scene_and_vehicle_files_of_any_content_are_one_sentence(tmp_path, repla
 
 
 def test_runs_of_one_scene():
-    """However computed, recorded, named or checked; any other number makes another scene."""
+    """Runs of one scene may differ in computation, recording, name and checks, in nothing else."""
     whole = load("straight").resolved()
     for change in (
         "track=rigid", "track.element=beam", "track.step=1 ms", "run.stop=1 s", "run.step=2 ms", "run.links=1",
@@ -421,7 +424,7 @@ def test_runs_of_one_scene():
         flexible, rigid = (placed(load(name, model)).resolved() for model in ("flexible", "rigid"))
         of_one_scene(("a", flexible), ("b", rigid))
     x = rigid["vehicle"]["idler"]["x"]
-    for change, same in ((1e-7, True), (1e-3, False)):  # m: where another version's search ended, and another circuit
+    for change, same in ((1e-7, True), (1e-3, False)):  # m: within the tolerance of a search; another circuit
         moved = {**rigid, "vehicle": {**rigid["vehicle"], "idler": {**rigid["vehicle"]["idler"], "x": x + change}}}
         with nullcontext() if same else pytest.raises(BadInput, match=r"vehicle\.idler\.x = "):
             of_one_scene(("a", moved), ("b", rigid))

@@ -1,4 +1,4 @@
-"""The study of stability: its limits against closed forms, its verdicts on fast cases, its table and map."""
+"""The study of stability: limits against closed forms, verdicts on fast cases, table and map."""
 
 import csv
 import io
@@ -20,13 +20,16 @@ from orchestrator.studies.verdict import BLOWN, CLEAN, MUTE, RIGHT, WRONG, ended
 
 
 def step_of(pair, h):
-    """Matrix (4, 4) of one step: chain's position and velocity, then the wheel's, which its side shows as they are."""
+    """Matrix (4, 4) of one step: position and velocity of the chain, then of the wheel."""
     step = amplification("tracks_first", "linear", "wrench", pair, h)
     return np.hstack([step[:4, :2], step[:4, 2:4] + step[:4, 5:7]])
 
 
 def test_a_wheel_on_a_chain_that_stands_still():
-    """By hand: the mean force of k (x + v h / 2) + c v is unstable from k h^2 / 2 m + c h / m = 2 on."""
+    """A wheel on a fixed chain is unstable above k h^2 / 2 m + c h / m = 2.
+
+    The mean force is k (x + v h / 2) + c v.
+    """
     k, c, m = 5.4e6, 1.35e4, 430.0
     exact = (-c + math.sqrt(c * c + 4.0 * k * m)) / k
     pair = Oscillator(k, c, 1.0, m, k1=1e13, c1=1e5, k2=0.0)
@@ -43,7 +46,7 @@ def test_two_free_masses_keep_their_momentum_across_the_cut():
 
 
 def test_short_steps_follow_the_exact_motion():
-    """Order 2 of the coupling: error over a fixed time falls fourfold with half the step."""
+    """Short steps follow the exact motion with order 2: half the step, a quarter of the error."""
     p = Oscillator(1e5, 0.0, 20.0, 50.0, k1=1e4, k2=2e4)
     K = np.array([[p.k + p.k1, -p.k], [-p.k, p.k + p.k2]])
     A = np.zeros((4, 4))
@@ -60,7 +63,7 @@ def test_short_steps_follow_the_exact_motion():
 
 @pytest.mark.parametrize(("frequency", "relaxation"), [(3e5, 0.0), (3e5, 1e-6), (3e5, 1e-5), (10.0, 0.3)])
 def test_explicit_limit_is_where_the_method_begins_to_grow(frequency, relaxation):
-    """Against the method itself on the damped oscillator, a little below and above."""
+    """The explicit limit is where the method begins to grow on the damped oscillator."""
     A = np.array([[0.0, 1.0], [-(frequency**2), -relaxation * frequency**2]])
 
     def radius(h):
@@ -117,7 +120,7 @@ def test_ends_that_are_not_right(monkeypatch):
     assert told(monkeypatch, refused=ComponentFailed("left_track: lost")).note == "left_track: lost"
     assert told(monkeypatch, message="Newton at t = 1 s")["verdict"] == CLEAN
     assert told(monkeypatch, message="")["verdict"] == MUTE
-    with pytest.raises(ZeroDivisionError):  # the pool makes a row of it, and that row is missed
+    with pytest.raises(ZeroDivisionError):  # the pool turns it into a row, and the test looks for that row
         told(monkeypatch, refused=ZeroDivisionError("bug"))
 
 

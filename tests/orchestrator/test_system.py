@@ -26,7 +26,7 @@ def test_vehicle_has_its_five_components_in_stages():
         "right_drive": DRIVE,
         "chassis": CHASSIS,
     }
-    assert found["left_track"].config == found["right_track"].config, "one FMU serves both sides"
+    assert found["left_track"].config == found["right_track"].config, "one FMU must serve both sides"
     assert found["left_track"].parameters["start.lateral"] == 1.0795
     assert found["right_track"].parameters["start.lateral"] == -1.0795
 
@@ -112,7 +112,7 @@ def test_ends_of_a_chain_reach_its_fmu():
     held = parts("released_chain")["chain"]
     assert held.config["track"]["ends"] == {"kind": "held", "first": [0.0, 0.0]}
     assert held.parameters["start"] == "straight"
-    assert "start" not in parts("hanging_chain")["chain"].parameters, "the model's own"
+    assert "start" not in parts("hanging_chain")["chain"].parameters, "the model has its own default"
     loop = parts("spinning_loop")["chain"]
     assert (loop.config["track"]["closed"], loop.config["track"]["ends"]) == (True, None)
     assert (loop.config["track"]["gravity"], loop.parameters["start.spin"]) == (0.0, 5.0)

@@ -1,6 +1,6 @@
-"""The monolith and the truth: order, energy, third law, and co-simulation converging to it.
+"""The monolith and the truth: order, energy, third law, and convergence of co-simulation to it.
 
-Monoliths with wheels or drives take half a minute to compile: they are a study.
+Monoliths with wheels or drives take half a minute to compile; their tests are studies.
 """
 
 import json
@@ -40,10 +40,10 @@ def energies(log):
 
 @pytest.mark.long
 def test_monolith_is_of_order_four():
-    """A soft chain let go: its motion has no kinks."""
+    """The monolith has order four on a soft released chain, whose motion is smooth."""
     assembly = assemble(load("hanging_chain", "flexible", SOFT))
     ends = []
-    for refine in (6.4, 12.8, 25.6):  # 8, 16, 32 steps in a millisecond
+    for refine in (6.4, 12.8, 25.6):  # 8, 16, 32 steps per millisecond
         whole = Monolith(monolithic.parts_of(assembly), assembly.connections, refine)
         for k in range(20):
             whole.advance(k * 1e-3, 1e-3)
@@ -54,7 +54,10 @@ def test_monolith_is_of_order_four():
 
 @pytest.mark.long
 def test_adams_error_follows_its_tolerance_in_fewer_evaluations_than_runge_kutta():
-    """The soft chain: motion without kinks, one start, and steps as long as accuracy lets them be."""
+    """The error of Adams follows its tolerance, with fewer evaluations than Runge-Kutta.
+
+    The soft chain has a smooth motion and one start, and accuracy limits the steps.
+    """
     assembly = assemble(load("hanging_chain", "flexible", SOFT))
 
     def end(refine=1.0, **how):
@@ -85,7 +88,7 @@ def test_adams_error_follows_its_tolerance_in_fewer_evaluations_than_runge_kutta
 
 @pytest.mark.long
 def test_a_monolith_goes_on_from_the_states_of_a_co_simulation(tmp_path):
-    """A chain alone by Runge-Kutta is the same in both, so that it is to go on as if there had been no change."""
+    """A monolith continues from the states of a co-simulation; a chain alone continues to the same result."""
     settings = (*SOFT, "track.integrator=runge_kutta", "run.step=1 ms", "run.stop=0.03")
     scene = load("hanging_chain", "flexible", settings)
     states = states_at(scene, 0.02)
@@ -131,7 +134,7 @@ def test_energy_of_a_free_chain_closes(tmp_path, how):
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory):
-    """The monolith of the vehicle that drives off."""
+    """Log of the monolith of the vehicle that drives off."""
     path = tmp_path_factory.mktemp("monolith") / "driven.mcap"
     outcome, cost = monolithic.run(load("straight", "flexible", ("run.step=1ms", *DRIVEN)), path)
     assert outcome.status == "ok"
@@ -141,7 +144,7 @@ def driven(tmp_path_factory):
 
 @pytest.mark.study
 def test_the_ledger_of_a_whole_vehicle_closes(driven):
-    """Contacts and all; without the entry of what covered parts lose it stays open, whatever the step."""
+    """The energy balance of a whole vehicle with contacts closes only with the covering losses."""
     with Log(driven) as log:
         books = ledger(RunData(log))
     assert books.dissipated > 20.0
@@ -152,7 +155,10 @@ def test_the_ledger_of_a_whole_vehicle_closes(driven):
 @pytest.mark.study  # compiles a monolith with both integrators
 @pytest.mark.parametrize("links", ["flexible", "rigid"])
 def test_adams_methods_drive_a_vehicle_to_their_tolerance(links, tmp_path):
-    """Contacts begin and end inside of steps; a ramp of the drives does where the past is forgotten."""
+    """Adams methods drive a vehicle to their tolerance.
+
+    Contacts begin and end within steps; the method restarts at the ramp of the drives.
+    """
     settings = ("run.step=1ms", "run.stop=0.03", "track.link_outputs=false", "drive.ramp_start=0.0105",
                 "drive.ramp_time=0.01")  # fmt: skip
     scene, off = load("straight", links, settings), []
@@ -176,11 +182,11 @@ def test_adams_methods_drive_a_vehicle_to_their_tolerance(links, tmp_path):
     faster = load("straight", links, (*settings, "drive.speed=20.4"))
     monolithic.run(faster, tmp_path / "twin.mcap", integrator="adams")
     with Log(tmp_path / "twin.mcap") as log:
-        assert abs(log.signal("left_track.tension.mean")[1][-1] - fine[2]) > 1.0, "a twin that is 2 % faster"
+        assert abs(log.signal("left_track.tension.mean")[1][-1] - fine[2]) > 1.0, "the twin, 2 % faster, must differ"
 
 
 def open_part(log, instance, gains, losses):
-    """What the books of a component leave open, over the range of its port's work."""
+    """Energy residual of a component over the range of its port's work, and that of a twin."""
     parts = {name: log.signal(f"{instance}.{name}")[1] for name in (*gains, *losses)}
     total = sum(parts[name] for name in gains) - sum(parts[name] for name in losses)
     return np.ptp(total) / np.ptp(parts["port.work"]), np.ptp(total + 0.02 * parts["energy.kinetic"])
@@ -191,7 +197,10 @@ STORED = ("energy.kinetic", "energy.dissipated", "energy.gravity", "energy.sprin
 
 @pytest.mark.study
 def test_books_of_chassis_and_drives_close(driven):
-    """The spin that a prescribed speed lends to the chassis is in them: work of mount and motor, and reaction."""
+    """Energy balances of chassis and drives close, with the spin at prescribed speed.
+
+    Its work comes from mount and motor, and the chassis takes the reaction.
+    """
     with Log(driven) as log:
         chassis, twin = open_part(log, "chassis", ("port.work",), STORED)
         assert chassis < 1e-9 < twin
@@ -212,7 +221,10 @@ def test_books_of_a_drive_that_spins_by_itself_close(mode, tmp_path):
 
 @pytest.mark.study
 def test_a_speed_that_jumps(tmp_path):
-    """Within a step, at once and in 0.1 ms: the motor works for it, and the chassis takes the reaction."""
+    """A jump of the speed within a step equals a ramp of 0.1 ms.
+
+    The motor does the work, and the chassis takes the reaction.
+    """
     found = []
     for ramp in ("0", "0.1 ms"):
         drive = ("drive.ramp_start=1.3 ms", f"drive.ramp_time={ramp}", "drive.speed=5")
@@ -246,7 +258,7 @@ def at_the_end(path, observables=OBSERVABLES):
 
 @pytest.fixture(scope="module")
 def coupled(tmp_path_factory):
-    """Logs of the same by co-simulation, the components' steps shrunk along, by step."""
+    """Logs of the same by co-simulation, by step; the components' steps shrink with it."""
     folder, logs = tmp_path_factory.mktemp("coupled"), {}
     for h in (1e-3, 5e-4, 2.5e-4):
         settings = (f"run.step={h}", f"track.step={h / 2}", *DRIVEN, f"run.links={round(INTERVAL / h)}")
@@ -256,7 +268,7 @@ def coupled(tmp_path_factory):
 
 
 def misfit(coupled, path):
-    """Rest of the coupling's error, linear in H, after its extrapolation to 0, over that error."""
+    """Part of the coupling's error that is not linear in H, by extrapolation to 0, over the error."""
     fine, finer, end = (at_the_end(log) for log in (coupled[5e-4], coupled[2.5e-4], path))
     return np.abs(2.0 * finer - fine - end) / np.abs(finer - end)
 
@@ -272,7 +284,7 @@ def test_co_simulation_converges_to_the_monolith(driven, coupled):
 
 @pytest.mark.study
 def test_joint_forces_converge_to_those_of_the_monolith(driven, coupled):
-    """Both logs hold means over INTERVAL: no part of the difference stays when the step goes to 0."""
+    """Joint forces converge to those of the monolith, because both logs hold means over INTERVAL."""
     error = {h: differences_of_logs(log, driven)["joint_force"].relative for h, log in coupled.items()}
     for h in (1e-3, 5e-4):
         assert error[h] / error[h / 2] > 1.6, error
@@ -292,11 +304,11 @@ TURNED = ("chassis.yaw", "chassis.chassis.angular_velocity.z", "chassis.chassis.
 
 @pytest.fixture(scope="module")
 def pivoted(tmp_path_factory):
-    """The monolith of the vehicle that begins to turn where it stands, on cables with free axes."""
+    """Log of the monolith of the vehicle that begins to turn on the spot, on cables with free axes."""
     path = tmp_path_factory.mktemp("pivot") / "pivot.mcap"
     outcome, cost = monolithic.run(load("turn", "flexible", ("run.step=1ms", *PIVOT)), path)
     assert outcome.status == "ok"
-    assert cost["internal_step"] == pytest.approx(2.11e-6, rel=0.01)  # the bending about the normal
+    assert cost["internal_step"] == pytest.approx(2.11e-6, rel=0.01)  # limited by the bending about the normal
     return path
 
 
@@ -312,7 +324,7 @@ def test_books_of_a_turn_close(pivoted, scaled):
 
 @pytest.mark.study
 def test_co_simulation_of_a_turn_converges_to_the_monolith(pivoted, tmp_path):
-    """Linearly; a sprocket that is 2 % faster is not what it converges to."""
+    """Co-simulation of a turn converges linearly to the monolith, not to one with a sprocket 2 % faster."""
     ends, path = {}, tmp_path / "a.mcap"
     for h, *other in ((1e-3,), (5e-4,), (2.5e-4,), (2.5e-4, "drive.right.speed=10.2")):
         settings = (f"run.step={h}", f"track.step={h / 2}", *PIVOT, *other)
@@ -333,11 +345,11 @@ def test_cables_begin_to_turn_as_rigid_links_do(pivoted, tmp_path):
     monolithic.run(load("turn", "rigid", ("run.step=1ms", *PIVOT)), tmp_path / "a.mcap")
     rigid, cables = (at_the_end(path, TURNED[:2]) for path in (tmp_path / "a.mcap", pivoted))
     np.testing.assert_allclose(cables[1], rigid[1], rtol=2e-3)
-    np.testing.assert_allclose(cables[0], rigid[0], rtol=0.05)  # elasticity shows until the chains slide
+    np.testing.assert_allclose(cables[0], rigid[0], rtol=0.05)  # elasticity matters until the chains slide
 
 
 def outputs(models):
-    """Real outputs of the models of a vehicle by name."""
+    """Real outputs of the models of a vehicle, by name."""
     found = {}
     for name, model in models.items():
         names = [p.name for p in model.ports if p.causality == "output" and isinstance(p.start, float)]
@@ -348,7 +360,7 @@ def outputs(models):
 
 
 def whole(scene, *settings, steps, h=1e-3):
-    """Outputs of the monolith of a scene on rigid links after so many steps of ``h`` s."""
+    """Outputs of the monolith of a scene on rigid links after ``steps`` steps of ``h`` s."""
     assembly = assemble(placed(load(scene, "rigid", ("track.link_outputs=false", *settings))))
     monolith = Monolith(monolithic.parts_of(assembly), assembly.connections)
     for k in range(steps):
@@ -394,7 +406,7 @@ def test_books_of_a_differential_close(mode, tmp_path):
 @pytest.mark.study
 @pytest.mark.parametrize("motors", [(), ("drive.steering.mode=controller", "drive.mode=controller")])
 def test_driven_co_simulation_goes_to_the_monolith(motors):
-    """With order 1 in the step, whoever turns the sprockets; the driver's own steps are the same in both."""
+    """Driven co-simulation converges to the monolith with order 1, for all motors."""
     path = ("driver.arcs=[[0.05, 0], [9, 0.3]]", "driver.reach=0.5", "driver.preview=0.2", "driver.ramp_start=0",
             "driver.ramp_time=0.1", *motors)  # fmt: skip
     names = ("chassis.chassis.position.x", "chassis.chassis.velocity.x")
@@ -412,7 +424,7 @@ def test_driven_co_simulation_goes_to_the_monolith(motors):
 
 @pytest.fixture
 def empty(tmp_path, monkeypatch):
-    """No truths yet; kernels stay."""
+    """Empty cache of truths; kernels stay."""
     monkeypatch.setattr(module, "cache_folder", lambda: tmp_path)
 
 
@@ -460,7 +472,7 @@ def test_command_says_where_and_how_good(empty, tmp_path):
 @pytest.mark.study
 @pytest.mark.parametrize(("model", "axes"), [("flexible", ()), ("flexible", ("track.axes=free",)), ("rigid", ())])
 def test_both_sides_are_what_one_side_says(model, axes):
-    """The mirrored vehicle against the whole one."""
+    """The mirrored vehicle equals the whole one."""
     assembly = assemble(placed(load("straight", model, (*DRIVEN, *axes))))
     ends = []
     for halved in (True, False):
@@ -477,7 +489,7 @@ def test_both_sides_are_what_one_side_says(model, axes):
 
 
 def test_beams_have_no_truth():
-    """The key knows the element all the same."""
+    """Beams have no truth, although the key contains the element."""
     cable, beam = (load("hanging_chain", "flexible", (f"track.element={e}",)) for e in ("cable", "beam"))
     assert module.key(module.bare(cable)) != module.key(module.bare(beam))
     with pytest.raises(BadInput, match=r"^truth: track.element = 'beam': the monolith knows chains of cables"):

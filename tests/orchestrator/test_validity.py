@@ -32,7 +32,7 @@ def vehicle():
 
 
 def write(path, columns, t, scene, connections=()):
-    """A log of signals "instance.variable" at times (m,), those of links too."""
+    """Write a log of signals "instance.variable", also of links, at times (m,)."""
     topics: dict[str, list[tuple[str, str]]] = {}
     for name in columns:
         instance, _, variable = name.partition(".")
@@ -64,13 +64,13 @@ SPROCKET = {
 
 
 def running(path, turned, off, turn=0.0, middle=(1.0, 2.0, 3.0)):
-    """A chain round a sprocket that has ``turned`` (m,) rad, its pins ``off`` (m,) teeth from their gaps."""
+    """Log of a sprocket that has ``turned`` (m,) rad and a chain ``off`` (m,) teeth from its gaps."""
     table = vehicle()
     step = 2.0 * np.pi / TEETH
     radius = table["track"]["pitch"] / (2.0 * np.sin(np.pi / TEETH))
     t = EVERY * np.arange(len(turned))
     place = np.arange(LINKS) * step + turned[:, None] + off[:, None] * step
-    place = (place + 0.5 * LINKS * step) % (LINKS * step) - 0.5 * LINKS * step  # along the loop, 0 in front
+    place = (place + 0.5 * LINKS * step) % (LINKS * step) - 0.5 * LINKS * step  # along the loop, 0 at the front
     wrapped = np.abs(place) < 0.5 * np.pi
     angle = np.clip(place, -0.5 * np.pi, 0.5 * np.pi)
     behind = np.where(wrapped, 0.0, (np.abs(place) - 0.5 * np.pi) * radius)
@@ -92,7 +92,7 @@ def running(path, turned, off, turn=0.0, middle=(1.0, 2.0, 3.0)):
 
 @pytest.mark.parametrize("turn", [0.0, 2.5], ids=["in front", "behind"])
 def test_pins_that_pass_regularly_do_not_jump(tmp_path, turn):
-    """Two revolutions ahead and one back, pins up to 0.4 of a pitch off as they climb their flanks."""
+    """Pins that pass regularly are no jump, though they climb 0.4 pitch up their flanks."""
     turned = np.concatenate([np.linspace(0.0, 12.6, 1500), np.linspace(12.6, 6.3, 800)])
     climbing = 0.4 * np.sin(np.linspace(0.0, 40.0, len(turned)))
     assert found(running(tmp_path / "log.mcap", turned, climbing, turn)) == ()
@@ -101,7 +101,10 @@ def test_pins_that_pass_regularly_do_not_jump(tmp_path, turn):
 @pytest.mark.parametrize("way", [1, -1])
 @pytest.mark.parametrize("turn", [0.0, 2.5], ids=["in front", "behind"])
 def test_a_jump_is_found_where_and_when_it_is(tmp_path, turn, way):
-    """By a tooth at 7 s, back at 14 s by two, in two pieces; on a chain whose pin 1 follows pin 64."""
+    """A jump is found with place and time: by a tooth at 7 s, back by two at 14 s.
+
+    The chain is in two pieces, and pin 1 follows pin 64.
+    """
     turned = np.linspace(0.0, 90.0, 3600)
     t = EVERY * np.arange(len(turned))
     off = way * (1.0 * (t >= 7.0 - 1e-9) - 2.0 * (t >= 14.0 - 1e-9))
@@ -112,7 +115,7 @@ def test_a_jump_is_found_where_and_when_it_is(tmp_path, turn, way):
     at = round(7.0 / EVERY)
     pin = int(entry.place.removeprefix("sprocket, pin ")) - 1
     place = pin * 2.0 * np.pi / TEETH + turned[at] + off[at] * 2.0 * np.pi / TEETH
-    assert abs((place + np.pi) % (LINKS * 2.0 * np.pi / TEETH) - np.pi) < 0.5 * np.pi, "a pin on the wrap"
+    assert abs((place + np.pi) % (LINKS * 2.0 * np.pi / TEETH) - np.pi) < 0.5 * np.pi, "the pin is not on the wrap"
     assert entry.value == 2.0
 
 
@@ -172,9 +175,7 @@ def test_a_rim_is_named_by_the_geometry_of_the_pins(settled):
         t, depth = run.signal("left_track.penetration.max")
         at = float(t[depth.argmax()])
         found = depths(run, "left_track", at)
-        assert max(found.values()) == pytest.approx(depth.max(), rel=0.15), (
-            "points lie a little beside the deepest place"
-        )
+        assert max(found.values()) == pytest.approx(depth.max(), rel=0.15), "the points are near the deepest place"
         assert deepest(run, "left_track", at, float(depth.max())).startswith("road_wheel[")
         assert deepest(run, "left_track", at, 2.0 * float(depth.max())) == "sprocket"
 
@@ -193,7 +194,7 @@ def test_an_idler_beyond_its_travel(settled, scaled):
 
 
 def standing(tmp_path, **changes):
-    """A vehicle of one track for 3 s: nothing moves."""
+    """Entries for a vehicle of one track at rest for 3 s; ``changes`` replace signals."""
     t = 1e-2 * np.arange(301)
     still = np.zeros(len(t))
     columns = {
@@ -215,7 +216,7 @@ def test_a_vehicle_that_stands_passes_no_limit(tmp_path):
     ("slip", "share", "speed", "yaw", "creeps"),
     [
         (0.012, 0.5, 0.0, 0.0, True),
-        (0.008, 0.5, 0.0, 0.0, False),  # slower
+        (0.008, 0.5, 0.0, 0.0, False),  # too slow
         (0.012, 0.95, 0.0, 0.0, False),  # friction does not hold it
         (0.012, 0.5, 0.2, 0.0, False),  # its sprocket turns
         (0.012, 0.5, 0.0, 0.05, False),  # it turns
@@ -233,7 +234,10 @@ def test_creep_is_sliding_where_friction_should_hold(tmp_path, slip, share, spee
 
 @pytest.mark.parametrize(("force", "time", "pushes"), [(7e3, 0.04, True), (6e3, 0.04, False), (7e3, 0.01, False)])
 def test_links_that_push_longer_than_a_peak(tmp_path, force, time, pushes):
-    """6.45 kN by the arch of links between two wheels."""
+    """Links in compression longer than a peak are reported.
+
+    The limit is 6.45 kN, by the arch of links between two wheels.
+    """
     t = 1e-2 * np.arange(301)
     tension = np.where((t > 0.999) & (t < 0.999 + time), -force, 1e4)
     entries = standing(tmp_path, left_track__tension__min=tension)
@@ -267,7 +271,7 @@ def test_a_step_that_is_long_for_a_link_between_wheel_and_ground(ms, long):
         assert entries[0].value == pytest.approx(np.sqrt(4e6 / 18.02) * ms * 1e-3)
 
 
-# what a run says
+# messages of a run
 
 
 def said_on_page(path):
@@ -277,7 +281,7 @@ def said_on_page(path):
 
 @pytest.fixture(scope="module")
 def pressed():
-    """Settings of a rig whose sprocket jumps to 30 rad/s: pins go 76 mm into its teeth, the chain jumps over one."""
+    """Settings of a rig whose sprocket jumps to 30 rad/s: pins 76 mm in the teeth, a tooth jump."""
     return ("run.stop=40 ms", "run.step=0.25 ms", "track.step=0.25 ms", "drive.ramp_time=0", "drive.speed=30")
 
 
@@ -303,7 +307,7 @@ def test_a_run_that_is_not_valid_fails_and_says_so_everywhere(cotrack, pressed, 
         told = [json.loads(message.data) for _, _, message in make_reader(file).iter_messages("/events")]
     assert len([one for one in told if one["kind"] == "validity"]) == len(entries)
     assert [entry._asdict() for entry in analyse(result["log"], "validity").entries] == entries, (
-        "found in the log again"
+        "the log gives other entries"
     )
     assert "validity, failure: track from" in cotrack("log", "info", result["log"])[1]
     assert "penetration" in cotrack("analyse", result["log"], "validity")[1]

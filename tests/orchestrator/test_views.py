@@ -1,4 +1,4 @@
-"""Views in space: where bodies stand, by what the log holds and the contact laws; files by other libraries' readers."""
+"""Views in space: places of bodies against log and contact laws; files in other libraries."""
 
 import base64
 import json
@@ -26,13 +26,13 @@ from orchestrator.results.views.solids import across, prism, strip
 from orchestrator.scene.scene import load
 
 STOP, STEP = 0.04, 1e-3
-GAUSS = 0.5 / np.sqrt(3.0)  # of a pitch: where flexible links touch the ground, from their middle
+GAUSS = 0.5 / np.sqrt(3.0)  # of a pitch: contact points of flexible links with the ground, from their middle
 SHOWN = '["tension", "position", "ground", "sliding", "depth", "axis"]'
 
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory):
-    """A vehicle that settles on a low bump, turned by 0.4 rad; its links are recorded each step."""
+    """Log of a vehicle that settles on a low bump, turned by 0.4 rad; links are recorded at each step."""
     path = tmp_path_factory.mktemp("views") / "run.mcap"
     settings = (
         f"run.stop={STOP}", f"run.step={STEP}", "run.links=1", "expect={}", f"track.link_outputs={SHOWN}",
@@ -45,7 +45,7 @@ def driven(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def hanging(tmp_path_factory):
-    """An open chain, without wheels, hull and ground."""
+    """Log of an open chain, without wheels, hull and ground."""
     path = tmp_path_factory.mktemp("views") / "chain.mcap"
     simulate(load("hanging_chain", "rigid", ("run.stop=0.02", "chain.links=8", "run.links=5", "expect={}")), path)
     return path
@@ -90,7 +90,7 @@ def test_wheels_and_hull_stand_where_they_were_recorded(shown):
         for part, found in (("position", pose.position), ("orientation", pose.orientation)):
             parts = "xyz" if part == "position" else "wxyz"
             recorded = series.values[:, [series.names.index(f"{wheel}.{part}.{x}") for x in parts]]
-            assert len(found) == len(recorded) + 1  # the end of the last step too, from where inputs come
+            assert len(found) == len(recorded) + 1  # with the end of the last step, where inputs come from
             np.testing.assert_array_equal(found[:-1], recorded)
     vehicle = bodies.scene["vehicle"]
     assert {wheel.radius for wheel in bodies.wheels if wheel.kind == "idler"} == {vehicle["idler"]["radius"]}
@@ -100,11 +100,14 @@ def test_wheels_and_hull_stand_where_they_were_recorded(shown):
     c, s = np.cos(0.4), np.sin(0.4)
     drawn = np.array(vehicle["chassis"]["hull"]) @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
     np.testing.assert_allclose(corners, drawn + np.array([1.0, -2.0, 0.3]), atol=1e-12)
-    assert len(bodies.hull.edges) == 17  # of the ten corners' convex body; a triangulation has 24
+    assert len(bodies.hull.edges) == 17  # convex hull of the ten corners; a triangulation has 24
 
 
 def test_pads_lie_as_deep_in_the_ground_as_was_recorded(shown):
-    """Depths are means over a step, of the deepest point of a link; on the bump and beside it."""
+    """Pads lie as deep in the ground as recorded, on the bump and beside it.
+
+    Recorded depths are means over a step, of the deepest point of a link.
+    """
     log, bodies, poses = shown
     touching, over = depths_apart(log, bodies, poses)
     assert touching["level"] > 100
@@ -119,7 +122,7 @@ def test_pads_lie_as_deep_in_the_ground_as_was_recorded(shown):
 
 
 def depths_apart(log, bodies, poses):
-    """How many links touched level and bump, and how far recorded and drawn depths are apart, by 'level' and 'bump'."""
+    """Number of links in contact, and the largest error of drawn depths, by 'level' and 'bump'."""
     count, apart = {"level": 0, "bump": 0}, {"level": 0.0, "bump": 0.0}
     profile, pitch = bodies.ground, bodies.scene["vehicle"]["track"]["pitch"]
     for track in bodies.tracks:
@@ -145,9 +148,9 @@ def depths_apart(log, bodies, poses):
 
 
 def stretched(log, path, times, blown=None):
-    """A log of links at these times, each as it was first in another log, moved to the right by a metre a second.
+    """Log of links at these times, with the first record of another log moved to the right by 1 m/s.
 
-    From record ``blown`` on places are no numbers.
+    From record ``blown`` on the positions are NaN.
     """
     with Log(log) as whole:
         links = whole.read("/chain/links")
@@ -197,12 +200,12 @@ def test_quaternions_and_rotations_are_inverse():
     turned /= np.linalg.norm(turned, axis=1, keepdims=True)
     again = np.roll(quaternions(matrices(turned)), 1, axis=-1)
     assert np.abs(np.abs(np.einsum("ni,ni->n", again, turned)) - 1).max() < 1e-12
-    w, x, y, z = 0.5**0.5, 0.0, 0.0, 0.5**0.5  # a quarter turn to the left: ahead becomes left
+    w, x, y, z = 0.5**0.5, 0.0, 0.0, 0.5**0.5  # a quarter turn to the left: forward becomes left
     np.testing.assert_allclose(matrices(np.array([w, x, y, z])) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
 
 
 def triangles(surface):
-    """The three corners of all of them, (n, 3) each."""
+    """The three corners of all triangles, (n, 3) each."""
     return np.moveaxis(surface.corners[surface.numbers], 1, 0)
 
 
@@ -213,7 +216,7 @@ def test_triangles_of_sprocket_and_ground_look_outwards(shown):
     x, y = sprocket.outline.T
     area = 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
     volume = float(np.einsum("ni,ni->", a, np.cross(b, c))) / 6.0
-    assert volume == pytest.approx(area * sprocket.width, rel=1e-12)  # positive: triangles look outwards
+    assert volume == pytest.approx(area * sprocket.width, rel=1e-12)  # positive: triangles face outwards
     tips = np.hypot(x, y)
     assert tips.max() == pytest.approx(bodies.scene["vehicle"]["sprocket"]["outer_radius"], rel=1e-12)
     pitch_radius = 0.0762 / np.sin(np.pi / 10)
@@ -263,7 +266,7 @@ def test_rerun_holds_the_boxes_of_bodies(driven, tmp_path):
         np.array(batch["Transform3D:translation"].to_pylist())[:, 0], poses.wheels[wheel].position, atol=1e-6
     )
     assert "/world/ground" in static
-    assert "LineStrips3D:strips" in static[f"/{rerun_scene.FOLLOWED}"][0].schema.names, "an eye follows shapes alone"
+    assert "LineStrips3D:strips" in static[f"/{rerun_scene.FOLLOWED}"][0].schema.names, "an eye follows shapes only"
     np.testing.assert_allclose(
         np.array(found["/world/hull"][0]["Transform3D:translation"].to_pylist())[:, 0], poses.hull.position, atol=1e-6
     )
@@ -318,7 +321,7 @@ def test_a_film_has_the_pictures_of_its_time(hanging, tmp_path):
     ffmpeg = pytest.importorskip("imageio_ffmpeg")
     log = stretched(hanging, tmp_path / "slow.mcap", np.arange(5) * 0.12)
     count = film.write(log, tmp_path / "x.mp4")
-    assert count == 13  # of 0.48 s, both ends
+    assert count == 13  # of 0.48 s, with both ends
     reader = ffmpeg.read_frames(str(tmp_path / "x.mp4"))
     about = next(reader)
     assert about["source_size"][0] == film.WIDTHS[".mp4"]
@@ -326,8 +329,8 @@ def test_a_film_has_the_pictures_of_its_time(hanging, tmp_path):
     pictures = [np.frombuffer(each, np.uint8).reshape(height, width, 3).astype(int) for each in reader]
     assert len(pictures) == 13
     changed = [np.abs(b - a).mean() > 0.1 for a, b in pairwise(pictures)]
-    assert changed == [False, False, True] * 4  # each record stands for three pictures, until the next one
-    assert film.write(log, tmp_path / "x.gif") == 7  # 12.5 a second
+    assert changed == [False, False, True] * 4  # each record is shown in three pictures, until the next one
+    assert film.write(log, tmp_path / "x.gif") == 7  # 12.5 per second
     assert (tmp_path / "x.gif").read_bytes()[:6] == b"GIF89a"
     assert {file.name for file in tmp_path.iterdir()} == {"slow.mcap", "x.mp4", "x.gif"}
 
@@ -389,7 +392,7 @@ def test_a_picture_shows_the_ground_as_it_is(driven):
     beside = low & (links.forward[0] > -3.3) & (links.forward[0] < top[0] - 0.3)
     for part in (over, beside):
         assert part.sum() >= 3
-        assert np.abs(deep[part]).max() < 5e-3  # pads give way; without the bump, 1 cm
+        assert np.abs(deep[part]).max() < 5e-3  # pads are compressed; without the bump, 1 cm
     # start of the bump, its foot, and half of its top from the middle; the sprocket axle has hardly moved
     assert 0.5 * (top[0] + top[-1]) == pytest.approx(-2.4 + 0.5 * (0.5) + foot(), abs=0.02)
 
@@ -407,8 +410,8 @@ def test_numbers_under_narrow_panes_do_not_overlap(tmp_path, monkeypatch):
     side_view.draw(path, tmp_path / "x.png")
     (figure,) = drawn
     figure.canvas.draw()
-    panes = figure.axes[:-1]  # the last one is the scale of colours
-    assert len({pane.get_position().y0 for pane in panes}) == 1, "they stand beside each other"
+    panes = figure.axes[:-1]  # the last one is the colour scale
+    assert len({pane.get_position().y0 for pane in panes}) == 1, "panes are not side by side"
     for pane in panes:
         low, high = pane.get_xlim()
         labels = [each for each in pane.get_xticklabels() if low <= each.get_position()[0] <= high]
@@ -482,12 +485,12 @@ def test_curves_are_every_record(driven):
 
 # --- one link and one tooth in all drawings ---------------------------------------------------------
 
-AT, LINK = 0.02, 5  # s; from 1 on
+AT, LINK = 0.02, 5  # s; from 1
 
 
 @pytest.fixture(scope="module")
 def marked(driven):
-    """A corner of a link of the left track on its right side and the first tip of its sprocket, from the log alone."""
+    """A right corner of a link and the first tooth tip of the left sprocket, from the log alone."""
     with Log(driven) as log:
         vehicle = RunData(log).scene["vehicle"]
 
@@ -509,7 +512,7 @@ def marked(driven):
 
 
 def missed(points, found):
-    """How far the nearest of the found points (n, k) is from each of some points (m, k), m, at most."""
+    """Largest distance of the points (m, k) from the nearest of the found points (n, k), m."""
     found = np.asarray(found)
     return max(np.linalg.norm(found - point, axis=1).min() for point in points)
 
@@ -542,7 +545,10 @@ def test_flat_drawings_place_a_link_and_a_tooth_where_they_were(instant, marked)
 
 
 def test_the_player_places_a_link_and_a_tooth_where_they_were(instant, marked, monkeypatch):
-    """As page.js draws them: links from pin to pin, less a gap, wheels turned about their centres."""
+    """The player places a link and a tooth where they were, by the rules of page.js.
+
+    Links reach from pin to pin, less a gap; wheels turn about their centres.
+    """
     log, _, poses = instant
     monkeypatch.setattr(player, "RATE", 100.0)
     view = player.player(RunData(log), "left_track")
@@ -612,7 +618,7 @@ def test_foxglove_places_a_link_and_a_tooth_where_they_were(driven, marked, tmp_
 
 
 def decoded(path, topic):
-    """Messages of a topic, by the schema in the file."""
+    """Messages of a topic, decoded by the schema in the file."""
     from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
     from mcap.reader import make_reader
 
@@ -635,7 +641,7 @@ def test_a_run_that_blew_up_is_shown_up_to_there(hanging, tmp_path):
         (poses,) = bodies.blocks()
         np.testing.assert_allclose(poses.t, [0.0, 0.1, 0.2], atol=1e-12)
         bodies.keep([0.1, 0.4])
-        assert len(side_view._figure(bodies).axes) == 2, "a pane and the scale of colours"
+        assert len(side_view._figure(bodies).axes) == 2, "a pane and the colour scale"
         bodies.keep([0.4])
         with pytest.raises(BadInput, match="values of /chain/links are no finite numbers: there is nothing to show"):
             next(bodies.blocks())

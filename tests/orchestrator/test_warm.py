@@ -1,4 +1,4 @@
-"""``cotrack warm``: scenes begun in processes of their own."""
+"""``cotrack warm``: starts of scenes in processes of their own."""
 
 import subprocess
 import sys
@@ -21,7 +21,10 @@ def test_an_unknown_scene_is_refused():
 
 @pytest.mark.long
 def test_scenes_begin_and_say_how_long_it_took(environment):
-    """In a process that has loaded no FMU: what it spawns would find the packages where it did."""
+    """Scenes start and report their time, from a process that has loaded no FMU.
+
+    Processes that it spawns would otherwise find the packages of its FMUs.
+    """
     command = [sys.executable, "-m", "orchestrator", "warm", "hanging_chain"]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
     lines = sorted(line.partition(" ")[2] for line in done.stdout.splitlines())

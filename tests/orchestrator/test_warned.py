@@ -1,4 +1,4 @@
-"""Warnings of components: in the summary, in JSON and in the log, each kind once, with its time and its count."""
+"""Warnings of components in summary, JSON and log: each kind once, with time and count."""
 
 import json
 import sys
@@ -29,7 +29,10 @@ CREAKS = "the spring creaks at 5 % of its load"
 
 @pytest.fixture
 def cotrack(capsys, caplog, monkeypatch, tmp_path):
-    """Call the command in an empty folder; exit status, stdout, what it said beside it."""
+    """Return a function that calls the command in an empty folder.
+
+    It returns exit code, stdout, and lines on stderr and of the log.
+    """
     monkeypatch.chdir(tmp_path)
 
     def call(*arguments):
@@ -48,7 +51,7 @@ def cotrack(capsys, caplog, monkeypatch, tmp_path):
 
 @pytest.fixture
 def creaking(monkeypatch, toy):
-    """The component of every chain scene is a spring that warns at every step."""
+    """Make the component of every chain scene a spring that warns at every step."""
     graph = System((Instance("chain", toy, {"trouble": "warn"}, 0),), ())
     monkeypatch.setattr(simulate, "system", lambda assembly, native: graph)
 
@@ -78,7 +81,7 @@ def test_steps_taken_back_take_their_warnings_with_them_but_for_what_is_said_onc
     warnings = Warnings("track")
     warnings.add("hot", 0.0)
     before = warnings.save()
-    for _ in range(2):  # twice the same step, the first taken back
+    for _ in range(2):  # the same step twice; the first one is rejected
         warnings.restore(before)
         assert not warnings.add("hot", 0.1)
         warnings.add("cold", 0.1)
@@ -86,7 +89,7 @@ def test_steps_taken_back_take_their_warnings_with_them_but_for_what_is_said_onc
     warnings.restore(before)
     assert warnings.told() == [Warned("track", "hot", 0.0, 1), Warned("track", "cold", 0.1, 1)]
     warnings.add("cold", 0.3)
-    assert warnings.told()[1] == Warned("track", "cold", 0.3, 1), "when it first came in a step that was kept"
+    assert warnings.told()[1] == Warned("track", "cold", 0.3, 1), "the time is that of the first accepted step with it"
 
 
 def test_a_component_that_warns_at_every_step_is_heard_once(toy):
@@ -103,7 +106,7 @@ def test_a_component_that_warns_at_every_step_is_heard_once(toy):
         assert heard == [("toy", 1, CREAKS)]
         component.initialise({"trouble": "none"})
         component.step(0.0, H)
-        assert component.warnings == [], "a new start"
+        assert component.warnings == [], "a new start clears the warnings"
 
 
 # ------------------------------------------------------------------ runs
@@ -116,15 +119,18 @@ VARIABLE = ("--set", "run.variable.tolerance=0.5", "--set", "run.variable.longes
 
 @pytest.mark.parametrize("settings", [(), ("--no-estimate",), VARIABLE])
 def test_what_comes_at_every_step_is_one_entry_with_a_count(cotrack, creaking, settings):
-    """Neither the step that warms up, nor tries, nor the coarser runs beside it count."""
+    """A warning at every step is one entry with a count.
+
+    Warm-up steps, rejected steps and the coarser companion runs do not count.
+    """
     status, out, err = cotrack(*SHORT, *settings, "--json")
     assert told(out) == [{"component": "chain", "text": CREAKS, "time": 0.0, "count": 20}]
-    assert status == 1, "what the scene expects of a chain a spring does not do"
+    assert status == 1, "a spring fails the checks of a chain"
     assert err == [f"chain: {CREAKS}"]
 
 
 def test_sweeps_of_an_iteration_count_once(toy):
-    """Two springs on one another, each step repeated until both agree."""
+    """Iterations of a step count once: two springs on one another, each step repeated until both agree."""
     instances = tuple(Instance(name, toy, {"trouble": "warn"}, stage) for stage, name in enumerate(("one", "two")))
     wires = tuple(Connection(a, ("x",), b, ("force",)) for a, b in (("one", "two"), ("two", "one")))
     graph = System(instances, wires)
@@ -182,7 +188,7 @@ ONE_SIDED = ("run", "settle", "--set", 'tracks=["left"]', "--stop", "0.12", "--l
 
 @pytest.mark.long
 def test_a_vehicle_that_rolls_takes_its_cables_out_of_their_plane(cotrack):
-    """With one track it stands askew: said once, when the axes pass 0.2 degrees; again in a replay."""
+    """A vehicle that rolls takes its cables out of their plane: a warning at 0.2 degrees."""
     status, out, err = cotrack(*ONE_SIDED, "--set", "track.axes=fixed", "--json")
     assert status == 0, err
     (warning,) = told(out)
@@ -202,11 +208,11 @@ def test_a_vehicle_that_rolls_takes_its_cables_out_of_their_plane(cotrack):
         assert log.closing["warnings"] == [warning]
     for more in ((), ("--track", "rigid")):
         status, out, _ = cotrack(*ONE_SIDED, *more, "--json")
-        assert told(out) == [], "turning cables and rigid links go with the vehicle"
+        assert told(out) == [], "turning cables and rigid links follow the vehicle"
 
 
 def test_what_a_track_has_said_is_part_of_its_state():
-    """Said again after going back to before it, and after a new start; else once."""
+    """Warnings of a track are part of its state: they repeat after a restored state or a new start only."""
     scene = placed(load("rig", "flexible"))
     part = next(part for part in assemble(scene).parts if part.name == "track")
     (file,) = build_all([(part.kind, part.config, None)])

@@ -1,4 +1,4 @@
-"""Inputs that are outputs of others are recorded once: what is read is what was handed over, wherever a log is cut."""
+"""Inputs that are outputs of others are recorded once and read back exactly, wherever a log is cut."""
 
 import json
 
@@ -33,7 +33,7 @@ WIRES = {
 
 
 def rows(k):
-    """Inputs of the step that leads to k, and outputs at k, of both."""
+    """Inputs of the step that leads to k, and outputs at k, of both instances."""
 
     def out(j):
         return np.sin(j + np.arange(3.0)), np.cos(0.1 * j) * np.array([1.0, -2.5])
@@ -62,7 +62,7 @@ def wired(tmp_path_factory):
 
 
 def whole(topic):
-    """What a topic is to read as."""
+    """Expected values of a topic."""
     number = list(TOPICS).index(topic) // 2 + 2 * topic.endswith("out")
     first = int(topic.endswith("in"))
     return np.array([rows(k)[number] for k in range(first, STEPS + 1)])
@@ -221,7 +221,10 @@ def test_rules(rule):
     ],
 )
 def test_couplings_say_what_they_only_hand_on(tmp_path, coupling, handed_on):
-    """What they extrapolate or iterate is recorded in full; the log's proof passes for all that is not."""
+    """Couplings say which inputs they only hand on; extrapolated or iterated inputs are recorded in full.
+
+    The log's own check passes for all others.
+    """
     settings = ("run.stop=0.05", "expect={}", "drive.ramp_start=0", f"run.coupling={coupling}")
     assert simulate(load("rig", "rigid", settings), tmp_path / "a.mcap")["status"] == "ok"
     with Log(tmp_path / "a.mcap") as log:

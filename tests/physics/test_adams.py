@@ -1,4 +1,4 @@
-"""Adams' methods: the order of each, error against tolerance, quadratures, jumps; beside scipy's VODE."""
+"""Adams methods: orders, error against tolerance, quadratures, jumps, scipy's VODE."""
 
 from itertools import pairwise
 
@@ -39,7 +39,10 @@ EXACT = np.concatenate([np.cos(END * RATES), -RATES * np.sin(END * RATES)])
 
 
 def run(f, start, end, tolerance, besides=0, stops=()):
-    """From 0 to ``end`` s; f gives the rates of the state and, after them, of the quadratures; anew at ``stops``."""
+    """Integrate from 0 to ``end`` s with restarts at ``stops``.
+
+    f gives rates of the state, then of the quadratures.
+    """
     n = len(start)
     m, t = adams(n, besides, tolerance, tolerance), 0.0
     m.x[:n] = m.y[:n] = start
@@ -59,7 +62,7 @@ def run(f, start, end, tolerance, besides=0, stops=()):
 
 
 def circle(t, x):
-    """x' = -x y, y' = x^2: x = 1/cosh t, y = tanh t."""
+    """Rates x' = -x y, y' = x^2, with the solution x = 1/cosh t, y = tanh t."""
     return np.array([-x[0] * x[1], x[0] ** 2])
 
 
@@ -68,7 +71,7 @@ def on_circle(t):
 
 
 def in_equal_steps(k, steps, off=1.0):
-    """Error of order k in equal steps, from an exact past; ``off`` times the last coefficient."""
+    """Error of order k in equal steps from an exact past; ``off`` multiplies the last coefficient."""
     h, end = 2.0 / steps, 2.0
     m = adams(2, 0, 1e3, 1e3)
     past = [circle(0.0, on_circle(-i * h)) for i in range(k + 1)]
@@ -94,7 +97,7 @@ def test_a_corrector_is_of_one_order_more_than_its_predictor(k, steps):
     slope = np.log2(in_equal_steps(k, steps) / in_equal_steps(k, 2 * steps))
     assert abs(slope - (k + 1)) < 0.35, slope
     spoilt = np.log2(in_equal_steps(k, steps, 1.03) / in_equal_steps(k, 2 * steps, 1.03))
-    assert k == 1 or abs(spoilt - (k + 1)) > 0.35, "a twin with a coefficient that is off by 3 %"
+    assert k == 1 or abs(spoilt - (k + 1)) > 0.35, "a twin with a coefficient that is off by 3 % keeps the order"
 
 
 def test_unequal_steps_of_order_k_are_exact_for_polynomials_of_degree_k():
@@ -121,7 +124,7 @@ def test_unequal_steps_of_order_k_are_exact_for_polynomials_of_degree_k():
 
 
 def test_factors_of_an_error_are_those_of_the_generating_function():
-    """sum_{m <= j} gamma*_m / (j - m + 1) = 0 for j > 0: Hairer, Norsett, Wanner, III.1."""
+    """Error factors: sum_{m <= j} gamma*_m / (j - m + 1) = 0, j > 0 (Hairer, Norsett, Wanner, III.1)."""
     signed = np.where(np.arange(len(GAMMA)) == 0, 1.0, -1.0) * GAMMA
     for j in range(1, len(GAMMA)):
         assert abs(sum(signed[m] / (j - m + 1) for m in range(j + 1))) < 1e-14
@@ -146,7 +149,7 @@ def test_error_follows_the_tolerance_in_few_evaluations():
 
 
 def test_no_worse_than_vode():
-    """scipy's translation of another code for the same methods: of equal error, no more evaluations."""
+    """The methods are no worse than scipy's VODE: a smaller error with fewer evaluations."""
     for tolerance in (1e-5, 1e-8):
         calls = []
         other = ode(lambda t, x, calls=calls: (calls.append(t), oscillators(t, x))[1])
@@ -165,7 +168,7 @@ def test_an_impulse_is_what_the_momentum_gets():
     m = run(with_impulse, START, END, 1e-6, besides=1)
     assert m.x[6] == pytest.approx(m.x[5] - START[5], abs=1e-12)
     alone = run(oscillators, START, END, 1e-6)
-    assert np.array_equal(alone.x, m.x[:6]), "a quadrature has no part in the steps"
+    assert np.array_equal(alone.x, m.x[:6]), "a quadrature has changed the steps"
     assert abs(m.x[6] - EXACT[5]) > 1e-6, "as wrong as the momentum"
 
 

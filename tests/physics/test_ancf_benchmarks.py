@@ -1,4 +1,4 @@
-"""Elements against exact solutions: the elastica, natural frequencies, a very flexible rotating cable; Cholesky."""
+"""Elements against exact solutions: elastica, frequencies, rotating cable; Cholesky coordinates."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def name(kind):
 
 
 def section(kind, n, slender, nu=0.0, split=False, stiffer=1.0):
-    """L = 1, EI = 1, mass 1 per length; a square section of height 1/slender."""
+    """Section with L = 1, EI = 1, mass 1 per length; a square of height 1/slender."""
     h = 1.0 / slender
     if kind is beam:
         twist = torsion.factor(h, h)
@@ -100,13 +100,16 @@ def test_elastica_of_the_beam(cure, alpha):
 
 @pytest.mark.parametrize("cure", CURES)
 def test_the_beam_converges_with_order_2(cure):
-    """Once its elements are shorter than some heights."""
+    """The beam converges with order 2 once its elements are shorter than some heights."""
     coarse, middle, fine = (deflection(beam, n, 5, 20, **CURES[cure]) for n in (32, 64, 128))
     assert 1.8 < np.log2((middle - coarse) / (fine - middle)) < 2.2
 
 
 def test_poissons_ratio_without_a_cure_converges_to_a_stiffer_beam():
-    """nu = 0.3 in every point: EI times (1 - nu)/((1 + nu)(1 - 2 nu)) = 1.346, a third off at small loads."""
+    """The beam with nu = 0.3 and no cure converges to EI times (1 - nu)/((1 + nu)(1 - 2 nu)) = 1.346.
+
+    At small loads the stiffness is a third too large.
+    """
     stiffer = 0.7 / (1.3 * 0.4)
     assert stiffer == pytest.approx(1.346, abs=5e-4)
     for alpha in TIP:
@@ -118,7 +121,7 @@ def test_poissons_ratio_without_a_cure_converges_to_a_stiffer_beam():
 
 
 def circle(kind, n, slender, row, share=1.0, **kind_of):
-    """Tip of a cantilever under the end moment that closes the circle: its distance from the clamp."""
+    """Distance of a cantilever's tip from the clamp under the end moment that closes the circle."""
     mesh = cantilever(kind, n, slender, **kind_of)
     mesh = mesh.loaded(loads.couple(mesh, (n - 1, 1), [0, -2 * np.pi * share, 0], row))
     return np.linalg.norm(mesh.end(statics.equilibrium(mesh, mesh.start(), steps=8), (n - 1, 1))[0])
@@ -134,7 +137,7 @@ def test_an_end_moment_closes_the_circle(kind):
 
 @pytest.mark.parametrize("cure", CURES)
 def test_an_end_moment_closes_the_circle_of_beams(cure):
-    """The couple turns the director r_z, on which bending acts."""
+    """An end moment closes the circle of beams; the couple turns the director r_z, on which bending acts."""
     assert circle(beam, 64, 100, 3, **CURES[cure]) < 2e-3
     assert circle(beam, 64, 100, 3, share=0.97, **CURES[cure]) > 1e-2
 
@@ -149,11 +152,11 @@ ENDS = {
 
 
 def beta(kind, n, slender, ends, **kind_of):
-    """beta L of the first three bending modes; each comes twice, once a plane."""
+    """beta L of the first three bending modes; each comes twice, once per plane."""
     supports = [((node % n, end), own) for (node, end), own in ENDS[ends][0]]
     mesh = line(kind, section(kind, n, slender, **kind_of), n, supports)
     K, M = mesh.tangent(mesh.start()).toarray(), mesh.M.toarray()
-    squares = 1.0 / eigh(M, K + M, eigvals_only=True)[::-1] - 1.0  # the lowest with the most digits
+    squares = 1.0 / eigh(M, K + M, eigvals_only=True)[::-1] - 1.0  # the lowest ones have the most digits
     bending = squares[squares > 1.0][:6]
     np.testing.assert_allclose(bending[::2], bending[1::2], rtol=1e-3)
     return bending[::2] ** 0.25
@@ -174,7 +177,10 @@ def test_frequencies_of_the_cable(kind, ends):
 @pytest.mark.parametrize("ends", ENDS)
 @pytest.mark.parametrize("cure", CURES)
 def test_frequencies_of_the_beam(ends, cure):
-    """Slender: Euler-Bernoulli with order 2; the element follows the height's own effect at L/h = 100 below 1e-3."""
+    """Frequencies of slender beams are Euler-Bernoulli's, with order 2.
+
+    At L/h = 100 the element has the effect of the height to 1e-3.
+    """
     exact = np.array(ENDS[ends][1])
     errors = [beta(beam, n, 300, ends, **CURES[cure]) / exact - 1 for n in (8, 16, 32)]
     rates = np.log2(errors[1][1:] / errors[2][1:])
@@ -185,7 +191,7 @@ def test_frequencies_of_the_beam(ends, cure):
 
 
 def test_frequencies_of_a_stubby_beam_are_timoshenkos():
-    """Pinned at L/h = 20: against the closed form with shear and rotatory inertia, order 2."""
+    """Frequencies of a pinned beam of L/h = 20 are Timoshenko's (shear, rotatory inertia), order 2."""
     h, E = 1 / 20, 12 * 20.0**4
     kGA, rhoI, waves = 0.5 * E * h * h, h * h / 12, np.pi * np.arange(1, 4)
     b = 1 + waves**2 * (1 / kGA + rhoI)  # (rhoI/kGA) w^4 - (1 + k^2 (EI/kGA + rhoI)) w^2 + EI k^4 = 0
@@ -195,7 +201,7 @@ def test_frequencies_of_a_stubby_beam_are_timoshenkos():
     rates = np.log2(errors[1] / errors[2])
     assert rates.min() > 1.9
     assert rates.max() < 2.1
-    assert abs(square**0.25 / waves - 1).min() > 1e-3  # Euler-Bernoulli would not do
+    assert abs(square**0.25 / waves - 1).min() > 1e-3  # Euler-Bernoulli would fail
 
 
 # The rotating very flexible cable ---------------------------------------------------------------------------------
@@ -217,7 +223,7 @@ TIPS = {  # at 0.2, 0.5, 1.0 s; and how closely
 
 
 def rotating(kind, n=4, stiffer=1.0, damping=0.0):
-    """A pinned cable of 1 m, soft as rubber, that starts to turn about y under gravity along -y; its q and v."""
+    """Mesh, q and v of a pinned rubber cable of 1 m that starts to turn about y under gravity along -y."""
     A, E, rho = 2.5e-5, 1.6e6 * stiffer, 320.0
     inertia = A * A / (4 * np.pi)
     c = Cable(1.0 / n, rho * A, E * A, E * inertia, damping * A, damping * inertia)
@@ -259,7 +265,7 @@ def test_the_rotating_cable(kind):
 def test_integrators_keep_their_orders():
     mesh, q, v = rotating(cable_engineering, n=2)
     for method, order, end, steps, reference in (
-        (dynamics.runge_kutta, 4, 0.02, (40, 80, 160), 640),  # steps that see the highest mode, 1365 rad/s
+        (dynamics.runge_kutta, 4, 0.02, (40, 80, 160), 640),  # steps that resolve the highest mode, 1365 rad/s
         (dynamics.generalized_alpha, 2, 0.1, (100, 200, 400), 1600),
     ):
         exact = last(dynamics.runge_kutta(mesh, q, v, end / reference, reference))[1]
@@ -347,7 +353,7 @@ class Chord(Mesh):
 
 @pytest.mark.parametrize(("kind", "worst"), [(Mesh, (0.0, 1e-6)), (Chord, (0.01, 0.05))], ids=["green", "chord"])
 def test_energy_of_a_soft_chain_released_from_the_horizontal(kind, worst):
-    """16 links, EA = 1e5 N: the error of the energy, as a share of the largest strain energy."""
+    """Energy error of a soft chain (16 links, EA = 1e5 N) over the largest strain energy."""
     c, n = Cable(0.1524, 118.0, 1e5, 20.0, 0.0, 0.0), 16
     ties = [Tie((k, 1), (k + 1, 0), joints.pin_cable([0, 1, 0])) for k in range(n - 1)]
     mesh = kind([Member(cable, c, nodes(cable, [0, 0, 0], np.eye(3), c.l, n))], ties, [Support((0, 0), joints.held(2))])

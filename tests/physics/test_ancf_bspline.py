@@ -14,7 +14,7 @@ INNER = ([], [1], [2, 1, 1], [3, 1, 2], [4, 2, 3, 1], [1, 1, 1, 1, 1, 1])
 
 
 def spline(inner, points=None):
-    """A clamped cubic with inner knots of the given multiplicities at uneven places, random control points."""
+    """Clamped cubic spline with inner knots of the given multiplicities and random control points."""
     nodes = np.concatenate([[0.0], np.cumsum(rng.uniform(0.5, 1.5, len(inner) + 1))])
     knots = np.repeat(nodes, [4, *inner, 4])
     return BSpline(knots, rng.standard_normal((len(knots) - 4, 3)) if points is None else points, 3)
@@ -33,7 +33,7 @@ def test_a_mesh_is_the_curve_of_its_spline(inner):
     assert len(l) == len(inner) + 1
     starts = bspline.elements(s.t)[:, 0]
     for k in range(len(l)):
-        for xi in (0.0, 0.2, 0.5, 0.9):  # scipy knows a curve from the right at its breaks
+        for xi in (0.0, 0.2, 0.5, 0.9):  # at its breaks scipy has the curve's right side
             np.testing.assert_allclose(at(e, l, k, xi), s(starts[k] + xi * l[k]), rtol=0, atol=1e-14)
     s.c[1, 0] *= 1.02
     assert abs(at(e, l, 0, 0.5) - s(0.5 * l[0])).max() > 1e-4
@@ -58,7 +58,7 @@ def test_bezier_maps_are_inverse():
 
 
 def test_the_map_is_linear_and_conserves_length_and_mass():
-    """Any affine motion of the control points is that of the mesh: weights of positions sum to 1, of slopes to 0."""
+    """The map is linear and affine: weights of positions sum to 1, of slopes to 0."""
     E = bspline.extraction(spline([2, 1, 3]).t)
     np.testing.assert_allclose(E.sum(axis=2), np.tile([1.0, 0, 1, 0], (len(E), 1)), atol=3e-15)
 
@@ -75,13 +75,13 @@ def test_a_mesh_that_is_less_smooth_than_its_knots_is_refused():
 
 @pytest.mark.parametrize("m", range(1, 5))
 def test_a_knot_imposes_three_equations_at_a_time(m):
-    """By the dimension of what is left: each knot less takes one control point, three coordinates, away."""
+    """A knot imposes three equations at a time: each missing knot removes a control point."""
     count = bspline.extraction(spline([m]).t).reshape(8, -1)
     assert np.linalg.matrix_rank(count) == 4 + m
     removed = 2 * 12 - 3 * np.linalg.matrix_rank(count)
     assert removed == np.linalg.matrix_rank(bspline.knot_rows(m)) if m < 4 else removed == 0
     assert removed == 3 * (4 - m)
-    # and the rows hold for every curve with that knot, none stronger does
+    # the rows hold for every curve with that knot, and no stronger ones do
     e, l = bspline.to_cable(spline([m]))
     gaps = bspline.jumps(e, l)[0]
     assert gaps[: 4 - m].max(initial=0.0) < 1e-13
@@ -91,9 +91,9 @@ def test_a_knot_imposes_three_equations_at_a_time(m):
 def test_what_each_joint_needs():
     rows = {(d.element, d.joint): (d.equations, d.knot, d.weaker, d.missing) for d in bspline.table()}
     assert rows == {
-        ("cable", "spherical"): (3, 3, 3, 0),  # C0: the one joint that a knot makes
-        ("cable", "pin"): (4, None, 3, 1),  # one more equation than C0, two less than C1
-        ("cable", "sliding"): (4, None, 4, 4),  # slopes without positions: no knot at all
+        ("cable", "spherical"): (3, 3, 3, 0),  # C0: the only joint that a knot can make
+        ("cable", "pin"): (4, None, 3, 1),  # one equation more than C0, two less than C1
+        ("cable", "sliding"): (4, None, 4, 4),  # slopes without positions: not a knot
         ("cable", "rigid"): (6, None, 3, 3),  # C0 and no relative rotation
         ("cable", "smooth"): (6, 2, 2, 0),
         ("cable", "curvature"): (9, 1, 1, 0),
@@ -104,14 +104,14 @@ def test_what_each_joint_needs():
         ("beam", "smooth"): (18, 2, 2, 0),
         ("beam", "curvature"): (27, 1, 1, 0),
     }
-    straight = np.eye(3)  # the twin: without an angle there is no discontinuity
+    straight = np.eye(3)  # twin: without an angle there is no discontinuity
     assert bspline.demand("rigid", turn=straight).knot == 2
     assert bspline.demand("rigid", "beam", turn=straight)[2:] == (
         12,
         None,
         3,
         3,
-    )  # section by a knot, r_x besides
+    )  # section by a knot, r_x in addition
     for axis in range(3):
         assert bspline.demand("pin", axis=axis).equations == 4
         assert bspline.demand("pin", "beam", axis=axis).equations == 6
@@ -137,7 +137,7 @@ CORNER = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])  # 90 degrees about y
     ],
 )
 def test_these_are_the_joints_that_meshes_eliminate(joint, element, eliminated):
-    """Whatever a mesh's joint leaves free satisfies the equations here, and their number is the same."""
+    """Joints of meshes satisfy these equations, in the same number."""
     rows = bspline.joint_rows(joint, element, turn=CORNER.T if element == "beam" else CORNER)
     n = 3 * bspline.VECTORS[element]
     half = rows.shape[1] // 2
@@ -163,7 +163,7 @@ def test_relation_seven_and_the_bicubic_patch():
 
 
 def test_a_patch_by_its_corners():
-    """16 Bezier points and r, r_x, r_y, r_xy at four corners: the same surface, derivatives by differences."""
+    """A patch has 16 Bezier points or r, r_x, r_y, r_xy at four corners: the same surface and derivatives."""
     from scipy.interpolate import NdBSpline
 
     lx, ly, P = 0.7, 1.9, rng.standard_normal((4, 4, 3))

@@ -1,4 +1,4 @@
-"""Surfaces (5) and plates: the same places, there and back to rounding, knots by continuity."""
+"""Surfaces (5) and plates: the same points, conversion and back to rounding, knots by continuity."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def drawn(seed=0):
 
 
 def place(e, lx, ly, n, m, xi, eta):
-    """A point of a plate by its shape functions, products of those of cables."""
+    """Point of a plate by its shape functions, which are products of those of cables."""
     S = [bspline.polynomial(t, 0) @ bspline.POWERS * np.array([1, length, 1, length])
          for t, length in ((xi, lx[n]), (eta, ly[m]))]  # fmt: skip
     return np.einsum("a,b,abi->i", *S, e[n, m])
@@ -62,7 +62,7 @@ def test_one_patch_has_sixteen_points_and_a_bent_mesh_needs_more_knots():
     )
     np.testing.assert_allclose(from_plates(e, lx, ly).points, patch.points, atol=1e-13)
     e, lx, ly = to_plates(drawn(4))
-    e[1, :, 1] *= 1.05  # the slope along x jumps at an edge
+    e[1, :, 1] *= 1.05  # a jump of the slope along x at an edge
     assert np.count_nonzero(from_plates(e, lx, ly).knots_x == 0.7) == 3
     with pytest.raises(ValueError, match="are none of 2 by 2 plates"):
         from_plates(e, lx[:2], ly)

@@ -1,4 +1,4 @@
-"""Properties that every element has: potential, exact tangent, rigid motion, momentum, mass, dissipation, stress."""
+"""Properties of every element: potential, tangent, rigid motion, momentum, mass, dissipation."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def test_internal_forces_balance(element):
     kind, c = element
     e, v = bent(kind, c), bent(kind, c, 0.5, 9)
     chord = (e[kind.ROWS // 2] - e[0]) / np.linalg.norm(e[kind.ROWS // 2] - e[0])
-    # the cable's bending damping sees the chord turn, not spin: no balance about the chord itself
+    # the cable's bending damping includes the rotation of the chord, not about it: no balance about the chord itself
     about = np.eye(3) if kind is beam else np.eye(3) - np.outer(chord, chord)
     for Q, axes in ((force(kind, c, e), np.eye(3)), (damping(kind, c, e, v)[0], about)):
         size = abs(Q).max()
@@ -178,7 +178,7 @@ def test_stress_of_a_stretched_and_of_a_bent_cable(name):
     axial, bending = stress.of_cable(c, e, 0.3, 2e11, 0.02)
     assert axial == pytest.approx(2e11 * (0.001 if name == "engineering" else 0.0010005), rel=1e-9)
     assert bending < 1e-9 * axial
-    angle = 1e-3  # an arc, as far as the cubic goes
+    angle = 1e-3  # an arc, as far as a cubic can be one
     R = c.l / angle
     e = np.array(
         [
@@ -211,7 +211,7 @@ def test_stress_of_a_stretched_and_of_a_bent_beam():
 
 
 def test_the_elasticities_agree_where_strains_are_small():
-    """A slightly bent and stretched link: differences of the order of the strain; a twin of 3 % is seen."""
+    """The elasticities of a slightly bent and stretched link agree to the order of the strain."""
     e = straight(cable, CABLE)
     R = 200.0
     angle = CABLE.l / R
@@ -223,7 +223,10 @@ def test_the_elasticities_agree_where_strains_are_small():
 
 
 def test_the_chord_strain_of_the_paper_has_no_potential():
-    """(12) as printed: around a closed loop of shapes it does work; on a straight, evenly stretched link it is (12)."""
+    """The chord strain (12) as printed has no potential: it does work around a closed loop of shapes.
+
+    On a straight, evenly stretched link it is (12).
+    """
     c = CABLE
 
     def work(of):

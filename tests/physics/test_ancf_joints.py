@@ -1,4 +1,4 @@
-"""Joints that are eliminated: counts and ranks, free rotation, corners, frames, the spinning loop."""
+"""Eliminated joints: counts and ranks, free rotation, corners, frames, the spinning loop."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def turned(e, R):
 
 
 def chain(kind, c, n, closed):
-    """Links with pins along y, straight or as a polygon."""
+    """Mesh of links with pins along y, straight or as a polygon, and its ties."""
     e = np.concatenate(
         [nodes(kind, [0, 0, 0], rotation(Y, -2 * np.pi * k / n if closed else 0.0), c.l, 1) for k in range(n)]
     )
@@ -57,14 +57,14 @@ def test_degrees_of_freedom_of_a_track(kind, c, closed, dofs):
     mesh, ties = chain(kind, c, 64, closed)
     assert mesh.n == dofs
     assert mesh.equations == len(ties) * (6 if kind is beam else 4)
-    np.testing.assert_allclose(mesh.coordinates(mesh.start()), mesh.e0, atol=1e-12)  # the joints fit the layout
+    np.testing.assert_allclose(mesh.coordinates(mesh.start()), mesh.e0, atol=1e-12)  # the joints match the layout
     assert mesh.energy(mesh.start()) < 1e-12
 
 
 def test_both_tracks_open_have_126_pins():
     ties = chain(cable, LINK, 64, False)[1]
     assert 2 * len(ties) == 126
-    assert 5 * 2 * len(ties) == 630  # of rigid bodies; here 504 that are linear, and gone
+    assert 5 * 2 * len(ties) == 630  # of rigid bodies; here 504, linear and eliminated
 
 
 A30 = [0.5, np.sqrt(0.75), 0.0]
@@ -108,7 +108,7 @@ def test_rank_of_what_a_joint_eliminates(kind, joint, rank):
     ],
 )
 def test_a_pin_turns_freely_through_360_degrees(kind, axis):
-    """Two links at an angle; no strain at any angle about the pin, no way to turn about another axis."""
+    """A pin turns freely through 360 degrees and about no other axis, between two links at an angle."""
     c = SHOE if kind is beam else LINK
     size = 2e11 * 0.01516
     frames = np.eye(3), rotation([0, 0, 1], 0.4) if kind is beam else np.eye(3)
@@ -124,7 +124,7 @@ def test_a_pin_turns_freely_through_360_degrees(kind, axis):
         x[1, [0, half]] += middle
         return x
 
-    # the pin of the beam turns with the pair; that of the cable is fixed in the world
+    # the beam's pin turns with the pair; the cable's pin is fixed in the world
     whole = rotation([3, -1, 2], 1.0) if kind is beam else rotation(axis, 1.0)
     for angle in np.radians(np.arange(0, 361, 15)):
         x = turned(second_turned(axis, angle), whole)
@@ -165,7 +165,7 @@ SECTIONS = {"T": (90.0, -90.0), "L": (90.0,), "V": (40.0,), "Y in space": (120.0
 
 
 def corner(kind, c, name, n=2):
-    """A first member along x and others at angles about -y at its end, rigidly connected."""
+    """Mesh of a first member along x and others at angles about -y at its end, rigidly connected."""
     frames = [np.eye(3)]
     for angle in SECTIONS[name]:
         degrees, axis = angle if isinstance(angle, tuple) else (angle, [0, -1, 0])
@@ -188,7 +188,7 @@ def test_sections_of_beams_turn_as_one_body(name):
         assert abs(mesh.coordinates(q) - x).max() < 1e-14
         assert mesh.energy(q) < 1e-24 * 2e11 * 0.01516
     stiffness = np.linalg.eigvalsh(mesh.tangent(mesh.start()).toarray())
-    assert (abs(stiffness) < 1e-12 * stiffness[-1]).sum() == 6  # no mechanism but the whole
+    assert (abs(stiffness) < 1e-12 * stiffness[-1]).sum() == 6  # no mechanism other than the rigid motion
 
 
 @pytest.mark.parametrize("name", ["T", "L", "V"])
@@ -203,12 +203,12 @@ def test_sections_of_cables_turn_as_one_body_in_their_plane(name):
         -1, 3, (abs(stiffness) < 1e-12 * stiffness[-1]).sum()
     )
     assert np.linalg.matrix_rank(zero[:, [0, 2]].reshape(-1, zero.shape[2]), tol=1e-6) == 3
-    x = turned(mesh.e0, rotation([1, 0, 0], 1.0))  # out of its plane it cannot: its corner's normal is fixed
+    x = turned(mesh.e0, rotation([1, 0, 0], 1.0))  # rotation out of its plane is blocked: the corner's normal is fixed
     assert abs(mesh.coordinates(mesh.fit(x)) - x).max() > 0.01
 
 
 def frame_tip(kind, n, stiffer=1.0, h=0.05, rigid=100.0):
-    """Tip displacements of an L-frame, clamped, under a small force (1, 0, 1): x and z, over Timoshenko's."""
+    """Errors of a clamped L-frame's tip displacements x, z under a force (1, 0, 1), over Timoshenko's."""
     L1, L2, E, shear, P = 1.0, 0.8, 1e7, 5 / 6, 0.16 * h**4 * 1e3
     A, inertia, kGA = h * h, h**4 / 12, shear * 0.5 * E * h * h
     if kind is beam:
@@ -235,7 +235,7 @@ def frame_tip(kind, n, stiffer=1.0, h=0.05, rigid=100.0):
     u = mesh.end(found, (2 * n - 1, 1))[0] - [L1, 0, L2]
     EI, EA = E * inertia, E * A
     # the force P along x bends the column and turns the corner; along z it bends the first member
-    corner_turn = P * L2 * L1 / EI - P * L1**2 / (2 * EI)  # of the moment P L2 and of the lift P, about +y
+    corner_turn = P * L2 * L1 / EI - P * L1**2 / (2 * EI)  # by the moment P L2 and by the force P along z, about +y
     x = P * L2**3 / (3 * EI) + P * L2 / kGA + corner_turn * L2 + P * L1 / EA
     z = P * L1**3 / (3 * EI) + P * L1 / kGA - P * L2 * L1**2 / (2 * EI) + P * L2 / EA
     return u[0] / x - 1, u[2] / z - 1
@@ -248,18 +248,21 @@ def test_an_l_frame_bends_as_timoshenko_says(kind, n):
 
 
 def test_the_l_frame_of_beams_converges():
-    """Under the lift, the block in place: second order."""
+    """The L-frame of beams under the force along z converges with second order, with a rigid corner."""
     errors = [frame_tip(beam, n)[1] for n in (6, 12, 24)]
     rate = np.log2((errors[0] - errors[1]) / (errors[1] - errors[2]))
     assert 1.9 < rate < 2.2
 
 
 def test_a_corner_by_gradient_transformation_alone_yields():
-    """The finer the elements, the more: moment passes by shear in one element of each member."""
+    """A corner by gradient transformation alone yields, the more the finer the elements.
+
+    The moment passes by shear in one element of each member.
+    """
     errors = [frame_tip(beam, n, rigid=0.0)[0] for n in (12, 24, 48)]
     assert errors == sorted(errors)
     assert errors[-1] > 0.1
-    assert 1.8 < (errors[2] - errors[1]) / (errors[1] - errors[0]) < 2.2  # in proportion to 1/l
+    assert 1.8 < (errors[2] - errors[1]) / (errors[1] - errors[0]) < 2.2  # proportional to 1/l
 
 
 def test_the_block_of_a_corner_has_a_potential_and_turns_freely():
@@ -281,13 +284,13 @@ def test_the_block_of_a_corner_has_a_potential_and_turns_freely():
 
 
 def spinning(kind, c, n=64, omega=5.0):
-    """Relative equilibrium of a free loop that spins about y: elastic force = omega^2 M q about its centre."""
+    """Equilibrium of a spinning free loop about its centre: elastic force = omega^2 M q."""
     mesh, _ = chain(kind, c, n, True)
     e = mesh.e0.reshape(n, 2, -1, 3).copy()
     e[:, :, 0] -= e[:, :, 0].mean(axis=(0, 1))
     q = mesh.fit(e)
     turn = mesh.fit(np.cross(Y, e)) - mesh.fit(np.zeros_like(e))
-    hold = mesh.M @ turn / np.sqrt(turn @ mesh.M @ turn)  # nothing resists turning: keep the azimuth
+    hold = mesh.M @ turn / np.sqrt(turn @ mesh.M @ turn)  # nothing resists rotation: keep the azimuth
     for _ in range(12):
         K = mesh.tangent(q).toarray()
         S = omega**2 * mesh.M.toarray()

@@ -1,4 +1,4 @@
-"""Deformation modes at a pin: they satisfy its equations, and strain what the paper says."""
+"""Deformation modes at a pin: they satisfy its equations and have the strains of the paper."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ L, WIDTH, HEIGHT = 0.1524, 0.06, 0.04
 STEEL = beam.Beam(L, WIDTH, HEIGHT, 7800.0, 2e11, 0.3, 0.85, torsion.factor(WIDTH, HEIGHT), False, 0.0)
 AXES = {"y": (0.0, 1, 0), "z": (0.0, 0, 1), "oblique": (0.3, 0.8, -0.5), "x": (1.0, 0, 0)}
 SIZE = 0.02
-# which strains jump at the joint, on its axis, in the axes a, b, c of the pin; aa and cc beside a shear at second order
+# strain jumps at the joint, on its axis, in the axes a, b, c of the pin; with a shear aa and cc are of second order
 JUMPS = {"rotation": (), "bending": (), "stretch": ("aa",), "section": ("cc",), "shear": ("aa", "cc", "ac"),
          "lean": ("aa", "ab"), "twist": ("cc", "bc"), "pin stretch": ()}  # fmt: skip
 
@@ -47,12 +47,12 @@ def test_every_mode_satisfies_the_pin_and_jumps_where_it_may(mode, axis, before)
         assert max(held, strained) < 1e-14 * STEEL.E * L * WIDTH * HEIGHT
     else:
         assert strained > 1e-6 * STEEL.E * L * WIDTH * HEIGHT
-        assert (held > 0.1 * strained) == (mode == "pin stretch")  # that one alone is shared
+        assert (held > 0.1 * strained) == (mode == "pin stretch")  # only this mode is shared
 
 
 @pytest.mark.parametrize("axis", AXES.values(), ids=AXES)
 def test_five_deformations_and_one_rotation(axis):
-    """12 - 6 coordinates of a node are its own: their strains have rank 5, the rotation is what is left; never bb."""
+    """Strains of a node's 12 - 6 free coordinates have rank 5; the sixth is rotation; bb never jumps."""
     jump = modes.jump_of_strain(axis)
     assert np.linalg.matrix_rank(jump, 1e-6) == 5
     assert np.abs(jump[:, 0]).max() < 1e-9
@@ -67,7 +67,7 @@ def test_five_deformations_and_one_rotation(axis):
 
 @pytest.mark.parametrize("axis", AXES.values(), ids=AXES)
 def test_a_mesh_with_this_pin_can_move_in_every_mode(axis):
-    """The pin that meshes eliminate is the same: 48 - 6 coordinates, all modes among them, no other pin's."""
+    """The pin of meshes is the same: 48 - 6 coordinates and all modes, unlike that of another axis."""
 
     def misfit(pin, pair):
         mesh = Mesh([Member(beam, STEEL, modes.straight(L))], [Tie((0, 1), (1, 0), joints.pin_beam(pin))])
@@ -81,7 +81,7 @@ def test_a_mesh_with_this_pin_can_move_in_every_mode(axis):
 
 
 def test_stretch_is_the_length_of_the_gradient():
-    """Figure 8 a: E_xx = s + s^2/2 on one side of the joint, nothing on the other, nothing else."""
+    """Stretch (figure 8 a) is E_xx = s + s^2/2 on one side of the joint and no other strain."""
     before, behind = modes.at_joint(moved("stretch", AXES["y"]), L)
     expected = np.zeros((3, 3))
     expected[0, 0] = SIZE + SIZE**2 / 2
@@ -91,22 +91,22 @@ def test_stretch_is_the_length_of_the_gradient():
 
 
 def test_bending_strains_linearly_across_the_section():
-    """Figure 8 b: nothing on the axis at the joint, z theta / l beside it: r_z turns by theta over the length."""
+    """Bending (figure 8 b) is 0 on the axis and z theta / l beside it: r_z turns by theta over the length."""
     pair, theta = moved("bending", AXES["y"], size=1e-4), 1e-4
     found = np.array([modes.at_joint(pair, L, z=z)[1][0, 0] for z in (-0.02, -0.01, 0.0, 0.01, 0.02)])
     assert abs(found[2]) < 1e-16
     np.testing.assert_allclose(found, -np.array([-0.02, -0.01, 0.0, 0.01, 0.02]) * theta / L, rtol=1e-4, atol=1e-12)
-    assert np.abs(modes.at_joint(pair, L, z=0.02)[0]).max() < 1e-16  # the other element knows nothing of it
-    # against the line between the nodes: the gradient leans by theta, the chord stays
+    assert np.abs(modes.at_joint(pair, L, z=0.02)[0]).max() < 1e-16  # the other element has no strain
+    # relative to the line between the nodes: the gradient turns by theta, the chord stays
     assert pair[1, 1, 2] == pytest.approx(-theta, rel=1e-6)
     assert np.abs(pair[1, 4] - [L, 0, 0]).max() == 0.0
-    # and its strain energy is at least that of a cantilever's end couple, EI theta^2 4 / (2 l), locking on top
+    # its strain energy is at least EI theta^2 4 / (2 l), that of a cantilever with an end couple; locking adds to it
     bending = STEEL.E * WIDTH * HEIGHT**3 / 12 * theta**2 / (2 * L)
     assert energies(pair)[1] > 4 * bending
 
 
 def test_the_section_changes_on_one_side_only():
-    """Figure 8 c: E_zz jumps, the axis does not notice; nothing in the other element does."""
+    """The section mode (figure 8 c) makes E_zz jump; the axis and the other element have no strain."""
     pair = moved("section", AXES["y"])
     before, behind = modes.at_joint(pair, L)
     assert behind[2, 2] == pytest.approx(SIZE + SIZE**2 / 2, rel=1e-12)
@@ -115,7 +115,7 @@ def test_the_section_changes_on_one_side_only():
 
 
 def test_the_pin_stretches_as_one():
-    """All six strains are continuous at the joint; the stretch fades along each element, linearly in r_y."""
+    """The pin stretches as one: six continuous strains, and a linear decay along each element."""
     pair = moved("pin stretch", AXES["y"])
     before, behind = modes.at_joint(pair, L)
     np.testing.assert_allclose(before, behind, atol=1e-16)
@@ -124,7 +124,7 @@ def test_the_pin_stretches_as_one():
     for e in pair:
         assert strains(STEEL, e, 0.5, 0.0, 0.0)[1, 1] == pytest.approx(half + half**2 / 2, rel=1e-12)
     one = modes.straight(L)
-    one[1, 2] *= 1.0 + SIZE  # the twin: one side alone may not
+    one[1, 2] *= 1.0 + SIZE  # twin: stretch on one side alone is not allowed
     assert np.abs(modes.pin_rows(AXES["y"]) @ one.ravel()).max() == pytest.approx(SIZE)
 
 
@@ -140,7 +140,7 @@ def test_rotation_costs_nothing_at_any_angle():
 
 @pytest.mark.parametrize("mode", modes.MODES)
 def test_the_pin_is_one_line_of_material(mode):
-    """Points on the axis of the pin stay together whatever the mode; beside it the sections may part."""
+    """The pin is one line of material in all modes; beside its axis the sections may separate."""
     pair = moved(mode, AXES["oblique"])
     b = modes.triad(AXES["oblique"])[1]
     gaps = []

@@ -1,4 +1,4 @@
-"""The sliding joint: exact Jacobians, ranks, energy, and two independent descriptions of the same motion."""
+"""The sliding joint: exact Jacobians, ranks, energy, and two descriptions of the same motion."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from fmus.physics.ancf.cable import Cable
 from tests.validation.ancf import sliding
 from tests.validation.ancf.mesh import Member, Mesh, in_a_row, nodes
 
-L, N = 2.0, 6  # the rail, m, and its elements
+L, N = 2.0, 6  # length of the rail, m, and number of its elements
 KINDS = ("point", "cable")
 
 
 def rope(slider, smooth=True, mass=1.0, place=0.6, gravity=9.81, stiffness=(4e3, 2.0), ends=2, drag=0.0):
-    """A straight rail along x with the slider at ``place``, at rest; ``ends`` of the rail are pinned."""
+    """Bodies, rail and state at rest of a straight rail with a slider at ``place``, ``ends`` pinned."""
     EA, EI = stiffness
     c = Cable(L / N, 0.5, EA, EI, 0.0, 0.0)
     T = sliding.chain_map(N, c.l, smooth)
@@ -50,7 +50,7 @@ def run(b, r, s, time, h, watch=None):
 
 
 def disturbed(slider, smooth=True):
-    """Somewhere bent, off the constraint: Jacobians must hold everywhere."""
+    """Random bent state off the constraint, where Jacobians must hold too."""
     b, r, s = rope(slider, smooth)
     rng = np.random.default_rng(3)
     X = s.X + 0.1 * rng.standard_normal(s.X.shape)
@@ -63,7 +63,7 @@ def disturbed(slider, smooth=True):
 @pytest.mark.parametrize("smooth", [True, False])
 @pytest.mark.parametrize("slider", KINDS)
 def test_jacobian_of_the_constraint(slider, smooth):
-    """By complex step: the constraint is a polynomial, the imaginary part of a tiny step is its derivative."""
+    """The Jacobian of the constraint is exact, by complex step (the constraint is a polynomial)."""
     _, r, s = disturbed(slider, smooth)
     by_x, by_w = sliding.jacobian(r, s.X, s.w)
     d = 1e-30j
@@ -83,7 +83,7 @@ def test_jacobian_of_the_constraint(slider, smooth):
         np.testing.assert_allclose(by_w[:, k], place(k), rtol=1e-12, atol=1e-13)
     for j in range(s.X.size):
         X = np.zeros(s.X.size)
-        X[j] = 1.0  # linear in X: a whole unit is exact
+        X[j] = 1.0  # linear in X: a unit step is exact
         column = sliding.constraint(r, X.reshape(-1, 3), s.w)
         np.testing.assert_allclose(by_x[:, j], column, atol=1e-13)
 
@@ -91,7 +91,7 @@ def test_jacobian_of_the_constraint(slider, smooth):
 @pytest.mark.parametrize("far", [0.02, 0.5, -0.4])
 @pytest.mark.parametrize("slider", KINDS)
 def test_newtons_matrix_is_the_derivative_of_its_residual(slider, far):
-    """Within an element, and across one and two nodes either way."""
+    """Newton's matrix is the derivative of its residual, within an element and across one and two nodes."""
     b, r, s = disturbed(slider)
     rng = np.random.default_rng(8)
     X1 = s.X + 0.05 * rng.standard_normal(s.X.shape)
@@ -112,7 +112,7 @@ def test_newtons_matrix_is_the_derivative_of_its_residual(slider, far):
 
 
 def test_quotients_are_quotients():
-    """G (z1 - z0) = C1 - C0 to rounding, however near or far, which is why the joint does no work."""
+    """G (z1 - z0) = C1 - C0 to rounding at any distance; therefore the joint does no work."""
     _, r, s = disturbed("cable")
     for u1 in (0.6 + 1e-9, 0.61, 0.2, 1.9, 0.6):
         for order in (0, 1):
@@ -145,7 +145,7 @@ def test_force_is_the_gradient_of_the_energy():
 
 
 def test_the_rail_is_the_mesh_of_cables():
-    """Mass, strain energy and force of the rail alone against the mesh with its joints eliminated."""
+    """The rail has the mass, strain energy and force of the mesh with eliminated joints."""
     b, _, s = disturbed("point", smooth=False)
     c = Cable(L / N, 0.5, 4e3, 2.0, 0.0, 0.0)
     mesh = Mesh([Member(cable, c, nodes(cable, [0, 0, 0], np.eye(3), c.l, N))], in_a_row(2, N))
@@ -167,7 +167,7 @@ def test_the_rail_is_the_mesh_of_cables():
 @pytest.mark.long
 @pytest.mark.parametrize(("slider", "smooth"), [("point", True), ("point", False), ("cable", True)])
 def test_five_seconds_without_friction(slider, smooth):
-    """Over nodes and back: energy and constraint."""
+    """Without friction energy and constraint hold for five seconds, over nodes and back."""
     b, r, s = rope(slider, smooth)
     start, worst, closed, kinetic, places, rate = sum(sliding.energy(b, s)), 0.0, 0.0, 0.0, set(), 0.0
     h = 2e-3
@@ -182,11 +182,11 @@ def test_five_seconds_without_friction(slider, smooth):
     assert len(places) >= 3
     assert worst < 1e-9 * kinetic
     assert closed < 1e-12
-    assert rate < 5e-3  # of the constraint, m/s, at speeds of 1 m/s: the method's second order
+    assert rate < 5e-3  # rate of the constraint, m/s, at speeds of 1 m/s: second order of the method
 
 
 def test_drag_takes_what_it_says():
-    """The twin of the energy: with friction it falls, by what the joint has lost, to rounding."""
+    """Friction takes from the energy what the joint reports as lost, to rounding (twin of the energy)."""
     b, r, s = rope("cable", drag=0.05)
     start = sum(sliding.energy(b, s))
     s = run(b, r, s, 1.0, 2e-3)
@@ -196,9 +196,10 @@ def test_drag_takes_what_it_says():
 
 
 def minimal(b, r, s, times):
-    """The same motion without constraint: the slider's vectors written out in the rail's, u and m; DOP853.
+    """Motion in minimal coordinates by DOP853: u, m and the rail's vectors give the slider's.
 
-    Y: the vectors that are free; X = Y but for the sliding point S(u) Y and slope S'(u) Y / m.
+    Y are the free vectors; X = Y but for the sliding point S(u) Y and its slope S'(u) Y / m. Returns Y, u and the
+    indices of Y at ``times``.
     """
     free = b.free.reshape(-1, 3).all(axis=1)
     own = r.point + (r.slope if r.slope.size else 0.0) > 0
@@ -256,7 +257,7 @@ def minimal(b, r, s, times):
 @pytest.mark.long
 @pytest.mark.parametrize(("slider", "longest"), [("point", 2.5e-3), ("cable", 1.25e-3)])
 def test_against_minimal_coordinates(slider, longest):
-    """Order 2 towards the motion that has no constraint to solve, over two nodes of the rail."""
+    """The motion converges with order 2 to that in minimal coordinates, over two nodes of the rail."""
     soft = {"place": 0.62, "stiffness": (300.0, 0.5), "gravity": 20.0}
     b, r, s = rope(slider, **soft)
     times = np.linspace(0.05, 0.35, 7)
@@ -272,38 +273,38 @@ def test_against_minimal_coordinates(slider, longest):
     rates = np.log2(np.array(errors[:-1]) / errors[1:])
     assert np.abs(rates - 2.0).max() < 0.25, (errors, rates)
     assert errors[-1] < 2e-4
-    b, r, s = rope(slider, mass=1.03, **soft)  # the twin: 3 % more mass
+    b, r, s = rope(slider, mass=1.03, **soft)  # twin: 3 % more mass
     assert np.sqrt(np.mean((run(b, r, s, 0.35, longest / 4).X[kept] - truth[-1]) ** 2)) > 5 * errors[-1]
 
 
 def on_a_turning_rod(mass, h, rate=2.0):
-    """A point on a nearly rigid rod that turns about its pinned end, no weight."""
+    """Place of a point on a nearly rigid rod that turns about its pinned end, without weight."""
     b, r, s = rope("point", mass=mass, place=0.5, gravity=0.0, stiffness=(1e7, 1e4), ends=1)
     s = s._replace(V=np.cross([0.0, rate, 0.0], s.X))
     return run(b, r, s, 0.6, h).w[0]
 
 
 def test_point_on_a_turning_rod():
-    """(J + m u^2) theta' = const, u'' = u theta'^2 with J = 0.5 kg/m L^3 / 3."""
+    """A point on a turning rod obeys (J + m u^2) theta' = const, u'' = u theta'^2, J = 0.5 kg/m L^3 / 3."""
     J, mass = 0.5 * L**3 / 3, 1.0
     spin = (J + mass * 0.25) * 2.0
     exact = solve_ivp(
         lambda _, y: [y[1], y[0] * (spin / (J + mass * y[0] ** 2)) ** 2], (0, 0.6), [0.5, 0.0], rtol=1e-10, atol=1e-12
     ).y[0, -1]  # fmt: skip
-    assert exact > 0.75  # two nodes further
+    assert exact > 0.75  # past two nodes
     assert on_a_turning_rod(mass, 2e-3) == pytest.approx(exact, abs=2e-5)
     assert abs(on_a_turning_rod(1.03 * mass, 2e-3) - exact) > 5e-4
 
 
 def test_momentum_of_free_bodies():
-    """No supports, no weight: linear momentum to rounding, angular momentum at order 2."""
+    """Free bodies keep linear momentum to rounding and angular momentum at order 2."""
     drift = []
     for h in (4e-3, 2e-3):
         b, r, s = rope("cable", gravity=0.0, ends=0, stiffness=(1e3, 0.5))
         s = s._replace(V=np.cross([0.0, 2.0, 0.3], s.X) + b.shift[:, None] * [1.0, -2.0, 0.5])
         assert np.abs(sliding.rates(b, r, s)[1]).max() < 1e-14
         linear, angular = sliding.momentum(b, s)
-        # a kilogram each, centres of mass at 1 m and at 0.7 m
+        # one kilogram each, centres of mass at 1 m and at 0.7 m
         expected = np.cross([0.0, 2.0, 0.3], [1.7, 0.0, 0.0]) + 2.0 * np.array([1.0, -2.0, 0.5])
         np.testing.assert_allclose(linear, expected, atol=1e-12)
         s = run(b, r, s, 0.4, h)
@@ -315,7 +316,7 @@ def test_momentum_of_free_bodies():
 
 
 def test_nodes_are_impacts_for_a_cable_on_a_rail_that_is_not_smooth():
-    """Over C1 nodes the turning speed jumps: the rate of the constraint is off by far more than over C2 nodes."""
+    """Nodes of a rail that is not smooth are impacts for a cable: its rate of rotation jumps there."""
     worst = []
     for smooth in (True, False):
         b, r, s = rope("cable", smooth)

@@ -1,4 +1,4 @@
-"""Torsion of the beam: Saint-Venant's constant, and beams bent askew against a geometrically exact rod."""
+"""Torsion of the beam: Saint-Venant's constant, and skew bending against an exact rod."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CURES = {"nu = 0": (0.0, False), "split": (0.3, True)}
 
 
 def cantilever(length, width, height, n, factor, cure="split", shear=SHEAR):
-    """Clamped at the origin, along x."""
+    """Mesh of a cantilever along x, clamped at the origin."""
     nu, split = CURES[cure]
     c = beam.Beam(length / n, width, height, 1000.0, E, nu, shear, factor, split, 0.0)
     part = Member(beam, c, nodes(beam, [0, 0, 0], np.eye(3), c.l, n))
@@ -24,7 +24,7 @@ def cantilever(length, width, height, n, factor, cure="split", shear=SHEAR):
 
 
 def tip(mesh, *pushes, steps=1):
-    """Vectors r, r_x, r_y, r_z of the tip in equilibrium with ``pushes`` on them."""
+    """Vectors r, r_x, r_y, r_z of the tip in equilibrium with the loads ``pushes``."""
     end = (len(mesh.parts[0].e) - 1, 1)
     mesh = mesh.loaded(*(push(mesh, end) for push in pushes))
     return mesh.end(statics.equilibrium(mesh, mesh.start(), steps=steps, tolerance=1e-11), end)
@@ -34,7 +34,7 @@ def tip(mesh, *pushes, steps=1):
     ("ratio", "published"), [(1, 0.1406), (1.5, 0.196), (2, 0.229), (3, 0.263), (5, 0.291), (10, 0.312)]
 )
 def test_the_series_gives_the_published_constants(ratio, published):
-    """J/(width height^3), Timoshenko and Goodier's table, which has three digits; sides in either order."""
+    """The series gives J/(width height^3) of Timoshenko and Goodier's table (three digits)."""
     b, h = 0.03 * ratio, 0.03
     assert torsion.constant(b, h) / (b * h**3) == pytest.approx(published, rel=3e-3)
     assert torsion.constant(b, h) / (b * h**3) != pytest.approx(1.01 * published, rel=3e-3)
@@ -47,7 +47,7 @@ def test_the_series_gives_the_published_constants(ratio, published):
 @pytest.mark.parametrize("cure", CURES)
 @pytest.mark.parametrize("ratio", [1, 2, 9.4])
 def test_an_end_couple_twists_as_saint_venant_says(ratio, cure):
-    """By T L / (G J), a thousandth of a radian; by neither the polar moment nor the factor of transverse shear."""
+    """An end couple twists by T L / (G J), not by the polar moment or the factor of transverse shear."""
     h, L, angle = 0.02, 1.0, 1e-3
     b, G = ratio * h, 0.5 * E / (1 + CURES[cure][0])
     T = G * torsion.constant(b, h) * angle / L
@@ -66,7 +66,7 @@ def test_an_end_couple_twists_as_saint_venant_says(ratio, cure):
 @pytest.mark.parametrize("cure", CURES)
 @pytest.mark.parametrize("across", [1, 2])
 def test_transverse_shear_keeps_its_own_factor(across, cure):
-    """A short cantilever under a tip force across either axis: Timoshenko, whatever the factor of torsion."""
+    """Transverse shear keeps its own factor: Timoshenko's cantilever with any factor of torsion."""
     b, h, L, P = 0.2, 0.1, 0.5, 1.0
     G, depth = 0.5 * E / (1 + CURES[cure][0]), (b, h)[across - 1]
     EI, kGA = E * b * h * depth**2 / 12, SHEAR * G * b * h
@@ -83,11 +83,11 @@ def test_transverse_shear_keeps_its_own_factor(across, cure):
 
 
 def exact_rod(length, stiff, bend, F, arm):
-    """Tip of Simo's rod, clamped, and axes of its section there (columns), under the dead force F at ``arm`` of it.
+    """Tip of Simo's clamped rod, and axes of its section there (columns), under a dead force F at ``arm``.
 
-    ``stiff``: EA and the shear stiffnesses, ``bend``: GJ and the bending stiffnesses, about and along the section's
-    axes. Shooting for the moment at the clamp; the matrix of the section is integrated, R' = R hat(curvature).
-    Simo, A finite strain beam formulation, Comput. Methods Appl. Mech. Eng. 49, 1985.
+    ``stiff``: EA and the shear stiffnesses; ``bend``: GJ and the bending stiffnesses, along and about the section's
+    axes. Shooting for the moment at the clamp; the matrix of the section is integrated, R' = R hat(curvature). Simo, A
+    finite strain beam formulation, Comput. Methods Appl. Mech. Eng. 49, 1985.
     """
 
     def slope(s, y, F, M):
@@ -122,7 +122,10 @@ def exact_rod(length, stiff, bend, F, arm):
     ids=["b/h = 2", "b/h = 9.4"],
 )
 def test_a_beam_loaded_askew_bends_as_an_exact_rod(b, h, L, load, arm, twins):
-    """Bent about both axes and twisted, its tip moved by a third of the length: position and section to 0.2 %."""
+    """A beam under a skew load has position and section of an exact rod to 0.2 %.
+
+    It bends about both axes and twists; its tip moves by a third of the length.
+    """
     A, arm = b * h, np.array(arm)
     rod = {"E": E, "J": torsion.constant(b, h), "I_y": b * h**3 / 12, "I_z": h * b**3 / 12}
     F = np.array(load) * E * rod["I_y"] / L**2

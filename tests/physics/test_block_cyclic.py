@@ -30,7 +30,7 @@ def solved(A, U, L, b, closed: bool):
     block_cyclic.solve(pivots, U, work, closed, x)
     first = x.copy()
     x[:] = b
-    block_cyclic.solve(pivots, U, work, closed, x)  # the factors survive a solve
+    block_cyclic.solve(pivots, U, work, closed, x)  # a solve keeps the factors
     assert np.array_equal(first, x)
     return x
 

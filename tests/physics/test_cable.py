@@ -47,7 +47,10 @@ def test_force_is_the_gradient_of_the_energy(c):
 
 @pytest.mark.parametrize("c", [LINK, SOFT])
 def test_tangent_is_the_derivative_of_the_force(c):
-    """By coordinates at held rates (without bending damping's chord), and by rates."""
+    """The tangent is the derivative of the force by coordinates at constant rates, and by rates.
+
+    The chord in the bending damping is left out.
+    """
     c = c._replace(nuI=0.0)
     e, v = bent(c, 0.02), 0.3 * rng.standard_normal((4, 3))
     K, numeric = np.zeros((12, 12)), np.zeros((12, 12))
@@ -75,7 +78,7 @@ def test_rigid_motion_strains_and_damps_nothing():
 
 
 def test_internal_forces_balance():
-    """Force, and moment about the axes normal to the chord (about all axes without damping)."""
+    """Forces balance, and moments about axes normal to the chord (all axes without damping)."""
     e, v = bent(SOFT, 0.05), rng.standard_normal((4, 3))
     elastic = internal(SOFT, e, np.zeros((4, 3)))
     damping = internal(SOFT, e, v) - elastic
@@ -108,7 +111,7 @@ def test_mass_and_first_moment():
 
 
 def test_matrices_match_their_products():
-    """Along one axis: of unit tension, and of bending; ``add`` spreads what is on the parts."""
+    """The matrices of unit tension and of bending along an axis give the same as their products."""
     e = rng.standard_normal((4, 1))
     stretch, bend = cable.linear(LINK._replace(EI=0.0), 1.0, 0.0), cable.linear(LINK._replace(EI=1.0), 0.0, 0.0)
     for rows, product in ((stretch, cable.averaged), (bend, cable.bent)):

@@ -1,4 +1,4 @@
-"""A chain's speed is the one that the carrier of its wheels sees: pins that pass a point of it, times the pitch."""
+"""The speed of a chain is relative to the carrier of its wheels: passing pins times the pitch."""
 
 import numpy as np
 import pytest
@@ -13,9 +13,9 @@ from fmus.physics.wheels import WIDTH
 PITCH, LINKS = 0.1524, 64
 CENTRES = np.array([[0.0, 0.0], *([x, -0.215] for x in (-0.655, -1.322, -1.989, -2.656, -3.322)), [-4.0, -0.12]])
 RADII = np.array([0.2466, *5 * [0.334], 0.291])
-PASSING = 4.85  # m/s over the carrier
+PASSING = 4.85  # m/s relative to the carrier
 
-_carrier, _chain_speed = carriers.carrier, speed.chain_speed  # which kernels alone call
+_carrier, _chain_speed = carriers.carrier, speed.chain_speed  # callable from kernels only
 
 
 @njit
@@ -29,9 +29,10 @@ def chain_speed(x, v, closed, carrier):
 
 
 def vehicle(turned=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0), turning=(0.0, 0.0, 0.0), spin=20.0):
-    """Rows of the wheels, and positions and velocities of the pins, of a track that moves as one body and passes.
+    """Rows of the wheels, and pins of a track that moves as a body while its pins pass.
 
-    Pins pass along the chords of the polygon at PASSING; ``turned`` (rad, z y x), ``turning`` rad/s in the world.
+    Pins have positions and velocities. Pins pass along the chords of the polygon at PASSING; ``turned`` (rad, z y x),
+    ``turning`` rad/s in the world.
     """
     A, w, c = Rotation.from_euler("ZYX", turned).as_matrix(), np.array(turning), np.array([3.0, -2.0, 1.0])
     rows = np.zeros((len(CENTRES), WIDTH))
@@ -71,7 +72,7 @@ def test_speed_is_the_same_however_the_vehicle_moves(motion):
 
 @pytest.mark.parametrize("off", [{"velocity": (0.1, 0.0, 0.0)}, {"turning": (0.0, 0.02, 0.0)}])
 def test_a_carrier_that_moves_otherwise_is_noticed(off):
-    """Of the motion of 'tumbles' a fiftieth is left out."""
+    """An error of 2 % in the carrier's motion (case 'tumbles') is noticed."""
     rows, x, v = vehicle()
     other, _, _ = vehicle(**off)
     true, wrong = (chain_speed(x, v, True, carrier(each, 0)) for each in (rows, other))
@@ -79,7 +80,7 @@ def test_a_carrier_that_moves_otherwise_is_noticed(off):
 
 
 def test_a_chain_in_its_plane_sees_the_same_carrier():
-    """Two columns, x and z, of a chain that drives and nods."""
+    """A chain in its plane (columns x and z), driving and pitching, has the same carrier."""
     rows, x, v = vehicle(velocity=(4.85, 0.0, 0.3), turning=(0.0, 0.5, 0.0))
     rows[:, 1], x[:, 1] = 0.0, 0.0
     flat = [np.ascontiguousarray(each[:, [0, 2]]) for each in (x, v)]
@@ -89,7 +90,7 @@ def test_a_chain_in_its_plane_sees_the_same_carrier():
 
 @pytest.mark.parametrize("turned", [(0.0, 0.0, 0.0), (0.7, 0.0, 0.0), (-2.0, 0.3, 0.0), (1.0, 0.2, 0.1)])
 def test_heading_is_where_the_wheels_would_roll(turned):
-    """Square to the axle and level; the wheel's own spin and the speed do not matter."""
+    """The heading is level and perpendicular to the axle, whatever the wheel's spin and speed."""
     rows, _, _ = vehicle(turned, velocity=(1.0, 2.0, 3.0), turning=(0.1, 0.2, 0.3), spin=-7.0)
     axle = rows[0, 9:12]
     heading = np.array([*carrier(rows, 0)[3], 0.0])

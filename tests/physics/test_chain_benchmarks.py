@@ -1,4 +1,4 @@
-"""Chains of rigid and of steel links against known numbers: release, small swings, spinning, falling, drift."""
+"""Chains of rigid and of steel links against known numbers: release, swings, spin, fall, drift."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def tip(kind, h, pitch=P, **changes):
 @pytest.mark.long
 @pytest.mark.parametrize(("kind", "expected"), [(Rigid, 9.413161), (Flexible, 9.413174)])
 def test_released_horizontal_chain(kind, expected):
-    """Thin rods, steel cables; order 2, whatever the spectral radius; steel and rods differ by 13 um."""
+    """Released chains converge with order 2 for any spectral radius; steel and rods differ by 13 um."""
     tips = np.array([tip(kind, h) for h in (1e-3, 5e-4, 2.5e-4)])
     assert np.abs(tips - expected).max() < 2e-5
     limit = tips[2] + (tips[2] - tips[1]) / 3.0
@@ -42,7 +42,7 @@ SWINGS = np.array([1.20242178, 2.76073253, 4.33154065, 5.91226122])  # omega sqr
 
 
 def rigid_swings(n):
-    """From the angular accelerations of links let go a little off the vertical, one at a time."""
+    """Frequencies from the angular accelerations of links released near the vertical, one at a time."""
     stiff, d = np.empty((n, n)), 1e-5
     for k in range(n):
         ends = []
@@ -55,7 +55,7 @@ def rigid_swings(n):
 
 
 def steel_swings(n, cable=STEEL):
-    """By Sturm counts: negative eigenvalues of the condensed K - omega^2 M at the loaded equilibrium, in the plane."""
+    """Frequencies by Sturm counts of the condensed K - omega^2 M at the loaded equilibrium."""
     chain = Flexible(line(n), held=True, cable=cable)
     stretch = (n - np.arange(n) - 0.5) * cable.rhoA * P * G / cable.EA
     depth = -P * np.concatenate([[0.0], np.cumsum(1.0 + stretch)])
@@ -86,7 +86,7 @@ def steel_swings(n, cable=STEEL):
 @pytest.mark.long
 @pytest.mark.parametrize("swings", [rigid_swings, steel_swings])
 def test_small_swings_of_the_hanging_chain(swings):
-    """To 1e-4 as wanted, and to 5e-6, where the twin of two links less shows in the fourth."""
+    """Small swings of the hanging chain agree to 5e-6; two links less show in the fourth mode."""
     off = np.abs(swings(LINKS) / SWINGS - 1.0)
     assert off.max() < 5e-6
     twin = np.abs(swings(LINKS - 2) / SWINGS - 1.0)
@@ -105,7 +105,7 @@ def rigid_loop(mass=MASS):
 
 
 def steel_loop(mass=MASS):
-    """Relative equilibrium: K(q) = omega^2 M q, its turning about the axis left to the smallest correction."""
+    """Equilibrium K(q) = omega^2 M q with the smallest correction of the rotation about the axis."""
     loop = Flexible(ring(LINKS), closed=True, gravity=0.0, cable=STEEL._replace(rhoA=mass / P))
     loop.s.vdot[:] = -(RATE**2) * loop.s.q
     loop.s.vdot[:, 7] = 0.0
@@ -136,7 +136,7 @@ def test_joint_force_of_a_spinning_loop(loop):
 
 
 def test_hoop_strain_of_the_steel_loop():
-    """T / EA to 1/2400, which is the polygon: along a link the tension is m omega^2 p (cot^2 + 1/3) / 4, to 1e-7."""
+    """The hoop strain of the steel loop is T / EA to 1/2400, the effect of the polygon."""
     loop = steel_loop()
     tension = float(joint_forces(loop).mean())
     e, found = np.zeros((4, 3)), []
@@ -156,9 +156,10 @@ def test_hoop_strain_of_the_steel_loop():
 
 
 def fall(kind, links, turn, gravity=G, integrator="runge_kutta"):
-    """Pinned at one end, folded once, let go at the other; steps in which no link turns more than ``turn`` rad.
+    """Fall of a chain that is pinned at one end, folded once and released.
 
-    Returns times over sqrt(2 L/g) and drops over L of the tip until after its largest, and the energy drift over m g L.
+    No link turns more than ``turn`` rad in a step. Returns times over sqrt(2 L/g) and drops over L of the tip until
+    after its largest, and the energy drift over m g L.
     """
     n = links // 2
     quarter = np.pi / 2
@@ -211,7 +212,7 @@ def test_folded_chain_beats_free_fall(links):
 
 
 def test_the_landmarks_of_the_fall_can_be_missed():
-    """The twin: gravity 3 % larger; both times are off, though the tip still beats the slower free fall."""
+    """Both times are wrong with 3 % more gravity (twin), but the tip still precedes free fall."""
     top, half = landmarks(*fall(Rigid, 17, 0.05, gravity=1.03 * G)[:2])
     assert abs(top / 0.8472 - 1.0) > 0.01
     assert abs(half / 0.948 - 1.0) > 0.005
@@ -237,7 +238,7 @@ def test_folded_chain_with_smaller_steps(links):
 
 SOFT = STEEL._replace(EA=2e5 * AREA, EI=2e5 * SECOND)
 ZIGZAG = 0.3 * np.cos(2.2 * np.arange(8))
-SPIN = np.array([0.2, 2.0, 0.3])  # rad/s, rigid
+SPIN = np.array([0.2, 2.0, 0.3])  # rad/s, of rigid links
 
 
 def free(kind, cable=STEEL, lateral=0.0):
@@ -254,7 +255,7 @@ def free(kind, cable=STEEL, lateral=0.0):
 
 
 def drift(chain, h, integrator, time=10.0):
-    """Largest change of the energy over itself, and of the angular momentum (3) over its size, seen 100 times."""
+    """Largest relative change of energy, and of angular momentum (3), in 100 samples."""
     start, angular = chain.energy(), chain.angular_momentum()
     lost, turned = 0.0, np.zeros(3)
     for _ in range(100):
@@ -291,12 +292,15 @@ def test_every_integrator_is_here():
     ],
 )
 def test_drift_of_a_free_chain_over_ten_seconds(kind, cable, integrator, steps, energy, angular):
-    """Two-sided rates; Runge-Kutta of order 4 loses energy at order 5. Rigid links turn about all three axes."""
+    """The drift of a free chain falls at the order of its integrator, for energy and angular momentum.
+
+    Runge-Kutta of order 4 loses energy at order 5. Rigid links turn about all three axes.
+    """
     parts = {} if kind is Rigid else {"cable": cable}
     found = [drift(free(kind, **parts), h, integrator) for h in steps]
     lost, turned = np.array([f[0] for f in found]), np.array([f[1].max() for f in found])
     if kind is Rigid:
-        assert np.all(np.abs(SPIN) > 0.1)  # each axis has its share
+        assert np.all(np.abs(SPIN) > 0.1)  # each axis contributes
     assert np.abs(np.log2(lost[:-1] / lost[1:]) - energy).max() < 0.4, lost
     assert np.abs(np.log2(turned[:-1] / turned[1:]) - angular).max() < 0.4, turned
     assert min(energy, angular) > INTEGRATORS[integrator] - 0.1
@@ -305,7 +309,7 @@ def test_drift_of_a_free_chain_over_ten_seconds(kind, cable, integrator, steps, 
 
 
 def test_cables_keep_the_component_about_the_pin_alone():
-    """A sideways motion: about y the drift falls at order 2, about the other axes it is there whatever the step."""
+    """Cables keep the angular momentum about the pins' axis alone (order 2) in a lateral motion."""
     turned = np.array(
         [drift(free(Flexible, lateral=0.3), h, "generalized_alpha", 2.0)[1] for h in (2.5e-3, 1.25e-3, 6.25e-4)]
     )
@@ -316,7 +320,7 @@ def test_cables_keep_the_component_about_the_pin_alone():
 
 
 def test_damped_cables_lose_energy_but_not_angular_momentum():
-    """The twin: a relaxation time of 0.1 ms takes energy whatever the step."""
+    """Damped cables lose energy at any step (relaxation time 0.1 ms), but no angular momentum (twin)."""
     tau = 1e-4
     damped = SOFT._replace(nuA=tau * SOFT.EA, nuI=tau * SOFT.EI)
     found = [drift(free(Flexible, damped), h, "generalized_alpha", 2.0) for h in (2.5e-3, 1.25e-3)]

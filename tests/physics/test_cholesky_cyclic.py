@@ -14,7 +14,7 @@ SIZES = pytest.mark.parametrize(
 
 
 def mass(n, m, closed, seed=5):
-    """Blocks of a positive definite matrix, and the matrix; what is not to be read is NaN."""
+    """Blocks of a positive definite matrix, and the dense matrix; entries that must not be read are NaN."""
     rng = np.random.default_rng(seed)
     dense = np.zeros((n * m, n * m))
     L, U = rng.normal(size=(n, m, m)), np.full((n, m, m), np.nan)
@@ -35,7 +35,7 @@ def mass(n, m, closed, seed=5):
 
 
 def lower(U, L, work, closed):
-    """T, dense, of what ``factor`` leaves."""
+    """Dense factor T from the result of ``factor``."""
     n, m = U.shape[:2]
     T = np.zeros((n * m, n * m))
     for i in range(n):
@@ -49,7 +49,7 @@ def lower(U, L, work, closed):
 
 @SIZES
 def test_factors_are_those_of_the_matrix(n, m, closed):
-    """Cholesky's factor is unique: that of LAPACK."""
+    """The factor is that of LAPACK, because Cholesky's factor is unique."""
     A, U, L, dense = mass(n, m, closed)
     work = workspace(n, m)
     assert cholesky_cyclic.factor(A, U, L, work, closed) == -1
@@ -80,7 +80,7 @@ def test_substitutions_are_exact(n, m, closed):
     cholesky_cyclic.back(A, L, work, closed, one, other)
     for alone, beside in ((b, one), (c, other)):
         cholesky_cyclic.back(A, L, work, closed, alone)
-        assert np.array_equal(alone, beside), "sides are solved as each of them"
+        assert np.array_equal(alone, beside), "several right-hand sides give another solution"
 
 
 def test_what_is_not_positive_definite_is_told():

@@ -50,7 +50,7 @@ def on_teeth(x, v, s):
 
 
 def at(angle: float, radius: float) -> np.ndarray:
-    """A point in the sprocket's plane: ``angle`` from its gap, in the sense of rotation about +y."""
+    """Point in the sprocket's plane at ``angle`` from its gap, in the sense of rotation about +y."""
     return wheel_row()[0:3] + radius * np.array([np.cos(angle), 0.0, -np.sin(angle)])
 
 
@@ -59,7 +59,7 @@ CASES = [
     (on_bump, np.array([0.45, 0.2, 0.01])),  # lower edge
     (on_bump, np.array([0.9, 0.2, 0.19])),  # ramp
     (on_bump, np.array([1.2, 0.2, 0.48])),  # upper edge
-    (on_bump, np.array([2 * BUMP.middle - 1.2, 0.2, 0.48])),  # the other one
+    (on_bump, np.array([2 * BUMP.middle - 1.2, 0.2, 0.48])),  # the other upper edge
     (on_rim, np.array([0.32, 0.03, -0.4])),
     (on_teeth, at(0.004, 0.243)),  # seat
     (on_teeth, at(2.0 * np.pi / 10 + 0.045, 0.257)),  # flank
@@ -90,7 +90,7 @@ def test_derivatives_match_finite_differences(contact, x):
 
 @pytest.mark.parametrize(("contact", "x"), CASES)
 def test_power_of_the_force_is_dissipation_and_storage(contact, x):
-    """Power taken from the point, relative to the face, = dissipated + growth of the stored energy."""
+    """The power of the force, relative to the face, is dissipation + growth of the stored energy."""
     s, v, h = Pressed(), np.array([0.3, -0.2, 0.4]), 1e-7
     _, _, _, power = contact(x, v, s)
     seen = slide(wheel_row(0.05 if contact is on_rim else 0.0), x, v)
@@ -103,7 +103,7 @@ def test_power_of_the_force_is_dissipation_and_storage(contact, x):
 
 
 def passing(start, reach, rng):
-    """A smooth random path of time in 0 to 1 about ``start`` (3): position and velocity; as far as ``reach`` m."""
+    """Smooth random path in time 0 to 1 within ``reach`` m of ``start`` (3): position and velocity."""
     a, phase = reach * rng.uniform(0.3, 1.0, (3, 3)), rng.uniform(0.0, 2.0 * np.pi, (3, 3))
     rate = 2.0 * np.pi * np.arange(1, 4)
 
@@ -130,7 +130,7 @@ PASSES = {
 @pytest.mark.long
 @pytest.mark.parametrize("law", PASSES)
 def test_work_on_a_contact_is_stored_and_dissipated(law):
-    """Along a random motion in and out, the wheel moving and turning: force times velocity, by Simpson's rule."""
+    """Work on a contact, by Simpson's rule, is stored and dissipated along a random motion."""
     contact, start, wheel = PASSES[law]
     path, s = passing(np.asarray(start), 8e-3, np.random.default_rng(8)), Pressed()
     first, row = wheel_row()[None, :], np.zeros((1, WIDTH))
@@ -149,9 +149,9 @@ def test_work_on_a_contact_is_stored_and_dissipated(law):
     weights = np.full(steps + 1, 2.0)
     weights[1::2], weights[[0, -1]] = 4.0, 1.0
     inside = stored > 0.0
-    assert 0.1 < inside.mean() < 0.9, "in and out"
+    assert 0.1 < inside.mean() < 0.9, "the path does not go in and out"
     begin, most = (int(i) // 2 * 2 for i in ((stored == 0.0).argmax(), stored.argmax()))
-    begin, end = sorted((begin, most))  # where nothing is stored, and where most is
+    begin, end = sorted((begin, most))  # from no stored energy to the most
     weights = weights[: end - begin + 1]
     weights[-1] = 1.0
 
@@ -192,7 +192,7 @@ def test_every_law_pushes_never_pulls_and_knows_its_derivatives(kind):
 
 @pytest.mark.parametrize("kind", LAWS)
 def test_a_bounce_loses_what_its_law_says(kind):
-    """A mass that strikes at 1 m/s: what it has lost when it leaves is the work of the force beyond the spring's."""
+    """A mass that strikes at 1 m/s loses the work of the force beyond the spring's."""
     law, mass, h = LAWS[kind](2e6, 5e3, 0.3, 0.05), 18.0, 1e-7
     depth, rate, lost = 1e-12, 1.0, 0.0
     while depth > 0.0:
@@ -206,7 +206,10 @@ def test_a_bounce_loses_what_its_law_says(kind):
 
 
 def test_hunt_and_crossley_send_a_mass_back_as_they_say():
-    """m v dv = -k x (1 + a v) dx, integrated from touch to parting, gives g(v) = v/a - ln(1 + a v)/a^2 at both ends."""
+    """Hunt-Crossley gives the rebound speed of its closed form: g(v) = v/a - ln(1 + a v)/a^2 at both ends.
+
+    It follows from m v dv = -k x (1 + a v) dx from touch to separation.
+    """
     law, mass, h, fast = LAWS["hunt_crossley"](2e6, 5e3, 0.3, 0.05), 18.0, 1e-7, 1.0
     depth, rate = 1e-12, fast
     while depth > 0.0:
@@ -222,7 +225,7 @@ def test_hunt_and_crossley_send_a_mass_back_as_they_say():
 
 
 def test_a_wheel_that_rolls_on_a_flat_feels_no_damper():
-    """Its rate of sinking in is its centre's velocity towards the face; and the force follows that rate."""
+    """A wheel that rolls on a flat has no damper force: its penetration rate is that of its centre."""
     row, s = wheel_row(), Pressed()
     row[3:6], row[6:9] = (2.0, 0.0, 0.0), (0.0, 2.0 / 0.305, 0.0)
     side, still = np.array([0.0, 0.0, -1.0]), np.zeros(3)
@@ -238,7 +241,10 @@ def test_a_wheel_that_rolls_on_a_flat_feels_no_damper():
 
 
 def test_ends_of_a_covered_part_creep_as_links_and_wheels_move():
-    """Rates against differences of ``reach``, of links at all angles: the centre may lie beyond their inner face."""
+    """Rates of the ends of a covered part are the derivatives of ``reach``, for links at all angles.
+
+    The centre may be beyond their inner face.
+    """
     rng, radius, face, pitch, h = np.random.default_rng(7), 0.355, 0.029, 0.1524, 1e-7
     row, seen = wheel_row(0.05), {True: 0, False: 0}
     for _ in range(2000):
@@ -265,7 +271,7 @@ def test_ends_of_a_covered_part_creep_as_links_and_wheels_move():
 
 
 def test_shares_of_a_contact_add_up():
-    """Two Gauss points over the face inside the rim carry what a fine sum over the face carries."""
+    """Two Gauss points over the face inside the rim carry the load of a fine sum over the face."""
     row = wheel_row()
     a, b = np.array([0.22, 0.02, -0.430]), np.array([0.22 + PITCH, 0.02, -0.426])
     a, b = b, a  # rearwards: outward is down
@@ -314,7 +320,7 @@ def test_pins_at_the_pitch_circle_just_touch_their_seats():
 
 @pytest.mark.parametrize("b", np.linspace(0.0, 0.084, 22))
 def test_penetration_is_a_distance_and_mirrored(b):
-    """However deep in a tooth: it grows by no more than the pin moves."""
+    """The penetration of a tooth is a distance at any depth: it grows no more than the pin moves."""
     a = np.linspace(0.1, 0.28, 1800)
     depths = np.maximum([depth_at(x, b) for x in a], 0.0)
     assert abs(np.diff(depths)).max() < 1.01 * (a[1] - a[0])
@@ -323,7 +329,7 @@ def test_penetration_is_a_distance_and_mirrored(b):
 
 @pytest.mark.parametrize("radius", [0.01, 0.02, 0.035])
 def test_a_way_round_in_a_tooth_does_no_work(radius):
-    """Of the spring alone: the pin's energy comes back, from deep inside the tooth too."""
+    """A closed path in a tooth does no work with the spring alone, from deep inside too."""
     elastic, row = LAW._replace(c=0.0, mu=0.0), np.zeros(WIDTH)
     row[9:12], row[12:15] = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
     angle = np.linspace(0.0, 2.0 * np.pi, 4001)
@@ -338,7 +344,7 @@ def test_a_way_round_in_a_tooth_does_no_work(radius):
 
 
 def test_a_leaving_pin_clears_the_teeth():
-    """It swings about its seated neighbour on a circle of one pitch; the flanks let it go."""
+    """A leaving pin clears the teeth as it swings about its seated neighbour on a circle of one pitch."""
     radius = PITCH / (2.0 * np.sin(np.pi / 10))
     neighbour = radius * np.array([np.cos(-np.pi / 5), np.sin(-np.pi / 5)])
     start = np.array([radius, 0.0]) - neighbour
@@ -367,7 +373,7 @@ def test_reaction_on_the_wheel():
 
 
 def test_depth_below_a_bump_is_the_true_distance():
-    """Against the nearest of many points of the profile, its arcs and ramps drawn by hand."""
+    """The depth below a bump is the distance to the nearest of many points of the profile, drawn by hand."""
     rise, slope, half, radius = 0.5, 0.6, 0.4, 0.3
     turn = np.linspace(0.0, slope, 4000)
     top = np.stack([half + radius * np.sin(turn), rise - radius + radius * np.cos(turn)], axis=1)
@@ -377,7 +383,7 @@ def test_depth_below_a_bump_is_the_true_distance():
     right = np.concatenate([np.stack([np.linspace(0, half, 4000), np.full(4000, rise)], axis=1), top, ramp, low])
     flat = np.stack([np.linspace(foot, foot + 1.0, 4000), np.zeros(4000)], axis=1)
     right = np.concatenate([right, flat])
-    assert np.hypot(*np.diff(right, axis=0).T).max() < 1e-3, "a closed line"
+    assert np.hypot(*np.diff(right, axis=0).T).max() < 1e-3, "the line has gaps"
     profile = np.concatenate([right * [-1, 1], right]) + np.array([BUMP.middle, BUMP.height])
     assert BUMP.middle - foot == pytest.approx(0.4)
     rng, checked = np.random.default_rng(3), 0
@@ -401,9 +407,9 @@ def test_edges_too_round_for_their_bump_are_refused():
 
 
 def stopped(v_reg: float, sharp: bool, most: int = 40) -> tuple[np.ndarray, list[float]]:
-    """One implicit step of a mass that slides on the ground: its velocity after it, and Newton's corrections."""
+    """Stop a mass on the ground in one implicit step; return its velocity and Newton's corrections."""
     law, mass, h = LAW._replace(v_reg=v_reg), 18.0, 1e-3
-    s, x, before = Pressed(), np.array([0.1, 0.2, -0.01]), np.array([0.05, 0.02, 0.0])  # less than a step stops
+    s, x, before = Pressed(), np.array([0.1, 0.2, -0.01]), np.array([0.05, 0.02, 0.0])  # stops within a step
     v, sizes = before.copy(), []
     if sharp:
         sharpen(s.memory)
@@ -419,15 +425,18 @@ def stopped(v_reg: float, sharp: bool, most: int = 40) -> tuple[np.ndarray, list
 
 @pytest.mark.parametrize("v_reg", [1e-1, 1e-2, 1e-3, 1e-4, 1e-5])
 def test_sharp_friction_converges(v_reg):
-    """In iterations that hardly grow as friction sharpens, and fast in the end; to what Newton's own tangent finds."""
+    """Sharp friction converges, in a number of iterations that hardly grows with sharpness.
+
+    The end is fast, and the result is that of Newton's own tangent.
+    """
     v, sizes = stopped(v_reg, True)
     assert len(sizes) <= 9
     assert sizes[-2] < 0.05 * sizes[-3]
-    assert np.hypot(*v[:2]) < v_reg, "it sticks"
+    assert np.hypot(*v[:2]) < v_reg, "it must stick"
     if v_reg == 1e-1:
         assert v == pytest.approx(stopped(v_reg, False)[0], rel=1e-9)
 
 
 def test_friction_with_its_own_tangent_goes_to_and_fro():
-    """The twin: without the directions that follow, the same step has no end."""
+    """Friction with its own tangent oscillates: the same step does not converge (twin)."""
     assert len(stopped(1e-4, False)[1]) == 40

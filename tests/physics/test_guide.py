@@ -13,7 +13,7 @@ PLAY = 0.01
 
 
 def wheel() -> np.ndarray:
-    """A row: centre, velocity, angular velocity, lateral axis leaning a little, radial direction."""
+    """Row of a wheel: centre, velocity, angular velocity, inclined lateral axis, radial direction."""
     axis = np.array([0.1, 1.0, -0.05])
     axis /= np.linalg.norm(axis)
     return np.concatenate([[0.2, 0.3, -0.1], [1.0, 0.05, 0.0], 4.0 * axis, axis, [1.0, 0.0, 0.0]])

@@ -1,4 +1,4 @@
-"""Inverses of small matrices against numpy, those that need exchanges of rows among them."""
+"""Inverses of small matrices against numpy, also where rows must be exchanged."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ SIZES = (1, 2, 3, 4, 5, 6, 8)
 
 
 def residual(A, size):
-    """Largest entry of A A^-1 - 1 over the condition number, in epsilons of a double."""
+    """Largest entry of A A^-1 - 1 over the condition number, in machine epsilons."""
     inverse = A.copy()
     assert invert(inverse, np.zeros(len(A)), size)
     return np.abs(A @ inverse - np.eye(len(A))).max() / np.linalg.cond(A) / np.finfo(float).eps
@@ -21,8 +21,8 @@ def test_inverts(m, known):
     rng, size = np.random.default_rng(m), (0,) * m if known else ()
     for _ in range(50):
         A = rng.normal(size=(m, m))
-        assert residual(A @ A.T + 1e-6 * np.eye(m), size) < 10.0  # as iteration matrices without friction are
-        A[0, 0] *= m == 1  # a pivot of zero
+        assert residual(A @ A.T + 1e-6 * np.eye(m), size) < 10.0  # like iteration matrices without friction
+        A[0, 0] *= m == 1  # a zero pivot
         assert residual(A, size) < 10.0 / SMALL
     inverse = A.copy()
     invert(inverse, np.zeros(m), size)
@@ -34,7 +34,7 @@ def test_quarters_that_would_cost_digits_are_left_to_exchanges():
     rng = np.random.default_rng(4)
     for small in (1e-4, 1e-8, 0.0):
         A = rng.normal(size=(4, 4))
-        A[:2, :2] *= small  # small beside B
+        A[:2, :2] *= small  # small relative to B
         assert residual(A, (0,) * 4) < 10.0
         A[1, :2] = A[0, :2] = 1.0  # singular
         assert residual(A, (0,) * 4) < 10.0

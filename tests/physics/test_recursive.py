@@ -1,4 +1,4 @@
-"""Joint coordinates of rigid chains: against textbook cases, dense matrices, and the augmented formulation."""
+"""Joint coordinates of rigid chains against textbook cases, dense matrices, augmented formulation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from fmus.physics.rigid.augmented import PIN, Ends, Spring
 
 P, MASS, G = 0.1524, 18.0, 9.81
 ROD = (0.25, MASS * P**2 / 12.0, MASS * P**2 / 12.0)
-BODY = (0.04, 0.22, 0.25)  # no two alike: motion across the plane couples with motion in it
+BODY = (0.04, 0.22, 0.25)  # all different: lateral motion couples with motion in the plane
 HANGS = Ends(False, True, False)
 FLOATS = Ends(False, False, False)
 LOOPED = Ends(True, False, False)
@@ -31,7 +31,7 @@ LOOPS = {"pin": PIN, "spring": Spring(1e9, 1e4)}
 
 
 class Chain:
-    """Links on the pins (nodes, 2) in joint coordinates, which can be asked in both formulations."""
+    """Links on the pins (nodes, 2) in joint coordinates, to be evaluated in both formulations."""
 
     def __init__(self, pins, ends, inertia=BODY, spring=PIN, gravity=G, pitch=P):
         n = len(pins) if ends.closed else len(pins) - 1
@@ -48,7 +48,7 @@ class Chain:
         self.n, self.speeds = n, joints // 2 if ends.first else n + 5
 
     def moving(self, rng, speed=3.0):
-        """Random rates; and, of a chain that floats, out of every plane."""
+        """Set random rates; a floating chain also gets a random place and attitude."""
         x = self.s.joints
         x[-self.speeds :] = speed * rng.normal(size=self.speeds)
         if not self.rigid.ends.first:
@@ -68,7 +68,7 @@ class Chain:
         return self.s.vdot.copy(), self.s.lam[:, :3].copy()
 
     def jacobian(self):
-        """Velocities of the links (6 n) by those of the joints."""
+        """Jacobian of the links' velocities (6 n) by those of the joints."""
         x, columns = self.s.joints, []
         before = x.copy()
         for k in range(self.speeds):
@@ -91,7 +91,7 @@ class Chain:
         return kinetic + MASS * self.env.gravity * s.q[:, 2].sum()
 
     def momenta(self):
-        """Linear and angular about the origin (6)."""
+        """Linear and angular momentum about the origin (6)."""
         s = self.s
         spin = np.einsum("nij,nj->ni", self.w.system.A, self.rigid.inertia * s.v[:, 3:])
         linear = MASS * s.v[:, :3]
@@ -109,19 +109,19 @@ def ring(n):
 
 
 def loop(n, spring=PIN, seed=4, speed=2.0):
-    """A regular polygon in motion that its pins allow, turning about all axes."""
+    """A regular polygon in a motion that its pins allow, turning about all axes."""
     chain = Chain(ring(n), LOOPED, spring=spring)
     s, rng = chain.s, np.random.default_rng(seed)
     chain.moving(rng, 0.0)
     s.joints[-chain.speeds : len(s.joints) - chain.speeds + 6] = speed * rng.normal(size=6)
-    sway = np.linalg.svd(_closing(chain))[2][2:]  # the rates that leave the gap as it is
+    sway = np.linalg.svd(_closing(chain))[2][2:]  # rates that leave the gap constant
     s.joints[len(s.joints) - chain.speeds :] += speed * sway.T @ rng.normal(size=len(sway)) / np.sqrt(n)
     unfold(chain.rigid, s, chain.w)
     return chain
 
 
 def _closing(chain):
-    """The closing pin's five equations by the rates of the joints (5, speeds), dense."""
+    """Dense matrix (5, speeds) of the closing pin's equations by the rates of the joints."""
     A, n = chain.w.system.A, chain.n
     B = np.zeros((5, 6 * n))
     pin.jacobian(chain.rigid.half, A[n - 1], A[0], B[:, 6 * n - 6 :], B[:, :6])
@@ -130,7 +130,7 @@ def _closing(chain):
 
 @pytest.mark.long
 def test_released_chain_of_thin_rods():
-    """64 rods let go from the horizontal: the tip after 0.5 s is at 9.413161 m."""
+    """The tip of 64 rods released from the horizontal is at 9.413161 m after 0.5 s."""
     chain = Chain(of_angles(np.zeros(64)), HANGS, ROD).run(0.5, 1e-4)
     tip = chain.s.q[-1, :3] + 0.5 * P * chain.w.system.A[-1, :, 0]
     assert abs(tip[0] - 9.413161) < 5e-7
@@ -140,9 +140,9 @@ def test_released_chain_of_thin_rods():
 
 
 def pendulum(J):
-    """Lagrange's equations of three equal links in a plane, by their angles over x, with the inertia ``J`` of each."""
+    """Lagrange's equations of three equal links in a plane, inertia ``J``, by their angles over x."""
     c, links = 0.5 * P, np.arange(3)
-    # a joint carries the centre of its own link at c, those of all later ones at P
+    # a joint moves the centre of its own link at c, those of all later links at P
     M = np.array(
         [
             [MASS * sum((P if k > i else c) * (P if k > j else c) for k in links if k >= max(i, j)) for j in links]
@@ -177,7 +177,7 @@ def test_three_links_by_lagrange():
 
 @pytest.mark.parametrize("ends", [HANGS, FLOATS])
 def test_dense_mass_matrix_of_five_links(ends):
-    """M(q) q'' = Q at rest in any shape, to rounding."""
+    """The dense mass matrix gives M(q) q'' = Q at rest in any shape, to rounding."""
     rng = np.random.default_rng(1)
     chain = Chain(of_angles(rng.uniform(-2.0, 2.0, 5)), ends).moving(rng, 0.0)
     J = chain.jacobian()
@@ -216,7 +216,7 @@ def test_moving_loop_has_them_too(closure):
     chain = loop(12, LOOPS[closure])
     (found, force), (expected, pull) = chain.recursive(), chain.augmented()
     assert np.abs(found - expected).max() < 1e-10 * np.abs(expected).max()
-    # the spring takes rounding of its gap for force
+    # the spring turns rounding of its gap into force
     assert np.abs(force - pull).max() < 1e-10 * np.abs(pull).max()
 
 
@@ -234,7 +234,10 @@ def test_chain_between_two_pins():
 
 
 def test_closing_pin_has_five_equations_of_rank_two():
-    """In joint coordinates; its mobility B M^-1 B^T has the two that the solver takes, in the plane of link 0."""
+    """The closing pin has five equations of rank two in joint coordinates.
+
+    Its mobility B M^-1 B^T has the two equations of the solver, in the plane of link 0.
+    """
     chain = loop(12)
     A = chain.w.system.A
     B = _closing(chain)
@@ -251,7 +254,10 @@ def test_closing_pin_has_five_equations_of_rank_two():
 
 
 def test_thrown_loop_keeps_momentum_and_energy():
-    """At order 4: poses are no sums of what moves, so not to rounding as in the augmented formulation."""
+    """A thrown loop keeps momentum and energy at order 4.
+
+    Poses are not sums of increments here, so they do not hold to rounding as in the augmented formulation.
+    """
     errors = []
     for h in (2e-3, 1e-3):
         chain = loop(8)
@@ -266,7 +272,7 @@ def test_thrown_loop_keeps_momentum_and_energy():
 
 
 class Counted(np.ndarray):
-    """Counts what is read and written."""
+    """Array that counts reads and writes."""
 
     touched = 0
 
@@ -280,7 +286,7 @@ class Counted(np.ndarray):
 
 
 def test_cost_grows_with_the_number_of_links():
-    """Entries that factorisation and solution touch: a fixed number a link."""
+    """The cost grows with the number of links: a fixed number of entries is touched per link."""
 
     def touched(n):
         tree = recursive.Tree(*(part.view(Counted) for part in recursive.tree(n)))

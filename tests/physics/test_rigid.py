@@ -1,4 +1,4 @@
-"""Rigid bodies, pins and their linear system, against differences, dense algebra and exact rotations."""
+"""Rigid bodies, pins and their linear system against differences, dense algebra and exact rotations."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def dense(q: np.ndarray) -> np.ndarray:
 
 def test_pin_jacobian_by_differences():
     rng = np.random.default_rng(3)
-    q = np.array([pose(rng), pose(rng)])  # far from closed: every term counts
+    q = np.array([pose(rng), pose(rng)])  # far from closed: every term matters
     B, h = dense(q), 1e-6
     for k in range(12):
         x = np.zeros((2, 6))
@@ -121,7 +121,7 @@ def test_stiffness_by_differences():
 
 
 def chain(n: int, ends: Ends, rng: np.random.Generator, wobble: float = 0.3):
-    """A system with random poses near a polygon, its dense Jacobian and random blocks."""
+    """System with random poses near a polygon and random blocks, and its dense Jacobian."""
     s = augmented.system(n, ends.closed)
     p = len(s.C)
     q = np.array([pose(rng) for _ in range(n)])
@@ -203,7 +203,7 @@ def test_coefficients_of_generalized_alpha():
 
 
 def oscillate(c: GeneralizedAlpha, omega: float, h: float, steps: int) -> tuple[float, float]:
-    """q'' = -omega^2 q from (1, 0), one linear solve a step."""
+    """Solve q'' = -omega^2 q from (1, 0), with one linear solve per step; return q and v."""
     s = slopes(c, h)
     q, v, vdot = 1.0, 0.0, -(omega**2)
     a = vdot
@@ -238,12 +238,15 @@ def test_a_gamma_that_is_off_by_some_per_cent_is_of_first_order():
 
 
 def test_hht_is_newmarks_method_with_averaged_forces():
-    """Hilber, Hughes, Taylor 1977: alpha = -0.1 has beta = 0.3025 and gamma = 0.6."""
+    """HHT is Newmark's method with averaged forces: alpha = -0.1 has beta = 0.3025 and gamma = 0.6.
+
+    Hilber, Hughes, Taylor 1977.
+    """
     c = hht.coefficients(9.0 / 11.0)
     assert c == pytest.approx((0.0, 0.1, 0.3025, 0.6), rel=1e-12)
     assert hht.coefficients(1.0) == pytest.approx((0.0, 0.0, 0.25, 0.5))  # the trapezoidal rule
     assert hht.coefficients(hht.LEAST).alpha_f == pytest.approx(1.0 / 3.0)
-    assert hht.coefficients(0.5) == pytest.approx(ALPHA(0.5), abs=1e-15), "there the two families meet"
+    assert hht.coefficients(0.5) == pytest.approx(ALPHA(0.5), abs=1e-15), "the two families are equal at 0.5"
     assert hht.coefficients(0.51) != pytest.approx(ALPHA(0.51), abs=1e-3)
 
 

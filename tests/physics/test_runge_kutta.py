@@ -36,7 +36,7 @@ def test_conditions_of_the_declared_order(name):
 
 @pytest.mark.parametrize("name", METHODS)
 def test_observed_order_is_the_declared_one(name):
-    """x' = -x y, y' = x^2: a circle x = 1/cosh t, y = tanh t."""
+    """The observed order is the declared one, on x' = -x y, y' = x^2: x = 1/cosh t, y = tanh t."""
     m = METHODS[name]
 
     def error(steps):
