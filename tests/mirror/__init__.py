@@ -1,1 +1,1 @@
-"""Every output of every component computed again, from its definition, by code that shares nothing with the kernels."""
+"""Independent computation of every output of every component from its definition, without kernels."""

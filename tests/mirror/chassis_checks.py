@@ -1,4 +1,4 @@
-"""What the outputs of a chassis should be."""
+"""Expected outputs of a chassis."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ PLACE = r"(chassis|(left|right)\.(road_wheel\[\d+\]|idler|sprocket))"
 
 
 def mean(a: Floats) -> Floats:
-    """Over each step, of what changes smoothly."""
+    """Mean over each step of a smooth quantity at instants."""
     return 0.5 * (a[1:] + a[:-1])
 
 
 def summed(start, gains: Floats) -> Floats:
-    """A start and what each step adds to it."""
+    """Initial value and cumulative sum of the gains of each step."""
     return start + np.concatenate([np.zeros((1, *gains.shape[1:])), np.cumsum(gains, axis=0)])
 
 
 def at_instants(means: Floats) -> Floats:
-    """Of means over the steps, values between two steps; none at the ends."""
+    """Values at instants between two steps, from means over steps; NaN at both ends."""
     none = np.full((1, *means.shape[1:]), np.nan)
     return np.concatenate([none, mean(means), none])
 
 
-# --- where things are and how they move ------------------------------------------------------------
+# --- positions and motion --------------------------------------------------------------------------
 
 
 def thirteen(view: View, names: Sequence[str]) -> Floats:
-    """From the state, by geometry; velocities are differences of places a moment apart."""
+    """Pose and rates from the state, by geometry; velocities by central differences of positions."""
     moving, columns = {}, []
     for name in names:
         place, part, axis = name.rsplit(".", 2)
@@ -54,7 +54,7 @@ def angles(view: View, names: Sequence[str]) -> Floats:
 
 
 def progress(view: View, names: Sequence[str]) -> Floats:
-    """Speed ahead, way along the start's heading, how far below its drawn place."""
+    """Forward speed, distance along the initial heading, and settlement below the drawn position."""
     h, heading = view.hull, float(view.part.parameters["start.heading"])
     way, (origin, attitude) = h.place - h.place[0], h.start
     drawn = origin + attitude.apply(h.vehicle["chassis"]["centre"])
@@ -71,14 +71,14 @@ def weight(view: View) -> Floats:
 
 
 def ways(view: View, names: Sequence[str]) -> Floats:
-    """Where the velocities shown take the chassis from its start."""
+    """Position of the chassis by integration of its output velocities."""
     part = view.part
     found = summed(view.hull.place[0], part.h[:, None] * mean(part.vector("chassis.velocity")))
     return found[:, ["xyz".index(name[-1]) for name in names]]
 
 
 def velocity(view: View, names: Sequence[str]) -> Floats:
-    """Impulses of wrenches and weight from rest, less the momentum of all other bodies."""
+    """Velocity from the impulses of wrenches and weight, less the momentum of all other bodies."""
     bodies, part = view.hull.bodies(without_rates=True), view.part
     mass = sum(body.mass for body in bodies)
     force = sum(f for _, f, _ in view.hull.given) + mass * weight(view)
@@ -88,7 +88,7 @@ def velocity(view: View, names: Sequence[str]) -> Floats:
 
 
 def turning(view: View, names: Sequence[str]) -> Floats:
-    """Moments about the start, less the angular momentum of all other bodies, and by the chassis' inertia."""
+    """Angular velocity from moments about the start less the angular momentum of all other bodies."""
     h, part = view.hull, view.part
     seen, bodies, about = h.seen, h.bodies(without_rates=True), h.place[0]
     moment = sum(np.cross(mean(part.vector(f"{name}.position")) - about, f) + t for name, f, t in h.given)
@@ -104,7 +104,7 @@ def turning(view: View, names: Sequence[str]) -> Floats:
 
 
 def leaf(view: View, name: str) -> int:
-    """Of an output of an arm, a spring or a tensioner."""
+    """Number of the leaf of an output of an arm, a spring or a tensioner."""
     side, rest = name.split(".", 1)
     number = re.search(r"\[(\d+)\]", rest)
     return view.hull.names.index(f"{side}.road_wheel[{number.group(1)}]" if number else f"{side}.idler")
@@ -120,7 +120,7 @@ def lengths(view: View, names: Sequence[str]) -> Floats:
 
 
 def pushes(view: View, k: int) -> tuple[Floats, Floats]:
-    """Of the spring and of the damper of a leaf."""
+    """Forces of the spring and of the damper of a leaf."""
     h, p = view.hull, view.part.parameters
     if h.is_road(k):
         table, (length, lever) = h.vehicle["suspension"], h.spring(h.swung(k))
@@ -136,7 +136,7 @@ def spring_forces(view: View, names: Sequence[str]) -> Floats:
 
 
 def moving_forces(view: View, names: Sequence[str]) -> Floats:
-    """What the leaf's own motion needs beside its wheel's wrench and its weight."""
+    """Spring forces from the motion of a leaf, its wheel's wrench and its weight."""
     return np.stack([_moving(view, leaf(view, name)) for name in names], axis=1)
 
 
@@ -190,7 +190,7 @@ def springs(view: View, names: Sequence[str]) -> Floats:
 
 
 def damped(view: View, names: Sequence[str]) -> Floats:
-    """In dampers and, where there is one, on the ground."""
+    """Energy dissipated in dampers and, if there is one, on the ground."""
     h = view.hull
     power = h.copies * sum(pushes(view, k)[1] ** 2 / damping(view, k) for k in h.here)
     if on_ground(view):
@@ -200,7 +200,7 @@ def damped(view: View, names: Sequence[str]) -> Floats:
 
 
 def ledger(view: View, names: Sequence[str]) -> Floats:
-    """All work that is neither kinetic nor stored."""
+    """Dissipated energy: work that is neither kinetic nor stored energy."""
     part = view.part
     stored = ["kinetic", "gravity", "spring", *(["contact"] if on_ground(view) else [])]
     held = sum(part[f"energy.{name}"] for name in stored)
@@ -208,7 +208,7 @@ def ledger(view: View, names: Sequence[str]) -> Floats:
 
 
 def port_work(view: View, names: Sequence[str]) -> Floats:
-    """Wrenches on the ways of their places."""
+    """Work of wrenches on the displacements of their points."""
     h, part = view.hull, view.part
     gains = sum(
         (f * np.diff(part.vector(f"{name}.position"), axis=0)).sum(1)
@@ -218,7 +218,7 @@ def port_work(view: View, names: Sequence[str]) -> Floats:
     return h.copies * summed(0.0, gains)[:, None]
 
 
-# --- the ground ------------------------------------------------------------------------------------
+# --- ground ----------------------------------------------------------------------------------------
 
 
 def on_ground(view: View) -> bool:
@@ -248,12 +248,12 @@ def steps(view: View, names: Sequence[str]) -> Floats:
 
 
 def evaluations(view: View, names: Sequence[str]) -> Floats:
-    """Four stages a step."""
+    """Number of evaluations: four stages per step."""
     return 4.0 * steps(view, names)
 
 
 def in_full(view: View) -> bool:
-    """Both sides are shown, and nothing but wrenches acts."""
+    """True if both sides are shown and only wrenches act."""
     return len(view.hull.sides) == 2 and not on_ground(view)
 
 

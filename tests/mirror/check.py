@@ -1,4 +1,4 @@
-"""A check: which outputs it looks at, what they should be, how far they may be off; and the faults it has to notice."""
+"""Checks of outputs: names, expected values, tolerances, and planted faults that must be detected."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ FAULTS: dict[str, Callable[[Floats], Floats]] = {
 
 
 class View:
-    """One component of a run, as checks see it; what follows from states and inputs is computed once.
+    """One component of a run for checks; quantities that follow from states and inputs are computed once.
 
-    While that happens all outputs of the component are NaN: nothing of it can lean on what it is to check.
+    During this computation all outputs of the component are NaN, so it cannot depend on checked values.
     """
 
     def __init__(self, record: Record, name: str) -> None:
@@ -36,7 +36,7 @@ class View:
 
     @property
     def kind(self) -> str:
-        """Of the component, a track by its links too."""
+        """Kind of the component; for a track with its kind of link."""
         part = self.part
         if part.kind != "TrackFlexible":
             return part.kind
@@ -99,7 +99,7 @@ class View:
         return Planned(self.part) if self.part.parameters["friction"] else Seen(self.part)
 
     def driven(self) -> bool:
-        """Whether a track runs on wheels."""
+        """True if a track runs on wheels."""
         return bool(self.track["wheels"])
 
     def at_all(self) -> bool:
@@ -110,11 +110,11 @@ Expected = Floats | tuple[Floats, Floats]
 
 
 class Check(NamedTuple):
-    """``expected(view, names)``: the outputs ``names`` at all instants (K + 1, names), NaN where it says nothing.
+    """Check of outputs: ``expected(view, names)`` at all instants (K + 1, names); NaN is unchecked.
 
-    A pair of such arrays are bounds. What may be left is ``relative`` times the output's largest value in the run, and
-    ``floor`` (in the output's unit), which is how well the component's own iteration converges. A ``balance`` uses
-    other outputs: it is computed for each of its outputs apart, while that one is NaN.
+    A pair of such arrays are bounds. The tolerance is ``relative`` times the output's largest value in the run plus
+    ``floor`` (in the output's unit), the convergence of the component's iteration. A ``balance`` uses other outputs:
+    it is computed for each of its outputs separately, while that one is NaN.
     """
 
     outputs: str  # regular expression of whole names
@@ -126,11 +126,11 @@ class Check(NamedTuple):
     applies: Callable[[View], bool] = View.at_all
 
     def names(self, part: Part) -> list[str]:
-        """Those of a component's outputs that it looks at."""
+        """Outputs of a component that the check covers."""
         return [name for name in part.outputs if re.fullmatch(self.outputs, name)]
 
     def bounds(self, view: View) -> dict[str, tuple[Floats, Floats]]:
-        """Of every output the least and the largest value at all instants, without any look at it."""
+        """Least and largest allowed value of every output at all instants, computed without this output."""
         names = self.names(view.part)
         found = {}
         for group in ([name] for name in names) if self.balance else filter(None, [names]):
@@ -143,7 +143,7 @@ class Check(NamedTuple):
         return found
 
     def off(self, y: Floats, low: Floats, high: Floats) -> float:
-        """How far the values are off, over what is allowed; raises where nothing is said."""
+        """Largest deviation of the values over the tolerance; raises if no instant is checked."""
         said = ~np.isnan(low)
         if not said.any():
             raise AssertionError(f"'{self.says}' says nothing: it leans on the output itself")
@@ -156,6 +156,6 @@ class Check(NamedTuple):
 
 
 def forward(view: View) -> Floats:
-    """The vehicle's present heading, horizontal and square to the axle of the first wheel (K + 1, 3)."""
+    """Heading of the vehicle (K + 1, 3): horizontal, normal to the axle of the first wheel."""
     ahead = np.cross(view.wheels.axle[:, 0], UP)
     return ahead / np.linalg.norm(ahead, axis=1, keepdims=True)

@@ -1,7 +1,7 @@
-"""Run with NUMBA_DISABLE_JIT=1: counts what the integrators of chains do, call by call, beside their own counters.
+"""Script for NUMBA_DISABLE_JIT=1 that counts calls of the chains' integrators beside their counters.
 
-A chain of three links, let go in steps that are short, and then so long that they have to be halved. Writes JSON: for
-each kind of link the integrator's counters after every step, and what was counted.
+A chain of three links is released and integrated in short steps, then in steps so long that they must be halved. The
+output is JSON: for each kind of link the integrator's counters after every step, and the counted calls.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from fmus.track_rigid.model import Model as Rigid
 from fmus.vehicle import read_table, vehicle
 
 STEPS = (1e-3, 1e-3, 0.3, 1e-3)
-CALLS = {  # per kind: what is called once an evaluation, an iteration, a step done, a step begun
+CALLS = {  # by kind: functions called once per evaluation, iteration, finished step, started step
     "rigid": {"residual": rigid, "_update": rigid, "settle_rates": rigid, "newton": rigid_dynamics},
     "cable": {"evaluate": flexible, "correct": flexible, "end_work": flexible_dynamics, "newton": flexible_dynamics},
 }
@@ -61,5 +61,5 @@ if __name__ == "__main__":
     for names in CALLS.values():
         for name, module in names.items():
             count(module, name)
-    rigid.MOST = 8  # rigid links converge in any step, given more
+    rigid.MOST = 8  # with more iterations rigid links converge in any step
     json.dump({kind: run(kind) for kind in CALLS}, sys.stdout)

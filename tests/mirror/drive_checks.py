@@ -1,4 +1,4 @@
-"""What the outputs of a drive should be; ``spin`` has the formulas."""
+"""Expected outputs of a drive; ``spin`` has the formulas."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from mirror.spin import Spin, Y
 
 
 def of(quantity: Callable[[Spin], Floats]) -> Callable[[View, Sequence[str]], Expected]:
-    """A check of one output."""
+    """Return a function for a check of one output."""
     return lambda view, names: quantity(Spin(view.part))[:, None]
 
 
 def thirteen(view: View, names: Sequence[str]) -> Floats:
-    """The mount as the drive moves it on, turned by the angle, spinning at the speed besides."""
+    """Pose and rates of the sprocket: extrapolated mount, rotated by the angle, plus the spin."""
     s, part = view.spin, view.part
     x, q, v, w = s.mount
     turned = q * Rotation.from_rotvec(part["angle"][:, None] * Y)
@@ -29,20 +29,20 @@ def thirteen(view: View, names: Sequence[str]) -> Floats:
 
 
 def carried(view: View, names: Sequence[str]) -> Floats:
-    """Where the chassis' mount is at the same instant."""
+    """Pose of the chassis' mount at the same instant."""
     chassis = view.record["chassis"]
     return np.stack([chassis[f"{view.side}.{name}"] for name in names], axis=1)
 
 
 def wrench(view: View, names: Sequence[str]) -> Floats:
-    """The chain's force, and what of its torque the spin has not kept; nothing at the start."""
+    """Force of the chain, and its torque less the rate of angular momentum; 0 at the start."""
     force = np.vstack([np.zeros(3), view.part.given("sprocket.force")])
     found = {"force": force, "torque": view.spin.mount_torque()}
     return np.stack([found[name.split(".")[1]][:, "xyz".index(name[-1])] for name in names], axis=1)
 
 
 def power(view: View, names: Sequence[str]) -> Expected:
-    """Of the motor, mean over the step; none at the start."""
+    """Power of the motor, mean over the step; 0 at the start."""
     return np.concatenate([[0.0], np.diff(view.part["energy.work"]) / view.part.h])[:, None]
 
 

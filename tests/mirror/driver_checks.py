@@ -1,4 +1,4 @@
-"""What the outputs of a driver should be; ``seen`` has the formulas."""
+"""Expected outputs of a driver; ``seen`` has the formulas."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mirror.seen import Seen
 
 
 def of(quantity: Callable[[Seen], Floats]) -> Callable[[View, Sequence[str]], Expected]:
-    """A check of one output: what belongs to each step; the start is the beginning of the first, all stands still."""
+    """Return a function for a check of one output: a value per step, the first one also at the start."""
 
     def expected(view: View, names: Sequence[str]) -> Expected:
         found = quantity(view.seen)

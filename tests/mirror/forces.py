@@ -1,10 +1,10 @@
-"""Forces in the pins of a chain from how its links move: Newton's and Euler's equations, link by link.
+"""Pin forces of a chain from the motion of its links, by Newton's and Euler's equations of each link.
 
-The n equations of forces leave open one force that all pins may have in common. Pins carry no moment about their own
-axis, so where all axes are parallel n equations of moments give its part in the plane of the chain. Its part along the
-axis depends on how the links are held sideways: the first pin of rigid ones gives way along itself, and passes on no
-more than the halves of what teeth do to it; elements are bent. A chain of beams twists: there all of it is the
-gradient of one link's strain energy, and its inertia.
+The n force equations of a loop leave one common force of all pins undetermined. Pins carry no moment about their own
+axis, so if all axes are parallel, n moment equations give its part in the plane of the chain. Its part along the axis
+depends on the lateral constraint of links: the first pin of rigid links slides along its axis and transmits only half
+of the lateral tooth forces; elements bend. A chain of beams twists, so there the whole force comes from the gradient of
+one link's strain energy and its inertia.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ STEP = 1e-6  # m, of the difference of energies
 
 
 def across(chain: Chain) -> tuple[Floats, Floats]:
-    """Damping of the pins' velocity across the chain: force (T, nodes, 3), N, and its loss (T), W."""
+    """Damping of the pins' velocity across the chain: force (T, nodes, 3), N, and lost power (T,), W."""
     damping = float(chain.part.config["track"].get("transverse_damping") or 0.0)
     v = chain.rates
     if isinstance(chain, Rigid):
@@ -44,7 +44,7 @@ def across(chain: Chain) -> tuple[Floats, Floats]:
 
 
 def pulls(chain: Chain) -> tuple[Floats, Floats]:
-    """Constant forces on the first and on the last pin, world."""
+    """Constant forces (3,), N, world, on the first and on the last pin."""
     ends = chain.part.config["track"]["ends"]
     if not ends or ends["kind"] != "pulled":
         return np.zeros(3), np.zeros(3)
@@ -52,14 +52,14 @@ def pulls(chain: Chain) -> tuple[Floats, Floats]:
 
 
 def joints(view: View) -> Floats:
-    """Force of each pin on the link that begins there (T, nodes, 3); of the last pin of an open chain, on its carrier.
+    """Force (T, nodes, 3), N, of each pin on the link that begins there; last open pin: on its carrier.
 
-    T instants, the first 30 of them without a value: accelerations are found from a past that ends there.
+    The first 30 of the T instants are NaN, because the reconstruction of accelerations needs a history.
     """
     c, touch = view.chain, view.touch
     d_linear, d_angular = c.momentum_rates(view.accelerations)
     arms = [end - c.middle for end in c.ends[:2]]
-    # what teeth and damping do to a pin is passed on to the link that ends there, with the reaction of the other one
+    # tooth and damping forces of a pin act on the link that ends there, with the reaction of the other one
     load = (touch.teeth + across(c)[0])[:, c.second]
     if not c.closed:
         load[:, -1] = 0.0
@@ -81,7 +81,7 @@ def joints(view: View) -> Floats:
     if c.closed and not isinstance(c, Rigid):
         free, force = elastic_force(view)
         missing = force - found[np.arange(len(found)), free]
-        if not isinstance(c, Beam):  # sideways alone
+        if not isinstance(c, Beam):  # laterally only
             missing = (missing * axis).sum(1, keepdims=True) * axis
         found = found + missing[:, None]
     found[:30] = np.nan
@@ -89,9 +89,9 @@ def joints(view: View) -> Floats:
 
 
 def elastic_force(view: View) -> tuple[Floats, Floats]:
-    """For each instant a link that touches nothing, and the force of its first pin (T, 3).
+    """Number of a link without contact at each instant (T,), and the force of its first pin (T, 3), N.
 
-    The gradient of its strain energy, at coordinates as far ahead as the material's damping looks, and its inertia.
+    The force is the gradient of strain energy, at coordinates advanced by the material's relaxation time, plus inertia.
     """
     c = view.chain
     free = np.argmax(abs(view.touch.force).max(-1) == 0.0, axis=1)

@@ -1,7 +1,7 @@
-"""The chassis and what hangs on it, from the vehicle table and `fmus/chassis/README.md`; plain numpy, world axes.
+"""Chassis and suspension from the vehicle table and `fmus/chassis/README.md`; plain numpy, world axes.
 
-Where things are follows from the state by geometry alone; velocities are differences of such places, a moment before
-and after. Momentum and energies are sums over bodies: chassis, sprockets, arms, wheels, idlers.
+Positions follow from the state by geometry; velocities are central differences of positions. Momentum and energies are
+sums over bodies: chassis, sprockets, arms, wheels, idlers.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ MOMENT = 1e-5  # s, of differences
 
 
 class Moving(NamedTuple):
-    """The 13 of a place at T instants."""
+    """Position, orientation, velocity and angular velocity of a point at T instants."""
 
     position: Floats
     attitude: Rotation
@@ -30,17 +30,17 @@ class Moving(NamedTuple):
 
 
 class Body(NamedTuple):
-    """Of a vehicle, at T instants, world."""
+    """Body of a vehicle, at T instants, world."""
 
     mass: float
     place: Floats
     velocity: Floats
-    spin: Floats  # angular momentum about its centre
-    energy: Floats  # of its turning
+    spin: Floats  # angular momentum about its centre, kg m2/s
+    energy: Floats  # of its rotation, J
 
 
 class Hull:
-    """A chassis' record; leaves are road arms from the front and then the idler, left side first."""
+    """Record of a chassis; leaves are the road arms from the front and then the idler, left side first."""
 
     def __init__(self, part: Part) -> None:
         self.part, self.vehicle, self.sides = part, part.config["vehicle"], list(part.config["chassis"]["sides"])
@@ -52,7 +52,7 @@ class Hull:
         self.velocity, self.turning = x[:, 7:10], x[:, 10:13]
         self.q, self.angle, self.rate, self.spin = x[:, 13 : 13 + 4 * n].reshape(T, 4, n).transpose(1, 0, 2)
         centre = np.array(v["chassis"]["centre"])
-        sign = [1.0, -1.0]  # of y, left and right
+        sign = [1.0, -1.0]  # sign of y, left and right
         self.pivot = np.array(v["road_arm"]["pivot"])
         self.drawn, self.pins = [], []
         for s in sign:
@@ -70,10 +70,10 @@ class Hull:
             for name in [*(f"road_wheel[{i + 1}]" for i in range(self.arms)), "idler"]
         ]
 
-    # --- from the state: where everything is -----------------------------------------------------------
+    # --- positions, from the state ---------------------------------------------------------------------
 
     def pose(self, tau: float) -> tuple[Floats, Rotation]:
-        """Of the chassis, ``tau`` s from each instant."""
+        """Pose of the chassis, ``tau`` s after each instant."""
         return self.place + tau * self.velocity, self.attitude * Rotation.from_rotvec(tau * self.turning)
 
     def _of_leaf(self, k: int, tau: float) -> tuple[Floats, Rotation]:
@@ -88,7 +88,7 @@ class Hull:
         return origin + attitude.apply(local), attitude * Rotation.from_rotvec(spun[:, None] * Y)
 
     def moving(self, name: str) -> Moving:
-        """A place by its name in the ports."""
+        """Motion of a point by its name in the ports."""
 
         def at(tau: float) -> tuple[Floats, Rotation]:
             if name == "chassis":
@@ -102,24 +102,24 @@ class Hull:
         (x, q), (before, p), (after, r) = at(0.0), at(-MOMENT), at(MOMENT)
         return Moving(x, q, (after - before) / (2 * MOMENT), (r * p.inv()).as_rotvec() / (2 * MOMENT))
 
-    # --- from the outputs: bodies and what they hold ---------------------------------------------------
+    # --- bodies with momentum and energy, from the outputs ---------------------------------------------
 
     @property
     def seen(self) -> Rotation:
-        """Attitude of the chassis, as shown."""
+        """Attitude of the chassis by its outputs."""
         return turned(self.part.vector("chassis.orientation", "wxyz"))
 
     def shown(self, name: str) -> tuple[Floats, Floats, Floats]:
-        """Position, velocity and angular velocity of a place, as shown."""
+        """Position, velocity and angular velocity of a point by the outputs."""
         return tuple(self.part.vector(f"{name}.{what}") for what in ("position", "velocity", "angular_velocity"))
 
     @property
     def here(self) -> list[int]:
-        """The leaves that have outputs."""
+        """Numbers of the leaves that have outputs."""
         return [k for k, name in enumerate(self.names) if name.split(".")[0] in self.sides]
 
     def bodies(self, without_rates: bool = False) -> list[Body]:
-        """All bodies shown, the chassis first; arms may do without the chassis' rates as shown."""
+        """All bodies with outputs, chassis first; ``without_rates``: arms use rates by chassis positions."""
         v, found, R = self.vehicle, [], self.seen
         x, u, w = self.shown("chassis")
         J = np.array(v["chassis"]["inertia"]) / self.copies
@@ -148,23 +148,23 @@ class Hull:
         return found
 
     def body(self, mass: float, inertia, x: Floats, u: Floats, w: Floats) -> Body:
-        """With principal inertias in the chassis' axes."""
+        """Body with principal inertias, kg m2, in the chassis' axes."""
         own = self.seen.inv().apply(w)
         L = np.asarray(inertia) * own
         return Body(mass, x, u, self.seen.apply(L), 0.5 * (L * own).sum(1))
 
     def is_road(self, k: int) -> bool:
-        """Whether a leaf is a road arm with its wheel, else it is an idler."""
+        """True if a leaf is a road arm with its wheel, False for an idler."""
         return k % (self.arms + 1) < self.arms
 
     def along(self, k: int) -> Floats:
-        """Unit vector of a road arm from its pin to its wheel, world, as shown."""
+        """Unit vector (T, 3), world, of a road arm from its pin to its wheel, by the outputs."""
         x, _, _ = self.shown("chassis")
         arm = self.shown(self.names[k])[0] - x - self.seen.apply(self.pins[k])
         return arm / np.linalg.norm(arm, axis=1, keepdims=True)
 
     def swing(self, k: int, u: Floats | None = None, w: Floats | None = None) -> Floats:
-        """Rate of an arm against the chassis, rad/s, from velocities as shown; of the chassis others may be given."""
+        """Rate of an arm relative to the chassis, rad/s, by outputs; ``u``, ``w`` replace the chassis' rates."""
         x, *rates = self.shown("chassis")
         u, w = rates if u is None else (u, w)
         xw, uw, _ = self.shown(self.names[k])
@@ -173,41 +173,41 @@ class Hull:
         return (against * np.cross(self.seen.apply(Y), arm)).sum(1) / (arm**2).sum(1)
 
     def swung(self, k: int) -> Floats:
-        """Angle of an arm from its drawn position, up positive, from places as shown."""
+        """Angle of an arm from its drawn position, rad, up positive, by output positions."""
         x, _, _ = self.shown("chassis")
         local = self.seen.inv().apply(self.shown(self.names[k])[0] - x) - self.pins[k]
         return np.arctan2(self.pivot[1], self.pivot[0]) - np.arctan2(-local[:, 2], -local[:, 0])
 
     def slid(self, k: int) -> tuple[Floats, Floats]:
-        """Way of an idler ahead on its slide, and its rate, from places and velocities as shown."""
+        """Forward displacement of an idler on its slide, m, and its rate, m/s, by the outputs."""
         x, u, w = self.shown("chassis")
         xw, uw, _ = self.shown(self.names[k])
         back = self.seen.inv()
         return (back.apply(xw - x) - self.drawn[k])[:, 0], back.apply(uw - u - np.cross(w, xw - x))[:, 0]
 
     def spring(self, angle: Floats) -> tuple[Floats, Floats]:
-        """Length of a suspension spring at an arm's angle, and its moment arm -d(length)/d(angle)."""
+        """Length of a suspension spring at an arm's angle, m, and its moment arm -d(length)/d(angle), m."""
         table = self.vehicle["suspension"]
         pivot = np.array(self.pivot)
         a, b = np.array(table["on_arm"]) - pivot, np.array(table["on_chassis"]) - pivot
         c, s = np.cos(angle), np.sin(angle)
-        end = np.stack([c * a[0] + s * a[1], c * a[1] - s * a[0]], axis=-1)  # turned about +y: x to -z
+        end = np.stack([c * a[0] + s * a[1], c * a[1] - s * a[0]], axis=-1)  # rotation about +y: x to -z
         gap = end - b
         length = np.hypot(*gap.T)
         turning = np.stack([end[:, 1], -end[:, 0]], axis=-1)
         return length, -(gap * turning).sum(1) / length
 
-    # --- what acts -----------------------------------------------------------------------------------
+    # --- forces --------------------------------------------------------------------------------------
 
     @cached_property
     def given(self) -> list[tuple[str, Floats, Floats]]:
-        """The wrenches of all steps by place: force and torque (K, 3)."""
+        """Input wrenches of all steps by point: force, N, and torque, N m, (K, 3) each."""
         places = [name.removesuffix(".force.x") for name in self.part.inputs if name.endswith(".force.x")]
         return [(name, self.part.given(f"{name}.force"), self.part.given(f"{name}.torque")) for name in places]
 
 
 def grounded(hull: Hull) -> tuple[Floats, Push, Floats]:
-    """Instants (p), pushes (p) and depths of hull points and bare wheels on level ground, from the state."""
+    """Instants (p,), forces (p,) and depths, m, of hull points and bare wheels on level ground."""
     part, vehicle = hull.part, hull.vehicle
     ground = part.config["chassis"]["ground"]
     law, level = Law.of(part.parameters, vehicle["contact"], "ground"), ground_level(vehicle, part.parameters)

@@ -1,4 +1,4 @@
-"""What the outputs of a steering differential should be: each side as a drive's sprocket, each shaft as its motor."""
+"""Expected outputs of a steering differential: sides as a drive's sprocket, shafts as motors."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from mirror.record import Floats, Part, Record
 from mirror.spin import Spin
 
 SIDES = {"left": -1.0, "right": 1.0}
-# of a half shaft: it turns its sprocket by what it is given, whatever that is
+# of a half shaft, which applies its given torque to its sprocket
 PASSIVE = {"mode": "torque", "brake.torque": 0.0, "brake.speed": 1.0, "stop.start": -1.0, "ramp.start": 0.0,
            "ramp.end": 1.0, "speed.start": 0.0, "speed.end": 0.0}  # fmt: skip
 
 
 class Named:
-    """The part of a record whose variables begin with ``prefix``, under their names without it."""
+    """Part of a record with the variables that begin with ``prefix``, by their names without it."""
 
     def __init__(self, part: Part, prefix: str, config: dict, parameters: dict[str, Any]) -> None:
         self._part, self._prefix, self.config, self.parameters = part, prefix, config, parameters
@@ -39,7 +39,7 @@ class Named:
 
 
 class Half(NamedTuple):
-    """A side as the checks of a drive see it."""
+    """Side of the differential with the interface of a drive's view."""
 
     record: Record
     part: Any
@@ -56,7 +56,7 @@ def half(view: View, side: str) -> Half:
 
 
 def shaft(view: View, name: str) -> Spin:
-    """A motor and its shaft."""
+    """Record of a motor and its shaft."""
     p, prefix = view.part.parameters, f"{name}."
     own = {key.removeprefix(prefix): value for key, value in p.items() if key.startswith(prefix)}
     part: Any = Named(view.part, prefix, view.part.config, {**p, **own})
@@ -64,7 +64,7 @@ def shaft(view: View, name: str) -> Spin:
 
 
 def as_drive(expected: Callable[[Any, Sequence[str]], Expected]) -> Callable[[View, Sequence[str]], Expected]:
-    """A check of a drive, of each side's variables."""
+    """Apply the check of a drive to each side's variables."""
 
     def found(view: View, names: Sequence[str]) -> Expected:
         halves = cache(lambda side: half(view, side))
@@ -82,7 +82,7 @@ def of_half(quantity: Callable[[Half], Floats]) -> Callable[[View, Sequence[str]
 
 
 def torque(view: Half) -> Floats:
-    """What the change of the spin needs beside the chain."""
+    """Torque on a sprocket: rate of its angular momentum less the torque of the chain."""
     spin, part = view.spin, view.part
     return np.concatenate([[0.0], spin.J * np.diff(part["speed"] + spin.swing) / part.h - spin.pulled])
 
@@ -96,7 +96,7 @@ def joined(view: View, what: str, sign: float) -> Floats:
 
 
 def motor_torque(view: View, spin: Spin, name: str) -> Floats:
-    """What both half shafts give, and the brake of the shaft takes, mean over the step."""
+    """Motor torque: that of both half shafts plus the shaft's brake, mean over the step."""
     steering = name.startswith("steering")
     given = (0.5 if steering else 1.0) * joined(view, "torque", -1.0 if steering else 1.0)
     braked = spin.braking(spin.part["speed"])
@@ -104,17 +104,17 @@ def motor_torque(view: View, spin: Spin, name: str) -> Floats:
 
 
 def turned(view: View, name: str) -> Floats:
-    """Angles of a shaft."""
+    """Angle of a shaft, rad."""
     return joined(view, "angle", -1.0) if name.startswith("steering") else 0.5 * joined(view, "angle", 1.0)
 
 
 def motor_work(view: View, spin: Spin, name: str) -> Floats:
-    """Torque on the way."""
+    """Work of the motor: torque times rotation."""
     return np.concatenate([[0.0], np.cumsum(spin.part["torque"][1:] * np.diff(turned(view, name)))])
 
 
 def regenerated(view: View, names: Sequence[str]) -> Expected:
-    """Where one half shaft takes what the other one gives."""
+    """Power transferred from one half shaft to the other."""
     one, two = (view.part[f"{side}.power"] for side in SIDES)
     return np.where(one * two < 0.0, np.minimum(abs(one), abs(two)), 0.0)[:, None]
 
@@ -124,7 +124,7 @@ def total(quantity: Callable[[Half], Floats]) -> Callable[[View, Sequence[str]],
 
 
 def both(quantity: Callable[[View, Spin, str], Floats]) -> Callable[[View, Sequence[str]], Expected]:
-    """Of both shafts together."""
+    """Return a function for the sum over both shafts."""
     shafts = ("propulsion", "steering")
     return lambda view, names: sum(quantity(view, shaft(view, name), name) for name in shafts)[:, None]
 
@@ -134,7 +134,7 @@ def braked(view: View, spin: Spin, name: str) -> Floats:
 
 
 def counted(view: View, spin: Spin, name: str) -> Floats:
-    """Internal steps; the gearbox has twice and half of a sprocket's inertia."""
+    """Number of internal steps; the shafts have twice and half of a sprocket's inertia."""
     spin.J *= 2.0 if name == "propulsion" else 0.5
     return spin.steps()
 

@@ -1,7 +1,7 @@
-"""The kinds of links as their READMEs define them: where a point of a link is, its mass, strain and tension.
+"""Kinds of links as their READMEs define them: position of points, mass, strain and tension.
 
-Plain numpy, world axes, all instants at once: T instants, n links, e the coordinates of elements. The states are read
-as the READMEs of the two tracks describe them; nothing of the kernels is used.
+Plain numpy, world axes, all instants at once: T instants, n links, e coordinates of elements. States are read as the
+READMEs of the two tracks describe them; no kernel is used.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from mirror.motion import start_frame, turned
 from mirror.record import Floats, Part
 
 UP = np.array([0.0, 0.0, 1.0])
-STRETCH = 1e-6  # of the difference of energies
+STRETCH = 1e-6  # stretch of the difference of energies
 
 
 def gauss(count: int) -> tuple[Floats, Floats]:
-    """Abscissae and weights on the unit interval."""
+    """Gauss abscissae and weights on the unit interval."""
     x, w = leggauss(count)
     return 0.5 * (x + 1.0), 0.5 * w
 
 
 def hermite(xi, l: float, derivative: int = 0) -> Floats:
-    """The cubic's four shape functions of position and slope at its ends, or their derivatives by length (..., 4)."""
-    table = ([1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1])  # by powers of xi
+    """Cubic shape functions (..., 4) of position and slope at both ends, or derivatives by length."""
+    table = ([1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1])  # coefficients of powers of xi
     found = []
     for a, row in enumerate(table):
         p = np.polynomial.Polynomial(row).deriv(derivative) if derivative else np.polynomial.Polynomial(row)
@@ -37,9 +37,9 @@ def hermite(xi, l: float, derivative: int = 0) -> Floats:
 
 
 class Chain:
-    """What all kinds share."""
+    """Chain of links of any kind."""
 
-    lateral: tuple[float, ...] = (0.0,)  # of contact points from the middle, m
+    lateral: tuple[float, ...] = (0.0,)  # m, of contact points from the middle
     guided = False
 
     def __init__(self, part: Part) -> None:
@@ -58,14 +58,14 @@ class Chain:
         self.read(part.state)
 
     def world(self, a: Floats) -> Floats:
-        """Vectors (..., 3) of the start's axes."""
+        """Transform vectors (..., 3) from the axes of the start to world."""
         return self.turn.apply(a.reshape(-1, 3)).reshape(a.shape)
 
     def read(self, state: Floats) -> None:
         raise NotImplementedError
 
     def moved(self, tau: float) -> Chain:
-        """``tau`` s on, or back, at its rates."""
+        """Return the chain moved by ``tau``, s, at its present rates."""
         raise NotImplementedError
 
     # positions and velocities (T, nodes, 3) of the pins
@@ -74,17 +74,17 @@ class Chain:
 
     @property
     def ends(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Of each link: its two pins, and their velocities (T, n, 3)."""
+        """Positions, m, and velocities, m/s, of both pins of each link, (T, n, 3) each."""
         return self.pins[:, : self.n], self.pins[:, self.second], self.rates[:, : self.n], self.rates[:, self.second]
 
     @property
     def mass(self) -> float:
-        """Of a link, kg."""
+        """Mass of a link, kg."""
         return self.vehicle["track"]["mass"]
 
 
 class Rigid(Chain):
-    """Poses: centre of mass, quaternion; velocities: of the centre, angular in the link's own axes."""
+    """Rigid links: centre of mass and quaternion; velocity of the centre, angular velocity in link axes."""
 
     guided = True
 
@@ -111,13 +111,13 @@ class Rigid(Chain):
         return other
 
     def point(self, t, i, xi, y, off) -> tuple[Floats, Floats]:
-        """Of link ``i`` at the instant ``t``, a fraction ``xi`` along it, across and outwards: place and velocity."""
+        """Position and velocity of points of links ``i`` at ``t``: ``xi`` along, ``y`` across, ``off`` out."""
         local = np.stack(np.broadcast_arrays((np.asarray(xi) - 0.5) * self.pitch, y, off), axis=-1)
         arm = np.einsum("...ij,...j->...i", self.body[t, i], local)
         return self.centre[t, i] + arm, self.velocity[t, i] + np.cross(self.spin[t, i], arm)
 
     def pin(self, t, j, y) -> tuple[Floats, Floats]:
-        """A point of pin ``j`` at ``y`` from its middle."""
+        """Position and velocity of points of pins ``j`` at ``y``, m, from their middle."""
         at_end = j >= self.n
         return self.point(t, np.where(at_end, j - 1, j), np.where(at_end, 1.0, 0.0), y, 0.0)
 
@@ -128,36 +128,36 @@ class Rigid(Chain):
 
     @property
     def height(self) -> Floats:
-        """Of the centre of mass of each link (T, n)."""
+        """Height of the centre of mass of each link (T, n), m."""
         return self.centre[..., 2]
 
     strain_energy = 0.0
 
     def momentum_rates(self, a: Floats) -> tuple[Floats, Floats]:
-        """Of each link: d/dt of momentum, and of angular momentum about its middle (T, n, 3), at the rates' rates."""
+        """Rates of momentum, and of angular momentum about the middle, of each link (T, n, 3), for ``a``."""
         J = np.array(self.vehicle["track"]["inertia"])
         torque = J * a[..., 3:] + np.cross(self.own_rate, J * self.own_rate)
         return self.mass * self.world(a[..., :3]), np.einsum("tnij,tnj->tni", self.body, torque)
 
     @property
     def momentum(self) -> Floats:
-        """Of each link (T, n, 3)."""
+        """Momentum of each link (T, n, 3), kg m/s."""
         return self.mass * self.velocity
 
     middle = property(lambda self: self.centre)
 
     def gradients_at(self, xi: float) -> Floats:
-        """The unit vector along each link (T, n, 3)."""
+        """Unit vector along each link (T, n, 3)."""
         return self.body[..., 0]
 
 
 class Element(Chain):
-    """Links with coordinates: positions and gradients at two nodes; ``points`` and shape functions by the subclass."""
+    """Elements with positions and gradients at two nodes; ``points`` and shape functions by subclass."""
 
-    own: Floats  # (T, nodes, w) rates as the state holds them
+    own: Floats  # (T, nodes, w) rates in the order of the state
 
     def coordinates(self, x: Floats, places: bool) -> Floats:
-        """(T, nodes, w) of a state to (T, n, rows, 3), world."""
+        """Element coordinates (T, n, rows, 3), world, from those of a state (T, nodes, w)."""
         raise NotImplementedError
 
     def read(self, state: Floats) -> None:
@@ -178,7 +178,7 @@ class Element(Chain):
 
     @cached_property
     def mass_matrix(self) -> Floats:
-        """Integral of rho S_a S_b."""
+        """Mass matrix (rows, rows), kg: integral of rho S_a S_b."""
         raise NotImplementedError
 
     def energies(self, e: Floats) -> Floats:
@@ -199,7 +199,7 @@ class Element(Chain):
         return np.einsum("p,pa,tna->tn", w, self.centreline(x), self.e[..., 2])
 
     def centreline(self, xi, derivative: int = 0) -> Floats:
-        """Shape functions on the axis (..., rows)."""
+        """Shape functions (..., rows) on the axis."""
         raise NotImplementedError
 
     @property
@@ -207,28 +207,28 @@ class Element(Chain):
         return 0.5 * (self.ends[0] + self.ends[1])
 
     def accelerated(self, a: Floats) -> Floats:
-        """Accelerations (T, n, rows, 3), world, of rates' rates ``a`` (T, nodes, w)."""
+        """Element accelerations (T, n, rows, 3), world, for derivatives ``a`` (T, nodes, w) of state rates."""
         return self.coordinates(a, False)
 
     @property
     def momentum(self) -> Floats:
-        """Of each link (T, n, 3)."""
+        """Momentum of each link (T, n, 3), kg m/s."""
         x, w = gauss(4)
         return self.mass * np.einsum("p,pa,tnai->tni", w, self.centreline(x), self.v)
 
     @property
     def damped(self) -> Floats:
-        """What damping adds to the tension of each link (T, n), N."""
+        """Tension of each link by damping (T, n), N."""
         raise NotImplementedError
 
     @property
     def material_loss(self) -> Floats:
-        """Of all links (T), W."""
+        """Power lost in the material of all links (T,), W."""
         raise NotImplementedError
 
     @cached_property
     def stretching(self) -> Floats:
-        """A uniform stretch along the line of the pins by 1: coordinates (T, n, rows, 3)."""
+        """Coordinates (T, n, rows, 3) of a uniform unit stretch along the line of the pins."""
         line = self.ends[1] - self.ends[0]
         line = line / np.linalg.norm(line, axis=-1, keepdims=True)
         found, half = np.zeros_like(self.e), self.e.shape[2] // 2
@@ -238,23 +238,23 @@ class Element(Chain):
 
     @cached_property
     def tension(self) -> Floats:
-        """(T, n), N: what a stretch works against, over the length."""
+        """Tension (T, n), N: derivative of the energy by a uniform stretch over the pitch, plus damping."""
         more, less = (self.energies(self.e + way * STRETCH * self.stretching) for way in (1.0, -1.0))
         return (more - less) / (2.0 * STRETCH * self.pitch) + self.damped
 
     @property
     def beyond_rod(self) -> float:
-        """What the second moment of mass along the link has beyond a rod's, kg m2: on the mean slope of the line."""
+        """Second moment of mass along the link beyond a rod's, kg m2, on the mean slope of the line."""
         raise NotImplementedError
 
     @cached_property
     def mean_slope(self) -> Floats:
-        """The mean slope of the line (rows): its first moment about the middle, over that of a unit slope."""
+        """Mean slope of the line (rows,): its first moment about the middle, over that of a unit slope."""
         x, w = gauss(4)
         return 12.0 / self.pitch * np.einsum("p,p,pa->a", w, x - 0.5, self.centreline(x))
 
     def whirled(self, a: Floats) -> Floats:
-        """What a stretch works against in the inertia of the mean slope (T, n), N."""
+        """Tension (T, n), N, by the inertia of the mean slope at accelerations ``a``."""
         turning = np.einsum("a,tnai->tni", self.mean_slope, self.accelerated(a))
         return self.beyond_rod / self.pitch * (turning * self.stretching[:, :, 1]).sum(-1)
 
@@ -271,7 +271,7 @@ class Element(Chain):
 
 
 class Cable(Element):
-    """A pin: position, slope (x, z) of the link that ends there, of the one that begins there, and the shared (y)."""
+    """Cables; a pin has position, slopes (x, z) of the ending and the starting link, and shared slope (y)."""
 
     width = 8
 
@@ -296,7 +296,7 @@ class Cable(Element):
 
     @cached_property
     def mass_matrix(self) -> Floats:
-        """The line's, and what the table's inertia about the pin has beyond a rod's on the mean slope of the line."""
+        """Mass matrix of the line, plus the table's inertia beyond a rod's on the mean slope of the line."""
         x, w = gauss(4)
         S, slope = self.centreline(x), self.mean_slope
         return self.mass * np.einsum("p,pa,pb->ab", w, S, S) + self.beyond_rod * np.outer(slope, slope)
@@ -306,7 +306,7 @@ class Cable(Element):
         return self.vehicle["track"]["inertia"][1] - self.mass * self.pitch**2 / 12.0
 
     def point(self, t, i, xi, y, off) -> tuple[Floats, Floats]:
-        """On the face ``off`` outside the centreline, along r_x cross the pins' axis."""
+        """Position and velocity of points at ``off``, m, from the centreline, along r_x cross the pins' axis."""
         e, v = self.e[t, i], self.v[t, i]
         S, C = hermite(xi, self.pitch), hermite(xi, self.pitch, 1)
         x, u, slope, rate = (np.einsum("...a,...ai->...i", f, g) for f, g in ((S, e), (S, v), (C, e), (C, v)))
@@ -322,11 +322,11 @@ class Cable(Element):
         return self.pins[t, j], self.rates[t, j]
 
     def slopes(self, e: Floats, xi, derivative: int = 1) -> Floats:
-        """r_x or r_xx at fractions (p) of elements ``e`` (..., 4, 3): (..., p, 3)."""
+        """Derivatives r_x or r_xx (..., p, 3) at fractions (p,) of elements ``e`` (..., 4, 3)."""
         return np.einsum("pa,...ai->...pi", hermite(xi, self.pitch, derivative), e)
 
     def gradients_at(self, xi: float) -> Floats:
-        """r_x of all links at a fraction of their length (T, n, 3)."""
+        """Gradients r_x (T, n, 3) of all links at a fraction of their length."""
         return self.slopes(self.e, [xi])[:, :, 0]
 
     @property
@@ -341,12 +341,12 @@ class Cable(Element):
         return 0.5 * (np.einsum("p,...pi,...pi->...", w, self.slopes(e, x), self.slopes(e, x)) - 1.0)
 
     def bent(self, e: Floats, xi) -> Floats:
-        """What EI turns into a moment at fractions (p), 1/m: here |r_xx|."""
+        """Curvature at fractions (p,), 1/m, whose moment is EI times it: here |r_xx|."""
         return np.linalg.norm(self.slopes(e, xi, 2), axis=-1)
 
     @cached_property
     def axial(self) -> Floats:
-        """(T, n), N: EA times the strain."""
+        """Axial force (T, n), N: EA times the strain."""
         return self.stiffness[0] * self.stretched(self.e)
 
     @property
@@ -355,12 +355,12 @@ class Cable(Element):
 
     @property
     def moving(self) -> tuple[Floats, Floats]:
-        """Coordinates and rates (T, n, 4, 3) in the axes in which strains are measured."""
+        """Coordinates and rates (T, n, 4, 3) in the axes of strain measurement."""
         return self.e, self.v
 
     @property
     def dragged(self) -> Floats:
-        """(T, n), N: damping of the stretch, per unit of stretch."""
+        """Damping force of the stretch (T, n), N, per unit of stretch."""
         x, w = gauss(3)
         e, v = self.moving
         rate = np.einsum("p,tnpi,tnpi->tn", w, self.slopes(e, x), self.slopes(v, x))
@@ -379,7 +379,7 @@ class Cable(Element):
 
     @property
     def bending_loss(self) -> Floats:
-        """Of the curvature, seen from the chord (T), W."""
+        """Power lost by damping of the curvature relative to the chord (T,), W."""
         x, w = gauss(3)
         e, v = self.moving
         chord, swing = e[:, :, 2] - e[:, :, 0], v[:, :, 2] - v[:, :, 0]
@@ -390,7 +390,7 @@ class Cable(Element):
 
     @cached_property
     def stress(self) -> Floats:
-        """(T, n), Pa: tension over area and end moment over section, at the fibre that has more."""
+        """Stress (T, n), Pa: tension over area plus end moment over section modulus, at the worse fibre."""
         section, (_, EI) = self.vehicle["section"], self.stiffness
         moment = EI * self.bent(self.e, [0.0, 1.0]).max(-1)
         fibre = moment * section["outer_fibre"] / section["bending"]
@@ -399,7 +399,7 @@ class Cable(Element):
 
     @cached_property
     def fibres(self) -> tuple[Floats, Floats]:
-        """(T, n) at the outer and the inner fibre, Pa: tension over area, and curvature towards the outer side."""
+        """Stress (T, n), Pa, at the outer and the inner fibre, by tension and by curvature to the outside."""
         section, (x, w) = self.vehicle["section"], gauss(3)
         slope = self.slopes(self.e, [0.5])[:, :, 0]
         outwards = np.cross(slope, self.axes)
@@ -418,9 +418,9 @@ class Cable(Element):
 
 
 class Turning(Cable):
-    """The cable in axes that turn: rotation, origin, its velocity and acceleration, rate of turning and its derivative.
+    """Cables in moving axes: rotation, origin with velocity and acceleration, angular rate and derivative.
 
-    A link has a width, and is stiffer about its normal. What a state holds is along the axes, as ``c`` and ``dc`` are.
+    A link has a width, and is stiffer about its normal. State values, ``c`` and ``dc`` are components along these axes.
     """
 
     guided = True
@@ -442,14 +442,14 @@ class Turning(Cable):
         self.place()
 
     def vectors(self, x: Floats) -> Floats:
-        """(T, nodes, 8) to (T, n, 4, 3), along the axes."""
+        """Element coordinates (T, n, 4, 3) along the axes, from those of a state (T, nodes, 8)."""
         first, last = x[:, : self.n], x[:, self.second]
         return np.stack(
             [first[..., [0, 1, 2]], first[..., [5, 7, 6]], last[..., [0, 1, 2]], last[..., [3, 7, 4]]], axis=2
         )
 
     def place(self) -> None:
-        """All that is in the world."""
+        """Set the quantities in world axes."""
         self.e, self.v = self.out(self.c), self.out(self.dc + np.cross(self.w[:, None, None], self.c))
         self.e[:, :, [0, 2]] += self.o[:, None, None]
         self.v[:, :, [0, 2]] += self.do[:, None, None]
@@ -457,7 +457,7 @@ class Turning(Cable):
 
     @property
     def kinetic(self) -> Floats:
-        """Besides, of what lies across the links' lines."""
+        """Kinetic energy, including that of mass beside the links' lines."""
         roll, pin, yaw = self.vehicle["track"]["inertia"]
         return super().kinetic + 0.5 * self.n * 0.5 * (roll + yaw - pin) * (self.w**2).sum(1)
 
@@ -483,7 +483,7 @@ class Turning(Cable):
         return np.broadcast_to(self.R[:, None, :, 1], self.e[:, :, 0].shape)
 
     def point(self, t, i, xi, y, off) -> tuple[Floats, Floats]:
-        """The normal is square to the pins' axis; ``y`` lies square to the link, which yaws against that axis."""
+        """Position and velocity of points; normals are normal to the pins' axis, ``y`` to the yawed link."""
         c, dc, S, C = self.c[t, i], self.dc[t, i], hermite(xi, self.pitch), hermite(xi, self.pitch, 1)
         x, u, slope, rate = (np.einsum("...a,...ai->...i", f, g) for f, g in ((S, c), (S, dc), (C, c), (C, dc)))
         across = np.array([0.0, 1.0, 0.0])
@@ -501,7 +501,7 @@ class Turning(Cable):
         return self.seen(t, self.c[t, j, 0] + y, self.dc[t, j, 0])
 
     def seen(self, t, x: Floats, u: Floats) -> tuple[Floats, Floats]:
-        """Place and velocity in the world of points at the instants ``t``, along the axes."""
+        """Position and velocity in world of points at instants ``t``, given along the axes."""
         u = u + np.cross(self.w[t], x)
         return tuple(at[t] + np.einsum("...ij,...j->...i", self.R[t], a) for at, a in ((self.o, x), (self.do, u)))
 
@@ -510,7 +510,7 @@ class Turning(Cable):
         return self.c, self.dc
 
     def energies(self, e: Floats) -> Floats:
-        """Bending about the normal is that of the section."""
+        """Strain energy; bending about the normal has the stiffness of the section."""
         section, (_, EI) = self.vehicle["section"], self.stiffness
         x, w = gauss(3)
         axis = self.R[:, :, 1].reshape(len(self.R), *[1] * (e.ndim - 3), 1, 3)
@@ -520,12 +520,12 @@ class Turning(Cable):
 
 
 class General(Cable):
-    """Green's strain and curvature, local."""
+    """Cables with local Green strain and curvature."""
 
-    points = gauss(5), gauss(3)  # of the stretch and of bending: what an energy per length is integrated with
+    points = gauss(5), gauss(3)  # quadrature of the energies of stretch and of bending
 
     def strains(self, e: Floats, xi) -> tuple[Floats, Floats]:
-        """Axial strain, and the force over EA times it, |r_x|."""
+        """Axial strain, and the ratio |r_x| of force over EA times strain."""
         size = np.linalg.norm(self.slopes(e, xi), axis=-1)
         return 0.5 * (size**2 - 1.0), size
 
@@ -540,7 +540,7 @@ class General(Cable):
         return self.stiffness[0] * (strain * lever) @ w
 
     def drags(self, x) -> tuple[Floats, Floats]:
-        """Damping of the stretch at fractions (p): force per unit of it, N, and what it works on, 1/s (T, n, p)."""
+        """Damping of the stretch at fractions (p,): force per unit, N, conjugate rate, 1/s, (T, n, p) each."""
         slope = self.slopes(self.e, x)
         rate = (slope * self.slopes(self.v, x)).sum(-1)
         return self.tau * self.stiffness[0] * rate / (slope**2).sum(-1), rate
@@ -564,7 +564,7 @@ class General(Cable):
 
 
 class Engineering(General):
-    """|r_x| - 1, and the angle turned per length of the straight link."""
+    """Cables with engineering strain |r_x| - 1, and rotation angle per undeformed length as curvature."""
 
     def strains(self, e: Floats, xi) -> tuple[Floats, Floats]:
         size = np.linalg.norm(self.slopes(e, xi), axis=-1)
@@ -576,7 +576,7 @@ class Engineering(General):
 
 
 class Planar(Cable):
-    """The cable without its lateral dofs: position and two slopes, x and z of each."""
+    """Cables without lateral dofs: position and two slopes, x and z of each."""
 
     width = 6
 
@@ -587,7 +587,7 @@ class Planar(Cable):
 
 
 class Beam(Element):
-    """A pin: position, gradient r_y along it; r_x, r_z of the link that ends there; r_x, r_z of the other."""
+    """Beams; a pin has position, gradient r_y along it, and r_x, r_z of the ending and the starting link."""
 
     width = 18
     guided = True
@@ -608,7 +608,7 @@ class Beam(Element):
 
     @property
     def axes(self) -> Floats:
-        """Of each link, the mean of its pins'."""
+        """Unit lateral axis of each link: mean of its pins' axes."""
         axis = self.e[:, :, 2] + self.e[:, :, 6]
         return axis / np.linalg.norm(axis, axis=-1, keepdims=True)
 
@@ -624,7 +624,7 @@ class Beam(Element):
 
     @cached_property
     def mass_matrix(self) -> Floats:
-        """Of a box with the table's inertias; its length beyond the pitch on the mean slope of the line."""
+        """Mass matrix of a box with the table's inertias; length beyond the pitch acts on the mean slope."""
         (x, w), (s, m) = gauss(4), gauss(2)
         M, slope, (roll, pin, yaw) = np.zeros((8, 8)), self.mean_slope, self.vehicle["track"]["inertia"]
         wide, high = (np.sqrt(6.0 * moment / self.mass) for moment in (roll + yaw - pin, roll + pin - yaw))
@@ -650,7 +650,7 @@ class Beam(Element):
         return self.e[t, i, half] + y * self.e[t, i, half + 2], self.v[t, i, half] + y * self.v[t, i, half + 2]
 
     def gradients(self, xi, y, z, e=None) -> Floats:
-        """F, columns r_x, r_y, r_z, at one place of all links (T, n, 3, 3)."""
+        """Gradient matrices F (T, n, 3, 3), columns r_x, r_y, r_z, at one point of all links."""
         e = self.e if e is None else e
         C, l = hermite(xi, self.pitch, 1), self.pitch
         D = np.array([[C[0], C[1], -y / l, -z / l, C[2], C[3], y / l, z / l],
@@ -658,7 +658,7 @@ class Beam(Element):
         return np.einsum("ja,...ai->...ij", D, e)
 
     def gradients_at(self, xi: float) -> Floats:
-        """r_x of the axis of all links at a fraction of their length (T, n, 3)."""
+        """Gradients r_x (T, n, 3) of the axis of all links at a fraction of their length."""
         return self.gradients(xi, 0.0, 0.0)[..., 0]
 
     @property
@@ -666,7 +666,7 @@ class Beam(Element):
         return float(self.part.parameters["material.youngs_modulus"])
 
     def rated(self, change: Floats) -> list[tuple[float, Floats]]:
-        """What a ``change`` of the coordinates does to the parts of the energy: strains are of second order in them."""
+        """Change of the energy's parts by a ``change`` of coordinates; strains are quadratic in these."""
         more, less = self.parts(self.e + 0.5 * change), self.parts(self.e - 0.5 * change)
         return [(w, s - r) for (w, s), (_, r) in zip(more, less, strict=True)]
 
@@ -685,7 +685,7 @@ class Beam(Element):
 
     @cached_property
     def stress(self) -> Floats:
-        """E times Green's strain xx, at the section's corners, at the Gauss points of the axis."""
+        """Stress E times Green strain xx at the section's corners and the Gauss points of the axis, Pa."""
         found = 0.0
         for x in gauss(4)[0]:
             for y in (-0.5 * self.wide, 0.5 * self.wide):
@@ -701,7 +701,7 @@ class Beam(Element):
 
     @cached_property
     def fibres(self) -> tuple[Floats, Floats]:
-        """E times Green's strain xx in the middle of the width, mean along the link, outside and inside."""
+        """Stress E times Green strain xx in the middle of the width, mean along the link, outer and inner, Pa."""
         off, (x, w) = self.vehicle["section"]["outer_fibre"], gauss(4)
         return tuple(
             sum(b * self.young * 0.5 * ((self.gradients(a, 0.0, z)[..., 0] ** 2).sum(-1) - 1.0)
@@ -714,10 +714,10 @@ class Beam(Element):
         return sum(w * s**2 for w, s in self.parts(e))
 
     def parts(self, e: Floats) -> list[tuple[float, Floats]]:
-        """The energy as weights, J, and strains whose squares they weigh.
+        """Parts of the strain energy: weights, J, and strains whose squares they multiply.
 
-        Saint-Venant-Kirchhoff: without lateral coupling over the section, the rest of Hooke's law on the axis. Shears
-        xy and xz have the factor of torsion over the section, and what transverse shear has more of it on the axis.
+        Saint-Venant-Kirchhoff: without lateral coupling over the section; the rest of Hooke's law acts on the axis.
+        Shears xy and xz have the torsion factor over the section; the excess of transverse shear acts on the axis.
         """
         section, material = self.vehicle["section"], self.vehicle["material"]
         E, nu = self.young, 0.5 * material["youngs_modulus"] / material["shear_modulus"] - 1.0
@@ -728,7 +728,7 @@ class Beam(Element):
         (x, w), (s, m) = gauss(4), gauss(2)
 
         def strains(a: float, y: float, z: float) -> tuple[Floats, Floats, Floats]:
-            """Normal ones, the two shears with the axis, that within the section."""
+            """Strains: normal ones, both shears with the axis, shear within the section."""
             F = self.gradients(a, y, z, e)
             C = np.einsum("...ij,...ik->...jk", F, F)
             normal = 0.5 * (np.stack([C[..., i, i] for i in range(3)], -1) - 1.0)
@@ -752,7 +752,7 @@ KINDS = {"cable": Cable, "planar": Planar, "beam": Beam, "general": General, "en
 
 
 def chain(part: Part) -> Chain:
-    """The links of a track."""
+    """Return the chain of a track's record."""
     if part.kind == "TrackRigid":
         return Rigid(part)
     if part.parameters["axes"] == "free":

@@ -1,4 +1,4 @@
-"""Where the wheels of a track are, and what a force that acts through a step amounts to."""
+"""Motion of a track's wheels, and mean forces over a step by the integrator's recursion."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mirror.record import Floats, Part
 
 
 def turned(q: Floats) -> Rotation:
-    """Of quaternions (..., 4), w first."""
+    """Rotations of quaternions (..., 4), w first."""
     return Rotation.from_quat(q, scalar_first=True)
 
 
@@ -26,29 +26,29 @@ def start_frame(parameters: dict[str, Any]) -> tuple[Floats, Rotation]:
 
 
 def standing(numbers: Sequence[float]) -> tuple[Floats, Rotation]:
-    """Place and attitude in the vehicle frame of what stands at seven numbers, or as drawn at a place of three."""
+    """Position and attitude in the vehicle frame, from seven numbers of a pose or a drawn position (3)."""
     found = np.array([*numbers, 1.0, 0.0, 0.0, 0.0][:7])
     return found[:3], turned(found[3:])
 
 
 class Wheels(NamedTuple):
-    """World, at so many instants (k, m, 3)."""
+    """Motion of m wheels at k instants, world (k, m, 3)."""
 
     centre: Floats
     velocity: Floats
-    spin: Floats  # angular velocity
+    spin: Floats  # angular velocity, rad/s
     axle: Floats
-    radial: Floats  # turns with the wheel
+    radial: Floats  # unit vector that rotates with the wheel
 
     def moved(self, tau: float) -> Wheels:
-        """``tau`` s on, or back, at their velocities."""
+        """Return the wheels moved by ``tau``, s, at their velocities."""
         about = Rotation.from_rotvec(tau * self.spin.reshape(-1, 3))
         axle, radial = (about.apply(a.reshape(-1, 3)).reshape(a.shape) for a in (self.axle, self.radial))
         return Wheels(self.centre + tau * self.velocity, self.velocity, self.spin, axle, radial)
 
 
 def wheels(part: Part) -> Wheels:
-    """A track's at the end of each step, moved on from where they were told to be; at the start as laid out."""
+    """Wheels of a track at the end of each step, extrapolated from the inputs; at the start as laid out."""
     names = [wheel["name"] for wheel in part.config["track"]["wheels"]]
     k = len(part.t)
     origin, attitude = start_frame(part.parameters)
@@ -76,7 +76,7 @@ def wheels(part: Part) -> Wheels:
 
 
 class Recursion(NamedTuple):
-    """Generalised-alpha, by which forces become impulses: Chung and Hulbert 1993, Arnold and Bruels 2007; or HHT.
+    """Recursion of generalised alpha (Chung and Hulbert 1993, Arnold and Bruels 2007) or HHT.
 
     (1 - alpha_m) W1 + alpha_m W0 = (1 - alpha_f) F1 + alpha_f F0; the mean over the step is (1 - gamma) W0 + gamma W1.
     """
@@ -93,7 +93,7 @@ class Recursion(NamedTuple):
         return cls(alpha_m, alpha_f, 0.5 + alpha_f - alpha_m)
 
     def means(self, F: Floats) -> Floats:
-        """Of a force at K + 1 instants, its mean over each of the K steps; the first instant is one of rest."""
+        """Mean over each of K steps of a force at K + 1 instants; the first instant is at rest."""
         W, found = F[0], np.zeros((len(F) - 1, *F.shape[1:]))
         for k in range(len(F) - 1):
             before = W
@@ -102,7 +102,7 @@ class Recursion(NamedTuple):
         return found
 
     def rates(self, v: Floats, h: Floats) -> Floats:
-        """The other way: of K + 1 velocities their accelerations at these instants, from rest."""
+        """Inverse: accelerations at K + 1 instants from velocities, starting at rest."""
         W, F = np.zeros(v.shape[1:]), np.zeros(v.shape)
         for k in range(len(h)):
             before = W

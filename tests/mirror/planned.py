@@ -1,6 +1,6 @@
-"""What a driver that knows the friction asks for: its plan by dense least squares, slip by scipy's root finder.
+"""Demands of a driver that knows the friction: plan by least squares, slip by scipy's root finder.
 
-How the vehicle stands is ``skid.footing``'s, which ``fmus/test_driver_plan`` looks at; paths go ahead in one piece.
+Wheel loads are those of ``skid.footing``, which ``fmus/test_driver_plan`` checks; paths have one forward part.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from fmus.driver.skid import footing
 from mirror.record import Floats, Part
 from mirror.seen import PLACE, REST, SLOW, Seen
 
-TURNS = 0.6  # of the yaw acceleration that friction gives, for the plan
+TURNS = 0.6  # share of the yaw acceleration by friction that the plan uses
 FAINT = 0.03  # rad/s
 
 
 class Planned(Seen):
-    """As ``Seen``, with friction."""
+    """Quantities of ``Seen`` for a driver that knows the friction."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
@@ -34,14 +34,14 @@ class Planned(Seen):
         self.v = np.maximum(self.forward, 0.0)
 
     def left(self, rate: Floats, across: Floats, turning: Floats) -> Floats:
-        """What friction leaves along; ``turning``: yaw acceleration."""
+        """Longitudinal acceleration that friction leaves, m/s2; ``turning``: yaw acceleration, rad/s2."""
         part = np.minimum(1.0 - self.resists / (1.0 + (FAINT / np.maximum(abs(rate), 1e-12)) ** 2), 0.8)
         circle = np.sqrt(np.maximum(1.0 - (across / self.grip) ** 2, 0.0))
         return self.grip * part * np.maximum(circle - abs(turning) / (TURNS * self.most), 0.3)
 
     @cached_property
     def plan(self) -> tuple[Floats, ...]:
-        """Places, square of the speed, curvature, distance from the path, of the way that is taken."""
+        """Planned way: positions along it, squared speed, curvature, distance from the path."""
         count = int(np.ceil(self.length / PLACE))
         s, ds = np.linspace(0.0, self.length, count + 1), self.length / count
         ends = np.clip(s[:, None] + 0.5 * ds * np.array([-1.0, 1.0]), 0.0, self.length)
@@ -66,7 +66,7 @@ class Planned(Seen):
         return s, square, k, off
 
     def _speeds(self, k: Floats, top: Floats, ds: float) -> tuple[Floats, Floats]:
-        """Squares of the speed: what can be braked to the end, and what is reached from rest."""
+        """Squared speeds that can be braked to the end, and that are reached from rest."""
         slope = (np.append(k[1:], k[-1]) - np.concatenate([k[:1], k[:-1]])) / (2.0 * ds)
 
         def room(v2: float, i: int) -> float:
@@ -95,7 +95,7 @@ class Planned(Seen):
 
     @cached_property
     def paced(self) -> Floats:
-        """The speed, which changes as friction allows."""
+        """Demanded speed, whose rate of change is limited by friction, m/s."""
         ends = np.maximum(self.length - self.progress(), 0.0) / REST
         wanted = np.minimum(self.ramp(), np.minimum(np.sqrt(np.maximum(self._planned(self.plan[1]), 0.0)), ends))
         room = self.h * self.left(self.rate, self.forward * self.rate, self.v**2 * self.slope)
@@ -113,7 +113,7 @@ class Planned(Seen):
 
     @cached_property
     def errors(self) -> tuple[Floats, Floats, Floats]:
-        """Distance over which errors fade; distance and direction from the way that is taken."""
+        """Distance over which errors fade, m; distance, m, and direction, rad, from the planned way."""
         s, _, _, off = self.plan
         off_now = self.error() - self._planned(off)
         way = self.askew() + np.arctan2(self.sideways, np.maximum(self.v, SLOW))
@@ -132,7 +132,7 @@ class Planned(Seen):
 
     @cached_property
     def leans(self) -> float:
-        """How far ahead of the centre of mass it turns about, at half of the friction across."""
+        """Distance of the turning centre ahead of the centre of mass, m, at half of the lateral friction."""
         z = self._slip(0.0, 1.0, (0.0, 0.5 * G, 0.0), np.array([-0.4, 0.4, -0.4]), 1.0, 1e-3)
         return -z[2] / 0.5
 
@@ -142,7 +142,7 @@ class Planned(Seen):
         return self.v * self.curvature() + 2.0 * self.leans / self.limit * abs(k) * self.v * grows
 
     def _slip(self, speed: float, rate: float, moves: tuple[float, ...], z: Floats, mu: float, creep: float) -> Floats:
-        """Slips and drift, m/s, that make accelerations ahead, left and about the vertical."""
+        """Slips and drift, m/s, that cause the accelerations ahead, left and about the vertical."""
         f = self.stands
 
         def lacks(z: Floats, creep: float) -> Floats:
@@ -153,7 +153,7 @@ class Planned(Seen):
             return np.array([found[0], found[1], out[RATE]]) - moves
 
         found = root(lacks, z, (creep,), tol=1e-11).x
-        if not abs(lacks(found, creep)).max() < 1e-7:  # from far away: friction sharpens step by step
+        if not abs(lacks(found, creep)).max() < 1e-7:  # start is far off: sharpen the friction law step by step
             found = rate * np.array([-0.4, 0.4, -0.4])
             for blunt in creep * np.geomspace(300.0, 1.0, 15):
                 found = root(lacks, found, (blunt,), tol=1e-11).x
@@ -162,7 +162,7 @@ class Planned(Seen):
 
     @cached_property
     def sprockets(self) -> Floats:
-        """(K, 2)"""
+        """Demanded sprocket speeds (K, 2), rad/s."""
         f, far, way = self.stands, self.errors[0], self.errors[2]
         k, u, pace, wanted, lag = self.planned(), self.v, self.pace(), self.yaw_rate(), self.p["drive.lag"]
         fades = -2.0 * u * (self.curvature() - k) / far - u * way / far**2

@@ -1,4 +1,4 @@
-"""What a run leaves for the checks: states, inputs and outputs of every component at every communication point."""
+"""Record of a run for checks: states, inputs and outputs of all components at communication points."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 
 class Part:
-    """A component's record: K steps, K + 1 instants, the first at the start."""
+    """Record of a component: K steps, K + 1 instants, the first at the start."""
 
     def __init__(self, member: Member) -> None:
         self.name, self.kind, self.config, self.parameters = member.name, member.kind, member.config, member.parameters
@@ -52,7 +52,7 @@ class Part:
 
     @contextmanager
     def planted(self, names: Sequence[str], fault: Callable[[Floats], Floats]):
-        """With other values of outputs."""
+        """Return the record with a fault in some outputs."""
         columns = [self.outputs[name] for name in names]
         kept = self.y[:, columns].copy()
         self.y[:, columns] = fault(kept)
@@ -61,7 +61,7 @@ class Part:
 
 
 class Record:
-    """A run, with every component's part of it."""
+    """Record of a run, with the parts of all components."""
 
     def __init__(self, system: InProcess, duration: float) -> None:
         self.scene = system.scene

@@ -1,5 +1,7 @@
-"""The runs that checks look at: vehicles that start turned, away from the origin, drive off, yaw, brake and nod; and
-what else there is with outputs that a vehicle leaves alone: ends that are pulled or let go, hulls on the ground."""
+"""Runs for the checks: vehicles that start anywhere, drive, yaw and brake; chains; hulls.
+
+The latter exercise outputs that stay 0 in a vehicle: pulled or free ends of chains, hulls on the ground.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +22,10 @@ DRIVE = (
     "drive.ramp_start=0 s", "drive.ramp_time=0.3 s", "drive.speed=12 rad/s", "drive.stop=0.5 s",
     "drive.stop_time=0.1 s", "vehicle.contact.ground.friction=0.9", "run.step=1 ms",
 )  # fmt: skip
-# all that a track can show of its links
+# all link outputs of a track
 ALL = f"track.link_outputs={json.dumps(list(GROUPS))}"
-EVERY = "run.links=1"  # so that means of links are those of a communication step
-STEPS = "run.step=1 ms", "track.step=1 ms"  # what the tolerances of the checks rest on
+EVERY = "run.links=1"  # means of links over one communication step
+STEPS = "run.step=1 ms", "track.step=1 ms"  # steps of the checks' tolerances
 RAISED = "start.height=5 cm", "start.pitch=2 deg"
 # the left drive is slower and controlled, or braked
 TURN = {
@@ -64,24 +66,24 @@ EXPLICIT, UNDAMPED = ("track.integrator=runge_kutta",), ("vehicle.material.relax
 
 
 def swinging(model: str, *settings: str, overrides=None, duration: float = 0.2) -> Record:
-    """Let go between its pins."""
+    """Run of a chain released between its pins."""
     return other("hanging_chain", model, "track.start=displaced", *settings, overrides=overrides, duration=duration)
 
 
 def drawn(model: str, *settings: str, overrides=None, duration: float = 0.2) -> Record:
-    """Over a driven sprocket by forces on its ends."""
+    """Run of a chain over a driven sprocket, with forces on its ends."""
     drive = "drive.speed=4 rad/s", "drive.ramp_time=0.1 s", "run.step=0.5 ms"
     return other("sprocket_bench", model, *drive, *settings, overrides=overrides, duration=duration)
 
 
 def free(model: str, *settings: str) -> Record:
-    """Held at one end; pin forces of steel follow the last correction by 20 N a nanometre."""
+    """Run of a chain fixed at one end; steel pin forces change by 20 N per nanometre of correction."""
     fine = {} if model == "rigid" else {"chain": {"tolerance": 1e-11}}
     return other("released_chain", model, "chain.links=12", "run.step=0.2 ms", *settings, overrides=fine, duration=0.04)
 
 
 def thrown() -> Record:
-    """Without tracks, thrown nose down onto the ground so that hull and wheels meet it."""
+    """Run of a vehicle without tracks, thrown nose down onto the ground so that hull and wheels touch it."""
     scene = load("straight", "rigid", [*PLACE, "tracks=[]", "ground.hull=true", "start.height=0.3 m",
                                        "start.pitch=0.35", "run.step=1 ms"])  # fmt: skip
     system = InProcess(scene)
@@ -93,13 +95,13 @@ def thrown() -> Record:
 
 
 def driven(*settings: str, duration: float = 0.8) -> Record:
-    """Along a path to the left and to the right."""
+    """Run of a vehicle with a driver on a path to the left and to the right."""
     path = "driver.arcs=[[0.3, 0], [1, 0.2], [2, -0.2]]", "driver.ramp_start=0 s", "driver.ramp_time=0.3 s"
     return other("serpentine", "rigid", *path, "driver.speed=3 m/s", *settings, duration=duration)
 
 
 def joined() -> Record:
-    """Both sprockets joined: a controller drives them off and brakes, the right one is faster for a while."""
+    """Run with a steering differential: accelerates and brakes; the right side is faster for a time."""
     motors = (
         "drive.mode=controller", "drive.speed=8 rad/s", "drive.ramp_start=0 s", "drive.ramp_time=0.3 s",
         "drive.stop=0.5 s", "drive.stop_time=0.1 s", "drive.brake=800 N m", "drive.steering.speed=9 rad/s",
@@ -109,7 +111,7 @@ def joined() -> Record:
 
 
 class Run(NamedTuple):
-    """What to run, and which of its components need no look: they do what another one does."""
+    """Run, and names of its components that are left out because another one behaves alike."""
 
     make: Callable[[], Record]
     without: tuple[str, ...] = ()
@@ -118,7 +120,7 @@ class Run(NamedTuple):
 RUNS = {
     "rigid": Run(lambda: vehicle("rigid", overrides=TURN), ("left_track",)),
     "cable": Run(lambda: vehicle("flexible", overrides={"left_drive": {"speed.end": 10.0}}), ("right_track",)),
-    "turning": Run(  # little play, so that guides lose energy within the run
+    "turning": Run(  # little play, so that guides dissipate energy in the run
         lambda: vehicle("flexible", "track.axes=free", "vehicle.guide.clearance=3 mm",
                         overrides={"left_drive": {"speed.end": 18.0}}),
         ("right_track", "left_drive", "right_drive", "chassis"),
@@ -127,7 +129,7 @@ RUNS = {
     "planar": Run(lambda: vehicle("flexible", "symmetric=true", "planar=true", *RAISED)),
     "thrown": Run(thrown),
     "joined": Run(joined, ("left_track", "right_track", "chassis")),
-    "driven": Run(  # without friction slip is what a width says
+    "driven": Run(  # without friction the width determines the slip
         partial(driven, "driver.friction=0"), ("left_track", "right_track", "left_drive", "right_drive", "chassis")
     ),
     "gripping": Run(partial(driven, "driver.ramp_time=1.5 s", "driver.speed=1.5 m/s", duration=1.8),
@@ -146,5 +148,5 @@ STUDIES = {
 
 
 def record(name: str) -> Record:
-    """A run, done now."""
+    """Record of a run, executed now."""
     return (RUNS | STUDIES)[name].make()

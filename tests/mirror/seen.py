@@ -1,4 +1,4 @@
-"""What a driver sees, and what follows from it by the geometry of a finely sampled path."""
+"""Inputs of a driver, and quantities by the geometry of a finely sampled path."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from scipy.spatial.transform import Rotation
 from mirror.record import Floats, Part
 
 FINE = 2e-4  # m
-SLOW = 0.1  # m/s: slower ones are not steered
-REST = 0.25  # s in which what is left of a way fades
-PLACE = 0.1  # m between places of a plan
+SLOW = 0.1  # m/s: slower vehicles are not steered
+REST = 0.25  # s in which the remaining distance fades
+PLACE = 0.1  # m between points of a plan
 
 
 class Seen:
-    """The motion of the place that follows the path, in the middle of each step (K), and what follows from it."""
+    """Motion of the point that follows the path, at mid-step (K,), and derived quantities."""
 
     def __init__(self, part: Part) -> None:
         self.p = part.parameters
@@ -35,7 +35,7 @@ class Seen:
         self._lay(centre, arm)
 
     def _lay(self, centre: Floats, arm: Floats) -> None:
-        """The path, straight beyond its end."""
+        """Sample the path, which is straight beyond its end."""
         arcs = np.array([arc.split() for arc in self.p["path.arcs"].split(";")], float)
         self.s = np.arange(0.0, arcs[:, 0].sum() + 5.0, FINE)
         ends = np.cumsum(arcs[:, 0])
@@ -60,7 +60,7 @@ class Seen:
         return self._progress
 
     def error(self) -> Floats:
-        """Beside the path; of a place behind its beginning, beside the line through it."""
+        """Lateral distance from the path, m; behind its start, from the tangent there."""
         return self._error
 
     def askew(self) -> Floats:
@@ -75,7 +75,7 @@ class Seen:
         return np.minimum(self.ramp(), np.minimum(np.sqrt(2.0 * self.p["deceleration"] * left), left / REST))
 
     def planned(self) -> Floats:
-        """Curvature of the path at places 10 cm apart, means over as much, straight between."""
+        """Curvature of the path, 1/m, means over 10 cm at points 10 cm apart, linear between."""
         count = int(np.ceil(self.length / PLACE))
         places = np.linspace(0.0, self.length, count + 1)
         ends = np.clip(places[:, None] + 0.5 * self.length / count * np.array([-1.0, 1.0]), 0.0, self.length)

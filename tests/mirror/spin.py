@@ -1,4 +1,4 @@
-"""A sprocket's drive from its inputs, parameters and `fmus/sprocket_drive/README.md`; plain numpy, world axes."""
+"""Sprocket drive from inputs, parameters and `fmus/sprocket_drive/README.md`; plain numpy, world axes."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ Y = np.array([0.0, 1.0, 0.0])
 
 
 class Spin:
-    """The record of a drive."""
+    """Record of a drive."""
 
     def __init__(self, part: Part) -> None:
         self.part, self.p, self.J = part, part.parameters, float(part.config["drive"]["inertia"])
 
-    # --- the mount, as the drive has to move it on --------------------------------------------------
+    # --- extrapolated mount -------------------------------------------------------------------------
 
     @property
     def alone(self) -> bool:
-        """Whether its mount is not connected, a fixed axle."""
+        """True if the mount is not connected: a fixed axle."""
         return bool((self.part.u[:, :13] == self.part.starts[:13]).all())
 
     @cached_property
     def mount(self) -> tuple[Floats, Rotation, Floats, Floats]:
-        """Position, attitude, velocity and angular velocity at the end of each step; the first at the start (K + 1)."""
+        """Position, attitude, velocity and angular velocity at the start and at the end of each step (K + 1)."""
         part, h = self.part, self.part.h[:, None]
         place, own = standing(part.config["drive"]["mount"])
         place[1] += float(self.p["start.lateral"])
@@ -52,7 +52,7 @@ class Spin:
 
     @property
     def told(self) -> Rotation:
-        """Attitude of the mount at the beginning of each step."""
+        """Input attitude of the mount at the start of each step."""
         told = self.part.given("mount.orientation", "wxyz")
         return self.mount[1][:-1] if self.alone else turned(told)
 
@@ -62,19 +62,19 @@ class Spin:
 
     @property
     def swing(self) -> Floats:
-        """Rate of the mount about the axle (K + 1)."""
+        """Rate of the mount about the axle (K + 1,), rad/s."""
         return (self.axle * self.mount[3]).sum(1)
 
     @property
     def pulled(self) -> Floats:
-        """The chain's torque about the axle, mean over each step (K), axle of the middle of the step."""
+        """Torque of the chain about the axle at mid-step, mean over each step (K,), N m."""
         middle = self.axle[1:] + self.told.apply(Y)
         return (self.part.given("sprocket.torque") * middle).sum(1) / np.linalg.norm(middle, axis=1)
 
-    # --- what turns it ------------------------------------------------------------------------------
+    # --- torques ------------------------------------------------------------------------------------
 
     def wanted(self, t: float) -> float:
-        """Speed of the profile, half cosines."""
+        """Speed of the half-cosine profile at time ``t``, rad/s."""
         p = self.p
         t0, t1, first, last = p["ramp.start"], p["ramp.end"], p["speed.start"], p["speed.end"]
         if p["stop.start"] >= 0.0 and t > p["stop.start"]:
@@ -87,19 +87,19 @@ class Spin:
         return np.array([self.wanted(each) for each in t])
 
     def braking(self, s: Floats) -> Floats:
-        """Torque of the brake at speeds ``s``."""
+        """Torque of the brake, N m, at speeds ``s``, rad/s."""
         if self.p["mode"] == "speed":
             return 0.0 * s
         return self.p["brake.torque"] * s / np.hypot(s, self.p["brake.speed"])
 
     def summed(self, rates: Floats) -> Floats:
-        """Of a quantity at instants its integral, by trapezia."""
+        """Integral of a quantity at instants, by the trapezium rule."""
         return cumulative_trapezoid(rates, self.part.t, initial=0.0)
 
     # --- outputs ------------------------------------------------------------------------------------
 
     def speed(self) -> Floats:
-        """As prescribed; else from the balance of torques, step after step."""
+        """Speed (K + 1,), rad/s: prescribed, else integrated from the torques."""
         part = self.part
         if self.p["mode"] == "speed":
             return self.profile(part.t)
@@ -121,7 +121,7 @@ class Spin:
         return self.p["start.angle"] + turned_by
 
     def torque(self) -> Floats:
-        """Mean over each step; none at the start."""
+        """Torque of the motor, N m, mean over each step; 0 at the start."""
         part, p = self.part, self.p
         s = part["speed"]
         if p["mode"] == "torque":
@@ -131,7 +131,7 @@ class Spin:
         else:
             error = self.profile(part.t) - s
             told = p["controller.proportional"] * error
-            # the integral stands still where the limit cuts what would only grow
+            # anti-windup: the integral is held while the torque is limited
             sums, held = 0.0, [told[0]]
             for k, h in enumerate(part.h):
                 free = abs(told[k] + p["controller.integral"] * sums) < p["torque.limit"]
@@ -152,7 +152,7 @@ class Spin:
         return self.summed(self.braking(self.part["speed"]) * self.part["speed"])
 
     def port_work(self) -> Floats:
-        """Chain's wrench on the sprocket less what the mount is given, on the motion of either."""
+        """Work of the chain's wrench on the sprocket less that of the mount's wrench on the mount, J."""
         part = self.part
         turning, swinging = part.vector("sprocket.angular_velocity"), self.mount[3]
         turning, swinging = (0.5 * (w[1:] + w[:-1]) for w in (turning, swinging))
@@ -160,14 +160,14 @@ class Spin:
         return np.concatenate([[0.0], np.cumsum(part.h * power)])
 
     def mount_torque(self) -> Floats:
-        """What the chain gave and the spin did not keep; none at the start."""
+        """Torque on the mount, N m: the chain's less the rate of angular momentum; 0 at the start."""
         part = self.part
         momentum = self.J * (part["speed"] + self.swing)[:, None] * self.axle
         kept = np.diff(momentum, axis=0) / part.h[:, None]
         return np.vstack([np.zeros(3), part.given("sprocket.torque") - kept])
 
     def steps(self) -> Floats:
-        """Internal steps of half the time constant of brake and controller."""
+        """Number of internal steps, each at most half the time constant of brake and controller."""
         p, part = self.p, self.part
         each = np.ones(len(part.h))
         if p["mode"] != "speed":
@@ -178,5 +178,5 @@ class Spin:
         return np.concatenate([[0.0], np.cumsum(each)])
 
     def evaluations(self) -> Floats:
-        """Four stages a step; a prescribed speed is evaluated once."""
+        """Number of evaluations: four stages per step; one for a prescribed speed."""
         return self.steps() * (1.0 if self.p["mode"] == "speed" else 4.0)

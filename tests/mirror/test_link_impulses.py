@@ -1,4 +1,4 @@
-"""What a log holds of the forces on a link over an interval is what the link's momentum gains in it."""
+"""Momentum balance of links: logged mean forces over an interval against the momentum gained."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ STUDIES = ("beam",)  # its contacts take a minute to compile
 
 @cache
 def track(name: str, interval: int) -> Part:
-    """A run whose means of links span so many steps; all steps are recorded."""
+    """Track of a run whose link means span ``interval`` steps; all steps are recorded."""
     tracks = {"vehicle": "*_track", "drawn": "track", "swinging": "chain"}
     record: Record = RUNS[name](overrides={tracks[RUNS[name].func.__name__]: {INTERVAL: float(interval)}})
     return next(part for part in record.parts.values() if part.kind.startswith("Track"))
 
 
 def forces(part: Part, what: str, count: int) -> Floats:
-    """Of all links or pins (K + 1, count, 3), N; 0 where there are none."""
+    """Forces of all links or pins (K + 1, count, 3), N; 0 without outputs."""
     if f"{what.format(1)}.x" not in part.outputs:
         return np.zeros((len(part.t), count, 3))
     return np.stack([part.vector(what.format(i + 1)) for i in range(count)], axis=1)
 
 
 def missing(part: Part, stride: int, mass: float = 1.0) -> float:
-    """Largest impulse on a link between two records less what its momentum gains, over the largest impulse."""
+    """Largest impulse less momentum gain of a link between records, over the largest impulse."""
     links = chain(part)
     joint = forces(part, "joint[{}].force", links.nodes)
     total = joint[:, : links.n] - joint[:, links.second]
@@ -59,12 +59,12 @@ def test_impulses_are_changes_of_momentum(name, stride):
     part = track(name, stride)
     assert missing(part, stride) < 1e-6
     assert missing(part, stride, mass=1.03) > 1e-5
-    if stride > 1:  # means over one step, of which others are not recorded
+    if stride > 1:  # means over one step, but not all steps are recorded
         assert missing(track(name, 1), stride) > 1e-5
 
 
 def test_an_interval_goes_on_from_a_saved_state():
-    """Saved in the middle of one: the same bits at its end."""
+    """A state saved within an interval of means gives the same bits at its end."""
     scene = load("straight", "rigid", [*runs.PLACE, *runs.DRIVE, *runs.STEPS, runs.ALL, *BOTH, "run.links=8"])
     vehicle = InProcess(scene).run(0.003)
     saved = {name: (m.model.state.copy(), m.y.copy(), m.u.copy()) for name, m in vehicle.members.items()}

@@ -1,7 +1,7 @@
-"""Every output of every component against what independent code makes of states, inputs and other outputs.
+"""Every output of every component against independent code, from states, inputs and other outputs.
 
-Each kind of link drives a vehicle that starts turned and elsewhere, speeds up, yaws, brakes and nods; ends, soft links
-and the hull have runs of their own (``runs``). README.md beside this says how to add a check.
+Each kind of link drives a vehicle with a rotated, shifted start that accelerates, yaws, brakes and pitches; chain ends,
+soft links and the hull have their own runs (``runs``). README.md in this folder says how to add a check.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ MODELS = {
     "TrackRigid": TrackRigid, "TrackFlexible": TrackFlexible, "Chassis": Chassis, "SprocketDrive": SprocketDrive,
     "SteeringDifferential": SteeringDifferential, "Driver": Driver,
 }  # fmt: skip
-# outputs that other tests of this module look at: of tracks, of all
+# outputs that other tests of this module check: of tracks, of all components
 COUNTED = ("solver.steps", "solver.evaluations", "solver.iterations", "solver.rejected")
 STATUS = "status"
 # 0 by definition: rigid links have no strain, a chain in its plane turns no wheel about an upright axis and its pins
@@ -68,19 +68,19 @@ SOIL = r"link\[\d+\]\.(ground|wheels)\..*"  # 0 of links that do not touch it wi
 
 
 class Finding(NamedTuple):
-    """What a check says of one output in one run."""
+    """Result of a check of one output in one run."""
 
     kind: str
     part: str
     output: str
     says: str
-    off: float  # over what is allowed
-    noticed: frozenset[str]  # the faults planted in the output that it notices
+    off: float  # deviation over tolerance
+    noticed: frozenset[str]  # planted faults of the output that the check detects
 
 
 @cache
 def examined(run: str) -> tuple[Finding, ...]:
-    """All checks of a run, on the outputs as they are and with each fault planted."""
+    """Results of all checks of a run, with unchanged outputs and with each planted fault."""
     record, found = runs.record(run), []
     for part in record.parts.values():
         if part.name in runs.RUNS.get(run, runs.Run(None)).without:
@@ -115,7 +115,7 @@ def test_outputs_of_other_elasticities_on_a_vehicle(run):
 
 @cache
 def noticed(kind: str) -> dict[str, set[str]]:
-    """Of all outputs that a kind shows, the faults that some check notices in some run."""
+    """Faults detected by some check in some run, for all outputs of a kind of component."""
     found = defaultdict(set)
     for run in runs.RUNS:
         for finding in examined(run):
@@ -127,7 +127,7 @@ def noticed(kind: str) -> dict[str, set[str]]:
 @pytest.mark.parametrize("fault", [*FAULTS, SOMETHING])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_planted_fault_is_noticed(kind, fault):
-    """In every output: by a check of that output, in one of the runs."""
+    """Each output has a check that detects the fault in one of the runs."""
     nothing = NOTHING.get(kind, "-")
     asked = STRAINED if kind in ("general", "engineering") else ".*"
     outputs = [
@@ -147,7 +147,7 @@ def test_a_planted_fault_is_noticed(kind, fault):
 
 
 def test_counters_of_a_track_count_what_is_called(environment):
-    """The integrators run uncompiled, every evaluation, iteration and step counted as it is called."""
+    """Uncompiled integrators: every call of an evaluation, iteration and step is counted."""
     program = Path(__file__).with_name("counted.py")
     done = subprocess.run([sys.executable, str(program)], env={**environment, "NUMBA_DISABLE_JIT": "1"},
                           capture_output=True, text=True)  # fmt: skip
@@ -165,7 +165,7 @@ def test_counters_of_a_track_count_what_is_called(environment):
 
 
 def shell(kind: str, config: dict, folder: Path) -> Slave:
-    """A component as an FMI tool would find it, its modelDescription included, without a build."""
+    """Slave of a component with its modelDescription, without a build."""
     folder.mkdir(parents=True)
     (folder / "config.json").write_text(json.dumps(config))
     (folder / "build.txt").write_text(BUILD)
@@ -175,13 +175,13 @@ def shell(kind: str, config: dict, folder: Path) -> Slave:
 
 
 def shown(slave: Slave) -> list[str]:
-    """Its outputs, by modelDescription.xml."""
+    """Names of a slave's outputs by modelDescription.xml."""
     variables = slave.to_xml().find("ModelVariables")
     return [v.get("name") for v in variables if v.get("causality") == "output"]
 
 
 class Started:
-    """A shell whose status is read after each step."""
+    """Slave whose status is read after each step."""
 
     def __init__(self, slave: Slave) -> None:
         self.slave, self.t = slave, 0.0
@@ -204,7 +204,7 @@ class Started:
 
 @pytest.mark.parametrize("kind", MODELS)
 def test_status_says_how_the_last_step_went(kind, tmp_path):
-    """0: well, 1: it warned, 3: it failed; a component that has warned and goes on well says 0 again."""
+    """Status is 0 for ok, 1 for a warning, 3 for failure, and returns to 0 after a warning."""
     name = {"Driver": "serpentine", "SteeringDifferential": "differential"}.get(kind, "straight")
     scene = load(name, "rigid" if kind == "TrackRigid" else "flexible")
     part = next(part for part in assemble(scene).parts if part.kind == kind)
@@ -223,7 +223,7 @@ def test_status_says_how_the_last_step_went(kind, tmp_path):
 
 @cache
 def described() -> dict[str, set[str]]:
-    """Outputs in the modelDescriptions of all components of the gallery, with each track model, by their FMU."""
+    """Outputs by FMU, from the modelDescriptions of the gallery's components with each track model."""
     from tempfile import TemporaryDirectory
 
     found, seen = defaultdict(set), set()
@@ -239,7 +239,7 @@ def described() -> dict[str, set[str]]:
 
 
 def test_no_output_is_without_a_check():
-    """Of each link kind's own runs: an output that no run shows, or no check looks at, is named here."""
+    """Names outputs that no run of a link kind shows, or that no check covers."""
     by_kind = {"TrackRigid": ["TrackRigid"], "TrackFlexible": ["cable", "turning", "planar", "beam"],
                "Chassis": ["Chassis"], "SprocketDrive": ["SprocketDrive"],
                "SteeringDifferential": ["SteeringDifferential"], "Driver": ["Driver"]}  # fmt: skip

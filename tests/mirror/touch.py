@@ -1,8 +1,8 @@
-"""What links touch, from the laws as `fmus/physics/README.md` and the tracks' READMEs state them; plain numpy, world.
+"""Contacts of links by the laws in the READMEs of `fmus/physics` and the tracks; plain numpy, world.
 
 Stiffness and damping of the table are per link (per pin in the teeth), shared by its points: two Gauss points on the
-part of the inner face inside a rim, on the whole outer face for the ground; where links have a width, on either side of
-their middle. A rim's damper feels how fast the rim as a whole sinks in, all others the point's own approach.
+part of the inner face inside a rim, or on the whole outer face for the ground; links with a width have them on both
+sides of their middle. The damper of a rim acts on the approach of the rim as a whole, all others on that of the point.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from mirror.links import UP, Chain
 from mirror.motion import Wheels
 from mirror.record import Floats
 
-SPREAD = 0.5 / np.sqrt(3.0)  # of two Gauss points about the middle of the unit interval
-RAMP = 1e-3  # m of penetration over which a damper takes hold
+SPREAD = 0.5 / np.sqrt(3.0)  # offset of two Gauss points from the middle of the unit interval
+RAMP = 1e-3  # m of penetration over which damping rises to its full value
 HORN = 0.05  # m: reach of a guide horn into a disc
 
 
@@ -33,9 +33,9 @@ class Law(NamedTuple):
 
 
 class Push(NamedTuple):
-    """Of so many points (p)."""
+    """Contact forces at p points."""
 
-    force: Floats  # on them (p, 3)
+    force: Floats  # (p, 3) N, on the points
     normal: Floats  # N
     stored: Floats  # J
     rubbed: Floats  # W lost by friction
@@ -43,7 +43,7 @@ class Push(NamedTuple):
 
 
 def press(law: Law, share, depth: Floats, n: Floats, w: Floats, rate: Floats | None = None) -> Push:
-    """Faces with normals ``n``, towards points that move at ``w`` against them; ``rate``: what the damper feels."""
+    """Forces of faces with normals ``n`` on points with relative velocity ``w``; ``rate`` of the damper."""
     along = (w * n).sum(-1)
     rate = -along if rate is None else rate
     s = np.clip(depth / RAMP, 0.0, 1.0)
@@ -56,7 +56,7 @@ def press(law: Law, share, depth: Floats, n: Floats, w: Floats, rate: Floats | N
     return Push(force, normal, 0.5 * share * law.k * depth**2, *lost)
 
 
-# what loses energy in contacts: friction and damping of three, both together of guides
+# causes of energy loss in contacts: friction and damping of three kinds, their sum for guides
 CAUSES = ("ground_friction", "ground_damping", "wheel_friction", "wheel_damping", "tooth_friction", "tooth_damping",
           "guides")  # fmt: skip
 GROUND, WHEEL, TOOTH, GUIDE = (0, 1), (2, 3), (4, 5), (6, 6)
@@ -72,13 +72,13 @@ class Touch(NamedTuple):
     teeth: Floats  # (T, nodes, 3) on the pins
     stored: Floats  # (T) J
     lost: Floats  # (T, causes) W
-    along: Floats  # (T, n) N: forces on a link along it times how far from its middle, over its length
-    taken: Floats  # (T) W: what wheels and links put in
+    along: Floats  # (T, n) N: sum over axial forces on a link times distance from its middle, over its length
+    taken: Floats  # (T) W, power supplied by wheels and links
     depth: Floats  # (T) m
     load: Floats  # (T) N on the ground
     slide: Floats  # (T, 3) N m/s: load times velocity of the points on the ground
     sliding: Floats  # (T, n, 3) m/s, mean velocity of the points on the ground
-    sunk: Floats  # (T, n) m, depth of the deepest of them
+    sunk: Floats  # (T, n) m, largest depth of the points on the ground
 
 
 class _Sum:
@@ -91,7 +91,7 @@ class _Sum:
                        z((T, chain.n)))  # fmt: skip
 
     def book(self, t, at, x: Floats, w: Floats, depth: Floats, push: Push, m: int | None, kind: tuple) -> None:
-        """Points ``x`` (p, 3) at instants ``t`` on links (or pins) ``at`` and the wheel ``m``, or the ground."""
+        """Add contacts at points ``x`` (p, 3), instants ``t``, links (pins) ``at``, with wheel ``m`` or ground."""
         sums, f = self.t, push.force
         if kind == TOOTH:
             np.add.at(sums.teeth, (t, at), f)
@@ -114,13 +114,13 @@ class _Sum:
         np.maximum.at(sums.depth, t, depth)
 
     def material(self, t, m: int, x: Floats, u: Floats) -> Floats:
-        """Velocity of points against the material of a wheel."""
+        """Velocity (p, 3), m/s, of points relative to the material of a wheel."""
         wheels = self.wheels
         return u - wheels.velocity[t, m] - np.cross(wheels.spin[t, m], x - wheels.centre[t, m])
 
 
 def inside(chain: Chain, wheels: Wheels, m: int, radius: float):
-    """The part of each link's inner face inside a circle: t, i (p), its ends as fractions, the foot, the normal."""
+    """Part of each link's inner face inside a circle: t, i (p,), ends as fractions, foot point, normal."""
     a, b, _, _ = chain.ends
     axle, centre = wheels.axle[:, m, None], wheels.centre[:, m, None]
     along = b - a
@@ -155,7 +155,7 @@ def rims(sums: _Sum, law: Law, m: int, radius: float) -> None:
             w = sums.material(t, m, x, u)
             push = press(law, share[on], depths[-1][on], (radial / rho[:, None])[on], w[on], sinking[on])
             sums.book(t[on], i[on], x[on], w[on], depths[-1][on], push, m, WHEEL)
-    # the parabola through two depths stores more than they do: its mean square over the part, by three points
+    # stored energy is the mean square of the depth parabola over the part, by three points
     half = 0.5 * (high - low) * length
     bow, extra = half**2 / (2.0 * radius), 0.0
     for eta, weight in zip(*np.polynomial.legendre.leggauss(3), strict=True):
@@ -199,7 +199,7 @@ def soil(sums: _Sum, law: Law, level: float) -> None:
 
 
 class Outline:
-    """Path of a pin's centre in the gap between two teeth: seat, flank, rounding, land; a outwards, b across."""
+    """Path of a pin's centre between two teeth: seat, flank, rounding, land; a outwards, b across."""
 
     def __init__(self, vehicle: dict[str, Any]) -> None:
         s = vehicle["sprocket"]
@@ -217,7 +217,7 @@ class Outline:
         self.tip, self.length, self.d = behind + climb * d, climb, d
 
     def press(self, a: Floats, b: Floats) -> tuple[Floats, Floats]:
-        """Depth (p), and the normal in a and b (p, 2), of pins at b >= 0: that of the nearest of the four pieces."""
+        """Depth (p,), m, and normal in a and b (p, 2) of pins at b >= 0, by the nearest of the four pieces."""
         x = np.stack([a, b], axis=-1)
         rho = np.linalg.norm(x, axis=-1)
         found = []
@@ -246,7 +246,7 @@ def teeth(sums: _Sum, law: Law, m: int, outline: Outline) -> None:
     far = np.linalg.norm(chain.pins - wheels.centre[:, m, None], axis=-1)
     t, j = np.nonzero(far < outline.top + 0.5)
     axle, radial, centre = wheels.axle[t, m], wheels.radial[t, m], wheels.centre[t, m]
-    quarter = np.cross(axle, radial)  # where it turns to
+    quarter = np.cross(axle, radial)  # direction of rotation
     for y in chain.lateral:
         x, u = chain.pin(t, j, y)
         d = x - centre
@@ -266,13 +266,13 @@ def teeth(sums: _Sum, law: Law, m: int, outline: Outline) -> None:
 
 
 def ground_level(vehicle: dict[str, Any], parameters: dict[str, Any]) -> float:
-    """World height of the ground: pads that hang under the drawn road wheels just touch it."""
+    """Height of the ground, world, m: pads below the drawn road wheels just touch it."""
     wheel = vehicle["road_wheel"]
     return float(parameters["start.position.z"]) + wheel["z"] - wheel["radius"] - 2.0 * vehicle["track"]["face"]
 
 
 def touch(chain: Chain, wheels: Wheels, covering: bool = False) -> Touch:
-    """All contacts of a track; or those alone that cover more or less of a link as it moves."""
+    """Contacts of a track: all, or with ``covering`` only those whose covered part of a link changes."""
     part, vehicle = chain.part, chain.vehicle
     laws = {pair: Law.of(part.parameters, vehicle["contact"], pair) for pair in ("sprocket", "wheel", "ground")}
     outline, sums = Outline(vehicle), _Sum(chain, wheels)

@@ -1,4 +1,4 @@
-"""What the outputs of a track should be."""
+"""Expected outputs of a track."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mirror.record import Floats
 from mirror.touch import CAUSES, touch
 
 AXES = {axis: k for k, axis in enumerate("xyz")}
-SPLIT = 0.1  # rad between the neighbours of a link from which on it is no straight run
+SPLIT = 0.1  # rad between the neighbours of a link: from here on the run is not straight
 MOMENT = 1e-7  # s, of the difference of stored energies
 
 
@@ -25,12 +25,12 @@ def wheel_names(view: View) -> list[str]:
 
 
 def started(first: Floats, steps: Floats) -> Floats:
-    """The value at the start before those of the steps."""
+    """Prepend the value at the start to those of the steps."""
     return np.concatenate([first[None], steps])
 
 
 def summed(view: View, rates: Floats) -> Floats:
-    """The integral of a rate at instants, by trapezia, as the component adds it up."""
+    """Integral of a rate at instants by the trapezium rule, which the component uses too."""
     return np.concatenate([[0.0], np.cumsum(0.5 * view.part.h * (rates[1:] + rates[:-1]))])
 
 
@@ -38,7 +38,7 @@ def summed(view: View, rates: Floats) -> Floats:
 
 
 def wrenches(view: View, names: Sequence[str]) -> Floats:
-    """Contact laws at all instants, through the recursion that makes impulses of them."""
+    """Wrenches on wheels: contact laws at all instants, averaged by the integrator's recursion."""
     found, wheels = view.touch.wrench, wheel_names(view)
     means = started(found[0], view.recursion.means(found))
     columns = []
@@ -49,7 +49,7 @@ def wrenches(view: View, names: Sequence[str]) -> Floats:
 
 
 def ground(view: View, names: Sequence[str]) -> Floats:
-    """The same of the ground, on all links or on each."""
+    """Ground forces on all links or on each, averaged by the recursion."""
     means = started(view.touch.ground[0], view.recursion.means(view.touch.ground))
     whole = means.sum(1)
     columns = []
@@ -60,7 +60,7 @@ def ground(view: View, names: Sequence[str]) -> Floats:
 
 
 def ground_of_links(view: View, names: Sequence[str]) -> Floats:
-    """What the track has of the ground, less what other links have."""
+    """Ground force of a link: that of the track less those of the other links."""
     (name,) = names
     axis = name[-1]
     others = [f"link[{i}].ground.force.{axis}" for i in range(1, view.chain.n + 1)]
@@ -68,7 +68,7 @@ def ground_of_links(view: View, names: Sequence[str]) -> Floats:
 
 
 def wheels_of_links(view: View, names: Sequence[str]) -> Floats:
-    """Of rims and guides on each link, and of teeth on the pin where it ends; on the first pin of an open chain too."""
+    """Wheel forces of links: rims and guides on each, teeth on its last pin (open chains: and first)."""
     c, found = view.chain, view.touch.force - view.touch.ground + view.touch.teeth[:, view.chain.second]
     if not c.closed:
         found[:, 0] += view.touch.teeth[:, 0]
@@ -76,7 +76,7 @@ def wheels_of_links(view: View, names: Sequence[str]) -> Floats:
 
 
 def of_links(view: View, found: Floats, names: Sequence[str]) -> Floats:
-    """Mean over the steps, by the recursion, of what each link has (T, n, 3)."""
+    """Mean forces over the steps, by the recursion, of forces on each link (T, n, 3)."""
     means = started(found[0], view.recursion.means(found))
     return np.stack([means[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
 
@@ -91,7 +91,7 @@ def sunk(view: View, names: Sequence[str]) -> Floats:
 
 
 def links_on_wheels(view: View, names: Sequence[str]) -> Floats:
-    """The reaction of all wheels, less what other links have."""
+    """Wheel force of a link: reaction of all wheels less the forces on the other links."""
     (name,) = names
     axis = name[-1]
     others = [f"link[{i}].wheels.force.{axis}" for i in range(1, view.chain.n + 1)]
@@ -100,7 +100,7 @@ def links_on_wheels(view: View, names: Sequence[str]) -> Floats:
 
 
 def newton(view: View, names: Sequence[str]) -> Floats:
-    """At rest: what is left of the joints' forces, the ground's and the weight of a link."""
+    """Wheel force of a link at rest, from the joint forces, the ground force and the weight."""
     (name,) = names
     c, part, i, axis = view.chain, view.part, link_number(names[0]) + 1, name[-1]
     found = np.full(len(part.t), np.nan)
@@ -111,7 +111,7 @@ def newton(view: View, names: Sequence[str]) -> Floats:
 
 
 def momentum(view: View, names: Sequence[str]) -> Floats:
-    """Change of the chain's momentum over each step, less all other forces."""
+    """Force from the change of the chain's momentum over each step less all other forces."""
     (name,), part, c = names, view.part, view.chain
     damped = view.recursion.means(across(c)[0].sum(1))
     gained = np.diff(chain_momentum(view), axis=0) / part.h[:, None]
@@ -128,7 +128,7 @@ def momentum(view: View, names: Sequence[str]) -> Floats:
 
 
 def chain_momentum(view: View) -> Floats:
-    """World (T, 3)."""
+    """Momentum of the chain (T, 3), world, kg m/s."""
     c = view.chain
     if isinstance(c, Rigid):
         return c.mass * c.velocity.sum(1)
@@ -139,7 +139,7 @@ def chain_momentum(view: View) -> Floats:
 
 
 def attitude(view: View):
-    """Of what carries the wheels: rotation, angular velocity (K + 1, 3); the chassis where there is one."""
+    """Rotation and angular velocity (K + 1, 3), rad/s, of the wheels' carrier, the chassis if present."""
     if "chassis" in view.record.parts:
         chassis = view.record["chassis"]
         return turned(chassis.vector("chassis.orientation", "wxyz")), chassis.vector("chassis.angular_velocity")
@@ -148,7 +148,7 @@ def attitude(view: View):
 
 
 def over_carrier(view: View) -> Floats:
-    """Mean velocity along the chain of its straight runs, over what its sprocket is mounted on (K + 1)."""
+    """Mean velocity (K + 1,), m/s, along straight runs of the chain, relative to the sprocket's mount."""
     c = view.chain
     a, b, va, vb = c.ends
     _, spin = attitude(view)
@@ -174,7 +174,7 @@ def travel(view: View, names: Sequence[str]) -> Floats:
 
 
 def counted(view: View) -> tuple[Floats, Floats]:
-    """Pins that have passed lines fixed on the vehicle, times the pitch: over its upper and its lower run (K + 1)."""
+    """Pins that passed lines fixed on the vehicle, times pitch, m: upper and lower run (K + 1,) each."""
     c, (turn, _) = view.chain, attitude(view)
     matrix = turn.as_matrix()
     local = np.einsum("tji,tnj->tni", matrix, c.pins - view.wheels.centre[:, :1])
@@ -194,20 +194,20 @@ def counted(view: View) -> tuple[Floats, Floats]:
 
 
 def passed(view: View, names: Sequence[str]) -> tuple[Floats, Floats]:
-    """Between what has passed above and what has passed below."""
+    """Bounds of the travel: lengths that passed above and below."""
     above, below = counted(view)
     return np.minimum(above, below)[:, None], np.maximum(above, below)[:, None]
 
 
 def growth_of_travel(view: View, names: Sequence[str]) -> Floats:
-    """The trapezium rule, read the other way: twice the mean speed of a step less the speed at its other end."""
+    """Speed by the inverse trapezium rule: twice the mean of a step less the speed at its other end."""
     mean = np.diff(view.part["travel"]) / view.part.h
     own = over_carrier(view)
     return np.concatenate([[np.nan], 2.0 * mean - own[:-1]])[:, None]
 
 
 def slip(view: View, names: Sequence[str]) -> Floats:
-    """Load on each point of the ground times its rearward velocity, over all load."""
+    """Slip: load on each ground point times its rearward velocity, over the total load."""
     t = view.touch
     back = -(t.slide * forward(view)).sum(1)
     return (back / np.where(t.load > 0.0, t.load, np.inf))[:, None]
@@ -217,11 +217,11 @@ def slip(view: View, names: Sequence[str]) -> Floats:
 
 
 def tensions(view: View) -> Floats:
-    """(K + 1, n): from strain and turning, or of a rod on which pins, contacts and its own turning pull."""
+    """Tensions (K + 1, n), N, by strain and rotation, or of a rod under pin, contact, centrifugal forces."""
     c = view.chain
     if not isinstance(c, Rigid):
         found = c.tension + c.whirled(view.accelerations)
-        found[:30] = np.nan  # accelerations are found from a past that ends there
+        found[:30] = np.nan  # the reconstruction of accelerations needs a history
         return found
     first, last = pin_pulls(view)
     whirled = c.mass * c.pitch / 12.0 * (c.own_rate[..., 1:] ** 2).sum(-1)
@@ -229,7 +229,7 @@ def tensions(view: View) -> Floats:
 
 
 def pin_pulls(view: View) -> tuple[Floats, Floats]:
-    """What stretches links (K + 1, n, 3): the force of their first pin, reversed, and that of their last one."""
+    """Forces that stretch links (K + 1, n, 3), N: reversed force of the first pin, force of the last pin."""
     c, forces = view.chain, view.joints
     load = (view.touch.teeth + across(c)[0])[:, c.second]
     if not c.closed:
@@ -251,10 +251,10 @@ def tension_of_all(view: View, names: Sequence[str]) -> Floats:
 
 
 def carried(view: View, names: Sequence[str]) -> tuple[Floats, Floats]:
-    """Between the forces of a link's two pins along it, or as far beyond, while it touches nothing.
+    """Bounds of the tension of links without contact: axial forces of both pins, and as far beyond.
 
-    Rims pull the halves of a link apart, and a blow passes through it as a wave. A link that turns, at 150 rad/s where
-    a slack run is pulled straight, pulls its own halves outwards: m L w^2 / 12, as a rod's mean over its length.
+    Rims pull the halves of a link apart, and an impact passes through it as a wave. A rotating link (150 rad/s when a
+    slack run is pulled straight) has a centrifugal tension m L w^2 / 12, the mean of a rod over its length.
     """
     c = view.chain
     a, b, va, vb = c.ends
@@ -283,7 +283,7 @@ def stress_of_all(view: View, names: Sequence[str]) -> Floats:
 
 
 def joint_forces(view: View, names: Sequence[str]) -> Floats:
-    """Means over the steps, by the recursion, of what is known from the 30th instant on."""
+    """Joint forces: means over the steps, by the recursion, from the 30th instant on."""
     found = view.joints.copy()
     found[:30] = found[30]
     means = started(found[0], view.recursion.means(found))
@@ -292,7 +292,7 @@ def joint_forces(view: View, names: Sequence[str]) -> Floats:
 
 
 def joints_by_momentum(view: View, names: Sequence[str]) -> Floats:
-    """What the momentum of one link gains over each step, less all other forces on it."""
+    """Joint force: momentum gain of one link over each step less all other forces on it."""
     (name,), c, part = names, view.chain, view.part
     j, axis = link_number(name), name[-1]
     i = min(j, c.n - 1)
@@ -327,7 +327,7 @@ def joint_places(view: View, names: Sequence[str]) -> Floats:
 
 
 def joint_ways(view: View, names: Sequence[str]) -> Floats:
-    """Where the rates of the state take the pins from their start."""
+    """Positions of the pins by integration of the state's rates."""
     c, h = view.chain, view.part.h[:, None, None]
     found = c.pins[:1] + started(np.zeros(c.pins.shape[1:]), np.cumsum(0.5 * h * (c.rates[1:] + c.rates[:-1]), axis=0))
     return np.stack([found[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
@@ -354,7 +354,7 @@ def stored(view: View, names: Sequence[str]) -> Floats:
 
 
 def lost(view: View, names: Sequence[str]) -> Floats:
-    """In contacts, in the material of links, across the chain."""
+    """Energy lost in contacts, in the material of links and by damping across the chain."""
     c = view.chain
     powers = {cause: view.touch.lost[:, k] for k, cause in enumerate(CAUSES)}
     powers["material"] = np.zeros(len(view.part.t)) if isinstance(c, Rigid) else c.material_loss
@@ -368,9 +368,9 @@ def causes_together(view: View, names: Sequence[str]) -> Floats:
 
 
 def ledger(view: View, names: Sequence[str]) -> Floats:
-    """What wheels and end loads have put in and is neither stored nor covered.
+    """Dissipated energy: work of wheels and end loads that is neither stored nor covered.
 
-    A wheel that is elsewhere at the next step than it was moved on to has jumped, under the wrenches of both steps.
+    A wheel whose new position differs from its extrapolated one has jumped; the wrenches of both steps do work on it.
     """
     part, put_in = view.part, np.zeros(len(view.part.h))
     for m, wheel in enumerate(wheel_names(view)):
@@ -388,7 +388,7 @@ def ledger(view: View, names: Sequence[str]) -> Floats:
 
 
 def patch_defect(view: View, names: Sequence[str]) -> Floats:
-    """What contacts take in less what they lose and what is stored more a moment later."""
+    """Patch defect: power into contacts less losses less the rate of stored energy."""
     c, w = view.chain, view.wheels
     after, before = (touch(c.moved(tau), w.moved(tau), covering=True) for tau in (MOMENT, -MOMENT))
     now = touch(c, w, covering=True)
@@ -397,7 +397,7 @@ def patch_defect(view: View, names: Sequence[str]) -> Floats:
 
 
 def pulled(view: View, names: Sequence[str]) -> Floats:
-    """Constant forces times the way of the ends."""
+    """Work of constant forces on the displacement of the ends."""
     c = view.chain
     first, last = pulls(c)
     way = c.pins - c.pins[0]
@@ -412,7 +412,7 @@ def deepest(view: View, names: Sequence[str]) -> Floats:
 
 
 def steps(view: View, names: Sequence[str]) -> Floats:
-    """As many as the largest internal step asks for, in runs without a halving."""
+    """Number of internal steps by the largest internal step, in runs without halvings."""
     each = np.ceil(view.part.h / float(view.part.parameters["step"]) - 1e-9)
     return np.concatenate([[0.0], np.cumsum(each)])[:, None]
 
@@ -422,7 +422,7 @@ def stages(view: View, names: Sequence[str]) -> Floats:
 
 
 def told(view: View) -> bool:
-    """Whether tensions are known: of elements from their strain, of rigid links from accelerations."""
+    """True if tensions are known: from strain for elements, from accelerations for rigid links."""
     return implicit(view) or (view.kind != "TrackRigid" and view.chain.beyond_rod == 0.0)
 
 
@@ -431,7 +431,7 @@ def on_wheels(view: View) -> bool:
 
 
 def implicit(view: View) -> bool:
-    """Whether impulses come of forces by the recursion: one implicit internal step a communication step."""
+    """True if the recursion gives impulses: one implicit internal step per communication step."""
     p = view.part.parameters
     return p["integrator"] in ("generalized_alpha", "hht") and bool((view.part.h < 1.001 * float(p["step"])).all())
 
@@ -445,7 +445,7 @@ def explicit(view: View) -> bool:
 
 
 def undamped(view: View) -> bool:
-    """On wheels; what damps pins across is known at instants alone, and by the recursion."""
+    """True on wheels with fixed axes, if lateral pin damping is 0 or covered by the recursion."""
     return view.driven() and not turning(view) and (implicit(view) or not view.track["transverse_damping"])
 
 
@@ -466,7 +466,7 @@ def straight_on(view: View) -> bool:
 
 
 def in_one_frame(view: View) -> bool:
-    """The turning of the axes is no part of the recursion; what damps pins across is no output."""
+    """True with fixed axes and no lateral pin damping: the recursion and the outputs lack both."""
     return not turning(view) and not view.track["transverse_damping"]
 
 
@@ -480,7 +480,7 @@ CHECKS = (
     Check(WHEEL + r"\.force\.[xyz]", "contact laws", wrenches, 1e-3, 0.2, applies=implicit_on_wheels),
     Check(WHEEL + r"\.torque\.[xyz]", "contact laws", wrenches, 1e-3, 0.05, applies=implicit_on_wheels),
     Check(WHEEL + r"\.force\.[xyz]", "balance of momentum", momentum, 1e-3, 1.0, balance=True, applies=undamped),
-    # the turning of the axes is no part of the recursion: their jitter leaves some 5 N of 34 kN, at shorter steps too
+    # the recursion omits the rotation of axes: their jitter leaves some 5 N of 34 kN, also at shorter steps
     Check(rf"({WHEEL}|ground)\.force\.[xyz]", "balance of momentum", momentum, 1e-3, 5.0, balance=True,
           applies=turning),
     Check(r"ground\.force\.[xyz]", "contact laws", ground, 1e-3, 2.0, applies=implicit),
