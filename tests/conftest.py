@@ -1,8 +1,8 @@
-"""Fixtures of all tests.
+"""Fixtures for all tests.
 
-Built FMUs and compiled kernels go into the ordinary cache, which is addressed by content: workers share it,
-and a kernel is compiled once, not once a run. Two workers that need a new kernel at the same time both compile it:
-hence the order of the modules.
+Built FMUs and compiled kernels go into the ordinary content-addressed cache: workers share it, and a kernel is compiled
+once, not in every run. Two workers that need a new kernel at the same time both compile it; the order of the modules
+avoids that.
 """
 
 import os
@@ -18,7 +18,7 @@ from fmus.build import build_shell
 from orchestrator.cli import app, main
 from orchestrator.log.stream import Stream
 
-# how long an example takes says something of the machine, not of the code
+# the duration of an example depends on the machine, not on the code
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("untimed")
 
@@ -27,11 +27,12 @@ TOY = HERE / "toy"
 ROOT = HERE.parent
 
 
-@pytest.hookimpl(trylast=True)  # of those that are run
+@pytest.hookimpl(trylast=True)  # after deselection
 def pytest_collection_modifyitems(items):
-    """With an empty cache one worker compiles the vehicles' kernels while the other is at the pieces of physics.
+    """Order the modules so that, with an empty cache, two workers compile different kernels.
 
-    What needs whole vehicles comes after them and finds its kernels. Large modules are first, for an even end.
+    One compiles the kernels of vehicles while the other runs tests of physics. Tests of whole vehicles come later and
+    find their kernels. Large modules come first, so that both workers end at the same time.
     """
     sizes = Counter(item.path for item in items)
 
@@ -43,12 +44,12 @@ def pytest_collection_modifyitems(items):
 
 
 def build_toy(folder=None, name=None, **config):
-    """The FMU of a mass on a spring, with so many spare inputs and outputs."""
+    """FMU of a mass on a spring, with spare inputs and outputs as configured."""
     return build_shell(TOY / "toy_fmu.py", {"spare": 3, "start": 0.1, **config}, folder, name, packages=[TOY])
 
 
 def messages(err):
-    """What a command wrote to stderr, without the lines in which it says what it is at."""
+    """Messages of a command on stderr, without its narration."""
     return "".join(line for line in err.splitlines(True) if not line.startswith("... "))
 
 
@@ -73,7 +74,7 @@ def fresh_cache(tmp_path, monkeypatch):
 
 @pytest.fixture
 def clean_imports():
-    """The interpreter's search path and modules are afterwards as they were."""
+    """Restore the interpreter's search path and modules after the test."""
     path, modules = list(sys.path), set(sys.modules)
     yield
     sys.path[:] = path
@@ -83,7 +84,7 @@ def clean_imports():
 
 @pytest.fixture
 def scaled(monkeypatch):
-    """``scaled(log, topic, name, factor)``: logs are read as if a variable were so many times as large."""
+    """Function ``scaled(log, topic, name, factor)``: scales a variable when logs are read."""
 
     def change(log, topic, name, factor):
         assert name in log.topics[topic].names
@@ -102,13 +103,13 @@ def scaled(monkeypatch):
 
 @pytest.fixture
 def cotrack(call):
-    """``call`` of the command ``cotrack``."""
+    """Function ``call`` for the command ``cotrack``."""
     return partial(call, app)
 
 
 @pytest.fixture
 def call(capsys, monkeypatch, tmp_path):
-    """Call a command line in an empty folder; exit status, stdout, stderr without the lines of its narration."""
+    """Call a command line in an empty folder; return exit status, stdout, stderr without narration."""
     monkeypatch.chdir(tmp_path)
 
     def call(command, *arguments):

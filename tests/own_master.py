@@ -1,4 +1,4 @@
-"""A master of one's own: the vehicle drives off, with fmpy and the four standard FMUs alone.
+"""Example of an own master: the vehicle drives off, with only fmpy and the four standard FMUs.
 
 ``cotrack build -o FOLDER``, then ``python tests/own_master.py FOLDER [TrackFlexible|TrackRigid] [STOP]``.
 """
@@ -16,7 +16,7 @@ H = 1.25e-3  # s
 
 
 def load(folder, kind, name):
-    """An instance, unpacked into a folder of its own, and the value references of its variables by name."""
+    """Return an instance, unpacked into its own folder, and the value references of its variables by name."""
     unpacked = extract(f"{folder}/{kind}.fmu")
     said = read_model_description(unpacked)
     fmu = FMU2Slave(guid=said.guid, unzipDirectory=unpacked, modelIdentifier=kind, instanceName=name)
@@ -25,13 +25,13 @@ def load(folder, kind, name):
 
 
 def main(folder, track="TrackFlexible", stop=0.1, speed=None, ramp=None, lateral=1.0795):
-    """Position and speed of the chassis after ``stop`` s; drives told nothing keep the profile of their scene."""
+    """Position and speed of the chassis after ``stop`` s; by default drives keep the profile of their scene."""
     order = {f"{side}_{part}": kind for part, kind in (("track", track), ("drive", "SprocketDrive"))
              for side in ("left", "right")} | {"chassis": "Chassis"}  # fmt: skip
     fmus, where = {}, {}
     for name, kind in order.items():
         fmus[name], where[name] = load(folder, kind, name)
-    feeds = []  # giver, its references, taker, its references
+    feeds = []  # source, its references, target, its references
 
     def connect(giver, connector, taker, port, names):
         feeds.append((giver, [where[giver][f"{connector}.{n}"] for n in names],

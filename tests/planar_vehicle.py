@@ -1,20 +1,28 @@
-"""A tracked vehicle in the plane, by the general theory of skid steering with inertia: a quick plant for drivers.
+"""Tracked vehicle in the plane, by the general theory of skid steering with inertia: a fast plant for drivers.
 
-The forces are those of ``skid_steering`` at any motion, steady or not: Coulomb friction under the road wheels, loads
-moved by the accelerations along and across the hull. Sprockets follow their demands with a lag of first order.
-Classical Runge-Kutta; the frame is x ahead, y left, from the centre of mass.
+The forces are those of ``skid_steering``, also in unsteady motion: Coulomb friction under the road wheels, with loads
+transferred by longitudinal and lateral accelerations of the hull. Sprockets follow their demands with a first-order
+lag. Integrated by classical Runge-Kutta; the frame is x ahead, y left, from the centre of mass.
 """
 
 import numba
 import numpy as np
 from skid_steering import G, Vehicle
 
-X, Y, HEADING, AHEAD, LEFT, RATE, SPEEDS = 0, 1, 2, 3, 4, 5, slice(6, 8)  # of the state; speeds of both sprockets
+X, Y, HEADING, AHEAD, LEFT, RATE, SPEEDS = (
+    0,
+    1,
+    2,
+    3,
+    4,
+    5,
+    slice(6, 8),
+)  # indices of the state; speeds of both sprockets
 LONGEST = 1e-3  # s: an internal step
 
 
 class Planar:
-    """The vehicle; what it is told are the wanted speeds of its sprockets (left, right), rad/s."""
+    """Planar vehicle; its inputs are the demanded speeds of its sprockets (left, right), rad/s."""
 
     def __init__(self, vehicle=None, inertia=38.5e3, lag=0.1, place=(0.0, 0.0, 0.0), speed=0.0):
         v = vehicle or Vehicle()
@@ -24,7 +32,7 @@ class Planar:
         self._arrays = np.array(v.wheels), np.array(v.shares)
 
     def step(self, h, wanted):
-        """Advance by ``h`` s."""
+        """Advance by ``h``, s, with demanded sprocket speeds (2,), rad/s."""
         v, n = self.vehicle, int(np.ceil(h / LONGEST - 1e-9))
         numbers = (v.mass, self.inertia, v.height, v.half_width, v.width, v.radius, v.friction, v.creep, self.lag)
         _march(self.x, self.told, n, h / n, np.asarray(wanted, float), *self._arrays, numbers)
@@ -67,10 +75,10 @@ def _march(x, told, n, h, wanted, wheels, shares, p):
 
 
 class Ride:
-    """A driver's model on the planar vehicle: outputs by name, and the motion (n, 8) of the vehicle, at each step."""
+    """Run of a driver's model on the planar vehicle: outputs by name and motion (n, 8) at each step."""
 
     def __init__(self, model, plant, hull, stop, h=2e-3):
-        """``hull``: how far the hull's centre of mass is ahead of the vehicle's, m."""
+        """Run the model; ``hull``: distance of the hull's centre of mass ahead of the vehicle's, m."""
         self.names = [p.name for p in model.ports if p.causality == "output" and isinstance(p.start, float)]
         shown, moved, y = [], [], np.zeros(len(self.names))
         for k in range(round(stop / h)):
@@ -86,7 +94,7 @@ class Ride:
 
 
 def motion(x, hull):
-    """The 13 that a driver sees."""
+    """Inputs (13,) of a driver: position, orientation, velocity and angular velocity of the hull."""
     c, s, half = np.cos(x[HEADING]), np.sin(x[HEADING]), 0.5 * x[HEADING]
     u, v = x[AHEAD], x[LEFT] + hull * x[RATE]
     place = x[X] + hull * c, x[Y] + hull * s, 0.4

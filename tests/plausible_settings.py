@@ -1,7 +1,7 @@
-"""Random plausible settings of a vehicle on rigid links: each is run as it is, then with half the step.
+"""Random plausible settings of a vehicle on rigid links, each run with the given and with half the step.
 
-A run either passes a limit of the validity ledger, or warns otherwise, or agrees with the run at half of its step
-within ``AGREES`` in every observable but peaks.
+A run must pass a limit of the validity ledger, or warn otherwise, or agree with the run at half its step within
+``AGREES`` in every observable except peaks.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from orchestrator.scene.scene import Scene, load
 SEED, COUNT = 34, 60
 STOP = 1.2  # s
 AGREES = 0.1
-# the least that a difference is relative to; largest tensions are peaks
+# lower bounds of the reference of relative differences; largest tensions are peaks
 FLOORS = {
     "distance": 0.1, "speed": 0.1, "settlement": 0.01, "ground_force": 1e4, "slip": 0.1, "tension_mean": 1e3,
 }  # fmt: skip
@@ -57,7 +57,7 @@ def drawn(k: int) -> list[str]:
 
 
 def _drive(rng: np.random.Generator) -> list[str]:
-    """A half-cosine ramp, a ramp and its reversal, or a torque and a brake."""
+    """Settings of a drive: half-cosine ramp, ramp and reversal, or torque and brake."""
     speed = float(rng.uniform(3.0, 20.0)) * float(rng.choice([-1.0, 1.0]))
     kind = rng.choice(["ramp", "reversal", "torque"], p=[0.6, 0.2, 0.2])
     rise = float(rng.uniform(0.3, 1.0))
@@ -75,7 +75,7 @@ def _drive(rng: np.random.Generator) -> list[str]:
 
 
 def scene(k: int, halved: bool) -> Scene:
-    """Case ``k``, with half of both steps."""
+    """Scene of case ``k``; ``halved``: with half of both steps."""
     settings = drawn(k)
     whole = load("straight", "rigid", [f"run.stop={STOP}", "symmetric=true", "expect={}", *settings])
     if not halved:
@@ -86,7 +86,7 @@ def scene(k: int, halved: bool) -> Scene:
 
 
 def observed(path: Path, found: dict[str, Any]) -> dict[str, float]:
-    """Observables of a run; slip as a velocity, m/s: over a chain's speed it says nothing in a reversal."""
+    """Observables of a run; slip is a velocity, m/s, because the slip ratio is meaningless in a reversal."""
     with Log(path) as log:
         run = RunData(log)
         slip = run.mean("left_track.slip", Window(STOP - summary.LAST, STOP))
@@ -94,7 +94,7 @@ def observed(path: Path, found: dict[str, Any]) -> dict[str, float]:
 
 
 def compared(k: int, folder: Path) -> dict[str, Any]:
-    """What case ``k`` said of itself, and its largest difference from the run with half the step, by observable."""
+    """Warnings of case ``k``, and its largest difference from the run with half the step by observable."""
     found = []
     for halved in (False, True):
         path = folder / f"{k}-{halved}.mcap"
@@ -122,12 +122,12 @@ def compared(k: int, folder: Path) -> dict[str, Any]:
 
 
 def warned(found: dict[str, Any]) -> bool:
-    """Whether a run said that something is wrong."""
+    """True if a run warned or failed."""
     return bool(found["said"] or found["warnings"] or found["message"])
 
 
 def row(found: dict[str, Any]) -> str:
-    """A line of the table."""
+    """Line of the table for a case."""
     worst = max(found["off"], key=lambda name: found["off"][name], default="")
     apart = f"{100 * found['off'][worst]:6.2f} % {worst}" if worst else "     - %"
     kinds = ", ".join(f"{what} {severity}" for what, severity in found["said"])

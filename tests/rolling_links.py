@@ -1,9 +1,9 @@
-"""How the links of a ground run rock while wheels roll over them: plane statics, an independent code.
+"""Rocking of links on the ground while wheels roll over them, by planar statics: an independent code.
 
 A run of rigid links hangs from the sprocket's tangent, lies under five loaded wheels and is pulled by the strand to the
-idler. Pads press on a ground that is a spring at two Gauss points of each link, wheels on a spring spread along it;
-neither pulls. The equilibria while the run is drawn on by one pitch are a motion per length of chain, at any speed.
-Inertia, damping and the ripple of the sprocket are left out. x ahead from the first wheel, z up from the ground.
+idler. The ground acts as unilateral springs at two Gauss points of each link, wheels as springs spread along the link.
+Equilibria for positions of the run within one pitch give a motion per length of chain, at any speed. Inertia, damping
+and the ripple of the sprocket are left out. x ahead from the first wheel, z up from the ground.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ import numpy as np
 
 PITCH, FACE, LINK_WEIGHT, STIFFNESS = 0.1524, 0.029, 18.02 * 9.81, 2e6  # m, m, N, N/m a link
 WHEEL, WHEELS = 0.305, np.array([0.0, -0.667, -1.334, -2.001, -2.667])  # m: radius; places
-# (x, z, radius of the pins round it) of sprocket and idler, 30 mm lower than drawn, as the vehicle settles
+# (x, z, radius of the pins) of sprocket and idler, 30 mm lower than drawn, because the vehicle settles
 SPROCKET, IDLER = (0.655, 0.548, 0.2426), (-3.345, 0.428, 0.291)
-LINKS, PHASES = 27, 32  # links from the sprocket's tangent to that of the idler; places in a pitch
-SUNK = WHEEL + 2.0 * FACE - 0.016  # m, height of a wheel's centre over the ground: a start for the iteration
+LINKS, PHASES = 27, 32  # links from the sprocket's tangent to the idler's; positions within a pitch
+SUNK = WHEEL + 2.0 * FACE - 0.016  # m, height of a wheel's centre over the ground: initial value of the iteration
 
 
 class Rocking(NamedTuple):
-    """Pads on the ground over a pitch of motion."""
+    """Motion of the pads on the ground over one pitch."""
 
     x: np.ndarray  # (m,) ahead of the first wheel, m
-    share: np.ndarray  # (m,) of the load
-    ahead: np.ndarray  # (m,) speed backwards relative to the middle of its link, over the speed of the chain
+    share: np.ndarray  # (m,) share of the load
+    ahead: np.ndarray  # (m,) rearward speed relative to the middle of its link, over the chain speed
 
     @property
     def mean(self) -> float:
@@ -38,10 +38,10 @@ class Rocking(NamedTuple):
 
 
 def rocking(loads, pull: float, thrust: float, face: float = FACE) -> Rocking:
-    """How pads move under ``loads`` (5,) of the wheels, N, with the rear strand's ``pull``, N.
+    """Motion of pads under wheel ``loads`` (5,), N, with the ``pull`` of the rear strand, N.
 
-    ``thrust``: of the ground over its load; ``face``: depth of the pads below the pins, m. Raises ArithmeticError where
-    no equilibrium is found.
+    ``thrust``: ground thrust over load; ``face``: depth of the pads below the pins, m. Raises ArithmeticError if no
+    equilibrium is found.
     """
     table = _points(face)
     slope, start = _tangent(SPROCKET)
@@ -50,7 +50,7 @@ def rocking(loads, pull: float, thrust: float, face: float = FACE) -> Rocking:
     y = np.concatenate([np.full(LINKS, np.pi), np.full(5, SUNK)])
     y[:4] += slope
     y[23:LINKS] -= rear
-    for part in (0.0, 0.5):  # the thrust is put on by and by
+    for part in (0.0, 0.5):  # the thrust is applied in two steps
         y, _, _ = _equilibrium(y, start, table, np.asarray(loads), end, part * thrust)
     places, pressed = [], []
     for phase in range(PHASES):
@@ -58,7 +58,7 @@ def rocking(loads, pull: float, thrust: float, face: float = FACE) -> Rocking:
         y, x, load = _equilibrium(y, first, table, np.asarray(loads), end, thrust)
         places.append(x[:-1].reshape(LINKS, -1, 2)[:, [0, 1, -1], 0])
         pressed.append(load[:-1].reshape(LINKS, -1)[:, :2])
-    # what stands one link further back is the same link one pitch later
+    # a link has the position of the next one a pitch of motion later
     x, load = (np.swapaxes(np.array(rows), 0, 1).reshape(LINKS * PHASES, -1) for rows in (places, pressed))
     back = -np.gradient(x, PITCH / PHASES, axis=0)
     x, load, back = (each[PHASES:-PHASES] for each in (x, load, back))
@@ -67,11 +67,11 @@ def rocking(loads, pull: float, thrust: float, face: float = FACE) -> Rocking:
 
 
 class _Points(NamedTuple):
-    """Points of links: two pads, what touches wheels, the middle; and the run's end."""
+    """Points of links: two pads, contact points of wheels, middle; and the end of the run."""
 
     along: np.ndarray  # (points, links) lever along each link, m
     out: np.ndarray  # (points, links) lever along its outer normal, m
-    share: np.ndarray  # of a link's stiffness
+    share: np.ndarray  # share of a link's stiffness
     pad: np.ndarray
     rim: np.ndarray
     middle: np.ndarray
@@ -93,7 +93,7 @@ def _points(face):
 
 
 def _tangent(wheel):
-    """Slope of the strand from an end wheel to a sprocket or an idler, and where it leaves that."""
+    """Slope of the strand from an end wheel to a sprocket or an idler, and its tangent point there."""
     x, z, radius = wheel
     dx, dz = abs(x if x > 0.0 else x - WHEELS[-1]), z - SUNK
     slope = np.arctan2(dz, dx) + np.arcsin((WHEEL + FACE - 0.01 - radius) / np.hypot(dx, dz))
@@ -101,7 +101,7 @@ def _tangent(wheel):
 
 
 def _equilibrium(y, first, table, loads, end, thrust):
-    """Angles of the links and heights of the wheels by Newton's method; the points' places and loads."""
+    """Solve for angles of links and heights of wheels by Newton's method; return positions and loads too."""
     state = _residual(y, first, table, loads, end, thrust)
     for _ in range(100):
         r, slope, x, load = state
@@ -120,11 +120,11 @@ def _equilibrium(y, first, table, loads, end, thrust):
 
 
 def _residual(y, first, table, loads, end, thrust):
-    """Generalised forces on angles and wheels, N m and N, their slope, places of the points and loads of the pads."""
+    """Generalised forces on angles, N m, and wheels, N, their Jacobian, positions of points, loads of pads."""
     angle, height = y[:LINKS], y[LINKS:]
     e, n = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
     x = first + (table.along @ e.T + table.out @ n.T)
-    lever = np.stack([table.along * n[k] - table.out * e[k] for k in range(2)], axis=1)  # dx by the angles
+    lever = np.stack([table.along * n[k] - table.out * e[k] for k in range(2)], axis=1)  # derivative of x by the angles
     f, k = np.zeros_like(x), np.zeros((len(x), 2, 2))
     r, slope = np.zeros(len(y)), np.zeros((len(y), len(y)))
     load = np.where(table.pad, table.share * STIFFNESS * np.maximum(-x[:, 1], 0.0), 0.0)

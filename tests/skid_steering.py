@@ -1,4 +1,4 @@
-"""The general theory of skid steering for a vehicle on firm ground, in steady motion: an independent code.
+"""General theory of skid steering for a vehicle in steady motion on firm ground: an independent code.
 
 Steeds, Tracked vehicles, Automobile Engineer, 1950; Wong and Chiang, A general theory for skid steering of tracked
 vehicles on firm ground, Proc. IMechE D 215, 2001. Tracks press on the ground under their road wheels; there friction
@@ -14,29 +14,29 @@ G = 9.81
 
 
 class Vehicle(NamedTuple):
-    """The M113 as its table makes it, SI."""
+    """M113 by its vehicle table, SI."""
 
-    mass: float = 15891.58  # of the whole
+    mass: float = 15891.58  # of the whole vehicle
     height: float = 0.578  # of the centre of mass over the ground
     half_width: float = 1.0795  # of a track's middle from the vehicle's
     width: float = 0.378  # of a track
     wheels: tuple[float, ...] = (1.3374, 0.6704, 0.0034, -0.6636, -1.3296)  # ahead of the centre of mass
-    # of the load of a track: the wheels' loads less what the slanting end strands lift of the first and the last
+    # shares of a track's load: wheel loads less the lift of the inclined end strands on the first and the last
     shares: tuple[float, ...] = (0.158, 0.238, 0.221, 0.217, 0.166)
-    radius: float = 10.0 * 0.1524 / (2.0 * np.pi)  # speed of a track over that of its sprocket
+    radius: float = 10.0 * 0.1524 / (2.0 * np.pi)  # track speed over sprocket speed
     friction: float = 0.3
     creep: float = 0.01  # m/s: friction velocity
 
 
 class Turn(NamedTuple):
-    """Steady motion; (left, right)."""
+    """Steady motion; pairs are (left, right)."""
 
     rate: float
     ahead: float  # velocity of the centre of mass
     left: float
-    slip: np.ndarray  # speed of a track over the ground's along it
+    slip: np.ndarray  # longitudinal speed of a track over the ground
     force: np.ndarray  # of the ground along the vehicle
-    transfer: float  # of load from the inner to the outer track
+    transfer: float  # load transfer from the inner to the outer track
 
     @property
     def radius(self):
@@ -47,7 +47,7 @@ class Turn(NamedTuple):
 
 
 def turn(vehicle, sprockets):
-    """Steady motion with the sprockets at (left, right) rad/s; friction sharpens step by step on the way to it."""
+    """Steady motion with sprockets at (left, right), rad/s, solved by sharpening the friction law in steps."""
     speeds = vehicle.radius * np.array(sprockets)
 
     def balance(z, creep):
@@ -68,11 +68,11 @@ def turn(vehicle, sprockets):
 
 
 def acting(vehicle, speeds, z):
-    """Forces of the ground (2, 2) on the tracks, their moment about the vertical, load moved to the outer track."""
+    """Ground forces (2, 2) on the tracks, N, yaw moment, N m, and load transfer to the outer track, N."""
     u, v, r = z
     x, shares = np.array(vehicle.wheels), np.array(vehicle.shares)
     transfer = vehicle.mass * r * u * vehicle.height / (2.0 * vehicle.half_width)
-    wanted = r * v * vehicle.height / G  # where the loads' middle has to lie
+    wanted = r * v * vehicle.height / G  # required centre of the loads
     middle = shares @ x
     tilt = (wanted - middle) / (shares @ (x - middle) ** 2)
     along = shares * (1.0 + tilt * (x - middle))

@@ -1,16 +1,15 @@
-"""A scene's models coupled in this process, tracks first: what `cotrack run` does, without FMUs, master and log.
+"""Coupled models of a scene in this process, tracks first, without FMUs, master and log.
 
-For tests that need what a log does not hold (states), a system that no scene file describes (other drives left and
-right, another parameter of one part), or many short runs. The numbers are those of `cotrack run`, to the bit
-(``test_vehicle_in_process.py``)::
+For tests that need states, which logs lack; systems that no scene file describes (different parameters of one part); or
+many short runs. The numbers equal those of `cotrack run` bit by bit (``test_vehicle_in_process.py``)::
 
     scene = load("straight", "rigid", ["start.heading=37 deg"])
     vehicle = InProcess(scene, {"left_drive": {"speed.end": 8.0}, "*_track": {"contact.ground.friction": 0.5}})
     vehicle.run(0.2)
     vehicle["chassis"]["yaw"], vehicle["left_track"].model.state
 
-What belongs to the vehicle's table is a setting of the scene (``vehicle.road_wheel.mass=600 kg``). What a component
-lets its user set is a parameter of a part: ``vehicle["left_drive"].parameters`` holds all of them with their values.
+Numbers of the vehicle table are settings of the scene (``vehicle.road_wheel.mass=600 kg``). Numbers that a component's
+user may set are parameters of a part: ``vehicle["left_drive"].parameters`` has all of them with their values.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ MODELS = {
 
 
 class Member:
-    """A part that runs: its model, its inputs ``u`` of the last step, its outputs ``y``, all by name."""
+    """Running part: model, inputs ``u`` of the last step and outputs ``y``, all by name."""
 
     def __init__(self, part: Part, overrides: Overrides) -> None:
         self.name, self.kind, self.stage = part.name, part.kind, part.stage
@@ -73,19 +72,19 @@ class Member:
         self.model.outputs(self.y)
 
     def step(self, t: float, h: float) -> None:
-        """From t to t + h with the inputs as they are; raises StepFailed."""
+        """Step from t to t + h, s, with the present inputs; raises StepFailed."""
         self.model.step(t, h, self.u)
         self.model.outputs(self.y)
 
     def link_outputs(self) -> Floats:
-        """Values of ``links``, computed now."""
+        """Compute the values of ``links``."""
         y = np.zeros(len(self.links))
         if self.links:
             self.model.link_outputs(y)
         return y
 
     def __getitem__(self, name: str) -> float:
-        """An output: of the links and the counters too."""
+        """Return an output, also of links and counters."""
         if name in self._place:
             return float(self.y[self._place[name]])
         if name in self.counters:
@@ -94,10 +93,10 @@ class Member:
 
 
 class InProcess:
-    """The parts of a scene, initialised, and how they are coupled."""
+    """Initialised parts of a scene and their coupling."""
 
     def __init__(self, scene: Scene, overrides: Overrides | None = None) -> None:
-        """``overrides``: parameters of parts by name or pattern; raises KeyError where there is no such part."""
+        """Initialise; ``overrides``: parameters by name or pattern of parts; raises KeyError for unknown parts."""
         self.scene = placed(scene)
         assembly, overrides = assemble(self.scene), overrides or {}
         for pattern in overrides:
@@ -129,7 +128,7 @@ class InProcess:
         return self.members[name]
 
     def step(self) -> None:
-        """One communication step: motions as of its beginning, wrenches as of those who have stepped."""
+        """Take a communication step: motions are those of its start, wrenches those of parts that have stepped."""
         for stage in self.stages:
             for member in stage:
                 for source, given, taken in self._feeds[member.name]:
@@ -139,7 +138,7 @@ class InProcess:
         self.steps += 1
 
     def run(self, duration: float) -> InProcess:
-        """As many steps of the scene as fit in ``duration`` s."""
+        """Take all steps of the scene that fit in ``duration``, s."""
         for _ in range(round(duration / self.scene.run.step)):
             self.step()
         return self

@@ -1,6 +1,6 @@
-"""Run with NUMBA_DISABLE_JIT=1: which kernels that are ``apart`` write an array that lies over another of theirs.
+"""Script for NUMBA_DISABLE_JIT=1 that finds kernels marked ``apart`` with overlapping array arguments.
 
-Prints one JSON object: by kind of track the calls that were looked at, and sentences on those that break the rule.
+It prints a JSON object: by kind of track the number of checked calls, and a sentence on each violation.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ calls = 0
 
 
 def hidden(value):
-    """Without the whole state beside its views: a kernel that touches it then fails."""
+    """Remove the whole state beside its views, so that a kernel that uses it fails."""
     if not isinstance(value, tuple):
         return value
     inside = [hidden(part) for part in value]
@@ -65,7 +65,7 @@ TRACK = {"links": 64, "closed": True, "wheels": wheels(), "ground": True, "gravi
 
 
 def steps(kind):
-    """One step of a track that was laid on its wheels."""
+    """Take one step of a track laid on its wheels."""
     if kind == "rigid":
         model = Rigid({"vehicle": TABLE, "track": TRACK})
         model.initialise(parameters(model, start="polygon"))

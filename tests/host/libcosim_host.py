@@ -1,7 +1,7 @@
-"""Run libcosim on the system that the JSON file argv[1] describes; its Real outputs at the end replace that.
+"""Run libcosim on the system in the JSON file argv[1]; the final Real outputs replace the file's content.
 
 The system: {"h": ns, "steps", "parts": [{"name", "fmu", "outputs": [value references]}], "wires": [[source, output,
-target, input]]}. Each component is given at the communication point what its peers show there.
+target, input]]}. Each component receives the outputs of its peers at the communication point.
 """
 
 import json

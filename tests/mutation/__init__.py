@@ -1,1 +1,1 @@
-"""Mutation: one-line faults are planted, one at a time, and the tests must notice."""
+"""Mutation test: one-line faults are planted, one at a time, and the tests must detect them."""

@@ -1,6 +1,7 @@
-"""``python -m tests.mutation -o DIR``: plant faults one at a time in a copy of the checkout and run its tests.
+"""Command ``python -m tests.mutation -o DIR``: plant faults, one at a time, in a copy and run its tests.
 
-The nearest tests come first, then the default suite, then the long ones. What is done stays done: ``DIR/faults.json``.
+The nearest tests come first, then the default suite, then the long ones. Results are kept in ``DIR/faults.json``, so an
+interrupted study continues.
 """
 
 from __future__ import annotations
@@ -25,11 +26,11 @@ from tests.mutation.operators import Fault, faults
 STAGES = {"nearest": (), "default": (), "long": ("-m", "study")}
 SURVIVED = "survived"
 COLUMNS = (Column("area", "area"), Column("place", "place"), Column("new", "fault"), Column("found", "found by"))
-LIMIT = 3600.0  # s of a stage: a fault that makes tests hang is noticed too
+LIMIT = 3600.0  # s of a stage: a fault that makes tests hang counts as detected
 
 
 def chosen(count: int, seed: int) -> list[dict[str, Any]]:
-    """Faults by area, drawn with a seed; those that once survived come first."""
+    """Draw faults by area with a seed; faults that once survived come first."""
     draw = random.Random(seed)
     found = [_entry(_area_of(file), file, fault) for file, fault in known_faults()]
     for area in AREAS:
@@ -48,7 +49,7 @@ def _entry(area: Area, file: Path, fault: Fault) -> dict[str, Any]:
 
 
 def noticed(checkout: Path, entry: dict[str, Any], stages: tuple[str, ...]) -> None:
-    """Plant a fault, run the stages that it has not survived yet, and take it back."""
+    """Plant a fault, run the stages that it has not survived yet, and remove it."""
     place = checkout / entry["file"]
     source = place.read_text(encoding="utf-8")
     lines = source.splitlines(keepends=True)

@@ -1,4 +1,4 @@
-"""Where faults are planted, how many, and which tests are nearest."""
+"""Areas of the product: number of planted faults, and the nearest tests."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 class Area(NamedTuple):
-    """A part of the product."""
+    """Area of the product."""
 
     name: str
-    share: int  # of a hundred faults
+    share: int  # number among a hundred faults
     sources: tuple[str, ...]  # files and folders
-    tests: tuple[str, ...]  # where no test names the faulty module
+    tests: tuple[str, ...]  # nearest tests if none imports the faulty module
 
     def files(self) -> list[Path]:
-        """Its sources, relative to the root, in a fixed order."""
+        """Source files of the area, relative to the root, in a fixed order."""
         found = [ROOT / source for source in self.sources]
         files = {file for one in found for file in ([one] if one.is_file() else one.rglob("*.py"))}
         return sorted(file.relative_to(ROOT) for file in files)
@@ -53,7 +53,7 @@ AREAS = (
          ("tests/orchestrator/test_scene.py", "tests/orchestrator/test_cli.py")),
 )  # fmt: skip
 
-# Faults like those that once survived the tests nearest to them: file, what stands there, what stands there instead.
+# Faults like those that once survived the nearest tests: file, original text, faulty text.
 KNOWN = (
     ("fmus/physics/contact/wheel.py", "4.0 * c * c / 45.0", "4.0 * c * c / 54.0"),
     ("fmus/driver/pursuit.py", "far = max(p.reach, p.preview * v)", "far = p.preview * v"),
@@ -67,7 +67,7 @@ KNOWN = (
 
 
 def known_faults() -> list[tuple[Path, Fault]]:
-    """The known ones as faults of lines; raises LookupError where a line has changed."""
+    """Faults that once survived, as faults of lines; raises LookupError if a line has changed."""
     found = []
     for name, old, new in KNOWN:
         lines = (ROOT / name).read_text(encoding="utf-8").splitlines()
@@ -80,7 +80,7 @@ def known_faults() -> list[tuple[Path, Fault]]:
 
 
 def nearest(file: Path, area: Area) -> list[str]:
-    """Test modules that import the module of a file; those of its area where there is none."""
+    """Test modules that import the module of a file; without any, those of its area."""
     module = ".".join(file.with_suffix("").parts).removesuffix(".__init__")
     parent, _, name = module.rpartition(".")
     found = []

@@ -1,4 +1,4 @@
-"""One-line faults of a Python source: other operators, comparisons, functions, numbers, a statement left out."""
+"""One-line faults of Python sources: changed operators, comparisons, functions, numbers, omissions."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ COMPARISONS: dict[type, str] = {
 SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 FUNCTIONS = {"min": "max", "max": "min", "sin": "cos", "cos": "sin", "floor": "ceil", "minimum": "maximum",
              "maximum": "minimum", "any": "all", "all": "any"}  # fmt: skip
-FACTOR = 1.2  # of a number
+FACTOR = 1.2  # factor of a changed number
 
 
 class Fault(NamedTuple):
-    """A line with something else in it."""
+    """Line with a changed part."""
 
     line: int  # from 1
-    old: str  # the whole line
+    old: str  # whole line
     new: str
     kind: str
 
 
 def faults(source: str) -> list[Fault]:
-    """Faults of a source that change one line, in its order; none in annotations, indices, docstrings, f-strings."""
+    """One-line faults of a source, in order; none in annotations, indices, docstrings or f-strings."""
     lines = source.splitlines()
     found = []
     for kind, start, end, text in _places(ast.parse(source), source):
@@ -39,11 +39,11 @@ def faults(source: str) -> list[Fault]:
     return sorted(set(found), key=lambda fault: (fault.line, fault.new))
 
 
-Place = tuple[int, int]  # line from 1, byte in it
+Place = tuple[int, int]  # line from 1, byte in the line
 
 
 def _places(tree: ast.AST, source: str) -> Iterator[tuple[str, Place, Place, str]]:
-    """What is replaced, from where to where, by what."""
+    """Yield kind, start, end and replacement of each possible fault of a tree."""
     for node in _code(tree):
         if isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:
             yield from _between(node.left, node.right, SIGNS[type(node.op)], OPERATORS[type(node.op)], source)
@@ -68,7 +68,7 @@ def _places(tree: ast.AST, source: str) -> Iterator[tuple[str, Place, Place, str
 
 
 def _code(node: ast.AST) -> Iterator[ast.AST]:
-    """All nodes inside functions, without annotations, defaults of arguments, indices and f-strings."""
+    """Yield all nodes inside functions, without annotations, argument defaults, indices and f-strings."""
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef):
             for statement in child.body:
@@ -76,7 +76,7 @@ def _code(node: ast.AST) -> Iterator[ast.AST]:
                 yield from _code(statement)
         elif isinstance(child, ast.ClassDef) or isinstance(node, ast.ClassDef | ast.Module):
             yield from _code(child) if isinstance(child, ast.ClassDef) else ()
-        elif isinstance(child, ast.Subscript):  # a wrong index ends a run at once
+        elif isinstance(child, ast.Subscript):  # a wrong index fails at once
             yield from _code(child.value)
         elif not isinstance(child, ast.JoinedStr | ast.arguments | ast.Assert | ast.Raise):
             yield child
@@ -86,7 +86,7 @@ def _code(node: ast.AST) -> Iterator[ast.AST]:
 def _between(
     left: ast.expr, right: ast.expr, sign: str, other: str, source: str
 ) -> Iterator[tuple[str, Place, Place, str]]:
-    """The sign between two operands of one line."""
+    """Yield the replacement of the sign between two operands on one line."""
     if left.end_lineno != right.lineno or left.end_col_offset is None:
         return
     raw = source.splitlines()[right.lineno - 1].encode()

@@ -1,4 +1,4 @@
-"""Damaged logs: bytes flipped, cut or put in, and logs whose checksums hold but whose content is altered."""
+"""Damaged logs: flipped, missing or inserted bytes, and altered content with valid checksums."""
 
 import json
 import random
@@ -26,7 +26,7 @@ TEXTS = (b"", b"{", b"[]", b"7", b"null", b"\xff\xfe", b'"x"', b"{}", b'{"a":' *
 
 
 class Content:
-    """What a log holds, to be altered and written again with checksums that hold."""
+    """Content of a log, to be altered and written again with valid checksums."""
 
     def __init__(self, path: Path) -> None:
         with path.open("rb") as stream:
@@ -35,7 +35,7 @@ class Content:
             self.attachments = {each.name: each.data for each in reader.iter_attachments()}
             self.metadata = {each.name: dict(each.metadata) for each in reader.iter_metadata()}
         with Log(path) as log:
-            self.channels = {  # without those for other tools
+            self.channels = {  # without channels for other tools
                 number: (channel.topic, summary.schemas[channel.schema_id], dict(channel.metadata))
                 for number, channel in summary.channels.items()
                 if channel.topic not in log.others
@@ -47,7 +47,7 @@ class Content:
         self.chunks = [piece for piece in pieces if piece]
 
     def nudge(self, topic: str, place: int, step: int) -> None:
-        """Change a number by one ULP: the 8 bytes from ``place`` on of a topic's message of a step."""
+        """Change a number, 8 bytes from ``place`` on in a topic's message of a step, by one ULP."""
         for piece in self.chunks:
             for k, (number, rows, times) in enumerate(piece):
                 row = np.flatnonzero(np.ascontiguousarray(rows[:, 11:15]).view("<u4")[:, 0] == step)
@@ -58,7 +58,7 @@ class Content:
                     piece[k] = number, rows, times
 
     def write(self, path: Path) -> Path:
-        """A log of it; raises UnicodeEncodeError for text that no record can hold."""
+        """Write a log with this content; raises UnicodeEncodeError for text that no record can hold."""
         path.unlink(missing_ok=True)
         file = ContainerWriter(path)
         try:
@@ -80,7 +80,7 @@ class Content:
 
 
 def bytes_changed(data: bytes, chance: random.Random) -> bytes:
-    """A few bytes flipped, cut out, put in or written twice, or the end cut off."""
+    """Return data with some bytes flipped, removed, inserted or repeated, or with the end cut off."""
     changed = bytearray(data)
     for _ in range(chance.choice((1, 1, 1, 3, 20))):
         at = chance.randrange(len(changed))
@@ -104,7 +104,7 @@ def bytes_changed(data: bytes, chance: random.Random) -> bytes:
 
 
 def content_changed(content: Content, chance: random.Random) -> Content:
-    """One or two things altered: of an attachment, of metadata, of the closing record, of a channel, of messages."""
+    """Alter one or two of: an attachment, metadata, the closing record, a channel, messages."""
     altered = deepcopy(content)
     for _ in range(chance.choice((1, 1, 2))):
         match chance.randrange(7):
@@ -146,7 +146,7 @@ def _text(chance: random.Random) -> str:
 
 
 def _json(content: bytes, chance: random.Random) -> bytes:
-    """A JSON text with one value replaced or left out, or what is no JSON."""
+    """Return a JSON text with one value replaced or removed, or text that is not JSON."""
     if not chance.randrange(5):
         cut = chance.randrange(len(content)) if content else 0
         return chance.choice((*TEXTS, content[:cut], content[:cut] + b"\xff" + content[cut:]))
@@ -166,7 +166,7 @@ def _json(content: bytes, chance: random.Random) -> bytes:
 
 
 def _places(value: Any) -> Iterator[tuple[Any, Any]]:
-    """Every (dict, key) and (list, index) within a JSON value."""
+    """Yield every (dict, key) and (list, index) within a JSON value."""
     entries = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, inner in entries:
         yield value, key

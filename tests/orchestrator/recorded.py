@@ -1,4 +1,4 @@
-"""Small logs for the tests of the log layer."""
+"""Small logs for tests of the log layer."""
 
 from pathlib import Path
 
@@ -34,7 +34,7 @@ EVERY = {"/left_track/links": 5}
 
 
 def values(topic: str, k: int) -> np.ndarray:
-    """What is recorded on a topic at step k."""
+    """Recorded values of a topic at step k."""
     number = list(TOPICS).index(topic)
     return np.sin(np.arange(len(TOPICS[topic])) + 0.01 * k + number) * 10.0**number
 
@@ -55,7 +55,7 @@ def record_in_chunks(path: Path, steps: int = 1500) -> Path:
 
 
 def write_steps(recorder: Recorder, steps: int, wall: float = 0.0, change=lambda topic, k, row: row) -> None:
-    """Steps 0 to ``steps``."""
+    """Write steps 0 to ``steps``."""
     for k in range(steps + 1):
         for topic in TOPICS:
             if topic.startswith("/stats/"):

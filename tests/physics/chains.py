@@ -1,4 +1,4 @@
-"""Chains without ports, driven through the kernels of the two tracks: no wheels, no ground, any end held or free."""
+"""Chains without ports, wheels or ground, by the kernels of the two tracks; each end is fixed or free."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from fmus.physics.integrate import adams, generalized_alpha, hht, runge_kutta
 from fmus.physics.integrate.generalized_alpha import Slopes, coefficients
 from tests.validation.rods import EXPLICIT, IMPLICIT, P, Rods, of_angles  # noqa: F401 - for tests
 
-AREA, SECOND = 0.01516, 2.03e-6  # of the link's section
+AREA, SECOND = 0.01516, 2.03e-6  # of the section of a link
 STEEL = Cable(P, 7800 * AREA, 2e11 * AREA, 2e11 * SECOND, 0.0, 0.0)
-INTEGRATORS = {  # and their orders
+INTEGRATORS = {  # orders by integrator
     "generalized_alpha": generalized_alpha.order,
     "hht": hht.order,
     "runge_kutta": runge_kutta.RK4.order,
@@ -40,18 +40,18 @@ NO_INPUTS = np.zeros(0)
 
 
 def line(n: int, pitch: float = P, along: tuple[float, float] = (1.0, 0.0)) -> np.ndarray:
-    """Pins (n + 1, 2) of a straight chain from the origin."""
+    """Pins (n + 1, 2), m, of a straight chain from the origin."""
     return pitch * np.arange(n + 1)[:, None] * np.array(along)
 
 
 def ring(n: int, pitch: float = P) -> np.ndarray:
-    """Pins (n, 2) of a regular polygon round the origin."""
+    """Pins (n, 2), m, of a regular polygon round the origin."""
     angle = -2.0 * np.pi * np.arange(n) / n
     return pitch / (2.0 * np.sin(np.pi / n)) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 class Rigid(Rods):
-    """Rigid links; the first pin held or not, the last one free."""
+    """Chain of rigid links; the first pin fixed or free, the last one free."""
 
     def factor(self):
         assert factor_mass(self.links, self.env, self.s, self.w) == -1
@@ -67,7 +67,7 @@ class Rigid(Rods):
 
 
 class Flexible:
-    """Cable links; the first pin held or not, the last one free."""
+    """Chain of cable links; the first pin fixed or free, the last one free."""
 
     def __init__(self, pins, held=False, closed=False, gravity=9.81, cable=STEEL, radius=0.8):
         self.env = Environment(gravity, HELD if held else LOOP, np.zeros((2, 3)), 0.0, -1)
@@ -83,7 +83,7 @@ class Flexible:
         straight(cables, self.links, pins, self.s.q)
 
     def evaluate(self, vdot=None, by_acceleration=0.0):
-        """At rest, with the matrix."""
+        """Evaluate residual and matrix at rest."""
         x = Motion(self.s.q, self.w.still, self.w.still if vdot is None else vdot)
         evaluate(self.links, None, self.env, x, Slopes(0.0, 0.0, by_acceleration), self.w, True)
 
@@ -93,12 +93,12 @@ class Flexible:
         solve(w.A, w.U, w.factors, bool(self.links.closed), w.b)
 
     def correct(self, vdot, by_acceleration=0.0):
-        """Take the step in ``w.b`` at rest; returns the largest change of a pin, m."""
+        """Apply the correction in ``w.b`` at rest; return the largest change of a pin, m."""
         x = Motion(self.s.q, np.zeros_like(self.s.q), vdot)
         return correct(self.links, self.w, x, Slopes(0.0, 0.0, by_acceleration), 0.1)
 
     def release(self):
-        """Accelerations of the start."""
+        """Compute the initial accelerations."""
         system = self.links, None, self.env, self.s, self.w
         self.factor()
         accelerations(*system)
@@ -129,7 +129,7 @@ class Flexible:
         return self.report[KINETIC : GRAVITY + 1].sum()
 
     def angular_momentum(self):
-        """About the origin (3)."""
+        """Angular momentum (3,) about the origin, kg m2/s."""
         total, e, v = np.zeros(3), np.zeros((4, 3)), np.zeros((4, 3))
         mass(self.links.element, self.w.M)
         for i in range(self.links.n):
@@ -140,12 +140,12 @@ class Flexible:
         return total
 
     def turn(self, rate):
-        """Velocities of a rotation about y at ``rate`` rad/s."""
+        """Set the velocities of a rotation about y at ``rate``, rad/s."""
         for x, z in ((0, 2), (3, 4), (5, 6)):
             self.s.v[:, x], self.s.v[:, z] = rate * self.s.q[:, z], -rate * self.s.q[:, x]
 
     def blocks(self):
-        """The condensed matrix of the last evaluation, dense (4 nodes, 4 nodes)."""
+        """Condensed matrix (4 nodes, 4 nodes) of the last evaluation, dense."""
         w, n = self.w, len(self.s.q)
         D = np.zeros((n, 4, n, 4))
         for i in range(n):

@@ -1,4 +1,4 @@
-"""Contact forces at a point as arrays, with derivatives by position and velocity apart."""
+"""Contact forces at a point as arrays, with separate derivatives by position and velocity."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fmus.physics.point import Memory, memory
 
 
 class Pressed:
-    """What a face does to a point."""
+    """Force of a face on a point, with derivatives."""
 
     def __init__(self) -> None:
         self.memory = memory()
@@ -23,7 +23,7 @@ class Pressed:
         self.f_x, self.f_v = np.zeros((3, 3)), np.zeros((3, 3))
 
     def take(self, law: Any, share: float, depth: float, face: Face, rate: float | None = None) -> tuple[float, ...]:
-        """By the point's own rate or a given one; returns depth, normal force, energy, power."""
+        """Evaluate with the point's own approach rate or a given one; return depth, normal force, energy, power."""
         if depth <= 0.0:
             return depth, 0.0, 0.0, 0.0
 
@@ -45,20 +45,20 @@ def _point(x: Any, v: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def rim(law: Any, share: float, radius: float, row: Any, x: Any, v: Any, rate: float, s: Pressed) -> tuple[float, ...]:
-    """A rim that sinks in at ``rate``."""
+    """Contact of a point with a rim whose approach rate is ``rate``, m/s."""
     return s.take(law, share, *rim_face(row, radius, *_point(x, v)), rate)
 
 
 def tooth(law: Any, share: float, teeth: Any, row: Any, x: Any, v: Any, s: Pressed) -> tuple[float, ...]:
-    """Teeth."""
+    """Contact of a pin with teeth."""
     return s.take(law, share, *tooth_face(teeth, row, *_point(x, v)))
 
 
 def soil(law: Any, share: float, ground: Any, x: Any, v: Any, s: Pressed) -> tuple[float, ...]:
-    """The ground."""
+    """Contact of a point with the ground."""
     return s.take(law, share, *ground_face(ground, *_point(x, v)))
 
 
 def guide(law: Any, share: float, play: float, row: Any, x: Any, v: Any, s: Pressed) -> tuple[float, ...]:
-    """A guide."""
+    """Contact of a point with a guide."""
     return s.take(law, share, *guide_face(row, play, *_point(x, v)))

@@ -1,1 +1,1 @@
-"""A mass on a spring as an FMU: the smallest model that uses all of the slave."""
+"""Mass on a spring as an FMU: the smallest model that uses all features of the slave."""

@@ -8,7 +8,7 @@ def acceleration(x, v, k, c, f):
 
 @kernel
 def advance(state, n, h, k, c, f):
-    """Velocity Verlet, n steps of length h; state = (x, v, steps done as a float)."""
+    """Integrate n steps of length h, s, by velocity Verlet; state = (x, v, number of steps as a float)."""
     x, v = state[0], state[1]
     for _ in range(n):
         v += 0.5 * h * acceleration(x, v, k, c, f)
