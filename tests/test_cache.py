@@ -422,7 +422,7 @@ KINDS = {
 
 
 class Ran(NamedTuple):
-    """What a command did."""
+    """Result of a command."""
 
     status: int
     result: str  # digest of its log; of a truth its errors and the digests of its logs

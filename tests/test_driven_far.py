@@ -17,7 +17,7 @@ SHOWN = ("path.lateral_error", "path.heading_error", "path.progress", "speed.dem
 
 
 def ride(track, stop, friction, *settings):
-    """What the driver shows in each step (4, n), and the vehicle."""
+    """Outputs of the driver in each step (4, n), and the vehicle."""
     scene = load("serpentine", track, (*COARSE, f"vehicle.contact.ground.friction={friction}", *settings))
     vehicle, shown = InProcess(scene), []
     for _ in range(round(stop / scene.run.step)):
@@ -27,7 +27,7 @@ def ride(track, stop, friction, *settings):
 
 
 def overshoot(track, friction, speed, *settings, off=2.0, stop=14.0):
-    """How far beyond its path a vehicle comes that starts at rest so far beside it, over that distance."""
+    """Overshoot of a vehicle that starts at rest at a lateral distance ``off`` from its path, over ``off``."""
     path = f"driver.points=[[0, {off}], [300, {off}]]"
     (error, *_, wanted), _ = ride(
         track, stop, friction, "driver.arcs=false", path, f"driver.speed={speed}", "driver.ramp_time=2", *settings

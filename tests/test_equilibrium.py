@@ -47,7 +47,7 @@ def seen(vehicle):
 
 
 def moved(scene, duration):
-    """How far the settlement goes, m, and by what share a wheel's load changes, at most, within ``duration``."""
+    """Largest change of settlement, m, and largest relative change of a wheel load within ``duration``, s."""
     vehicle = InProcess(scene)
     height, loads = seen(vehicle)
     far = share = 0.0
@@ -151,7 +151,7 @@ def test_bare_wheels_stand_on_the_ground():
 
 @cache
 def end_of_settling(model):
-    """Of the drawn vehicle, after four seconds."""
+    """State of the vehicle, started as drawn, after four seconds."""
     settings = ("symmetric=true", "track.link_outputs=false", "run.step=2 ms", "track.step=2 ms")
     vehicle = InProcess(load("settle", model, settings)).run(4.0)
     return seen(vehicle)

@@ -93,7 +93,7 @@ def imports(source: str) -> set[str]:
 
 
 def ours(modules: set[str], package: str) -> set[str]:
-    """Those of ``package``, as modules (names of things inside a module left out)."""
+    """Modules of ``package`` among imported names; names inside a module are left out."""
     found = set()
     for module in modules:
         path = ROOT.joinpath(*module.split("."))

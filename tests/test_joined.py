@@ -59,7 +59,7 @@ def test_steered_the_other_way_it_drives_in_mirror(to_the_left):
 
 
 def test_powers_close(to_the_left):
-    """Of the half shafts that of the motors; the chains take it."""
+    """The power of the half shafts is that of the motors, and goes into the chains."""
     _, vehicle = to_the_left
     gear = vehicle["differential"]
     given = gear["left.work"] + gear["right.work"]

@@ -37,7 +37,7 @@ def built(assembly):
 
 
 def told(assembly, files, h, steps):
-    """What the host is told of a system."""
+    """Description of a system for the host."""
     lines, names = [], {}
     for part, file in zip(assembly.parts, files, strict=True):
         with Component(file, part.name) as component:

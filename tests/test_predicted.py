@@ -43,7 +43,7 @@ def settled(kind):
 
 @cache
 def standing(kind, *changes):
-    """What the outputs of a settled vehicle come to after a change; means that fade in and out: ringing cancels."""
+    """Outputs of a settled vehicle after a change: windowed means, in which ringing cancels."""
     vehicle = InProcess(scene_of("settle", kind, STANDING, **dict(changes)))
     for name, member in vehicle.members.items():
         member.model.state[:] = settled(kind)[name]
@@ -94,7 +94,7 @@ def test_gravity_pulls_at_all_masses(kind):
 
 
 def potential(means):
-    """Of a whole vehicle, J: what chassis and tracks store and how high they stand."""
+    """Potential energy of a whole vehicle, J: stored in chassis and tracks, and of gravity."""
     body = sum(means[f"chassis.energy.{part}"] for part in ("gravity", "spring"))
     return body + 2.0 * sum(means[f"left_track.energy.{part}"] for part in ("gravity", "strain", "contact"))
 

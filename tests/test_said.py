@@ -48,7 +48,7 @@ QUESTIONS = (
 
 
 class Said(NamedTuple):
-    """What is said of a phase; NaN is nothing."""
+    """Reported figures of a phase; NaN if missing."""
 
     name: str
     start: float

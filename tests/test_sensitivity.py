@@ -133,7 +133,7 @@ FLEXIBLE, ALL = ("cable", "beam"), ("cable", "beam", "rigid")
 
 
 class Acts(NamedTuple):
-    """Where a key acts."""
+    """Case and kinds of links in which a key acts."""
 
     case: str
     kinds: tuple[str, ...] = ("cable",)  # of links; what acts on other components is asked with the cheapest
@@ -222,7 +222,7 @@ def flat(value: Any, key: str = "") -> Iterator[tuple[str, float | int]]:
 
 
 def acts(key: str) -> Acts | None:
-    """Where a key acts."""
+    """Case and kinds of links in which a key acts; None if it is not listed."""
     return next((where for pattern, where in KEYS.items() if fnmatch.fnmatchcase(key, pattern)), None)
 
 
@@ -307,7 +307,7 @@ def changed(key: str, value: float | int, given: Any) -> float | int:
 
 
 def effect(key: str, kind: str, fmus: bool = False) -> float:
-    """What a change of the key does to a motion, force or energy, over what rounding does; the largest."""
+    """Largest effect of a change of the key on a motion, force or energy, over that of rounding."""
     where = acts(key)
     assert where is not None, key
     case = CASES[where.case]
@@ -322,7 +322,7 @@ def effect(key: str, kind: str, fmus: bool = False) -> float:
 
 
 def in_brief(key: str, kinds: tuple[str, ...]) -> tuple[str, ...]:
-    """Of the kinds a key is asked on those that are quick: beams only where cables or rigid links say nothing."""
+    """Kinds of links for a key that are quick: beams only if cables and rigid links are not affected."""
     return kinds if len(kinds) < 3 and "cable" not in kinds else tuple(kind for kind in kinds if kind != "beam")
 
 

@@ -64,7 +64,7 @@ def turned(tmp_path_factory):
 
 
 def outside(found, theory):
-    """What lies outside of the bands."""
+    """Figures outside of the bands."""
     vehicle = Vehicle()
     faster = turn(vehicle._replace(radius=PADS * vehicle.radius), SPEEDS)
     wanted = {
@@ -250,7 +250,7 @@ def leaning(kind, *settings):
 
 
 def test_a_vehicle_leans_on_cables_as_on_rigid_links():
-    """It stands 42 mm higher on its track than on its wheels; fixed axes would let the rims tip over the links."""
+    """The track side is 42 mm higher than bare wheels; with fixed axes the rims would tilt on the links."""
     rigid, cable, fixed = leaning("rigid"), leaning("flexible"), leaning("flexible", "track.axes=fixed")
     assert 0.015 < rigid[0] < 0.025
     np.testing.assert_allclose(cable, rigid, rtol=0.01)

@@ -61,7 +61,7 @@ def test_a_spinning_loop_opens_by_its_joint_force_over_the_stiffness():
 
 @INTEGRATORS
 def test_a_loop_that_a_spring_closes_moves_like_a_closed_one_as_the_spring_stiffens(integrator):
-    """It begins closed; how far its pins are from those of the closed mesh falls as 1 / k."""
+    """The loop starts closed; the distance of its pins from those of the closed mesh falls as 1 / k."""
     start = {"start_of_spin": 5.0, "start_of_ovalling": 4.0, "start": "polygon", "integrator": integrator}
     closed = run(loop(**start), 0.02).pins()
     off = []
@@ -112,14 +112,14 @@ def both(**changes):
 
 
 def opened(vectors, closure):
-    """What each pin leaves of its equations (2); that of the spring apart."""
+    """Residual of each pin's equations (2); that of the spring separate."""
     first = 1 if closure == "spring" else 0
     return np.abs(vectors[::2, SHARED] - np.roll(vectors[1::2, SHARED], 1, axis=0))[first:].max()
 
 
 @CLOSURES
 def test_accelerations_with_equations_are_those_without(closure):
-    """Of a random shape in random motion; they satisfy the equations too."""
+    """Compared for a random shape in random motion; the accelerations also satisfy the equations."""
     (whole, own), (at, mine) = both(closure=closure, start="polygon")
     random = np.random.default_rng(15)
     used = np.unique(at)
@@ -217,7 +217,7 @@ def shown(model):
 
 
 def test_a_track_on_wheels_that_a_spring_closes():
-    """It opens by the tension there; as the spring stiffens, tensions become those of the closed track as 1 / k."""
+    """The cut opens by its tension; tensions approach those of the closed track as 1 / k."""
     closed = on_wheels()
     tension, joints = shown(closed)[0], closed.pins()
     off = []

@@ -113,7 +113,7 @@ def test_wheel_rate_from_the_geometry():
     assert rate == pytest.approx(0.76e6, rel=5e-3)
 
     def deflection(changes=None, force=20.0):
-        """Of a wheel, after the springs rest, under equal forces on all and a chassis too heavy to follow."""
+        """Static deflection of a wheel under equal forces on all, with a chassis too heavy to move."""
         heavy = {"chassis.mass": 1e12, "chassis.inertia": (1e12, 1e12, 1e12), "gravity": 0.0}
         probe = Probe({**heavy, "suspension.damping": 6e4, **(changes or {})})
         for side in ("left", "right"):

@@ -1,4 +1,4 @@
-"""What of the chassis touches the ground: hull points and bare wheels; weight, momentum, friction, ledger."""
+"""Ground contact of hull points and bare wheels: weight, momentum, friction, ledger."""
 
 import subprocess
 import sys

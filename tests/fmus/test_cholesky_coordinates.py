@@ -28,7 +28,7 @@ def pair(build):
 
 
 def used(model):
-    """Of the flat nodal coordinates those that a link has."""
+    """Flat nodal coordinates that links use."""
     return np.unique(places(model.kit, model.s.q, len(model.work.M), model.links_count))
 
 
@@ -81,7 +81,7 @@ def test_the_mass_in_cholesky_coordinates_is_the_identity(kind, given):
 
 @KINDS
 def test_accelerations_and_forces_are_those_of_nodal_coordinates(kind, given):
-    """Of a random shape in random motion, with what the links show."""
+    """Compared for a random shape in random motion, including link outputs."""
     models = pair(
         lambda **c: made(kind, N, gravity=9.81, start="polygon", integrator="runge_kutta", **given, **c)
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What an FMU's parameters and inputs are when nobody sets them."""
+"""Defaults of an FMU's parameters and inputs."""
 
 import json
 

@@ -115,7 +115,7 @@ def test_no_error_stays_on_an_arc(curvature):
 
 
 def test_slip_is_learnt():
-    """Of a vehicle that turns by 0.77 of what it is told: only the integral takes the error away."""
+    """The vehicle turns by 0.77 of the demand; only the integral removes the error."""
     settings = {**PLAIN, "path.arcs": "60 0.1"}
     assert abs(Unicycle(1.3, **settings).run(12.0)["path.lateral_error"][-1]) > 0.05
     learnt = Unicycle(1.3, **{**settings, "yaw.gain": 1.0, "yaw.integral": 1.0}).run(14.0)

@@ -101,7 +101,7 @@ def test_footing_of_the_vehicle():
 
 
 def matched(known):
-    """How the vehicle stands, with the numbers of the independent theory."""
+    """Wheel loads and geometry of the vehicle, with the numbers of the independent theory."""
     wheels, shares = np.array(known.wheels), np.array(known.shares)
     middle = float(shares @ wheels)
     return footing(TABLE)[0]._replace(

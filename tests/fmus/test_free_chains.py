@@ -52,7 +52,7 @@ AREA = TABLE["section"]["area"]
 
 
 def mass_of(model):
-    """Of a link, kg; of elements, by shifting the one and the other pin alike."""
+    """Mass of a link, kg; of elements by a common shift of both pins."""
     if isinstance(model, Rigid):
         return model.link.mass
     M = model.work.M

@@ -116,7 +116,7 @@ def test_without_compilation_the_function_itself_comes_back(environment):
 
 
 def test_arrays_of_kernels_that_are_apart_do_not_overlap(environment):
-    """What the compiler was told of all kinds of tracks, looked at call by call in a step on their wheels."""
+    """The compiler's no-alias assumption, checked call by call in a step of each kind of track."""
     program, kinds = Path(__file__).with_name("overlaps.py"), ["rigid", "cable", "free", "planar", "beam"]
     path = os.pathsep.join([str(program.parent), environment["PYTHONPATH"]])
     env = {**environment, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
@@ -172,7 +172,7 @@ def test_reachable_sources_follow_every_kind_of_import(tmp_path, monkeypatch, cl
 
 
 def test_a_kernel_is_hashed_with_its_callees_when_its_package_was_loaded_from_elsewhere(parts, monkeypatch):
-    """As in a tool that has deleted the first of its FMUs; the callee counts all the same."""
+    """Happens in a tool that has deleted the first of its FMUs; the callee still counts."""
     caller = parts / "parts" / "caller.py"
     monkeypatch.setitem(sys.modules, "parts", types.ModuleType("parts"))
     hashes = []
@@ -239,7 +239,7 @@ def test_an_fmu_says_before_it_compiles(toy, environment, tmp_path):
 
 
 def test_what_a_kernel_calls_is_its_own_and_computes_the_same_bits(monkeypatch):
-    """It leans on numba's insides: where they change, kernels become slower and this test fails."""
+    """Depends on numba's internals: if they change, kernels become slower and this test fails."""
     found: list[set[tuple[str, bool]]] = []
     internal = linking.internal
 
@@ -300,7 +300,7 @@ def test_a_kernel_that_borrows_its_arrays_returns_none():
 
 
 def test_only_what_python_calls_has_machine_code(fresh_cache, monkeypatch):
-    """It leans on numba's insides: where they change, a cold start takes longer and this test fails."""
+    """Depends on numba's internals: if they change, a cold start takes longer and this test fails."""
 
     @jit.kernel
     def halved(x):
@@ -368,7 +368,7 @@ def behind_doors() -> list[tuple[str, str]]:
 
 
 def test_an_edit_behind_any_door_is_another_kernel(tmp_path):
-    """Of everything that has the door among its imports, so above all of the integrators."""
+    """Changes the hash of every kernel that imports the interface, above all of the integrators."""
     tree = tmp_path / "fmus"
     shutil.copytree(jit.ROOT, tree, ignore=shutil.ignore_patterns("__pycache__", "*.md"))
 

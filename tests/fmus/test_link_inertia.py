@@ -29,7 +29,7 @@ def built(kind, links, ends, inertia, **changes):
 
 
 def turning_energy(model, axis):
-    """Of a single link that turns about its first pin, J, less that of its centre of mass."""
+    """Kinetic energy of a link that rotates about its first pin, J, less that of its centre of mass."""
     w = RATE * np.eye(3)[axis]
     if isinstance(model, Rigid):
         model.s.v[0] = np.concatenate([np.cross(w, [0.5 * P, 0.0, 0.0]), w])
@@ -57,7 +57,7 @@ def test_a_link_turns_with_the_inertia_of_the_table(kind):
 
 
 def test_rotary_inertia_neither_weighs_nor_moves():
-    """What the elements have beside their lines has no part in a translation."""
+    """Inertia of elements beside their lines does not contribute to a translation."""
     for kind in (Flexible, PlanarCables, Beams):
         model = made(kind, 1, HOLD)
         shift = np.zeros(len(model.work.M))
@@ -88,7 +88,7 @@ def test_flexible_links_move_as_rigid_ones_the_stiffer_they_are(kind):
 
 
 def eigenvalues(model):
-    """Of a link's mass matrix, seen from that of its line or volume."""
+    """Generalised eigenvalues of a link's mass matrix with respect to that of its line or volume."""
     c = model.link.element
     alone = np.zeros_like(model.work.M)
     mass(c._replace(rotary=(0.0, 0.0, 0.0) if isinstance(model, Beams) and model.element == "beam" else 0.0), alone)

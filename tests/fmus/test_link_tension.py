@@ -21,7 +21,7 @@ KINDS = {
 
 @cache
 def tension(model: str, *settings: str, stiffer: float = 1.0, mass: float = 18.0) -> float:
-    """Of each link of a loop that turns, N."""
+    """Tension of each link of a rotating loop, N."""
     young, shear = stiffer * STEEL, stiffer * 7.923e10
     material = f"vehicle.material.youngs_modulus={young} Pa", f"vehicle.material.shear_modulus={shear} Pa"
     scene = load("spinning_loop", model, [f"chain.spin={SPIN} rad/s", f"chain.links={LINKS}", *material, *settings,
@@ -50,7 +50,7 @@ def test_of_rigid_links_it_is_that_of_rods():
     "cable", *(pytest.param(kind, marks=pytest.mark.study) for kind in KINDS if kind != "cable")
 ])  # fmt: skip
 def test_flexible_links_have_the_same_as_they_become_stiff(kind):
-    """What is left falls as 1 / E, from either side of the steel's."""
+    """The difference falls as 1 / E, on both sides of steel."""
     soft, stiff = (tension(*KINDS[kind], stiffer=k) / by_theory() - 1.0 for k in (1.0, 4.0))
     assert abs(soft) < 5e-4
     assert soft / stiff == pytest.approx(4.0, rel=0.02)
@@ -58,6 +58,6 @@ def test_flexible_links_have_the_same_as_they_become_stiff(kind):
 
 
 def test_rotary_inertia_beside_a_rods_is_no_part_of_it():
-    """It stretches the element (by 5 times what is allowed here), while no part of the link pulls at the other."""
+    """Rotary inertia stretches the element (5 times the tolerance), but causes no tension."""
     heavy = 'vehicle.track.inertia=["0.22 kg m^2", "0.05 kg m^2", "0.25 kg m^2"]'
     assert tension("flexible", heavy, stiffer=4.0) == pytest.approx(by_theory(), rel=1e-3)

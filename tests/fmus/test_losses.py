@@ -1,4 +1,4 @@
-"""What a track dissipates, by cause: each alone, and of a known amount."""
+"""Dissipation of a track by cause: each alone, with a known amount."""
 
 from __future__ import annotations
 

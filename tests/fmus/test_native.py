@@ -423,7 +423,7 @@ def test_choices_are_refused_by_what_there_is():
 
 @pytest.mark.parametrize("links", ["flexible", "rigid"])
 def test_one_file_serves_both_sides(links):
-    """Of a vehicle that turns: tracks differ by their lateral place, drives by their speed."""
+    """Vehicle that turns: tracks differ by their lateral position, drives by their speed."""
     parts = {part.name: part for part in assemble(placed(load("turn", links))).parts}
     for name in ("track", "drive"):
         left, right = (parts[f"{side}_{name}"] for side in ("left", "right"))

@@ -1,4 +1,4 @@
-"""What any FMI tool sees of our FMUs, seen through fmpy's own calls."""
+"""FMUs as any FMI tool uses them, by fmpy's own calls."""
 
 import ctypes
 import re

@@ -34,7 +34,7 @@ Y = np.array([0.0, 1.0, 0.0])
 
 
 def coordinates(model, q=None) -> np.ndarray:
-    """Of all links (n, 8, 3)."""
+    """Coordinates of all links (n, 8, 3)."""
     e, q = np.zeros((model.links_count, 8, 3)), model.s.q if q is None else q
     for i in range(model.links_count):
         gather(q, i, (i + 1) % model.nodes, e[i])
@@ -314,7 +314,7 @@ def turned_wheels(model, t: float, angle: float, time: float) -> np.ndarray:
 
 
 def yaw_moment(model) -> float:
-    """Of the chain on its wheels about the middle of the track, N m."""
+    """Yaw moment of the chain on its wheels about the middle of the track, N m."""
     force, arm = model.s.mean[:-1, :3], model.rows[:, :2] - [-2.0, 0.0]
     return float((arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum() + model.s.mean[:-1, 5].sum())
 

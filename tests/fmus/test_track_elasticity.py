@@ -35,7 +35,7 @@ each = pytest.mark.parametrize("elasticity", ELASTICITIES)
 
 
 def coordinates(model) -> np.ndarray:
-    """Of all links (n, 4, 3)."""
+    """Coordinates of all links (n, 4, 3)."""
     e = np.zeros((model.links_count, 4, 3))
     for i in range(model.links_count):
         gather(model.s.q, i, (i + 1) % model.nodes, e[i])
@@ -51,7 +51,7 @@ def bent(elasticity: str, links: int = 4, **changes):
 
 
 def residual(model) -> np.ndarray:
-    """Of the links, summed up by coordinate of the pins (nodes, 8)."""
+    """Residual of the links, summed by coordinates of the pins (nodes, 8)."""
     model.evaluate(Motion(model.s.q, model.s.v, model.s.vdot, model.s.axes))
     f, R = np.zeros_like(model.s.q), model.work.R
     for i in range(model.links_count):

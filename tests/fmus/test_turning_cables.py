@@ -35,9 +35,9 @@ def shaken(model, size=1e-3):
 
 
 def residual(model, turn=(0.0, 0.0, 0.0), by=BY, moved=None, fresh=False):
-    """Of the links (n, 12), N, and the moment that their balance lacks, with the axes turned or the pins ``moved``.
+    """Residual of the links (n, 12), N, and of their moment balance, with rotated axes or ``moved`` pins.
 
-    Rates and accelerations go with that as ``by`` says.
+    ``by`` gives the corresponding change of rates and accelerations.
     """
     axes, w, still = model.s.axes.copy(), model.work, model.work.still
     axes[:ORIGIN] = (Rotation.from_rotvec(turn).as_matrix()).ravel()
@@ -50,7 +50,7 @@ def residual(model, turn=(0.0, 0.0, 0.0), by=BY, moved=None, fresh=False):
 
 
 def differences(function, step):
-    """Of what a function returns, by its argument."""
+    """Difference quotients of a function's result by its argument."""
     return [(there - back) / (2.0 * step) for there, back in zip(function(step), function(-step), strict=True)]
 
 
@@ -104,7 +104,7 @@ def test_the_border_is_what_a_turn_of_the_axes_does(by):
 
 
 def test_the_balance_is_the_work_of_a_rotation():
-    """Of all that the axes carry: contact forces and weight as others see them, internal forces not at all."""
+    """Moment balance: contact forces and weight act as on a rigid body; internal forces cancel."""
     model = shaken(carrier())
     _, moment = residual(model, fresh=True)
     model.contacts = model.contacts._replace(soil=model.contacts.soil._replace(k=0.0, mu=0.0))

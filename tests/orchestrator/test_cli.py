@@ -298,7 +298,7 @@ def test_headline_figures_have_their_window(cotrack):
 
 
 def test_turns_of_the_last_second_are_left_to_phases(capsys):
-    """What a summary prints of a run that turned and stands at last."""
+    """Summary of a run that turned and stands at its end."""
     turned = dict.fromkeys(Phase._fields, float("nan")) | {
         "kind": "turn", "turning": "right", "start": 3.6, "end": 6.0, "yaw_rate": -0.25, "yaw_rate_most": -0.31,
         "radius": 7.9, "tension": 42e3, "tension_t": 3.743, "tension_track": "right_track", "speed": 1.96, "way": 4.77,
@@ -452,7 +452,7 @@ def test_different_scenes_are_compared_when_asked(cotrack):
 
 @pytest.mark.parametrize(("step", "refused"), [("0.3e-3", 557), ("0.7e-3", 71), ("1e-3", 0)])
 def test_view_takes_the_end_as_it_is_written(step, refused):
-    """Of 1000 ends k H, so many lie above the last record by rounding."""
+    """Some of 1000 ends k H are above the last record by rounding."""
     above = 0
     for k in range(1, 1001):
         recorded = np.arange(k + 1) * float(step)

@@ -1,4 +1,4 @@
-"""Where two logs part: found at the very bit, in any chunks, with what it spreads to and how it grows."""
+"""First difference of two logs to the bit, in any chunks, with its spread and growth."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""How wrong a run is: the norm, the run's own estimate, what precision costs, the study of error against run time."""
+"""Error of a run: norm, the run's own estimate, cost of precision, study of error against run time."""
 
 import json
 import math

@@ -146,7 +146,7 @@ print(int(most) * 1024)  # of this program: that of getrusage may be its parent'
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads what Linux says of a process")
 def test_memory_is_that_of_a_row_group(tmp_path):
-    """Of 400 MB, a row group of 2 MB is in memory, and 2 kB for each of its columns; all rows where it is larger."""
+    """A row group of 2 MB of 400 MB is in memory, plus 2 kB per column; with a larger group all rows."""
     file = tmp_path / "a.parquet"
 
     def peak(pieces, group):

@@ -122,7 +122,7 @@ def test_a_word_is_swapped_if_it_is_the_expected_one():
 
 
 def counting_up(atomically):
-    """What two threads count together to, each to 200 000."""
+    """Sum of two threads that each count to 200 000."""
 
     def swapping(address, n):
         for _ in range(n):

@@ -1,4 +1,4 @@
-"""What leaving out saves: the pairs, the measure of their difference, the table; what show says of a scene."""
+"""Study of savings: pairs, measure of difference, table; text of ``show`` on left-out parts."""
 
 import math
 

@@ -12,7 +12,7 @@ RESTING = {"sprocket": {"teeth": TEETH}, "track": {"pitch": PITCH}}
 
 
 class Record:
-    """As much of a log as a measure looks at."""
+    """Part of a log that a measure reads."""
 
     def __init__(self, links=None, signals=None, **scene):
         self.scene = {"vehicle": RESTING, **scene}

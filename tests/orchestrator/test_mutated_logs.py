@@ -65,7 +65,7 @@ def called(arguments, monkeypatch):
 
 @contextmanager
 def ended_at(limit):
-    """What computes longer fails, where the system has such a timer."""
+    """Fail after ``limit``, s, of CPU time, if the system has such a timer."""
     if not hasattr(signal, "setitimer"):
         yield
         return

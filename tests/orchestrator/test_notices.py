@@ -1,4 +1,4 @@
-"""What readers say first: of a log that was cut off, of one that another version made."""
+"""First messages of readers: on a log that was cut off, on one of another version."""
 
 import shutil
 import warnings

@@ -1,4 +1,4 @@
-"""What ``import orchestrator as cotrack`` offers, whatever else of the package has been imported."""
+"""Public names of ``import orchestrator as cotrack``, whatever else of it has been imported."""
 
 import pkgutil
 import subprocess

@@ -117,7 +117,7 @@ def test_turns_are_found_to_a_step_and_through_zero(tmp_path):
 
 
 def test_the_begin_of_a_slow_turn_is_straight(tmp_path):
-    """It still accelerates when the yaw rate begins to grow: 0.015 rad/s on average until it holds its speed."""
+    """The yaw rate begins to grow while the vehicle accelerates: 0.015 rad/s on average until then."""
     t = times(7.0)
     yaw_rate = np.interp(t, [2.0, 6.0], [0.0, 0.2])
     of = found(made(tmp_path / "b.mcap", t, np.interp(t, [1.0, 2.6], [0.0, 3.0]), yaw_rate))
@@ -155,7 +155,7 @@ def test_a_pivot_is_a_turn_and_a_crawl_is_no_rest(tmp_path):
 
 
 def test_both_at_once(tmp_path):
-    """It turns while it drives off: one phase for each pair of states."""
+    """The vehicle turns while it accelerates: one phase for each pair of states."""
     t = times(6.0)
     yaw_rate = np.interp(t, [2.0, 2.4], [0.0, 0.4])
     of = found(made(tmp_path / "b.mcap", t, np.interp(t, [1.0, 3.5], [0.0, 5.0]), yaw_rate))

@@ -43,7 +43,7 @@ ORDERS = {"tracks_first": 1, "jacobi constant": 1, "jacobi linear": 2, "gauss_se
 
 @pytest.mark.parametrize(("variant", "order"), ORDERS.items())
 def test_order(variant, order):
-    """Of the sum over a second; one less than that of a step."""
+    """Order of the sum over a second, one less than that of a step."""
     sums = []
     for h in (0.01, 0.005):
         stages, *_ = coupled("wrench", study.FREE._replace(start=(1.0, 0.3, 0.2, -0.4)))
@@ -59,7 +59,7 @@ def test_order(variant, order):
 
 @pytest.mark.parametrize(("stiffer", "right"), [(1.0, True), (1.1, False)])
 def test_it_is_the_energy_that_the_coupling_loses(stiffer, right):
-    """Of a system that keeps its energy and sends no state; counted with another spring it is another."""
+    """Conservative system that sends no state; with another spring in the sum the result differs."""
     o, h, lost = FREE._replace(k=2.0), 1e-3, 0.0
     stages, a, b = coupled("spring", o)
     scheme = couple("jacobi constant", stages)

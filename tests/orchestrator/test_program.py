@@ -143,7 +143,7 @@ def test_a_stage_steps_at_once_and_every_failure_is_heard(failing):
 
 
 def test_short_steps_are_done_here():
-    """What is over before a thread would have begun, or where there is none."""
+    """Steps that end before a thread would have started, or without a thread."""
     for threads in (True, False):
         pair = [Instance(), Instance()]
         program = program_of((pair, []), threads=threads)
@@ -181,7 +181,7 @@ def test_a_worker_sleeps_without_a_task_and_wakes_with_the_next(worker):
 
 @pytest.mark.skipif(not spare_processors(), reason="needs a second processor")
 def test_a_task_that_no_worker_begins_is_done_by_who_waits():
-    """As with a worker whose thread does not run: here it has ended."""
+    """The worker's thread does not run: here it has ended."""
     pair = [Instance(), Instance()]
     program = program_of((pair, []))
     (worker,) = program._workers
@@ -234,7 +234,7 @@ class Sheet:
         self.room = 8
 
     def added(self, n):
-        """Of the n rows behind them: numbers, times, lengths, values."""
+        """Numbers, times, lengths and values of the n rows after them."""
         rows, block = slice(2, 2 + n), self.block
         return block.sequence[rows].tolist(), block.t[rows].tolist(), {*block.h[rows].tolist()}, block.values[rows]
 

@@ -64,7 +64,7 @@ def standard_messages(path):
 
 
 def until_cut(messages):
-    """What an iterator gives before it complains about the end of the file."""
+    """Items of an iterator before it raises at the end of the file."""
     with suppress(McapError, struct.error):
         yield from messages
 
@@ -380,7 +380,7 @@ def test_cost_of_a_message(tmp_path, width):
 
 
 def test_words_of_rows_are_copied_into_records():
-    """As numpy does it move by move: from any rows, also from the one before, the later of two that overlap counts."""
+    """Equal to numpy's copies one by one, also from the previous row; the later of overlapping copies counts."""
     random = np.random.default_rng(5)
     rows = random.random((50, 9))
     sources, targets = 8 * random.integers(-9, 9, 40), random.integers(0, 92, 40)

@@ -175,7 +175,7 @@ def test_adams_methods_drive_a_vehicle_to_their_tolerance(links, tmp_path):
 
 
 def open_part(log, instance, gains, losses):
-    """What the books of a component leave open, over the range of its port's work."""
+    """Residual of a component's energy balance, over the range of its port's work."""
     parts = {name: log.signal(f"{instance}.{name}")[1] for name in (*gains, *losses)}
     total = sum(parts[name] for name in gains) - sum(parts[name] for name in losses)
     return np.ptp(total) / np.ptp(parts["port.work"]), np.ptp(total + 0.02 * parts["energy.kinetic"])
@@ -251,7 +251,7 @@ def coupled(tmp_path_factory):
 
 
 def misfit(coupled, path):
-    """What is left of the coupling's error, linear in H, after its extrapolation to 0, over that error."""
+    """Residual of the coupling error after linear extrapolation in H to 0, over that error."""
     fine, finer, end = coupled[5e-4], coupled[2.5e-4], at_the_end(path)
     return np.abs(2.0 * finer - fine - end) / np.abs(finer - end)
 

@@ -119,7 +119,7 @@ def test_pads_lie_as_deep_in_the_ground_as_was_recorded(shown):
 
 
 def depths_apart(log, bodies, poses):
-    """How many links touched level and bump, and how far recorded and drawn depths are apart, by 'level' and 'bump'."""
+    """Number of links, and largest difference of recorded and drawn depths, m, on 'level' and 'bump'."""
     count, apart = {"level": 0, "bump": 0}, {"level": 0.0, "bump": 0.0}
     profile, pitch = bodies.ground, bodies.scene["vehicle"]["track"]["pitch"]
     for track in bodies.tracks:
@@ -509,7 +509,7 @@ def marked(driven):
 
 
 def missed(points, found):
-    """How far the nearest of the found points (n, k) is from each of some points (m, k), m, at most."""
+    """Largest distance of points (m, k) from the nearest of the found points (n, k), m."""
     found = np.asarray(found)
     return max(np.linalg.norm(found - point, axis=1).min() for point in points)
 
@@ -542,7 +542,7 @@ def test_flat_drawings_place_a_link_and_a_tooth_where_they_were(instant, marked)
 
 
 def test_the_player_places_a_link_and_a_tooth_where_they_were(instant, marked, monkeypatch):
-    """As page.js draws them: links from pin to pin, less a gap, wheels turned about their centres."""
+    """Positions by page.js: links from pin to pin less a gap, wheels rotated about their centres."""
     log, _, poses = instant
     monkeypatch.setattr(player, "RATE", 100.0)
     view = player.player(RunData(log), "left_track")

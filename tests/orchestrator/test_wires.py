@@ -62,7 +62,7 @@ def wired(tmp_path_factory):
 
 
 def whole(topic):
-    """What a topic is to read as."""
+    """Expected content of a topic."""
     number = list(TOPICS).index(topic) // 2 + 2 * topic.endswith("out")
     first = int(topic.endswith("in"))
     return np.array([rows(k)[number] for k in range(first, STEPS + 1)])
@@ -221,7 +221,7 @@ def test_rules(rule):
     ],
 )
 def test_couplings_say_what_they_only_hand_on(tmp_path, coupling, handed_on):
-    """What they extrapolate or iterate is recorded in full; the log's proof passes for all that is not."""
+    """Extrapolated or iterated inputs are recorded in full; the log proves all others."""
     settings = ("run.stop=0.05", "expect={}", "drive.ramp_start=0", f"run.coupling={coupling}")
     assert simulate(load("rig", "rigid", settings), tmp_path / "a.mcap")["status"] == "ok"
     with Log(tmp_path / "a.mcap") as log:

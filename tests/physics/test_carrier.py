@@ -71,7 +71,7 @@ def test_speed_is_the_same_however_the_vehicle_moves(motion):
 
 @pytest.mark.parametrize("off", [{"velocity": (0.1, 0.0, 0.0)}, {"turning": (0.0, 0.02, 0.0)}])
 def test_a_carrier_that_moves_otherwise_is_noticed(off):
-    """Of the motion of 'tumbles' a fiftieth is left out."""
+    """A fiftieth of the motion of 'tumbles' is left out."""
     rows, x, v = vehicle()
     other, _, _ = vehicle(**off)
     true, wrong = (chain_speed(x, v, True, carrier(each, 0)) for each in (rows, other))

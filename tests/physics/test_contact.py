@@ -322,7 +322,7 @@ def test_penetration_is_a_distance_and_mirrored(b):
 
 @pytest.mark.parametrize("radius", [0.01, 0.02, 0.035])
 def test_a_way_round_in_a_tooth_does_no_work(radius):
-    """Of the spring alone: the pin's energy comes back, from deep inside the tooth too."""
+    """The spring alone returns the pin's energy, also from deep inside the tooth."""
     elastic, row = LAW._replace(c=0.0, mu=0.0), np.zeros(WIDTH)
     row[9:12], row[12:15] = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
     angle = np.linspace(0.0, 2.0 * np.pi, 4001)
@@ -337,7 +337,7 @@ def test_a_way_round_in_a_tooth_does_no_work(radius):
 
 
 def test_a_leaving_pin_clears_the_teeth():
-    """It swings about its seated neighbour on a circle of one pitch; the flanks let it go."""
+    """The pin swings about its seated neighbour on a circle of one pitch; the flanks do not touch it."""
     radius = PITCH / (2.0 * np.sin(np.pi / 10))
     neighbour = radius * np.array([np.cos(-np.pi / 5), np.sin(-np.pi / 5)])
     start = np.array([radius, 0.0]) - neighbour
