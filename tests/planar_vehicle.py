@@ -24,7 +24,7 @@ class Planar:
         self._arrays = np.array(v.wheels), np.array(v.shares)
 
     def step(self, h, wanted):
-        """Advance by ``h`` s."""
+        """Advance by ``h``, s, with demanded sprocket speeds (2,), rad/s."""
         v, n = self.vehicle, int(np.ceil(h / LONGEST - 1e-9))
         numbers = (v.mass, self.inertia, v.height, v.half_width, v.width, v.radius, v.friction, v.creep, self.lag)
         _march(self.x, self.told, n, h / n, np.asarray(wanted, float), *self._arrays, numbers)

@@ -57,7 +57,7 @@ def drawn(k: int) -> list[str]:
 
 
 def _drive(rng: np.random.Generator) -> list[str]:
-    """A half-cosine ramp, a ramp and its reversal, or a torque and a brake."""
+    """Settings of a drive: half-cosine ramp, ramp and reversal, or torque and brake."""
     speed = float(rng.uniform(3.0, 20.0)) * float(rng.choice([-1.0, 1.0]))
     kind = rng.choice(["ramp", "reversal", "torque"], p=[0.6, 0.2, 0.2])
     rise = float(rng.uniform(0.3, 1.0))
@@ -127,7 +127,7 @@ def warned(found: dict[str, Any]) -> bool:
 
 
 def row(found: dict[str, Any]) -> str:
-    """A line of the table."""
+    """Line of the table for a case."""
     worst = max(found["off"], key=lambda name: found["off"][name], default="")
     apart = f"{100 * found['off'][worst]:6.2f} % {worst}" if worst else "     - %"
     kinds = ", ".join(f"{what} {severity}" for what, severity in found["said"])

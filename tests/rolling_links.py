@@ -124,7 +124,7 @@ def _residual(y, first, table, loads, end, thrust):
     angle, height = y[:LINKS], y[LINKS:]
     e, n = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
     x = first + (table.along @ e.T + table.out @ n.T)
-    lever = np.stack([table.along * n[k] - table.out * e[k] for k in range(2)], axis=1)  # dx by the angles
+    lever = np.stack([table.along * n[k] - table.out * e[k] for k in range(2)], axis=1)  # derivative of x by the angles
     f, k = np.zeros_like(x), np.zeros((len(x), 2, 2))
     r, slope = np.zeros(len(y)), np.zeros((len(y), len(y)))
     load = np.where(table.pad, table.share * STIFFNESS * np.maximum(-x[:, 1], 0.0), 0.0)

@@ -23,7 +23,7 @@ class Vehicle(NamedTuple):
     wheels: tuple[float, ...] = (1.3374, 0.6704, 0.0034, -0.6636, -1.3296)  # forward of the centre of mass
     # of a track's load: wheel loads less the lift of the first and the last wheel by the inclined end strands
     shares: tuple[float, ...] = (0.158, 0.238, 0.221, 0.217, 0.166)
-    radius: float = 10.0 * 0.1524 / (2.0 * np.pi)  # speed of a track over that of its sprocket
+    radius: float = 10.0 * 0.1524 / (2.0 * np.pi)  # track speed over sprocket speed
     friction: float = 0.3
     creep: float = 0.01  # m/s: friction velocity
 

@@ -296,7 +296,7 @@ def test_top_level():
     top = {name.split("/")[0] for name in listed}
     assert top <= {
         "pyproject.toml", "fmus", "orchestrator", "tests", "logs", "README.md",
-        "LICENSE", ".gitignore", ".ci", "constraints.txt",
+        "LICENSE", "CITATION.cff", ".gitignore", ".ci", "constraints.txt",
     }  # fmt: skip
 
 

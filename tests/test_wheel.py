@@ -32,6 +32,8 @@ def cotrack(site, folder, *arguments):
 def test_wheel_has_scenes_vehicles_and_pages_only(unpacked):
     assert (unpacked / "orchestrator" / "gallery" / "straight.toml").is_file()
     assert (unpacked / "fmus" / "vehicles" / "m113.toml").is_file()
+    assert (unpacked / "orchestrator" / "py.typed").is_file()
+    assert (unpacked / "fmus" / "py.typed").is_file()
     top = {path.name for path in unpacked.iterdir() if not path.name.endswith(".dist-info")}
     assert top == {"fmus", "orchestrator"}
     assert sum(path.stat().st_size for path in unpacked.parent.glob("*.whl")) < 2_000_000

@@ -171,7 +171,7 @@ def ports(run: RunData) -> list[Port]:
 
 
 def _book(run: RunData, instance: str) -> dict[str, float]:
-    """Change of each ``energy.*`` output of an instance over the run, J; raises Missing."""
+    """Compute the change of each ``energy.*`` output of an instance over the run, J; raises Missing."""
     topic = f"/{instance}/out"
     if topic not in run.log.topics or not len((series := run.log.ends(topic)).t):
         raise Missing(f"the log holds no outputs of '{instance}'")

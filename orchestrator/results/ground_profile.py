@@ -49,7 +49,7 @@ class GroundProfile(NamedTuple):
         return np.asarray(found)
 
     def bends(self, low: float, high: float) -> Floats:
-        """Places along the line (k,) between which the ground is straight: both ends and the corners between them."""
+        """Distances along the line (k,), m: both ends and the corners between; the ground is straight between."""
         return np.unique([low, *self.along[(self.along > low) & (self.along < high)], high])
 
     def normals(self, places: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""How a difference of two runs grows, as a picture."""
+"""Picture of the growth of a difference between two runs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ STYLES = {"in": ":", "out": "-", "links": "--"}
 
 
 def draw(found: Divergence, output: Path) -> None:
-    """A curve for each topic that parts; raises BadInput where there is none, or the file cannot be written."""
+    """Draw a curve for each topic that differs; raises BadInput without any, or for an unwritable file."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -10,7 +10,7 @@ POSITION = "joint[*].position"
 
 
 def columns(names: Sequence[str], signal: str) -> np.ndarray:
-    """Columns of a signal of links 1, 2, ... among a topic's names: (n,) or, of a vector, (n, 3); empty for none."""
+    """Columns (n,), for a vector (n, 3), of a signal of links 1, 2, ... in a topic; empty for none."""
     of = {name: column for column, name in enumerate(names)}
     parts = [""] if signal.replace("*", "1") in of else [".x", ".y", ".z"]
     found: list[list[int]] = []

@@ -1,4 +1,4 @@
-"""Figures as files: there whole or not at all."""
+"""Figures as files, written whole or not at all."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def saved(figure: Figure, output: Path) -> None:
-    """Write a figure; raises BadInput where that cannot be."""
+    """Write a figure; raises BadInput if that is impossible."""
     if output.is_dir():
         raise BadInput(f"the picture {output} cannot be written: it is a directory")
     try:

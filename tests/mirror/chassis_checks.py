@@ -32,7 +32,7 @@ def at_instants(means: Floats) -> Floats:
     return np.concatenate([none, mean(means), none])
 
 
-# --- where things are and how they move ------------------------------------------------------------
+# --- positions and motion --------------------------------------------------------------------------
 
 
 def thirteen(view: View, names: Sequence[str]) -> Floats:
@@ -221,7 +221,7 @@ def port_work(view: View, names: Sequence[str]) -> Floats:
     return h.copies * summed(0.0, gains)[:, None]
 
 
-# --- the ground ------------------------------------------------------------------------------------
+# --- ground ----------------------------------------------------------------------------------------
 
 
 def on_ground(view: View) -> bool:

@@ -99,7 +99,7 @@ class View:
         return Planned(self.part) if self.part.parameters["friction"] else Seen(self.part)
 
     def driven(self) -> bool:
-        """Whether a track runs on wheels."""
+        """True if a track runs on wheels."""
         return bool(self.track["wheels"])
 
     def at_all(self) -> bool:

@@ -189,12 +189,12 @@ class Hull:
         return (back.apply(xw - x) - self.drawn[k])[:, 0], back.apply(uw - u - np.cross(w, xw - x))[:, 0]
 
     def spring(self, angle: Floats) -> tuple[Floats, Floats]:
-        """Length of a suspension spring at an arm's angle, and its moment arm -d(length)/d(angle)."""
+        """Length of a suspension spring at an arm's angle, m, and its moment arm -d(length)/d(angle), m."""
         table = self.vehicle["suspension"]
         pivot = np.array(self.pivot)
         a, b = np.array(table["on_arm"]) - pivot, np.array(table["on_chassis"]) - pivot
         c, s = np.cos(angle), np.sin(angle)
-        end = np.stack([c * a[0] + s * a[1], c * a[1] - s * a[0]], axis=-1)  # turned about +y: x to -z
+        end = np.stack([c * a[0] + s * a[1], c * a[1] - s * a[0]], axis=-1)  # rotation about +y: x to -z
         gap = end - b
         length = np.hypot(*gap.T)
         turning = np.stack([end[:, 1], -end[:, 0]], axis=-1)
@@ -210,7 +210,7 @@ class Hull:
 
 
 def grounded(hull: Hull) -> tuple[Floats, Push, Floats]:
-    """Instants (p), pushes (p) and depths of hull points and bare wheels on level ground, from the state."""
+    """Instants (p,), forces (p,) and depths, m, of hull points and bare wheels on level ground."""
     part, vehicle = hull.part, hull.vehicle
     ground = part.config["chassis"]["ground"]
     law, level = Law.of(part.parameters, vehicle["contact"], "ground"), ground_level(vehicle, part.parameters)

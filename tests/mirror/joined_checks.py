@@ -134,7 +134,7 @@ def braked(view: View, spin: Spin, name: str) -> Floats:
 
 
 def counted(view: View, spin: Spin, name: str) -> Floats:
-    """Internal steps; the gearbox has twice and half of a sprocket's inertia."""
+    """Number of internal steps; the shafts have twice and half of a sprocket's inertia."""
     spin.J *= 2.0 if name == "propulsion" else 0.5
     return spin.steps()
 

@@ -120,7 +120,7 @@ class Rigid(Chain):
         return self.centre[t, i] + arm, self.velocity[t, i] + np.cross(self.spin[t, i], arm)
 
     def pin(self, t, j, y) -> tuple[Floats, Floats]:
-        """A point of pin ``j`` at ``y`` from its middle."""
+        """Position and velocity of points of pins ``j`` at ``y``, m, from their middle."""
         at_end = j >= self.n
         return self.point(t, np.where(at_end, j - 1, j), np.where(at_end, 1.0, 0.0), y, 0.0)
 
@@ -205,7 +205,7 @@ class Element(Chain):
         return np.einsum("p,pa,tna->tn", w, self.centreline(x), self.e[..., 2])
 
     def centreline(self, xi, derivative: int = 0) -> Floats:
-        """Shape functions on the axis (..., rows)."""
+        """Shape functions (..., rows) on the axis."""
         raise NotImplementedError
 
     @property
@@ -335,7 +335,7 @@ class Cable(Element):
         return np.einsum("pa,...ai->...pi", hermite(xi, self.pitch, derivative), e)
 
     def gradients_at(self, xi: float) -> Floats:
-        """r_x of all links at a fraction of their length (T, n, 3)."""
+        """Gradients r_x (T, n, 3) of all links at a fraction of their length."""
         return self.slopes(self.e, [xi])[:, :, 0]
 
     @property
@@ -670,7 +670,7 @@ class Beam(Element):
         return np.einsum("ja,...ai->...ij", D, e)
 
     def gradients_at(self, xi: float) -> Floats:
-        """r_x of the axis of all links at a fraction of their length (T, n, 3)."""
+        """Gradients r_x (T, n, 3) of the axis of all links at a fraction of their length."""
         return self.gradients(xi, 0.0, 0.0)[..., 0]
 
     @property

@@ -36,7 +36,7 @@ class Wheels(NamedTuple):
 
     centre: Floats
     velocity: Floats
-    spin: Floats  # angular velocity
+    spin: Floats  # angular velocity, rad/s
     axle: Floats
     radial: Floats  # unit vector that turns with the wheel
 

@@ -55,7 +55,7 @@ class Spin:
 
     @property
     def told(self) -> Rotation:
-        """Attitude of the mount at the beginning of each step."""
+        """Input attitude of the mount at the start of each step."""
         told = self.part.given("mount.orientation", "wxyz")
         return self.mount[1][:-1] if self.alone else turned(told)
 
@@ -65,7 +65,7 @@ class Spin:
 
     @property
     def swing(self) -> Floats:
-        """Rate of the mount about the axle (K + 1)."""
+        """Rate of the mount about the axle (K + 1,), rad/s."""
         return (self.axle * self.mount[3]).sum(1)
 
     @property
@@ -90,7 +90,7 @@ class Spin:
         return np.array([self.wanted(each) for each in t])
 
     def braking(self, s: Floats) -> Floats:
-        """Torque of the brake at speeds ``s``."""
+        """Torque of the brake, N m, at speeds ``s``, rad/s."""
         if self.p["mode"] == "speed":
             return 0.0 * s
         return self.p["brake.torque"] * s / np.hypot(s, self.p["brake.speed"])

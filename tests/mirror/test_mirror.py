@@ -187,7 +187,7 @@ def shown(slave: Slave) -> list[str]:
 
 
 class Started:
-    """A shell whose status is read after each step."""
+    """Slave whose status is read after each step."""
 
     def __init__(self, slave: Slave) -> None:
         self.slave, self.t = slave, 0.0

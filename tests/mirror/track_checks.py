@@ -114,7 +114,7 @@ def newton(view: View, names: Sequence[str]) -> Floats:
 
 
 def momentum(view: View, names: Sequence[str]) -> Floats:
-    """Change of the chain's momentum over each step, less all other forces."""
+    """Force from the change of the chain's momentum over each step less all other forces."""
     (name,), part, c = names, view.part, view.chain
     damped = view.recursion.means(across(c)[0].sum(1))
     gained = np.diff(chain_momentum(view), axis=0) / part.h[:, None]
@@ -426,7 +426,7 @@ def stages(view: View, names: Sequence[str]) -> Floats:
 
 
 def told(view: View) -> bool:
-    """Whether tensions are known: of elements from their strain, of rigid links from accelerations."""
+    """True if tensions are known: from strain for elements, from accelerations for rigid links."""
     return implicit(view) or (view.kind != "TrackRigid" and view.chain.beyond_rod == 0.0)
 
 

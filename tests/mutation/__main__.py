@@ -30,7 +30,7 @@ LIMIT = 3600.0  # s per stage: a fault that makes tests hang is noticed too
 
 
 def chosen(count: int, seed: int) -> list[dict[str, Any]]:
-    """Faults by area, drawn with a seed; those that once survived come first."""
+    """Draw faults by area with a seed; faults that once survived come first."""
     draw = random.Random(seed)
     found = [_entry(_area_of(file), file, fault) for file, fault in known_faults()]
     for area in AREAS:

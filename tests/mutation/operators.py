@@ -20,7 +20,7 @@ class Fault(NamedTuple):
     """A changed line of a source."""
 
     line: int  # from 1
-    old: str  # the whole line
+    old: str  # whole line
     new: str
     kind: str
 
@@ -76,7 +76,7 @@ def _code(node: ast.AST) -> Iterator[ast.AST]:
                 yield from _code(statement)
         elif isinstance(child, ast.ClassDef) or isinstance(node, ast.ClassDef | ast.Module):
             yield from _code(child) if isinstance(child, ast.ClassDef) else ()
-        elif isinstance(child, ast.Subscript):  # a wrong index ends a run at once
+        elif isinstance(child, ast.Subscript):  # a wrong index fails at once
             yield from _code(child.value)
         elif not isinstance(child, ast.JoinedStr | ast.arguments | ast.Assert | ast.Raise):
             yield child

@@ -35,7 +35,7 @@ class Content:
             self.attachments = {each.name: each.data for each in reader.iter_attachments()}
             self.metadata = {each.name: dict(each.metadata) for each in reader.iter_metadata()}
         with Log(path) as log:
-            self.channels = {  # without those for other tools
+            self.channels = {  # without channels for other tools
                 number: (channel.topic, summary.schemas[channel.schema_id], dict(channel.metadata))
                 for number, channel in summary.channels.items()
                 if channel.topic not in log.others
@@ -166,7 +166,7 @@ def _json(content: bytes, chance: random.Random) -> bytes:
 
 
 def _places(value: Any) -> Iterator[tuple[Any, Any]]:
-    """Every (dict, key) and (list, index) within a JSON value."""
+    """Yield every (dict, key) and (list, index) within a JSON value."""
     entries = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, inner in entries:
         yield value, key

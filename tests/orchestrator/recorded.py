@@ -1,4 +1,4 @@
-"""Small logs for the tests of the log layer."""
+"""Small logs for tests of the log layer."""
 
 from pathlib import Path
 

@@ -40,12 +40,12 @@ NO_INPUTS = np.zeros(0)
 
 
 def line(n: int, pitch: float = P, along: tuple[float, float] = (1.0, 0.0)) -> np.ndarray:
-    """Pins (n + 1, 2) of a straight chain from the origin."""
+    """Pins (n + 1, 2), m, of a straight chain from the origin."""
     return pitch * np.arange(n + 1)[:, None] * np.array(along)
 
 
 def ring(n: int, pitch: float = P) -> np.ndarray:
-    """Pins (n, 2) of a regular polygon round the origin."""
+    """Pins (n, 2), m, of a regular polygon round the origin."""
     angle = -2.0 * np.pi * np.arange(n) / n
     return pitch / (2.0 * np.sin(np.pi / n)) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 

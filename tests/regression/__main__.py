@@ -1,4 +1,4 @@
-"""``python -m tests.regression``: digests of short runs; with ``--against FOLDER`` their differences.
+"""Command ``python -m tests.regression``: digests of short runs; with ``--against FOLDER`` differences.
 
 Another processor or LLVM computes other last bits, so no digest is stored: both checkouts run on this machine, each
 by its own command.

@@ -1,1 +1,1 @@
-"""Validation: the mechanics, the couplings and the paper's comparison, each a study (``orchestrator/studies``)."""
+"""Validation: mechanics, couplings, comparison with the paper; studies as in ``orchestrator/studies``."""

@@ -1,4 +1,4 @@
-"""``python -m tests.validation NAME -o DIR``: a study of cotrack itself, from a clone."""
+"""Command ``python -m tests.validation NAME -o DIR``: a study of cotrack itself, from a clone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Chains without contact against exact and published figures, of rods and of meshes."""
+"""Chains of rods and of meshes without contact, compared with exact and published figures."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ from tests.validation.rods import EXPLICIT, IMPLICIT, MASS, G, Rods, of_angles
 # 5. Released horizontal chain --------------------------------------------------------------------------------------
 
 LINKS = 64
-STEP = "step, s"  # what series of errors go over
+STEP = "step, s"  # abscissa of a series of errors
 
 
 def released_rods() -> list[Row]:
-    """Thin rigid rods by Runge-Kutta."""
+    """Released chain of thin rigid rods, by Runge-Kutta."""
     hs = (1e-2, 5e-3, 2.5e-3)
     line_of = of_angles(np.zeros(LINKS))
     tips = [float(Rods(line_of, held=True).run(0.5, h).tip()[0]) for h in hs]
@@ -47,7 +47,7 @@ def released_rods() -> list[Row]:
 
 
 def released_steel(hs: tuple[float, ...]) -> list[Row]:
-    """Steel cables by generalised alpha."""
+    """Released chain of steel cables, by generalised alpha with steps ``hs``, s."""
     mesh = chain(cable, STEEL, np.zeros(LINKS), held=True)
     mesh = mesh.loaded(loads.gravity(mesh, [0, 0, -G]))
     tips = []
@@ -60,7 +60,7 @@ def released_steel(hs: tuple[float, ...]) -> list[Row]:
 
 
 def _over_steps(case: str, hs: tuple[float, ...], values: list[float], reference: float, order: int) -> list[Row]:
-    """The reference has six decimals; the series is that of the values towards their own limit."""
+    """Row of a value over steps ``hs``, s; the reference has six decimals, so errors are to the own limit."""
     limit = values[-1] + (values[-1] - values[-2]) / (2**order - 1)
     series = tuple((h, abs(value - limit)) for h, value in zip(hs, values, strict=True))
     off = abs(values[-1] - reference)
@@ -75,7 +75,7 @@ SWINGS = (1.20242178, 2.76073253, 4.33154065, 5.91226122)  # omega sqrt(L/g) of 
 
 
 def swings_of_rods() -> list[Row]:
-    """From the angular accelerations of links let go a little off the vertical, one at a time."""
+    """Swing frequencies of rods, from the accelerations of links released off the vertical, one at a time."""
     d = 1e-5
 
     def released(k: int, turn: float) -> Floats:
@@ -88,10 +88,10 @@ def swings_of_rods() -> list[Row]:
 
 
 def swings_of_steel() -> list[Row]:
-    """Linearised about the loaded equilibrium, in the plane."""
+    """Swing frequencies of steel cables in the plane, linearised about the loaded equilibrium."""
     mesh = chain(cable, TRACK, np.full(LINKS, -np.pi / 2), held=True)
     mesh = mesh.loaded(loads.gravity(mesh, [0, 0, -G]))
-    # a chain without tension resists no swing: Newton begins at the stretch that the weight below each link makes
+    # without tension the matrix is singular: Newton starts at the stretch by the weight below each link
     stretch = 1.0 + (LINKS - np.arange(LINKS) - 0.5) * TRACK.rhoA * PITCH * G / TRACK.EA
     e = mesh.coordinates(mesh.start()).reshape(LINKS, 4, 3)
     e[:, 2, 2] = -PITCH * np.cumsum(stretch)
@@ -144,7 +144,7 @@ def spinning_loop() -> list[Row]:
 
 
 def folded_chain(links: int) -> list[Row]:
-    """Pinned at one end, folded once, let go at the other; no link turns more than 0.05 rad in a step."""
+    """Chain pinned at one end, folded once, released at the other; links turn at most 0.05 rad a step."""
     n, quarter = links // 2, np.pi / 2
     rods = Rods(of_angles(np.concatenate([np.full(n, -quarter), [0.0], np.full(n, quarter)])), held=True)
     length = links * PITCH
@@ -182,9 +182,9 @@ WEAK = 2e5  # Pa: links whose own modes an explicit method can follow
 
 
 def drift(what: str, integrator: str, hs: tuple[float, ...], time: float) -> list[Row]:
-    """Of energy and angular momentum, relative, during runs in steps of each h.
+    """Relative drift of energy and angular momentum during runs in steps of each h, s.
 
-    Runge-Kutta of order 4 loses energy at order 5 where the motion is slow.
+    Runge-Kutta of order 4 loses energy at order 5 if the motion is slow.
     """
     drifts = _drifts_of_rods(integrator, time) if what == "rods" else _drifts_of_mesh(what, integrator, time)
     largest, order = np.array([np.max(list(drifts(h)), axis=0) for h in hs]), ORDERS[integrator]
@@ -198,11 +198,11 @@ def drift(what: str, integrator: str, hs: tuple[float, ...], time: float) -> lis
     return rows
 
 
-Drifts = Callable[[float], Iterator[tuple[float, float]]]  # of energy and angular momentum in the course of a run
+Drifts = Callable[[float], Iterator[tuple[float, float]]]  # step, s -> drifts in a run
 
 
 def _drifts_of_rods(integrator: str, time: float) -> Drifts:
-    """All three components."""
+    """Drifts of rods, with all three components of angular momentum."""
     pins = of_angles(ZIGZAG)
 
     def drifts(h: float) -> Iterator[tuple[float, float]]:
@@ -217,7 +217,7 @@ def _drifts_of_rods(integrator: str, time: float) -> Drifts:
 
 
 def _drifts_of_mesh(what: str, integrator: str, time: float) -> Drifts:
-    """Cables about the pin axis alone; beams about all axes."""
+    """Drifts of a mesh: angular momentum about the pin axis for cables, about all axes for beams."""
     link = STEEL if what == "steel cables" else STEEL._replace(EA=WEAK * AREA, EI=WEAK * SECOND)
     if what == "soft beams":
         mesh = chain(beam, SHOE._replace(E=WEAK), ZIGZAG[:3])
@@ -244,7 +244,7 @@ def _drifts_of_mesh(what: str, integrator: str, time: float) -> Drifts:
 
 
 def cases(quick: bool) -> list[Case]:
-    """``quick`` leaves the two long chains and the long windows out."""
+    """Cases of chains; ``quick`` leaves out the two long chains and the long windows."""
     window = 2.0 if quick else 10.0
     coarse = (2.5e-3, 1.25e-3, 6.25e-4)
     free: tuple[tuple[str, str, tuple[float, ...]], ...] = (

@@ -1,4 +1,4 @@
-"""Figures held against references: rows of a study, its tables, and a picture of errors against elements or step."""
+"""Comparison of figures with references: rows, tables, and a picture of errors over elements or step."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ COLUMNS = (
     Column("case", "case"),
     Column("value", "value", ".9g"),
     Column("reference", "reference", ".9g"),
-    Column("error", "error", ".2g"),  # absolute or relative, as the case says; what the tolerance bounds
-    Column("tolerance", "tolerance", ".2g"),  # NaN: shown as information
-    Column("order", "order", ".2g"),  # observed, where there is one
+    Column("error", "error", ".2g"),  # absolute or relative, as the case says; bounded by the tolerance
+    Column("tolerance", "tolerance", ".2g"),  # NaN: no requirement
+    Column("order", "order", ".2g"),  # observed, if there is one
     Column("ok", "ok"),
     Column("note", "note"),
 )
@@ -35,9 +35,9 @@ def checked(
     note: str = "",
     **more: Any,
 ) -> Row:
-    """A row that must keep its tolerance; the error is relative unless given, and absolute where the reference is 0.
+    """Row with a tolerance; the error is relative unless given, and absolute for a reference of 0.
 
-    ``more``: ``order``, and ``series`` of pairs of what they run ``over`` ("elements" or "step, s") and the error.
+    ``more``: ``order``; ``series`` of pairs (abscissa, error); ``over``, the abscissa: "elements" or "step, s".
     """
     if error is None:
         error = abs(value - reference) / (abs(reference) or 1.0)
@@ -48,29 +48,29 @@ def checked(
 
 
 def of_order(row: Row, low: float, high: float) -> Row:
-    """The row, which must also show an order between two bounds."""
+    """Return the row with the further requirement of an order between two bounds."""
     kept = bool(row.ok) and low <= row["order"] <= high
     return replace(row, ok=kept, note=f"order {low:g} to {high:g} is asked for")
 
 
 def series(row: Row) -> list[tuple[float, float]]:
-    """What the series of a row runs over, and the errors."""
+    """Return the series of a row: abscissa and error of each point."""
     return [(size, error) for size, error in row.figures.get("series", ())]
 
 
 def table(rows: Sequence[Row], title: str = "") -> Table:
-    """The rows for people and programs."""
+    """Table of the rows."""
     return Table(title, COLUMNS, [row.cells() for row in rows])
 
 
 def points(rows: Sequence[Row]) -> Table:
-    """The points behind the picture."""
+    """Table of the points of the picture."""
     found = [{**row.cells(), "size": size, "error": error} for row in rows for size, error in series(row)]
     return Table("", POINTS, found)
 
 
 def draw(rows: Sequence[Row], title: str) -> files.Picture:
-    """Error against elements or step, log-log: a pane an item, a line a row, dotted lines of orders 2 and 4."""
+    """Draw error over elements or step, log-log: a pane per item, a line per row, dotted orders 2 and 4."""
     from matplotlib import colormaps
     from matplotlib.figure import Figure
 
@@ -115,6 +115,6 @@ def draw(rows: Sequence[Row], title: str) -> files.Picture:
 
 
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
-    """Tables and picture; raises OSError when the folder cannot be written."""
+    """Write tables and picture; raises OSError if the folder cannot be written."""
     more = {f"{name}-convergence.csv": to_csv(points(rows))}
     return files.save(folder, name, table(rows, title), draw(rows, title), more)

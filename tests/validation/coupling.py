@@ -1,8 +1,8 @@
-"""Couplings on the two-mass oscillator: order, energy, largest stable step; fixed and variable steps at equal error.
+"""Couplings on the two-mass oscillator: order, energy, stable step; fixed against variable steps.
 
 Predictions come from the exact amplification matrix of each coupling, observations from the coupling code itself on
-exact slaves. Orders and energies without dampers; limits with a coupling spring of 100 N/m, dampers of 1 N s/m (none in
-the cut "spring") at the port and 0.2 N s/m at the walls.
+exact slaves. Orders and energies are without dampers. Limits are with a coupling spring of 100 N/m, dampers of 1 N s/m
+(none in the cut "spring") at the port and of 0.2 N s/m at the walls.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ __all__ = ["TITLE", "cases", "table", "write"]
 TITLE = "Couplings on two masses: orders, energies, largest stable steps"
 
 CUTS = ("wrench", "spring", "mass")
-# scheme, its options. A held Gauss-Seidel is left out for the wrench: there it is tracks_first.
+# Scheme and options. Gauss-Seidel with held inputs is left out for the wrench cut, where it equals tracks_first.
 VARIANTS: dict[str, tuple[str, dict[str, Any]]] = {
     "tracks_first": ("tracks_first", {}),
     "jacobi constant": ("jacobi", {"hold": "constant"}),
@@ -49,13 +49,13 @@ DAMPED = Oscillator(k=100.0, c=1.0, c1=0.2, c2=0.2, start=(1.0, 0.5, -0.3, 0.2))
 STRUCK = Oscillator(k=100.0, c=1.0, c1=0.05, c2=0.05, start=(0.1, 0.0, 0.1, 0.0))
 END, STRUCK_END = 10.0, 20.0  # s
 STABLE = 1.0 + 1e-9  # spectral radius to rounding
-LONGEST = 3.0  # s: a coupling that is stable so far has no limit here
-STEPS, LONG = 1600, 12.0  # steps and s that tell growth from decay
-REST = 1e-6  # of the first motion: what is smaller is rounding and the tolerance of iterations
+LONGEST = 3.0  # s: a coupling that is stable up to here counts as unlimited
+STEPS, LONG = 1600, 12.0  # steps and s after which growth differs from decay
+REST = 1e-6  # of the initial motion: smaller motion is rounding or the tolerance of iterations
 
 
 def couple(variant: str, stages: Stages) -> Scheme:
-    """The coupling of a variant."""
+    """Return the coupling of a variant."""
     name, options = VARIANTS[variant]
     return SCHEMES[name](stages, threads=False, **options)  # type: ignore[no-any-return]
 
@@ -63,7 +63,7 @@ def couple(variant: str, stages: Stages) -> Scheme:
 def follow(
     variant: str, sides: tuple[Stages, Slave, Slave], pace: Clock | VariableStep, truth: Callable[[float], Floats]
 ) -> float:
-    """Run a coupling; the largest error of both positions over the run, m. ``truth`` is asked forward in time."""
+    """Run a coupling; return the largest error of both positions, m. ``truth`` is called in order of time."""
     stages, a, b = sides
     worst = 0.0
 
@@ -79,7 +79,7 @@ def follow(
 
 
 def run_free(variant: str, cut: str, h: float) -> tuple[float, float]:
-    """Largest error of both positions over the run, m, and the energy at its end over that at its start."""
+    """Return the largest error of both positions over a run, m, and its final over its initial energy."""
     sides = coupled(cut, FREE)
     ahead, x = expm(whole(FREE) * h), np.array(FREE.start)
 
@@ -94,7 +94,7 @@ def run_free(variant: str, cut: str, h: float) -> tuple[float, float]:
 
 
 def grows(variant: str, cut: str, h: float, o: Oscillator = DAMPED, steps: int = 0) -> bool:
-    """Whether the motion of the damped oscillator grows from the second quarter of the steps to the last."""
+    """True if the motion of the damped oscillator grows from the second quarter of the steps to the last."""
     steps = steps or max(STEPS, round(LONG / h))
     stages, a, b = coupled(cut, o)
     sizes: list[float] = []
@@ -116,7 +116,7 @@ def grows(variant: str, cut: str, h: float, o: Oscillator = DAMPED, steps: int =
 
 
 def predicted_limit(variant: str, cut: str) -> float:
-    """The first step at which the spectral radius leaves 1, s; infinite where none does."""
+    """First step at which the spectral radius exceeds 1, s; infinite without one."""
     name, options = VARIANTS[variant]
     low = 5e-4
 
@@ -135,9 +135,9 @@ def predicted_limit(variant: str, cut: str) -> float:
 
 
 def observed_limit(variant: str, cut: str, predicted: float) -> float:
-    """The step between 0.9 and 1.08 of the predicted one at which the very coupling begins to grow, to 1 %, s.
+    """Step, s, to 1 %, from 0.9 to 1.08 of the predicted one, at which the coupling becomes unstable.
 
-    A wider search may end in a second range of stable steps, which some couplings have beyond their limit.
+    Some couplings have a second range of stable steps beyond their limit, in which a wider search could end.
     """
     low, high = 0.9 * predicted, 1.08 * predicted
     while high / low > 1.01:
@@ -147,7 +147,7 @@ def observed_limit(variant: str, cut: str, predicted: float) -> float:
 
 
 def run_struck(variant: str, pace: Clock | VariableStep) -> tuple[float, int]:
-    """Quiet swinging, a hammer on mass 2, ringing, quiet: largest error of the positions, m, and steps of side a."""
+    """Run with a hammer blow on mass 2; return the largest position error, m, and the steps of side a."""
     stages, a, b, truth = struck(STRUCK)
     return follow(variant, (stages, a, b), pace, truth), a.steps
 
@@ -156,7 +156,7 @@ def run_struck(variant: str, pace: Clock | VariableStep) -> tuple[float, int]:
 
 
 def accuracy(variant: str, cut: str) -> list[Row]:
-    """Order and energy."""
+    """Rows of order and energy."""
     name = f"{variant}, cut at the {cut}"
     declared = couple(variant, coupled(cut, FREE)[0]).ORDER
     hs = (0.1, 0.02, 0.01, 0.005)
@@ -172,7 +172,7 @@ def accuracy(variant: str, cut: str) -> list[Row]:
 
 
 def limit(variant: str, cut: str) -> list[Row]:
-    """The largest stable step."""
+    """Row of the largest stable step."""
     name = f"{variant}, cut at the {cut}, largest stable H, s"
     predicted = predicted_limit(variant, cut)
     if math.isinf(predicted):
@@ -187,7 +187,7 @@ TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
 
 
 def steps_at_equal_error(tolerances: tuple[float, ...]) -> list[Row]:
-    """Steps that a fixed communication step would need for the error of the variable one; and their ratio."""
+    """Rows of the number of fixed steps that reach the error of variable ones, and the ratio of both."""
     rows = []
     errors, costs = np.array([run_struck("gauss_seidel linear", Clock(h, round(STRUCK_END / h))) for h in FIXED]).T
     for tolerance in tolerances:
@@ -201,7 +201,7 @@ def steps_at_equal_error(tolerances: tuple[float, ...]) -> list[Row]:
 
 
 def cases(quick: bool) -> list[Case]:
-    """All couplings at all cuts; quick: fewer tolerances of the variable step."""
+    """Cases of all couplings at all cuts; ``quick``: fewer tolerances of the variable step."""
     tolerances = TOLERANCES[1:3] if quick else TOLERANCES
     return [
         *(Case("orders", f"{v}, {cut}, order", accuracy, (v, cut)) for cut, v in MEMBERS),

@@ -1,4 +1,4 @@
-"""Elements, joints, corners and splines against exact and published figures."""
+"""Elements, joints, corners and splines, compared with exact and published figures."""
 
 from __future__ import annotations
 
@@ -52,25 +52,25 @@ CURES: dict[str, dict[str, Any]] = {
 }
 ALPHAS = (1, 5, 10)
 LINKS = 64
-ELEMENTS = "elements"  # what series of errors go over
+ELEMENTS = "elements"  # abscissa of a series of errors
 
 # 2. The elastica ---------------------------------------------------------------------------------------------------
 
 
 def _over_elements(case: str, ns: tuple[int, ...], values: list[float], reference: float, tolerance: float) -> Row:
-    """The value with the last number of elements, the errors of all, the order of the values among themselves."""
+    """Row of the value with most elements, with all errors and the order observed among the values."""
     scale = abs(reference) or 1.0
     series = tuple((float(n), abs(value - reference) / scale) for n, value in zip(ns, values, strict=True))
     return checked("", case, values[-1], reference, tolerance, order=order_of(ns, values), over=ELEMENTS, series=series)
 
 
 def _element(name: str) -> tuple[str, Any, dict[str, Any]]:
-    """A cable or a beam in words, its kind and options."""
+    """Return description, kind and options of a cable or a beam."""
     return (f"cable {name}", CABLES[name], {}) if name in CABLES else (f"beam {name}", beam, CURES[name])
 
 
 def elastica_of(name: str) -> list[Row]:
-    """Tip loads and the circle. Of beams short elements are of order 2, long ones converge faster."""
+    """Elastica under tip loads and as a circle; beams have order 2 with short elements, else more."""
     what, kind, kind_of = _element(name)
     slender, finer, tolerance = (1000, (8, 16, 32), 1e-4) if name in CABLES else (100, (16, 32, 64), 2e-3)
     ns, rows = (8, 16, 32), []
@@ -82,7 +82,7 @@ def elastica_of(name: str) -> list[Row]:
 
 
 def elastica_order(name: str) -> list[Row]:
-    """Values of three meshes among themselves, stockier, so that bending and not the stretch decides."""
+    """Order observed on three meshes of a stockier cantilever, whose error comes from bending."""
     what, kind, kind_of = _element(name)
     slender, ns, expected, off = (50, (4, 8, 16), 4, 0.5) if name in CABLES else (20, (32, 64, 128), 2, 0.2)
     order = order_of(ns, [deflection(kind, n, 5, slender, **kind_of) for n in ns])
@@ -91,7 +91,7 @@ def elastica_order(name: str) -> list[Row]:
 
 
 def elastica_without_cure() -> list[Row]:
-    """With nu = 0.3 in every point: converges to EI times (1 - nu)/((1 + nu)(1 - 2 nu))."""
+    """Beam with nu = 0.3 at all points: converges to EI times (1 - nu)/((1 + nu)(1 - 2 nu))."""
     stiffer, rows = 0.7 / (1.3 * 0.4), []
     for a in ALPHAS:
         found = deflection(beam, 64, a, 100, nu=0.3, split=False)
@@ -113,16 +113,16 @@ ENDS: dict[str, tuple[list[Any], list[float]]] = {
 
 
 def _beta(kind: Any, n: int, slender: float, ends: str, **kind_of: Any) -> Floats:
-    """The beta L of the first three bending modes; each comes twice, once a plane."""
+    """The beta L of the first three bending modes; each occurs twice, once per plane."""
     supports = [((node % n, end), own) for (node, end), own in ENDS[ends][0]]
     mesh = line(kind, section(kind, n, slender, **kind_of), n, supports)
     K, M = mesh.tangent(mesh.start()).toarray(), mesh.M.toarray()
-    squares = 1.0 / eigh(M, K + M, eigvals_only=True)[::-1] - 1.0  # the lowest with the most digits
+    squares = 1.0 / eigh(M, K + M, eigvals_only=True)[::-1] - 1.0  # lowest modes with the most digits
     return np.asarray(squares[squares > 1.0][:6][::2] ** 0.25)
 
 
 def frequencies(name: str, ends: str) -> list[Row]:
-    """The worst of the first three, against Euler-Bernoulli."""
+    """Row of the largest error of the first three frequencies, relative to Euler-Bernoulli."""
     element, kind, kind_of = _element(name)
     slim = name in CABLES
     slender, ns, tolerance = (1000, (4, 8, 16), 1e-4) if slim else (300, (8, 16, 32), 2e-3)
@@ -158,7 +158,7 @@ TIPS: dict[str, tuple[list[tuple[float, float, float]], float]] = {
 
 
 def rotating_cable(name: str) -> list[Row]:
-    """Its tip at three times; each row shows the component that is farthest off."""
+    """Rows of the rotating cable's tip at three times; each shows the component with the largest error."""
     mesh, q, v = rotating(CABLES[name])
     steps = 2500
     rows: list[Row] = []
@@ -176,7 +176,7 @@ def rotating_cable(name: str) -> list[Row]:
 
 
 def sliding_joint(slider: str) -> list[Row]:
-    """Five seconds without friction over the nodes of a flexible rail."""
+    """Rows of five frictionless seconds of a slider that passes the nodes of a flexible rail."""
     b, r, s = rope(slider)
     lost = sliding.removed(b, r, s.X, s.w)
     start, worst, closed, kinetic = sum(sliding.energy(b, s)), 0.0, 0.0, 0.0
@@ -197,7 +197,7 @@ def sliding_joint(slider: str) -> list[Row]:
 
 
 def pin_counts() -> list[Row]:
-    """Ranks of what a pin eliminates, and degrees of freedom of whole tracks."""
+    """Rows of the ranks of a pin's equations, and of the degrees of freedom of whole tracks."""
     rows = []
     kinds: tuple[tuple[str, Any, Any, Any, int], ...] = (
         ("cable", cable, TRACK, joints.pin_cable(Y), 4),
@@ -217,7 +217,7 @@ def pin_counts() -> list[Row]:
 
 
 def _unstrained(what: str, mesh: Mesh, places: Iterable[Floats], over: str, scale: float, off: str) -> list[Row]:
-    """Largest strain energy ``over`` a ``scale`` in J, and misfit of the joints, at places that nothing strains."""
+    """Rows of the largest energy over ``scale``, J, and joint misfit, m, in strain-free configurations."""
     energy = misfit = 0.0
     for x in places:
         q = mesh.fit(x)
@@ -230,7 +230,7 @@ def _unstrained(what: str, mesh: Mesh, places: Iterable[Floats], over: str, scal
 
 
 def pin_turns(name: str) -> list[Row]:
-    """Two links, the second turned about the pin through 360 degrees: largest strain energy over EA l."""
+    """Two links, the second rotated about the pin through 360 degrees: largest strain energy over EA l."""
     kind, c = (beam, SHOE) if name == "beam" else (cable, TRACK)
     mesh = chain(kind, c, np.zeros(2))
     e, half = mesh.e0.reshape(2, kind.ROWS, 3), kind.ROWS // 2
@@ -251,7 +251,7 @@ def pin_turns(name: str) -> list[Row]:
 
 
 def sections() -> list[Row]:
-    """T, L and V turned as one body: strain energy over EA, and how far the joints are off."""
+    """Rigid rotation of T, L and V corners: strain energy over EA, and misfit of the joints, m."""
     rows: list[Row] = []
     kinds: tuple[tuple[str, Any, Any, tuple[Any, ...]], ...] = (
         ("beams", beam, SHOE, ([0, 1, 0], [1, 2, 3], [1, 0, 0])),
@@ -277,7 +277,7 @@ def l_frame(name: str) -> list[Row]:
         if kind is beam:
             case = f"L-frame of beams with a rigid corner, tip {axis}, m"
             rows.append(_over_elements(case, ns, values, exact, 5e-3))
-        else:  # one element is exact but for its being bent a little: there is no order
+        else:  # one element is exact but for its small bending: there is no order
             rows.append(checked("", f"L-frame of cables {name}, tip {axis}, m", values[-1], exact, 5e-3))
     if kind is beam:
         u, exact_u = frame_tip(beam, 24, rigid=0.0)
@@ -288,7 +288,7 @@ def l_frame(name: str) -> list[Row]:
 
 # 12. Splines -------------------------------------------------------------------------------------------------------
 
-DEMANDS = {  # element, joint: equations, the knot that makes it, missing with the nearest weaker knot
+DEMANDS = {  # element, joint: equations, equivalent knot, equations that the nearest weaker knot lacks
     ("cable", "spherical"): (3, 3, 0),
     ("cable", "pin"): (4, None, 1),
     ("cable", "sliding"): (4, None, 4),
@@ -305,7 +305,7 @@ DEMANDS = {  # element, joint: equations, the knot that makes it, missing with t
 
 
 def splines() -> list[Row]:
-    """To cable coordinates and back, and again; both ways relative to the largest coordinate."""
+    """Splines to cable coordinates and back, twice; errors relative to the largest coordinate."""
     from scipy.interpolate import BSpline
 
     rng, there, back = np.random.default_rng(11), 0.0, 0.0
@@ -338,7 +338,7 @@ def splines() -> list[Row]:
 
 
 def cases() -> list[Case]:
-    """Every element, joint and corner; each takes seconds."""
+    """Cases of all elements, joints and corners; each takes seconds."""
     both, framed = (*CABLES, *CURES), ("beam", "small deformation (11)-(15)", "general (8)-(10)")
     return [
         *(Case("2", f"elastica, {_element(name)[0]}", elastica_of, (name,), 4) for name in both),

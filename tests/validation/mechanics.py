@@ -1,6 +1,6 @@
-"""The chain mechanics of the paper, each part compared with something exact or published.
+"""Study of the paper's chain mechanics: each part is compared with exact or published figures.
 
-Items are those of the list in the study's table; ``cases(quick)`` leaves the two long chains and the long windows out.
+Items are those of the study's table; ``cases(quick)`` leaves out the two long chains and the long windows.
 """
 
 from __future__ import annotations
@@ -15,5 +15,5 @@ TITLE = "The chain mechanics of the paper: value, reference, error, order"
 
 
 def cases(quick: bool) -> list[Case]:
-    """What is measured, by items; ``quick`` stays below five minutes on two cores."""
+    """Cases by items; ``quick`` stays below five minutes on two cores."""
     return sorted(element_cases.cases() + chain_cases.cases(quick), key=lambda case: int(case.item))

@@ -1,4 +1,4 @@
-"""Meshes of scenes without an FMU and of the study of the mechanics: lines, chains, corners, frames, rails."""
+"""Meshes of the study of the mechanics: lines, chains, corners, frames, rails."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Y = [0.0, 1.0, 0.0]
 
 
 def section(kind: Any, n: int, slender: float, nu: float = 0.0, split: bool = False) -> Any:
-    """L = 1, EI = 1, mass 1 per length; a square section of height 1/slender."""
+    """Square section of height 1/slender of a line with L = 1, EI = 1 and mass 1 per length."""
     h = 1.0 / slender
     if kind is beam:
         return beam.Beam(1.0 / n, h, h, 1.0 / h**2, 12.0 / h**4, nu, 1.0, torsion.factor(h, h), split, 0.0)
@@ -36,14 +36,14 @@ def section(kind: Any, n: int, slender: float, nu: float = 0.0, split: bool = Fa
 
 
 def line(kind: Any, c: Any, n: int, supports: Any) -> Mesh:
-    """A straight line of ``n`` elements from the origin along x; ``supports``: ends and what makes them held."""
+    """Straight line of ``n`` elements from the origin along x; ``supports``: ends and support functions."""
     rows = kind.ROWS // 2
     held = [Support(end, own(rows)) for end, own in supports]
     return Mesh([Member(kind, c, nodes(kind, [0, 0, 0], np.eye(3), c.l, n))], in_a_row(rows, n), held)
 
 
 def cantilever(kind: Any, n: int, slender: float, **kind_of: Any) -> Mesh:
-    """Clamped at the origin."""
+    """Cantilever of ``n`` elements, clamped at the origin."""
     return line(kind, section(kind, n, slender, **kind_of), n, [((0, 0), joints.clamped)])
 
 
@@ -67,14 +67,14 @@ def deflection(kind: Any, n: int, alpha: float, slender: float, **kind_of: Any) 
 
 
 def opening(kind: Any, n: int, slender: float, **kind_of: Any) -> float:
-    """Distance of tip and clamp under the end moment that closes the circle; of beams it turns the director r_z."""
+    """Distance of tip and clamp under the end moment of a full circle (in beams on the director r_z)."""
     mesh = cantilever(kind, n, slender, **kind_of)
     mesh = mesh.loaded(loads.couple(mesh, (n - 1, 1), [0, -2 * np.pi, 0], 3 if kind is beam else 1))
     return float(np.linalg.norm(mesh.end(statics.equilibrium(mesh, mesh.start(), steps=8), (n - 1, 1))[0]))
 
 
 def round_cable(l: float, area: float, modulus: float, density: float) -> Cable:
-    """A link of ``l`` m of circular section."""
+    """Cable of circular section, ``l`` m long."""
     return Cable(l, density * area, modulus * area, modulus * area**2 / (4 * np.pi), 0.0, 0.0)
 
 
@@ -84,7 +84,7 @@ RUBBER = round_cable(0.25, 2.5e-5, 1.6e6, 320.0)
 def rotating(
     kind: Any, c: Cable = RUBBER, n: int = 4, spin: float = 4.0, gravity: float = 9.81
 ) -> tuple[Mesh, Floats, Floats]:
-    """A cable pinned at the origin that starts to turn about y under gravity along -y; with q and v."""
+    """Mesh, q and v of a cable pinned at the origin that starts to rotate about y; gravity along -y."""
     mesh = line(kind, c, n, [((0, 0), joints.held)])
     mesh = mesh.loaded(loads.gravity(mesh, [0, -gravity, 0]))
     e = mesh.e0.reshape(n, 2, 2, 3)
@@ -94,12 +94,12 @@ def rotating(
 
 
 def velocity(mesh: Mesh, rates: Floats) -> Floats:
-    """The v nearest to rates of the element coordinates."""
+    """Generalised velocities v nearest to given rates of the element coordinates (least squares)."""
     return np.asarray(splu((mesh.B.T @ mesh.B).tocsc()).solve(mesh.B.T @ rates.ravel()))
 
 
 def angular_momentum(mesh: Mesh, q: Floats, v: Floats) -> Floats:
-    """About the origin (3)."""
+    """Angular momentum (3,) about the origin."""
     e, p = mesh.coordinates(q).reshape(-1, 3), (mesh.M_e @ (mesh.B @ v)).reshape(-1, 3)
     return np.asarray(np.cross(e, p).sum(axis=0))
 
@@ -119,18 +119,18 @@ SHOE = beam.Beam(PITCH, 0.378, 0.0401, 7800.0, MODULUS, 0.3, 5 / 6, torsion.fact
 
 
 def rotation(axis: ArrayLike, angle: float) -> Floats:
-    """The matrix of a rotation."""
+    """Rotation matrix (3, 3) about an axis by an angle, rad."""
     a = np.asarray(axis, float)
     return np.asarray(Rotation.from_rotvec(angle / np.linalg.norm(a) * a).as_matrix())
 
 
 def turned(e: Floats, R: Floats) -> Floats:
-    """All vectors of ``e`` turned."""
+    """Rotate all vectors of element coordinates ``e`` by ``R``."""
     return np.asarray((e.reshape(-1, 3) @ R.T).reshape(e.shape))
 
 
 def chain(kind: Any, c: Any, angles: Floats, closed: bool = False, held: bool = False) -> Mesh:
-    """Links with pins along y, each at its angle over x in the plane x, z."""
+    """Chain of links with pins along y, each at its angle, rad, over x in the plane x, z."""
     n, rows = len(angles), kind.ROWS // 2
     frames = [rotation(Y, -angle) for angle in angles]
     e = np.concatenate([nodes(kind, [0, 0, 0], frame, c.l, 1) for frame in frames])
@@ -147,17 +147,17 @@ def chain(kind: Any, c: Any, angles: Floats, closed: bool = False, held: bool = 
 
 
 def polygon(n: int) -> Floats:
-    """Angles of a closed chain."""
+    """Link angles (n,), rad, of a regular closed chain."""
     return np.asarray(2 * np.pi * np.arange(n) / n)
 
 
 def spinning(n: int, omega: float) -> tuple[Mesh, Floats]:
-    """Relative equilibrium of a free steel loop that spins about y: elastic force = omega^2 M q about its centre."""
+    """Relative equilibrium of a free steel loop spinning about y: elastic force = omega^2 M q."""
     mesh = chain(cable, TRACK, polygon(n), closed=True)
     e = mesh.e0.reshape(n, 2, -1, 3)
     q = mesh.fit(e)
     turn = mesh.fit(np.cross(Y, e)) - mesh.fit(np.zeros_like(e))
-    hold = mesh.M @ turn / np.sqrt(turn @ mesh.M @ turn)  # nothing resists turning: keep the azimuth
+    hold = mesh.M @ turn / np.sqrt(turn @ mesh.M @ turn)  # rotation is a rigid mode: keep the azimuth
     S = omega**2 * mesh.M.toarray()
     for _ in range(12):
         K = mesh.tangent(q).toarray()
@@ -174,9 +174,9 @@ SECTIONS = {"T": (90.0, -90.0), "L": (90.0,), "V": (40.0,)}
 
 
 def cornered(kind: Any, sections: Sequence[Any], angles: Iterable[float], n: int, clamped: bool = False) -> Mesh:
-    """A first member along x from the origin and others at ``angles`` (degrees about -y) at its end, rigidly connected.
+    """Rigidly joined members: one along x from the origin, others at its end at ``angles``, deg about -y.
 
-    Each has ``n`` elements of its own section; the first one may be clamped.
+    Each has ``n`` elements of its own section; the first may be clamped.
     """
     first, rows = sections[0], kind.ROWS // 2
     parts, ties = [Member(kind, first, nodes(kind, [0, 0, 0], np.eye(3), first.l, n))], in_a_row(rows, n)
@@ -189,14 +189,15 @@ def cornered(kind: Any, sections: Sequence[Any], angles: Iterable[float], n: int
 
 
 def frame_load(h: float) -> float:
-    """The force on the tip of ``frame`` along x and along z, N: it bends 5 mm."""
+    """Force on the tip of ``frame`` along x and along z, N, for a deflection of 5 mm."""
     return 160.0 * h**4
 
 
 def frame(kind: Any, n: int, h: float = 0.05, rigid: float = 100.0) -> tuple[Mesh, Floats]:
-    """A clamped L-frame of 1 m along x and 0.8 m up, ``n`` elements each, under a small force (1, 0, 1) at its tip.
+    """Clamped L-frame, 1 m along x and 0.8 m up, ``n`` elements each, small force (1, 0, 1) at its tip.
 
-    With it Timoshenko's displacements (x, z) of the tip. ``rigid``: stiffness of a corner of beams over theirs.
+    Returns the mesh and Timoshenko's displacements (x, z) of the tip, m. ``rigid``: stiffness of the corner block of
+    beams over that of the beams.
     """
     L1, L2, E, shear, P = 1.0, 0.8, 1e7, 5 / 6, frame_load(h)
     A, inertia, kGA = h * h, h**4 / 12, shear * 0.5 * E * h * h
@@ -220,7 +221,7 @@ def frame(kind: Any, n: int, h: float = 0.05, rigid: float = 100.0) -> tuple[Mes
 
 
 def frame_tip(kind: Any, n: int, rigid: float = 100.0) -> tuple[Floats, Floats]:
-    """Tip displacements (x, z) of ``frame``, and Timoshenko's."""
+    """Tip displacements (x, z) of ``frame``, m, computed and by Timoshenko."""
     mesh, exact = frame(kind, n, rigid=rigid)
     q, tip = mesh.start(), (2 * n - 1, 1)
     bent = statics.equilibrium(mesh, q, steps=1, tolerance=1e-11)
@@ -241,9 +242,9 @@ def rope(
     mass: float = 1.0,
     gravity: float = 9.81,
 ) -> tuple[Any, Any, Any]:
-    """A straight smooth rail of cables ``c`` along x, pinned at both ends, at rest, and a ``slider`` at ``place`` m.
+    """Straight smooth rail of cables ``c`` along x, pinned at both ends, with a slider at ``place``, m.
 
-    That is a ``point`` of ``mass`` kg, or a ``cable`` of 0.2 m and that mass.
+    ``slider``: "point", of ``mass`` kg, or "cable", 0.2 m long with that mass.
     """
     T = sliding.chain_map(elements, c.l, True)
     size, is_cable = T.shape[2], slider == "cable"

@@ -23,22 +23,22 @@ from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.physics.rigid.augmented import Ends
 
 P, MASS, G = 0.1524, 18.0, 9.81  # pitch, m; mass of a link, kg; gravity, m/s2
-FACE, LATERAL = 0.029, 0.1  # of a link, m: nothing is touched
+FACE, LATERAL = 0.029, 0.1  # of a link, m: there is no contact
 RADIUS = 0.8  # spectral radius of generalised alpha
 EXPLICIT, IMPLICIT = "Runge-Kutta", "generalised alpha"
 NO_INPUTS = np.zeros(0)
 
 
 def of_angles(angles: Floats) -> Floats:
-    """Pins (n + 1, 2), x and z, of links with the given angles over x."""
+    """Pins (n + 1, 2), x and z, m, of links at the given angles over x, rad."""
     steps = P * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     return np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
 
 
 class Rods:
-    """Links between ``pins`` (n + 1, or n of a closed chain; 2) in the plane y = 0, which move in space.
+    """Rigid links between ``pins`` (n + 1, 2), closed (n, 2), m, in the plane y = 0; they move in space.
 
-    The first pin may hold to the ground. Links have the inertia of thin rods about their own axes.
+    The first pin may be fixed to the ground. Links have the inertia of thin rods about their own axes.
     """
 
     def __init__(
@@ -62,14 +62,14 @@ class Rods:
         place(self.links, np.asarray(pins, dtype=float), self.s, self.w)
 
     def release(self) -> Floats:
-        """Accelerations now (n, 6); the forces in the pins are then in ``s.lam``."""
+        """Accelerations (n, 6) of the present state; also sets the pin forces ``s.lam``."""
         if accelerations(self.links, None, self.env, self.s, self.w) >= 0:
             raise ArithmeticError("the chain is singular")
         begin(self.s, self.w)
         return self.s.vdot
 
     def run(self, time: float, h: float, integrator: str = EXPLICIT) -> Rods:
-        """Equal steps of ``h`` at most; raises ArithmeticError where one fails."""
+        """Integrate over ``time``, s, in equal steps of at most ``h``, s; raises ArithmeticError if one fails."""
         explicit = integrator == EXPLICIT
         scheme = self._slopes if explicit else self.method
         chain = self.links, self.env, scheme, h, self.s, self.w, self._report, self._counters
@@ -80,35 +80,35 @@ class Rods:
         return self
 
     def steps(self, time: float, h: float, integrator: str) -> Iterator[None]:
-        """The same, step by step, from rest relative to its turning."""
+        """Integrate step by step, with initial accelerations; yields after each step."""
         self.release()
         for _ in range(round(time / h)):
             self.run(h, h, integrator)
             yield
 
     def pins(self) -> Floats:
-        """Their places (nodes, 3)."""
+        """Positions of the pins (nodes, 3), m."""
         pin_motion(self.links, self.s, self.w)
         return self.w.pins[0].copy()
 
     def tip(self) -> Floats:
-        """The end of the last link (3)."""
+        """Position of the end of the last link (3,), m."""
         return self.pins()[-1]
 
     def turn(self, rate: Floats) -> None:
-        """Velocities of a rigid rotation ``rate`` (3) about the origin."""
+        """Set the velocities of a rigid rotation ``rate`` (3,), rad/s, about the origin."""
         pin_motion(self.links, self.s, self.w)
         self.s.v[:, :3] = np.cross(rate, self.s.q[:, :3])
         self.s.v[:, 3:] = np.einsum("nji,j->ni", self.w.system.A, rate)
 
     def energy(self) -> float:
-        """Kinetic and of gravity, J."""
+        """Kinetic and gravity energy, J."""
         s, m = self.s, self.links.mass
         kinetic = 0.5 * m * (s.v[:, :3] ** 2).sum() + 0.5 * (s.v[:, 3:] ** 2 * self.links.inertia).sum()
         return float(kinetic + m * self.env.gravity * s.q[:, 2].sum())
 
     def angular_momentum(self) -> Floats:
-        """About the origin (3)."""
+        """Angular momentum (3,) about the origin, kg m2/s."""
         s = self.s
         pin_motion(self.links, s, self.w)
         spin = np.einsum("nij,nj->ni", self.w.system.A, self.links.inertia * s.v[:, 3:])

@@ -653,7 +653,7 @@ def test_a_log_fits_by_its_scene_its_fmus_and_its_end(tmp_path, monkeypatch):
 
 
 def test_an_interrupted_run_ends_the_study(tmp_path, monkeypatch):
-    """It is no result of a case that would be kept."""
+    """An interruption is not stored as the result of a case."""
     results = {"status": "interrupted", "message": "interrupted at t = 1 s"}
     monkeypatch.setattr(recorded, "simulate", lambda wanted, file: results)
     with pytest.raises(KeyboardInterrupt):

@@ -176,7 +176,7 @@ def test_processes_end_with_a_study_that_a_signal_ends(tmp_path, environment, nu
 
 @pytest.mark.long
 def test_a_study_goes_on_where_it_was(tmp_path):
-    """What is done is not done again; what lost its process is."""
+    """Finished cases are not repeated; cases that lost their process are."""
     trace = tmp_path / "trace"
     trace.mkdir()
     kept = Store(tmp_path / "cases")

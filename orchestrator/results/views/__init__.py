@@ -1,1 +1,1 @@
-"""Views of a run in space: what stands where (``bodies.py``), for viewers and films."""
+"""Views of a run in space: renderers of one description of the bodies (``bodies.py``)."""

@@ -1,6 +1,6 @@
-"""A run seen from above: the way of the hull, both tracks and the force of the ground on their links, at instants.
+"""View of a run from above, at some instants: path of the hull, both tracks, ground forces on links.
 
-A log from before links said so, or one without them, shows the force of the ground on each track.
+If a log lacks the ground forces of links, the ground force of each track is drawn.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 INSTANTS = 5
-ROOM = 5.0  # m: of the vehicle beside its way
-LONGEST, OF_LINKS = 0.1, 0.045  # of the picture: the arrow of the largest force on a track, on a link
-SHORTEST = 0.03  # of the longest: below, there is no arrow
+ROOM = 5.0  # m: margin beside the path of the vehicle
+LONGEST, OF_LINKS = 0.1, 0.045  # share of the picture: arrow of the largest force on a track, on a link
+SHORTEST = 0.03  # of the longest arrow: shorter ones are not drawn
 SEEN = camera("top", 0.0, np.zeros(3))  # the picture's axes are those of the world
 
 
@@ -35,14 +35,14 @@ class ViewFromAbove(NamedTuple):
 
     t: float  # s
     hull: Floats  # (2,) m, centre of mass
-    links: list[Floats]  # (k, 2) m, faces of the lower run that look up
-    feet: Floats  # (n, 2) m, of the forces
+    links: list[Floats]  # (k, 2) m, upper faces of the lower run
+    feet: Floats  # (n, 2) m, points of attack of the forces
     force: Floats  # (n, 2) N
-    by_link: bool  # else by track
+    by_link: bool  # True: forces on links; False: on tracks
 
 
 def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None:
-    """Draw a vehicle's log from above; raises BadInput for what cannot be drawn or written."""
+    """Draw a vehicle's log from above; raises BadInput if it cannot be drawn or written."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -73,7 +73,7 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
 
 
 def view_from_above(bodies: Bodies, poses: Poses, k: int = 0) -> ViewFromAbove:
-    """Both tracks at the k-th instant."""
+    """Return both tracks at the k-th instant."""
     t, by_link = float(poses.t[k]), all(links.ground is not None for links in poses.links.values())
     feet, force = [], []
     for name, links in poses.links.items():
@@ -90,7 +90,7 @@ def view_from_above(bodies: Bodies, poses: Poses, k: int = 0) -> ViewFromAbove:
 
 
 def _add(pane: Axes, views: Sequence[ViewFromAbove], size: float) -> None:
-    """Draw the tracks, the largest force as an arrow of a share of the picture's size, m."""
+    """Draw the tracks; ``size``, m, of the picture scales the arrow of the largest force."""
     from matplotlib.collections import PolyCollection
 
     by_link = all(view.by_link for view in views)
@@ -111,7 +111,7 @@ def _add(pane: Axes, views: Sequence[ViewFromAbove], size: float) -> None:
 
 
 def _instants(t: Floats, times: Sequence[float] | None) -> Sequence[float]:
-    """The times, by default evenly over the run; raises BadInput outside of it."""
+    """Return the times, s, by default evenly spaced over the run; raises BadInput for times outside of it."""
     if not len(t):
         raise BadInput("the log holds no step to draw")
     for moment in times or ():

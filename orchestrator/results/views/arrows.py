@@ -1,4 +1,4 @@
-"""Forces of the ground as arrows, one scale for all vehicles: lengths of two views can be compared."""
+"""Ground forces as arrows, with one scale for all vehicles, so that views can be compared."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.views.bodies import LinkPoses
 from orchestrator.results.views.shapes import TrackBody
 
-METRES = 5e-5  # of an arrow for a newton: 20 kN are a metre
+METRES = 5e-5  # m of arrow per newton: 20 kN are a metre
 SEEN = 0.01  # m: shorter arrows are left out
-ASIDE = 0.03  # m beyond the outer edge of a link: wheels and links would hide them
+ASIDE = 0.03  # m beyond the outer edge of a link: wheels and links would hide arrows
 
 
 def ground_arrows(
     track: TrackBody, links: LinkPoses, rows: Any = slice(None)
 ) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """Origins (n, 3), at the pads, and vectors (n, 3), m, of some instants, and how many each of them has."""
+    """Origins (n, 3) at the pads and vectors (n, 3), m, world; and the number of arrows of each instant."""
     assert links.ground is not None
     outer = (-1.0 if track.name.startswith("right") else 1.0) * (track.half[1] + ASIDE)
     axes = links.axes[rows]

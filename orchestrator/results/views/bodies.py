@@ -1,7 +1,7 @@
-"""The one description of the bodies of a run, for all its drawings: links, wheels, hull and ground over time.
+"""Bodies of a run over time, for all drawings: links, wheels, hull and ground.
 
-Poses are those of the log, not interpolated, at some of the times at which links were recorded (without links, steps of
-the hull). They are read block by block, so that a long log needs no more memory.
+Poses are recorded ones, not interpolated, at some of the times of link records (without links: of hull records). They
+are read block by block, so memory does not grow with the length of the log.
 """
 
 from __future__ import annotations
@@ -29,27 +29,27 @@ AXIS, GROUND = "joint[*].axis", LINK_COLOURS["ground"].signal
 EVERY = 1e9  # instants a second, more than any log has
 BLOCK = 100  # instants in memory at once
 SIDES = ("left", "right")
-HIGH = 0.98  # the scale of colours ends where the largest value of so many of the instants does
+HIGH = 0.98  # share of the instants whose largest value is within the colour scale
 
 
 class NoInstant(BadInput):
-    """In the window nothing was recorded that can be shown."""
+    """No record in the window can be drawn."""
 
 
 class BodyPose(NamedTuple):
-    """Of one body over time."""
+    """Pose of one body over time."""
 
     position: Floats  # (m, 3) world, m
     orientation: Floats  # (m, 4) w, x, y, z, body to world
 
 
 class LinkPoses(NamedTuple):
-    """Of all links of a track over time."""
+    """Poses of all links of a track over time."""
 
     pins: Floats  # (m, nodes, 3) world, m
     centres: Floats  # (m, links, 3) world, m
     axes: Floats  # (m, links, 3, 3) columns along, across, outwards in world
-    colour: Floats | None  # (m, links) in the unit of the label of what is shown
+    colour: Floats | None  # (m, links) colouring signal, in the unit of its label
     ground: Floats | None  # (m, links, 3) force of the ground, world, N
 
 
@@ -62,7 +62,7 @@ class Poses(NamedTuple):
     hull: BodyPose | None
 
     def places(self) -> Floats:
-        """All places (n, 3) of links, or of wheels without links, or of the hull alone."""
+        """Positions (n, 3), m, world, of all links; without links of wheels, without wheels of the hull."""
         found = [links.centres.reshape(-1, 3) for links in self.links.values()]
         found = found or [pose.position for pose in self.wheels.values()]
         return np.concatenate(found or [self.hull.position if self.hull else np.zeros((1, 3))])
@@ -72,16 +72,16 @@ class LinkSlots(NamedTuple):
     """Columns that hold the motion of a track's links."""
 
     pins: Slot
-    axis: Slot | None  # of the pins
+    axis: Slot | None  # direction of the pins
     ground: Slot | None
     colour: Slot | None
 
 
 class Bodies:
-    """Bodies of a run at most ``rate`` times a second, their links coloured by a signal of ``LINK_COLOURS``.
+    """Bodies of a run, at most ``rate`` instants a second; a signal of ``LINK_COLOURS`` colours links.
 
-    With ``track``, the links and wheels of that track alone. Bodies that a log does not hold are left out, and so are
-    instants at which a value is no finite number. Raises BadInput where there is nothing to show, or not that colour.
+    ``track`` restricts links and wheels to one track. Bodies without records and instants with non-finite values are
+    left out. Raises BadInput if nothing can be drawn or the colouring signal was not recorded.
     """
 
     def __init__(
@@ -107,13 +107,13 @@ class Bodies:
             self.hull = hull_body(self.scene["vehicle"]["chassis"])
         if not self._columns.wanted:
             raise BadInput(f"{log.path} holds no links, wheels or hull to show")
-        recorded, self.end = self._columns.instants(window)  # inputs that no output gives end a step before the run
+        recorded, self.end = self._columns.instants(window)  # unconnected inputs end one step before the run
         self.t = self._paced(recorded, rate)
         self._damaged = ""
 
     @property
     def title(self) -> str:
-        """Of the scene, with its track model; of a symmetric vehicle one half was computed, and is shown."""
+        """Name of the scene with its track model; a symmetric vehicle is drawn as computed, one half."""
         half = "; one half of a symmetric vehicle" if self.run.scene.get("symmetric") else ""
         return f"{self.scene['title']} ({self.scene['track']['model']} links{half})"
 
@@ -127,17 +127,17 @@ class Bodies:
         return f"links by {self.label}: {scale[0]:.3g} (dark) to {scale[1]:.3g} (light)" if self.colour else "links"
 
     def keep(self, times: ArrayLike) -> None:
-        """Of all instants keep those nearest to some times (k,), s."""
+        """Keep only the instants nearest to some times (k,), s."""
         self.t = self.t[np.unique(nearest(self.t, np.asarray(times, float)))]
 
     def speeds(self) -> Floats | None:
-        """Speed of the hull at the instants (m,), m/s; None where it was not recorded."""
+        """Speed of the hull at the instants (m,), m/s; None if it was not recorded."""
         if not self.run.has("chassis.speed"):
             return None
         return self._log.sample(["chassis.speed"], self.t)[:, 0]
 
     def range(self, blocks: Iterable[Poses] | None = None) -> Scale:
-        """Least and largest value of the scale of colours, of these poses or all: peaks of few instants lie beyond."""
+        """Limits of the colour scale for these poses, or all; peaks of a few instants may exceed them."""
         if not self.colour:
             return 0.0, 1.0
         low, high = [], []
@@ -150,7 +150,7 @@ class Bodies:
         return least, largest if largest > least else least + 1.0
 
     def blocks(self, size: int = BLOCK) -> Iterator[Poses]:
-        """Poses at all instants, some at a time; raises BadInput where none has finite numbers."""
+        """Yield the poses at all instants, ``size`` at a time; raises BadInput if none has finite values."""
         some = False
         for first in range(0, len(self.t), size):
             poses = self._poses(self.t[first : first + size])
@@ -200,7 +200,7 @@ class Bodies:
         return np.linalg.norm(values, axis=-1)
 
     def _track(self, name: str, held: Mapping[str, Floats]) -> TrackBody | None:
-        """A track; None where pins were not recorded. With nothing but pins the chain is taken as closed."""
+        """Return a track; None without recorded pins. Without link records the chain is taken as closed."""
         nodes = len(held[POSITION])
         links = max(len(held[about.signal]) for about in LINK_COLOURS.values()) or nodes
         if nodes < 2 or nodes not in (links, links + 1):
@@ -208,7 +208,7 @@ class Bodies:
         return track_body(name, links, nodes == links, self.scene["vehicle"])
 
     def _chosen(self, colour: str | None, held: Mapping[str, Mapping[str, Floats]]) -> str | None:
-        """The signal that colours links: the one asked for, or the first that the log holds of all links."""
+        """Return the colouring signal: the requested one, or the first that was recorded for all links."""
         known = [
             name
             for name, about in LINK_COLOURS.items()
@@ -237,7 +237,7 @@ class Bodies:
         )
 
     def _every_wheel(self) -> Iterator[tuple[WheelBody, tuple[Slot, Slot]]]:
-        """Wheels under the tracks; those of the chassis on sides that have no track."""
+        """Yield the wheels of all tracks and, on sides without a track, of the chassis."""
         topics = self._log.topics
         for name in self.run.instances:
             if f"/{name}/in" in topics and f"/{name}/out" in topics and self.run.has(f"{name}.travel"):
@@ -247,7 +247,7 @@ class Bodies:
                 yield from self._wheels_in("/chassis/out", "chassis", f"{side}.")
 
     def _wheels_in(self, topic: str, owner: str, prefix: str) -> Iterator[tuple[WheelBody, tuple[Slot, Slot]]]:
-        """The wheels whose motion a topic holds in variables that begin with the prefix."""
+        """Yield the wheels whose motion a topic holds in variables with a prefix."""
         names = self._log.topics[topic].names
         for body in dict.fromkeys(name.removesuffix(".position.x") for name in names):
             wheel = body.removeprefix(prefix)
@@ -257,16 +257,16 @@ class Bodies:
                 yield wheel_body(f"{owner}/{body}", kind, owner, vehicle), self._columns.motion(topic, body)
 
     def _paced(self, recorded: Floats, rate: float) -> Floats:
-        """Of the recorded instants those that come nearest to a steady pace; raises NoInstant without any."""
+        """Return the recorded instants, s, nearest to a steady pace ``rate``, 1/s; raises NoInstant."""
         if not len(recorded):
             raise NoInstant(f"{self._log.path} holds no instant at which links, wheels and hull were recorded")
         steps = int(np.floor((recorded[-1] - recorded[0]) * rate + 1e-6))
-        if steps > 10 * len(recorded) or len(recorded) == 1:  # records are more seldom than the pace by far
+        if steps > 10 * len(recorded) or len(recorded) == 1:  # far fewer records than the pace asks for
             return recorded
         return recorded[np.unique(nearest(recorded, recorded[0] + np.arange(steps + 1) / rate))]
 
 
 def _link_columns(names: tuple[str, ...]) -> dict[str, Floats]:
-    """Columns of a topic by signal of links or pins: (n,) or, of a vector, (n, 3)."""
+    """Return the columns of a topic by signal of links or pins: (n,) or, for a vector, (n, 3)."""
     wanted = (POSITION, AXIS, *(about.signal for about in LINK_COLOURS.values()))
     return {signal: columns(names, signal) for signal in wanted}

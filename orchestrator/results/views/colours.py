@@ -1,4 +1,4 @@
-"""Colours of links by what was recorded of them, and of bodies whose colour does not change."""
+"""Colours of links by a recorded signal, and constant colours of the other bodies."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FORCE = (200, 40, 40)
 
 
 class LinkColour(NamedTuple):
-    """A signal of links that their colour can show, of a vector its size."""
+    """Link signal that colours can show; a vector by its norm."""
 
     signal: str
     scale: float
@@ -38,13 +38,13 @@ LINK_COLOURS = {
 
 
 def of_one(colour: tuple[int, int, int]) -> tuple[float, float, float]:
-    """The same colour in parts of one."""
+    """Convert a colour from 0..255 to 0..1."""
     red, green, blue = colour
     return red / 255.0, green / 255.0, blue / 255.0
 
 
 def coloured(values: Floats | None, shape: tuple[int, ...], scale: Scale) -> NDArray[np.uint8]:
-    """Red, green and blue (*shape, 3) of values (*shape); steel without them."""
+    """Red, green and blue (*shape, 3) of values (*shape); the colour of steel without values."""
     from matplotlib import colormaps
 
     if values is None:

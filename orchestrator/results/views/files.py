@@ -1,4 +1,4 @@
-"""What a view can be written as."""
+"""Check of the file name of a view."""
 
 from __future__ import annotations
 
@@ -11,5 +11,5 @@ BESIDES = "; a view can be .png, .svg or .pdf (pictures), .gif or .mp4 (films), 
 
 
 def checked_name(output: Path, suffixes: tuple[str, ...]) -> None:
-    """Raise BadInput for a file that cannot be written, or whose name says another kind of file."""
+    """Raise BadInput for a file that cannot be written, or whose suffix is not in ``suffixes``."""
     refuse(output, suffixes, BESIDES)

@@ -1,4 +1,4 @@
-"""A film of a run, .mp4 or .gif, or a still: from the right, the top or a corner; the camera goes with the hull."""
+"""Film (.mp4, .gif) or still of a run from the right, the top or a corner; the camera follows the hull."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from orchestrator.results.whole_file import fresh
 
 RATES = {".mp4": 25, ".gif": 12.5}  # pictures a second; a GIF has whole hundredths of a second
 STILL = ".png"
-WIDTHS = {".mp4": 1280, ".gif": 800, STILL: 1280}  # of a picture, pixels
+WIDTHS = {".mp4": 1280, ".gif": 800, STILL: 1280}  # pixels
 DPI = 100
 LONGEST = 3600.0  # s
-TOP, BESIDE, EDGE = 64, 130, 12  # pixels round what is seen: title, scale of colours, border
+TOP, BESIDE, EDGE = 64, 130, 12  # pixels of title, colour scale and border
 MARGIN = 0.3  # m round the bodies
 SEEN_FROM = {"right": "from the right", "top": "from the top", "corner": "from a corner ahead"}
 
 
 def write(path: Path, output: Path, eye: str = "right", colour: str | None = None) -> int:
-    """Write a film of a log in real time; how many pictures it has.
+    """Write a film of a log in real time; return its number of pictures.
 
-    Raises BadInput for what cannot be shown or written, and NotInstalled.
+    Raises BadInput if the log cannot be drawn or the file cannot be written, and NotInstalled.
     """
     suffix = output.suffix.lower()
     checked_name(output, tuple(RATES))
@@ -52,7 +52,7 @@ def write(path: Path, output: Path, eye: str = "right", colour: str | None = Non
 
 
 def still(path: Path, output: Path, eye: str, colour: str | None = None, at: float | None = None) -> None:
-    """Write a picture, .png, of the last instant up to ``at``, s; raises as ``write`` does."""
+    """Write a picture, .png, of the last instant up to ``at``, s; raises as ``write``."""
     from PIL import Image
 
     checked_name(output, (STILL,))
@@ -92,7 +92,7 @@ def _gif(output: Path, picture: FilmPicture) -> int:
     images: list[Any] = []
     for drawn in picture.shown(RATES[".gif"]):
         image = Image.fromarray(drawn).convert("RGB")
-        if not images:  # one palette for all: one of each would flicker
+        if not images:  # one palette for all pictures, because changing palettes flicker
             palette = _palette(np.asarray(image))
         images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
     images[0].save(
@@ -102,7 +102,7 @@ def _gif(output: Path, picture: FilmPicture) -> int:
 
 
 def _palette(first: NDArray[np.uint8]) -> Any:
-    """256 colours of the first picture, of all that links can show, lit or not, and of forces."""
+    """256 colours: of the first picture, of the colour scale with all lighting, and of forces."""
     from PIL import Image
 
     links = colours.coloured(np.linspace(0.0, 1.0, 40), (40,), (0.0, 1.0))
@@ -113,7 +113,7 @@ def _palette(first: NDArray[np.uint8]) -> Any:
 
 
 class FilmPicture:
-    """Pictures of one size; what does not change is drawn once."""
+    """Pictures of one size; constant parts are drawn once."""
 
     def __init__(self, bodies: Bodies, eye: str, width: int) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -121,7 +121,10 @@ class FilmPicture:
 
         self._bodies, self._eye = bodies, eye
         self._scale = bodies.range()
-        self._lower = eye == "top" and bodies.colour in ("ground", "sliding")  # the upper run would hide what it shows
+        self._lower = eye == "top" and bodies.colour in (
+            "ground",
+            "sliding",
+        )  # the upper run would hide the coloured lower run
         self._speed = bodies.speeds()
         low, high = self._extent()
         across = width - EDGE - (BESIDE if bodies.colour else EDGE)
@@ -149,7 +152,7 @@ class FilmPicture:
         self._empty = self._canvas.copy_from_bbox(figure.bbox)
 
     def _add_artists(self) -> None:
-        """Everything that changes from picture to picture, the nearest last."""
+        """Add the artists that change from picture to picture, the nearest last."""
         from matplotlib.collections import LineCollection, PolyCollection
 
         def lines(colour: Any, width: float) -> LineCollection:
@@ -169,7 +172,7 @@ class FilmPicture:
             artist.set_animated(True)
 
     def shown(self, rate: float) -> Iterator[NDArray[np.uint8]]:
-        """Pictures (height, width, 4), the last instant included, in real time: one stands until the next instant."""
+        """Yield pictures (height, width, 4) in real time, up to the last instant; each stays until the next."""
         begin, count = float(self._bodies.t[0]), 0
         waiting: NDArray[np.uint8] | None = None
         for poses in self._bodies.blocks():
@@ -201,7 +204,7 @@ class FilmPicture:
         return np.array(self._canvas.buffer_rgba())
 
     def _camera(self, poses: Poses, k: int) -> Camera:
-        """At the height of the first instant, over the hull; from the right, it turns with the hull."""
+        """Camera above the hull, at the height of the first instant; from the right it turns with the hull."""
         start = self._bodies.scene["start"]["heading"]
         ahead = heading(poses, k, start) if self._eye == "right" else start
         centre = self._middle.copy()
@@ -210,7 +213,7 @@ class FilmPicture:
         return camera(self._eye, ahead, centre)
 
     def _extent(self) -> tuple[Floats, Floats]:
-        """Lower left and upper right corner of what is seen, m from its middle."""
+        """Return the lower left and upper right corner of the visible area, m from its middle."""
         first = next(self._bodies.blocks(1)).places()
         self._middle = 0.5 * (first.min(axis=0) + first.max(axis=0))
         low, high = np.full(2, np.inf), np.full(2, -np.inf)
@@ -226,7 +229,7 @@ class FilmPicture:
                 low, high = np.minimum(low, everything.min(axis=0)), np.maximum(high, everything.max(axis=0))
         aside = max([0.0, *(float(track.half.max()) for track in self._bodies.tracks)])
         low, high = low - MARGIN - aside, high + MARGIN + aside
-        size = high - low  # a film is neither a stripe nor a tower
+        size = high - low  # limits the aspect ratio
         more = np.maximum(np.array([size[1], 0.25 * size[0]]) - size, 0.0)
         return low - 0.5 * more, high + 0.5 * more
 
@@ -249,7 +252,7 @@ class FilmPicture:
         self._metres.set_segments(list(lines))
 
     def _number(self, metres: Floats) -> None:
-        """Write the place along the way under metres (m, 3), or every fifth of many."""
+        """Write the distance, m, under metre marks (m, 3), or under every fifth if there are many."""
         left, right = self._pane.get_xlim()
         inside = metres[(metres[:, 0] > left + 0.2) & (metres[:, 0] < right - 0.2)]
         every = 1 if len(inside) < 12 else 5
@@ -261,7 +264,7 @@ class FilmPicture:
             text.set_text(f"{metre:.0f} m")
 
     def _arrows_of(self, seen: Camera, poses: Poses, k: int) -> Floats:
-        """Forces of the ground (n, 2, 2)."""
+        """Return the arrows of ground forces (n, 2, 2), m in the picture."""
         found = [np.empty((0, 2, 2))]
         for track in self._bodies.tracks:
             links = poses.links[track.name]

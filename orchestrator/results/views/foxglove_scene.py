@@ -1,7 +1,7 @@
-"""A run as a file for Foxglove: bodies in space, forces of the ground, curves, events, and a layout that shows them.
+"""Run as a file for Foxglove: bodies in space, ground forces, curves, events, and a layout for them.
 
-Shapes that do not change are one message on a topic of their own, in frames that move: a viewer that jumps in time asks
-for the last message of each topic.
+Constant shapes are one message on a topic of their own, in moving frames, because a viewer that jumps in time requests
+the last message of each topic.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ DAMAGING = re.compile(r"\W")
 
 
 def write(path: Path, output: Path, colour: str | None = None) -> Path:
-    """Write a log as an MCAP file of Foxglove's messages; the path of its layout, which lies beside.
+    """Write a log as an MCAP file of Foxglove's messages; return the path of its layout beside it.
 
-    Raises BadInput for what cannot be shown or written, and NotInstalled.
+    Raises BadInput if the log cannot be drawn or the file cannot be written, and NotInstalled.
     """
     checked_name(output, (".mcap",))
     if output.exists() and path.exists() and output.samefile(path):
@@ -62,7 +62,7 @@ def write(path: Path, output: Path, colour: str | None = None) -> Path:
 
 def _write(bodies: Bodies, beside: list[Plot], scale: Scale, output: Path) -> None:
     foxglove, channels, kinds = (library(f"foxglove{part}", "view") for part in ("", ".channels", ".messages"))
-    context = foxglove.Context()  # nobody else's topics
+    context = foxglove.Context()  # without the topics of other contexts
     with foxglove.open_mcap(output, context=context):
         shapes = channels.SceneUpdateChannel("/shapes", context=context)
         scene = channels.SceneUpdateChannel("/scene", context=context)
@@ -106,7 +106,7 @@ def _stamp(kinds: ModuleType, t: float) -> Any:
 
 
 def _topic(plot: Plot, signal: str) -> str:
-    """Names of a log may hold anything; paths of Foxglove may not."""
+    """Return the topic of a signal, without characters that Foxglove's paths exclude."""
     return f"/plots/{plot.name}/{DAMAGING.sub('_', signal)}"
 
 
@@ -126,7 +126,7 @@ def _colour(kinds: ModuleType, red_green_blue: Any) -> Any:
 
 
 def _unmoved(kinds: ModuleType) -> Any:
-    """A pose in the frame itself, written out: a reader may take an absent one as a quaternion of zeros."""
+    """Return the identity pose, explicitly: a reader may take an absent one as a quaternion of zeros."""
     return kinds.Pose(position=_vector(kinds, (0.0, 0.0, 0.0)), orientation=_quaternion(kinds, (0.0, 0.0, 0.0, 1.0)))
 
 
@@ -135,7 +135,7 @@ def _points(kinds: ModuleType, places: Floats) -> list[Any]:
 
 
 def _lines(kinds: ModuleType, pairs: Floats, width: float, colour: Any) -> Any:
-    """Of pairs (n, 2, 3) of points."""
+    """Return lines between pairs (n, 2, 3) of points, m."""
     return kinds.LinePrimitive(
         type=kinds.LinePrimitiveLineType.LineList, pose=_unmoved(kinds), thickness=width,
         points=_points(kinds, pairs), color=_colour(kinds, colour),
@@ -150,7 +150,7 @@ def _triangles(kinds: ModuleType, surface: Triangles, colour: Any) -> Any:
 
 
 def _shapes(kinds: ModuleType, bodies: Bodies, t: float) -> Iterator[Any]:
-    """Shapes of wheels, hull and ground, each in its own frame."""
+    """Yield the shapes of wheels, hull and ground, each in its own frame."""
     stamp = _stamp(kinds, t)
     for wheel in bodies.wheels:
         yield kinds.SceneEntity(
@@ -182,7 +182,7 @@ def _wheel(kinds: ModuleType, wheel: WheelBody) -> dict[str, Any]:
 
 
 def _entities(kinds: ModuleType, bodies: Bodies, poses: Poses, k: int, scale: Scale) -> Iterator[Any]:
-    """Links and forces at the k-th instant."""
+    """Yield links and forces at the k-th instant."""
     stamp = _stamp(kinds, poses.t[k])
     for track in bodies.tracks:
         links = poses.links[track.name]
@@ -211,7 +211,7 @@ def _entities(kinds: ModuleType, bodies: Bodies, poses: Poses, k: int, scale: Sc
 
 
 def _frames(kinds: ModuleType, poses: Poses, k: int) -> Iterator[Any]:
-    """Poses of wheels and hull at the k-th instant."""
+    """Yield the poses of wheels and hull at the k-th instant."""
     stamp = _stamp(kinds, poses.t[k])
     every = {**poses.wheels, **({"hull": poses.hull} if poses.hull else {})}
     for name, pose in every.items():
@@ -222,7 +222,7 @@ def _frames(kinds: ModuleType, poses: Poses, k: int) -> Iterator[Any]:
 
 
 def _layout(bodies: Bodies, beside: list[Plot], scale: Scale) -> dict[str, Any]:
-    """A layout as the application imports it from a file: space to the left, curves to the right."""
+    """Return a layout in the application's import format: space to the left, curves to the right."""
     space = "3D!space"
     # Lichtblick hides the axes of a frame, and its line to the world, by the frame's name only
     frames = [WORLD, *(wheel.name for wheel in bodies.wheels), *(["hull"] if bodies.hull else [])]

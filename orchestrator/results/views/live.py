@@ -1,4 +1,4 @@
-"""A run in Rerun while it goes on: what has come into its log is sent, again and again, until the run has ended."""
+"""Live view of a run in Rerun: new records of its log are sent periodically until the run ends."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from orchestrator.results.views.bodies import Bodies, NoInstant
 from orchestrator.results.views.plots import plots
 from orchestrator.results.views.solids import Reach
 
-PERIOD = 0.25  # s: how often a recorder writes at least
+PERIOD = 0.25  # s: longest time between writes of a recorder
 PATIENCE = 60.0  # s, for the first records: a run may have to compile before it starts
-AFTER = 1e-6  # s: what comes so much later is new
-MARGIN = 1.5  # by which the scale of colours reaches beyond what the first records show
+AFTER = 1e-6  # s: least time after the last sent record that counts as new
+MARGIN = 1.5  # colour scale over the largest value of the first records
 
 
 def follow(path: Path, output: Path | None = None, colour: str | None = None) -> None:
     """Show a log that is being written, in the viewer or as a file of Rerun, from its start on.
 
-    Of a log that is whole it shows all, once. Raises BadInput where nothing comes, or for what cannot be shown or
-    written, and NotInstalled.
+    A finished log is shown once, whole. Raises BadInput if no records arrive, or if the log cannot be drawn or the file
+    cannot be written, and NotInstalled.
     """
     with rerun_scene.opened(path, output) as scene:
         sent, reach, scale, begun = float("-inf"), Reach(), (0.0, 1.0), False
@@ -34,7 +34,7 @@ def follow(path: Path, output: Path | None = None, colour: str | None = None) ->
             beside = plots(log)
             try:
                 bodies = Bodies(RunData(log), rerun_scene.RATE, colour, (sent + AFTER, end))
-            except NoInstant:  # steps, but no record of links yet
+            except NoInstant:  # there are steps, but no link record yet
                 if log.being_written:
                     continue
                 if not begun:
@@ -53,7 +53,7 @@ def follow(path: Path, output: Path | None = None, colour: str | None = None) ->
 
 
 def _grown(path: Path) -> Iterator[tuple[Log, float]]:
-    """The log, opened anew whenever it may have grown, and the time up to which all topics are there, s."""
+    """Yield the log, reopened whenever it may have grown, and the time, s, up to which it has all topics."""
     began, some = time.monotonic(), False
     while True:
         looked, going = time.monotonic(), True
@@ -63,7 +63,7 @@ def _grown(path: Path) -> Iterator[tuple[Log, float]]:
                 end = _common(log) if going else float("inf")
                 some |= end > 0.0
                 yield log, end
-        except LogUnreadable:  # not there yet, or nothing but its beginning
+        except LogUnreadable:  # missing, or only its header so far
             if some:
                 raise
         if not going:
@@ -74,7 +74,7 @@ def _grown(path: Path) -> Iterator[tuple[Log, float]]:
 
 
 def _common(log: Log) -> float:
-    """The last time that every topic has come to, s; -inf where one has nothing."""
+    """Return the last time, s, that every topic has reached; -inf if one is empty."""
     topics = [topic for topic in log.topics if topic.endswith(("/in", "/out", "/links"))]
     ends = [log.ends(topic).t for topic in topics]
     return min((float(t[-1]) if len(t) else float("-inf") for t in ends), default=float("-inf"))

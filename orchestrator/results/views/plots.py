@@ -1,4 +1,4 @@
-"""Curves that stand beside a view of bodies: speed, torque, power and tension, as far as a log has them."""
+"""Curves beside a view of bodies: speed, torque, power and tension, as far as a log has them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LONGEST = 1e9  # s: later times are damage
 class Plot(NamedTuple):
     """Curves of one unit."""
 
-    name: str  # a word
+    name: str  # one word
     title: str  # with the unit
     scale: float
     signals: tuple[str, ...]  # "instance.variable"
@@ -29,7 +29,7 @@ ABOUT = (
 
 
 def plots(log: Log) -> list[Plot]:
-    """Those whose signals a log holds."""
+    """Return the plots whose signals a log holds."""
     found = []
     for name, title, scale, variables, unit in ABOUT:
         signals = [
@@ -49,7 +49,7 @@ def plots(log: Log) -> list[Plot]:
 def curves(
     log: Log, wanted: list[Plot], window: tuple[float, float] = EVER
 ) -> Iterator[tuple[Plot, str, Floats, Floats]]:
-    """Plot, signal, times and values in the unit of its title, every record, piece by piece."""
+    """Yield plot, signal, times (m,), s, and values (m,) in the unit of the title: all records, in blocks."""
     places = {signal: (plot, log.find(signal)) for plot in wanted for signal in plot.signals}
     columns: dict[str, list[int]] = {}
     for _, (topic, column) in places.values():

@@ -1,4 +1,4 @@
-"""Columns of a log that hold poses of bodies, gathered first and then read together at chosen instants."""
+"""Columns of a log with poses of bodies: collected first, then read together at chosen instants."""
 
 from __future__ import annotations
 
@@ -12,41 +12,41 @@ from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.views.plots import LONGEST
 
-SAME = 1e-9  # s: between times that are equal
+SAME = 1e-9  # s: tolerance of equal times
 
 
 class Slot(NamedTuple):
-    """The place of one quantity in the values that are read."""
+    """Columns of one quantity among the values read from a topic."""
 
     topic: str
-    columns: slice  # of what is read of the topic
+    columns: slice  # among the values read
     shape: tuple[int, ...]
 
     def of(self, read: Mapping[str, Floats]) -> Floats:
-        """The quantity at all instants (m, *shape)."""
+        """Return the quantity at all instants (m, *shape)."""
         values = read[self.topic][:, self.columns]
         return values.reshape(len(values), *self.shape)
 
 
 class PoseColumns:
-    """The columns that are wanted of each topic."""
+    """Columns to be read, by topic."""
 
     def __init__(self, log: Log) -> None:
         self._log = log
         self.wanted: dict[str, list[int]] = {}
 
     def add(self, topic: str, columns: ArrayLike) -> Slot:
-        """Want these columns of a topic, an array of any shape."""
+        """Request columns of a topic, an array of any shape."""
         more, wanted = np.asarray(columns, int), self.wanted.setdefault(topic, [])
         wanted += more.ravel().tolist()
         return Slot(topic, slice(len(wanted) - more.size, len(wanted)), more.shape)
 
     def motion(self, topic: str, prefix: str) -> tuple[Slot, Slot]:
-        """Want position (3) and orientation (4: w, x, y, z) of a body."""
+        """Request position (3,) and orientation (4,: w, x, y, z) of a body."""
         return self._vector(topic, f"{prefix}.position", "xyz"), self._vector(topic, f"{prefix}.orientation", "wxyz")
 
     def _vector(self, topic: str, prefix: str, parts: str) -> Slot:
-        """An input that is handed over as it is is read where it comes from, which has the last instant too."""
+        """Request a vector; a connected input is read from its source, which also has the last instant."""
         names = [f"{prefix}.{part}" for part in parts]
         for wire in self._log.topics[topic].wires:
             if wire.rule == "start" and set(names) <= set(wire.inputs):
@@ -57,7 +57,7 @@ class PoseColumns:
         return self.add(topic, [column[name] for name in names])
 
     def instants(self, window: tuple[float, float]) -> tuple[Floats, float]:
-        """Times (m,) in a window at which all of these topics were recorded, and the last of any of them, s."""
+        """Times (m,) in a window at which all requested topics were recorded, and the last of any of them, s."""
         times = self._log.select({topic: [] for topic in self.wanted}, window)
         common, *others = sorted((series.t for series in times.values()), key=len)
         end = max((float(t[-1]) for t in (common, *others) if len(t)), default=0.0)
@@ -66,7 +66,7 @@ class PoseColumns:
         return common[(common >= 0.0) & (common < LONGEST)], end
 
     def read(self, t: Floats) -> dict[str, Floats]:
-        """Values (m, columns) by topic, recorded at these times (m,)."""
+        """Read the values (m, columns) by topic, recorded at these times (m,), s."""
         found = {topic: np.full((len(t), len(columns)), np.nan) for topic, columns in self.wanted.items()}
         for piece in self._log.stream(self.wanted, (float(t[0]), float(t[-1]))):
             for topic, series in piece.items():
@@ -76,13 +76,13 @@ class PoseColumns:
 
 
 def has_motion(names: tuple[str, ...], prefix: str) -> bool:
-    """Whether a topic's variables include position and orientation of a body."""
+    """True if a topic's variables include position and orientation of a body."""
     parts = [*(f"position.{part}" for part in "xyz"), *(f"orientation.{part}" for part in "wxyz")]
     return {f"{prefix}.{part}" for part in parts} <= set(names)
 
 
 def nearest(t: Floats, wanted: Floats) -> NDArray[np.int64]:
-    """The number (k,) of the time among ``t`` (m,), in order, that comes nearest to each of the wanted times (k,)."""
+    """Index (k,) of the time among ``t`` (m,), ascending, nearest to each of the wanted times (k,)."""
     if len(t) == 1:
         return np.zeros(len(wanted), np.int64)
     after = np.clip(np.searchsorted(t, wanted), 1, len(t) - 1)
@@ -90,6 +90,6 @@ def nearest(t: Floats, wanted: Floats) -> NDArray[np.int64]:
 
 
 def _matched(t: Floats, among: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """The place (m,) of each time among others, and whether it is there."""
+    """Index (m,) of each time among others, and True (m,) where it occurs."""
     place = np.minimum(np.searchsorted(among, t - SAME), len(among) - 1)
     return place, np.abs(among[place] - t) <= SAME

@@ -1,4 +1,4 @@
-"""Bodies as flat polygons before a camera without perspective: equal lengths look equal all over a picture."""
+"""Projection of bodies to polygons by a camera without perspective, so that lengths can be compared."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from orchestrator.results.views.colours import Scale
 from orchestrator.results.views.shapes import FACES, NORMALS, SPOKES, WheelBody, in_world, rim, spokes
 
 EYES = ("right", "top", "corner")
-LIGHT = np.array([0.35, -0.45, 0.82])  # where it comes from: ahead, left, up
-IN_FRONT = 0.05  # m: links are drawn over the wheels that they lie on
+LIGHT = np.array([0.35, -0.45, 0.82])  # direction towards the light: ahead, left, up
+IN_FRONT = 0.05  # m: links are drawn over the wheels under them
 
 
 class Camera(NamedTuple):
-    """Unit vectors in world: to the right and up in the picture, towards who looks, and what is in its middle."""
+    """Unit vectors in world: right, up and towards the viewer; and the point in the picture's middle."""
 
     right: Floats
     up: Floats
@@ -28,7 +28,7 @@ class Camera(NamedTuple):
     centre: Floats
 
     def flat(self, places: Floats) -> Floats:
-        """Places (..., 3) in the picture (..., 2), m from its middle."""
+        """Project places (..., 3), m, world, to the picture (..., 2), m from its middle."""
         offset = places - self.centre
         return np.stack([offset @ self.right, offset @ self.up], axis=-1)
 
@@ -36,13 +36,13 @@ class Camera(NamedTuple):
 class Polygons(NamedTuple):
     """Polygons in the order in which they are drawn."""
 
-    outlines: list[Floats]  # (k, 2) each
-    colours: Floats  # (n, 3), of 1
+    outlines: list[Floats]  # (k, 2) each, m
+    colours: Floats  # (n, 3), 0 to 1
     lines: Floats  # (m, 2, 2): spokes
 
 
 def camera(eye: str, heading: float, centre: Floats) -> Camera:
-    """From the right, from the top, or from a corner ahead, of what is headed so, rad."""
+    """Return a camera from the right, the top or a front corner of a vehicle with this heading, rad."""
     ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
     left = np.array([-ahead[1], ahead[0], 0.0])
     if eye == "top":
@@ -55,7 +55,7 @@ def camera(eye: str, heading: float, centre: Floats) -> Camera:
 
 
 def beside(bodies: Bodies, poses: Poses, k: int, track: str) -> Camera:
-    """From the right of a track, its sprocket's axle in the middle; without a sprocket, the place of the start."""
+    """Return a camera from the right of a track, centred on its sprocket axle or its start position."""
     sprocket = poses.wheels.get(f"{track}/sprocket")
     if sprocket is None:
         start = bodies.scene["start"]
@@ -65,7 +65,7 @@ def beside(bodies: Bodies, poses: Poses, k: int, track: str) -> Camera:
 
 
 def heading(poses: Poses, k: int, start: float) -> float:
-    """Of the hull at the k-th instant, rad; that of the start without one."""
+    """Heading of the hull at the k-th instant, rad; without a hull that of the start."""
     if poses.hull is None:
         return start
     x, y, _ = body_axis(poses.hull.orientation[k], 0)
@@ -73,7 +73,7 @@ def heading(poses: Poses, k: int, start: float) -> float:
 
 
 class _Faces:
-    """Faces as they come, to be drawn the nearest last."""
+    """Collector of faces, which are drawn with the nearest last."""
 
     def __init__(self, seen: Camera) -> None:
         self.seen = seen
@@ -83,27 +83,27 @@ class _Faces:
         self.lines: list[Floats] = [np.empty((0, 2, 2))]
 
     def add(self, corners: Floats, tints: Floats, front: float = 0.0) -> None:
-        """Faces (n, k, 3) in world with their colours (n, 3); drawn as if so much nearer, m."""
+        """Add faces (n, k, 3), m, world, with colours (n, 3); ``front``, m, moves them nearer in the order."""
         self.outlines += list(self.seen.flat(corners))
         self.depths.append(corners.mean(axis=1) @ self.seen.toward + front)
         self.tints.append(tints)
 
     def bright(self, normals: Floats) -> Floats:
-        """How bright faces with these normals (n, 3) are (n, 1): those turned to who looks are bright in every view."""
+        """Brightness (n, 1) of faces with normals (n, 3); faces towards the viewer are bright in every view."""
         light, toward = normals @ (LIGHT / np.linalg.norm(LIGHT)), normals @ self.seen.toward
         return np.clip(0.62 + 0.2 * np.maximum(light, 0.0) + 0.3 * np.maximum(toward, 0.0), 0.0, 1.0)[:, None]
 
     def sorted(self) -> Polygons:
-        """All of them."""
+        """Return all faces in drawing order."""
         order = np.argsort(np.concatenate(self.depths), kind="stable")
         outlines = [self.outlines[i] for i in order]
         return Polygons(outlines, np.concatenate(self.tints)[order], np.concatenate(self.lines))
 
 
 def polygons(seen: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale, lower: bool = False) -> Polygons:
-    """Links and wheels at the k-th instant: faces that are turned to who looks, the nearest last.
+    """Return the visible faces of links and wheels at the k-th instant, the nearest last.
 
-    ``lower``: without wheels and links whose outer face does not look down.
+    ``lower``: only links whose outer face looks down, without wheels.
     """
     faces = _Faces(seen)
     for track in bodies.tracks:
@@ -122,7 +122,7 @@ def polygons(seen: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale, l
 
 
 def _add_wheel(faces: _Faces, wheel: WheelBody, pose: BodyPose, k: int) -> None:
-    """The parts of the rim that one sees, and the face with its spokes unless it is seen edge on."""
+    """Add the visible part of the rim, and the face with its spokes unless it is seen edge on."""
     position, axes = pose.position[k], matrices(pose.orientation[k])
     toward = float(axes[:, 1] @ faces.seen.toward)
     side = 1.0 if toward > 0.0 else -1.0
@@ -142,7 +142,7 @@ def _add_wheel(faces: _Faces, wheel: WheelBody, pose: BodyPose, k: int) -> None:
 
 
 def hull_lines(seen: Camera, bodies: Bodies, poses: Poses, k: int) -> Floats:
-    """Edges (n, 2, 2) of the hull; none without one."""
+    """Return the edges (n, 2, 2) of the hull, m in the picture; none without a hull."""
     if not (bodies.hull and poses.hull):
         return np.empty((0, 2, 2))
     corners = in_world(bodies.hull.corners, poses.hull.position[k], matrices(poses.hull.orientation[k]))
@@ -150,10 +150,10 @@ def hull_lines(seen: Camera, bodies: Bodies, poses: Poses, k: int) -> Floats:
 
 
 def section(seen: Camera, profile: GroundProfile, low: float, high: float) -> tuple[Floats, Floats]:
-    """The ground under a side view, from one place in the picture to another.
+    """Section of the ground under a side view, from one place in the picture to another, m.
 
-    Points (n, 2) of its line, and its metres (m, 3): x, y and place along the way. It is cut by the upright plane
-    through the middle of the picture.
+    Returns points (n, 2) of its line, and its metre marks (m, 3): x, y and distance along the initial heading. The
+    section plane is vertical and contains the middle of the picture.
     """
     middle, slant = float(profile.station(seen.centre)), float(seen.right @ profile.ahead)
     x = np.linspace(low, high, 400)
@@ -161,14 +161,14 @@ def section(seen: Camera, profile: GroundProfile, low: float, high: float) -> tu
         corners = (profile.along - middle) / slant
         x = np.sort(np.concatenate([x, corners[(corners > low) & (corners < high)]]))
     line = np.stack([x, profile.at(middle + slant * x) - seen.centre[2]], axis=1)
-    if abs(slant) < 0.05:  # driving across the way: no metre of it passes
+    if abs(slant) < 0.05:  # seen along the initial heading: there are no metre marks
         return line, np.empty((0, 3))
     marks = metres(*sorted((middle + slant * low, middle + slant * high)))
     return line, np.stack([(marks - middle) / slant, profile.at(marks) - seen.centre[2], marks], axis=1)
 
 
 def plane(seen: Camera, profile: GroundProfile, half: float) -> tuple[Floats, Floats, Floats]:
-    """The ground round the middle as quadrangles (n, 4, 2) with their brightness, and lines each metre (m, 2, 2)."""
+    """Return the ground round the middle: quadrangles (n, 4, 2), brightness, and metre lines (m, 2, 2)."""
     middle, aside = float(profile.station(seen.centre)), float(profile.offset(seen.centre))
     along = profile.bends(middle - half, middle + half)
     right, left = profile.points(along, aside - half), profile.points(along, aside + half)

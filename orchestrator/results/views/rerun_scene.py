@@ -1,4 +1,4 @@
-"""A run in the viewer Rerun, or as its file: bodies in space, forces of the ground, curves and events beside."""
+"""Run in the viewer Rerun or in its file: bodies in space, ground forces, curves and events."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ from orchestrator.results.whole_file import fresh
 RATE = 50.0  # instants a second
 TIMELINE = "time"
 EVENTS = "events"
-FOLLOWED = "world/hull/shape"  # an eye goes with what has a shape of its own, not with a frame
+FOLLOWED = "world/hull/shape"  # an eye can follow an entity with a shape, not a frame
 
 
 def show(path: Path, output: Path | None = None, colour: str | None = None) -> None:
     """Write a log as a file of Rerun, or open the viewer on it without an output.
 
-    Raises BadInput for what cannot be shown or written, and NotInstalled.
+    Raises BadInput if the log cannot be drawn or the file cannot be written, and NotInstalled.
     """
     with opened(path, output) as scene, Log(path) as log:
         run = RunData(log)
@@ -54,7 +54,7 @@ def show(path: Path, output: Path | None = None, colour: str | None = None) -> N
 
 @contextmanager
 def opened(path: Path, output: Path | None) -> Iterator[RerunRecording]:
-    """A scene that goes to the viewer, or to a file, which is there when all of it is; raises as ``show`` does."""
+    """Recording to the viewer, or to a file that appears when it is complete; raises as ``show``."""
     if output:
         checked_name(output, (".rrd",))
     elif sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
@@ -65,18 +65,18 @@ def opened(path: Path, output: Path | None) -> Iterator[RerunRecording]:
         try:
             yield RerunRecording(rerun, blueprints, recording, path.stem, None)
             recording.flush()
-        except RuntimeError as error:  # the viewer does not start, or was closed
+        except RuntimeError as error:  # the viewer did not start, or was closed
             raise BadInput(f"the viewer Rerun takes nothing: {error}; -o FILE.rrd writes its file") from None
         return
     with fresh(output) as beside:
         try:
             yield RerunRecording(rerun, blueprints, recording, path.stem, beside)
         finally:
-            recording.disconnect()  # the file is whole and closed
+            recording.disconnect()  # completes and closes the file
 
 
 class RerunRecording:
-    """A recording of Rerun that is made part by part: ``begin``, then all else, as often as there is more."""
+    """Recording of Rerun that is written in parts: ``begin``, then the others, as often as needed."""
 
     def __init__(self, rerun: ModuleType, blueprints: ModuleType, recording: Any, name: str, file: Path | None) -> None:
         self._rerun, self._blueprints, self._recording = rerun, blueprints, recording
@@ -96,7 +96,7 @@ class RerunRecording:
                 self._recording.log(path_of("plots", plot.name, signal), line, static=True)
 
     def shapes(self, bodies: Bodies, reach: Reach, before: Reach | None = None) -> None:
-        """Send the shapes of bodies and the ground; after ``before`` nothing but a ground that has grown."""
+        """Send the shapes of bodies and the ground; with ``before`` only the ground, if it has grown."""
         if before is None:
             _send_shapes(self._rerun, self._recording, bodies)
         if bodies.ground and reach != before:
@@ -111,7 +111,7 @@ class RerunRecording:
             _send_poses(self._rerun, self._recording, bodies, poses, scale)
 
     def curves(self, log: Log, beside: list[Plot], window: tuple[float, float] = EVER) -> None:
-        """Every record of their signals in a window, s."""
+        """Send all records of the plots' signals in a window, s."""
         rerun = self._rerun
         for plot, signal, t, values in curves(log, beside, window):
             times = [rerun.TimeColumn(TIMELINE, duration=t)]
@@ -128,7 +128,7 @@ class RerunRecording:
 
 
 def path_of(*names: str) -> str:
-    """The path of an entity; names of a log may hold anything."""
+    """Return the path of an entity, with the characters that Rerun requires escaped."""
     return str(library("rerun", "view").new_entity_path(list(names)))
 
 
@@ -199,7 +199,7 @@ def _send_motion(rerun: ModuleType, recording: Any, path: str, times: list[Any],
 
 
 def _arranged(blueprints: ModuleType, bodies: Bodies, beside: list[Plot], scale: Scale, with_events: bool) -> Any:
-    """Space to the left, curves to the right; the eye goes with the hull where there is one."""
+    """Arrange space to the left, curves to the right; the eye follows the hull if there is one."""
     eye, target = _eye(bodies)
     controls = {"position": eye, "look_target": target, "eye_up": (0.0, 0.0, 1.0)}
     if bodies.hull:
@@ -219,7 +219,7 @@ def _arranged(blueprints: ModuleType, bodies: Bodies, beside: list[Plot], scale:
 
 
 def _eye(bodies: Bodies) -> tuple[Floats, Floats]:
-    """Places of the eye and of its target at first: it looks from ahead, from the right and from above."""
+    """Initial positions of the eye and its target, m, world: the view is from ahead, right and above."""
     here = next(bodies.blocks(1)).places()
     middle = 0.5 * (here.min(axis=0) + here.max(axis=0))
     size = float(np.ptp(here, axis=0).max())

@@ -1,4 +1,4 @@
-"""The part of a scene that is drawn, checked: a log of another version may hold more, or other things."""
+"""Validated part of a logged scene that drawings need; logs of other versions may hold other keys."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ class DrawnStart(BaseModel):
 
 
 class DrawnModel(BaseModel):
-    """The track model."""
+    """Track model."""
 
     model: str
 
 
 class DrawnLinks(BaseModel):
-    """Links, m."""
+    """Dimensions of links, m."""
 
     pitch: Size
     width: Size
@@ -37,7 +37,7 @@ class DrawnLinks(BaseModel):
 
 
 class DrawnSprocket(BaseModel):
-    """Sprocket, m."""
+    """Dimensions of the sprocket, m."""
 
     teeth: Annotated[int, Field(ge=1, le=1000)]
     outer_radius: Size
@@ -45,14 +45,14 @@ class DrawnSprocket(BaseModel):
 
 
 class DrawnIdler(BaseModel):
-    """Idler, m."""
+    """Place and radius of the idler, m."""
 
     radius: Size
     width: Size
 
 
 class DrawnRoadWheel(DrawnIdler):
-    """Road wheels, m; height of their axles over the origin of the vehicle."""
+    """Dimensions of road wheels, m, and height of their axles over the origin of the vehicle."""
 
     z: Number
 
@@ -65,7 +65,7 @@ class DrawnHull(BaseModel):
 
 
 class DrawnVehicle(BaseModel):
-    """The vehicle table."""
+    """Vehicle table."""
 
     track: DrawnLinks
     sprocket: DrawnSprocket
@@ -75,7 +75,7 @@ class DrawnVehicle(BaseModel):
 
 
 class DrawnBump(BaseModel):
-    """A bump across the way, m, rad."""
+    """Bump across the initial heading, m, rad."""
 
     rise: Size
     slope: Annotated[float, Field(gt=0, lt=1.5707)]
@@ -85,13 +85,13 @@ class DrawnBump(BaseModel):
 
 
 class DrawnGround(BaseModel):
-    """The ground table."""
+    """Ground table."""
 
     bump: DrawnBump | None = None
 
 
 class DrawnScene(BaseModel):
-    """The scene."""
+    """Scene."""
 
     title: str
     assembly: str
@@ -102,7 +102,7 @@ class DrawnScene(BaseModel):
 
 
 def checked(run: RunData) -> dict[str, Any]:
-    """The part of a run's scene that is drawn; raises BadInput for one that is missing or of another kind."""
+    """Return the part of a run's scene that is drawn; raises BadInput if it is missing or of another type."""
     if not run.scene:
         raise BadInput(f"{run.log.path} does not say of which scene it is: there is nothing to draw it by")
     try:

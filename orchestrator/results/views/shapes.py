@@ -1,6 +1,6 @@
-"""Shapes of bodies in their own frames: links are boxes, wheels cylinders or toothed discs, the hull a convex body.
+"""Shapes of bodies in their own frames: links are boxes, wheels cylinders or toothed discs.
 
-A body frame is x ahead, y left, z up; of a link x is along it from pin to pin and z outwards, away from the wheels.
+A body frame is x ahead, y left, z up; in the frame of a link x is from pin to pin and z outwards, away from the wheels.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from orchestrator.log.time_series import Floats
 from orchestrator.results.run_data import pitch_radius
 
-DRAWN = 0.94  # of the pitch is drawn of a link: gaps show where it ends
-THINNEST = 0.005  # m, half thickness of a link whose face runs through its pins
+DRAWN = 0.94  # length of a drawn link over the pitch: gaps show where links end
+THINNEST = 0.005  # m, half thickness of a link whose face contains the pin line
 SPOKES = 6  # on both faces of a wheel together
-RIM = 28  # corners that stand for a round rim
+RIM = 28  # corners of a round rim
 FACES = np.array([  # corners of a box by face, and the outward normals of the faces
     [[1, -1, -1], [1, 1, -1], [1, 1, 1], [1, -1, 1]],
     [[-1, -1, -1], [-1, -1, 1], [-1, 1, 1], [-1, 1, -1]],
@@ -28,11 +28,11 @@ FACES = np.array([  # corners of a box by face, and the outward normals of the f
     [[-1, -1, -1], [-1, 1, -1], [1, 1, -1], [1, -1, -1]],
 ], float)  # fmt: skip
 NORMALS = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
-RIGHT = 3  # the face of a box that one sees from the right
+RIGHT = 3  # face of a box that is visible from the right
 
 
 class TrackBody(NamedTuple):
-    """The links of a track: boxes."""
+    """Links of a track: boxes."""
 
     name: str  # instance
     links: int
@@ -41,32 +41,32 @@ class TrackBody(NamedTuple):
 
 
 class WheelBody(NamedTuple):
-    """A wheel, about its body y axis."""
+    """Wheel, about its body y axis."""
 
     name: str  # left_track/road_wheel[1]
     kind: str  # sprocket, road_wheel or idler
-    track: str  # the instance that it carries; "chassis" without one
-    radius: float  # m; of a sprocket, of its pins' seats
+    track: str  # instance of its track; "chassis" without one
+    radius: float  # m; for a sprocket the radius of the pin seats
     width: float  # m
-    outline: Floats  # (k, 2) of a sprocket with its teeth, ahead and up, m; none of round wheels
+    outline: Floats  # (k, 2) of a sprocket with teeth, ahead and up, m; empty for round wheels
 
 
 class HullBody(NamedTuple):
-    """The convex hull of its corners; the origin of its frame is the hull's centre of mass."""
+    """Hull of a vehicle: convex hull of its corners; the origin of its frame is its centre of mass."""
 
     corners: Floats  # (k, 3) m
-    edges: NDArray[np.int64]  # (e, 2) of corners: where faces meet at an angle
+    edges: NDArray[np.int64]  # (e, 2) indices of corners, where faces meet at an angle
 
 
 def track_body(name: str, links: int, closed: bool, vehicle: Mapping[str, Any]) -> TrackBody:
-    """The links of a track of a vehicle table."""
+    """Return the links of a track from a vehicle table."""
     chain = vehicle["track"]
     half = np.array([0.5 * DRAWN * chain["pitch"], 0.5 * chain["width"], max(chain["face"], THINNEST)])
     return TrackBody(name, links, closed, half)
 
 
 def wheel_body(name: str, kind: str, track: str, vehicle: Mapping[str, Any]) -> WheelBody:
-    """A wheel of a vehicle table; a sprocket is as wide as a link."""
+    """Return a wheel from a vehicle table; a sprocket is as wide as a link."""
     if kind != "sprocket":
         return WheelBody(name, kind, track, vehicle[kind]["radius"], vehicle[kind]["width"], np.empty((0, 2)))
     radius = pitch_radius(vehicle) - vehicle["sprocket"]["pin_radius"]
@@ -74,7 +74,7 @@ def wheel_body(name: str, kind: str, track: str, vehicle: Mapping[str, Any]) -> 
 
 
 def teeth(vehicle: Mapping[str, Any]) -> Floats:
-    """Outline of a sprocket (k, 2) about its centre, ahead and up, a seat of a pin ahead, m.
+    """Outline of a sprocket (k, 2) about its centre, ahead and up, m; a pin seat is straight ahead.
 
     Teeth are straight from seat to tip.
     """
@@ -86,7 +86,7 @@ def teeth(vehicle: Mapping[str, Any]) -> Floats:
 
 
 def hull_body(chassis: Mapping[str, Any] | None) -> HullBody | None:
-    """The hull of a chassis table; None where its corners span no volume."""
+    """Return the hull from a chassis table; None if its corners span no volume."""
     from scipy.spatial import ConvexHull, QhullError
 
     if not chassis or len(chassis["hull"]) < 4:
@@ -100,7 +100,9 @@ def hull_body(chassis: Mapping[str, Any] | None) -> HullBody | None:
     for face, equation in zip(found.simplices, found.equations, strict=True):
         for a, b in pairwise([*face, face[0]]):
             normal.setdefault((min(a, b), max(a, b)), []).append(equation[:3])
-    edges = [edge for edge, (one, other) in normal.items() if one @ other < 1.0 - 1e-9]  # others lie in a flat face
+    edges = [
+        edge for edge, (one, other) in normal.items() if one @ other < 1.0 - 1e-9
+    ]  # other edges lie in a flat face
     return HullBody(corners, np.array(edges))
 
 
@@ -114,7 +116,7 @@ def rim(wheel: WheelBody, side: float) -> Floats:
 
 
 def spokes(wheel: WheelBody) -> Floats:
-    """Lines (SPOKES, 2, 3) on both faces of a wheel, the right one first, in its body frame: one sees that it turns."""
+    """Lines (SPOKES, 2, 3), m, on both faces of a wheel, right one first, in its body frame."""
     angle = np.arange(SPOKES // 2) * 4.0 * np.pi / SPOKES
     end = 0.95 * wheel.radius * np.stack([np.cos(angle), np.zeros(SPOKES // 2), np.sin(angle)], axis=1)
     lines = np.stack([0.15 * end, end], axis=1)
@@ -123,5 +125,5 @@ def spokes(wheel: WheelBody) -> Floats:
 
 
 def in_world(corners: Floats, position: Floats, axes: Floats) -> Floats:
-    """Corners (..., k, 3) of a body frame in world, of bodies at positions (..., 3) with axes (..., 3, 3)."""
+    """World corners (..., k, 3), m, of bodies at positions (..., 3), m, with axes (..., 3, 3)."""
     return np.asarray(corners @ np.swapaxes(axes, -1, -2) + position[..., None, :])

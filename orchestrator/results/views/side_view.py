@@ -1,4 +1,4 @@
-"""Side views of a track: wheels, links coloured by their tension and the ground, a few instants in panes."""
+"""Side views of a track at a few instants: wheels, links coloured by tension, and the ground."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ if TYPE_CHECKING:
 
     from orchestrator.results.ground_profile import GroundProfile
 
-INSTANTS = 3  # of the part of a run in which something moves; its start is shown besides
-MOVES = 0.05  # of the largest speed
-UPRIGHT = 0.7  # height over width beyond which instants stand beside each other
-MARGIN = 0.25  # m round the pins
-HIGH, NUMBER = 4.2, 0.6  # inches: of a pane beside others, and of the room that a number under it needs
+INSTANTS = 3  # of the part of a run with motion, besides its start
+MOVES = 0.05  # of the largest speed: a faster vehicle counts as moving
+UPRIGHT = 0.7  # height over width beyond which panes are side by side
+MARGIN = 0.25  # m around the pins
+HIGH, NUMBER = 4.2, 0.6  # inches: height of a pane, and of the number under it
 SHADES = {"sprocket": ("0.85", "0.5"), "road_wheel": ("0.92", "0.6"), "idler": ("0.92", "0.6")}  # face and edge
 
-Extent = tuple[tuple[float, float], tuple[float, float]]  # ahead and up, from and to, m
+Extent = tuple[tuple[float, float], tuple[float, float]]  # limits ahead and up, m
 
 
 class SideView(NamedTuple):
-    """A track at one instant, ahead of its sprocket's axle and up from it, m; without a sprocket, of the start."""
+    """Track at one instant, m ahead of and above its sprocket axle or, without one, its start position."""
 
     t: float  # s
     seen: Camera
@@ -49,7 +49,7 @@ class SideView(NamedTuple):
 
 
 def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None:
-    """Draw the first track of a log from the side; raises BadInput for what cannot be drawn or written."""
+    """Draw the first track of a log from the side; raises BadInput if it cannot be drawn or written."""
     checked_name(output, PICTURES)
     with Log(path) as log:
         run = RunData(log)
@@ -67,7 +67,7 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
 
 
 def side_view(bodies: Bodies, poses: Poses, k: int = 0) -> SideView:
-    """The first track at the k-th instant."""
+    """Return the first track at the k-th instant."""
     track, links = bodies.tracks[0], poses.links[bodies.tracks[0].name]
     seen = beside(bodies, poses, k, track.name)
     boxes = in_world(FACES[RIGHT] * track.half, links.centres[k], links.axes[k])
@@ -81,14 +81,14 @@ def side_view(bodies: Bodies, poses: Poses, k: int = 0) -> SideView:
 
 
 def extent(views: Sequence[SideView]) -> Extent:
-    """Room for all of them and MARGIN beyond their pins."""
+    """Return limits that contain all views, with MARGIN around their pins."""
     pins = np.concatenate([view.pins for view in views])
     (left, low), (right, high) = (pins.min(axis=0) - MARGIN).tolist(), (pins.max(axis=0) + MARGIN).tolist()
     return (left, right), (low, high)
 
 
 def add(pane: Axes, view: SideView, ground: GroundProfile | None, scale: Scale, shown: Extent) -> None:
-    """Add a track and the ground under it to an axis."""
+    """Draw a track and the ground under it."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Polygon
 
@@ -108,7 +108,7 @@ def add(pane: Axes, view: SideView, ground: GroundProfile | None, scale: Scale, 
 
 
 def _figure(bodies: Bodies) -> Figure:
-    """A pane for each instant, one below the other, or beside each other where these would be slivers."""
+    """Create a pane for each instant: stacked, or side by side if stacked panes would be narrow."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
@@ -132,7 +132,7 @@ def _figure(bodies: Bodies) -> Figure:
             pane.label_outer()
     driven = any(wheel.kind == "sprocket" for wheel in bodies.wheels)
     label = "ahead of the sprocket axle, m" if driven else "x of the start, m"
-    if upright:  # a pane is about as narrow as a number
+    if upright:  # numbers need about the width of a pane
         panes[0].locator_params(axis="x", nbins=max(1, int(HIGH * wide / high / NUMBER) - 1), min_n_ticks=1)
         figure.supxlabel(label, fontsize="medium")
     else:
@@ -145,7 +145,7 @@ def _figure(bodies: Bodies) -> Figure:
 
 
 def _moving(run: RunData, track: str) -> Window | None:
-    """From when to when the vehicle, or else the track, moves; None where it rests, or its speed was not recorded."""
+    """Interval in which the vehicle, or else the track, moves; None if it rests or has no recorded speed."""
     names = [name for name in ("chassis.speed", f"{track}.speed") if run.has(name)]
     if not names:
         return None
@@ -155,9 +155,9 @@ def _moving(run: RunData, track: str) -> Window | None:
 
 
 def _instants(recorded: Floats, end: float, times: Sequence[float] | None, moving: Window | None = None) -> list[float]:
-    """Of the recorded instants those nearest to the times, s; raises BadInput for times outside of the run.
+    """Return the recorded instants nearest to the times, s; raises BadInput for times outside of the run.
 
-    By default the start and thirds of the part in which something moves, or of the run where nothing does.
+    Default: the start and thirds of the interval ``moving``, or of the run without one.
     """
     for t in times or ():
         if not within(np.array(t), Window(float(recorded[0]), end)):

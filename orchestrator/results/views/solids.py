@@ -1,4 +1,4 @@
-"""Surfaces that viewers have no shape for, as triangles: sprockets with their teeth, and the ground."""
+"""Triangulated surfaces of shapes that viewers lack: toothed sprockets and the ground."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from orchestrator.results.ground_profile import GroundProfile, metres
 from orchestrator.results.views.bodies import Bodies
 from orchestrator.results.views.shapes import WheelBody, rim
 
-ROOM = 5.0  # m of ground beyond what was driven on
-OVER = 0.003  # m, of lines over the ground
+ROOM = 5.0  # m of ground beyond the bodies' positions
+OVER = 0.003  # m, height of lines above the ground
 UPRIGHT = (-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))  # x, y, z, w: turns a cylinder's z to a wheel's y
 
 
 class Triangles(NamedTuple):
-    """A surface."""
+    """Triangulated surface."""
 
     corners: Floats  # (k, 3) m
-    numbers: NDArray[np.int64]  # (n, 3) of corners, anticlockwise seen from outside
+    numbers: NDArray[np.int64]  # (n, 3) indices of corners, anticlockwise seen from outside
 
 
 class Reach(NamedTuple):
-    """How far bodies come: least and largest place along the way, and how far from it aside, m."""
+    """Extent of the bodies: least and largest distance along the initial heading, largest one aside, m."""
 
     low: float = np.inf
     high: float = -np.inf
     far: float = 0.0
 
     def with_bodies(self, bodies: Bodies) -> Reach:
-        """Also as far as these."""
+        """Return the extent that also contains these bodies."""
         profile = bodies.ground
         if profile is None:
             return self
@@ -45,26 +45,26 @@ class Reach(NamedTuple):
         return Reach(low, high, far)
 
     def ground(self, profile: GroundProfile) -> tuple[Triangles, Floats]:
-        """The ground so far and ROOM beyond, and lines (n, 2, 3) across the way at whole metres of it."""
+        """Return the ground within the extent and ROOM beyond, and lines (n, 2, 3) across it at whole metres."""
         low, high, far = self.low - ROOM, self.high + ROOM, self.far + ROOM
         lines = across(profile, metres(low, high), far) + np.array([0.0, 0.0, OVER])
         return strip(across(profile, profile.bends(low, high), far)), lines
 
 
 def across(profile: GroundProfile, along: Floats, far: float) -> Floats:
-    """Right and left end (k, 2, 3) of lines on the ground across the way at places along it, in world."""
+    """Right and left ends (k, 2, 3), m, world, of ground lines across the initial heading."""
     return np.stack([profile.points(along, -far), profile.points(along, far)], axis=1)
 
 
 def strip(pairs: Floats) -> Triangles:
-    """The strip between right and left points (k, 2, 3), its outside up."""
+    """Return the strip between right and left points (k, 2, 3), m, with its outside up."""
     one = 2 * np.arange(len(pairs) - 1)
     numbers = np.concatenate([np.stack([one, one + 2, one + 1], axis=1), np.stack([one + 1, one + 2, one + 3], axis=1)])
     return Triangles(pairs.reshape(-1, 3), numbers)
 
 
 def prism(wheel: WheelBody) -> Triangles:
-    """A toothed wheel in its body frame."""
+    """Return a toothed wheel in its body frame."""
     right, left = rim(wheel, -1.0), rim(wheel, 1.0)
     count, half = len(right), 0.5 * wheel.width
     corners = np.concatenate([right, left, [[0.0, -half, 0.0], [0.0, half, 0.0]]])
@@ -80,7 +80,7 @@ def prism(wheel: WheelBody) -> Triangles:
 
 
 def faceted(surface: Triangles) -> tuple[Floats, Floats]:
-    """Corners (3 n, 3) of triangles one by one, and their normals: edges are seen as edges."""
+    """Corners (3 n, 3) of separate triangles, and their normals (3 n, 3), so that edges look sharp."""
     apart = surface.corners[surface.numbers]
     normal = np.cross(apart[:, 1] - apart[:, 0], apart[:, 2] - apart[:, 0])
     normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)

@@ -1,1 +1,1 @@
-"""Meshes of the elements of ``fmus.physics.ancf``, with joints, and what is computed of them."""
+"""Meshes of the elements of ``fmus.physics.ancf`` with joints; their statics, dynamics and modes."""

@@ -1,4 +1,4 @@
-"""Cubic B-splines and cable elements are the same curves: exact linear maps both ways, and what a knot can join.
+"""Exact linear maps between cubic B-splines and cable elements, and joints that a knot can make.
 
 Section 5 of Shabana et al., Ideal compliant joints and integration of computer aided design and analysis; for
 polar forms (blossoms) Ramshaw, Computer Aided Geometric Design 6, 1989. The cubic f of one element has one symmetric
@@ -6,7 +6,7 @@ polar form f(a, b, c), linear in each argument, with f(x, x, x) = f(x). On an el
 
     Bezier points            f(u,u,u), f(u,u,w), f(u,w,w), f(w,w,w)
     cable coordinates        r(u) = f(u,u,u), r_x(u) = 3 (f(u,u,w) - f(u,u,u)) / l, and so at w
-    control point i          f(t[i+1], t[i+2], t[i+3]) of any element that it reaches
+    control point i          f(t[i+1], t[i+2], t[i+3]) of any element in its support
 
 Coordinates are (elements, 4, d) as in fmus/physics/ancf/cable.py: position, slope, position, slope; d = 3 in space.
 """
@@ -24,8 +24,8 @@ from fmus.physics.arrays import Floats
 
 DEGREE = 3
 SPACE = 3  # components of a position
-# Of the size of a curve: smaller jumps are rounding. A difference of derivatives costs digits (the third of a fine mesh
-# most), so that a bound near rounding would find too many knots.
+# Of the size of a curve: smaller jumps are rounding. Differences of derivatives lose digits (most in the third
+# derivative of a fine mesh), so a bound near rounding would find too many knots.
 SMOOTH = 1e-9
 # powers of the fraction xi in the shape functions of a cable of unit length: rows 1, xi, xi^2, xi^3
 POWERS = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [-3, -2, 3, -1], [2, 1, -2, 1]])
@@ -36,25 +36,25 @@ FALLING = np.array([[1.0, 1, 1, 1], [0, 1, 2, 3], [0, 0, 2, 6], [0, 0, 0, 6]])  
 
 
 def bezier_to_cable(l: float) -> Floats:
-    """(4, 4): cable coordinates of an element of length ``l`` from its Bezier points."""
+    """Matrix (4, 4) from Bezier points to cable coordinates of an element of length ``l``, m."""
     s = 3.0 / l
     return np.array([[1.0, 0, 0, 0], [-s, s, 0, 0], [0, 0, 0, 1.0], [0, 0, -s, s]])
 
 
 def cable_to_bezier(l: float) -> Floats:
-    """(4, 4): Bezier points from the cable coordinates of an element of length ``l``."""
+    """Matrix (4, 4) from cable coordinates to Bezier points of an element of length ``l``, m."""
     s = l / 3.0
     return np.array([[1.0, 0, 0, 0], [1.0, s, 0, 0], [0, 0, 1.0, -s], [0, 0, 1.0, 0]])
 
 
 def elements(knots: Floats) -> Floats:
-    """(n, 2): where the elements of a clamped cubic knot vector begin and end; knots of multiplicity 1 to 4."""
+    """Limits (n, 2) of the elements of a clamped cubic knot vector with knots of multiplicity 1 to 4."""
     breaks = np.unique(knots)
     return np.stack([breaks[:-1], breaks[1:]], axis=1)
 
 
 def _polar(knots: Floats, span: int, arguments: tuple[float, float, float]) -> Floats:
-    """Weights (control points) of the polar form of the cubic on [knots[span], knots[span + 1]]: de Boor's scheme."""
+    """Weights (control points,) of the polar form on [knots[span], knots[span + 1]], by de Boor's scheme."""
     rows = np.eye(control_points(len(knots)))[span - DEGREE : span + 1]
     for r, x in enumerate(arguments, 1):
         left = knots[span - DEGREE + r : span + 1]
@@ -65,7 +65,7 @@ def _polar(knots: Floats, span: int, arguments: tuple[float, float, float]) -> F
 
 
 def extraction(knots: Floats) -> Floats:
-    """(n, 4, control points): the cable coordinates of every element are this times the control points."""
+    """Matrices (n, 4, control points) from control points to the cable coordinates of every element."""
     found = []
     for u, w in elements(knots):
         span = int(np.searchsorted(knots, u, side="right")) - 1
@@ -83,7 +83,7 @@ def to_cable(spline: BSpline) -> tuple[Floats, Floats]:
 
 
 def jumps(e: Floats, l: Floats) -> Floats:
-    """(n - 1, 4): largest jump of the derivatives 0 to 3 at each inner node, each times l^k to make it a length."""
+    """Largest jumps (n - 1, 4) of the derivatives k = 0 to 3 at each inner node, times l^k: lengths, m."""
 
     def derivatives(xi: float) -> Floats:
         return np.stack([np.einsum("na,nai->ni", _derivatives(l, xi, k), e) for k in range(DEGREE + 1)], axis=1)
@@ -93,19 +93,19 @@ def jumps(e: Floats, l: Floats) -> Floats:
 
 
 def polynomial(xi: float, k: int) -> Floats:
-    """(4): the k-th derivatives of 1, xi, xi^2, xi^3."""
+    """The k-th derivatives (4,) of 1, xi, xi^2, xi^3."""
     return np.asarray(FALLING[k] * xi ** np.maximum(np.arange(4) - k, 0))
 
 
 def _derivatives(l: Floats, xi: float, k: int) -> Floats:
-    """(n, 4): the k-th derivatives by x of the shape functions of elements of lengths ``l``."""
+    """The k-th derivatives (n, 4) by x of the shape functions of elements of lengths ``l`` (n,), m."""
     return polynomial(xi, k) @ POWERS * l[:, None] ** np.array([-k, 1 - k, -k, 1 - k])
 
 
 def multiplicities(e: Floats, l: Floats) -> NDArray[np.int64]:
-    """Knot multiplicity of each inner node: as few knots as its continuity lets.
+    """Least knot multiplicity (n - 1,) of each inner node that its continuity permits.
 
-    A derivative counts as continuous when it jumps by less than SMOOTH of the curve's size.
+    A derivative counts as continuous if it jumps by less than SMOOTH of the curve's size.
     """
     size = max(float(np.ptp(e[:, [0, 2]].reshape(-1, e.shape[2]), axis=0).max()), float(l.max()))
     smooth = np.logical_and.accumulate(jumps(e, l) <= SMOOTH * size, axis=1)
@@ -113,10 +113,10 @@ def multiplicities(e: Floats, l: Floats) -> NDArray[np.int64]:
 
 
 def from_cable(e: Floats, l: Floats, knots_at: NDArray[np.int64] | None = None) -> BSpline:
-    """The clamped cubic spline of a cable mesh, ``e`` (n, 4, d), lengths ``l`` (n).
+    """Clamped cubic spline of a cable mesh ``e`` (n, 4, d), m, with lengths ``l`` (n,), m.
 
-    ``knots_at`` (n - 1): multiplicity at each inner node, 1 to 4 (default: 4 less the number of derivatives that are
-    continuous, but at least 1). Raises ValueError when the mesh is not as smooth as its knots would make it.
+    ``knots_at`` (n - 1): multiplicity at each inner node, 1 to 4 (default: 4 less the number of continuous derivatives,
+    at least 1). Raises ValueError if the mesh is less smooth than these knots.
     """
     e, l = np.asarray(e, float), np.asarray(l, float)
     inner = np.maximum(multiplicities(e, l), 1) if knots_at is None else np.asarray(knots_at, dtype=np.int64)
@@ -134,7 +134,7 @@ def from_cable(e: Floats, l: Floats, knots_at: NDArray[np.int64] | None = None) 
     knots = np.repeat(nodes, np.concatenate([[4], inner, [4]]))
     points = np.empty((control_points(len(knots)), e.shape[2]))
     for i in range(len(points)):
-        # the element nearest to the middle of the control point's own knots: the least extrapolation
+        # element nearest to the middle of the control point's knots: least extrapolation
         at = float(np.clip(knots[i + 1 : i + 4].mean(), nodes[0], nodes[-1]))
         low, high = np.searchsorted(nodes, knots[i], "left"), np.searchsorted(nodes, knots[i + 4], "left") - 1
         k = int(np.clip(np.searchsorted(nodes, at, "right") - 1, low, high))
@@ -162,7 +162,7 @@ def patch_points(knots_u: int, knots_v: int) -> int:
 
 
 def patch_to_nodes(lx: float, ly: float) -> Floats:
-    """(16, 16): nodal vectors of a bicubic patch from its Bezier points, index 4 i + j along x, then y.
+    """Matrix (16, 16) from Bezier points 4 i + j along x, then y, to nodal vectors of a bicubic patch.
 
     Row 4 a + b is cable coordinate a along x of cable coordinate b along y: r, r_x, r_y and r_xy at the four corners.
     A thin plate of ANCF without r_xy has 12 of the 16 vectors; a flat one needs no more than three.
@@ -170,31 +170,31 @@ def patch_to_nodes(lx: float, ly: float) -> Floats:
     return np.asarray(np.kron(bezier_to_cable(lx), bezier_to_cable(ly)), float)
 
 
-# What a knot imposes, what a joint needs ---------------------------------------------------------------------------
+# Equations of knots and of joints ----------------------------------------------------------------------------------
 #
 # Columns of all equations: the derivatives 0 to 3 along x of the element before the joint, then of the one behind it;
-# each derivative of r alone (cable), or of r, r_y and r_z (beam: as a spline solid, cubic along x and linear across,
-# it has one knot vector along x for the whole section).
+# each derivative of r alone (cable), or of r, r_y and r_z (a beam as a spline solid is cubic along x and linear across,
+# so the whole section has one knot vector along x).
 
 VECTORS = {"cable": 1, "beam": 3}  # r, or r and the two directors
 JOINTS = ("spherical", "pin", "sliding", "rigid", "smooth", "curvature")
 
 
 class Demand(NamedTuple):
-    """A joint between two elements against the knots that could make it."""
+    """Comparison of a joint between two elements with the knots that could make it."""
 
     element: str
     joint: str
     equations: int  # scalar equations, by rank
-    knot: int | None  # the multiplicity that imposes exactly these, None: there is none
-    weaker: int  # the smallest multiplicity that imposes none but equations of the joint
-    missing: int  # equations that the weaker knot leaves out
+    knot: int | None  # multiplicity that imposes exactly these; None without one
+    weaker: int  # smallest multiplicity that imposes only equations of the joint
+    missing: int  # equations that the weaker knot lacks
 
 
 def knot_rows(multiplicity: int, element: str = "cable") -> Floats:
-    """Equations of a knot: multiplicity 4 imposes nothing, each knot less one more derivative (5.3).
+    """Equations of a knot: multiplicity 4 imposes none, each lower one one more derivative (5.3).
 
-    Three scalar equations at a time on a cable, nine on a beam, whose whole section they hold.
+    A derivative is three scalar equations of a cable, nine of a beam, for its whole section.
     """
     if not 0 <= multiplicity <= DEGREE + 1:
         raise ValueError(f"multiplicity {multiplicity}: a cubic has 0 to {DEGREE + 1}")
@@ -207,11 +207,11 @@ def _equal(element: str) -> Floats:
 
 
 def joint_rows(joint: str, element: str = "cable", axis: int = 1, turn: Floats | None = None) -> Floats:
-    """Equations of a joint; the elements' axes lie along the world's but where ``turn`` (3, 3) turns a rigid joint.
+    """Equations of a joint between elements along the world's axes; ``turn`` (3, 3) rotates a rigid joint.
 
-    ``spherical`` (1); ``pin`` (2) or (3) about the coordinate ``axis``; ``sliding`` (4) along x, u and m eliminated:
-    across x positions and slopes agree; ``rigid``: joined at an angle; ``smooth``: one element goes on; ``curvature``:
-    it also keeps r_xx.
+    ``spherical`` (1); ``pin`` (2) or (3) about the coordinate ``axis``; ``sliding`` (4) along x with u and m eliminated
+    (positions and slopes across x agree); ``rigid``: joined at an angle; ``smooth``: C1; ``curvature``: also equal
+    r_xx.
     """
     if joint not in JOINTS:
         raise ValueError(f"joint {joint!r}: one of {', '.join(JOINTS)}")
@@ -228,7 +228,7 @@ def joint_rows(joint: str, element: str = "cable", axis: int = 1, turn: Floats |
     }
     found = rows[list(parts[joint])]
     if joint == "rigid" and turn is not None:
-        # the slope turns as a vector; gradient transformation: r_k before = sum_m turn[m, k] r_m behind
+        # slopes rotate as vectors; gradient transformation: r_k before = sum_m turn[m, k] r_m behind
         by = turn if element == "cable" else np.kron(turn.T, np.eye(SPACE))
         found[3:, rows.shape[1] // 2 + np.array(gradients)] = -by
     return found
@@ -239,7 +239,7 @@ def _implies(rows: Floats, others: Floats) -> bool:
 
 
 def demand(joint: str, element: str = "cable", axis: int = 1, turn: Floats | None = None) -> Demand:
-    """A joint held against every knot multiplicity, by ranks."""
+    """Compare a joint with every knot multiplicity, by ranks."""
     rows = joint_rows(joint, element, axis, turn)
     count = int(np.linalg.matrix_rank(rows))
     weaker = min(m for m in range(DEGREE + 2) if _implies(rows, knot_rows(m, element)))
@@ -248,6 +248,6 @@ def demand(joint: str, element: str = "cable", axis: int = 1, turn: Floats | Non
 
 
 def table(turn: Floats | None = None) -> list[Demand]:
-    """All joints against the knots; the rigid ones at the angle ``turn`` (3, 3), default 90 degrees about y."""
+    """Compare all joints with the knots; rigid ones at a rotation ``turn`` (3, 3), default 90 deg about y."""
     corner = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]) if turn is None else turn
     return [demand(name, element, turn=corner) for element in VECTORS for name in JOINTS]

@@ -1,12 +1,11 @@
-"""Bicubic B-spline surfaces (5) and ANCF plate elements are the same surfaces: exact linear maps both ways.
+"""Exact linear maps between bicubic B-spline surfaces (5) and ANCF plate elements.
 
-A surface is a tensor product, so each direction is mapped as a curve is (``bspline``), one after the other. The plate
-has position, both slopes and the twist r_xy at each of its four corners, 16 vectors (Dmitrochenko and Pogorelov,
-Multibody System Dynamics 10, 2003, doi:10.1023/A:1024553708730, have the element). Coordinates are (elements along x,
-along y, 4, 4, d), cable coordinate a along x of cable coordinate b along y: place and slope at one edge, then at the
-other.
+A surface is a tensor product, so each direction is mapped like a curve (``bspline``), one after the other. The plate
+has position, both slopes and the twist r_xy at each of its four corners: 16 vectors (element: Dmitrochenko and
+Pogorelov, Multibody System Dynamics 10, 2003, doi:10.1023/A:1024553708730). Coordinates are (elements along x, along y,
+4, 4, d), cable coordinate a along x of cable coordinate b along y: position and slope at one edge, then at the other.
 
-NURBS are left out: their weights divide by a spline, and no ANCF element interpolates by such fractions.
+NURBS are left out: they divide by a spline of weights, and no ANCF element interpolates by such fractions.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ class Surface(NamedTuple):
     points: Floats  # (n + 1, m + 1, d) control points
 
     def __call__(self, x: Floats, y: Floats) -> Floats:
-        """Places (k, d) at parameters (k)."""
+        """Positions (k, d), m, at parameters (k,)."""
         along = [
             BSpline(knots, np.eye(count), bspline.DEGREE)(each)
             for knots, count, each in zip(self[:2], self.points.shape, (x, y), strict=False)
@@ -37,16 +36,16 @@ class Surface(NamedTuple):
 
 
 def to_plates(surface: Surface) -> tuple[Floats, Floats, Floats]:
-    """Plate coordinates (nx, ny, 4, 4, d) of all elements, lengths (nx) along x and (ny) along y. Paper (5)."""
+    """Plate coordinates (nx, ny, 4, 4, d) of all elements; lengths (nx,) along x, (ny,) along y: (5)."""
     lengths = [np.diff(bspline.elements(knots), axis=1)[:, 0] for knots in surface[:2]]
     maps = [bspline.extraction(knots) for knots in surface[:2]]
     return np.einsum("nap,mbq,pqi->nmabi", *maps, surface.points), lengths[0], lengths[1]
 
 
 def from_plates(e: Floats, lx: Floats, ly: Floats) -> Surface:
-    """The surface of a mesh of plates, with as few knots as its continuity along each direction lets.
+    """Surface of a mesh of plates, with the fewest knots that its continuity in each direction permits.
 
-    Raises ValueError where a shape does not fit the lengths.
+    Raises ValueError if a shape does not fit the lengths.
     """
     nx, ny, *rest = e.shape
     if (nx, ny, rest[:2]) != (len(lx), len(ly), [4, 4]):

@@ -1,8 +1,8 @@
-"""Cholesky coordinates: the same mesh with the identity as its mass matrix.
+"""Cholesky coordinates, in which the mass matrix of a mesh is the identity.
 
 With M = L L^T, z = L^T q has kinetic energy z'.z'/2, and a force on z is L^-1 times that on q. Yakoub, Shabana, Use of
 Cholesky coordinates and the absolute nodal coordinate formulation in the computer simulation of flexible multibody
-systems, Nonlinear Dyn. 20, 1999. L is computed once: joints are gone and the mass is constant.
+systems, Nonlinear Dyn. 20, 1999. L is computed once, because joints are eliminated and the mass matrix is constant.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from tests.validation.ancf.mesh import Mesh
 
 
 class CholeskyMesh:
-    """A mesh in Cholesky coordinates, with the methods of ``Mesh`` that integrators ask for."""
+    """Mesh in Cholesky coordinates, with the methods of ``Mesh`` that integrators call."""
 
     def __init__(self, mesh: Mesh) -> None:
         self.mesh = mesh
@@ -23,11 +23,11 @@ class CholeskyMesh:
         self.M = sparse.eye_array(mesh.n, format="csc")
 
     def z(self, q: Floats) -> Floats:
-        """Cholesky coordinates or rates of nodal ones."""
+        """Cholesky coordinates of nodal coordinates, or rates of rates."""
         return self.L.T @ q
 
     def q(self, z: Floats) -> Floats:
-        """Nodal coordinates or rates of Cholesky ones."""
+        """Nodal coordinates of Cholesky coordinates, or rates of rates."""
         return solve_triangular(self.L, z, lower=True, trans="T")
 
     def _f(self, f: Floats) -> Floats:

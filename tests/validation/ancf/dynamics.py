@@ -1,6 +1,6 @@
-"""Motion of a mesh, or of whatever has its methods: M v' = loads - elastic force - damping.
+"""Motion of a mesh, or of an object with its methods: M v' = loads - elastic force - damping.
 
-Yields (t, q, v) after each step, without copies: keep what you need. Both integrators come from ``integrate``.
+Integrators yield (t, q, v) after each step without copies: copy what you keep. Both come from ``integrate``.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ Moment = tuple[float, Floats, Floats]
 
 
 class NotFound(ArithmeticError):
-    """A step has no solution."""
+    """Newton's method found no solution of a step."""
 
 
 def right_hand_side(system, q: Floats, v: Floats, damped: bool) -> Floats:
-    """Loads less internal forces."""
+    """Loads less internal forces, N."""
     f = system.applied(q) - system.force(q)
     return f - system.damping(q, v) if damped else f
 
 
 def runge_kutta(system, q: Floats, v: Floats, h: float, n: int, damped: bool = False) -> Iterator[Moment]:
-    """The classical method of fourth order, ``n`` steps of ``h``."""
+    """Integrate ``n`` steps of ``h``, s, by the classical method of order 4."""
     solve = splu(sparse.csc_array(system.M)).solve
     x, y = np.concatenate([q, v]), np.empty(2 * len(q))
     k, m = np.empty((len(RK4.b), 2 * len(q))), len(q)
@@ -51,9 +51,10 @@ def generalized_alpha(
     radius: float = 0.9,
     tolerance: float = 1e-10,
 ) -> Iterator[Moment]:
-    """The method of second order with numerical damping ``radius``; Newton until corrections fall below ``tolerance``.
+    """Integrate ``n`` steps of ``h``, s, by generalised alpha of order 2 with spectral radius ``radius``.
 
-    The iteration matrix leaves out how damping forces change with the coordinates at held rates.
+    ``tolerance`` bounds the last Newton correction. The iteration matrix omits the derivative of damping forces by
+    coordinates.
     """
     c = ga.coefficients(radius)
     s = ga.slopes(c, h)

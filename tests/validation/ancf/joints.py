@@ -1,12 +1,12 @@
-"""Ideal compliant joints between element ends, as linear dependence that is eliminated before the run.
+"""Ideal compliant joints between element ends, as linear relations that are eliminated before the run.
 
-An end holds ``rows`` vectors: position and slope r_x of a cable (2), position and gradients r_x, r_y, r_z of a beam
-(4). A joint says how the coordinates of one end follow those of another, and which of its own remain:
+An end has ``rows`` vectors: position and slope r_x of a cable (2), position and gradients r_x, r_y, r_z of a beam (4).
+A joint defines how the coordinates of one end depend on those of another and on free coordinates p of its own:
 
     y_j = follow y_i + own p
 
-so it takes 3 rows - (columns of ``own``) equations away. Equations and sections of Shabana et al., Ideal compliant
-joints and integration of computer aided design and analysis:
+so it removes 3 rows - (columns of ``own``) equations. Equations and sections of Shabana et al., Ideal compliant joints
+and integration of computer aided design and analysis:
 
 | joint | equations | source |
 | --- | --- | --- |
@@ -15,10 +15,10 @@ joints and integration of computer aided design and analysis:
 | ``pin_beam`` | r, and the gradient along the axis, whatever its direction | (3) |
 | ``rigid_beam``, ``rigid_cable`` | all: the gradients of one are those of the other, transformed | 3, 5.4 |
 
-``frame`` is the matrix whose columns are the directions of an element's x, y, z before any deformation. With
-G = [r_x r_y r_z], J = G frame^T is the gradient by the common coordinates of the undeformed structure: the gradient
-transformation. The pin (2) is linear only about an axis fixed in the world; a rigid corner of cables only in a plane,
-where its angle is a rotation about the fixed normal. Both limits fall with the beam.
+``frame`` is the matrix whose columns are the undeformed directions of an element's x, y, z. With G = [r_x r_y r_z],
+J = G frame^T is the gradient by the common coordinates of the undeformed structure: the gradient transformation. The
+pin (2) is linear only about an axis fixed in the world; a rigid corner of cables only in a plane, where its angle is a
+rotation about the fixed normal. Beams have neither limit.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ from fmus.physics.arrays import Floats
 
 
 class Joint(NamedTuple):
-    """How one end follows another."""
+    """Linear relation between the coordinates of two ends."""
 
-    follow: Floats  # (3 rows_j, 3 rows_i), of the coordinates of the end that leads
-    own: Floats  # (3 rows_j, free), directions of the coordinates that stay free; orthonormal columns
+    follow: Floats  # (3 rows_j, 3 rows_i), factor of the coordinates of the leading end
+    own: Floats  # (3 rows_j, free), directions of the free coordinates; orthonormal columns
 
     @property
     def equations(self) -> int:
-        """Scalar equations, and dependent coordinates, that the joint takes away."""
+        """Number of scalar equations, which is that of the eliminated coordinates."""
         return self.own.shape[0] - self.own.shape[1]
 
 
 def across(axis: ArrayLike) -> Floats:
-    """Two directions normal to a vector and to each other, as columns (3, 2)."""
+    """Two unit vectors normal to a vector and to each other, as columns (3, 2)."""
     a = np.asarray(axis, float) / np.linalg.norm(axis)
     first = np.cross(a, np.eye(3)[np.argmin(abs(a))])
     first /= np.linalg.norm(first)
@@ -52,19 +52,19 @@ def across(axis: ArrayLike) -> Floats:
 
 
 def by_rows(rows: ArrayLike) -> Floats:
-    """A relation between whole vectors, as one between coordinates."""
+    """Expand a relation between vectors to one between their components."""
     return np.kron(np.asarray(rows, float), np.eye(3))
 
 
 def spherical(rows_i: int, rows_j: int) -> Joint:
-    """Three equations (1): a common point."""
+    """Spherical joint, three equations (1): a common point."""
     follow = np.zeros((rows_j, rows_i))
     follow[0, 0] = 1.0
     return Joint(by_rows(follow), by_rows(np.eye(rows_j)[:, 1:]))
 
 
 def pin_cable(axis: ArrayLike) -> Joint:
-    """Four equations (2): a common point, and one component of the slope along an axis fixed in the world."""
+    """Pin of cables, four equations (2): a common point and slope component along an axis fixed in world."""
     a = np.asarray(axis, float) / np.linalg.norm(axis)
     follow, own = np.eye(6), np.zeros((6, 2))
     follow[3:, 3:] = np.outer(a, a)
@@ -73,7 +73,7 @@ def pin_cable(axis: ArrayLike) -> Joint:
 
 
 def pin_beam(axis: ArrayLike, frame_i: ArrayLike | None = None, frame_j: ArrayLike | None = None) -> Joint:
-    """Six equations (3): a common point, and a common gradient along an axis of the undeformed structure."""
+    """Pin of beams, six equations (3): common point and gradient along an axis of the undeformed beams."""
     a = np.asarray(axis, float) / np.linalg.norm(axis)
     b_i, b_j = (a @ (np.eye(3) if frame is None else np.asarray(frame)) for frame in (frame_i, frame_j))
     follow, own = np.zeros((4, 4)), np.zeros((4, 2))
@@ -84,7 +84,7 @@ def pin_beam(axis: ArrayLike, frame_i: ArrayLike | None = None, frame_j: ArrayLi
 
 
 def rigid_beam(frame_i: ArrayLike, frame_j: ArrayLike) -> Joint:
-    """Twelve equations: the same gradients by the coordinates of the structure, G_j = G_i frame_i^T frame_j."""
+    """Rigid joint of beams, twelve equations: a common point and G_j = G_i frame_i^T frame_j."""
     follow = np.zeros((4, 4))
     follow[0, 0] = 1.0
     follow[1:, 1:] = (np.asarray(frame_i).T @ np.asarray(frame_j)).T
@@ -92,27 +92,27 @@ def rigid_beam(frame_i: ArrayLike, frame_j: ArrayLike) -> Joint:
 
 
 def rigid_cable(turn: ArrayLike) -> Joint:
-    """Six equations: the slope of one is that of the other, turned by a matrix (3, 3) in the plane of both."""
+    """Rigid joint of cables, six equations: common point; slopes related by a rotation (3, 3) in a plane."""
     follow = np.eye(6)
     follow[3:, 3:] = turn
     return Joint(follow, np.zeros((6, 0)))
 
 
 def smooth(rows: int) -> Joint:
-    """All coordinates in common: two elements of one piece."""
+    """Smooth joint: all coordinates in common, two elements of one piece."""
     return Joint(np.eye(3 * rows), np.zeros((3 * rows, 0)))
 
 
 def free(rows: int, *fixed: int) -> Floats:
-    """For a support: what an end keeps when its ``fixed`` coordinates (3 x row + component) stay as they are."""
+    """Free directions of a support that fixes the coordinates ``fixed`` (3 x row + component) of an end."""
     return np.delete(np.eye(3 * rows), fixed, axis=1)
 
 
 def clamped(rows: int) -> Floats:
-    """A support that holds everything."""
+    """Free directions of a support that fixes all coordinates: none."""
     return free(rows, *range(3 * rows))
 
 
 def held(rows: int) -> Floats:
-    """A support that holds the position: a spherical joint to the ground."""
+    """Free directions of a support that fixes the position: a spherical joint to the ground."""
     return free(rows, 0, 1, 2)

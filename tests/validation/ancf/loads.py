@@ -1,4 +1,4 @@
-"""Loads on a mesh: each has a ``force`` on the coordinates q and its derivative ``tangent``."""
+"""Loads on a mesh: each has a ``force`` on the coordinates q and its derivative by q, ``tangent``."""
 
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ from tests.validation.ancf.mesh import End, Mesh
 
 
 class Dead(NamedTuple):
-    """A load that nothing changes."""
+    """Constant load."""
 
     f: Floats  # (n,)
 
     def force(self, q: Floats) -> Floats:
-        """The load."""
+        """Return the constant force."""
         return self.f
 
     def tangent(self, q: Floats) -> float:
-        """None."""
+        """Return 0, the derivative of a constant."""
         return 0.0
 
 
 class Couple(NamedTuple):
-    """A moment that turns one gradient d of an end: virtual work M . (d x delta d)/|d|^2, exact in a plane."""
+    """Moment on one gradient d of an end: virtual work M . (d x delta d)/|d|^2, exact in a plane."""
 
     pull: sparse.csr_array  # (3, n), from q to the gradient
-    constant: Floats  # (3,), what is held of it
+    constant: Floats  # (3,), constant part of the gradient
     moment: Floats  # (3,), world, N m
 
     def force(self, q: Floats) -> Floats:
-        """(M x d)/|d|^2 on the gradient."""
+        """Generalised force of (M x d)/|d|^2 on the gradient."""
         d = self.pull @ q + self.constant
         return self.pull.T @ (np.cross(self.moment, d) / (d @ d))
 
     def tangent(self, q: Floats) -> sparse.csr_array:
-        """Its derivative."""
+        """Derivative of the force by q."""
         d = self.pull @ q + self.constant
         cross = np.cross(np.eye(3), self.moment)  # cross @ d = M x d
         D = cross / (d @ d) - 2.0 * np.outer(cross @ d, d) / (d @ d) ** 2
@@ -47,12 +47,12 @@ class Couple(NamedTuple):
 
 
 def point_force(mesh: Mesh, end: End, force: ArrayLike) -> Dead:
-    """A force, N, world, at an end."""
+    """Constant force, N, world, at an end."""
     return Dead(mesh.pull(end).T @ np.asarray(force, float))
 
 
 def gravity(mesh: Mesh, g: ArrayLike) -> Dead:
-    """The weight of all elements; ``g`` m/s2, world."""
+    """Weight of all elements; ``g`` (3,), m/s2, world."""
     lift = np.zeros_like(mesh.e0)
     for place in mesh.ends:
         lift[place.start : place.start + 3] = g
@@ -60,6 +60,6 @@ def gravity(mesh: Mesh, g: ArrayLike) -> Dead:
 
 
 def couple(mesh: Mesh, end: End, moment: ArrayLike, row: int) -> Couple:
-    """A moment on the gradient in ``row`` (1: r_x, 3: r_z of a beam) of an end."""
+    """Moment (3,), N m, world, on the gradient in ``row`` (1: r_x, 3: r_z of a beam) of an end."""
     place = mesh.place(end).start + 3 * row
     return Couple(mesh.pull(end, row), mesh.b[place : place + 3], np.asarray(moment, float))

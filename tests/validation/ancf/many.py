@@ -1,4 +1,4 @@
-"""Many elements ``e`` (n, rows, 3) at once, whatever they are: loops over what is behind the door to an element."""
+"""Kernels over many elements ``e`` (n, rows, 3) of any kind, by loops over the element interface."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Elements and joints become one mesh: e = B q + b, with a constant B that holds all joints and supports.
+"""Mesh of elements and joints: e = B q + b, with a constant B that contains all joints and supports.
 
-What depends on element coordinates e is computed element by element in compiled loops, and comes back by B^T. The mass
-matrix B^T M B is constant; there are no constraint equations and no multipliers left.
+Forces by element coordinates e are computed element by element in compiled loops and reduced by B^T. The mass matrix
+B^T M B is constant; there are no constraint equations and no multipliers.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from fmus.physics.arrays import Floats
 from tests.validation.ancf.joints import Joint, smooth
 from tests.validation.ancf.many import dampings, energies, forces, tangents
 
-End = tuple[int, int]  # element, counted through all parts; 0 its first node, 1 its second
+End = tuple[int, int]  # element, counted over all parts; 0: its first node, 1: its second
 
 
 class Member(NamedTuple):
@@ -31,7 +31,7 @@ class Member(NamedTuple):
 
 
 class Tie(NamedTuple):
-    """A joint between two ends; an end follows at most one other."""
+    """Joint between two ends; an end depends on at most one other."""
 
     leads: End
     follows: End
@@ -39,27 +39,27 @@ class Tie(NamedTuple):
 
 
 class Support(NamedTuple):
-    """An end that keeps only some of its coordinates free."""
+    """End with only some of its coordinates free."""
 
     end: End
     own: Floats  # (3 rows, free), orthonormal columns
 
 
 class Load(Protocol):
-    """A generalised force on the coordinates q, and its derivative."""
+    """Generalised force on the coordinates q, and its derivative."""
 
     def force(self, q: Floats) -> Floats: ...
     def tangent(self, q: Floats) -> sparse.csr_array | float: ...
 
 
 class Spring(Load, Protocol):
-    """Elasticity of the mesh that belongs to no element."""
+    """Elasticity of a mesh besides that of its elements."""
 
     def energy(self, q: Floats) -> float: ...
 
 
 def nodes(element, start: ArrayLike, frame: ArrayLike, l: float, n: int) -> Floats:
-    """Coordinates (n, rows, 3) of n undeformed elements in a row along the first column of ``frame`` (3, 3)."""
+    """Coordinates (n, rows, 3) of n undeformed elements in a row along the first column of ``frame``."""
     start, frame = np.asarray(start, float), np.asarray(frame, float)
     rows = element.ROWS // 2
     e = np.empty((n, 2, rows, 3))
@@ -69,7 +69,7 @@ def nodes(element, start: ArrayLike, frame: ArrayLike, l: float, n: int) -> Floa
 
 
 def in_a_row(rows: int, n: int, first: int = 0) -> list[Tie]:
-    """The ties that make n elements one piece; ``rows`` of an end."""
+    """Ties that join n elements smoothly; ``rows``: vectors of an end."""
     return [Tie((k, 1), (k + 1, 0), smooth(rows)) for k in range(first, first + n - 1)]
 
 
@@ -77,12 +77,12 @@ class Mesh:
     """Parts, ties and supports, with the ties eliminated."""
 
     def __init__(self, parts: Sequence[Member], ties: Iterable[Tie] = (), supports: Iterable[Support] = ()) -> None:
-        # the class of a section says which element it is, whatever cable it was given as
+        # the class of the section decides the element, whichever cable module was given
         self.parts = tuple(part._replace(section=part.element.Section(*part.section)) for part in parts)
         self.loads: tuple[Load, ...] = ()
         self.springs: tuple[Spring, ...] = ()
         self.e0 = np.concatenate([part.e.ravel() for part in parts])
-        self.ends = _ends(parts)  # of each end, its place in e
+        self.ends = _ends(parts)  # place of each end in e
         self.B, self.b = _eliminate(self.ends, list(ties), list(supports), self.e0)
         self.M_e = sparse.block_diag([np.kron(_mass(part), np.eye(3)) for part in parts for _ in part.e], format="csr")
         self.M = (self.B.T @ self.M_e @ self.B).tocsc()
@@ -94,53 +94,53 @@ class Mesh:
 
     @property
     def equations(self) -> int:
-        """Scalar equations of joints and supports that were eliminated."""
+        """Number of eliminated scalar equations of joints and supports."""
         return self.B.shape[0] - self.B.shape[1]
 
     def loaded(self, *loads: Load) -> Mesh:
-        """The same mesh under loads."""
+        """Return the mesh with loads."""
         mesh = copy(self)
         mesh.loads = loads
         return mesh
 
     def sprung(self, *springs: Spring) -> Mesh:
-        """The same mesh with springs."""
+        """Return the mesh with springs."""
         mesh = copy(self)
         mesh.springs = springs
         return mesh
 
     def coordinates(self, q: Floats) -> Floats:
-        """Element coordinates e, flat."""
+        """Element coordinates e of q, flat."""
         return self.B @ q + self.b
 
     def fit(self, e: Floats) -> Floats:
-        """The q of given element coordinates; of those that the joints allow, exactly."""
+        """Least-squares q of element coordinates; exact if these satisfy the joints."""
         return splu((self.B.T @ self.B).tocsc()).solve(self.B.T @ (e.ravel() - self.b))
 
     def start(self) -> Floats:
-        """The q of the undeformed mesh."""
+        """Coordinates q of the undeformed mesh."""
         return self.fit(self.e0)
 
     def split(self, e: Floats) -> list[Floats]:
-        """Views of flat element coordinates, a part each (n, rows, 3)."""
+        """Views (n, rows, 3) of flat element coordinates, one for each part."""
         bounds = np.cumsum([part.e.size for part in self.parts])
         return [flat.reshape(part.e.shape) for flat, part in zip(np.split(e, bounds[:-1]), self.parts, strict=True)]
 
     def place(self, end: End) -> slice:
-        """Where an end lies in the flat element coordinates."""
+        """Slice of an end in the flat element coordinates."""
         return self.ends[2 * end[0] + end[1]]
 
     def end(self, q: Floats, end: End) -> Floats:
-        """Vectors (rows, 3) of an end."""
+        """Vectors (rows, 3) of an end at q."""
         return self.coordinates(q)[self.place(end)].reshape(-1, 3)
 
     def pull(self, end: End, row: int = 0) -> sparse.csr_array:
-        """The matrix (3, n) from q to one vector of an end."""
+        """Matrix (3, n) from q to one vector of an end."""
         first = self.place(end).start + 3 * row
         return self.B[first : first + 3]
 
     def _each(self, *vectors: Floats) -> Iterator[tuple[Any, ...]]:
-        """The section of each part, and its views of flat vectors (n, rows, 3)."""
+        """Yield the section of each part, and its views (n, rows, 3) of flat vectors."""
         return zip((part.section for part in self.parts), *map(self.split, vectors), strict=True)
 
     def energy(self, q: Floats) -> float:
@@ -149,7 +149,7 @@ class Mesh:
         return own + sum(spring.energy(q) for spring in self.springs)
 
     def internal(self, q: Floats) -> Floats:
-        """Elastic force on the element coordinates, flat: the whole force at rest."""
+        """Elastic force on the element coordinates, flat."""
         Q, rest = np.zeros((2, len(self.e0)))
         for section, e, v, f in self._each(self.coordinates(q), rest, Q):
             forces(section, e, v, f)
@@ -160,7 +160,7 @@ class Mesh:
         return self.B.T @ self.internal(q) + sum(spring.force(q) for spring in self.springs)
 
     def damping(self, q: Floats, v: Floats) -> Floats:
-        """Damping force; it acts, like the elastic one, as -f."""
+        """Damping force f; like the elastic one, it acts as -f."""
         Q = np.zeros_like(self.e0)
         for section, e, rate, f in self._each(self.coordinates(q), self.B @ v, Q):
             dampings(section, e, rate, f)
@@ -172,7 +172,7 @@ class Mesh:
         return self.B.T @ sparse.block_diag(on_diagonal, format="csr") @ self.B
 
     def viscosity(self, q: Floats) -> sparse.csc_array:
-        """Derivative of the damping force by the rates; exact, for it is linear in them."""
+        """Derivative of the damping force by the rates; exact, because the force is linear in them."""
         blocks = []
         for section, e in self._each(self.coordinates(q)):
             D = np.zeros((len(e), e[0].size, e[0].size))
@@ -206,7 +206,7 @@ class Mesh:
         return 0.5 * v @ (self.M @ v)
 
     def constraints(self, ties: Iterable[Tie]) -> Floats:
-        """The equations of ties as a matrix C of C e = 0: what an augmented formulation would keep."""
+        """Matrix C of the tie equations C e = 0, which an augmented formulation would keep."""
         rows = []
         for tie in ties:
             keep = np.linalg.svd(tie.joint.own, full_matrices=True)[0][:, tie.joint.own.shape[1] :].T
@@ -229,12 +229,12 @@ def _ends(parts: Sequence[Member]) -> list[slice]:
 
 
 def _eliminate(ends: list[slice], ties: list[Tie], supports: list[Support], e0: Floats):
-    """B and b: each end is its own, held in part, or follows another end, which may follow in turn."""
+    """Return B and b; an end is free, partly fixed, or depends on another end, which may be dependent too."""
     leads = {2 * t.follows[0] + t.follows[1]: (2 * t.leads[0] + t.leads[1], t.joint) for t in ties}
     holds = {2 * s.end[0] + s.end[1]: s.own for s in supports}
     if len(leads) < len(ties) or len(holds) < len(supports) or leads.keys() & holds.keys():
         raise ValueError("an end follows one other end or one support, not several: let the others follow it")
-    found: dict[int, tuple[dict[int, Floats], Floats]] = {}  # of an end: factor of each end's own unknowns, constant
+    found: dict[int, tuple[dict[int, Floats], Floats]] = {}  # by end: factors of the unknowns of ends, and constant
 
     def resolve(end: int, waiting: frozenset[int] = frozenset()) -> None:
         if end in found:

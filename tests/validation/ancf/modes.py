@@ -1,25 +1,25 @@
-"""Deformation modes at a pin between two full beams: what the joint is free to do, and what it strains.
+"""Deformation modes at a pin between two full beams: free motion and strains of the joint.
 
 Section 4.4 and figure 8 of Shabana et al., Ideal compliant joints and integration of computer aided design and
 analysis.
-Two straight elements along x meet at a node: the one before ends there, the one behind begins there. The pin (3) along
-the unit vector b of their common reference lets them share position and r_b = b_x r_x + b_y r_y + b_z r_z. Of the
-twelve coordinates of a node six are then shared and six are each element's own: its gradients along a and c, the two
+Two straight elements along x meet at a node: the one before ends there, the one behind begins there. With the pin (3)
+along the unit vector b of their common reference they share position and r_b = b_x r_x + b_y r_y + b_z r_z. So six of
+the twelve coordinates of a node are shared, and six are each element's own: its gradients along a and c, the two
 directions across the pin (a is the one nearest to x). A change of the gradients by H d along the direction d, with
 H b = 0, is one of
 
-    rotation  -c a^T + a c^T    no strain            the freedom of the pin
+    rotation  -c a^T + a c^T    no strain            free motion of the pin
     stretch    a a^T            E_aa                 figure 8 a: the length of r_x
     section    c c^T            E_cc                 figure 8 c: the thickness across the pin
-    shear      c a^T + a c^T    E_ac                 r_x leans against its section
-    lean       b a^T            E_ab                 r_x leans towards the pin
-    twist      b c^T            E_bc                 the section leans towards the pin
+    shear      c a^T + a c^T    E_ac                 angle of r_x and its section
+    lean       b a^T            E_ab                 angle of r_x and the pin
+    twist      b c^T            E_bc                 angle of the section and the pin
 
-and with b b^T, the same for both elements, the pin itself is stretched. Five of the six strains may jump at the joint,
-E_bb may not. Bending (figure 8 b) is the rotation of the node of one element whose chord stays: the gradients turn
-against the line between its nodes, the section with them; no strain on the axis at the joint, but one linear in c
-beside it. Coordinates of the pair are (2, 8, 3): before, behind; each as in fmus/physics/ancf/beam.py, whose strains
-these are.
+while b b^T, the same for both elements, stretches the pin itself. Five of the six strains may jump at the joint, E_bb
+may not. Bending (figure 8 b) is the rotation of the node of one element with its chord held: gradients and section
+rotate against the line between its nodes; the strain at the joint is 0 on the axis and linear in c beside it.
+Coordinates of the pair are (2, 8, 3), before and behind, each as in fmus/physics/ancf/beam.py, which defines the
+strains.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from fmus.physics.ancf import beam
 from fmus.physics.arrays import Floats
 from tests.validation.ancf.stress import strains
 
-JOINT = ((0, 4), (1, 0))  # (element, row) where the joint's node begins in the pair's coordinates
+JOINT = ((0, 4), (1, 0))  # (element, row): start of the joint's node in the pair's coordinates
 ROTATION = "rotation"
 DEFORMATIONS = ("stretch", "section", "shear", "lean", "twist")  # of an element's own gradients at the joint
 MODES = (ROTATION, "bending", *DEFORMATIONS, "pin stretch")
 
 
 def triad(axis: Floats) -> Floats:
-    """Rows a, b, c: right-handed, b along the pin, a the direction across it nearest to x (y for a pin along x)."""
+    """Rows a, b, c (3, 3): right-handed, b along the pin, a across it nearest to x (y for a pin along x)."""
     b = np.asarray(axis, float) / np.linalg.norm(axis)
     a = np.eye(3)[0] - b[0] * b
     if np.linalg.norm(a) < 1e-6:
@@ -48,7 +48,7 @@ def triad(axis: Floats) -> Floats:
 
 
 def straight(l: float) -> Floats:
-    """The undeformed pair (2, 8, 3), elements of length ``l``, the joint at the origin."""
+    """Undeformed pair (2, 8, 3), m, of elements of length ``l``, m, with the joint at the origin."""
     pair = np.zeros((2, 8, 3))
     pair[0, 0, 0], pair[1, 4, 0] = -l, l
     pair[:, 1:4] = pair[:, 5:8] = np.eye(3)
@@ -56,7 +56,7 @@ def straight(l: float) -> Floats:
 
 
 def pin_rows(axis: Floats) -> Floats:
-    """(6, 48): the pin equations (3) on the coordinates of the pair, constant."""
+    """Constant matrix (6, 48) of the pin equations (3) on the coordinates of the pair."""
     b = triad(axis)[1]
     rows = np.zeros((6, 2, 8, 3))
     for (element, node), sign in zip(JOINT, (1.0, -1.0), strict=True):
@@ -67,7 +67,7 @@ def pin_rows(axis: Floats) -> Floats:
 
 
 def gradient_change(mode: str, axis: Floats) -> Floats:
-    """H (3, 3) of a mode, per unit of amplitude: how the gradients at the joint change, H d along a direction d."""
+    """Gradient change H (3, 3) of a mode per unit of amplitude; the gradient along d changes by H d."""
     a, b, c = triad(axis)
     turn = np.outer(a, c) - np.outer(c, a)
     return {
@@ -83,14 +83,14 @@ def gradient_change(mode: str, axis: Floats) -> Floats:
 
 
 def turned(axis: Floats, angle: float) -> Floats:
-    """The rotation matrix of ``angle`` about the pin."""
+    """Rotation matrix (3, 3) of ``angle``, rad, about the pin."""
     return np.asarray(Rotation.from_rotvec(angle * triad(axis)[1]).as_matrix())
 
 
 def displacement(mode: str, axis: Floats, amplitude: float, l: float, before: bool = False) -> Floats:
-    """Displacement field (2, 8, 3) of a mode of finite ``amplitude`` (an angle, or a share of the length).
+    """Displacement field (2, 8, 3) of a mode of finite ``amplitude``, an angle, rad, or a stretch.
 
-    The element behind the joint has it, or the one ``before``; both share the stretch of the pin.
+    It acts on the element behind the joint, or with ``before`` on the other; the stretch of the pin acts on both.
     """
     if mode not in MODES:
         raise ValueError(f"mode {mode!r}: one of {', '.join(MODES)}")
@@ -107,19 +107,19 @@ def displacement(mode: str, axis: Floats, amplitude: float, l: float, before: bo
 
 
 def position(e: Floats, l: float, place: tuple[float, float, float]) -> Floats:
-    """Where the material point at ``place`` (fraction of the length, y, z, m) of an element ``e`` (8, 3) is, m."""
+    """Position (3,), m, of the point ``place`` (fraction of length; y, z, m) of an element ``e`` (8, 3)."""
     S = np.empty(8)
     beam.shape(_beam(l), *place, S)
     return S @ e
 
 
 def at_joint(pair: Floats, l: float, y: float = 0.0, z: float = 0.0) -> Floats:
-    """Strains (2, 3, 3) on both sides of the joint, at ``y``, ``z`` of its section."""
+    """Strains (2, 3, 3) on both sides of the joint, at ``y``, ``z``, m, of its section."""
     return np.array([strains(_beam(l), pair[0], 1.0, y, z), strains(_beam(l), pair[1], 0.0, y, z)])
 
 
 def jump_of_strain(axis: Floats) -> Floats:
-    """(6, 6): the small-strain jumps at the joint of the six freedoms of one element, rows in the axes of ``triad``.
+    """Small-strain jumps (6, 6) at the joint by the six freedoms of one element, in the axes of ``triad``.
 
     Columns: rotation, then the deformations. Rows: aa, bb, cc, ab, ac, bc.
     """
@@ -137,5 +137,5 @@ def jump_of_strain(axis: Floats) -> Floats:
 
 
 def _beam(l: float) -> beam.Beam:
-    """An element of length ``l``: geometry alone counts here."""
+    """Beam of length ``l``, m; only its geometry matters here."""
     return beam.Beam(l, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, False, 0.0)

@@ -1,26 +1,27 @@
-"""The sliding joint: a point, or a second cable, that slides along a flexible cable of several elements.
+"""Sliding joint: a point, or a second cable, that slides along a flexible cable of several elements.
 
-Equation (4) of Shabana et al., Ideal compliant joints and integration of computer aided design and analysis. The place
-u of the joint along the rail (m of undeformed length) and the ratio m of the two gradients are coordinates without
-inertia:
+Equation (4) of Shabana et al., Ideal compliant joints and integration of computer aided design and analysis. The
+position u of the joint along the rail (m of undeformed length) and the ratio m of the two gradients are coordinates
+without inertia:
 
     C_1 = r(u) - r_p = 0,    C_2 = r_x(u) - m g = 0        g: the slope of the sliding cable at its joint
 
-Six equations less two unknowns take four degrees of freedom away; a bare point has C_1 and u alone, and loses two.
+Six equations less two unknowns remove four degrees of freedom; a bare point has C_1 and u only and loses two.
 
-All coordinates are vectors, X (N, 3); an element's are T X with constant T (4, N), so that meshes, pins and control
-points are one notion. Where nodes are C1, r_xx jumps from element to element: a cable that slides over such a node
-changes its turning speed at once, which is an impact. A ``smooth`` rail has the control points of a cubic spline for
-coordinates (bspline.py), C2, and is passed without one; a point passes either.
+All coordinates are vectors X (N, 3); those of an element are T X with constant T (4, N), so meshes, pins and control
+points are treated alike. At C1 nodes r_xx jumps between elements: a cable that slides over such a node changes its
+angular velocity at once, which is an impact. A ``smooth`` rail has the control points of a cubic spline as coordinates
+(bspline.py); it is C2 and causes no impact. A point passes either rail without one.
 
-Time: the discrete gradient method of Gonzalez, Physica D 132, 1999, order 2. With bars the means over a step,
+Time: the discrete gradient method of Gonzalez, Physica D 132, 1999, order 2. For a step from 0 to 1,
 
     M (V1 - V0)/h + F(X0, X1) + G_X^T lam = weight,    V1 + V0 = 2 (X1 - X0)/h
     G_u . lam = -drag (u1 - u0)/h,    G_m . lam = 0,    C(X1, u1, m1) = 0
 
-where F is the elastic force with mean strain at the mean place, and G the difference quotients of C, with
-G (z1 - z0) = C1 - C0. The constraint does no work whatever the step, also across a node: energy is kept to rounding,
-and so is the constraint. Its rate is met to second order (``rates`` says how well); what an impact leaves rings on.
+where F is the elastic force with the mean strain at the mean position, and G the difference quotients of C, with
+G (z1 - z0) = C1 - C0. The constraint does no work at any step size, also across nodes: energy and constraint are
+conserved to rounding. The rate of the constraint holds to second order (``rates`` returns its residual); oscillations
+after an impact are not damped.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ CLOSED = 1e-12  # largest Newton correction of a converged step, relative to the
 
 
 class Bodies(NamedTuple):
-    """Everything that moves, N coordinate vectors."""
+    """All bodies, with N coordinate vectors."""
 
     M: Floats  # (N, N) mass, kg
     K: Floats  # (N, N) bending stiffness, N/m
@@ -49,35 +50,35 @@ class Bodies(NamedTuple):
     EA: Floats  # (n) axial stiffness, N
     l: Floats  # (n) lengths, m
     load: Floats  # (N, 3) constant force, N
-    free: NDArray[np.bool_]  # (3 N) components that no support holds
-    shift: Floats  # (N) what a unit translation changes: 1 for positions, 0 for slopes
+    free: NDArray[np.bool_]  # (3 N) components without a support
+    shift: Floats  # (N) change by a unit translation: 1 for positions, 0 for slopes
 
 
 class Rail(NamedTuple):
-    """What the joint slides along, and what slides."""
+    """Rail and slider of the joint."""
 
-    nodes: Floats  # (n + 1) where its elements begin and end, m of undeformed length
+    nodes: Floats  # (n + 1) limits of its elements, m of undeformed length
     powers: Floats  # (n, 4, N) r(u) = sum_p xi^p powers[k, p] X in element k
-    point: Floats  # (N) the sliding point is this times X
-    slope: Floats  # (N) the sliding slope g, or (0) where a bare point slides
+    point: Floats  # (N) factor of X for the sliding point
+    slope: Floats  # (N) factor of X for the sliding slope g; (0) for a bare point
     drag: float  # viscous friction along the rail, N s/m
 
 
 class State(NamedTuple):
-    """Where everything is."""
+    """State of motion."""
 
     X: Floats  # (N, 3) m
     V: Floats  # (N, 3) m/s
-    w: Floats  # (1 or 2) u, m, and m the ratio of the gradients
+    w: Floats  # (1 or 2) u, m, and the ratio of the gradients
     lam: Floats  # (3 or 6) mean multipliers of the last step, N and N m
-    lost: float  # J, by drag
+    lost: float  # J, dissipated by drag
 
 
 # Building ----------------------------------------------------------------------------------------------------------
 
 
 def chain_map(n: int, l: float, smooth: bool = False) -> Floats:
-    """T (n, 4, N) of a straight mesh of ``n`` elements: coordinates r, r_x at the nodes, or spline control points."""
+    """Map T (n, 4, N) of a straight mesh of ``n`` elements from nodal r, r_x or spline control points."""
     if smooth:
         return bspline.extraction(l * np.concatenate([[0.0] * 3, np.arange(n + 1.0), [n] * 3]))
     T = np.zeros((n, 4, 2 * (n + 1)))
@@ -89,10 +90,10 @@ def chain_map(n: int, l: float, smooth: bool = False) -> Floats:
 def bodies(
     parts: list[tuple[Cable, Floats]], points: list[float], gravity: float, held: Floats
 ) -> tuple[Bodies, list[Floats]]:
-    """Meshes ``parts`` (a cable and its T (n, 4, N_i)) and mass ``points`` kg, in one set of coordinates.
+    """Assemble meshes ``parts`` (a cable and its T (n, 4, N_i)) and point masses ``points``, kg.
 
-    ``held``: rows (k, N) of what supports hold, each of one coordinate vector; gravity along -z.
-    Returns the bodies and the T (n, 4, N) of each part.
+    ``held``: rows (k, N) that select the supported coordinate vectors; gravity, m/s2, acts along -z. Returns the bodies
+    and the T (n, 4, N) of each part.
     """
     sizes = [T.shape[2] for _, T in parts]
     N = sum(sizes) + len(points)
@@ -124,7 +125,7 @@ def bodies(
 
 
 def rail(c: Cable, T: Floats, point: Floats, slope: Floats | None = None, drag: float = 0.0) -> Rail:
-    """The rail of a mesh of cables ``c`` mapped by ``T`` (n, 4, N), for the sliding ``point`` and ``slope`` (N)."""
+    """Rail of a mesh of cables ``c`` with map ``T`` (n, 4, N), for a sliding ``point`` and ``slope`` (N,)."""
     powers = POWERS * np.array([1.0, c.l, 1.0, c.l])
     nodes = c.l * np.arange(len(T) + 1.0)
     return Rail(nodes, np.einsum("pa,kaN->kpN", powers, T), point, np.zeros(0) if slope is None else slope, drag)
@@ -134,21 +135,21 @@ def rail(c: Cable, T: Floats, point: Floats, slope: Floats | None = None, drag: 
 
 
 def element(r: Rail, u: float) -> int:
-    """The element at ``u``; beyond its ends the rail goes on as its last elements do."""
+    """Element at ``u``, m; beyond its ends the rail continues its first or last element."""
     return min(max(int(np.searchsorted(r.nodes, u, side="right")) - 1, 0), len(r.powers) - 1)
 
 
 def row(r: Rail, u: float, order: int) -> Floats:
-    """(N): the derivative of ``order`` of r(u) is this times X."""
+    """Row (N,) whose product with X is the derivative of ``order`` of r(u)."""
     k = element(r, u)
     l = r.nodes[k + 1] - r.nodes[k]
     return polynomial((u - r.nodes[k]) / l, order) / l**order @ r.powers[k]
 
 
 def quotient(r: Rail, u0: float, u1: float, order: int) -> tuple[Floats, Floats]:
-    """(N), (N): difference quotient of the derivative of ``order`` between two places, and its derivative by ``u1``.
+    """Rows (N,), (N,): difference quotient of a derivative of r between u0 and u1; its derivative by u1.
 
-    As polynomials, so that nothing is divided by a short way; across nodes the mean of the pieces by their lengths.
+    Evaluated as polynomials, without division by a short distance; across nodes the mean of the pieces by length.
     """
     first, last = element(r, u0), element(r, u1)
     if first == last:
@@ -181,7 +182,7 @@ def _within(r: Rail, k: int, u0: float, u1: float, order: int) -> tuple[Floats, 
 
 
 def constraint(r: Rail, X: Floats, w: Floats) -> Floats:
-    """The equations (4), m: (3) for a point, (6) for a cable."""
+    """Residual of the equations (4): (3,) for a point, m, (6,) for a cable."""
     meet = (row(r, w[0], 0) - r.point) @ X
     if not r.slope.size:
         return meet
@@ -200,14 +201,14 @@ def jacobian(r: Rail, X: Floats, w: Floats) -> tuple[Floats, Floats]:
 
 
 def removed(b: Bodies, r: Rail, X: Floats, w: Floats) -> int:
-    """Degrees of freedom that the joint takes away, by rank: of all its equations, less what u and m take up."""
+    """Number of degrees of freedom that the joint removes: rank of its equations less that of u and m."""
     by_x, by_w = jacobian(r, X, w)
     whole = np.hstack([by_x[:, b.free], by_w])
     return int(np.linalg.matrix_rank(whole) - np.linalg.matrix_rank(by_w))
 
 
 def rates(b: Bodies, r: Rail, s: State) -> tuple[Floats, Floats]:
-    """Rates of u and m that the velocities give, and what is left of the constraint's own rate, m/s."""
+    """Rates of u and m for the velocities, and the residual of the constraint's rate, m/s."""
     by_x, by_w = jacobian(r, s.X, s.w)
     moving = by_x @ s.V.ravel()
     rate = np.asarray(np.linalg.lstsq(by_w, -moving, rcond=None)[0], float)
@@ -215,7 +216,7 @@ def rates(b: Bodies, r: Rail, s: State) -> tuple[Floats, Floats]:
 
 
 def _spread(A: Floats) -> Floats:
-    """A matrix (or row) on coordinate vectors as one on their components: A times the identity of space."""
+    """Expand a matrix (or row) on coordinate vectors to components: Kronecker product with the identity."""
     A = np.atleast_2d(A)
     wide = np.zeros((len(A), 3, A.shape[1], 3))
     for i in range(3):
@@ -250,9 +251,9 @@ def momentum(b: Bodies, s: State) -> tuple[Floats, Floats]:
 
 
 def system(b: Bodies, r: Rail, s: State, h: float, z: tuple[Floats, Floats, Floats]) -> tuple[Floats, Floats]:
-    """Residual and its exact derivative of a step of ``h`` from ``s`` at the guess ``z`` = X1, w1, multipliers.
+    """Residual and its derivative for a step of ``h``, s, from ``s`` at the iterate ``z`` = X1, w1, lam.
 
-    Rows: momentum (3 N), then u and m, then the constraint; columns the same unknowns.
+    Rows: momentum (3 N), then u and m, then the constraint; columns in the same order.
     """
     X1, w1, lam = z
     n, k, m = X1.size, len(w1), len(lam)
@@ -265,7 +266,7 @@ def system(b: Bodies, r: Rail, s: State, h: float, z: tuple[Floats, Floats, Floa
     push, pull = b.G @ mean, b.G @ X1  # (elements, N, 3)
     A[:n, :n] = _spread(inertia + 0.5 * stiff)
     A[:n, :n] += push.reshape(-1, n).T @ ((0.5 * b.EA / b.l)[:, None] * pull.reshape(-1, n))
-    # difference quotients of the constraint: of the position, and where a cable slides of the slope
+    # difference quotients of the constraint: position, and slope of a sliding cable
     u0, u1 = s.w[0], w1[0]
     R[n], A[n, n] = r.drag * (u1 - u0) / h, r.drag / h
     taken = [r.point, 0.5 * (s.w[1] + w1[1]) * r.slope] if r.slope.size else [r.point]
@@ -291,7 +292,7 @@ def system(b: Bodies, r: Rail, s: State, h: float, z: tuple[Floats, Floats, Floa
 
 
 def step(b: Bodies, r: Rail, s: State, h: float) -> State:
-    """One step of ``h``; raises ValueError when Newton does not converge, or when the joint leaves its rail."""
+    """Take a step of ``h``, s; raises ValueError if Newton does not converge or the joint leaves its rail."""
     n, k = s.X.size, len(s.w)
     keep = np.concatenate([b.free, np.ones(k + len(s.lam), dtype=bool)])
     rate, _ = rates(b, r, s)
@@ -318,7 +319,7 @@ def step(b: Bodies, r: Rail, s: State, h: float) -> State:
 
 
 def at_rest(r: Rail, X: Floats, u: float) -> State:
-    """Coordinates ``X`` at rest with the joint at ``u``; m from the slopes there."""
+    """State at rest with coordinates ``X`` and the joint at ``u``, m; the gradient ratio is that of slopes."""
     w = np.array([u])
     if r.slope.size:
         g = r.slope @ X

@@ -1,4 +1,4 @@
-"""Static equilibrium of a mesh by Newton's method with load steps that adapt."""
+"""Static equilibrium of a mesh by Newton's method with adaptive load steps."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ MOST = 30  # iterations of Newton's method in a load step
 
 
 class NotFound(ArithmeticError):
-    """No equilibrium found."""
+    """Newton's method found no equilibrium."""
 
 
 def newton(mesh: Mesh, q: Floats, share: float, tolerance: float, most: int = MOST) -> tuple[Floats, int] | None:
-    """The equilibrium near ``q`` under a share of the loads, and the iterations; None if the way there is lost."""
+    """Equilibrium near ``q`` under a share of the loads, and iterations; None if Newton does not converge."""
     q, before = q.copy(), np.inf
     for k in range(1, most + 1):
         residual = share * mesh.applied(q) - mesh.force(q)
@@ -32,7 +32,7 @@ def newton(mesh: Mesh, q: Floats, share: float, tolerance: float, most: int = MO
 
 
 def equilibrium(mesh: Mesh, q: Floats, steps: int = 10, tolerance: float = 1e-10) -> Floats:
-    """The q under all loads. These grow in ``steps``: one that fails is halved, one that is easy lets the next grow.
+    """Equilibrium q under all loads, in load steps that are halved on failure and grow on success.
 
     ``tolerance`` bounds the last correction of the coordinates (positions in m, gradients without unit).
     """

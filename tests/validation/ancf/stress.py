@@ -1,4 +1,4 @@
-"""Stress in an element: along its axis, and by bending at a fibre. Deformation of a beam at a point."""
+"""Stress of an element: axial, and bending stress at a fibre; strain of a beam at a point."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fmus.physics.arrays import Floats
 
 
 def of_cable(c: Cable, e: Floats, xi: float, modulus: float, fibre: float) -> tuple[float, float]:
-    """Axial stress, and bending stress at the distance ``fibre`` from the axis, Pa, at the fraction ``xi``."""
+    """Axial stress, and bending stress at distance ``fibre``, m, from the axis, Pa, at fraction ``xi``."""
     D, r = np.empty((2, 4)), np.empty((2, 3))
     invariants = lines(c, e, xi, D, r)
     if type(c) is Cable:
@@ -24,16 +24,16 @@ def of_cable(c: Cable, e: Floats, xi: float, modulus: float, fibre: float) -> tu
 
 
 def of_beam(c: Any, e: Floats, xi: float, y: float, z: float) -> tuple[float, float]:
-    """Axial stress, and bending stress at the fibre ``y``, ``z`` (what xx differs there from the axis), Pa.
+    """Axial stress, and bending stress at the fibre ``y``, ``z`` (difference of xx from the axis), Pa.
 
-    By Young's modulus on the strain xx, as in the cable: of the law with nu it is what a free side leaves.
+    Both are Young's modulus times the strain xx, as in the cable: the uniaxial stress with free sides.
     """
     outer, axis = (float(strains(c, e, xi, *place)[0, 0]) for place in ((y, z), (0.0, 0.0)))
     return c.E * axis, c.E * (outer - axis)
 
 
 def strains(c: Any, e: Floats, xi: float, y: float, z: float) -> Floats:
-    """Green-Lagrange strain matrix (3, 3) of a beam ``e`` (8, 3) at the fraction ``xi`` and ``y``, ``z``, m."""
+    """Green-Lagrange strain (3, 3) of a beam ``e`` (8, 3) at the fraction ``xi`` and ``y``, ``z``, m."""
     N, G, (across, up) = np.empty((5, 8)), np.empty((5, 3)), beam.radii(c)
     beam.basis(c, xi, N)
     beam.seen(N, e, G)

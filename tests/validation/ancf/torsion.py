@@ -1,6 +1,6 @@
-"""Saint-Venant's torsion of a rectangle, whose section warps freely; beams take ``factor``, tables ``constant``.
+"""Saint-Venant's torsion of a rectangle with free warping; beams take ``factor``, tables ``constant``.
 
-Timoshenko, Goodier, Theory of Elasticity, 3rd edition, section 109. Used where a section is written down, by no kernel.
+Timoshenko, Goodier, Theory of Elasticity, 3rd edition, section 109. Used to define sections, not in kernels.
 """
 
 from __future__ import annotations
@@ -16,5 +16,5 @@ def constant(width: float, height: float) -> float:
 
 
 def factor(width: float, height: float) -> float:
-    """The same over the polar moment Iy + Iz, which is the constant of a section that cannot warp."""
+    """Torsion constant over the polar moment Iy + Iz, the constant of a section that cannot warp."""
     return constant(width, height) / (width * height * (width**2 + height**2) / 12.0)

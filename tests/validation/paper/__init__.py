@@ -1,10 +1,10 @@
-"""The paper's comparison: its figures, its costs and its statements, by the models of this project side by side.
+"""Comparison with the paper: its figures, costs and statements, by the models of this project.
 
-``models`` has a row for each of them. ``whole_runs`` are the 8 s of ``straight``, logs of which lie below the folder of
-the study and are taken from there where they fit (``recorded``); ``pieces``, ``modulus`` and ``links`` time,
-``through_fmus``, ``counts``, ``equations`` and ``knots`` count, ``high_frequencies`` resolves the links' own modes.
-``statements`` judges by rules, ``page`` writes. A row misses where the study itself fails: a run that does not end, a
-count that is off. A statement that does not hold does not.
+``models`` has a row for each model. ``whole_runs`` evaluates the 8 s of ``straight``, whose logs are in the folder of
+the study and are reused if they fit (``recorded``). ``pieces``, ``modulus`` and ``links`` measure times;
+``through_fmus``, ``counts``, ``equations`` and ``knots`` count; ``high_frequencies`` resolves the links' own modes.
+``statements`` judges by rules, ``page`` writes. A row fails if the study itself fails, by a run that does not end or a
+wrong count. A statement that does not hold is a result, not a failure.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from tests.validation.paper.models import CLOSED, MODELS, PRICED, RIGID, WHOLE
 from tests.validation.paper.statements import judged
 
 TITLE = "The paper's comparison"
-KEEPS = True  # logs below the folder of the study, which its cases are told
-LASTS = "about 30 minutes on two cores, besides compiling"  # the long form
+KEEPS = True  # cases get the folder of the study, which keeps logs
+LASTS = "about 30 minutes on two cores, besides compiling"  # duration of the long form
 
 
 def cases(quick: bool, folder: Path) -> list[Case]:
-    """Whole runs of all models, then what is timed, counted and computed."""
+    """Cases: whole runs of all models, then times, counts and computed figures."""
     piece = pieces.QUICK if quick else pieces.LONG
     resolved = high_frequencies.QUICK if quick else high_frequencies.LONG
     numbers = links.QUICK if quick else links.LINKS
@@ -70,12 +70,12 @@ def cases(quick: bool, folder: Path) -> list[Case]:
 
 
 def table(rows: Sequence[Row]) -> Table:
-    """The statements with their verdicts."""
+    """Table of the statements with their verdicts."""
     return page.verdicts(judged(rows))
 
 
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
-    """Figures, tables and the page; raises OSError."""
+    """Write figures, tables and the page; raises OSError."""
     there = {row.figures["model"] for row in rows if row.item == "run" and row.ok}
     logs = {model: recorded.path(folder, model) for model in WHOLE if model.name in there}
     made = figures.draw(logs, folder) if logs else []

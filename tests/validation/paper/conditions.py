@@ -1,4 +1,4 @@
-"""The figure of the singularity: conditions along the motion."""
+"""Figure of the singularity: condition numbers over time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from orchestrator.studies.tables import Row
 
 
 def draw(loop: Row, folder: Path) -> list[Path]:
-    """Conditions over time as PNG and SVG; the files."""
+    """Draw condition numbers over time as PNG and SVG; return the files."""
     from matplotlib.figure import Figure
 
     page = Figure(figsize=(9.0, 4.5), layout="constrained")

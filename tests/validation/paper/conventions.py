@@ -1,4 +1,4 @@
-"""Conventions of what the paper leaves open.
+"""Conventions for details that the paper leaves open.
 
 The first joint is the one between links 1 and 2, pin 2 here, because the cut of an open chain is pin 1; its force is
 that on the link that begins there, along the chassis (ahead) and normal to it (up). The end point of link 31 is pin 32.
@@ -21,18 +21,18 @@ from orchestrator.results.run_data import RunData, Window
 
 SIDE = "right"
 TRACK = f"{SIDE}_track"
-FIRST = 2  # pin: the first joint
+FIRST = 2  # pin of the first joint
 NODE = 32  # pin of figures 14 and 15: the end point of link 31
 LINK = 1  # of figures 18 and 19
 INSTANT = 5.0  # s, of figures 18 to 21
-AROUND = Window(4.0, 6.0)  # s, means about it
+AROUND = Window(4.0, 6.0)  # s, of means around the instant
 HOLD = Window(6.0, 8.0)  # s, at constant speed of the sprockets
 TURNING = Window(2.0, 8.0)  # s, sprockets in motion
 SECTIONS = SLACK, TRANSITION, TIGHT = "slack", "transition", "tight"
 
 
 def in_chassis(run: RunData, t: Floats, vectors: Floats, placed: bool) -> Floats:
-    """Vectors (m, 3) along the axes of the chassis; places also from its centre of mass."""
+    """Vectors (m, 3) in the axes of the chassis; with ``placed`` positions from its centre of mass, m."""
     times, centre = run.vectors("chassis", "out", "chassis.position")
     _, q = run.vectors("chassis", "out", "chassis.orientation", "wxyz")
     at = np.clip(np.searchsorted(times, t - 1e-9), 0, len(times) - 1)
@@ -40,7 +40,7 @@ def in_chassis(run: RunData, t: Floats, vectors: Floats, placed: bool) -> Floats
 
 
 def edges(vehicle: Mapping[str, Any], placed: circuit.Placed) -> tuple[float, float, float, float]:
-    """Places of the first record, m along the circuit, between which ``SECTIONS`` lie, one after the other."""
+    """Limits of the ``SECTIONS`` in the first record, in order, m along the circuit."""
     place, (ahead, up), length = placed.links[0], placed.centres[0].T, float(placed.length[0])
     low = up < vehicle["road_wheel"]["z"]
     ground = place[low & (ahead < vehicle["road_wheel"]["x"][0])]

@@ -1,7 +1,7 @@
-"""Joints and equations of the vehicle's chains, counted from the Jacobian of its own rigid links (section 8.1).
+"""Numbers of joints and equations of the vehicle's chains, from the Jacobian of rigid links (8.1).
 
-The Jacobian is that of the start of ``straight``. A chain that is opened lacks its closing pin; with all of them a
-loop of parallel pins has three equations too many.
+The Jacobian is that of the start of ``straight``. An open chain lacks the closing pin; a closed loop of parallel pins
+has three redundant equations.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from tests.validation.paper.states import model
 
 TRACKS = ("left_track", "right_track")
 EQUATIONS = 5  # of a pin
-SMALL = 1e-9  # of the largest singular value: what is smaller is none
-# name, what is counted, what the paper (or, of the last three, counting by hand) says
+SMALL = 1e-9  # of the largest singular value: smaller ones count as 0
+# Name, description, and number in the paper (last three: counted by hand).
 ASKED = (
     ("pins", "pins of both chains, opened", 126),
     ("equations", "their equations", 630),
@@ -31,7 +31,7 @@ ASKED = (
 
 
 def counted() -> list[Row]:
-    """One row a number; one that is off misses."""
+    """Rows of all numbers; a wrong one fails."""
     vehicle, flexible = scene(RIGID), scene(CLOSED)
     assert isinstance(vehicle, Scene)
     assert isinstance(flexible, Scene)
@@ -58,7 +58,7 @@ def counted() -> list[Row]:
 
 
 def jacobian(q: Floats, half: float) -> Floats:
-    """Of all pins of a closed chain with poses (n, 7): (5 n, 6 n), pin 0 closes it."""
+    """Jacobian (5 n, 6 n) of all pins of a closed chain with poses (n, 7); pin 0 closes it."""
     A, n = np.ascontiguousarray(matrices(q[:, 3:])), len(q)
     B = np.zeros((n, EQUATIONS, n, 6))
     before, behind = np.zeros((EQUATIONS, 6)), np.zeros((EQUATIONS, 6))

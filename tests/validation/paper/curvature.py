@@ -1,10 +1,10 @@
-"""Why figure 19 shows a curvature at ends that no moment acts on.
+"""Curvature at the moment-free ends of links in figure 19, explained by a beam under a uniform load.
 
-A link is one cubic element: its curvature is linear along it, and the equation of its pinned ends, no moment, holds in
-the mean with the loads along the link (wheels, ground, its own inertia), not at the pins. Under a uniform load q the
-slopes at the pins are exact and the curvature is q l^2 / (12 E I) all along, the mean of the parabola that is 0 at the
-pins and q l^2 / (8 E I) in the middle. With n elements a link what is left at the pins falls as 1 / n^2, 2 / (3 n^2) of
-the exact one in the middle.
+A link is one cubic element: its curvature is linear along it, and the condition of zero moment at pinned ends holds
+only in the mean with the loads along the link (wheels, ground, its own inertia), not at the pins. Under a uniform load
+q the slopes at the pins are exact and the curvature is constant, q l^2 / (12 E I), the mean of the parabola that is 0
+at the pins and q l^2 / (8 E I) in the middle. With n elements a link the curvature left at the pins falls as 1 / n^2:
+it is 2 / (3 n^2) of the exact one in the middle.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ NEAR = 1e-3  # relative
 
 
 def rows() -> list[Row]:
-    """A link between held pins under a uniform load: curvatures over the exact one in the middle, by elements."""
+    """Rows by number of elements: curvatures of a pinned link over the exact one in the middle."""
     exact = LOAD * meshes.PITCH / (8.0 * meshes.STEEL.EI)
     found = []
     for n in ELEMENTS:
@@ -37,7 +37,7 @@ def rows() -> list[Row]:
 
 
 def pinned(n: int) -> Floats:
-    """Curvature (2 n), 1/m, at both ends of ``n`` elements of a link that lies on its pins under LOAD."""
+    """Curvature (2 n,), 1/m, at both ends of ``n`` elements of a pinned link under the uniform LOAD."""
     link = meshes.STEEL._replace(l=meshes.PITCH / n)
     mesh = meshes.line(cable, link, n, [((0, 0), joints.held), ((n - 1, 1), joints.held)])
     mesh = mesh.loaded(loads.gravity(mesh, [0.0, 0.0, -LOAD / (link.rhoA * meshes.PITCH)]))
@@ -47,9 +47,9 @@ def pinned(n: int) -> Floats:
 
 
 def of_links(found: Deformation) -> tuple[float, float]:
-    """Largest curvature at pins and in the middle of links, 1/m, but for the last link, which ends at the cut.
+    """Largest curvature at pins and in the middle of links, 1/m, without the last link (at the cut).
 
-    Second differences of the cubics, which are linear along a link.
+    Computed from second differences of the cubics, which are linear along a link.
     """
     step = found.x[1] - found.x[0]
     second = np.diff(found.displacement[:, :-1, :, 1], 2, axis=2) / step**2

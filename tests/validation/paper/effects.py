@@ -1,9 +1,9 @@
-"""Effects of the links' inertia and of their elasticity, one at a time: pairs of whole runs that differ in one of them.
+"""Effects of link inertia and of link elasticity, one at a time, from pairs of whole runs.
 
-The inertia about the pin is the vehicle table's, or m l^2 / 12 of a thin rod. Differences are relative: RMS of the
-difference over RMS of the second run of the pair, of the first joint's force in the chassis' axes while the sprockets
-turn, of the tensions of the right chain's links at ``INSTANT``, and over the run of the chassis' motion, the sprockets'
-torque, and means and RMS over seconds of tensions and of joint forces.
+The inertia about the pin is that of the vehicle table, or m l^2 / 12 of a thin rod. Differences are relative: RMS of
+the difference over RMS of the second run of the pair. They are taken of the first joint's force in the chassis' axes
+while the sprockets turn; of the tensions of the right chain's links at ``INSTANT``; and, over the whole run, of the
+chassis' motion, the sprockets' torque, and means and RMS over seconds of tensions and of joint forces.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ PAIRS = (
 
 
 def rows(logs: Mapping[str, Path]) -> list[Row]:
-    """A row for each pair whose logs, by model, are there; raises Missing, LookupError."""
+    """Rows of all pairs with both logs, given by model; raises Missing, LookupError."""
     there = [pair for pair in PAIRS if pair.run.name in logs and pair.reference.name in logs]
     return [Row("effect", pair.differs, {"key": pair.key, **compared(logs, pair)}, True) for pair in there]
 
@@ -63,7 +63,7 @@ def compared(logs: Mapping[str, Path], pair: Pair) -> dict[str, float]:
 
 
 def forces(file: Path) -> tuple[Floats, Floats]:
-    """The first joint's force (m, 3) in the chassis' axes while the sprockets turn; tensions (links) at the instant."""
+    """First joint's force (m, 3), N, in chassis axes while sprockets turn; tensions (links,) at INSTANT."""
     with Log(file) as log:
         run = RunData(log)
         t, force = run.vectors(TRACK, "links", f"joint[{FIRST}].force")

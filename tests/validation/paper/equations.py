@@ -1,4 +1,4 @@
-"""Equations of sections 2, 4, 6 and 7, each put to the project's own elements: a number and what it must be."""
+"""Equations of sections 2, 4, 6 and 7, evaluated with the project's elements: found against expected."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from tests.validation.ancf import chord, joints, modes, sliding
 
 LINK = meshes.STEEL._replace(nuA=2e5 * meshes.AREA, nuI=2e5 * meshes.SECOND)  # a link of the vehicle, tau = 1e-6 s
 ROUNDING = 1e-12
-SERIES = 1e-3  # of what is compared with the first term of a series
+SERIES = 1e-3  # tolerance of comparisons with the first term of a series
 BEND, PULL = 0.3, 0.1  # slope and stretch of the closed path
-AXIS = (0.3, 0.8, -0.5)  # of a pin: any direction
+AXIS = (0.3, 0.8, -0.5)  # of a pin, arbitrary
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(5)
 XI = 0.5 * (POINTS + 1.0)
 
 
 def rows() -> list[Row]:
-    """All of them."""
+    """Rows of all equations."""
     found = [*_positions(), *_masses(), *_joints(), *_modes(), *_elasticity(), *_damping()]
     return [
         Row("equation", text, {"where": where, "key": key, "value": value, "reference": reference},
@@ -36,7 +36,7 @@ Fact = tuple[str, str, str, float, float, float]  # where, key, text, found, exp
 
 
 def shapes(c: cable.Cable, derivative: bool = False) -> Floats:
-    """S, or S_x, of the cable at the Gauss points (5, 4)."""
+    """Shape functions S, or S_x, (5, 4) of the cable at the Gauss points."""
     S = np.zeros((len(XI), 4))
     for k, xi in enumerate(XI):
         (cable.shape_slope if derivative else cable.shape)(c, float(xi), S[k])
@@ -44,21 +44,21 @@ def shapes(c: cable.Cable, derivative: bool = False) -> Floats:
 
 
 def mass_of(c: cable.Cable) -> Floats:
-    """M (4, 4), kg."""
+    """Mass matrix M (4, 4), kg."""
     M = np.zeros((4, 4))
     cable.mass(c, M)
     return M
 
 
 def bent(c: cable.Cable, slope: float) -> Floats:
-    """A link with both pins in place, its ends turned by ``slope`` up and down: z = slope (x - x^2 / l)."""
+    """Coordinates of a link between fixed pins, bent to z = slope (x - x^2 / l)."""
     e = cable.straight(c)
     e[1, 2], e[3, 2] = slope, -slope
     return e
 
 
 def force(c: cable.Cable, e: Floats, v: Floats | None = None) -> tuple[Floats, float]:
-    """Internal force and power of the damping."""
+    """Internal force, N, and power of damping, W."""
     Q = np.zeros_like(e)
     power = cable.force(c, e, np.zeros_like(e) if v is None else v, Q)
     return Q, float(power)
@@ -67,7 +67,7 @@ def force(c: cable.Cable, e: Floats, v: Floats | None = None) -> tuple[Floats, f
 def _positions() -> list[Fact]:
     """Section 2: r = S e."""
     rng, x = np.random.default_rng(2), LINK.l * XI
-    power = rng.standard_normal((4, 3))  # of any cubic
+    power = rng.standard_normal((4, 3))  # of an arbitrary cubic
     cubic = np.vander(x, 4, increasing=True) @ power
     ends = np.array([0.0, LINK.l])
     place = np.vander(ends, 4, increasing=True) @ power
@@ -86,11 +86,11 @@ def _positions() -> list[Fact]:
 
 
 def _masses() -> list[Fact]:
-    """Section 6: M = int rho A S^T S dx is constant, so that no inertia force goes with squares of rates."""
+    """Section 6: M = int rho A S^T S dx is constant, so no inertia force is quadratic in rates."""
     M, S = mass_of(LINK), shapes(LINK)
     quadrature = LINK.rhoA * np.einsum("k,ka,kb->ab", 0.5 * LINK.l * WEIGHTS, S, S)
     energies = []
-    for seed in range(20):  # bent, stretched and turned at random: the velocity of a point is S e'
+    for seed in range(20):  # random bending, stretch and rotation: the velocity of a point is S e'
         rates = np.random.default_rng(seed).standard_normal((4, 3))
         by_points = 0.5 * LINK.rhoA * LINK.l * np.sum(0.5 * WEIGHTS[:, None] * (S @ rates) ** 2)
         energies.append(abs(0.5 * np.sum(rates * (M @ rates)) / by_points - 1.0))
@@ -108,7 +108,7 @@ def _masses() -> list[Fact]:
 
 
 def _joints() -> list[Fact]:
-    """Sections 4.1 to 4.3: degrees of freedom that joints take away."""
+    """Sections 4.1 to 4.3: degrees of freedom that joints remove."""
     b, r, s = meshes.rope("cable")
     return [
         ("4.1", "spherical", "equations of the spherical joint (1)", joints.spherical(2, 2).equations, 3, 0),
@@ -137,7 +137,7 @@ def _modes() -> list[Fact]:
 
 
 def _elasticity() -> list[Fact]:
-    """Section 7.1."""
+    """Section 7.1: elastic energy, force and stiffness."""
     slope = 1e-3
     pulled = cable.tension(LINK, bent(LINK, slope)) / (LINK.EA * slope**2 / 6.0)
     straight = cable.straight(LINK)
@@ -160,17 +160,17 @@ def _elasticity() -> list[Fact]:
 
 
 def _secant(c: cable.Cable, eps: float) -> float:
-    """K_e,l of (12), its first diagonal entry, N/m: axial force at a stretch with this Green strain over S_x e."""
+    """First diagonal entry of K_e,l in (12), N/m: axial force at the Green strain ``eps`` over S_x e."""
     return float(cable.linear(c._replace(EI=0.0), c.EA * eps, 0.0)[0][0])
 
 
 def _bending(c: cable.Cable, slope: float) -> float:
-    """Moment on the first slope over the slope, without the tension that it makes, N m."""
+    """Moment on the first slope over the slope, N m, without the tension that bending causes."""
     return float(force(c._replace(EA=0.0), bent(c, slope))[0][1, 2] / slope)
 
 
 def _round_trip(chorded: bool, steps: int = 400) -> float:
-    """Bend, stretch, straighten, shorten: work of the elastic force on the way, by the middles of its parts."""
+    """Work of the elastic force, J, on the path bend, stretch, straighten, shorten, by the midpoint rule."""
     soft = LINK._replace(EA=1.0, EI=1e-6, nuA=0.0, nuI=0.0)
     s = np.linspace(0.0, 4.0, 4 * steps + 1)
     turn, pull = (np.interp(s, range(5), part) for part in ([0, BEND, BEND, 0, 0], [0, 0, PULL, PULL, 0]))
@@ -185,7 +185,7 @@ def _round_trip(chorded: bool, steps: int = 400) -> float:
 
 
 def _damping() -> list[Fact]:
-    """Section 7.2: rigid motion is not damped, the fast modes of a link are."""
+    """Section 7.2: rigid motion is undamped, the fast modes of a link are damped."""
     e = bent(LINK, 1e-4)
     rigid = np.cross([0.0, 3.0, 0.0], e)
     rigid[[0, 2]] += [1.0, 0.0, -2.0]

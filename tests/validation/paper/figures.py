@@ -1,8 +1,8 @@
 """Figures 10 to 21 of the paper, all models in one axis; figure 21 has a pane for each.
 
-Below figures 10 to 17 stand differences from the closed mesh at the same instants, of the path of figure 15 the
-distance of the points: in one pane of the models whose links have the same inertia, in the other of those with a rod's,
-which differ by so much more that they would hide the others.
+Below figures 10 to 17 are the differences from the closed mesh at the same instants; for the path of figure 15, the
+distance of the points. One pane has the models whose links have the same inertia, the other those with a rod's inertia,
+which differ so much more that they would hide the others.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ SHADES = ("0.93", "0.97", "0.9")  # of the sections of figure 20
 
 
 class Curve(NamedTuple):
-    """What a figure shows of a run."""
+    """Curve of one run in a figure."""
 
     t: Floats  # (m,) s
-    values: Floats  # (m, k): over time one of them, of a path across and up
+    values: Floats  # (m, 1) over time, or (m, 2) across and up of a path
 
 
 class Figure(NamedTuple):
-    """One of the paper, over time or of a path."""
+    """Figure of the paper, over time or of a path."""
 
     number: int
     title: str
@@ -57,7 +57,7 @@ class Figure(NamedTuple):
 
 
 def signal(name: str, from_start: bool = False) -> Callable[[RunData], Curve]:
-    """A signal over time."""
+    """Return the reader of a signal over time."""
 
     def read(run: RunData) -> Curve:
         t, values = run.signal(name)
@@ -67,19 +67,19 @@ def signal(name: str, from_start: bool = False) -> Callable[[RunData], Curve]:
 
 
 def node_forward(run: RunData) -> Curve:
-    """Figure 14."""
+    """Forward position of the node over time (figure 14)."""
     t, place = run.vectors(TRACK, "links", f"joint[{NODE}].position")
     return Curve(t, place[:, :1])
 
 
 def node_path(run: RunData) -> Curve:
-    """Figure 15."""
+    """Path of the node in the chassis frame (figure 15)."""
     t, place = run.vectors(TRACK, "links", f"joint[{NODE}].position")
     return Curve(t, in_chassis(run, t, place, True)[:, [0, 2]])
 
 
 def joint_force(axis: int) -> Callable[[RunData], Curve]:
-    """Figures 16 and 17, kN."""
+    """Return the reader of a component of the first joint's force, kN (figures 16 and 17)."""
 
     def read(run: RunData) -> Curve:
         t, force = run.vectors(TRACK, "links", f"joint[{FIRST}].force")
@@ -108,20 +108,20 @@ FIGURES = (
 
 
 def differences(curve: Curve, reference: Curve) -> Curve:
-    """From the reference at the instants of the curve: of one value with its sign, of a path the distance."""
+    """Difference from the reference at the curve's instants: signed for one value, distance for a path."""
     other = np.stack([np.interp(curve.t, reference.t, column) for column in reference.values.T], axis=1)
     apart = curve.values - other
     return Curve(curve.t, apart if apart.shape[1] == 1 else np.linalg.norm(apart, axis=1, keepdims=True))
 
 
 def add(pane: Any, model: Model, x: Floats, y: Floats, **more: Any) -> None:
-    """A model's curve in its own style."""
-    over = {"-": 2.0, "--": 2.1, "-.": 2.2, ":": 2.3}[model.line]  # dots last: curves lie on one another
+    """Draw a model's curve in its own style."""
+    over = {"-": 2.0, "--": 2.1, "-.": 2.2, ":": 2.3}[model.line]  # dotted lines on top, because curves coincide
     pane.plot(x, y, model.line, color=model.colour, linewidth=over - 0.8, zorder=over, label=model.label, **more)
 
 
 def draw(logs: dict[Model, Path], folder: Path) -> list[Path]:
-    """All figures as PNG and SVG; the files."""
+    """Draw all figures as PNG and SVG; return the files."""
     curves: dict[int, dict[Model, Curve]] = {figure.number: {} for figure in FIGURES}
     found = {}
     for model, run in _opened(logs):
@@ -137,7 +137,7 @@ def draw(logs: dict[Model, Path], folder: Path) -> list[Path]:
 
 
 def _over_differences(figure: Figure, curves: dict[Model, Curve]) -> Any:
-    """The figure, and below it how far the models are from the reference: of equal inertia, and of a rod's."""
+    """Draw a figure with panes of differences from the reference: equal inertia, and inertia of a rod."""
     from matplotlib.figure import Figure as Page
 
     path = next(iter(curves.values())).values.shape[1] > 1
@@ -165,7 +165,7 @@ def _over_differences(figure: Figure, curves: dict[Model, Curve]) -> Any:
 
 
 def _deformations(found: dict[Model, deformation.Deformation]) -> Any:
-    """Figures 18 and 19."""
+    """Draw figures 18 and 19."""
     from matplotlib.figure import Figure as Page
 
     page = Page(figsize=(10.0, 5.0), layout="constrained")
@@ -180,7 +180,7 @@ def _deformations(found: dict[Model, deformation.Deformation]) -> Any:
 
 
 def _stresses(logs: dict[Model, Path]) -> Any:
-    """Figure 20: from the middle of the wrap of the sprocket, down to the ground and round; its sections shaded."""
+    """Draw figure 20, from the middle of the sprocket's wrap over the ground and round; sections shaded."""
     from matplotlib.figure import Figure as Page
 
     page = Page(figsize=(9.0, 4.8), layout="constrained")
@@ -194,7 +194,7 @@ def _stresses(logs: dict[Model, Path]) -> Any:
             _shade(pane, edges(run.scene["vehicle"], placed))
     pane.set_xlabel("along the circuit from the sprocket to ground, idler and upper run, m")
     pane.set_ylabel("axial stress, MPa")
-    pane.set_ylim(bottom=min(0.0, pane.get_ylim()[0]))  # names of sections stand below the curves
+    pane.set_ylim(bottom=min(0.0, pane.get_ylim()[0]))  # room for names of sections below the curves
     pane.set_title(f"Figure 20. Right chain: axial stress at t = {INSTANT:g} s", fontsize=10, loc="left")
     pane.grid(True, color="0.9")
     page.legend(*pane.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
@@ -208,7 +208,7 @@ def _shade(pane: Any, between: tuple[float, ...]) -> None:
 
 
 def _configuration(logs: dict[Model, Path]) -> Any:
-    """Figure 21: all models at the instant, one below the other, one scale of tension; the first joint is marked."""
+    """Draw figure 21: all models at the instant with one tension scale; the first joint is marked."""
     found = {}
     for model, run in _opened(logs):
         bodies = Bodies(run, EVERY, "tension", track=TRACK)
@@ -239,7 +239,7 @@ def _panes(found: dict[Model, tuple[SideView, GroundProfile | None]]) -> Any:
 
 
 def _opened(logs: dict[Model, Path]) -> Iterable[tuple[Model, RunData]]:
-    """Models with their logs, one after the other."""
+    """Yield the models with their open logs, one after the other."""
     for model, path in logs.items():
         with Log(path) as log:
             yield model, RunData(log)

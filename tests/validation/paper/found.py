@@ -1,4 +1,4 @@
-"""What statements look at and how they are judged: rows by kind and model, verdicts."""
+"""Results that statements are judged by, rows by kind and model, and verdicts."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ HOLDS, PART, NOT, UNMEASURED = VERDICTS = "holds", "holds in part", "does not ho
 
 
 class Found(NamedTuple):
-    """What the study has found."""
+    """All rows of the study."""
 
     rows: Sequence[Row]
 
     def of(self, item: str, model: Model | None = None, **figures: object) -> list[Row]:
-        """Rows of a kind that were measured, of a model, with these figures."""
+        """Measured rows of a kind, optionally of a model and with given figures."""
         return [
             row
             for row in self.rows
@@ -28,17 +28,17 @@ class Found(NamedTuple):
         ]
 
     def one(self, item: str, model: Model | None = None, **figures: object) -> Row | None:
-        """The first of them; None where there is none."""
+        """First such row; None without one."""
         return next(iter(self.of(item, model, **figures)), None)
 
     def models(self, item: str) -> list[tuple[Model, Row]]:
-        """Models with their row of a kind."""
+        """Models with their rows of a kind."""
         found = [(model, self.one(item, model)) for model in MODELS]
         return [(model, row) for model, row in found if row is not None and row.ok]
 
 
 class Verdict(NamedTuple):
-    """Of a statement."""
+    """Verdict on a statement, and the figures behind it."""
 
     verdict: str
     measured: str
@@ -48,7 +48,7 @@ NONE = Verdict(UNMEASURED, "a model that it needs is not there")
 
 
 def graded(good: Sequence[bool], measured: str) -> Verdict:
-    """Holds where all is good, in part where some is."""
+    """Verdict "holds" if all conditions are good, "holds in part" if some are; not measured without any."""
     if not good:
         return NONE
     return Verdict(HOLDS if all(good) else PART if any(good) else NOT, measured)

@@ -1,11 +1,11 @@
-"""A piece of the drive in explicit steps that resolve the links' own modes: the first joint's force and its spectrum.
+"""Force of the first joint and its spectrum in explicit steps that resolve the links' modes.
 
-Implicit steps of 0.625 ms damp what is faster, and records every 5 ms show nothing above 100 Hz: figures 16, 17 and 20
-cannot have the high frequencies that section 8.3 speaks of. Here the vehicle begins at the co-simulation's state at
-t = 4 s and goes on by Runge-Kutta's method within its stable step, the force recorded at ``RATE``, which is more than
-twice the highest frequency of a link, each value the mean over the time since the one before, as in logs. The first
-``SETTLING`` are left out of spectra: in them what the implicit state lacks dies out. The chain of the left side is the
-one that is computed; the right one is its mirror image, with the same forces along and up the chassis.
+Implicit steps of 0.625 ms damp faster motion, and records every 5 ms show nothing above 100 Hz, so figures 16, 17 and
+20 cannot contain the high frequencies that section 8.3 mentions. Here the vehicle starts from the co-simulation's state
+at t = 4 s and continues by Runge-Kutta within its stable step. The force is recorded at ``RATE``, more than twice the
+highest frequency of a link; each value is the mean since the last one, as in logs. Spectra leave out the first
+``SETTLING``, in which the fast motion that the implicit state lacks dies out. The left chain is computed; the right one
+is its mirror image, with the same forces along and up the chassis.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ MODELS = (RIGID, CLOSED)
 LONG, QUICK = 0.4, 0.1  # s, of a piece
 RATE = 160.0 / OUTPUT  # 1/s: 128 kHz
 SETTLING = 0.02  # s
-RECORDED = 100.0  # Hz: no record every 5 ms shows more
+RECORDED = 100.0  # Hz: limit of records every 5 ms
 ABOVE = (RECORDED, 1e3, 1e4)  # Hz, of the RMS in the table
-WAVES = 500.0  # Hz: above it stand waves along the chain
-ZOOM = 0.01  # s, of the pane that shows single waves
+WAVES = 500.0  # Hz: waves along the chain are above
+ZOOM = 0.01  # s, of the pane of single waves
 BROADENED = 1.5  # noise bandwidth of a Hann window, bins
 AXES = ("along", "up")
 
 
 def rows(name: str, piece: float) -> list[Row]:
-    """One row: the force, N, at ``RATE``, its RMS above each of ABOVE, and the frequencies of the model."""
+    """Row of a model: force, N, at ``RATE``, its RMS above each of ABOVE, and frequencies."""
     model = named(name)
-    wanted = scene(model, 'track.link_outputs=["force"]', "run.links=1")  # means over each call of the vehicle
+    wanted = scene(model, 'track.link_outputs=["force"]', "run.links=1")  # means over each call
     if isinstance(wanted, str):
         return [Row("spectrum", model.label, {"model": name}, note=f"not there: {wanted}")]
     try:
@@ -75,7 +75,7 @@ def rows(name: str, piece: float) -> list[Row]:
 
 
 def forces(vehicle: Any, t: float, samples: int) -> tuple[Floats, Floats]:
-    """First joint's force (samples, 2) along and up the chassis, N, means over each 1 / RATE; tensions at the end."""
+    """First joint's force (samples, 2) along and up the chassis, N, means over 1 / RATE; last tensions, N."""
     chain, chassis = vehicle.models[TRACK], vehicle.models["chassis"]
     n, found, force = chain.links_count, np.zeros((samples, 2)), slice(on_links.JOINT, on_links.JOINT + 3)
     for k in range(samples):
@@ -88,7 +88,7 @@ def forces(vehicle: Any, t: float, samples: int) -> tuple[Floats, Floats]:
 
 
 def rms_above(values: Floats, low: float) -> float:
-    """RMS of what samples at RATE hold above a frequency, Hz, through a Hann window."""
+    """RMS of the content of samples at RATE above a frequency, Hz, with a Hann window."""
     frequency, amplitude = amplitudes(np.arange(len(values)) / RATE, values[:, None])
     inside = (frequency > low)[:, None] & (frequency > 0.0)[:, None]
     return float(np.sqrt(np.sum(amplitude[inside] ** 2) / (2.0 * BROADENED)))
@@ -101,19 +101,19 @@ def peak(values: Floats, low: float) -> float:
 
 
 def contact(vehicle: VehicleTable) -> float:
-    """Of a link between ground and wheel, Hz, by the stiffnesses of Table 2."""
+    """Frequency of a link between ground and wheel, Hz, by the stiffnesses of Table 2."""
     stiffness = vehicle.contact.ground.stiffness + vehicle.contact.wheel.stiffness
     return math.sqrt(stiffness / vehicle.track.mass) / (2.0 * math.pi)
 
 
 def wave(vehicle: VehicleTable) -> float:
-    """Of the longitudinal wave that goes once round the chain, Hz: sqrt(E A l / m) over its length."""
+    """Frequency of the longitudinal wave once round the chain, Hz: sqrt(E A l / m) over its length."""
     track, stiffness = vehicle.track, vehicle.material.youngs_modulus * vehicle.section.area
     return math.sqrt(stiffness * track.pitch / track.mass) / (track.links * track.pitch)
 
 
 def draw(rows: list[Row], logs: dict[Model, Path], folder: Path) -> list[Path]:
-    """Force over time and by frequency, along and up, and the tensions at the end of the piece, as PNG and SVG."""
+    """Draw force over time and frequency, along and up, and last tensions, as PNG and SVG."""
     from matplotlib.figure import Figure
 
     page = Figure(figsize=(11.0, 9.0), layout="constrained")
@@ -144,7 +144,7 @@ def draw(rows: list[Row], logs: dict[Model, Path], folder: Path) -> list[Path]:
 
 
 def _add(panes: Any, model: Model, row: Row) -> None:
-    """The curves of a model in all panes."""
+    """Draw the curves of a model in all panes."""
     force = np.array(row["force"])
     t = BEGIN + np.arange(1, len(force) + 1) / RATE
     style = {"color": model.colour, "linewidth": 0.9, "label": f"{model.label}, explicit"}
@@ -159,7 +159,7 @@ def _add(panes: Any, model: Model, row: Row) -> None:
 
 
 def _add_recorded(panes: Any, file: Path, end: float) -> None:
-    """What the whole run has: implicit steps, forces as means over the records' interval, at the middle of it."""
+    """Draw the force of the whole run in implicit steps: means over record intervals, at their middles."""
     track, window = "left_track", Window(BEGIN, end)
     with Log(file) as log:
         run = RunData(log)

@@ -1,4 +1,4 @@
-"""Section 5: what knots of B-splines join, and what the joints of section 4 need, by ranks and by curves."""
+"""Section 5: joints that knots of B-splines make, and equations of the joints of section 4, by ranks."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from scipy.interpolate import BSpline
 from orchestrator.studies.tables import Row
 from tests.validation.ancf import bspline
 
-SAME = 1e-12  # of two descriptions of one curve
+SAME = 1e-12  # relative difference of two descriptions of one curve
 
 
 def rows() -> list[Row]:
-    """Rows as those of ``equations``; a joint that no knot makes has 0 for its knot."""
+    """Rows as in ``equations``; the knot is 0 for a joint that no knot makes."""
     demands = [
         row for demand in bspline.table()
         for row in _demanded(demand)
@@ -40,13 +40,13 @@ def rows() -> list[Row]:
     ]
 
 
-# equations of a joint between cables, and the knot that imposes exactly these
+# equations of a joint between cables, and the knot that imposes exactly them
 CABLES = {"spherical": (3, 3), "pin": (4, 0), "sliding": (4, 0), "rigid": (6, 0), "smooth": (6, 2), "curvature": (9, 1)}
 WHERE = {"pin": "5.3", "sliding": "5.5", "rigid": "5.4"}
 
 
 def _demanded(demand: bspline.Demand) -> list[tuple[str, str, str, int, int]]:
-    """Of a joint between cables: its equations and its knot."""
+    """Facts of a joint between cables: its equations and its knot."""
     if demand.element != "cable":
         return []
     name, (equations, knot) = demand.joint, CABLES[demand.joint]
@@ -63,23 +63,23 @@ WEAKER = {"spherical": 3, "pin": 3, "sliding": 4, "rigid": 3, "smooth": 2, "curv
 
 
 def spline(multiplicity: int) -> BSpline:
-    """A clamped cubic in space with one inner knot of this multiplicity, any control points."""
+    """Clamped cubic in space with one inner knot of this multiplicity and arbitrary control points."""
     knots = np.repeat([0.0, 0.7, 1.6], [4, multiplicity, 4])
     return BSpline(knots, np.random.default_rng(multiplicity).standard_normal((len(knots) - 4, 3)), bspline.DEGREE)
 
 
 def continuity(multiplicity: int) -> int:
-    """Of the cable elements of that curve at their common node, by their derivatives."""
+    """Continuity of that curve's cable elements at their common node, by their derivatives."""
     return bspline.DEGREE - int(bspline.multiplicities(*bspline.to_cable(spline(multiplicity)))[0])
 
 
 def points(multiplicity: int) -> int:
-    """Control points."""
+    """Number of control points."""
     return bspline.control_points(len(spline(multiplicity).t))
 
 
 def there_and_back() -> float:
-    """Largest difference of control points after a way through cable elements and back, of the largest."""
+    """Largest relative difference of control points after conversion to cable elements and back."""
     apart = []
     for multiplicity in (1, 2, 3):
         curve = spline(multiplicity)

@@ -1,6 +1,6 @@
-"""How the cost of a step and the storage grow with the links, for each formulation: free loops without a vehicle.
+"""Growth of step cost and storage with the number of links, by formulation, on free loops.
 
-They spin and become oval and round again, so that there is something to iterate on.
+The loops spin and ovalise, so that Newton's method has to iterate.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from tests.validation.paper.states import model
 
 SCENE = "spinning_loop"
 LINKS, QUICK = (16, 32, 64, 128, 256, 512), (16, 64, 256)
-SPIN, OVALLING, AT = 5.0, 4.0, 64  # rad/s of so many links; the pins of other loops are as fast
+SPIN, OVALLING, AT = 5.0, 4.0, 64  # rad/s for 64 links; the pins of other loops move at the same speed
 STEP = 1e-3  # s
 STEPS, REPEATS = 100, 3
 IMPLICIT = "track.integrator=generalized_alpha"
-PEERS = {TRANSFORMED.name: CLOSED.name}  # whose times are nearer to each other than two moments of a machine
+PEERS = {TRANSFORMED.name: CLOSED.name}  # times so similar that they are measured in turn
 
 
 def rows(name: str, numbers: tuple[int, ...]) -> list[Row]:
-    """A row a size, and the fitted exponents of times and storage."""
+    """Rows of all sizes, and of the fitted exponents of times and storage."""
     label, found = named(name).label, []
     for links in numbers:
         try:
@@ -43,7 +43,7 @@ def rows(name: str, numbers: tuple[int, ...]) -> list[Row]:
             found.append(Row("links", label, figures, True))
         except (BadInput, RuntimeError, ValueError) as failure:
             return [*found, Row("links", label, {"model": name, "links": links}, note=f"not there: {failure}")]
-        with suppress(BadInput, RuntimeError, ValueError):  # a formulation that has no implicit steps
+        with suppress(BadInput, RuntimeError, ValueError):  # this formulation has no implicit steps
             found[-1] = found[-1].having(step=step_time(chain_of(name, links, IMPLICIT)))
         if name == CLOSED.name:
             own, rigid = (chain_of(each, links, IMPLICIT) for each in (name, RIGID.name))
@@ -53,7 +53,7 @@ def rows(name: str, numbers: tuple[int, ...]) -> list[Row]:
 
 
 def elasticities(numbers: tuple[int, ...]) -> list[Row]:
-    """Section 7.1: what (8)-(10) cost over (11)-(15), explicit and implicit, in turn."""
+    """Section 7.1: cost of (8)-(10) over (11)-(15), explicit and implicit, timed in turn."""
     found = []
     for links in numbers:
         for elasticity in ("general", "engineering"):
@@ -75,7 +75,7 @@ def elasticities(numbers: tuple[int, ...]) -> list[Row]:
 
 
 def chain_of(name: str, links: int, *settings: str) -> Any:
-    """The model of a loop of so many links; raises BadInput, InvalidParameter or StepFailed."""
+    """Model of a loop of ``links`` links; raises BadInput, InvalidParameter or StepFailed."""
     share = AT / links
     wanted = scene(
         named(name), f"chain.links={links}", f"chain.spin={SPIN * share!r}", f"chain.ovalling={OVALLING * share!r}",
@@ -87,7 +87,7 @@ def chain_of(name: str, links: int, *settings: str) -> Any:
 
 
 def exponent(rows: Sequence[Row], key: str) -> float:
-    """Slope of the logarithm of a figure over that of the links, by least squares; NaN where one lacks it."""
+    """Exponent of a figure over the number of links, by least squares of logarithms; NaN if one lacks it."""
     points = np.array([[row["links"], row[key]] for row in rows], dtype=float)
     if not np.isfinite(points).all():
         return float("nan")
@@ -96,12 +96,12 @@ def exponent(rows: Sequence[Row], key: str) -> float:
 
 
 def step_time(chain: Any) -> float:
-    """CPU time of an implicit step, s: the least of the repeats' medians."""
+    """CPU time of an implicit step, s: least median of the repeats."""
     return _least(chain, STEP, STEPS)
 
 
 def evaluation_time(chain: Any) -> float:
-    """CPU time of an explicit step over its evaluations, s, likewise."""
+    """CPU time of an explicit step over its evaluations, s: least median of the repeats."""
     before = int(chain.counters[1])
     steps = STEPS // 10
     time_of_step = _least(chain, 5.0 * chain.stable, steps)
@@ -109,9 +109,9 @@ def evaluation_time(chain: Any) -> float:
 
 
 def in_turn(one: Any, other: Any, step: float = 0.0) -> float:
-    """CPU time of an evaluation of one chain over that of another, step by step in turn: the median of the pairs.
+    """Median ratio of the CPU times of an evaluation of two chains, timed in turn step by step.
 
-    ``step`` s: of a step so long, not of its evaluations.
+    With ``step``, s, the ratio is that of a step of this length.
     """
     each: list[list[float]] = [[], []]
     for chain in (one, other):
@@ -125,7 +125,7 @@ def in_turn(one: Any, other: Any, step: float = 0.0) -> float:
 
 
 def _least(chain: Any, h: float, steps: int) -> float:
-    """CPU time of a step of ``h``, s; the first one, which may compile, does not count."""
+    """CPU time of a step of ``h``, s, without the first, which may compile."""
     times, t = [], 0.0
     chain.advance(t, h)
     for _ in range(REPEATS):
@@ -140,8 +140,8 @@ def _least(chain: Any, h: float, steps: int) -> float:
 
 
 def storage(chain: Any) -> dict[str, float]:
-    """Numbers that describe the motion, multipliers, and bytes of all arrays that a chain steps with."""
-    joints = getattr(chain.work, "joints", None)  # of flexible links: None where they are eliminated
+    """Numbers of coordinates and multipliers, and bytes of all arrays of a chain's step."""
+    joints = getattr(chain.work, "joints", None)  # of flexible links; None if they are eliminated
     multipliers = None if hasattr(chain.s, "joints") and chain.s.joints.size else getattr(chain.s, "lam", None)
     multipliers = getattr(joints, "multipliers", multipliers)
     arrays = {id(a): a for a in _arrays(chain.s, chain.work, chain.link)}
@@ -153,7 +153,7 @@ def storage(chain: Any) -> dict[str, float]:
 
 
 def _arrays(*things: Any) -> Iterator[np.ndarray]:
-    """The arrays below, each as the whole that it looks into."""
+    """Yield all arrays in nested objects, each as the base of its view."""
     for thing in things:
         if isinstance(thing, np.ndarray):
             whole = thing

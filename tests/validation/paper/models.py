@@ -1,4 +1,4 @@
-"""The models of tracked vehicles that the paper compares, and those that it argues about: one row each."""
+"""Models of tracked vehicles that the paper compares or discusses, one row each."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from typing import NamedTuple
 from fmus.vehicle import BadInput
 from orchestrator.scene.scene import Scene, load
 
-SCENE = "straight"  # rest, half-cosine to 20 rad/s at both sprockets, and on: figure 10
-DROP = ("start.state=drawn",)  # section 8.2, figure 13: springs give way by 0.03 m from a start without load
+SCENE = "straight"  # rest, half-cosine to 20 rad/s at both sprockets, constant: figure 10
+DROP = ("start.state=drawn",)  # section 8.2, figure 13: springs settle by 0.03 m from an unloaded start
 CONSTRAINED = ("track.joints=constrained",)
 SPRING = ("track.closure=spring",)
 ROD = (f"vehicle.track.inertia=[0.22, {18.02 * 0.1524**2 / 12.0!r}, 0.25]",)  # kg m2; about the pin m l^2 / 12
 
 
 class Model(NamedTuple):
-    """One kind of track."""
+    """Track model of the comparison."""
 
     name: str  # of its files
     label: str  # in tables and pictures
@@ -31,7 +31,7 @@ RECURSIVE = Model(
     "rigid-recursive",
     "rigid, recursive, closed by a spring",
     "rigid",
-    ("track.formulation=recursive", "track.integrator=runge_kutta", *SPRING),  # it has no implicit steps
+    ("track.formulation=recursive", "track.integrator=runge_kutta", *SPRING),  # without implicit steps
     "-.",
     "C2",
 )
@@ -42,26 +42,26 @@ TRANSFORMED = Model(
     "flexible-cholesky",
     "flexible, Cholesky coordinates",
     "flexible",
-    ("track.coordinates=cholesky", "track.integrator=runge_kutta"),  # they are integrated explicitly
+    ("track.coordinates=cholesky", "track.integrator=runge_kutta"),  # integrated explicitly
     "--",
     "C6",
 )
 RIGID_ROD = Model("rigid-rod", "rigid, augmented, closed by a pin; inertia of a rod", "rigid", ROD, ":", "C7")
 CLOSED_ROD = Model("flexible-rod", "flexible, closed mesh; inertia of a rod", "flexible", ROD, "-", "C8")
 MODELS = (RIGID, RIGID_SPRING, RECURSIVE, CLOSED, OPEN, CONVENTIONAL)  # of the figures
-RODS = (RIGID_ROD, CLOSED_ROD)  # what inertia does, and what elasticity does
+RODS = (RIGID_ROD, CLOSED_ROD)  # for the effects of inertia and elasticity
 WHOLE = (*MODELS, *RODS)  # of the whole runs
-PRICED = (*MODELS, TRANSFORMED)  # whose costs are compared; the last one moves as the closed mesh does
-REFERENCE = CLOSED  # that the others are compared with
+PRICED = (*MODELS, TRANSFORMED)  # models with compared costs; the last one moves like the closed mesh
+REFERENCE = CLOSED  # reference of the others
 
 
 def named(name: str) -> Model:
-    """A model by its name."""
+    """Return a model by its name."""
     return next(model for model in (*WHOLE, *PRICED) if model.name == name)
 
 
 def scene(model: Model, *settings: str, of: str = SCENE) -> Scene | str:
-    """A scene of the gallery with this model, or the sentence that says why there is none."""
+    """Return a scene of the gallery with this model, or a sentence with the reason why it is impossible."""
     drop = DROP if of == SCENE else ()
     try:
         found = load(of, model.track, (*drop, *model.settings, *settings))

@@ -1,7 +1,8 @@
-"""From which Young's modulus on flexible links cost less than rigid ones: explicit and implicit (section 8.3, last).
+"""Young's modulus below which flexible links cost less than rigid ones (end of section 8.3).
 
-The piece of drive of ``pieces``, begun at the state of the same modulus, and the implicit co-simulation of the scene's
-first seconds at its own settings. The relaxation time of the material stays, so that damping falls with the modulus.
+Measured on the piece of drive of ``pieces``, started from the state of the same modulus, and on the implicit
+co-simulation of the scene's first seconds with its own settings. The relaxation time of the material is constant, so
+damping falls with the modulus.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ IMPLICIT = 2.5  # s, of the implicit runs: settling and the start of the ramp
 
 
 def rows(name: str, modulus: float, piece: float) -> list[Row]:
-    """One row: costs of a model at a modulus (nan: rigid links), s."""
+    """Row of the costs of a model at a modulus, Pa (NaN: rigid links), s."""
     model = named(name)
     settings = () if math.isnan(modulus) else (f"vehicle.material.youngs_modulus={modulus!r}",)
     found = {row["method"]: row for row in pieces.rows(name, piece, settings) if row.item == "cost" and row.ok}
@@ -35,7 +36,7 @@ def rows(name: str, modulus: float, piece: float) -> list[Row]:
 
 
 def implicit(model: Model, settings: Sequence[str]) -> float:
-    """CPU time of the implicit co-simulation, s a simulated second; NaN where it fails."""
+    """CPU time of the implicit co-simulation, s per simulated second; NaN if it fails."""
     wanted = scene(model, "track.link_outputs=false", "expect={}", f"run.stop={IMPLICIT} s", *settings)
     if isinstance(wanted, str):
         return math.nan
@@ -47,9 +48,9 @@ def implicit(model: Model, settings: Sequence[str]) -> float:
 
 
 def crossing(points: Sequence[tuple[float, float]], rigid: float) -> float:
-    """The modulus below which flexible links cost less than ``rigid``, on straight lines of logarithms.
+    """Modulus below which flexible links cost less than ``rigid``, interpolated in logarithms.
 
-    0 where none of the (modulus, cost) is cheaper, infinite where all are.
+    0 if none of the points (modulus, cost) is cheaper, infinite if all are.
     """
     known = sorted((modulus, cost) for modulus, cost in points if cost > 0.0)
     if not known or not rigid > 0.0:

@@ -1,4 +1,4 @@
-"""One page: the verdicts, then the tables and figures behind them."""
+"""Page of the study: verdicts, then the tables and figures behind them."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ REMARKS = {
 
 
 def table(item: str, rows: Sequence[Row]) -> Table:
-    """The rows of a kind; of curvatures also those that the whole runs have, of ratios what the others make."""
+    """Table of the rows of a kind; curvatures include those of whole runs, ratios come from other rows."""
     title, columns = TABLES[item]
     chosen = ratios.rows(rows) if item == "ratio" else [row for row in rows if row.item == item]
     if item == "curvature":
@@ -178,12 +178,12 @@ def table(item: str, rows: Sequence[Row]) -> Table:
 
 
 def verdicts(rows: Sequence[Row]) -> Table:
-    """The statements."""
+    """Table of the statements."""
     return Table("The paper's statements", STATEMENTS, [row.cells() for row in rows])
 
 
 def write(folder: Path, name: str, judged: Sequence[Row], rows: Sequence[Row], made: Sequence[Path]) -> list[Path]:
-    """The page, and each table as CSV; raises OSError."""
+    """Write the page, and each table as CSV; return the files. Raises OSError."""
     files = [folder / f"{name}.md", folder / f"{name}.csv"]
     parts = ["# The paper's comparison", to_markdown(verdicts(judged), "##")]
     for item in TABLES:

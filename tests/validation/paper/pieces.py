@@ -1,16 +1,17 @@
-"""A short piece of the drive by explicit methods: what each model costs at equal error (section 8.3).
+"""Cost of each model at equal error in a short piece of drive by explicit methods (section 8.3).
 
-The vehicle as one differential equation begins at the state that the implicit co-simulation of the model has at
-``BEGIN``, in the middle of the ramp, and drives on for a piece. Adams' methods of variable step and order (the paper's)
-run at several tolerances, the classical Runge-Kutta method at its largest stable step and below. The error of a run is
-the RMS distance of the pins of the left chain, at the end, from those of the same model by Runge-Kutta at a fraction of
-the step, over the RMS of the ways that they went. A method's cost is that of its cheapest run within ``EQUAL``; both
-sides of the vehicle are alike and one of them is integrated, whatever the model. CPU times are medians of ``REPEATS``.
-Two moments of a machine may differ by more than two chains do: what an evaluation costs is measured in turn.
+The vehicle as one differential equation starts from the state of the model's implicit co-simulation at ``BEGIN``, in
+the middle of the ramp, and drives on for a piece. Adams' methods of variable step and order (the paper's) run at
+several tolerances, the classical Runge-Kutta method at its largest stable step and below. The error of a run is the RMS
+distance of the left chain's pins, at the end, from those of the same model by Runge-Kutta at a fraction of the step,
+over the RMS of their paths' lengths. The cost of a method is that of its cheapest run with an error within ``EQUAL``.
+Both sides of the vehicle are alike, and one of them is integrated, whatever the model. CPU times are medians of
+``REPEATS``. The speed of a machine may vary by more than two chains differ, so the cost of an evaluation is measured in
+turn.
 
-A step of Adams' methods ends at each output at the latest, and takes two evaluations: no run has fewer than two an
-interval of output. Between these two, joints that are kept as equations are projected with the factors of the first,
-which is no evaluation; it costs less than one and counts as one where evaluations are given with projections.
+A step of Adams' methods ends at each output at the latest and takes two evaluations, so no run has fewer than two per
+interval of output. Between these two, joints that are kept as equations are projected with the factors of the first
+evaluation. A projection costs less than an evaluation, and counts as one in numbers "with projections".
 """
 
 from __future__ import annotations
@@ -35,22 +36,22 @@ from tests.validation.paper.states import LONGEST, whole
 
 BEGIN = 4.0  # s
 LONG, QUICK = 0.2, 0.02  # s, of a piece
-OUTPUT = 1.25e-3  # s, the communication step of the scene: that of outputs
-INTERVALS = 0.25, 1.0, 4.0, 16.0  # of output, times OUTPUT: what costs are shown over
-AT = 1e-3  # tolerance at which they are
+OUTPUT = 1.25e-3  # s between outputs: communication step of the scene
+INTERVALS = 0.25, 1.0, 4.0, 16.0  # intervals of output for costs, times OUTPUT
+AT = 1e-3  # tolerance of costs over intervals
 REPEATS = 3
 TURNS = 5
-EQUAL = 1e-4  # error of pins that costs are compared at
+EQUAL = 1e-4  # error of pins at which costs are compared
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # of Adams' methods, relative and absolute
 FRACTIONS = (1.0, 2.0)  # of the largest stable step
-FINER = 4.0  # the reference's, times the last
+FINER = 4.0  # of the reference, times the last fraction
 STIFFNESSES = (1e9, 1e10, 1e11)  # of the closing spring, N/m
 ADAMS, RUNGE_KUTTA = "Adams", "Runge-Kutta"
 TRACK = "left_track"
 
 
 class Cost(NamedTuple):
-    """One run."""
+    """Cost and error of one run."""
 
     method: str
     setting: float  # tolerance, or fraction of the stable step
@@ -58,7 +59,7 @@ class Cost(NamedTuple):
     evaluations: int
     error: float
     order: float  # mean, of Adams' methods
-    storage: float = math.nan  # bytes of all arrays that a chain steps with
+    storage: float = math.nan  # bytes of all arrays of a chain's step
     least: float = math.nan  # CPU time of the fastest run, s
     most: float = math.nan  # and of the slowest one
     steps: int = 0
@@ -67,9 +68,9 @@ class Cost(NamedTuple):
 
 
 def rows(name: str, piece: float, settings: tuple[str, ...] = (), intervals: tuple[float, ...] = ()) -> list[Row]:
-    """The runs of a model, a row each, and the cheapest within EQUAL of each method.
+    """Rows of all runs of a model, and of the cheapest within EQUAL of each method.
 
-    ``intervals`` of output, times OUTPUT, as long as the piece is: a row each, by Adams' methods at AT.
+    ``intervals`` of output, times OUTPUT, up to the length of the piece: a row each, by Adams' methods at AT.
     """
     wanted = scene(named(name), "track.link_outputs=false", *settings)
     label = named(name).label
@@ -97,13 +98,13 @@ def rows(name: str, piece: float, settings: tuple[str, ...] = (), intervals: tup
 
 
 def figures(cost: Cost) -> dict[str, Any]:
-    """Of a run, with the time of one evaluation, s."""
+    """Figures of a run, with the time of one evaluation, s."""
     each = cost.cpu / cost.evaluations if cost.evaluations else math.nan
     return {**cost._asdict(), "each": each, "counted": cost.evaluations + cost.projections}
 
 
 def in_turn(name: str, piece: float) -> list[Row]:
-    """CPU time of an evaluation of the closed mesh over one of a rigid model, run after run in turn: a row a method."""
+    """Rows by method: CPU time of an evaluation, closed mesh over a rigid model, timed in turn."""
     label, models = f"{CLOSED.name} / {name}", (CLOSED.name, name)
     wanted = [scene(named(each), "track.link_outputs=false") for each in models]
     if any(isinstance(each, str) for each in wanted):
@@ -120,7 +121,7 @@ def in_turn(name: str, piece: float) -> list[Row]:
 
 
 def stiff(stiffness: float, piece: float) -> list[Row]:
-    """The cost of the rigid chain that a spring of this stiffness, N/m, closes, by Adams' methods."""
+    """Row of the cost, by Adams' methods, of the rigid chain closed by a spring of this stiffness, N/m."""
     found = rows(RIGID_SPRING.name, piece, (f"track.closure_stiffness={stiffness!r}",))
     return [
         replace(row.having(stiffness=stiffness), item="stiffness")
@@ -130,13 +131,13 @@ def stiff(stiffness: float, piece: float) -> list[Row]:
 
 
 def cheapest(costs: list[Cost], method: str) -> Cost | None:
-    """The run of a method that takes fewest evaluations within EQUAL; None where there is none."""
+    """Run of a method with fewest evaluations within EQUAL; None without one."""
     good = [cost for cost in costs if cost.method == method and cost.error <= EQUAL]
     return min(good, key=lambda cost: cost.evaluations, default=None)
 
 
 class Drive:
-    """The piece of one model; raises what the monolith and the states raise."""
+    """Piece of drive of one model; raises what the monolith and the states raise."""
 
     def __init__(self, wanted: Scene, piece: float) -> None:
         self.wanted, self.piece = wanted, piece
@@ -144,9 +145,9 @@ class Drive:
 
     @cached_property
     def exact(self) -> tuple[Floats, float]:
-        """Pins at the end, and the RMS of the ways that they went."""
+        """Reference positions of the pins at the end, m, and the RMS of their displacements, m."""
         vehicle = whole(self.wanted, refine=FINER * FRACTIONS[-1])
-        self._timed(vehicle, 1e-6, 1e-6)  # what has to be compiled or loaded is
+        self._timed(vehicle, 1e-6, 1e-6)  # compiles and loads
         vehicle.begin_at(self.begun.time, self.begun.parts)
         start = vehicle.models[TRACK].pins()
         self._timed(vehicle, self.piece, OUTPUT)
@@ -154,16 +155,16 @@ class Drive:
         return found, _rms(found - start)
 
     def runs(self) -> Iterator[Cost]:
-        """Runge-Kutta at each fraction, Adams at each tolerance, at outputs every OUTPUT."""
+        """Yield runs of Runge-Kutta at each fraction, of Adams at each tolerance, with outputs every OUTPUT."""
         for part in FRACTIONS:
             yield self.cost(RUNGE_KUTTA, part)
         for tolerance in TOLERANCES:
             yield self.cost(ADAMS, tolerance)
 
     def vehicle(self, method: str, setting: float, interval: float = OUTPUT) -> Any:
-        """One that integrates by a method at a fraction of the stable step or at a tolerance, ready to be timed."""
+        """Vehicle with a method at a fraction of the stable step or at a tolerance, compiled for timing."""
         integration: dict[str, Any] = {"refine": setting}
-        if method == ADAMS:  # no step is bounded but by outputs and errors
+        if method == ADAMS:  # only outputs and errors limit steps
             integration = {"integrator": "adams", "rtol": setting, "atol": setting, "refine": LONGEST / interval}
         vehicle = whole(self.wanted, **integration)
         self._timed(vehicle, 1e-6, 1e-6)
@@ -175,7 +176,7 @@ class Drive:
         return self._timed(vehicle, self.piece, OUTPUT) / float(vehicle.effort.evaluations - before)
 
     def cost(self, method: str, setting: float, interval: float = OUTPUT) -> Cost:
-        """Of a method at a fraction of the stable step, or at a tolerance; infinite error where it cannot be kept."""
+        """Cost of a method at a fraction of the stable step or a tolerance; infinite error if the run fails."""
         exact, way = self.exact
         times = []
         try:
@@ -183,7 +184,7 @@ class Drive:
             for _ in range(REPEATS):
                 before = vehicle.effort
                 times.append(self._timed(vehicle, self.piece, interval))
-        except RuntimeError:  # a tolerance too wide for it is a result
+        except RuntimeError:  # failure at a wide tolerance is a result
             return Cost(method, setting, np.nan, 0, np.inf, np.nan, interval=interval)
         chain, effort, sizes = vehicle.models[TRACK], vehicle.effort, storage(vehicle.models[TRACK])
         steps = int(effort.steps - before.steps)
@@ -204,12 +205,12 @@ class Drive:
 
 
 def _rms(off: Floats) -> float:
-    """Of the lengths of vectors (n, 3)."""
+    """RMS of the lengths of vectors (n, 3)."""
     return float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
 
 
 def _implicit(wanted: Scene) -> Scene:
-    """The scene whose co-simulation leads to the piece: with implicit steps where the coordinates have none."""
+    """Scene of the co-simulation before the piece, changed to implicit steps if its model has none."""
     if wanted.track.coordinates is None:
         return wanted
     track = wanted.track.model_copy(update={"coordinates": None, "integrator": None})

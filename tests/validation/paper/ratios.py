@@ -1,10 +1,10 @@
-"""Flexible over rigid: what the ratio of costs would be at other tolerances, outputs and closures.
+"""Ratio of costs, flexible over rigid, at other tolerances, outputs and closures.
 
-One number for "flexible over rigid" does not exist. Rigid links are bound by accuracy, so their evaluations fall with
-the tolerance until each interval of output takes its two; steel ones are bound by stability and take as many whatever
-is asked for. The ratio of CPU times has the spread of the runs: fastest flexible over slowest rigid, and the other way
-round. What does not depend on any of this is the cost of an evaluation, flexible over rigid, wherever a run takes so
-many that the time which each output takes besides does not count.
+A single number for "flexible over rigid" does not exist. Accuracy limits the steps of rigid links, so their evaluations
+fall with a wider tolerance, down to two per interval of output. Stability limits the steps of flexible steel links,
+whose evaluations depend on neither tolerance nor outputs. The ratio of CPU times is given with its spread: fastest
+flexible over slowest rigid run, and the reverse. The cost of an evaluation, flexible over rigid, depends on none of
+this, as long as a run takes so many evaluations that the time for outputs is negligible.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from tests.validation.paper import pieces
 from tests.validation.paper.models import CLOSED, RECURSIVE, RIGID, RIGID_SPRING, Model
 
 RIGIDS = (RIGID, RIGID_SPRING, RECURSIVE)
-MODELS = (CLOSED, *RIGIDS)  # whose costs are shown over intervals of output
-TOLERANCE, INTERVAL, FMUS = "tolerance", "interval", "FMUs"  # what a row varies, or where its methods run
+MODELS = (CLOSED, *RIGIDS)  # with costs over intervals of output
+TOLERANCE, INTERVAL, FMUS = "tolerance", "interval", "FMUs"  # varied quantity of a row, or place of its methods
 
 
 def rows(found: Sequence[Row]) -> list[Row]:
-    """A row for each tolerance, interval and rigid model that were measured with the flexible one."""
+    """Rows of all tolerances, intervals and rigid models that were measured with the flexible model too."""
     made = []
     for item, over, key in (("piece", TOLERANCE, "setting"), ("interval", INTERVAL, "interval"),
                             ("fmus", FMUS, "tolerance")):  # fmt: skip
@@ -41,14 +41,14 @@ def _measured(row: Row, model: Model) -> bool:
 
 
 def _twin(found: Sequence[Row], item: str, model: Model, key: str, value: float) -> Row | None:
-    """The row of another model at the same tolerance or interval."""
+    """Row of another model at the same tolerance or interval; None without one."""
     return next(
         (row for row in found if row.item == item and _measured(row, model) and row.figures[key] == value), None
     )
 
 
 def _ratio(over: str, rigid: Model, flexible: Row, other: Row) -> Row:
-    """Quotients; CPU times, projections and errors where they were measured."""
+    """Row of ratios of evaluations and, if measured, of CPU times, projections and errors."""
     figures = {
         "over": over,
         "rigid": rigid.name,

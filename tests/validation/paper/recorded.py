@@ -1,7 +1,7 @@
-"""Logs of whole runs: made, or taken where one that fits is there already.
+"""Logs of whole runs: reused if one that fits exists, else made.
 
-A log fits when its run ended ok, its scene is, number by number, the one that this model would run here, and its FMUs
-have the same contents. Anything else is made anew.
+A log fits if its run ended ok, its scene equals, number by number, the one that this model would run here, and its FMUs
+have the same contents.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ RECORDED = (f"track.link_outputs={json.dumps(SHOWN)}", "run.links=4", "run.check
 
 
 class NotThere(RuntimeError):
-    """A model that cannot be run here; the message says why."""
+    """The model cannot be run here; the message says why."""
 
 
 def path(folder: Path, model: Model) -> Path:
-    """The log of a model below the folder of the study."""
+    """Path of a model's log in the folder of the study."""
     return folder / LOGS / f"{model.name}.mcap"
 
 
 def ensure(model: Model, folder: Path, stop: float) -> str:
-    """See that the log of a model is there; how it came. Raises NotThere, and RuntimeError for a run that failed."""
+    """Provide the log of a model; return its origin. Raises NotThere, and RuntimeError for a failed run."""
     wanted = scene(model, *RECORDED, f"run.stop={stop!r} s")
     if isinstance(wanted, str):
         raise NotThere(wanted)
@@ -53,7 +53,7 @@ def ensure(model: Model, folder: Path, stop: float) -> str:
 
 
 def ran(wanted: Scene, file: Path) -> dict[str, Any]:
-    """The result of a run into a log; RuntimeError of one that fails, KeyboardInterrupt of one that is interrupted."""
+    """Run a scene into a log; return its summary. Raises RuntimeError if it fails, and KeyboardInterrupt."""
     result = simulate(wanted, file)
     if result["status"] == "interrupted":
         raise KeyboardInterrupt
@@ -63,7 +63,7 @@ def ran(wanted: Scene, file: Path) -> dict[str, Any]:
 
 
 def fits(file: Path, wanted: Scene) -> bool:
-    """Whether the log of a run that ended ok is there, of this very scene and the FMUs that it has here."""
+    """True if the log exists, its run ended ok, and its scene and FMUs are those of ``wanted`` here."""
     try:
         with Log(file) as log:
             ended = log.complete and log.closing is not None and log.closing["status"] == "ok"
@@ -77,7 +77,7 @@ def fits(file: Path, wanted: Scene) -> bool:
 
 
 def _alike(one: Any, other: Any) -> bool:
-    """Whether two tables hold the same, whatever their order; solved places to rounding."""
+    """True if two tables are equal in any order of keys; solved positions to rounding."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return one.keys() == other.keys() and all(_alike(one[key], other[key]) for key in one)
     if isinstance(one, list) and isinstance(other, list):
@@ -88,7 +88,7 @@ def _alike(one: Any, other: Any) -> bool:
 
 
 def costs(file: Path) -> dict[str, float]:
-    """Of a run: its CPU time, s (NaN where a log does not tell it), evaluations and steps of both tracks."""
+    """CPU time of a run, s (NaN if the log lacks it), and evaluations and steps of both tracks."""
     found = {"evaluations": 0.0, "steps": 0.0}
     with Log(file) as log:
         found["cpu"] = float((log.closing or {})["results"].get("cpu_time", "nan"))

@@ -1,6 +1,6 @@
-"""Rules of the statements about motion, joints, forces and costs: what the rows of the study say of each.
+"""Rules that judge the statements about motion, joints, forces and costs by the rows of the study.
 
-A rule says "holds", "holds in part", "does not hold" or "not measured", with the figures that it looked at.
+A rule returns "holds", "holds in part", "does not hold" or "not measured", with the figures that it used.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from tests.validation.paper.ratios import rows as ratio_rows
 OVER = {TOLERANCE: "tolerances", INTERVAL: "intervals of output", FMUS: "tolerances inside FMUs"}
 
 CPU, EVALUATIONS = 4.0, 8.5  # flexible over rigid, section 8.3
-NEAR = 0.25  # relative: as near as a ratio of costs counts as the paper's
+NEAR = 0.25  # relative: a ratio of costs this near counts as the paper's
 SIMILAR = 1.5  # ratio of CPU times that are similar
-SAME = 1.1  # of those that were measured in turn and are the same
-LINEAR = 1.1  # exponent up to which a cost grows as the links do
-ROUNDING = 1e-11  # of what is violated by rounding alone: m, rad
+SAME = 1.1  # ratio of equal CPU times that were measured in turn
+LINEAR = 1.1  # exponent up to which growth with the links counts as linear
+ROUNDING = 1e-11  # violation by rounding alone: m, rad
 SETTLED = 0.03  # m, section 8.2
 DEFORMED = 1e-9  # m: less is no deformation
 
@@ -39,7 +39,7 @@ DEFORMED = 1e-9  # m: less is no deformation
 
 
 def modes(found: Found) -> Verdict:
-    """The links of flexible chains are deformed, those of rigid ones are not."""
+    """Links of flexible chains deform, those of rigid chains do not."""
     rows = found.models("deformation")
     told = "; ".join(f"{m.label} {1e6 * row['axial']:.3g} / {1e6 * row['transverse']:.3g} um" for m, row in rows)
     good = [(row["transverse"] > DEFORMED) == (m.track == "flexible") for m, row in rows]
@@ -47,7 +47,7 @@ def modes(found: Found) -> Verdict:
 
 
 def dimension(found: Found) -> Verdict:
-    """The mesh without joints has fewer unknowns and less storage than the same mesh with multipliers."""
+    """The mesh with eliminated joints has fewer unknowns and less storage than with multipliers."""
     rows = {m.name: found.one("links", m, links=64) for m in MODELS}
     own, other = rows[CLOSED.name], rows[CONVENTIONAL.name] or rows[RIGID.name]
     if own is None or other is None:
@@ -61,7 +61,7 @@ def dimension(found: Found) -> Verdict:
 
 
 def violated(found: Found) -> Verdict:
-    """Joints that are eliminated are violated by 0 at all three levels; those that are kept are not."""
+    """The violation of eliminated joints is 0 at all three levels; that of kept joints is not."""
     own, rigid = found.one("violation", CLOSED), found.one("violation", RIGID)
     if own is None or rigid is None:
         return NONE
@@ -72,7 +72,7 @@ def violated(found: Found) -> Verdict:
 
 
 def similar(found: Found) -> Verdict:
-    """A chain without joints takes as long as a recursive one, whatever its length; told beside it: the two schools."""
+    """A chain with eliminated joints costs as much as a recursive one at any length."""
     told = {}
     for one, other in ((CLOSED, RECURSIVE), (RIGID_SPRING, RECURSIVE), (CONVENTIONAL, CLOSED)):
         pairs = [
@@ -92,7 +92,7 @@ def similar(found: Found) -> Verdict:
 
 
 def singular(found: Found) -> Verdict:
-    """One fixed set of coordinates becomes singular as the loop turns; the mesh and the cut chain do not."""
+    """One fixed set of coordinates becomes singular as the loop moves round; mesh and cut chain do not."""
     row = found.one("singularity", CLOSED)
     if row is None or not row.ok:
         return NONE
@@ -107,13 +107,13 @@ def singular(found: Found) -> Verdict:
 
 
 def no_singularity(found: Found) -> Verdict:
-    """The closed ANCF chain is integrated to the end."""
+    """The run of the closed ANCF chain reaches its end."""
     row = found.one("run", CLOSED)
     return NONE if row is None else graded([bool(row.ok)], "8 s without a step given up for good")
 
 
 def counted(found: Found) -> Verdict:
-    """126 pins, 630 equations."""
+    """The chains have 126 pins and 630 equations."""
     rows = found.of("count")
     return graded(
         [bool(row.ok) for row in rows],
@@ -132,14 +132,14 @@ def follows(found: Found) -> Verdict:
 
 
 def settled(found: Found) -> Verdict:
-    """0.03 m."""
+    """The chassis settles by 0.03 m."""
     rows = found.models("motion")
     told = "; ".join(f"{m.label} {1e3 * row['settled']:.2f} mm" for m, row in rows)
     return graded([abs(row["settled"] / SETTLED - 1.0) < 0.1 for _, row in rows], told)
 
 
 def alike(found: Found) -> Verdict:
-    """Chassis motions of all models, 0 to 8 s."""
+    """Chassis motions of all models agree, 0 to 8 s."""
     rows = [(m, row) for m, row in found.models("motion") if m is not whole_runs.REFERENCE]
     told = "; ".join(
         f"{m.label} " + " / ".join(f"{100 * row[name]:.2g}" for name in whole_runs.MOTION) + " %" for m, row in rows
@@ -149,7 +149,7 @@ def alike(found: Found) -> Verdict:
 
 
 def visited(found: Found) -> Verdict:
-    """From the ground to the idler, and on till it comes to the ground again."""
+    """The node moves from the ground to the idler, round, and back to the ground."""
     rows = found.models("node")
     good = ["ground, idler, upper run, sprocket, ground" in row.figures["visited"] for _, row in rows]
     return graded(good, rows[0][1].figures["visited"] if rows else "")
@@ -159,7 +159,7 @@ def visited(found: Found) -> Verdict:
 
 
 def sections(found: Found) -> Verdict:
-    """Tight before the sprocket, slack after it, transition between, at 5 s."""
+    """At 5 s the chain is tight before the sprocket, slack after it, with a transition between."""
     rows = found.models("sections")
     told = "; ".join(
         f"{m.label} {row['top'] / 1e3:.1f} > {row['rear'] / 1e3:.1f} > {row['front'] / 1e3:.1f} kN" for m, row in rows
@@ -173,7 +173,7 @@ def sections(found: Found) -> Verdict:
 def ratios(found: Found) -> Verdict:
     """Flexible over rigid by Adams' methods at equal error: 4 in CPU time, 8.5 in evaluations.
 
-    CPU times are the evaluations times the cost of one, which was measured in turn.
+    CPU times are evaluations times the cost of one, measured in turn.
     """
     told, near, order = [], [], []
     for rigid in (RIGID, RIGID_SPRING, RECURSIVE):
@@ -206,10 +206,10 @@ def ratios(found: Found) -> Verdict:
 
 
 def each_evaluation(found: Found) -> Verdict:
-    """4 / 8.5: an evaluation of the flexible model takes about half of one of the augmented rigid model.
+    """4 / 8.5: an evaluation of the flexible model costs about half of one of the augmented rigid model.
 
-    By Adams' methods over the chain that a spring closes, as the paper's; few evaluations of the other one are hidden
-    by its outputs, so that it is compared by Runge-Kutta's method alone.
+    Compared by Adams' methods with the chain closed by a spring, as in the paper. The chain closed by a pin takes so
+    few evaluations that outputs dominate, so it is compared by Runge-Kutta only.
     """
     told, ratios = [], []
     for method, rigid in (
@@ -230,7 +230,7 @@ def each_evaluation(found: Found) -> Verdict:
 
 
 def fast(found: Found) -> Verdict:
-    """The force of a flexible chain has frequencies that a rigid one has not; they bind the steps."""
+    """The force of a flexible chain has high frequencies that a rigid one lacks; they limit the steps."""
     own, rigid = found.one("spectrum", CLOSED), found.one("spectrum", RIGID)
     if own is None or rigid is None:
         return NONE
@@ -246,7 +246,7 @@ def fast(found: Found) -> Verdict:
 
 
 def contact_frequencies(found: Found) -> Verdict:
-    """Section 6, point 4: contact forces as fast as elastic ones."""
+    """Section 6, point 4: contact forces have frequencies as high as elastic ones."""
     own = found.one("spectrum", CLOSED)
     if own is None:
         return NONE
@@ -258,7 +258,7 @@ def contact_frequencies(found: Found) -> Verdict:
 
 
 def realistic(found: Found) -> Verdict:
-    """What elasticity changes at equal inertia, more than a hundredth of a force; told beside it: what inertia does."""
+    """Elasticity at equal inertia changes forces by more than 1 %; the effect of inertia as information."""
     rows = {key: found.of("effect", key=key) for key in ("elasticity", "inertia")}
     if not all(rows.values()):
         return NONE
@@ -285,7 +285,7 @@ def soft(found: Found) -> Verdict:
 
 
 def crossed(found: Found) -> dict[str, float]:
-    """By method and rigid model the modulus below which the closed mesh costs less; what is not known is left out."""
+    """Modulus, Pa, below which the closed mesh costs less, by method and rigid model, as far as known."""
     crossings = {}
     for method, key in (
         (pieces.ADAMS, "cpu_adams"),
@@ -303,7 +303,7 @@ def crossed(found: Found) -> dict[str, float]:
 
 
 def detail(found: Found) -> Verdict:
-    """An implicit step of a flexible chain takes as long as one of a rigid chain, measured in turn."""
+    """An implicit step of a flexible chain costs as much as one of a rigid chain, measured in turn."""
     rows = [row for row in found.of("links", CLOSED) if math.isfinite(row["step_over_rigid"])]
     told = ", ".join(f"{row['links']}: {row['step_over_rigid']:.2f}" for row in rows)
     good = [row["step_over_rigid"] < SAME for row in rows]
@@ -311,7 +311,7 @@ def detail(found: Found) -> Verdict:
 
 
 def conventional(found: Found) -> Verdict:
-    """What eliminating the joints saves, where the conventional chain is there."""
+    """Elimination of joints saves time over the conventional chain, if that was measured."""
     run, told, ratios = found.one("run", CONVENTIONAL), [], []
     for row in found.of("links", CONVENTIONAL):
         own = found.one("links", CLOSED, links=row["links"])
@@ -329,9 +329,9 @@ def conventional(found: Found) -> Verdict:
 
 
 def transformed(found: Found) -> Verdict:
-    """What Cholesky coordinates save over nodal ones of the same mesh: less than 1 of what is told is saved.
+    """Cholesky coordinates save time and storage over nodal ones of the same mesh: ratios are below 1.
 
-    The time of a run is its evaluations times that of one, which was measured in turn with its peer's.
+    The time of a run is its evaluations times that of one, measured in turn with the nodal mesh.
     """
     ratios, told, each = [], [], math.nan
     for row in found.of("links", TRANSFORMED):

@@ -1,12 +1,12 @@
-"""Why a closed rigid chain needs its independent coordinates chosen again and again (sections 1 and 6, point 3).
+"""Singularity of fixed independent coordinates of a closed rigid chain (sections 1 and 6, point 3).
 
-A loop of n links in the plane, joined by n pins, has 3 n coordinates (places and angles of the links) under 2 n
+A loop of n links in the plane, joined by n pins, has 3 n coordinates (positions and angles of the links) under 2 n
 equations. Coordinate partitioning (Wehage and Haug 1982, doi:10.1115/1.3256318) chooses n independent ones at the
-start, here by QR with pivoting, and solves for the others with the square Jacobian of those. Its condition is followed
-while the loop runs round its wheels, with the one set that was best at the start, and with a set that is chosen again
-whenever the condition has grown by ``AGAIN``. Beside it the matrices that other ways have to
-invert: the mass matrix of the chain that is cut at one joint, a tree with n + 2 coordinates of its own (the spring that
-closes it is a force), and that of the ANCF mesh, whose joints are gone and which is the same at every instant.
+start, here by QR with pivoting, and solves for the others with their square Jacobian. The condition number of this
+Jacobian is computed while the loop runs round its wheels: with the set that was best at the start, and with a set that
+is chosen again whenever the condition has grown by ``AGAIN``. For comparison, the matrices that other methods invert:
+the mass matrix of the chain cut at one joint, a tree with n + 2 coordinates (the closing spring is a force), and the
+mass matrix of the ANCF mesh, whose joints are eliminated, and which is constant.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from scipy.linalg import qr
 
 from orchestrator.log.time_series import Floats
 
-AGAIN = 10.0  # times the condition of the set when it was chosen
+AGAIN = 10.0  # times the condition at the choice of the set
 BISECTIONS = 45
 
 
 class Loop(NamedTuple):
-    """What was found along the motion, by instant."""
+    """Condition numbers along the motion."""
 
     t: Floats  # (m,) s
-    fixed: Floats  # (m,) condition of the dependent Jacobian, the set chosen at the start
-    flips: int  # how often its determinant changes its sign: a singular configuration lies between
-    closest: float  # condition at the first of them; 0 without one
-    chosen: Floats  # (m,) the same with sets chosen again
-    choices: int  # how often
-    cut: Floats  # (m,) condition of the mass matrix of the tree
-    mesh: float  # of the ANCF mesh
+    fixed: Floats  # (m,) of the dependent Jacobian, with the set chosen at the start
+    flips: int  # sign changes of its determinant, each by a singular configuration
+    closest: float  # condition at the first sign change; 0 without one
+    chosen: Floats  # (m,) of the dependent Jacobian, with sets chosen again
+    choices: int  # number of choices
+    cut: Floats  # (m,) of the mass matrix of the tree
+    mesh: float  # of the mass matrix of the ANCF mesh
 
 
 def followed(t: Floats, pins: Floats, inertia: float, mass: float) -> Loop:
-    """Of pins (m, n, 2) of a closed chain at the times (m,); a link's ``inertia`` about its middle, kg m2, and mass."""
+    """Conditions for pins (m, n, 2), m, of a closed chain; ``inertia`` of a link about its middle, kg m2."""
     length = float(np.linalg.norm(np.roll(pins[0], -1, axis=0) - pins[0], axis=1).mean())
     angle = _angles(pins)
     first = dependent(jacobian(angle[0], length))
@@ -61,15 +61,15 @@ def followed(t: Floats, pins: Floats, inertia: float, mass: float) -> Loop:
 
 
 def _angles(pins: Floats) -> Floats:
-    """Of the links (m, n) of closed chains (m, n, 2)."""
+    """Angles (m, n), rad, of the links of closed chains with pins (m, n, 2)."""
     along = np.roll(pins, -1, axis=1) - pins
     return np.asarray(np.arctan2(along[..., 1], along[..., 0]))
 
 
 def jacobian(angle: Floats, length: float) -> Floats:
-    """(2 n, 3 n) of the pins of a closed chain; columns x, z, of all links, then their angles times the length.
+    """Jacobian (2 n, 3 n) of the pins of a closed chain; columns: x, z of links, then angles times length.
 
-    Pin i joins the end of link i with the beginning of the next one. A length makes all entries of a size.
+    Pin i joins the end of link i to the start of the next one. The length makes all entries similar in size.
     """
     n, half = len(angle), 0.5
     B = np.zeros((n, 2, 3, n))
@@ -83,12 +83,12 @@ def jacobian(angle: Floats, length: float) -> Floats:
 
 
 def dependent(B: Floats) -> NDArray[np.int64]:
-    """Columns that Householder's QR with pivoting takes first, as many as there are rows."""
+    """Columns (rows,) that Householder QR with pivoting selects first."""
     return np.sort(qr(B, mode="r", pivoting=True)[1][: len(B)])
 
 
 def nearest(one: Floats, other: Floats, length: float, columns: NDArray[np.int64]) -> float:
-    """Condition where the determinant of the columns changes its sign between two instants, by bisection."""
+    """Condition at the sign change of the columns' determinant between two instants, by bisection."""
     turn = np.angle(np.exp(1j * (other - one)))
 
     def chosen(share: float) -> Floats:
@@ -103,10 +103,10 @@ def nearest(one: Floats, other: Floats, length: float, columns: NDArray[np.int64
 
 
 def tree(angle: Floats, length: float, inertia: float, mass: float) -> Floats:
-    """Mass matrix (n + 2, n + 2) of the chain cut at the beginning of its first link: its place there, the angles."""
+    """Mass matrix (n + 2, n + 2) of the chain cut at its first link's start: position there, then angles."""
     n = len(angle)
     turned = length * np.stack([-np.sin(angle), np.cos(angle)])
-    arms = np.tril(np.ones((n, n)), -1) + 0.5 * np.eye(n)  # of the middle of link i by the angle of link j
+    arms = np.tril(np.ones((n, n)), -1) + 0.5 * np.eye(n)  # derivative of the middle of link i by the angle of link j
     move = np.concatenate([np.concatenate([np.ones((n, 1)), np.zeros((n, 1)), arms * turned[0]], axis=1),
                            np.concatenate([np.zeros((n, 1)), np.ones((n, 1)), arms * turned[1]], axis=1)])  # fmt: skip
     M = mass * move.T @ move
@@ -116,10 +116,11 @@ def tree(angle: Floats, length: float, inertia: float, mass: float) -> Floats:
 
 
 def mesh(n: int, length: float, mass: float, inertia: float) -> Floats:
-    """Mass matrix (3 n, 3 n) of one component of n cable elements in a loop: place, slope ending, slope beginning.
+    """Constant mass matrix (3 n, 3 n) of one component of n cable elements in a loop (section 6).
 
-    Slopes times the length; the element's is the integral of the cubic shape functions' products, and what its mean
-    slope has of the ``inertia`` beyond a rod's (``fmus.physics.ancf.rotary``). Constant: paper 6.
+    Coordinates of a node: position, slopes of the ending and of the starting element times the length. The matrix of an
+    element integrates products of the cubic shape functions, plus the ``inertia`` beyond a rod's on the mean slope
+    (``fmus.physics.ancf.rotary``).
     """
     slope = np.array([-1.2, -0.1, 1.2, -0.1]) / length
     own = (inertia - mass * length**2 / 12.0) * np.outer(slope, slope)

@@ -1,6 +1,6 @@
-"""Each statement of the paper (sections 1 to 9) beside what was measured; verdicts by rules.
+"""Statements of the paper (sections 1 to 9) beside measured figures, with verdicts by rules.
 
-A statement that does not hold is a result, no failure.
+A statement that does not hold is a result, not a failure.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from tests.validation.paper.found import UNMEASURED, Found, Verdict
 
 
 class Statement(NamedTuple):
-    """One of the paper's."""
+    """Statement of the paper."""
 
     where: str  # sections
     text: str
     rule: Callable[[Found], Verdict]
-    seen: str = ""  # figures and tables that show it
+    seen: str = ""  # figures and tables with the evidence
 
 
 STATEMENTS = (
@@ -198,7 +198,7 @@ STATEMENTS = (
 
 
 def judged(rows: Sequence[Row]) -> list[Row]:
-    """A row for each statement."""
+    """Rows of all statements."""
     found = Found(rows)
     return [
         Row("statement", each.text, {"where": each.where, "verdict": told.verdict, "measured": told.measured,

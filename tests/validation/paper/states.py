@@ -1,4 +1,4 @@
-"""States of components as a log's checkpoints hold them, models that have them, and the monolith of a scene."""
+"""States of components from a log's checkpoints, models of components, and the monolith of a scene."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["LONGEST", "model", "saved", "whole"]
 
 
 def saved(log: Log) -> Iterator[tuple[float, dict[str, Floats]]]:
-    """Times, s, and states by component, of all checkpoints in order."""
+    """Yield time, s, and states by component of all checkpoints in order."""
     numbers = sorted(k for name in log.attachments if (k := checkpoint_step(name)) is not None)
     for number in numbers:
         t, states = checkpoint.states(log.attachment(f"{CHECKPOINT}{number}"))
@@ -28,12 +28,12 @@ def saved(log: Log) -> Iterator[tuple[float, dict[str, Floats]]]:
 
 
 def model(scene: Scene, name: str) -> Any:
-    """The model of a component of a scene, at its start; raises InvalidParameter or StepFailed."""
+    """Model of a component of a scene, at its start; raises InvalidParameter or StepFailed."""
     part = next(part for part in assemble(placed(scene)).parts if part.name == name)
     return started(part.kind, part.config, part.parameters)
 
 
 def whole(scene: Scene, **integration: Any) -> Monolith:
-    """The scene as one differential equation, at its start; ``integration`` as of ``Monolith``, which raises."""
+    """Scene as one differential equation, at its start; ``integration`` and errors as of ``Monolith``."""
     assembly = assemble(placed(scene))
     return Monolith(parts_of(assembly), assembly.connections, **integration)

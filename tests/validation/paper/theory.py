@@ -1,4 +1,4 @@
-"""Rules of the statements about joints, elements, knots and elasticity (sections 1 to 7)."""
+"""Rules that judge the statements about joints, elements, knots and elasticity (sections 1 to 7)."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ NEAR = 1e-3  # of a printed value
 
 
 def equations(found: Found, *keys: str) -> list[Row]:
-    """The rows of these equations, in this order; raises LookupError where one was not measured."""
+    """Rows of these equations, in this order; raises LookupError if one was not measured."""
     rows = {row.figures["key"]: row for row in found.of("equation")}
     return [rows[key] for key in keys]
 
 
 def checked(found: Found, *keys: str, printed: float | None = None) -> Verdict:
-    """Holds where all these equations do; with a ``printed`` value, where they give that."""
+    """Verdict "holds" if all these equations hold and, if given, yield the ``printed`` value."""
     try:
         rows = equations(found, *keys)
     except LookupError:
@@ -28,12 +28,12 @@ def checked(found: Found, *keys: str, printed: float | None = None) -> Verdict:
 
 
 def positions(found: Found) -> Verdict:
-    """Section 2."""
+    """Section 2: positions are S e."""
     return checked(found, "cubic", "rigid")
 
 
 def constant_inertia(found: Found) -> Verdict:
-    """One matrix gives the kinetic energy of every motion; that of a cut rigid chain changes as it moves."""
+    """One mass matrix gives the kinetic energy of every motion; that of a cut rigid chain varies."""
     verdict, row = checked(found, "mass", "kinetic", "inertia"), found.one("singularity", CLOSED)
     if row is None or not row.ok or verdict is NONE:
         return verdict
@@ -45,44 +45,44 @@ def constant_inertia(found: Found) -> Verdict:
 
 
 def joint_equations(found: Found) -> Verdict:
-    """Sections 4.1 to 4.3."""
+    """Sections 4.1 to 4.3: equations of the joints."""
     return checked(found, "spherical", "pin", "pin_beam", "sliding")
 
 
 def joint_modes(found: Found) -> Verdict:
-    """Section 4.4."""
+    """Section 4.4: modes at a pin of beams."""
     return checked(found, "deformations", "rotation", "continuous", "pin_stretch")
 
 
 def same_geometry(found: Found) -> Verdict:
-    """Exact linear maps both ways; rational weights have none."""
+    """Splines and elements are linked by exact linear maps in both directions; rational weights have none."""
     verdict = checked(found, "geometry")
     return verdict if verdict is NONE else verdict._replace(measured=f"{verdict.measured}; NURBS have no such map")
 
 
 def patch(found: Found) -> Verdict:
-    """Section 5.2."""
+    """Section 5.2: control points of a bicubic patch."""
     return checked(found, "patch")
 
 
 def knots(found: Found) -> Verdict:
-    """Section 5.3: one control point, three equations a knot; the pin's four are none of a knot."""
+    """Section 5.3: a knot is one control point and three equations; no knot has the pin's four."""
     keys = *(f"removed_{m}" for m in (3, 2, 1)), "equations_cable", "pin_equations", "pin_knot"
     return checked(found, *keys)
 
 
 def corners(found: Found) -> Verdict:
-    """Section 5.4: a corner is C0 as a spherical joint is, with three equations more."""
+    """Section 5.4: a rigid corner is C0 like a spherical joint, with three more equations."""
     return checked(found, "spherical_equations", "spherical_knot", "rigid_equations", "rigid_weaker", "rigid_knot")
 
 
 def sliding(found: Found) -> Verdict:
-    """Section 5.5: every knot that makes slopes continuous makes places continuous first."""
+    """Section 5.5: every knot that makes slopes continuous makes positions continuous too."""
     return checked(found, *(f"continuity_{m}" for m in (3, 2, 1)), "sliding_knot", "sliding_weaker")
 
 
 def cheaper(found: Found) -> Verdict:
-    """Section 7.1: (11)-(15) against (8)-(10)."""
+    """Section 7.1: (11)-(15) cost less than (8)-(10)."""
     rows = found.of("elasticity", elasticity="general")
     told = ", ".join(f"{row['links']} links {row['evaluation']:.2f} and {row['step']:.2f}" for row in rows)
     good = [row[key] > 1.0 for row in rows for key in ("evaluation", "step") if math.isfinite(row[key])]
@@ -90,21 +90,21 @@ def cheaper(found: Found) -> Verdict:
 
 
 def coupled(found: Found) -> Verdict:
-    """Section 7.1: bending stretches, and both models agree where strains are small."""
+    """Section 7.1: bending causes tension, and both models agree at small strains."""
     return checked(found, "coupling", "models")
 
 
 def constant_stiffness(found: Found) -> Verdict:
-    """Below (15): K_e,t is constant, K_e,l is in proportion to the strain."""
+    """Below (15): K_e,t is constant, K_e,l is proportional to the strain."""
     return checked(found, "bending", "axial", printed=1.0)
 
 
 def potential(found: Found) -> Verdict:
-    """Below (12): the printed mean strain gives no gradient of (8); told beside it: Green's does."""
+    """Below (12): the force of the printed mean strain is no gradient of (8); that of Green's strain is."""
     chord, green = checked(found, "chord", printed=0.0), checked(found, "green")
     return chord if chord is NONE else chord._replace(measured=f"{chord.measured}; {green.measured}")
 
 
 def undamped(found: Found) -> Verdict:
-    """Section 7.2."""
+    """Section 7.2: rigid motion is undamped."""
     return checked(found, "undamped")

@@ -1,9 +1,8 @@
-"""Adams' methods inside tracks that are FMUs: they begin anew at each communication step, which costs evaluations.
+"""Cost of Adams' methods inside track FMUs, where they restart at each communication step.
 
-The piece of ``pieces``, and twice as long: the co-simulation leads there with implicit steps, the models that the FMUs
-of the tracks hold take over at t = ``BEGIN`` with Adams' methods, and are stepped with the inputs that the
-co-simulation recorded, at several tolerances. The count of the paper is that of ``pieces``, one differential equation
-without a stop.
+The piece is that of ``pieces``, but twice as long. The co-simulation reaches it with implicit steps; from
+t = ``BEGIN`` the models of the track FMUs continue with Adams' methods at several tolerances and the recorded inputs.
+The count of the paper is that of ``pieces``: one differential equation without restarts.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ COUNTS = "steps", "evaluations", "restarts"
 
 
 def rows(name: str, piece: float) -> list[Row]:
-    """Evaluations, steps and restarts of both tracks a simulated second, over a ``piece``, s; a row a tolerance."""
+    """Rows by tolerance: evaluations, steps and restarts of both tracks per second of a ``piece``, s."""
     label, common = named(name).label, {"model": name, "piece": piece}
     stop = f"run.stop={BEGIN + piece!r}", f"run.checkpoints={BEGIN!r}", "expect={}", "track.link_outputs=false"
     coupled, explicit = scene(named(name), *stop), [scene(named(name), *stop, *adams(each)) for each in TOLERANCES]
@@ -50,12 +49,12 @@ def rows(name: str, piece: float) -> list[Row]:
 
 
 def adams(tolerance: float) -> tuple[str, ...]:
-    """Settings of tracks."""
+    """Track settings for Adams' methods at a tolerance."""
     return "track.integrator=adams", f"track.rtol={tolerance!r}", f"track.atol={tolerance!r}"
 
 
 def _counted(coupled: Scene, explicit: Sequence[Scene], piece: float) -> list[np.ndarray]:
-    """Steps, evaluations and restarts of both tracks in the piece that ends the run of ``coupled``, of each scene."""
+    """Steps, evaluations and restarts (3,) of both tracks of each scene, in the last piece of ``coupled``."""
     with (
         tempfile.TemporaryDirectory(prefix="cotrack-") as folder,
         Log(Path(ran(coupled, Path(folder) / "run.mcap")["log"])) as log,
@@ -65,11 +64,11 @@ def _counted(coupled: Scene, explicit: Sequence[Scene], piece: float) -> list[np
 
 
 def _stepped(explicit: Scene, name: str, state: Floats, log: Log) -> np.ndarray:
-    """Steps, evaluations and restarts of a track from its state on with the inputs that the log has."""
+    """Steps, evaluations and restarts (3,) of a track, from its state on with the logged inputs."""
     track, inputs = model(explicit, name), log.read(f"/{name}/in")
     if not track.hold(state):
         raise ValueError(f"{name}: the state of implicit steps is none of Adams' methods")
-    track.counters[STEPS] = 1  # it has moved: where it was laid says nothing any more
+    track.counters[STEPS] = 1  # the track has moved, so its initial layout is not valid any more
     driven = inputs.rows(inputs.t >= BEGIN - 1e-9)
     for t, h, u in zip(driven.t.tolist(), driven.h.tolist(), driven.values, strict=True):
         track.step(t, h, u)

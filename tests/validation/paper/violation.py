@@ -1,9 +1,9 @@
-"""By how much joints are violated over a run: at position, velocity and acceleration level (section 1, point 3).
+"""Violation of joints over a run at position, velocity and acceleration level (section 1, point 3).
 
-The equations of a pin between two rigid links are those of ``fmus.physics.rigid.pin``: C[0:3] the ends meet, C[3:5] the
-axes are parallel. They and both time derivatives are written out here once more, in numpy, and evaluated with the
-poses, velocities and accelerations that the components saved. Of ANCF links the equations are (2) of the paper. What is
-eliminated has one number for both sides, and is violated by 0.
+The equations of a pin between two rigid links are those of ``fmus.physics.rigid.pin``: C[0:3], the ends coincide, and
+C[3:5], the axes are parallel. They and both time derivatives are implemented here independently, in numpy, and
+evaluated with the poses, velocities and accelerations that the components saved. For ANCF links the equations are (2)
+of the paper. Eliminated coordinates are shared by both sides, so their violation is 0.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from orchestrator.scene.scene import Scene
 from tests.validation.paper.states import model, saved
 
 TRACK = "left_track"
-POSE, SLOPE_Y = 7, 4  # numbers of a rigid link's place; which of a cable's node is the slope along its pin
+POSE, SLOPE_Y = 7, 4  # length of a rigid link's pose; index of the slope along the pin in a cable's node
 LEVELS = ("position", "velocity", "acceleration")
 
 
 class Violation(NamedTuple):
-    """At one instant: largest gap and angle between axes of joints, the gap of a cut, and their derivatives."""
+    """Violation at one instant: largest gap and axis angle of joints, gap of a cut, and their derivatives."""
 
     gap: Floats  # (3) m, m/s, m/s2
     tilt: Floats  # (3) rad, rad/s, rad/s2
-    cut: Floats  # (3) of the pin that a spring closes; 0 without one
+    cut: Floats  # (3) m, m/s, m/s2 of the pin closed by a spring; 0 without one
 
 
 def of(file: Path, scene: Scene) -> dict[str, float]:
-    """Largest over the checkpoints of a log, by level; the scene as it was recorded."""
+    """Largest violation over the checkpoints of a log, by level; ``scene`` as recorded."""
     chain = model(scene, TRACK)
     with Log(file) as log:
         found = []
@@ -46,19 +46,19 @@ def of(file: Path, scene: Scene) -> dict[str, float]:
 
 
 def violated(chain: Any, cut: bool) -> Violation:
-    """Of a chain's model as its state stands; ``cut``: a spring closes it."""
+    """Violation of a chain's model in its present state; ``cut``: a spring closes the chain."""
     s, n = chain.s, chain.links_count
     if s.q.shape[-1] == POSE:
         return of_poses(s.q, s.v, s.vdot, 0.5 * chain.pitch, cut)
     levels = s.q, s.v, s.vdot
-    if len(s.q) == 2 * n:  # each link has coordinates of its own
+    if len(s.q) == 2 * n:  # each link has its own coordinates
         return of_links(*levels, cut)
     parted = np.array([np.linalg.norm(each[-1, :3] - each[0, :3]) for each in levels])
-    return Violation(np.zeros(3), np.zeros(3), parted * cut)  # one number for both sides of each joint
+    return Violation(np.zeros(3), np.zeros(3), parted * cut)  # both sides of each joint share coordinates
 
 
 def of_links(q: Floats, v: Floats, a: Floats, cut: bool) -> Violation:
-    """Of a loop of cables with nodes of their own (2 n, 6), place and slope: paper (2) about y, which is linear."""
+    """Violation of a loop of cables with separate nodes (2 n, 6), position and slope: paper (2) about y."""
     joints = slice(None, -1 if cut else None)
     apart = [each[1::2] - np.roll(each[::2], -1, axis=0) for each in (q, v, a)]
     gaps = np.array([np.linalg.norm(each[:, :3], axis=1) for each in apart])
@@ -67,9 +67,9 @@ def of_links(q: Floats, v: Floats, a: Floats, cut: bool) -> Violation:
 
 
 def of_poses(q: Floats, v: Floats, a: Floats, half: float, cut: bool = False) -> Violation:
-    """Of a loop of rigid links: poses (n, 7), rates and accelerations (n, 6), angular ones in body axes.
+    """Violation of a loop of rigid links: poses (n, 7), rates, accelerations (n, 6), angular in body axes.
 
-    ``cut``: its last pin is a spring.
+    ``cut``: a spring replaces the last pin.
     """
     A = matrices(q[:, 3:])
     omega, alpha = (np.einsum("nij,nj->ni", A, each[:, 3:]) for each in (v, a))

@@ -1,4 +1,4 @@
-"""What the whole runs of all models say: cost, violated joints, motion apart, sections of the chain, singularity."""
+"""Results of the whole runs: cost, joint violation, motion, sections of the chain, singularity."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from tests.validation.paper.effects import MOTION
 from tests.validation.paper.models import REFERENCE, WHOLE, Model, scene
 
 STOP = 8.0  # s
-ALIKE = 0.01  # relative: what the paper calls a good agreement
-RUNS = ("top", "rear", "front")  # of the chain: before the sprocket, before the idler, after the sprocket
+ALIKE = 0.01  # relative: good agreement in the sense of the paper
+RUNS = ("top", "rear", "front")  # runs of the chain before the sprocket, before the idler, after the sprocket
 
 
 def rows(folder: str, stop: float = STOP) -> list[Row]:
-    """Of every model that is there; REFERENCE first, because the others are compared with it."""
+    """Rows of every model with a log; REFERENCE first, because the others are compared with it."""
     found, logs = [], {}
     for model in sorted(WHOLE, key=lambda each: each is not REFERENCE):
         try:
@@ -63,7 +63,7 @@ def _of(model: Model, folder: Path) -> list[Row]:
 
 
 def _attempt(item: str, model: Model, make: Callable[[], dict[str, Any]]) -> Row:
-    """A row of what was made, or of why not."""
+    """Row of the figures that ``make`` returns, or of the reason of its failure."""
     try:
         return Row(item, model.label, {"model": model.name, **make()}, True)
     except (Missing, LookupError, ValueError) as failure:
@@ -71,7 +71,7 @@ def _attempt(item: str, model: Model, make: Callable[[], dict[str, Any]]) -> Row
 
 
 def _motion(file: Path, reference: Path) -> dict[str, float]:
-    """How far the chassis is from that of the reference, and how far it settles before the ramp."""
+    """Relative difference of the chassis motion from the reference, and its settlement before the ramp, m."""
     apart = differences_of_logs(file, reference)
     with Log(file) as log:
         run = RunData(log)
@@ -86,7 +86,7 @@ def _motion(file: Path, reference: Path) -> dict[str, float]:
 
 
 def _sections(run: RunData) -> dict[str, float]:
-    """Mean tension of the runs of the chain, N: at the instant and about it."""
+    """Mean tensions of the runs of the chain, N: at INSTANT, around it, and in the hold."""
     found = {}
     for name in RUNS:
         measure = measures.NAMES[f"tension_{name}"]
@@ -97,7 +97,7 @@ def _sections(run: RunData) -> dict[str, float]:
 
 
 def _deformed(run: RunData) -> dict[str, float]:
-    """Largest displacements of points of the right chain's links in their tangent frames at the instant, m."""
+    """Largest displacements of points of the right chain's links in their tangent frames at INSTANT, m."""
     found = deformation.of(run, TRACK, at=[INSTANT])
     ends, middle = curvature.of_links(found)
     moved = found.displacement[:, :-1]  # the last link ends at the cut
@@ -109,7 +109,7 @@ def _deformed(run: RunData) -> dict[str, float]:
 
 
 def _visited(run: RunData) -> dict[str, str]:
-    """The parts of the circuit that the node of figures 14 and 15 comes to, in order."""
+    """Parts of the circuit that the node of figures 14 and 15 passes, in order."""
     seen: list[str] = []
     vehicle = run.scene["vehicle"]
     first, last = vehicle["road_wheel"]["x"][0], vehicle["road_wheel"]["x"][-1]
@@ -127,7 +127,7 @@ def _visited(run: RunData) -> dict[str, str]:
 
 
 def _singular(run: RunData) -> dict[str, Any]:
-    """The recorded motion of the chain as that of a loop of rigid links in the plane."""
+    """Condition numbers for the recorded motion of the chain, as a planar loop of rigid links."""
     placed = list(circuit.records(run, TRACK, TURNING))
     t = np.concatenate([each.t for each in placed])
     flat = [np.einsum("mni,mij->mnj", each.pins, each.axes[..., [0, 2]]) for each in placed]
