@@ -43,4 +43,7 @@ def test_wheels_in_their_place_are_not(kind, element):
     """Wheels in their place are accepted, also those of a master that begins a step later (5 cm ahead)."""
     model, wheels = laid(kind, element)
     wheels[::13] += 0.05
+    before = model.state.copy()
     model.step(0.0, 1e-6, wheels)
+    assert np.isfinite(model.state).all()
+    assert not np.array_equal(model.state, before)

@@ -157,20 +157,23 @@ def test_a_swap_is_never_lost():
 def test_others_run_while_a_kernel_waits():
     """Other threads run while a kernel waits: it holds no lock of Python and yields the processor."""
 
-    def kernel(address):
+    def kernel(address, begun):
         looks = 0
         while atomic_load(address) == 0:
             pause()
             sched_yield()
             looks += 1
+            atomic_store(begun, 1)
         return looks
 
-    word, call, found = np.zeros(1, np.int64), loaded(kernel, WORD), []
-    thread = threading.Thread(target=lambda: found.append(call(at(word))))
+    word, begun, call, found = np.zeros(1, np.int64), np.zeros(1, np.int64), loaded(kernel, WORD, WORD), []
+    thread = threading.Thread(target=lambda: found.append(call(at(word), at(begun))))
     thread.start()
+    while not begun[0]:
+        pass
     word[0] = 1
     thread.join()
-    assert found[0] >= 0
+    assert found[0] > 0
 
 
 @needs_linux

@@ -126,7 +126,9 @@ def test_a_mutated_log_ends_in_a_sentence(whole, monkeypatch, tmp_path):
 
 @pytest.mark.study
 def test_many_mutated_logs_end_in_sentences(whole, monkeypatch, tmp_path):
-    survey(whole, range(1000, 3000), 4, monkeypatch, tmp_path)
+    seen = survey(whole, range(1000, 3000), 4, monkeypatch, tmp_path)
+    assert seen["verify"] == {0, 1}
+    assert seen["recover"] >= {0, 3}
 
 
 def test_the_survey_sees_a_traceback(whole, monkeypatch, tmp_path):

@@ -132,4 +132,5 @@ def test_what_is_left_of_a_vehicle_is_as_good_as_a_shorter_run(tmp_path, track):
             return recorded(tmp_path / f"settle-{outputs}-{n}.mcap", "settle", track, *settings)
 
         whole = run(100)
-        survey(whole, run, places(whole, count), ("left_track", "left_drive", "chassis"), tmp_path, 20)
+        found = survey(whole, run, places(whole, count), ("left_track", "left_drive", "chassis"), tmp_path, 20)
+        assert len(found) > 5

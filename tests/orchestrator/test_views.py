@@ -360,9 +360,11 @@ def test_a_still_is_one_instant_from_any_side(driven, cotrack, tmp_path):
     assert 0.05 < earth.mean() < 0.9
     assert first.shape[1] == last.shape[1] == film.WIDTHS[film.STILL]
     np.testing.assert_array_equal(seen("end.png", "--seen-from", "corner", "--colour", "sliding"), last)
-    assert first.shape != last.shape or np.abs(first - last).max() > 20
+    height = min(len(first), len(last))
+    assert np.abs(first[:height] - last[:height]).max() > 20
     top = seen("top.png", "--seen-from", "top")
-    assert top.shape != last.shape or np.abs(top - last).mean() > 5.0
+    height = min(len(top), len(last))
+    assert np.abs(top[:height] - last[:height]).mean() > 5.0
 
 
 def test_the_section_of_the_ground_runs_under_a_vehicle_that_turned(shown):

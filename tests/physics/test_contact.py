@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from pressed import Pressed, guide, rim, soil, tooth
@@ -164,12 +166,19 @@ def test_work_on_a_contact_is_stored_and_dissipated(law):
     assert left(1.0, 0.97) > 1e-4
 
 
+def assert_no_jump_at_first_touch(law):
+    """The force of a fast approach goes to zero with the depth, however it does."""
+    forces = [normal(law, 1.0, depth, 5.0)[0] for depth in (1e-4, 1e-6, 1e-8, 1e-10)]
+    assert all(deep > shallow > 0.0 for deep, shallow in pairwise(forces))
+    assert forces[-1] < 1e-2 * normal(law, 1.0, 1e-3, 5.0)[0]
+
+
 def test_normal_force_pushes_and_never_pulls():
     assert normal(LAW, 1.0, 0.005, 0.0)[0] == pytest.approx(2e6 * 0.005)
     force, _, _, energy = normal(LAW, 1.0, 0.005, -10.0)
     assert force == 0.0
     assert energy == pytest.approx(25.0)
-    assert normal(LAW, 1.0, 1e-9, 5.0)[0] < 1.0  # no jump at first touch
+    assert_no_jump_at_first_touch(LAW)
 
 
 @pytest.mark.parametrize("kind", LAWS)
@@ -187,7 +196,7 @@ def test_every_law_pushes_never_pulls_and_knows_its_derivatives(kind):
             assert [by_depth, by_rate] == pytest.approx(numeric, rel=1e-5, abs=1e-5 * 2e6)
             assert [1.03 * by_depth, by_rate] != pytest.approx(numeric, rel=1e-5, abs=1e-5 * 2e6)
     assert normal(law, 1.0, 5e-3, -1e4)[:3] == (0.0, 0.0, 0.0)
-    assert normal(law, 1.0, 1e-9, 5.0)[0] < 1.0  # no jump at first touch
+    assert_no_jump_at_first_touch(law)
 
 
 @pytest.mark.parametrize("kind", LAWS)
@@ -351,9 +360,9 @@ def test_a_leaving_pin_clears_the_teeth():
     for swing in np.linspace(0.002, 0.35, 80):
         c, s = np.cos(-swing), np.sin(-swing)
         pin = neighbour + np.array([[c, -s], [s, c]]) @ start
-        outward = np.hypot(*pin) > radius
-        pin_other = neighbour + np.array([[c, s], [-s, c]]) @ start
-        assert max(depth_at(*pin), depth_at(*pin_other)) < 1e-3 or not outward or depth_at(*pin) <= 1e-9
+        assert np.hypot(*pin) > radius
+        assert depth_at(*pin) <= 1e-9
+    assert depth_at(*(neighbour + np.array([[c, s], [-s, c]]) @ start)) > 1e-3, "a twin that swings inwards"
 
 
 def test_wheels_turn_rigidly():
