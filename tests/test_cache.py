@@ -337,6 +337,7 @@ class Trap:
         return os.mkdir, (self.folder,)
 
 
+@pytest.mark.long
 @POSIX
 def test_nothing_is_unpickled_from_a_folder_that_others_can_write(environment, warm, cache, tmp_path):
     trap = tmp_path / "trap"

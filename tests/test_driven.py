@@ -39,6 +39,7 @@ def test_a_mirrored_path_is_driven_in_mirror_and_a_heading_turns_it():
     np.testing.assert_allclose(np.column_stack([x, y, turned[:, 3] - 0.7]), there[:600, [0, 1, 3]], atol=1e-9)
 
 
+@pytest.mark.long
 def test_in_fmus_it_is_the_same_bits_and_replays(tmp_path):
     settings = (*BRIEF[1:], "run.stop=0.1 s", "driver.arcs=[[3, 0.1]]", "driver.ramp_time=0.1 s")
     path = tmp_path / "driven.mcap"

@@ -97,6 +97,7 @@ def test_without_the_friction_it_overshoots():
     assert overshoot("rigid", 0.3, 5.0, "driver.friction=0") > 0.1
 
 
+@pytest.mark.long
 def test_it_comes_to_its_path_from_beside():
     """A vehicle beside its path reaches it in 6 s to 4 %, from one side: errors are critically damped."""
     assert overshoot("rigid", 0.3, 3.0, off=1.0, stop=6.0) < 0.0

@@ -161,6 +161,7 @@ def test_pads_slip_and_push_as_their_motion_says(tracks, kind, band):
         assert found.push(1.03 * MU) != pytest.approx(push, rel=band)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("speeds", "kind", "band"),
     [

@@ -309,6 +309,7 @@ def test_a_planar_half_vehicle_moves_like_the_half(ran):
     assert harder["observables"]["ground_force"] != pytest.approx(half["observables"]["ground_force"], rel=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["rig", "sprocket_bench"])
 def test_a_planar_chain_runs_like_one_in_space(ran, name):
     brief = ("run.stop=0.3 s", "drive.ramp_start=0 s", "drive.ramp_time=0.2 s", "run.links=50")

@@ -356,6 +356,7 @@ def test_a_key_changes_what_is_computed(key, kind):
     assert effect(key, kind) > ROUNDING
 
 
+@pytest.mark.long
 def test_a_mass_that_does_nothing_is_found(monkeypatch):
     """A mass without effect is found: a chassis and links that ignore their mass in the table."""
     from fmus.chassis import model as chassis

@@ -51,6 +51,7 @@ def ended(tmp_path, *settings):
     return result, set(result["components"])
 
 
+@pytest.mark.long
 def test_a_side_without_a_track_stands_on_its_wheels(tmp_path):
     result, components = ended(tmp_path, 'tracks=["left"]', "run.stop=1.5")
     assert components == {"left_track", "left_drive", "chassis"}

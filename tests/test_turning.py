@@ -106,6 +106,7 @@ def test_a_turn_is_that_of_the_general_theory(turned, kind):
     assert outside(found | {"yaw_rate": 1.05 * found["yaw_rate"]}, theory)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_power_goes_where_the_forces_are(turned, kind):
     """Power follows the forces: the inner sprocket brakes, the outer one drives, losses are small."""
@@ -146,6 +147,7 @@ def test_a_turn_with_little_slip(turned, kind):
     assert -0.10 < found["yaw_rate"] / theory.rate - 1.0 < 0.03
 
 
+@pytest.mark.long
 def test_a_turn_begins_as_that_of_beams():
     """Cables begin a turn as beams do: 2 % of the yaw at 0.9 s, within the guides' clearance."""
     settings = ("run.stop=0.9 s", *speeds(8, 12))
@@ -251,6 +253,7 @@ def leaning(kind, *settings):
     return np.array([vehicle["chassis"]["roll"], track["ground.force.z"], held])
 
 
+@pytest.mark.long
 def test_a_vehicle_leans_on_cables_as_on_rigid_links():
     """A vehicle on one track leans on cables as on rigid links; fixed axes would tip the rims."""
     rigid, cable, fixed = leaning("rigid"), leaning("flexible"), leaning("flexible", "track.axes=fixed")

@@ -41,6 +41,7 @@ def test_wheel_has_scenes_vehicles_and_pages_only(unpacked):
     assert "cotrack = orchestrator.cli:main" in entries.read_text()
 
 
+@pytest.mark.long
 def test_cotrack_runs_from_the_wheel(unpacked, tmp_path):
     listed = cotrack(unpacked, tmp_path, "scenes")
     assert listed.returncode == 0, listed.stderr

@@ -168,6 +168,7 @@ def test_a_pair_needs_both_sides(monkeypatch):
 # ------------------------------------------------------------------ the chain
 
 
+@pytest.mark.long
 def test_all_are_measured_by_one_reference():
     """Errors at 1 ms are of second order; 1 % more motion gives a hundredfold error."""
     for name, expected in (("flexible", 2.602e-5), ("rigid", 8.917e-6), ("rigid, on the ground", 1.234e-4)):

@@ -86,6 +86,7 @@ def momentum(model):
     return np.array([p[:, [0, 2], 0].sum(), p[:, [0, 2], 2].sum(), turned.sum()])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("damping", [0.0, 1e4])
 def test_energy_and_momentum_of_a_loop_that_a_spring_closes(damping):
     """The energy balance of a loop closed by a spring holds, and the momenta stay constant.
@@ -167,6 +168,7 @@ def test_a_chain_with_equations_moves_like_one_without(closure, integrator):
     assert (opened(own.q, "pin") > 1e-7) == (closure == "spring")  # the spring opens
 
 
+@pytest.mark.long
 def test_what_is_taken_off_the_equations_is_put_back_after_an_explicit_step():
     """Projection after an explicit step closes positions and velocities and keeps linear momentum."""
     model = loop(joints="constrained", integrator="runge_kutta", start="polygon")

@@ -158,6 +158,7 @@ def test_adams_methods_come_to_the_same_within_their_tolerances(closure):
     assert np.abs(off - exact).max() > 1e-6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("integrator", ["runge_kutta", "adams"])
 @CLOSURES
 def test_the_ledger_closes(closure, integrator):

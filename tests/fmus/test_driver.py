@@ -101,6 +101,7 @@ def test_a_path_through_points_of_a_circle_is_that_circle():
     assert worst[1] < worst[0] / 8.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("reach", "agrees"), [(3.0, True), (3.2, False)])
 def test_a_small_error_decays_as_the_linear_theory_says(reach, agrees):
     """A small error decays as the linear theory says: e'' + 2 a e' + a^2 e = 0, a = v/L.

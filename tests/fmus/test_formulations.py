@@ -37,6 +37,7 @@ def energy(model) -> float:
 # Formulations --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("links", "ends", "start", "grown"),
     [
@@ -107,6 +108,7 @@ def test_a_chain_at_rest_stays_there_in_joint_coordinates():
 # Closures ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("given", [{}, EXPLICIT, RECURSIVE])
 def test_a_spring_goes_to_the_pin_as_its_stiffness_grows(given):
     """Error and gap of a spring closure fall as 1/k; the energy is kept but for the damper's loss."""

@@ -193,6 +193,7 @@ def test_a_chain_that_is_let_go_pulls_at_its_support_as_rods_do(kind, start, lin
     assert not np.allclose(found[0][[0, 2]], twin, rtol=1e-5, atol=1e-3)
 
 
+@pytest.mark.long
 @BOTH
 def test_a_copied_start_goes_on_alike(kind):
     model = made(kind, 9, HOLD, start="folded", step=1e-4)
@@ -290,6 +291,7 @@ def test_a_loop_becomes_oval_as_its_links_turn(kind):
     assert model.report[KINETIC] == pytest.approx(kinetic, rel=1e-4)
 
 
+@pytest.mark.long
 def test_a_triangle_of_links_cannot_become_oval():
     with pytest.raises(InvalidParameter, match=r"start.ovalling = 1.0: a triangle of links is rigid, it must be 0"):
         made(Rigid, 3, gravity=0.0, **{"start.ovalling": 1.0})
@@ -308,6 +310,7 @@ LOOPS = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("kind", "links", "spin", "young"), LOOPS)
 def test_loops_of_any_length_and_spin(kind, links, spin, young):
     """Loops of any length and spin have the joint force of the stretched radius, and its strain.

@@ -161,6 +161,7 @@ def test_a_long_replay_of_every_kind_gives_the_same_bits(case):
     assert_same(case._replace(steps=2000))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", FEW[:3], ids=lambda case: f"{case.part}-{case.links}")
 def test_the_library_needs_libc_and_libm_alone_and_validates(case):
     file = native(case)
@@ -388,6 +389,7 @@ def still(run, model, y):
     return u
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", FEW[1:], ids=lambda case: f"{case.part}-{case.links}")
 def test_free_parameters_act_as_in_the_model(case):
     assert_free(case)

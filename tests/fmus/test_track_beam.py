@@ -398,6 +398,7 @@ def swing(steps: int = 100, links: int = 4, **changes):
     return model, np.array(lacks) / top
 
 
+@pytest.mark.long
 def test_energy_ledger_of_a_swing_and_the_explicit_chain():
     soft = {"material.youngs_modulus": 2e7, "material.relaxation_time": 2e-4}
     model, lacks = swing(integrator="runge_kutta", step=1.0, **soft)

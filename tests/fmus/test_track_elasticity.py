@@ -63,6 +63,7 @@ def residual(model) -> np.ndarray:
     return f
 
 
+@pytest.mark.long
 @each
 def test_force_is_the_gradient_of_the_reported_energy(elasticity):
     model = bent(elasticity)

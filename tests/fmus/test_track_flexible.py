@@ -218,6 +218,7 @@ def swinging():
     return off
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("integrator", "order", "steps"), [("generalized_alpha", 2, (4e-4, 2e-4, 1e-4)),
                                                             ("hht", 2, (4e-4, 2e-4, 1e-4)),
                                                             ("runge_kutta", 4, (1e-3, 5e-4, 2.5e-4))])  # fmt: skip

@@ -388,6 +388,7 @@ def test_sprocket_drives_the_chain_over_wheels_and_ground(track):
     assert worst < 1e-11
 
 
+@pytest.mark.long
 def test_integrators_agree():
     found = []
     for integrator in INTEGRATORS:

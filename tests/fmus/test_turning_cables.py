@@ -299,6 +299,7 @@ def test_a_loop_that_tumbles_keeps_momentum_and_energy():
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-15)
 
 
+@pytest.mark.long
 def test_orders_of_the_integrators_in_a_tumble():
     """In a tumble the explicit integrator has order 4, the implicit ones order 2, with one limit."""
     truth = tumbling(2.5e-5)[0].pins()

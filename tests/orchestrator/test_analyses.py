@@ -97,6 +97,7 @@ def test_power_through_ports_is_the_work_of_the_ledger(driven):
         assert through[f"{port.giver}.{port.connector}"] == pytest.approx(given, abs=1e-3 * scale)
 
 
+@pytest.mark.long
 def test_of_the_hull_relative_power_and_that_on_its_motion_are_what_the_chassis_received(driven):
     with Log(driven) as log:
         run = RunData(log)
@@ -244,6 +245,7 @@ def moved_length(polygon):
     return np.linalg.norm(np.roll(polygon, -1, axis=0) - polygon, axis=1).sum()
 
 
+@pytest.mark.long
 def test_the_envelope_of_a_spinning_loop_is_its_uniform_tension(spinning):
     with Log(spinning) as log:
         found = envelope.of(RunData(log))

@@ -144,6 +144,7 @@ def test_other_bad_input_is_exit_2(cotrack, arguments):
     assert "Traceback" not in err
 
 
+@pytest.mark.long
 def test_a_log_never_replaces_what_is_no_log(cotrack, tmp_path):
     (tmp_path / "folder").mkdir()
     note = tmp_path / "note.txt"

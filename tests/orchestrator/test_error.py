@@ -145,6 +145,7 @@ def test_a_chain_at_its_stable_step_has_nothing_coarser_beside_it(tmp_path, step
     assert ("as long as stability allows" in own["message"]) != known
 
 
+@pytest.mark.long
 def test_a_coupled_track_at_its_stable_step_knows_its_coupling_alone(tmp_path, capsys):
     scene = load("rig", "rigid", ("track.integrator=runge_kutta", "run.step=1 ms", "run.stop=20 ms", "run.links=1"))
     told = simulate(scene, tmp_path / "run.mcap", estimated=True)

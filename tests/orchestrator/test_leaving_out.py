@@ -51,6 +51,7 @@ def test_what_is_added_in_vain_changes_nothing(tmp_path):
     assert difference(bare, silent) == (0.0, 0.0)
 
 
+@pytest.mark.long
 def test_a_speed_that_is_hardly_shown_is_measured_by_the_motion(tmp_path):
     """A speed near zero is measured by the motion of the links.
 

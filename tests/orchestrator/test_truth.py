@@ -428,6 +428,7 @@ def empty(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "cache_folder", lambda: tmp_path)
 
 
+@pytest.mark.long
 def test_truth_is_built_once_and_knows_its_error(empty):
     scene = load("hanging_chain", "flexible", (*SOFT, "run.stop=0.05"))
     with ThreadPoolExecutor(2) as pool:

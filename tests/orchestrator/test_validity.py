@@ -150,6 +150,7 @@ def settled(tmp_path_factory):
     return path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("limit", "severity"), [(limits.LINK_WARNING, "warning"), (limits.LINK_FAILURE, "failure")])
 def test_penetration_has_limits(settled, scaled, limit, severity):
     face = vehicle()["track"]["face"]
@@ -285,6 +286,7 @@ def pressed():
     return ("run.stop=40 ms", "run.step=0.25 ms", "track.step=0.25 ms", "drive.ramp_time=0", "drive.speed=30")
 
 
+@pytest.mark.long
 def test_a_run_that_is_not_valid_fails_and_says_so_everywhere(cotrack, pressed, tmp_path):
     changes = [part for each in pressed for part in ("--set", each)]
     status, out, err = cotrack("run", "rig", "--track", "rigid", "--no-estimate", "--json", *changes)

@@ -58,6 +58,7 @@ def shown(driven):
         yield log, bodies, next(bodies.blocks())
 
 
+@pytest.mark.long
 def test_links_stand_between_their_pins(shown):
     log, bodies, poses = shown
     assert [(track.name, track.links, track.closed) for track in bodies.tracks] == [
@@ -405,6 +406,7 @@ def foot():
     return 2 * 0.02 * np.sin(0.1) + straight / np.tan(0.1)
 
 
+@pytest.mark.long
 def test_numbers_under_narrow_panes_do_not_overlap(tmp_path, monkeypatch):
     path, drawn = tmp_path / "folded.mcap", []
     simulate(load("folded_chain", "rigid", ("run.stop=0.01", "chain.links=65", "expect={}")), path)

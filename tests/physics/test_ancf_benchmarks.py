@@ -351,6 +351,7 @@ class Chord(Mesh):
         return np.concatenate([chord.forces(c, e).ravel() for c, e in self._each(self.coordinates(q))])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("kind", "worst"), [(Mesh, (0.0, 1e-6)), (Chord, (0.01, 0.05))], ids=["green", "chord"])
 def test_energy_of_a_soft_chain_released_from_the_horizontal(kind, worst):
     """Energy error of a soft chain (16 links, EA = 1e5 N) over the largest strain energy."""

@@ -101,6 +101,7 @@ def test_force_is_the_gradient_of_the_energy(element):
     assert abs(force(kind, stiffer, e).ravel() - numeric).max() > 1e-3 * abs(found).max()
 
 
+@pytest.mark.long
 def test_tangent_is_the_derivative_of_the_force(element):
     kind, c = element
     e = bent(kind, c)

@@ -124,6 +124,7 @@ def joint_forces(loop):
     return np.linalg.norm(forces, axis=1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("loop", [rigid_loop, steel_loop])
 def test_joint_force_of_a_spinning_loop(loop):
     expected = MASS * RATE**2 * P / (2 * np.tan(np.pi / LINKS)) / (2 * np.sin(np.pi / LINKS))
@@ -211,6 +212,7 @@ def test_folded_chain_beats_free_fall(links):
     assert drift < 1e-3
 
 
+@pytest.mark.long
 def test_the_landmarks_of_the_fall_can_be_missed():
     """Both times are wrong with 3 % more gravity (twin), but the tip still precedes free fall."""
     top, half = landmarks(*fall(Rigid, 17, 0.05, gravity=1.03 * G)[:2])
@@ -218,6 +220,7 @@ def test_the_landmarks_of_the_fall_can_be_missed():
     assert abs(half / 0.948 - 1.0) > 0.005
 
 
+@pytest.mark.long
 def test_folded_steel_chain_falls_alike():
     rods = landmarks(*fall(Rigid, 17, 0.05)[:2])
     t, drop, _ = fall(Flexible, 17, 0.02, integrator="generalized_alpha")

@@ -162,6 +162,7 @@ def pendulum(J):
     return rates
 
 
+@pytest.mark.long
 def test_three_links_by_lagrange():
     angles = np.array([-0.4, 0.3, 0.9])
     chain = Chain(of_angles(angles), HANGS).run(1.0, 1e-4)
