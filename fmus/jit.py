@@ -3,8 +3,9 @@
 numba's own cache is keyed by the path of the source file (an FMU unpacked elsewhere compiles again) and looks
 at that file alone (an edited callee in another module is not noticed, and the old physics runs on). Here a
 kernel's place in the cache is a hash of its module and of every module of ours that it reaches by imports. An
-overload is one file, named by signature, processor and compiler and written at once: processes may compile side by
-side. One whose checksum does not hold is compiled again, because damaged machine code ends the process.
+overload is one file, named by signature, by the same hash of the classes in it, by processor and compiler, and written
+at once: processes may compile side by side. One whose checksum does not hold is compiled again, because damaged machine
+code ends the process.
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ import inspect
 import logging
 import pickle
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import cache, wraps
+from importlib import import_module
 from pathlib import Path
 from threading import Lock
 from typing import Any, TypeVar
@@ -36,8 +38,10 @@ from fmus.cache import cache_folder, keep, kept, own, spared
 
 COMPILED = logging.getLogger("cotrack.kernels")  # is told of each kernel that has to be compiled
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])  # a kernel has the type of the function that it is made of
+Class = TypeVar("Class", bound=type)
 ROOT = Path(__file__).resolve().parent  # the fmus tree this process runs
 PARSING = Lock()  # Python 3.11 counts the depth of a tree for all threads together
+IMPLEMENTED = "_implemented"  # attribute of a class: module by group of functions
 # numba's settings that make other machine code of the same source
 SETTINGS = ("BOUNDSCHECK", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "USING_SVML", "DEBUGINFO_DEFAULT")
 
@@ -66,8 +70,16 @@ def _statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
 
 
 @cache
+def _digest(path: Path) -> bytes:
+    return hashlib.sha256(path.read_bytes()).digest()
+
+
+@cache
 def _imports(path: Path, package: str) -> tuple[str, ...]:
-    """Absolute names that the source at ``path`` imports; of ``from a import b`` both ``a`` and ``a.b``."""
+    """Absolute names that the source at ``path`` imports; of ``from a import b`` both ``a`` and ``a.b``.
+
+    The modules that a class names by ``implemented_in`` are among them.
+    """
     found: list[str] = []
     with PARSING:
         tree = ast.parse(path.read_bytes())
@@ -78,6 +90,10 @@ def _imports(path: Path, package: str) -> tuple[str, ...]:
             parents = package.split(".")[: len(package.split(".")) - statement.level + 1] if statement.level else []
             base = ".".join([*parents, *filter(None, [statement.module])])
             found += [base, *(f"{base}.{alias.name}" for alias in statement.names)]
+        elif isinstance(statement, ast.ClassDef):
+            calls = [each for each in statement.decorator_list if isinstance(each, ast.Call)]
+            given = [keyword.value for call in calls for keyword in call.keywords]
+            found += [str(each.value) for each in given if isinstance(each, ast.Constant)]
     return tuple(found)
 
 
@@ -96,11 +112,16 @@ def _locate(module: str, beside: Path) -> Path | None:
     return None
 
 
+def _beside(module: str, path: Path) -> Path:
+    """The folder of the package that a module at ``path`` belongs to."""
+    return path.parents[module.count(".") + (path.name == "__init__.py")]
+
+
 @cache
 def reachable_hash(module: str, path: Path) -> str:
     """Hash of the source at ``path`` and of all it reaches by imports within its own package and ``fmus``."""
     ours = {module.partition(".")[0], "fmus"}
-    beside = path.parents[module.count(".") + (path.name == "__init__.py")]
+    beside = _beside(module, path)
     found: dict[str, Path] = {module: path}
     todo = [module]
     while todo:
@@ -118,7 +139,7 @@ def reachable_hash(module: str, path: Path) -> str:
                     todo.append(wanted)
     digest = hashlib.sha256()
     for name in sorted(found):
-        digest.update(name.encode() + b"\0" + hashlib.sha256(found[name].read_bytes()).digest())
+        digest.update(name.encode() + b"\0" + _digest(found[name]))
     return digest.hexdigest()
 
 
@@ -130,6 +151,7 @@ class _Locator(_CacheLocator):
         self._module = function.__module__
         self._line = function.__code__.co_firstlineno
         self._stamp = reachable_hash(function.__module__, Path(file))
+        self.beside = _beside(function.__module__, Path(file))
 
     def get_cache_path(self) -> str:
         return str(cache_folder() / "kernels" / f"{self._module}-{self._stamp[:20]}")
@@ -155,16 +177,18 @@ class _Implementation(CompileResultCacheImpl):
 class _Overloads:
     """One file per overload: numba's index of overloads loses or swaps entries when two processes write."""
 
-    def __init__(self, folder: Path, stem: str, stamp: str) -> None:
-        self._folder, self._stem, self._stamp = folder, stem, stamp
+    def __init__(self, folder: Path, stem: str, stamp: str, beside: Path) -> None:
+        self._folder, self._stem, self._stamp, self._beside = folder, stem, stamp, beside
 
-    def _path(self, key: object) -> Path:
+    def _path(self, key: Any) -> Path:
         settings = [getattr(numba.config, name, None) for name in SETTINGS]
-        made = (numba.__version__, llvmlite.__version__, numpy.__version__, settings, self._stamp, key)
+        found = [(each, _locate(each, self._beside)) for each in sorted({kind.__module__ for kind in _classes(key[0])})]
+        classes = [reachable_hash(module, place) for module, place in found if place is not None]
+        made = (numba.__version__, llvmlite.__version__, numpy.__version__, settings, self._stamp, classes, key)
         name = hashlib.sha256(repr(made).encode()).hexdigest()
         return self._folder / f"{self._stem}.{name[:24]}.kernel"
 
-    def load(self, key: object) -> Any:
+    def load(self, key: Any) -> Any:
         content = kept(self._path(key))
         if content is not None:
             with suppress(Exception):  # of a class that is gone
@@ -172,7 +196,7 @@ class _Overloads:
         COMPILED.info("%s is compiled", self._stem)
         return None
 
-    def save(self, key: object, data: object) -> None:
+    def save(self, key: Any, data: object) -> None:
         keep(self._path(key), dumps(data))
 
     def flush(self) -> None:
@@ -181,6 +205,14 @@ class _Overloads:
 
     def files(self) -> Iterator[Path]:
         return self._folder.glob(f"{self._stem}.*.kernel")
+
+
+def _classes(types: Iterable[Any]) -> Iterator[type]:
+    """Classes of the named tuples among numba types and inside them: they choose what a ``door`` leads to."""
+    for each in types:
+        if hasattr(each, "instance_class"):
+            yield each.instance_class
+        yield from _classes(getattr(each, "types", ()))
 
 
 class _Cache(FunctionCache):
@@ -196,7 +228,8 @@ class _Cache(FunctionCache):
     def __init__(self, function: Callable[..., Any], part: str) -> None:
         super().__init__(function)
         locator, stem = self._impl.locator, f"{self._impl.filename_base}{part}"
-        self._cache_file: Any = _Overloads(Path(locator.get_cache_path()), stem, locator.get_source_stamp())
+        folder, stamp = Path(locator.get_cache_path()), locator.get_source_stamp()
+        self._cache_file: Any = _Overloads(folder, stem, stamp, locator.beside)
 
     _guard_against_spurious_io_errors = staticmethod(spared)
 
@@ -285,11 +318,36 @@ def plain(function: Kernel) -> Kernel:
     return made
 
 
+def implemented_in(**modules: str) -> Callable[[Class], Class]:
+    """Declare in which modules the functions on a class of parameters are, by group of functions; subclasses inherit.
+
+    They are imported when a ``door`` leads there, not before; the hash of a kernel that takes the class follows them.
+    """
+
+    def declared(kind: Class) -> Class:
+        setattr(kind, IMPLEMENTED, {**getattr(kind, IMPLEMENTED, {}), **modules})
+        return kind
+
+    return declared
+
+
+def implementation(group: str) -> Callable[[type], Any]:
+    """Choice of a ``door``: the module of a ``group`` of functions on a class; TypeError where it declares none."""
+
+    def module_of(kind: type) -> Any:
+        module = getattr(kind, IMPLEMENTED, {}).get(group)
+        if module is None:
+            raise TypeError(f"{kind.__name__} does not declare in which module its {group} are: see jit.implemented_in")
+        return import_module(module)
+
+    return module_of
+
+
 def door(module_of: Callable[[type], Any], shared: bool = False) -> Callable[[Callable[..., Any]], Any]:
     """A stub for its namesakes in several modules: the type of its first argument says in which, ``module_of`` it.
 
     Kernels call kernels by import; a door chooses when its caller is compiled, so that nothing else is imported or
-    compiled. ``module_of`` imports what it returns by name: the hash of a kernel follows these imports.
+    compiled. ``module_of`` is an ``implementation``, or imports what it returns by name, which the hash follows too.
     A namesake becomes part of its caller; with ``shared`` it is compiled once for all of them, which is for those that
     are large or make arrays.
     """

@@ -89,6 +89,8 @@ def imports(source: str) -> set[str]:
             assert node.level == 0, "imports are absolute"
             found.add(node.module)
             found |= {f"{node.module}.{alias.name}" for alias in node.names}
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) == "implemented_in":
+            found |= {ast.literal_eval(keyword.value) for keyword in node.keywords}
     return found
 
 

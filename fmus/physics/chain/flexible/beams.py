@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import allocating, kernel
+from fmus.jit import allocating, implemented_in, kernel
 from fmus.physics.ancf.beam import GAUSS, Beam, basis, radii, seen
 from fmus.physics.ancf.element import section_force
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
@@ -36,6 +36,14 @@ PLANE = np.arange(NODE).reshape(6, 3)[:, [0, 2]]  # indices in a pin of the x an
 PIN_AXIS = [4]  # index in a pin of its axis' y component, 1 at rest
 
 
+@implemented_in(
+    dynamics="fmus.physics.chain.flexible.dynamics",
+    elements="fmus.physics.chain.flexible.beams",
+    axes="fmus.physics.chain.flexible.fixed_axes",
+    joints="fmus.physics.chain.flexible.eliminated_joints",
+    faces="fmus.physics.chain.flexible.beam_faces",
+    guides="fmus.physics.chain.guides",
+)
 class Beams(NamedTuple):
     """Parameters of a chain of equal links."""
 
