@@ -177,18 +177,16 @@ class _Implementation(CompileResultCacheImpl):
 class _Overloads:
     """One file per overload: numba's index of overloads loses or swaps entries when two processes write."""
 
-    def __init__(self, folder: Path, stem: str, stamp: str, beside: Path) -> None:
-        self._folder, self._stem, self._stamp, self._beside = folder, stem, stamp, beside
+    def __init__(self, folder: Path, stem: str, stamp: str) -> None:
+        self._folder, self._stem, self._stamp = folder, stem, stamp
 
-    def _path(self, key: Any) -> Path:
+    def _path(self, key: object) -> Path:
         settings = [getattr(numba.config, name, None) for name in SETTINGS]
-        found = [(each, _locate(each, self._beside)) for each in sorted({kind.__module__ for kind in _classes(key[0])})]
-        classes = [reachable_hash(module, place) for module, place in found if place is not None]
-        made = (numba.__version__, llvmlite.__version__, numpy.__version__, settings, self._stamp, classes, key)
+        made = (numba.__version__, llvmlite.__version__, numpy.__version__, settings, self._stamp, key)
         name = hashlib.sha256(repr(made).encode()).hexdigest()
         return self._folder / f"{self._stem}.{name[:24]}.kernel"
 
-    def load(self, key: Any) -> Any:
+    def load(self, key: object) -> Any:
         content = kept(self._path(key))
         if content is not None:
             with suppress(Exception):  # of a class that is gone
@@ -196,7 +194,7 @@ class _Overloads:
         COMPILED.info("%s is compiled", self._stem)
         return None
 
-    def save(self, key: Any, data: object) -> None:
+    def save(self, key: object, data: object) -> None:
         keep(self._path(key), dumps(data))
 
     def flush(self) -> None:
@@ -228,8 +226,14 @@ class _Cache(FunctionCache):
     def __init__(self, function: Callable[..., Any], part: str) -> None:
         super().__init__(function)
         locator, stem = self._impl.locator, f"{self._impl.filename_base}{part}"
-        folder, stamp = Path(locator.get_cache_path()), locator.get_source_stamp()
-        self._cache_file: Any = _Overloads(folder, stem, stamp, locator.beside)
+        self._cache_file: Any = _Overloads(Path(locator.get_cache_path()), stem, locator.get_source_stamp())
+
+    def _index_key(self, signature: Any, codegen: Any) -> tuple[Any, ...]:
+        """What tells overloads apart: besides numba's key the sources that the classes of the arguments reach."""
+        modules = sorted({kind.__module__ for kind in _classes(signature)})
+        found = [(each, _locate(each, self._impl.locator.beside)) for each in modules]
+        hashes = [reachable_hash(module, place) for module, place in found if place is not None]
+        return (*super()._index_key(signature, codegen), hashes)
 
     _guard_against_spurious_io_errors = staticmethod(spared)
 
