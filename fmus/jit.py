@@ -41,7 +41,7 @@ Kernel = TypeVar("Kernel", bound=Callable[..., Any])  # a kernel has the type of
 Class = TypeVar("Class", bound=type)
 ROOT = Path(__file__).resolve().parent  # the fmus tree this process runs
 PARSING = Lock()  # Python 3.11 counts the depth of a tree for all threads together
-IMPLEMENTED = "_implemented"  # attribute of a class: module by group of functions
+IMPLEMENTED, REACHED = "_implemented", "_reached"  # attributes of a class: module by group of functions; their hash
 # numba's settings that make other machine code of the same source
 SETTINGS = ("BOUNDSCHECK", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "USING_SVML", "DEBUGINFO_DEFAULT")
 
@@ -67,11 +67,6 @@ def _statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
             yield from _statements(getattr(statement, name, []))
         for handler in getattr(statement, "handlers", []):
             yield from _statements(handler.body)
-
-
-@cache
-def _digest(path: Path) -> bytes:
-    return hashlib.sha256(path.read_bytes()).digest()
 
 
 @cache
@@ -112,16 +107,11 @@ def _locate(module: str, beside: Path) -> Path | None:
     return None
 
 
-def _beside(module: str, path: Path) -> Path:
-    """The folder of the package that a module at ``path`` belongs to."""
-    return path.parents[module.count(".") + (path.name == "__init__.py")]
-
-
 @cache
 def reachable_hash(module: str, path: Path) -> str:
     """Hash of the source at ``path`` and of all it reaches by imports within its own package and ``fmus``."""
     ours = {module.partition(".")[0], "fmus"}
-    beside = _beside(module, path)
+    beside = path.parents[module.count(".") + (path.name == "__init__.py")]
     found: dict[str, Path] = {module: path}
     todo = [module]
     while todo:
@@ -139,7 +129,7 @@ def reachable_hash(module: str, path: Path) -> str:
                     todo.append(wanted)
     digest = hashlib.sha256()
     for name in sorted(found):
-        digest.update(name.encode() + b"\0" + _digest(found[name]))
+        digest.update(name.encode() + b"\0" + hashlib.sha256(found[name].read_bytes()).digest())
     return digest.hexdigest()
 
 
@@ -151,7 +141,6 @@ class _Locator(_CacheLocator):
         self._module = function.__module__
         self._line = function.__code__.co_firstlineno
         self._stamp = reachable_hash(function.__module__, Path(file))
-        self.beside = _beside(function.__module__, Path(file))
 
     def get_cache_path(self) -> str:
         return str(cache_folder() / "kernels" / f"{self._module}-{self._stamp[:20]}")
@@ -229,11 +218,9 @@ class _Cache(FunctionCache):
         self._cache_file: Any = _Overloads(Path(locator.get_cache_path()), stem, locator.get_source_stamp())
 
     def _index_key(self, signature: Any, codegen: Any) -> tuple[Any, ...]:
-        """What tells overloads apart: besides numba's key the sources that the classes of the arguments reach."""
-        modules = sorted({kind.__module__ for kind in _classes(signature)})
-        found = [(each, _locate(each, self._impl.locator.beside)) for each in modules]
-        hashes = [reachable_hash(module, place) for module, place in found if place is not None]
-        return (*super()._index_key(signature, codegen), hashes)
+        """What tells overloads apart: besides numba's key the sources behind the doors for these arguments."""
+        hashes = {getattr(kind, REACHED, "") for kind in _classes(signature)}
+        return (*super()._index_key(signature, codegen), sorted(hashes))
 
     _guard_against_spurious_io_errors = staticmethod(spared)
 
@@ -330,6 +317,7 @@ def implemented_in(**modules: str) -> Callable[[Class], Class]:
 
     def declared(kind: Class) -> Class:
         setattr(kind, IMPLEMENTED, {**getattr(kind, IMPLEMENTED, {}), **modules})
+        setattr(kind, REACHED, reachable_hash(kind.__module__, Path(str(sys.modules[kind.__module__].__file__))))
         return kind
 
     return declared

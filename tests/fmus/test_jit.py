@@ -158,7 +158,6 @@ def test_reachable_sources_follow_every_kind_of_import(tmp_path, monkeypatch, cl
     def fingerprint():
         jit.reachable_hash.cache_clear()
         jit._imports.cache_clear()
-        jit._digest.cache_clear()
         return jit.reachable_hash("reach.start", package / "start.py")
 
     first = fingerprint()
@@ -375,12 +374,9 @@ def test_an_edit_behind_any_door_is_another_kernel(tmp_path):
     tree = tmp_path / "fmus"
     shutil.copytree(jit.ROOT, tree, ignore=shutil.ignore_patterns("__pycache__", "*.md"))
 
-    def forget() -> None:
-        for each in (jit.reachable_hash, jit._imports, jit._digest):
-            each.cache_clear()
-
     def fingerprint(module: str) -> str:
-        forget()
+        jit.reachable_hash.cache_clear()
+        jit._imports.cache_clear()
         return jit.reachable_hash(module, tmp_path.joinpath(*module.split(".")).with_suffix(".py"))
 
     openings = behind_doors()
@@ -391,7 +387,8 @@ def test_an_edit_behind_any_door_is_another_kernel(tmp_path):
         path.write_text(text + "# edited\n", encoding="utf-8")
         assert fingerprint(door) != before, opened
         path.write_text(text, encoding="utf-8")
-    forget()
+    jit.reachable_hash.cache_clear()
+    jit._imports.cache_clear()
 
 
 DOOR = """
