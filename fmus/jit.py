@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import cache, wraps
 from importlib import import_module
+from importlib.util import resolve_name
 from pathlib import Path
 from threading import Lock
 from typing import Any, TypeVar
@@ -86,9 +87,9 @@ def _imports(path: Path, package: str) -> tuple[str, ...]:
             base = ".".join([*parents, *filter(None, [statement.module])])
             found += [base, *(f"{base}.{alias.name}" for alias in statement.names)]
         elif isinstance(statement, ast.ClassDef):
-            calls = [each for each in statement.decorator_list if isinstance(each, ast.Call)]
-            given = [keyword.value for call in calls for keyword in call.keywords]
-            found += [str(each.value) for each in given if isinstance(each, ast.Constant)]
+            calls = [each for each in statement.decorator_list if ast.unparse(each).startswith("implemented_in(")]
+            names = [ast.literal_eval(keyword.value) for call in calls for keyword in call.keywords]  # type: ignore[attr-defined]
+            found += [resolve_name(name, package) for name in names]
     return tuple(found)
 
 
@@ -312,11 +313,14 @@ def plain(function: Kernel) -> Kernel:
 def implemented_in(**modules: str) -> Callable[[Class], Class]:
     """Declare in which modules the functions on a class of parameters are, by group of functions; subclasses inherit.
 
-    They are imported when a ``door`` leads there, not before; the hash of a kernel that takes the class follows them.
+    A module that begins with a dot is relative to the package of the class. It is imported when a ``door`` leads there,
+    not before; the hash of a kernel that takes the class follows it.
     """
 
     def declared(kind: Class) -> Class:
-        setattr(kind, IMPLEMENTED, {**getattr(kind, IMPLEMENTED, {}), **modules})
+        package = kind.__module__.rpartition(".")[0]
+        found = {group: resolve_name(name, package) for group, name in modules.items()}
+        setattr(kind, IMPLEMENTED, {**getattr(kind, IMPLEMENTED, {}), **found})
         setattr(kind, REACHED, reachable_hash(kind.__module__, Path(str(sys.modules[kind.__module__].__file__))))
         return kind
 

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import types
+from importlib.util import resolve_name
 from pathlib import Path
 
 import numba
@@ -357,7 +358,8 @@ def behind_doors() -> list[tuple[str, str]]:
         calls = [mark for mark in marks if isinstance(mark, ast.Call)]
         for call in calls:
             if ast.unparse(call.func) == "implemented_in":
-                found += [(module, ast.literal_eval(keyword.value)) for keyword in call.keywords]
+                package = module.rpartition(".")[0]
+                found += [(module, resolve_name(ast.literal_eval(each.value), package)) for each in call.keywords]
         if any("door(" in ast.unparse(call) for call in calls):
             found += [
                 (module, f"{line.module}.{line.names[0].name}")
@@ -410,7 +412,7 @@ KIND = """
 from typing import NamedTuple
 from fmus.jit import implemented_in
 
-@implemented_in(values="parts.room")
+@implemented_in(values=".room")
 class Kind(NamedTuple):
     x: float
 

@@ -42,7 +42,7 @@ SEES = np.array(
 )  # section vectors that a vector of the element changes; where the first is 0, r_x, there is no second
 
 
-@implemented_in(forces="fmus.physics.ancf.beam", masses="fmus.physics.ancf.beam")
+@implemented_in(forces=".beam", masses=".beam")
 class Beam(NamedTuple):
     """Parameters of one element with a rectangular section."""
 

@@ -24,7 +24,7 @@ from fmus.physics.arrays import Floats
 ROWS = 4  # coordinate vectors of an element: position and slope at two nodes
 
 
-@implemented_in(forces="fmus.physics.ancf.cable", masses="fmus.physics.ancf.cable")
+@implemented_in(forces=".cable", masses=".cable")
 class Cable(NamedTuple):
     """Parameters of one link with small-deformation elasticity."""
 
@@ -38,14 +38,14 @@ class Cable(NamedTuple):
     rotary: float = 0.0  # second moment of mass of the mean slope, added to the line's, kg m2: ``rotary`` (1)
 
 
-@implemented_in(forces="fmus.physics.ancf.cable_local", densities="fmus.physics.ancf.cable_general")
+@implemented_in(forces=".cable_local", densities=".cable_general")
 class GeneralCable(Cable):
     """Parameters of a link with the elasticity of ``cable_general``."""
 
     __slots__ = ()
 
 
-@implemented_in(forces="fmus.physics.ancf.cable_local", densities="fmus.physics.ancf.cable_engineering")
+@implemented_in(forces=".cable_local", densities=".cable_engineering")
 class EngineeringCable(Cable):
     """Parameters of a link with the elasticity of ``cable_engineering``."""
 

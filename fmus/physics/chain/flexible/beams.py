@@ -37,13 +37,9 @@ PIN_AXIS = [4]  # index in a pin of its axis' y component, 1 at rest
 
 
 @implemented_in(
-    dynamics="fmus.physics.chain.flexible.dynamics",
-    elements="fmus.physics.chain.flexible.beams",
-    axes="fmus.physics.chain.flexible.fixed_axes",
-    joints="fmus.physics.chain.flexible.eliminated_joints",
-    faces="fmus.physics.chain.flexible.beam_faces",
-    guides="fmus.physics.chain.guides",
-)
+    dynamics=".dynamics", elements=".beams", axes=".fixed_axes", joints=".eliminated_joints", faces=".beam_faces",
+    guides="..guides",
+)  # fmt: skip
 class Beams(NamedTuple):
     """Parameters of a chain of equal links."""
 

@@ -31,13 +31,9 @@ PIN_AXIS: list[int] = []  # index in a pin of its axis' y component, 1 at rest; 
 
 
 @implemented_in(
-    dynamics="fmus.physics.chain.flexible.dynamics",
-    elements="fmus.physics.chain.flexible.cables",
-    axes="fmus.physics.chain.flexible.fixed_axes",
-    joints="fmus.physics.chain.flexible.eliminated_joints",
-    faces="fmus.physics.chain.flexible.cable_faces",
-    guides="fmus.physics.chain.unguided",
-)
+    dynamics=".dynamics", elements=".cables", axes=".fixed_axes", joints=".eliminated_joints", faces=".cable_faces",
+    guides="..unguided",
+)  # fmt: skip
 class Cables(NamedTuple):
     """Parameters of a chain of equal links."""
 

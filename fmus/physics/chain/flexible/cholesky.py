@@ -33,7 +33,7 @@ from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.on_links import JOINT
 
 
-@implemented_in(dynamics="fmus.physics.chain.flexible.cholesky")
+@implemented_in(dynamics=".cholesky")
 class CholeskyLinks(NamedTuple):
     """Links in Cholesky coordinates; m coordinates shared a pin, n a link's own."""
 

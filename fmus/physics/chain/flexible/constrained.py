@@ -30,10 +30,7 @@ LAYOUT = arranged([0, 1, 2, 3, 4, 5], [0, 1, 2, 3, 4, 5], cables.LAYOUT.outer.to
 PLANE = np.array([[0, 2], [3, 5]])  # indices in a node of the x and z components of each of its vectors
 
 
-@implemented_in(
-    elements="fmus.physics.chain.flexible.constrained",
-    joints="fmus.physics.chain.flexible.constrained_joints",
-)
+@implemented_in(elements=".constrained", joints=".constrained_joints")
 class ConstrainedCables(Cables):
     """Parameters of a chain of equal links that share no pins."""
 

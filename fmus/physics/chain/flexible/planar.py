@@ -23,7 +23,7 @@ FREE = 0  # size of the state of the axes: fixed
 PLANE = np.array([[0, 1], [2, 3], [4, 5]])  # indices in a pin of the x and z components of each of its vectors
 
 
-@implemented_in(elements="fmus.physics.chain.flexible.planar")
+@implemented_in(elements=".planar")
 class PlanarCables(Cables):
     """Parameters of a chain of equal links of elements with two axes."""
 

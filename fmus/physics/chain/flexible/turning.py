@@ -24,13 +24,9 @@ FREE = SIZE  # size of the state of the axes
 
 
 @implemented_in(
-    dynamics="fmus.physics.chain.flexible.dynamics",
-    elements="fmus.physics.chain.flexible.turning",
-    axes="fmus.physics.chain.flexible.free_axes",
-    joints="fmus.physics.chain.flexible.eliminated_joints",
-    faces="fmus.physics.chain.flexible.turning_faces",
-    guides="fmus.physics.chain.guides",
-)
+    dynamics=".dynamics", elements=".turning", axes=".free_axes", joints=".eliminated_joints", faces=".turning_faces",
+    guides="..guides",
+)  # fmt: skip
 class TurningCables(NamedTuple):
     """Parameters of a chain of equal links."""
 

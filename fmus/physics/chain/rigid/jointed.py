@@ -23,7 +23,7 @@ from fmus.physics.rigid import augmented, body, recursive
 from fmus.physics.vector import dot
 
 
-@implemented_in(dynamics="fmus.physics.chain.rigid.jointed")
+@implemented_in(dynamics=".jointed")
 class JointedLinks(NamedTuple):
     """Parameters of links that move in joint coordinates."""
 

@@ -26,11 +26,7 @@ from fmus.physics.vector import add, dot, scale, vector
 NONE = (0.0,) * 9  # the matrix of a constant force
 
 
-@implemented_in(
-    dynamics="fmus.physics.chain.rigid.dynamics",
-    faces="fmus.physics.chain.rigid.faces",
-    guides="fmus.physics.chain.guides",
-)
+@implemented_in(dynamics=".dynamics", faces=".faces", guides="..guides")
 class RigidLinks(NamedTuple):
     """Parameters of a chain of equal links."""
 
