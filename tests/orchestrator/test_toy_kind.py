@@ -65,7 +65,7 @@ with opened(Path("toy.mcap"), "chain", None) as again:
 with opened(Path("rigid.mcap"), "chain", "toy") as again:
     found["swapped"] = again.model.fmu.name
 part = assemble(scene).parts[0]
-found["native"] = held(part.kind, part.config, part.parameters)["parameters"]["integrator"]
+found["native"] = set(held(part.kind, part.config, part.parameters)["parameters"]) <= set(part.parameters)
 found["monolith"] = type(Monolith(parts_of(assemble(scene)), ()).models["chain"]).__module__
 found["check"] = Check(signal="chain.travel", track="toy", expected=1, tolerance=1).track
 found["shown"] = list(lines(scene))
@@ -105,7 +105,7 @@ def test_a_toy_kind_of_track_is_known_everywhere(house):
     assert found["toy"] == pytest.approx(2.0 * found["rigid"], rel=1e-9), "its links have twice the weight"
     assert (found["equal"], found["steps"]) == (True, 20)
     assert found["swapped"] == "TrackToy.fmu"
-    assert found["native"] == "generalized_alpha"
+    assert found["native"], "what a native FMU of it holds for good"
     assert found["monolith"] == "fmus.track_toy.model"
     assert found["check"] == "toy"
     shown = "\n".join(found["shown"])
