@@ -12,7 +12,6 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -59,13 +58,13 @@ def _done(kind: str) -> bool:
 
 
 def _child() -> None:
-    from fmus.build import KINDS  # the parent does not need it
+    from fmus.components import model_of  # the parent does not need it
 
     if hasattr(os, "nice"):
         os.nice(int(sys.argv[1]))
     kind, config, parameters = json.load(sys.stdin)
     with suppress(Exception):
-        model = import_module(f"fmus.{KINDS[kind].partition('/')[0]}.model").Model(config)
+        model = model_of(kind)(config)
         reals = [port for port in model.ports if isinstance(port.start, float)]
         given = {port.name: port.start for port in model.ports if port.causality == "parameter"}
         model.initialise(given | parameters)

@@ -22,17 +22,8 @@ from pathlib import Path
 from typing import Any
 
 from fmus.cache import CHECKSUM, cache_folder, keep, kept, own, tell, temporary, write
+from fmus.components import KINDS
 from fmus.jit import ROOT, source_hash, sources
-
-# kind of component -> its shell; the file names differ, because modules are global to a process
-KINDS = {
-    "TrackFlexible": "track_flexible/track_flexible_fmu.py",
-    "TrackRigid": "track_rigid/track_rigid_fmu.py",
-    "Chassis": "chassis/chassis_fmu.py",
-    "SprocketDrive": "sprocket_drive/sprocket_drive_fmu.py",
-    "SteeringDifferential": "steering_differential/steering_differential_fmu.py",
-    "Driver": "driver/driver_fmu.py",
-}
 
 
 class BuildFailed(RuntimeError):

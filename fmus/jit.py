@@ -3,8 +3,9 @@
 numba's own cache is keyed by the path of the source file (an FMU unpacked elsewhere compiles again) and looks
 at that file alone (an edited callee in another module is not noticed, and the old physics runs on). Here a
 kernel's place in the cache is a hash of its module and of every module of ours that it reaches by imports. An
-overload is one file, named by signature, processor and compiler and written at once: processes may compile side by
-side. One whose checksum does not hold is compiled again, because damaged machine code ends the process.
+overload is one file, named by signature, by the same hash of the classes in it, by processor and compiler, and written
+at once: processes may compile side by side. One whose checksum does not hold is compiled again, because damaged machine
+code ends the process.
 """
 
 from __future__ import annotations
@@ -16,9 +17,11 @@ import inspect
 import logging
 import pickle
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import cache, wraps
+from importlib import import_module
+from importlib.util import resolve_name
 from pathlib import Path
 from threading import Lock
 from typing import Any, TypeVar
@@ -36,8 +39,10 @@ from fmus.cache import cache_folder, keep, kept, own, spared
 
 COMPILED = logging.getLogger("cotrack.kernels")  # is told of each kernel that has to be compiled
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])  # a kernel has the type of the function that it is made of
+Class = TypeVar("Class", bound=type)
 ROOT = Path(__file__).resolve().parent  # the fmus tree this process runs
 PARSING = Lock()  # Python 3.11 counts the depth of a tree for all threads together
+IMPLEMENTED, REACHED = "_implemented", "_reached"  # attributes of a class: module by group of functions; their hash
 # numba's settings that make other machine code of the same source
 SETTINGS = ("BOUNDSCHECK", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "USING_SVML", "DEBUGINFO_DEFAULT")
 
@@ -67,7 +72,10 @@ def _statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
 
 @cache
 def _imports(path: Path, package: str) -> tuple[str, ...]:
-    """Absolute names that the source at ``path`` imports; of ``from a import b`` both ``a`` and ``a.b``."""
+    """Absolute names that the source at ``path`` imports; of ``from a import b`` both ``a`` and ``a.b``.
+
+    The modules that a class names by ``implemented_in`` are among them.
+    """
     found: list[str] = []
     with PARSING:
         tree = ast.parse(path.read_bytes())
@@ -78,6 +86,10 @@ def _imports(path: Path, package: str) -> tuple[str, ...]:
             parents = package.split(".")[: len(package.split(".")) - statement.level + 1] if statement.level else []
             base = ".".join([*parents, *filter(None, [statement.module])])
             found += [base, *(f"{base}.{alias.name}" for alias in statement.names)]
+        elif isinstance(statement, ast.ClassDef):
+            calls = [each for each in statement.decorator_list if ast.unparse(each).startswith("implemented_in(")]
+            names = [ast.literal_eval(keyword.value) for call in calls for keyword in call.keywords]  # type: ignore[attr-defined]
+            found += [resolve_name(name, package) for name in names]
     return tuple(found)
 
 
@@ -183,6 +195,14 @@ class _Overloads:
         return self._folder.glob(f"{self._stem}.*.kernel")
 
 
+def _classes(types: Iterable[Any]) -> Iterator[type]:
+    """Classes of the named tuples among numba types and inside them: they choose what a ``door`` leads to."""
+    for each in types:
+        if hasattr(each, "instance_class"):
+            yield each.instance_class
+        yield from _classes(getattr(each, "types", ()))
+
+
 class _Cache(FunctionCache):
     _impl_class = _Implementation
     counting = False  # whether the kernel counts references to arrays
@@ -197,6 +217,11 @@ class _Cache(FunctionCache):
         super().__init__(function)
         locator, stem = self._impl.locator, f"{self._impl.filename_base}{part}"
         self._cache_file: Any = _Overloads(Path(locator.get_cache_path()), stem, locator.get_source_stamp())
+
+    def _index_key(self, signature: Any, codegen: Any) -> tuple[Any, ...]:
+        """What tells overloads apart: besides numba's key the sources behind the doors for these arguments."""
+        hashes = {getattr(kind, REACHED, "") for kind in _classes(signature)}
+        return (*super()._index_key(signature, codegen), sorted(hashes))
 
     _guard_against_spurious_io_errors = staticmethod(spared)
 
@@ -285,11 +310,40 @@ def plain(function: Kernel) -> Kernel:
     return made
 
 
+def implemented_in(**modules: str) -> Callable[[Class], Class]:
+    """Declare in which modules the functions on a class of parameters are, by group of functions; subclasses inherit.
+
+    A module that begins with a dot is relative to the package of the class. It is imported when a ``door`` leads there,
+    not before; the hash of a kernel that takes the class follows it.
+    """
+
+    def declared(kind: Class) -> Class:
+        package = kind.__module__.rpartition(".")[0]
+        found = {group: resolve_name(name, package) for group, name in modules.items()}
+        setattr(kind, IMPLEMENTED, {**getattr(kind, IMPLEMENTED, {}), **found})
+        setattr(kind, REACHED, reachable_hash(kind.__module__, Path(str(sys.modules[kind.__module__].__file__))))
+        return kind
+
+    return declared
+
+
+def implementation(group: str) -> Callable[[type], Any]:
+    """Choice of a ``door``: the module of a ``group`` of functions on a class; TypeError where it declares none."""
+
+    def module_of(kind: type) -> Any:
+        module = getattr(kind, IMPLEMENTED, {}).get(group)
+        if module is None:
+            raise TypeError(f"{kind.__name__} does not declare in which module its {group} are: see jit.implemented_in")
+        return import_module(module)
+
+    return module_of
+
+
 def door(module_of: Callable[[type], Any], shared: bool = False) -> Callable[[Callable[..., Any]], Any]:
     """A stub for its namesakes in several modules: the type of its first argument says in which, ``module_of`` it.
 
     Kernels call kernels by import; a door chooses when its caller is compiled, so that nothing else is imported or
-    compiled. ``module_of`` imports what it returns by name: the hash of a kernel follows these imports.
+    compiled. ``module_of`` is an ``implementation``, or imports what it returns by name, which the hash follows too.
     A namesake becomes part of its caller; with ``shared`` it is compiled once for all of them, which is for those that
     are large or make arrays.
     """

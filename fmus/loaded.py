@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any, NamedTuple
 
+from fmus.components import KINDS, model_of
 from fmus.jit import ROOT, sources
 
 SHORT = 5  # links of a shortened chain
@@ -33,12 +34,11 @@ class Contents(NamedTuple):
 
 def contents(parts: Sequence[Recipe]) -> Contents:
     """Start the parts in a child process; raises BuildFailed with the last message of the child."""
-    from fmus.build import KINDS, BuildFailed  # the child does not need it
+    from fmus.build import BuildFailed  # the child does not need it
 
-    shells = [(KINDS[kind].removesuffix(".py").replace("/", "."), *rest) for kind, *rest in parts]
     child = subprocess.run(
         [sys.executable, "-m", "fmus.loaded"],
-        input=json.dumps(shells),
+        input=json.dumps(parts),
         text=True,
         capture_output=True,
         env={**os.environ, "PYTHONPATH": str(ROOT.parent), "NUMBA_DISABLE_JIT": "1"},
@@ -55,21 +55,21 @@ def contents(parts: Sequence[Recipe]) -> Contents:
 
 def _child() -> None:
     found: dict[str, list[Any]] = {"outputs": [], "link_outputs": [], "state": []}
-    for shell, config, parameters in json.load(sys.stdin):
-        model = _started(shell, config, parameters)
+    for kind, config, parameters in json.load(sys.stdin):
+        model = _started(kind, config, parameters)
         reals = sum(port.causality == "output" and isinstance(port.start, float) for port in model.ports)
         found["outputs"].append(reals - model.link_ports)
         found["link_outputs"].append(model.link_ports)
         found["state"].append(model.state.size)
-    modules = [name for name in sys.modules if name.startswith("fmus.") and name != __name__]
+    modules = [name for name in sys.modules if name.startswith("fmus.") and name not in (__name__, "fmus.components")]
     folders = {name.rpartition(".")[0] for name in modules}
     json.dump({**found, "modules": [name for name in modules if name not in folders]}, sys.stdout)
 
 
-def _started(shell: str, config: dict[str, Any], parameters: dict[str, Any]) -> Any:
-    import_module(f"fmus.{shell}")
-    model_of = import_module(f"fmus.{shell.partition('.')[0]}.model").Model
-    model = model_of(config)
+def _started(kind: str, config: dict[str, Any], parameters: dict[str, Any]) -> Any:
+    import_module(f"fmus.{KINDS[kind].removesuffix('.py').replace('/', '.')}")
+    made_by = model_of(kind)
+    model = made_by(config)
     given = {port.name: port.start for port in model.ports if port.causality == "parameter"} | parameters
     start = given.get("start")
     if start in ("displaced", "straight", "folded") or given.get("start.spin"):
@@ -77,7 +77,7 @@ def _started(shell: str, config: dict[str, Any], parameters: dict[str, Any]) -> 
         ends = dict(track["ends"] or {})
         if "last" in ends:
             ends["last"] = [x * SHORT / track["links"] for x in ends["last"]]
-        model_of({**config, "track": {**track, "links": SHORT, "ends": ends or None}}).initialise(given)
+        made_by({**config, "track": {**track, "links": SHORT, "ends": ends or None}}).initialise(given)
         model.tighten = lambda: None
     if start in ("rest", "displaced"):
         given["start"] = "polygon"

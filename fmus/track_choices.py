@@ -1,22 +1,28 @@
-"""Choices of a track's parameters, and combinations that exclude each other; for scenes and tracks."""
+"""Kinds of tracks, choices of their parameters, and combinations that exclude each other; for scenes and tracks."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 INTEGRATORS = IMPLICIT, EXPLICIT, HHT, ADAMS = "generalized_alpha", "runge_kutta", "hht", "adams"
 AXES = ("fixed", "free")
 JOINTS = ELIMINATED, CONSTRAINED = "eliminated", "constrained"
 COORDINATES = NODAL, CHOLESKY = "nodal", "cholesky"
 FORMULATIONS = AUGMENTED, RECURSIVE = "augmented", "recursive"
-DEFAULTS = {  # of the parameters that may exclude each other, by model
-    "flexible": {
-        "element": "cable", "elasticity": "small_deformation", "axes": "fixed", "joints": ELIMINATED,
-        "coordinates": NODAL, "integrator": IMPLICIT,
-    },
-    "rigid": {"formulation": AUGMENTED, "integrator": IMPLICIT},
-}  # fmt: skip
+DOFS = {"cable": (12, 4), "planar": (8, 2), "beam": (24, 6)}  # coordinates of a link, equations of a pin
+
+
+class TrackKind(NamedTuple):
+    """A kind of track; its functions take the parameters of its FMU by name."""
+
+    fmu: str  # kind of component; its model and its shell are in the folder of this name, see ``components``
+    links: str  # noun in sentences
+    defaults: Mapping[str, str]  # of the parameters that may exclude each other
+    conflict: Callable[[Mapping[str, Any]], str | None]  # reason, a sentence, why they do; None for no conflict
+    size: Callable[[Mapping[str, Any], int, int], str]  # bodies and equations of so many links and pins, in words
+    wide: Callable[[Mapping[str, Any]], bool]  # True for contact points beside the middle of a link, and guides
+    planar: Mapping[str, str] = {}  # values that motion in a plane needs; empty: there is none
 
 
 def conflict_of_links(p: Mapping[str, Any]) -> str | None:
@@ -50,3 +56,40 @@ def conflict_of_bodies(p: Mapping[str, Any]) -> str | None:
             f" '{EXPLICIT}' or '{ADAMS}'"
         )
     return None
+
+
+def size_of_links(p: Mapping[str, Any], links: int, pins: int) -> str:
+    """Size of a chain of flexible links, in words."""
+    own, shared = DOFS[p["element"]]
+    size = f"{links} elements, {own * links - shared * pins} dofs"
+    if p["joints"] == CONSTRAINED:
+        size = f"{links} elements, {own * links} dofs and {shared * pins} equations of pins"
+    size += " and 2 of their axes" if p["axes"] == "free" else ""
+    return size + (", Cholesky coordinates" if p["coordinates"] == CHOLESKY else "")
+
+
+def size_of_bodies(p: Mapping[str, Any], links: int, pins: int) -> str:
+    """Size of a chain of rigid links, in words."""
+    return f"{links} bodies, {pins} pins" + (", joint coordinates" if p["formulation"] == RECURSIVE else "")
+
+
+IN_PLANE = {"element": "cable", "elasticity": "small_deformation", "axes": "fixed", "joints": ELIMINATED}
+TRACKS = {  # by the name of the model in a scene
+    "flexible": TrackKind(
+        "TrackFlexible",
+        "flexible links",
+        {**IN_PLANE, "coordinates": NODAL, "integrator": IMPLICIT},
+        conflict_of_links,
+        size_of_links,
+        lambda p: p["element"] == "beam" or p["axes"] == "free",
+        IN_PLANE,
+    ),
+    "rigid": TrackKind(
+        "TrackRigid",
+        "rigid links",
+        {"formulation": AUGMENTED, "integrator": IMPLICIT},
+        conflict_of_bodies,
+        size_of_bodies,
+        lambda p: True,
+    ),
+}

@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from importlib.util import resolve_name
 from pathlib import Path
 
 import pytest
@@ -92,6 +93,13 @@ def imports(source: str) -> set[str]:
     return found
 
 
+def declared(source: str) -> set[str]:
+    """Modules that the classes of a source name by ``implemented_in``."""
+    calls = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)]
+    named = [call for call in calls if ast.unparse(call.func) == "implemented_in"]
+    return {ast.literal_eval(keyword.value) for call in named for keyword in call.keywords}
+
+
 def ours(modules: set[str], package: str) -> set[str]:
     """Modules of ``package`` among the imports, without names inside a module."""
     found = set()
@@ -115,7 +123,8 @@ def reachable(module: str, seen: set[str] | None = None) -> set[str]:
     if module in seen or not file.exists():
         return packages
     seen.add(module)
-    found = imports(file.read_text(encoding="utf-8"))
+    text = file.read_text(encoding="utf-8")
+    found = imports(text) | {resolve_name(name, module.rpartition(".")[0]) for name in declared(text)}
     for inner in ours(found, "fmus"):
         packages |= reachable(inner, seen)
     return packages | {name.split(".")[0] for name in found}

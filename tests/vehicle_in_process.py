@@ -18,12 +18,12 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.components import model_of
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
@@ -32,15 +32,6 @@ from orchestrator.scene.scene import Scene
 Floats = NDArray[np.float64]
 Overrides = Mapping[str, Mapping[str, float | int | str]]
 
-MODELS = {
-    "TrackFlexible": "fmus.track_flexible.model",
-    "TrackRigid": "fmus.track_rigid.model",
-    "Chassis": "fmus.chassis.model",
-    "SprocketDrive": "fmus.sprocket_drive.model",
-    "SteeringDifferential": "fmus.steering_differential.model",
-    "Driver": "fmus.driver.model",
-}
-
 
 class Member:
     """A running part: its model, its inputs ``u`` of the last step, its outputs ``y``, all by name."""
@@ -48,7 +39,7 @@ class Member:
     def __init__(self, part: Part, overrides: Overrides) -> None:
         self.name, self.kind, self.stage = part.name, part.kind, part.stage
         self.config = json.loads(json.dumps(part.config))  # as a component reads it
-        self.model: Any = import_module(MODELS[part.kind]).Model(self.config)
+        self.model: Any = model_of(part.kind)(self.config)
         real = [port for port in self.model.ports if isinstance(port.start, float)]
         self.inputs = [port.name for port in real if port.causality == "input"]
         outputs = [port.name for port in real if port.causality == "output"]

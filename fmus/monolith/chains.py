@@ -62,6 +62,8 @@ def size(model: TrackModel) -> int:
     element = getattr(model, "element", "cable")
     if element != "cable":
         raise InvalidParameter(f"element = '{element}': the monolith knows chains of cables only")
+    if type(model.s) not in MIRRORS:
+        raise InvalidParameter(f"the monolith knows no mirror image of the state of {type(model.link).__name__}")
     return sum(part.size for part in moving(model.s).values())
 
 

@@ -14,10 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.chassis.observe import put_sides
+from fmus.components import KINDS, folder, model_of
 from fmus.drives import mount as mounts
 from fmus.drives import shaft
 from fmus.drives.motor import SPEED, TORQUE, Drive
-from fmus.jit import reachable_hash
+from fmus.jit import ROOT, reachable_hash
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.monolith import chains as chain_parts
 from fmus.monolith.chains import BOOKS, Place
@@ -28,7 +29,7 @@ from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.rotation import quat_rotate
 from fmus.physics.vector import vector
 from fmus.ports import STATE, TOLERANCE, TOLERANCES, WRENCH
-from fmus.track_choices import ADAMS, EXPLICIT
+from fmus.track_choices import ADAMS, EXPLICIT, TRACKS
 
 RESOLVED = 32  # internal steps in a ramp of a drive's speed, at least
 JUMP = 1e-7  # s, the shortest ramp: a shorter one is as long as this
@@ -36,7 +37,7 @@ LONGEST = 1e-3  # s, internal step where nothing else bounds it
 INTEGRATORS = EQUAL, ADAPTIVE = EXPLICIT, ADAMS
 
 
-CHAINS = ("TrackFlexible", "TrackRigid")  # the kinds of parts that are chains
+CHAINS = tuple(track.fmu for track in TRACKS.values())  # kinds of parts that are chains
 JOINED = "SteeringDifferential"
 # what sprockets of a kind of drive are called, and where they stand in its state
 SPROCKETS = {"SprocketDrive": {"": 0}, JOINED: {"left.": 0, "right.": mounts.WIDTH}}
@@ -54,31 +55,16 @@ class Part(NamedTuple):
 
 
 def content() -> str:
-    """Hash of all sources that the monolith's physics can reach."""
-    return reachable_hash(__name__, Path(__file__))
-
-
-def _class(kind: str) -> Any:
-    if kind == "TrackFlexible":
-        from fmus.track_flexible.model import Model
-    elif kind == "TrackRigid":
-        from fmus.track_rigid.model import Model  # type: ignore[assignment]
-    elif kind == "Chassis":
-        from fmus.chassis.model import Model  # type: ignore[assignment]
-    elif kind == "SprocketDrive":
-        from fmus.sprocket_drive.model import Model  # type: ignore[assignment]
-    elif kind == JOINED:
-        from fmus.steering_differential.model import Model  # type: ignore[assignment]
-    elif kind == "Driver":
-        from fmus.driver.model import Model  # type: ignore[assignment]
-    else:
-        raise InvalidParameter(f"a monolith has no part of kind '{kind}'")
-    return Model
+    """Hash of all sources that the monolith's physics can reach, those of the components' models included."""
+    models = [reachable_hash(f"fmus.{folder(kind)}.model", ROOT / folder(kind) / "model.py") for kind in KINDS]
+    return "".join([reachable_hash(__name__, Path(__file__)), *models])
 
 
 def started(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | int | str]) -> Any:
     """A model of a component at its start; raises InvalidParameter or StepFailed."""
-    model = _class(kind)(config)
+    if kind not in KINDS:
+        raise InvalidParameter(f"a monolith has no part of kind '{kind}'")
+    model = model_of(kind)(config)
     known = {port.name: port.start for port in model.ports if port.causality == "parameter"}
     unknown = [name for name in parameters if name not in known]
     if unknown:

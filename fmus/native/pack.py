@@ -7,13 +7,13 @@ import json
 import tempfile
 import uuid
 from collections.abc import Mapping, Sequence
-from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import tostring
 
-from fmus.build import KINDS, BuildFailed, archive, built
+from fmus.build import BuildFailed, archive, built
+from fmus.components import KINDS, model_of
 from fmus.defaults import KEY, check_names, configured, given
 from fmus.description import document
 from fmus.jit import source_hash
@@ -69,7 +69,7 @@ def held(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | 
 
 
 def _model(kind: str, config: Mapping[str, Any]) -> Any:
-    return import_module(f"fmus.{KINDS[kind].partition('/')[0]}.model").Model(config)
+    return model_of(kind)(config)
 
 
 def _pack(kind: str, config: Mapping[str, Any], guid: str, platforms: Sequence[Platform] = (LINUX,)) -> bytes:

@@ -16,6 +16,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
+from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.cli import printed
 from orchestrator.cosim.narration import Narration
@@ -25,13 +26,7 @@ FMI_WARNING = 1
 LOST = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, errno.EDQUOT)  # errors of a stream that accepts no more data
 
 
-class TrackModel(StrEnum):
-    """The two track models."""
-
-    flexible = "flexible"
-    rigid = "rigid"
-
-
+TrackModel = StrEnum("TrackModel", [*TRACKS])  # type: ignore[misc]
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="a name of the gallery or a TOML file")]
 LogPath = Annotated[Path, typer.Argument(metavar="LOG", help="an MCAP log")]
 TrackOption = Annotated[TrackModel | None, typer.Option("--track", help="the track model, instead of the scene's")]

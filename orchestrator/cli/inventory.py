@@ -7,12 +7,12 @@ from math import isclose
 from typing import Any
 
 from fmus.loaded import contents
+from fmus.track_choices import TRACKS
 from orchestrator.scene.assembly import Assembly, assemble
-from orchestrator.scene.parts import DRIVE, DRIVER, TRACK, TRACKS, Part
+from orchestrator.scene.parts import DRIVE, DRIVER, TRACK, Part
 from orchestrator.scene.scene import Scene, VehicleScene
 from orchestrator.scene.tables import Check
 
-DOFS = {"cable": (12, 4), "planar": (8, 2), "beam": (24, 6)}  # coordinates of a link, equations of a pin
 CHASSIS_PARTS = "the chassis with its suspension, road wheels and tensioners"
 CONTACTS = ("contact with wheels and teeth", "contact with the ground")
 
@@ -67,16 +67,7 @@ def _size(scene: Scene, part: Part) -> str:
         track = part.config["track"]
         links, pins = track["links"], track["links"] - (0 if track["closed"] else 1)
         pins -= bool(track["closed"] and scene.track.closure == "spring")
-        if part.kind == TRACKS["flexible"]:
-            own, shared = DOFS["planar" if scene.planar else scene.track.element or "cable"]
-            size = f"{links} elements, {own * links - shared * pins} dofs"
-            if scene.track.joints == "constrained":
-                size = f"{links} elements, {own * links} dofs and {shared * pins} equations of pins"
-            size += " and 2 of their axes" if scene.track.axes == "free" else ""
-            size += ", Cholesky coordinates" if scene.track.coordinates == "cholesky" else ""
-        else:
-            size = f"{links} bodies, {pins} pins"
-            size += ", joint coordinates" if scene.track.formulation == "recursive" else ""
+        size = scene.track.kind.size({**scene.track.kind.defaults, **part.parameters}, links, pins)
         count = len(track["wheels"])
         wheels = "1 wheel" if count == 1 else f"{count} wheels"
         return f"{size}, {wheels}, {'ground' if track['ground'] else 'no ground'}"
@@ -96,11 +87,10 @@ def _size(scene: Scene, part: Part) -> str:
 def _absent(scene: Scene, assembly: Assembly) -> list[str]:
     kinds = {part.kind for part in assembly.parts}
     tracks = [part.config["track"] for part in assembly.parts if part.stage == TRACK]
-    other = "rigid" if scene.track.model == "flexible" else "flexible"
     wheels = max((len(track["wheels"]) for track in tracks), default=0)
     mirrored = isinstance(scene, VehicleScene) and scene.symmetric
     absent = {
-        f"the {other} track model ({TRACKS[other]})": True,
+        **{f"the {name} track model ({kind.fmu})": kind != scene.track.kind for name, kind in TRACKS.items()},
         CHASSIS_PARTS: "Chassis" not in kinds,
         "drives": not kinds & {"SprocketDrive", "SteeringDifferential"},
         "a steering differential": "SteeringDifferential" not in kinds,
@@ -141,7 +131,7 @@ def pairs(scene: Scene, part: Part) -> list[str]:
     track = part.config["track"]
     links, kinds = track["links"], [wheel["kind"] for wheel in track["wheels"]]
     pins, rims = links + (0 if track["closed"] else 1), kinds.count("rim")
-    wide = scene.track.model == "rigid" or scene.track.element == "beam" or scene.track.axes == "free"
+    wide = scene.track.kind.wide(scene.track.choices())
     points = 4 if wide else 2  # two pairs of points across a link
     found = {
         f"teeth: {kinds.count('teeth')} sprocket x {pins} pins": "teeth" in kinds,

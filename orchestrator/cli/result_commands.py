@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.cli import printed
 from orchestrator.cli.common import LogPath, Settings, leave, warn
@@ -23,7 +24,7 @@ def replay(
     ] = None,
     other: Annotated[
         str | None,
-        typer.Option("--with", metavar="rigid|flexible|FMU", help="another model under the recorded motion"),
+        typer.Option("--with", metavar="|".join((*TRACKS, "FMU")), help="another model under the recorded motion"),
     ] = None,
     settings: Settings = None,
     output: Annotated[

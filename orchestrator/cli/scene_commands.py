@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.cli.common import SceneName, Settings, TrackOption
 
@@ -48,7 +49,6 @@ def build(
     Without a scene: the four standard FMUs; with --all: the FMUs of the whole gallery.
     """
     from orchestrator.scene import products
-    from orchestrator.scene.parts import TRACKS
     from orchestrator.scene.scene import load
 
     if scene is not None and everything:

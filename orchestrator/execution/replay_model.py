@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, shown
 from orchestrator.cosim.component import Component, Logger
 from orchestrator.cosim.graph import Instance, System
@@ -22,7 +23,7 @@ from orchestrator.log.log_format import BRANCHED
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER
 from orchestrator.scene.assembly import assemble, build_parts
-from orchestrator.scene.parts import TRACKS, Part
+from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene, changed, from_table
 
@@ -83,7 +84,7 @@ class Again(NamedTuple):
 def opened(
     path: Path, name: str, other: str | None, logger: Logger | None = None, settings: Sequence[str] = ()
 ) -> Iterator[Again]:
-    """Open the component ``name`` of a log, or ``other`` ("rigid", "flexible", an FMU file) in its place.
+    """Open the component ``name`` of a log, or ``other`` (a track model or an FMU file) in its place.
 
     ``settings``, KEY=VALUE, change the scene in the log; recording and idler position stay. Raises BadInput, Unfit,
     BuildFailed, ComponentFailed, LogUnreadable, NoSuchSignal.
@@ -125,7 +126,7 @@ def _entry(log: Log, name: str) -> dict[str, Any]:
 def _theirs(log: Log, entry: Mapping[str, Any], fmu: Path) -> Model:
     """Return the model of a given FMU, with the parameters of the recorded component; raises BadInput."""
     if not fmu.is_file():
-        raise BadInput(f"no FMU '{fmu}': give rigid, flexible or an .fmu file")
+        raise BadInput(f"no FMU '{fmu}': give {', '.join(TRACKS)} or an .fmu file")
     ran = sha256(fmu) == entry["sha256"]
     scene = _scene(log) if ran and "scene.json" in log.attachments else None
     return Model(fmu, entry.get("parameters", {}), entry.get("stage", 0), scene, ran)
@@ -145,7 +146,7 @@ def _ours(log: Log, entry: Mapping[str, Any], track: str | None, settings: Seque
     if settings:
         scene = changed(scene.resolved(), settings, f"{log.path}: scene.json")
     part = _part(scene, name)
-    if track is not None and part.kind != TRACKS[track]:
+    if track is not None and part.kind != TRACKS[track].fmu:
         raise BadInput(f"--with {track}: '{name}' is no track")
     native = track is None and log.metadata.get("run", {}).get("fmus") == NATIVE
     fmu = build_parts([part], native)[0]

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from fmus.ahead import begun
 from fmus.build import BuildFailed
+from fmus.track_choices import TRACKS
 from orchestrator.cosim import checkpoint, master
 from orchestrator.cosim.component import Component, ComponentFailed, Logger
 from orchestrator.cosim.coupling import SCHEMES, power_residual
@@ -312,9 +313,10 @@ def _compiled_beside(scene: Scene) -> list[subprocess.Popen[str]]:
         return []
     parts = reversed(assemble(scene).parts)  # the first part of each kind; its start does not depend on inputs
     kinds = {part.kind: (part.kind, part.config, part.parameters) for part in parts}
-    kinds.pop("TrackFlexible", None)
+    kinds.pop(TRACKS["flexible"].fmu, None)
+    tracks = [track.fmu for track in TRACKS.values()]
     # Longest compilation first: on two cores the others get their share when the search is done.
-    begun_now = [begun(part, 0 if kind == "TrackRigid" else LATER) for kind, part in kinds.items()]
+    begun_now = [begun(part, 0 if kind in tracks else LATER) for kind, part in kinds.items()]
     return [process for process in begun_now if process is not None]
 
 

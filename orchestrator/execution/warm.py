@@ -9,8 +9,8 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
+from fmus.track_choices import TRACKS
 from orchestrator.scene import gallery
-from orchestrator.scene.parts import TRACKS
 from orchestrator.scene.scene import load
 
 SOON = "run.stop=10 ms"

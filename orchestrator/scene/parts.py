@@ -9,14 +9,12 @@ from fmus.equilibrium import upright
 from fmus.link_outputs import INTERVAL
 from fmus.ports import wheel_state, wrench
 from fmus.stance import Stance
+from fmus.track_choices import TRACKS
 from orchestrator.cosim.graph import Connection
 from orchestrator.scene.drive_tables import Drive, Driver
 from orchestrator.scene.scene import RigScene, Scene, VehicleScene
 from orchestrator.scene.start_tables import VehicleStart
 from orchestrator.scene.values import Side
-
-TRACKS = {"flexible": "TrackFlexible", "rigid": "TrackRigid"}
-
 
 SIDES: dict[Side, float] = {"left": 1.0, "right": -1.0}  # sign of y
 
@@ -189,7 +187,7 @@ def track_part(scene: Scene, name: str, config: dict[str, Any], lateral: float =
         parameters["element"] = "planar"
     if scene.track.link_outputs:
         parameters[INTERVAL] = float(scene.links_every)
-    return Part(name, TRACKS[scene.track.model], config, parameters, TRACK)
+    return Part(name, TRACKS[scene.track.model].fmu, config, parameters, TRACK)
 
 
 def drive_part(

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fmus.link_outputs import INTERVAL
+from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import Product, assemble, build_all, build_native_all
-from orchestrator.scene.parts import TRACKS, Part
+from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene, load
 

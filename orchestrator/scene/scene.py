@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from fmus.ranges import outside
+from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, Table, Vehicle, read_table, sentence, shown
 from orchestrator.scene import gallery, points
 from orchestrator.scene.drive_tables import Drive, Driver, VehicleDrive
@@ -29,8 +30,6 @@ from orchestrator.scene.values import SIDES, Side, off
 
 # Settings of a drive in mode controller that are allowed beside a driver.
 OF_CONTROLLERS = ("torque_limit", "brake", "brake_points", "engine_points", "gear_ratio")
-# Link settings of a planar scene.
-PLANAR = {"element": "cable", "elasticity": "small_deformation", "axes": "fixed", "joints": "eliminated"}
 OUTSIDE = 1.2  # speed of the outer track in a turn, relative to the vehicle
 SHORT = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys that may stand for one of their own
 
@@ -91,9 +90,11 @@ class Scene(Table):
     def _in_its_plane(self) -> Scene:
         if not self.planar:
             return self
-        if self.track.model == "rigid":
-            raise ValueError("planar = true needs track.model = 'flexible': rigid links keep their six coordinates")
-        for key, only in PLANAR.items():
+        kind = self.track.kind
+        if not kind.planar:
+            others = " or ".join(f"'{name}'" for name, track in TRACKS.items() if track.planar)
+            raise ValueError(f"planar = true needs track.model = {others}: {kind.links} keep their six coordinates")
+        for key, only in kind.planar.items():
             if getattr(self.track, key) not in (None, only):
                 raise ValueError(f"planar = true needs track.{key} = '{only}', not '{getattr(self.track, key)}'")
         return self
@@ -225,9 +226,8 @@ class VehicleScene(Scene):
 
     def with_axes(self) -> VehicleScene:
         """The scene with free axes, if none are given, for cables of a vehicle that may turn or roll."""
-        track = self.track
-        cables = track.model == "flexible" and track.element != "beam"
-        if not cables or track.axes is not None or not (self.turns or len(self.tracks) == 1):
+        track, in_plane = self.track, not self.turns and len(self.tracks) != 1
+        if in_plane or track.axes is not None or track.choices().get("element") != "cable":
             return self
         return self.model_copy(update={"track": track.model_copy(update={"axes": "free"})})
 

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from fmus.vehicle import Distance, Force, In, Table
 from orchestrator.results import measures
 from orchestrator.scene.gallery import hint
-from orchestrator.scene.values import Time
+from orchestrator.scene.values import Time, TrackName
 
 
 class Check(Table):
@@ -24,7 +24,7 @@ class Check(Table):
     expected: Annotated[float, Field(allow_inf_nan=False)]
     tolerance: Annotated[float, Field(ge=0, allow_inf_nan=False)]
     relative: bool = False  # the tolerance is a fraction of the expected value
-    track: Literal["flexible", "rigid"] | None = None  # only for this track model
+    track: TrackName | None = None  # only for this track model
 
     @model_validator(mode="after")
     def _one_source(self) -> Check:

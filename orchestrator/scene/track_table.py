@@ -8,9 +8,9 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from fmus.link_outputs import GROUPS, STANDARD
 from fmus.ports import TOLERANCES
-from fmus.track_choices import DEFAULTS, conflict_of_bodies, conflict_of_links
+from fmus.track_choices import TRACKS, TrackKind
 from fmus.vehicle import In, Table
-from orchestrator.scene.values import Duration
+from orchestrator.scene.values import Duration, TrackName
 
 Tolerance = Annotated[float, Field(ge=TOLERANCES.least, le=TOLERANCES.most)]
 
@@ -36,23 +36,17 @@ class Sets(NamedTuple):
     """Annotation of a key of ``[track]``: the FMU parameter that it sets."""
 
     parameter: str = ""  # parameter of the track's FMU; empty: the name of the key
-    model: str = ""  # the only model that has it; empty: both
+    model: str = ""  # the only model that has it; empty: all
     method: bool = False  # True for the method of computation, False for the mechanics
 
 
 FLEXIBLE, FLEXIBLE_METHOD, METHOD = Sets(model="flexible"), Sets(model="flexible", method=True), Sets(method=True)
 
 
-LINKS = {"flexible": "flexible links", "rigid": "rigid links"}
-
-
-CONFLICTS = {"flexible": conflict_of_links, "rigid": conflict_of_bodies}
-
-
 class Track(Table):
     """Track model and its parameters; the model's defaults apply to the rest."""
 
-    model: Literal["flexible", "rigid"]
+    model: TrackName
     element: Annotated[Literal["cable", "beam"] | None, FLEXIBLE] = None
     elasticity: Annotated[Elasticity | None, FLEXIBLE] = None  # of cables
     # Of cables: fixed ones stay in their plane. Default: by the scene.
@@ -85,6 +79,15 @@ class Track(Table):
         given = self.model_dump(exclude_none=True)
         return {one.parameter or key: given[key] for key, one in self.sets().items() if key in given}
 
+    @property
+    def kind(self) -> TrackKind:
+        """Kind of track."""
+        return TRACKS[self.model]
+
+    def choices(self) -> dict[str, Any]:
+        """Given parameters, and the defaults of those that may exclude each other."""
+        return {**self.kind.defaults, **self.parameters()}
+
     def of_model(self, model: str) -> Track:
         """The same track of another model, without settings of one model only and with the default integrator."""
         own = {key: None for key, one in self.sets().items() if one.model or key == "integrator"}
@@ -95,11 +98,11 @@ class Track(Table):
         for key, one in self.sets().items():
             value = getattr(self, key)
             if one.model not in ("", self.model) and value is not None:
-                raise ValueError(f"{key} = '{value}' needs model = '{one.model}': {LINKS[self.model]} have none")
+                raise ValueError(f"{key} = '{value}' needs model = '{one.model}': {self.kind.links} have none")
         for key in ("rtol", "atol"):
             if getattr(self, key) is not None and self.integrator != "adams":
                 raise ValueError(f"{key} = {getattr(self, key):g} needs integrator = 'adams': others take equal steps")
-        if conflict := CONFLICTS[self.model]({**DEFAULTS[self.model], **self.parameters()}):
+        if conflict := self.kind.conflict(self.choices()):
             raise ValueError(conflict)
         return self
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
+from fmus.track_choices import TRACKS
 from fmus.vehicle import In
 from orchestrator.log.message_records import MOST_STEPS
 
@@ -19,6 +20,12 @@ Place = Annotated[float, In("m", ge=-1e6, le=1e6)]  # beyond, a double cannot re
 
 
 Every = Annotated[int, Field(ge=1, le=MOST_STEPS)]
+
+
+if TYPE_CHECKING:
+    TrackName = str
+else:
+    TrackName = Literal[tuple(TRACKS)]  # the track model
 
 
 Side = Literal["left", "right"]

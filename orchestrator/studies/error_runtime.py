@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from fmus.track_choices import TRACKS
 from orchestrator.execution.estimate import estimate
 from orchestrator.execution.truth import ORDER, truth
 from orchestrator.results.difference import differences_of_logs, worst
@@ -25,7 +26,6 @@ __all__ = ["TITLE", "WORKERS", "cases", "table", "write"]
 
 TITLE = "Error against run time"
 WORKERS = 1  # timed runs need the machine for themselves
-MODELS = ("flexible", "rigid")
 QUICK = {
     "chain": "run.stop=0.5 s",
     "vehicle": "run.stop=2.5 s",
@@ -103,7 +103,7 @@ def cases(quick: bool, scene: str = "straight") -> list[Case]:
     if found.run.variable is not None:
         methods = PACED
     wanted = []
-    for model in MODELS[:1] if quick else MODELS:
+    for model in [*TRACKS][: 1 if quick else None]:
         wanted.append(Case(scene, f"truth, {model}", own_error, (scene, model, base), 600.0, 7200.0))
         for method in methods:
             if quick and "Runge" in method.name and found.assembly != "chain":

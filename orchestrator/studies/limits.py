@@ -90,7 +90,7 @@ def link_frequency(scene: Scene) -> float:
 
 def predicted(scene: Scene) -> tuple[float, str]:
     """Longest step, s, and its cause; NaN without a limit (implicit links alone)."""
-    if scene.track.integrator == "runge_kutta" and scene.track.model == "flexible":
+    if scene.track.integrator == "runge_kutta" and "element" in scene.track.choices():
         return explicit_limit(link_frequency(scene), scene.vehicle.material.relaxation_time), "highest mode of a link"
     if not isinstance(scene, VehicleScene):
         return math.nan, ""

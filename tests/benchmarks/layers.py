@@ -16,7 +16,7 @@ from fmus.build import build
 from orchestrator.cosim.component import Component
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log, Series
-from orchestrator.scene.parts import TRACKS, Part
+from orchestrator.scene.parts import TRACK, Part
 from orchestrator.studies.tables import ABOUT, COST, Column, Table
 from tests.benchmarks import exchange, kernels, own
 from tests.benchmarks.timing import Floats, laps, per_step
@@ -101,7 +101,7 @@ def replayed(part: Part, inputs: Series, outputs: Series, repeats: int) -> tuple
                 times[key].append(each)
     steps = len(inputs.t)
     layer = {key: per_step(each, steps // 2) for key, each in times.items()}
-    if model is None or part.kind not in TRACKS.values():
+    if model is None or part.stage != TRACK:
         return layer, {}
     evaluations, matrices = (model.counters[1:3] / steps).tolist()
     return layer, {**kernels.parts(part.kind, model, H, repeats), "evaluations": evaluations, "matrices": matrices}

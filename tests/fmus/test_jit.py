@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import types
+from importlib.util import resolve_name
 from pathlib import Path
 
 import numba
@@ -367,28 +368,31 @@ def test_kernels_that_make_arrays_say_so():
 
 
 def behind_doors() -> list[tuple[str, str]]:
-    """Return pairs of a module with late imports (``door``) and a module that it imports so."""
+    """Return pairs of a module of doors, or of classes that choose behind doors, and a module that it leads to."""
     found = []
     for path in jit.sources():
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        if not any(
-            "door(" in ast.unparse(mark) for part in ast.walk(tree) for mark in getattr(part, "decorator_list", ())
-        ):
-            continue
         module = ".".join(("fmus", *path.relative_to(jit.ROOT).with_suffix("").parts))
-        found += [
-            (module, f"{line.module}.{line.names[0].name}")
-            for opener in tree.body
-            if isinstance(opener, ast.FunctionDef)
-            for line in ast.walk(opener)
-            if isinstance(line, ast.ImportFrom)
-        ]
+        marks = [mark for part in ast.walk(tree) for mark in getattr(part, "decorator_list", ())]
+        calls = [mark for mark in marks if isinstance(mark, ast.Call)]
+        for call in calls:
+            if ast.unparse(call.func) == "implemented_in":
+                package = module.rpartition(".")[0]
+                found += [(module, resolve_name(ast.literal_eval(each.value), package)) for each in call.keywords]
+        if any("door(" in ast.unparse(call) for call in calls):
+            found += [
+                (module, f"{line.module}.{line.names[0].name}")
+                for opener in tree.body
+                if isinstance(opener, ast.FunctionDef)
+                for line in ast.walk(opener)
+                if isinstance(line, ast.ImportFrom)
+            ]
     return found
 
 
 @pytest.mark.long
 def test_an_edit_behind_any_door_is_another_kernel(tmp_path):
-    """An edit behind a late import changes the hash of every kernel that reaches it."""
+    """An edit behind a door changes the hash of every kernel that reaches the door or takes the class that chooses."""
     tree = tmp_path / "fmus"
     shutil.copytree(jit.ROOT, tree, ignore=shutil.ignore_patterns("__pycache__", "*.md"))
 
@@ -398,26 +402,25 @@ def test_an_edit_behind_any_door_is_another_kernel(tmp_path):
         return jit.reachable_hash(module, tmp_path.joinpath(*module.split(".")).with_suffix(".py"))
 
     openings = behind_doors()
-    assert len(openings) >= 15
+    assert len(openings) >= 30
     for door, opened in openings:
-        callers = [door] + ["fmus.physics.chain.implicit"] * ("chassis" not in door)
-        path, before = tmp_path.joinpath(*opened.split(".")).with_suffix(".py"), [fingerprint(name) for name in callers]
+        path, before = tmp_path.joinpath(*opened.split(".")).with_suffix(".py"), fingerprint(door)
         text = path.read_text(encoding="utf-8")
         path.write_text(text + "# edited\n", encoding="utf-8")
-        assert all(fingerprint(name) != was for name, was in zip(callers, before, strict=True)), opened
+        assert fingerprint(door) != before, opened
         path.write_text(text, encoding="utf-8")
     jit.reachable_hash.cache_clear()
     jit._imports.cache_clear()
 
 
 DOOR = """
-from fmus.jit import allocating, door
+from fmus.jit import allocating, door, implementation
 
 def one(kind):
-    from parts import {0}
-    return {0}
+    from parts import room
+    return room
 
-@door(one, shared={1})
+@door({0}, shared={1})
 def value(x):
     pass
 
@@ -425,18 +428,34 @@ def value(x):
 def doubled(x):
     return 2.0 * value(x)
 """
+KIND = """
+from typing import NamedTuple
+from fmus.jit import implemented_in
+
+@implemented_in(values=".room")
+class Kind(NamedTuple):
+    x: float
+
+class Heavy(Kind):  # inherits what its base declares
+    __slots__ = ()
+
+class Stranger(NamedTuple):
+    x: float
+"""
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("shared", [False, True])
-def test_an_edit_behind_a_door_compiles_its_caller_again(environment, tmp_path, shared):
+@pytest.mark.parametrize("choice", ["one", "implementation('values')"])
+def test_an_edit_behind_a_door_compiles_its_caller_again(environment, tmp_path, choice, shared):
     package = tmp_path / "parts"
     package.mkdir()
     (package / "__init__.py").touch()
-    (package / "doors.py").write_text(DOOR.format("room", shared))
+    (package / "doors.py").write_text(DOOR.format(choice, shared))
+    (package / "kinds.py").write_text(KIND)
     path = f"{tmp_path}:{jit.ROOT.parent}"
-    program = "import logging; logging.basicConfig(level=logging.INFO); from typing import NamedTuple\n"
-    program += "from parts.doors import doubled; print(doubled(NamedTuple('Kind', [('x', float)])(1.5)))"
+    program = "import logging; logging.basicConfig(level=logging.INFO); from parts.kinds import Heavy\n"
+    program += "from parts.doors import doubled; print(doubled(Heavy(1.5)))"
 
     def told(factor: float) -> tuple[str, bool]:
         (package / "room.py").write_text(
@@ -450,3 +469,19 @@ def test_an_edit_behind_a_door_compiles_its_caller_again(environment, tmp_path, 
         return done.stdout.strip(), "doubled" in done.stderr
 
     assert [told(1.0), told(1.0), told(3.0)] == [("3.0", True), ("3.0", False), ("9.0", True)]
+
+
+def test_a_door_refuses_a_class_that_it_does_not_know(tmp_path, monkeypatch, clean_imports):
+    package = tmp_path / "parts"
+    package.mkdir()
+    for name, text in (("__init__", ""), ("doors", DOOR.format("implementation('values')", False)), ("kinds", KIND)):
+        (package / f"{name}.py").write_text(text)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    from parts.doors import doubled, value
+    from parts.kinds import Stranger
+
+    said = "Stranger does not declare in which module its values are"
+    with pytest.raises(TypeError, match=said):
+        value(Stranger(1.0))
+    with pytest.raises(numba.TypingError, match=said):
+        doubled(Stranger(1.0))

@@ -23,13 +23,13 @@ from fmus.driver.model import Model as Driver
 from fmus.slave import BUILD, Slave
 from fmus.sprocket_drive.model import Model as SprocketDrive
 from fmus.steering_differential.model import Model as SteeringDifferential
+from fmus.track_choices import TRACKS
 from fmus.track_flexible.model import Model as TrackFlexible
 from fmus.track_rigid.model import Model as TrackRigid
 from mirror import chassis_checks, drive_checks, driver_checks, joined_checks, runs, track_checks
 from mirror.check import FAULTS, View
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble
-from orchestrator.scene.parts import TRACKS
 from orchestrator.scene.scene import load
 
 CHECKS = {

@@ -1,6 +1,5 @@
 import json
 from contextlib import nullcontext
-from importlib import import_module
 from typing import Annotated, Literal, get_args, get_origin
 
 import numpy as np
@@ -8,9 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fmus import vehicle
+from fmus.components import model_of
 from fmus.start import orientation, start
 from fmus.track import STARTS
-from fmus.track_choices import DEFAULTS
+from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.cli.inventory import describe
 from orchestrator.execution.truth import bare
@@ -225,8 +225,7 @@ def test_coordinates_are_for_explicit_integrators():
 def test_keys_of_a_track_are_parameters_of_its_fmu(model):
     """Keys of a track are parameters of its FMU, with their choices and defaults."""
     part = assemble(load("rig", model)).parts[0]
-    shell = import_module(f"fmus.track_{model}.model").Model
-    ports = {port.name: port for port in shell(part.config).ports}
+    ports = {port.name: port for port in model_of(part.kind)(part.config).ports}
     for key, sets in Track.sets().items():
         if sets.model in ("", model):
             port = ports[sets.parameter or key]
@@ -234,7 +233,7 @@ def test_keys_of_a_track_are_parameters_of_its_fmu(model):
             chosen = next((get_args(one) for one in asked if get_origin(one) is Literal), ())
             assert set(chosen) <= {*(STARTS if key == "start" else port.choices)}, "an unknown start"
             assert {*port.choices} - set(chosen) <= {"planar"}, "scenes have a key of their own for this choice"
-    for name, value in DEFAULTS[model].items():
+    for name, value in TRACKS[model].defaults.items():
         assert ports[name].start == value
 
 

@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import allocating, kernel
+from fmus.jit import allocating, implemented_in, kernel
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 from fmus.physics.arrays import Floats
@@ -42,6 +42,7 @@ SEES = np.array(
 )  # section vectors that a vector of the element changes; where the first is 0, r_x, there is no second
 
 
+@implemented_in(forces=".beam", masses=".beam")
 class Beam(NamedTuple):
     """Parameters of one element with a rectangular section."""
 

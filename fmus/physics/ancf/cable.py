@@ -18,12 +18,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import implemented_in, kernel
 from fmus.physics.arrays import Floats
 
 ROWS = 4  # coordinate vectors of an element: position and slope at two nodes
 
 
+@implemented_in(forces=".cable", masses=".cable")
 class Cable(NamedTuple):
     """Parameters of one link with small-deformation elasticity."""
 
@@ -37,12 +38,14 @@ class Cable(NamedTuple):
     rotary: float = 0.0  # second moment of mass of the mean slope, added to the line's, kg m2: ``rotary`` (1)
 
 
+@implemented_in(forces=".cable_local", densities=".cable_general")
 class GeneralCable(Cable):
     """Parameters of a link with the elasticity of ``cable_general``."""
 
     __slots__ = ()
 
 
+@implemented_in(forces=".cable_local", densities=".cable_engineering")
 class EngineeringCable(Cable):
     """Parameters of a link with the elasticity of ``cable_engineering``."""
 

@@ -7,13 +7,11 @@ in ``centreline``.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from fmus.jit import allocating, door
+from fmus.jit import allocating, door, implementation
 from fmus.physics.ancf import cable
-from fmus.physics.ancf.cable import ROWS, Cable, EngineeringCable, GeneralCable, mass, shape
+from fmus.physics.ancf.cable import ROWS, Cable, mass, shape
 from fmus.physics.ancf.centreline import (
     AXIAL,
     COUNT,
@@ -28,17 +26,7 @@ from fmus.physics.ancf.centreline import (
 __all__ = ["ROWS", "damping", "end_moments", "energy", "force", "mass", "section_force", "shape", "tangent", "tension"]
 
 
-def _elasticity(cable: type) -> Any:
-    """The module of a cable's elasticity."""
-    if cable is GeneralCable:
-        from fmus.physics.ancf import cable_general
-
-        return cable_general
-    if cable is EngineeringCable:
-        from fmus.physics.ancf import cable_engineering
-
-        return cable_engineering
-    raise TypeError(f"a cable with a local strain is a GeneralCable or an EngineeringCable, not a {cable.__name__}")
+_elasticity = implementation("densities")
 
 
 @door(_elasticity, shared=True)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import eigh
 
-from fmus.jit import door
+from fmus.jit import door, implementation
 from fmus.physics.ancf.cable import Cable, EngineeringCable, GeneralCable
 
 ELASTICITIES: dict[str, type[Cable]] = {
@@ -23,24 +23,7 @@ ELASTICITIES: dict[str, type[Cable]] = {
 }
 
 
-def _of(section: type) -> Any:
-    """Module of an element."""
-    if section is Cable:
-        from fmus.physics.ancf import cable
-
-        return cable
-    if section.__name__ == "Beam":
-        from fmus.physics.ancf import beam
-
-        return beam
-    from fmus.physics.ancf import cable_local
-
-    return cable_local
-
-
-def _whatever_the_elasticity(section: type) -> Any:
-    """Module of an element, the same for all cables."""
-    return _of(Cable if issubclass(section, Cable) else section)
+_of, _whatever_the_elasticity = implementation("forces"), implementation("masses")
 
 
 @door(_whatever_the_elasticity)

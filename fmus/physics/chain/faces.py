@@ -8,39 +8,9 @@ only with ``tangent``; ``by_rate``, 1/s, is d velocity / d position. Vectors are
 
 from __future__ import annotations
 
-from typing import Any
+from fmus.jit import door, implementation
 
-from fmus.jit import door
-
-
-def _of(links: type) -> Any:
-    """Module of a class of links."""
-    if links.__name__ == "RigidLinks":
-        from fmus.physics.chain.rigid import faces
-
-        return faces
-    if links.__name__ == "Beams":
-        from fmus.physics.chain.flexible import beam_faces
-
-        return beam_faces
-    if links.__name__ == "TurningCables":
-        from fmus.physics.chain.flexible import turning_faces
-
-        return turning_faces
-    from fmus.physics.chain.flexible import cable_faces
-
-    return cable_faces
-
-
-def _guided(links: type) -> Any:
-    """Module of the guides of a class of links."""
-    if links.__name__ in ("RigidLinks", "Beams", "TurningCables"):
-        from fmus.physics.chain import guides
-
-        return guides
-    from fmus.physics.chain import unguided
-
-    return unguided
+_of, _guided = implementation("faces"), implementation("guides")
 
 
 @door(_guided)

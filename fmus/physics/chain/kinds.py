@@ -7,28 +7,9 @@ The modules are ``flexible.dynamics``, ``flexible.cholesky``, ``rigid.dynamics``
 
 from __future__ import annotations
 
-from typing import Any
+from fmus.jit import door, implementation
 
-from fmus.jit import door
-
-
-def _of(links: type) -> Any:
-    """Module of a class of links."""
-    if links.__name__ == "RigidLinks":
-        from fmus.physics.chain.rigid import dynamics as rigid
-
-        return rigid
-    if links.__name__ == "JointedLinks":
-        from fmus.physics.chain.rigid import jointed
-
-        return jointed
-    if links.__name__ == "CholeskyLinks":
-        from fmus.physics.chain.flexible import cholesky
-
-        return cholesky
-    from fmus.physics.chain.flexible import dynamics as flexible
-
-    return flexible
+_of = implementation("dynamics")
 
 
 @door(_of, shared=True)

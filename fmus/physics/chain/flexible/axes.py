@@ -7,19 +7,9 @@ The modules are ``free_axes`` for axes that turn and ``fixed_axes`` for all othe
 
 from __future__ import annotations
 
-from typing import Any
+from fmus.jit import door, implementation
 
-from fmus.jit import door
-
-
-def _of(links: type) -> Any:
-    if links.__name__ == "TurningCables":
-        from fmus.physics.chain.flexible import free_axes
-
-        return free_axes
-    from fmus.physics.chain.flexible import fixed_axes
-
-    return fixed_axes
+_of = implementation("axes")
 
 
 @door(_of)

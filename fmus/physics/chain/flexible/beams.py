@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import allocating, kernel
+from fmus.jit import allocating, implemented_in, kernel
 from fmus.physics.ancf.beam import GAUSS, Beam, basis, radii, seen
 from fmus.physics.ancf.element import section_force
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
@@ -36,6 +36,10 @@ PLANE = np.arange(NODE).reshape(6, 3)[:, [0, 2]]  # indices in a pin of the x an
 PIN_AXIS = [4]  # index in a pin of its axis' y component, 1 at rest
 
 
+@implemented_in(
+    dynamics=".dynamics", elements=".beams", axes=".fixed_axes", joints=".eliminated_joints", faces=".beam_faces",
+    guides="..guides",
+)  # fmt: skip
 class Beams(NamedTuple):
     """Parameters of a chain of equal links."""
 

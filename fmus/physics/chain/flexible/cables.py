@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import implemented_in, kernel
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import end_moments, mean_curvature, section_force, tension
 from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - interface
@@ -30,6 +30,10 @@ PLANE = np.array([[0, 2], [3, 4], [5, 6]])  # indices in a pin of the x and z co
 PIN_AXIS: list[int] = []  # index in a pin of its axis' y component, 1 at rest; none for cables
 
 
+@implemented_in(
+    dynamics=".dynamics", elements=".cables", axes=".fixed_axes", joints=".eliminated_joints", faces=".cable_faces",
+    guides="..unguided",
+)  # fmt: skip
 class Cables(NamedTuple):
     """Parameters of a chain of equal links."""
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import implemented_in, kernel
 from fmus.physics import cholesky_cyclic
 from fmus.physics.chain.flexible import dynamics, pin_forces
 from fmus.physics.chain.flexible.assembly import evaluate
@@ -33,6 +33,7 @@ from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.on_links import JOINT
 
 
+@implemented_in(dynamics=".cholesky")
 class CholeskyLinks(NamedTuple):
     """Links in Cholesky coordinates; m coordinates shared a pin, n a link's own."""
 

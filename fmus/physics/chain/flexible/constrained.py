@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import implemented_in, kernel
 from fmus.physics.chain.flexible import cables
 from fmus.physics.chain.flexible.cables import (  # noqa: F401 - interface
     AXES,
@@ -30,6 +30,7 @@ LAYOUT = arranged([0, 1, 2, 3, 4, 5], [0, 1, 2, 3, 4, 5], cables.LAYOUT.outer.to
 PLANE = np.array([[0, 2], [3, 5]])  # indices in a node of the x and z components of each of its vectors
 
 
+@implemented_in(elements=".constrained", joints=".constrained_joints")
 class ConstrainedCables(Cables):
     """Parameters of a chain of equal links that share no pins."""
 

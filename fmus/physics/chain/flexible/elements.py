@@ -6,33 +6,10 @@ Coordinates of a link: ``w.e``, ``w.v``, ``w.dv`` (rows, axes); of the pins: ``q
 
 from __future__ import annotations
 
-from typing import Any
-
-from fmus.jit import door, kernel
+from fmus.jit import door, implementation, kernel
 from fmus.physics.ancf.element import axes
 
-
-def kit(links: type) -> Any:
-    """Module of a class of links."""
-    if links.__name__ == "Beams":
-        from fmus.physics.chain.flexible import beams
-
-        return beams
-    if links.__name__ == "PlanarCables":
-        from fmus.physics.chain.flexible import planar
-
-        return planar
-    if links.__name__ == "TurningCables":
-        from fmus.physics.chain.flexible import turning
-
-        return turning
-    if links.__name__ == "ConstrainedCables":
-        from fmus.physics.chain.flexible import constrained
-
-        return constrained
-    from fmus.physics.chain.flexible import cables
-
-    return cables
+kit = implementation("elements")
 
 
 @door(kit)

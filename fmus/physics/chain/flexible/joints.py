@@ -6,19 +6,9 @@ share the coordinates of their pins.
 
 from __future__ import annotations
 
-from typing import Any
+from fmus.jit import door, implementation
 
-from fmus.jit import door
-
-
-def _of(links: type) -> Any:
-    if links.__name__ == "ConstrainedCables":
-        from fmus.physics.chain.flexible import constrained_joints
-
-        return constrained_joints
-    from fmus.physics.chain.flexible import eliminated_joints
-
-    return eliminated_joints
+_of = implementation("joints")
 
 
 @door(_of)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import implemented_in, kernel
 from fmus.physics.chain.flexible.cables import PIN_AXIS, Cables, axial, outer_and_inner, pin_axis  # noqa: F401 - interface
 from fmus.physics.chain.flexible.link_layout import arranged
 from fmus.physics.chain.flexible.planar_nodes import NODE  # noqa: F401 - interface
@@ -23,6 +23,7 @@ FREE = 0  # size of the state of the axes: fixed
 PLANE = np.array([[0, 1], [2, 3], [4, 5]])  # indices in a pin of the x and z components of each of its vectors
 
 
+@implemented_in(elements=".planar")
 class PlanarCables(Cables):
     """Parameters of a chain of equal links of elements with two axes."""
 

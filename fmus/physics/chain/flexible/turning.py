@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from fmus.jit import kernel
+from fmus.jit import implemented_in, kernel
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.chain.flexible import cables
 from fmus.physics.chain.flexible.axes_state import SIZE
@@ -23,6 +23,10 @@ LAYOUT = joined(cables.LAYOUT, 2)  # roll and yaw of the axes
 FREE = SIZE  # size of the state of the axes
 
 
+@implemented_in(
+    dynamics=".dynamics", elements=".turning", axes=".free_axes", joints=".eliminated_joints", faces=".turning_faces",
+    guides="..guides",
+)  # fmt: skip
 class TurningCables(NamedTuple):
     """Parameters of a chain of equal links."""
 

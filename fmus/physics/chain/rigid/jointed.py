@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import kernel
+from fmus.jit import implemented_in, kernel
 from fmus.physics.chain.rigid import closing, dynamics
 from fmus.physics.chain.rigid.arms import axis
 from fmus.physics.chain.rigid.explicit import ANY, CORRECTIONS, OPEN
@@ -23,6 +23,7 @@ from fmus.physics.rigid import augmented, body, recursive
 from fmus.physics.vector import dot
 
 
+@implemented_in(dynamics=".jointed")
 class JointedLinks(NamedTuple):
     """Parameters of links that move in joint coordinates."""
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import apart, kernel
+from fmus.jit import apart, implemented_in, kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.arms import act, lever, rate
@@ -26,6 +26,7 @@ from fmus.physics.vector import add, dot, scale, vector
 NONE = (0.0,) * 9  # the matrix of a constant force
 
 
+@implemented_in(dynamics=".dynamics", faces=".faces", guides="..guides")
 class RigidLinks(NamedTuple):
     """Parameters of a chain of equal links."""
 

@@ -1,0 +1,121 @@
+"""A toy kind of track is two new files and one declaration: every room of the house then knows it."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+NEW = {
+    "fmus/track_toy/model.py": '''"""Rigid links of twice the mass."""
+
+from fmus.track_rigid import model as rigid
+
+
+class Model(rigid.Model):
+    def __init__(self, config):
+        track = config["vehicle"]["track"]
+        heavy = {**track, "mass": 2.0 * track["mass"], "inertia": [2.0 * each for each in track["inertia"]]}
+        super().__init__({**config, "vehicle": {**config["vehicle"], "track": heavy}})
+''',
+    "fmus/track_toy/track_toy_fmu.py": '''"""The FMU shell of the toy track."""
+
+from fmus.slave import Slave
+from fmus.track_toy.model import Model
+
+
+class TrackToy(Slave):
+    """Chain of toy links."""
+
+    model = Model
+''',
+}
+DECLARATION = 'TRACKS["toy"] = TRACKS["rigid"]._replace(fmu="TrackToy", links="toy links")\n'
+SETTINGS = ("run.stop=0.02", "chain.links=8", "expect={}")
+
+PROGRAM = f"""
+import json
+from pathlib import Path
+from fmus.monolith.model import Monolith
+from fmus.native.pack import held
+from fmus.vehicle import BadInput
+from orchestrator.cli.inventory import lines
+from orchestrator.execution.monolithic import parts_of
+from orchestrator.execution.replay_model import opened
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.scene import load
+from orchestrator.scene.tables import Check
+
+settings, found = {SETTINGS}, {{}}
+for model in ("rigid", "toy"):
+    scene, log = load("hanging_chain", model, settings), Path(f"{{model}}.mcap")
+    simulate(scene, log, estimated=False)
+    with Log(log) as read:
+        found[model] = read.signal("chain.tension.max")[1][-1]
+with opened(Path("toy.mcap"), "chain", None) as again:
+    found["equal"], found["steps"] = again.verify().equal, again.verify().steps
+with opened(Path("rigid.mcap"), "chain", "toy") as again:
+    found["swapped"] = again.model.fmu.name
+part = assemble(scene).parts[0]
+found["native"] = set(held(part.kind, part.config, part.parameters)["parameters"]) <= set(part.parameters)
+found["monolith"] = type(Monolith(parts_of(assemble(scene)), ()).models["chain"]).__module__
+found["check"] = Check(signal="chain.travel", track="toy", expected=1, tolerance=1).track
+found["shown"] = list(lines(scene))
+for key in ("element=beam", "model=jelly"):
+    try:
+        load("hanging_chain", "toy", [*settings, f"track.{{key}}"])
+    except BadInput as error:
+        found[key] = str(error)
+print(json.dumps(found))
+"""
+
+
+@pytest.fixture(scope="module")
+def house(tmp_path_factory):
+    """A copy of the product with a toy kind of track."""
+    folder = tmp_path_factory.mktemp("house")
+    for package in ("fmus", "orchestrator"):
+        shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__", "*.md"))
+    for name, text in NEW.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")
+    with (folder / "fmus" / "track_choices.py").open("a", encoding="utf-8") as declared:
+        declared.write(DECLARATION)
+    return folder
+
+
+def called(house, *arguments):
+    """Standard output of a Python process in the copy."""
+    env = {**os.environ, "PYTHONPATH": str(house)}
+    done = subprocess.run([sys.executable, *arguments], cwd=house, env=env, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_a_toy_kind_of_track_is_known_everywhere(house):
+    found = json.loads(called(house, "-c", PROGRAM).splitlines()[-1])
+    assert found["toy"] == pytest.approx(2.0 * found["rigid"], rel=1e-9), "its links have twice the weight"
+    assert (found["equal"], found["steps"]) == (True, 20)
+    assert found["swapped"] == "TrackToy.fmu"
+    assert found["native"], "what a native FMU of it holds for good"
+    assert found["monolith"] == "fmus.track_toy.model"
+    assert found["check"] == "toy"
+    shown = "\n".join(found["shown"])
+    assert "chain        TrackToy 8 bodies, 7 pins" in shown
+    assert "the rigid track model (TrackRigid)" in shown
+    assert "fmus.track_toy: model, track_toy_fmu" in shown
+    assert found["element=beam"].endswith("element = 'beam' needs model = 'flexible': toy links have none")
+    assert found["model=jelly"].endswith("input should be 'flexible', 'rigid' or 'toy'")
+
+
+def test_the_command_line_offers_a_toy_kind(house):
+    assert "--track <flexible|rigid|toy>" in called(house, "-m", "orchestrator", "show", "--help")
+    assert "TrackToy" in called(house, "-m", "orchestrator", "show", "hanging_chain", "--track", "toy")
