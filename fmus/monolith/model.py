@@ -1,7 +1,7 @@
-"""A whole scene in one process: the components' own models as parts of one state, and what each of them shows.
+"""Monolith of a scene: the components' own models as parts of one state, with their outputs.
 
-The parts start as their FMUs do and show the same outputs; only time is not theirs. A vehicle whose two sides are
-alike is computed on its left side and mirrored, as a chassis with left ports does.
+The parts start as their FMUs do and have the same outputs; the monolith alone integrates them. A vehicle whose two
+sides are alike is computed on its left side and mirrored, as by a chassis with left ports alone.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ LONGEST = 1e-3  # s, internal step where nothing else bounds it
 INTEGRATORS = EQUAL, ADAPTIVE = EXPLICIT, ADAMS
 
 
-CHAINS = ("TrackFlexible", "TrackRigid")  # the kinds of parts that are chains
+CHAINS = ("TrackFlexible", "TrackRigid")  # kinds of parts that are chains
 JOINED = "SteeringDifferential"
-# what sprockets of a kind of drive are called, and where they stand in its state
+# prefixes of the sprockets of a kind of drive, and where each begins in its state
 SPROCKETS = {"SprocketDrive": {"": 0}, JOINED: {"left.": 0, "right.": mounts.WIDTH}}
-# where its shafts do
+# where each shaft begins in its state
 SHAFTS = {"SprocketDrive": (0,), JOINED: (2 * mounts.WIDTH, 2 * mounts.WIDTH + shaft.SHAFT)}
 
 
 class Part(NamedTuple):
-    """A component of a scene, before it starts."""
+    """Component of a scene before it is initialised."""
 
-    name: str
-    kind: str  # of an FMU
-    config: Mapping[str, Any]  # what the build of the FMU packs beside the model
-    parameters: Mapping[str, float | int | str]  # set before it starts
+    name: str  # of the instance
+    kind: str  # of the FMU
+    config: Mapping[str, Any]  # as packed into the FMU
+    parameters: Mapping[str, float | int | str]  # set before initialisation
 
 
 def content() -> str:
@@ -77,7 +77,7 @@ def _class(kind: str) -> Any:
 
 
 def started(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | int | str]) -> Any:
-    """A model of a component at its start; raises InvalidParameter or StepFailed."""
+    """Initialised model of a component; raises InvalidParameter or StepFailed."""
     model = _class(kind)(config)
     known = {port.name: port.start for port in model.ports if port.causality == "parameter"}
     unknown = [name for name in parameters if name not in known]
@@ -88,36 +88,36 @@ def started(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float
 
 
 class Effort(NamedTuple):
-    """What an integration has taken so far."""
+    """Counts of an integration so far."""
 
     steps: int
     evaluations: int  # of the whole right-hand side
     rejected: int  # steps
-    restarts: int  # where a method forgot its past
+    restarts: int  # at order 1, without a past
     order: float  # mean of all steps
 
 
 class Sprocket(NamedTuple):
-    """One that a drive turns."""
+    """Sprocket of a drive."""
 
     name: str  # of the drive
     prefix: str  # of its variables there
     inertia: float  # of its spin, kg m2
-    state: Floats  # its part of the drive's state
-    standing: Floats  # (13) its mount where nothing moves it
+    state: Floats  # (WIDTH) view of the drive's state
+    standing: Floats  # (13) motion of its mount if that is not connected
 
 
 class Monolith:
     """Chains, chassis and drives of a scene as x' = f(t, x), integrated explicitly.
 
-    By the classical Runge-Kutta method in equal steps, or by Adams' methods of variable step and order (``integrator``
-    = "adams") to the tolerances ``rtol`` and ``atol``, the latter in the units of the state, which are SI. A driver is
-    no part of that: what he sees at an output he demands until the next one.
+    ``integrator`` is "runge_kutta", the classical method in equal steps, or "adams", methods of variable step and order
+    with the tolerances ``rtol`` and ``atol``, the latter in the units of the state, SI. A driver is not integrated: its
+    demands follow from the outputs and hold until the next ones.
 
-    ``connections`` have a source with its outputs and a target with its inputs, by name. Raises InvalidParameter or
-    StepFailed where a part cannot start. ``models`` by name are what shows the state; ``step`` is the internal step, s:
-    the largest that is stable, over ``refine``; of Adams' methods one that is never exceeded. ``halved`` False computes
-    both sides of a vehicle whatever they are. ``effort``: what it took.
+    ``connections`` name a source with its outputs and a target with its inputs. ``models``, by name, give the outputs.
+    ``step`` is the internal step, s: the largest stable one over ``refine``, for Adams' methods an upper limit.
+    ``halved`` = False computes both sides of a vehicle even if they are alike. ``effort`` counts steps and evaluations.
+    Raises InvalidParameter or StepFailed if a part cannot start.
     """
 
     def __init__(
@@ -173,7 +173,7 @@ class Monolith:
     # ---------------------------------------------------------------- layout
 
     def _lay_out(self, own: Sequence[Part]) -> None:
-        """The state, and who gets what from whom."""
+        """Allocate the state and the sums, and resolve the connections to indices."""
         models, chains, sprockets = self.models, self._chains, self._sprockets
         sizes = [chain_parts.size(models[name]) for name in chains]
         body, tree, sides = sum(sizes), None, 0
@@ -197,7 +197,7 @@ class Monolith:
         rest = self._sums
 
         def summed(*shape: int) -> Floats:
-            """The next part of what is summed up over a step."""
+            """Take the next view of ``_sums``."""
             nonlocal rest
             part, rest = np.split(rest, [int(np.prod(shape))])
             return part.reshape(shape)
@@ -286,7 +286,7 @@ class Monolith:
         self._begin()
 
     def _source(self, target: str, variable: str) -> tuple[str, str] | None:
-        """The part and connector that an input comes from."""
+        """Part and connector of the source of an input; None if the input is not connected."""
         found = self._sources.get((target, variable))
         return found and (found[0], found[1].rsplit(".", 2)[0])
 
@@ -297,14 +297,14 @@ class Monolith:
         return source
 
     def _with_spins(self, tree: Any, times: int) -> Any:
-        """The tree with the spin inertia of sprockets whose speed against the chassis is prescribed. (3)"""
+        """Add the spin inertia of sprockets with prescribed speed against the chassis to the tree. (3)"""
         inertia = tree.inertia.copy()
-        seen = self._shafts[:1] if self._joined else self._shafts  # the difference knows nothing of the chassis
+        seen = self._shafts[:1] if self._joined else self._shafts  # the difference of the sides has no part in it
         inertia[1, 1] += times * sum(drive.inertia for drive in seen if drive.mode == SPEED)
         return tree._replace(inertia=inertia)
 
     def _begin(self) -> None:
-        """The models' start as x."""
+        """Copy the models' states into x."""
         for name, place in zip(self._chains, self._places, strict=True):
             chain_parts.give(self.models[name], self.x[place.start : place.end])
         if self._chassis:
@@ -316,29 +316,29 @@ class Monolith:
             sprocket.state[mounts.MOMENTUM : mounts.MOMENTUM + 3] = self._momentum(d)
 
     def begin_at(self, t: float, states: Mapping[str, Floats]) -> None:
-        """Begin at t with the flat states of the parts, by name, of components with the same configs and parameters.
+        """Begin at t, s, with the flat states of the parts by name.
 
-        Raises InvalidParameter where they do not fit.
+        The states are of components with the same configs and parameters; raises InvalidParameter if one does not fit.
         """
         for name, model in self.models.items():
             if name not in states or not model.hold(states[name]):
                 raise InvalidParameter(f"{name}: the state that it is to begin with is not one of such a component")
         self._begin()
         self._y[:] = self.x
-        rates(*self._system, t, self._y, np.zeros_like(self.x))  # where the mounts are now
+        rates(*self._system, t, self._y, np.zeros_like(self.x))  # evaluates the motions of the mounts
         for d, sprocket in enumerate(self._sprockets):
             sprocket.state[mounts.MOMENTUM : mounts.MOMENTUM + 3] = self._momentum(d)
         self.x[:] = self._y
         self._reached = np.nan
 
     def _of_side(self, d: int, i: int) -> float:
-        """A number of the shafts as a side has it."""
+        """Value at side ``d`` of the number ``i`` of the shafts' state."""
         last = self._spin + SPIN * (len(self._spun) - 1) + i
         found: float = side(self._spins, d, self.x[self._spin + i], self.x[last])
         return found
 
     def _momentum(self, d: int) -> Floats:
-        """J Omega a of a sprocket in world axes, its mount as it was evaluated last (at the start: as it stands)."""
+        """Angular momentum J Omega a of a sprocket, N m s, world axes, with the mount as evaluated last."""
         sprocket, mount = self._sprockets[d], self._mount(d)
         q = mount[3:7] if np.any(mount[3:7]) else sprocket.standing[3:7]
         axis = quat_rotate(q, (0.0, 1.0, 0.0))
@@ -351,7 +351,7 @@ class Monolith:
     # ---------------------------------------------------------------- time
 
     def advance(self, t: float, h: float) -> None:
-        """From t to t + h in internal steps of ``step`` at most, and the models after it; raises StepFailed."""
+        """Integrate from t to t + h, s, in steps of ``step`` at most, and update the models; raises StepFailed."""
         if self._driver:
             self._ask_driver(t, h)
         before = self.x[self._spin :].copy()
@@ -382,7 +382,7 @@ class Monolith:
                 _mirror_drive(self.models[of], self.models[name], self.models[self._chassis])
 
     def _go_equally(self, t: float, h: float) -> None:
-        """By the classical Runge-Kutta method; raises StepFailed."""
+        """Integrate by the classical Runge-Kutta method; raises StepFailed."""
         for begin, length, steps in self._intervals(t, h):
             failure, done, where = march(*self._system, begin, length, steps, self.x, self._y, self._k)
             if failure != DONE:
@@ -391,7 +391,7 @@ class Monolith:
             self.effort = self.effort._replace(steps=count, evaluations=len(RK4.b) * count)
 
     def _go_adaptively(self, t: float, h: float) -> None:
-        """By Adams' methods, which begin anew where a ramp or a demand of a driver does; raises StepFailed."""
+        """Integrate by Adams' methods, restarted where a ramp or a driver's demand begins; raises StepFailed."""
         from fmus.monolith.adaptive import march as go
 
         fresh = not abs(t - self._reached) < 1e-9 * h or bool(self._driver)
@@ -407,14 +407,14 @@ class Monolith:
         self.effort = Effort(steps, evaluations, rejected, restarts, counts[ORDERS] / steps)
 
     def _ramps(self) -> list[tuple[float, float]]:
-        """Begin and end of whatever makes a right-hand side that is smooth in between only."""
+        """Begin and end, s, of the time intervals in which the right-hand side is smooth."""
         ramps = [ramp for drive in self._shafts if drive.mode != TORQUE for ramp in _ramps(drive)]
         for course in (each for drive in self._shafts for each in (drive.torques, drive.brakes)):
             ramps += pairwise(course.time.tolist())
         return ramps
 
     def _intervals(self, t: float, h: float) -> Iterator[tuple[float, float, int]]:
-        """Begin, length and steps of the parts of a step: a ramp of a drive's speed begins and ends with one. (7)"""
+        """Begin, length (s) and number of steps of the parts of a step, split where a speed ramp begins or ends. (7)"""
         ramps = self._ramps()
         inside = {end for ramp in ramps for end in ramp if t + 1e-9 * h < end < t + (1.0 - 1e-9) * h}
         for begin, end in pairwise([t, *sorted(inside), t + h]):
@@ -422,7 +422,7 @@ class Monolith:
             yield begin, end - begin, max(1, int(np.ceil((end - begin) / min([self.step, *within]) - 1e-9)))
 
     def _failed(self, failure: int, where: int, at: float) -> StepFailed:
-        """The sentence of a part that could not be done."""
+        """Error of a part of a step that failed at the time ``at``, s."""
         if failure == CHASSIS_FAILED:
             chassis = self.models[self._chassis]
             return StepFailed(chassis.complaint(at, where, self.x[self._body : self._spin]))
@@ -433,18 +433,18 @@ class Monolith:
         return StepFailed(f"the explicit integration of the whole blew up before t = {at:.6g} s")
 
     def _take_chassis(self) -> None:
-        """The chassis' state; the work of its ports without what its inertia held for the sprockets. (5)"""
+        """Update the chassis; the work of its ports leaves out the sprockets' part of its inertia. (5)"""
         model, x = self.models[self._chassis], self.x[self._body : self._spin]
         model.state[:] = x
         model.state[-1] -= self._held() * x[11] ** 2
 
     def _held(self) -> float:
-        """Half of what the chassis' inertia about its lateral axis holds for the sprockets, kg m2."""
+        """Half of the sprockets' part of the chassis' inertia about its lateral axis, kg m2."""
         assert self._tree is not None
         return 0.5 * float(self._tree.inertia[1, 1] - self.models[self._chassis].tree.inertia[1, 1])
 
     def _ask_driver(self, t: float, h: float) -> None:
-        """What the driver demands from here on, and the speeds that follow it over the step."""
+        """Step the driver, and let the speeds of the shafts follow its demands over the step."""
         driver, chassis = self.models[self._driver], self.models[self._chassis]
         names = [port.name for port in chassis.ports if port.causality == "output"]
         y = np.zeros(len(names))
@@ -461,7 +461,7 @@ class Monolith:
             shaft.follow(drive, state, t, h, demand)
 
     def _take_shafts(self, before: Floats, h: float) -> None:
-        """The state of each shaft, its motor's mean torque and power."""
+        """Update the state of each shaft, and the mean torque and power of its motor."""
         for d, state in enumerate(self._spun):
             z = self.x[self._spin + SPIN * d : self._spin + SPIN * (d + 1)]
             state[:SPIN] = z
@@ -469,7 +469,7 @@ class Monolith:
             state[shaft.POWER_NOW] = (z[shaft.WORK] - before[SPIN * d + shaft.WORK]) / h
 
     def _take_sprocket(self, d: int, before: Floats, h: float) -> None:
-        """A sprocket's state and the mean wrench on its mount; what its half shaft did where sides are joined. (6)"""
+        """Update a sprocket, the mean wrench on its mount and, with a differential, its half shaft. (6)"""
         state, mount = self._sprockets[d].state, self._mount(d)
         if self._joined:
             at = len(self._spun) * SPIN + HALF * d
@@ -488,7 +488,7 @@ class Monolith:
 
 
 def _without_jumps(drive: Drive) -> Drive:
-    """A jump of speed has no slope to integrate."""
+    """The drive with jumps of speed replaced by ramps of JUMP s, because a jump has no slope to integrate."""
     return drive._replace(ramp_end=max(drive.ramp_end, drive.ramp_start + JUMP), stop_time=max(drive.stop_time, JUMP))
 
 
@@ -501,7 +501,7 @@ def _ramps(drive: Drive) -> list[tuple[float, float]]:
 
 
 def _alike(parts: Sequence[Part]) -> dict[str, str]:
-    """Right parts that mirror their left ones, by name: all of them, or none where a side differs."""
+    """Left part of each right part that mirrors it, by name; empty if the sides differ in anything."""
     named = {part.name: part for part in parts}
     pairs = {name: name.replace("right", "left", 1) for name in named if name.startswith("right")}
     chassis = next((part for part in parts if part.kind == "Chassis"), None)
@@ -521,7 +521,7 @@ def _alike(parts: Sequence[Part]) -> dict[str, str]:
 
 
 def _mirror_drive(of: Any, model: Any, chassis: Any) -> None:
-    """Make a drive the mirror image of the one ``of`` the other side; chassis and its motion are symmetric."""
+    """Make ``model`` the mirror image of the drive ``of`` the other side; the chassis moves symmetrically."""
     motions = np.zeros(STATE * (len(chassis.tree.turns) + 2))
     put_sides(chassis.tree, chassis.state, 2, motions, 0)
     mount, state = motions[-STATE:], model.state
