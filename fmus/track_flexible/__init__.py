@@ -1,1 +1,1 @@
-"""The chain of flexible links as a component."""
+"""Track of flexible links."""

@@ -1,1 +1,1 @@
-"""A track of rigid links on pins."""
+"""Track of rigid links on pins."""
