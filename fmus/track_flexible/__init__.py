@@ -1,1 +1,1 @@
-"""Track of flexible links."""
+"""Component TrackFlexible: chain of flexible links with its contacts."""

@@ -1,4 +1,4 @@
-"""FMU shell of the flexible track."""
+"""FMI shell of the flexible track."""
 
 from fmus.slave import Slave
 from fmus.track_flexible.model import Model

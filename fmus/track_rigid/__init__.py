@@ -1,1 +1,1 @@
-"""Track of rigid links on pins."""
+"""Component TrackRigid: chain of rigid links on pins with its contacts."""
