@@ -81,7 +81,7 @@ def give(model: TrackModel, x: Floats) -> None:
 
 
 def take(model: TrackModel, place: Place, x: Floats, h: float) -> None:
-    """Set the model's state, mean wrenches and report to those after a step of length ``h``, s, and evaluate it."""
+    """Set state, mean wrenches and report of the model after a step of length ``h``, s, and evaluate it."""
     model.s.flat[: x.size] = x
     renew(model.s, model.interval)
     model.s.mean[:] = place.impulse / h

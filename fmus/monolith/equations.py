@@ -1,4 +1,4 @@
-"""Right-hand side x' = f(t, x) of a whole scene, and its Runge-Kutta integration; equation numbers as in README.md.
+"""Right-hand side x' = f(t, x) of a whole scene, and its integration; equations as in README.md.
 
 Every part evaluates its own equations. This module fixes their order and passes wheel motions and wrenches between
 them; both sides of a port use the values of the same instant.
@@ -29,7 +29,7 @@ DONE, CHAIN_FAILED, CHASSIS_FAILED, NOT_FINITE, TOO_SHARP = range(5)
 
 
 class Plan(NamedTuple):
-    """Connections between the parts; motions are blocks of 13, wrenches of 6, world axes, SI; D driven sprockets."""
+    """Connections between the parts: motions in blocks of 13, wrenches of 6, world axes, SI; D sprockets."""
 
     motion: np.ndarray  # flat: stations of the chassis, fixed mounts (D), sprockets (D)
     wrench: np.ndarray  # flat: wrenches of the chains, then on the mounts (D)
@@ -86,10 +86,11 @@ def gather(chains, drives, plan, share):
 
 @allocating
 def march(chains, drives, tree, plan, t, h, steps, x, y, k):
-    """Integrate x from t to t + h (s) in equal ``steps``; the chains' states are views of y, the stages' argument.
+    """Integrate x from t to t + h, s, in equal ``steps``.
 
-    Adds impulses and energies to the sums of chains and sprockets; all parts are left evaluated at t + h. Returns the
-    failure code (DONE: none), the steps done, and the failed link of a chain or the fault of the chassis.
+    The chains' states are views of y, the argument of the stages. Adds impulses and energies to the sums of chains and
+    sprockets; all parts are left evaluated at t + h. Returns the failure code (DONE: none), the steps done, and the
+    failed link of a chain or the fault of the chassis.
     """
     dt = h / steps
     before = np.empty(len(chains))

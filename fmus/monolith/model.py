@@ -351,7 +351,7 @@ class Monolith:
     # ---------------------------------------------------------------- time
 
     def advance(self, t: float, h: float) -> None:
-        """Integrate from t to t + h, s, in steps of ``step`` at most, and update the models; raises StepFailed."""
+        """Integrate from t to t + h, s, and update the models; raises StepFailed."""
         if self._driver:
             self._ask_driver(t, h)
         before = self.x[self._spin :].copy()
@@ -414,7 +414,7 @@ class Monolith:
         return ramps
 
     def _intervals(self, t: float, h: float) -> Iterator[tuple[float, float, int]]:
-        """Begin, length (s) and number of steps of the parts of a step, split where a speed ramp begins or ends. (7)"""
+        """Begin, length (s) and steps of the parts of a step, split at the ends of speed ramps. (7)"""
         ramps = self._ramps()
         inside = {end for ramp in ramps for end in ramp if t + 1e-9 * h < end < t + (1.0 - 1e-9) * h}
         for begin, end in pairwise([t, *sorted(inside), t + h]):
@@ -433,7 +433,7 @@ class Monolith:
         return StepFailed(f"the explicit integration of the whole blew up before t = {at:.6g} s")
 
     def _take_chassis(self) -> None:
-        """Update the chassis; the work of its ports leaves out the sprockets' part of its inertia. (5)"""
+        """Update the chassis; its ports' work leaves out the sprockets' part of its inertia. (5)"""
         model, x = self.models[self._chassis], self.x[self._body : self._spin]
         model.state[:] = x
         model.state[-1] -= self._held() * x[11] ** 2

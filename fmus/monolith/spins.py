@@ -1,4 +1,4 @@
-"""Sprockets and shafts in the monolith: motions, reactions and energies; equation numbers as in README.md.
+"""Sprockets and shafts in the monolith: motions, reactions, energies; equations as in README.md.
 
 Each side has one sprocket; motors turn shafts. Either each side has its own shaft, or a steering differential joins
 both: its shafts then turn at the mean of both sides and at right less left (``steering_differential``).
@@ -59,7 +59,7 @@ def _of(p, x, d, i):
 
 @kernel
 def _shaft(p, d, c, both):
-    """Value at shaft ``d`` of the sides' column ``c`` of ``seen``; ``both`` is 0.5 for rates, 1 for torques."""
+    """Value at shaft ``d`` of column ``c`` of ``seen``; ``both``: 0.5 for rates, 1 for torques."""
     if p.joined == 0:
         return p.seen[d, c]
     return both * (p.seen[0, c] + p.seen[1, c]) if d == 0 else 0.5 / both * (p.seen[1, c] - p.seen[0, c])
@@ -75,7 +75,7 @@ def _axis(p, motion, d):
 
 @allocating
 def turn(drives, p, motion, t, x):
-    """Write the motions of the sprockets, and the absolute rates of shafts with prescribed speed into x. (1)"""
+    """Write the sprockets' motions, and the rates of shafts with prescribed speed into x. (1)"""
     for d in range(p.mount.size):
         axis, w = _axis(p, motion, d)
         p.seen[d, ABOUT] = dot(axis, w)
@@ -118,7 +118,7 @@ def react(drives, p, motion, wrench, t, x, k):
 
 @allocating
 def book(drives, p, t, x, k):
-    """Write powers and torques of motors and ports into k, once the chassis' acceleration is known. (4)"""
+    """Write powers and torques of motors and ports into k; k holds the chassis' acceleration. (4)"""
     for d in range(p.mount.size):
         drive, at = drives[d], p.start + SPIN * d
         pull, about = _shaft(p, d, PULL, 1.0), _shaft(p, d, ABOUT, 0.5)

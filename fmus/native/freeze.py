@@ -37,7 +37,7 @@ class Frozen:
         self.classes: dict[str, type] = {}
 
     def text(self, value: Any, place: str = "") -> str:
-        """The value as an expression in ``x``, ``n``, ``f``, ``k``, ``z``, ``p``, ``c`` and the names of ``classes``.
+        """Expression of the value in the blocks, ``p``, ``c`` and the names of ``classes``.
 
         Raises TypeError for a value that cannot be written down, and for a number that differs from its expression.
         """

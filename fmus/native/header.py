@@ -28,7 +28,10 @@ def header(
     sizes: Mapping[str, int],
     sentences: Mapping[str, Sequence[Sentence]],
 ) -> str:
-    """Text of ``model.h``; ``sizes``: lengths of the blocks x, n, f, k, z; ``sentences``: by name of their table."""
+    """Text of ``model.h``.
+
+    ``sizes``: lengths of the blocks x, n, f, k, z; ``sentences``: tables of texts by name.
+    """
     reals = [port for port in variables if isinstance(port.start, float)]
     inputs = sum(port.causality == "input" for port in reals)
     outputs = sum(port.causality == "output" for port in reals) - link_ports

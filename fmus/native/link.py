@@ -42,7 +42,7 @@ def compiler_release() -> str:
 
 
 def link(objects: Sequence[Path], include: Path, library: Path, platform: Platform) -> None:
-    """Link ``library`` from the objects and ``SOURCES``, with ``model.h`` in ``include``; raises NoCompiler."""
+    """Link ``library`` from objects and ``SOURCES``; ``include`` has ``model.h``. Raises NoCompiler."""
     command = [*compiler(platform), *FLAGS, f"-I{include}", f"-I{HERE}", "-o", str(library)]
     command += [*map(str, (*SOURCES, *objects)), *platform.flags]
     done = subprocess.run(command, capture_output=True, text=True)

@@ -1,4 +1,4 @@
-"""Build of native FMUs: library and description of a component, packed; steps as in the README of this folder."""
+"""Build of native FMUs: library and description of a component, packed; steps as in README.md."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ CATEGORIES = {
 def build_native(
     kind: str, config: Mapping[str, Any], folder: Path | None = None, name: str | None = None, windows: bool = False
 ) -> Path:
-    """Path of the native FMU of a kind of component, built unless the cache has it; it needs libc and libm alone.
+    """Path of the native FMU of a kind of component, built unless the cache has it.
 
-    ``windows`` adds a library for Windows to that for Linux. Parameters in ``config`` are start values, and constants
-    if they are not free. Raises BuildFailed.
+    The FMU needs libc and libm alone. ``windows`` adds a library for Windows to that for Linux. Parameters in
+    ``config`` are start values, and constants if they are not free. Raises BuildFailed.
     """
     if kind not in KINDS:
         raise BuildFailed(f"no kind of component is called '{kind}': there are {', '.join(KINDS)}")
@@ -60,7 +60,7 @@ def build_native(
 
 
 def held(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | int | str]) -> dict[str, Any]:
-    """The config with the parameters that are not free; components that differ in free ones alone share an FMU."""
+    """Config with the parameters that are not free, so that components alike in them share an FMU."""
     own = {**config.get(KEY, {}), **parameters}
     model = _model(kind, {**config, KEY: own})
     free = names(model.free(given(model.ports, own)))

@@ -141,7 +141,7 @@ class Model(TrackModel):
 
     @property
     def mesh(self) -> int:
-        """Number of pins of the mesh: one more for a loop closed by a spring, 2 a link with constrained joints."""
+        """Number of pins of the mesh: one more with a closing spring, 2 a link with constrained joints."""
         return 2 * self.links_count if self.joints == CONSTRAINED else self.nodes + (self.closure == SPRING)
 
     def prepare(self, p: Mapping[str, Any]) -> None:
@@ -360,7 +360,7 @@ class Model(TrackModel):
         self._let_go()
 
     def evaluate(self, motion: Motion, by: Slopes = NOTHING, fresh: bool = False) -> None:
-        """Evaluate residuals, and matrices if ``fresh``, of a motion of the pins into ``work``; see ``assembly``."""
+        """Evaluate residuals, and with ``fresh`` matrices, of a motion into ``work``; see ``assembly``."""
         self._do(EVALUATE, motion, by, fresh)
 
     def _residuals(self, accelerations: Floats) -> Floats:

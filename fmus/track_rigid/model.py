@@ -30,7 +30,7 @@ REST = Method(BACKWARD, 0.01 * FORCE, False)  # integrator towards static equili
 
 
 class Model(TrackModel):
-    """Chain of rigid links joined by exact pins, integrated implicitly or explicitly, in one of two formulations."""
+    """Chain of rigid links joined by exact pins, in one of two formulations, with any integrator."""
 
     State = State
     formulation = AUGMENTED
