@@ -51,7 +51,7 @@ def show_links(X, N, F, K, Z, P, C, Y):
 class Entry(NamedTuple):
     """Function of the library, compiled to numba's intermediate code."""
 
-    name: str
+    name: str  # "start", "step", "show" or "show_links"
     compiled: Any  # numba's CompileResult
 
 

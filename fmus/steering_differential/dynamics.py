@@ -75,12 +75,12 @@ def finish(g, x, sign, propulsion, steering, h, u, i, m, now):
 class Parts(NamedTuple):
     """Data of a running differential: parameters, state and counters of its kernels."""
 
-    gearbox: Gearbox
+    gearbox: Gearbox  # both motors
     mounts: tuple[Stance, Stance]  # left and right mount as built
     unconnected: np.ndarray  # (inputs) start values: a mount that has them is moved by nothing
     standing: np.ndarray  # (inputs) motions at rest of mounts that nothing moves
     seen: np.ndarray  # (inputs) inputs as the step uses them
-    state: np.ndarray
+    state: np.ndarray  # flat, see README.md
     counters: np.ndarray  # (2) int
 
 
