@@ -19,7 +19,7 @@ def march(chains, drives, tree, plan, m, sums, t, h, longest, fresh):
     The chains' states are views of ``m.y``. ``fresh`` restarts the method at order 1. The flat ``sums``, of which the
     impulses and energies of chains and sprockets are views, are continued from their values at t. All parts are left
     evaluated at t + h. Returns the failure code (DONE: none), the time integrated, s, and the failed link of a chain or
-    the fault of the chassis.
+    the fault of the chassis. ``chains`` to ``plan`` are separate arguments, because None leaves out what a scene lacks.
     """
     copy(sums, m.x[m.controlled :])
     done = 0.0

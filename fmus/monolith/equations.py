@@ -90,7 +90,8 @@ def march(chains, drives, tree, plan, t, h, steps, x, y, k):
 
     The chains' states are views of y, the argument of the stages. Adds impulses and energies to the sums of chains and
     sprockets; all parts are left evaluated at t + h. Returns the failure code (DONE: none), the steps done, and the
-    failed link of a chain or the fault of the chassis.
+    failed link of a chain or the fault of the chassis. The arguments are those of ``rates``, and the arrays of the
+    method.
     """
     dt = h / steps
     before = np.empty(len(chains))

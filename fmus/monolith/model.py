@@ -6,85 +6,46 @@ sides are alike is computed on its left side and mirrored, as by a chassis with 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.chassis.observe import put_sides
 from fmus.drives import mount as mounts
 from fmus.drives import shaft
-from fmus.drives.motor import SPEED, TORQUE, Drive
 from fmus.jit import reachable_hash
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.monolith import chains as chain_parts
-from fmus.monolith.chains import BOOKS, Place
-from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, TOO_SHARP, Plan, march, rates
-from fmus.monolith.spins import HALF, SPIN, Spins, side
+from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, TOO_SHARP, march, rates
+from fmus.monolith.layout import Hull, Sources, hull, lay_out
+from fmus.monolith.parts import (
+    CHAINS,
+    JOINED,
+    SPROCKETS,
+    Part,
+    mirror_drive,
+    mirrored,
+    shaft_states,
+    sprockets,
+    started,
+)
+from fmus.monolith.ramps import intervals, ramps, without_jumps
+from fmus.monolith.spins import HALF, SPIN, side
 from fmus.physics.integrate.adams import EVALUATIONS, ORDERS, REJECTED, RESTARTS, STEPS, adams
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.rotation import quat_rotate
 from fmus.physics.vector import vector
-from fmus.ports import STATE, TOLERANCE, TOLERANCES, WRENCH
+from fmus.ports import TOLERANCE, TOLERANCES
 from fmus.track_choices import ADAMS, EXPLICIT
 
-RESOLVED = 32  # internal steps in a ramp of a drive's speed, at least
-JUMP = 1e-7  # s, the shortest ramp: a shorter one is as long as this
 LONGEST = 1e-3  # s, internal step where nothing else bounds it
 INTEGRATORS = EQUAL, ADAPTIVE = EXPLICIT, ADAMS
-
-
-CHAINS = ("TrackFlexible", "TrackRigid")  # kinds of parts that are chains
-JOINED = "SteeringDifferential"
-# prefixes of the sprockets of a kind of drive, and where each begins in its state
-SPROCKETS = {"SprocketDrive": {"": 0}, JOINED: {"left.": 0, "right.": mounts.WIDTH}}
-# where each shaft begins in its state
-SHAFTS = {"SprocketDrive": (0,), JOINED: (2 * mounts.WIDTH, 2 * mounts.WIDTH + shaft.SHAFT)}
-
-
-class Part(NamedTuple):
-    """Component of a scene before it is initialised."""
-
-    name: str  # of the instance
-    kind: str  # of the FMU
-    config: Mapping[str, Any]  # as packed into the FMU
-    parameters: Mapping[str, float | int | str]  # set before initialisation
 
 
 def content() -> str:
     """Hash of all sources that the monolith's physics can reach."""
     return reachable_hash(__name__, Path(__file__))
-
-
-def _class(kind: str) -> Any:
-    if kind == "TrackFlexible":
-        from fmus.track_flexible.model import Model
-    elif kind == "TrackRigid":
-        from fmus.track_rigid.model import Model  # type: ignore[assignment]
-    elif kind == "Chassis":
-        from fmus.chassis.model import Model  # type: ignore[assignment]
-    elif kind == "SprocketDrive":
-        from fmus.sprocket_drive.model import Model  # type: ignore[assignment]
-    elif kind == JOINED:
-        from fmus.steering_differential.model import Model  # type: ignore[assignment]
-    elif kind == "Driver":
-        from fmus.driver.model import Model  # type: ignore[assignment]
-    else:
-        raise InvalidParameter(f"a monolith has no part of kind '{kind}'")
-    return Model
-
-
-def started(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | int | str]) -> Any:
-    """Initialised model of a component; raises InvalidParameter or StepFailed."""
-    model = _class(kind)(config)
-    known = {port.name: port.start for port in model.ports if port.causality == "parameter"}
-    unknown = [name for name in parameters if name not in known]
-    if unknown:
-        raise InvalidParameter(f"there is no parameter '{unknown[0]}'")
-    model.initialise({**known, **parameters})
-    return model
 
 
 class Effort(NamedTuple):
@@ -95,16 +56,6 @@ class Effort(NamedTuple):
     rejected: int  # steps
     restarts: int  # at order 1, without a past
     order: float  # mean of all steps
-
-
-class Sprocket(NamedTuple):
-    """Sprocket of a drive."""
-
-    name: str  # of the drive
-    prefix: str  # of its variables there
-    inertia: float  # of its spin, kg m2
-    state: Floats  # (WIDTH) view of the drive's state
-    standing: Floats  # (13) motion of its mount if that is not connected
 
 
 class Monolith:
@@ -137,31 +88,23 @@ class Monolith:
                 raise InvalidParameter(f"{name} = {tolerance:g}: must be {TOLERANCES.text}")
         self.models = {part.name: started(part.kind, part.config, part.parameters) for part in parts}
         self._kinds = {part.name: part.kind for part in parts}
-        self._mirrored = _alike(parts) if halved else {}
+        self._mirrored = mirrored(parts) if halved else {}
         own = [part for part in parts if part.name not in self._mirrored]
-        self._chains = [p.name for p in own if p.kind in CHAINS]
-        self._sprockets, self._shafts, self._spun = [], [], []  # with the state of each shaft
+        self._chains = [part.name for part in own if part.kind in CHAINS]
         self._joined = any(part.kind == JOINED for part in own)
-        for part in (part for part in own if part.kind in SPROCKETS):
-            model = self.models[part.name]
-            for (prefix, at), standing in zip(
-                SPROCKETS[part.kind].items(), model.standing.reshape(-1, STATE), strict=True
-            ):
-                state = model.state[at : at + mounts.WIDTH]
-                self._sprockets.append(Sprocket(part.name, prefix, model.inertia, state, standing))
-            self._shafts += [_without_jumps(drive) for drive in model.shafts]
-            self._spun += [model.state[at : at + shaft.SHAFT] for at in SHAFTS[part.kind]]
-        self._driver = next((p.name for p in own if p.kind == "Driver"), "")
-        self._chassis = next((p.name for p in own if p.kind == "Chassis"), "")
+        drives = [(part, self.models[part.name]) for part in own if part.kind in SPROCKETS]
+        self._sprockets = [sprocket for drive in drives for sprocket in sprockets(*drive)]
+        self._spun = [state for drive in drives for state in shaft_states(*drive)]
+        self._shafts = [without_jumps(drive) for _, model in drives for drive in model.shafts]
+        self._driver = next((part.name for part in own if part.kind == "Driver"), "")
         if not self._chains:
             raise InvalidParameter("a monolith needs a chain")
         if any("ground" in part.config["chassis"] for part in own if part.kind == "Chassis"):
             raise InvalidParameter("a monolith has no contact of hull and bare wheels with the ground")
-        self._sources = {
-            (c.target, i): (c.source, o) for c in connections for i, o in zip(c.inputs, c.outputs, strict=True)
-        }
+        self._sources = Sources(connections)
         self._adaptive = (rtol, atol) if integrator == ADAPTIVE else None
-        self._lay_out(own)
+        self._lay_out(next((part for part in own if part.kind == "Chassis"), None))
+        self._begin()
         limits = []
         if not self._adaptive:
             limits = [self.models[name].stable for name in self._chains]
@@ -170,138 +113,33 @@ class Monolith:
         self.effort = Effort(0, 0, 0, 0, RK4.order)
         self._reached = np.nan  # s, by Adams' methods, whose past ends there
 
-    # ---------------------------------------------------------------- layout
+    # ---------------------------------------------------------------- start
 
-    def _lay_out(self, own: Sequence[Part]) -> None:
-        """Allocate the state and the sums, and resolve the connections to indices."""
-        models, chains, sprockets = self.models, self._chains, self._sprockets
-        sizes = [chain_parts.size(models[name]) for name in chains]
-        body, tree, sides = sum(sizes), None, 0
-        stations: list[str] = []
-        if self._chassis:
-            part = next(p for p in own if p.name == self._chassis)
-            config = part.config
-            if self._mirrored:
-                config = {**config, "chassis": {"sides": ["left"]}}
-            chassis = started(part.kind, config, part.parameters)
-            sides = len(config["chassis"]["sides"])
-            ports = [p.name for p in chassis.ports if p.causality == "output"]
-            stations = [n.removesuffix(".position.x") for n in ports if n.endswith(".position.x")][:-1]
-            tree = self._with_spins(chassis.tree, 2 // sides)
-            inputs = [p.name for p in chassis.ports if p.causality == "input" and p.name.endswith(".force.x")]
-        width = chassis.state.size if self._chassis else 0
-        self._body, self._spin = body, body + width
-        size = body + width + SPIN * len(sprockets) + (2 * HALF if self._joined else 0)
-        counts = [(len(models[n].wheel_list) + 1) * WRENCH + int(np.prod(models[n].felt)) + BOOKS for n in chains]
-        self._sums = np.zeros(sum(counts) + WRENCH * len(sprockets))
-        rest = self._sums
-
-        def summed(*shape: int) -> Floats:
-            """Take the next view of ``_sums``."""
-            nonlocal rest
-            part, rest = np.split(rest, [int(np.prod(shape))])
-            return part.reshape(shape)
-
+    def _lay_out(self, part: Part | None) -> None:
+        """Allocate state and sums, and collect the arguments of the kernels; ``part``: the chassis, if any."""
+        chains = {name: self.models[name] for name in self._chains}
+        sizes = [chain_parts.size(model) for model in chains.values()]
+        turned = self._shafts[:1] if self._joined else self._shafts  # the chassis does not turn a difference of sides
+        chassis = hull(part, bool(self._mirrored), turned) if part else Hull()
+        self._chassis, self._tree = chassis.name, chassis.tree
+        size, self._sums, self._places, self._plan = lay_out(
+            chains, sizes, chassis, self._sprockets, self._joined, self._sources
+        )
+        self._body, self._spin, self._spins = self._plan.body, self._plan.spin, self._plan.spins
         if self._adaptive:
             self._adams = adams(size, self._sums.size, *self._adaptive)
             self.x, self._y = self._adams.x[:size], self._adams.y[:size]
         else:
             self.x, self._y, self._k = np.zeros(size), np.zeros(size), np.zeros((len(RK4.b), size))
-
-        motions = {(self._chassis, station): i for i, station in enumerate(stations)}
-        count, fixed = len(stations), len(sprockets)
-        motions |= {(s.name, f"{s.prefix}sprocket"): count + fixed + d for d, s in enumerate(sprockets)}
-        motion = np.zeros(STATE * (count + 2 * fixed))
-        mount = np.zeros(fixed, dtype=np.int64)
-        for d, sprocket in enumerate(sprockets):
-            source = self._source(sprocket.name, f"{sprocket.prefix}mount.position.x")
-            mount[d] = count + d if source is None else motions[source]
-            motion[13 * (count + d) : 13 * (count + d + 1)] = sprocket.standing
-
-        wrenches: dict[tuple[str, str], int] = {}
-        places, start, block = [], 0, 0
-        for name, size in zip(chains, sizes, strict=True):
-            model = models[name]
-            names = [wheel["name"] for wheel in model.wheel_list]
-            seen = [motions[self._needed(name, f"{wheel}.position.x")] for wheel in names]
-            m = len(names)
-            wrenches |= {(name, wheel): block + i for i, wheel in enumerate(names)}
-            places.append(
-                Place(
-                    start,
-                    start + size,
-                    np.array(seen, dtype=np.int64),
-                    block,
-                    model.frame,
-                    summed(m + 1, WRENCH),
-                    summed(*model.felt),
-                    summed(BOOKS),
-                )
-            )
-            start, block = start + size, block + m + 1
-        chain = [wrenches[self._needed(s.name, f"{s.prefix}sprocket.force.x")] for s in sprockets]
-        wrenches |= {(s.name, f"{s.prefix}mount"): block + d for d, s in enumerate(sprockets)}
-        acting = []
-        if self._chassis:
-            acting = [wrenches[self._needed(self._chassis, name)] for name in inputs]
-        units = max([len(acting) * WRENCH, *(STATE * len(p.seen) for p in places)])
-        self._spins = Spins(
-            joined=int(self._joined),
-            start=self._spin,
-            body=self._body,
-            inertia=np.array([sprocket.inertia for sprocket in sprockets]),
-            stations=count,
-            mount=mount,
-            chain=np.array(chain, dtype=np.int64),
-            mounts=block,
-            spun=np.zeros((fixed, mounts.WIDTH)),
-            seen=np.zeros((fixed, 2)),
-            growth=np.zeros(fixed),
-            pace=np.zeros(fixed),
-            reaction=summed(fixed, 3),
-            force=summed(fixed, 3),
-        )
-        self._plan = Plan(
-            motion,
-            np.zeros(WRENCH * (block + fixed)),
-            np.zeros(units),
-            count,
-            sides,
-            np.array(acting, dtype=np.int64),
-            self._body,
-            self._spin,
-            self._spins,
-        )
-        self._places = places
-        self._tree = tree
         self._system = (
             tuple(
-                chain_parts.chain(models[name], place, self._y[place.start : place.end])
-                for name, place in zip(chains, places, strict=True)
+                chain_parts.chain(model, place, self._y[place.start : place.end])
+                for model, place in zip(chains.values(), self._places, strict=True)
             ),
             tuple(self._shafts) or None,
-            tree,
+            self._tree,
             self._plan,
         )
-        self._begin()
-
-    def _source(self, target: str, variable: str) -> tuple[str, str] | None:
-        """Part and connector of the source of an input; None if the input is not connected."""
-        found = self._sources.get((target, variable))
-        return found and (found[0], found[1].rsplit(".", 2)[0])
-
-    def _needed(self, target: str, variable: str) -> tuple[str, str]:
-        source = self._source(target, variable)
-        if source is None:
-            raise InvalidParameter(f"{target}: the input {variable} is not connected")
-        return source
-
-    def _with_spins(self, tree: Any, times: int) -> Any:
-        """Add the spin inertia of sprockets with prescribed speed against the chassis to the tree. (3)"""
-        inertia = tree.inertia.copy()
-        seen = self._shafts[:1] if self._joined else self._shafts  # the difference of the sides has no part in it
-        inertia[1, 1] += times * sum(drive.inertia for drive in seen if drive.mode == SPEED)
-        return tree._replace(inertia=inertia)
 
     def _begin(self) -> None:
         """Copy the models' states into x."""
@@ -379,11 +217,11 @@ class Monolith:
             if self._kinds[name] in CHAINS:
                 chain_parts.mirror(self.models[of], self.models[name])
             else:
-                _mirror_drive(self.models[of], self.models[name], self.models[self._chassis])
+                mirror_drive(self.models[of], self.models[name], self.models[self._chassis])
 
     def _go_equally(self, t: float, h: float) -> None:
         """Integrate by the classical Runge-Kutta method; raises StepFailed."""
-        for begin, length, steps in self._intervals(t, h):
+        for begin, length, steps in intervals(ramps(self._shafts), t, h, self.step):
             failure, done, where = march(*self._system, begin, length, steps, self.x, self._y, self._k)
             if failure != DONE:
                 raise self._failed(failure, where, begin + done * length / steps)
@@ -395,8 +233,9 @@ class Monolith:
         from fmus.monolith.adaptive import march as go
 
         fresh = not abs(t - self._reached) < 1e-9 * h or bool(self._driver)
-        for begin, length, steps in self._intervals(t, h):
-            fresh |= any(abs(end - begin) < 1e-9 * h for ramp in self._ramps() for end in ramp)
+        known = ramps(self._shafts)
+        for begin, length, steps in intervals(known, t, h, self.step):
+            fresh |= any(abs(end - begin) < 1e-9 * h for ramp in known for end in ramp)
             failure, done, where = go(*self._system, self._adams, self._sums, begin, length, length / steps, fresh)
             if failure != DONE:
                 raise self._failed(failure, where, begin + done)
@@ -405,21 +244,6 @@ class Monolith:
         counts = self._adams.counts.tolist()
         steps, evaluations, rejected, restarts = (counts[i] for i in (STEPS, EVALUATIONS, REJECTED, RESTARTS))
         self.effort = Effort(steps, evaluations, rejected, restarts, counts[ORDERS] / steps)
-
-    def _ramps(self) -> list[tuple[float, float]]:
-        """Begin and end, s, of the time intervals in which the right-hand side is smooth."""
-        ramps = [ramp for drive in self._shafts if drive.mode != TORQUE for ramp in _ramps(drive)]
-        for course in (each for drive in self._shafts for each in (drive.torques, drive.brakes)):
-            ramps += pairwise(course.time.tolist())
-        return ramps
-
-    def _intervals(self, t: float, h: float) -> Iterator[tuple[float, float, int]]:
-        """Begin, length (s) and steps of the parts of a step, split at the ends of speed ramps. (7)"""
-        ramps = self._ramps()
-        inside = {end for ramp in ramps for end in ramp if t + 1e-9 * h < end < t + (1.0 - 1e-9) * h}
-        for begin, end in pairwise([t, *sorted(inside), t + h]):
-            within = [(b - a) / RESOLVED for a, b in ramps if a < 0.5 * (begin + end) < b]
-            yield begin, end - begin, max(1, int(np.ceil((end - begin) / min([self.step, *within]) - 1e-9)))
 
     def _failed(self, failure: int, where: int, at: float) -> StepFailed:
         """Error of a part of a step that failed at the time ``at``, s."""
@@ -450,11 +274,11 @@ class Monolith:
         y = np.zeros(len(names))
         chassis.outputs(y[: len(names) - len(chassis.counters)])
         wanted = [port.name for port in driver.ports if port.causality == "input"]
-        driver.step(t, h, np.array([y[names.index(self._sources[self._driver, name][1])] for name in wanted]))
+        driver.step(t, h, np.array([y[names.index(self._sources.output(self._driver, name))] for name in wanted]))
         shown = [port.name for port in driver.ports if port.causality == "output"]
         demands = np.zeros(len(shown) - len(driver.counters))
         driver.outputs(demands)
-        told = [demands[shown.index(self._sources[s.name, f"{s.prefix}speed.demand"][1])] for s in self._sprockets]
+        told = [demands[shown.index(self._sources.output(s.name, f"{s.prefix}speed.demand"))] for s in self._sprockets]
         if self._joined:
             told = [0.5 * (told[0] + told[1]), told[1] - told[0]]
         for drive, state, demand in zip(self._shafts, self._spun, told, strict=True):
@@ -485,49 +309,3 @@ class Monolith:
         state[mounts.MOUNT + 3 : mounts.MOUNT + 6] = (self._spins.reaction[d] - (after - held)) / h
         state[mounts.MOMENTUM : mounts.MOMENTUM + 3] = after
         state[mounts.STEP] = h
-
-
-def _without_jumps(drive: Drive) -> Drive:
-    """The drive with jumps of speed replaced by ramps of JUMP s, because a jump has no slope to integrate."""
-    return drive._replace(ramp_end=max(drive.ramp_end, drive.ramp_start + JUMP), stop_time=max(drive.stop_time, JUMP))
-
-
-def _ramps(drive: Drive) -> list[tuple[float, float]]:
-    """Begin and end of the ramps of a drive's speed, s."""
-    if drive.speeds.time.size:
-        return list(pairwise(drive.speeds.time.tolist()))
-    ramps = [(drive.ramp_start, drive.ramp_end)]
-    return [*ramps, (drive.stop_start, drive.stop_start + drive.stop_time)] if drive.stop_start >= 0.0 else ramps
-
-
-def _alike(parts: Sequence[Part]) -> dict[str, str]:
-    """Left part of each right part that mirrors it, by name; empty if the sides differ in anything."""
-    named = {part.name: part for part in parts}
-    pairs = {name: name.replace("right", "left", 1) for name in named if name.startswith("right")}
-    chassis = next((part for part in parts if part.kind == "Chassis"), None)
-    if chassis is None or list(chassis.config["chassis"]["sides"]) != ["left", "right"]:
-        return {}
-    for right, left in pairs.items():
-        if left not in named or (named[left].kind, named[left].config) != (
-            named[right].kind,
-            named[right].config,
-        ):
-            return {}
-        mirrored = dict(named[right].parameters)
-        mirrored["start.lateral"] = -float(mirrored["start.lateral"])
-        if dict(named[left].parameters) != mirrored:
-            return {}
-    return pairs if len(parts) == 2 * len(pairs) + 1 else {}
-
-
-def _mirror_drive(of: Any, model: Any, chassis: Any) -> None:
-    """Make ``model`` the mirror image of the drive ``of`` the other side; the chassis moves symmetrically."""
-    motions = np.zeros(STATE * (len(chassis.tree.turns) + 2))
-    put_sides(chassis.tree, chassis.state, 2, motions, 0)
-    mount, state = motions[-STATE:], model.state
-    axis = quat_rotate(mount[3:7], (0.0, 1.0, 0.0))
-    state[:] = of.state
-    mounts.place(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
-    for at, sign in ((mounts.MOUNT, 1.0), (mounts.MOUNT + 3, -1.0), (mounts.MOMENTUM, -1.0)):
-        v = of.state[at : at + 3]
-        state[at : at + 3] = sign * (v - 2.0 * (v @ axis) * axis)
