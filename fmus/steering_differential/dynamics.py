@@ -60,7 +60,9 @@ def speed(p, x, t, mount_rate):
 def finish(g, x, sign, propulsion, steering, h, u, i, m, now):
     """Set a side after the step: its sprocket, torque and work of its half shaft, wrench on its mount.
 
-    ``now``: speed of the side before the step, rad/s.
+    ``x``: state of the side; ``sign``: -1 left, 1 right; ``propulsion``, ``steering``: states of the shafts; ``h``, s;
+    ``u[i:]``: inputs of the side; ``m``: its mount, extrapolated; ``now``: speed of the side before the step, rad/s. A
+    tuple of these ten would be made for this call alone.
     """
     angle, rate = x[ANGLE], x[RATE]
     join(x, sign, propulsion, steering)

@@ -26,21 +26,19 @@ from fmus.physics.chain.flexible.work import work
 from fmus.physics.chain.implicit import Method
 from fmus.physics.chain.outcome import DONE, SINGULAR, Outcome
 from fmus.physics.integrate.generalized_alpha import Slopes
-from fmus.ports import NOT_NEGATIVE, POSITIVE, Port, Range
+from fmus.ports import POSITIVE, Port, Range
 from fmus.track import TrackModel, alpha, integration
 from fmus.track_choices import (
     ADAMS,
-    AXES,
     CHOLESKY,
     CONSTRAINED,
-    COORDINATES,
     ELIMINATED,
     EXPLICIT,
-    JOINTS,
     NODAL,
     conflict_of_links,
 )
 from fmus.track_closure import PIN, SPRING, closure
+from fmus.track_flexible import parameters
 
 STILL = 1e-3  # residual of static equilibrium, N
 LONG = 10.0  # last pseudo step of a chain between pins, s: its slowest modes come to rest too
@@ -57,69 +55,10 @@ class Model(TrackModel):
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Parameters of element, material, joints, coordinates, integration and closure."""
-        m = vehicle["material"]
         return (
-            Port(
-                "element",
-                "parameter",
-                "1",
-                "what a link is: cable, one axis and pins that keep their direction; planar, the cable without its"
-                " lateral dofs; beam, all strains of a solid and pins that turn with the vehicle",
-                "cable",
-                tuple(ELEMENTS),
-            ),
-            Port(
-                "axes",
-                "parameter",
-                "1",
-                "in which cables have their coordinates: fixed, and the chain stays in its plane, or free, and it turns"
-                " with the vehicle",
-                "fixed",
-                AXES,
-            ),
-            Port(
-                "elasticity",
-                "parameter",
-                "1",
-                "strains of cables: small_deformation, average strain and r_xx; general, Green strain and"
-                " curvature; engineering, |r_x| - 1 and the angle turned per length",
-                "small_deformation",
-                tuple(ELASTICITIES),
-            ),
-            Port(
-                "material.youngs_modulus",
-                "parameter",
-                "Pa",
-                "Young's modulus of the links",
-                m["youngs_modulus"],
-                allowed=POSITIVE,
-            ),
-            Port(
-                "material.relaxation_time",
-                "parameter",
-                "s",
-                "damping constants over Young's modulus",
-                m["relaxation_time"],
-                allowed=NOT_NEGATIVE,
-            ),
-            Port(
-                "joints",
-                "parameter",
-                "1",
-                "the pins of cables: eliminated, shared coordinates and no equations; constrained, coordinates of each"
-                " link's own and equations with multipliers",
-                ELIMINATED,
-                JOINTS,
-            ),
-            Port(
-                "coordinates",
-                "parameter",
-                "1",
-                "what an explicit integrator integrates: nodal coordinates, or Cholesky coordinates, whose mass matrix"
-                " is the identity",
-                NODAL,
-                COORDINATES,
-            ),
+            *parameters.kind_of_link(tuple(ELEMENTS)),
+            *parameters.material(vehicle["material"]),
+            *parameters.coordinates(),
             *integration(),
             Port("tolerance", "parameter", "m", "largest Newton correction of a converged step", 1e-9, allowed=FINE),
             *(closure() if self.closed else ()),
