@@ -1,4 +1,4 @@
-"""Start of a chain of flexible links, at rest or let go: its initial accelerations and outputs."""
+"""Start of a chain of flexible links, at rest or released: its initial accelerations and outputs."""
 
 from __future__ import annotations
 
