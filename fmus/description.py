@@ -107,7 +107,10 @@ def _variable(listed: Element, reference: int, port: Port, real: bool, continuou
 
 
 def _structure(structure: Element, variables: Sequence[Port]) -> None:
-    """Add outputs and initial unknowns: outputs depend on states alone (no feedthrough), their start on parameters."""
+    """Add outputs and initial unknowns.
+
+    Outputs depend on states alone (no feedthrough), the states at the start on parameters.
+    """
     outputs, known = (
         [str(index) for index, port in enumerate(variables, 1) if port.causality == causality]
         for causality in ("output", "parameter")

@@ -113,7 +113,7 @@ def leaf_bias(tree, k, w, qd, r, c, lc):
 
 @kernel
 def spring(tree, k, q, qd):
-    """Push of the spring and damper of leaf k, N, its arm (derivative of the compression), and lost power, W. (9)"""
+    """Push of spring and damper of leaf k, N, derivative of the compression, and lost power, W. (9)"""
     e, slope = compression(tree, k, q)
     ed = slope * qd
     push = tree.preload[k] + tree.stiffness[k] * e + tree.damping[k] * ed
@@ -242,7 +242,7 @@ def free_body(tree, A, v, w, u, M):
 
 @kernel
 def root_rates(gravity, x, A, w, b, out):
-    """Write the time derivative of pose and velocity of B to ``out``; b (6): accelerations without gravity, in B."""
+    """Write the derivative of pose and velocity of B to ``out``; b (6): accelerations but gravity, in B."""
     p = vector(x, 4)
     put(out, 0, vector(x, 7))
     out[3] = -0.5 * dot(p, w)

@@ -112,7 +112,7 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> Tree:
 def _with_sprockets(
     body: Mapping[str, Any], sprocket: Mapping[str, Any], mounts: Floats
 ) -> tuple[float, Floats, Floats]:
-    """Mass, kg, centre (3), m, and inertia (3, 3), kg m2, of the chassis with a sprocket on each mount (2, 3)."""
+    """Mass, kg, centre (3), m, inertia (3, 3), kg m2, of the chassis with sprockets on the mounts (2, 3)."""
     inertia = np.diag(body["inertia"]).astype(float)
     mass = body["mass"] + 2 * sprocket["mass"]
     centre = sprocket["mass"] * mounts.sum(axis=0) / mass

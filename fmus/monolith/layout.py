@@ -57,7 +57,7 @@ class Hull(NamedTuple):
 
 
 def hull(part: Part, mirrored: bool, shafts: Sequence[Drive]) -> Hull:
-    """Hull of a chassis with the spin inertia of the ``shafts`` that need it; ``mirrored``: its left side alone."""
+    """Hull of a chassis, with ``mirrored`` of its left side alone, with the spin inertia of ``shafts``."""
     config = {**part.config, "chassis": {"sides": ["left"]}} if mirrored else part.config
     chassis = started(part.kind, config, part.parameters)
     sides = len(config["chassis"]["sides"])
@@ -152,7 +152,7 @@ def lay_out(
 def _motions(
     chassis: Hull, sprockets: Sequence[Sprocket], sources: Sources
 ) -> tuple[dict[Connector, int], Floats, Any]:
-    """Indices of the motions by connector, the motions with those of fixed mounts, index of each sprocket's mount."""
+    """Indices of the motions by connector, motions with the fixed mounts, index of each sprocket's mount."""
     stations, fixed = len(chassis.stations), len(sprockets)
     index = {(chassis.name, station): i for i, station in enumerate(chassis.stations)}
     index |= {(s.name, f"{s.prefix}sprocket"): stations + fixed + d for d, s in enumerate(sprockets)}

@@ -37,9 +37,9 @@ def _of_speed(drive: Drive) -> list[Ramp]:
 
 
 def intervals(known: Sequence[Ramp], t: float, h: float, longest: float) -> Iterator[tuple[float, float, int]]:
-    """Begin, length (s) and steps of the parts of a step from t to t + h, split where a ramp begins or ends. (7)
+    """Begin, length (s) and number of steps of the parts of a step from t to t + h. (7)
 
-    Internal steps take ``longest`` s at most.
+    A part ends where a ramp begins or ends; internal steps take ``longest`` s at most.
     """
     inside = {end for ramp in known for end in ramp if t + 1e-9 * h < end < t + (1.0 - 1e-9) * h}
     for begin, end in pairwise([t, *sorted(inside), t + h]):

@@ -46,7 +46,7 @@ def horn(links, contacts, x, w, k, row, i, a, b, off, by_rate, tangent):
 
 @kernel
 def _hold(links, contacts, x, w, k, row, i, a, b, disc, by_rate, tangent):
-    """Contact of the guide horn of link ``i`` with the disc of wheel ``k``, of radius ``disc``, m; see ``horn``."""
+    """Contact of the horn of link ``i`` with the disc of wheel ``k``, of radius ``disc``, m; see ``horn``."""
     nodes, law, play = count(links, x)[1], contacts.wheel, contacts.clearance
     part, side = reach(row, disc, a, b, links.face)
     low, high, _ = part
