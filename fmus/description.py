@@ -35,6 +35,24 @@ def document(
     :param continuous: number of Reals that are not parameters.
     :param categories: categories of log messages, and their meanings.
     """
+    root = _head(name, guid, text, tool)
+    units = SubElement(root, "UnitDefinitions")
+    for unit in dict.fromkeys(port.unit for port in variables[:reals]):
+        base = {exponent: str(power) for exponent, power in UNITS[unit].items()}
+        SubElement(SubElement(units, "Unit", name=unit), "BaseUnit", base)
+    messages = SubElement(root, "LogCategories")
+    for category, meaning in categories.items():
+        SubElement(messages, "Category", name=category, description=meaning)
+    SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize="0.001")
+    listed = SubElement(root, "ModelVariables")
+    for reference, port in enumerate(variables):
+        _variable(listed, reference, port, reference < reals, reference < continuous)
+    _structure(SubElement(root, "ModelStructure"), variables)
+    return root
+
+
+def _head(name: str, guid: str, text: str, tool: str) -> Element:
+    """Root element with the element CoSimulation."""
     built = int(os.environ.get("SOURCE_DATE_EPOCH") or DATE)
     root = Element(
         "fmiModelDescription",
@@ -61,54 +79,43 @@ def document(
         canSerializeFMUstate="true",
         providesDirectionalDerivative="false",
     )
-    definitions = SubElement(root, "UnitDefinitions")
-    for unit in dict.fromkeys(port.unit for port in variables[:reals]):
-        base = {exponent: str(power) for exponent, power in UNITS[unit].items()}
-        SubElement(SubElement(definitions, "Unit", name=unit), "BaseUnit", base)
-    messages = SubElement(root, "LogCategories")
-    for category, meaning in categories.items():
-        SubElement(messages, "Category", name=category, description=meaning)
-    SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize="0.001")
+    return root
 
-    listed = SubElement(root, "ModelVariables")
-    known: list[str] = []
-    outputs: list[str] = []
-    for reference, port in enumerate(variables):
-        parameter = port.causality == "parameter"
-        constant = port.causality == "local" and not isinstance(port.start, int)
-        (known if parameter else outputs if port.causality == "output" else []).append(str(reference + 1))
-        meaning = port.text + (f" ({', '.join(port.choices)})" if port.choices else "")
-        variable = SubElement(
-            listed,
-            "ScalarVariable",
-            name=port.name,
-            valueReference=str(reference),
-            description=meaning,
-            causality=port.causality,
-            variability="constant"
-            if constant
-            else "fixed"
-            if parameter
-            else "continuous"
-            if reference < continuous
-            else "discrete",
-        )
-        if port.causality != "input":
-            variable.set("initial", "exact" if parameter or constant else "calculated")
-        real = reference < reals
-        start = repr(float(port.start)) if real else str(port.start)
-        attributes = {"unit": port.unit} if real else {}
-        bounds = {"min": port.allowed.least, "max": port.allowed.most}
-        attributes |= {name: repr(round(bound, 12)) for name, bound in bounds.items() if math.isfinite(bound)}
-        if constant or port.causality in ("input", "parameter"):
-            attributes["start"] = start
-        kind = "Real" if real else "String" if isinstance(port.start, str) else "Integer"
-        SubElement(variable, kind, attributes)
 
-    # Outputs depend on states alone (no feedthrough), the states at the start on parameters.
-    structure = SubElement(root, "ModelStructure")
+def _variable(listed: Element, reference: int, port: Port, real: bool, continuous: bool) -> None:
+    """Add the ScalarVariable of a port, a Real if ``real``, else of the type of its start value."""
+    parameter = port.causality == "parameter"
+    constant = port.causality == "local" and not isinstance(port.start, int)
+    variability = "constant" if constant else "fixed" if parameter else "continuous" if continuous else "discrete"
+    variable = SubElement(
+        listed,
+        "ScalarVariable",
+        name=port.name,
+        valueReference=str(reference),
+        description=port.text + (f" ({', '.join(port.choices)})" if port.choices else ""),
+        causality=port.causality,
+        variability=variability,
+    )
+    if port.causality != "input":
+        variable.set("initial", "exact" if parameter or constant else "calculated")
+    attributes = {"unit": port.unit} if real else {}
+    bounds = {"min": port.allowed.least, "max": port.allowed.most}
+    attributes |= {name: repr(round(bound, 12)) for name, bound in bounds.items() if math.isfinite(bound)}
+    if constant or port.causality in ("input", "parameter"):
+        attributes["start"] = repr(float(port.start)) if real else str(port.start)
+    SubElement(variable, "Real" if real else "String" if isinstance(port.start, str) else "Integer", attributes)
+
+
+def _structure(structure: Element, variables: Sequence[Port]) -> None:
+    """Add outputs and initial unknowns.
+
+    Outputs depend on states alone (no feedthrough), the states at the start on parameters.
+    """
+    outputs, known = (
+        [str(index) for index, port in enumerate(variables, 1) if port.causality == causality]
+        for causality in ("output", "parameter")
+    )
     for group, dependencies in (("Outputs", ""), ("InitialUnknowns", " ".join(known))):
         node = SubElement(structure, group)
         for index in outputs:
             SubElement(node, "Unknown", index=index, dependencies=dependencies)
-    return root

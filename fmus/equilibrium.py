@@ -51,15 +51,15 @@ class Equilibrium(NamedTuple):
 
     height: float  # of the hull's centre of mass, m
     roll: float  # rad
-    pitch: float
+    pitch: float  # rad
     left: Sequence[float]  # arm angles from the front, rad, then the idler's slide, m
-    right: Sequence[float]
+    right: Sequence[float]  # likewise
 
 
 class Track(NamedTuple):
-    """A track of the vehicle, as a flexible one."""
+    """Track of the vehicle, modelled with flexible links."""
 
-    config: Mapping[str, Any]
+    config: Mapping[str, Any]  # of a flexible track
     parameters: Mapping[str, Any]  # those that differ from the defaults: how the loop is closed
 
 

@@ -1,11 +1,11 @@
-"""Compiled kernels, found again by what they say, not by where they lie.
+"""Compilation of kernels, cached by the content of their sources.
 
-numba's own cache is keyed by the path of the source file (an FMU unpacked elsewhere compiles again) and looks
-at that file alone (an edited callee in another module is not noticed, and the old physics runs on). Here a
-kernel's place in the cache is a hash of its module and of every module of ours that it reaches by imports. An
-overload is one file, named by signature, by the same hash of the classes in it, by processor and compiler, and written
-at once: processes may compile side by side. One whose checksum does not hold is compiled again, because damaged machine
-code ends the process.
+numba's own cache is keyed by the path of the source file, so that an FMU unpacked elsewhere compiles again, and reads
+that file alone, so that an edited callee in another module is missed and old machine code runs. Here a kernel is keyed
+by a hash of its module and of every module of this package that it reaches by imports. An overload is one file, named
+by signature, by the same hash of the classes in it, by processor and compiler, and written as a whole, so processes may
+compile at the same time. A file with a wrong checksum is compiled again, because damaged machine code would end the
+process.
 """
 
 from __future__ import annotations
@@ -37,23 +37,23 @@ from numba.extending import overload
 from fmus import linking  # noqa: F401 - changes how numba links
 from fmus.cache import cache_folder, keep, kept, own, spared
 
-COMPILED = logging.getLogger("cotrack.kernels")  # is told of each kernel that has to be compiled
-Kernel = TypeVar("Kernel", bound=Callable[..., Any])  # a kernel has the type of the function that it is made of
+COMPILED = logging.getLogger("cotrack.kernels")  # logs each kernel that has to be compiled
+Kernel = TypeVar("Kernel", bound=Callable[..., Any])  # a kernel has the type of its Python function
 Class = TypeVar("Class", bound=type)
 ROOT = Path(__file__).resolve().parent  # the fmus tree this process runs
 PARSING = Lock()  # Python 3.11 counts the depth of a tree for all threads together
 IMPLEMENTED, REACHED = "_implemented", "_reached"  # attributes of a class: module by group of functions; their hash
-# numba's settings that make other machine code of the same source
+# numba's settings that change the machine code of a source
 SETTINGS = ("BOUNDSCHECK", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "USING_SVML", "DEBUGINFO_DEFAULT")
 
 
 def sources(root: Path = ROOT) -> list[Path]:
-    """The Python sources below ``root``, in a fixed order."""
+    """Python sources below ``root``, in a fixed order."""
     return sorted(root.rglob("*.py"), key=lambda path: path.relative_to(root).as_posix())
 
 
 def source_hash(root: Path = ROOT) -> str:
-    """Hash of all Python sources of a tree, by relative path and content: which build this is."""
+    """Hash of all Python sources of a tree, by relative path and content; it identifies a build."""
     digest = hashlib.sha256()
     for path in sources(root):
         digest.update(path.relative_to(root).as_posix().encode() + b"\0")
@@ -95,9 +95,9 @@ def _imports(path: Path, package: str) -> tuple[str, ...]:
 
 @cache
 def _locate(module: str, beside: Path) -> Path | None:
-    """The source of a module, without importing it: in the folder ``beside``, or where its package was loaded from.
+    """Source of a module, not imported: in the folder ``beside``, else in that of its loaded package.
 
-    In a tool that deletes the FMU that it is done with, the first FMU's package is gone: the kernel's own is there.
+    A tool may delete the folder of a freed FMU, and with it the loaded package; ``beside`` then has the source.
     """
     top, *parts = module.split(".")
     for root in (beside / top, *getattr(sys.modules.get(top), "__path__", ())):
@@ -135,7 +135,7 @@ def reachable_hash(module: str, path: Path) -> str:
 
 
 class _Locator(_CacheLocator):
-    """Place and stamp of a kernel: the hash of the sources it can reach."""
+    """Folder and stamp of a kernel in the cache, from the hash of the sources that it reaches."""
 
     def __init__(self, function: Callable[..., Any], file: str) -> None:
         self._py_file = file  # numba names it in warnings
@@ -165,7 +165,7 @@ class _Implementation(CompileResultCacheImpl):
 
 
 class _Overloads:
-    """One file per overload: numba's index of overloads loses or swaps entries when two processes write."""
+    """Overloads of a kernel, one file each: numba's index loses or swaps entries when two processes write."""
 
     def __init__(self, folder: Path, stem: str, stamp: str) -> None:
         self._folder, self._stem, self._stamp = folder, stem, stamp
@@ -208,7 +208,7 @@ class _Cache(FunctionCache):
     counting = False  # whether the kernel counts references to arrays
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Refuse what would be freed too early or never: an array that comes from a kernel that does not count."""
+        """Save an overload; raises TypeError for a kernel that returns an array without counting references."""
         if not self.counting and "array(" in str(data.signature.return_type):
             raise TypeError(f"the kernel {self._name} returns an array: it must be ``allocating``")
         super().save_overload(sig, data)
@@ -237,33 +237,34 @@ INNER = {"no_cpython_wrapper": True}
 def kernel(function: Kernel) -> Kernel:
     """Compile a kernel: no Python objects, no GIL, IEEE division, cached by content.
 
-    It makes no arrays and borrows those that it is given: nothing counts references to them, which would cost as much
-    as a contact itself. One that makes an array must be ``allocating``.
-    Kernels call kernels by import: one that closes over or takes a jitted function is never found again.
-    With ``NUMBA_DISABLE_JIT=1`` the function comes back as it is, with ``NUMBA_BOUNDSCHECK=1`` it checks its indices.
+    A kernel makes no arrays and borrows its arguments: it counts no references, which would cost as much as a contact.
+    A kernel that makes an array must be ``allocating``. Kernels call kernels by import, because the cache does not find
+    a kernel that closes over a jitted function or takes one as an argument. With ``NUMBA_DISABLE_JIT=1`` the function
+    is returned unchanged; with ``NUMBA_BOUNDSCHECK=1`` it checks its indices.
     """
     made: Kernel = _compiled(function, OPTIONS)
     return made
 
 
 def allocating(function: Kernel) -> Kernel:
-    """``kernel`` for those that make arrays or take them from a kernel that does: they count references."""
+    """Compile a kernel that makes arrays or calls one that returns them; it counts references."""
     made: Kernel = _compiled(function, OPTIONS | {"_nrt": True})
     return made
 
 
 def apart(function: Kernel) -> Kernel:
-    """Below ``kernel`` or ``allocating``: no array that it is given and writes lies over another that it uses.
+    """Declare, below ``kernel`` or ``allocating``, that arrays do not alias (Fortran's rule).
 
-    That is Fortran's rule for arguments. The compiler then keeps entries in registers and takes several at once, with
-    the same bits in three quarters of the time; without it each store might have changed every entry.
+    No array argument that the kernel writes overlaps another array that it uses. The compiler then keeps entries in
+    registers and does several operations at once, with the same bits in three quarters of the time; otherwise each
+    store might change every entry.
     """
     function.apart = True  # type: ignore[attr-defined]
     return function
 
 
 class _Compiler(Compiler):
-    """numba's compiler; Python does not look for cycles of objects meanwhile, which would take a tenth of the time."""
+    """numba's compiler without Python's cycle collection, which would take a tenth of its time."""
 
     def compile_extra(self, function: Any) -> Any:
         collecting = gc.isenabled()
@@ -276,7 +277,7 @@ class _Compiler(Compiler):
 
 
 class _Apart(_Compiler):
-    """The compiler, told so."""
+    """The compiler for kernels declared ``apart``."""
 
     def __init__(self, typing: Any, target: Any, library: Any, args: Any, result: Any, flags: Any, local: Any) -> None:
         flags.noalias = True
@@ -284,10 +285,10 @@ class _Apart(_Compiler):
 
 
 def _compiled(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    """Two kernels of one function: the one that Python calls, and the one that kernels call.
+    """Two kernels of a function: one that Python calls, and one for kernels, without an entry from Python.
 
-    A way in from Python looks at every array of every tuple, for a chain some fifty, and takes longer to compile than
-    most kernels: what kernels alone call has none.
+    An entry from Python checks every array of every tuple, for a chain some fifty, and takes longer to compile than
+    most kernels.
     """
     options = options | {"pipeline_class": _Apart if getattr(function, "apart", False) else _Compiler}
     outer = numba.njit(**options)(function)
@@ -296,7 +297,7 @@ def _compiled(function: Callable[..., Any], options: dict[str, Any]) -> Any:
         for compiled, part in ((outer, ""), (inner, ".inner")):
             compiled._cache = _Cache(function, part)  # what numba's cache=True does, with our cache
             compiled._cache.counting = options["_nrt"]
-        # a constant argument would have a type of its own and be compiled for
+        # otherwise each constant argument has a type of its own and is compiled separately
         outer.get_call_template = lambda args, kws: inner.get_call_template(
             tuple(map(numba.types.unliteral, args)), kws
         )
@@ -305,7 +306,7 @@ def _compiled(function: Callable[..., Any], options: dict[str, Any]) -> Any:
 
 
 def plain(function: Kernel) -> Kernel:
-    """The function that a kernel is made of: for what Python calls once and is not worth compiling."""
+    """Python function of a kernel, for calls that are not worth compiling."""
     made: Kernel = getattr(function, "py_func", function)
     return made
 
@@ -373,17 +374,17 @@ def door(module_of: Callable[[type], Any], shared: bool = False) -> Callable[[Ca
 
 
 def entry(function: Callable[..., Any], *like: Any) -> Callable[..., Any]:
-    """The machine code of a kernel for arguments of the types of ``like``, called in a tenth of the time.
+    """Machine code of a kernel for arguments of the types of ``like``; a call takes a tenth of the time.
 
-    At each call of a kernel numba looks at the type of every array in every tuple, 8 us for a chain. Who calls this
-    vouches for the types: others are misread.
+    At each call of a kernel numba checks the type of every array in every tuple, 8 us for a chain. Here the caller must
+    pass the right types: arguments of other types are misread.
     """
     compiled = getattr(function, "compile", None)  # none with NUMBA_DISABLE_JIT
     return compiled(tuple(map(numba.typeof, like))) if compiled else function
 
 
 def compiled_before(function: Any) -> bool:
-    """Whether the cache has a kernel, for some types of its arguments: else its first call compiles."""
+    """Whether the cache has a kernel for some types of its arguments; otherwise its first call compiles."""
     if not isinstance(getattr(function, "_cache", None), _Cache):  # NUMBA_DISABLE_JIT
         return True
     return function._cache.found()

@@ -15,7 +15,7 @@ INTERVAL = "link_outputs.interval"  # parameter: communication steps over which 
 
 
 class Group(NamedTuple):
-    """A group of outputs of each link or each pin, ordered by link (or pin), then by part."""
+    """Group of outputs of each link or each pin, ordered by link (or pin), then by part."""
 
     of: str  # "link" or "joint" (a pin)
     signal: str

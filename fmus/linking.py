@@ -1,9 +1,9 @@
-"""How numba links and emits kernels: machine code for those that Python calls, what they call inside them.
+"""Deferred linking of kernels: machine code only for those that Python calls, callees included.
 
-numba optimises each function with all that it calls and emits machine code for it, although what only others call is
-copied into theirs and done again there. Here both wait until somebody asks for the address of a function: a cold start
-of a vehicle takes a third less. ``internal`` with SLP saves 8 % of a warm run. This reaches into numba: with a version
-that is not ``TESTED`` it compiles its plain way, to the same bits.
+numba optimises each function with all that it calls and emits machine code for it, although a function that only others
+call is copied into their code and compiled again there. Here both wait until the address of a function is requested: a
+cold start of a vehicle takes a third less. ``internal`` with SLP saves 8 % of a warm run. The module depends on numba's
+internals: with a version other than ``TESTED`` numba compiles its standard way, to the same bits.
 """
 
 from __future__ import annotations
@@ -16,20 +16,19 @@ import numba
 from numba import config
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 
-TESTED = "0.68."  # begins the versions of numba whose insides this module knows; pyproject.toml allows no later ones
-OURS, OWN = "_ZN4fmus", ".own"  # begins the names of our functions as LLVM knows them; ends those of a kernel's copies
+TESTED = "0.68."  # prefix of the versions of numba whose internals are known; pyproject.toml allows no later ones
+OURS, OWN = "_ZN4fmus", ".own"  # prefix of mangled names of this package's functions; suffix of a kernel's copies
 PARTS = ("_optimize_final_module", "_finalize_final_module", "get_pointer_to_function", "serialize_using_object_code")
 Environments = dict[str, Any]
 
 
 def internal(library: Any) -> None:
-    """Make the functions that one of our kernels calls its own.
+    """Make the functions that a kernel of this package calls internal to its library.
 
-    They are otherwise visible to others, and LLVM keeps them in their general form: arrays stay tuples in memory and
-    are counted at each call. Internal functions are taken apart: the same operations in the same order, hence the same
-    bits, in 0.6 of the time. They get names of their own, because numba's linker binds names whether internal or not,
-    and a function that was taken apart has other arguments. What counts references keeps its name, by which numba
-    leaves out what cancels.
+    Visible functions keep their general form in LLVM: arrays stay tuples in memory and are counted at each call. LLVM
+    rewrites internal functions with fewer arguments: the same operations in the same order, hence the same bits, in 0.6
+    of the time. They get names of their own, because numba's linker binds internal names too, and a rewritten function
+    has other arguments. Functions that count references keep their names, by which numba removes pairs of counts.
     """
     with suppress(AttributeError):
         functions = [each for each in library._final_module.functions if not each.is_declaration]
@@ -41,12 +40,12 @@ def internal(library: Any) -> None:
 
 
 def defer() -> None:
-    """Have numba optimise and emit a function when its address is asked for."""
-    # operations beside each other become one, with the same bits: on the matrices of links half of them
+    """Make numba optimise and emit a function when its address is requested."""
+    # neighbouring operations become one, with the same bits: half of those on the matrices of links
     config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]
     optimise, finish, point, store = (getattr(JITCodeLibrary, name) for name in PARTS)
     bind = JITCPUCodegen.set_env
-    waiting: Environments = {}  # of functions without an address, by the name of the variable that points to it
+    waiting: Environments = {}  # of functions without an address, by the name of the variable for the pointer
 
     def linked(library: Any) -> None:
         if library._object_caching_enabled and library._compiled_object:  # from the cache
@@ -63,7 +62,7 @@ def defer() -> None:
             if name not in defined:
                 return 0
             library._linked_only = False
-            library._get_module_for_linking()  # as others want it, before it is changed
+            library._get_module_for_linking()  # keeps the unchanged module for the linking of other kernels
             internal(library)
             optimise(library)
             library._final_module.verify()

@@ -2,7 +2,7 @@
 
 Nothing is compiled: a door between kernels imports the same modules for Python as for the compiler, so the state of the
 cache does not matter. A chain is laid out as a polygon, because its equilibrium loads no further module; a chain that
-is let go or spins is shortened.
+is released or spins is shortened.
 """
 
 from __future__ import annotations

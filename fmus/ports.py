@@ -27,7 +27,7 @@ TOLERANCE, TOLERANCES = 1e-6, Range(1e-13, 0.1, "between 1e-13 and 0.1")
 
 
 class Port(NamedTuple):
-    """One FMI scalar variable; the type of ``start`` (float, int, str) is the type of the variable."""
+    """FMI scalar variable; the type of ``start`` (float, int, str) is the type of the variable."""
 
     name: str  # FMI structured name
     causality: str  # "input", "output", "parameter" (fixed, set before initialisation) or "local"

@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 class Saved(NamedTuple):
     """Everything that changes during a run; ``flaw``: why the bytes from which it was read are unusable."""
 
-    guid: str
-    phase: str
+    guid: str  # of the FMU
+    phase: str  # "instantiated", "initialising" or "running"
     flags: tuple[bool, bool]  # outputs stale (parameters changed), link outputs stale
-    failure: str
-    strings: tuple[str, ...]
+    failure: str  # sentence of a failed call; empty if none failed
+    strings: tuple[str, ...]  # String parameters
     values: NDArray[np.float64]  # all Reals, among them inputs and outputs
-    integers: NDArray[np.int64]
-    state: NDArray[np.float64]
-    counters: NDArray[np.int64]
+    integers: NDArray[np.int64]  # status, then the Integer parameters
+    state: NDArray[np.float64]  # flat state of the model
+    counters: NDArray[np.int64]  # of the model
     flaw: str = ""
 
 

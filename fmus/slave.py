@@ -8,6 +8,8 @@ so that get and set are array accesses.
 pythonfmu 0.7.0 releases references that it does not own: one of the shell's globals at every instantiation, and one
 each of class, instance and log queue whenever an exception leaves a call. `_lend` adds as many references, so that a
 refusal is an ordinary FMI status, and neither a second refusal nor freeing the instance crashes the process.
+
+The module is long because pythonfmu wants all FMI calls as methods of one class, and they share its arrays.
 """
 
 from __future__ import annotations

@@ -16,8 +16,8 @@ class Start(NamedTuple):
     """Values of ``KEYS``: the vehicle is pitched about its y axis, turned about z, then raised and placed."""
 
     x: float  # m
-    y: float
-    z: float
+    y: float  # m
+    z: float  # m
     heading: float  # rad
     height: float  # m
     pitch: float  # rad, nose down positive

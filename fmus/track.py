@@ -2,6 +2,8 @@
 
 The frame of a track is at the vehicle's start position, turned by its start heading, with the track plane at y = 0: the
 joint axis is y for every heading, and the numbers are small.
+
+The module is long because ports, layout and start of all chains are methods of one base class on the same fields.
 """
 
 from __future__ import annotations
@@ -436,7 +438,7 @@ class TrackModel(Component):
             self.settle(pins, rest, spin)
 
     def _released(self, layout: str) -> Floats:
-        """Pins (nodes, 2), m, of a chain that is let go and held at its first pin."""
+        """Pins (nodes, 2), m, of a chain that is released and held at its first pin."""
         first = np.array(self.config["ends"]["first"], dtype=float)
         if layout == "straight":
             return chain_of_angles(first, np.zeros(self.links_count), self.pitch)
@@ -489,4 +491,4 @@ class TrackModel(Component):
         raise NotImplementedError
 
     def tighten(self) -> None:
-        """Give the links of a chain that is let go the tension of that instant; rigid links need nothing."""
+        """Give the links of a released chain the tension of that instant; rigid links need nothing."""

@@ -48,9 +48,9 @@ class Stand(NamedTuple):
 class Parts(NamedTuple):
     """Data of a running track: parameters, state and scratch arrays of its kernels."""
 
-    link: Any
-    contacts: Any
-    environment: Environment
+    link: Any  # parameters of the links; their class selects the kernels
+    contacts: Any  # ``fmus.contacts.Contacts``, or None
+    environment: Environment  # gravity, ends, carrier
     scheme: Any  # a ``Method``, the stages of the explicit integrator, or an ``Adams``
     stand: Stand
     s: Any  # views of the state

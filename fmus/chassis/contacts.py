@@ -33,7 +33,7 @@ class Contacts(NamedTuple):
     half_width: np.ndarray  # (n) half the width of their rims, m
     f: np.ndarray  # (6 n + 6) force and torque, in B: on wheels about their centres, then on the hull about O
     sums: np.ndarray  # (5) stored energy, J; dissipated power, W; force of the ground, N, world
-    memory: Memory
+    memory: Memory  # of sharp friction, for ``press``; not used without a tangent
 
 
 def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: Mapping[str, Any]) -> Contacts:

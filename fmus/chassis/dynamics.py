@@ -98,6 +98,49 @@ def add_body(M, mass, c, J):
 
 
 @kernel
+def leaf_bias(tree, k, w, qd, r, c, lc):
+    """Force and torque about c, in B, of leaf k by its acceleration at rest of the unknowns. (7)
+
+    w: angular velocity of B; qd: rate of the leaf; r: from the hinge to the wheel centre; c: centre of mass, and lc its
+    derivative by the coordinate.
+    """
+    y = float(tree.turns[k])
+    bend, wl = scale(-tree.fraction[k] * y * qd * qd, r), (w[0], w[1] + y * qd, w[2])
+    bias = add(add(cross(w, cross(w, c)), cross(scale(2 * qd, w), lc)), bend)
+    gyro = add(leaf_inertia(tree, k, r, cross(w, (0.0, y * qd, 0.0))), cross(wl, leaf_inertia(tree, k, r, wl)))
+    return scale(-tree.leaf_mass[k], bias), scale(-1.0, gyro)
+
+
+@kernel
+def spring(tree, k, q, qd):
+    """Push of spring and damper of leaf k, N, derivative of the compression, and lost power, W. (9)"""
+    e, slope = compression(tree, k, q)
+    ed = slope * qd
+    push = tree.preload[k] + tree.stiffness[k] * e + tree.damping[k] * ed
+    return push, slope, tree.damping[k] * ed * ed
+
+
+@kernel
+def leaf_tensor(tree, k, r, J):
+    """Write the inertia (3, 3) of ``leaf_inertia`` to J, kg m2. (3)"""
+    for i in range(3):
+        for j in range(3):
+            J[i, j] = -tree.along[k] * r[i] * r[j]
+        J[i, i] += tree.across[k] + (tree.transverse[k] if i != 1 else 0.0)
+
+
+@kernel
+def eliminate(M, b, Q, k, g, own):
+    """Eliminate leaf k from M (6, 6) and b (6); divide its row of Q (n, 6) by ``own``, its mass. (10)"""
+    for i in range(6):
+        b[i] -= Q[k, i] * g
+        for j in range(i + 1):
+            M[i, j] -= Q[k, i] * Q[k, j] / own
+    for i in range(6):
+        Q[k, i] /= own
+
+
+@kernel
 def solve_symmetric(M, b):
     """Solve M x = b in place of b; M: positive definite, its lower triangle becomes the Cholesky factor."""
     n = len(b)
@@ -128,21 +171,11 @@ def rates(tree, contacts, x, u, out):
     M, b, J = np.zeros((6, 6)), np.zeros(6), np.zeros((3, 3))
     Q, g = np.empty((n, 6)), np.empty(n)  # columns that couple leaves to the root, divided by the leaves' masses
     d, spin, rate, spin_rate = ROOT, ROOT + n, ROOT + 2 * n, ROOT + 3 * n
-    dissipated, power, momentum = 0.0, 0.0, 0.0
+    dissipated, momentum = 0.0, 0.0
     if contacts is not None:
         touch(contacts, tree, x, A, v, w)
         dissipated += contacts.sums[1]
-
-    # the free body with the sprockets (6)
-    c = vector(tree.centre, 0)
-    add_body(M, tree.mass, c, tree.inertia)
-    F = scale(-tree.mass, cross(w, cross(w, c)))
-    T = add(cross(c, F), cross(to_world(tree.inertia, w), w))
-    for side in range(2):
-        f, torque = unit_wrench(tree, n + side, A, u)
-        mount = vector(tree.sprocket[side], 0)
-        F, T = add(F, f), add(T, add(torque, cross(mount, f)))
-        power += dot(f, add(v, cross(w, mount))) + dot(torque, w)
+    F, T, power = free_body(tree, A, v, w, u, M)
     if contacts is not None:
         F, T = add(F, vector(contacts.f, 6 * n)), add(T, vector(contacts.f, 6 * n + 3))
 
@@ -150,8 +183,7 @@ def rates(tree, contacts, x, u, out):
         q, qd, y = x[d + k], x[rate + k], float(tree.turns[k])
         r, dr = wheel_offset(tree, k, q)
         hinge, s, m = vector(tree.hinge[k], 0), tree.fraction[k], tree.leaf_mass[k]
-        c, lc, bend = add(hinge, scale(s, r)), scale(s, dr), scale(-s * y * qd * qd, r)
-        wl, turn = (w[0], w[1] + y * qd, w[2]), (0.0, y, 0.0)
+        c, lc, turn = add(hinge, scale(s, r)), scale(s, dr), (0.0, y, 0.0)
         f, torque = unit_wrench(tree, k, A, u)
         wheel = add(hinge, r)
         power += dot(f, add(add(v, cross(w, wheel)), scale(qd, dr)))
@@ -159,37 +191,22 @@ def rates(tree, contacts, x, u, out):
         if contacts is not None:
             f, torque = add(f, vector(contacts.f, 6 * k)), add(torque, vector(contacts.f, 6 * k + 3))
 
-        # acceleration and torque of the motion without the unknowns (7), the wheel's wrench without its spin part (8)
-        bias = add(add(cross(w, cross(w, c)), cross(scale(2 * qd, w), lc)), bend)
-        gyro = add(leaf_inertia(tree, k, r, cross(w, (0.0, y * qd, 0.0))), cross(wl, leaf_inertia(tree, k, r, wl)))
-        f_c, t_c = scale(-m, bias), scale(-1.0, gyro)
-        F = add(F, add(f, f_c))
+        f_c, t_c = leaf_bias(tree, k, w, qd, r, c, lc)
+        F = add(F, add(f, f_c))  # (8), the wheel's torque without its part about the axle
         T = add(T, add(add(cross(wheel, f), (torque[0], 0.0, torque[2])), add(cross(c, f_c), t_c)))
         momentum += tree.spin_inertia[k] * x[spin_rate + k]
 
-        # spring and damper (9)
-        e, slope = compression(tree, k, q)
-        ed = slope * qd
-        push = tree.preload[k] + tree.stiffness[k] * e + tree.damping[k] * ed
-        dissipated += tree.damping[k] * ed * ed
+        push, slope, lost = spring(tree, k, q, qd)
+        dissipated += lost
 
-        # eliminate the leaf (10)
         Jt = leaf_inertia(tree, k, r, turn)
         own = m * dot(lc, lc) + dot(turn, Jt)
         g[k] = (dot(dr, f) + dot(lc, f_c) + dot(turn, t_c) - slope * push) / own
         put(Q[k], 0, scale(m, lc))
         put(Q[k], 3, add(cross(c, scale(m, lc)), Jt))
-        for i in range(3):
-            for j in range(3):
-                J[i, j] = -tree.along[k] * r[i] * r[j]
-            J[i, i] += tree.across[k] + (tree.transverse[k] if i != 1 else 0.0)
+        leaf_tensor(tree, k, r, J)
         add_body(M, m, c, J)
-        for i in range(6):
-            b[i] -= Q[k, i] * g[k]
-            for j in range(i + 1):
-                M[i, j] -= Q[k, i] * Q[k, j] / own
-        for i in range(6):
-            Q[k, i] /= own
+        eliminate(M, b, Q, k, g[k], own)
 
         out[d + k], out[spin + k] = qd, x[spin_rate + k] - w[1]
         out[spin_rate + k] = torque[1] / tree.spin_inertia[k]  # (4)
@@ -201,15 +218,38 @@ def rates(tree, contacts, x, u, out):
     solve_symmetric(M, b)
     for k in range(n):  # (11)
         out[rate + k] = g[k] - dot(Q[k], b) - dot(Q[k, 3:], b[3:])
+    root_rates(tree.gravity, x, A, w, b, out)
+    out[-2], out[-1] = dissipated, power
 
-    put(out, 0, vector(x, 7))
+
+@kernel
+def free_body(tree, A, v, w, u, M):
+    """Wrench on the free body with the sprockets about O, in B, and power of the mounts' wrenches, W. (6)
+
+    Adds its inertia to M (6, 6). A, v, w: rotation of B (3, 3), velocity of O and angular velocity, in B.
+    """
+    c, power = vector(tree.centre, 0), 0.0
+    add_body(M, tree.mass, c, tree.inertia)
+    F = scale(-tree.mass, cross(w, cross(w, c)))
+    T = add(cross(c, F), cross(to_world(tree.inertia, w), w))
+    for side in range(2):
+        f, torque = unit_wrench(tree, len(tree.turns) + side, A, u)
+        mount = vector(tree.sprocket[side], 0)
+        F, T = add(F, f), add(T, add(torque, cross(mount, f)))
+        power += dot(f, add(v, cross(w, mount))) + dot(torque, w)
+    return F, T, power
+
+
+@kernel
+def root_rates(gravity, x, A, w, b, out):
+    """Write the derivative of pose and velocity of B to ``out``; b (6): accelerations but gravity, in B."""
     p = vector(x, 4)
+    put(out, 0, vector(x, 7))
     out[3] = -0.5 * dot(p, w)
     put(out, 4, scale(0.5, add(scale(x[3], w), cross(p, w))))
     put(out, 7, to_world(A, vector(b, 0)))
-    out[9] -= tree.gravity  # uniform gravity accelerates the whole tree alike (12)
+    out[9] -= gravity  # uniform gravity accelerates the whole tree alike (12)
     put(out, 10, vector(b, 3))
-    out[-2], out[-1] = dissipated, power
 
 
 @allocating

@@ -73,12 +73,7 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> Tree:
     mounts = np.array([[0.0, lateral, 0.0], [0.0, -lateral, 0.0]]) - origin
     on_arm, on_chassis = np.array(spring["on_arm"]) - pivot, np.array(spring["on_chassis"]) - pivot
 
-    inertia = np.diag(body["inertia"]).astype(float)
-    mass = body["mass"] + 2 * sprocket["mass"]
-    centre = sprocket["mass"] * mounts.sum(axis=0) / mass
-    for m, r in ((body["mass"], -centre), *((sprocket["mass"], mount - centre) for mount in mounts)):
-        inertia += m * (r @ r * np.eye(3) - np.outer(r, r))
-    inertia += np.diag([2.0, 0.0, 2.0]) * sprocket["transverse_inertia"]
+    mass, centre, inertia = _with_sprockets(body, sprocket, mounts)
     leaf_mass = wheel["mass"] + arm["mass"]
     # arm and wheel: point masses at a distance of half an arm, on the line of the arm
     reduced = 0.25 * wheel["mass"] * arm["mass"] / leaf_mass
@@ -112,6 +107,19 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> Tree:
         source=np.where(right & (sides == 1), sources - count - 1, sources),
         mirror=np.where(right & (sides == 1), -1.0, 1.0),
     )
+
+
+def _with_sprockets(
+    body: Mapping[str, Any], sprocket: Mapping[str, Any], mounts: Floats
+) -> tuple[float, Floats, Floats]:
+    """Mass, kg, centre (3), m, inertia (3, 3), kg m2, of the chassis with sprockets on the mounts (2, 3)."""
+    inertia = np.diag(body["inertia"]).astype(float)
+    mass = body["mass"] + 2 * sprocket["mass"]
+    centre = sprocket["mass"] * mounts.sum(axis=0) / mass
+    for m, r in ((body["mass"], -centre), *((sprocket["mass"], mount - centre) for mount in mounts)):
+        inertia += m * (r @ r * np.eye(3) - np.outer(r, r))
+    inertia += np.diag([2.0, 0.0, 2.0]) * sprocket["transverse_inertia"]
+    return mass, centre, inertia
 
 
 class Packed(NamedTuple):

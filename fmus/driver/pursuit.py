@@ -59,7 +59,7 @@ class Law(NamedTuple):
     start_speed: float  # speed before the ramp, m/s
     end_speed: float  # after the ramp
     ramp_start: float  # s
-    ramp_end: float
+    ramp_end: float  # s
     speeds: Course  # replaces the ramp
     friction: float  # friction of tracks on the ground; 0: unknown, slip follows from ``width``
     creep: float  # regularisation velocity of the friction law, m/s
@@ -168,10 +168,10 @@ class Seen(NamedTuple):
     """Motion of the place that follows the path, world."""
 
     x: float  # m
-    y: float
+    y: float  # m
     heading: float  # rad
     ahead: float  # m/s, along the hull
-    left: float
+    left: float  # m/s, across the hull, positive to the left
     rate: float  # rad/s
 
 

@@ -24,7 +24,7 @@ class Drive(NamedTuple):
     start_speed: float  # speed of the profile before the ramp, relative to the mount, rad/s
     end_speed: float  # after the ramp
     ramp_start: float  # s
-    ramp_end: float
+    ramp_end: float  # s
     torque: float  # of the motor in mode TORQUE, N m
     brake: float  # largest torque of the brake, N m
     brake_speed: float  # below which the brake fades, rad/s

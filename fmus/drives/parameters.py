@@ -35,7 +35,7 @@ def lag_port() -> Port:
 
 
 def motor_ports(prefix: str = "", what: str = "the sprocket", speed: str = "speed against the mount") -> list[Port]:
-    """Parameters of the motor that turns ``what``; ``prefix`` of their names; ``speed``: text of its speed."""
+    """Parameters of the motor of ``what``; ``prefix``: of their names; ``speed``: text of its speed."""
     ports = [
         Port("mode", "parameter", "1", f"what turns {what}: a prescribed speed, a constant torque, or a "
              "controller that follows the speed profile", "speed", MODES),

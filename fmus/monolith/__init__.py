@@ -1,1 +1,1 @@
-"""The same physics without co-simulation: everything of a scene as one ordinary differential equation."""
+"""The physics of a whole scene as one ordinary differential equation, without co-simulation."""

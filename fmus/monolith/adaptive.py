@@ -1,4 +1,4 @@
-"""The whole by Adams' methods of variable order and step; what is summed up over a step are quadratures beside it."""
+"""Integration of a scene by Adams' methods; impulses and energies are quadratures beside the state."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from fmus.physics.rotation import quat_normalise
 
 @allocating
 def march(chains, drives, tree, plan, m, sums, t, h, longest, fresh):
-    """Integrate ``m.x`` from t to t + h in steps of ``longest`` at most; the chains see ``m.y``.
+    """Integrate ``m.x`` from t to t + h, s, in steps of ``longest`` at most.
 
-    ``fresh``: nothing is known of the past. The flat ``sums``, which the places of the chains and the plan look into,
-    hold what they had at t and receive their impulses and books. Leaves all parts evaluated at t + h. Returns what
-    failed (DONE: nothing), the time done, and of a chain the link, of the chassis its fault.
+    The chains' states are views of ``m.y``. ``fresh`` restarts the method at order 1. The flat ``sums``, of which the
+    impulses and energies of chains and sprockets are views, are continued from their values at t. All parts are left
+    evaluated at t + h. Returns the failure code (DONE: none), the time integrated, s, and the failed link of a chain or
+    the fault of the chassis. ``chains`` to ``plan`` are separate arguments, because None leaves out what a scene lacks.
     """
     copy(sums, m.x[m.controlled :])
     done = 0.0
@@ -64,7 +65,7 @@ def march(chains, drives, tree, plan, m, sums, t, h, longest, fresh):
 
 @allocating
 def _evaluate(chains, drives, tree, plan, m, sums, t):
-    """Rates of ``m.y`` at t into ``m.k``, and of all that is summed up. Returns as ``rates`` does."""
+    """Write the rates of ``m.y`` and of the sums at t into ``m.k``; result as of ``rates``."""
     n = m.controlled
     failed = rates(chains, drives, tree, plan, t, m.y[:n], m.k[:n])
     sums[:] = 0.0

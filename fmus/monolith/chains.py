@@ -1,4 +1,4 @@
-"""A track's model as a part of the whole: what its equations are asked for, its state in and out, its mirror image."""
+"""A track's model as a part of the monolith: its equations, its state in and out, its mirror image."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ from fmus.physics.chain.state import moving
 from fmus.physics.chain.state import take as take_evaluated
 from fmus.track import TrackModel
 
-FORCE = np.array([1.0, -1, 1])  # what a mirror in the plane of the track makes of a force, ...
-WRENCH = np.array([1.0, -1, 1, -1, 1, -1])  # ... of a wrench or a velocity with the angular one, ...
-POSE = np.array([1.0, -1, 1, 1, -1, 1, -1])  # ... of a pose, ...
-PIN = np.array([1.0, -1, 1, 1, 1, 1, 1, -1])  # ... of the coordinates of a pin of cables, ...
-OWN = np.array([1.0, -1, 1, 1, -1, 1])  # ... of one that a cable shares with no other, ...
-# ... and of axes that turn: rotation, origin with its rates, angular rates, their auxiliary ones, middle of the wheels
+# signs under reflection in the plane of the track:
+FORCE = np.array([1.0, -1, 1])  # force
+WRENCH = np.array([1.0, -1, 1, -1, 1, -1])  # wrench, or velocity and angular velocity
+POSE = np.array([1.0, -1, 1, 1, -1, 1, -1])  # position and quaternion
+PIN = np.array([1.0, -1, 1, 1, 1, 1, 1, -1])  # coordinates of a pin of cables
+OWN = np.array([1.0, -1, 1, 1, -1, 1])  # coordinates of an end of a cable with constrained joints
+# free axes: rotation, origin with its rates, angular rates, their auxiliary variables, middle of the wheels
 AXES = np.concatenate([np.outer(FORCE, FORCE).ravel(), *3 * [FORCE], *2 * [-FORCE], [-1.0, -1.0], FORCE, FORCE])
 MIRRORS = {
     Flexible: {"q": PIN, "v": PIN, "axes": AXES},
@@ -34,31 +35,31 @@ BOOKS = REPORT
 
 
 class Place(NamedTuple):
-    """Where a chain stands in the whole; m wheels."""
+    """Indices of a chain in the monolith, and its sums of a step; m wheels."""
 
-    start: int  # of its part of the state
-    end: int
-    seen: np.ndarray  # (m) which motion each wheel has
-    wrench: int  # the first of its m + 1 wrenches, the last one being the ground's
-    frame: np.ndarray  # (5) of the track, see fmus.physics.wheels
-    impulse: np.ndarray  # (m + 1, 6) of its wrenches over the step
-    on_links: np.ndarray  # (k, c) likewise of the forces on each link
-    books: np.ndarray  # (BOOKS) of the step: what a report sums up
+    start: int  # begin of its part of the state
+    end: int  # end of it
+    seen: np.ndarray  # (m) index of each wheel's motion in ``Plan.motion``
+    wrench: int  # index in ``Plan.wrench`` of the first of its m + 1 wrenches; the last one is the ground's
+    frame: np.ndarray  # (5) track frame, see fmus.physics.wheels
+    impulse: np.ndarray  # (m + 1, 6) impulses of its wrenches over the step, track frame, N s and N m s
+    on_links: np.ndarray  # (k, c) impulses of the forces on each link over the step, N s
+    books: np.ndarray  # (BOOKS) report entries integrated over the step, J and m
 
 
 class Chain(NamedTuple):
-    """A chain of any kind of link: what ``physics.chain.kinds`` asks for."""
+    """Arguments of ``physics.chain.kinds`` for a chain of any kind of link."""
 
     place: Place
-    links: Any
-    contacts: Any  # None where there are none
-    env: Any
-    s: Any  # what moves are views of the stage's argument
-    w: Any
+    links: Any  # parameters of the links
+    contacts: Any  # contact partners; None without contacts
+    env: Any  # gravity, ends and carrier
+    s: Any  # state; its integrated parts are views of the stage's argument
+    w: Any  # work arrays
 
 
 def size(model: TrackModel) -> int:
-    """Numbers that move; raises InvalidParameter for links that the monolith does not know."""
+    """Number of integrated variables; raises InvalidParameter for elements other than cables."""
     element = getattr(model, "element", "cable")
     if element != "cable":
         raise InvalidParameter(f"element = '{element}': the monolith knows chains of cables only")
@@ -68,7 +69,7 @@ def size(model: TrackModel) -> int:
 
 
 def chain(model: TrackModel, place: Place, y: Floats) -> Chain:
-    """The chain of an initialised model, its state being the part ``y`` of the stage's argument."""
+    """Chain of an initialised model, whose state is a view of the part ``y`` of the stage's argument."""
     views, start = {}, 0
     for name, part in moving(model.s).items():
         views[name] = y[start : start + part.size].reshape(part.shape)
@@ -77,12 +78,12 @@ def chain(model: TrackModel, place: Place, y: Floats) -> Chain:
 
 
 def give(model: TrackModel, x: Floats) -> None:
-    """The model's state into ``x``."""
+    """Copy the model's integrated variables into ``x``."""
     x[:] = model.s.flat[: x.size]
 
 
 def take(model: TrackModel, place: Place, x: Floats, h: float) -> None:
-    """The state after a step of ``h``, evaluated, into the model and its report."""
+    """Set state, mean wrenches and report of the model after a step of length ``h``, s, and evaluate it."""
     model.s.flat[: x.size] = x
     renew(model.s, model.interval)
     model.s.mean[:] = place.impulse / h

@@ -1,7 +1,7 @@
-"""x' = f(t, x) of a whole scene, and its integration; numbers of equations as in README.md.
+"""Right-hand side x' = f(t, x) of a whole scene, and its integration; equations as in README.md.
 
-Every part gives its own equations: this module says in which order they are asked and what passes between them, which
-are wheel motions and wrenches of the same instant on both sides.
+Every part evaluates its own equations. This module fixes their order and passes wheel motions and wrenches between
+them; both sides of a port use the values of the same instant.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ DONE, CHAIN_FAILED, CHASSIS_FAILED, NOT_FINITE, TOO_SHARP = range(5)
 
 
 class Plan(NamedTuple):
-    """What hangs on what; motions are blocks of 13, wrenches of 6, world axes; D sprockets with drives."""
+    """Connections between the parts: motions in blocks of 13, wrenches of 6, world axes, SI; D sprockets."""
 
-    motion: np.ndarray  # flat: stations of the chassis, standing mounts (D), sprockets (D)
-    wrench: np.ndarray  # flat: those of the chains, then of the mounts (D)
+    motion: np.ndarray  # flat: stations of the chassis, fixed mounts (D), sprockets (D)
+    wrench: np.ndarray  # flat: wrenches of the chains, then on the mounts (D)
     u: np.ndarray  # scratch: motions of a chain's wheels, or wrenches on the chassis
-    stations: int  # motions that the chassis makes
-    sides: int  # of the chassis that have stations
-    inputs: np.ndarray  # which wrench acts on each unit of the chassis that has an input
-    body: int  # where the chassis' state begins
-    spin: int  # and that of the drives
-    spins: Spins
+    stations: int  # number of motions that the chassis outputs
+    sides: int  # number of sides of the chassis with stations
+    inputs: np.ndarray  # index in ``wrench`` of each wrench input of the chassis
+    body: int  # index in the state where the chassis begins
+    spin: int  # index in the state where the shafts begin
+    spins: Spins  # sprockets and shafts
 
 
 @allocating
@@ -86,10 +86,12 @@ def gather(chains, drives, plan, share):
 
 @allocating
 def march(chains, drives, tree, plan, t, h, steps, x, y, k):
-    """Integrate x from t to t + h in equal ``steps``; y, the stages' argument, is seen by the chains.
+    """Integrate x from t to t + h, s, in equal ``steps``.
 
-    Adds impulses and books to the places of the chains and to the plan, and leaves all parts evaluated at
-    t + h. Returns what failed (DONE: nothing), steps done, and of a chain the link, of the chassis its fault.
+    The chains' states are views of y, the argument of the stages. Adds impulses and energies to the sums of chains and
+    sprockets; all parts are left evaluated at t + h. Returns the failure code (DONE: none), the steps done, and the
+    failed link of a chain or the fault of the chassis. The arguments are those of ``rates``, and the arrays of the
+    method.
     """
     dt = h / steps
     before = np.empty(len(chains))

@@ -1,57 +1,47 @@
-"""A whole scene in one process: the components' own models as parts of one state, and what each of them shows.
+"""Monolith of a scene: the components' own models as parts of one state, with their outputs.
 
-The parts start as their FMUs do and show the same outputs; only time is not theirs. A vehicle whose two sides are
-alike is computed on its left side and mirrored, as a chassis with left ports does.
+The parts start as their FMUs do and have the same outputs; the monolith alone integrates them. A vehicle whose two
+sides are alike is computed on its left side and mirrored, as by a chassis with left ports alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.chassis.observe import put_sides
-from fmus.components import KINDS, folder, model_of
+from fmus.components import KINDS, folder
 from fmus.drives import mount as mounts
 from fmus.drives import shaft
-from fmus.drives.motor import SPEED, TORQUE, Drive
 from fmus.jit import ROOT, reachable_hash
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.monolith import chains as chain_parts
-from fmus.monolith.chains import BOOKS, Place
-from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, TOO_SHARP, Plan, march, rates
-from fmus.monolith.spins import HALF, SPIN, Spins, side
+from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, TOO_SHARP, march, rates
+from fmus.monolith.layout import Hull, Sources, hull, lay_out
+from fmus.monolith.parts import (
+    CHAINS,
+    JOINED,
+    SPROCKETS,
+    Part,
+    mirror_drive,
+    mirrored,
+    shaft_states,
+    sprockets,
+    started,
+)
+from fmus.monolith.ramps import intervals, ramps, without_jumps
+from fmus.monolith.spins import HALF, SPIN, side
 from fmus.physics.integrate.adams import EVALUATIONS, ORDERS, REJECTED, RESTARTS, STEPS, adams
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.rotation import quat_rotate
 from fmus.physics.vector import vector
-from fmus.ports import STATE, TOLERANCE, TOLERANCES, WRENCH
-from fmus.track_choices import ADAMS, EXPLICIT, TRACKS
+from fmus.ports import TOLERANCE, TOLERANCES
+from fmus.track_choices import ADAMS, EXPLICIT
 
-RESOLVED = 32  # internal steps in a ramp of a drive's speed, at least
-JUMP = 1e-7  # s, the shortest ramp: a shorter one is as long as this
 LONGEST = 1e-3  # s, internal step where nothing else bounds it
 INTEGRATORS = EQUAL, ADAPTIVE = EXPLICIT, ADAMS
-
-
-CHAINS = tuple(track.fmu for track in TRACKS.values())  # kinds of parts that are chains
-JOINED = "SteeringDifferential"
-# what sprockets of a kind of drive are called, and where they stand in its state
-SPROCKETS = {"SprocketDrive": {"": 0}, JOINED: {"left.": 0, "right.": mounts.WIDTH}}
-# where its shafts do
-SHAFTS = {"SprocketDrive": (0,), JOINED: (2 * mounts.WIDTH, 2 * mounts.WIDTH + shaft.SHAFT)}
-
-
-class Part(NamedTuple):
-    """A component of a scene, before it starts."""
-
-    name: str
-    kind: str  # of an FMU
-    config: Mapping[str, Any]  # what the build of the FMU packs beside the model
-    parameters: Mapping[str, float | int | str]  # set before it starts
 
 
 def content() -> str:
@@ -60,50 +50,27 @@ def content() -> str:
     return "".join([reachable_hash(__name__, Path(__file__)), *models])
 
 
-def started(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | int | str]) -> Any:
-    """A model of a component at its start; raises InvalidParameter or StepFailed."""
-    if kind not in KINDS:
-        raise InvalidParameter(f"a monolith has no part of kind '{kind}'")
-    model = model_of(kind)(config)
-    known = {port.name: port.start for port in model.ports if port.causality == "parameter"}
-    unknown = [name for name in parameters if name not in known]
-    if unknown:
-        raise InvalidParameter(f"there is no parameter '{unknown[0]}'")
-    model.initialise({**known, **parameters})
-    return model
-
-
 class Effort(NamedTuple):
-    """What an integration has taken so far."""
+    """Counts of an integration so far."""
 
     steps: int
     evaluations: int  # of the whole right-hand side
     rejected: int  # steps
-    restarts: int  # where a method forgot its past
+    restarts: int  # at order 1, without a past
     order: float  # mean of all steps
-
-
-class Sprocket(NamedTuple):
-    """One that a drive turns."""
-
-    name: str  # of the drive
-    prefix: str  # of its variables there
-    inertia: float  # of its spin, kg m2
-    state: Floats  # its part of the drive's state
-    standing: Floats  # (13) its mount where nothing moves it
 
 
 class Monolith:
     """Chains, chassis and drives of a scene as x' = f(t, x), integrated explicitly.
 
-    By the classical Runge-Kutta method in equal steps, or by Adams' methods of variable step and order (``integrator``
-    = "adams") to the tolerances ``rtol`` and ``atol``, the latter in the units of the state, which are SI. A driver is
-    no part of that: what he sees at an output he demands until the next one.
+    ``integrator`` is "runge_kutta", the classical method in equal steps, or "adams", methods of variable step and order
+    with the tolerances ``rtol`` and ``atol``, the latter in the units of the state, SI. A driver is not integrated: its
+    demands follow from the outputs and hold until the next ones.
 
-    ``connections`` have a source with its outputs and a target with its inputs, by name. Raises InvalidParameter or
-    StepFailed where a part cannot start. ``models`` by name are what shows the state; ``step`` is the internal step, s:
-    the largest that is stable, over ``refine``; of Adams' methods one that is never exceeded. ``halved`` False computes
-    both sides of a vehicle whatever they are. ``effort``: what it took.
+    ``connections`` name a source with its outputs and a target with its inputs. ``models``, by name, give the outputs.
+    ``step`` is the internal step, s: the largest stable one over ``refine``, for Adams' methods an upper limit.
+    ``halved`` = False computes both sides of a vehicle even if they are alike. ``effort`` counts steps and evaluations.
+    Raises InvalidParameter or StepFailed if a part cannot start.
     """
 
     def __init__(
@@ -123,31 +90,23 @@ class Monolith:
                 raise InvalidParameter(f"{name} = {tolerance:g}: must be {TOLERANCES.text}")
         self.models = {part.name: started(part.kind, part.config, part.parameters) for part in parts}
         self._kinds = {part.name: part.kind for part in parts}
-        self._mirrored = _alike(parts) if halved else {}
+        self._mirrored = mirrored(parts) if halved else {}
         own = [part for part in parts if part.name not in self._mirrored]
-        self._chains = [p.name for p in own if p.kind in CHAINS]
-        self._sprockets, self._shafts, self._spun = [], [], []  # with the state of each shaft
+        self._chains = [part.name for part in own if part.kind in CHAINS]
         self._joined = any(part.kind == JOINED for part in own)
-        for part in (part for part in own if part.kind in SPROCKETS):
-            model = self.models[part.name]
-            for (prefix, at), standing in zip(
-                SPROCKETS[part.kind].items(), model.standing.reshape(-1, STATE), strict=True
-            ):
-                state = model.state[at : at + mounts.WIDTH]
-                self._sprockets.append(Sprocket(part.name, prefix, model.inertia, state, standing))
-            self._shafts += [_without_jumps(drive) for drive in model.shafts]
-            self._spun += [model.state[at : at + shaft.SHAFT] for at in SHAFTS[part.kind]]
-        self._driver = next((p.name for p in own if p.kind == "Driver"), "")
-        self._chassis = next((p.name for p in own if p.kind == "Chassis"), "")
+        drives = [(part, self.models[part.name]) for part in own if part.kind in SPROCKETS]
+        self._sprockets = [sprocket for drive in drives for sprocket in sprockets(*drive)]
+        self._spun = [state for drive in drives for state in shaft_states(*drive)]
+        self._shafts = [without_jumps(drive) for _, model in drives for drive in model.shafts]
+        self._driver = next((part.name for part in own if part.kind == "Driver"), "")
         if not self._chains:
             raise InvalidParameter("a monolith needs a chain")
         if any("ground" in part.config["chassis"] for part in own if part.kind == "Chassis"):
             raise InvalidParameter("a monolith has no contact of hull and bare wheels with the ground")
-        self._sources = {
-            (c.target, i): (c.source, o) for c in connections for i, o in zip(c.inputs, c.outputs, strict=True)
-        }
+        self._sources = Sources(connections)
         self._adaptive = (rtol, atol) if integrator == ADAPTIVE else None
-        self._lay_out(own)
+        self._lay_out(next((part for part in own if part.kind == "Chassis"), None))
+        self._begin()
         limits = []
         if not self._adaptive:
             limits = [self.models[name].stable for name in self._chains]
@@ -156,141 +115,36 @@ class Monolith:
         self.effort = Effort(0, 0, 0, 0, RK4.order)
         self._reached = np.nan  # s, by Adams' methods, whose past ends there
 
-    # ---------------------------------------------------------------- layout
+    # ---------------------------------------------------------------- start
 
-    def _lay_out(self, own: Sequence[Part]) -> None:
-        """The state, and who gets what from whom."""
-        models, chains, sprockets = self.models, self._chains, self._sprockets
-        sizes = [chain_parts.size(models[name]) for name in chains]
-        body, tree, sides = sum(sizes), None, 0
-        stations: list[str] = []
-        if self._chassis:
-            part = next(p for p in own if p.name == self._chassis)
-            config = part.config
-            if self._mirrored:
-                config = {**config, "chassis": {"sides": ["left"]}}
-            chassis = started(part.kind, config, part.parameters)
-            sides = len(config["chassis"]["sides"])
-            ports = [p.name for p in chassis.ports if p.causality == "output"]
-            stations = [n.removesuffix(".position.x") for n in ports if n.endswith(".position.x")][:-1]
-            tree = self._with_spins(chassis.tree, 2 // sides)
-            inputs = [p.name for p in chassis.ports if p.causality == "input" and p.name.endswith(".force.x")]
-        width = chassis.state.size if self._chassis else 0
-        self._body, self._spin = body, body + width
-        size = body + width + SPIN * len(sprockets) + (2 * HALF if self._joined else 0)
-        counts = [(len(models[n].wheel_list) + 1) * WRENCH + int(np.prod(models[n].felt)) + BOOKS for n in chains]
-        self._sums = np.zeros(sum(counts) + WRENCH * len(sprockets))
-        rest = self._sums
-
-        def summed(*shape: int) -> Floats:
-            """The next part of what is summed up over a step."""
-            nonlocal rest
-            part, rest = np.split(rest, [int(np.prod(shape))])
-            return part.reshape(shape)
-
+    def _lay_out(self, part: Part | None) -> None:
+        """Allocate state and sums, and collect the arguments of the kernels; ``part``: the chassis, if any."""
+        chains = {name: self.models[name] for name in self._chains}
+        sizes = [chain_parts.size(model) for model in chains.values()]
+        turned = self._shafts[:1] if self._joined else self._shafts  # the chassis does not turn a difference of sides
+        chassis = hull(part, bool(self._mirrored), turned) if part else Hull()
+        self._chassis, self._tree = chassis.name, chassis.tree
+        size, self._sums, self._places, self._plan = lay_out(
+            chains, sizes, chassis, self._sprockets, self._joined, self._sources
+        )
+        self._body, self._spin, self._spins = self._plan.body, self._plan.spin, self._plan.spins
         if self._adaptive:
             self._adams = adams(size, self._sums.size, *self._adaptive)
             self.x, self._y = self._adams.x[:size], self._adams.y[:size]
         else:
             self.x, self._y, self._k = np.zeros(size), np.zeros(size), np.zeros((len(RK4.b), size))
-
-        motions = {(self._chassis, station): i for i, station in enumerate(stations)}
-        count, fixed = len(stations), len(sprockets)
-        motions |= {(s.name, f"{s.prefix}sprocket"): count + fixed + d for d, s in enumerate(sprockets)}
-        motion = np.zeros(STATE * (count + 2 * fixed))
-        mount = np.zeros(fixed, dtype=np.int64)
-        for d, sprocket in enumerate(sprockets):
-            source = self._source(sprocket.name, f"{sprocket.prefix}mount.position.x")
-            mount[d] = count + d if source is None else motions[source]
-            motion[13 * (count + d) : 13 * (count + d + 1)] = sprocket.standing
-
-        wrenches: dict[tuple[str, str], int] = {}
-        places, start, block = [], 0, 0
-        for name, size in zip(chains, sizes, strict=True):
-            model = models[name]
-            names = [wheel["name"] for wheel in model.wheel_list]
-            seen = [motions[self._needed(name, f"{wheel}.position.x")] for wheel in names]
-            m = len(names)
-            wrenches |= {(name, wheel): block + i for i, wheel in enumerate(names)}
-            places.append(
-                Place(
-                    start,
-                    start + size,
-                    np.array(seen, dtype=np.int64),
-                    block,
-                    model.frame,
-                    summed(m + 1, WRENCH),
-                    summed(*model.felt),
-                    summed(BOOKS),
-                )
-            )
-            start, block = start + size, block + m + 1
-        chain = [wrenches[self._needed(s.name, f"{s.prefix}sprocket.force.x")] for s in sprockets]
-        wrenches |= {(s.name, f"{s.prefix}mount"): block + d for d, s in enumerate(sprockets)}
-        acting = []
-        if self._chassis:
-            acting = [wrenches[self._needed(self._chassis, name)] for name in inputs]
-        units = max([len(acting) * WRENCH, *(STATE * len(p.seen) for p in places)])
-        self._spins = Spins(
-            joined=int(self._joined),
-            start=self._spin,
-            body=self._body,
-            inertia=np.array([sprocket.inertia for sprocket in sprockets]),
-            stations=count,
-            mount=mount,
-            chain=np.array(chain, dtype=np.int64),
-            mounts=block,
-            spun=np.zeros((fixed, mounts.WIDTH)),
-            seen=np.zeros((fixed, 2)),
-            growth=np.zeros(fixed),
-            pace=np.zeros(fixed),
-            reaction=summed(fixed, 3),
-            force=summed(fixed, 3),
-        )
-        self._plan = Plan(
-            motion,
-            np.zeros(WRENCH * (block + fixed)),
-            np.zeros(units),
-            count,
-            sides,
-            np.array(acting, dtype=np.int64),
-            self._body,
-            self._spin,
-            self._spins,
-        )
-        self._places = places
-        self._tree = tree
         self._system = (
             tuple(
-                chain_parts.chain(models[name], place, self._y[place.start : place.end])
-                for name, place in zip(chains, places, strict=True)
+                chain_parts.chain(model, place, self._y[place.start : place.end])
+                for model, place in zip(chains.values(), self._places, strict=True)
             ),
             tuple(self._shafts) or None,
-            tree,
+            self._tree,
             self._plan,
         )
-        self._begin()
-
-    def _source(self, target: str, variable: str) -> tuple[str, str] | None:
-        """The part and connector that an input comes from."""
-        found = self._sources.get((target, variable))
-        return found and (found[0], found[1].rsplit(".", 2)[0])
-
-    def _needed(self, target: str, variable: str) -> tuple[str, str]:
-        source = self._source(target, variable)
-        if source is None:
-            raise InvalidParameter(f"{target}: the input {variable} is not connected")
-        return source
-
-    def _with_spins(self, tree: Any, times: int) -> Any:
-        """The tree with the spin inertia of sprockets whose speed against the chassis is prescribed. (3)"""
-        inertia = tree.inertia.copy()
-        seen = self._shafts[:1] if self._joined else self._shafts  # the difference knows nothing of the chassis
-        inertia[1, 1] += times * sum(drive.inertia for drive in seen if drive.mode == SPEED)
-        return tree._replace(inertia=inertia)
 
     def _begin(self) -> None:
-        """The models' start as x."""
+        """Copy the models' states into x."""
         for name, place in zip(self._chains, self._places, strict=True):
             chain_parts.give(self.models[name], self.x[place.start : place.end])
         if self._chassis:
@@ -302,29 +156,29 @@ class Monolith:
             sprocket.state[mounts.MOMENTUM : mounts.MOMENTUM + 3] = self._momentum(d)
 
     def begin_at(self, t: float, states: Mapping[str, Floats]) -> None:
-        """Begin at t with the flat states of the parts, by name, of components with the same configs and parameters.
+        """Begin at t, s, with the flat states of the parts by name.
 
-        Raises InvalidParameter where they do not fit.
+        The states are of components with the same configs and parameters; raises InvalidParameter if one does not fit.
         """
         for name, model in self.models.items():
             if name not in states or not model.hold(states[name]):
                 raise InvalidParameter(f"{name}: the state that it is to begin with is not one of such a component")
         self._begin()
         self._y[:] = self.x
-        rates(*self._system, t, self._y, np.zeros_like(self.x))  # where the mounts are now
+        rates(*self._system, t, self._y, np.zeros_like(self.x))  # evaluates the motions of the mounts
         for d, sprocket in enumerate(self._sprockets):
             sprocket.state[mounts.MOMENTUM : mounts.MOMENTUM + 3] = self._momentum(d)
         self.x[:] = self._y
         self._reached = np.nan
 
     def _of_side(self, d: int, i: int) -> float:
-        """A number of the shafts as a side has it."""
+        """Value at side ``d`` of the number ``i`` of the shafts' state."""
         last = self._spin + SPIN * (len(self._spun) - 1) + i
         found: float = side(self._spins, d, self.x[self._spin + i], self.x[last])
         return found
 
     def _momentum(self, d: int) -> Floats:
-        """J Omega a of a sprocket in world axes, its mount as it was evaluated last (at the start: as it stands)."""
+        """Angular momentum J Omega a of a sprocket, N m s, world axes, with the mount as evaluated last."""
         sprocket, mount = self._sprockets[d], self._mount(d)
         q = mount[3:7] if np.any(mount[3:7]) else sprocket.standing[3:7]
         axis = quat_rotate(q, (0.0, 1.0, 0.0))
@@ -337,7 +191,7 @@ class Monolith:
     # ---------------------------------------------------------------- time
 
     def advance(self, t: float, h: float) -> None:
-        """From t to t + h in internal steps of ``step`` at most, and the models after it; raises StepFailed."""
+        """Integrate from t to t + h, s, and update the models; raises StepFailed."""
         if self._driver:
             self._ask_driver(t, h)
         before = self.x[self._spin :].copy()
@@ -365,11 +219,11 @@ class Monolith:
             if self._kinds[name] in CHAINS:
                 chain_parts.mirror(self.models[of], self.models[name])
             else:
-                _mirror_drive(self.models[of], self.models[name], self.models[self._chassis])
+                mirror_drive(self.models[of], self.models[name], self.models[self._chassis])
 
     def _go_equally(self, t: float, h: float) -> None:
-        """By the classical Runge-Kutta method; raises StepFailed."""
-        for begin, length, steps in self._intervals(t, h):
+        """Integrate by the classical Runge-Kutta method; raises StepFailed."""
+        for begin, length, steps in intervals(ramps(self._shafts), t, h, self.step):
             failure, done, where = march(*self._system, begin, length, steps, self.x, self._y, self._k)
             if failure != DONE:
                 raise self._failed(failure, where, begin + done * length / steps)
@@ -377,12 +231,13 @@ class Monolith:
             self.effort = self.effort._replace(steps=count, evaluations=len(RK4.b) * count)
 
     def _go_adaptively(self, t: float, h: float) -> None:
-        """By Adams' methods, which begin anew where a ramp or a demand of a driver does; raises StepFailed."""
+        """Integrate by Adams' methods, restarted where a ramp or a driver's demand begins; raises StepFailed."""
         from fmus.monolith.adaptive import march as go
 
         fresh = not abs(t - self._reached) < 1e-9 * h or bool(self._driver)
-        for begin, length, steps in self._intervals(t, h):
-            fresh |= any(abs(end - begin) < 1e-9 * h for ramp in self._ramps() for end in ramp)
+        known = ramps(self._shafts)
+        for begin, length, steps in intervals(known, t, h, self.step):
+            fresh |= any(abs(end - begin) < 1e-9 * h for ramp in known for end in ramp)
             failure, done, where = go(*self._system, self._adams, self._sums, begin, length, length / steps, fresh)
             if failure != DONE:
                 raise self._failed(failure, where, begin + done)
@@ -392,23 +247,8 @@ class Monolith:
         steps, evaluations, rejected, restarts = (counts[i] for i in (STEPS, EVALUATIONS, REJECTED, RESTARTS))
         self.effort = Effort(steps, evaluations, rejected, restarts, counts[ORDERS] / steps)
 
-    def _ramps(self) -> list[tuple[float, float]]:
-        """Begin and end of whatever makes a right-hand side that is smooth in between only."""
-        ramps = [ramp for drive in self._shafts if drive.mode != TORQUE for ramp in _ramps(drive)]
-        for course in (each for drive in self._shafts for each in (drive.torques, drive.brakes)):
-            ramps += pairwise(course.time.tolist())
-        return ramps
-
-    def _intervals(self, t: float, h: float) -> Iterator[tuple[float, float, int]]:
-        """Begin, length and steps of the parts of a step: a ramp of a drive's speed begins and ends with one. (7)"""
-        ramps = self._ramps()
-        inside = {end for ramp in ramps for end in ramp if t + 1e-9 * h < end < t + (1.0 - 1e-9) * h}
-        for begin, end in pairwise([t, *sorted(inside), t + h]):
-            within = [(b - a) / RESOLVED for a, b in ramps if a < 0.5 * (begin + end) < b]
-            yield begin, end - begin, max(1, int(np.ceil((end - begin) / min([self.step, *within]) - 1e-9)))
-
     def _failed(self, failure: int, where: int, at: float) -> StepFailed:
-        """The sentence of a part that could not be done."""
+        """Error of a part of a step that failed at the time ``at``, s."""
         if failure == CHASSIS_FAILED:
             chassis = self.models[self._chassis]
             return StepFailed(chassis.complaint(at, where, self.x[self._body : self._spin]))
@@ -419,35 +259,35 @@ class Monolith:
         return StepFailed(f"the explicit integration of the whole blew up before t = {at:.6g} s")
 
     def _take_chassis(self) -> None:
-        """The chassis' state; the work of its ports without what its inertia held for the sprockets. (5)"""
+        """Update the chassis; its ports' work leaves out the sprockets' part of its inertia. (5)"""
         model, x = self.models[self._chassis], self.x[self._body : self._spin]
         model.state[:] = x
         model.state[-1] -= self._held() * x[11] ** 2
 
     def _held(self) -> float:
-        """Half of what the chassis' inertia about its lateral axis holds for the sprockets, kg m2."""
+        """Half of the sprockets' part of the chassis' inertia about its lateral axis, kg m2."""
         assert self._tree is not None
         return 0.5 * float(self._tree.inertia[1, 1] - self.models[self._chassis].tree.inertia[1, 1])
 
     def _ask_driver(self, t: float, h: float) -> None:
-        """What the driver demands from here on, and the speeds that follow it over the step."""
+        """Step the driver, and let the speeds of the shafts follow its demands over the step."""
         driver, chassis = self.models[self._driver], self.models[self._chassis]
         names = [port.name for port in chassis.ports if port.causality == "output"]
         y = np.zeros(len(names))
         chassis.outputs(y[: len(names) - len(chassis.counters)])
         wanted = [port.name for port in driver.ports if port.causality == "input"]
-        driver.step(t, h, np.array([y[names.index(self._sources[self._driver, name][1])] for name in wanted]))
+        driver.step(t, h, np.array([y[names.index(self._sources.output(self._driver, name))] for name in wanted]))
         shown = [port.name for port in driver.ports if port.causality == "output"]
         demands = np.zeros(len(shown) - len(driver.counters))
         driver.outputs(demands)
-        told = [demands[shown.index(self._sources[s.name, f"{s.prefix}speed.demand"][1])] for s in self._sprockets]
+        told = [demands[shown.index(self._sources.output(s.name, f"{s.prefix}speed.demand"))] for s in self._sprockets]
         if self._joined:
             told = [0.5 * (told[0] + told[1]), told[1] - told[0]]
         for drive, state, demand in zip(self._shafts, self._spun, told, strict=True):
             shaft.follow(drive, state, t, h, demand)
 
     def _take_shafts(self, before: Floats, h: float) -> None:
-        """The state of each shaft, its motor's mean torque and power."""
+        """Update the state of each shaft, and the mean torque and power of its motor."""
         for d, state in enumerate(self._spun):
             z = self.x[self._spin + SPIN * d : self._spin + SPIN * (d + 1)]
             state[:SPIN] = z
@@ -455,7 +295,7 @@ class Monolith:
             state[shaft.POWER_NOW] = (z[shaft.WORK] - before[SPIN * d + shaft.WORK]) / h
 
     def _take_sprocket(self, d: int, before: Floats, h: float) -> None:
-        """A sprocket's state and the mean wrench on its mount; what its half shaft did where sides are joined. (6)"""
+        """Update a sprocket, the mean wrench on its mount and, with a differential, its half shaft. (6)"""
         state, mount = self._sprockets[d].state, self._mount(d)
         if self._joined:
             at = len(self._spun) * SPIN + HALF * d
@@ -471,49 +311,3 @@ class Monolith:
         state[mounts.MOUNT + 3 : mounts.MOUNT + 6] = (self._spins.reaction[d] - (after - held)) / h
         state[mounts.MOMENTUM : mounts.MOMENTUM + 3] = after
         state[mounts.STEP] = h
-
-
-def _without_jumps(drive: Drive) -> Drive:
-    """A jump of speed has no slope to integrate."""
-    return drive._replace(ramp_end=max(drive.ramp_end, drive.ramp_start + JUMP), stop_time=max(drive.stop_time, JUMP))
-
-
-def _ramps(drive: Drive) -> list[tuple[float, float]]:
-    """Begin and end of the ramps of a drive's speed, s."""
-    if drive.speeds.time.size:
-        return list(pairwise(drive.speeds.time.tolist()))
-    ramps = [(drive.ramp_start, drive.ramp_end)]
-    return [*ramps, (drive.stop_start, drive.stop_start + drive.stop_time)] if drive.stop_start >= 0.0 else ramps
-
-
-def _alike(parts: Sequence[Part]) -> dict[str, str]:
-    """Right parts that mirror their left ones, by name: all of them, or none where a side differs."""
-    named = {part.name: part for part in parts}
-    pairs = {name: name.replace("right", "left", 1) for name in named if name.startswith("right")}
-    chassis = next((part for part in parts if part.kind == "Chassis"), None)
-    if chassis is None or list(chassis.config["chassis"]["sides"]) != ["left", "right"]:
-        return {}
-    for right, left in pairs.items():
-        if left not in named or (named[left].kind, named[left].config) != (
-            named[right].kind,
-            named[right].config,
-        ):
-            return {}
-        mirrored = dict(named[right].parameters)
-        mirrored["start.lateral"] = -float(mirrored["start.lateral"])
-        if dict(named[left].parameters) != mirrored:
-            return {}
-    return pairs if len(parts) == 2 * len(pairs) + 1 else {}
-
-
-def _mirror_drive(of: Any, model: Any, chassis: Any) -> None:
-    """Make a drive the mirror image of the one ``of`` the other side; chassis and its motion are symmetric."""
-    motions = np.zeros(STATE * (len(chassis.tree.turns) + 2))
-    put_sides(chassis.tree, chassis.state, 2, motions, 0)
-    mount, state = motions[-STATE:], model.state
-    axis = quat_rotate(mount[3:7], (0.0, 1.0, 0.0))
-    state[:] = of.state
-    mounts.place(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
-    for at, sign in ((mounts.MOUNT, 1.0), (mounts.MOUNT + 3, -1.0), (mounts.MOMENTUM, -1.0)):
-        v = of.state[at : at + 3]
-        state[at : at + 3] = sign * (v - 2.0 * (v @ axis) * axis)

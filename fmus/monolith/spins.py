@@ -1,7 +1,7 @@
-"""What the drives do in the whole: sprockets on their mounts, reactions, books; numbers of equations as in README.md.
+"""Sprockets and shafts in the monolith: motions, reactions, energies; equations as in README.md.
 
-A sprocket stands on each side; motors turn shafts. Each side has a shaft of its own, or a steering differential joins
-both: its shafts are the mean of both sides and right less left (``steering_differential``).
+Each side has one sprocket; motors turn shafts. Either each side has its own shaft, or a steering differential joins
+both: its shafts then turn at the mean of both sides and at right less left (``steering_differential``).
 """
 
 from __future__ import annotations
@@ -18,33 +18,33 @@ from fmus.jit import allocating, kernel
 from fmus.physics.rotation import quat_rotate
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 
-SPIN = PORT_WORK + 1  # of a shaft's state: what is integrated, and the work of its port
-HALF = 3  # of a side that is joined, after all shafts: impulse and work of its half shaft, work of its port
-ABOUT, PULL = 0, 1  # of ``seen``: rate of the mount about the axis, torque of the chain about it
+SPIN = PORT_WORK + 1  # numbers of a shaft in the state: its integrated variables and the work of its port
+HALF = 3  # numbers of a half shaft, after all shafts: its impulse and work, the work of its port
+ABOUT, PULL = 0, 1  # columns of ``seen``: rate of the mount and torque of the chain about the sprocket's axis
 
 
 class Spins(NamedTuple):
-    """Where they stand; D sides, as many shafts."""
+    """Indices, inertias and sums of the sprockets; D sides, each with one sprocket and one shaft."""
 
-    joined: int
-    start: int  # where the shafts begin in the state of the whole
-    body: int  # and where the chassis does
-    inertia: np.ndarray  # (D) of each sprocket, kg m2
-    stations: int  # motions that the chassis makes, see ``Plan``
-    mount: np.ndarray  # (D) the motion of each mount
-    chain: np.ndarray  # (D) the wrench on each sprocket
-    mounts: int  # the first wrench of the mounts
-    spun: np.ndarray  # (D, WIDTH of a drive's state) scratch
-    seen: np.ndarray  # (D, 2) scratch: ABOUT, PULL
-    growth: np.ndarray  # (D) scratch: angular acceleration of each shaft
-    pace: np.ndarray  # (D) scratch: rate of each shaft that the chassis' inertia does not hold
-    reaction: np.ndarray  # (D, 3) means over the step: the torque of the chain, world
-    force: np.ndarray  # (D, 3) and its force
+    joined: int  # 1: a steering differential joins both sides; else 0
+    start: int  # index in the state where the shafts begin
+    body: int  # index in the state where the chassis begins
+    inertia: np.ndarray  # (D) spin inertia of each sprocket, kg m2
+    stations: int  # number of motions that the chassis outputs, see ``Plan``
+    mount: np.ndarray  # (D) index in ``Plan.motion`` of each mount
+    chain: np.ndarray  # (D) index in ``Plan.wrench`` of the wrench on each sprocket
+    mounts: int  # index in ``Plan.wrench`` of the first mount
+    spun: np.ndarray  # (D, WIDTH of a drive's state) scratch: motions of the sprockets
+    seen: np.ndarray  # (D, 2) scratch: ABOUT, rad/s, and PULL, N m
+    growth: np.ndarray  # (D) scratch: angular acceleration of each shaft, rad/s2
+    pace: np.ndarray  # (D) scratch: rate of each shaft without the part that the chassis' inertia holds, rad/s
+    reaction: np.ndarray  # (D, 3) angular impulse of the chain over the step, world axes, N m s
+    force: np.ndarray  # (D, 3) impulse of the chain over the step, world axes, N s
 
 
 @kernel
 def side(p, d, one, two):
-    """Of a side what its shaft has, ``one`` of the first and ``two`` of the second."""
+    """Value at side ``d`` of a quantity that is ``one`` at the first shaft and ``two`` at the second."""
     if p.joined == 1:
         return one + (d - 0.5) * two
     return one if d == 0 else two
@@ -52,14 +52,14 @@ def side(p, d, one, two):
 
 @kernel
 def _of(p, x, d, i):
-    """The same of the number ``i`` of the shafts in the state."""
+    """Value at side ``d`` of the number ``i`` of the shafts' state."""
     last = p.start + SPIN * (p.mount.size - 1) + i
     return side(p, d, x[p.start + i], x[last])
 
 
 @kernel
 def _shaft(p, d, c, both):
-    """Of a shaft what the sides have in the column ``c`` of ``seen``; ``both``: 0.5 of rates, 1 of torques."""
+    """Value at shaft ``d`` of column ``c`` of ``seen``; ``both``: 0.5 for rates, 1 for torques."""
     if p.joined == 0:
         return p.seen[d, c]
     return both * (p.seen[0, c] + p.seen[1, c]) if d == 0 else 0.5 / both * (p.seen[1, c] - p.seen[0, c])
@@ -67,7 +67,7 @@ def _shaft(p, d, c, both):
 
 @kernel
 def _axis(p, motion, d):
-    """Lateral axis of a mount, and its angular velocity."""
+    """Lateral axis of a mount and its angular velocity, rad/s, both in world axes."""
     m = 13 * p.mount[d]
     a = quat_rotate(motion[m + 3 : m + 7], (0.0, 1.0, 0.0))
     return vector(a, 0), vector(motion, m + 10)
@@ -75,7 +75,7 @@ def _axis(p, motion, d):
 
 @allocating
 def turn(drives, p, motion, t, x):
-    """Sprockets on their mounts, and absolute rates where speeds are prescribed. (1)"""
+    """Write the sprockets' motions, and the rates of shafts with prescribed speed into x. (1)"""
     for d in range(p.mount.size):
         axis, w = _axis(p, motion, d)
         p.seen[d, ABOUT] = dot(axis, w)
@@ -92,14 +92,14 @@ def turn(drives, p, motion, t, x):
 
 @allocating
 def react(drives, p, motion, wrench, t, x, k):
-    """Wrenches on the mounts, and rates of shafts whose speed is not prescribed."""
+    """Write the wrenches on the mounts, and the rates of shafts whose speed is not prescribed into k."""
     for d in range(p.mount.size):
         axis, _ = _axis(p, motion, d)
         p.seen[d, PULL] = dot(vector(wrench, 6 * p.chain[d] + 3), axis)
     for d in range(p.mount.size):
         drive, at = drives[d], p.start + SPIN * d
         out = k[at : at + SPIN]
-        if drive.mode == SPEED:  # (3): what the chassis' own inertia does not hold already
+        if drive.mode == SPEED:  # (3): the part that the chassis' inertia does not hold
             p.pace[d], p.growth[d] = profile(drive, t)[0], profile_slope(drive, t)
             out[:] = 0.0
         else:  # (2)
@@ -118,7 +118,7 @@ def react(drives, p, motion, wrench, t, x, k):
 
 @allocating
 def book(drives, p, t, x, k):
-    """What motors, chains and mounts do, once the chassis' acceleration is known. (4)"""
+    """Write powers and torques of motors and ports into k; k holds the chassis' acceleration. (4)"""
     for d in range(p.mount.size):
         drive, at = drives[d], p.start + SPIN * d
         pull, about = _shaft(p, d, PULL, 1.0), _shaft(p, d, ABOUT, 0.5)

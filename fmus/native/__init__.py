@@ -1,1 +1,1 @@
-"""Components as machine code alone: the kernels of a model, an FMI shell in C, no Python."""
+"""Native FMUs: the kernels of a model as machine code behind an FMI shell in C, without Python."""

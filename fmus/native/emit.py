@@ -1,7 +1,7 @@
-"""Intermediate code of a component's entries -> one object file that knows nothing of Python or of this machine.
+"""Intermediate code of a component's entries -> object file, without Python, for any machine.
 
-Everything but the entries becomes internal, and all of it is optimised once more as a whole, for a level of x86-64.
-LLVM neither contracts nor reorders operations without leave: at each level numbers are those of the Python component.
+Everything but the entries becomes internal, and the whole is optimised once more, for a level of x86-64. LLVM neither
+contracts nor reorders floating-point operations by itself, so each level gives the bits of the Python component.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ LEVELS = {"any_": ANY, "wide_": WIDE}  # by the prefix of the entries' names; th
 
 
 def emit(entries: Sequence[Entry], prefix: str, platform: Platform) -> bytes:
-    """The object file of a level of ``LEVELS``. Raises RuntimeError where the code holds an address of this process."""
+    """Object file for a level of ``LEVELS``; raises RuntimeError if the code holds a process address."""
     machine = llvm.Target.from_triple(platform.triple).create_target_machine(
         cpu=LEVELS[prefix], features="", opt=3, reloc="pic", codemodel="small"
     )
@@ -40,7 +40,7 @@ def emit(entries: Sequence[Entry], prefix: str, platform: Platform) -> bytes:
 
 
 def _alone(entry: Entry, prefix: str) -> llvm.ModuleRef:
-    """The module of an entry: all else in it is internal, under names without numba's counters and hashes."""
+    """LLVM module of an entry; all else in it is internal, named without numba's counters and hashes."""
     text = entry.compiled.library.get_llvm_str()
     if found := re.search(r"inttoptr \(i64 (\d{6,})", text):
         raise RuntimeError(f"the code of {entry.name} holds an address of this process, {found[1]}")

@@ -1,10 +1,11 @@
-"""A component's kernels as functions on pointers: what its library's shell calls.
+"""Entries of a component's library: its kernels as functions on pointers, called by the shell.
 
     start(x, n, f, k, z, p, c, told)    step(x, n, f, k, z, p, c, told, t, h, u)
     show(x, n, f, k, z, p, c, y)        show_links(x, n, f, k, z, p, c, y)
 
-x and n are state and counters, f, k and z the blocks of ``freeze``, p the Real parameters and c the places of String
-parameters among their choices; all return an integer.
+x and n are state and counters, f, k and z the blocks of ``freeze``, p the Real parameters, c the indices of String
+parameters among their choices, told the numbers of the messages, u the inputs, y the outputs. All return an integer:
+0, or the index of the sentence of a failure.
 """
 
 from __future__ import annotations
@@ -48,31 +49,31 @@ def show_links(X, N, F, K, Z, P, C, Y):
 
 
 class Entry(NamedTuple):
-    """A function of the library, compiled as far as numba's intermediate code."""
+    """Function of the library, compiled to numba's intermediate code."""
 
-    name: str
+    name: str  # "start", "step", "show" or "show_links"
     compiled: Any  # numba's CompileResult
 
 
 class Entries(NamedTuple):
-    """What the library of a component is made of."""
+    """Functions and memory blocks of a component's library."""
 
     entries: tuple[Entry, ...]
-    frozen: Frozen
+    frozen: Frozen  # its parts as memory blocks
 
 
 def names(free: Any) -> set[str]:
-    """Of the parameters that are free, see ``fmus.model.Free``."""
+    """Names of the free parameters, see ``fmus.model.Free``."""
     return {name for how in free.numbers.values() for name in re.findall(r"{([^}]+)}", how)} | set(free.besides)
 
 
 def entries(
     model: Component, numbers: Mapping[str, str], reals: Sequence[Port], choices: Sequence[Port], outputs: int
 ) -> Entries:
-    """Of an initialised model with so many Real outputs that are not those of links.
+    """Compile the entries of an initialised model with ``outputs`` Real outputs besides those of links.
 
     ``numbers``: see ``fmus.model.Free``; ``reals``, ``choices``: the Real and String parameters in order, with the
-    values that the model has.
+    values of the model. Raises TypeError if the parts lack a number or cannot be written down.
     """
     p = [float(port.start) for port in reals]
     c = [port.choices.index(str(port.start)) if port.choices else 0 for port in choices]

@@ -1,8 +1,8 @@
-"""A component's parts as source text: arrays become slices of memory blocks, numbers their entries.
+"""Parts of a component as source text: arrays become slices of memory blocks, numbers entries of them.
 
-The state and the counters are blocks of their own; views of them stay views. What else there is of arrays, constants
-and scratch alike, and of numbers goes into one block a type; numbers that follow from free parameters are expressions.
-A named tuple is written as its class.
+State and counters are blocks of their own; views of them stay views. All other arrays, constants and scratch alike, and
+all other numbers go into one block a type; numbers that follow from free parameters become expressions. A named tuple
+is written as a call of its class.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ BLOCKS = {"float64": "f", "int64": "k", "bool": "z"}
 
 
 class Following(NamedTuple):
-    """A number that follows from free parameters."""
+    """Number that follows from free parameters."""
 
-    text: str  # in ``p`` and ``c``
-    value: float | int  # now
+    text: str  # expression in ``p`` and ``c``
+    value: float | int  # with the parameters of the model
 
 
 class Frozen:
-    """Blocks that are filled as values are written down; an array that is met again is the same.
+    """Memory blocks, filled as values are written down; an array that occurs twice is stored once.
 
-    ``free``: places in the parts, as "law.mu", of numbers that are no constants.
+    ``free``: expressions of the numbers that are not constant, by their place in the parts, such as "law.mu".
     """
 
     def __init__(self, state: NDArray[np.float64], counters: NDArray[np.int64], free: Mapping[str, Following]) -> None:
@@ -37,9 +37,9 @@ class Frozen:
         self.classes: dict[str, type] = {}
 
     def text(self, value: Any, place: str = "") -> str:
-        """The value as an expression in ``x``, ``n``, ``f``, ``k``, ``z``, ``p``, ``c`` and the names of ``classes``.
+        """Expression of the value in the blocks, ``p``, ``c`` and the names of ``classes``.
 
-        Raises TypeError for what cannot be written down, and for a number that is not what it should follow.
+        Raises TypeError for a value that cannot be written down, and for a number that differs from its expression.
         """
         if value is None:
             return "None"
@@ -64,11 +64,11 @@ class Frozen:
         return self._number(value)
 
     def missed(self) -> set[str]:
-        """Places of free numbers that were nowhere."""
+        """Places of free numbers that the parts do not have."""
         return set(self._free) - self._met
 
     def block(self, letter: str) -> NDArray[Any]:
-        """What the block of a type begins with."""
+        """Initial content of the block of a type."""
         kind = next(np.dtype(name) for name, each in BLOCKS.items() if each == letter)
         return np.array(self._numbers[letter] or [0], dtype=kind)
 

@@ -1,4 +1,4 @@
-"""``model.h``: what the shell must know of a component; and its memory blocks as an object file."""
+"""Data of a component for the shell: ``model.h``, and its memory blocks as an object file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from fmus.sentences import TOLD, Sentence
 
 
 def quoted(texts: Iterable[str]) -> str:
-    """C strings, one after the other; JSON writes ASCII as C does."""
+    """C string literals, separated by commas; JSON escapes ASCII as C does."""
     return ", ".join(json.dumps(text) for text in texts)
 
 
@@ -28,7 +28,10 @@ def header(
     sizes: Mapping[str, int],
     sentences: Mapping[str, Sequence[Sentence]],
 ) -> str:
-    """The text of ``model.h``; ``sizes``: of the blocks x, n, f, k, z; ``sentences``: by the name of their table."""
+    """Text of ``model.h``.
+
+    ``sizes``: lengths of the blocks x, n, f, k, z; ``sentences``: tables of texts by name.
+    """
     reals = [port for port in variables if isinstance(port.start, float)]
     inputs = sum(port.causality == "input" for port in reals)
     outputs = sum(port.causality == "output" for port in reals) - link_ports
@@ -56,7 +59,7 @@ def header(
 
 
 def _range(port: Port) -> str:
-    """Whether a Real parameter is free, and what it may be."""
+    """Initialiser of a Real parameter's Range: whether it is free, its bounds and their text."""
     bounds = (
         f"{'-' if bound < 0.0 else ''}INFINITY" if math.isinf(bound) else bound.hex() for bound in port.allowed[:2]
     )
@@ -64,7 +67,7 @@ def _range(port: Port) -> str:
 
 
 def _choices(strings: Sequence[Port]) -> list[str]:
-    """String parameters: names among which they choose, or their one value where they are constant."""
+    """Tables of the String parameters: their choices, or their one value if they are constant."""
     lines, rows = [], ["{ 0, 0, 0, 0 }"]
     for i, port in reversed(list(enumerate(strings))):
         free = port.causality == "parameter"
@@ -88,7 +91,7 @@ def _sentences(table: str, sentences: Sequence[Sentence]) -> list[str]:
 
 
 def image(frozen: Frozen, state: Any, counters: Any, platform: Platform) -> bytes:
-    """An object file with what the blocks begin with, under the names ``image_x`` and so on."""
+    """Object file with the initial content of the blocks, named ``image_x`` and so on."""
     blocks = {"x": state, "n": counters, **{letter: frozen.block(letter) for letter in "fkz"}}
     text = [f'target triple = "{platform.triple}"']
     for name, block in blocks.items():

@@ -1,4 +1,4 @@
-"""Objects and C sources -> a shared library: by ziglang's compiler, or by the system's."""
+"""Object files and C sources -> shared library, by ziglang's compiler or by the system's."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ FLAGS = "-std=c11", "-O2", "-fvisibility=hidden", "-fno-sanitize=all", "-g0", "-
 
 
 class NoCompiler(RuntimeError):
-    """There is no C compiler, or it failed; the message is one sentence."""
+    """A C compiler is missing or failed; the message is one sentence."""
 
 
 def compiler(platform: Platform = LINUX) -> list[str]:
-    """The command of a C compiler for a system; raises NoCompiler."""
+    """Command of a C compiler for a platform; raises NoCompiler."""
     if find_spec("ziglang"):
         return [sys.executable, "-m", "ziglang", "cc", "-target", platform.target]
     if platform != LINUX:
@@ -34,7 +34,7 @@ def compiler(platform: Platform = LINUX) -> list[str]:
 
 
 def compiler_release() -> str:
-    """Which compiler that is."""
+    """Name and version of the compiler."""
     if find_spec("ziglang"):
         return f"ziglang {version('ziglang')}"
     done = subprocess.run([*compiler(), "--version"], capture_output=True, text=True)
@@ -42,7 +42,7 @@ def compiler_release() -> str:
 
 
 def link(objects: Sequence[Path], include: Path, library: Path, platform: Platform) -> None:
-    """Link ``library`` from the objects, ``SOURCES``; ``model.h`` lies in ``include``."""
+    """Link ``library`` from objects and ``SOURCES``; ``include`` has ``model.h``. Raises NoCompiler."""
     command = [*compiler(platform), *FLAGS, f"-I{include}", f"-I{HERE}", "-o", str(library)]
     command += [*map(str, (*SOURCES, *objects)), *platform.flags]
     done = subprocess.run(command, capture_output=True, text=True)

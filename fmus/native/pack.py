@@ -1,4 +1,4 @@
-"""A component as a native FMU: its library and its description, packed; the way is in the README of this folder."""
+"""Build of native FMUs: library and description of a component, packed; steps as in README.md."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from fmus.native.link import HERE, SOURCES, NoCompiler, compiler, compiler_relea
 from fmus.native.platform import LINUX, WINDOWS, Platform
 from fmus.ports import Port, variables
 
-NUMBA = ("0.6",)  # begins the versions whose insides the runtime and the entries are made for
+NUMBA = ("0.6",)  # prefixes of the versions whose internals the runtime and the entries rely on
 CATEGORIES = {
     "logStatusWarning": "Messages of a step that was done but needs a look.",
     "logStatusError": "Messages of a call that failed.",
@@ -34,10 +34,10 @@ CATEGORIES = {
 def build_native(
     kind: str, config: Mapping[str, Any], folder: Path | None = None, name: str | None = None, windows: bool = False
 ) -> Path:
-    """The native FMU of a kind of component, built unless the cache has it; it needs libc and libm alone.
+    """Path of the native FMU of a kind of component, built unless the cache has it.
 
-    ``windows``: with a library for Windows beside that for Linux. What ``config`` has of parameters are their values by
-    default, and for good where they are not free. Raises BuildFailed.
+    The FMU needs libc and libm alone. ``windows`` adds a library for Windows to that for Linux. Parameters in
+    ``config`` are start values, and constants if they are not free. Raises BuildFailed.
     """
     if kind not in KINDS:
         raise BuildFailed(f"no kind of component is called '{kind}': there are {', '.join(KINDS)}")
@@ -60,7 +60,7 @@ def build_native(
 
 
 def held(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | int | str]) -> dict[str, Any]:
-    """The config with those of the parameters that are not free: components that differ by others share an FMU."""
+    """Config with the parameters that are not free, so that components alike in them share an FMU."""
     own = {**config.get(KEY, {}), **parameters}
     model = _model(kind, {**config, KEY: own})
     free = names(model.free(given(model.ports, own)))

@@ -1,4 +1,4 @@
-"""The systems that libraries are made for, all on x86-64."""
+"""Platforms of the libraries, all on x86-64."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 
 class Platform(NamedTuple):
-    """A system."""
+    """Operating system, as its tools name it."""
 
     folder: str  # in an FMU's ``binaries``, as FMI 2.0 names it
     suffix: str  # of a library
-    triple: str  # LLVM's name of it
-    target: str  # ziglang's, with the oldest C library
+    triple: str  # target triple of LLVM
+    target: str  # target of ziglang, with the oldest C library
     flags: tuple[str, ...]  # of the linker
 
 

@@ -1,11 +1,11 @@
-/* Whether this processor, and the system on it, have what x86-64-v3 asks for: System V ABI, AMD64 supplement, 3.1.1. */
+/* Whether processor and operating system support x86-64-v3: System V ABI, AMD64 supplement, 3.1.1. */
 #include <cpuid.h>
 #include <stdint.h>
 
 #define HIDDEN __attribute__((visibility("hidden")))
 
 HIDDEN int wide_processor(void) {
-#ifndef ONLY_ANY_PROCESSOR /* so that tests see the other half of a library */
+#ifndef ONLY_ANY_PROCESSOR /* defined by tests of the other half of a library */
     const unsigned fma = 1u << 12, movbe = 1u << 22, osxsave = 1u << 27, avx = 1u << 28, f16c = 1u << 29; /* leaf 1, c */
     const unsigned bmi1 = 1u << 3, avx2 = 1u << 5, bmi2 = 1u << 8;                                     /* leaf 7, b */
     const unsigned lzcnt = 1u << 5;                                                           /* leaf 0x80000001, c */

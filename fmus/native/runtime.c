@@ -1,4 +1,4 @@
-/* What kernels call of numba's runtime: memory with a count of references, laid out as numba 0.6x does, and reshape. */
+/* Functions of numba's runtime that kernels call: reference-counted memory, laid out as by numba 0.6x, and reshape. */
 #include <stdint.h>
 #include <stdlib.h>
 
@@ -26,7 +26,7 @@ HIDDEN void NRT_MemInfo_call_dtor(Block *b) {
     free(b);
 }
 
-/* Of contiguous arrays alone, which are all that kernels reshape; 0 makes numba raise. */
+/* For contiguous arrays, the only ones that kernels reshape; 0 makes numba raise. */
 HIDDEN int numba_attempt_nocopy_reshape(intptr_t n, const intptr_t *shape, const intptr_t *strides, intptr_t wanted_n,
                                         const intptr_t *wanted, intptr_t *to, intptr_t item, int columns_first) {
     intptr_t size = 1, wanted_size = 1, step = item;

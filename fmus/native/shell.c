@@ -1,6 +1,6 @@
-/* The FMI 2.0 functions around the kernels of a component: the same for all kinds; what tells them apart is in model.h.
+/* FMI 2.0 functions around the kernels of a component, the same for all kinds; model.h holds the component's data.
 
-   It does what fmus/slave.py does, sentence by sentence. No threads, no globals that change. */
+   Behaviour and messages are those of fmus/slave.py. No threads, no global variables. */
 #include <math.h>
 #include <stdarg.h>
 #include <stdint.h>
@@ -19,7 +19,7 @@ enum { INSTANTIATED, INITIALISING, RUNNING };
 enum { WARNED = 1, FAILED = 3 }; /* of the output status */
 enum { LONGEST = 1500, FIRST_LINK = N_INPUT + N_OUTPUT, FIRST_PARAMETER = FIRST_LINK + N_LINK };
 
-/* numba's calling convention: the result goes to the first pointer, what was raised to the second */
+/* numba's calling convention: the result goes to the first pointer, the exception to the second */
 struct raised;
 #define BLOCKS double *x, int64_t *n, double *f, int64_t *k, char *z, const double *p, const int64_t *c
 #define OF(i) (i)->d.state, (i)->d.counter, (i)->f, (i)->k, (i)->z, (i)->d.value + FIRST_PARAMETER, (i)->d.choice
@@ -50,7 +50,7 @@ typedef struct {
     Data d;
     double kept[N_STATE], told[N_TOLD];
     int64_t kept_counter[N_COUNTER + 1];
-    double started_with[N_PARAMETER + 1]; /* parameters of the last start: the blocks belong to them */
+    double started_with[N_PARAMETER + 1]; /* parameters of the last start, to which the blocks belong */
     int64_t chosen[N_STRING + 1];
     double *f;
     int64_t *k;
@@ -108,14 +108,14 @@ static fmi2Status refuse(Instance *c, const char *format, ...) {
     return fmi2Error;
 }
 
-static void fail(Instance *c, const char *text) { /* lasts */
+static void fail(Instance *c, const char *text) { /* until a reset or a restored state */
     snprintf(c->d.failure, LONGEST, "%s", text);
     c->d.failed = 1;
     c->d.status = FAILED;
     tell(c, fmi2Error, "logStatusError", c->d.failure);
 }
 
-/* ---- what the kernels do */
+/* ---- calls of the kernels */
 
 static int finite(const double *a, int n) {
     double sum = 0.0;
@@ -165,7 +165,7 @@ static int refresh(Instance *c, const char *when, double t) {
     return 0;
 }
 
-static int unacceptable(Instance *c) { /* a parameter that is out of its range */
+static int unacceptable(Instance *c) { /* 1: a parameter is out of its range */
     char text[LONGEST];
     for (int i = 0; i < N_PARAMETER; i++) {
         double value = c->d.value[FIRST_PARAMETER + i];
@@ -236,16 +236,16 @@ EXPORT fmi2Status fmi2DoStep(fmi2Component p, fmi2Real t, fmi2Real h, fmi2Boolea
     } else if (!refresh(c, "@", t + h)) {
         return fmi2OK;
     } else {
-        text[0] = 0; /* it was said */
+        text[0] = 0; /* already logged */
     }
-    warn(c); /* of what may have led there */
+    warn(c); /* a warning may explain the failure */
     memcpy(d->state, c->kept, sizeof c->kept);
     memcpy(d->counter, c->kept_counter, sizeof c->kept_counter);
     if (text[0]) fail(c, text);
     return fmi2Discard;
 }
 
-/* ---- life */
+/* ---- instances */
 
 static void begin(Instance *c) {
     memset(&c->d, 0, sizeof c->d);
@@ -372,7 +372,7 @@ EXPORT fmi2Status fmi2GetReal(fmi2Component p, const fmi2ValueReference v[], siz
     return fmi2OK;
 }
 
-static fmi2Status settable(Instance *c, unsigned v, int is_free, int is_same) { /* may it be set to that? */
+static fmi2Status settable(Instance *c, unsigned v, int is_free, int is_same) { /* refuses constants and late calls */
     if (!is_free && is_same) return fmi2OK;
     if (c->d.phase == RUNNING)
         return refuse(c, "parameter '%s' is fixed: set it before the end of initialisation", NAME[v]);
@@ -462,7 +462,7 @@ EXPORT fmi2Status fmi2SetBoolean(fmi2Component p, const fmi2ValueReference v[], 
     return n ? refuse(p, "no Boolean variable has the value reference %u", v[0]) : fmi2OK;
 }
 
-/* ---- states: their bytes begin with the guid and a checksum */
+/* ---- FMU states: their bytes begin with the guid and a checksum */
 
 typedef struct { char guid[40]; uint64_t sum; Data d; } Bytes;
 
@@ -484,7 +484,7 @@ EXPORT fmi2Status fmi2SetFMUstate(fmi2Component p, fmi2FMUstate from) {
     const Data *s = from;
     if (!s) return refuse(c, "this is not a state of an FMU of this build");
     if (!s->stale && (c->d.stale || memcmp(c->started_with, s->value + FIRST_PARAMETER, sizeof c->started_with) ||
-                      memcmp(c->chosen, s->choice, sizeof c->chosen))) { /* its blocks are of another start, or of none */
+                      memcmp(c->chosen, s->choice, sizeof c->chosen))) { /* blocks of another start, or of none */
         memcpy(c->d.value, s->value, sizeof c->d.value);
         memcpy(c->d.choice, s->choice, sizeof c->d.choice);
         if (initialise(c)) return fmi2Error;
@@ -533,7 +533,7 @@ EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component p, const fmi2Byte from[]
     return fmi2OK;
 }
 
-/* ---- what is not there */
+/* ---- functions that are not supported */
 
 EXPORT fmi2Status fmi2CancelStep(fmi2Component p) { return refuse(p, "steps are not asynchronous"); }
 

@@ -33,12 +33,12 @@ TURNED_NOT, STIFF, WILD = 1, 2, 3  # failures
 class Parts(NamedTuple):
     """Data of a running drive: parameters, state and counters of its kernels."""
 
-    drive: Drive
+    drive: Drive  # motor, brake and profile
     mount: Stance  # of the mount as built
     unconnected: np.ndarray  # (13) start values of the mount's inputs: a mount that has them is moved by nothing
     standing: np.ndarray  # (13) motion at rest of a mount that nothing moves
     seen: np.ndarray  # (inputs) inputs as the step uses them
-    state: np.ndarray
+    state: np.ndarray  # flat, see README.md
     counters: np.ndarray  # (2) int
 
 

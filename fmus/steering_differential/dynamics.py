@@ -60,7 +60,9 @@ def speed(p, x, t, mount_rate):
 def finish(g, x, sign, propulsion, steering, h, u, i, m, now):
     """Set a side after the step: its sprocket, torque and work of its half shaft, wrench on its mount.
 
-    ``now``: speed of the side before the step, rad/s.
+    ``x``: state of the side; ``sign``: -1 left, 1 right; ``propulsion``, ``steering``: states of the shafts; ``h``, s;
+    ``u[i:]``: inputs of the side; ``m``: its mount, extrapolated; ``now``: speed of the side before the step, rad/s. A
+    tuple of these ten would be made for this call alone.
     """
     angle, rate = x[ANGLE], x[RATE]
     join(x, sign, propulsion, steering)
@@ -75,12 +77,12 @@ def finish(g, x, sign, propulsion, steering, h, u, i, m, now):
 class Parts(NamedTuple):
     """Data of a running differential: parameters, state and counters of its kernels."""
 
-    gearbox: Gearbox
+    gearbox: Gearbox  # both motors
     mounts: tuple[Stance, Stance]  # left and right mount as built
     unconnected: np.ndarray  # (inputs) start values: a mount that has them is moved by nothing
     standing: np.ndarray  # (inputs) motions at rest of mounts that nothing moves
     seen: np.ndarray  # (inputs) inputs as the step uses them
-    state: np.ndarray
+    state: np.ndarray  # flat, see README.md
     counters: np.ndarray  # (2) int
 
 

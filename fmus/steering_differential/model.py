@@ -29,6 +29,7 @@ from fmus.steering_differential.dynamics import (
 
 SIDES = {"left": 1.0, "right": -1.0}  # sign of y
 DEMAND = "left.speed.demand"
+RELATIVE = "against its mount"
 STIFF = (
     "at t = {{0:.6g}} s {} has its brake too sharp for its brake.speed, its engine's curve too steep, or its gains too"
     " large: {{1:d}} internal steps in one of {{2:.3g}} s"
@@ -43,6 +44,49 @@ def parameter_ports(demanded: bool) -> list[Port]:
         *mount_ports(),
         *motor_ports("propulsion.", "the mean of both sprockets", "mean of both speeds against the mounts"),
         *motor_ports("steering.", "the right sprocket less the left one", "speed of the right less the left sprocket"),
+    ]
+
+
+def connectors(mounts: Mapping[str, tuple[float, ...]], demanded: bool) -> list[Port]:
+    """Inputs, then motions and wrenches of both sides; ``mounts``: motion (13) of each at the start."""
+    found: list[Port] = []
+    for side, at in mounts.items():
+        found += [*wheel_state(f"{side}.mount", "input", at), *wrench(f"{side}.sprocket", "input")]
+    for side in mounts if demanded else ():
+        text = f"wanted speed of the {side} sprocket {RELATIVE}"
+        found.append(Port(f"{side}.speed.demand", "input", "rad/s", text))
+    for side, at in mounts.items():
+        found += [*wheel_state(f"{side}.sprocket", "output", at), *wrench(f"{side}.mount", "output")]
+    return found
+
+
+def outputs() -> list[Port]:
+    """Outputs of half shafts, motors and energies."""
+    found: list[Port] = []
+    for side in SIDES:
+        found += [
+            Port(f"{side}.speed", "output", "rad/s", f"speed of the {side} sprocket {RELATIVE}"),
+            Port(f"{side}.angle", "output", "rad", f"angle of the {side} sprocket {RELATIVE}, over revolutions"),
+            Port(f"{side}.torque", "output", "N.m", f"torque of the {side} half shaft on its sprocket, mean"),
+            Port(f"{side}.power", "output", "W", f"power of the {side} half shaft, mean; negative: it is turned"),
+            Port(f"{side}.work", "output", "J", f"work of the {side} half shaft on its sprocket so far"),
+        ]
+    for shaft, speed in (("propulsion", "mean of both speeds"), ("steering", "right less left speed")):
+        found += [
+            Port(f"{shaft}.speed", "output", "rad/s", speed),
+            Port(f"{shaft}.torque", "output", "N.m", f"torque of the {shaft} motor, mean over the step"),
+            Port(f"{shaft}.power", "output", "W", f"power of the {shaft} motor, mean over the step"),
+            Port(f"{shaft}.work", "output", "J", f"work of the {shaft} motor since the start"),
+        ]
+    return [
+        *found,
+        Port("power.regenerated", "output", "W", "power that one half shaft takes and the other one gives, mean"),
+        Port("energy.kinetic", "output", "J", "kinetic energy of both spins"),
+        Port("energy.work", "output", "J", "work of both motors since the start"),
+        Port("energy.dissipated", "output", "J", "work done on the brakes of both shafts since the start"),
+        Port("port.work", "output", "J", "work of chains and mounts on the spins since the start"),
+        Port("solver.steps", "output", "1", "internal steps of both shafts since the start", 0),
+        Port("solver.evaluations", "output", "1", "evaluations of the spins' equations since the start", 0),
     ]
 
 
@@ -77,54 +121,9 @@ class Model(Component):
         self._demand = DEMAND if demanded else ""
         self._parameters = configured(parameter_ports(demanded), config)
         shown = self._standing({port.name: port.start for port in self._parameters})
-        mounts = dict(zip(SIDES, shown, strict=True))
-        said = "against its mount"
         self.ports: tuple[Port, ...] = (
-            *(
-                port
-                for side, at in mounts.items()
-                for port in (*wheel_state(f"{side}.mount", "input", at), *wrench(f"{side}.sprocket", "input"))
-            ),
-            *(
-                Port(f"{side}.speed.demand", "input", "rad/s", f"wanted speed of the {side} sprocket {said}")
-                for side in SIDES
-                if demanded
-            ),
-            *(
-                port
-                for side, at in mounts.items()
-                for port in (*wheel_state(f"{side}.sprocket", "output", at), *wrench(f"{side}.mount", "output"))
-            ),
-            *(
-                port
-                for side in SIDES
-                for port in (
-                    Port(f"{side}.speed", "output", "rad/s", f"speed of the {side} sprocket {said}"),
-                    Port(f"{side}.angle", "output", "rad", f"angle of the {side} sprocket {said}, over revolutions"),
-                    Port(f"{side}.torque", "output", "N.m", f"torque of the {side} half shaft on its sprocket, mean"),
-                    Port(
-                        f"{side}.power", "output", "W", f"power of the {side} half shaft, mean; negative: it is turned"
-                    ),
-                    Port(f"{side}.work", "output", "J", f"work of the {side} half shaft on its sprocket so far"),
-                )
-            ),
-            *(
-                port
-                for shaft, speed in (("propulsion", "mean of both speeds"), ("steering", "right less left speed"))
-                for port in (
-                    Port(f"{shaft}.speed", "output", "rad/s", speed),
-                    Port(f"{shaft}.torque", "output", "N.m", f"torque of the {shaft} motor, mean over the step"),
-                    Port(f"{shaft}.power", "output", "W", f"power of the {shaft} motor, mean over the step"),
-                    Port(f"{shaft}.work", "output", "J", f"work of the {shaft} motor since the start"),
-                )
-            ),
-            Port("power.regenerated", "output", "W", "power that one half shaft takes and the other one gives, mean"),
-            Port("energy.kinetic", "output", "J", "kinetic energy of both spins"),
-            Port("energy.work", "output", "J", "work of both motors since the start"),
-            Port("energy.dissipated", "output", "J", "work done on the brakes of both shafts since the start"),
-            Port("port.work", "output", "J", "work of chains and mounts on the spins since the start"),
-            Port("solver.steps", "output", "1", "internal steps of both shafts since the start", 0),
-            Port("solver.evaluations", "output", "1", "evaluations of the spins' equations since the start", 0),
+            *connectors(dict(zip(SIDES, shown, strict=True)), demanded),
+            *outputs(),
             *self._parameters,
         )
         inputs = [port.start for port in self.ports if port.causality == "input"]

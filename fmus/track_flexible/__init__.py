@@ -1,1 +1,1 @@
-"""The chain of flexible links as a component."""
+"""Component TrackFlexible: chain of flexible links with its contacts."""

@@ -1,4 +1,4 @@
-"""The flexible track: a chain of steel cables or beams behind the ports of a track."""
+"""Flexible track: a chain of steel cables or beams behind the ports of a track."""
 
 from __future__ import annotations
 
@@ -26,107 +26,46 @@ from fmus.physics.chain.flexible.work import work
 from fmus.physics.chain.implicit import Method
 from fmus.physics.chain.outcome import DONE, SINGULAR, Outcome
 from fmus.physics.integrate.generalized_alpha import Slopes
-from fmus.ports import NOT_NEGATIVE, POSITIVE, Port, Range
+from fmus.ports import POSITIVE, Port, Range
 from fmus.track import TrackModel, alpha, integration
 from fmus.track_choices import (
     ADAMS,
-    AXES,
     CHOLESKY,
     CONSTRAINED,
-    COORDINATES,
     ELIMINATED,
     EXPLICIT,
-    JOINTS,
     NODAL,
     conflict_of_links,
 )
 from fmus.track_closure import PIN, SPRING, closure
+from fmus.track_flexible import parameters
 
 STILL = 1e-3  # residual of static equilibrium, N
-LONG = 10.0  # last pseudo step towards it of a chain between pins, s: its slowest swings are to rest too
+LONG = 10.0  # last pseudo step of a chain between pins, s: its slowest modes come to rest too
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
-ELEMENTS = {"cable": NODE, "planar": PLANAR_NODE, "beam": BEAM_NODE}  # coordinates of a pin
+ELEMENTS = {"cable": NODE, "planar": PLANAR_NODE, "beam": BEAM_NODE}  # number of coordinates of a pin
 FINE = Range(POSITIVE.least, CHORD, f"greater than 0 and {CHORD} at most")
 
 
 class Model(TrackModel):
-    """Cables or beams with pins eliminated, integrated implicitly or explicitly."""
+    """Chain of cables or beams between ideal pins, integrated implicitly or explicitly."""
 
     State = State
     element, axes, closure, joints, coordinates = "cable", "fixed", PIN, ELIMINATED, NODAL
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
-        """Material and integration of the links."""
-        m = vehicle["material"]
+        """Parameters of element, material, joints, coordinates, integration and closure."""
         return (
-            Port(
-                "element",
-                "parameter",
-                "1",
-                "what a link is: cable, one axis and pins that keep their direction; planar, the cable without its"
-                " lateral dofs; beam, all strains of a solid and pins that turn with the vehicle",
-                "cable",
-                tuple(ELEMENTS),
-            ),
-            Port(
-                "axes",
-                "parameter",
-                "1",
-                "in which cables have their coordinates: fixed, and the chain stays in its plane, or free, and it turns"
-                " with the vehicle",
-                "fixed",
-                AXES,
-            ),
-            Port(
-                "elasticity",
-                "parameter",
-                "1",
-                "strains of cables: small_deformation, average strain and r_xx; general, Green strain and"
-                " curvature; engineering, |r_x| - 1 and the angle turned per length",
-                "small_deformation",
-                tuple(ELASTICITIES),
-            ),
-            Port(
-                "material.youngs_modulus",
-                "parameter",
-                "Pa",
-                "Young's modulus of the links",
-                m["youngs_modulus"],
-                allowed=POSITIVE,
-            ),
-            Port(
-                "material.relaxation_time",
-                "parameter",
-                "s",
-                "damping constants over Young's modulus",
-                m["relaxation_time"],
-                allowed=NOT_NEGATIVE,
-            ),
-            Port(
-                "joints",
-                "parameter",
-                "1",
-                "the pins of cables: eliminated, shared coordinates and no equations; constrained, coordinates of each"
-                " link's own and equations with multipliers",
-                ELIMINATED,
-                JOINTS,
-            ),
-            Port(
-                "coordinates",
-                "parameter",
-                "1",
-                "what an explicit integrator integrates: nodal coordinates, or Cholesky coordinates, whose mass matrix"
-                " is the identity",
-                NODAL,
-                COORDINATES,
-            ),
+            *parameters.kind_of_link(tuple(ELEMENTS)),
+            *parameters.material(vehicle["material"]),
+            *parameters.coordinates(),
             *integration(),
             Port("tolerance", "parameter", "m", "largest Newton correction of a converged step", 1e-9, allowed=FINE),
             *(closure() if self.closed else ()),
         )
 
     def shapes(self) -> state.Shapes:
-        """Of the views into the chain's state."""
+        """Shapes of the views into the chain's state, by name."""
         axes = 0
         if self.axes == "free":
             from fmus.physics.chain.flexible.axes_state import SIZE
@@ -141,11 +80,11 @@ class Model(TrackModel):
 
     @property
     def mesh(self) -> int:
-        """Pins of the mesh: a loop that a spring closes has one of them twice, a link that shares none has 2."""
+        """Number of pins of the mesh: one more with a closing spring, 2 a link with constrained joints."""
         return 2 * self.links_count if self.joints == CONSTRAINED else self.nodes + (self.closure == SPRING)
 
     def prepare(self, p: Mapping[str, Any]) -> None:
-        """Links from material and section; views of the state."""
+        """Make the links from material and section, allocate state and work; raises InvalidParameter."""
         if conflict := conflict_of_links(p):
             raise InvalidParameter(conflict)
         element, elasticity, axes = p["element"], p["elasticity"], p["axes"]
@@ -158,9 +97,9 @@ class Model(TrackModel):
         beam = element == "beam"
         self.link = self._beams(young, tau) if beam else self._cables(element, elasticity, axes, young, tau)
         axial = young * self.vehicle["section"]["area"]
-        self.stiffness = max(axial, self.closing.stiffness * self.pitch if self.closing else 0.0)  # of a link, N
+        self.stiffness = max(axial, self.closing.stiffness * self.pitch if self.closing else 0.0)  # axial, N
         self.kit = kit(type(self.link))
-        kind = element, axes, closed_by, ELIMINATED, NODAL  # so it starts
+        kind = element, axes, closed_by, ELIMINATED, NODAL  # every chain starts so, see ``run_as_set``
         if kind != (self.element, self.axes, self.closure, self.joints, self.coordinates):
             self.element, self.axes, self.closure, self.joints, self.coordinates = kind
             self.allocate()
@@ -171,7 +110,7 @@ class Model(TrackModel):
         self.plane = int(element != "beam" and axes == "fixed")
 
     def run_as_set(self) -> None:
-        """A chain that has begun is given other coordinates where they are asked for."""
+        """Change to the wanted joints and coordinates, then begin as ``TrackModel.run_as_set``."""
         joints, coordinates = self._run_with
         if joints == CONSTRAINED and self.joints == ELIMINATED:
             self._constrain()
@@ -180,7 +119,7 @@ class Model(TrackModel):
         super().run_as_set()
 
     def _transform(self) -> None:
-        """The same motion in Cholesky coordinates, which stand before the nodal ones."""
+        """Change to Cholesky coordinates, stored before the nodal ones; raises StepFailed for a singular mass."""
         from fmus.physics.chain.flexible import cholesky
 
         nodal, at = self.state, self.kit.LAYOUT
@@ -193,7 +132,7 @@ class Model(TrackModel):
         self.hold(nodal)
 
     def hold(self, state: Floats) -> bool:
-        """See ``Component``; the state of the same chain in nodal coordinates is taken too."""
+        """See ``Component``; a state of the same chain in nodal coordinates is accepted too."""
         if self.coordinates == NODAL or state.size != self.state.size - self.s.p.size:
             return super().hold(state)
         from fmus.physics.chain.flexible.cholesky import fold
@@ -203,7 +142,7 @@ class Model(TrackModel):
         return True
 
     def _constrain(self) -> None:
-        """The same motion of links that share no pins, and the accelerations of those."""
+        """Change to links with own coordinates and constrained joints, and evaluate their accelerations."""
         from fmus.physics.chain.flexible import constrained
 
         whole, rows = self.s, len(self.work.M)
@@ -217,7 +156,7 @@ class Model(TrackModel):
         self._let_go()
 
     def free(self, p: Mapping[str, Any]) -> Free:
-        """Besides: the tolerance and, where no step is derived from it, the damping."""
+        """See ``TrackModel``; besides, the tolerance and, with an implicit integrator, the relaxation time."""
         free = super().free(p)
         if p["integrator"] in (EXPLICIT, ADAMS):
             return free
@@ -265,7 +204,7 @@ class Model(TrackModel):
         return kind(*common, self.closing)
 
     def _beams(self, young: float, tau: float) -> Any:
-        """The rectangle with the section's radii of gyration, a link's mass, moduli scaled to the section's area."""
+        """Beams with a rectangle of the section's radii of gyration, moduli scaled to its area, a link's mass."""
         from fmus.physics.chain.flexible.beams import Beam, Beams
 
         s, m, track = self.vehicle["section"], self.vehicle["material"], self.vehicle["track"]
@@ -293,7 +232,7 @@ class Model(TrackModel):
         )
 
     def _rotary_of_cables(self) -> float:
-        """What the table's inertia about the pin has beyond that of a rod, kg m2; raises InvalidParameter."""
+        """Inertia of a link about its pin less that of a rod, kg m2; raises InvalidParameter."""
         mass, pin = self.vehicle["track"]["mass"], self.vehicle["track"]["inertia"][1]
         rod, least = mass * self.pitch**2 / 12.0, rotary.NONE
         if pin < least * rod:
@@ -304,7 +243,7 @@ class Model(TrackModel):
         return float(pin - rod)
 
     def _rotary_of_beams(self, width: float, height: float) -> tuple[float, float, float]:
-        """What the table's second moments have beyond those of the section, kg m2; raises InvalidParameter."""
+        """Second moments of a link's mass less those of the beam's section, kg m2; raises InvalidParameter."""
         mass, wanted = self.vehicle["track"]["mass"], rotary.second_moments(self.vehicle["track"]["inertia"])
         own = tuple(float(mass * size * size / 12.0) for size in (self.pitch, width, height))
         for axis, (found, has) in enumerate(zip(wanted, own, strict=True)):
@@ -314,7 +253,7 @@ class Model(TrackModel):
         return x, y, z
 
     def _more_than_a_body_has(self, axis: int) -> InvalidParameter:
-        """Of inertia about an axis of the link."""
+        """Error for an inertia that no body has about the ``axis`` (0 to 2) of a link."""
         inertia = self.vehicle["track"]["inertia"]
         return InvalidParameter(
             f"vehicle.track.inertia[{axis}] = {inertia[axis]:g} kg m2: must be less than the sum of the other two,"
@@ -323,7 +262,7 @@ class Model(TrackModel):
         )
 
     def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:
-        """Straight links between the pins, then static equilibrium if wanted."""
+        """See ``TrackModel``."""
         self.settle_pins(pins)
         if spin:
             if rest:
@@ -338,10 +277,10 @@ class Model(TrackModel):
         self._let_go(rest=True)
 
     def move(self, turning: Floats, velocity: Floats) -> None:
-        """Rates of the pins and of the slopes of the links that end and begin there."""
+        """See ``TrackModel``; sets the rates of the pins and of the slopes at them."""
         place, *slopes = self.kit.PLANE
-        own = len(slopes) // 2  # of each of the two links; what they share lies along y
-        pin = np.arange(self.mesh) % self.nodes  # of the loop
+        own = len(slopes) // 2  # slopes of each of the two links; a shared slope lies along y
+        pin = np.arange(self.mesh) % self.nodes  # index in the loop
         self.s.v[:, place] += velocity[pin]
         for vectors, rate in ((slopes[-2 * own : -own], turning[pin - 1]), (slopes[-own:], turning[pin])):
             for x, z in vectors:
@@ -350,7 +289,7 @@ class Model(TrackModel):
         self._let_go()
 
     def tighten(self) -> None:
-        """Deform the links of a chain that is let go, so that no wave is born with it."""
+        """Deform the links to the tension of the release, so that no waves start; raises StepFailed."""
         from fmus.physics.chain.flexible.consistent_start import Chain, tighten
 
         self.work.moved[:] = self.start_rows
@@ -360,24 +299,24 @@ class Model(TrackModel):
         self._let_go()
 
     def evaluate(self, motion: Motion, by: Slopes = NOTHING, fresh: bool = False) -> None:
-        """What belongs to a motion of the pins, into ``work``: see ``assembly.evaluate``."""
+        """Evaluate residuals, and with ``fresh`` matrices, of a motion into ``work``; see ``assembly``."""
         self._do(EVALUATE, motion, by, fresh)
 
     def _residuals(self, accelerations: Floats) -> Floats:
-        """Of the links (links, rows, axes), N, at rest with the accelerations (nodes, width)."""
+        """Residuals of the links (links, rows, axes), N, at rest with the accelerations (nodes, width)."""
         self.evaluate(Motion(self.s.q, self.work.still, accelerations, self.s.axes))
         return self.work.R
 
     def _rounding(self) -> float:
-        """What rounding of the pins' places makes of the axial stiffness, N: no residual is reliably smaller."""
+        """Axial force, N, from rounding of the pins' positions: no residual is reliably smaller."""
         return 4.0 * float(np.finfo(float).eps) * self.stiffness * self.links_count
 
     def _least(self) -> float:
-        """Residual at which static equilibrium is found, N."""
+        """Largest residual of static equilibrium, N."""
         return max(STILL, self._rounding())
 
     def settle_pins(self, pins: Floats) -> None:
-        """Straight links between the pins (nodes, 2), at rest."""
+        """Set the state to straight links at rest between the ``pins`` (nodes, 2), m."""
         self.state[:] = 0.0
         straight(self.kit, self.link, pins[np.arange(self.mesh) % self.nodes], self.s.q)
         if self.axes == "free":
@@ -386,7 +325,7 @@ class Model(TrackModel):
             lay(self.s.axes, self.start_rows[:, :3].mean(axis=0))
 
     def _stretch(self, spin: float) -> None:
-        """Relative equilibrium of a free loop that turns at ``spin`` rad/s."""
+        """Set a free loop to its equilibrium relative to a rotation at ``spin`` rad/s; raises StepFailed."""
         from fmus.physics.chain.flexible.spinning import part, stretch
 
         spun = self.kit, self.s.q, len(self.work.M), self.links_count, spin
@@ -399,8 +338,8 @@ class Model(TrackModel):
             )
 
     def _let_go(self, rest: bool = False) -> None:
-        """Accelerations of the start, with ``rest`` after equilibrium, and what they show of the state as it stands."""
-        if self.joints == CONSTRAINED:  # it has begun: nothing else is asked of it, and not compiled
+        """Evaluate accelerations and outputs of the start, with ``rest`` after equilibrium; raises StepFailed."""
+        if self.joints == CONSTRAINED:  # already at its start: equilibrium is not compiled for these links
             link = let_go(*self.system(), self.start_rows, self.s, self.work, self.report)
             failure, residual = SINGULAR if link >= 0 else DONE, 0.0
         else:
@@ -413,7 +352,7 @@ class Model(TrackModel):
             )
 
     def _do(self, task: int, motion: Motion | None = None, by: Slopes = NOTHING, fresh: bool = False) -> Outcome:
-        """A task of ``release``."""
+        """Do a task of ``release``, whose static equilibrium is without friction."""
         motion = motion or Motion(self.s.q, self.s.v, self.s.vdot, self.s.axes)
         smooth, least = self.contacts, self._least()
         if smooth is not None:

@@ -1,4 +1,4 @@
-"""The FMU shell of the flexible track."""
+"""FMI shell of the flexible track."""
 
 from fmus.slave import Slave
 from fmus.track_flexible.model import Model

@@ -1,1 +1,1 @@
-"""A track of rigid links on pins."""
+"""Component TrackRigid: chain of rigid links on pins with its contacts."""

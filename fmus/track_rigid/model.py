@@ -1,4 +1,4 @@
-"""The rigid track: a chain of rigid links on pins behind the ports of a track."""
+"""Rigid track: a chain of rigid links on pins behind the ports of a track."""
 
 from __future__ import annotations
 
@@ -26,33 +26,33 @@ from fmus.track import TrackModel, alpha, integration
 from fmus.track_choices import AUGMENTED, FORMULATIONS, RECURSIVE, conflict_of_bodies
 from fmus.track_closure import SPRING, closure
 
-REST = Method(BACKWARD, 0.01 * FORCE, False)  # towards static equilibrium
+REST = Method(BACKWARD, 0.01 * FORCE, False)  # integrator towards static equilibrium
 
 
 class Model(TrackModel):
-    """Rigid links joined by exact pins, integrated implicitly or explicitly, in one of two formulations."""
+    """Chain of rigid links joined by exact pins, in one of two formulations, with any integrator."""
 
     State = State
     formulation = AUGMENTED
 
     def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
-        """Integration, coordinates and closure of the links."""
+        """Parameters of integration, formulation and closure."""
         text = "augmented: poses of all links, pins with multipliers; recursive: joint coordinates, explicitly alone"
         formulation = Port("formulation", "parameter", "1", text, AUGMENTED, FORMULATIONS)
         return (*integration(), formulation, *(closure() if self.closed else ()))
 
     @property
     def joints(self) -> int:
-        """Numbers of the joint coordinates, none in the augmented formulation."""
+        """Number of joint coordinates, 0 in the augmented formulation."""
         held = self.ends_kind in (PINNED, HELD)
         return count(self.links_count, held) if self.formulation == RECURSIVE else 0
 
     def shapes(self) -> state.Shapes:
-        """Of the views into the chain's state."""
+        """Shapes of the views into the chain's state, by name."""
         return shapes(self.links_count, self.closed, len(self.wheel_list), self.felt, self.joints)
 
     def prepare(self, p: Mapping[str, Any]) -> None:
-        """Links from the vehicle table; raises InvalidParameter."""
+        """Make the links from the vehicle table, allocate state and work; raises InvalidParameter."""
         if conflict := conflict_of_bodies(p):
             raise InvalidParameter(conflict)
         if p["formulation"] != self.formulation:
@@ -83,10 +83,7 @@ class Model(TrackModel):
         self.work = work(self.links_count, self.closed, len(self.wheel_list), self.felt, self.joints)
 
     def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:
-        """Links between the pins, then static equilibrium, or the accelerations of the release.
-
-        A regular polygon of rigid links that spins is in relative equilibrium as it is.
-        """
+        """See ``TrackModel``; a spinning regular polygon of rigid links is in relative equilibrium as it is."""
         self.state[:] = 0.0
         s, w = self.s, self.work
         place(self.rigid, pins, s, w)
@@ -99,7 +96,7 @@ class Model(TrackModel):
 
     def come_to_rest(self, rows: Floats) -> None:
         """See ``TrackModel``."""
-        # friction and damping fade on the way: the vehicle's, so that the end knows nothing of their parameters
+        # friction and damping of the vehicle's table, so that the equilibrium does not depend on their parameters
         links, env, s, w = self.rigid, self.environment, self.s, self.work
         failure, _, link, residual = settle(links, self._drawn, env, REST, rows, s, w, self.counters)
         if failure:
@@ -111,14 +108,14 @@ class Model(TrackModel):
         self._fold()
 
     def move(self, turning: Floats, velocity: Floats) -> None:
-        """Velocities of the links, and the accelerations that belong to them."""
+        """See ``TrackModel``; sets the velocities of the links and evaluates their accelerations."""
         v = self.s.v
         v[:, [0, 2]] += 0.5 * (velocity + np.roll(velocity, -1, axis=0))
         v[:, 4] += turning
         self._let_go()
 
     def _let_go(self) -> None:
-        """Accelerations of the start."""
+        """Evaluate accelerations and outputs of the start; raises StepFailed."""
         chain = self.contacts, self.environment, self.s, self.work
         failed = -1
         if self.rigid.spring != PIN:
@@ -130,6 +127,6 @@ class Model(TrackModel):
         self._fold()
 
     def _fold(self) -> None:
-        """Joint coordinates of the poses that the start has found."""
+        """Set the joint coordinates to the poses of the start."""
         if self.formulation == RECURSIVE:
             fold(self.rigid, self.s)

@@ -1,4 +1,4 @@
-"""The FMU shell of the rigid track."""
+"""FMI shell of the rigid track."""
 
 from fmus.slave import Slave
 from fmus.track_rigid.model import Model

@@ -32,7 +32,7 @@ def march(links, contacts, env, m, rows, h, longest, s, w, report, counters):
     """Integrate over ``h`` s, the wheels starting at ``rows`` (m, 15), in steps of at most ``longest`` s.
 
     ``m`` from ``adams``; flexible links require their factored mass in ``w`` (``flexible.release``); ``report`` and
-    ``counters`` as in ``report``. Returns an Outcome; after a failure ``s`` is invalid.
+    ``counters`` as in ``report``. Returns an Outcome; after a failure ``s`` is invalid. Many arguments: ``implicit``.
     """
     n, counts, done = m.controlled, m.counts, 0.0
     x, y, first = s.flat[:n], m.y[:n], m.counts.copy()

@@ -31,7 +31,8 @@ def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
     """Integrate over ``h`` s, the wheels starting at ``rows`` (m, 15), in equal steps up to ``longest`` s.
 
     ``k`` from ``slopes``; flexible links require their factored mass in ``w`` (``flexible.release``). Mean wrenches and
-    impulses have the weights of the momentum. Returns an Outcome; after a failure ``s`` is invalid.
+    impulses have the weights of the momentum. Returns an Outcome; after a failure ``s`` is invalid. Many arguments: see
+    ``implicit``.
     """
     steps = max(int(np.ceil(h / longest - 1e-9)), 1)
     dt = h / steps

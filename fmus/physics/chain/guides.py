@@ -37,7 +37,7 @@ def guide(links, contacts, x, w, rows, by_rate, tangent):
 
 @kernel
 def horn(links, contacts, x, w, k, row, i, a, b, off, by_rate, tangent):
-    """See ``faces``."""
+    """See ``faces``; its many arguments are what the loops over wheels and links have computed already."""
     disc = contacts.radius[k] + (0.0 if contacts.teeth[k] != 0 else HORN)
     lean = 0.5 * (dot(b, vector(row, 9)) - dot(a, vector(row, 9)))
     if abs(off) + abs(lean) > contacts.clearance:
@@ -46,7 +46,7 @@ def horn(links, contacts, x, w, k, row, i, a, b, off, by_rate, tangent):
 
 @kernel
 def _hold(links, contacts, x, w, k, row, i, a, b, disc, by_rate, tangent):
-    """Contact of the guide horn of link ``i`` with the disc of wheel ``k``, of radius ``disc``, m."""
+    """Contact of the horn of link ``i`` with the disc of wheel ``k``, of radius ``disc``, m; see ``horn``."""
     nodes, law, play = count(links, x)[1], contacts.wheel, contacts.clearance
     part, side = reach(row, disc, a, b, links.face)
     low, high, _ = part

@@ -1,4 +1,9 @@
-"""Communication step of a chain by the implicit generalised-alpha method, for any kind of link."""
+"""Communication step of a chain by the implicit generalised-alpha method, for any kind of link.
+
+Here and in the sibling integrators a chain is the separate arguments ``links``, ``contacts``, ``env``, ``s`` and ``w``,
+not one tuple: the class of the first selects the kernels, and callers replace single ones (contacts without friction,
+links of another formulation).
+"""
 
 from __future__ import annotations
 

@@ -55,7 +55,8 @@ def press(law, share, depth, rate, own, face, by_rate, tangent, memory, point):
 
     ``depth``, m; ``rate``, m/s: growth of the penetration in the damper; ``own`` is 1 where it is -n.w and changes with
     the point, 0 where it belongs to the contact as a whole; ``by_rate``, 1/s: d velocity / d position. ``memory``
-    (``fmus.physics.point``) keeps the sharp friction of this ``point`` of the chain.
+    (``fmus.physics.point``) keeps the sharp friction of this ``point`` of the chain. Ten scalars and tuples instead of
+    one tuple of them: each caller computes most of them for this call alone.
     """
     n, u, w, omega, bend = face.n, face.u, face.w, face.omega, face.bend
     w_n = dot(n, w)

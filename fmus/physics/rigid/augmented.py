@@ -106,7 +106,10 @@ def system(n: int, closed: bool) -> System:
 @kernel
 @apart
 def _complement(half, A, Kinv, WQ, WP, P, SA, SU, SL, SB):
-    """Add B K^-1 B^T of a link between its first pin (as Q; rows 0-4 of P) and second (as P; rows 5-9)."""
+    """Add B K^-1 B^T of a link between its first pin (as Q; rows 0-4 of P) and second (as P; rows 5-9).
+
+    The arguments are the blocks of one link and its pins: slices of the system's arrays, picked by the caller.
+    """
     for k in range(3):
         y, z = -half * A[k, 2], half * A[k, 1]
         for c in range(6):

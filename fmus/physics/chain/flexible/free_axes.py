@@ -7,6 +7,8 @@ rotation of a step, the angular velocity and its derivative follow the generalis
 and accelerations do, with R = R(before) exp(psi). The axes do not pitch; their origin follows the middle of the wheels,
 and no force depends on it. In an explicit step, accelerations follow from the same border with the mass alone. Wheels
 are transformed to the axes; ground forces act in the frame of the start.
+
+The module is long because ``axes`` dispatches all its functions to one module.
 """
 
 from __future__ import annotations

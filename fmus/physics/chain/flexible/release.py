@@ -1,4 +1,4 @@
-"""Start of a chain of flexible links, at rest or let go: its initial accelerations and outputs."""
+"""Start of a chain of flexible links, at rest or released: its initial accelerations and outputs."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def release(links, smooth, contacts, env, task, x, by, fresh, rows, tolerance, l
     """Do one ``task`` on a chain before it runs, all in one kernel: its elements are compiled once.
 
     LET_GO: ``let_go``; REST: the same after ``settle`` on the contacts ``smooth``; EVALUATE: ``evaluate`` the motion x.
-    Returns an Outcome, SINGULAR if the mass is.
+    Returns an Outcome, SINGULAR if the mass is. It has the arguments of all three tasks, so that one kernel has all.
     """
     if task == EVALUATE:
         worst, where = evaluate(links, contacts, env, x, by, w, fresh)

@@ -1,4 +1,4 @@
-"""Start of a chain of rigid links, let go or at rest: its initial accelerations and outputs."""
+"""Start of a chain of rigid links, released or at rest: its initial accelerations and outputs."""
 
 from __future__ import annotations
 
