@@ -33,8 +33,8 @@ from orchestrator.results.analyses import (
     wheel_loads,
 )
 from orchestrator.results.analyses.catalogue import ANALYSES, TRACK, Analysis, analyse, module_of
-from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.table import Table
 from orchestrator.results.thinned import Envelope
 from orchestrator.results.views.bodies import EVERY, Bodies
 from orchestrator.scene.scene import load
@@ -851,7 +851,7 @@ def test_every_analysis_takes_three_lines_of_a_notebook(driven, what):
     exec(cell, names)
     assert len(cell.splitlines()) == 3
     assert len(names["table"]) == len(names["found"].table().rows) > -(what in ("events", "validity"))
-    assert list(names["table"].columns) == [name for name, _ in names["found"].table().columns]
+    assert list(names["table"].columns) == [column.key for column in names["found"].table().columns]
 
 
 @pytest.mark.parametrize(("what", "analysis"), ANALYSES.items())
@@ -866,7 +866,7 @@ def test_what_is_declared_is_what_an_analysis_takes(what, analysis):
 def test_an_analysis_takes_one_module_and_one_entry(cotrack, driven, monkeypatch):
     class Toy(NamedTuple):
         def table(self):
-            return Table("toy", (("weight", "N"),), [(1.5,)])
+            return Table.of("toy", (("weight", "N"),), [(1.5,)])
 
     of = SimpleNamespace(of=lambda run, window, track="": Toy())
     monkeypatch.setitem(sys.modules, "orchestrator.results.analyses.toy", of)

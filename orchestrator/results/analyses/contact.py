@@ -9,9 +9,9 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, hull
 from orchestrator.results.analyses.envelope import Bins
-from orchestrator.results.analyses.table import Table
 from orchestrator.results.link_axes import link_axes
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.table import Table
 
 SIGNAL = "link[*].ground.force"
 BEARS = 1e-3  # of the largest pressure; a place with less has no ground contact
@@ -41,7 +41,7 @@ class Contact(NamedTuple):
             f"peak {self.peak / 1e3:.4g} kPa under link {self.peak_link} at {self.peak_t:.6g} s",
             f"pads of {self.area * 1e4:.4g} cm2, {self.force / 1e3:.5g} kN together",
         )
-        return Table(f"Pressure under {self.track} by place on the circuit", columns, rows, notes)
+        return Table.of(f"Pressure under {self.track} by place on the circuit", columns, rows, notes)
 
 
 def pad_area(run: RunData) -> float:

@@ -8,13 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from orchestrator.log.events_topic import Event
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, wheel_loads
 from orchestrator.results.analyses.airborne import off_ground
 from orchestrator.results.analyses.spells import Spells, settling, switches
-from orchestrator.results.analyses.table import Table
 from orchestrator.results.energy import Port, ports
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, within
+from orchestrator.results.table import Table
 from orchestrator.results.validity.ledger import validity
 
 STANDS = 0.1  # rad/s: a slower sprocket stands; default speed below which brakes fade
@@ -22,17 +23,6 @@ TURNS = 0.2  # rad/s: a faster sprocket is released
 
 
 REJECTED = "solver.rejected"  # variable of a component's statistics
-WARNINGS = ("step", "warning", "validity")  # kinds about the simulation, not the vehicle
-
-
-class Event(NamedTuple):
-    """Event at one time."""
-
-    t: float  # s
-    component: str  # "left_track.road_wheel[1]"
-    kind: str  # "lifted", "touches", "airborne", "lands", "tooth", "locked", "released", "step", "warning",
-    # "validity"
-    text: str
 
 
 class Events(NamedTuple):
@@ -49,7 +39,7 @@ class Events(NamedTuple):
         """Table with a row for each event."""
         columns = (("time", "s"), ("component", ""), ("kind", ""), ("what", ""))
         notes = [f"{count} teeth of {drive} passed" for drive, count in self.teeth.items()]
-        return Table(f"{len(self.events)} events", columns, [tuple(event) for event in self.events], tuple(notes))
+        return Table.of(f"{len(self.events)} events", columns, [tuple(event) for event in self.events], tuple(notes))
 
 
 def of(

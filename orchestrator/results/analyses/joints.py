@@ -8,8 +8,8 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, links, of_links
-from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.table import Table
 
 
 class Joints(NamedTuple):
@@ -39,7 +39,7 @@ class Joints(NamedTuple):
             ("at joint ", ""), ("at ", "s"),
         )  # fmt: skip
         note = () if self.interval == 0.0 else (f"means over {1e3 * self.interval:.4g} ms, as recorded",)
-        return Table("Joint forces on the link that begins at the pin, in its axes", columns, rows, note)
+        return Table.of("Joint forces on the link that begins at the pin, in its axes", columns, rows, note)
 
 
 def of(run: RunData, track: str = "", window: Window = EVER) -> Joints:

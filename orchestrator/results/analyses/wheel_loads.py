@@ -10,9 +10,9 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses.at_steps import RECOVER
 from orchestrator.results.analyses.spells import TOUCHES, Spells, spells
-from orchestrator.results.analyses.table import Table
 from orchestrator.results.rotation import body_axis
 from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, means, since
+from orchestrator.results.table import Table
 
 
 class WheelLoads(NamedTuple):
@@ -36,7 +36,7 @@ class WheelLoads(NamedTuple):
         )  # fmt: skip
         least = self.threshold / 1e3
         note = f"a wheel is lifted from where it carries less than {least:.3g} kN to more than {TOUCHES * least:.3g} kN"
-        return Table("Load of road wheels, up in the hull", columns, rows, (note,))
+        return Table.of("Load of road wheels, up in the hull", columns, rows, (note,))
 
 
 def names(run: RunData) -> tuple[str, ...]:
