@@ -67,6 +67,13 @@ class RunData:
         return tuple(instance["name"] for instance in self.system["instances"])
 
     @cached_property
+    def span(self) -> tuple[float, float]:
+        """First and last finite time of the outputs, s; (0, 0) without any."""
+        ends = [self.log.ends(topic).t for name in self.instances if (topic := f"/{name}/out") in self.log.topics]
+        known = [float(t) for each in ends for t in each if np.isfinite(t)]
+        return (min(known), max(known)) if known else (0.0, 0.0)
+
+    @cached_property
     def sides(self) -> tuple[str, ...]:
         """Sides of a vehicle that ran; a symmetric vehicle has one."""
         return tuple(side for side in ("left", "right") if self.drive(side))

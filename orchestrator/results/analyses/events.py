@@ -12,7 +12,7 @@ from orchestrator.log.events_topic import Event
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, wheel_loads
 from orchestrator.results.analyses.airborne import off_ground
-from orchestrator.results.analyses.spells import Spells, settling, switches
+from orchestrator.results.analyses.spells import Spell, settling, switches
 from orchestrator.results.energy import Port, ports
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, within
 from orchestrator.results.table import Table
@@ -73,16 +73,21 @@ def _signals(run: RunData) -> Iterator[str]:
             yield f"stats.{name}.{REJECTED}"
 
 
+def lifted(run: RunData, window: Window = EVER) -> dict[str, list[Spell]]:
+    """Intervals in which road wheels are lifted, by wheel; none if their loads were not recorded."""
+    try:
+        return wheel_loads.lifted(run, window).of
+    except Missing:
+        return {}
+
+
 def _borne(run: RunData, window: Window) -> Iterator[Event]:
     """Events of wheels and tracks that lose and regain contact."""
-    try:
-        wheels = wheel_loads.lifted(run, window)
-    except Missing:
-        wheels = Spells(0.0, {})
     for found, off, on, verb in (
-        (wheels, "lifted", "touches", "lifts off"), (off_ground(run, window), "airborne", "lands", "leaves the ground"),
-    ):  # fmt: skip
-        for name, each in found.of.items():
+        (lifted(run, window), "lifted", "touches", "lifts off"),
+        (off_ground(run, window).of, "airborne", "lands", "leaves the ground"),
+    ):
+        for name, each in found.items():
             for spell in each:
                 early = ", while the vehicle comes to rest" if settling(run, spell.end) else ""
                 if spell.begins:

@@ -1,4 +1,4 @@
-"""Arrays and tables inside a page: numbers of four bytes as base64, and JSON that no script element ends in."""
+"""Arrays as base64 and tables as JSON inside a page."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from orchestrator.log.time_series import Floats
 
 
 def floats(values: Floats) -> str:
-    """Little-endian float32 as base64; what is no finite number is a NaN."""
+    """Base64 of little-endian float32; values that are not finite become NaN."""
     with np.errstate(over="ignore"):
         short = np.asarray(values, np.float64).astype("<f4")
     short[~np.isfinite(short)] = np.nan
@@ -21,18 +21,18 @@ def floats(values: Floats) -> str:
 
 
 def shorts(values: Floats, unit: float) -> str:
-    """Little-endian int16 of multiples of ``unit`` as base64."""
+    """Base64 of little-endian int16, in multiples of ``unit``."""
     whole = np.clip(np.nan_to_num(np.round(np.asarray(values) / unit)), -32767, 32767)
     return base64.b64encode(whole.astype("<i2").tobytes()).decode()
 
 
 def unpacked(content: str) -> NDArray[np.float32]:
-    """What ``floats`` packed."""
+    """Array of a text by ``floats``."""
     return np.frombuffer(base64.b64decode(content), "<f4")
 
 
 def script(table: Any) -> str:
-    """JSON for a script element: no "<" or "&" in it, and no NaN."""
+    """JSON for a script element, without "<", "&" and NaN, so that the element cannot end in it."""
     content = json.dumps(_finite(table), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return content.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 

@@ -1,4 +1,4 @@
-"""Writes the page of a log: one file, there when all of it is."""
+"""File of a page, written whole or not at all."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SUFFIXES = (".html", ".htm")
 
 
 def write(run: RunData, judged: Judged, output: Path, reference: tuple[RunData, Judged] | None = None) -> None:
-    """Write the page of a run; raises LogUnreadable, NotInstalled without the plotting library, BadInput."""
+    """Write the page of a run, with its reference; raises LogUnreadable, NotInstalled, BadInput."""
     plots = plotting()
     page = document(study(run, judged), study(*reference) if reference else None, plots)
     with fresh(output) as beside:

@@ -1,0 +1,123 @@
+"""Signals over a run as thinned curves, with their extremes and moving means, in one pass over the log."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import wheel_loads
+from orchestrator.results.analyses.at_steps import columns
+from orchestrator.results.energy import STORED
+from orchestrator.results.moving_mean import Integrals, Moving
+from orchestrator.results.run_data import BLOCK, RunData
+from orchestrator.results.thinned import Curve, Envelope, Peak
+
+ENERGIES = {"work": ("work",), "stored": STORED, "lost": ("dissipated", "covered")}
+_DRIVEN = re.compile(r"((?:\w+\.)?)torque")
+
+
+class SignalCurve(NamedTuple):
+    """Curve of a signal."""
+
+    curve: Curve
+    unit: str
+    least: Peak
+    most: Peak
+    moving: Moving
+
+    @property
+    def largest(self) -> Peak:
+        """Extreme value of the larger size."""
+        return self.most if abs(self.most.value) >= abs(self.least.value) else self.least
+
+
+def drives(run: RunData) -> list[str]:
+    """Prefixes of the variables of drives, "instance." or "instance.side."."""
+    return [
+        f"{name}.{found[1]}"
+        for name in run.instances
+        if f"/{name}/out" in run.log.topics
+        for variable in run.log.topics[f"/{name}/out"].names
+        if (found := _DRIVEN.fullmatch(variable))
+    ]
+
+
+def of(run: RunData, signals: Iterable[str]) -> dict[str, SignalCurve]:
+    """Curves of the outputs, "instance.variable", that the log has and that are numbers; raises LogUnreadable."""
+    wanted = columns(run, [name for name in dict.fromkeys(signals) if run.has(name)])
+    gathered = {topic: _Gathered(run, len(places)) for topic, places in wanted.items()}
+    for piece in run.log.stream(wanted):
+        for topic, series in piece.items():
+            gathered[topic].add(series.t, series.values)
+    found: dict[str, SignalCurve] = {}
+    for topic, places in wanted.items():
+        names = [run.log.name(topic, column) for column in places]
+        found |= gathered[topic].curves(names, [run.log.topics[topic].units[column] for column in places])
+    return found
+
+
+def loads(run: RunData) -> dict[str, SignalCurve]:
+    """Curves of the loads of road wheels (``wheel_loads.py``), "track.road_wheel[1].load"; raises Missing."""
+    names = wheel_loads.names(run)
+    gathered = _Gathered(run, len(names))
+    for t, values in wheel_loads.blocks(run):
+        gathered.add(t, values)
+    return gathered.curves([f"{name}.load" for name in names], ["N"] * len(names))
+
+
+def energies(run: RunData) -> dict[str, Curve]:
+    """Work, stored and lost energy of all components since the start, J, by the keys of ENERGIES.
+
+    Empty if the components were not recorded at the same steps. Raises LogUnreadable.
+    """
+    parts = {
+        signal: (k, run.copies(name))
+        for name in run.instances
+        for k, kinds in enumerate(ENERGIES.values())
+        for kind in kinds
+        if run.has(signal := f"{name}.energy.{kind}")
+    }
+    wanted = columns(run, list(parts))
+    envelope = Envelope(*run.span, len(ENERGIES))
+    first: Floats | None = None
+    for block in run.log.blocks(wanted, BLOCK) if wanted else ():
+        count = min(len(series.t) for series in block.values())
+        times = [series.t[:count] for series in block.values()]
+        if not all(np.array_equal(times[0], each) for each in times):
+            return {}
+        total = np.zeros((count, len(ENERGIES)))
+        for topic, places in wanted.items():
+            for column, values in zip(places, block[topic].values[:count].T, strict=True):
+                k, copies = parts[run.log.name(topic, column)]
+                total[:, k] += copies * values
+        if first is None:
+            first = total[0] if count else np.zeros(len(ENERGIES))
+        with np.errstate(invalid="ignore"):  # an unstable run may overflow
+            envelope.add(times[0], total - first)
+    return {name: curve for k, name in enumerate(ENERGIES) if len((curve := envelope.curve(k)).t)}
+
+
+class _Gathered:
+    """Curves, extremes and integrals of some signals, from samples in the order of time."""
+
+    def __init__(self, run: RunData, count: int) -> None:
+        self._envelope = Envelope(*run.span, count)
+        self._integrals = Integrals(*run.span, count)
+
+    def add(self, t: Floats, values: Floats) -> None:
+        """Add samples (m, signals) at times (m,), s."""
+        self._envelope.add(t, values)
+        self._integrals.add(t, values)
+
+    def curves(self, names: Sequence[str], units: Sequence[str]) -> dict[str, SignalCurve]:
+        """Curves of the signals that have finite values."""
+        known, integrals = self._envelope, self._integrals
+        return {
+            name: SignalCurve(known.curve(k), unit, least, most, integrals.moving(k))
+            for k, (name, unit) in enumerate(zip(names, units, strict=True))
+            if (least := known.smallest(k)) and (most := known.largest(k))
+        }
