@@ -9,8 +9,7 @@ from pathlib import Path
 from fmus.vehicle import BadInput
 from orchestrator.execution import again, summary
 from orchestrator.log.reader import Log
-from orchestrator.results.page.document import plotting
-from orchestrator.results.page.report import SUFFIXES, write
+from orchestrator.results.page.document import SUFFIXES, plotting, write
 from orchestrator.results.page.study import Judged
 from orchestrator.results.run_data import RunData
 from orchestrator.results.whole_file import refuse

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 from orchestrator.log.extra import library
@@ -22,11 +23,14 @@ from orchestrator.results.page.phases import phases
 from orchestrator.results.page.player import player as player_of
 from orchestrator.results.page.provenance import compared, made
 from orchestrator.results.page.section import Pair, Section
-from orchestrator.results.page.study import Study, attempt
+from orchestrator.results.page.study import Judged, Study, attempt, study
 from orchestrator.results.page.tension import tension
 from orchestrator.results.page.words import text
+from orchestrator.results.run_data import RunData
 from orchestrator.results.units import number
+from orchestrator.results.whole_file import fresh
 
+SUFFIXES = (".html", ".htm")
 # the page and its library must not request anything from other machines
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 
@@ -34,6 +38,14 @@ POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inli
 def plotting() -> str:
     """Script of the plotting library; raises NotInstalled."""
     return str(library("plotly.offline", "report").get_plotlyjs())
+
+
+def write(run: RunData, judged: Judged, output: Path, reference: tuple[RunData, Judged] | None = None) -> None:
+    """Write the page of a run and its reference, whole or not at all; raises LogUnreadable, NotInstalled, BadInput."""
+    plots = plotting()
+    page = document(study(run, judged), study(*reference) if reference else None, plots)
+    with fresh(output) as beside:
+        beside.write_text(page, encoding="utf-8")
 
 
 def document(run: Study, reference: Study | None, plots: str) -> str:
