@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from recorded import unpacked
 
 from orchestrator.execution.again import command
 from orchestrator.execution.reported import _judged
@@ -28,7 +29,7 @@ from orchestrator.results.ground_profile import ground
 from orchestrator.results.page import ending
 from orchestrator.results.page.balance import losses, sentence, sources
 from orchestrator.results.page.document import document
-from orchestrator.results.page.embedded import floats, script, unpacked
+from orchestrator.results.page.embedded import floats, script
 from orchestrator.results.page.events import rows as event_rows
 from orchestrator.results.page.player import UNIT, player
 from orchestrator.results.page.study import Judged, study

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import wheel_loads
+from orchestrator.results.analyses import hull, wheel_loads
 from orchestrator.results.analyses.at_steps import columns
 from orchestrator.results.energy import STORED
 from orchestrator.results.moving_mean import Integrals, Moving
-from orchestrator.results.run_data import BLOCK, RunData
-from orchestrator.results.thinned import Curve, Envelope, Peak
+from orchestrator.results.run_data import BLOCK, Missing, RunData
+from orchestrator.results.thinned import PARTS, Curve, Envelope, Peak
+from orchestrator.results.units import number
 
 ENERGIES = {"work": ("work",), "stored": STORED, "lost": ("dissipated", "covered")}
+TURNS = 1e-3  # rad/s: a slower sprocket stands
 _DRIVEN = re.compile(r"((?:\w+\.)?)torque")
 
 
@@ -99,6 +101,33 @@ def energies(run: RunData) -> dict[str, Curve]:
         with np.errstate(invalid="ignore"):  # an unstable run may overflow
             envelope.add(times[0], total - first)
     return {name: curve for k, name in enumerate(ENERGIES) if len((curve := envelope.curve(k)).t)}
+
+
+class Ripple(NamedTuple):
+    """Window of moving means."""
+
+    window: float  # s
+    words: str
+
+
+def ripple(run: RunData, drives: Sequence[str], signals: Mapping[str, SignalCurve]) -> Ripple:
+    """Shortest time of whole tooth passings at the largest sprocket speed that is a hundredth of the run or longer.
+
+    Without a sprocket that turns, a hundredth of the run.
+    """
+    duration = run.span[1] - run.span[0]
+    least = duration / PARTS
+    speeds = [abs(signals[name].largest.value) for each in drives if (name := f"{each}speed") in signals]
+    speed = max(speeds, default=0.0)
+    try:
+        passing = 2.0 * np.pi / (hull.number(run, "sprocket", "teeth") * speed) if speed > TURNS else np.inf  # s
+    except Missing:
+        passing = np.inf
+    if not 0.0 < passing <= 0.1 * duration:
+        return Ripple(least, f"{number(1e3 * least, 3)} ms")
+    count = int(np.ceil(least / passing))
+    name = f"{count} tooth passings" if count > 1 else "one tooth passing"
+    return Ripple(count * passing, f"{name} at top speed, {number(1e3 * count * passing, 3)} ms")
 
 
 class _Gathered:

@@ -9,12 +9,12 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import of_links
 from orchestrator.results.analyses.extremes import Extreme, larger, smaller
-from orchestrator.results.link_columns import POSITION, columns
+from orchestrator.results.link_columns import POSITION, TENSION, columns
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.thinned import Curve, Envelope, Peak
 
 SLICES = 240  # most intervals of time of a map
-SIGNALS = {"tension": "link[*].tension", "stress": "link[*].stress", "force": "joint[*].force"}
+SIGNALS = {"tension": TENSION, "stress": "link[*].stress", "force": "joint[*].force"}
 
 
 class LinkLoads(NamedTuple):
@@ -88,7 +88,7 @@ def tensions_in(run: RunData, track: str, span: tuple[float, float], like: LinkL
     NaN where none was recorded. Raises Missing, LogUnreadable.
     """
     envelope = Envelope(*span, like.links, len(like.middle))
-    for block in of_links.records(run, track, Window(*span), SIGNALS["tension"]):
+    for block in of_links.records(run, track, Window(*span), TENSION):
         envelope.add(block.t, block.values[0])
     return envelope.upper
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, contact, of_links
-from orchestrator.results.analyses.link_loads import SIGNALS, LinkLoads
-from orchestrator.results.link_columns import POSITION
+from orchestrator.results.analyses.link_loads import LinkLoads
+from orchestrator.results.link_columns import POSITION, TENSION
 from orchestrator.results.run_data import Missing, RunData, Window, pitch_radius
 
 NEAR = 0.06  # m: distance outside of a wheel's pitch circle within which the middle of a link lies on the wheel
@@ -42,12 +42,12 @@ def of(run: RunData, found: LinkLoads, t: float) -> Profile:
     k = int(np.abs(found.t - t).argmin())
     nearest = float(found.t[k])
     if not found.closed:
-        block = next(of_links.records(run, found.track, Window(nearest, nearest), POSITION, SIGNALS["tension"]))
+        block = next(of_links.records(run, found.track, Window(nearest, nearest), POSITION, TENSION))
         length = np.linalg.norm(np.diff(block.values[0][0], axis=0), axis=1)
         return Profile(nearest, np.cumsum(length) - 0.5 * length, block.values[1][0], np.empty(0), None, [])
     grounded = of_links.has(run, found.track, contact.SIGNAL)
     window = Window(float(found.t[max(k - 1, 0)]), nearest)  # axes of forces need the record before
-    links = next(circuit.records(run, found.track, window, SIGNALS["tension"], *[contact.SIGNAL] * grounded))
+    links = next(circuit.records(run, found.track, window, TENSION, *[contact.SIGNAL] * grounded))
     order = np.argsort(links.links[-1])
     place, middle, tension = links.links[-1, order], links.centres[-1, order], links.values[0][-1, order]
     pressure = None

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from orchestrator.log.described import said_of
 from orchestrator.results.energy import CAUSE, Ledger, changes
-from orchestrator.results.page.charts import Chart, Line, lines, waterfall
-from orchestrator.results.page.section import Pair, Section, figure, table
+from orchestrator.results.page.charts import Line, lines, waterfall
+from orchestrator.results.page.section import Content, Pair, Section, table
 from orchestrator.results.page.words import and_list, instance, plain, quantity, text
 from orchestrator.results.run_data import RunData
 from orchestrator.results.units import percent
@@ -108,20 +108,21 @@ def energy(pair: Pair) -> Section | None:
     if ledger is None:
         return None
     lost = losses(run)
-    html = f'<p class="lead">{sentence(ledger, lost)}</p>'
-    charts: dict[str, Chart] = {}
+    content = Content()
+    content.html = f'<p class="lead">{sentence(ledger, lost)}</p>'
     if max(abs(ledger.work), abs(ledger.change), abs(ledger.dissipated)) > 1e-3:
-        charts["energy"] = waterfall(_bars(run, ledger, lost))
-        html += figure("energy", "From what was put in to what is unaccounted for", BARS, "tall")
+        chart = waterfall(_bars(run, ledger, lost))
+        content.figure("energy", chart, "From what was put in to what is unaccounted for", BARS, "tall")
         if drawn := _curves(pair):
-            charts["energy-time"] = lines("energy", "J", drawn)
-            html += figure("energy-time", "Energy since the start", "All components together.")
-    html += _losses(run, lost)
+            chart = lines("energy", "J", drawn)
+            content.figure("energy-time", chart, "Energy since the start", "All components together.")
     parts = [(instance(name), quantity(left, "J", 3)) for name, left in ledger.integration.items()]
     parts.append(("ports between components", quantity(ledger.port, "J", 3)))
-    html += f"<details><summary>Which part makes what is unaccounted for</summary><p class='muted'>{PARTS}</p>"
-    html += f"{table(('Component', 'Unaccounted for'), parts)}</details>"
-    return Section("energy", "Energy", "Where does the work go?", html, charts)
+    content.html += (
+        f"{_losses(run, lost)}<details><summary>Which part makes what is unaccounted for</summary>"
+        f"<p class='muted'>{PARTS}</p>{table(('Component', 'Unaccounted for'), parts)}</details>"
+    )
+    return Section("energy", "Energy", "Where does the work go?", content.html, content.charts)
 
 
 def _bars(run: RunData, ledger: Ledger, lost: dict[str, Loss]) -> list[tuple[str, float, str]]:

@@ -12,13 +12,12 @@ from orchestrator.log.extra import library
 from orchestrator.results.page import heading, key_figures
 from orchestrator.results.page.balance import energy
 from orchestrator.results.page.checks import checks
-from orchestrator.results.page.drive import drive
 from orchestrator.results.page.embedded import script
 from orchestrator.results.page.ending import ending
 from orchestrator.results.page.events import happened
 from orchestrator.results.page.exactness import exactness
 from orchestrator.results.page.loads import loads
-from orchestrator.results.page.motion import motion
+from orchestrator.results.page.motion import drive, motion
 from orchestrator.results.page.phases import phases
 from orchestrator.results.page.player import player as player_of
 from orchestrator.results.page.provenance import compared, made

@@ -7,7 +7,6 @@ import json
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
 
@@ -24,11 +23,6 @@ def shorts(values: Floats, unit: float) -> str:
     """Base64 of little-endian int16, in multiples of ``unit``."""
     whole = np.clip(np.nan_to_num(np.round(np.asarray(values) / unit)), -32767, 32767)
     return base64.b64encode(whole.astype("<i2").tobytes()).decode()
-
-
-def unpacked(content: str) -> NDArray[np.float32]:
-    """Array of a text by ``floats``."""
-    return np.frombuffer(base64.b64decode(content), "<f4")
 
 
 def script(table: Any) -> str:

@@ -8,9 +8,9 @@ from orchestrator.results.analyses import contact, of_links, wheel_loads
 from orchestrator.results.analyses.events import lifted
 from orchestrator.results.analyses.profile import Profile
 from orchestrator.results.analyses.spells import SETTLING, drops, settling
-from orchestrator.results.page.charts import Chart, Line, heat, lines
+from orchestrator.results.page.charts import Line, heat, lines
 from orchestrator.results.page.key_figures import COMING_TO_REST
-from orchestrator.results.page.section import Pair, Section, figure, table
+from orchestrator.results.page.section import Content, Pair, Section, table
 from orchestrator.results.page.study import Study, attempt
 from orchestrator.results.page.tension import profiles
 from orchestrator.results.page.words import and_list, instance, plain, quantity, text, wheel, wheel_name
@@ -27,23 +27,24 @@ WHEELS = (
 
 def loads(pair: Pair) -> Section | None:
     """Section of the loads; None without wheels and ground."""
-    study, charts, html = pair.run, {}, ""
+    study, content = pair.run, Content()
     names = [name for name in study.signals if name.endswith(".load")]
     for side, track in enumerate(study.run.tracks):
         named = [(name, wheel_name(_wheel(name))) for name in names if name.partition(".")[0] == track]
         if drawn := pair.lines(named):
-            charts[f"wheels-{side}"] = pair.over_time("force", "N", drawn)
-            html += figure(f"wheels-{side}", f"Road wheels, {instance(track)}", _lifted(study, track))
+            chart, title = pair.over_time("force", "N", drawn), f"Road wheels, {instance(track)}"
+            content.figure(f"wheels-{side}", chart, title, _lifted(study, track))
     forces = {track: study.signals.get(f"{track}.ground.force.z") for track in study.run.tracks}
     grounded = [track for track, force in forces.items() if force and force.most.value > force.least.value]
     if grounded:
         drawn = pair.lines([(f"{track}.ground.force.z", plain(track)) for track in grounded])
-        charts["ground"] = pair.over_time("force", "N", drawn)
-        html += figure("ground", "Vertical force of the ground", "On each track.")
-    if html:
-        html = f'<div class="grid">{html}</div>{_table(study)}'
-    html += _pressure(study, charts)
-    return Section("loads", "Loads", "What do wheels and ground carry?", html, charts) if charts else None
+        chart = pair.over_time("force", "N", drawn)
+        content.figure("ground", chart, "Vertical force of the ground", "On each track.")
+    if content.html:
+        content.html = f'<div class="grid">{content.html}</div>{_table(study)}'
+    _pressure(study, content)
+    title = "What do wheels and ground carry?"
+    return Section("loads", "Loads", title, content.html, content.charts) if content.charts else None
 
 
 def _wheel(signal: str) -> str:
@@ -75,32 +76,32 @@ def _table(study: Study) -> str:
     return f"<h3>{title}</h3>{table(('Wheel', 'Least', 'Mean', 'Largest'), rows)}"
 
 
-def _pressure(study: Study, charts: dict[str, Chart]) -> str:
+def _pressure(study: Study, content: Content) -> None:
     """Figures of the pressure under links: along the vehicle, and over time."""
     grounded = (each for each in study.chains.values() if of_links.has(study.run, each.track, contact.SIGNAL))
     chain = next(grounded, None)
     found = attempt(lambda: contact.over_time(study.run, chain), study.missing) if chain else None
     if chain is None or found is None:
-        return ""
-    track, html = instance(chain.track), ""
+        return
+    track = instance(chain.track)
     if made := [one for one in profiles(study, chain) if one.pressure is not None]:
         drawn = [_under(one, k) for k, one in enumerate(made)]
-        charts["pressure"] = lines("pressure", "Pa", drawn, x="ahead of the sprocket's axle, m", timed=False)
+        chart = lines("pressure", "Pa", drawn, x="ahead of the sprocket's axle, m", timed=False)
         note = "Force of the ground into a link over its area, pitch times width,"
         note += f" {number(1e4 * found.area, 3)} cm\N{SUPERSCRIPT TWO}."
         note += " The front is on the right; peaks stand under the road wheels."
-        html += figure("pressure", f"Pressure under the links, {track}", note, "wide")
-    peak, settled = found.peak, ""
+        content.figure("pressure", chart, f"Pressure under the links, {track}", note, "wide")
+    peak = found.peak
+    note = f"Largest in each slice of time; {quantity(peak.value, 'Pa')} at most, under link {peak.member} at"
+    note += f" {number(peak.t)} s"
     if peak.t < COMING_TO_REST and drops(study.run):
         later = found.most[found.middle > COMING_TO_REST]
-        settled = ", as the drawn vehicle comes to rest on its tracks"
+        note += ", as the drawn vehicle comes to rest on its tracks"
         if later.size:
-            settled += f"; {quantity(float(np.nanmax(later)), 'Pa')} at most after {number(COMING_TO_REST)} s"
+            note += f"; {quantity(float(np.nanmax(later)), 'Pa')} at most after {number(COMING_TO_REST)} s"
     mark = peak.t, peak.member, f"link {peak.member}, {number(peak.t, 3)} s"
-    charts["pressure-map"] = heat("pressure", "Pa", found.middle, np.maximum(found.most, 0.0), mark)
-    note = f"Largest in each slice of time; {quantity(peak.value, 'Pa')} at most, under link {peak.member} at"
-    note += f" {number(peak.t)} s{settled}."
-    return html + figure("pressure-map", f"Pressure under every link over time, {track}", note, "tall")
+    chart = heat("pressure", "Pa", found.middle, np.maximum(found.most, 0.0), mark)
+    content.figure("pressure-map", chart, f"Pressure under every link over time, {track}", f"{note}.", "tall")
 
 
 def _under(one: Profile, colour: int) -> Line:

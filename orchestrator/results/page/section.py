@@ -59,13 +59,25 @@ def _alike(one: SignalCurve, other: SignalCurve) -> bool:
     return max(apart) <= 1e-2 * size
 
 
-def figure(key: str, title: str, note: str = "", size: str = "", choice: str = "") -> str:
-    """HTML figure for a chart; ``size``: tall or wide; ``choice``: HTML that selects between its values."""
-    caption = f"<h3>{title}</h3>" + (f"<p>{note}</p>" if note else "") + choice
-    return (
-        f'<figure class="{size}"><figcaption>{caption}</figcaption>'
-        f'<div class="chart {size}" id="chart-{key}" role="img" aria-label="{title}"></div></figure>'
-    )
+class Content:
+    """HTML of a section in the making, and its charts."""
+
+    def __init__(self) -> None:
+        self.html, self.charts = "", dict[str, Chart]()
+
+    def figure(self, key: str, chart: Chart, title: str, note: str = "", size: str = "", choice: str = "") -> None:
+        """Add a chart; ``size``: tall or wide; ``choice``: HTML that selects between its values."""
+        self.charts[key] = chart
+        caption = f"<h3>{title}</h3>" + (f"<p>{note}</p>" if note else "") + choice
+        self.html += (
+            f'<figure class="{size}"><figcaption>{caption}</figcaption>'
+            f'<div class="chart {size}" id="chart-{key}" role="img" aria-label="{title}"></div></figure>'
+        )
+
+    def grid(self, key: str, name: str, title: str) -> Section | None:
+        """Section with the figures side by side; None without any."""
+        html = f'<div class="grid">{self.html}</div>'
+        return Section(key, name, title, html, self.charts) if self.charts else None
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], classes: str = "") -> str:

@@ -8,11 +8,10 @@ from typing import Any, NamedTuple, TypeVar
 
 from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.results.analyses import curves, link_loads, phases, wheel_loads
-from orchestrator.results.analyses.curves import SignalCurve
+from orchestrator.results.analyses.curves import Ripple, SignalCurve
 from orchestrator.results.analyses.link_loads import LinkLoads
 from orchestrator.results.analyses.phases import Phase
 from orchestrator.results.energy import Ledger, ledger
-from orchestrator.results.page.ripple import Ripple, ripple
 from orchestrator.results.run_data import RunData
 from orchestrator.results.thinned import Curve
 
@@ -86,7 +85,7 @@ def study(run: RunData, judged: Judged) -> Study:
     moved = attempt(lambda: phases.of(run).phases, missing) if "chassis.speed" in known else None
     return Study(
         run, judged, known, drives, chains, attempt(lambda: ledger(run), missing),
-        attempt(lambda: curves.energies(run), missing) or {}, ripple(run, drives, known), moved or (), missing,
+        attempt(lambda: curves.energies(run), missing) or {}, curves.ripple(run, drives, known), moved or (), missing,
     )  # fmt: skip
 
 

@@ -8,8 +8,8 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import link_loads, profile
 from orchestrator.results.analyses.link_loads import LinkLoads
 from orchestrator.results.analyses.profile import Profile
-from orchestrator.results.page.charts import Chart, Line, heat, lines
-from orchestrator.results.page.section import Pair, Section, figure
+from orchestrator.results.page.charts import Line, heat, lines
+from orchestrator.results.page.section import Content, Pair, Section
 from orchestrator.results.page.study import Study, attempt
 from orchestrator.results.page.words import and_list, instance, plain, quantity
 from orchestrator.results.thinned import Curve
@@ -20,6 +20,7 @@ CHOICE = """<label class="choice">shown: <select data-chart="tension-map"><optio
 <option value="reference">the reference</option><option value="difference">run less reference</option>
 </select></label>"""
 BEARS = {"tension": "bore the most tension", "stress": "had the most stress", "force": "had the most force in its pin"}
+NO_LINKS = "The record holds no outputs of single links: which link bore the most is not known."
 LOADS = (
     ("tension", "Tension", "N"),
     ("stress", "Axial stress of tension and bending, at its most stressed fibre", "Pa"),
@@ -29,23 +30,22 @@ LOADS = (
 
 def tension(pair: Pair) -> Section | None:
     """Section of the tension; None if no track recorded it."""
-    study, charts, html = pair.run, {}, ""
+    study, content = pair.run, Content()
     tracks = [track for track in study.run.tracks if f"{track}.tension.max" in study.signals]
     if tracks:
         drawn = pair.lines([(f"{track}.tension.max", f"largest, {plain(track)}") for track in tracks[:2]])
         drawn += pair.lines([(f"{track}.tension.mean", f"mean, {plain(track)}") for track in tracks[:2]], 2)
-        charts["tension"] = pair.over_time("tension", "N", drawn)
-        html += figure("tension", "Largest and mean tension", "Over all links of a track, at every step.", "wide")
+        chart, note = pair.over_time("tension", "N", drawn), "Over all links of a track, at every step."
+        content.figure("tension", chart, "Largest and mean tension", note, "wide")
     if found := study.hardest:
-        html += _largest(study, found)
-        html += _along(study, found, charts)
-        html += _map(pair, found, charts)
-        html += _bearers(study, found, charts)
+        content.html += _largest(study, found)
+        _along(study, found, content)
+        _map(pair, found, content)
+        _bearers(study, found, content)
     elif tracks:
-        html += (
-            "<p class='muted'>The record holds no outputs of single links: which link bore the most is not known.</p>"
-        )
-    return Section("tension", "Tension", "What does the chain bear?", html, charts) if charts else None
+        content.html += f"<p class='muted'>{NO_LINKS}</p>"
+    title = "What does the chain bear?"
+    return Section("tension", "Tension", title, content.html, content.charts) if content.charts else None
 
 
 def _largest(study: Study, found: LinkLoads) -> str:
@@ -82,34 +82,34 @@ def profiles(study: Study, found: LinkLoads) -> list[Profile]:
     return attempt(lambda: [profile.of(study.run, found, t) for t in instants], study.missing) or []
 
 
-def _along(study: Study, found: LinkLoads, charts: dict[str, Chart]) -> str:
+def _along(study: Study, found: LinkLoads, content: Content) -> None:
     """Figure of the tension along the chain."""
     made = profiles(study, found)
     if not made:
-        return ""
+        return
     worst = found.most["tension"].t
     drawn = [
         Line(f"{number(one.t)} s{' (largest)' if one.t == worst else ''}", Curve(one.place, one.tension), k)
         for k, one in enumerate(made)
     ]
     x = f"place along the chain from {'the sprocket' if found.closed else 'its first pin'}, m"
-    charts["round"] = lines("tension", "N", drawn, x=x, timed=False, stretches=made[-1].stretches)
+    chart = lines("tension", "N", drawn, x=x, timed=False, stretches=made[-1].stretches)
     where = "From the middle of the wrap on the sprocket on, the way that the numbers of links go. "
     note = f"{where if found.closed else ''}At {len(made)} instants, link by link."
-    return figure("round", "Tension along the chain", note, "wide")
+    content.figure("round", chart, "Tension along the chain", note, "wide")
 
 
-def _map(pair: Pair, found: LinkLoads, charts: dict[str, Chart]) -> str:
+def _map(pair: Pair, found: LinkLoads, content: Content) -> None:
     """Figure of the tension of every link over time."""
     worst = found.most["tension"]
     mark = worst.t, worst.member, f"link {worst.member}, {number(worst.t)} s"
     other = _of_reference(pair, found)
-    charts["tension-map"] = heat("tension", "N", found.middle, found.tension, mark, other)
+    chart = heat("tension", "N", found.middle, found.tension, mark, other)
     note = "Largest tension in each slice of time; the ring marks the largest of all."
     if found.closed:
         note += " Stripes that slant are places on the way round, which the links pass one after the other."
     title = f"Every link over time, {instance(found.track)}"
-    return figure("tension-map", title, note, "tall", CHOICE if other is not None else "")
+    content.figure("tension-map", chart, title, note, "tall", CHOICE if other is not None else "")
 
 
 def _of_reference(pair: Pair, found: LinkLoads) -> Floats | None:
@@ -122,18 +122,14 @@ def _of_reference(pair: Pair, found: LinkLoads) -> Floats | None:
     return attempt(lambda: link_loads.tensions_in(reference.run, found.track, span, found), pair.run.missing)
 
 
-def _bearers(study: Study, found: LinkLoads, charts: dict[str, Chart]) -> str:
+def _bearers(study: Study, found: LinkLoads, content: Content) -> None:
     """Figures of the loads over time of each link with a largest load."""
-    html = ""
     for link, parts in link_loads.curves(study.run, found).items():
-        figures = ""
+        most = and_list([BEARS[what] for what in found.bearers[link]])
+        content.html += f"<h3 class='group'>Link {link} of {instance(found.track)}, which {most}</h3><div class='grid'>"
         for key, title, unit in LOADS:
             if key in parts and parts[key][1].value > 0.0:
                 curve, peak = parts[key]
-                charts[f"link-{link}-{key}"] = lines(key, unit, [Line(key, curve, 0)], mark=peak)
                 note = f"Largest: {quantity(peak.value, unit)} at {number(peak.t)} s."
-                figures += figure(f"link-{link}-{key}", title, note)
-        most = and_list([BEARS[what] for what in found.bearers[link]])
-        title = f"Link {link} of {instance(found.track)}, which {most}"
-        html += f"<h3 class='group'>{title}</h3><div class='grid'>{figures}</div>"
-    return html
+                content.figure(f"link-{link}-{key}", lines(key, unit, [Line(key, curve, 0)], mark=peak), title, note)
+        content.html += "</div>"
