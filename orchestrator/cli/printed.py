@@ -4,22 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from orchestrator.results.units import finite as finite
 from orchestrator.results.units import size
 from orchestrator.results.validity.entry import Entry
 
 MOST = 1000  # longest sentence that is shown, in characters
 OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # phases show these better than the last second
-
-
-def finite(value: Any) -> Any:
-    """Replace non-finite numbers, which JSON lacks, by None, at any depth."""
-    if isinstance(value, dict):
-        return {key: finite(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [finite(entry) for entry in value]
-    if isinstance(value, float) and (value != value or abs(value) == float("inf")):
-        return None
-    return value
 
 
 def plain(text: str) -> str:

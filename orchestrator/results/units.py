@@ -1,6 +1,8 @@
-"""Numbers and units as people read them."""
+"""Numbers and units as people read them, and numbers as JSON holds them."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
@@ -40,3 +42,14 @@ def number(value: float, digits: int = 4) -> str:
 def percent(share: float, digits: int = 3) -> str:
     """Fraction in per cent."""
     return f"{number(100.0 * share, digits)} %"
+
+
+def finite(value: Any) -> Any:
+    """Replace non-finite numbers, which JSON lacks, by None, at any depth."""
+    if isinstance(value, dict):
+        return {str(key): finite(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(each) for each in value]
+    if isinstance(value, (float, np.floating)):
+        return float(value) if np.isfinite(value) else None
+    return int(value) if isinstance(value, np.integer) else value

@@ -9,11 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, wheel_loads
-from orchestrator.results.analyses.at_steps import columns
+from orchestrator.results.analyses import at_steps, hull, wheel_loads
 from orchestrator.results.energy import STORED
 from orchestrator.results.moving_mean import Integrals, Moving
-from orchestrator.results.run_data import BLOCK, Missing, RunData
+from orchestrator.results.run_data import Missing, RunData
 from orchestrator.results.thinned import PARTS, Curve, Envelope, Peak
 from orchestrator.results.units import number
 
@@ -50,7 +49,7 @@ def drives(run: RunData) -> list[str]:
 
 def of(run: RunData, signals: Iterable[str]) -> dict[str, SignalCurve]:
     """Curves of the outputs, "instance.variable", that the log has and that are numbers; raises LogUnreadable."""
-    wanted = columns(run, [name for name in dict.fromkeys(signals) if run.has(name)])
+    wanted = at_steps.columns(run, [name for name in dict.fromkeys(signals) if run.has(name)])
     gathered = {topic: _Gathered(run, len(places)) for topic, places in wanted.items()}
     for piece in run.log.stream(wanted):
         for topic, series in piece.items():
@@ -74,7 +73,7 @@ def loads(run: RunData) -> dict[str, SignalCurve]:
 def energies(run: RunData) -> dict[str, Curve]:
     """Work, stored and lost energy of all components since the start, J, by the keys of ENERGIES.
 
-    Empty if the components were not recorded at the same steps. Raises LogUnreadable.
+    Raises Missing if the components were not recorded at the same steps, LogUnreadable.
     """
     parts = {
         signal: (k, run.copies(name))
@@ -83,23 +82,16 @@ def energies(run: RunData) -> dict[str, Curve]:
         for kind in kinds
         if run.has(signal := f"{name}.energy.{kind}")
     }
-    wanted = columns(run, list(parts))
     envelope = Envelope(*run.span, len(ENERGIES))
     first: Floats | None = None
-    for block in run.log.blocks(wanted, BLOCK) if wanted else ():
-        count = min(len(series.t) for series in block.values())
-        times = [series.t[:count] for series in block.values()]
-        if not all(np.array_equal(times[0], each) for each in times):
-            return {}
-        total = np.zeros((count, len(ENERGIES)))
-        for topic, places in wanted.items():
-            for column, values in zip(places, block[topic].values[:count].T, strict=True):
-                k, copies = parts[run.log.name(topic, column)]
-                total[:, k] += copies * values
-        if first is None:
-            first = total[0] if count else np.zeros(len(ENERGIES))
-        with np.errstate(invalid="ignore"):  # an unstable run may overflow
-            envelope.add(times[0], total - first)
+    for t, values in at_steps.blocks(run, [*parts]):
+        total = np.zeros((len(t), len(ENERGIES)))
+        for column, (k, copies) in zip(values.T, parts.values(), strict=True):
+            total[:, k] += copies * column
+        if len(t):
+            first = total[0] if first is None else first
+            with np.errstate(invalid="ignore"):  # an unstable run may overflow
+                envelope.add(t, total - first)
     return {name: curve for k, name in enumerate(ENERGIES) if len((curve := envelope.curve(k)).t)}
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.log.time_series import Floats
+from orchestrator.results.units import finite
 
 
 def floats(values: Floats) -> str:
@@ -27,15 +28,5 @@ def shorts(values: Floats, unit: float) -> str:
 
 def script(table: Any) -> str:
     """JSON for a script element, without "<", "&" and NaN, so that the element cannot end in it."""
-    content = json.dumps(_finite(table), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    content = json.dumps(finite(table), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return content.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(key): _finite(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(each) for each in value]
-    if isinstance(value, (float, np.floating)):
-        return float(value) if np.isfinite(value) else None
-    return int(value) if isinstance(value, np.integer) else value
