@@ -35,7 +35,7 @@ INSIDE, LEGEND, BESIDE = 4, 10, 24  # most curves for: legend inside, thick line
 DECADES = 1e-4  # of the largest amplitude: lower limit of the axis
 
 
-class Curve(NamedTuple):
+class LabelledCurve(NamedTuple):
     """Signal of a log."""
 
     label: str
@@ -117,7 +117,7 @@ def _chosen(run: RunData, signals: Sequence[str], window: Window) -> Iterator[tu
 
 def _curves(
     run: RunData, signals: Sequence[str], window: Window, frequency: bool, order: bool, number: int, several: bool
-) -> Iterator[Curve]:
+) -> Iterator[LabelledCurve]:
     """Signals of a log over time or frequency."""
     for topic, columns, t in _chosen(run, signals, window):
         names = [run.log.name(topic, column) for column in columns]
@@ -130,7 +130,7 @@ def _curves(
         else:
             drawn = _thinned(run, topic, columns, window, t)
         for k, (x, y) in enumerate(drawn):
-            yield Curve(labels[k], units[k], x, y, number, names[k])
+            yield LabelledCurve(labels[k], units[k], x, y, number, names[k])
 
 
 def _thinned(run: RunData, topic: str, columns: list[int], window: Window, t: Floats) -> list[tuple[Floats, Floats]]:
@@ -212,7 +212,7 @@ def _round(share: Floats, values: Floats) -> tuple[Floats, Floats]:
     return np.concatenate([[x[-1] - 1.0], x, [x[0] + 1.0]]), np.concatenate([[y[-1]], y, [y[0]]])
 
 
-def _draw_curves(figure: Figure, curves: list[Curve], x_label: str, frequency: bool) -> None:
+def _draw_curves(figure: Figure, curves: list[LabelledCurve], x_label: str, frequency: bool) -> None:
     """Draw curves in one pane per unit."""
     units = list(dict.fromkeys(curve.unit for curve in curves))
     figure.set_size_inches(9.0, 1.2 + 3.0 * len(units))
@@ -222,7 +222,7 @@ def _draw_curves(figure: Figure, curves: list[Curve], x_label: str, frequency: b
     panes[-1].set_xlabel(x_label)
 
 
-def _pane(figure: Figure, pane: Axes, curves: list[Curve], unit: str, frequency: bool) -> None:
+def _pane(figure: Figure, pane: Axes, curves: list[LabelledCurve], unit: str, frequency: bool) -> None:
     """Draw the curves of one unit."""
     top = max(_largest(curve.y) for curve in curves)
     size, shown = scaled(top, unit)

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from orchestrator.log.described import said_of
 from orchestrator.results.energy import CAUSE, Ledger, changes
-from orchestrator.results.page.charts import Line, lines, waterfall
-from orchestrator.results.page.section import Content, Pair, Section, table
+from orchestrator.results.page.charts import Trace, lines, waterfall
+from orchestrator.results.page.section import Content, PageSection, Pair, table
 from orchestrator.results.page.words import and_list, instance, plain, quantity, text
 from orchestrator.results.run_data import RunData
 from orchestrator.results.units import percent
@@ -102,7 +102,7 @@ def _share(energy: float, supplied: float) -> str:
     return f" ({percent(energy / supplied)})" if supplied > 1e-3 * abs(energy) else ""
 
 
-def energy(pair: Pair) -> Section | None:
+def energy(pair: Pair) -> PageSection | None:
     """Section of the energy balance; None without a ledger."""
     run, ledger = pair.run.run, pair.run.ledger
     if ledger is None:
@@ -122,7 +122,7 @@ def energy(pair: Pair) -> Section | None:
         f"{_losses(run, lost)}<details><summary>Which part makes what is unaccounted for</summary>"
         f"<p class='muted'>{PARTS}</p>{table(('Component', 'Unaccounted for'), parts)}</details>"
     )
-    return Section("energy", "Energy", "Where does the work go?", content.html, content.charts)
+    return PageSection("energy", "Energy", "Where does the work go?", content.html, content.charts)
 
 
 def _bars(run: RunData, ledger: Ledger, lost: dict[str, Loss]) -> list[tuple[str, float, str]]:
@@ -144,11 +144,11 @@ def _sides(run: RunData, name: str) -> str:
     return ", both sides" if run.copies(name) > 1 else ""
 
 
-def _curves(pair: Pair) -> list[Line]:
+def _curves(pair: Pair) -> list[Trace]:
     """Energies over time of the run and its reference."""
     studies = (pair.run, *([pair.reference] if pair.reference else []))
     return [
-        Line(f"{NAMES[part]}{', reference' * behind}", curve, k, reference=bool(behind))
+        Trace(f"{NAMES[part]}{', reference' * behind}", curve, k, reference=bool(behind))
         for behind, study in enumerate(studies)
         for k, (part, curve) in enumerate(study.energies.items())
     ]

@@ -18,7 +18,7 @@ Chart = dict[str, Any]
 FLAT = 1e-5  # of the largest value
 
 
-class Line(NamedTuple):
+class Trace(NamedTuple):
     """Curve of a chart."""
 
     name: str
@@ -29,15 +29,15 @@ class Line(NamedTuple):
     behind: bool = False  # drawn broad, so that it shows under a curve that covers it
     points: bool = False  # its samples are marked
 
-    def times(self, factor: float) -> Line:
-        """Line in another unit."""
+    def times(self, factor: float) -> Trace:
+        """Trace in another unit."""
         return self._replace(curve=self.curve.times(factor), mean=self.mean and self.mean.times(factor))
 
 
 def lines(
     quantity: str,
     unit: str,
-    drawn: Iterable[Line],
+    drawn: Iterable[Trace],
     *,
     x: str = "time, s",
     timed: bool = True,

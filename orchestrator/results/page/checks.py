@@ -7,7 +7,7 @@ from html import escape
 from typing import Any
 
 from orchestrator.results import measures
-from orchestrator.results.page.section import Pair, Section, table
+from orchestrator.results.page.section import PageSection, Pair, table
 from orchestrator.results.page.study import Study
 from orchestrator.results.page.words import and_list, plain, text
 from orchestrator.results.units import number
@@ -15,7 +15,7 @@ from orchestrator.results.units import number
 HEAD = ("Check", "Value", "Expected", "Tolerance", "Verdict")
 
 
-def checks(pair: Pair) -> Section:
+def checks(pair: Pair) -> PageSection:
     """Section with the value, expectation and verdict of each check."""
     study = pair.run
     expected = study.run.scene.get("expect")
@@ -34,7 +34,7 @@ def checks(pair: Pair) -> Section:
         html += (
             f"<p>Not made, because the record does not reach the end of what they look at: {and_list(left_out)}.</p>"
         )
-    return Section("checks", "Checks", "Did the checks hold?", html, {})
+    return PageSection("checks", "Checks", "Did the checks hold?", html, {})
 
 
 def unmade(study: Study) -> list[str]:

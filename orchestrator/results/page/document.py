@@ -21,7 +21,7 @@ from orchestrator.results.page.motion import drive, motion
 from orchestrator.results.page.phases import phases
 from orchestrator.results.page.player import player as player_of
 from orchestrator.results.page.provenance import compared, made
-from orchestrator.results.page.section import Pair, Section
+from orchestrator.results.page.section import PageSection, Pair
 from orchestrator.results.page.study import Judged, Study, attempt, study
 from orchestrator.results.page.tension import tension
 from orchestrator.results.page.words import text
@@ -72,7 +72,7 @@ def document(run: Study, reference: Study | None, plots: str) -> str:
     return "".join(_pieces(run, reference, found, parts, data, plots))
 
 
-def _player(run: Study, reference: Study | None) -> Section | None:
+def _player(run: Study, reference: Study | None) -> PageSection | None:
     """Section with the side view of the track with the largest tension."""
     chain = run.hardest
     if chain is None:
@@ -80,7 +80,7 @@ def _player(run: Study, reference: Study | None) -> Section | None:
     other = reference.chains.get(chain.track) if reference else None
     other_run = reference.run if reference and other and other.pins else None
     view = attempt(lambda: player_of(run.run, chain.track, other_run), run.missing)
-    return Section("view", "Side view", "What does it look like?", _VIEW, {"player": view}) if view else None
+    return PageSection("view", "Side view", "What does it look like?", _VIEW, {"player": view}) if view else None
 
 
 _VIEW = """<figure class="player"><canvas id="picture" role="img" aria-label="side view of one track"></canvas>
@@ -102,7 +102,7 @@ def _pieces(
     run: Study,
     reference: Study | None,
     found: dict[str, Any],
-    parts: Sequence[Section],
+    parts: Sequence[PageSection],
     data: dict[str, Any],
     plots: str,
 ) -> list[str]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from orchestrator.results.energy import STORED, powers
 from orchestrator.results.page.balance import KINDS
-from orchestrator.results.page.section import Pair, Section, table
+from orchestrator.results.page.section import PageSection, Pair, table
 from orchestrator.results.page.words import instance, quantity
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.units import number, percent
@@ -41,7 +41,7 @@ def window_of(span: tuple[float, float]) -> Window:
     return Window(end - min(PART * (end - start), LONGEST), end)
 
 
-def ending(pair: Pair) -> Section | None:
+def ending(pair: Pair) -> PageSection | None:
     """Section with means of the run and its reference; None if the run has fewer than two steps there."""
     run, reference = pair.run.run, pair.reference and pair.reference.run
     window = window_of(run.span)
@@ -52,7 +52,7 @@ def ending(pair: Pair) -> Section | None:
     html = f"<p>Means from {number(window.start)} to {number(window.end)} s, the last part of the run.</p>"
     means = table(("Mean", "Run" if runs[1:] else "", *["Reference"] * len(runs[1:])), _means(runs, window))
     html += f"<div class='grid'><div>{means}</div><div>{_powers(flows(run, window))}</div></div>"
-    return Section("ending", "In the end", "What was it like in the end?", html, {})
+    return PageSection("ending", "In the end", "What was it like in the end?", html, {})
 
 
 def _read(run: RunData, window: Window) -> int:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from orchestrator.results.analyses import events
 from orchestrator.results.analyses.spells import LIFTED, SETTLING, TOUCHES, Spell, settling
 from orchestrator.results.page.motion import AT_REST
-from orchestrator.results.page.section import Pair, Section, table
+from orchestrator.results.page.section import PageSection, Pair, table
 from orchestrator.results.page.words import and_list, instance, quantity, text, wheel, wheel_name
 from orchestrator.results.run_data import RunData
 from orchestrator.results.units import number, percent
@@ -32,7 +32,7 @@ class EventRow(NamedTuple):
     detail: str
 
 
-def happened(pair: Pair) -> Section:
+def happened(pair: Pair) -> PageSection:
     """Section with events, warnings and extremes in order of time, and the events that did not happen."""
     run = pair.run.run
     found = sorted([*rows(run), *_peaks(pair)], key=lambda row: row.t)
@@ -54,7 +54,7 @@ def happened(pair: Pair) -> Section:
             f"<p class='muted'>A road wheel is lifted off from where it carries less than {percent(LIFTED)} of the mean"
             f" load of all to where it carries more than {percent(TOUCHES * LIFTED)}.</p>"
         )
-    return Section("events", "Events", "What happened on the way?", html, {})
+    return PageSection("events", "Events", "What happened on the way?", html, {})
 
 
 def _named(wheels: list[str]) -> str:

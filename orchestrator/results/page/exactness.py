@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from orchestrator.results.page.section import Pair, Section, table
+from orchestrator.results.page.section import PageSection, Pair, table
 from orchestrator.results.page.words import quantity, text
 from orchestrator.results.units import percent
 
@@ -18,7 +18,7 @@ ABOUT = (
 SENSITIVE = "instant by instant, sensitive: does not count"
 
 
-def exactness(pair: Pair) -> Section:
+def exactness(pair: Pair) -> PageSection:
     """Section with a row for each observable, or the reason why there is none."""
     found = pair.run.result("error")
     rows = _rows(found.get("observables")) if isinstance(found, dict) else []
@@ -29,7 +29,7 @@ def exactness(pair: Pair) -> Section:
         message = text(found.get("message") or "") if isinstance(found, dict) else ""
         reason = message or "no coarser run was made beside it (<code>cotrack run</code> makes one by default)"
         html = f"<p>The error of this run was not estimated: {reason}.</p>"
-    return Section("exactness", "Error", "How large is the error of its steps?", html, {})
+    return PageSection("exactness", "Error", "How large is the error of its steps?", html, {})
 
 
 def _rows(observables: Any) -> list[tuple[str, ...]]:

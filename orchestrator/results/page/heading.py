@@ -13,7 +13,7 @@ from orchestrator.results.validity.ledger import validity
 OPEN = 0.05  # of the largest sum of the energy ledger: a run that leaves more cannot be right
 
 
-class Outcome(NamedTuple):
+class Assessment(NamedTuple):
     """Verdict on a run, HTML."""
 
     mood: str  # good, fair, bad
@@ -102,8 +102,8 @@ def _finished(study: Study) -> bool:
         return False
 
 
-def verdict(study: Study) -> Outcome:
-    """Outcome of the run by its closing record, checks, limits of validity and energy ledger."""
+def verdict(study: Study) -> Assessment:
+    """Assessment of the run by its closing record, checks, limits of validity and energy ledger."""
     log, checks = study.run.log, study.judged.checks
     missed = [name for name, check in checks.items() if not check["ok"]]
     left = len(unmade(study))
@@ -111,21 +111,21 @@ def verdict(study: Study) -> Outcome:
     judged += f"; {left} more could not be made" if left else ""
     open_share = abs(study.ledger.residual_relative) if study.ledger else 0.0
     if log.closing is None:
-        return Outcome("bad", "Cut off", f"{text(log.cut_off or 'The run is still going on')}; {judged}.")
+        return Assessment("bad", "Cut off", f"{text(log.cut_off or 'The run is still going on')}; {judged}.")
     if log.closing["status"] != "ok":
         message, end = text(log.closing["message"] or "no reason was recorded"), number(study.run.span[1])
         if validity(study.run).failures and _finished(study):
-            return Outcome("bad", "Not valid", f"The run went on to its end at {end} s: {message}")
-        return Outcome("bad", "Failed", f"The run ended at {end} s: {message}")
+            return Assessment("bad", "Not valid", f"The run went on to its end at {end} s: {message}")
+        return Assessment("bad", "Failed", f"The run ended at {end} s: {message}")
     if passed := len(validity(study.run).entries):
         judged += f"; {passed} limit{'s' if passed > 1 else ''} of validity passed (see events)"
     if missed:
         names = text(", ".join(name.replace("_", " ") for name in missed))
-        return Outcome("bad", "Checks not met", f"The run finished; {judged}. Not met: {names}.")
+        return Assessment("bad", "Checks not met", f"The run finished; {judged}. Not met: {names}.")
     if open_share > OPEN:
         message = f"The energy ledger leaves {percent(open_share)} unaccounted for: steps are too long."
-        return Outcome("bad", "Energy not in balance", message)
+        return Assessment("bad", "Energy not in balance", message)
     if not log.complete:
-        return Outcome("fair", "Finished, record damaged", f"{text(' '.join(log.faults))} {judged.capitalize()}.")
-    whole = bool(checks) and not left
-    return Outcome("good" if whole else "fair", "As expected" if whole else "Finished", f"The run finished; {judged}.")
+        return Assessment("fair", "Finished, record damaged", f"{text(' '.join(log.faults))} {judged.capitalize()}.")
+    mood, word = ("good", "As expected") if checks and not left else ("fair", "Finished")
+    return Assessment(mood, word, f"The run finished; {judged}.")

@@ -8,9 +8,9 @@ from orchestrator.results.analyses import contact, of_links, wheel_loads
 from orchestrator.results.analyses.events import lifted
 from orchestrator.results.analyses.profile import Profile
 from orchestrator.results.analyses.spells import SETTLING, drops, settling
-from orchestrator.results.page.charts import Line, heat, lines
+from orchestrator.results.page.charts import Trace, heat, lines
 from orchestrator.results.page.key_figures import COMING_TO_REST
-from orchestrator.results.page.section import Content, Pair, Section, table
+from orchestrator.results.page.section import Content, PageSection, Pair, table
 from orchestrator.results.page.study import Study, attempt
 from orchestrator.results.page.tension import profiles
 from orchestrator.results.page.words import and_list, instance, plain, quantity, text, wheel, wheel_name
@@ -25,7 +25,7 @@ WHEELS = (
 )
 
 
-def loads(pair: Pair) -> Section | None:
+def loads(pair: Pair) -> PageSection | None:
     """Section of the loads; None without wheels and ground."""
     study, content = pair.run, Content()
     names = [name for name in study.signals if name.endswith(".load")]
@@ -44,7 +44,7 @@ def loads(pair: Pair) -> Section | None:
         content.html = f'<div class="grid">{content.html}</div>{_table(study)}'
     _pressure(study, content)
     title = "What do wheels and ground carry?"
-    return Section("loads", "Loads", title, content.html, content.charts) if content.charts else None
+    return PageSection("loads", "Loads", title, content.html, content.charts) if content.charts else None
 
 
 def _wheel(signal: str) -> str:
@@ -104,10 +104,10 @@ def _pressure(study: Study, content: Content) -> None:
     content.figure("pressure-map", chart, f"Pressure under every link over time, {track}", f"{note}.", "tall")
 
 
-def _under(one: Profile, colour: int) -> Line:
-    """Line of the pressures of links that touch the ground, and of their neighbours, along the vehicle."""
+def _under(one: Profile, colour: int) -> Trace:
+    """Trace of the pressures of links that touch the ground, and of their neighbours, along the vehicle."""
     assert one.pressure is not None
     order = np.argsort(one.ahead)
     touched = one.pressure > TOUCHED * max(one.pressure.max(), 0.0)
     chosen = [k for k in order if touched[max(k - 1, 0) : k + 2].any()]
-    return Line(f"{number(one.t)} s", Curve(one.ahead[chosen], one.pressure[chosen]), colour, points=True)
+    return Trace(f"{number(one.t)} s", Curve(one.ahead[chosen], one.pressure[chosen]), colour, points=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from orchestrator.results.analyses.curves import SignalCurve
-from orchestrator.results.page.charts import Chart, Line, lines
-from orchestrator.results.page.section import Content, Pair, Section
+from orchestrator.results.page.charts import Chart, Trace, lines
+from orchestrator.results.page.section import Content, PageSection, Pair
 from orchestrator.results.page.study import attempt
 from orchestrator.results.page.words import plain, quantity
 from orchestrator.results.run_data import EVER
@@ -27,7 +27,7 @@ SLIP = (
 LEAST_WAY = 0.5  # m beside the straight line: a straighter way is not drawn from above
 
 
-def motion(pair: Pair) -> Section | None:
+def motion(pair: Pair) -> PageSection | None:
     """Section with speed, way, angles and settlement; None without any of them."""
     study, content = pair.run, Content()
     for key, title in (("speed", "Speed of the hull"), ("distance", "Way along the heading at the start")):
@@ -66,7 +66,7 @@ def _way(pair: Pair) -> Chart | None:
             continue
         _, places = study.run.vectors("chassis", "out", "chassis.position", "xy", EVER)
         thinned = places[:: max(1, len(places) // 1000)]
-        drawn.append(Line(name, Curve(thinned[:, 0], thinned[:, 1]), 0, reference=study is pair.reference))
+        drawn.append(Trace(name, Curve(thinned[:, 0], thinned[:, 1]), 0, reference=study is pair.reference))
     if not drawn:
         return None
     last = drawn[0].curve
@@ -77,7 +77,7 @@ def _way(pair: Pair) -> Chart | None:
     return lines("y", "m", drawn, x="x, m", timed=False) | {"equal": True}
 
 
-def drive(pair: Pair) -> Section | None:
+def drive(pair: Pair) -> PageSection | None:
     """Section of the drives; None without any."""
     study, content = pair.run, Content()
     for key, title, variable, note in DRIVES:

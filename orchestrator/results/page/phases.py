@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from orchestrator.results.analyses.phases import HELD, Phase, called, near
-from orchestrator.results.page.section import Pair, Section, table
+from orchestrator.results.page.section import PageSection, Pair, table
 from orchestrator.results.page.study import Study
 from orchestrator.results.page.words import instance, quantity, text
 from orchestrator.results.units import number
@@ -18,14 +18,14 @@ HEAD = (
 )  # fmt: skip
 
 
-def phases(pair: Pair) -> Section | None:
+def phases(pair: Pair) -> PageSection | None:
     """Section with the phases of the run and its reference; None without the motion of a hull."""
     if not pair.run.phases:
         return None
     html = f"<p class='muted'>{NOTE}</p>{_table(pair.run)}"
     if pair.reference and pair.reference.phases:
         html += f"<h3>Of the reference</h3>{_table(pair.reference)}"
-    return Section("phases", "Phases", "What did it do, and when?", html, {})
+    return PageSection("phases", "Phases", "What did it do, and when?", html, {})
 
 
 def _table(study: Study) -> str:

@@ -7,7 +7,7 @@ from orchestrator.log.reader import Log
 from orchestrator.results.difference import differences, worst
 from orchestrator.results.divergence import divergence
 from orchestrator.results.page.exactness import SENSITIVE
-from orchestrator.results.page.section import Pair, Section, table
+from orchestrator.results.page.section import PageSection, Pair, table
 from orchestrator.results.page.study import Study, attempt
 from orchestrator.results.page.words import quantity, text
 from orchestrator.results.run_data import RunData
@@ -28,7 +28,7 @@ LIMITS = (
 CHEAP = 2e8  # bytes of both logs together: larger ones are not compared bit by bit
 
 
-def compared(pair: Pair) -> Section | None:
+def compared(pair: Pair) -> PageSection | None:
     """Section with the differences by observable, and the first different bit; None without a reference."""
     if pair.reference is None:
         return None
@@ -60,7 +60,7 @@ def compared(pair: Pair) -> Section | None:
         html += table(("Observable", "RMS difference", "of the reference", ""), rows)
     html += _parting(run.log, reference.log)
     html += "".join(f"<p>{text(reason)}</p>" for reason in missing)
-    return Section("compared", "Against reference", "How far is it from the reference?", html, {})
+    return PageSection("compared", "Against reference", "How far is it from the reference?", html, {})
 
 
 def _settings(run: RunData, reference: RunData) -> list[tuple[str, str, str]]:
@@ -110,7 +110,7 @@ def record(log: Log) -> tuple[str, str]:
     return "good", f"The record is complete: all {len(known)} topics have the sha256 that the run wrote when it ended."
 
 
-def made(pair: Pair, plotting: str) -> Section:
+def made(pair: Pair, plotting: str) -> PageSection:
     """Section with the records of both runs, the limits of the page, and evaluations that failed."""
     html = _of(pair.run, "run") + (_of(pair.reference, "reference") if pair.reference else "")
     html += (
@@ -121,7 +121,7 @@ def made(pair: Pair, plotting: str) -> Section:
     if missing := list(dict.fromkeys(pair.run.missing)):
         sentences = "; ".join(text(each) for each in missing)
         html += f"<p>Left out, because the record does not hold it: {sentences}.</p>"
-    return Section("made", "How it was made", "How was this page made, and what can it not say?", html, {})
+    return PageSection("made", "How it was made", "How was this page made, and what can it not say?", html, {})
 
 
 def _of(study: Study, role: str) -> str:

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 from orchestrator.results.analyses.curves import SignalCurve
-from orchestrator.results.page.charts import Chart, Line, lines
+from orchestrator.results.page.charts import Chart, Trace, lines
 from orchestrator.results.page.study import Study
 
 
-class Section(NamedTuple):
+class PageSection(NamedTuple):
     """Section of the page."""
 
     key: str  # anchor
@@ -27,7 +27,7 @@ class Pair(NamedTuple):
     reference: Study | None
     figures: dict[str, Any]  # key figures of the run (``key_figures.figures``)
 
-    def lines(self, named: Sequence[tuple[str, str]], colour: int = 0) -> list[Line]:
+    def lines(self, named: Sequence[tuple[str, str]], colour: int = 0) -> list[Trace]:
         """Lines of signals, given with their labels, of both runs; signals that a run lacks are left out.
 
         Colours count from ``colour``.
@@ -37,17 +37,17 @@ class Pair(NamedTuple):
         window = self.run.ripple.window
         means = {signal: self.run.mean(signal, window) for signal, *_ in known}
         found = [
-            Line(name, self.run.signals[signal].curve, k, means[signal], behind=covered and not place)
+            Trace(name, self.run.signals[signal].curve, k, means[signal], behind=covered and not place)
             for place, (signal, name, k) in enumerate(known)
         ]
         others = self.reference.signals if self.reference and known else {}
         for k, (signal, name) in enumerate(named, colour):
             if other := others.get(signal):  # one band is enough: the reference of a band is its mean
                 curve = other.moving.over(window) if means.get(signal) else other.curve
-                found.append(Line(f"{name}, reference", curve, k, reference=True))
+                found.append(Trace(f"{name}, reference", curve, k, reference=True))
         return found
 
-    def over_time(self, quantity: str, unit: str, drawn: Sequence[Line]) -> Chart:
+    def over_time(self, quantity: str, unit: str, drawn: Sequence[Trace]) -> Chart:
         """Chart of lines over time."""
         return lines(quantity, unit, drawn, window=self.run.ripple.words)
 
@@ -74,10 +74,10 @@ class Content:
             f'<div class="chart {size}" id="chart-{key}" role="img" aria-label="{title}"></div></figure>'
         )
 
-    def grid(self, key: str, name: str, title: str) -> Section | None:
+    def grid(self, key: str, name: str, title: str) -> PageSection | None:
         """Section with the figures side by side; None without any."""
         html = f'<div class="grid">{self.html}</div>'
-        return Section(key, name, title, html, self.charts) if self.charts else None
+        return PageSection(key, name, title, html, self.charts) if self.charts else None
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], classes: str = "") -> str:

@@ -8,8 +8,8 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import link_loads, profile
 from orchestrator.results.analyses.link_loads import LinkLoads
 from orchestrator.results.analyses.profile import Profile
-from orchestrator.results.page.charts import Line, heat, lines
-from orchestrator.results.page.section import Content, Pair, Section
+from orchestrator.results.page.charts import Trace, heat, lines
+from orchestrator.results.page.section import Content, PageSection, Pair
 from orchestrator.results.page.study import Study, attempt
 from orchestrator.results.page.words import and_list, instance, plain, quantity
 from orchestrator.results.thinned import Curve
@@ -28,7 +28,7 @@ LOADS = (
 )
 
 
-def tension(pair: Pair) -> Section | None:
+def tension(pair: Pair) -> PageSection | None:
     """Section of the tension; None if no track recorded it."""
     study, content = pair.run, Content()
     tracks = [track for track in study.run.tracks if f"{track}.tension.max" in study.signals]
@@ -45,7 +45,7 @@ def tension(pair: Pair) -> Section | None:
     elif tracks:
         content.html += f"<p class='muted'>{NO_LINKS}</p>"
     title = "What does the chain bear?"
-    return Section("tension", "Tension", title, content.html, content.charts) if content.charts else None
+    return PageSection("tension", "Tension", title, content.html, content.charts) if content.charts else None
 
 
 def _largest(study: Study, found: LinkLoads) -> str:
@@ -89,7 +89,7 @@ def _along(study: Study, found: LinkLoads, content: Content) -> None:
         return
     worst = found.most["tension"].t
     drawn = [
-        Line(f"{number(one.t)} s{' (largest)' if one.t == worst else ''}", Curve(one.place, one.tension), k)
+        Trace(f"{number(one.t)} s{' (largest)' if one.t == worst else ''}", Curve(one.place, one.tension), k)
         for k, one in enumerate(made)
     ]
     x = f"place along the chain from {'the sprocket' if found.closed else 'its first pin'}, m"
@@ -131,5 +131,5 @@ def _bearers(study: Study, found: LinkLoads, content: Content) -> None:
             if key in parts and parts[key][1].value > 0.0:
                 curve, peak = parts[key]
                 note = f"Largest: {quantity(peak.value, unit)} at {number(peak.t)} s."
-                content.figure(f"link-{link}-{key}", lines(key, unit, [Line(key, curve, 0)], mark=peak), title, note)
+                content.figure(f"link-{link}-{key}", lines(key, unit, [Trace(key, curve, 0)], mark=peak), title, note)
         content.html += "</div>"
