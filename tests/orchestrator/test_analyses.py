@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 
 from fmus.vehicle import BadInput
 from orchestrator.execution.simulate import simulate
+from orchestrator.log.events_topic import WARNINGS
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.results import energy
@@ -704,7 +705,7 @@ def test_a_log_ends_with_its_events_in_messages_of_foxglove(driven):
         assert log.others == {"/events": "foxglove.Log"}
     assert {name for name, _, _ in found} == {"foxglove.Log"}
     told = [(said["name"], said["kind"], said["message"], said["level"] == 3) for _, _, said in found]
-    assert told == [(e.component, e.kind, e.text, e.kind in events.WARNINGS) for e in happened]
+    assert told == [(e.component, e.kind, e.text, e.kind in WARNINGS) for e in happened]
     for (_, time, said), event in zip(found, happened, strict=True):
         assert time == 1_000_000_000 * said["timestamp"]["sec"] + said["timestamp"]["nsec"] == round(1e9 * event.t)
     passed = np.floor(angle * teeth / (2.0 * np.pi))

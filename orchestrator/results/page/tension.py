@@ -50,7 +50,8 @@ def tension(pair: Pair) -> PageSection | None:
 
 def _largest(study: Study, found: LinkLoads) -> str:
     """Sentences on the extreme loads of links, HTML."""
-    worst, stressed, loaded, slack = found.most["tension"], *map(found.most.get, ("stress", "force")), found.slackest
+    worst, slack = found.most["tension"], found.slackest
+    stressed, loaded = found.most.get("stress"), found.most.get("force")
     said = f"The largest tension in the records of links is <b>{quantity(worst.value, 'N')}</b>"
     said += f" in <b>link {worst.member}</b> of {instance(found.track)} at {number(worst.t)} s"
     if stressed and stressed.value > 0.0:
