@@ -1,6 +1,5 @@
-"""Small logs for the tests of the log layer, and numbers of a page."""
+"""Small logs for the tests of the log layer."""
 
-import base64
 from pathlib import Path
 
 import numpy as np
@@ -63,8 +62,3 @@ def write_steps(recorder: Recorder, steps: int, wall: float = 0.0, change=lambda
                 recorder.write("/stats/chassis", k, k * STEP, STEP, np.array([wall + k]))
             else:
                 recorder.write(topic, k, k * STEP, STEP, change(topic, k, values(topic, k)))
-
-
-def unpacked(content):
-    """Numbers that a page holds as base64."""
-    return np.frombuffer(base64.b64decode(content), "<f4")

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from recorded import unpacked
+from packed import unpacked
 
 from orchestrator.execution.again import command
 from orchestrator.execution.reported import _judged

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from recorded import unpacked
+from packed import unpacked
 from scipy.spatial.transform import Rotation
 
 from fmus.vehicle import BadInput
