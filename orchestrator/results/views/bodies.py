@@ -193,7 +193,7 @@ class Bodies:
         return LinkPoses(pins, centres, axes, colour, slots.ground.of(found) if slots.ground else None)
 
     def _coloured(self, values: Floats, centres: Floats) -> Floats:
-        values = values / size_of(LINK_COLOURS[str(self.colour)].unit)
+        values = values * (1.0 / size_of(LINK_COLOURS[str(self.colour)].unit))
         if values.ndim == 2:
             return values
         if self.colour == "ground" and self.ground:

@@ -59,4 +59,4 @@ def curves(
         for signal, (plot, (topic, column)) in places.items():
             if topic in piece:
                 series = piece[topic].rows((piece[topic].t >= 0.0) & (piece[topic].t < LONGEST))
-                yield plot, signal, series.t, series.values[:, columns[topic].index(column)] / plot.size
+                yield plot, signal, series.t, series.values[:, columns[topic].index(column)] * (1.0 / plot.size)
