@@ -18,7 +18,7 @@ from orchestrator.results.analyses.catalogue import ANALYSES, Option, module_of
 from orchestrator.results.page.words import and_list
 
 if TYPE_CHECKING:
-    from orchestrator.results.analyses.table import Table
+    from orchestrator.results.table import Table
 
 From = Annotated[float, typer.Option("--from", metavar="T", help="first instant, s")]
 To = Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")]
@@ -119,7 +119,7 @@ def _asked(options: Sequence[Option], given: Mapping[str, Any]) -> dict[str, Any
 
 def _as_json(log: Path, what: str, table: Table) -> dict[str, Any]:
     rows = [{name: printed.finite(cell) for name, cell in row.items()} for row in table.records()]
-    units = {name.strip(): unit for name, unit in table.columns}
+    units = {column.key.strip(): column.unit for column in table.columns}
     return {"log": str(log), "what": what, "title": table.title, "units": units, "rows": rows, "notes": table.notes}
 
 

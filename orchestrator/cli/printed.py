@@ -4,21 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from orchestrator.results.units import finite as finite
+from orchestrator.results.units import size
 from orchestrator.results.validity.entry import Entry
 
 MOST = 1000  # longest printed sentence, characters
 OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # printed by phase instead of by the last second
-
-
-def finite(value: Any) -> Any:
-    """Replace non-finite numbers, which JSON lacks, by None, at any depth."""
-    if isinstance(value, dict):
-        return {key: finite(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [finite(entry) for entry in value]
-    if isinstance(value, float) and (value != value or abs(value) == float("inf")):
-        return None
-    return value
 
 
 def plain(text: str) -> str:
@@ -27,29 +18,29 @@ def plain(text: str) -> str:
     return shown if len(text) <= MOST else f"{shown} ..."
 
 
-# Label of each observable: name, unit, power of ten from the SI unit, digits.
+# Label of each observable: name, unit, digits.
 WORDS = {
-    "distance": ("distance", "m", 1.0, 5),
-    "speed": ("speed", "m/s", 1.0, 4),
-    "settlement": ("settlement", "mm", 1e-3, 4),
-    "ground_force": ("ground carries", "kN", 1e3, 5),
-    "weight": ("weight", "kN", 1e3, 5),
-    "slip": ("slip", "%", 1e-2, 2),
-    "path_error": ("largest distance from the path", "m", 1.0, 3),
-    "yaw_rate": ("yaw rate", "rad/s", 1.0, 4),
-    "turn_radius": ("turn radius", "m", 1.0, 4),
-    "steering_moment": ("steering moment", "kN m", 1e3, 4),
-    "slip_left": ("slip left", "m/s", 1.0, 3),
-    "slip_right": ("slip right", "m/s", 1.0, 3),
-    "power_left": ("power left", "kW", 1e3, 4),
-    "power_right": ("power right", "kW", 1e3, 4),
-    "power_propulsion": ("power of propulsion", "kW", 1e3, 4),
-    "power_steering": ("power of steering", "kW", 1e3, 4),
-    "power_regenerated": ("power from side to side", "kW", 1e3, 4),
-    "tension_max": ("largest link tension", "kN", 1e3, 4),
-    "tension_mean": ("mean link tension", "kN", 1e3, 4),
-    "sag": ("sag", "m", 1.0, 6),
-    "end_tension": ("tension at the ends", "kN", 1e3, 5),
+    "distance": ("distance", "m", 5),
+    "speed": ("speed", "m/s", 4),
+    "settlement": ("settlement", "mm", 4),
+    "ground_force": ("ground carries", "kN", 5),
+    "weight": ("weight", "kN", 5),
+    "slip": ("slip", "%", 2),
+    "path_error": ("largest distance from the path", "m", 3),
+    "yaw_rate": ("yaw rate", "rad/s", 4),
+    "turn_radius": ("turn radius", "m", 4),
+    "steering_moment": ("steering moment", "kN m", 4),
+    "slip_left": ("slip left", "m/s", 3),
+    "slip_right": ("slip right", "m/s", 3),
+    "power_left": ("power left", "kW", 4),
+    "power_right": ("power right", "kW", 4),
+    "power_propulsion": ("power of propulsion", "kW", 4),
+    "power_steering": ("power of steering", "kW", 4),
+    "power_regenerated": ("power from side to side", "kW", 4),
+    "tension_max": ("largest link tension", "kN", 4),
+    "tension_mean": ("mean link tension", "kN", 4),
+    "sag": ("sag", "m", 6),
+    "end_tension": ("tension at the ends", "kN", 5),
 }
 
 
@@ -90,11 +81,11 @@ def _observables(r: dict[str, Any]) -> list[str]:
     """Return a line per averaging window with its finite observables; OF_PHASES only without phases."""
     lines: dict[str, list[str]] = {}
     for key, value in r["observables"].items():
-        name, unit, size, digits = WORDS[key]
+        name, unit, digits = WORDS[key]
         if value == value and not (r["phases"] and key in OF_PHASES):
             where = _bearer(r["phases"]) if key == "tension_max" else ""
             window = _window(r["windows"].get(key, {"from": 0.0, "to": r["simulated_time"]}))
-            lines.setdefault(window, []).append(f"{name} {value / size:.{digits}g} {unit}{where}")
+            lines.setdefault(window, []).append(f"{name} {value / size(unit):.{digits}g} {unit}{where}")
     return [f"{window}: {', '.join(told)}" for window, told in lines.items()]
 
 

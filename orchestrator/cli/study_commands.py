@@ -70,7 +70,7 @@ def conduct(
     name: str, chosen: ModuleType, cases: Sequence[Case], output: Path, workers: int, scheduler: str | None
 ) -> NoReturn:
     """Run the cases of a study, write its files, print its table and exit; raises BadInput."""
-    from orchestrator.studies import pool, tables
+    from orchestrator.studies import pool
     from orchestrator.studies.progress import watched
     from orchestrator.studies.store import Store
 
@@ -80,7 +80,7 @@ def conduct(
         files = chosen.write(output, name, rows, chosen.TITLE)
     except OSError as error:
         raise BadInput(f"the folder {output} cannot be written: {error}") from None
-    print(tables.to_markdown(chosen.table(rows)))
+    print(chosen.table(rows).markdown())
     for file in files:
         print(file)
     missed = [row for row in rows if row.ok is False]

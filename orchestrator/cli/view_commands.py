@@ -10,6 +10,14 @@ import typer
 from fmus.vehicle import BadInput
 from orchestrator.cli.common import LogPath, leave
 
+KINDS = {  # kinds of drawing that take an option, and their names in messages
+    "--at": (("picture", "still"), "pictures"),
+    "--above": (("picture",), "pictures"),
+    "--seen-from": (("film", "still"), "films and stills"),
+    "--colour": (("film", "still", "rerun", "foxglove"), "films, stills (--seen-from), --rerun and --foxglove"),
+    "--live": (("rerun",), "--rerun"),
+}
+
 
 def view(
     log: LogPath,
@@ -46,46 +54,52 @@ def view(
     A picture shows the links of a track from the side, coloured by tension, at several instants; with --above the
     path of the vehicle; with --seen-from one instant in the style of a film. Items that the log lacks are left out.
     """
-    suffix = output.suffix.lower() if output else ""
-    film = suffix in (".gif", ".mp4") and not in_rerun and not in_foxglove
-    still = side is not None and not (film or in_rerun or in_foxglove or above)
-    picture = not (film or still or in_rerun or in_foxglove)
-    _refuse("--at", bool(times) and not (picture or still), "pictures")
-    if still and times and len(times) > 1:
+    kind = _kind(output, above, in_rerun, in_foxglove, side)
+    given = {"--at": times, "--above": above, "--seen-from": side, "--colour": colour, "--live": live}
+    for option, (kinds, words) in KINDS.items():
+        if given[option] and kind not in kinds:
+            raise BadInput(f"{option} is for {words}")
+    if kind == "still" and times and len(times) > 1:
         raise BadInput(f"--seen-from {side}: a still shows one instant, --at is given {len(times)} times")
-    _refuse("--above", above and not picture, "pictures")
-    _refuse("--seen-from", side is not None and not (film or still), "films and stills")
-    _refuse("--colour", colour is not None and picture, "films, stills (--seen-from), --rerun and --foxglove")
-    if in_rerun and in_foxglove:
-        raise BadInput("--rerun and --foxglove: one of them at a time")
-    _refuse("--live", live and not in_rerun, "--rerun")
-    if in_rerun:
+    if kind == "rerun":
         from orchestrator.results.views import live as going
         from orchestrator.results.views import rerun_scene
 
         (going.follow if live else rerun_scene.show)(log, output, colour)
     elif output is None:
         leave("-o FILE says what is written; without it there is the viewer: --rerun", 2)
-    elif in_foxglove:
-        from orchestrator.results.views import foxglove_scene
-
-        print(foxglove_scene.write(log, output, colour))
-    elif film or side:
-        from orchestrator.results.views import film as films
-
-        if film:
-            films.write(log, output, side or "right", colour)
-        else:
-            films.still(log, output, side or "right", colour, times[0] if times else None)
     else:
-        from orchestrator.results.views import above as from_above
-        from orchestrator.results.views import side_view
-
-        (from_above if above else side_view).draw(log, output, times or None)
+        _write(kind, log, output, times or [], above, side or "right", colour)
     if output:
         print(output)
 
 
-def _refuse(option: str, given: bool, of: str) -> None:
-    if given:
-        raise BadInput(f"{option} is for {of}")
+def _kind(output: Path | None, above: bool, in_rerun: bool, in_foxglove: bool, side: str | None) -> str:
+    """Kind of drawing: rerun, foxglove, film, still or picture; raises BadInput for two of them."""
+    if in_rerun and in_foxglove:
+        raise BadInput("--rerun and --foxglove: one of them at a time")
+    if in_rerun or in_foxglove:
+        return "rerun" if in_rerun else "foxglove"
+    if output and output.suffix.lower() in (".gif", ".mp4"):
+        return "film"
+    return "still" if side is not None and not above else "picture"
+
+
+def _write(kind: str, log: Path, output: Path, times: list[float], above: bool, side: str, colour: str | None) -> None:
+    """Write the file of a film, a picture, a still or a scene for Foxglove."""
+    if kind == "foxglove":
+        from orchestrator.results.views import foxglove_scene
+
+        print(foxglove_scene.write(log, output, colour))
+    elif kind == "picture":
+        from orchestrator.results.views import above as from_above
+        from orchestrator.results.views import side_view
+
+        (from_above if above else side_view).draw(log, output, times or None)
+    else:
+        from orchestrator.results.views import film
+
+        if kind == "film":
+            film.write(log, output, side, colour)
+        else:
+            film.still(log, output, side, colour, times[0] if times else None)

@@ -9,9 +9,7 @@ from pathlib import Path
 from fmus.vehicle import BadInput
 from orchestrator.execution import again, summary
 from orchestrator.log.reader import Log
-from orchestrator.results.page.document import plotting
-from orchestrator.results.page.report import SUFFIXES, write
-from orchestrator.results.page.signals import span
+from orchestrator.results.page.document import SUFFIXES, plotting, write
 from orchestrator.results.page.study import Judged
 from orchestrator.results.run_data import RunData
 from orchestrator.results.whole_file import refuse
@@ -53,7 +51,7 @@ def _judged(run: RunData) -> Judged:
         scene = from_table(run.scene, f"{run.log.path}: scene.json")
     except BadInput as error:
         return Judged({}, {}, str(error))
-    simulated = span(run)[1]
+    simulated = run.span[1]
     return Judged(
         summary.checks(run, scene, simulated), summary.observables(run, scene, simulated), again=again.command(run)
     )

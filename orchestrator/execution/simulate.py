@@ -27,8 +27,7 @@ from orchestrator.cosim.observers import Checkpoints, Logging, ProgressBar, Reac
 from orchestrator.execution import estimate, summary
 from orchestrator.execution.interrupt import Interrupt, interruptible
 from orchestrator.execution.manifest import NATIVE, STATS_PERIOD, open_log
-from orchestrator.log import events_topic
-from orchestrator.log.events_topic import Told
+from orchestrator.log.events_topic import Event
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import LogFailed, Recorder, check_writable
 from orchestrator.results.analyses import events
@@ -234,22 +233,19 @@ def _how_it_ended(outcome: master.Outcome, wall: float, since: float = 0.0) -> d
 
 def _evaluated(
     scene: Scene, path: Path, outcome: master.Outcome, warned: Sequence[Mapping[str, Any]]
-) -> tuple[dict[str, Any], list[Told]]:
+) -> tuple[dict[str, Any], list[Event]]:
     """Evaluate energy, checks, observables, the energy warning, and events."""
     try:
         with Log(path, unfinished=True) as log:
             run = RunData(log)
             found = summary.evaluate(run, scene, outcome.time)
-            happened = events.of(run, teeth=True, warned=warned).events
+            happened = [*events.of(run, teeth=True, warned=warned).events]
     except LogUnreadable as error:  # another process has changed the file
         return {"status": "failed", "message": str(error)}, []
     said = (outcome.message, summary.energy_warning(found["energy"]), summary.invalid(found["validity"]))
     message = "; ".join(filter(None, said))
-    told = [
-        Told(*event, events_topic.WARNING if event.kind in events.WARNINGS else events_topic.INFO) for event in happened
-    ]
     status = {"status": "failed"} if said[2] else {}
-    return found | {"message": message} | status, told
+    return found | {"message": message} | status, happened
 
 
 def _companion(interrupt: Interrupt) -> estimate.Run:

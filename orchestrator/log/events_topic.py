@@ -17,6 +17,7 @@ from orchestrator.log.message_records import PREFIX, prefix
 
 TOPIC, TYPE = "/events", "foxglove.Log"
 INFO, WARNING = 2, 3  # levels of that type
+WARNINGS = ("step", "warning", "validity")  # kinds about the simulation, not the vehicle
 _TIME = {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
 _TEXT, _NUMBER = {"type": "string"}, {"type": "integer"}
 SCHEMA = json.dumps({
@@ -29,17 +30,16 @@ SCHEMA = json.dumps({
 }).encode()  # fmt: skip
 
 
-class Told(NamedTuple):
-    """One event."""
+class Event(NamedTuple):
+    """Event at one time."""
 
     t: float  # s
-    name: str  # of what it happened to: "left_track.road_wheel[1]"
-    kind: str
+    component: str  # "left_track.road_wheel[1]"
+    kind: str  # "lifted", "touches", "airborne", "lands", "tooth", "locked", "released", or one of WARNINGS
     text: str
-    level: int = INFO
 
 
-def records(channel: int, events: Sequence[Told]) -> tuple[NDArray[np.uint8], NDArray[np.uint64]]:
+def records(channel: int, events: Sequence[Event]) -> tuple[NDArray[np.uint8], NDArray[np.uint64]]:
     """Message records of ``channel`` (m, bytes) and their times (m,), ns; blanks after JSON make them of one size."""
     times = np.array([max(round(event.t * 1e9), 0) for event in events], "<u8")
     texts = [_text(event, int(time)) for event, time in zip(events, times, strict=True)]
@@ -54,10 +54,11 @@ def records(channel: int, events: Sequence[Told]) -> tuple[NDArray[np.uint8], ND
     return rows, times
 
 
-def _text(event: Told, time: int) -> bytes:
+def _text(event: Event, time: int) -> bytes:
     seconds, rest = divmod(time, 1_000_000_000)
     message = {
         "timestamp": {"sec": seconds, "nsec": rest},
-        "level": event.level, "message": event.text, "name": event.name, "file": "", "line": 0, "kind": event.kind,
+        "level": WARNING if event.kind in WARNINGS else INFO, "message": event.text, "name": event.component,
+        "file": "", "line": 0, "kind": event.kind,
     }  # fmt: skip
     return json.dumps(message).encode()

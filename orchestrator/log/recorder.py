@@ -214,7 +214,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         if self._failure is not None and self._failure is not known:
             raise self._failure
 
-    def tell(self, events: Sequence[events_topic.Told]) -> None:
+    def tell(self, events: Sequence[events_topic.Event]) -> None:
         """Write what happened, after ``end``; leaves it out where the disk has no room for it."""
         if self._failure is not None:
             return

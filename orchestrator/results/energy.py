@@ -61,8 +61,25 @@ def ledger(run: RunData) -> Ledger:
     return run.once("ledger", _ledger)
 
 
+def changes(run: RunData) -> dict[str, dict[str, float]]:
+    """Change of each ``energy.*`` output over the run by component, J; raises Missing."""
+    return run.once("changes of energy", lambda run: {name: _book(run, name) for name in run.instances})
+
+
+def powers(run: RunData, window: Window) -> dict[str, dict[str, float]]:
+    """Mean change of each energy of a component over a window, W; of both sides if the other side mirrors it."""
+    found: dict[str, dict[str, float]] = {}
+    for name in run.instances:
+        for kind in ("work", "dissipated", "covered", *STORED):
+            if run.has(signal := f"{name}.energy.{kind}"):
+                t, values = run.signal(signal, window)
+                rate = float(values[-1] - values[0]) / float(t[-1] - t[0]) if len(t) > 1 else 0.0
+                found.setdefault(name, {})[kind] = run.copies(name) * rate
+    return found
+
+
 def _ledger(run: RunData) -> Ledger:
-    books = {name: _book(run, name) for name in run.instances}
+    books = changes(run)
     if not any(books.values()):
         raise Missing("the log holds no energies")
     received = dict.fromkeys(run.instances, 0.0)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-POSITION = "joint[*].position"
+POSITION, TENSION = "joint[*].position", "link[*].tension"
 
 
 def columns(names: Sequence[str], signal: str) -> np.ndarray:

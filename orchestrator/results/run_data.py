@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from orchestrator.log.described import system_of
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats, Series
+from orchestrator.results import link_columns
+from orchestrator.results.link_columns import POSITION, TENSION
 from orchestrator.results.rotation import body_axis
 
 Made = TypeVar("Made")
@@ -65,6 +67,13 @@ class RunData:
     def instances(self) -> tuple[str, ...]:
         """Names of the components."""
         return tuple(instance["name"] for instance in self.system["instances"])
+
+    @cached_property
+    def span(self) -> tuple[float, float]:
+        """First and last finite time of the outputs, s; (0, 0) without any."""
+        ends = [self.log.ends(topic).t for name in self.instances if (topic := f"/{name}/out") in self.log.topics]
+        known = [float(t) for each in ends for t in each if np.isfinite(t)]
+        return (min(known), max(known)) if known else (0.0, 0.0)
 
     @cached_property
     def sides(self) -> tuple[str, ...]:
@@ -174,23 +183,15 @@ class RunData:
         topic = f"/{track}/links"
         if topic not in self.log.topics:
             raise Missing(f"the log has no outputs per link of '{track}'")
-        series = self._read(topic, range(len(self.log.topics[topic].names)), window)
-        names = {name: column for column, name in enumerate(series.names)}
-        pins = sum(name.startswith("joint[") and name.endswith("].position.x") for name in names)
-        links = sum(name.endswith("].tension") for name in names)
-        try:
-            position = np.stack(
-                [
-                    series.values[:, [names[f"joint[{i}].position.{axis}"] for i in range(1, pins + 1)]]
-                    for axis in "xyz"
-                ],
-                axis=-1,
-            )
-            tension = series.values[:, [names[f"link[{i}].tension"] for i in range(1, links + 1)]]
-        except KeyError as absent:
-            raise Missing(f"the log has no '{track}.{absent.args[0]}'") from None
+        names = self.log.topics[topic].names
+        pins, links = (link_columns.columns(names, signal) for signal in (POSITION, TENSION))
+        for signal, found in ((POSITION, pins), (TENSION, links)):
+            if not found.size:
+                raise Missing(f"the log has no '{track}.{signal}'")
+        series = self._read(topic, [*pins.flat, *links], window)
+        position, tension = np.split(series.values, [pins.size], axis=1)
         origin, ahead = self.axle(track, series.t, window)
-        offset = position - origin[:, None, :]
+        offset = position.reshape(-1, *pins.shape) - origin[:, None, :]
         return Links(series.t, np.einsum("mpi,mi->mp", offset, ahead), offset[..., 2], tension)
 
     def near(self, instance: str, topic: str, prefix: str, t: float, parts: str = "xyz") -> Floats:

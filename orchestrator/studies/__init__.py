@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from fmus.vehicle import BadInput
 from orchestrator.scene.gallery import hint
-from orchestrator.studies.tables import Row
+from orchestrator.studies.row import Row
 
 STUDIES = {
     "error-runtime": "error against run time of a scene, over steps, integrators and couplings",

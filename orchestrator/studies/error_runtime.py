@@ -18,8 +18,8 @@ from orchestrator.execution.truth import ORDER, truth
 from orchestrator.results.difference import differences_of_logs, worst
 from orchestrator.scene.scene import ChainScene, load
 from orchestrator.studies import Case
+from orchestrator.studies.row import Row
 from orchestrator.studies.runs import record, sampled
-from orchestrator.studies.tables import Row
 from orchestrator.studies.work_precision import table, write
 
 __all__ = ["TITLE", "WORKERS", "cases", "table", "write"]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from orchestrator.studies.tables import Table, to_csv, to_markdown
+from orchestrator.results.table import Table
 
 Picture = Any  # figure of matplotlib, which is imported late because it is slow
 
@@ -17,7 +17,7 @@ def save(folder: Path, stem: str, table: Table, picture: Picture, more: Mapping[
     Returns the paths. Raises OSError if the folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    texts = {f"{stem}.csv": to_csv(table), **(more or {}), f"{stem}.md": to_markdown(table, "#")}
+    texts = {f"{stem}.csv": table.csv(), **(more or {}), f"{stem}.md": table.markdown("#")}
     for file, text in texts.items():
         (folder / file).write_text(text, encoding="utf-8")
     pictures = [folder / f"{stem}.png", folder / f"{stem}.svg"]

@@ -29,12 +29,13 @@ from orchestrator.cosim.observers import Logging
 from orchestrator.execution.manifest import open_log
 from orchestrator.execution.simulate import load_components, paced, simulate, warm_up
 from orchestrator.log.reader import Log
+from orchestrator.results.table import Column, Table
 from orchestrator.scene.assembly import Assembly, assemble, system
 from orchestrator.scene.parts import CHASSIS, TRACK, Part
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene, load
 from orchestrator.studies import Case, files
-from orchestrator.studies.tables import Column, Row, Table
+from orchestrator.studies.row import Row
 
 TITLE = "What leaving out saves"
 WORKERS = 1  # timed pairs need the machine for themselves
@@ -278,7 +279,7 @@ def peak() -> float:
 
 def table(rows: Sequence[Row], title: str = "") -> Table:
     """Table of the rows."""
-    return Table(title, COLUMNS, [row.cells() for row in rows])
+    return Table.of_records(title, COLUMNS, [row.cells() for row in rows])
 
 
 def draw(rows: Sequence[Row], title: str) -> files.Picture:

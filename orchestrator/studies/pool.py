@@ -21,8 +21,8 @@ from pebble import ProcessExpired, ProcessPool
 
 from fmus.vehicle import BadInput
 from orchestrator.studies import Case
+from orchestrator.studies.row import Row
 from orchestrator.studies.store import Store
-from orchestrator.studies.tables import Row
 
 ROOT = str(Path(__file__).resolve().parents[2])  # folder of our packages
 ANSWER = "10 s"  # timeout of a Dask scheduler

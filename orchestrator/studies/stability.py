@@ -17,8 +17,8 @@ from orchestrator.studies import Case
 from orchestrator.studies.expectations import ASKED
 from orchestrator.studies.extreme import BISECTED, FAMILIES
 from orchestrator.studies.limits import predicted
+from orchestrator.studies.row import Row
 from orchestrator.studies.stability_map import table, write
-from orchestrator.studies.tables import Row
 from orchestrator.studies.verdict import CLEAN, RIGHT, WRONG, ended, judged
 
 __all__ = ["TITLE", "cases", "table", "write"]

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from orchestrator.results.table import Column, Table
 from orchestrator.studies import files
-from orchestrator.studies.tables import Column, Row, Table
+from orchestrator.studies.row import Row
 from orchestrator.studies.verdict import BLOWN, CLEAN, LOST, MUTE, RIGHT, VERDICTS, WRONG
 
 COLOURS = {RIGHT: "#4c9f50", WRONG: "#f0c040", CLEAN: "#5b8fd0", BLOWN: "#d04040", MUTE: "#000000"}
@@ -36,7 +37,7 @@ def table(rows: Sequence[Row], title: str = "") -> Table:
     """Table of the rows, with the number of cases of each verdict."""
     shown = [_completed(row) for row in rows]
     ends = ", ".join(f"{sum(row['verdict'] == verdict for row in shown)} {verdict}" for verdict in VERDICTS)
-    return Table(title, COLUMNS, shown, (f"{len(rows)} cases: {ends}.",))
+    return Table.of_records(title, COLUMNS, shown, (f"{len(rows)} cases: {ends}.",))
 
 
 def _completed(row: Row) -> dict[str, Any]:

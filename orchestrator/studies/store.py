@@ -13,7 +13,7 @@ from pathlib import Path
 
 from fmus.cache import write
 from orchestrator.studies import Case
-from orchestrator.studies.tables import Row
+from orchestrator.studies.row import Row
 
 PACKAGES = ("fmus", "orchestrator")
 

@@ -20,7 +20,7 @@ from orchestrator.results.run_data import Missing, RunData
 from orchestrator.results.validity.limits import ALLOWED
 from orchestrator.scene.scene import Scene
 from orchestrator.studies.expectations import ASKED
-from orchestrator.studies.tables import Row
+from orchestrator.studies.row import Row
 
 RIGHT, WRONG, CLEAN, BLOWN, MUTE = VERDICTS = (
     "stable and right", "stable and wrong", "failed cleanly", "blown up", "no sentence"

@@ -11,8 +11,9 @@ from typing import Any
 
 from fmus.cache import spared
 from orchestrator.execution import precision
+from orchestrator.results.table import Column, Table
 from orchestrator.studies import files
-from orchestrator.studies.tables import Column, Row, Table, to_csv
+from orchestrator.studies.row import Row
 
 LEVELS = (1e-2, 1e-3, 1e-4)
 FACTOR = 3.0  # an estimate within this factor of the true error is right
@@ -95,7 +96,7 @@ def table(rows: Sequence[Row], title: str = "") -> Table:
         Column("note", "note"),
     )
     shown = [{**_figures(row), "case": row.case + (" *" if id(row) in best else "")} for row in rows]
-    return Table(title, columns, shown, tuple(f"- {said}" for said in sentences(rows)))
+    return Table.of_records(title, columns, shown, tuple(f"- {said}" for said in sentences(rows)))
 
 
 def whole_table(rows: Sequence[Row]) -> Table:
@@ -108,7 +109,7 @@ def whole_table(rows: Sequence[Row]) -> Table:
         Column("cpu_time", "CPU time, s"),
         *(Column(key, key) for key in ("error", "estimate", *names, "note")),
     )
-    return Table("", columns, [_figures(row) for row in rows])
+    return Table.of_records("", columns, [_figures(row) for row in rows])
 
 
 def _figures(row: Row) -> dict[str, Any]:
@@ -125,7 +126,7 @@ def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path
     scenes = "-".join(dict.fromkeys(row.item for row in rows))
     stem = f"{name}-{scenes}"
     title = f"{title}: {scenes}"
-    more = {f"{stem}.csv": to_csv(whole_table(rows))}
+    more = {f"{stem}.csv": whole_table(rows).csv()}
     made = files.save(folder, stem, table(rows, title), draw(rows, title), more)
     settings = [
         precision.Setting(row.item, row["track"], means(row), row["error"], row["wall_time"]) for row in runs(rows)

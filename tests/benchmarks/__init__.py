@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from fmus.vehicle import BadInput
+from orchestrator.results.table import Table
 from orchestrator.scene.gallery import hint
-from orchestrator.studies.tables import Table
 from tests.benchmarks import machine
 from tests.benchmarks.against import paired
 from tests.benchmarks.process import Failed, isolated

@@ -10,7 +10,6 @@ from typing import Annotated
 import typer
 
 from orchestrator.cli import main, printed
-from orchestrator.studies import tables
 from tests import benchmarks
 from tests.benchmarks import machine
 
@@ -37,7 +36,7 @@ def measure(
         repeats,
         against,
         lambda what: print(f"... {what}", file=sys.stderr, flush=True),
-        lambda table: print(tables.to_markdown(table, "###"), flush=True),
+        lambda table: print(table.markdown("###"), flush=True),
     )
     if as_json:
         print(json.dumps(printed.finite(result)))

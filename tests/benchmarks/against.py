@@ -15,7 +15,7 @@ from statistics import median
 from typing import Any
 
 from fmus.vehicle import BadInput
-from orchestrator.studies.tables import Column, Table
+from orchestrator.results.table import Column, Table
 from tests.benchmarks.process import ROOT, Failed, environment, last_line
 from tests.benchmarks.tables import costs
 
@@ -63,7 +63,7 @@ def paired(folder: Path, names: Sequence[str], quick: bool, pairs: int, say: Cal
         f"Medians of {pairs} pairs in turn, with the least and the most of their ratios; below 1: here is cheaper.",
         "Least over least: the smallest figure of all pairs on either side, which other work disturbs least.",
     )
-    return Table(f"Here against {folder}", COLUMNS, ratios(found), notes)
+    return Table.of_records(f"Here against {folder}", COLUMNS, ratios(found), notes)
 
 
 def measured(root: Path, names: Sequence[str], quick: bool) -> Costs:

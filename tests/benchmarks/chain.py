@@ -15,7 +15,7 @@ import numpy as np
 
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
-from orchestrator.studies.tables import ABOUT, COST, Column, Table
+from orchestrator.results.table import ABOUT, COST, Column, Table
 from tests.benchmarks import motion
 from tests.benchmarks.motion import CASES, Case, Floats
 from tests.benchmarks.peers import PEERS, runs
@@ -62,9 +62,9 @@ def measure(quick: bool, repeats: int) -> list[Table]:
         rows += [row(name, case, stop, run) for run in found]
     window = "; ".join(f"{name} {case.quick if quick else case.stop:g} s" for name, case in CASES.items())
     notes.append(f"CPU time, the least of {repeats} repeats; simulated: {window}.")
-    tables = [Table("Closed chain of 64 links", COLUMNS, rows, (*NOTES, *notes))]
+    tables = [Table.of_records("Closed chain of 64 links", COLUMNS, rows, (*NOTES, *notes))]
     if not quick:
-        tables.append(Table(f"The same at an error of {TARGET:g}", EQUAL, equal(rows), (
+        tables.append(Table.of_records(f"The same at an error of {TARGET:g}", EQUAL, equal(rows), (
             "Between the steps measured, or at the longest where that is better; empty: none of them is good enough.",
         )))  # fmt: skip
     return tables

@@ -17,8 +17,8 @@ from orchestrator.cosim.graph import wire
 from orchestrator.cosim.observers import Logging
 from orchestrator.execution.manifest import open_log
 from orchestrator.execution.simulate import opened
+from orchestrator.results.table import ABOUT, COST, Column
 from orchestrator.scene.scene import Scene
-from orchestrator.studies.tables import ABOUT, COST, Column
 from tests.benchmarks.timing import quiet
 
 COLUMNS = (

@@ -16,8 +16,8 @@ from fmus.build import build
 from orchestrator.cosim.component import Component
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log, Series
+from orchestrator.results.table import ABOUT, COST, Column, Table
 from orchestrator.scene.parts import TRACK, Part
-from orchestrator.studies.tables import ABOUT, COST, Column, Table
 from tests.benchmarks import exchange, kernels, own
 from tests.benchmarks.timing import Floats, laps, per_step
 
@@ -81,9 +81,9 @@ def measure(quick: bool, repeats: int) -> list[Table]:
     nested = "Each layer has the one before in it; get and set come besides."
     whole = "The same of the whole run. The exchange is a step without what happens inside the components."
     return [
-        Table("A step by part and layer", LAYERS, layers, (of_steps, nested)),
-        Table("A step of the vehicle outside its components", exchange.COLUMNS, master, (whole,)),
-        Table("A Newton iteration", NEWTON, newton, (f"At the end of that; the least of {repeats} loops.",)),
+        Table.of_records("A step by part and layer", LAYERS, layers, (of_steps, nested)),
+        Table.of_records("A step of the vehicle outside its components", exchange.COLUMNS, master, (whole,)),
+        Table.of_records("A Newton iteration", NEWTON, newton, (f"At the end of that; the least of {repeats} loops.",)),
     ]
 
 

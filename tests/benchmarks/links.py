@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.studies.tables import ABOUT, COST, Column, Table
+from orchestrator.results.table import ABOUT, COST, Column, Table
 from tests.benchmarks import motion
 from tests.benchmarks.motion import CASES
 from tests.benchmarks.timing import Floats, laps, per_step
@@ -37,7 +37,7 @@ def measure(quick: bool, repeats: int) -> list[Table]:
         rows += found
         notes.append(f"{name.capitalize()}: time a step grows with the links to the power {exponent(found):.2f}.")
     told = f"CPU time of the model's step at {1e3 * H:g} ms: the least of {repeats} repeats of each step, their mean."
-    return [Table("Closed chain, from 64 links", COLUMNS, rows, (*notes, told))]
+    return [Table.of_records("Closed chain, from 64 links", COLUMNS, rows, (*notes, told))]
 
 
 def _laps(model: Any, steps: int) -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from orchestrator.studies.tables import ABOUT, COST, Column, Table
+from orchestrator.results.table import ABOUT, COST, Column, Table
 from tests.benchmarks.process import isolated
 
 SCENE, TRACKS = "straight", ("flexible", "rigid")
@@ -26,4 +26,4 @@ def measure(quick: bool, repeats: int) -> list[Table]:
         first, last = (isolated("memory_run", scene=SCENE, track=track, stop=stop) for stop in (short, long))
         rows.append({"track": track, "first": first, "last": last, "growth": (last - first) / (long - short)})
     note = f"`{SCENE}` to {short:g} and to {long:g} s, logged at 1 kHz, without estimate."
-    return [Table("Peak memory", COLUMNS, rows, (note,))]
+    return [Table.of_records("Peak memory", COLUMNS, rows, (note,))]

@@ -17,8 +17,8 @@ from orchestrator.cosim.observers import Checkpoints, Logging
 from orchestrator.cosim.tape import Tape
 from orchestrator.execution.manifest import STATS_PERIOD, open_log
 from orchestrator.execution.simulate import opened
+from orchestrator.results.table import ABOUT, COST, Column, Table
 from orchestrator.scene.scene import Scene
-from orchestrator.studies.tables import ABOUT, COST, Column, Table
 from tests.benchmarks import own
 from tests.benchmarks.timing import quiet
 
@@ -51,7 +51,7 @@ def measure(quick: bool, repeats: int) -> list[Table]:
         " the file; without: link outputs are not read either. Share: what a piece takes longer than the mean of its"
         " neighbours; median and quartiles."
     )
-    return [Table("What the log costs", COLUMNS, rows, (note,))]
+    return [Table.of_records("What the log costs", COLUMNS, rows, (note,))]
 
 
 def row(scene: Scene, native: bool, pieces: int, steps: int) -> dict[str, Any]:

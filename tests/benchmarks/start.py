@@ -11,7 +11,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from orchestrator.studies.tables import ABOUT, COST, Column, Table
+from orchestrator.results.table import ABOUT, COST, Column, Table
 from tests.benchmarks.process import Failed, environment, last_line
 
 CASES = (("straight", "flexible"), ("straight", "rigid"))
@@ -39,7 +39,7 @@ def measure(quick: bool, repeats: int) -> list[Table]:
         f"`cotrack run SCENE --stop 1ms`, one step, with all that follows it; full cache: median of {repeats}.",
         "Start-up is what the command itself tells: build, load, initialise, compile.",
     )
-    return [Table("Start", COLUMNS, rows, notes)]
+    return [Table.of_records("Start", COLUMNS, rows, notes)]
 
 
 def command(scene: str, track: str, cache: str) -> dict[str, float]:

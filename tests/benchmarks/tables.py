@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from orchestrator.studies.tables import ABOUT, COST, Column, Table, cell
+from orchestrator.results.table import ABOUT, COST, Column, Table, shown
 
 
 def failed(title: str, reason: str) -> Table:
@@ -24,7 +24,7 @@ def plain(table: Table) -> dict[str, Any]:
     return {
         "title": table.title,
         "columns": [column._asdict() for column in table.columns],
-        "rows": table.rows,
+        "rows": table.records(),
         "notes": list(table.notes),
     }
 
@@ -35,7 +35,7 @@ def costs(tables: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     for table in tables:
         columns = [Column(**column) for column in table["columns"]]
         for row in table["rows"]:
-            about = ", ".join(cell(row, column, column.form) for column in columns if column.role == ABOUT)
+            about = ", ".join(shown(row.get(column.key), column.form) for column in columns if column.role == ABOUT)
             for column in columns:
                 value = row.get(column.key)
                 if column.role == COST and value is not None and value > 0.0:

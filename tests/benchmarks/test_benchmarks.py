@@ -35,7 +35,9 @@ from tests.benchmarks.tables import ABOUT, COST, Column, Table
 from tests.benchmarks.timing import laps, least, per_step
 
 COLUMNS = (Column("what", "what", "", ABOUT), Column("time", "us", ".1f", COST), Column("count", "count", ",d"))
-TABLE = Table("Title", COLUMNS, [{"what": "a", "time": 2.0, "count": 1000}, {"what": "b", "time": None}], ("A note.",))
+TABLE = Table.of_records(
+    "Title", COLUMNS, [{"what": "a", "time": 2.0, "count": 1000}, {"what": "b", "time": None}], ("A note.",)
+)
 
 
 # ------------------------------------------------------------------ the command

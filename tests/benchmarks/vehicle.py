@@ -8,7 +8,7 @@ from statistics import median
 from typing import Any
 
 from orchestrator.execution.simulate import simulate
-from orchestrator.studies.tables import ABOUT, COST, Column, Table
+from orchestrator.results.table import ABOUT, COST, Column, Table
 from tests.benchmarks import own
 
 SCENE, TRACKS = "straight", ("flexible", "rigid")
@@ -29,7 +29,7 @@ def measure(quick: bool, repeats: int) -> list[Table]:
     settings = ["run.step=1 ms", "track.step=1 ms", "run.outputs=1", *(QUICK if quick else ())]
     rows = [row(track, settings, repeats) for track in TRACKS]
     note = f"Median of {repeats} runs each, with the least and the most; H = 1 ms, logged at 1 kHz, no estimate."
-    return [Table(f"Real-time factor of `{SCENE}`", COLUMNS, rows, (note,))]
+    return [Table.of_records(f"Real-time factor of `{SCENE}`", COLUMNS, rows, (note,))]
 
 
 def row(track: str, settings: list[str], repeats: int) -> dict[str, Any]:

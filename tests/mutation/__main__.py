@@ -19,7 +19,7 @@ import typer
 
 from fmus.vehicle import BadInput
 from orchestrator.cli import main
-from orchestrator.studies.tables import Column, Table, to_markdown
+from orchestrator.results.table import Column, Table
 from tests.mutation.areas import AREAS, ROOT, Area, known_faults, nearest
 from tests.mutation.operators import Fault, faults
 
@@ -106,7 +106,7 @@ def mutate(
         kept.write_text(json.dumps(entries, indent=1), encoding="utf-8")
     asked = [entry for entry in entries if area in entry["area"]]
     rows = [{**one, "new": f"`{one['new'].strip()}`", "found": one["found"] or SURVIVED} for one in asked]
-    print(to_markdown(Table("", COLUMNS, rows)))
+    print(Table.of_records("", COLUMNS, rows).markdown())
     left = sum(not one["found"] for one in asked)
     print(f"{len(asked)} faults, {left} survived {', '.join(stages)}", file=sys.stderr)
     sys.exit(1 if left else 0)

@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 
 from fmus.vehicle import BadInput
 from orchestrator.execution.simulate import simulate
+from orchestrator.log.events_topic import WARNINGS
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.results import energy
@@ -33,8 +34,8 @@ from orchestrator.results.analyses import (
     wheel_loads,
 )
 from orchestrator.results.analyses.catalogue import ANALYSES, TRACK, Analysis, analyse, module_of
-from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.table import Table
 from orchestrator.results.thinned import Envelope
 from orchestrator.results.views.bodies import EVERY, Bodies
 from orchestrator.scene.scene import load
@@ -713,7 +714,7 @@ def test_a_log_ends_with_its_events_in_messages_of_foxglove(driven):
         assert log.others == {"/events": "foxglove.Log"}
     assert {name for name, _, _ in found} == {"foxglove.Log"}
     told = [(said["name"], said["kind"], said["message"], said["level"] == 3) for _, _, said in found]
-    assert told == [(e.component, e.kind, e.text, e.kind in events.WARNINGS) for e in happened]
+    assert told == [(e.component, e.kind, e.text, e.kind in WARNINGS) for e in happened]
     for (_, time, said), event in zip(found, happened, strict=True):
         assert time == 1_000_000_000 * said["timestamp"]["sec"] + said["timestamp"]["nsec"] == round(1e9 * event.t)
     passed = np.floor(angle * teeth / (2.0 * np.pi))
@@ -860,7 +861,7 @@ def test_every_analysis_takes_three_lines_of_a_notebook(driven, what):
     exec(cell, names)
     assert len(cell.splitlines()) == 3
     assert len(names["table"]) == len(names["found"].table().rows) > -(what in ("events", "validity"))
-    assert list(names["table"].columns) == [name for name, _ in names["found"].table().columns]
+    assert list(names["table"].columns) == [column.key for column in names["found"].table().columns]
 
 
 @pytest.mark.parametrize(("what", "analysis"), ANALYSES.items())
@@ -875,7 +876,7 @@ def test_what_is_declared_is_what_an_analysis_takes(what, analysis):
 def test_an_analysis_takes_one_module_and_one_entry(cotrack, driven, monkeypatch):
     class Toy(NamedTuple):
         def table(self):
-            return Table("toy", (("weight", "N"),), [(1.5,)])
+            return Table.of("toy", (("weight", "N"),), [(1.5,)])
 
     of = SimpleNamespace(of=lambda run, window, track="": Toy())
     monkeypatch.setitem(sys.modules, "orchestrator.results.analyses.toy", of)

@@ -28,8 +28,8 @@ from orchestrator.results.difference import (
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.scene import load
 from orchestrator.studies import Case, error_runtime, work_precision
+from orchestrator.studies.row import Row
 from orchestrator.studies.runs import record
-from orchestrator.studies.tables import Row
 
 SWING = ("chain.links=8", "track.start=displaced", "run.stop=0.064 s", "run.links=1")
 LINE = Observable("m", 0.1, lambda run: Signal(np.zeros(1), np.zeros((1, 1))))

@@ -12,7 +12,7 @@ from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
 from orchestrator.studies import leaving_out
 from orchestrator.studies.leaving_out import KEYS, MOTION, Side, cases, difference, run
-from orchestrator.studies.tables import Row
+from orchestrator.studies.row import Row
 
 BRIEF = ("run.stop=20 ms", "track.start=displaced", "chain.links=8")
 

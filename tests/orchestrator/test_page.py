@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from packed import unpacked
 
 from orchestrator.execution.again import command
 from orchestrator.execution.reported import _judged
@@ -21,23 +22,21 @@ from orchestrator.log.described import said_of
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import Recorder
 from orchestrator.results import measures
-from orchestrator.results.analyses import circuit, contact, wheel_loads
+from orchestrator.results.analyses import circuit, contact, joints, link_loads, profile, wheel_loads
 from orchestrator.results.analyses import events as happened
 from orchestrator.results.energy import Ledger, ledger
 from orchestrator.results.ground_profile import ground
 from orchestrator.results.page import ending
-from orchestrator.results.page.balance import Balance, balance, sentence, sources
-from orchestrator.results.page.chain import chain
-from orchestrator.results.page.circuit import profile
+from orchestrator.results.page.balance import losses, sentence, sources
 from orchestrator.results.page.document import document
-from orchestrator.results.page.embedded import floats, script, unpacked
-from orchestrator.results.page.events import events, lifted
+from orchestrator.results.page.embedded import floats, script
+from orchestrator.results.page.events import rows as event_rows
 from orchestrator.results.page.player import UNIT, player
-from orchestrator.results.page.pressure import pressure
 from orchestrator.results.page.study import Judged, study
-from orchestrator.results.page.words import number, percent, quantity, text
+from orchestrator.results.page.words import quantity, text
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.thinned import Envelope
+from orchestrator.results.units import number, percent
 from orchestrator.scene.scene import load
 
 PLOTS = "/* plotly.js v0 */"  # replaces the library
@@ -219,7 +218,7 @@ def test_losses_are_those_of_the_components_in_their_words(vehicle):
     with Log(vehicle) as log:
         run = RunData(log)
         books = ledger(run)
-        found = balance(run, books).losses
+        found = losses(run)
         for name, loss in found.items():
             ends = {kind: signal(log, f"{name}.energy.{kind}")[1][[0, -1]] for kind in ("dissipated", "covered")
                     if run.has(f"{name}.energy.{kind}")}  # fmt: skip
@@ -249,15 +248,14 @@ def test_the_energy_card_counts_what_was_released():
     assert books.supplied == 64130.0
     kept = sum(energy for energy in stored.values() if energy > 0.0)
     assert books.supplied == pytest.approx(kept + lost + books.covered + books.residual)
-    found = Balance(stored, {}, books)
-    assert sources(found) == "60.53 kJ put in by the drives and 3.6 kJ released (height)"
-    told = sentence(found)
+    assert sources(books) == "60.53 kJ put in by the drives and 3.6 kJ released (height)"
+    told = sentence(books, {})
     assert "<b>64.13 kJ</b> came in: 60.53 kJ put in by the drives and 3.6 kJ released (height)." in told
     assert "1.54 kJ (2.4 %) is stored at the end" in told
     assert "62.56 kJ (97.6 %) was dissipated" in told
-    back = Balance(stored | {"kinetic": -9e3}, {}, books._replace(work=-5e3, stored=stored | {"kinetic": -9e3}))
+    back = books._replace(work=-5e3, stored=stored | {"kinetic": -9e3})
     assert sources(back) == "12.6 kJ released (motion and height)"
-    assert "5 kJ (39.7 %) went back into the drives" in sentence(back)
+    assert "5 kJ (39.7 %) went back into the drives" in sentence(back, {})
 
 
 def test_card_and_sentence_of_a_run_agree_and_add_up(vehicle):
@@ -334,7 +332,7 @@ def test_the_ending_has_the_means_of_the_log_and_its_powers_add_up(vehicle, monk
         assert run.mean("chassis.speed", window) == pytest.approx(slope, rel=0.1)
         told = quantity(run.mean("chassis.speed", window), "m/s")
         assert f"<td>speed of the hull</td><td>{told}</td>" in html
-        whole = ending.flows(run, ending._recorded(run, EVER))
+        whole = ending.flows(run, EVER)
         books, length = ledger(run), 0.06
     by = {flow.name: flow.power * length for flow in whole}
     assert sum(by.values()) == pytest.approx(books.residual, abs=1e-9 * books.dissipated)
@@ -351,8 +349,8 @@ def test_the_smallest_tension_and_loads_of_wheels_are_told(vehicle):
         names = log.topics["/left_track/links"].names
         tension = links.values[:, [k for k, name in enumerate(names) if name.endswith("].tension")]]
         assert f"The smallest tension is {quantity(tension.min(), 'N')}" in html
-        found = chain(RunData(log), "left_track").slackest
-    assert (found.value, found.link) == (tension.min(), tension.min(axis=0).argmin() + 1)
+        found = link_loads.of(RunData(log), "left_track").slackest
+    assert (found.value, found.member) == (tension.min(), tension.min(axis=0).argmin() + 1)
 
 
 def test_the_command_that_runs_it_again_gives_the_same_scene(vehicle, hanging, cotrack, tmp_path):
@@ -376,11 +374,11 @@ def test_the_command_that_runs_it_again_gives_the_same_scene(vehicle, hanging, c
 def test_the_way_round_starts_on_the_sprocket(vehicle):
     with Log(vehicle) as log:
         run = RunData(log)
-        one = profile(run, chain(run, "left_track"), 0.04)
+        one = profile.of(run, link_loads.of(run, "left_track"), 0.04)
         links = run.links("left_track", EVER)
     assert np.allclose(np.diff(one.place), 0.1524, rtol=0.02), "links are not a pitch apart"
     assert one.ahead[[0, -1]].min() > 0.2, "it is in the middle of the wrap on the sprocket, which is ahead"
-    names = [section.name for section in one.sections]
+    names = [stretch.name for stretch in one.stretches]
     assert names == ["sprocket", "lower run", "idler", "upper run", "sprocket"]
     row = np.abs(links.t - one.t).argmin()
     assert sorted(one.tension) == sorted(links.tension[row])
@@ -390,8 +388,8 @@ def test_pressure_is_that_of_the_analysis(vehicle, scaled):
     def compared():
         with Log(vehicle) as log:
             run = RunData(log)
-            found, expected = pressure(run, chain(run, "left_track")), contact.of(run)
-            one = profile(run, chain(run, "left_track"), expected.peak_t)
+            links, expected = link_loads.of(run, "left_track"), contact.of(run)
+            found, one = contact.over_time(run, links), profile.of(run, links, expected.peak_t)
         assert found.peak == (expected.peak, expected.peak_t, expected.peak_link)
         assert np.nanmax(found.most) == one.pressure.max() == expected.peak
         assert found.area == expected.area
@@ -405,11 +403,20 @@ def test_pressure_is_that_of_the_analysis(vehicle, scaled):
         scaled(log, "/left_track/links", f"link[{before.peak_link}].ground.force.z", 1.0 / 1.03)
 
 
+def test_the_largest_force_in_a_pin_is_that_of_the_joints(vehicle):
+    with Log(vehicle) as log:
+        run = RunData(log)
+        most, found = link_loads.of(run, "left_track").most["force"], joints.of(run, "left_track")
+    assert found.most[0, 3] == pytest.approx(most.value, rel=1e-12)
+    assert (found.most_t[0, 3], found.most_joint[0, 3]) == (most.t, most.member)
+    assert f"The largest force in a pin is {quantity(most.value, 'N')} where link {most.member} begins" in page(vehicle)
+
+
 def test_places_are_those_of_the_analysis(vehicle):
     with Log(vehicle) as log:
         run = RunData(log)
-        links = chain(run, "left_track")
-        one = profile(run, links, 0.04)
+        links = link_loads.of(run, "left_track")
+        one = profile.of(run, links, 0.04)
         window = Window(links.t[links.t < one.t].max(), one.t)  # the zero follows from the first record that is read
         block = next(circuit.records(run, "left_track", window, "link[*].tension"))
     order = np.argsort(block.links[-1])
@@ -543,13 +550,13 @@ def test_a_lifted_wheel_is_told_with_its_times_as_the_analyses_have_them(tmp_pat
     path = written(tmp_path / "a.mcap", columns, t, {"assembly": "vehicle"}, warnings=warnings)
     with Log(path) as log:
         run = RunData(log)
-        found = lifted(run)
-        told = events(run)
+        found = happened.lifted(run)
+        told = event_rows(run)
         analysis, loads = happened.of(run), wheel_loads.of(run)
-    early, first, second = found["a", "road_wheel[1]"]
+    early, first, second = found["a.road_wheel[1]"]
     assert first[:2] == pytest.approx((0.501, 0.7))
     assert second[:2] == pytest.approx((1.201, 1.21))
-    assert found["a", "road_wheel[2]"] == []
+    assert found["a.road_wheel[2]"] == []
     assert loads.lifted[0] * 2.001 == pytest.approx(early.time + first.time + second.time, rel=1e-9)
     assert loads.threshold == pytest.approx(0.02 * loads.mean.mean())
     assert [event.t for event in analysis.of("lifted")] == [early.start, first.start, second.start]
@@ -611,7 +618,7 @@ def test_an_estimated_error_and_rejected_steps_are_told(tmp_path):
             recorder.write("/stats/a", k, 0.1 * k, 0.1, np.array([rejected]))
         recorder.close("ok", "", 5)
     with Log(tmp_path / "c.mcap") as log:
-        (event,) = events(RunData(log))
+        (event,) = event_rows(RunData(log))
         steps = happened.of(RunData(log)).of("step")
     assert event.t == pytest.approx(0.2)
     assert event.detail == "5 in all; last by 0.4 s"

@@ -11,9 +11,9 @@ from scipy.linalg import expm
 from fmus.vehicle import BadInput
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.scene.scene import load
-from orchestrator.studies import expectations, extreme, limits, stability, stability_map, tables, verdict
+from orchestrator.studies import expectations, extreme, limits, stability, stability_map, verdict
 from orchestrator.studies.oscillator import Oscillator, amplification
-from orchestrator.studies.tables import Row
+from orchestrator.studies.row import Row
 from orchestrator.studies.verdict import BLOWN, CLEAN, MUTE, RIGHT, WRONG, ended
 
 # --- limits ---
@@ -167,13 +167,13 @@ def test_table_and_map(tmp_path):
     assert [row.ok for row in graded] == [True, True, True, False, True]
     silent = ended(graded[-1], BLOWN, "")
     assert (silent["verdict"], silent.ok, silent.note) == (MUTE, False, "")
-    lines = tables.to_markdown(stability.table(ROWS)).splitlines()
+    lines = stability.table(ROWS).markdown().splitlines()
     assert {line.count("|") - line.count("\\|") for line in lines[: len(ROWS) + 2]} == {len(stability_map.COLUMNS) + 1}
     assert lines[-1] == (
         "6 cases: 1 stable and right, 1 stable and wrong, 2 failed cleanly, 1 blown up, 1 no sentence."
     )
-    read = list(csv.DictReader(io.StringIO(tables.to_csv(stability.table(ROWS)))))
-    assert (read[0]["margin"], read[2]["margin"], read[5]["what happened"]) == ("10", "", "took longer than 600 s")
+    read = list(csv.DictReader(io.StringIO(stability.table(ROWS).csv())))
+    assert (read[0]["margin"], read[2]["margin"], read[5]["what happened"]) == ("10.0", "", "took longer than 600 s")
     made = stability.write(tmp_path, "stability", ROWS, stability.TITLE)
     assert [file.suffix for file in made] == [".csv", ".md", ".png", ".svg"]
     assert all(file.stat().st_size > 300 for file in made)

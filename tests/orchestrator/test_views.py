@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from packed import unpacked
 from scipy.spatial.transform import Rotation
 
 from fmus.vehicle import BadInput
@@ -16,7 +17,6 @@ from orchestrator.log.recorder import Recorder
 from orchestrator.results.analyses import events
 from orchestrator.results.ground_profile import ground
 from orchestrator.results.page import player
-from orchestrator.results.page.embedded import unpacked
 from orchestrator.results.rotation import matrices, quaternions
 from orchestrator.results.run_data import RunData, Window, within
 from orchestrator.results.views import above, film, foxglove_scene, projected, rerun_scene, side_view

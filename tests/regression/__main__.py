@@ -19,7 +19,8 @@ from fmus.vehicle import BadInput
 from orchestrator.cli import main
 from orchestrator.log.reader import Log
 from orchestrator.results.divergence import divergence
-from orchestrator.studies.tables import Column, Row, Table, to_markdown
+from orchestrator.results.table import Column, Table
+from orchestrator.studies.row import Row
 from tests.regression.runs import RUNS, Run
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -74,7 +75,7 @@ def regression(
         print(f"... {run}", file=sys.stderr, flush=True)
         with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
             rows.append(compared(run, against and against.resolve(), Path(folder)))
-    print(to_markdown(Table("", COLUMNS, [row.cells() for row in rows])))
+    print(Table.of_records("", COLUMNS, [row.cells() for row in rows]).markdown())
     apart = sum(row.ok is False for row in rows)
     print(f"{len(rows)} runs, {apart} not as they should be", file=sys.stderr)
     sys.exit(1 if apart else 0)

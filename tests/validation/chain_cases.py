@@ -14,7 +14,7 @@ from fmus.physics.ancf import beam, cable
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.layout import regular_polygon
 from orchestrator.studies import Case
-from orchestrator.studies.tables import Row
+from orchestrator.studies.row import Row
 from tests.validation.ancf import dynamics, loads, statics
 from tests.validation.compared import checked, of_order
 from tests.validation.meshes import (

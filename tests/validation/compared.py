@@ -8,8 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from orchestrator.results.table import Column, Table
 from orchestrator.studies import files
-from orchestrator.studies.tables import Column, Row, Table, to_csv
+from orchestrator.studies.row import Row
 
 COLUMNS = (
     Column("item", "item"),
@@ -60,13 +61,13 @@ def series(row: Row) -> list[tuple[float, float]]:
 
 def table(rows: Sequence[Row], title: str = "") -> Table:
     """Table of the rows."""
-    return Table(title, COLUMNS, [row.cells() for row in rows])
+    return Table.of_records(title, COLUMNS, [row.cells() for row in rows])
 
 
 def points(rows: Sequence[Row]) -> Table:
     """Table of the points of the picture."""
     found = [{**row.cells(), "size": size, "error": error} for row in rows for size, error in series(row)]
-    return Table("", POINTS, found)
+    return Table.of_records("", POINTS, found)
 
 
 def draw(rows: Sequence[Row], title: str) -> files.Picture:
@@ -116,5 +117,5 @@ def draw(rows: Sequence[Row], title: str) -> files.Picture:
 
 def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
     """Write tables and picture; raises OSError if the folder cannot be written."""
-    more = {f"{name}-convergence.csv": to_csv(points(rows))}
+    more = {f"{name}-convergence.csv": points(rows).csv()}
     return files.save(folder, name, table(rows, title), draw(rows, title), more)

@@ -22,7 +22,7 @@ from orchestrator.cosim.graph import Stages
 from orchestrator.cosim.master import Clock, run
 from orchestrator.studies import Case
 from orchestrator.studies.oscillator import Oscillator, radius
-from orchestrator.studies.tables import Row
+from orchestrator.studies.row import Row
 from tests.validation.compared import checked, table, write
 from tests.validation.slaves import Slave, coupled, energy, struck, whole
 

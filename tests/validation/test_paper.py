@@ -15,7 +15,7 @@ from orchestrator.results.analyses import circuit
 from orchestrator.results.analyses.deformation import Deformation
 from orchestrator.results.run_data import Window
 from orchestrator.scene.scene import load
-from orchestrator.studies.tables import Row
+from orchestrator.studies.row import Row
 from tests.validation import paper
 from tests.validation.__main__ import app
 from tests.validation.paper import (

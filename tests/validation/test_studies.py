@@ -17,9 +17,9 @@ import pytest
 
 from fmus.vehicle import BadInput
 from orchestrator import studies
-from orchestrator.studies import Case, pool, store, tables
+from orchestrator.studies import Case, pool, store
+from orchestrator.studies.row import Row
 from orchestrator.studies.store import Store
-from orchestrator.studies.tables import Row
 from tests.validation import compared, element_cases, mechanics, orders
 from tests.validation.__main__ import STUDIES, app
 from tests.validation.compared import checked
@@ -256,16 +256,16 @@ def test_tables(tmp_path):
     assert compared.of_order(ROWS[0], 1.9, 2.1).ok
     assert compared.of_order(ROWS[0], 2.1, 2.5).ok is False
     assert [row["error"] for row in ROWS[:3]] == pytest.approx([1e-3, 3e-6, 0.5])
-    lines = tables.to_markdown(compared.table(ROWS)).splitlines()
+    lines = compared.table(ROWS).markdown().splitlines()
     assert lines[0] == "| item | case | value | reference | error | tolerance | order | ok | note |"
     assert lines[2] == "| 1 | a | 1.001 | 1 | 0.001 | 0.01 | 2 | ok |  |"
     assert lines[4] == "| 3 | c | 2 | 4 | 0.5 |  |  |  | for information |"
     assert {line.count("|") for line in lines} == {len(compared.COLUMNS) + 1}
-    read = list(csv.DictReader(io.StringIO(tables.to_csv(compared.table(ROWS)))))
+    read = list(csv.DictReader(io.StringIO(compared.table(ROWS).csv())))
     assert float(read[0]["value"]) == ROWS[0]["value"]
     assert read[1]["case"] == "b, with a comma"
     assert (read[3]["ok"], read[3]["error"], read[3]["note"]) == ("NOT", "", "Lost: nothing left")
-    assert len(tables.to_csv(compared.points(ROWS)).splitlines()) == 3
+    assert len(compared.points(ROWS).csv().splitlines()) == 3
     compared.write(tmp_path, "x", ROWS[1:], "without a series")
     assert (tmp_path / "x.png").stat().st_size > 1000
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window
 
 RECOVER = "'cotrack log recover' leaves those of all"
 
@@ -33,3 +33,15 @@ def together(run: RunData, names: Sequence[str], window: Window) -> tuple[Floats
         raise Missing(f"{run.log.path} holds no step between {window.start:g} and {window.end:g} s")
     places = [run.log.find(name) for name in names]
     return t, np.stack([found[topic].values[:, wanted[topic].index(column)] for topic, column in places], axis=1)
+
+
+def blocks(run: RunData, names: Sequence[str], window: Window = EVER) -> Iterator[tuple[Floats, Floats]]:
+    """Times (m,) and values (m, names) in blocks of steps, as far as all signals go; raises Missing, NoSuchSignal."""
+    wanted = columns(run, names)
+    places = [(topic, wanted[topic].index(column)) for topic, column in map(run.log.find, names)]
+    for block in run.log.blocks(wanted, BLOCK, window=window) if wanted else ():
+        count = min(len(series.t) for series in block.values())
+        t = next(iter(block.values())).t[:count]
+        if not all(np.array_equal(series.t[:count], t) for series in block.values()):
+            raise Missing(f"{run.log.path} holds different steps of its components: {RECOVER}")
+        yield t, np.stack([block[topic].values[:count, k] for topic, k in places], axis=1)

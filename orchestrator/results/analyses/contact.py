@@ -7,11 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import circuit, hull
+from orchestrator.results.analyses import circuit, hull, of_links
 from orchestrator.results.analyses.envelope import Bins
-from orchestrator.results.analyses.table import Table
+from orchestrator.results.analyses.extremes import Extreme, larger
+from orchestrator.results.analyses.link_loads import LinkLoads, sliced
 from orchestrator.results.link_axes import link_axes
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.table import Table
 
 SIGNAL = "link[*].ground.force"
 BEARS = 1e-3  # of the largest pressure; a place with less has no ground contact
@@ -41,7 +43,16 @@ class Contact(NamedTuple):
             f"peak {self.peak / 1e3:.4g} kPa under link {self.peak_link} at {self.peak_t:.6g} s",
             f"pads of {self.area * 1e4:.4g} cm2, {self.force / 1e3:.5g} kN together",
         )
-        return Table(f"Pressure under {self.track} by place on the circuit", columns, rows, notes)
+        return Table.of(f"Pressure under {self.track} by place on the circuit", columns, rows, notes)
+
+
+class PressureMap(NamedTuple):
+    """Pressure by link over time."""
+
+    middle: Floats  # (slices,) s, middles of equal intervals of time
+    most: Floats  # (slices, links) Pa, largest in each interval
+    peak: Extreme  # Pa
+    area: float  # m2, one pad
 
 
 def pad_area(run: RunData) -> float:
@@ -58,6 +69,20 @@ def pressure(pins: Floats, axes: Floats, force: Floats, area: float) -> Floats:
     return -np.einsum("mni,mni->mn", force, link_axes(pins, across, force.shape[1])[..., 2]) / area
 
 
+def over_time(run: RunData, found: LinkLoads) -> PressureMap | None:
+    """Pressure under every link over time; None for a track without ground contact. Raises Missing, LogUnreadable."""
+    if not (found.closed and of_links.has(run, found.track, SIGNAL)):
+        return None
+    area = pad_area(run)
+    envelope, middle = sliced(run, len(found.t), found.links)
+    peak: Extreme | None = None
+    for block in of_links.records(run, found.track, EVER, of_links.POSITION, SIGNAL):
+        under = pressure(block.pins, hull.poses(run, found.track, block.t).axes, block.values[1], area)
+        envelope.add(block.t, under)
+        peak = larger(peak, block.t, under)
+    return PressureMap(middle, envelope.upper, peak, area) if peak and peak.value > 0.0 else None
+
+
 def of(run: RunData, track: str = "", window: Window = EVER) -> Contact:
     """Ground pressure of a track, by default the first; raises Missing."""
     track = hull.tracks(run, track)[0]
@@ -67,7 +92,7 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> Contact:
     bins: Bins | None = None
     lengths: list[Floats] = []
     total = time = 0.0
-    peak, link, at = -np.inf, 0, 0.0
+    peak: Extreme | None = None
     for block in circuit.records(run, track, window, SIGNAL):
         bins = bins or Bins(block.links.shape[1], 2)
         under = pressure(block.pins, block.axes, block.values[0], area)
@@ -75,11 +100,9 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> Contact:
         bins.add(block.since, block.links / block.length[:, None], of_place)
         lengths.append(block.length)
         total, time = total + float(block.since @ under.sum(axis=1)), time + float(block.since.sum())
-        record, number = np.unravel_index(int(under.argmax()), under.shape)
-        if under[record, number] > peak:
-            peak, link, at = float(under[record, number]), int(number) + 1, float(block.t[record])
-    if bins is None or not peak > 0.0:
+        peak = larger(peak, block.t, under)
+    if bins is None or peak is None or not peak.value > 0.0:
         raise Missing(f"{run.log.path}: no link of '{track}' touches the ground in the window")
-    count = len(bins.count)
+    count, force = len(bins.count), total / time * area
     place = (np.arange(count) + 0.5) * float(np.concatenate(lengths).mean()) / count
-    return Contact(track, place, *bins.of(0)[1:], bins.of(1)[1], peak, link, at, total / time * area, area)
+    return Contact(track, place, *bins.of(0)[1:], bins.of(1)[1], peak.value, peak.member, peak.t, force, area)

@@ -18,9 +18,9 @@ import numpy as np
 from fmus.vehicle import BadInput
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, of_links
-from orchestrator.results.analyses.table import Table
 from orchestrator.results.link_axes import link_axes
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.table import Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,7 +51,7 @@ class Deformation(NamedTuple):
             ("at", "s"), ("link", ""), ("axial at its end", "um"), ("transverse at its end", "um"),
             ("largest transverse", "um"), ("there", "m"),
         )  # fmt: skip
-        return Table(f"Deformation of the links of {self.track} in their tangent frames", columns, rows)
+        return Table.of(f"Deformation of the links of {self.track} in their tangent frames", columns, rows)
 
     def series(self) -> Table:
         """Table with a row per instant, link and point."""
@@ -62,7 +62,7 @@ class Deformation(NamedTuple):
             for i, along in enumerate(links)
             for x, point in zip(self.x, along, strict=True)
         ]
-        return Table(f"Deformation along the links of {self.track}", columns, rows)
+        return Table.of(f"Deformation along the links of {self.track}", columns, rows)
 
     def draw(self, panes: Sequence[Axes], link: int = 1, label: str = "", **style: object) -> None:
         """Draw link ``link`` (from 1) at each instant into two panes: axial and transverse, magnified."""

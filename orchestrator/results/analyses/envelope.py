@@ -10,8 +10,8 @@ import numpy as np
 from fmus.vehicle import BadInput
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, hull, of_links
-from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.table import Table
 
 
 class Envelope(NamedTuple):
@@ -35,7 +35,7 @@ class Envelope(NamedTuple):
         )  # fmt: skip
         values = (self.place, self.least, self.mean, self.most, self.forward, self.up, self.records.astype(int))
         rows = list(zip(*(each.tolist() for each in values), strict=True))
-        return Table(f"{self.signal} by place on the circuit", columns, rows)
+        return Table.of(f"{self.signal} by place on the circuit", columns, rows)
 
 
 class Bins:

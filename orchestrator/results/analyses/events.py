@@ -8,13 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from orchestrator.log.events_topic import Event
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, wheel_loads
 from orchestrator.results.analyses.airborne import off_ground
-from orchestrator.results.analyses.spells import Spells, settling, switches
-from orchestrator.results.analyses.table import Table
+from orchestrator.results.analyses.spells import Spell, settling, switches
 from orchestrator.results.energy import Port, ports
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, within
+from orchestrator.results.table import Table
 from orchestrator.results.validity.ledger import validity
 
 STANDS = 0.1  # rad/s: a slower sprocket stands; default speed below which brakes fade
@@ -22,17 +23,6 @@ TURNS = 0.2  # rad/s: a faster sprocket is released
 
 
 REJECTED = "solver.rejected"  # variable of a component's statistics
-WARNINGS = ("step", "warning", "validity")  # kinds about the simulation, not the vehicle
-
-
-class Event(NamedTuple):
-    """Event at one time."""
-
-    t: float  # s
-    component: str  # "left_track.road_wheel[1]"
-    kind: str  # "lifted", "touches", "airborne", "lands", "tooth", "locked", "released", "step", "warning",
-    # "validity"
-    text: str
 
 
 class Events(NamedTuple):
@@ -49,7 +39,7 @@ class Events(NamedTuple):
         """Table with a row for each event."""
         columns = (("time", "s"), ("component", ""), ("kind", ""), ("what", ""))
         notes = [f"{count} teeth of {drive} passed" for drive, count in self.teeth.items()]
-        return Table(f"{len(self.events)} events", columns, [tuple(event) for event in self.events], tuple(notes))
+        return Table.of(f"{len(self.events)} events", columns, [tuple(event) for event in self.events], tuple(notes))
 
 
 def of(
@@ -83,16 +73,21 @@ def _signals(run: RunData) -> Iterator[str]:
             yield f"stats.{name}.{REJECTED}"
 
 
+def lifted(run: RunData, window: Window = EVER) -> dict[str, list[Spell]]:
+    """Intervals in which road wheels are lifted, by wheel; none if their loads were not recorded."""
+    try:
+        return wheel_loads.lifted(run, window).of
+    except Missing:
+        return {}
+
+
 def _borne(run: RunData, window: Window) -> Iterator[Event]:
     """Events of wheels and tracks that lose and regain contact."""
-    try:
-        wheels = wheel_loads.lifted(run, window)
-    except Missing:
-        wheels = Spells(0.0, {})
     for found, off, on, verb in (
-        (wheels, "lifted", "touches", "lifts off"), (off_ground(run, window), "airborne", "lands", "leaves the ground"),
-    ):  # fmt: skip
-        for name, each in found.of.items():
+        (lifted(run, window), "lifted", "touches", "lifts off"),
+        (off_ground(run, window).of, "airborne", "lands", "leaves the ground"),
+    ):
+        for name, each in found.items():
             for spell in each:
                 early = ", while the vehicle comes to rest" if settling(run, spell.end) else ""
                 if spell.begins:

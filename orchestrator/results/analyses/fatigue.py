@@ -14,8 +14,8 @@ from fmus.vehicle import BadInput
 from orchestrator.log.extra import library
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, of_links
-from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.table import Table
 
 FIBRES = ("outer", "inner")
 
@@ -67,7 +67,7 @@ class Fatigue(NamedTuple):
             f"the first link breaks after {self.life:.4g} h of this",
         )
         title = f"Fatigue of {self.track}, {self.window.start:.6g} to {self.window.end:.6g} s"
-        return Table(title, columns, rows, notes)
+        return Table.of(title, columns, rows, notes)
 
 
 def of(run: RunData, track: str = "", window: Window = EVER, line: Line | str | None = None) -> Fatigue:

@@ -8,8 +8,9 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, links, of_links
-from orchestrator.results.analyses.table import Table
+from orchestrator.results.analyses.extremes import Extreme, larger, smaller
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.table import Table
 
 
 class Joints(NamedTuple):
@@ -39,7 +40,7 @@ class Joints(NamedTuple):
             ("at joint ", ""), ("at ", "s"),
         )  # fmt: skip
         note = () if self.interval == 0.0 else (f"means over {1e3 * self.interval:.4g} ms, as recorded",)
-        return Table("Joint forces on the link that begins at the pin, in its axes", columns, rows, note)
+        return Table.of("Joint forces on the link that begins at the pin, in its axes", columns, rows, note)
 
 
 def of(run: RunData, track: str = "", window: Window = EVER) -> Joints:
@@ -59,16 +60,13 @@ def _step(run: RunData) -> float:
 
 def _extremes(run: RunData, track: str, window: Window) -> Floats:
     """Least and largest forces, their joints and times (6, 4)."""
-    best = np.array([np.full(4, np.inf), np.full(4, -np.inf), *np.zeros((4, 4))])
+    least: list[Extreme | None] = [None] * 4
+    most: list[Extreme | None] = [None] * 4
     for block in links.blocks(run, track, window):
         if not block.joint.size:
             raise Missing(f"{run.log.path} holds no '{track}.joint[*].force'")
         force = np.concatenate([block.joint, np.linalg.norm(block.joint, axis=2, keepdims=True)], axis=2)
-        flat = force.reshape(-1, 4)
-        for row, at in ((0, flat.argmin(axis=0)), (1, flat.argmax(axis=0))):
-            value = flat[at, range(4)]
-            better = value < best[0] if row == 0 else value > best[1]
-            record, joint = np.divmod(at, force.shape[1])
-            for k, new in ((row, value), (row + 2, joint + 1), (row + 4, block.t[record])):
-                best[k] = np.where(better, new, best[k])
-    return best
+        least = [smaller(known, block.t, force[..., k]) for k, known in enumerate(least)]
+        most = [larger(known, block.t, force[..., k]) for k, known in enumerate(most)]
+    found = [[each or Extreme(np.nan, np.nan, 0) for each in extremes] for extremes in (least, most)]
+    return np.array([[getattr(e, name) for e in extremes] for name in ("value", "member", "t") for extremes in found])

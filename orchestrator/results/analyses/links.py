@@ -13,9 +13,9 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, of_links
-from orchestrator.results.analyses.table import Table
 from orchestrator.results.link_axes import link_axes
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.table import Table
 
 KINDS = {"joint": "joint[*].force", "ground": "link[*].ground.force", "wheels": "link[*].wheels.force"}
 AXES = ("along", "across", "outwards")
@@ -48,7 +48,7 @@ class Summary(NamedTuple):
     def table(self) -> Table:
         """Table with a row for each component."""
         columns = (("of a link", ""), ("axis", ""), ("unit", ""), ("least", ""), ("mean", ""), ("largest", ""))
-        return Table(f"Forces on the links of {self.track} in their axes", columns, self.rows)
+        return Table.of(f"Forces on the links of {self.track} in their axes", columns, self.rows)
 
 
 def summary(run: RunData, track: str = "", window: Window = EVER) -> Summary:

@@ -12,8 +12,8 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
-from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, means
+from orchestrator.results.table import Table
 from orchestrator.results.views.bodies import EVERY, Bodies
 
 GAUSS = 0.5 / np.sqrt(3.0)  # offset of the two Gauss points on a unit interval from its middle
@@ -39,7 +39,7 @@ class Patches(NamedTuple):
             ("wheel", ""), ("length", "mm"), ("longest", "mm"), ("depth", "mm"), ("deepest", "mm"), ("links", "mean"),
         )  # fmt: skip
         rows = list(zip(self.wheels, *(each.tolist() for each in values), strict=True))
-        return Table("Contact patches: links inside the rims of wheels", columns, rows)
+        return Table.of("Contact patches: links inside the rims of wheels", columns, rows)
 
 
 def patch(pins: Floats, normals: Floats, centre: Floats, radius: float, face: float) -> tuple[Floats, Floats]:

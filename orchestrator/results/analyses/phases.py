@@ -22,9 +22,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses.table import Table
 from orchestrator.results.broken_line import Lines, breaks
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, since
+from orchestrator.results.table import Table
 
 PRECISION = 0.02  # of the largest speed or yaw rate: tolerance of the pieces, RMS
 LEAST_SPEED, LEAST_YAW_RATE = 0.05, 0.01  # m/s, rad/s: lower bounds of the tolerance
@@ -84,7 +84,7 @@ class Phases(NamedTuple):
             ("at last", "m/s"), ("yaw rate", "rad/s"), ("largest", "rad/s"), ("radius", "m"), ("power", "kW"),
             ("slip left", "m/s"), ("slip right", "m/s"), ("largest tension", "kN"), ("at", "s"), ("in", ""),
         )  # fmt: skip
-        return Table(f"{len(self.phases)} phases", columns, rows)
+        return Table.of(f"{len(self.phases)} phases", columns, rows)
 
 
 def sentence(one: Mapping[str, Any]) -> str:

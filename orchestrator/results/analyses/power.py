@@ -17,9 +17,9 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses.at_steps import RECOVER, columns
-from orchestrator.results.analyses.table import Table
 from orchestrator.results.energy import Block, Port, ports
 from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, vectors
+from orchestrator.results.table import Table
 
 WRENCH = ("force", "torque")
 MOTION = ("position", "velocity", "angular_velocity")
@@ -57,7 +57,7 @@ class Power(NamedTuple):
         heads = [(f"{name} {part}", "W") for part in ("relative", "on hull's motion") for name in self.ports]
         columns = (("t", "s"), ("h", "s"), *heads, *((name, "W") for name in self.drives))
         rows = np.column_stack([self.t, self.h, self.relative, self.carried, self.drive]).tolist()
-        return Table("Power over time", columns, rows)
+        return Table.of("Power over time", columns, rows)
 
     def table(self) -> Table:
         """Table of mean power and energy of each port and motor."""
@@ -90,7 +90,7 @@ class Energies(NamedTuple):
         )  # fmt: skip
         title = f"Power into wheels relative to the hull, {begin:.6g} to {end:.6g} s"
         note = ("the other side of the symmetric vehicle has the same again",) if self.halves > 1 else ()
-        return Table(title, columns, rows, note)
+        return Table.of(title, columns, rows, note)
 
 
 def of(run: RunData, window: Window = EVER) -> Power:

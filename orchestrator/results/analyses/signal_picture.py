@@ -20,6 +20,7 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, spectrum
 from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window
 from orchestrator.results.thinned import Envelope
+from orchestrator.results.units import scaled
 from orchestrator.results.whole_file import fresh, refuse
 
 if TYPE_CHECKING:
@@ -32,10 +33,9 @@ PLACE = "along the chain from the sprocket, m"
 STYLES = (("-", "solid"), ("--", "dashed"), (":", "dotted"), ("-.", "dash-dotted"))  # by log
 INSIDE, LEGEND, BESIDE = 4, 10, 24  # most curves for: legend inside, thick lines, legend beside; more: none
 DECADES = 1e-4  # of the largest amplitude: lower limit of the axis
-LARGE = {"N": ("kN", 1e3), "W": ("kW", 1e3), "J": ("kJ", 1e3), "Pa": ("MPa", 1e6)}
 
 
-class Curve(NamedTuple):
+class LabelledCurve(NamedTuple):
     """Signal of a log."""
 
     label: str
@@ -117,7 +117,7 @@ def _chosen(run: RunData, signals: Sequence[str], window: Window) -> Iterator[tu
 
 def _curves(
     run: RunData, signals: Sequence[str], window: Window, frequency: bool, order: bool, number: int, several: bool
-) -> Iterator[Curve]:
+) -> Iterator[LabelledCurve]:
     """Signals of a log over time or frequency."""
     for topic, columns, t in _chosen(run, signals, window):
         names = [run.log.name(topic, column) for column in columns]
@@ -130,7 +130,7 @@ def _curves(
         else:
             drawn = _thinned(run, topic, columns, window, t)
         for k, (x, y) in enumerate(drawn):
-            yield Curve(labels[k], units[k], x, y, number, names[k])
+            yield LabelledCurve(labels[k], units[k], x, y, number, names[k])
 
 
 def _thinned(run: RunData, topic: str, columns: list[int], window: Window, t: Floats) -> list[tuple[Floats, Floats]]:
@@ -212,7 +212,7 @@ def _round(share: Floats, values: Floats) -> tuple[Floats, Floats]:
     return np.concatenate([[x[-1] - 1.0], x, [x[0] + 1.0]]), np.concatenate([[y[-1]], y, [y[0]]])
 
 
-def _draw_curves(figure: Figure, curves: list[Curve], x_label: str, frequency: bool) -> None:
+def _draw_curves(figure: Figure, curves: list[LabelledCurve], x_label: str, frequency: bool) -> None:
     """Draw curves in one pane per unit."""
     units = list(dict.fromkeys(curve.unit for curve in curves))
     figure.set_size_inches(9.0, 1.2 + 3.0 * len(units))
@@ -222,10 +222,10 @@ def _draw_curves(figure: Figure, curves: list[Curve], x_label: str, frequency: b
     panes[-1].set_xlabel(x_label)
 
 
-def _pane(figure: Figure, pane: Axes, curves: list[Curve], unit: str, frequency: bool) -> None:
+def _pane(figure: Figure, pane: Axes, curves: list[LabelledCurve], unit: str, frequency: bool) -> None:
     """Draw the curves of one unit."""
     top = max(_largest(curve.y) for curve in curves)
-    shown, size = _size(unit, top)
+    size, shown = scaled(top, unit)
     names = list(dict.fromkeys(curve.signal for curve in curves))
     many = len(curves) > LEGEND
     colours = _colours(len(names))
@@ -298,7 +298,7 @@ def _draw_maps(figure: Figure, maps: list[Map], x_label: str, frequency: bool) -
     for pane, each in zip(panes, maps, strict=True):
         alike = [other.values for other in maps if other.unit == each.unit]
         most, least = (pick([pick(values) for values in alike]) for pick in (np.nanmax, np.nanmin))
-        shown, size = _size(each.unit, float(max(abs(most), abs(least))))
+        size, shown = scaled(float(max(abs(most), abs(least))), each.unit)
         scale = (
             LogNorm(DECADES * most / size, most / size)
             if frequency and most > 0
@@ -311,12 +311,6 @@ def _draw_maps(figure: Figure, maps: list[Map], x_label: str, frequency: bool) -
         pane.set_title(each.title, fontsize=9, loc="left", parse_math=False)
         pane.set_ylabel(each.label)
     panes[-1].set_xlabel(x_label)
-
-
-def _size(unit: str, largest: float) -> tuple[str, float]:
-    """Display unit and its size."""
-    shown, size = LARGE.get(unit, (unit, 1.0))
-    return (shown, size) if largest >= size else ("" if unit == "1" else unit, 1.0)
 
 
 def _largest(values: Floats) -> float:

@@ -9,8 +9,8 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
 from orchestrator.results.analyses.at_steps import together
-from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, mean
+from orchestrator.results.table import Table
 
 SLOWEST = 0.05  # m/s of the chain: at lower speed the slip ratio is meaningless
 
@@ -31,7 +31,7 @@ class Slip(NamedTuple):
         kinds = (("slip", "m/s"), ("slip ratio", ""), ("thrust", "N"), ("to the left", "N"), ("load", "N"))
         columns = (("t", "s"), *((f"{track} {kind}", unit) for kind, unit in kinds for track in self.tracks))
         values = [self.t, self.slip, self.ratio, self.thrust, self.lateral, self.load]
-        return Table("Slip and thrust over time", columns, np.column_stack(values).tolist())
+        return Table.of("Slip and thrust over time", columns, np.column_stack(values).tolist())
 
     def table(self) -> Table:
         """Table of means over the window, and the largest thrust."""
@@ -51,7 +51,7 @@ class Slip(NamedTuple):
             ("track", ""), ("slip", "m/s"), ("slip ratio", "%"), ("thrust", "kN"), ("least thrust", "kN"),
             ("largest thrust", "kN"), ("to the left", "kN"), ("load", "kN"), ("thrust over load", ""),
         )  # fmt: skip
-        return Table(f"Slip and thrust, means over {self.t[0]:.6g} to {self.t[-1]:.6g} s", columns, rows)
+        return Table.of(f"Slip and thrust, means over {self.t[0]:.6g} to {self.t[-1]:.6g} s", columns, rows)
 
 
 def of(run: RunData, window: Window = EVER) -> Slip:

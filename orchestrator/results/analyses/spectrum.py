@@ -14,8 +14,8 @@ import numpy as np
 from fmus.vehicle import BadInput
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import at_steps, hull
-from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, mean
+from orchestrator.results.table import Table
 
 SHAPES = {  # sums of cosines; importing scipy.signal takes a second
     "hann": (0.5, 0.5),
@@ -57,7 +57,7 @@ class Spectrum(NamedTuple):
         orders = (("tooth order", ""),) if self.teeth == self.teeth else ()
         columns = (("frequency", "Hz"), *orders, *zip(self.names, self.units, strict=True))
         rows = np.column_stack([self.frequency, *([self.order] if orders else []), self.amplitude]).tolist()
-        return Table("Amplitudes", columns, rows)
+        return Table.of("Amplitudes", columns, rows)
 
     def table(self) -> Table:
         """Table of the largest peaks of each signal."""
@@ -73,7 +73,8 @@ class Spectrum(NamedTuple):
         notes = [f"bins are {self.frequency[1]:.4g} Hz wide, {self.shape} window"]
         notes += [f"teeth pass at {self.teeth:.5g} Hz"] * bool(orders)
         notes += ["steps vary: resampled evenly by straight lines"] * self.resampled
-        return Table(f"Largest peaks, {self.window.start:.6g} to {self.window.end:.6g} s", columns, rows, tuple(notes))
+        title = f"Largest peaks, {self.window.start:.6g} to {self.window.end:.6g} s"
+        return Table.of(title, columns, rows, tuple(notes))
 
 
 def of(

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses.at_steps import RECOVER
+from orchestrator.results.analyses import at_steps
 from orchestrator.results.analyses.spells import TOUCHES, Spells, spells
-from orchestrator.results.analyses.table import Table
 from orchestrator.results.rotation import body_axis
-from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, means, since
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, means, since
+from orchestrator.results.table import Table
 
 
 class WheelLoads(NamedTuple):
@@ -36,7 +36,7 @@ class WheelLoads(NamedTuple):
         )  # fmt: skip
         least = self.threshold / 1e3
         note = f"a wheel is lifted from where it carries less than {least:.3g} kN to more than {TOUCHES * least:.3g} kN"
-        return Table("Load of road wheels, up in the hull", columns, rows, (note,))
+        return Table.of("Load of road wheels, up in the hull", columns, rows, (note,))
 
 
 def names(run: RunData) -> tuple[str, ...]:
@@ -57,24 +57,13 @@ def blocks(run: RunData, window: Window = EVER) -> Iterator[tuple[Floats, Floats
     wheels = names(run)
     if not wheels:
         raise Missing(f"{run.log.path} holds no road wheel")
-    forces = [[run.log.find(f"{name}.force.{axis}") for axis in "xyz"] for name in wheels]
-    wanted: dict[str, list[int]] = {}
-    for topic, column in (place for force in forces for place in force):
-        wanted.setdefault(topic, []).append(column)
-    turned = [f"chassis.orientation.{part}" for part in "wxyz"] if run.has("chassis.chassis.orientation.w") else []
-    if turned:
-        wanted["/chassis/out"] = [run.log.topics["/chassis/out"].names.index(name) for name in turned]
-    for block in run.log.blocks(wanted, BLOCK, window=window):
-        count = min(len(each.t) for each in block.values())
-        found = {topic: each.rows(slice(count)) for topic, each in block.items()}
-        t = next(iter(found.values())).t
-        if not all(np.array_equal(each.t, t) for each in found.values()):
-            raise Missing(f"{run.log.path} holds different steps of its components: {RECOVER}")
-        force = np.concatenate([found[topic].values for topic in wanted if topic != "/chassis/out"], axis=1)
-        up = np.tile([0.0, 0.0, 1.0], (count, 1))
-        if turned and count:
-            up = body_axis(found["/chassis/out"].values, 2)
-        yield t, np.einsum("mki,mi->mk", force.reshape(count, len(wheels), 3), up)
+    signals = [f"{name}.force.{axis}" for name in wheels for axis in "xyz"]
+    turned = run.has("chassis.chassis.orientation.w")
+    signals += [f"chassis.chassis.orientation.{part}" for part in "wxyz"] if turned else []
+    for t, values in at_steps.blocks(run, signals, window):
+        force, orientation = np.split(values, [3 * len(wheels)], axis=1)
+        up = body_axis(orientation, 2) if turned else np.tile([0.0, 0.0, 1.0], (len(t), 1))
+        yield t, np.einsum("mki,mi->mk", force.reshape(len(t), len(wheels), 3), up)
 
 
 def lifted(run: RunData, window: Window = EVER) -> Spells:

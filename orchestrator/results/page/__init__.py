@@ -1,1 +1,1 @@
-"""One page about a run, or about a run and its reference: a file that needs nothing else but a browser."""
+"""Report: one HTML file about a run, or a run and its reference, from the results of the analyses."""

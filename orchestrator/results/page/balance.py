@@ -1,13 +1,16 @@
-"""Where the work of the drives went: the ledger's sums, by what holds it, who lost it, and by what."""
+"""Section with the energy balance: work of the drives, stored, dissipated and unaccounted energy, by component."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 from orchestrator.log.described import said_of
-from orchestrator.results.energy import CAUSE, Ledger
-from orchestrator.results.page.words import and_list, instance, percent, quantity
+from orchestrator.results.energy import CAUSE, Ledger, changes
+from orchestrator.results.page.charts import Trace, lines, waterfall
+from orchestrator.results.page.section import Content, PageSection, Pair, table
+from orchestrator.results.page.words import and_list, instance, plain, quantity, text
 from orchestrator.results.run_data import RunData
+from orchestrator.results.units import percent
 
 KINDS = {
     "kinetic": "motion",
@@ -16,100 +19,156 @@ KINDS = {
     "spring": "springs",
     "contact": "contacts",
 }
-SHARE, SMALL = 1e-4, 5e-3  # of what came in: less is not told, or not by its kind
+SHARE, SMALL = 1e-4, 5e-3  # of the supplied energy: smaller parts are left out, or not named by kind
+NAMES = {"work": "put in", "stored": "stored", "lost": "lost"}
+BARS = "Each bar begins where the one above ends: what is stored or lost is taken from what came in."
+LOSSES = "A component gives the sum of its losses, not their parts: what is in it is told in the words of its FMU."
+PARTS = "By the integration of each component (of one, where the vehicle has two alike), and by the coupling."
 
 
 class Loss(NamedTuple):
-    """What a component lost: it gives no more than these sums, so their parts are known by name alone."""
+    """Energy lost by a component."""
 
     dissipated: float  # J, both sides of a half vehicle
     covered: float  # J, as contacts moved along links, both sides
-    parts: str  # what is in the first: by cause, or as its model description says
+    parts: str  # of the dissipated energy: by cause, or the description in the model description
 
 
-class Balance(NamedTuple):
-    """Energies over the run, J."""
-
-    stored: dict[str, float]  # by kind: change, without what has none
-    losses: dict[str, Loss]  # by component
-    ledger: Ledger
-
-    @property
-    def lost(self) -> dict[str, float]:
-        """What was dissipated by component, J, both sides of a half vehicle."""
-        return {name: loss.dissipated for name, loss in self.losses.items()}
-
-
-def balance(run: RunData, found: Ledger) -> Balance:
-    """The parts of a ledger's sums; raises Missing, LogUnreadable."""
-    losses = {}
-
-    def change(name: str, kind: str) -> float:
-        first, last = run.ends(f"{name}.energy.{kind}") if run.has(f"{name}.energy.{kind}") else (0.0, 0.0)
-        return run.copies(name) * (last - first)
-
-    for name in run.instances:
-        if run.has(f"{name}.energy.dissipated"):
-            parts = _causes(run, name) or said_of(run.log, f"{name}.energy.dissipated")
-            losses[name] = Loss(change(name, "dissipated"), change(name, "covered"), parts)
-    return Balance({kind: energy for kind, energy in found.stored.items() if energy}, losses, found)
+def losses(run: RunData) -> dict[str, Loss]:
+    """Losses of each component that has any; raises Missing, LogUnreadable."""
+    found = {}
+    for name, book in changes(run).items():
+        if "dissipated" in book:
+            copies = run.copies(name)
+            causes = {part.removeprefix(CAUSE): copies * lost for part, lost in book.items() if part.startswith(CAUSE)}
+            parts = _causes(causes) or said_of(run.log, f"{name}.energy.dissipated")
+            found[name] = Loss(copies * book["dissipated"], copies * book.get("covered", 0.0), parts)
+    return found
 
 
-def sources(found: Balance) -> str:
-    """What the energy came from, HTML: "53.26 kJ put in by the drives and 3.658 kJ released (height)"."""
-    return and_list(_sources(found))
+def _causes(causes: dict[str, float]) -> str:
+    """Losses by cause, the largest first; empty without causes."""
+    parts = sorted(((cause, lost) for cause, lost in causes.items() if lost), key=lambda each: -abs(each[1]))
+    return ", ".join(f"{cause.replace('_', ' ')} {quantity(lost, 'J')}" for cause, lost in parts)
 
 
-def supply(found: Balance) -> str:
-    """The same with the sum where there are two: "56.92 kJ: 53.26 kJ put in by the drives and 3.658 kJ released"."""
-    total = f"{quantity(found.ledger.supplied, 'J')}: " if len(_sources(found)) > 1 else ""
-    return total + sources(found)
+def sources(ledger: Ledger) -> str:
+    """Sources of energy, HTML: "53.26 kJ put in by the drives and 3.658 kJ released (height)"."""
+    return and_list(_sources(ledger))
 
 
-def _sources(found: Balance) -> list[str]:
-    released = {kind: -energy for kind, energy in found.stored.items() if -energy > SHARE * found.ledger.supplied}
-    parts = [f"{quantity(found.ledger.work, 'J')} put in by the drives"] if found.ledger.work > 0.0 else []
+def supply(ledger: Ledger) -> str:
+    """Sources of energy after their sum if there are two: "56.92 kJ: 53.26 kJ put in by the drives and ..."."""
+    total = f"{quantity(ledger.supplied, 'J')}: " if len(_sources(ledger)) > 1 else ""
+    return total + sources(ledger)
+
+
+def _sources(ledger: Ledger) -> list[str]:
+    released = {kind: -energy for kind, energy in ledger.stored.items() if -energy > SHARE * ledger.supplied}
+    parts = [f"{quantity(ledger.work, 'J')} put in by the drives"] if ledger.work > 0.0 else []
     if released:
         kinds = and_list([KINDS[kind] for kind in sorted(released, key=lambda kind: -released[kind])])
         parts.append(f"{quantity(sum(released.values()), 'J')} released ({kinds})")
     return parts
 
 
-def _causes(run: RunData, name: str) -> str:
-    """What a component lost by each cause, the most first; nothing where it does not say."""
-    topic = run.log.topics.get(f"/{name}/out")
-    prefix = f"energy.{CAUSE}"
-    found = {}
-    for output in (each for each in (topic.names if topic else ()) if each.startswith(prefix)):
-        first, last = run.ends(f"{name}.{output}")
-        found[output.removeprefix(prefix).replace("_", " ")] = run.copies(name) * (last - first)
-    parts = sorted(((cause, lost) for cause, lost in found.items() if lost), key=lambda each: -abs(each[1]))
-    return ", ".join(f"{cause} {quantity(lost, 'J')}" for cause, lost in parts)
-
-
-def sentence(found: Balance) -> str:
-    """In words, HTML."""
-    books, supplied = found.ledger, found.ledger.supplied
-    if max(supplied, abs(books.dissipated)) < 1e-3:
+def sentence(ledger: Ledger, lost: dict[str, Loss]) -> str:
+    """Balance in sentences, HTML."""
+    supplied = ledger.supplied
+    if max(supplied, abs(ledger.dissipated)) < 1e-3:
         return "Next to no energy moved in this run."
-    told = [f"<b>{quantity(supplied, 'J')}</b> came in: {sources(found)}."] if supplied > 0.0 else []
-    if books.work < -SHARE * supplied:
-        told.append(f"{quantity(-books.work, 'J')}{_share(-books.work, supplied)} went back into the drives.")
-    kinds = sorted(((kind, energy) for kind, energy in found.stored.items() if energy > 0.0), key=lambda each: -each[1])
-    if kept := sum(energy for _, energy in kinds):
+    said = [f"<b>{quantity(supplied, 'J')}</b> came in: {sources(ledger)}."] if supplied > 0.0 else []
+    if ledger.work < -SHARE * supplied:
+        said.append(f"{quantity(-ledger.work, 'J')}{_share(-ledger.work, supplied)} went back into the drives.")
+    kinds = sorted(
+        ((kind, energy) for kind, energy in ledger.stored.items() if energy > 0.0), key=lambda each: -each[1]
+    )
+    if stored := sum(energy for _, energy in kinds):
         named = [f"{KINDS[kind]} {quantity(energy, 'J')}" for kind, energy in kinds if energy > SMALL * supplied]
         parts = f": {and_list(named)}" if named else ""
-        told.append(f"{quantity(kept, 'J')}{_share(kept, supplied)} is stored at the end{parts}.")
-    losers = sorted(found.lost.items(), key=lambda each: -abs(each[1]))[:3]
-    named = [f"{instance(name)} {quantity(energy, 'J')}" for name, energy in losers if energy > 0.01 * books.dissipated]
+        said.append(f"{quantity(stored, 'J')}{_share(stored, supplied)} is stored at the end{parts}.")
+    losers = sorted(((name, loss.dissipated) for name, loss in lost.items()), key=lambda each: -abs(each[1]))[:3]
+    named = [f"{instance(name)} {quantity(loss, 'J')}" for name, loss in losers if loss > 0.01 * ledger.dissipated]
     most = f", most of it in {and_list(named)}" if named else ""
-    told.append(f"{quantity(books.dissipated, 'J')}{_share(books.dissipated, supplied)} was dissipated{most}.")
-    told.append(
-        f"{quantity(books.residual, 'J')} is unaccounted for, {percent(books.residual_relative, 2)} of the largest sum:"
-        " that is an error of the steps, not a physical loss."
+    said.append(f"{quantity(ledger.dissipated, 'J')}{_share(ledger.dissipated, supplied)} was dissipated{most}.")
+    said.append(
+        f"{quantity(ledger.residual, 'J')} is unaccounted for, {percent(ledger.residual_relative, 2)} of the largest"
+        " sum: that is an error of the steps, not a physical loss."
     )
-    return " ".join(told)
+    return " ".join(said)
 
 
 def _share(energy: float, supplied: float) -> str:
     return f" ({percent(energy / supplied)})" if supplied > 1e-3 * abs(energy) else ""
+
+
+def energy(pair: Pair) -> PageSection | None:
+    """Section of the energy balance; None without a ledger."""
+    run, ledger = pair.run.run, pair.run.ledger
+    if ledger is None:
+        return None
+    lost = losses(run)
+    content = Content()
+    content.html = f'<p class="lead">{sentence(ledger, lost)}</p>'
+    if max(abs(ledger.work), abs(ledger.change), abs(ledger.dissipated)) > 1e-3:
+        chart = waterfall(_bars(run, ledger, lost))
+        content.figure("energy", chart, "From what was put in to what is unaccounted for", BARS, "tall")
+        if drawn := _curves(pair):
+            chart = lines("energy", "J", drawn)
+            content.figure("energy-time", chart, "Energy since the start", "All components together.")
+    parts = [(instance(name), quantity(left, "J", 3)) for name, left in ledger.integration.items()]
+    parts.append(("ports between components", quantity(ledger.port, "J", 3)))
+    content.html += (
+        f"{_losses(run, lost)}<details><summary>Which part makes what is unaccounted for</summary>"
+        f"<p class='muted'>{PARTS}</p>{table(('Component', 'Unaccounted for'), parts)}</details>"
+    )
+    return PageSection("energy", "Energy", "Where does the work go?", content.html, content.charts)
+
+
+def _bars(run: RunData, ledger: Ledger, lost: dict[str, Loss]) -> list[tuple[str, float, str]]:
+    """Name, energy, J, and role of each bar, without bars too small to be seen."""
+    rows = [("put in by drives", ledger.work, "work")]
+    rows += [(f"released: {KINDS[kind]}", change, "stored") for kind, change in ledger.stored.items() if change < 0.0]
+    rows += [(f"stored: {KINDS[kind]}", change, "stored") for kind, change in ledger.stored.items() if change > 0.0]
+    rows += [
+        (f"dissipated: {plain(name)}{_sides(run, name)}", loss.dissipated, "lost")
+        for name, loss in lost.items()
+        if loss.dissipated
+    ]
+    rows.append(("lost: contacts moving along links", ledger.covered, "lost"))
+    least = 1e-5 * max(abs(each) for _, each, _ in rows)
+    return [*(row for row in rows if abs(row[1]) > least), ("unaccounted for", ledger.residual, "open")]
+
+
+def _sides(run: RunData, name: str) -> str:
+    return ", both sides" if run.copies(name) > 1 else ""
+
+
+def _curves(pair: Pair) -> list[Trace]:
+    """Energies over time of the run and its reference."""
+    studies = (pair.run, *([pair.reference] if pair.reference else []))
+    return [
+        Trace(f"{NAMES[part]}{', reference' * behind}", curve, k, reference=bool(behind))
+        for behind, study in enumerate(studies)
+        for k, (part, curve) in enumerate(study.energies.items())
+    ]
+
+
+def _losses(run: RunData, lost: dict[str, Loss]) -> str:
+    """Table of the losses of each component and their causes, HTML."""
+    found = {name: loss for name, loss in lost.items() if loss.dissipated or loss.covered}
+    if not found:
+        return ""
+    whole = sum(loss.dissipated + loss.covered for loss in found.values())
+    rows = [
+        (
+            f"{instance(name)}{_sides(run, name)}<br>"
+            f"<span class='muted'>{text(loss.parts) or 'its model description does not say'}</span>",
+            quantity(loss.dissipated, "J"),
+            quantity(loss.covered, "J", 3) if loss.covered else "",
+            percent((loss.dissipated + loss.covered) / whole) if whole else "",
+        )
+        for name, loss in found.items()
+    ]
+    head = "Component, and what its losses are", "Dissipated", "Contacts moving<br>along links", "Of all losses"
+    return f"<h3>What was lost where</h3><p class='muted'>{LOSSES}</p>{table(head, rows, 'numbers')}"

@@ -1,4 +1,4 @@
-"""Charts as tables for the script of the page: what is drawn, in which unit, in whose colour."""
+"""Charts as JSON tables for the script of the page: curves, bars and maps with their units and colours."""
 
 from __future__ import annotations
 
@@ -8,43 +8,47 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.page.circuit import Section
+from orchestrator.results.analyses.profile import Stretch
 from orchestrator.results.page.embedded import floats
-from orchestrator.results.page.words import scaled, text
+from orchestrator.results.page.words import text
 from orchestrator.results.thinned import Curve, Peak
+from orchestrator.results.units import scaled
 
 Chart = dict[str, Any]
 FLAT = 1e-5  # of the largest value
 
 
-class Line(NamedTuple):
-    """A curve of a chart."""
+class Trace(NamedTuple):
+    """Curve of a chart."""
 
     name: str
     curve: Curve
-    colour: int  # place in the page's row of colours
-    mean: Curve | None = None  # of a curve that is a band: the line through it
+    colour: int  # index of the page's colours
+    mean: Curve | None = None  # moving mean, if the curve is a band
     reference: bool = False  # drawn dashed
-    behind: bool = False  # drawn broad, so that one that covers it leaves it visible
+    behind: bool = False  # drawn broad, so that it shows under a curve that covers it
     points: bool = False  # its samples are marked
 
-    def times(self, factor: float) -> Line:
-        """The same in another unit."""
+    def times(self, factor: float) -> Trace:
+        """Trace in another unit."""
         return self._replace(curve=self.curve.times(factor), mean=self.mean and self.mean.times(factor))
 
 
 def lines(
     quantity: str,
     unit: str,
-    drawn: Iterable[Line],
+    drawn: Iterable[Trace],
     *,
     x: str = "time, s",
     timed: bool = True,
-    sections: Sequence[Section] = (),
+    stretches: Sequence[Stretch] = (),
     mark: Peak | None = None,
     window: str = "",
 ) -> Chart:
-    """Curves over time, or over something else; ``window``: what the means of bands are over, in words."""
+    """Chart of curves over time or over ``x``.
+
+    ``stretches``: named parts of x; ``mark``: a marked point; ``window``: averaging time of means, in words.
+    """
     curves = list(drawn)
     size = max((float(np.nanmax(np.abs(line.curve.y), initial=0.0)) for line in curves), default=0.0)
     by, name = scaled(size, unit)
@@ -71,7 +75,7 @@ def lines(
             }
             for line in curves
         ],
-        "sections": [[section.start, section.end, text(section.name)] for section in sections],
+        "sections": [[each.start, each.end, text(each.name)] for each in stretches],
         "mark": [mark.t, mark.value / by] if mark else None,
         "window": text(window) if any(line.mean for line in curves) else "",
         "flat": [(low - 0.1 * size) / by, (high + 0.1 * size) / by] if level else None,
@@ -79,7 +83,7 @@ def lines(
 
 
 def waterfall(rows: Sequence[tuple[str, float, str]]) -> Chart:
-    """Energies, J, of work by what became of it: name, amount, and "work", "stored", "lost" or "open"."""
+    """Chart of energies: name, amount, J, and role of each bar: "work", "stored", "lost" or "open"."""
     factor, unit = scaled(max((abs(energy) for _, energy, _ in rows), default=1.0), "J")
     return {
         "kind": "waterfall",
@@ -98,7 +102,10 @@ def heat(
     mark: tuple[float, int, str] | None = None,
     reference: Floats | None = None,
 ) -> Chart:
-    """Values (m, links) over time and link; ``mark``: time, link and a word; ``reference``: to be shown instead."""
+    """Chart of values (m, links) over time and link.
+
+    ``mark``: time, link and label of a point; ``reference``: values (m, links) that the reader can choose instead.
+    """
     factor, name = scaled(float(np.nanmax(np.abs(values), initial=0.0)), unit)
     return {
         "kind": "heat",

@@ -1,46 +1,65 @@
-"""The page as one text: head, sections, data, style, script and the plotting library."""
+"""HTML of a page: head, sections, data, style, script and the plotting library."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 from orchestrator.log.extra import library
-from orchestrator.results.page import facts, sections
+from orchestrator.results.page import heading, key_figures
+from orchestrator.results.page.balance import energy
+from orchestrator.results.page.checks import checks
 from orchestrator.results.page.embedded import script
 from orchestrator.results.page.ending import ending
+from orchestrator.results.page.events import happened
 from orchestrator.results.page.exactness import exactness
+from orchestrator.results.page.loads import loads
+from orchestrator.results.page.motion import drive, motion
 from orchestrator.results.page.phases import phases
 from orchestrator.results.page.player import player as player_of
 from orchestrator.results.page.provenance import compared, made
-from orchestrator.results.page.sections import Pair, Section
-from orchestrator.results.page.study import Study, attempt
-from orchestrator.results.page.words import number, text
+from orchestrator.results.page.section import PageSection, Pair
+from orchestrator.results.page.study import Judged, Study, attempt, study
+from orchestrator.results.page.tension import tension
+from orchestrator.results.page.words import text
+from orchestrator.results.run_data import RunData
+from orchestrator.results.units import number
+from orchestrator.results.whole_file import fresh
 
-# nothing may be asked of anywhere, whatever the page or its library come to hold
+SUFFIXES = (".html", ".htm")
+# the page and its library must not request anything from other machines
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 
 
 def plotting() -> str:
-    """The script of the plotting library; raises NotInstalled."""
+    """Script of the plotting library; raises NotInstalled."""
     return str(library("plotly.offline", "report").get_plotlyjs())
 
 
+def write(run: RunData, judged: Judged, output: Path, reference: tuple[RunData, Judged] | None = None) -> None:
+    """Write the page of a run and its reference, whole or not at all; raises LogUnreadable, NotInstalled, BadInput."""
+    plots = plotting()
+    page = document(study(run, judged), study(*reference) if reference else None, plots)
+    with fresh(output) as beside:
+        beside.write_text(page, encoding="utf-8")
+
+
 def document(run: Study, reference: Study | None, plots: str) -> str:
-    """The page of a run; raises LogUnreadable."""
-    found = facts.figures(run)
+    """HTML page of a run and its reference; ``plots``: script of the plotting library. Raises LogUnreadable."""
+    found = key_figures.figures(run)
     pair = Pair(run, reference, found)
     player = _player(run, reference)
     drawn = re.search(r"plotly\.js v([\d.]+)", plots[:400])
     parts = [
-        sections.checks(pair),
+        checks(pair),
         exactness(pair),
         *filter(None, [phases(pair), player, compared(pair)]),
-        *(one for make in (ending, sections.motion, sections.drive, sections.energy, sections.tension, sections.loads)
+        *(one for make in (ending, motion, drive, energy, tension, loads)
           if (one := attempt(lambda make=make: make(pair), run.missing))),  # type: ignore[misc]
-        sections.happened(pair),
+        happened(pair),
         made(pair, f"plotly.js {drawn[1]}" if drawn else "plotly.js"),
     ]  # fmt: skip
     charts = {name: chart for part in parts for name, chart in part.charts.items() if name != "player"}
@@ -48,19 +67,20 @@ def document(run: Study, reference: Study | None, plots: str) -> str:
         "figures": found,
         "charts": charts,
         "player": player.charts["player"] if player else None,
-        "span": list(run.span),
+        "span": list(run.run.span),
     }
     return "".join(_pieces(run, reference, found, parts, data, plots))
 
 
-def _player(run: Study, reference: Study | None) -> Section | None:
+def _player(run: Study, reference: Study | None) -> PageSection | None:
+    """Section with the side view of the track with the largest tension."""
     chain = run.hardest
     if chain is None:
         return None
     other = reference.chains.get(chain.track) if reference else None
-    held = reference.run if reference and other and other.columns.position else None
-    view = attempt(lambda: player_of(run.run, chain.track, held), run.missing)
-    return Section("view", "Side view", "What does it look like?", _VIEW, {"player": view}) if view else None
+    other_run = reference.run if reference and other and other.pins else None
+    view = attempt(lambda: player_of(run.run, chain.track, other_run), run.missing)
+    return PageSection("view", "Side view", "What does it look like?", _VIEW, {"player": view}) if view else None
 
 
 _VIEW = """<figure class="player"><canvas id="picture" role="img" aria-label="side view of one track"></canvas>
@@ -82,20 +102,19 @@ def _pieces(
     run: Study,
     reference: Study | None,
     found: dict[str, Any],
-    parts: Sequence[Section],
+    parts: Sequence[PageSection],
     data: dict[str, Any],
     plots: str,
 ) -> list[str]:
-    """HTML, in order."""
-    verdict = facts.verdict(run)
-    title = facts.title(run)
+    """Pieces of the HTML, in order."""
+    verdict, title = heading.verdict(run), heading.title(run)
     against = f", against the reference {text(reference.run.log.path.name)}" if reference else ""
     tiles = "".join(
         f'<div class="tile"><div class="label">{tile.label}</div><div class="value {tile.kind}">{tile.value}</div>'
         f'<div class="note">{tile.note}</div></div>'
-        for tile in facts.tiles(run, found)
+        for tile in key_figures.tiles(run, found)
     )
-    setting = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in facts.setting(run))
+    setting = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in heading.setting(run))
     contents = "".join(f'<a href="#{part.key}">{part.name}</a>' for part in parts)
     body = "".join(f'<section id="{part.key}"><h2>{part.title}</h2>{part.html}</section>' for part in parts)
     return [
@@ -105,7 +124,7 @@ def _pieces(
         '<meta name="color-scheme" content="light dark">',
         f'<title>{title}</title><link rel="icon" href="data:,"><style>{_asset("page.css")}</style></head><body>',
         f'<header><p class="kicker">Report of the run {text(run.run.log.path.name)}{against} &middot;'
-        f" {number(run.span[1] - run.span[0])} s</p><h1>{title}</h1>",
+        f" {number(run.run.span[1] - run.run.span[0])} s</p><h1>{title}</h1>",
         f'<p class="verdict {verdict.mood}"><b>{verdict.word}.</b> {verdict.sentence}</p>',
         *(f'<p class="verdict bad"><b>Reference.</b> {text(cut)}.</p>' for cut in [_cut(reference)] if cut),
         f'<div class="tiles">{tiles}</div><dl class="setting">{setting}</dl></header>',

@@ -1,4 +1,4 @@
-"""Arrays and tables inside a page: numbers of four bytes as base64, and JSON that no script element ends in."""
+"""Arrays as base64 and tables as JSON inside a page."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import json
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
+from orchestrator.results.units import finite
 
 
 def floats(values: Floats) -> str:
-    """Little-endian float32 as base64; what is no finite number is a NaN."""
+    """Base64 of little-endian float32; values that are not finite become NaN."""
     with np.errstate(over="ignore"):
         short = np.asarray(values, np.float64).astype("<f4")
     short[~np.isfinite(short)] = np.nan
@@ -21,27 +21,12 @@ def floats(values: Floats) -> str:
 
 
 def shorts(values: Floats, unit: float) -> str:
-    """Little-endian int16 of multiples of ``unit`` as base64."""
+    """Base64 of little-endian int16, in multiples of ``unit``."""
     whole = np.clip(np.nan_to_num(np.round(np.asarray(values) / unit)), -32767, 32767)
     return base64.b64encode(whole.astype("<i2").tobytes()).decode()
 
 
-def unpacked(content: str) -> NDArray[np.float32]:
-    """What ``floats`` packed."""
-    return np.frombuffer(base64.b64decode(content), "<f4")
-
-
 def script(table: Any) -> str:
-    """JSON for a script element: no "<" or "&" in it, and no NaN."""
-    content = json.dumps(_finite(table), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    """JSON for a script element, without "<", "&" and NaN, so that the element cannot end in it."""
+    content = json.dumps(finite(table), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return content.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(key): _finite(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(each) for each in value]
-    if isinstance(value, (float, np.floating)):
-        return float(value) if np.isfinite(value) else None
-    return int(value) if isinstance(value, np.integer) else value

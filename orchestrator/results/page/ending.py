@@ -1,23 +1,21 @@
-"""Means over the last part of a run: motion, drives, tracks, and where the power goes."""
+"""Section with means over the last part of a run: motion, drives, tracks, and powers."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from orchestrator.log.time_series import Floats
-from orchestrator.results.energy import STORED
+from orchestrator.results.energy import STORED, powers
 from orchestrator.results.page.balance import KINDS
-from orchestrator.results.page.sections import Pair, Section, table
-from orchestrator.results.page.words import instance, number, percent, quantity
-from orchestrator.results.run_data import RunData, Window, mean
+from orchestrator.results.page.section import PageSection, Pair, table
+from orchestrator.results.page.words import instance, quantity
+from orchestrator.results.run_data import RunData, Window
+from orchestrator.results.units import number, percent
 
 PART, LONGEST = 0.25, 10.0  # of the run, and s
 LEAST = 1e-3  # W
-SMALL = 1e-3  # of the largest power: less is left out
+SMALL = 1e-3  # of the largest power: smaller ones are added up
 CHASSIS, TRACK, DRIVE = "chassis", "track", "drive"
-MEANS = (  # output, what it is called, its unit in the kind of instance that has it
+MEANS = (  # output, its name, and its unit by the kind of instance
     ("speed", "speed of the hull", {CHASSIS: "m/s"}),
     ("speed", "speed of the chain along itself", {TRACK: "m/s"}),
     ("speed", "speed of the sprocket", {DRIVE: "rad/s"}),
@@ -28,95 +26,81 @@ MEANS = (  # output, what it is called, its unit in the kind of instance that ha
     ("tension.max", "largest tension, on average", {TRACK: "N"}),
     ("tension.min", "smallest tension, on average", {TRACK: "N"}),
 )
-NONE = np.zeros(0)
-FLOWS = ("work", "dissipated", "covered", *STORED)
 
 
 class Flow(NamedTuple):
-    """Mean power, W; positive is put in."""
+    """Mean power of one source or sink."""
 
-    name: str
-    power: float
+    name: str  # HTML
+    power: float  # W, positive is put in
 
 
 def window_of(span: tuple[float, float]) -> Window:
-    """The last part of a run, s."""
+    """Last part of a run of that time span, s."""
     start, end = span
     return Window(end - min(PART * (end - start), LONGEST), end)
 
 
-def ending(pair: Pair) -> Section | None:
-    """What it was like in the end; nothing where the record has no two steps there."""
-    study, reference = pair.run, pair.reference
-    window = window_of(study.span)
-    own = _recorded(study.run, window)
-    if not any(len(t) > 1 for t, _ in own.values()):
+def ending(pair: Pair) -> PageSection | None:
+    """Section with means of the run and its reference; None if the run has fewer than two steps there."""
+    run, reference = pair.run.run, pair.reference and pair.reference.run
+    window = window_of(run.span)
+    runs = [run, *([reference] if reference and reference.span == run.span else [])]
+    read = [_read(each, window) for each in runs]
+    if read[0] < 2:
         return None
-    others = [_recorded(reference.run, window)] if reference and reference.span == study.span else []
-    rows = _means(study.run, [own, *others])
     html = f"<p>Means from {number(window.start)} to {number(window.end)} s, the last part of the run.</p>"
-    means = table(("Mean", "Run" if others else "", *["Reference"] * len(others)), rows)
-    html += f"<div class='grid'><div>{means}</div><div>{_powers(flows(study.run, own))}</div></div>"
-    return Section("ending", "In the end", "What was it like in the end?", html, {})
+    means = table(("Mean", "Run" if runs[1:] else "", *["Reference"] * len(runs[1:])), _means(runs, window))
+    html += f"<div class='grid'><div>{means}</div><div>{_powers(flows(run, window))}</div></div>"
+    return PageSection("ending", "In the end", "What was it like in the end?", html, {})
 
 
-def _recorded(run: RunData, window: Window) -> dict[str, tuple[Floats, Floats]]:
-    """Times and values within the window of all outputs that are asked for, by their names; in one pass."""
-    asked = [f"energy.{kind}" for kind in FLOWS] + [output for output, *_ in MEANS]
-    names = [f"{name}.{output}" for name in run.instances for output in asked if run.has(f"{name}.{output}")]
-    wanted: dict[str, list[int]] = {}
-    places = [run.log.find(name) for name in names]
-    for topic, column in places:
-        wanted.setdefault(topic, []).append(column)
-    found = run.log.select(wanted, window)
-    return {
-        name: (found[topic].t, found[topic].values[:, wanted[topic].index(column)])
-        for name, (topic, column) in zip(names, places, strict=True)
-    }
+def _read(run: RunData, window: Window) -> int:
+    """Read all outputs of the section in one pass; return the largest number of their samples."""
+    outputs = {f"energy.{kind}" for kind in ("work", "dissipated", "covered", *STORED)} | {each[0] for each in MEANS}
+    names = [f"{name}.{output}" for name in run.instances for output in outputs if run.has(f"{name}.{output}")]
+    run.hold(names, window)
+    return max((len(run.signal(name, window)[0]) for name in names), default=0)
 
 
-def _means(run: RunData, recorded: list[dict[str, tuple[Floats, Floats]]]) -> list[tuple[str, ...]]:
-    """A row for each output, with the values of all instances that have it."""
+def _means(runs: list[RunData], window: Window) -> list[tuple[str, ...]]:
+    """Row for each output, with the values of all instances that have it."""
+    run = runs[0]
     kinds = {name: TRACK if name in run.tracks else CHASSIS if name == CHASSIS else DRIVE for name in run.instances}
     rows = []
-    for output, called, units in MEANS:
+    for output, title, units in MEANS:
         for kind, unit in units.items():
-            names = [name for name in run.instances if kinds[name] == kind and f"{name}.{output}" in recorded[0]]
+            names = [name for name in run.instances if kinds[name] == kind and run.has(f"{name}.{output}")]
             cells = [
-                "<br>".join(_told(each, name, output, unit, kind) for name in names if f"{name}.{output}" in each)
-                for each in recorded
+                "<br>".join(
+                    quantity(each.mean(f"{name}.{output}", window), unit)
+                    + ("" if kind == CHASSIS else f" <span class='muted'>{instance(name)}</span>")
+                    for name in names
+                    if each.has(f"{name}.{output}")
+                )
+                for each in runs
             ]
             if names:
-                rows.append((called, *cells))
+                rows.append((title, *cells))
     return rows
 
 
-def _told(recorded: dict[str, tuple[Floats, Floats]], name: str, output: str, unit: str, kind: str) -> str:
-    value = quantity(mean(*recorded[f"{name}.{output}"]), unit)
-    return value if kind == CHASSIS else f"{value} <span class='muted'>{instance(name)}</span>"
-
-
-def flows(run: RunData, recorded: dict[str, tuple[Floats, Floats]]) -> list[Flow]:
+def flows(run: RunData, window: Window) -> list[Flow]:
     """Work put in, lost and stored a second; a half vehicle counts for both sides. Their sum is unaccounted for."""
     found, stored = [], dict.fromkeys(STORED, 0.0)
-    for name in run.instances:
-        both = ", both sides" if run.copies(name) > 1 else ""
-
-        def power(kind: str, name: str = name) -> float:
-            t, values = recorded.get(f"{name}.energy.{kind}", (NONE, NONE))
-            return run.copies(name) * float(values[-1] - values[0]) / float(t[-1] - t[0]) if len(t) > 1 else 0.0
-
-        found.append(Flow(f"put in by the {instance(name)}{both}", power("work")))
-        found.append(Flow(f"dissipated in the {instance(name)}{both}", -power("dissipated")))
-        found.append(Flow(f"lost as contacts move along links, {instance(name)}{both}", -power("covered")))
+    for name, power in powers(run, window).items():
+        place = f"{instance(name)}{', both sides' if run.copies(name) > 1 else ''}"
+        found.append(Flow(f"put in by the {place}", power.get("work", 0.0)))
+        found.append(Flow(f"dissipated in the {place}", -power.get("dissipated", 0.0)))
+        found.append(Flow(f"lost as contacts move along links, {place}", -power.get("covered", 0.0)))
         for kind in STORED:
-            stored[kind] += power(kind)
+            stored[kind] += power.get(kind, 0.0)
     how = {kind: "stored in" if power > 0.0 else "given back by" for kind, power in stored.items()}
     return found + [Flow(f"{how[kind]} {KINDS[kind]}", -power) for kind, power in stored.items()]
 
 
 def _powers(found: list[Flow]) -> str:
-    """As a table, the largest givers first; nothing where next to nothing flows."""
+    """Table of powers, the largest sources first, HTML; empty without power."""
     largest = max((abs(flow.power) for flow in found), default=0.0)
     if not largest > LEAST:
         return ""

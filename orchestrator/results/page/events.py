@@ -1,77 +1,133 @@
-"""What happened, as far as the record shows, in few rows: ``analyses/events.py``, what recurs taken together."""
+"""Section with the events of the run; events that recur are one row."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from orchestrator.results.analyses import events as happened
-from orchestrator.results.analyses import wheel_loads
-from orchestrator.results.analyses.spells import Spell, settling
-from orchestrator.results.page.words import instance, number, text, wheel_name
-from orchestrator.results.run_data import Missing, RunData
+from orchestrator.results.analyses import events
+from orchestrator.results.analyses.spells import LIFTED, SETTLING, TOUCHES, Spell, settling
+from orchestrator.results.page.motion import AT_REST
+from orchestrator.results.page.section import PageSection, Pair, table
+from orchestrator.results.page.words import and_list, instance, quantity, text, wheel, wheel_name
+from orchestrator.results.run_data import RunData
+from orchestrator.results.units import number, percent
 from orchestrator.results.validity.ledger import validity
 
-SHOWN = 40  # warnings
+SHOWN = 40  # rows, and warnings
+PEAKS = (  # key figure, and its name as an event
+    ("top_speed", "Top speed"),
+    ("tension", "Largest link tension"),
+    ("stress", "Largest link stress"),
+    ("wheel_load", "Largest wheel load"),
+    ("ground_force", "Largest force of the ground on a track"),
+)
 
 
-class Event(NamedTuple):
-    """A line of the table, as HTML."""
+class EventRow(NamedTuple):
+    """Row of the table of events, HTML."""
 
-    t: float
+    t: float  # s
     what: str
     where: str
     detail: str
 
 
-def lifted(run: RunData) -> dict[tuple[str, str], list[Spell]]:
-    """When road wheels are lifted off, by track and wheel; raises LogUnreadable."""
-    try:
-        found = wheel_loads.lifted(run).of
-    except Missing:
-        return {}
-    return {tuple(name.split(".", 1)): spells for name, spells in found.items()}  # type: ignore[misc]
+def happened(pair: Pair) -> PageSection:
+    """Section with events, warnings and extremes in order of time, and the events that did not happen."""
+    run = pair.run.run
+    found = sorted([*rows(run), *_peaks(pair)], key=lambda row: row.t)
+    cells = [(f"{number(row.t)} s", row.what, row.where, row.detail) for row in found[:SHOWN]]
+    html = table(("First at", "What", "Where", "How much, how often"), cells) if cells else ""
+    if len(found) > SHOWN:
+        html += f"<p class='muted'>and {len(found) - SHOWN} more.</p>"
+    loaded = any(name.endswith(".load") for name in pair.run.signals)
+    early = [name for name, times in events.lifted(run).items() if any(settling(run, one.end) for one in times)]
+    if quiet := _quiet(run, found, loaded, bool(early)):
+        html += f"<p>{and_list(quiet).capitalize()}.</p>"
+    if early:
+        html += (
+            f"<p class='muted'>In its first {number(SETTLING)} s, while the drawn vehicle comes to rest on its tracks,"
+            f" {len(early)} road wheel{'s are' if len(early) > 1 else ' is'} lifted off: {_named(early)}.</p>"
+        )
+    if loaded:
+        html += (
+            f"<p class='muted'>A road wheel is lifted off from where it carries less than {percent(LIFTED)} of the mean"
+            f" load of all to where it carries more than {percent(TOUCHES * LIFTED)}.</p>"
+        )
+    return PageSection("events", "Events", "What happened on the way?", html, {})
 
 
-def events(run: RunData) -> list[Event]:
-    """In the order of time; raises LogUnreadable."""
-    found = [*_borne(run), *_rejections(run), *_warnings(run), *_limits(run)]
-    return sorted(found, key=lambda event: event.t)
+def _named(wheels: list[str]) -> str:
+    parts = [name.partition(".") for name in wheels]
+    return text(and_list([f"{wheel_name(own)} ({instance(track)})" for track, _, own in parts]))
 
 
-def _borne(run: RunData) -> list[Event]:
+def _quiet(run: RunData, found: list[EventRow], loaded: bool, early: bool) -> list[str]:
+    """Clauses on the kinds of events that did not happen, HTML."""
+    rest = " once the vehicle had come to rest"
+    kinds = " ".join(row.what for row in found)
+    quiet = [f"no road wheel was lifted off{rest if early else ''}"] if loaded and "lifted" not in kinds else []
+    hops = events.off_ground(run)
+    if hops.threshold > 0.0 and "off the ground" not in kinds:
+        quiet.append(f"no track left the ground{rest if any(hops.of.values()) else ''}")
+    if any(events.REJECTED in about.names for about in run.log.topics.values()) and "Solver" not in kinds:
+        quiet.append("no solver took back a step")
+    if run.log.closing is not None and not run.log.closing["warnings"]:
+        quiet.append("no component warned")
+    return quiet
+
+
+def rows(run: RunData) -> list[EventRow]:
+    """Rows of events and limits of validity in order of time; raises LogUnreadable."""
+    found = [*_borne(run), *_rejections(run)]
+    warned = [*events.warnings(run)][:SHOWN]
+    found += [EventRow(event.t, "Warning", instance(event.component), text(event.text)) for event in warned]
+    found += [
+        EventRow(entry.time, f"Limit of validity, {entry.severity}", instance(entry.component), text(entry.sentence))
+        for entry in validity(run).entries
+    ]
+    return sorted(found, key=lambda row: row.t)
+
+
+def _borne(run: RunData) -> list[EventRow]:
+    """Rows of wheels and tracks without contact, without those of a vehicle that settles."""
     made = []
-    for (track, wheel), spells in lifted(run).items():
-        if times := [spell for spell in spells if not settling(run, spell.end)]:
-            made.append(_spell(times, "Road wheel is lifted off", f"{instance(track)}, {text(wheel_name(wheel))}"))
-    for track, spells in happened.off_ground(run).of.items():
-        if times := [spell for spell in spells if not settling(run, spell.end)]:
-            made.append(_spell(times, "Track is off the ground", instance(track)))
+    for what, where, found in (
+        ("Road wheel is lifted off", wheel, events.lifted(run)),
+        ("Track is off the ground", instance, events.off_ground(run).of),
+    ):
+        for name, spells in found.items():
+            if times := [spell for spell in spells if not settling(run, spell.end)]:
+                made.append(EventRow(times[0].start, what, where(name), _durations(times)))
     return made
 
 
-def _spell(times: list[Spell], what: str, where: str) -> Event:
+def _durations(times: list[Spell]) -> str:
     total = sum(spell.time for spell in times)
     longest = max(times, key=lambda spell: spell.time)
-    count = "once" if len(times) == 1 else f"{len(times)} times, {number(total, 3)} s together"
-    start = f"{number(longest.start)} to {number(longest.end)} s"
-    return Event(times[0].start, what, where, f"{count}; {'longest ' if len(times) > 1 else ''}{start}")
+    interval = f"{number(longest.start)} to {number(longest.end)} s"
+    if len(times) == 1:
+        return f"once; {interval}"
+    return f"{len(times)} times, {number(total, 3)} s together; longest {interval}"
 
 
-def _rejections(run: RunData) -> list[Event]:
+def _rejections(run: RunData) -> list[EventRow]:
     return [
-        Event(float(t[0]), "Solver took back a step and halved it", instance(name),
-              f"{number(more.sum(), 7)} in all; last by {number(t[-1])} s")
-        for name, t, more in happened.rejections(run)
+        EventRow(float(t[0]), "Solver took back a step and halved it", instance(name),
+                 f"{number(more.sum(), 7)} in all; last by {number(t[-1])} s")
+        for name, t, more in events.rejections(run)
     ]  # fmt: skip
 
 
-def _warnings(run: RunData) -> list[Event]:
-    told = [*happened.warnings(run)][:SHOWN]
-    return [Event(event.t, "Warning", instance(event.component), text(event.text)) for event in told]
-
-
-def _limits(run: RunData) -> list[Event]:
-    return [
-        Event(entry.time, f"Limit of validity, {entry.severity}", instance(entry.component), text(entry.sentence))
-        for entry in validity(run).entries
-    ]
+def _peaks(pair: Pair) -> list[EventRow]:
+    """Rows of the largest values of the run."""
+    found = []
+    for key, what in PEAKS:
+        peak = pair.figures.get(key)
+        if peak and abs(peak["value"]) > AT_REST:
+            track, _, variable = peak["signal"].partition(".")
+            place = f", {text(wheel_name(variable.removesuffix('.load')))}" if key == "wheel_load" else ""
+            place += f", link {peak['link']}" if "link" in peak else ""
+            size = quantity(peak["value"], peak["unit"])
+            found.append(EventRow(peak["t"], what, f"{instance(track)}{place}", size))
+    return found

@@ -1,13 +1,13 @@
-"""How exact a run is: the estimated error of every observable, as the run wrote it down."""
+"""Section with the estimated error of every observable, from the closing record."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
-from orchestrator.results.page.facts import result
-from orchestrator.results.page.sections import Pair, Section, table
-from orchestrator.results.page.words import percent, quantity, text
+from orchestrator.results.page.section import PageSection, Pair, table
+from orchestrator.results.page.words import quantity, text
+from orchestrator.results.units import percent
 
 ABOUT = (
     "RMS over the run, by runs with steps twice as long. An error is relative to the observable's own RMS, or to a"
@@ -18,22 +18,22 @@ ABOUT = (
 SENSITIVE = "instant by instant, sensitive: does not count"
 
 
-def exactness(pair: Pair) -> Section:
-    """A row for each observable, or why there is none."""
-    found = result(pair.run, "error")
+def exactness(pair: Pair) -> PageSection:
+    """Section with a row for each observable, or the reason why there is none."""
+    found = pair.run.result("error")
     rows = _rows(found.get("observables")) if isinstance(found, dict) else []
     if rows:
         head = "Observable", "Relative", "Coupling", "Integration", "Estimated error"
         html = f"<p>{ABOUT}</p>{table(head, rows, 'numbers')}"
     else:
-        said = text(found.get("message") or "") if isinstance(found, dict) else ""
-        why = said or "no coarser run was made beside it (<code>cotrack run</code> makes one by default)"
-        html = f"<p>The error of this run was not estimated: {why}.</p>"
-    return Section("exactness", "Error", "How large is the error of its steps?", html, {})
+        message = text(found.get("message") or "") if isinstance(found, dict) else ""
+        reason = message or "no coarser run was made beside it (<code>cotrack run</code> makes one by default)"
+        html = f"<p>The error of this run was not estimated: {reason}.</p>"
+    return PageSection("exactness", "Error", "How large is the error of its steps?", html, {})
 
 
 def _rows(observables: Any) -> list[tuple[str, ...]]:
-    """Of what counts first, the largest error first; without what is no number."""
+    """Rows of observables, decisive ones first, the largest error first; without errors that are no numbers."""
     known = observables.items() if isinstance(observables, dict) else ()
     found = [(name, one) for name, one in known if isinstance(one, dict) and _is_number(one.get("total"))]
     return [

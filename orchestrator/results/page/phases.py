@@ -1,13 +1,14 @@
-"""Phases of the run as a table: what it did when, and how."""
+"""Section with the phases of the run: rest, acceleration, steady motion, turns and braking."""
 
 from __future__ import annotations
 
 from orchestrator.results.analyses.phases import HELD, Phase, called, near
-from orchestrator.results.page.sections import Pair, Section, table
+from orchestrator.results.page.section import PageSection, Pair, table
 from orchestrator.results.page.study import Study
-from orchestrator.results.page.words import instance, number, quantity, text
+from orchestrator.results.page.words import instance, quantity, text
+from orchestrator.results.units import number
 
-TOLD = (
+NOTE = (
     "Found from speed and yaw rate of the hull. Speed, power of the drives, slip of the links on the ground and yaw"
     f" rate are means over the phase, in brackets the largest yaw rate, over {HELD:g} s. To the left is positive."
 )
@@ -17,14 +18,14 @@ HEAD = (
 )  # fmt: skip
 
 
-def phases(pair: Pair) -> Section | None:
-    """Of the run, and of the reference; nothing where no hull moved."""
+def phases(pair: Pair) -> PageSection | None:
+    """Section with the phases of the run and its reference; None without the motion of a hull."""
     if not pair.run.phases:
         return None
-    html = f"<p class='muted'>{TOLD}</p>{_table(pair.run)}"
+    html = f"<p class='muted'>{NOTE}</p>{_table(pair.run)}"
     if pair.reference and pair.reference.phases:
         html += f"<h3>Of the reference</h3>{_table(pair.reference)}"
-    return Section("phases", "Phases", "What did it do, and when?", html, {})
+    return PageSection("phases", "Phases", "What did it do, and when?", html, {})
 
 
 def _table(study: Study) -> str:

@@ -1,4 +1,4 @@
-"""One track from the side, picture after picture, for the player of the page."""
+"""Pictures of one track from the side, for the player of the page."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from orchestrator.results.views.projected import Camera, beside
 from orchestrator.results.views.shapes import DRAWN, HullBody, in_world
 
 RATE = 25.0  # pictures a second at most
-MOST = 500  # pictures
-UNIT = 5e-4  # m: of places, in whole numbers of two bytes up to 16 m
-MARGIN = 0.15  # m round what is drawn
+MOST = 500  # pictures in all
+UNIT = 5e-4  # m: unit of places, which are integers of two bytes, up to 16 m
+MARGIN = 0.15  # m round the drawn bodies
 ABOVE = 0.4  # m over the chain at most: hulls are high
 
 
 def player(run: RunData, track: str, reference: RunData | None = None) -> dict[str, Any]:
-    """Pictures of a track for the player, and the chain of a reference to draw over them.
+    """Pictures of a track, and the chain of a reference that is drawn over them, as a JSON table.
 
     Places are ahead of the axle of the track's sprocket and over the ground, or over the first axle, m. Raises
-    LogUnreadable, and ValueError for what was not recorded.
+    LogUnreadable, and ValueError if poses were not recorded.
     """
     bodies = Bodies(run, EVERY, track=track)
     if not bodies.tracks:
@@ -89,19 +89,19 @@ def _chain(run: RunData, track: str, t: Floats) -> dict[str, Any]:
 
 
 def _cameras(bodies: Bodies, poses: Poses, track: str) -> list[Camera]:
-    """From the right of the track at each instant, the level of the ground, or of the first axle, in the middle."""
+    """Cameras to the right of the track at each instant, at the level of the ground or of the first axle."""
     seen = [beside(bodies, poses, k, track) for k in range(len(poses.t))]
     level = float(seen[0].centre[2]) if bodies.ground is None else bodies.ground.level
     return [each._replace(centre=np.array([*each.centre[:2], level])) for each in seen]
 
 
 def _flat(seen: list[Camera], places: Floats) -> Floats:
-    """Places (m, ..., 3) of the world in the picture of their instant (m, ..., 2), m."""
+    """Places (m, ..., 2), m, in the picture of their instant, of places in world (m, ..., 3)."""
     return np.stack([camera.flat(each) for camera, each in zip(seen, places, strict=True)])
 
 
 def _angles(seen: list[Camera], pose: BodyPose) -> Floats:
-    """By what angle a wheel is turned in each picture (m,), anticlockwise, rad."""
+    """Angles of a wheel in the pictures (m,), anticlockwise, rad."""
     ahead = body_axis(pose.orientation, 0)
     return np.array(
         [np.arctan2(axis @ camera.up, axis @ camera.right) for camera, axis in zip(seen, ahead, strict=True)]
@@ -109,7 +109,7 @@ def _angles(seen: list[Camera], pose: BodyPose) -> Floats:
 
 
 def _hull(seen: list[Camera], hull: HullBody, pose: BodyPose) -> Floats:
-    """Corners of the hull's outline (m, corners, 2), in order."""
+    """Corners of the hull's outline in the pictures (m, corners, 2), m, in order."""
     from scipy.spatial import ConvexHull
 
     outline = hull.corners[ConvexHull(hull.corners[:, [0, 2]]).vertices] * [1.0, 0.0, 1.0]
@@ -117,7 +117,7 @@ def _hull(seen: list[Camera], hull: HullBody, pose: BodyPose) -> Floats:
 
 
 def _ground(bodies: Bodies, seen: list[Camera]) -> dict[str, Any] | None:
-    """The corners of a bump over the level part, and how far along the middle of each picture is, m."""
+    """Corners of a bump above the level, and way of the middle of each picture along it, m; None without ground."""
     profile = bodies.ground
     if profile is None:
         return None

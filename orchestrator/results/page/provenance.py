@@ -1,4 +1,4 @@
-"""How a page was made, how its record is verified, and what it cannot say; how far two runs are apart."""
+"""Sections with the difference of a run from its reference, and with provenance and limits of the page."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from orchestrator.log.reader import Log
 from orchestrator.results.difference import differences, worst
 from orchestrator.results.divergence import divergence
 from orchestrator.results.page.exactness import SENSITIVE
-from orchestrator.results.page.sections import Pair, Section, table
-from orchestrator.results.page.study import attempt
-from orchestrator.results.page.words import number, percent, quantity, text
+from orchestrator.results.page.section import PageSection, Pair, table
+from orchestrator.results.page.study import Study, attempt
+from orchestrator.results.page.words import quantity, text
 from orchestrator.results.run_data import RunData
 from orchestrator.results.thinned import BINS
+from orchestrator.results.units import number, percent
 
 WORDS = {"good": "complete", "fair": "not whole", "bad": "not complete"}
-RECOVERED = "recovered from a broken log"  # as ``cotrack log recover`` says
+RECOVERED = "recovered from a broken log"  # message of ``cotrack log recover``
 LIMITS = (
     f"Curves are thinned for a screen: of each of {BINS} equal intervals of time the smallest and the largest value are"
     " kept, so that no peak is lost. What lies between is in the record.",
@@ -24,11 +25,11 @@ LIMITS = (
     "An estimated error is one of steps and coupling, not of the parameters of the model.",
     "Pressure is the vertical force on a link over its whole area. How it is spread within a link is not recorded.",
 )
-CHEAP = 2e8  # bytes of both logs together: so much is compared bit by bit
+CHEAP = 2e8  # bytes of both logs together: larger ones are not compared bit by bit
 
 
-def compared(pair: Pair) -> Section | None:
-    """How far the run lies from its reference."""
+def compared(pair: Pair) -> PageSection | None:
+    """Section with the differences by observable, and the first different bit; None without a reference."""
     if pair.reference is None:
         return None
     run, reference = pair.run.run, pair.reference.run
@@ -59,7 +60,7 @@ def compared(pair: Pair) -> Section | None:
         html += table(("Observable", "RMS difference", "of the reference", ""), rows)
     html += _parting(run.log, reference.log)
     html += "".join(f"<p>{text(reason)}</p>" for reason in missing)
-    return Section("compared", "Against reference", "How far is it from the reference?", html, {})
+    return PageSection("compared", "Against reference", "How far is it from the reference?", html, {})
 
 
 def _settings(run: RunData, reference: RunData) -> list[tuple[str, str, str]]:
@@ -88,7 +89,7 @@ def _parting(one: Log, other: Log) -> str:
 
 
 def record(log: Log) -> tuple[str, str]:
-    """Whether the record is whole, as a mood and a sentence (HTML)."""
+    """Completeness of a record: good, fair or bad, and a sentence, HTML."""
     if log.closing is None:
         return "bad", "The record was cut off: it has no closing record, and what came after its last piece is lost."
     if log.closing["message"].startswith(RECOVERED):
@@ -109,44 +110,44 @@ def record(log: Log) -> tuple[str, str]:
     return "good", f"The record is complete: all {len(known)} topics have the sha256 that the run wrote when it ended."
 
 
-def made(pair: Pair, plotting: str) -> Section:
-    """Provenance and limits."""
-    html = ""
-    for study, role in ((pair.run, "run"), (pair.reference, "reference")):
-        if study is None:
-            continue
-        log = study.run.log
-        mood, told = record(log)
-        name = text(log.path.name)
-        digest = text(attempt(log.digest, []) or "")
-        topics = sorted((log.closing or {}).get("sha256", {}).items())
-        html += (
-            f"<h3>{role.capitalize()}: {name}</h3><p><span class='pill {mood}'>{WORDS[mood]}</span> {told}</p>"
-            f"<dl class='facts'><dt>size</dt><dd>{number(log.size / 1e6, 3)} MB</dd>"
-            f"<dt>digest</dt><dd><code>{digest}</code><br><span class='muted'>equal runs have equal digests</span></dd>"
-            + (f"<dt>run it again</dt><dd><code>{text(study.judged.again)}</code></dd>" if study.judged.again else "")
-            + f"<dt>is it as written?</dt><dd><code>cotrack log verify {name}</code></dd>"
-            + "".join(
-                "<dt>does a component give the same again?</dt>"
-                f"<dd><code>cotrack replay {name} --component {text(one)}</code></dd>"
-                for one in study.run.instances[:1]
-            )
-            + "</dl>"
-        )
-        if topics:
-            rows = [(f"<code>{text(topic)}</code>", f"<code>{text(value)}</code>") for topic, value in topics]
-            html += (
-                f"<details><summary>sha256 of every topic</summary>{table(('Topic', 'sha256'), rows)}<p class='muted'>"
-                "Inputs (/in) that are outputs of others hold only times: equal ones are no mistake.</p></details>"
-            )
+def made(pair: Pair, plotting: str) -> PageSection:
+    """Section with the records of both runs, the limits of the page, and evaluations that failed."""
+    html = _of(pair.run, "run") + (_of(pair.reference, "reference") if pair.reference else "")
     html += (
         f"<h3>What this page cannot say</h3><ul>{''.join(f'<li>{limit}</li>' for limit in LIMITS)}</ul>"
         f"<p class='muted'>Made by <code>cotrack report</code>; curves are drawn by {text(plotting)}, which is part of"
         " this file. The page asks nothing of any other machine.</p>"
     )
-    missing = list(dict.fromkeys(pair.run.missing))
-    if missing:
+    if missing := list(dict.fromkeys(pair.run.missing)):
+        sentences = "; ".join(text(each) for each in missing)
+        html += f"<p>Left out, because the record does not hold it: {sentences}.</p>"
+    return PageSection("made", "How it was made", "How was this page made, and what can it not say?", html, {})
+
+
+def _of(study: Study, role: str) -> str:
+    """Record of a run: completeness, digest, and commands that verify it; HTML."""
+    log = study.run.log
+    mood, sentence = record(log)
+    name = text(log.path.name)
+    facts = [
+        ("size", f"{number(log.size / 1e6, 3)} MB"),
+        ("digest", f"<code>{text(attempt(log.digest, []) or '')}</code><br>"
+                   "<span class='muted'>equal runs have equal digests</span>"),
+        *[("run it again", f"<code>{text(study.judged.again)}</code>")] * bool(study.judged.again),
+        ("is it as written?", f"<code>cotrack log verify {name}</code>"),
+        *(
+            ("does a component give the same again?", f"<code>cotrack replay {name} --component {text(one)}</code>")
+            for one in study.run.instances[:1]
+        ),
+    ]  # fmt: skip
+    html = (
+        f"<h3>{role.capitalize()}: {name}</h3><p><span class='pill {mood}'>{WORDS[mood]}</span> {sentence}</p>"
+        f"<dl class='facts'>{''.join(f'<dt>{term}</dt><dd>{value}</dd>' for term, value in facts)}</dl>"
+    )
+    if topics := sorted((log.closing or {}).get("sha256", {}).items()):
+        rows = [(f"<code>{text(topic)}</code>", f"<code>{text(value)}</code>") for topic, value in topics]
         html += (
-            "<p>Left out, because the record does not hold it: " + "; ".join(text(each) for each in missing) + ".</p>"
+            f"<details><summary>sha256 of every topic</summary>{table(('Topic', 'sha256'), rows)}<p class='muted'>"
+            "Inputs (/in) that are outputs of others hold only times: equal ones are no mistake.</p></details>"
         )
-    return Section("made", "How it was made", "How was this page made, and what can it not say?", html, {})
+    return html

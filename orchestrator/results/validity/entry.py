@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
+from orchestrator.results.units import size
 from orchestrator.results.validity.limits import KINDS
 
 WARNING, FAILURE = "warning", "failure"
@@ -29,7 +30,7 @@ class Entry(NamedTuple):
     def sentence(self) -> str:
         """Sentence for the reader."""
         kind = KINDS[self.what]
-        value, limit = (f"{each / kind.size:.3g}" for each in (self.value, self.limit))
+        value, limit = (f"{each / size(kind.unit):.3g}" for each in (self.value, self.limit))
         at = f" at {self.place}" if self.place else ""
         return f"{kind.text}{at}: {value} {kind.unit}, limit {limit} {kind.unit}"
 

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from itertools import chain
 from typing import NamedTuple
 
-from orchestrator.results.analyses.table import Table
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.table import Table
 from orchestrator.results.validity import (
     compression,
     contact_step,
@@ -43,7 +43,7 @@ class Validity(NamedTuple):
         columns = (("time", "s"), ("component", ""), ("kind", ""), ("severity", ""), ("what", ""))
         rows = [(entry.time, entry.component, entry.what, entry.severity, entry.sentence) for entry in self.entries]
         notes = tuple(f"not looked at, {name.replace('_', ' ')}: {reason}" for name, reason in self.unseen.items())
-        return Table(f"{len(rows)} limits passed", columns, rows, notes)
+        return Table.of(f"{len(rows)} limits passed", columns, rows, notes)
 
 
 def validity(run: RunData, window: Window = EVER) -> Validity:

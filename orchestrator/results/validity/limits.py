@@ -15,18 +15,17 @@ class Kind(NamedTuple):
 
     text: str  # begins the sentence of an entry
     unit: str  # display unit of value and limit
-    size: float  # that unit in SI
     fails: bool = False  # failures of this kind exist, which a scene may allow
 
 
 KINDS = {
-    "penetration": Kind("bodies pass through each other", "mm", 1e-3, fails=True),
-    "tooth_jump": Kind("the chain jumps over teeth", "teeth", 1.0, fails=True),
-    "idler_travel": Kind("the idler is beyond the travel of its tensioner", "mm", 1e-3),
-    "compression": Kind("links push more than a chain can carry", "kN", 1e3),
-    "creep": Kind("the standing vehicle creeps where it should stick", "mm/s", 1e-3),
-    "lift": Kind("is off what bears it", "s", 1.0),
-    "contact_step": Kind("the step is long for the contacts: frequency times step", "rad", 1.0),
+    "penetration": Kind("bodies pass through each other", "mm", fails=True),
+    "tooth_jump": Kind("the chain jumps over teeth", "teeth", fails=True),
+    "idler_travel": Kind("the idler is beyond the travel of its tensioner", "mm"),
+    "compression": Kind("links push more than a chain can carry", "kN"),
+    "creep": Kind("the standing vehicle creeps where it should stick", "mm/s"),
+    "lift": Kind("is off what bears it", "s"),
+    "contact_step": Kind("the step is long for the contacts: frequency times step", "rad"),
 }
 ALLOWED = tuple(name for name, kind in KINDS.items() if kind.fails)
 

@@ -19,6 +19,7 @@ from orchestrator.results.link_axes import link_axes
 from orchestrator.results.link_columns import POSITION, columns
 from orchestrator.results.rotation import body_axis
 from orchestrator.results.run_data import RunData
+from orchestrator.results.units import size as size_of
 from orchestrator.results.views.colours import LINK_COLOURS, Scale
 from orchestrator.results.views.pose_columns import PoseColumns, Slot, has_motion, nearest
 from orchestrator.results.views.scene_table import checked
@@ -192,7 +193,7 @@ class Bodies:
         return LinkPoses(pins, centres, axes, colour, slots.ground.of(found) if slots.ground else None)
 
     def _coloured(self, values: Floats, centres: Floats) -> Floats:
-        values = values * LINK_COLOURS[str(self.colour)].scale
+        values = values * (1.0 / size_of(LINK_COLOURS[str(self.colour)].unit))
         if values.ndim == 2:
             return values
         if self.colour == "ground" and self.ground:

@@ -24,16 +24,21 @@ class LinkColour(NamedTuple):
     """Link signal that colours can show; a vector by its norm."""
 
     signal: str
-    scale: float
-    label: str
+    name: str
+    unit: str
+
+    @property
+    def label(self) -> str:
+        """Name with the unit."""
+        return f"{self.name}, {self.unit}"
 
 
 LINK_COLOURS = {
-    "tension": LinkColour("link[*].tension", 1e-3, "link tension, kN"),
-    "stress": LinkColour("link[*].stress", 1e-6, "largest axial stress of a link, MPa"),
-    "ground": LinkColour("link[*].ground.force", 1e-3, "normal force of the ground on a link, kN"),
-    "wheels": LinkColour("link[*].wheels.force", 1e-3, "force of the wheels on a link, kN"),
-    "sliding": LinkColour("link[*].ground.sliding", 1.0, "sliding speed of a link over the ground, m/s"),
+    "tension": LinkColour("link[*].tension", "link tension", "kN"),
+    "stress": LinkColour("link[*].stress", "largest axial stress of a link", "MPa"),
+    "ground": LinkColour("link[*].ground.force", "normal force of the ground on a link", "kN"),
+    "wheels": LinkColour("link[*].wheels.force", "force of the wheels on a link", "kN"),
+    "sliding": LinkColour("link[*].ground.sliding", "sliding speed of a link over the ground", "m/s"),
 }
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER, Floats
+from orchestrator.results.units import size
 
 LONGEST = 1e9  # s: later times are damage
 
@@ -16,22 +17,22 @@ class Plot(NamedTuple):
 
     name: str  # one word
     title: str  # with the unit
-    scale: float
+    size: float  # of that unit
     signals: tuple[str, ...]  # "instance.variable"
 
 
 ABOUT = (
-    ("speed", "speed, m/s", 1.0, ("speed",), "m/s"),
-    ("torque", "torque of the drives, kN m", 1e-3, ("torque", "left.torque", "right.torque"), "N.m"),
-    ("power", "power of the drives, kW", 1e-3, ("power", "left.power", "right.power"), "W"),
-    ("tension", "tension of a track, largest and mean link, kN", 1e-3, ("tension.max", "tension.mean"), "N"),
+    ("speed", "speed", "m/s", ("speed",), "m/s"),
+    ("torque", "torque of the drives", "kN m", ("torque", "left.torque", "right.torque"), "N.m"),
+    ("power", "power of the drives", "kW", ("power", "left.power", "right.power"), "W"),
+    ("tension", "tension of a track, largest and mean link", "kN", ("tension.max", "tension.mean"), "N"),
 )
 
 
 def plots(log: Log) -> list[Plot]:
     """Return the plots whose signals a log holds."""
     found = []
-    for name, title, scale, variables, unit in ABOUT:
+    for name, title, shown, variables, unit in ABOUT:
         signals = [
             log.name(topic, column)
             for topic, about in log.topics.items()
@@ -42,7 +43,7 @@ def plots(log: Log) -> list[Plot]:
         if "chassis.speed" in signals:
             signals = ["chassis.speed"]
         if signals:
-            found.append(Plot(name, title, scale, tuple(signals)))
+            found.append(Plot(name, f"{title}, {shown}", size(shown), tuple(signals)))
     return found
 
 
@@ -58,4 +59,4 @@ def curves(
         for signal, (plot, (topic, column)) in places.items():
             if topic in piece:
                 series = piece[topic].rows((piece[topic].t >= 0.0) & (piece[topic].t < LONGEST))
-                yield plot, signal, series.t, series.values[:, columns[topic].index(column)] * plot.scale
+                yield plot, signal, series.t, series.values[:, columns[topic].index(column)] * (1.0 / plot.size)

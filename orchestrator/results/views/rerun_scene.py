@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from fmus.vehicle import BadInput
+from orchestrator.log.events_topic import WARNINGS, Event
 from orchestrator.log.extra import library
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER, Floats
 from orchestrator.results.analyses import events
-from orchestrator.results.analyses.events import WARNINGS, Event
 from orchestrator.results.rotation import quaternions
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours

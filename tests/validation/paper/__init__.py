@@ -12,8 +12,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from orchestrator.results.table import Table
 from orchestrator.studies import Case
-from orchestrator.studies.tables import Row, Table
+from orchestrator.studies.row import Row
 from tests.validation.paper import (
     counts,
     curvature,

@@ -26,7 +26,7 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses.spectrum import amplitudes
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import RunData, Window
-from orchestrator.studies.tables import Row
+from orchestrator.studies.row import Row
 from tests.validation.paper.conventions import FIRST, in_chassis
 from tests.validation.paper.models import CLOSED, REFERENCE, RIGID, Model, named, scene
 from tests.validation.paper.pieces import BEGIN, OUTPUT, TRACK

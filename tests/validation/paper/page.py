@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from orchestrator.studies.tables import Column, Row, Table, to_csv, to_markdown
+from orchestrator.results.table import Column, Table
+from orchestrator.studies.row import Row
 from tests.validation.paper import (
     conventions,
     curvature,
@@ -174,24 +175,24 @@ def table(item: str, rows: Sequence[Row]) -> Table:
     if item == "curvature":
         chosen += [row for row in rows if row.item == "deformation" and row.ok]
     cells = [row.cells() for row in chosen]
-    return Table(title, columns, cells, (" ".join(REMARKS[item].split()),) if item in REMARKS else ())
+    return Table.of_records(title, columns, cells, (" ".join(REMARKS[item].split()),) if item in REMARKS else ())
 
 
 def verdicts(rows: Sequence[Row]) -> Table:
     """Table of the statements."""
-    return Table("The paper's statements", STATEMENTS, [row.cells() for row in rows])
+    return Table.of_records("The paper's statements", STATEMENTS, [row.cells() for row in rows])
 
 
 def write(folder: Path, name: str, judged: Sequence[Row], rows: Sequence[Row], made: Sequence[Path]) -> list[Path]:
     """Write the page, and each table as CSV; return the files. Raises OSError."""
     files = [folder / f"{name}.md", folder / f"{name}.csv"]
-    parts = ["# The paper's comparison", to_markdown(verdicts(judged), "##")]
+    parts = ["# The paper's comparison", verdicts(judged).markdown("##")]
     for item in TABLES:
         found = table(item, rows)
         if found.rows:
-            parts.append(to_markdown(found, "##"))
+            parts.append(found.markdown("##"))
             files.append(folder / f"{name}-{item}.csv")
-            files[-1].write_text(to_csv(found), encoding="utf-8")
+            files[-1].write_text(found.csv(), encoding="utf-8")
     crossings = [f"- {name} {value:.3g} Pa" for name, value in crossed(Found(rows)).items()]
     if crossings:
         parts.append("Flexible links cost as much as rigid ones at (0: never less; inf: always less)\n")
@@ -199,5 +200,5 @@ def write(folder: Path, name: str, judged: Sequence[Row], rows: Sequence[Row], m
     parts += ["## Figures", *((module.__doc__ or "").split("\n\n", 1)[1] for module in (figures, conventions))]
     parts += [f"![{path.stem}]({path.name})\n" for path in made if path.suffix == ".png"]
     files[0].write_text("\n".join(parts), encoding="utf-8")
-    files[1].write_text(to_csv(verdicts(judged)), encoding="utf-8")
+    files[1].write_text(verdicts(judged).csv(), encoding="utf-8")
     return files

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from orchestrator.studies.tables import Row
+from orchestrator.studies.row import Row
 from tests.validation.paper import rules, theory
 from tests.validation.paper.found import UNMEASURED, Found, Verdict
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from orchestrator.studies.tables import Row
+from orchestrator.studies.row import Row
 from tests.validation.paper.found import NONE, Found, Verdict, graded
 from tests.validation.paper.models import CLOSED
 

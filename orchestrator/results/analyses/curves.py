@@ -1,0 +1,144 @@
+"""Signals over a run as thinned curves, with their extremes and moving means, in one pass over the log."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import at_steps, hull, wheel_loads
+from orchestrator.results.energy import STORED
+from orchestrator.results.moving_mean import Integrals, Moving
+from orchestrator.results.run_data import Missing, RunData
+from orchestrator.results.thinned import PARTS, Curve, Envelope, Peak
+from orchestrator.results.units import number
+
+ENERGIES = {"work": ("work",), "stored": STORED, "lost": ("dissipated", "covered")}
+TURNS = 1e-3  # rad/s: a slower sprocket stands
+_DRIVEN = re.compile(r"((?:\w+\.)?)torque")
+
+
+class SignalCurve(NamedTuple):
+    """Curve of a signal."""
+
+    curve: Curve
+    unit: str
+    least: Peak
+    most: Peak
+    moving: Moving
+
+    @property
+    def largest(self) -> Peak:
+        """Extreme value of the larger size."""
+        return self.most if abs(self.most.value) >= abs(self.least.value) else self.least
+
+
+def drives(run: RunData) -> list[str]:
+    """Prefixes of the variables of drives, "instance." or "instance.side."."""
+    return [
+        f"{name}.{found[1]}"
+        for name in run.instances
+        if f"/{name}/out" in run.log.topics
+        for variable in run.log.topics[f"/{name}/out"].names
+        if (found := _DRIVEN.fullmatch(variable))
+    ]
+
+
+def of(run: RunData, signals: Iterable[str]) -> dict[str, SignalCurve]:
+    """Curves of the outputs, "instance.variable", that the log has and that are numbers; raises LogUnreadable."""
+    wanted = at_steps.columns(run, [name for name in dict.fromkeys(signals) if run.has(name)])
+    gathered = {topic: _Gathered(run, len(places)) for topic, places in wanted.items()}
+    for piece in run.log.stream(wanted):
+        for topic, series in piece.items():
+            gathered[topic].add(series.t, series.values)
+    found: dict[str, SignalCurve] = {}
+    for topic, places in wanted.items():
+        names = [run.log.name(topic, column) for column in places]
+        found |= gathered[topic].curves(names, [run.log.topics[topic].units[column] for column in places])
+    return found
+
+
+def loads(run: RunData) -> dict[str, SignalCurve]:
+    """Curves of the loads of road wheels (``wheel_loads.py``), "track.road_wheel[1].load"; raises Missing."""
+    names = wheel_loads.names(run)
+    gathered = _Gathered(run, len(names))
+    for t, values in wheel_loads.blocks(run):
+        gathered.add(t, values)
+    return gathered.curves([f"{name}.load" for name in names], ["N"] * len(names))
+
+
+def energies(run: RunData) -> dict[str, Curve]:
+    """Work, stored and lost energy of all components since the start, J, by the keys of ENERGIES.
+
+    Raises Missing if the components were not recorded at the same steps, LogUnreadable.
+    """
+    parts = {
+        signal: (k, run.copies(name))
+        for name in run.instances
+        for k, kinds in enumerate(ENERGIES.values())
+        for kind in kinds
+        if run.has(signal := f"{name}.energy.{kind}")
+    }
+    envelope = Envelope(*run.span, len(ENERGIES))
+    first: Floats | None = None
+    for t, values in at_steps.blocks(run, [*parts]):
+        total = np.zeros((len(t), len(ENERGIES)))
+        for column, (k, copies) in zip(values.T, parts.values(), strict=True):
+            total[:, k] += copies * column
+        if len(t):
+            first = total[0] if first is None else first
+            with np.errstate(invalid="ignore"):  # an unstable run may overflow
+                envelope.add(t, total - first)
+    return {name: curve for k, name in enumerate(ENERGIES) if len((curve := envelope.curve(k)).t)}
+
+
+class Ripple(NamedTuple):
+    """Window of moving means."""
+
+    window: float  # s
+    words: str
+
+
+def ripple(run: RunData, drives: Sequence[str], signals: Mapping[str, SignalCurve]) -> Ripple:
+    """Shortest time of whole tooth passings at the largest sprocket speed that is a hundredth of the run or longer.
+
+    Without a sprocket that turns, a hundredth of the run.
+    """
+    duration = run.span[1] - run.span[0]
+    least = duration / PARTS
+    speeds = [abs(signals[name].largest.value) for each in drives if (name := f"{each}speed") in signals]
+    speed = max(speeds, default=0.0)
+    try:
+        passing = 2.0 * np.pi / (hull.number(run, "sprocket", "teeth") * speed) if speed > TURNS else np.inf  # s
+    except Missing:
+        passing = np.inf
+    if not 0.0 < passing <= 0.1 * duration:
+        return Ripple(least, f"{number(1e3 * least, 3)} ms")
+    count = int(np.ceil(least / passing))
+    name = f"{count} tooth passings" if count > 1 else "one tooth passing"
+    return Ripple(count * passing, f"{name} at top speed, {number(1e3 * count * passing, 3)} ms")
+
+
+class _Gathered:
+    """Curves, extremes and integrals of some signals, from samples in the order of time."""
+
+    def __init__(self, run: RunData, count: int) -> None:
+        self._envelope = Envelope(*run.span, count)
+        self._integrals = Integrals(*run.span, count)
+
+    def add(self, t: Floats, values: Floats) -> None:
+        """Add samples (m, signals) at times (m,), s."""
+        self._envelope.add(t, values)
+        self._integrals.add(t, values)
+
+    def curves(self, names: Sequence[str], units: Sequence[str]) -> dict[str, SignalCurve]:
+        """Curves of the signals that have finite values."""
+        known, integrals = self._envelope, self._integrals
+        return {
+            name: SignalCurve(known.curve(k), unit, least, most, integrals.moving(k))
+            for k, (name, unit) in enumerate(zip(names, units, strict=True))
+            if (least := known.smallest(k)) and (most := known.largest(k))
+        }

@@ -1,0 +1,172 @@
+"""Key figures of a run: as numbers for programs, and as tiles at the top of the page."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from orchestrator.results.analyses import link_loads
+from orchestrator.results.analyses.curves import SignalCurve
+from orchestrator.results.analyses.link_loads import SIGNALS
+from orchestrator.results.analyses.of_links import has
+from orchestrator.results.analyses.spells import drops
+from orchestrator.results.energy import Ledger
+from orchestrator.results.page.balance import supply
+from orchestrator.results.page.study import ALIKE, NOTHING, Study
+from orchestrator.results.page.words import instance, quantity, text, wheel
+from orchestrator.results.units import number, percent
+
+KMH = 3.6
+COMING_TO_REST = 0.5  # s: a vehicle that starts as drawn does not rest on its tracks yet
+
+
+class Tile(NamedTuple):
+    """Key figure, HTML."""
+
+    label: str
+    value: str
+    note: str
+    kind: str = ""  # "words" for a value that is no number
+
+
+def figures(study: Study) -> dict[str, Any]:
+    """Key figures in SI units, without those that the log does not hold."""
+    found: dict[str, Any] = {}
+    tracks = study.run.tracks
+    for key, names, extreme in (
+        ("top_speed", ["chassis.speed"], "largest"),
+        ("top_speed", [f"{track}.speed" for track in tracks], "largest"),
+        ("tension", [f"{track}.tension.max" for track in tracks], "most"),
+        ("stress", [f"{track}.stress.max" for track in tracks], "most"),
+        ("ground_force", [f"{track}.ground.force.z" for track in tracks], "most"),
+        ("wheel_load", [name for name in study.signals if name.endswith(".load")], "most"),
+    ):
+        known = {name: study.signals[name] for name in names if name in study.signals}
+        if known and key not in found:
+            found[key] = _peak(known, extreme)
+    if "chassis.distance" in study.signals:
+        found["distance"] = {"value": study.run.ends("chassis.distance")[1], "unit": "m"}
+    if found.get("stress", {}).get("value") == 0.0:
+        del found["stress"]  # rigid links
+    for key in ("tension", "stress"):
+        if key in found:
+            found[key] |= _bearer(study, found[key], key)
+    if study.ledger:
+        found["energy"] = study.ledger._asdict() | {"unit": "J"}
+    wall, duration = study.result("wall_time"), study.run.span[1] - study.run.span[0]
+    if isinstance(wall, (int, float)) and wall > 0.0:
+        found["real_time_factor"] = {"value": duration / wall, "wall_time": wall}
+    error = study.result("error")
+    if isinstance(error, dict):
+        found["error"] = {"value": error.get("total"), "message": error.get("message", "")}
+    for key in ("weight", "ground_force"):
+        if (value := study.judged.observables.get(key)) is not None and value == value:
+            found.setdefault("carried", {})[key] = value
+    return found
+
+
+def _peak(known: dict[str, SignalCurve], extreme: str) -> dict[str, Any]:
+    """Largest of the peaks of signals; of signals that are equal but for rounding, that of the first."""
+    peaks = {name: getattr(signal, extreme) for name, signal in known.items()}
+    sizes = {name: abs(peak.value) if extreme == "largest" else peak.value for name, peak in peaks.items()}
+    most = max(sizes.values())
+    name = next(name for name, size in sizes.items() if size >= most - ALIKE * abs(most))
+    return {"value": peaks[name].value, "t": peaks[name].t, "signal": name, "unit": known[name].unit}
+
+
+def _bearer(study: Study, peak: dict[str, Any], load: str) -> dict[str, Any]:
+    """Link with the largest load in the record of links nearest to the peak; empty without such records."""
+    found = study.chains.get(peak["signal"].partition(".")[0])
+    if not found or not has(study.run, found.track, SIGNALS[load]):
+        return {}
+    t, values = link_loads.at(study.run, found, load, peak["t"])
+    best = int(values.argmax())
+    return {"link": best + 1, "link_t": t, "link_value": float(values[best])}
+
+
+def tiles(study: Study, found: dict[str, Any]) -> list[Tile]:
+    """Tiles of the key figures."""
+    made = [*_motion(found), *_loads(study, found), *_energy(found), _error(study, found)]
+    if pace := found.get("real_time_factor"):
+        factor = pace["value"]
+        label = "Faster than real time" if factor >= 1.0 else "Share of real time"
+        note = f"{number(pace['wall_time'], 3)} s of computing"
+        made.append(Tile(label, f"{number(factor, 3)} \N{MULTIPLICATION SIGN}", note))
+    return made
+
+
+def _motion(found: dict[str, Any]) -> list[Tile]:
+    made = []
+    if (speed := found.get("top_speed")) and abs(speed["value"]) > 1e-6:
+        hull = speed["signal"].startswith("chassis")
+        fast = f"{number(abs(speed['value']) * KMH, 3)} km/h, " if hull else ""
+        back = ", backwards" if hull and speed["value"] < 0.0 else ""
+        note = f"{fast}at {number(speed['t'])} s{back}"
+        made.append(Tile("Top speed" if hull else "Top chain speed", quantity(abs(speed["value"]), "m/s"), note))
+    if distance := found.get("distance"):
+        made.append(Tile("Distance", quantity(distance["value"], "m"), "along the heading at the start"))
+    return made
+
+
+def _loads(study: Study, found: dict[str, Any]) -> list[Tile]:
+    made = []
+    if tension := found.get("tension"):
+        made.append(Tile("Largest link tension", quantity(tension["value"], "N"), _place(tension)))
+    if stress := found.get("stress"):
+        note = f"tension and bending, {_place(stress)}"
+        made.append(Tile("Largest link stress", quantity(stress["value"], "Pa"), note))
+    if load := found.get("wheel_load"):
+        note = f"{wheel(load['signal'].removesuffix('.load'))}, at {number(load['t'])} s"
+        if load["t"] < COMING_TO_REST and drops(study.run):
+            note += f", as the vehicle comes to rest{_later(study)}"
+        made.append(Tile("Largest wheel load", quantity(load["value"], "N"), note))
+    if carried := found.get("carried"):
+        force = quantity(carried["ground_force"], "N") if "ground_force" in carried else ""
+        if "weight" not in carried:
+            made.append(Tile("Ground carries", force, ""))
+        else:
+            note = f"ground carries {force}, mean of the last second" if force else ""
+            made.append(Tile("Weight", quantity(carried["weight"], "N"), note))
+    return made
+
+
+def _energy(found: dict[str, Any]) -> list[Tile]:
+    energy = found.get("energy")
+    if not energy or not max(abs(energy[each]) for each in ("work", "change", "dissipated")) > 1e-3:
+        return []
+    ledger = Ledger(**{name: energy[name] for name in Ledger._fields})
+    share, left = percent(ledger.residual_relative, 2), quantity(ledger.residual, "J", 3)
+    return [
+        Tile("Energy dissipated", quantity(ledger.dissipated, "J"), f"of {supply(ledger)}"),
+        Tile("Energy unaccounted for", share, f"{left}, an error of the steps"),
+    ]
+
+
+def _later(study: Study) -> str:
+    """Largest wheel load of the rest of the run; thinned curves keep every peak."""
+    found = [
+        float(signal.curve.y[after].max())
+        for name, signal in study.signals.items()
+        if name.endswith(".load") and (after := signal.curve.t >= COMING_TO_REST).any()
+    ]
+    return f"; {quantity(max(found), 'N')} at most after {number(COMING_TO_REST)} s" if found else ""
+
+
+def _place(peak: dict[str, Any]) -> str:
+    """Link, track and time of a peak."""
+    when = f"{instance(peak['signal'].partition('.')[0])}, at {number(peak['t'])} s"
+    return f"link {peak['link']}, {when}" if "link" in peak else when
+
+
+def _error(study: Study, found: dict[str, Any]) -> Tile:
+    error = found.get("error")
+    if error is None:
+        return Tile("Estimated error", "not estimated", "no coarser run was made beside it", "words")
+    if not isinstance(error["value"], (int, float)):
+        return Tile("Estimated error", "not known", text(error["message"]), "words")
+    try:
+        parts = {name: one["total"] for name, one in study.result("error")["observables"].items() if one["decisive"]}
+        worst = max(parts, key=lambda name: parts[name])
+    except NOTHING:
+        return Tile("Estimated error", percent(error["value"], 2), "")
+    note = f"of {text(worst.replace('_', ' '))}, the worst observable (RMS), by runs with steps twice as long"
+    return Tile("Estimated error", percent(error["value"], 2), note)

@@ -1,0 +1,114 @@
+"""Table of figures with units: printed, as Markdown, CSV, a pandas frame or records for JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from orchestrator.log.extra import library
+
+FORM = ".5g"
+LEAST = 1e-100  # smaller numbers are shown as 0
+ABOUT = "about"  # column that describes a row
+COST = "cost"  # time or size: less is better; compared between checkouts
+VERDICTS = {True: "ok", False: "NOT"}
+
+
+class Column(NamedTuple):
+    """Column of a table."""
+
+    key: str  # name in programs, unique in its table
+    head: str  # heading, with the unit
+    form: str = ""  # format of numbers in text; empty: floats with 5 digits
+    role: str = ""  # ABOUT, COST or neither
+    unit: str = ""
+
+
+class Table(NamedTuple):
+    """Rows under columns; None and NaN are missing values."""
+
+    title: str
+    columns: tuple[Column, ...]
+    rows: Sequence[Sequence[Any]]
+    notes: tuple[str, ...] = ()  # sentences below the table
+
+    @classmethod
+    def of(
+        cls, title: str, columns: Iterable[tuple[str, str]], rows: Sequence[Sequence[Any]], notes: tuple[str, ...] = ()
+    ) -> Table:
+        """Table of columns that are given by name and unit, "" for none."""
+        heads = [(name, f"{name}, {unit}" if unit else name, "", "", unit) for name, unit in columns]
+        return cls(title, tuple(map(Column._make, heads)), rows, notes)
+
+    @classmethod
+    def of_records(
+        cls, title: str, columns: Iterable[Column], records: Iterable[Mapping[str, Any]], notes: tuple[str, ...] = ()
+    ) -> Table:
+        """Table of the values that records hold under the keys of the columns."""
+        known = tuple(columns)
+        return cls(title, known, [tuple(record.get(column.key) for column in known) for record in records], notes)
+
+    def records(self) -> list[dict[str, Any]]:
+        """Rows as dicts by column key."""
+        keys = [column.key for column in self.columns]
+        return [dict(zip(keys, row, strict=True)) for row in self.rows]
+
+    def csv(self) -> str:
+        """CSV text: a header line, then rows with all digits; missing values are empty."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow([column.head for column in self.columns])
+        writer.writerows([[_exact(cell) for cell in row] for row in self.rows])
+        return text.getvalue()
+
+    def markdown(self, heading: str = "") -> str:
+        """Markdown table with its notes; with its title if a ``heading`` (#, ##, ...) is given."""
+        blocks = [f"{heading} {self.title}"] if heading else []
+        if self.rows:
+            lines = [[column.head for column in self.columns], ["---"] * len(self.columns)]
+            lines += [[cell.replace("|", "\\|").replace("\n", " ") for cell in row] for row in self._texts("")]
+            blocks.append("\n".join("| " + " | ".join(line) + " |" for line in lines))
+        return "\n\n".join([*blocks, *(["\n".join(self.notes)] if self.notes else [])]) + "\n"
+
+    def frame(self) -> Any:
+        """DataFrame of pandas with units in ``attrs``; raises NotInstalled."""
+        frame = library("pandas").DataFrame(self.rows, columns=[column.key for column in self.columns])
+        frame.attrs["units"] = {column.key: column.unit for column in self.columns}
+        return frame
+
+    def __str__(self) -> str:
+        cells = [[column.head for column in self.columns], *self._texts("-")]
+        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+        texts = [all(isinstance(row[k], str) for row in self.rows) for k in range(len(widths))]
+        lines = [
+            "  ".join(
+                cell.ljust(width) if text else cell.rjust(width)
+                for cell, width, text in zip(row, widths, texts, strict=True)
+            ).rstrip()
+            for row in cells
+        ]
+        return "\n".join([self.title, *lines, *self.notes])
+
+    def _texts(self, missing: str) -> list[list[str]]:
+        return [
+            [shown(cell, column.form) or missing for cell, column in zip(row, self.columns, strict=True)]
+            for row in self.rows
+        ]
+
+
+def shown(cell: Any, form: str) -> str:
+    """Cell as text, a number in its format; empty if it is missing."""
+    cell = _exact(cell)
+    if isinstance(cell, float):
+        return f"{cell if abs(cell) > LEAST else 0.0:{form or FORM}}"
+    return f"{cell:{form}}" if form and not isinstance(cell, str) else str(cell)
+
+
+def _exact(cell: Any) -> Any:
+    """Cell with all digits; "" if it is missing."""
+    if isinstance(cell, bool):
+        return VERDICTS[cell]
+    return "" if cell is None or (isinstance(cell, float) and math.isnan(cell)) else cell

@@ -1,0 +1,84 @@
+"""The one table: text, Markdown, CSV and records of the same rows; units; extremes of links."""
+
+import ast
+import csv
+import io
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import orchestrator
+from orchestrator.results.analyses.extremes import Extreme, larger, smaller
+from orchestrator.results.table import Column, Table
+from orchestrator.results.units import scaled, size
+
+ROWS = [("a | b", 1.23456789, 3), ("c", math.nan, 123456)]
+
+
+def test_an_analysis_gives_columns_by_name_and_unit():
+    table = Table.of("title", (("what", ""), ("force", "kN"), ("count", "")), ROWS, ("a note",))
+    assert str(table).splitlines() == [
+        "title", "what   force, kN   count", "a | b     1.2346       3", "c              -  123456", "a note"
+    ]  # fmt: skip
+    assert table.markdown("#").splitlines() == [
+        "# title", "", "| what | force, kN | count |", "| --- | --- | --- |", "| a \\| b | 1.2346 | 3 |",
+        "| c |  | 123456 |", "", "a note",
+    ]  # fmt: skip
+    read = list(csv.DictReader(io.StringIO(table.csv())))
+    assert (float(read[0]["force, kN"]), read[1]["force, kN"]) == (1.23456789, "")
+    assert table.records()[0] == {"what": "a | b", "force": 1.23456789, "count": 3}
+
+
+def test_a_study_gives_columns_by_key_and_format():
+    columns = (Column("cost", "cost, s", ".2f"), Column("count", "count", ",d"), Column("ok", "ok"))
+    table = Table.of_records("", columns, [{"cost": 1.0, "count": 1000, "ok": False, "more": 1}, {"ok": True}])
+    assert table.markdown().splitlines()[2:] == ["| 1.00 | 1,000 | NOT |", "|  |  | ok |"]
+    assert table.csv().splitlines() == ['"cost, s",count,ok', "1.0,1000,NOT", ",,ok"]
+
+
+def test_tables_and_events_are_defined_once():
+    found = [
+        node.name
+        for file in Path(orchestrator.__file__).parent.rglob("*.py")
+        for node in ast.parse(file.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef)
+    ]
+    assert [found.count(name) for name in ("Table", "Column", "Event")] == [1, 1, 1]
+
+
+def test_the_report_leaves_reading_to_the_analyses():
+    reads = {"select", "stream", "blocks", "read", "ends", "lengths"}
+    for file in (Path(orchestrator.__file__).parent / "results" / "page").glob("*.py"):
+        calls = [n for n in ast.walk(ast.parse(file.read_text(encoding="utf-8"))) if isinstance(n, ast.Attribute)]
+        logs = [n for n in calls if n.attr in reads and isinstance(n.value, ast.Attribute) and n.value.attr == "log"]
+        assert not logs, file
+
+
+@pytest.mark.parametrize(
+    ("unit", "expected"),
+    [("kN", 1e3), ("kN m", 1e3), ("MPa", 1e6), ("mm/s", 1e-3), ("%", 1e-2), ("m", 1.0), ("m/s", 1.0), ("rad", 1.0)],
+)
+def test_units_have_a_size(unit, expected):
+    assert size(unit) == expected
+
+
+def test_large_values_get_a_prefix():
+    assert scaled(-27777.0, "N") == (1e3, "kN")
+    assert scaled(999.0, "N.m") == (1.0, "N m")
+    assert scaled(3e9, "Pa") == (1e9, "GPa")
+    assert scaled(3e9, "m/s") == (1.0, "m/s")
+    assert scaled(math.inf, "N") == (1.0, "N")
+
+
+def test_of_equal_extremes_the_first_counts():
+    t = np.array([0.1, 0.2])
+    values = np.array([[1.0, 5.0], [5.0 * (1 + 1e-12), np.nan]])
+    first = larger(None, t, values)
+    assert first == Extreme(5.0, 0.1, 2)
+    assert larger(first, t, values) is first
+    assert larger(first, t + 1.0, 1.001 * values) == Extreme(pytest.approx(5.005), 1.1, 2)
+    assert larger(None, t, np.full((2, 2), np.inf)) is None
+    assert smaller(None, t, values) == Extreme(1.0, 0.1, 1)
+    assert smaller(Extreme(0.5, 0.0, 7), t, values) == Extreme(0.5, 0.0, 7)
