@@ -43,6 +43,17 @@ def dofs(model):
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("links", [16, 64])
+def test_a_slow_loop_that_a_spring_closes_has_its_equilibrium(links):
+    """At 5 rad/s rounding hides the stiffness of the rotation, spin^2 m, unless the tangent is taken with care."""
+    spin, angle = 5.0, np.pi / links
+    rigid = TABLE["track"]["mass"] * spin**2 * P / (2.0 * np.tan(angle)) / (2.0 * np.sin(angle))
+    model = loop(links, start_of_spin=spin, closure="spring")
+    assert gap(model) * 1e9 == pytest.approx(rigid, rel=1e-3)
+    assert gap(model) * 1.03e9 != pytest.approx(rigid, rel=1e-2)
+
+
+@pytest.mark.long
 def test_a_spinning_loop_opens_by_its_joint_force_over_the_stiffness():
     """The gap of a spinning loop equals its joint force over the spring's stiffness.
 

@@ -19,6 +19,9 @@ from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.places import across, in_plane, places
 
 PROBE = 1e-7  # change of an unknown in the difference quotients
+# Change of a coordinate to either side, m. The quotient has to resolve the stiffness of a slow loop, spin^2 m: rounding of
+# the residuals hides it in shorter changes, the curvature of stiff links in longer or one-sided ones.
+STRIDE = 2e-6
 LONGEST = 0.05  # largest change in a step of Newton's iteration; relative for the radius
 ROUNDS = 60
 
@@ -109,10 +112,13 @@ def part(
         entries = []
         for coordinate in plane.ravel():
             for first in range(3):
-                moved = pins[first::3]
-                flat[width * moved + coordinate] += PROBE
-                answer = (of_links() - now) / PROBE
-                flat[width * moved + coordinate] -= PROBE
+                moved = width * pins[first::3] + coordinate
+                here, answers = flat[moved].copy(), []
+                for stride in (STRIDE, -STRIDE):
+                    flat[moved] = here + stride
+                    answers.append(of_links())
+                flat[moved] = here
+                answer = (answers[0] - answers[1]) / (2.0 * STRIDE)
                 of = np.arange(links)  # a link has one of these pins, or none
                 pin = np.where(of % 3 == first, of, of + 1)
                 has = pin % 3 == first
