@@ -19,8 +19,8 @@ from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.places import across, in_plane, places
 
 PROBE = 1e-7  # change of an unknown in the difference quotients
-# Change of a coordinate to either side, m. The quotient has to resolve the stiffness of a slow loop, spin^2 m: rounding of
-# the residuals hides it in shorter changes, the curvature of stiff links in longer or one-sided ones.
+# Change of a coordinate to either side, m. The quotient has to resolve the stiffness of a slow loop, spin^2 m: rounding
+# of the residuals hides it in shorter changes, the curvature of stiff links in longer or one-sided ones.
 STRIDE = 2e-6
 LONGEST = 0.05  # largest change in a step of Newton's iteration; relative for the radius
 ROUNDS = 60
