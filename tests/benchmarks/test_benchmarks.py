@@ -147,13 +147,13 @@ def test_pairs_are_measured_in_turn(monkeypatch, tmp_path):
     monkeypatch.setattr(against, "measured", measured)
     table = against.paired(tmp_path, ["links"], True, 4, lambda said: None)
     assert [root == against.ROOT for root in roots] == [True, False, False, True, True, False, False, True]
-    (row,) = table.rows
+    (row,) = table.records()
     assert row["figure"] == "step"
     assert row["ratio"] == pytest.approx(0.5, rel=0.3)
     assert row["least"] < 0.5 < row["most"]
     roots.clear()
     itself = against.paired(against.ROOT, ["links"], True, 2, lambda said: None)
-    assert [row["least"] for row in itself.rows if row["figure"] == "step"] == [0.5]  # not compared with itself
+    assert [row["least"] for row in itself.records() if row["figure"] == "step"] == [0.5]  # not compared with itself
 
 
 def test_a_pair_needs_both_sides(monkeypatch):
@@ -240,13 +240,13 @@ def test_layers_repeat_the_log(monkeypatch):
     two = {row: each for row, each in layers.COMPONENTS.items() if row in ("drive", "track, rigid")}
     monkeypatch.setattr(layers, "COMPONENTS", {**two, "drive": ("rigid", *two["drive"][1:])})
     by_layer, outside, newton = layers.measure(quick=True, repeats=1)
-    assert [row["part"] for row in by_layer.rows] == list(two)
+    assert [row["part"] for row in by_layer.records()] == list(two)
     for table, width in ((by_layer, 6), (outside, 3), (newton, 4)):
-        for row in table.rows:
+        for row in table.records():
             times = [row[column.key] for column in table.columns if column.role == COST]
             assert len(times) == width
             assert all(np.isfinite(times))
-    (row,) = newton.rows
+    (row,) = newton.records()
     assert row["part"] == "rigid"
     assert row["evaluations"] >= row["matrices"] > 0.0
     assert outside.columns == exchange.COLUMNS
@@ -303,7 +303,7 @@ def test_start_and_memory(monkeypatch):
         start.command("nowhere", "rigid", os.devnull)
     monkeypatch.setattr(memory_part, "isolated", lambda module, stop, **_: 100.0 + 10.0 * stop)
     (table,) = memory_part.measure(quick=False, repeats=1)
-    assert [row["growth"] for row in table.rows] == pytest.approx([10.0, 10.0])
+    assert [row["growth"] for row in table.records()] == pytest.approx([10.0, 10.0])
     assert 50.0 < memory_run.measure("hanging_chain", "rigid", 0.01) < 20_000.0
 
 
@@ -395,4 +395,4 @@ def test_a_checkout_against_itself():
     if machine.busy(machine.facts()):
         pytest.skip("the machine is busy")
     table = against.paired(against.ROOT, ["links"], True, 5, lambda said: None)
-    assert [row["ratio"] for row in table.rows] == pytest.approx([1.0] * len(table.rows), abs=0.03)
+    assert [row["ratio"] for row in table.records()] == pytest.approx([1.0] * len(table.rows), abs=0.03)
