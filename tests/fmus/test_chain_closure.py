@@ -42,7 +42,7 @@ def dofs(model):
 # --- closed by a spring ------------------------------------------------------------------------------------
 
 
-@pytest.mark.long
+@pytest.mark.study
 @pytest.mark.parametrize("links", [16, 64])
 def test_a_slow_loop_that_a_spring_closes_has_its_equilibrium(links):
     """At 5 rad/s rounding hides the stiffness of the rotation, spin^2 m, unless the tangent is taken with care."""
@@ -53,7 +53,7 @@ def test_a_slow_loop_that_a_spring_closes_has_its_equilibrium(links):
     assert gap(model) * 1.03e9 != pytest.approx(rigid, rel=1e-2)
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_a_spinning_loop_opens_by_its_joint_force_over_the_stiffness():
     """The gap of a spinning loop equals its joint force over the spring's stiffness.
 
@@ -74,7 +74,7 @@ def test_a_spinning_loop_opens_by_its_joint_force_over_the_stiffness():
     assert np.log10(np.divide(off[:-1], off[1:])) == pytest.approx([1.0, 1.0], abs=0.02)
 
 
-@pytest.mark.long
+@pytest.mark.study
 @INTEGRATORS
 def test_a_loop_that_a_spring_closes_moves_like_a_closed_one_as_the_spring_stiffens(integrator):
     """The motion of a loop closed by a spring approaches that of the closed loop as 1 / k."""
@@ -97,7 +97,7 @@ def momentum(model):
     return np.array([p[:, [0, 2], 0].sum(), p[:, [0, 2], 2].sum(), turned.sum()])
 
 
-@pytest.mark.long
+@pytest.mark.study
 @pytest.mark.parametrize("damping", [0.0, 1e4])
 def test_energy_and_momentum_of_a_loop_that_a_spring_closes(damping):
     """The energy balance of a loop closed by a spring holds, and the momenta stay constant.
@@ -137,7 +137,7 @@ def opened(vectors, closure):
     return np.abs(vectors[::2, SHARED] - np.roll(vectors[1::2, SHARED], 1, axis=0))[first:].max()
 
 
-@pytest.mark.long
+@pytest.mark.study
 @CLOSURES
 def test_accelerations_with_equations_are_those_without(closure):
     """Constrained and eliminated pins give the same accelerations in a random state."""
@@ -160,7 +160,7 @@ def test_accelerations_with_equations_are_those_without(closure):
     assert np.abs(own.s.vdot.reshape(-1)[mine] - there).max() > 1e-6 * largest
 
 
-@pytest.mark.long
+@pytest.mark.study
 @INTEGRATORS
 @CLOSURES
 def test_a_chain_with_equations_moves_like_one_without(closure, integrator):
@@ -179,7 +179,7 @@ def test_a_chain_with_equations_moves_like_one_without(closure, integrator):
     assert (opened(own.q, "pin") > 1e-7) == (closure == "spring")  # the spring opens
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_what_is_taken_off_the_equations_is_put_back_after_an_explicit_step():
     """Projection after an explicit step closes positions and velocities and keeps linear momentum."""
     model = loop(joints="constrained", integrator="runge_kutta", start="polygon")
@@ -195,7 +195,7 @@ def test_what_is_taken_off_the_equations_is_put_back_after_an_explicit_step():
 # --- how many, and on wheels -------------------------------------------------------------------------------
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_counts_of_coordinates_and_equations():
     """Counts of coordinates and constraints (paper (2)); a cut loop has 63 pins, a vehicle 126."""
     for joints, closure, coordinates, equations in (
@@ -240,7 +240,7 @@ def shown(model):
     return y[:LINKS], y[5 * LINKS : 8 * LINKS].reshape(-1, 3)
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_a_track_on_wheels_that_a_spring_closes():
     """A track closed by a spring opens by tension over stiffness; its tensions converge as 1 / k."""
     closed = on_wheels()

@@ -63,7 +63,7 @@ KINDS = pytest.mark.parametrize(
 )
 
 
-@pytest.mark.long
+@pytest.mark.study
 @KINDS
 def test_the_mass_in_cholesky_coordinates_is_the_identity(kind, given):
     """B B^T = M, and B is triangular in some order of the coordinates.
@@ -83,7 +83,7 @@ def test_the_mass_in_cholesky_coordinates_is_the_identity(kind, given):
     assert not left.any()
 
 
-@pytest.mark.long
+@pytest.mark.study
 @KINDS
 def test_accelerations_and_forces_are_those_of_nodal_coordinates(kind, given):
     """Accelerations and link forces in a random state are those of nodal coordinates."""
@@ -116,7 +116,7 @@ def test_accelerations_and_forces_are_those_of_nodal_coordinates(kind, given):
     assert np.abs(here - there).max() < 1e-11 * np.abs(there).max()
 
 
-@pytest.mark.long
+@pytest.mark.study
 @CLOSURES
 def test_runge_kutta_takes_the_same_steps_to_rounding(closure):
     """Runge-Kutta steps agree to rounding: the two coordinates are linear functions of each other."""
@@ -133,7 +133,7 @@ def test_runge_kutta_takes_the_same_steps_to_rounding(closure):
     assert np.abs(off.s.v - whole.s.v).max() > 1e-6 * np.abs(whole.s.v).max()
 
 
-@pytest.mark.long
+@pytest.mark.study
 @CLOSURES
 def test_adams_methods_come_to_the_same_within_their_tolerances(closure):
     """Adams methods agree within their tolerances.
@@ -158,7 +158,7 @@ def test_adams_methods_come_to_the_same_within_their_tolerances(closure):
     assert np.abs(off - exact).max() > 1e-6
 
 
-@pytest.mark.long
+@pytest.mark.study
 @pytest.mark.parametrize("integrator", ["runge_kutta", "adams"])
 @CLOSURES
 def test_the_ledger_closes(closure, integrator):
@@ -199,7 +199,7 @@ def test_a_saved_state_runs_on_to_the_same_bits():
     assert np.array_equal(one.state, other.state)
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_a_track_on_wheels():
     """Contacts, pin forces and wrenches of the vehicle's track agree while its wheels move away."""
     settings = "track.integrator=runge_kutta", "track.joints=eliminated"

@@ -149,7 +149,7 @@ def assert_same(case):
         assert not np.array_equal(other, run.y[:10])
 
 
-@pytest.mark.long
+@pytest.mark.study
 @pytest.mark.parametrize("case", FEW, ids=lambda case: f"{case.part}-{case.links}")
 def test_a_replay_gives_the_same_bits(case):
     assert_same(case)
@@ -451,7 +451,7 @@ def test_equal_sources_give_equal_bytes():
     assert one != pack._pack(part.kind, {**config, "parameters": {"speed.end": 3.0}}, "a")
 
 
-@pytest.mark.long
+@pytest.mark.study
 @pytest.mark.parametrize("case", [FEW[0], FEW[2]], ids=lambda case: f"{case.part}-{case.links}")
 def test_kernels_for_any_processor_give_the_bits_of_those_for_newer_ones(case, monkeypatch, tmp_path):
     """Kernels for any processor give the bits of those for newer ones.
