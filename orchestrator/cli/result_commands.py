@@ -24,7 +24,7 @@ def replay(
     ] = None,
     other: Annotated[
         str | None,
-        typer.Option("--with", metavar="|".join((*TRACKS, "FMU")), help="another model under the recorded motion"),
+        typer.Option("--with", metavar="|".join((*TRACKS, "FMU")), help="another model, driven by the recorded inputs"),
     ] = None,
     settings: Settings = None,
     output: Annotated[

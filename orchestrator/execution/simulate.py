@@ -234,7 +234,7 @@ def _how_it_ended(outcome: master.Outcome, wall: float, since: float = 0.0) -> d
 def _evaluated(
     scene: Scene, path: Path, outcome: master.Outcome, warned: Sequence[Mapping[str, Any]]
 ) -> tuple[dict[str, Any], list[Event]]:
-    """Evaluate energy, checks, observables, the energy warning, and events."""
+    """Evaluate energy, checks, observables and events from the log; return summary entries and events."""
     try:
         with Log(path, unfinished=True) as log:
             run = RunData(log)

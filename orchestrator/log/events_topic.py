@@ -40,7 +40,7 @@ class Event(NamedTuple):
 
 
 def records(channel: int, events: Sequence[Event]) -> tuple[NDArray[np.uint8], NDArray[np.uint64]]:
-    """Message records of ``channel`` (m, bytes) and their times (m,), ns; blanks after JSON make them of one size."""
+    """Return message records (m, bytes), padded with blanks to one size, and their times (m,), ns."""
     times = np.array([max(round(event.t * 1e9), 0) for event in events], "<u8")
     texts = [_text(event, int(time)) for event, time in zip(events, times, strict=True)]
     size = PREFIX + max(map(len, texts))

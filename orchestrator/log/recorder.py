@@ -215,7 +215,7 @@ class Recorder(AbstractContextManager["Recorder"]):
             raise self._failure
 
     def tell(self, events: Sequence[events_topic.Event]) -> None:
-        """Write what happened, after ``end``; leaves it out where the disk has no room for it."""
+        """Write the topic /events, after ``end``; it is left out if the disk is full."""
         if self._failure is not None:
             return
         number = len(self._channels) + 1
