@@ -150,15 +150,15 @@ def test_error_follows_the_tolerance_in_few_evaluations():
 
 
 def test_no_worse_than_vode():
-    """The methods are no worse than scipy's VODE: at most twice its error with a tenth more evaluations."""
+    """The methods are no worse than scipy's VODE: a smaller error with fewer evaluations."""
     for tolerance in (1e-5, 1e-8):
         calls = []
         other = ode(lambda t, x, calls=calls: (calls.append(t), oscillators(t, x))[1])
         other.set_integrator("vode", method="adams", rtol=tolerance, atol=tolerance, nsteps=10**6)
         off = abs(other.set_initial_value(START, 0.0).integrate(END) - EXACT).max()
         m = run(oscillators, START, END, tolerance)
-        assert abs(m.x - EXACT).max() < 2.0 * off
-        assert m.counts[EVALUATIONS] < 1.1 * len(calls)
+        assert abs(m.x - EXACT).max() < off
+        assert m.counts[EVALUATIONS] < len(calls)
 
 
 def test_an_impulse_is_what_the_momentum_gets():
