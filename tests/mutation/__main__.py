@@ -23,7 +23,7 @@ from orchestrator.results.table import Column, Table
 from tests.mutation.areas import AREAS, ROOT, Area, known_faults, nearest
 from tests.mutation.operators import Fault, faults
 
-STAGES = {"nearest": (), "default": (), "long": ("-m", "study")}
+STAGES = {"nearest": ("-m", "not study and not benchmark"), "default": (), "long": ("-m", "long or study")}
 SURVIVED = "survived"
 COLUMNS = (Column("area", "area"), Column("place", "place"), Column("new", "fault"), Column("found", "found by"))
 LIMIT = 3600.0  # s per stage: a fault that makes tests hang is noticed too
