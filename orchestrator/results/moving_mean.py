@@ -12,7 +12,7 @@ from orchestrator.results.thinned import BINS, Curve
 GRID = 8 * BINS  # equal parts of a run, in which integrals are taken as linear
 
 
-class Moving(NamedTuple):
+class MovingMean(NamedTuple):
     """Integral of a signal over time from the start."""
 
     at: Floats  # (GRID + 1,) s
@@ -64,6 +64,6 @@ class Integrals:
                 kept[until:, column] = of[-1]
         self._now, self._t, self._done = ends[:, -1], float(x[-1]), until
 
-    def moving(self, column: int) -> Moving:
+    def moving_mean(self, column: int) -> MovingMean:
         """Integral of one signal."""
-        return Moving(self._at, *self._kept[:, :, column])
+        return MovingMean(self._at, *self._kept[:, :, column])

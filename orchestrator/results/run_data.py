@@ -17,7 +17,7 @@ from orchestrator.results.link_columns import POSITION, TENSION
 from orchestrator.results.rotation import body_axis
 
 Made = TypeVar("Made")
-Kept = NDArray[np.bool_] | bool
+Mask = NDArray[np.bool_] | bool
 BLOCK = 1000  # steps in memory at once
 KEPT = 4  # cached link records: measures of a scene share windows
 BEFORE = 1.0  # s: longest step that may end in a window
@@ -238,7 +238,7 @@ def since(t: Floats, before: float | None = None) -> Floats:
     return np.diff(t, prepend=before)
 
 
-def mean(t: Floats, values: Floats, kept: Kept = True) -> float:
+def mean(t: Floats, values: Floats, kept: Mask = True) -> float:
     """Mean over time and columns of records (m, ...), weighted by the time since the last record.
 
     ``kept`` (m, ...): records to include; others are left out with their time. Raises ZeroDivisionError for none.
@@ -246,12 +246,12 @@ def mean(t: Floats, values: Floats, kept: Kept = True) -> float:
     return float(_average(t, values, kept, None))
 
 
-def means(t: Floats, values: Floats, kept: Kept = True) -> Floats:
+def means(t: Floats, values: Floats, kept: Mask = True) -> Floats:
     """Mean of each column (...,); see ``mean``."""
     return np.asarray(_average(t, values, kept, 0))
 
 
-def _average(t: Floats, values: Floats, kept: Kept, axis: int | None) -> Any:
+def _average(t: Floats, values: Floats, kept: Mask, axis: int | None) -> Any:
     own = since(t).reshape(-1, *[1] * (values.ndim - 1))
     return np.average(np.where(kept, values, 0.0), axis, np.broadcast_to(own * kept, values.shape))
 

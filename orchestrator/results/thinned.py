@@ -44,7 +44,7 @@ class Peak(NamedTuple):
     t: float
 
 
-class Envelope:
+class TimeEnvelope:
     """Envelope of signals: smallest and largest value, with their times, in equal intervals of time.
 
     Samples are added in the order of time, in blocks; the memory is constant. NaN and infinite values are left out.

@@ -341,7 +341,7 @@ def test_sections_of_figure_20_are_those_of_the_text():
     pins = np.stack([np.interp(s, along, closed[:, k]) for k in range(2)], axis=1)[None]
     links, joints, length = circuit.places(pins - pins[0].mean(axis=0), -pins[0].mean(axis=0))
     centres = 0.5 * (pins + np.roll(pins, -1, axis=1))
-    placed = circuit.Placed(np.zeros(1), np.zeros(1), length, links, joints, centres, pins, np.eye(3)[None], ())
+    placed = circuit.PlacedRecords(np.zeros(1), np.zeros(1), length, links, joints, centres, pins, np.eye(3)[None], ())
     between = conventions.edges(vehicle, placed)
     kinds = np.array(conventions.SECTIONS)[np.searchsorted(between[1:3], links[0], side="right")]
     ahead, up = centres[0].T

@@ -13,14 +13,14 @@ import numpy as np
 from fmus.vehicle import BadInput
 from orchestrator.log.extra import library
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, of_links
+from orchestrator.results.analyses import hull, link_records
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
 
 FIBRES = ("outer", "inner")
 
 
-class Line(NamedTuple):
+class StressLifeLine(NamedTuple):
     """S-N line: N cycles of range S break a part, N = cycles (stress / S) ** slope."""
 
     stress: float = 100e6  # Pa: reference range, peak to peak
@@ -28,7 +28,7 @@ class Line(NamedTuple):
     slope: float = 3.0
 
     @classmethod
-    def read(cls, text: str) -> Line:
+    def read(cls, text: str) -> StressLifeLine:
         """Parse "stress,cycles,slope"; raises BadInput."""
         try:
             stress, cycles, slope = map(float, text.split(","))
@@ -42,7 +42,7 @@ class Fatigue(NamedTuple):
 
     track: str
     window: Window  # recorded time, s
-    line: Line
+    line: StressLifeLine
     damage: Floats  # (links, 2) share of life consumed in the window
     cycles: Floats  # (links, 2) number, half cycles as 0.5
     largest: Floats  # (links, 2) Pa, largest range
@@ -70,16 +70,16 @@ class Fatigue(NamedTuple):
         return Table.of(title, columns, rows, notes)
 
 
-def of(run: RunData, track: str = "", window: Window = EVER, line: Line | str | None = None) -> Fatigue:
+def of(run: RunData, track: str = "", window: Window = EVER, line: StressLifeLine | str | None = None) -> Fatigue:
     """Fatigue of each link of a track, by default the first; raises Missing, BadInput, NotInstalled."""
-    line = Line.read(line) if isinstance(line, str) else line or Line()
+    line = StressLifeLine.read(line) if isinstance(line, str) else line or StressLifeLine()
     for name, value in line._asdict().items():
         if not 0.0 < value < np.inf:
             raise BadInput(f"the S-N line's {name} = {value:g}: must be greater than 0 and finite")
     track = hull.tracks(run, track)[0]
     columns: list[list[Floats]] = []
     times: list[float] = []
-    for block in of_links.records(run, track, window, *(f"link[*].fibre.{fibre}" for fibre in FIBRES)):
+    for block in link_records.records(run, track, window, *(f"link[*].fibre.{fibre}" for fibre in FIBRES)):
         stress = np.concatenate(block.values, axis=1)
         if not np.isfinite(stress).all():
             raise Missing(f"{run.log.path}: stress of '{track}' is no finite number from {block.t[0]:g} s on")

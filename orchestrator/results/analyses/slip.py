@@ -8,7 +8,7 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
-from orchestrator.results.analyses.at_steps import together
+from orchestrator.results.analyses.common_steps import together
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, mean
 from orchestrator.results.table import Table
 

@@ -7,8 +7,8 @@ from html import escape
 from typing import Any
 
 from orchestrator.results import measures
+from orchestrator.results.page.evaluation import Evaluation
 from orchestrator.results.page.section import PageSection, Pair, table
-from orchestrator.results.page.study import Study
 from orchestrator.results.page.words import and_list, plain, text
 from orchestrator.results.units import number
 
@@ -37,7 +37,7 @@ def checks(pair: Pair) -> PageSection:
     return PageSection("checks", "Checks", "Did the checks hold?", html, {})
 
 
-def unmade(study: Study) -> list[str]:
+def unmade(study: Evaluation) -> list[str]:
     """Names of the scene's checks, for the track model of the run, that were not made."""
     expected, track = study.run.scene.get("expect"), study.run.scene.get("track")
     if not isinstance(expected, dict):

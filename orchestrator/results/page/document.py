@@ -14,6 +14,7 @@ from orchestrator.results.page.balance import energy
 from orchestrator.results.page.checks import checks
 from orchestrator.results.page.embedded import script
 from orchestrator.results.page.ending import ending
+from orchestrator.results.page.evaluation import CheckResults, Evaluation, attempt, study
 from orchestrator.results.page.events import happened
 from orchestrator.results.page.exactness import exactness
 from orchestrator.results.page.loads import loads
@@ -22,12 +23,11 @@ from orchestrator.results.page.phases import phases
 from orchestrator.results.page.player import player as player_of
 from orchestrator.results.page.provenance import compared, made
 from orchestrator.results.page.section import PageSection, Pair
-from orchestrator.results.page.study import Judged, Study, attempt, study
 from orchestrator.results.page.tension import tension
 from orchestrator.results.page.words import text
 from orchestrator.results.run_data import RunData
 from orchestrator.results.units import number
-from orchestrator.results.whole_file import fresh
+from orchestrator.results.whole_file import atomic_write
 
 SUFFIXES = (".html", ".htm")
 # the page and its library must not request anything from other machines
@@ -39,15 +39,17 @@ def plotting() -> str:
     return str(library("plotly.offline", "report").get_plotlyjs())
 
 
-def write(run: RunData, judged: Judged, output: Path, reference: tuple[RunData, Judged] | None = None) -> None:
+def write(
+    run: RunData, judged: CheckResults, output: Path, reference: tuple[RunData, CheckResults] | None = None
+) -> None:
     """Write the page of a run and its reference, whole or not at all; raises LogUnreadable, NotInstalled, BadInput."""
     plots = plotting()
     page = document(study(run, judged), study(*reference) if reference else None, plots)
-    with fresh(output) as beside:
-        beside.write_text(page, encoding="utf-8")
+    with atomic_write(output) as temporary:
+        temporary.write_text(page, encoding="utf-8")
 
 
-def document(run: Study, reference: Study | None, plots: str) -> str:
+def document(run: Evaluation, reference: Evaluation | None, plots: str) -> str:
     """HTML page of a run and its reference; ``plots``: script of the plotting library. Raises LogUnreadable."""
     found = key_figures.figures(run)
     pair = Pair(run, reference, found)
@@ -72,7 +74,7 @@ def document(run: Study, reference: Study | None, plots: str) -> str:
     return "".join(_pieces(run, reference, found, parts, data, plots))
 
 
-def _player(run: Study, reference: Study | None) -> PageSection | None:
+def _player(run: Evaluation, reference: Evaluation | None) -> PageSection | None:
     """Section with the side view of the track with the largest tension."""
     chain = run.hardest
     if chain is None:
@@ -99,8 +101,8 @@ round the link that bears the most.</p></figcaption></figure>"""
 
 
 def _pieces(
-    run: Study,
-    reference: Study | None,
+    run: Evaluation,
+    reference: Evaluation | None,
     found: dict[str, Any],
     parts: Sequence[PageSection],
     data: dict[str, Any],
@@ -134,7 +136,7 @@ def _pieces(
     ]
 
 
-def _cut(reference: Study | None) -> str:
+def _cut(reference: Evaluation | None) -> str:
     return reference.run.log.cut_off if reference else ""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from orchestrator.results.analyses import events
-from orchestrator.results.analyses.spells import LIFTED, SETTLING, TOUCHES, Spell, settling
+from orchestrator.results.analyses.unloaded import LIFTED, SETTLING, TOUCHES, UnloadedInterval, settling
 from orchestrator.results.page.motion import AT_REST
 from orchestrator.results.page.section import PageSection, Pair, table
 from orchestrator.results.page.words import and_list, instance, quantity, text, wheel, wheel_name
@@ -41,7 +41,11 @@ def happened(pair: Pair) -> PageSection:
     if len(found) > SHOWN:
         html += f"<p class='muted'>and {len(found) - SHOWN} more.</p>"
     loaded = any(name.endswith(".load") for name in pair.run.signals)
-    early = [name for name, times in events.lifted(run).items() if any(settling(run, one.end) for one in times)]
+    early = [
+        name
+        for name, intervals in events.lifted(run).items()
+        if any(settling(run, interval.end) for interval in intervals)
+    ]
     if quiet := _quiet(run, found, loaded, bool(early)):
         html += f"<p>{and_list(quiet).capitalize()}.</p>"
     if early:
@@ -67,9 +71,9 @@ def _quiet(run: RunData, found: list[EventRow], loaded: bool, early: bool) -> li
     rest = " once the vehicle had come to rest"
     kinds = " ".join(row.what for row in found)
     quiet = [f"no road wheel was lifted off{rest if early else ''}"] if loaded and "lifted" not in kinds else []
-    hops = events.off_ground(run)
-    if hops.threshold > 0.0 and "off the ground" not in kinds:
-        quiet.append(f"no track left the ground{rest if any(hops.of.values()) else ''}")
+    airborne = events.off_ground(run)
+    if airborne.threshold > 0.0 and "off the ground" not in kinds:
+        quiet.append(f"no track left the ground{rest if any(airborne.by_member.values()) else ''}")
     if any(events.REJECTED in about.names for about in run.log.topics.values()) and "Solver" not in kinds:
         quiet.append("no solver took back a step")
     if run.log.closing is not None and not run.log.closing["warnings"]:
@@ -91,24 +95,24 @@ def rows(run: RunData) -> list[EventRow]:
 
 def _borne(run: RunData) -> list[EventRow]:
     """Rows of wheels and tracks without contact, without those of a vehicle that settles."""
-    made = []
-    for what, where, found in (
+    rows_of_members = []
+    for what, where, by_name in (
         ("Road wheel is lifted off", wheel, events.lifted(run)),
-        ("Track is off the ground", instance, events.off_ground(run).of),
+        ("Track is off the ground", instance, events.off_ground(run).by_member),
     ):
-        for name, spells in found.items():
-            if times := [spell for spell in spells if not settling(run, spell.end)]:
-                made.append(EventRow(times[0].start, what, where(name), _durations(times)))
-    return made
+        for name, intervals in by_name.items():
+            if shown := [interval for interval in intervals if not settling(run, interval.end)]:
+                rows_of_members.append(EventRow(shown[0].start, what, where(name), _durations(shown)))
+    return rows_of_members
 
 
-def _durations(times: list[Spell]) -> str:
-    total = sum(spell.time for spell in times)
-    longest = max(times, key=lambda spell: spell.time)
-    interval = f"{number(longest.start)} to {number(longest.end)} s"
-    if len(times) == 1:
-        return f"once; {interval}"
-    return f"{len(times)} times, {number(total, 3)} s together; longest {interval}"
+def _durations(intervals: list[UnloadedInterval]) -> str:
+    total = sum(interval.time for interval in intervals)
+    longest = max(intervals, key=lambda interval: interval.time)
+    times = f"{number(longest.start)} to {number(longest.end)} s"
+    if len(intervals) == 1:
+        return f"once; {times}"
+    return f"{len(intervals)} times, {number(total, 3)} s together; longest {times}"
 
 
 def _rejections(run: RunData) -> list[EventRow]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from orchestrator.results.page.checks import unmade
-from orchestrator.results.page.study import Study
+from orchestrator.results.page.evaluation import Evaluation
 from orchestrator.results.page.words import text
 from orchestrator.results.units import number, percent
 from orchestrator.results.validity.ledger import validity
@@ -21,13 +21,13 @@ class Assessment(NamedTuple):
     sentence: str
 
 
-def title(study: Study) -> str:
+def title(study: Evaluation) -> str:
     """Title of the scene, or the log's name; HTML."""
     about = study.run.log.metadata.get("run", {})
     return text(about.get("title") or study.run.scene.get("title") or about.get("scene") or study.run.log.path.name)
 
 
-def setting(study: Study) -> list[tuple[str, str]]:
+def setting(study: Evaluation) -> list[tuple[str, str]]:
     """Scene, vehicle, steps and origin of the run as pairs of a name and a value, HTML; without empty values."""
     log = study.run.log
     about, versions, origin = (log.metadata.get(name, {}) for name in ("run", "versions", "provenance"))
@@ -50,7 +50,7 @@ def setting(study: Study) -> list[tuple[str, str]]:
     return [(name, value) for name, value in pairs if value]
 
 
-def _of_vehicle(study: Study) -> list[tuple[str, str]]:
+def _of_vehicle(study: Evaluation) -> list[tuple[str, str]]:
     """Vehicle, links and friction by the tables of the scene, as far as they are there."""
     vehicle = study.run.scene.get("vehicle")
 
@@ -86,7 +86,7 @@ def _step(about: dict[str, str]) -> str:
     return step if about.get("step_control", "fixed") == "fixed" else f"variable, {step} at first"
 
 
-def _inner(study: Study) -> str:
+def _inner(study: Evaluation) -> str:
     """Internal step of the tracks, if the scene gives one."""
     try:
         return f"{number(1e3 * float(study.run.scene['track']['step']))} ms"
@@ -94,7 +94,7 @@ def _inner(study: Study) -> str:
         return ""
 
 
-def _finished(study: Study) -> bool:
+def _finished(study: Evaluation) -> bool:
     """True if the record reaches the requested end."""
     try:
         return study.run.span[1] >= (1.0 - 1e-9) * float(study.run.log.metadata["run"]["stop"])
@@ -102,7 +102,7 @@ def _finished(study: Study) -> bool:
         return False
 
 
-def verdict(study: Study) -> Assessment:
+def verdict(study: Evaluation) -> Assessment:
     """Assessment of the run by its closing record, checks, limits of validity and energy ledger."""
     log, checks = study.run.log, study.judged.checks
     missed = [name for name, check in checks.items() if not check["ok"]]

@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 from orchestrator.results.analyses import link_loads
 from orchestrator.results.analyses.curves import SignalCurve
 from orchestrator.results.analyses.link_loads import SIGNALS
-from orchestrator.results.analyses.of_links import has
-from orchestrator.results.analyses.spells import drops
+from orchestrator.results.analyses.link_records import has
+from orchestrator.results.analyses.unloaded import drops
 from orchestrator.results.energy import Ledger
 from orchestrator.results.page.balance import supply
-from orchestrator.results.page.study import ALIKE, NOTHING, Study
+from orchestrator.results.page.evaluation import ALIKE, NOTHING, Evaluation
 from orchestrator.results.page.words import instance, quantity, text, wheel
 from orchestrator.results.units import number, percent
 
@@ -28,7 +28,7 @@ class Tile(NamedTuple):
     kind: str = ""  # "words" for a value that is no number
 
 
-def figures(study: Study) -> dict[str, Any]:
+def figures(study: Evaluation) -> dict[str, Any]:
     """Key figures in SI units, without those that the log does not hold."""
     found: dict[str, Any] = {}
     tracks = study.run.tracks
@@ -73,17 +73,17 @@ def _peak(known: dict[str, SignalCurve], extreme: str) -> dict[str, Any]:
     return {"value": peaks[name].value, "t": peaks[name].t, "signal": name, "unit": known[name].unit}
 
 
-def _bearer(study: Study, peak: dict[str, Any], load: str) -> dict[str, Any]:
+def _bearer(study: Evaluation, peak: dict[str, Any], load: str) -> dict[str, Any]:
     """Link with the largest load in the record of links nearest to the peak; empty without such records."""
-    found = study.chains.get(peak["signal"].partition(".")[0])
-    if not found or not has(study.run, found.track, SIGNALS[load]):
+    loads = study.chains.get(peak["signal"].partition(".")[0])
+    if not loads or not has(study.run, loads.track, SIGNALS[load]):
         return {}
-    t, values = link_loads.at(study.run, found, load, peak["t"])
+    t, values = link_loads.loads_at(study.run, loads, load, peak["t"])
     best = int(values.argmax())
     return {"link": best + 1, "link_t": t, "link_value": float(values[best])}
 
 
-def tiles(study: Study, found: dict[str, Any]) -> list[Tile]:
+def tiles(study: Evaluation, found: dict[str, Any]) -> list[Tile]:
     """Tiles of the key figures."""
     made = [*_motion(found), *_loads(study, found), *_energy(found), _error(study, found)]
     if pace := found.get("real_time_factor"):
@@ -107,7 +107,7 @@ def _motion(found: dict[str, Any]) -> list[Tile]:
     return made
 
 
-def _loads(study: Study, found: dict[str, Any]) -> list[Tile]:
+def _loads(study: Evaluation, found: dict[str, Any]) -> list[Tile]:
     made = []
     if tension := found.get("tension"):
         made.append(Tile("Largest link tension", quantity(tension["value"], "N"), _place(tension)))
@@ -141,7 +141,7 @@ def _energy(found: dict[str, Any]) -> list[Tile]:
     ]
 
 
-def _later(study: Study) -> str:
+def _later(study: Evaluation) -> str:
     """Largest wheel load of the rest of the run; thinned curves keep every peak."""
     found = [
         float(signal.curve.y[after].max())
@@ -157,7 +157,7 @@ def _place(peak: dict[str, Any]) -> str:
     return f"link {peak['link']}, {when}" if "link" in peak else when
 
 
-def _error(study: Study, found: dict[str, Any]) -> Tile:
+def _error(study: Evaluation, found: dict[str, Any]) -> Tile:
     error = found.get("error")
     if error is None:
         return Tile("Estimated error", "not estimated", "no coarser run was made beside it", "words")

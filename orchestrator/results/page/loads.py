@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.results.analyses import contact, of_links, wheel_loads
+from orchestrator.results.analyses import contact, link_records, wheel_loads
 from orchestrator.results.analyses.events import lifted
 from orchestrator.results.analyses.profile import Profile
-from orchestrator.results.analyses.spells import SETTLING, drops, settling
+from orchestrator.results.analyses.unloaded import SETTLING, drops, settling
 from orchestrator.results.page.charts import Trace, heat, lines
+from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.key_figures import COMING_TO_REST
 from orchestrator.results.page.section import Content, PageSection, Pair, table
-from orchestrator.results.page.study import Study, attempt
 from orchestrator.results.page.tension import profiles
 from orchestrator.results.page.words import and_list, instance, plain, quantity, text, wheel, wheel_name
 from orchestrator.results.run_data import Window
@@ -51,17 +51,25 @@ def _wheel(signal: str) -> str:
     return signal.removesuffix(".load").partition(".")[2]
 
 
-def _lifted(study: Study, track: str) -> str:
+def _lifted(study: Evaluation, track: str) -> str:
     """Sentences on the wheels of a track that were lifted off, HTML."""
-    found = {name: spells for name, spells in lifted(study.run).items() if name.partition(".")[0] == track and spells}
-    late = [name for name, spells in found.items() if any(not settling(study.run, each.end) for each in spells)]
+    lifted_wheels = {
+        name: intervals
+        for name, intervals in lifted(study.run).items()
+        if name.partition(".")[0] == track and intervals
+    }
+    late = [
+        name
+        for name, intervals in lifted_wheels.items()
+        if any(not settling(study.run, interval.end) for interval in intervals)
+    ]
     if late:
         names = and_list([text(wheel_name(name.partition(".")[2])) for name in late])
         return f"{WHEELS} <b>Lifted off for a time: {names}.</b>"
-    return f"{WHEELS} {f'After the first {number(SETTLING)} s none' if found else 'None'} is ever lifted off."
+    return f"{WHEELS} {f'After the first {number(SETTLING)} s none' if lifted_wheels else 'None'} is ever lifted off."
 
 
-def _table(study: Study) -> str:
+def _table(study: Evaluation) -> str:
     """Table of the load of each wheel, of a vehicle that was dropped after it has come to rest; HTML."""
     begin = COMING_TO_REST if drops(study.run) else study.run.span[0]
     window = Window(begin, study.run.span[1])
@@ -76,9 +84,9 @@ def _table(study: Study) -> str:
     return f"<h3>{title}</h3>{table(('Wheel', 'Least', 'Mean', 'Largest'), rows)}"
 
 
-def _pressure(study: Study, content: Content) -> None:
+def _pressure(study: Evaluation, content: Content) -> None:
     """Figures of the pressure under links: along the vehicle, and over time."""
-    grounded = (each for each in study.chains.values() if of_links.has(study.run, each.track, contact.SIGNAL))
+    grounded = (each for each in study.chains.values() if link_records.has(study.run, each.track, contact.SIGNAL))
     chain = next(grounded, None)
     found = attempt(lambda: contact.over_time(study.run, chain), study.missing) if chain else None
     if chain is None or found is None:

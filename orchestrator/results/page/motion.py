@@ -6,8 +6,8 @@ import numpy as np
 
 from orchestrator.results.analyses.curves import SignalCurve
 from orchestrator.results.page.charts import Chart, Trace, lines
+from orchestrator.results.page.evaluation import attempt
 from orchestrator.results.page.section import Content, PageSection, Pair
-from orchestrator.results.page.study import attempt
 from orchestrator.results.page.words import plain, quantity
 from orchestrator.results.run_data import EVER
 from orchestrator.results.thinned import Curve

@@ -6,9 +6,9 @@ from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import differences, worst
 from orchestrator.results.divergence import divergence
+from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.exactness import SENSITIVE
 from orchestrator.results.page.section import PageSection, Pair, table
-from orchestrator.results.page.study import Study, attempt
 from orchestrator.results.page.words import quantity, text
 from orchestrator.results.run_data import RunData
 from orchestrator.results.thinned import BINS
@@ -80,7 +80,7 @@ def _parting(one: Log, other: Log) -> str:
     if found is None:
         return ""
     if found.first is None:
-        return f"<p>Bit by bit they are equal in all {found.compared} numbers that both hold.</p>"
+        return f"<p>Bit by bit they are equal in all {found.value_count} numbers that both hold.</p>"
     first = found.first
     return (
         f"<p>They part first in <code>{text(first.instance)}.{text(first.variable)}</code> at step {first.step},"
@@ -124,7 +124,7 @@ def made(pair: Pair, plotting: str) -> PageSection:
     return PageSection("made", "How it was made", "How was this page made, and what can it not say?", html, {})
 
 
-def _of(study: Study, role: str) -> str:
+def _of(study: Evaluation, role: str) -> str:
     """Record of a run: completeness, digest, and commands that verify it; HTML."""
     log = study.run.log
     mood, sentence = record(log)

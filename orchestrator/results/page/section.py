@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from orchestrator.results.analyses.curves import SignalCurve
 from orchestrator.results.page.charts import Chart, Trace, lines
-from orchestrator.results.page.study import Study
+from orchestrator.results.page.evaluation import Evaluation
 
 
 class PageSection(NamedTuple):
@@ -23,8 +23,8 @@ class PageSection(NamedTuple):
 class Pair(NamedTuple):
     """Evaluated run and, if there is one, its reference."""
 
-    run: Study
-    reference: Study | None
+    run: Evaluation
+    reference: Evaluation | None
     figures: dict[str, Any]  # key figures of the run (``key_figures.figures``)
 
     def lines(self, named: Sequence[tuple[str, str]], colour: int = 0) -> list[Trace]:
@@ -43,13 +43,13 @@ class Pair(NamedTuple):
         others = self.reference.signals if self.reference and known else {}
         for k, (signal, name) in enumerate(named, colour):
             if other := others.get(signal):  # one band is enough: the reference of a band is its mean
-                curve = other.moving.over(window) if means.get(signal) else other.curve
+                curve = other.moving_mean.over(window) if means.get(signal) else other.curve
                 found.append(Trace(f"{name}, reference", curve, k, reference=True))
         return found
 
     def over_time(self, quantity: str, unit: str, drawn: Sequence[Trace]) -> Chart:
         """Chart of lines over time."""
-        return lines(quantity, unit, drawn, window=self.run.ripple.words)
+        return lines(quantity, unit, drawn, window=self.run.ripple.description)
 
 
 def _alike(one: SignalCurve, other: SignalCurve) -> bool:

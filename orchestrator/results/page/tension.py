@@ -9,8 +9,8 @@ from orchestrator.results.analyses import link_loads, profile
 from orchestrator.results.analyses.link_loads import LinkLoads
 from orchestrator.results.analyses.profile import Profile
 from orchestrator.results.page.charts import Trace, heat, lines
+from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import Content, PageSection, Pair
-from orchestrator.results.page.study import Study, attempt
 from orchestrator.results.page.words import and_list, instance, plain, quantity
 from orchestrator.results.thinned import Curve
 from orchestrator.results.units import number
@@ -48,7 +48,7 @@ def tension(pair: Pair) -> PageSection | None:
     return PageSection("tension", "Tension", title, content.html, content.charts) if content.charts else None
 
 
-def _largest(study: Study, found: LinkLoads) -> str:
+def _largest(study: Evaluation, found: LinkLoads) -> str:
     """Sentences on the extreme loads of links, HTML."""
     worst, slack = found.most["tension"], found.slackest
     stressed, loaded = found.most.get("stress"), found.most.get("force")
@@ -65,7 +65,7 @@ def _largest(study: Study, found: LinkLoads) -> str:
     return f'<p class="lead">{said}.{_other_track(study)}</p>'
 
 
-def _other_track(study: Study) -> str:
+def _other_track(study: Evaluation) -> str:
     """Sentence on the largest tension of the other track; empty unless there are two."""
     if len(study.chains) != 2:
         return ""
@@ -76,14 +76,14 @@ def _other_track(study: Study) -> str:
     return f" In {instance(track)} the largest tension is {quantity(value, 'N')}."
 
 
-def profiles(study: Study, found: LinkLoads) -> list[Profile]:
+def profiles(study: Evaluation, found: LinkLoads) -> list[Profile]:
     """Profiles of a chain at even instants and at the largest tension; none if positions were not recorded."""
     evenly = np.linspace(found.t[0], found.t[-1], INSTANTS + 1)[1:] if len(found.t) > 1 else found.t[:1]
     instants = sorted({*map(float, evenly), found.most["tension"].t})
     return attempt(lambda: [profile.of(study.run, found, t) for t in instants], study.missing) or []
 
 
-def _along(study: Study, found: LinkLoads, content: Content) -> None:
+def _along(study: Evaluation, found: LinkLoads, content: Content) -> None:
     """Figure of the tension along the chain."""
     made = profiles(study, found)
     if not made:
@@ -123,7 +123,7 @@ def _of_reference(pair: Pair, found: LinkLoads) -> Floats | None:
     return attempt(lambda: link_loads.tensions_in(reference.run, found.track, span, found), pair.run.missing)
 
 
-def _bearers(study: Study, found: LinkLoads, content: Content) -> None:
+def _bearers(study: Evaluation, found: LinkLoads, content: Content) -> None:
     """Figures of the loads over time of each link with a largest load."""
     for link, parts in link_loads.curves(study.run, found).items():
         most = and_list([BEARS[what] for what in found.bearers[link]])

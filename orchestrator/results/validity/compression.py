@@ -10,7 +10,7 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
 from orchestrator.results.run_data import Missing, RunData
 from orchestrator.results.validity import limits
-from orchestrator.results.validity.entry import WARNING, Entry, passed
+from orchestrator.results.validity.exceedance import WARNING, Exceedance, passed
 from orchestrator.results.validity.piece import Piece
 
 
@@ -19,7 +19,7 @@ def signals(run: RunData) -> Iterator[str]:
     yield from (f"{track}.tension.min" for track in run.tracks)
 
 
-def find(piece: Piece) -> Iterator[Entry]:
+def find(piece: Piece) -> Iterator[Exceedance]:
     """Entries for tracks whose links are under more thrust than their weight holds down; raises Missing.
 
     The thrust must last longer than HELD.
@@ -28,7 +28,7 @@ def find(piece: Piece) -> Iterator[Entry]:
     for track in piece.run.tracks:
         t, tension = piece.signal(f"{track}.tension.min")
         if (found := passed(*held(t, -tension, limits.HELD), limit)) is not None:
-            yield Entry("compression", track, found[0], "", found[1], limit, WARNING)
+            yield Exceedance("compression", track, found[0], "", found[1], limit, WARNING)
 
 
 def thrust(run: RunData) -> float:

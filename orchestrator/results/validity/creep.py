@@ -9,9 +9,9 @@ import numpy as np
 from orchestrator.results.analyses import hull
 from orchestrator.results.run_data import Missing, RunData, mean
 from orchestrator.results.validity import limits
-from orchestrator.results.validity.entry import WARNING, Entry
-from orchestrator.results.validity.on_sprocket import shaft, toothed
+from orchestrator.results.validity.exceedance import WARNING, Exceedance
 from orchestrator.results.validity.piece import Piece
+from orchestrator.results.validity.sprocket_pins import shaft, toothed
 
 STANDS = 0.1  # rad/s of a sprocket: brakes fade below
 TURNS = 0.02  # rad/s of the hull: a turning vehicle slides sideways
@@ -27,7 +27,7 @@ def signals(run: RunData) -> Iterator[str]:
         yield from (f"{track}.ground.force.{axis}" for axis in "xyz")
 
 
-def find(piece: Piece) -> Iterator[Entry]:
+def find(piece: Piece) -> Iterator[Exceedance]:
     """Entries for tracks that slide though friction could hold them; raises Missing.
 
     The vehicle must stand for STANDING seconds.
@@ -53,5 +53,5 @@ def find(piece: Piece) -> Iterator[Entry]:
                 continue
             creeping = abs(mean(t[part], slip[part]))
             if creeping > limits.CREEP:
-                yield Entry("creep", track, float(t[begin]), "", creeping, limits.CREEP, WARNING)
+                yield Exceedance("creep", track, float(t[begin]), "", creeping, limits.CREEP, WARNING)
             begin = end

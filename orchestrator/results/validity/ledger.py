@@ -18,7 +18,7 @@ from orchestrator.results.validity import (
     seats,
     tooth_jump,
 )
-from orchestrator.results.validity.entry import FAILURE, WARNING, Entry
+from orchestrator.results.validity.exceedance import FAILURE, WARNING, Exceedance
 from orchestrator.results.validity.piece import pieces
 
 KINDS = (contact_step, penetration, seats, tooth_jump, idler_travel, compression, creep, lift)
@@ -30,11 +30,11 @@ UNFIT = (Missing, LookupError, TypeError, ValueError, AttributeError, Arithmetic
 class Validity(NamedTuple):
     """Entries of a run."""
 
-    entries: tuple[Entry, ...]  # in order of time
+    entries: tuple[Exceedance, ...]  # in order of time
     unseen: dict[str, str]  # reason by module that could not look
 
     @property
-    def failures(self) -> tuple[Entry, ...]:
+    def failures(self) -> tuple[Exceedance, ...]:
         """Failures, which end the model's validity unless the scene allows them."""
         return tuple(entry for entry in self.entries if entry.severity == FAILURE)
 
@@ -54,7 +54,7 @@ def validity(run: RunData, window: Window = EVER) -> Validity:
 def _validity(run: RunData, window: Window) -> Validity:
     asked = run.scene.get("run")
     allowed = asked.get("allow") if isinstance(asked, dict) else None
-    found: list[Entry] = []
+    found: list[Exceedance] = []
     unseen: dict[str, str] = {}
     names = chain.from_iterable(kind.signals(run) for kind in KINDS)
     for piece in pieces(run, names, window):
@@ -66,17 +66,17 @@ def _validity(run: RunData, window: Window) -> Validity:
     return Validity(tuple(merged(softened(found, allowed if isinstance(allowed, list) else ()))), unseen)
 
 
-def softened(entries: Iterable[Entry], allowed: Sequence[str]) -> list[Entry]:
+def softened(entries: Iterable[Exceedance], allowed: Sequence[str]) -> list[Exceedance]:
     """Turn failures of allowed kinds into warnings."""
     return [entry._replace(severity=WARNING) if entry.what in allowed else entry for entry in entries]
 
 
-def merged(entries: Iterable[Entry]) -> list[Entry]:
+def merged(entries: Iterable[Exceedance]) -> list[Exceedance]:
     """Merge entries of equal kind, part, limit and severity: first time and place, worst value.
 
     A failure of a part replaces its earlier warning.
     """
-    found: dict[tuple[str, str, str, float, str], Entry] = {}
+    found: dict[tuple[str, str, str, float, str], Exceedance] = {}
     for entry in sorted(entries, key=lambda entry: entry.time):
         part = entry.place.partition(",")[0]
         first = found.setdefault((entry.what, entry.component, part, entry.limit, entry.severity), entry)

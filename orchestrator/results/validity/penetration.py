@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, of_links
+from orchestrator.results.analyses import hull, link_records
 from orchestrator.results.ground_profile import ground
 from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.results.validity import limits
-from orchestrator.results.validity.entry import Entry, levels
+from orchestrator.results.validity.exceedance import Exceedance, levels
 from orchestrator.results.validity.piece import Piece
 
 NEAR = 0.25  # s: longest interval between records of pins
@@ -23,7 +23,7 @@ def signals(run: RunData) -> Iterator[str]:
     yield from (f"{track}.penetration.max" for track in run.tracks)
 
 
-def find(piece: Piece) -> Iterator[Entry]:
+def find(piece: Piece) -> Iterator[Exceedance]:
     """Entries for contacts that are deep relative to the thickness of a link; raises Missing."""
     face = hull.number(piece.run, "track", "face")
     for track in piece.run.tracks:
@@ -48,7 +48,7 @@ def deepest(run: RunData, track: str, t: float, depth: float) -> str:
 
 def depths(run: RunData, track: str, t: float) -> dict[str, float]:
     """Depths, m, of rims and ground in the links at the record nearest to a time, s; raises Missing."""
-    blocks = list(of_links.records(run, track, Window(t - NEAR, t + NEAR), "joint[*].position"))
+    blocks = list(link_records.records(run, track, Window(t - NEAR, t + NEAR), "joint[*].position"))
     times = np.concatenate([block.t for block in blocks])
     at = int(np.abs(times - t).argmin())
     pins = np.concatenate([block.values[0] for block in blocks])[at]
@@ -60,7 +60,7 @@ def depths(run: RunData, track: str, t: float) -> dict[str, float]:
         radius = hull.number(run, name.partition("[")[0], "radius")
         found[name] = radius + face - _distance((pins - centre) @ axes)
     if (floor := ground(run.scene)) is not None:
-        under = floor.at((pins - floor.start) @ floor.ahead) - pins[:, 2]
+        under = floor.height_at((pins - floor.start) @ floor.ahead) - pins[:, 2]
         found["ground"] = float(under.max()) + face
     return found
 

@@ -9,14 +9,14 @@ import numpy as np
 from orchestrator.results.analyses import hull
 from orchestrator.results.run_data import pitch_radius
 from orchestrator.results.validity import limits
-from orchestrator.results.validity.entry import Entry, levels
-from orchestrator.results.validity.on_sprocket import polar, signals, toothed
+from orchestrator.results.validity.exceedance import Exceedance, levels
 from orchestrator.results.validity.piece import Piece
+from orchestrator.results.validity.sprocket_pins import polar, signals, toothed
 
 __all__ = ["find", "signals"]
 
 
-def find(piece: Piece) -> Iterator[Entry]:
+def find(piece: Piece) -> Iterator[Exceedance]:
     """Entries for pins of tracks with recorded pins; raises Missing."""
     radius = hull.number(piece.run, "sprocket", "pin_radius")
     seated = pitch_radius(piece.run.scene["vehicle"])

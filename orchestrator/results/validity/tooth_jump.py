@@ -7,19 +7,19 @@ from collections.abc import Iterator
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, of_links
+from orchestrator.results.analyses import hull, link_records
 from orchestrator.results.run_data import pitch_radius
 from orchestrator.results.validity import limits
-from orchestrator.results.validity.entry import FAILURE, Entry, passed
-from orchestrator.results.validity.on_sprocket import drift, polar, signals, toothed
+from orchestrator.results.validity.exceedance import FAILURE, Exceedance, passed
 from orchestrator.results.validity.piece import Piece
+from orchestrator.results.validity.sprocket_pins import drift, polar, signals, toothed
 
 __all__ = ["find", "signals"]
 SUSPECT, CERTAIN = 0.4, 1.0  # teeth, see ``drift``
 SEATED = 0.5  # of the height of a tooth above the pitch circle: closer pins sit in a gap
 
 
-def find(piece: Piece) -> Iterator[Entry]:
+def find(piece: Piece) -> Iterator[Exceedance]:
     """First jump of each track, and its largest shift in teeth; raises Missing.
 
     Pins are read where the travel suggests a jump; without records of pins the travel decides.
@@ -28,13 +28,13 @@ def find(piece: Piece) -> Iterator[Entry]:
         t, parted = drift(piece, track)
         if np.ptp(parted) < SUSPECT:
             continue
-        if of_links.has(piece.run, track, "joint[*].position"):
+        if link_records.has(piece.run, track, "joint[*].position"):
             yield from _by_pins(piece, track)
         elif (found := passed(t, np.abs(parted), CERTAIN)) is not None:
-            yield Entry("tooth_jump", track, found[0], "sprocket", found[1], limits.JUMP, FAILURE)
+            yield Exceedance("tooth_jump", track, found[0], "sprocket", found[1], limits.JUMP, FAILURE)
 
 
-def _by_pins(piece: Piece, track: str) -> Iterator[Entry]:
+def _by_pins(piece: Piece, track: str) -> Iterator[Exceedance]:
     teeth = round(hull.number(piece.run, "sprocket", "teeth"))
     circle = pitch_radius(piece.run.scene["vehicle"])
     top = hull.number(piece.run, "sprocket", "outer_radius") + hull.number(piece.run, "sprocket", "pin_radius")
@@ -42,7 +42,7 @@ def _by_pins(piece: Piece, track: str) -> Iterator[Entry]:
     found = [*jumps(angle * teeth / (2.0 * np.pi), distance, circle + SEATED * (top - circle))]
     for at, pin, off in found[:1]:
         most = max(off for _, _, off in found)
-        yield Entry("tooth_jump", track, float(t[at]), f"sprocket, pin {pin + 1}", most, limits.JUMP, FAILURE)
+        yield Exceedance("tooth_jump", track, float(t[at]), f"sprocket, pin {pin + 1}", most, limits.JUMP, FAILURE)
 
 
 def jumps(gaps: Floats, distance: Floats, seated: float) -> Iterator[tuple[int, int, float]]:

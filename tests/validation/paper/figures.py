@@ -172,7 +172,7 @@ def _deformations(found: dict[Model, deformation.Deformation]) -> Any:
     panes = page.subplots(1, 2)
     for model, each in found.items():
         each.draw(panes, LINK, model.label, linestyle=model.line, color=model.colour)
-    deformation.framed(panes, float(next(iter(found.values())).x[-1]))
+    deformation.draw_frame(panes, float(next(iter(found.values())).x[-1]))
     for number, pane, what in ((18, panes[0], "Axial"), (19, panes[1], "Transverse")):
         pane.set_title(f"Figure {number}. {what} deformation of link {LINK} of the right chain", fontsize=9, loc="left")
     page.legend(*panes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
@@ -212,7 +212,7 @@ def _configuration(logs: dict[Model, Path]) -> Any:
     found = {}
     for model, run in _opened(logs):
         bodies = Bodies(run, EVERY, "tension", track=TRACK)
-        bodies.keep([INSTANT])
+        bodies.select_instants([INSTANT])
         found[model] = side_view.side_view(bodies, next(bodies.blocks(1))), bodies.ground
     return _panes(found)
 
@@ -227,7 +227,7 @@ def _panes(found: dict[Model, tuple[SideView, GroundProfile | None]]) -> Any:
     page = Page(figsize=(9.0, 2.3 * len(found) + 0.5), layout="constrained")
     panes: Any = page.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
     for pane, (model, (view, ground)) in zip(panes, found.items(), strict=True):
-        side_view.add(pane, view, ground, scale, side_view.extent([view]))
+        side_view.draw_view(pane, view, ground, scale, side_view.extent([view]))
         place = view.pins[FIRST - 1]
         pane.plot(*place, "o", color="C3", markersize=5, fillstyle="none")
         pane.annotate("first joint", place, (6, 6), textcoords="offset points", color="C3", fontsize=8)

@@ -9,7 +9,7 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
-from orchestrator.results.energy import Port
+from orchestrator.results.energy import WrenchPort
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import Missing, RunData
 from orchestrator.results.validity.piece import Piece
@@ -30,7 +30,7 @@ def signals(run: RunData) -> Iterator[str]:
         port = _port(run, track)
         yield f"{track}.travel"
         yield f"{shaft(run, track)}angle"
-        yield from (f"{port.taker}.{port.taken}.position.{axis}" for axis in "xyz")
+        yield from (f"{port.taker}.{port.taker_connector}.position.{axis}" for axis in "xyz")
 
 
 def drift(piece: Piece, track: str) -> tuple[Floats, Floats]:
@@ -66,7 +66,7 @@ def polar(piece: Piece, track: str) -> Polar:
 def _polar(piece: Piece, track: str) -> Polar:
     port = _port(piece.run, track)
     t, pins = piece.pins(track)
-    axle = _at(t, *piece.vector(f"{port.taker}.{port.taken}.position"))
+    axle = _at(t, *piece.vector(f"{port.taker}.{port.taker_connector}.position"))
     turned = _at(t, *piece.columns([f"{shaft(piece.run, track)}angle"]))[:, 0]
     ahead, up = _axes(piece, t)
     offset = pins - axle[:, None]
@@ -82,7 +82,7 @@ def _polar(piece: Piece, track: str) -> Polar:
     return Polar(t, distance, angle)
 
 
-def _port(run: RunData, track: str) -> Port:
+def _port(run: RunData, track: str) -> WrenchPort:
     port = hull.sprocket(run, track)
     if port is None:
         raise Missing(f"'{track}' runs on no sprocket")
@@ -92,7 +92,7 @@ def _port(run: RunData, track: str) -> Port:
 def shaft(run: RunData, track: str) -> str:
     """Prefix of the shaft variables of a track's sprocket; raises Missing."""
     port = _port(run, track)
-    return f"{port.taker}.{port.taken.removesuffix('sprocket')}"
+    return f"{port.taker}.{port.taker_connector.removesuffix('sprocket')}"
 
 
 def _axes(piece: Piece, t: Floats) -> tuple[Floats, Floats]:

@@ -22,7 +22,7 @@ HULL = ("speed", "distance", "pitch", "roll", "yaw", "settlement")
 NOTHING = (LookupError, ValueError, TypeError, ArithmeticError, AttributeError)
 
 
-class Judged(NamedTuple):
+class CheckResults(NamedTuple):
     """Checks and observables of a run."""
 
     checks: Mapping[str, Mapping[str, Any]]  # by name: value, expected, tolerance, ok, note
@@ -31,11 +31,11 @@ class Judged(NamedTuple):
     again: str | None = None  # command that makes the run again
 
 
-class Study(NamedTuple):
+class Evaluation(NamedTuple):
     """Evaluated run."""
 
     run: RunData
-    judged: Judged
+    judged: CheckResults
     signals: dict[str, SignalCurve]
     drives: list[str]  # prefixes of the variables of drives
     chains: dict[str, LinkLoads]  # by track
@@ -48,7 +48,7 @@ class Study(NamedTuple):
     def mean(self, signal: str, window: float) -> Curve | None:
         """Moving mean of a signal over a time, s; None unless its curve is a band."""
         found = self.signals[signal]
-        return found.moving.over(window) if found.curve.banded(*self.run.span) else None
+        return found.moving_mean.over(window) if found.curve.banded(*self.run.span) else None
 
     @property
     def hardest(self) -> LinkLoads | None:
@@ -65,7 +65,7 @@ class Study(NamedTuple):
             return None
 
 
-def study(run: RunData, judged: Judged) -> Study:
+def study(run: RunData, judged: CheckResults) -> Evaluation:
     """Evaluate a run; raises LogUnreadable if the log is damaged."""
     missing: list[str] = []
     drives = curves.drives(run)
@@ -83,7 +83,7 @@ def study(run: RunData, judged: Judged) -> Study:
         if found := attempt(lambda track=track: link_loads.of(run, track), missing):  # type: ignore[misc]
             chains[track] = found
     moved = attempt(lambda: phases.of(run).phases, missing) if "chassis.speed" in known else None
-    return Study(
+    return Evaluation(
         run, judged, known, drives, chains, attempt(lambda: ledger(run), missing),
         attempt(lambda: curves.energies(run), missing) or {}, curves.ripple(run, drives, known), moved or (), missing,
     )  # fmt: skip

@@ -15,7 +15,7 @@ from orchestrator.results.validity.limits import KINDS
 WARNING, FAILURE = "warning", "failure"
 
 
-class Entry(NamedTuple):
+class Exceedance(NamedTuple):
     """Limit that a run passed."""
 
     what: str  # key of ``limits.KINDS``
@@ -58,10 +58,10 @@ def passed(t: Floats, values: Floats, limit: float) -> tuple[float, float, float
 
 def levels(
     what: str, component: str, t: Floats, values: Floats, warning: float, failure: float
-) -> list[tuple[Entry, float]]:
+) -> list[tuple[Exceedance, float]]:
     """Warning and failure of values above their limits, without a place, with times of the worst, s."""
     return [
-        (Entry(what, component, one[0], "", one[1], limit, severity), one[2])
+        (Exceedance(what, component, one[0], "", one[1], limit, severity), one[2])
         for limit, severity in ((warning, WARNING), (failure, FAILURE))
         if (one := passed(t, values, limit)) is not None
     ]
