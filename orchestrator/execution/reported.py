@@ -10,7 +10,7 @@ from fmus.vehicle import BadInput
 from orchestrator.execution import again, summary
 from orchestrator.log.reader import Log
 from orchestrator.results.page.document import SUFFIXES, plotting, write
-from orchestrator.results.page.evaluation import CheckResults
+from orchestrator.results.page.evaluation import RunSummary
 from orchestrator.results.run_data import RunData
 from orchestrator.results.whole_file import check_output
 from orchestrator.scene.same_scene import of_one_scene
@@ -43,15 +43,15 @@ def report(
         write(*own, page, other[0] if other else None)
 
 
-def _judged(run: RunData) -> CheckResults:
+def _judged(run: RunData) -> RunSummary:
     """Evaluate checks and observables by the scene in the log; without one, return the reason."""
     if not run.scene:
-        return CheckResults({}, {}, "the log does not say of which scene it is")
+        return RunSummary({}, {}, "the log does not say of which scene it is")
     try:
         scene = from_table(run.scene, f"{run.log.path}: scene.json")
     except BadInput as error:
-        return CheckResults({}, {}, str(error))
+        return RunSummary({}, {}, str(error))
     simulated = run.span[1]
-    return CheckResults(
-        summary.checks(run, scene, simulated), summary.observables(run, scene, simulated), again=again.command(run)
+    return RunSummary(
+        summary.checks(run, scene, simulated), summary.observables(run, scene, simulated), command=again.command(run)
     )

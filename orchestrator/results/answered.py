@@ -24,7 +24,7 @@ class Answer(NamedTuple):
     unit: str
     t: Floats  # (m,) s
     recorded: Floats  # (m,)
-    answered: Floats  # (m,)
+    answered: Floats  # (m,) by the other model
 
     @property
     def difference(self) -> Floats:

@@ -82,6 +82,6 @@ def _local_minima(cost: Floats) -> NDArray[np.bool_]:
 
 
 def _every_second(places: Places) -> Places:
-    """Every second one of adjacent places."""
+    """Every second of adjacent places."""
     first = np.maximum.accumulate(np.where(np.diff(places, prepend=-2) > 1, places, 0))
     return places[(places - first) % 2 == 0]

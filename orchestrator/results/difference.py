@@ -170,15 +170,15 @@ def observables(run: RunData) -> Iterator[tuple[str, Observable]]:
     if "chassis" not in run.instances:
         names = [f"{track}.speed" for track in run.tracks]
         yield "chain_speed", Observable("m/s", 0.01, lambda run: _signals(run, names))
-    yield "tension_mean", Observable("N", 100.0, lambda run: run.once("tensions", _tensions)[0], windowed=True)
-    yield "tension_rms", Observable("N", 100.0, lambda run: run.once("tensions", _tensions)[1], windowed=True)
+    yield "tension_mean", Observable("N", 100.0, lambda run: run.compute_once("tensions", _tensions)[0], windowed=True)
+    yield "tension_rms", Observable("N", 100.0, lambda run: run.compute_once("tensions", _tensions)[1], windowed=True)
     yield (
         "joint_force_mean",
-        Observable("N", 100.0, lambda run: run.once("joint forces", _joint_forces)[0], windowed=True),
+        Observable("N", 100.0, lambda run: run.compute_once("joint forces", _joint_forces)[0], windowed=True),
     )
     yield (
         "joint_force_rms",
-        Observable("N", 100.0, lambda run: run.once("joint forces", _joint_forces)[1], windowed=True),
+        Observable("N", 100.0, lambda run: run.compute_once("joint forces", _joint_forces)[1], windowed=True),
     )
     yield "tension", Observable("N", 100.0, lambda run: _tension(run, EARLY), decisive=False)
     yield "joint_force", Observable("N", 100.0, lambda run: _joint_force(run, EARLY), decisive=False)
@@ -275,7 +275,7 @@ def _windowed(
     Windows begin at the start; a last one of less than half the length is left out. One window is in memory at a
     time.
     """
-    t = run.once("times of links", _times)
+    t = run.compute_once("times of links", _times)
     if len(t) < 2:
         raise Missing("the log holds no step")
     count = max(1, round((t[-1] - t[0]) / WINDOW))

@@ -58,12 +58,14 @@ class Ledger(NamedTuple):
 
 def ledger(run: RunData) -> Ledger:
     """Ledger of a log; raises Missing if it lacks energies or steps."""
-    return run.once("ledger", _ledger)
+    return run.compute_once("ledger", _ledger)
 
 
 def changes(run: RunData) -> dict[str, dict[str, float]]:
     """Change of each ``energy.*`` output over the run by component, J; raises Missing."""
-    return run.once("changes of energy", lambda run: {name: _energy_changes(run, name) for name in run.instances})
+    return run.compute_once(
+        "changes of energy", lambda run: {name: _energy_changes(run, name) for name in run.instances}
+    )
 
 
 def powers(run: RunData, window: Window) -> dict[str, dict[str, float]]:

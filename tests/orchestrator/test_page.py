@@ -30,7 +30,7 @@ from orchestrator.results.page import ending
 from orchestrator.results.page.balance import losses, sentence, sources
 from orchestrator.results.page.document import document
 from orchestrator.results.page.embedded import floats, script
-from orchestrator.results.page.evaluation import CheckResults, study
+from orchestrator.results.page.evaluation import RunSummary, evaluate
 from orchestrator.results.page.events import rows as event_rows
 from orchestrator.results.page.player import UNIT, player
 from orchestrator.results.page.words import quantity, text
@@ -69,8 +69,8 @@ def page(path, reference=None):
         if reference:
             with Log(reference) as second:
                 known = RunData(second)
-                return document(study(run, _judged(run)), study(known, _judged(known)), PLOTS)
-        return document(study(run, _judged(run)), other, PLOTS)
+                return document(evaluate(run, _judged(run)), evaluate(known, _judged(known)), PLOTS)
+        return document(evaluate(run, _judged(run)), other, PLOTS)
 
 
 def embedded(html):
@@ -637,7 +637,7 @@ def test_a_check_says_why_its_bounds_are_what_they_are(tmp_path):
     scene = {"expect": {"speed_excess": {"measure": "speed_excess"}, "travel": {"signal": "a.travel"}}}
     one = {"value": 0.014, "expected": 0.025, "tolerance": 0.025, "ok": True, "note": ""}
     with Log(written(tmp_path / "a.mcap", {"a.travel": t}, t, scene)) as log:
-        html = document(study(RunData(log), CheckResults({"speed_excess": one, "travel": one}, {})), None, PLOTS)
+        html = document(evaluate(RunData(log), RunSummary({"speed_excess": one, "travel": one}, {})), None, PLOTS)
     checks = re.search(r'id="checks".*?</table>', html, re.S)[0]
     assert "Mean vehicle speed over teeth x pitch x omega / 2 pi, less 1" in checks
     assert checks.count('class="muted why"') == 1

@@ -8,9 +8,9 @@ from orchestrator.results.run_data import EVER, RunData, Window
 
 
 def off_ground(run: RunData, window: Window = EVER) -> UnloadedIntervals:
-    """Intervals without ground contact of each track (``spells.py``), by the vertical ground force."""
+    """Intervals without ground contact of each track (``unloaded.py``), by the vertical ground force."""
     names = tuple(track for track in run.tracks if run.has(f"{track}.ground.force.z"))
     signals = [f"{name}.ground.force.z" for name in names]
-    return run.once(
+    return run.compute_once(
         f"tracks off the ground, {window}", lambda _: unloaded_intervals(names, lambda: blocks(run, signals, window))
     )

@@ -27,7 +27,7 @@ class PlacedRecords(NamedTuple):
     links: Floats  # (m, links) m, middles of links
     joints: Floats  # (m, joints) m, pins
     centres: Floats  # (m, links, 2) m, middles of links ahead of and above the sprocket axle, in hull axes
-    pins: Floats  # (m, joints, 3) m, world; define the axes of forces as in ``of_links``
+    pins: Floats  # (m, joints, 3) m, world; define the axes of forces as in ``link_records``
     axes: Floats  # (m, 3, 3) columns ahead, left, up of the hull, in world
     values: tuple[Floats, ...]  # one per signal, (m, n) or (m, n, 3)
 
@@ -57,7 +57,7 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
 def places(pins: Floats, ray: Floats) -> tuple[Floats, Floats, Floats]:
     """Places of the middles of links and of pins (m, n), and lengths (m,), of closed polygons (m, n, 2).
 
-    The zero is the crossing of a polygon with the ray from the origin along ``away`` (2,) that is next to the origin.
+    The zero is the crossing of a polygon with the ray from the origin along ``ray`` (2,) that is next to the origin.
     Raises ValueError without a crossing.
     """
     after = np.roll(pins, -1, axis=1)

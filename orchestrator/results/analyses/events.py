@@ -47,10 +47,10 @@ def of(
 ) -> Events:
     """Events: wheels and tracks without contact, locked sprockets, halved steps, warnings.
 
-    ``teeth`` adds an event for each tooth that passes; ``warned``: warnings of a run whose log is still open. Raises
+    ``teeth`` adds an event for each tooth that passes; ``open_warnings``: those of a run whose log is open. Raises
     LogUnreadable.
     """
-    run.hold(_signals(run), window)
+    run.prefetch(_signals(run), window)
     events = [
         *_contact_events(run, window),
         *_lock_events(run, window),

@@ -9,7 +9,7 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.energy import WrenchPort, ports
 from orchestrator.results.rotation import matrices
-from orchestrator.results.run_data import BEFORE, Missing, RunData, Window
+from orchestrator.results.run_data import LONGEST_STEP, Missing, RunData, Window
 
 
 class HullAxes(NamedTuple):
@@ -42,7 +42,7 @@ def poses(run: RunData, track: str, t: Floats) -> HullAxes:
     Without a hull the axes are those of the start; without a sprocket the origin is the start.
     """
     port = sprocket(run, track)
-    around = Window(float(t[0]) - BEFORE, float(t[-1]) + BEFORE)
+    around = Window(float(t[0]) - LONGEST_STEP, float(t[-1]) + LONGEST_STEP)
     if port is None:
         origin = np.tile(np.array(run.scene.get("start", {}).get("position", (0.0, 0.0, 0.0)), float), (len(t), 1))
     else:

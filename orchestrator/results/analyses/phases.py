@@ -161,7 +161,7 @@ def _read(run: RunData, window: Window) -> _Motion:
     names += [f"{track}.{name}" for track in run.tracks for name in ("slip", "tension.max")]
     names = [name for name in names if run.has(name)]
     work_copies = {f"{name}.energy.work": run.copies(name) for name in run.instances if run.has(f"{name}.energy.work")}
-    run.hold([*names, *work_copies], window)  # one pass
+    run.prefetch([*names, *work_copies], window)  # one pass
     samples = {name: run.signal(name, window) for name in [*names, *work_copies]}
     steps = min(len(t) for t, _ in samples.values())
     t = samples[names[0]][0][:steps]

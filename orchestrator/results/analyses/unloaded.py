@@ -59,7 +59,7 @@ def settling(run: RunData, t: float) -> bool:
 
 
 def unloaded_intervals(names: tuple[str, ...], blocks: Callable[[], Blocks]) -> UnloadedIntervals:
-    """Intervals of the loads ``names``; ``blocks`` is called twice; non-finite loads are left out."""
+    """Intervals without load of the members ``names``; ``blocks`` is called twice; non-finite loads are left out."""
     total, duration = np.zeros(len(names)), np.zeros(len(names))
     for _, weights, loads in _weighed(blocks()):
         known = np.isfinite(loads) & np.isfinite(weights)[:, None]

@@ -24,7 +24,7 @@ class WheelLoads(NamedTuple):
     most: Floats  # (wheels,) N
     rms: Floats  # (wheels,) N, deviation from the mean
     lifted: Floats  # (wheels,) share of time without load
-    threshold: float  # N, a smaller load counts as lifted (``spells.py``)
+    threshold: float  # N, a smaller load counts as lifted (``unloaded.py``)
 
     def table(self) -> Table:
         """Table with a row for each wheel."""
@@ -67,8 +67,10 @@ def blocks(run: RunData, window: Window = EVER) -> Iterator[tuple[Floats, Floats
 
 
 def lifted(run: RunData, window: Window = EVER) -> UnloadedIntervals:
-    """Intervals in which road wheels are lifted (``spells.py``), by wheel; raises Missing."""
-    return run.once(f"lifted wheels, {window}", lambda run: unloaded_intervals(names(run), lambda: blocks(run, window)))
+    """Intervals in which road wheels are lifted (``unloaded.py``), by wheel; raises Missing."""
+    return run.compute_once(
+        f"lifted wheels, {window}", lambda run: unloaded_intervals(names(run), lambda: blocks(run, window))
+    )
 
 
 def of(run: RunData, window: Window = EVER) -> WheelLoads:

@@ -32,26 +32,26 @@ class EventRow(NamedTuple):
     detail: str
 
 
-def happened(pair: Pair) -> PageSection:
+def event_section(pair: Pair) -> PageSection:
     """Section with events, warnings and extremes in order of time, and the events that did not happen."""
     run = pair.run.run
-    found = sorted([*rows(run), *_peaks(pair)], key=lambda row: row.t)
-    cells = [(f"{number(row.t)} s", row.what, row.where, row.detail) for row in found[:SHOWN]]
+    event_rows = sorted([*rows(run), *_peak_rows(pair)], key=lambda row: row.t)
+    cells = [(f"{number(row.t)} s", row.what, row.where, row.detail) for row in event_rows[:SHOWN]]
     html = table(("First at", "What", "Where", "How much, how often"), cells) if cells else ""
-    if len(found) > SHOWN:
-        html += f"<p class='muted'>and {len(found) - SHOWN} more.</p>"
+    if len(event_rows) > SHOWN:
+        html += f"<p class='muted'>and {len(event_rows) - SHOWN} more.</p>"
     loaded = any(name.endswith(".load") for name in pair.run.signals)
     early = [
         name
         for name, intervals in events.lifted(run).items()
         if any(settling(run, interval.end) for interval in intervals)
     ]
-    if quiet := _quiet(run, found, loaded, bool(early)):
-        html += f"<p>{and_list(quiet).capitalize()}.</p>"
+    if absences := _absences(run, event_rows, loaded, bool(early)):
+        html += f"<p>{and_list(absences).capitalize()}.</p>"
     if early:
         html += (
             f"<p class='muted'>In its first {number(SETTLING)} s, while the drawn vehicle comes to rest on its tracks,"
-            f" {len(early)} road wheel{'s are' if len(early) > 1 else ' is'} lifted off: {_named(early)}.</p>"
+            f" {len(early)} road wheel{'s are' if len(early) > 1 else ' is'} lifted off: {_wheels(early)}.</p>"
         )
     if loaded:
         html += (
@@ -61,39 +61,41 @@ def happened(pair: Pair) -> PageSection:
     return PageSection("events", "Events", "What happened on the way?", html, {})
 
 
-def _named(wheels: list[str]) -> str:
+def _wheels(wheels: list[str]) -> str:
     parts = [name.partition(".") for name in wheels]
-    return text(and_list([f"{wheel_name(own)} ({instance(track)})" for track, _, own in parts]))
+    return text(and_list([f"{wheel_name(wheel)} ({instance(track)})" for track, _, wheel in parts]))
 
 
-def _quiet(run: RunData, found: list[EventRow], loaded: bool, early: bool) -> list[str]:
+def _absences(run: RunData, event_rows: list[EventRow], loaded: bool, some_settling: bool) -> list[str]:
     """Clauses on the kinds of events that did not happen, HTML."""
     rest = " once the vehicle had come to rest"
-    kinds = " ".join(row.what for row in found)
-    quiet = [f"no road wheel was lifted off{rest if early else ''}"] if loaded and "lifted" not in kinds else []
+    kinds = " ".join(row.what for row in event_rows)
+    clauses = (
+        [f"no road wheel was lifted off{rest if some_settling else ''}"] if loaded and "lifted" not in kinds else []
+    )
     airborne = events.off_ground(run)
     if airborne.threshold > 0.0 and "off the ground" not in kinds:
-        quiet.append(f"no track left the ground{rest if any(airborne.by_member.values()) else ''}")
+        clauses.append(f"no track left the ground{rest if any(airborne.by_member.values()) else ''}")
     if any(events.REJECTED in about.names for about in run.log.topics.values()) and "Solver" not in kinds:
-        quiet.append("no solver took back a step")
+        clauses.append("no solver took back a step")
     if run.log.closing is not None and not run.log.closing["warnings"]:
-        quiet.append("no component warned")
-    return quiet
+        clauses.append("no component warned")
+    return clauses
 
 
 def rows(run: RunData) -> list[EventRow]:
     """Rows of events and limits of validity in order of time; raises LogUnreadable."""
-    found = [*_borne(run), *_rejections(run)]
-    warned = [*events.warnings(run)][:SHOWN]
-    found += [EventRow(event.t, "Warning", instance(event.component), text(event.text)) for event in warned]
-    found += [
+    event_rows = [*_unloaded_rows(run), *_rejection_rows(run)]
+    warnings = [*events.warnings(run)][:SHOWN]
+    event_rows += [EventRow(event.t, "Warning", instance(event.component), text(event.text)) for event in warnings]
+    event_rows += [
         EventRow(entry.time, f"Limit of validity, {entry.severity}", instance(entry.component), text(entry.sentence))
         for entry in validity(run).entries
     ]
-    return sorted(found, key=lambda row: row.t)
+    return sorted(event_rows, key=lambda row: row.t)
 
 
-def _borne(run: RunData) -> list[EventRow]:
+def _unloaded_rows(run: RunData) -> list[EventRow]:
     """Rows of wheels and tracks without contact, without those of a vehicle that settles."""
     rows_of_members = []
     for what, where, by_name in (
@@ -115,7 +117,7 @@ def _durations(intervals: list[UnloadedInterval]) -> str:
     return f"{len(intervals)} times, {number(total, 3)} s together; longest {times}"
 
 
-def _rejections(run: RunData) -> list[EventRow]:
+def _rejection_rows(run: RunData) -> list[EventRow]:
     return [
         EventRow(float(t[0]), "Solver took back a step and halved it", instance(name),
                  f"{number(more.sum(), 7)} in all; last by {number(t[-1])} s")
@@ -123,9 +125,9 @@ def _rejections(run: RunData) -> list[EventRow]:
     ]  # fmt: skip
 
 
-def _peaks(pair: Pair) -> list[EventRow]:
+def _peak_rows(pair: Pair) -> list[EventRow]:
     """Rows of the largest values of the run."""
-    found = []
+    event_rows = []
     for key, what in PEAKS:
         peak = pair.figures.get(key)
         if peak and abs(peak["value"]) > AT_REST:
@@ -133,5 +135,5 @@ def _peaks(pair: Pair) -> list[EventRow]:
             place = f", {text(wheel_name(variable.removesuffix('.load')))}" if key == "wheel_load" else ""
             place += f", link {peak['link']}" if "link" in peak else ""
             size = quantity(peak["value"], peak["unit"])
-            found.append(EventRow(peak["t"], what, f"{instance(track)}{place}", size))
-    return found
+            event_rows.append(EventRow(peak["t"], what, f"{instance(track)}{place}", size))
+    return event_rows

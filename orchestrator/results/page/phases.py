@@ -28,8 +28,8 @@ def phases(pair: Pair) -> PageSection | None:
     return PageSection("phases", "Phases", "What did it do, and when?", html, {})
 
 
-def _table(study: Evaluation) -> str:
-    return table(HEAD, [_row(phase) for phase in study.phases], "phases")
+def _table(evaluation: Evaluation) -> str:
+    return table(HEAD, [_row(phase) for phase in evaluation.phases], "phases")
 
 
 def _row(phase: Phase) -> tuple[str, ...]:

@@ -39,8 +39,8 @@ def player(run: RunData, track: str, reference: RunData | None = None) -> dict[s
     assert links.colour is not None, "a page has a player of links whose tensions were recorded"
     pins = _projected(cameras, links.pins)
     hull = None if bodies.hull is None or poses.hull is None else _hull(cameras, bodies.hull, poses.hull)
-    everything = [pins.reshape(-1, 2)] + ([] if hull is None else [hull.reshape(-1, 2)])
-    low, high = (np.concatenate(everything).min(axis=0) - MARGIN), (np.concatenate(everything).max(axis=0) + MARGIN)
+    outlines = [pins.reshape(-1, 2)] + ([] if hull is None else [hull.reshape(-1, 2)])
+    low, high = (np.concatenate(outlines).min(axis=0) - MARGIN), (np.concatenate(outlines).max(axis=0) + MARGIN)
     high[1] = min(high[1], pins[..., 1].max() + ABOVE)
     least, most = bodies.colour_range([poses])
     speeds = bodies.speeds()
@@ -79,10 +79,10 @@ def player(run: RunData, track: str, reference: RunData | None = None) -> dict[s
 def _chain(run: RunData, track: str, t: Floats) -> dict[str, Any]:
     """The pins of a chain at the times (m,) of another run's pictures, as far as its record goes."""
     bodies = Bodies(run, EVERY, track=track)
-    shown = bodies.t[nearest(bodies.t, t[t <= bodies.end + 0.5 / RATE])]
-    bodies.select_instants(shown)
+    times = bodies.t[nearest(bodies.t, t[t <= bodies.end + 0.5 / RATE])]
+    bodies.select_instants(times)
     poses = next(bodies.blocks(MOST))
-    rows = nearest(poses.t, shown)
+    rows = nearest(poses.t, times)
     pins = _projected(_cameras(bodies, poses, track), poses.links[track].pins)[rows]
     (shape,) = bodies.tracks
     return {"pictures": len(rows), "pins": shorts(pins, UNIT), "pinCount": pins.shape[1], "closed": shape.closed}

@@ -9,7 +9,7 @@ import numpy as np
 from orchestrator.results.analyses import hull
 from orchestrator.results.rotation import body_axis
 from orchestrator.results.run_data import Missing, RunData
-from orchestrator.results.validity.exceedance import WARNING, Exceedance, passed
+from orchestrator.results.validity.exceedance import WARNING, Exceedance, excess
 from orchestrator.results.validity.piece import Piece
 from orchestrator.results.validity.sprocket_pins import HULL
 
@@ -35,10 +35,12 @@ def find(piece: Piece) -> Iterator[Exceedance]:
         t, place = piece.vector(name)
         ahead = body_axis(piece.vector(HULL, "wxyz")[1], 0)
         x = np.einsum("mi,mi->m", place - piece.vector("chassis.chassis.position")[1], ahead)
-        moved = np.abs(x + run.scene["vehicle"]["chassis"]["centre"][0] - drawn)
-        if (found := passed(t, moved, travel)) is not None:
+        travelled = np.abs(x + run.scene["vehicle"]["chassis"]["centre"][0] - drawn)
+        if (first_and_worst := excess(t, travelled, travel)) is not None:
             place_of = name.removeprefix("chassis.").removesuffix(".position")
-            yield Exceedance("idler_travel", "chassis", found[0], place_of, found[1], travel, WARNING)
+            yield Exceedance(
+                "idler_travel", "chassis", first_and_worst[0], place_of, first_and_worst[1], travel, WARNING
+            )
 
 
 def _idlers(run: RunData) -> list[str]:

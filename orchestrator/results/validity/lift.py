@@ -15,17 +15,17 @@ from orchestrator.results.validity.piece import Piece
 
 
 def signals(run: RunData) -> Iterator[str]:
-    """No signals: ``spells.py`` reads the loads itself, once for all users."""
+    """No signals: ``unloaded.py`` reads the loads itself, once for all users."""
     return iter(())
 
 
 def find(piece: Piece) -> Iterator[Exceedance]:
     """Entries for members without load for longer than LIFT, within the piece."""
     run = piece.run
-    by_member = dict(off_ground(run, EVER).by_member)
+    intervals_by_member = dict(off_ground(run, EVER).by_member)
     with suppress(Missing):
-        by_member |= wheel_loads.lifted(run, EVER).by_member
-    for name, intervals in by_member.items():
+        intervals_by_member |= wheel_loads.lifted(run, EVER).by_member
+    for name, intervals in intervals_by_member.items():
         component, _, place = name.partition(".")
         for interval in intervals:
             inside = interval.start <= piece.window.end and interval.end >= piece.window.start

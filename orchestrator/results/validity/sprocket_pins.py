@@ -18,7 +18,7 @@ HULL = "chassis.chassis.orientation"
 REACH = 1.2  # of the radius of the teeth: pins further away have no contact
 
 
-def toothed(run: RunData) -> tuple[str, ...]:
+def tracks_on_sprockets(run: RunData) -> tuple[str, ...]:
     """Names of the tracks with a sprocket."""
     return tuple(track for track in run.tracks if hull.sprocket(run, track) is not None)
 
@@ -26,7 +26,7 @@ def toothed(run: RunData) -> tuple[str, ...]:
 def signals(run: RunData) -> Iterator[str]:
     """Signals: positions of the axles, sprocket angles, chain travel, pose of the hull."""
     yield from (f"{HULL}.{part}" for part in "wxyz")
-    for track in toothed(run):
+    for track in tracks_on_sprockets(run):
         port = _port(run, track)
         yield f"{track}.travel"
         yield f"{shaft(run, track)}angle"
@@ -45,9 +45,9 @@ def drift(piece: Piece, track: str) -> tuple[Floats, Floats]:
     if len(travel) != len(angle) or not len(angle):
         raise Missing("the log holds different steps of its components")
     turned = angle * teeth / (2.0 * np.pi)
-    parted = travel / pitch - turned, travel / pitch + turned  # links are numbered in either direction
-    least = min(parted, key=lambda each: float(np.ptp(each)))
-    return t, least - least[0]
+    differences = travel / pitch - turned, travel / pitch + turned  # links are numbered in either direction
+    smallest = min(differences, key=lambda difference: float(np.ptp(difference)))
+    return t, smallest - smallest[0]
 
 
 class Polar(NamedTuple):
@@ -60,14 +60,14 @@ class Polar(NamedTuple):
 
 def polar(piece: Piece, track: str) -> Polar:
     """Polar coordinates of the pins of a track; the angle jumps opposite the wrap. Raises Missing."""
-    return piece.once(f"polar, {track}", lambda: _polar(piece, track))
+    return piece.compute_once(f"polar, {track}", lambda: _polar(piece, track))
 
 
 def _polar(piece: Piece, track: str) -> Polar:
     port = _port(piece.run, track)
     t, pins = piece.pins(track)
-    axle = _at(t, *piece.vector(f"{port.taker}.{port.taker_connector}.position"))
-    turned = _at(t, *piece.columns([f"{shaft(piece.run, track)}angle"]))[:, 0]
+    axle = _interpolated(t, *piece.vector(f"{port.taker}.{port.taker_connector}.position"))
+    turned = _interpolated(t, *piece.columns([f"{shaft(piece.run, track)}angle"]))[:, 0]
     ahead, up = _axes(piece, t)
     offset = pins - axle[:, None]
     x, z = np.einsum("mni,mi->mn", offset, ahead), np.einsum("mni,mi->mn", offset, up)
@@ -98,7 +98,7 @@ def shaft(run: RunData, track: str) -> str:
 def _axes(piece: Piece, t: Floats) -> tuple[Floats, Floats]:
     """Unit vectors ahead and up of the hull, (m, 3) each; without a hull those of the start."""
     try:
-        q = _at(t, *piece.vector(HULL, "wxyz"))
+        q = _interpolated(t, *piece.vector(HULL, "wxyz"))
     except Missing:
         heading = float(piece.run.scene.get("start", {}).get("heading", 0.0))
         ahead = np.tile([np.cos(heading), np.sin(heading), 0.0], (len(t), 1))
@@ -107,7 +107,7 @@ def _axes(piece: Piece, t: Floats) -> tuple[Floats, Floats]:
     return axes[..., 0], axes[..., 2]
 
 
-def _at(t: Floats, times: Floats, values: Floats) -> Floats:
+def _interpolated(t: Floats, times: Floats, values: Floats) -> Floats:
     """Values (m, k) at times (m,), s, linearly interpolated; raises Missing."""
     if not len(times):
         raise Missing("nothing was recorded in this window")

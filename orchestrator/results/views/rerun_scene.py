@@ -76,7 +76,7 @@ def opened(path: Path, output: Path | None) -> Iterator[RerunRecording]:
 
 
 class RerunRecording:
-    """Recording of Rerun that is written in parts: ``begin``, then the others, as often as needed."""
+    """Recording of Rerun that is written in parts: ``start``, then the others, as often as needed."""
 
     def __init__(self, rerun: ModuleType, blueprints: ModuleType, recording: Any, name: str, file: Path | None) -> None:
         self._rerun, self._blueprints, self._recording = rerun, blueprints, recording
