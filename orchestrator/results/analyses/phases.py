@@ -272,8 +272,8 @@ def _grouped(parts: list[tuple[_Piece, int]]) -> list[list[tuple[_Piece, int]]]:
 _Part = tuple[int, int, tuple[str, int]]  # first and last record, and both states
 
 
-def _latest(states: Mapping[int, Any], at: int) -> Any:
-    return states[max(start for start in states if start <= at)]
+def _latest(states: Mapping[int, Any], record: int) -> Any:
+    return states[max(start for start in states if start <= record)]
 
 
 def _without_slivers(t: Floats, parts: list[_Part]) -> list[_Part]:
