@@ -29,7 +29,7 @@ def alignment(text: str) -> Alignment:
     if text == "time":
         return TIME
     if text == "travel":
-        return Alignment("m", _travel)
+        return Alignment("m", _travel_clock)
     signal, _, number = text.rpartition("=")
     try:
         value = float(number)
@@ -37,13 +37,13 @@ def alignment(text: str) -> Alignment:
         value = np.nan
     if not signal or not np.isfinite(value):
         raise BadInput(f"--align {text}: must be {FORMS}")
-    return Alignment("s", lambda run: _since(run, signal, value))
+    return Alignment("s", lambda run: _event_clock(run, signal, value))
 
 
 TIME = Alignment("s", lambda run: lambda t: t)
 
 
-def _travel(run: RunData) -> Callable[[Floats], Floats]:
+def _travel_clock(run: RunData) -> Callable[[Floats], Floats]:
     if not run.tracks:
         raise Missing(f"{run.log.path} has no track whose travel runs could be compared along")
     travels = [run.signal(f"{track}.travel", EVER) for track in run.tracks]
@@ -52,7 +52,7 @@ def _travel(run: RunData) -> Callable[[Floats], Floats]:
     return lambda times: np.interp(times, t, travel)
 
 
-def _since(run: RunData, signal: str, value: float) -> Callable[[Floats], Floats]:
+def _event_clock(run: RunData, signal: str, value: float) -> Callable[[Floats], Floats]:
     t, values = run.signal(signal, EVER)
     above = values >= value
     passed = np.flatnonzero(above[1:] != above[:-1])

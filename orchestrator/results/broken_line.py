@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.run_data import since
+from orchestrator.results.run_data import record_durations
 
 GRAIN = 0.1  # s, initial length of the pieces
 PASSES = 4  # number of passes in which breaks move
@@ -36,7 +36,7 @@ class LineFitter:
     """Line fits to parts of a record (m,), from sums that are computed once."""
 
     def __init__(self, t: Floats, y: Floats) -> None:
-        w, x, self._level = since(t), t - 0.5 * (t[0] + t[-1]), float(y.mean())
+        w, x, self._level = record_durations(t), t - 0.5 * (t[0] + t[-1]), float(y.mean())
         y = y - self._level
         parts = np.stack([w, w * x, w * x * x, w * y, w * x * y, w * y * y], axis=1)
         self._sums = np.concatenate([np.zeros((1, 6)), np.cumsum(parts, axis=0)])

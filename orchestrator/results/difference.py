@@ -18,7 +18,7 @@ import numpy as np
 
 from orchestrator.log.reader import Log
 from orchestrator.results.alignment import TIME, Alignment
-from orchestrator.results.run_data import EVER, Floats, Missing, RunData, Window, since, within
+from orchestrator.results.run_data import EVER, Floats, Missing, RunData, Window, record_durations, within
 
 WINDOW = 1.0  # s
 INTERVAL = 0.01  # s: joint forces are compared as means over this time; sparser logs as they are
@@ -98,7 +98,7 @@ def difference(run: ObservableSamples, reference: ObservableSamples, observable:
     if len(t) <= run.mean:
         raise Missing("the two logs have no time in common")
     a, b = aligned(run, reference)
-    lengths = np.diff(t) if run.mean else since(t)
+    lengths = np.diff(t) if run.mean else record_durations(t)
     absolute = _rms(a - b, lengths)
     relative = absolute / max(_rms(b, lengths), observable.floor)
     return ObservableDifference(absolute, relative, observable.unit, observable.decisive)

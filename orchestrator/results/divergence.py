@@ -39,8 +39,8 @@ class Divergence(NamedTuple):
 
 def divergence(log: Log, reference: Log, window: tuple[float, float] = EVER) -> Divergence:
     """Compare all common values in a closed interval of time, s; raises LogUnreadable."""
-    shared, unmatched = _shared(log, reference)
-    before = {topic: _number(reference, topic, window[0]) for topic in shared}
+    shared, unmatched = _common_columns(log, reference)
+    before = {topic: _messages_before(reference, topic, window[0]) for topic in shared}
     firsts: list[Difference] = []
     growths = {topic: _TopicGrowth([reference.topics[topic].units[k] for k in shared[topic][1]]) for topic in shared}
     value_count, end, uneven = 0, float("nan"), set[str]()
@@ -113,7 +113,7 @@ class _TopicGrowth:
 Shared = dict[str, tuple[list[int], list[int]]]  # by topic: columns of the common variables in both logs
 
 
-def _shared(log: Log, reference: Log) -> tuple[Shared, tuple[str, ...]]:
+def _common_columns(log: Log, reference: Log) -> tuple[Shared, tuple[str, ...]]:
     shared: Shared = {}
     unmatched = [f"{side.path}: {topic}" for side, other in ((log, reference), (reference, log))
                  for topic in side.topics if not topic.startswith("/stats/") and topic not in other.topics]  # fmt: skip
@@ -132,7 +132,7 @@ def _shared(log: Log, reference: Log) -> tuple[Shared, tuple[str, ...]]:
     return shared, tuple(unmatched)
 
 
-def _number(log: Log, topic: str, start: float) -> int:
+def _messages_before(log: Log, topic: str, start: float) -> int:
     """Number of messages of a topic before a time, s."""
     return 0 if start == EVER[0] else int((log.select({topic: []}, (EVER[0], start))[topic].t < start - 1e-9).sum())
 

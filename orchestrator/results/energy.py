@@ -286,11 +286,11 @@ def _motions(block: Block, port: WrenchPort) -> tuple[Floats, Floats]:
     rates = [vectors(series, giver, f"{connector}.{rate}") for rate in ("velocity", "angular_velocity")]
     extrapolated = series.h[:, None] * np.hstack(rates)
     actual = extrapolated.copy()
-    actual[:-1] = np.hstack([np.diff(position, axis=0), turns(q)])
+    actual[:-1] = np.hstack([np.diff(position, axis=0), rotation_vectors(q)])
     return extrapolated, actual
 
 
-def turns(q: Floats) -> Floats:
+def rotation_vectors(q: Floats) -> Floats:
     """Rotation vectors (m - 1, 3), world, between successive quaternions (m, 4), body to world."""
     w, v = q[:, 0], q[:, 1:]
     # q[k + 1] times the conjugate of q[k]

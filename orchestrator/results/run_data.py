@@ -232,7 +232,7 @@ def within(t: Floats, window: Window) -> NDArray[np.bool_]:
     return (t >= window.start - 1e-9) & (t <= window.end + 1e-9)
 
 
-def since(t: Floats, before: float | None = None) -> Floats:
+def record_durations(t: Floats, before: float | None = None) -> Floats:
     """Time since the last record (m,), s; for the first, since ``before`` or equal to the second, or 1.
 
     Compute it from all records, also from those that a mean leaves out: a record counts for its own interval only.
@@ -256,7 +256,7 @@ def means(t: Floats, values: Floats, mask: Mask = True) -> Floats:
 
 
 def _average(t: Floats, values: Floats, mask: Mask, axis: int | None) -> Any:
-    durations = since(t).reshape(-1, *[1] * (values.ndim - 1))
+    durations = record_durations(t).reshape(-1, *[1] * (values.ndim - 1))
     return np.average(np.where(mask, values, 0.0), axis, np.broadcast_to(durations * mask, values.shape))
 
 

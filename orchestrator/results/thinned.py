@@ -19,11 +19,11 @@ class Curve(NamedTuple):
     t: Floats  # (m,) s, in order
     y: Floats  # (m,)
 
-    def times(self, factor: float) -> Curve:
+    def scaled_by(self, factor: float) -> Curve:
         """Curve in another unit."""
         return Curve(self.t, factor * self.y)
 
-    def banded(self, start: float, end: float) -> bool:
+    def is_band(self, start: float, end: float) -> bool:
         """True if the curve from start to end, s, oscillates so fast that it is drawn as a band."""
         if len(self.t) < 3 or not end > start:
             return False

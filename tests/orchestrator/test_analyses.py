@@ -305,7 +305,7 @@ def test_open_chains_have_no_circuit(tmp_path):
 
 def test_rainflow_counts_the_example_of_the_standard():
     counted = {}
-    for size, number in zip(*fatigue.cycles(fatigue.turning(E1049)), strict=True):
+    for size, number in zip(*fatigue.rainflow_cycles(fatigue.turning_points(E1049)), strict=True):
         counted[size] = counted.get(size, 0.0) + number
     assert counted == {3.0: 0.5, 4.0: 1.5, 6.0: 0.5, 8.0: 1.0, 9.0: 0.5}
 
@@ -313,11 +313,13 @@ def test_rainflow_counts_the_example_of_the_standard():
 def test_what_lies_between_turning_points_does_not_count():
     fine = np.interp(np.linspace(0, 8, 161), np.arange(9), E1049)
     fine = np.repeat(fine, 2)
-    np.testing.assert_array_equal(fatigue.turning(fine), E1049)
+    np.testing.assert_array_equal(fatigue.turning_points(fine), E1049)
     values = np.round(np.random.default_rng(5).normal(size=500), 1)  # with equal neighbours
-    for whole, part in zip(fatigue.cycles(values), fatigue.cycles(fatigue.turning(values)), strict=True):
+    for whole, part in zip(
+        fatigue.rainflow_cycles(values), fatigue.rainflow_cycles(fatigue.turning_points(values)), strict=True
+    ):
         np.testing.assert_array_equal(whole, part)
-    assert fatigue.cycles(fatigue.turning(np.full(9, 3.0)))[0].size == 0
+    assert fatigue.rainflow_cycles(fatigue.turning_points(np.full(9, 3.0)))[0].size == 0
 
 
 def stressed(path, stress):

@@ -80,5 +80,5 @@ def test_bands_are_told_from_lines():
         (ramp, False), (slow, False), (fast, True), (ramp + 2.0 * fast, True), (ramp + 0.2 * fast, False),
         (late, True), (np.where(t > 0.95 * END, fast, 0.0), False), (np.ones(6401), False),
     ):  # fmt: skip
-        assert drawn(values, t).banded(0.0, END) is band
-    assert not Curve(t[:2], ramp[:2]).banded(0.0, END)
+        assert drawn(values, t).is_band(0.0, END) is band
+    assert not Curve(t[:2], ramp[:2]).is_band(0.0, END)

@@ -22,7 +22,7 @@ def columns(run: RunData, names: Sequence[str]) -> dict[str, list[int]]:
     return {topic: sorted(set(chosen[topic])) for topic in run.log.topics if topic in chosen}
 
 
-def together(run: RunData, names: Sequence[str], window: Window) -> tuple[Floats, Floats]:
+def common_values(run: RunData, names: Sequence[str], window: Window) -> tuple[Floats, Floats]:
     """Times (m,) and values (m, names) of signals with common steps; raises Missing, NoSuchSignal."""
     columns_by_topic = columns(run, names)
     series_by_topic = run.log.select(columns_by_topic, window)

@@ -57,7 +57,7 @@ class PressureMap(NamedTuple):
 
 def pad_area(run: RunData) -> float:
     """Area of a link's pad, m2; raises Missing."""
-    return hull.number(run, "track", "pitch") * hull.number(run, "track", "width")
+    return hull.vehicle_number(run, "track", "pitch") * hull.vehicle_number(run, "track", "width")
 
 
 def pressure(pins: Floats, axes: Floats, force: Floats, area: float) -> Floats:

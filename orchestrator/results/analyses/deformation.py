@@ -90,7 +90,7 @@ def of(run: RunData, track: str = "", window: Window = EVER, at: Sequence[float]
     The default of ``at`` is the last record of the window. Raises Missing without positions or gradients.
     """
     track = hull.tracks(run, track)[0]
-    length = hull.number(run, "track", "pitch")
+    length = hull.vehicle_number(run, "track", "pitch")
     wanted = ["joint[*].position", "link[*].slope.first", "link[*].slope.last"]
     turning = link_records.has(run, track, "joint[*].axis")
     times, values = _nearest(run, track, window, at, [*wanted, *["joint[*].axis"] * turning])

@@ -12,7 +12,7 @@ from orchestrator.log.events_topic import Event
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, wheel_loads
 from orchestrator.results.analyses.airborne import off_ground
-from orchestrator.results.analyses.unloaded import UnloadedInterval, settling, switches
+from orchestrator.results.analyses.unloaded import UnloadedInterval, is_settling, switches
 from orchestrator.results.energy import WrenchPort, ports
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, within
 from orchestrator.results.table import Table
@@ -94,7 +94,7 @@ def _contact_events(run: RunData, window: Window) -> Iterator[Event]:
     ):
         for name, intervals in by_name.items():
             for interval in intervals:
-                early = ", while the vehicle comes to rest" if settling(run, interval.end) else ""
+                early = ", while the vehicle comes to rest" if is_settling(run, interval.end) else ""
                 if interval.begins:
                     yield Event(interval.start, name, off, f"{verb}{early}")
                 if interval.ends:
@@ -115,7 +115,7 @@ def _teeth_passed(run: RunData, window: Window) -> Iterator[tuple[str, Floats, F
         if port.giver_connector == "sprocket" and "vehicle" in run.scene:
             t, angle = run.signal(f"{prefix}angle", window)
             finite = np.isfinite(angle)
-            yield name, t[finite], angle[finite] * hull.number(run, "sprocket", "teeth") / (2.0 * np.pi)
+            yield name, t[finite], angle[finite] * hull.vehicle_number(run, "sprocket", "teeth") / (2.0 * np.pi)
 
 
 def _tooth_events(name: str, t: Floats, passed: Floats, moves: Floats) -> Iterator[Event]:

@@ -85,9 +85,9 @@ def of(run: RunData, track: str = "", window: Window = EVER, line: StressLifeLin
             raise Missing(f"{run.log.path}: stress of '{track}' is no finite number from {block.t[0]:g} s on")
         columns = columns or [[] for _ in range(stress.shape[1])]
         for gathered, column in zip(columns, stress.T, strict=True):
-            gathered.append(turning(column))
+            gathered.append(turning_points(column))
         times += [float(block.t[0]), float(block.t[-1])]
-    counted = [cycles(np.concatenate(column)) for column in columns]
+    counted = [rainflow_cycles(np.concatenate(column)) for column in columns]
     found = np.array(
         [(np.sum(n * (s / line.stress) ** line.slope) / line.cycles, n.sum(), s.max(initial=0.0)) for s, n in counted]
     )
@@ -95,7 +95,7 @@ def of(run: RunData, track: str = "", window: Window = EVER, line: StressLifeLin
     return Fatigue(track, Window(times[0], times[-1]), line, damage, number, largest)
 
 
-def turning(values: Floats) -> Floats:
+def turning_points(values: Floats) -> Floats:
     """End points and turning points of a record (m,); only these affect cycles."""
     if len(values) < 3:
         return values
@@ -106,7 +106,7 @@ def turning(values: Floats) -> Floats:
     return values[np.unique(np.concatenate([[0], turns, [len(values) - 1]]))]
 
 
-def cycles(values: Floats) -> tuple[Floats, Floats]:
+def rainflow_cycles(values: Floats) -> tuple[Floats, Floats]:
     """Ranges (k,) of a record (m,) and their counts, 1 or 0.5, by ASTM E1049-85; raises NotInstalled."""
     if not np.ptp(values):
         return np.empty(0), np.empty(0)

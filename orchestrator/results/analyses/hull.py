@@ -71,7 +71,7 @@ def tracks(run: RunData, name: str = "") -> tuple[str, ...]:
     return (name,) if name else run.tracks
 
 
-def number(run: RunData, *keys: str) -> float:
+def vehicle_number(run: RunData, *keys: str) -> float:
     """Positive number of the run's vehicle table, SI units; raises Missing."""
     value: Any = run.scene.get("vehicle")
     for key in keys:

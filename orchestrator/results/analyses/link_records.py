@@ -11,7 +11,7 @@ from fmus.link_outputs import INTERVAL
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
 from orchestrator.results.link_columns import POSITION, columns
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, since
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, record_durations
 
 SIZE = 200  # records in memory at once
 GROUPS = {  # signals by the group of ``track.link_outputs`` that contains them
@@ -35,7 +35,7 @@ class LinkRecords(NamedTuple):
     """Block of records."""
 
     t: Floats  # (m,) s
-    since: Floats  # (m,) s, time since the record before
+    record_durations: Floats  # (m,) s, time since the record before
     values: tuple[Floats, ...]  # one per signal, (m, links or pins), vectors (m, links or pins, 3)
     pins: Floats  # (m, pins, 3) m, for the axes of forces (``midway``); (m, 0, 3) without positions
 
@@ -99,7 +99,9 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
         if len(series.t):
             values = tuple(series.values[:, place] for place in columns_of_signals)
             pins = values[signals.index(POSITION)] if POSITION in signals else np.empty((len(series.t), 0, 3))
-            yield LinkRecords(series.t, since(series.t, last), values, midway(pins, before) if means else pins)
+            yield LinkRecords(
+                series.t, record_durations(series.t, last), values, midway(pins, before) if means else pins
+            )
             last, before = float(series.t[-1]), pins[-1:]
     if last is None:
         when = f"between {window.start:g} and {window.end:g} s"

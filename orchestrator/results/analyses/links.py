@@ -99,7 +99,7 @@ def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForc
     signals += ["link[*].fibre.outer", "link[*].fibre.inner"] * fibres
     links = link_records.count(run, track)
     area, bending, fibre = (
-        hull.number(run, "section", key) if fibres else 1.0 for key in ("area", "bending", "outer_fibre")
+        hull.vehicle_number(run, "section", key) if fibres else 1.0 for key in ("area", "bending", "outer_fibre")
     )
     modulus = bending / fibre
     for block in link_records.records(run, track, window, *signals):

@@ -23,7 +23,7 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.broken_line import LineFitter, breaks
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, since
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, record_durations
 from orchestrator.results.table import Table
 
 PRECISION = 0.02  # of the largest speed or yaw rate: tolerance of the pieces, RMS
@@ -233,7 +233,7 @@ def _speed_states(t: Floats, v: Floats) -> dict[int, str]:
 
 def _rest_or_steady(t: Floats, v: Floats, a: int, b: int) -> str:
     """State "rest" or "steady" of records a to b - 1."""
-    durations, top = since(t)[a:b], float(np.abs(v).max())
+    durations, top = record_durations(t)[a:b], float(np.abs(v).max())
     time, way = float(durations.sum()), abs(float(durations @ v[a:b]))
     still = way < STAYS or way < STANDS * time or (time < QUICK and way < CHANGE * top * time)
     return "rest" if still else "steady"
@@ -354,7 +354,7 @@ def _largest_rate(t: Floats, yaw: Floats) -> float:
 
 def _slip(values: Floats | None, t: Floats) -> float:
     """Mean over the steps that end in the interval."""
-    return float("nan") if values is None else float(np.average(values[1:], weights=since(t)[1:]))
+    return float("nan") if values is None else float(np.average(values[1:], weights=record_durations(t)[1:]))
 
 
 def _largest_tension(run: RunData, motion: _Motion, a: int, b: int) -> tuple[float, float, str]:

@@ -102,25 +102,25 @@ def of(
     finite = np.isfinite(series.values).all(axis=0)
     if not finite.all():
         raise Missing(f"'{names[int(np.argmin(finite))]}' is not finite: it has no spectrum")
-    t, values, resampled = evenly(series.t, series.values)
+    t, values, resampled = resample_evenly(series.t, series.values)
     frequency, amplitude = amplitudes(t, values, shape)
     span = Window(float(t[0]), float(t[-1]))
-    teeth = teeth_rate(run, names[0].partition(".")[0], span) if orders else float("nan")
+    teeth = tooth_passing_frequency(run, names[0].partition(".")[0], span) if orders else float("nan")
     units = tuple(run.log.topics[topic].units[column] for column in columns)
     return Spectrum(names, units, frequency, amplitude, teeth, span, shape, resampled)
 
 
-def teeth_rate(run: RunData, instance: str, window: Window) -> float:
+def tooth_passing_frequency(run: RunData, instance: str, window: Window) -> float:
     """Mean tooth passing frequency of an instance's sprocket, or the first, Hz; raises Missing."""
     signal = hull.sprocket_speed(run, instance)
     t, speed = run.signal(signal, window)
-    rate = hull.number(run, "sprocket", "teeth") * abs(mean(t, speed)) / (2.0 * np.pi)
+    rate = hull.vehicle_number(run, "sprocket", "teeth") * abs(mean(t, speed)) / (2.0 * np.pi)
     if not rate > 0.0:
         raise Missing(f"'{signal}' is 0 over the window: there are no tooth orders")
     return float(rate)
 
 
-def evenly(t: Floats, values: Floats) -> tuple[Floats, Floats, bool]:
+def resample_evenly(t: Floats, values: Floats) -> tuple[Floats, Floats, bool]:
     """Samples (m, n) at evenly spaced times, and whether they were interpolated."""
     steps = np.diff(t)
     if np.ptp(steps) <= EVEN * steps.mean():

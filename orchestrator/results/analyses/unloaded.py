@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.run_data import RunData, since
+from orchestrator.results.run_data import RunData, record_durations
 
 LIFTED = 0.02  # threshold over the mean load of all members
 TOUCHES = 2.0  # upper over lower threshold
@@ -48,14 +48,14 @@ def switches(low: NDArray[np.bool_], high: NDArray[np.bool_], state: bool) -> It
     yield from zip(known[changes].tolist(), low[known[changes]].tolist(), strict=True)
 
 
-def drops(run: RunData) -> bool:
+def starts_as_drawn(run: RunData) -> bool:
     """True if a vehicle starts as drawn, not in equilibrium."""
     return run.scene.get("assembly") == "vehicle" and run.scene.get("start", {}).get("state") != "equilibrium"
 
 
-def settling(run: RunData, t: float) -> bool:
+def is_settling(run: RunData, t: float) -> bool:
     """True if a vehicle still settles on its tracks at a time, s."""
-    return drops(run) and t <= SETTLING
+    return starts_as_drawn(run) and t <= SETTLING
 
 
 def unloaded_intervals(names: tuple[str, ...], blocks: Callable[[], Blocks]) -> UnloadedIntervals:
@@ -103,5 +103,5 @@ def _weighed(blocks: Blocks) -> Iterator[tuple[Floats, Floats, Floats]]:
     last: float | None = None
     for t, loads in blocks:
         if len(t):
-            yield t, since(t, last), loads
+            yield t, record_durations(t, last), loads
             last = float(t[-1])

@@ -11,7 +11,7 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import common_steps
 from orchestrator.results.analyses.unloaded import TOUCHES, UnloadedIntervals, unloaded_intervals
 from orchestrator.results.rotation import body_axis
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, means, since
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, means, record_durations
 from orchestrator.results.table import Table
 
 
@@ -82,6 +82,7 @@ def of(run: RunData, window: Window = EVER) -> WheelLoads:
     rms = np.sqrt(means(t, (load - mean) ** 2))
     unloaded = lifted(run, window)
     share = (
-        np.array([sum(interval.time for interval in unloaded.by_member[name]) for name in names(run)]) / since(t).sum()
+        np.array([sum(interval.time for interval in unloaded.by_member[name]) for name in names(run)])
+        / record_durations(t).sum()
     )
     return WheelLoads(names(run), mean, load.min(axis=0), load.max(axis=0), rms, share, unloaded.threshold)

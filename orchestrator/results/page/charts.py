@@ -29,9 +29,9 @@ class Trace(NamedTuple):
     behind: bool = False  # drawn broad, so that it shows under a curve that covers it
     points: bool = False  # its samples are marked
 
-    def times(self, factor: float) -> Trace:
+    def scaled_by(self, factor: float) -> Trace:
         """Trace in another unit."""
-        return self._replace(curve=self.curve.times(factor), mean=self.mean and self.mean.times(factor))
+        return self._replace(curve=self.curve.scaled_by(factor), mean=self.mean and self.mean.scaled_by(factor))
 
 
 def lines(

@@ -48,7 +48,7 @@ class Evaluation(NamedTuple):
     def mean(self, signal: str, window: float) -> Curve | None:
         """Moving mean of a signal over a time, s; None unless its curve is a band."""
         signal_curve = self.signals[signal]
-        return signal_curve.moving_mean.over(window) if signal_curve.curve.banded(*self.run.span) else None
+        return signal_curve.moving_mean.over(window) if signal_curve.curve.is_band(*self.run.span) else None
 
     @property
     def most_loaded(self) -> LinkLoads | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from orchestrator.results.analyses import events
-from orchestrator.results.analyses.unloaded import LIFTED, SETTLING, TOUCHES, UnloadedInterval, settling
+from orchestrator.results.analyses.unloaded import LIFTED, SETTLING, TOUCHES, UnloadedInterval, is_settling
 from orchestrator.results.page.motion import AT_REST
 from orchestrator.results.page.section import PageSection, Pair, table
 from orchestrator.results.page.words import and_list, instance, quantity, text, wheel, wheel_name
@@ -44,7 +44,7 @@ def event_section(pair: Pair) -> PageSection:
     early = [
         name
         for name, intervals in events.lifted(run).items()
-        if any(settling(run, interval.end) for interval in intervals)
+        if any(is_settling(run, interval.end) for interval in intervals)
     ]
     if absences := _absences(run, event_rows, loaded, bool(early)):
         html += f"<p>{and_list(absences).capitalize()}.</p>"
@@ -103,7 +103,7 @@ def _unloaded_rows(run: RunData) -> list[EventRow]:
         ("Track is off the ground", instance, events.off_ground(run).by_member),
     ):
         for name, intervals in by_name.items():
-            if shown := [interval for interval in intervals if not settling(run, interval.end)]:
+            if shown := [interval for interval in intervals if not is_settling(run, interval.end)]:
                 rows_of_members.append(EventRow(shown[0].start, what, where(name), _durations(shown)))
     return rows_of_members
 

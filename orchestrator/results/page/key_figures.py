@@ -8,7 +8,7 @@ from orchestrator.results.analyses import link_loads
 from orchestrator.results.analyses.curves import SignalCurve
 from orchestrator.results.analyses.link_loads import SIGNALS
 from orchestrator.results.analyses.link_records import has
-from orchestrator.results.analyses.unloaded import drops
+from orchestrator.results.analyses.unloaded import starts_as_drawn
 from orchestrator.results.energy import Ledger
 from orchestrator.results.page.balance import supply
 from orchestrator.results.page.evaluation import ALIKE, EVALUATION_ERRORS, Evaluation
@@ -116,7 +116,7 @@ def _loads(evaluation: Evaluation, figures: dict[str, Any]) -> list[Tile]:
         tiles.append(Tile("Largest link stress", quantity(stress["value"], "Pa"), note))
     if load := figures.get("wheel_load"):
         note = f"{wheel(load['signal'].removesuffix('.load'))}, at {number(load['t'])} s"
-        if load["t"] < COMING_TO_REST and drops(evaluation.run):
+        if load["t"] < COMING_TO_REST and starts_as_drawn(evaluation.run):
             note += f", as the vehicle comes to rest{_later(evaluation)}"
         tiles.append(Tile("Largest wheel load", quantity(load["value"], "N"), note))
     if carried := figures.get("carried"):

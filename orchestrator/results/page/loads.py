@@ -7,7 +7,7 @@ import numpy as np
 from orchestrator.results.analyses import contact, link_records, wheel_loads
 from orchestrator.results.analyses.events import lifted
 from orchestrator.results.analyses.profile import Profile
-from orchestrator.results.analyses.unloaded import SETTLING, drops, settling
+from orchestrator.results.analyses.unloaded import SETTLING, is_settling, starts_as_drawn
 from orchestrator.results.page.charts import Trace, heat, lines
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.key_figures import COMING_TO_REST
@@ -61,7 +61,7 @@ def _lifted(evaluation: Evaluation, track: str) -> str:
     late = [
         name
         for name, intervals in lifted_wheels.items()
-        if any(not settling(evaluation.run, interval.end) for interval in intervals)
+        if any(not is_settling(evaluation.run, interval.end) for interval in intervals)
     ]
     if late:
         names = and_list([text(wheel_name(name.partition(".")[2])) for name in late])
@@ -71,7 +71,7 @@ def _lifted(evaluation: Evaluation, track: str) -> str:
 
 def _table(evaluation: Evaluation) -> str:
     """Table of the load of each wheel, of a vehicle that was dropped after it has come to rest; HTML."""
-    begin = COMING_TO_REST if drops(evaluation.run) else evaluation.run.span[0]
+    begin = COMING_TO_REST if starts_as_drawn(evaluation.run) else evaluation.run.span[0]
     window = Window(begin, evaluation.run.span[1])
     wheels = attempt(lambda: wheel_loads.of(evaluation.run, window), [])
     if wheels is None:
@@ -104,7 +104,7 @@ def _pressure(evaluation: Evaluation, content: Content) -> None:
     peak = pressures.peak
     note = f"Largest in each slice of time; {quantity(peak.value, 'Pa')} at most, under link {peak.member} at"
     note += f" {number(peak.t)} s"
-    if peak.t < COMING_TO_REST and drops(evaluation.run):
+    if peak.t < COMING_TO_REST and starts_as_drawn(evaluation.run):
         later = pressures.most[pressures.middle > COMING_TO_REST]
         note += ", as the drawn vehicle comes to rest on its tracks"
         if later.size:

@@ -36,10 +36,10 @@ def motion(pair: Pair) -> PageSection | None:
             chart = pair.over_time(key, evaluation.signals[signal].unit, drawn)
             content.add_figure(key, chart, title, _range(evaluation.signals[signal]))
     if angles := pair.lines([("chassis.pitch", "pitch"), ("chassis.roll", "roll")]):
-        chart = pair.over_time("angle", "degrees", [line.times(DEGREES) for line in angles])
+        chart = pair.over_time("angle", "degrees", [line.scaled_by(DEGREES) for line in angles])
         content.add_figure("pitch", chart, "Pitch and roll", "Nose down and right side down are positive.")
     if settled := pair.lines([("chassis.settlement", "settlement")]):
-        chart = pair.over_time("down", "mm", [line.times(1e3) for line in settled])
+        chart = pair.over_time("down", "mm", [line.scaled_by(1e3) for line in settled])
         content.add_figure("settlement", chart, "Settlement", "The hull's centre of mass below its drawn place.")
     if way := _way(pair):
         content.add_figure("way", way, "Way from above", "World axes; the centre of mass of the hull.")
@@ -90,6 +90,6 @@ def drive(pair: Pair) -> PageSection | None:
             content.add_figure(key, chart, title, f"{note} {largest}")
     slips = pair.lines([(f"{track}.slip", plain(track)) for track in evaluation.run.tracks])
     if any(np.any(line.curve.y) for line in slips):
-        chart = pair.over_time("slip", "mm/s", [line.times(1e3) for line in slips])
+        chart = pair.over_time("slip", "mm/s", [line.scaled_by(1e3) for line in slips])
         content.add_figure("slip", chart, "Slip on the ground", SLIP)
     return content.as_section("drive", "Drive", "What did the drives do?")

@@ -33,7 +33,11 @@ def find(piece: Piece) -> Iterator[Exceedance]:
 
 def thrust(run: RunData) -> float:
     """Thrust that links between two road wheels bear without lifting, N; raises Missing."""
-    weight = hull.number(run, "track", "mass") * hull.number(run, "gravity") / hull.number(run, "track", "pitch")
+    weight = (
+        hull.vehicle_number(run, "track", "mass")
+        * hull.vehicle_number(run, "gravity")
+        / hull.vehicle_number(run, "track", "pitch")
+    )
     x = run.scene["vehicle"]["road_wheel"]["x"]
     if run.scene.get("assembly") != "vehicle" or len(x) < 2:
         raise Missing("links that push lie between road wheels")

@@ -32,7 +32,7 @@ def find(piece: Piece) -> Iterator[Exceedance]:
 
     The vehicle must stand for STANDING seconds.
     """
-    friction = hull.number(piece.run, "contact", "ground", "friction")
+    friction = hull.vehicle_number(piece.run, "contact", "ground", "friction")
     _, yaw = piece.signal(YAW)
     for track in tracks_on_sprockets(piece.run):
         t, slip = piece.signal(f"{track}.slip")

@@ -27,7 +27,7 @@ def find(piece: Piece) -> Iterator[Exceedance]:
     """Entries for idlers that are further from their start position than the travel; raises Missing."""
     run = piece.run
     try:
-        travel = hull.number(run, "tensioner", "travel")
+        travel = hull.vehicle_number(run, "tensioner", "travel")
     except Missing:
         travel = TRAVEL
     drawn = run.scene.get("vehicle", {}).get("idler", {}).get("x", np.nan)

@@ -7,7 +7,7 @@ from contextlib import suppress
 
 from orchestrator.results.analyses import wheel_loads
 from orchestrator.results.analyses.airborne import off_ground
-from orchestrator.results.analyses.unloaded import settling
+from orchestrator.results.analyses.unloaded import is_settling
 from orchestrator.results.run_data import EVER, Missing, RunData
 from orchestrator.results.validity import limits
 from orchestrator.results.validity.exceedance import WARNING, Exceedance
@@ -29,5 +29,5 @@ def find(piece: Piece) -> Iterator[Exceedance]:
         component, _, place = name.partition(".")
         for interval in intervals:
             inside = interval.start <= piece.window.end and interval.end >= piece.window.start
-            if inside and interval.time > limits.LIFT and not settling(run, interval.end):
+            if inside and interval.time > limits.LIFT and not is_settling(run, interval.end):
                 yield Exceedance("lift", component, interval.start, place, interval.time, limits.LIFT, WARNING)

@@ -25,7 +25,7 @@ def signals(run: RunData) -> Iterator[str]:
 
 def find(piece: Piece) -> Iterator[Exceedance]:
     """Entries for contacts that are deep relative to the thickness of a link; raises Missing."""
-    face = hull.number(piece.run, "track", "face")
+    face = hull.vehicle_number(piece.run, "track", "face")
     for track in piece.run.tracks:
         t, depth = piece.signal(f"{track}.penetration.max")
         most = face * limits.LINK_WARNING, face * limits.LINK_FAILURE
@@ -53,11 +53,11 @@ def depths(run: RunData, track: str, t: float) -> dict[str, float]:
     nearest = int(np.abs(times - t).argmin())
     pins = np.concatenate([block.values[0] for block in blocks])[nearest]
     pose = hull.poses(run, track, times[nearest : nearest + 1])
-    axes, face = pose.axes[0][:, [0, 2]], hull.number(run, "track", "face")
+    axes, face = pose.axes[0][:, [0, 2]], hull.vehicle_number(run, "track", "face")
     depth_by_name = {}
     for name in wheels(run, track):
         centre = run.vector_at(track, "in", f"{name}.position", float(times[nearest]))
-        radius = hull.number(run, name.partition("[")[0], "radius")
+        radius = hull.vehicle_number(run, name.partition("[")[0], "radius")
         depth_by_name[name] = radius + face - _distance((pins - centre) @ axes)
     if (floor := ground(run.scene)) is not None:
         under = floor.height_at((pins - floor.start) @ floor.ahead) - pins[:, 2]

@@ -18,7 +18,7 @@ __all__ = ["find", "signals"]
 
 def find(piece: Piece) -> Iterator[Exceedance]:
     """Entries for pins of tracks with recorded pins; raises Missing."""
-    radius = hull.number(piece.run, "sprocket", "pin_radius")
+    radius = hull.vehicle_number(piece.run, "sprocket", "pin_radius")
     seated = pitch_radius(piece.run.scene["vehicle"])
     most = radius * limits.PIN_WARNING, radius * limits.PIN_FAILURE
     for track in tracks_on_sprockets(piece.run):

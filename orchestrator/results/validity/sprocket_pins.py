@@ -39,7 +39,7 @@ def drift(piece: Piece, track: str) -> tuple[Floats, Floats]:
     Stretch of the spans and motion of the idler make up to 0.4, sprockets that lock at speed 0.6, a jump 1. Raises
     Missing.
     """
-    pitch, teeth = hull.number(piece.run, "track", "pitch"), hull.number(piece.run, "sprocket", "teeth")
+    pitch, teeth = hull.vehicle_number(piece.run, "track", "pitch"), hull.vehicle_number(piece.run, "sprocket", "teeth")
     t, travel = piece.signal(f"{track}.travel")
     _, angle = piece.signal(f"{shaft(piece.run, track)}angle")
     if len(travel) != len(angle) or not len(angle):
@@ -71,7 +71,7 @@ def _polar(piece: Piece, track: str) -> Polar:
     ahead, up = _axes(piece, t)
     offset = pins - axle[:, None]
     x, z = np.einsum("mni,mi->mn", offset, ahead), np.einsum("mni,mi->mn", offset, up)
-    reach = REACH * hull.number(piece.run, "sprocket", "outer_radius")
+    reach = REACH * hull.vehicle_number(piece.run, "sprocket", "outer_radius")
     record, pin = np.nonzero((np.abs(x) < reach) & (np.abs(z) < reach))
     near_x, near_z = x[record, pin], z[record, pin]
     distance, angle = np.full(x.shape, np.inf), np.full(x.shape, np.nan)

@@ -37,9 +37,11 @@ def find(piece: Piece) -> Iterator[Exceedance]:
 
 
 def _by_pins(piece: Piece, track: str) -> Iterator[Exceedance]:
-    teeth = round(hull.number(piece.run, "sprocket", "teeth"))
+    teeth = round(hull.vehicle_number(piece.run, "sprocket", "teeth"))
     circle = pitch_radius(piece.run.scene["vehicle"])
-    top = hull.number(piece.run, "sprocket", "outer_radius") + hull.number(piece.run, "sprocket", "pin_radius")
+    top = hull.vehicle_number(piece.run, "sprocket", "outer_radius") + hull.vehicle_number(
+        piece.run, "sprocket", "pin_radius"
+    )
     t, distance, angle = polar(piece, track)
     jumps_found = [*jumps(angle * teeth / (2.0 * np.pi), distance, circle + SEATED * (top - circle))]
     for record, pin, shift in jumps_found[:1]:

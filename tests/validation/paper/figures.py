@@ -186,7 +186,7 @@ def _stresses(logs: dict[Model, Path]) -> Any:
     page = Page(figsize=(9.0, 4.8), layout="constrained")
     pane = page.subplots()
     for model, run in _opened(logs):
-        area = hull.number(run, "section", "area")
+        area = hull.vehicle_number(run, "section", "area")
         placed = next(circuit.records(run, TRACK, Window(INSTANT, INSTANT), "link[*].tension"))
         order = placed.links[0].argsort()
         add(pane, model, placed.links[0, order], placed.values[0][0, order] / area / 1e6, drawstyle="steps-mid")
