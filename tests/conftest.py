@@ -91,13 +91,13 @@ def scaled(monkeypatch):
         assert name in log.topics[topic].names
         add = Stream.add
 
-        def changed(stream, piece):
-            whole = add(stream, piece)
-            if topic in whole and name in whole[topic].names:
-                whole[topic].values[:, whole[topic].names.index(name)] *= factor
-            return whole
+        def add_scaled(stream, piece):
+            pieces = add(stream, piece)
+            if topic in pieces and name in pieces[topic].names:
+                pieces[topic].values[:, pieces[topic].names.index(name)] *= factor
+            return pieces
 
-        monkeypatch.setattr(Stream, "add", changed)
+        monkeypatch.setattr(Stream, "add", add_scaled)
 
     return change
 
@@ -118,9 +118,9 @@ def call(capsys, monkeypatch, tmp_path):
 
     def call(command, *arguments):
         monkeypatch.setattr(sys, "argv", ["cotrack", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
+        with pytest.raises(SystemExit) as exit_info:
             main(command)
-        said = capsys.readouterr()
-        return ended.value.code or 0, said.out, messages(said.err)
+        output = capsys.readouterr()
+        return exit_info.value.code or 0, output.out, messages(output.err)
 
     return call

@@ -27,7 +27,7 @@ FLOORS = {
 }  # fmt: skip
 
 
-def drawn(k: int) -> list[str]:
+def settings_of(k: int) -> list[str]:
     """Settings of case ``k``: masses, stiffness, damping, friction, tension, step and drive."""
     rng = np.random.default_rng([SEED, k])
     vehicle = load("straight").vehicle  # type: ignore[attr-defined]
@@ -36,11 +36,11 @@ def drawn(k: int) -> list[str]:
         return float(math.exp(rng.uniform(math.log(low), math.log(high))))
 
     hull, link = about(0.5, 1.6), about(0.7, 1.5)
-    found = {
+    settings = {
         "vehicle.chassis.mass": hull * vehicle.chassis.mass,
-        "vehicle.chassis.inertia": [hull * each for each in vehicle.chassis.inertia],
+        "vehicle.chassis.inertia": [hull * inertia for inertia in vehicle.chassis.inertia],
         "vehicle.track.mass": link * vehicle.track.mass,
-        "vehicle.track.inertia": [link * each for each in vehicle.track.inertia],
+        "vehicle.track.inertia": [link * inertia for inertia in vehicle.track.inertia],
         "vehicle.track.tension": round(about(9e3, 25e3), -1),
         "vehicle.suspension.stiffness": about(0.5, 2.0) * vehicle.suspension.stiffness,
         "vehicle.suspension.damping": about(0.5, 2.0) * vehicle.suspension.damping,
@@ -49,11 +49,11 @@ def drawn(k: int) -> list[str]:
     }
     for pair in ("sprocket", "wheel", "ground"):
         law = getattr(vehicle.contact, pair)
-        found[f"vehicle.contact.{pair}.stiffness"] = about(0.3, 10.0) * law.stiffness
-        found[f"vehicle.contact.{pair}.damping"] = about(0.5, 2.0) * law.damping
+        settings[f"vehicle.contact.{pair}.stiffness"] = about(0.3, 10.0) * law.stiffness
+        settings[f"vehicle.contact.{pair}.damping"] = about(0.5, 2.0) * law.damping
     step = float(rng.choice([0.5, 1.0, 1.25, 2.0, 4.0]))
-    found |= {"run.step": step * 1e-3, "track.step": step * float(rng.choice([0.5, 1.0])) * 1e-3}
-    return [*(f"{key}={value}" for key, value in found.items()), *_drive(rng)]
+    settings |= {"run.step": step * 1e-3, "track.step": step * float(rng.choice([0.5, 1.0])) * 1e-3}
+    return [*(f"{key}={value}" for key, value in settings.items()), *_drive(rng)]
 
 
 def _drive(rng: np.random.Generator) -> list[str]:
@@ -76,7 +76,7 @@ def _drive(rng: np.random.Generator) -> list[str]:
 
 def scene(k: int, halved: bool) -> Scene:
     """Scene of case ``k``; ``halved``: with half of both steps."""
-    settings = drawn(k)
+    settings = settings_of(k)
     whole = load("straight", "rigid", [f"run.stop={STOP}", "symmetric=true", "expect={}", *settings])
     if not halved:
         return whole
@@ -85,51 +85,51 @@ def scene(k: int, halved: bool) -> Scene:
     return whole.model_copy(update={"run": run, "track": track})
 
 
-def observed(path: Path, found: dict[str, Any]) -> dict[str, float]:
+def observables(path: Path, result: dict[str, Any]) -> dict[str, float]:
     """Observables of a run, with slip as a velocity, m/s (a ratio means nothing in a reversal)."""
     with Log(path) as log:
         run = RunData(log)
         slip = run.mean("left_track.slip", Window(STOP - summary.LAST, STOP))
-    return {name: value for name, value in found["observables"].items() if name in FLOORS} | {"slip": slip}
+    return {name: value for name, value in result["observables"].items() if name in FLOORS} | {"slip": slip}
 
 
-def compared(k: int, folder: Path) -> dict[str, Any]:
+def compare_with_half_step(k: int, folder: Path) -> dict[str, Any]:
     """Messages of case ``k``, and its largest difference from the run with half the step, by observable."""
-    found = []
+    results = []
     for halved in (False, True):
         path = folder / f"{k}-{halved}.mcap"
-        found.append(simulate(scene(k, halved), path))
-        if found[-1]["status"] == "ok" or found[-1]["observables"]:
-            found[-1]["observed"] = observed(path, found[-1])
+        results.append(simulate(scene(k, halved), path))
+        if results[-1]["status"] == "ok" or results[-1]["observables"]:
+            results[-1]["observed"] = observables(path, results[-1])
         path.unlink()
-    whole, half = found
-    off = {
+    whole, half = results
+    differences = {
         name: abs(value - half["observed"][name]) / max(abs(half["observed"][name]), FLOORS[name])
         for name, value in whole.get("observed", {}).items()
         if "observed" in half
     }
     entries = [(entry["what"], entry["severity"], entry["value"], entry["limit"]) for entry in whole["validity"]]
-    said = sorted({(entry["what"], entry["severity"]) for entry in whole["validity"]})
+    kinds = sorted({(entry["what"], entry["severity"]) for entry in whole["validity"]})
     return {
         "case": k,
-        "said": said,
+        "said": kinds,
         "entries": entries,
-        "warnings": [one["text"] for one in whole["warnings"]],
+        "warnings": [warning["text"] for warning in whole["warnings"]],
         "message": whole["message"],
-        "off": off,
+        "off": differences,
         "steps": (scene(k, False).run.step, scene(k, False).track.step),  # type: ignore[attr-defined]
     }
 
 
-def warned(found: dict[str, Any]) -> bool:
+def has_warning(result: dict[str, Any]) -> bool:
     """Whether a run reported a problem."""
-    return bool(found["said"] or found["warnings"] or found["message"])
+    return bool(result["said"] or result["warnings"] or result["message"])
 
 
-def row(found: dict[str, Any]) -> str:
+def row(result: dict[str, Any]) -> str:
     """Line of the table for a case."""
-    worst = max(found["off"], key=lambda name: found["off"][name], default="")
-    apart = f"{100 * found['off'][worst]:6.2f} % {worst}" if worst else "     - %"
-    kinds = ", ".join(f"{what} {severity}" for what, severity in found["said"])
-    steps = "/".join(f"{1e3 * each:g}" for each in found["steps"])
-    return f"{found['case']:2d}  {steps:9}  {apart:22}  {kinds or '-'}  {'; '.join(found['warnings'])[:60]}"
+    worst = max(result["off"], key=lambda name: result["off"][name], default="")
+    difference = f"{100 * result['off'][worst]:6.2f} % {worst}" if worst else "     - %"
+    kinds = ", ".join(f"{what} {severity}" for what, severity in result["said"])
+    steps = "/".join(f"{1e3 * step:g}" for step in result["steps"])
+    return f"{result['case']:2d}  {steps:9}  {difference:22}  {kinds or '-'}  {'; '.join(result['warnings'])[:60]}"

@@ -52,16 +52,16 @@ def rocking(loads, pull: float, thrust: float, face: float = FACE) -> Rocking:
     y[23:LINKS] -= rear
     for part in (0.0, 0.5):  # the thrust is applied in steps
         y, _, _ = _equilibrium(y, start, table, np.asarray(loads), end, part * thrust)
-    places, pressed = [], []
+    places, loads_of_pads = [], []
     for phase in range(PHASES):
         first = start - PITCH * phase / PHASES * np.array([np.cos(slope), np.sin(slope)])
         y, x, load = _equilibrium(y, first, table, np.asarray(loads), end, thrust)
         places.append(x[:-1].reshape(LINKS, -1, 2)[:, [0, 1, -1], 0])
-        pressed.append(load[:-1].reshape(LINKS, -1)[:, :2])
+        loads_of_pads.append(load[:-1].reshape(LINKS, -1)[:, :2])
     # the link one place further back is the same link one pitch later
-    x, load = (np.swapaxes(np.array(rows), 0, 1).reshape(LINKS * PHASES, -1) for rows in (places, pressed))
+    x, load = (np.swapaxes(np.array(rows), 0, 1).reshape(LINKS * PHASES, -1) for rows in (places, loads_of_pads))
     back = -np.gradient(x, PITCH / PHASES, axis=0)
-    x, load, back = (each[PHASES:-PHASES] for each in (x, load, back))
+    x, load, back = (values[PHASES:-PHASES] for values in (x, load, back))
     share = load / load.sum()
     return Rocking(x[:, :2].ravel(), share.ravel(), (back[:, :2] - back[:, 2:]).ravel())
 
@@ -86,10 +86,13 @@ def _points(face):
     kind = np.array([0] * 2 + [1] * 16 + [2])
     link = np.append(np.repeat(np.arange(LINKS), len(along)), LINKS - 1)[:, None]
     along, out, share, kind = (
-        np.append(np.tile(each, LINKS), last) for each, last in ((along, PITCH), (out, 0.0), (share, 0.0), (kind, 3))
+        np.append(np.tile(values, LINKS), last)
+        for values, last in ((along, PITCH), (out, 0.0), (share, 0.0), (kind, 3))
     )
-    before, own = np.arange(LINKS) < link, np.arange(LINKS) == link
-    return _Points(PITCH * before + along[:, None] * own, out[:, None] * own, share, kind == 0, kind == 1, kind == 2)
+    before, this_link = np.arange(LINKS) < link, np.arange(LINKS) == link
+    return _Points(
+        PITCH * before + along[:, None] * this_link, out[:, None] * this_link, share, kind == 0, kind == 1, kind == 2
+    )
 
 
 def _tangent(wheel):

@@ -51,7 +51,7 @@ def turn(vehicle, sprockets):
     speeds = vehicle.radius * np.array(sprockets)
 
     def balance(z, creep):
-        forces, moment, _ = acting(vehicle._replace(creep=creep), speeds, z)
+        forces, moment, _ = ground_forces(vehicle._replace(creep=creep), speeds, z)
         u, v, r = z
         fx, fy = forces.sum(axis=0)
         weight = vehicle.mass * G
@@ -62,19 +62,19 @@ def turn(vehicle, sprockets):
         z = root(balance, z, (creep,), tol=1e-12).x
     assert np.abs(balance(z, vehicle.creep)).max() < 1e-9
     u, v, r = z
-    forces, _, transfer = acting(vehicle, speeds, z)
+    forces, _, transfer = ground_forces(vehicle, speeds, z)
     places = np.array([1.0, -1.0]) * vehicle.half_width
     return Turn(r, u, v, speeds - (u - r * places), forces[:, 0], transfer)
 
 
-def acting(vehicle, speeds, z):
+def ground_forces(vehicle, speeds, z):
     """Forces of the ground (2, 2) on the tracks, their moment about the vertical, load on the outer track."""
     u, v, r = z
     x, shares = np.array(vehicle.wheels), np.array(vehicle.shares)
     transfer = vehicle.mass * r * u * vehicle.height / (2.0 * vehicle.half_width)
-    wanted = r * v * vehicle.height / G  # required centre of the loads
+    centre_of_load = r * v * vehicle.height / G  # required centre of the loads
     middle = shares @ x
-    tilt = (wanted - middle) / (shares @ (x - middle) ** 2)
+    tilt = (centre_of_load - middle) / (shares @ (x - middle) ** 2)
     along = shares * (1.0 + tilt * (x - middle))
     forces, moment = np.zeros((2, 2)), 0.0
     for side, sign in enumerate((1.0, -1.0)):

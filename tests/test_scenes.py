@@ -106,7 +106,7 @@ def test_rigid_links_under_the_wheels_of_flexible_ones(ran, tmp_path):
     with Log(tmp_path / "answer.mcap") as answer, Log(result["log"]) as log:
         assert len(answer.read("/left_track/out").t) == 301
         found = {one.signal: one for one in answers(log, answer, "left_track")}
-    assert 0.0 < abs(found["sprocket.force.x"].apart).mean() < found["sprocket.force.x"].largest
+    assert 0.0 < abs(found["sprocket.force.x"].difference).mean() < found["sprocket.force.x"].largest
 
 
 def test_impulse_across_the_ports(ran, scaled):

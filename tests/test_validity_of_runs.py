@@ -1,7 +1,7 @@
 """Runs outside the range of their model say so: reversals, and random plausible settings."""
 
 import pytest
-from plausible_settings import AGREES, COUNT, compared, row, warned
+from plausible_settings import AGREES, COUNT, compare_with_half_step, has_warning, row
 
 from orchestrator.execution.simulate import simulate
 from orchestrator.scene.scene import load
@@ -43,6 +43,6 @@ def test_a_reversal_in_a_fifth_of_a_second_warns(tmp_path):
 @pytest.mark.study
 @pytest.mark.parametrize("case", range(COUNT))
 def test_settings_warn_or_agree_with_half_the_step(case, tmp_path):
-    found = compared(case, tmp_path)
+    found = compare_with_half_step(case, tmp_path)
     worst = max(found["off"].values(), default=float("inf"))
-    assert warned(found) or worst <= AGREES, row(found)
+    assert has_warning(found) or worst <= AGREES, row(found)

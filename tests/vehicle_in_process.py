@@ -43,22 +43,22 @@ class Member:
         real = [port for port in self.model.ports if isinstance(port.start, float)]
         self.inputs = [port.name for port in real if port.causality == "input"]
         outputs = [port.name for port in real if port.causality == "output"]
-        own = len(outputs) - self.model.link_ports
-        self.outputs, self.links = outputs[:own], outputs[own:]
+        count = len(outputs) - self.model.link_ports
+        self.outputs, self.links = outputs[:count], outputs[count:]
         self.counters = [
             port.name for port in self.model.ports if port.causality == "output" and isinstance(port.start, int)
         ]
         self.parameters = {port.name: port.start for port in self.model.ports if port.causality == "parameter"}
-        given = dict(part.parameters)
+        settings = dict(part.parameters)
         for pattern, values in overrides.items():
             if fnmatchcase(part.name, pattern):
-                given.update(values)
-        for name in given:
+                settings.update(values)
+        for name in settings:
             if name not in self.parameters:
                 raise KeyError(f"{part.name} has no parameter '{name}'")
-        self.parameters |= given
+        self.parameters |= settings
         self.u = np.array([port.start for port in real if port.causality == "input"])
-        self.y = np.zeros(own)
+        self.y = np.zeros(count)
         self._place = {name: k for k, name in enumerate(self.outputs)}
         self.model.initialise(self.parameters)
         self.model.outputs(self.y)
@@ -123,8 +123,8 @@ class InProcess:
         """Make one communication step: motions from its beginning, wrenches from parts that have stepped."""
         for stage in self.stages:
             for member in stage:
-                for source, given, taken in self._feeds[member.name]:
-                    member.u[taken] = source.y[given]
+                for source, columns, inputs in self._feeds[member.name]:
+                    member.u[inputs] = source.y[columns]
             for member in stage:
                 member.step(self.t, self.scene.run.step)
         self.steps += 1

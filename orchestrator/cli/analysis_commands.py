@@ -26,7 +26,7 @@ To = Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")]
 
 def options() -> dict[str, Parameter]:
     """Return the options of all analyses by the names of the arguments of ``analyse``."""
-    found = {option.flag: option for one in ANALYSES.values() for option in (*one.options, *one.of_picture)}
+    found = {option.flag: option for one in ANALYSES.values() for option in (*one.options, *one.picture_options)}
     return {
         _argument(flag): Parameter(
             _argument(flag),
@@ -61,7 +61,7 @@ def analyse(
     from orchestrator.log.reader import Log
     from orchestrator.results.run_data import RunData, Window
     from orchestrator.results.views.files import PICTURES
-    from orchestrator.results.whole_file import fresh, refuse
+    from orchestrator.results.whole_file import atomic_write, check_output
 
     module = module_of(what)
     analysis = ANALYSES[what]
@@ -69,17 +69,17 @@ def analyse(
     _check(start, end)
     drawn = PICTURES if hasattr(module, "picture") else ()
     if output:
-        refuse(output, (".csv", *drawn))
+        check_output(output, (".csv", *drawn))
     with Log(log) as opened:
-        in_full = output and analysis.in_full
-        of = module.of if in_full else getattr(module, "summary", module.of)  # a table needs the summary only
+        full_series = output and analysis.full_series
+        of = module.of if full_series else getattr(module, "summary", module.of)  # a table needs the summary only
         found = of(RunData(opened), window=Window(start, end), **_asked(analysis.options, given))
     table = found.table()
     if output and output.suffix.lower() in drawn:
-        module.picture(found, output, **_asked(analysis.of_picture, given))
+        module.picture(found, output, **_asked(analysis.picture_options, given))
     elif output:
-        with fresh(output) as beside:
-            beside.write_text(getattr(found, "series", found.table)().csv(), encoding="utf-8")
+        with atomic_write(output) as temporary:
+            temporary.write_text(getattr(found, "series", found.table)().csv(), encoding="utf-8")
     if as_json:
         print(json.dumps(_as_json(log, what, table)))
         return
@@ -99,7 +99,7 @@ analyse.__doc__ = "\n".join(
         "Analyse a run and print a table with units.\n\n\b",
         *(f"{name:{_WIDE}}{one.about}" for name, one in ANALYSES.items()),
         "\nWith -o a CSV file: the table, or all of "
-        f"{and_list([name for name, one in ANALYSES.items() if one.in_full])} over time, frequency or length.",
+        f"{and_list([name for name, one in ANALYSES.items() if one.full_series])} over time, frequency or length.",
     ]
 )
 

@@ -7,14 +7,14 @@ from typing import Any
 
 from fmus.vehicle import BadInput
 from orchestrator.log.bitwise import Difference as Bits
-from orchestrator.results.difference import Difference
+from orchestrator.results.difference import ObservableDifference
 from orchestrator.results.divergence import Divergence
 from orchestrator.results.run_data import RunData, Window
 
 SHOWN = 12  # largest number of printed signals that only one log has
 
 
-def limits(allowed: Sequence[str], apart: Mapping[str, Difference]) -> dict[str, float]:
+def limits(allowed: Sequence[str], apart: Mapping[str, ObservableDifference]) -> dict[str, float]:
     """Parse allowed differences, "NAME=RELATIVE" or "RELATIVE", by observable; raises BadInput."""
     found: dict[str, float] = {}
     for text in allowed:
@@ -35,7 +35,7 @@ def table(
     run: RunData,
     reference: RunData,
     window: Window,
-    apart: Mapping[str, Difference],
+    apart: Mapping[str, ObservableDifference],
     most: Mapping[str, float],
     parted: Divergence | None,
 ) -> dict[str, Any]:
@@ -63,14 +63,15 @@ def _about(run: RunData) -> dict[str, Any]:
 
 def _bits(parted: Divergence) -> dict[str, Any]:
     return {
-        "compared": parted.compared,
-        "until": parted.until,
+        "compared": parted.value_count,
+        "until": parted.end,
         "first": None if parted.first is None else _place(parted.first),
         "spread": [_place(found) for found in parted.spread],
         "growth": {
-            topic: {"t": growth.t.tolist(), "apart": growth.apart.tolist()} for topic, growth in parted.growth.items()
+            topic: {"t": growth.t.tolist(), "apart": growth.difference.tolist()}
+            for topic, growth in parted.growth.items()
         },
-        "only": list(parted.only),
+        "only": list(parted.unmatched),
     }
 
 

@@ -13,7 +13,7 @@ import typer
 from orchestrator.cli import printed
 from orchestrator.cli.common import LogPath
 from orchestrator.cli.printed import plain
-from orchestrator.results.validity.entry import recorded
+from orchestrator.results.validity.exceedance import recorded_entries
 
 JsonOption = Annotated[bool, typer.Option("--json", help="one JSON object on stdout")]
 app = typer.Typer(help="Inspect, verify, recover or export a log.", no_args_is_help=True, rich_markup_mode=None)
@@ -38,7 +38,7 @@ def info(
         f"{held.path}: {held.size / 1e6:.2f} MB, {about.start:g} to {about.end:g} s, {ended}",
         *(f"  {sentence}" for sentence in (closing["message"], *held.faults) if sentence),
         *(f"  {printed.warning(each)}" for each in closing["warnings"]),
-        *(f"  {printed.validity(each)}" for each in recorded(closing.get("results", {}))),
+        *(f"  {printed.validity(each)}" for each in recorded_entries(closing.get("results", {}))),
         *(
             f"  {record}: {', '.join(f'{key} = {value}' for key, value in entries.items())}"
             for record, entries in held.metadata.items()

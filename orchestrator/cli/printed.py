@@ -6,7 +6,7 @@ from typing import Any
 
 from orchestrator.results.units import finite as finite
 from orchestrator.results.units import size
-from orchestrator.results.validity.entry import Entry
+from orchestrator.results.validity.exceedance import Exceedance
 
 MOST = 1000  # longest printed sentence, characters
 OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # printed by phase instead of by the last second
@@ -114,7 +114,7 @@ def warning(told: dict[str, Any]) -> str:
 
 def validity(told: dict[str, Any]) -> str:
     """Return the line about an entry of the validity ledger."""
-    entry = Entry(**told)
+    entry = Exceedance(**told)
     return f"validity, {entry.severity}: {entry.component} from {entry.time:.6g} s on: {entry.sentence}"
 
 

@@ -92,10 +92,9 @@ def _write(kind: str, log: Path, output: Path, times: list[float], above: bool, 
 
         print(foxglove_scene.write(log, output, colour))
     elif kind == "picture":
-        from orchestrator.results.views import above as from_above
-        from orchestrator.results.views import side_view
+        from orchestrator.results.views import side_view, top_view
 
-        (from_above if above else side_view).draw(log, output, times or None)
+        (top_view if above else side_view).draw(log, output, times or None)
     else:
         from orchestrator.results.views import film
 

@@ -10,9 +10,9 @@ from fmus.vehicle import BadInput
 from orchestrator.execution import again, summary
 from orchestrator.log.reader import Log
 from orchestrator.results.page.document import SUFFIXES, plotting, write
-from orchestrator.results.page.study import Judged
+from orchestrator.results.page.evaluation import RunSummary
 from orchestrator.results.run_data import RunData
-from orchestrator.results.whole_file import refuse
+from orchestrator.results.whole_file import check_output
 from orchestrator.scene.same_scene import of_one_scene
 from orchestrator.scene.scene import from_table
 
@@ -28,7 +28,7 @@ def report(
     Raises BadInput, LogUnreadable, NotInstalled.
     """
     page = Path(output)
-    refuse(page, SUFFIXES)
+    check_output(page, SUFFIXES)
     logs = [Path(log) for log in (path, reference) if log is not None]
     for each in logs:
         if page.exists() and each.exists() and page.samefile(each):
@@ -43,15 +43,15 @@ def report(
         write(*own, page, other[0] if other else None)
 
 
-def _judged(run: RunData) -> Judged:
+def _judged(run: RunData) -> RunSummary:
     """Evaluate checks and observables by the scene in the log; without one, return the reason."""
     if not run.scene:
-        return Judged({}, {}, "the log does not say of which scene it is")
+        return RunSummary({}, {}, "the log does not say of which scene it is")
     try:
         scene = from_table(run.scene, f"{run.log.path}: scene.json")
     except BadInput as error:
-        return Judged({}, {}, str(error))
+        return RunSummary({}, {}, str(error))
     simulated = run.span[1]
-    return Judged(
-        summary.checks(run, scene, simulated), summary.observables(run, scene, simulated), again=again.command(run)
+    return RunSummary(
+        summary.checks(run, scene, simulated), summary.observables(run, scene, simulated), command=again.command(run)
     )

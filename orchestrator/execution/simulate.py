@@ -239,7 +239,7 @@ def _evaluated(
         with Log(path, unfinished=True) as log:
             run = RunData(log)
             found = summary.evaluate(run, scene, outcome.time)
-            happened = [*events.of(run, teeth=True, warned=warned).events]
+            happened = [*events.of(run, teeth=True, open_warnings=warned).events]
     except LogUnreadable as error:  # another process has changed the file
         return {"status": "failed", "message": str(error)}, []
     said = (outcome.message, summary.energy_warning(found["energy"]), summary.invalid(found["validity"]))

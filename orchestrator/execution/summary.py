@@ -14,7 +14,7 @@ from orchestrator.results import measures, turning
 from orchestrator.results.analyses import phases
 from orchestrator.results.energy import ledger
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
-from orchestrator.results.validity.entry import FAILURE, Entry
+from orchestrator.results.validity.exceedance import FAILURE, Exceedance
 from orchestrator.results.validity.ledger import validity
 from orchestrator.scene.scene import ChainScene, Scene, VehicleScene
 from orchestrator.scene.tables import Check
@@ -103,7 +103,7 @@ def energy_warning(energy: dict[str, Any] | None) -> str:
 
 def invalid(entries: Sequence[Mapping[str, Any]]) -> str:
     """Return a sentence if the validity ledger has a failure, else an empty text."""
-    failures = [Entry(**entry) for entry in entries if entry["severity"] == FAILURE]
+    failures = [Exceedance(**entry) for entry in entries if entry["severity"] == FAILURE]
     if not failures:
         return ""
     first, more = failures[0], f" (and {len(failures) - 1} more)" if len(failures) > 1 else ""

@@ -24,7 +24,7 @@ from fmus.monolith.model import content
 from fmus.vehicle import BadInput
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution import monolithic
-from orchestrator.results.difference import INTERVAL, Difference, differences_of_logs
+from orchestrator.results.difference import INTERVAL, ObservableDifference, differences_of_logs
 from orchestrator.scene import assembly, parts, placing
 from orchestrator.scene.placing import placed
 from orchestrator.scene.run_tables import Run
@@ -47,7 +47,7 @@ class Truth(NamedTuple):
     coarse_log: Path  # log with twice the internal step
     internal_step: float  # s
     wall_time: float  # s, both runs
-    difference: dict[str, Difference]  # between the two runs, by observable
+    difference: dict[str, ObservableDifference]  # between the two runs, by observable
     built: bool  # True if built now, False if found
 
     def error(self, observable: str) -> float:
@@ -79,7 +79,7 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
     except OSError as error:
         raise BadInput(f"truth: it cannot be kept in the cache: {reason(error)}") from None
     figures = {name: value for name, value in found.items() if name != "sha256"}
-    figures["difference"] = {name: Difference(**one) for name, one in figures["difference"].items()}
+    figures["difference"] = {name: ObservableDifference(**one) for name, one in figures["difference"].items()}
     return Truth(folder / LOGS[0], folder / LOGS[1], **figures, built=built)
 
 

@@ -29,7 +29,7 @@ def alignment(text: str) -> Alignment:
     if text == "time":
         return TIME
     if text == "travel":
-        return Alignment("m", _travel)
+        return Alignment("m", _travel_clock)
     signal, _, number = text.rpartition("=")
     try:
         value = float(number)
@@ -37,22 +37,22 @@ def alignment(text: str) -> Alignment:
         value = np.nan
     if not signal or not np.isfinite(value):
         raise BadInput(f"--align {text}: must be {FORMS}")
-    return Alignment("s", lambda run: _since(run, signal, value))
+    return Alignment("s", lambda run: _event_clock(run, signal, value))
 
 
 TIME = Alignment("s", lambda run: lambda t: t)
 
 
-def _travel(run: RunData) -> Callable[[Floats], Floats]:
+def _travel_clock(run: RunData) -> Callable[[Floats], Floats]:
     if not run.tracks:
         raise Missing(f"{run.log.path} has no track whose travel runs could be compared along")
-    ways = [run.signal(f"{track}.travel", EVER) for track in run.tracks]
-    t = min((each for each, _ in ways), key=len)
-    way = np.mean([abs(values[: len(t)]) for _, values in ways], axis=0)
-    return lambda at: np.interp(at, t, way)
+    travels = [run.signal(f"{track}.travel", EVER) for track in run.tracks]
+    t = min((t_of_track for t_of_track, _ in travels), key=len)
+    travel = np.mean([abs(values[: len(t)]) for _, values in travels], axis=0)
+    return lambda times: np.interp(times, t, travel)
 
 
-def _since(run: RunData, signal: str, value: float) -> Callable[[Floats], Floats]:
+def _event_clock(run: RunData, signal: str, value: float) -> Callable[[Floats], Floats]:
     t, values = run.signal(signal, EVER)
     above = values >= value
     passed = np.flatnonzero(above[1:] != above[:-1])
@@ -60,4 +60,4 @@ def _since(run: RunData, signal: str, value: float) -> Callable[[Floats], Floats
         raise Missing(f"'{signal}' of {run.log.path} never passes {value:g}")
     k = passed[0]
     event = t[k] + (value - values[k]) / (values[k + 1] - values[k]) * (t[k + 1] - t[k])
-    return lambda at: at - event
+    return lambda times: times - event

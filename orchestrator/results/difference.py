@@ -18,7 +18,7 @@ import numpy as np
 
 from orchestrator.log.reader import Log
 from orchestrator.results.alignment import TIME, Alignment
-from orchestrator.results.run_data import EVER, Floats, Missing, RunData, Window, since, within
+from orchestrator.results.run_data import EVER, Floats, Missing, RunData, Window, record_durations, within
 
 WINDOW = 1.0  # s
 INTERVAL = 0.01  # s: joint forces are compared as means over this time; sparser logs as they are
@@ -26,13 +26,13 @@ POINTWISE = 4.0  # s: sensitive observables are compared instant by instant up t
 EARLY = Window(-np.inf, POINTWISE)
 
 
-class Signal(NamedTuple):
+class ObservableSamples(NamedTuple):
     """Samples of an observable."""
 
     t: Floats  # (m,) s
     values: Floats  # (m, k)
     mean: bool = False  # the values are means since the last sample
-    moved: bool = False  # the values count from those of the first compared instant
+    from_start: bool = False  # the values count from those of the first compared instant
 
 
 class Observable(NamedTuple):
@@ -40,12 +40,12 @@ class Observable(NamedTuple):
 
     unit: str
     floor: float  # lower bound of the reference size, in ``unit``
-    read: Callable[[RunData], Signal]
+    read: Callable[[RunData], ObservableSamples]
     decisive: bool = True  # counts towards the error of the run as a whole
     windowed: bool = False  # averages over windows of time, which cannot be aligned otherwise
 
 
-class Difference(NamedTuple):
+class ObservableDifference(NamedTuple):
     """Difference of one observable between a run and a reference."""
 
     absolute: float  # RMS, in the observable's unit
@@ -55,18 +55,18 @@ class Difference(NamedTuple):
 
 
 def differences(
-    run: RunData, reference: RunData, window: Window = EVER, along: Alignment = TIME
-) -> dict[str, Difference]:
+    run: RunData, reference: RunData, window: Window = EVER, alignment: Alignment = TIME
+) -> dict[str, ObservableDifference]:
     """Differences of all common observables over a window of the axis; raises Missing for none."""
     found = {}
-    clocks = along.clock(run), along.clock(reference)
+    clocks = alignment.clock(run), alignment.clock(reference)
     for name, observable in observables(reference):
-        if observable.windowed and along is not TIME:
+        if observable.windowed and alignment is not TIME:
             continue
         try:
             pair = observable.read(run), observable.read(reference)
-            if along is not TIME:
-                pair = _laid(pair[0], clocks[0]), _laid(pair[1], clocks[1])
+            if alignment is not TIME:
+                pair = _on_axis(pair[0], clocks[0]), _on_axis(pair[1], clocks[1])
             if pair[0].values.shape[1:] == pair[1].values.shape[1:]:  # half a vehicle has fewer links
                 with np.errstate(all="ignore"):  # runs that blew up overflow; their result shows it
                     found[name] = difference(_within(pair[0], window), _within(pair[1], window), observable)
@@ -77,37 +77,41 @@ def differences(
     return found
 
 
-def differences_of_logs(run: Path, reference: Path) -> dict[str, Difference]:
+def differences_of_logs(run: Path, reference: Path) -> dict[str, ObservableDifference]:
     """Differences of two logs by observable; raises Missing, LogUnreadable."""
-    with Log(run) as one, Log(reference) as two:
-        return differences(RunData(one), RunData(two))
+    with Log(run) as run_log, Log(reference) as reference_log:
+        return differences(RunData(run_log), RunData(reference_log))
 
 
-def worst(found: dict[str, Difference]) -> float:
+def worst(by_observable: dict[str, ObservableDifference]) -> float:
     """Largest relative error of the decisive observables."""
-    return max(one.relative for one in found.values() if one.decisive)
+    return max(
+        observable_difference.relative
+        for observable_difference in by_observable.values()
+        if observable_difference.decisive
+    )
 
 
-def difference(run: Signal, reference: Signal, observable: Observable) -> Difference:
+def difference(run: ObservableSamples, reference: ObservableSamples, observable: Observable) -> ObservableDifference:
     """RMS difference over the common time, absolute and relative; raises Missing without common time."""
     t = _instants(run, reference)
     if len(t) <= run.mean:
         raise Missing("the two logs have no time in common")
     a, b = aligned(run, reference)
-    lengths = np.diff(t) if run.mean else since(t)
+    lengths = np.diff(t) if run.mean else record_durations(t)
     absolute = _rms(a - b, lengths)
     relative = absolute / max(_rms(b, lengths), observable.floor)
-    return Difference(absolute, relative, observable.unit, observable.decisive)
+    return ObservableDifference(absolute, relative, observable.unit, observable.decisive)
 
 
-def _laid(signal: Signal, clock: Callable[[Floats], Floats]) -> Signal:
+def _on_axis(signal: ObservableSamples, clock: Callable[[Floats], Floats]) -> ObservableSamples:
     """A signal over the clock of the alignment, as far as that increases."""
-    at = clock(signal.t)
-    on = np.diff(np.maximum.accumulate(at), prepend=-np.inf) > 0.0
-    return signal._replace(t=at[on], values=signal.values[on], mean=False)
+    places = clock(signal.t)
+    increasing = np.diff(np.maximum.accumulate(places), prepend=-np.inf) > 0.0
+    return signal._replace(t=places[increasing], values=signal.values[increasing], mean=False)
 
 
-def _within(signal: Signal, window: Window) -> Signal:
+def _within(signal: ObservableSamples, window: Window) -> ObservableSamples:
     """Samples within a window."""
     if window == EVER:
         return signal
@@ -115,14 +119,14 @@ def _within(signal: Signal, window: Window) -> Signal:
     return signal._replace(t=signal.t[inside], values=signal.values[inside])
 
 
-def aligned(run: Signal, reference: Signal) -> tuple[Floats, Floats]:
+def aligned(run: ObservableSamples, reference: ObservableSamples) -> tuple[Floats, Floats]:
     """Values of both signals at the instants of the sparser one: interpolated, or means between instants."""
     t = _instants(run, reference)
-    a, b = _at(run, t), _at(reference, t)
-    return (a - a[:1], b - b[:1]) if reference.moved else (a, b)
+    a, b = _sampled(run, t), _sampled(reference, t)
+    return (a - a[:1], b - b[:1]) if reference.from_start else (a, b)
 
 
-def _instants(run: Signal, reference: Signal) -> Floats:
+def _instants(run: ObservableSamples, reference: ObservableSamples) -> Floats:
     if not len(run.t) or not len(reference.t):
         raise Missing("a log holds no step")
     common = Window(max(run.t[0], reference.t[0]), min(run.t[-1], reference.t[-1]))
@@ -130,11 +134,11 @@ def _instants(run: Signal, reference: Signal) -> Floats:
     return a if len(a) <= len(b) else b
 
 
-def _at(signal: Signal, t: Floats) -> Floats:
+def _sampled(signal: ObservableSamples, t: Floats) -> Floats:
     if not signal.mean:
         return np.stack([np.interp(t, signal.t, column) for column in signal.values.T], axis=1)
-    held = np.vstack([np.zeros_like(signal.values[:1]), signal.values[1:] * np.diff(signal.t)[:, None]])
-    total = np.cumsum(held, axis=0)
+    integrals = np.vstack([np.zeros_like(signal.values[:1]), signal.values[1:] * np.diff(signal.t)[:, None]])
+    total = np.cumsum(integrals, axis=0)
     sums = np.stack([np.interp(t, signal.t, column) for column in total.T], axis=1)
     return np.diff(sums, axis=0) / np.diff(t)[:, None]
 
@@ -166,25 +170,25 @@ def observables(run: RunData) -> Iterator[tuple[str, Observable]]:
     if "chassis" not in run.instances:
         names = [f"{track}.speed" for track in run.tracks]
         yield "chain_speed", Observable("m/s", 0.01, lambda run: _signals(run, names))
-    yield "tension_mean", Observable("N", 100.0, lambda run: run.once("tensions", _tensions)[0], windowed=True)
-    yield "tension_rms", Observable("N", 100.0, lambda run: run.once("tensions", _tensions)[1], windowed=True)
+    yield "tension_mean", Observable("N", 100.0, lambda run: run.compute_once("tensions", _tensions)[0], windowed=True)
+    yield "tension_rms", Observable("N", 100.0, lambda run: run.compute_once("tensions", _tensions)[1], windowed=True)
     yield (
         "joint_force_mean",
-        Observable("N", 100.0, lambda run: run.once("joint forces", _joint_forces)[0], windowed=True),
+        Observable("N", 100.0, lambda run: run.compute_once("joint forces", _joint_forces)[0], windowed=True),
     )
     yield (
         "joint_force_rms",
-        Observable("N", 100.0, lambda run: run.once("joint forces", _joint_forces)[1], windowed=True),
+        Observable("N", 100.0, lambda run: run.compute_once("joint forces", _joint_forces)[1], windowed=True),
     )
     yield "tension", Observable("N", 100.0, lambda run: _tension(run, EARLY), decisive=False)
     yield "joint_force", Observable("N", 100.0, lambda run: _joint_force(run, EARLY), decisive=False)
 
 
-def _signals(run: RunData, names: list[str], mean: bool = False) -> Signal:
-    return _together([(t, values[:, None]) for t, values in (run.signal(name, EVER) for name in names)], mean)
+def _signals(run: RunData, names: list[str], mean: bool = False) -> ObservableSamples:
+    return _side_by_side([(t, values[:, None]) for t, values in (run.signal(name, EVER) for name in names)], mean)
 
 
-def _together(parts: list[tuple[Floats, Floats]], mean: bool = False) -> Signal:
+def _side_by_side(parts: list[tuple[Floats, Floats]], mean: bool = False) -> ObservableSamples:
     """Columns of several topics side by side; after a cut-off one topic may be shorter."""
     if not parts or not all(values.shape[1] for _, values in parts):
         raise Missing("nothing of the kind was recorded")
@@ -194,35 +198,40 @@ def _together(parts: list[tuple[Floats, Floats]], mean: bool = False) -> Signal:
     first = parts[0][0][:m]
     if not all(np.array_equal(t[:m], first) for t, _ in parts):
         raise Missing("the log holds different steps of its components")
-    return Signal(first, np.hstack([values[:m] for _, values in parts]), mean)
+    return ObservableSamples(first, np.hstack([values[:m] for _, values in parts]), mean)
 
 
-def _position(run: RunData) -> Signal:
-    return _together([run.vectors("chassis", "out", "chassis.position", window=EVER)])._replace(moved=True)
+def _position(run: RunData) -> ObservableSamples:
+    return _side_by_side([run.vectors("chassis", "out", "chassis.position", window=EVER)])._replace(from_start=True)
 
 
-def _velocity(run: RunData) -> Signal:
-    return _together([run.vectors("chassis", "out", "chassis.velocity", window=EVER)])
+def _velocity(run: RunData) -> ObservableSamples:
+    return _side_by_side([run.vectors("chassis", "out", "chassis.velocity", window=EVER)])
 
 
-def _links(run: RunData, window: Window, start: str, *ends: str) -> list[Signal]:
+def _links(run: RunData, window: Window, start: str, *ends: str) -> list[ObservableSamples]:
     """Outputs of links of all tracks by the beginning and ending of their names, one signal per ending."""
-    wanted = {}
+    columns_of_ends = {}
     for track in run.tracks:
         topic = f"/{track}/links"
         if topic not in run.log.topics:
             raise Missing(f"the log has no outputs per link of '{track}'")
         names = run.log.topics[topic].names
-        wanted[topic] = [[i for i, n in enumerate(names) if n.startswith(start) and n.endswith(end)] for end in ends]
-    found = run.log.select({topic: [*chain(*groups)] for topic, groups in wanted.items()}, window)
+        columns_of_ends[topic] = [
+            [i for i, n in enumerate(names) if n.startswith(start) and n.endswith(end)] for end in ends
+        ]
+    series = run.log.select({topic: [*chain(*groups)] for topic, groups in columns_of_ends.items()}, window)
     parts = {
-        topic: np.split(found[topic].values, np.cumsum([len(columns) for columns in groups])[:-1], axis=1)
-        for topic, groups in wanted.items()
+        topic: np.split(series[topic].values, np.cumsum([len(columns) for columns in groups])[:-1], axis=1)
+        for topic, groups in columns_of_ends.items()
     }
-    return [_together([(found[topic].t, parts[topic][number]) for topic in wanted]) for number in range(len(ends))]
+    return [
+        _side_by_side([(series[topic].t, parts[topic][number]) for topic in columns_of_ends])
+        for number in range(len(ends))
+    ]
 
 
-def _axes(run: RunData, what: str, window: Window) -> list[Signal]:
+def _axes(run: RunData, what: str, window: Window) -> list[ObservableSamples]:
     """Signals ``joint[i].what`` along x, y and z."""
     parts = _links(run, window, "joint[", *(f"].{what}.{axis}" for axis in "xyz"))
     if len({part.values.shape for part in parts}) > 1:
@@ -230,41 +239,43 @@ def _axes(run: RunData, what: str, window: Window) -> list[Signal]:
     return parts
 
 
-def _pins(run: RunData) -> Signal:
+def _pins(run: RunData) -> ObservableSamples:
     parts = _axes(run, "position", EVER)
-    return Signal(parts[0].t, np.hstack([part.values for part in parts]), moved=True)
+    return ObservableSamples(parts[0].t, np.hstack([part.values for part in parts]), from_start=True)
 
 
-def _tension(run: RunData, window: Window = EVER) -> Signal:
+def _tension(run: RunData, window: Window = EVER) -> ObservableSamples:
     return _links(run, window, "link[", "].tension")[0]
 
 
-def _joint_force(run: RunData, window: Window) -> Signal:
+def _joint_force(run: RunData, window: Window) -> ObservableSamples:
     """Magnitudes of the mean joint forces over each INTERVAL of a window; the first record as it is."""
     parts = _axes(run, "force", window)
     begin, end = parts[0].t[[0, -1]]
     t = begin + INTERVAL * np.arange(int((end - begin) / INTERVAL + 1e-6) + 1)
     if len(t) < 2:
         raise Missing(f"the log holds less than {INTERVAL:g} s")
-    means = [np.vstack([part.values[:1], _at(part._replace(mean=True), t)]) for part in parts]
-    return Signal(t, np.sqrt(sum(mean**2 for mean in means)))
+    means = [np.vstack([part.values[:1], _sampled(part._replace(mean=True), t)]) for part in parts]
+    return ObservableSamples(t, np.sqrt(sum(mean**2 for mean in means)))
 
 
-def _tensions(run: RunData) -> tuple[Signal, Signal]:
+def _tensions(run: RunData) -> tuple[ObservableSamples, ObservableSamples]:
     return _windowed(run, _tension)
 
 
-def _joint_forces(run: RunData) -> tuple[Signal, Signal]:
+def _joint_forces(run: RunData) -> tuple[ObservableSamples, ObservableSamples]:
     return _windowed(run, _joint_force)
 
 
-def _windowed(run: RunData, read: Callable[[RunData, Window], Signal]) -> tuple[Signal, Signal]:
+def _windowed(
+    run: RunData, read: Callable[[RunData, Window], ObservableSamples]
+) -> tuple[ObservableSamples, ObservableSamples]:
     """Mean and RMS over all links and the samples of each window of time.
 
     Windows begin at the start; a last one of less than half the length is left out. One window is in memory at a
     time.
     """
-    t = run.once("times of links", _times)
+    t = run.compute_once("times of links", _times)
     if len(t) < 2:
         raise Missing("the log holds no step")
     count = max(1, round((t[-1] - t[0]) / WINDOW))
@@ -274,11 +285,13 @@ def _windowed(run: RunData, read: Callable[[RunData, Window], Signal]) -> tuple[
         inside = np.flatnonzero((t > low + 1e-9) & (t <= high + 1e-9))
         if not len(inside):
             raise Missing(f"nothing was recorded between {low:g} and {high:g} s")
-        found = read(run, Window(float(t[inside[0] - 1]), float(t[inside[-1]])))
-        lengths, values = np.diff(found.t), found.values[1:]
+        samples = read(run, Window(float(t[inside[0] - 1]), float(t[inside[-1]])))
+        lengths, values = np.diff(samples.t), samples.values[1:]
         means.append(_mean(values, lengths))
         squares.append(_mean(values**2, lengths))
-    return Signal(edges[1:], np.array(means)[:, None]), Signal(edges[1:], np.sqrt(squares)[:, None])
+    return ObservableSamples(edges[1:], np.array(means)[:, None]), ObservableSamples(
+        edges[1:], np.sqrt(squares)[:, None]
+    )
 
 
 def _times(run: RunData) -> Floats:

@@ -23,65 +23,65 @@ class Growth(NamedTuple):
     """Growth of the difference in a topic: largest per interval, over the largest value of its unit."""
 
     t: Floats  # (k,) s, ends of the intervals
-    apart: Floats  # (k,)
+    difference: Floats  # (k,)
 
 
 class Divergence(NamedTuple):
     """Result of a bitwise comparison."""
 
-    compared: int  # number of values
-    until: float  # s, common end
+    value_count: int  # number of values
+    end: float  # s, common end
     first: Difference | None  # None: every bit is equal
     spread: tuple[Difference, ...]  # first difference of every instance, in order of time
     growth: Mapping[str, Growth]  # by topic, if it differs
-    only: tuple[str, ...]  # topics and variables of one log only
+    unmatched: tuple[str, ...]  # topics and variables of one log only
 
 
-def divergence(one: Log, reference: Log, window: tuple[float, float] = EVER) -> Divergence:
+def divergence(log: Log, reference: Log, window: tuple[float, float] = EVER) -> Divergence:
     """Compare all common values in a closed interval of time, s; raises LogUnreadable."""
-    shared, only = _shared(one, reference)
-    before = {topic: _number(reference, topic, window[0]) for topic in shared}
+    shared, unmatched = _common_columns(log, reference)
+    before = {topic: _messages_before(reference, topic, window[0]) for topic in shared}
     firsts: list[Difference] = []
-    parted = {topic: _Parted([reference.topics[topic].units[k] for k in shared[topic][1]]) for topic in shared}
-    compared, until, uneven = 0, float("nan"), set[str]()
-    names = {topic: [one.topics[topic].names[column] for column in columns[0]] for topic, columns in shared.items()}
-    for topic, a, b in _side_by_side(one, reference, shared, window):
+    growths = {topic: _TopicGrowth([reference.topics[topic].units[k] for k in shared[topic][1]]) for topic in shared}
+    value_count, end, uneven = 0, float("nan"), set[str]()
+    names = {topic: [log.topics[topic].names[column] for column in columns[0]] for topic, columns in shared.items()}
+    for topic, a, b in _side_by_side(log, reference, shared, window):
         if topic in uneven:
             continue
         every, already = reference.topics[topic].every, before[topic]
         before[topic] += len(a.t)
-        until = float(np.fmax(until, b.t[-1]))
+        end = float(np.fmax(end, b.t[-1]))
         moments = bits(a.t) != bits(b.t)
         if moments.any():  # different steps: later rows do not correspond
             row = int(moments.argmax())
             uneven.add(topic)
             firsts.append(difference(topic, "t", (already + row) * every, a.t[row], b.t[row], float(b.t[row])))
             a, b = a.rows(slice(row)), b.rows(slice(row))
-        compared += a.values.size
+        value_count += a.values.size
         different = bits(a.values) != bits(b.values)
-        if different.any() and not parted[topic].t:
+        if different.any() and not growths[topic].t:
             row = int(different.any(axis=1).argmax())
             column = int(different[row].argmax())
             values = a.values[row, column], b.values[row, column]
             name, step = names[topic][column], (already + row) * every
             firsts.append(difference(topic, name, step, *values, float(b.t[row])))
-        parted[topic].add(a, b, bool(different.any()))
-    firsts.sort(key=lambda found: (found.t, found.variable != "t"))
+        growths[topic].add(a, b, bool(different.any()))
+    firsts.sort(key=lambda first: (first.t, first.variable != "t"))
     instances: dict[str, Difference] = {}
-    for found in firsts:
-        instances.setdefault(found.instance, found)
-    growth = {topic: found.curve() for topic, found in parted.items() if found.t}
-    return Divergence(compared, until, firsts[0] if firsts else None, tuple(instances.values()), growth, only)
+    for first in firsts:
+        instances.setdefault(first.instance, first)
+    growth = {topic: topic_growth.curve() for topic, topic_growth in growths.items() if topic_growth.t}
+    return Divergence(value_count, end, firsts[0] if firsts else None, tuple(instances.values()), growth, unmatched)
 
 
-class _Parted:
+class _TopicGrowth:
     """Largest differences of a topic over time, by unit."""
 
     def __init__(self, units: Sequence[str]) -> None:
         self._unit = np.unique(np.array(units, dtype=str), return_inverse=True)[1]  # index of the unit of each column
         self._size = np.zeros(len(set(units)))  # one scale per unit: a lateral force may be rounding only
         self.t: list[float] = []  # ends of bins, from the first difference on
-        self._apart: list[Floats] = []  # of each bin, by unit
+        self._differences: list[Floats] = []  # of each bin, by unit
 
     def add(self, a: Series, b: Series, different: bool) -> None:
         """Add messages of both logs."""
@@ -91,73 +91,77 @@ class _Parted:
             np.fmax.at(self._size, self._unit, np.abs(b.values).max(axis=0))
             if not (different or self.t):
                 return
-            apart = np.abs(a.values - b.values)
-            apart = np.where(bits(a.values) == bits(b.values), 0.0, np.where(np.isnan(apart), np.inf, apart))
+            differences = np.abs(a.values - b.values)
+            differences = np.where(
+                bits(a.values) == bits(b.values), 0.0, np.where(np.isnan(differences), np.inf, differences)
+            )
         for first in range(0, len(b.t), BIN):
             most = np.zeros(len(self._size))
-            np.maximum.at(most, self._unit, apart[first : first + BIN].max(axis=0))
+            np.maximum.at(most, self._unit, differences[first : first + BIN].max(axis=0))
             self.t.append(float(b.t[first : first + BIN][-1]))
-            self._apart.append(most)
+            self._differences.append(most)
 
     def curve(self) -> Growth:
         """Growth over some intervals."""
-        apart = (np.array(self._apart) / np.where(self._size > 0.0, self._size, 1.0)).max(axis=1)
-        first = int((apart > 0.0).argmax())
-        starts = np.arange(first, len(apart), max(1, -(-(len(apart) - first) // POINTS)))
-        ends = np.append(starts[1:], len(apart)) - 1
-        return Growth(np.array(self.t)[ends], np.maximum.reduceat(apart, starts))
+        differences = (np.array(self._differences) / np.where(self._size > 0.0, self._size, 1.0)).max(axis=1)
+        first = int((differences > 0.0).argmax())
+        starts = np.arange(first, len(differences), max(1, -(-(len(differences) - first) // POINTS)))
+        ends = np.append(starts[1:], len(differences)) - 1
+        return Growth(np.array(self.t)[ends], np.maximum.reduceat(differences, starts))
 
 
 Shared = dict[str, tuple[list[int], list[int]]]  # by topic: columns of the common variables in both logs
 
 
-def _shared(one: Log, reference: Log) -> tuple[Shared, tuple[str, ...]]:
+def _common_columns(log: Log, reference: Log) -> tuple[Shared, tuple[str, ...]]:
     shared: Shared = {}
-    only = [f"{log.path}: {topic}" for log, other in ((one, reference), (reference, one)) for topic in log.topics
-            if not topic.startswith("/stats/") and topic not in other.topics]  # fmt: skip
-    for topic, about in one.topics.items():
-        theirs = reference.topics.get(topic)
-        if theirs is None or topic.startswith("/stats/"):
+    unmatched = [f"{side.path}: {topic}" for side, other in ((log, reference), (reference, log))
+                 for topic in side.topics if not topic.startswith("/stats/") and topic not in other.topics]  # fmt: skip
+    for topic, in_log in log.topics.items():
+        in_reference = reference.topics.get(topic)
+        if in_reference is None or topic.startswith("/stats/"):
             continue
-        if theirs.every != about.every:
-            only.append(f"{topic}: one step in {about.every} and {theirs.every}")
+        if in_reference.every != in_log.every:
+            unmatched.append(f"{topic}: one step in {in_log.every} and {in_reference.every}")
             continue
-        place = {name: column for column, name in enumerate(theirs.names)}
-        common = [name for name in about.names if name in place]
-        mine = {name: column for column, name in enumerate(about.names)}
-        only += [f"{topic}: {name}" for name in sorted({*about.names} ^ {*theirs.names})]
-        shared[topic] = [mine[name] for name in common], [place[name] for name in common]
-    return shared, tuple(only)
+        reference_column = {name: column for column, name in enumerate(in_reference.names)}
+        common = [name for name in in_log.names if name in reference_column]
+        log_column = {name: column for column, name in enumerate(in_log.names)}
+        unmatched += [f"{topic}: {name}" for name in sorted({*in_log.names} ^ {*in_reference.names})]
+        shared[topic] = [log_column[name] for name in common], [reference_column[name] for name in common]
+    return shared, tuple(unmatched)
 
 
-def _number(log: Log, topic: str, start: float) -> int:
+def _messages_before(log: Log, topic: str, start: float) -> int:
     """Number of messages of a topic before a time, s."""
     return 0 if start == EVER[0] else int((log.select({topic: []}, (EVER[0], start))[topic].t < start - 1e-9).sum())
 
 
 def _side_by_side(
-    one: Log, reference: Log, shared: Shared, window: tuple[float, float]
+    log: Log, reference: Log, shared: Shared, window: tuple[float, float]
 ) -> Iterator[tuple[str, Series, Series]]:
     """Messages of each topic in pairs, in blocks, until one of the logs ends."""
-    wanted: Sequence[dict[str, list[int]]] = [{topic: both[k] for topic, both in shared.items()} for k in (0, 1)]
-    logs = [log.stream(columns, window) for log, columns in zip((one, reference), wanted, strict=True)]
+    columns_of_logs: Sequence[dict[str, list[int]]] = [
+        {topic: both[k] for topic, both in shared.items()} for k in (0, 1)
+    ]
+    logs = [side.stream(columns, window) for side, columns in zip((log, reference), columns_of_logs, strict=True)]
     waiting: list[dict[str, list[Series]]] = [{topic: [] for topic in shared} for _ in logs]
-    reached = [-np.inf, -np.inf]
+    reached_time = [-np.inf, -np.inf]
     while True:
-        behind = int(reached[1] < reached[0])
+        behind = int(reached_time[1] < reached_time[0])
         piece = next(logs[behind], None)
         if piece is None:
-            if reached[behind] == np.inf:
+            if reached_time[behind] == np.inf:
                 return
-            reached[behind] = np.inf
+            reached_time[behind] = np.inf
             continue
         for topic, series in piece.items():
             waiting[behind][topic].append(series)
-            reached[behind] = max(reached[behind], float(series.t[-1]))
+            reached_time[behind] = max(reached_time[behind], float(series.t[-1]))
         for topic in piece:
-            if all(each[topic] for each in waiting):
-                a, b = (joined(each[topic]) for each in waiting)
+            if all(queue[topic] for queue in waiting):
+                a, b = (joined(queue[topic]) for queue in waiting)
                 m = min(len(a.t), len(b.t))
-                for each, series in zip(waiting, (a, b), strict=True):
-                    each[topic] = [series.rows(slice(m, None))] if len(series.t) > m else []
+                for queue, series in zip(waiting, (a, b), strict=True):
+                    queue[topic] = [series.rows(slice(m, None))] if len(series.t) > m else []
                 yield topic, a.rows(slice(m)), b.rows(slice(m))

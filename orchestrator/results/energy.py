@@ -26,13 +26,13 @@ CAUSE = "dissipated."  # prefix of a track's dissipated energies by cause
 STORED = ("kinetic", "gravity", "strain", "spring", "contact")
 
 
-class Port(NamedTuple):
+class WrenchPort(NamedTuple):
     """Wheel or mount between the component that outputs its wrench and the one that receives it."""
 
     giver: str
-    connector: str  # at the giver: motion as input, wrench as output
+    giver_connector: str  # at the giver: motion as input, wrench as output
     taker: str
-    taken: str  # at the taker
+    taker_connector: str  # at the taker
 
 
 class Ledger(NamedTuple):
@@ -58,12 +58,14 @@ class Ledger(NamedTuple):
 
 def ledger(run: RunData) -> Ledger:
     """Ledger of a log; raises Missing if it lacks energies or steps."""
-    return run.once("ledger", _ledger)
+    return run.compute_once("ledger", _ledger)
 
 
 def changes(run: RunData) -> dict[str, dict[str, float]]:
     """Change of each ``energy.*`` output over the run by component, J; raises Missing."""
-    return run.once("changes of energy", lambda run: {name: _book(run, name) for name in run.instances})
+    return run.compute_once(
+        "changes of energy", lambda run: {name: _energy_changes(run, name) for name in run.instances}
+    )
 
 
 def powers(run: RunData, window: Window) -> dict[str, dict[str, float]]:
@@ -79,48 +81,54 @@ def powers(run: RunData, window: Window) -> dict[str, dict[str, float]]:
 
 
 def _ledger(run: RunData) -> Ledger:
-    books = changes(run)
-    if not any(books.values()):
+    accounts = changes(run)
+    if not any(accounts.values()):
         raise Missing("the log holds no energies")
     received = dict.fromkeys(run.instances, 0.0)
-    lost = 0.0
+    port_loss = 0.0
     for port, (given, taken) in _works(run).items():
         received[port.giver] -= given
         received[port.taker] += run.copies(port.giver) / run.copies(port.taker) * taken
-        lost += run.copies(port.giver) * (given - taken)
-    copies = [run.copies(name) for name in books]
+        port_loss += run.copies(port.giver) * (given - taken)
+    copies = [run.copies(name) for name in accounts]
 
     def total(*parts: str) -> float:
-        return sum(n * book.get(part, 0.0) for n, book in zip(copies, books.values(), strict=True) for part in parts)
+        return sum(
+            n * account.get(part, 0.0) for n, account in zip(copies, accounts.values(), strict=True) for part in parts
+        )
 
     work, change, dissipated = total("work"), total(*STORED), total("dissipated")
     covered = total("covered")
     residual = work - change - dissipated - covered
-    held = _held(run)
-    scale = max(abs(work), abs(change), abs(dissipated), *held.values(), LEAST)
+    largest_stored = _largest_stored(run)
+    scale = max(abs(work), abs(change), abs(dissipated), *largest_stored.values(), LEAST)
     integration = {
-        name: book.get("work", 0.0)
+        name: account.get("work", 0.0)
         + received[name]
-        - sum(book.get(p, 0.0) for p in STORED)
-        - book.get("dissipated", 0.0)
-        - book.get("covered", 0.0)
-        for name, book in books.items()
+        - sum(account.get(kind, 0.0) for kind in STORED)
+        - account.get("dissipated", 0.0)
+        - account.get("covered", 0.0)
+        for name, account in accounts.items()
     }
-    own = {name: [abs(book.get(part, 0.0)) for part in ("work", "dissipated")] for name, book in books.items()}
-    relative = {name: part / max(*own[name], held[name], LEAST_OWN) for name, part in integration.items()}
+    transfers = {
+        name: [abs(account.get(part, 0.0)) for part in ("work", "dissipated")] for name, account in accounts.items()
+    }
+    relative = {
+        name: part / max(*transfers[name], largest_stored[name], LEAST_OWN) for name, part in integration.items()
+    }
     stored = {kind: total(kind) for kind in STORED}
-    causes = _causes(dict(zip(books, copies, strict=True)), books)
+    causes = _causes(dict(zip(accounts, copies, strict=True)), accounts)
     return Ledger(
-        work, change, dissipated, covered, residual, residual / scale, lost, integration, relative, causes, stored
+        work, change, dissipated, covered, residual, residual / scale, port_loss, integration, relative, causes, stored
     )
 
 
-def _causes(copies: Mapping[str, int], books: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+def _causes(copies: Mapping[str, int], accounts: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
     """Dissipated energy by cause, J."""
     found: dict[str, float] = {}
-    for name, book in books.items():
-        parts = {part.removeprefix(CAUSE): lost for part, lost in book.items() if part.startswith(CAUSE)}
-        for cause, lost in (parts or {name: book.get("dissipated", 0.0)}).items():
+    for name, account in accounts.items():
+        parts = {part.removeprefix(CAUSE): lost for part, lost in account.items() if part.startswith(CAUSE)}
+        for cause, lost in (parts or {name: account.get("dissipated", 0.0)}).items():
             found[cause] = found.get(cause, 0.0) + copies[name] * lost
     return {cause: lost for cause, lost in found.items() if lost}
 
@@ -136,46 +144,46 @@ def drift(run: RunData, window: Window) -> float:
         for part in (*STORED, "dissipated", "covered", "work")
         if run.has(f"{name}.energy.{part}")
     ]
-    most = _liveliest(run)
+    most = _largest_kinetic(run)
     if not most:
         raise Missing("the log holds no kinetic energy")
     total = np.sum([sign * run.signal(name, window)[1] for name, sign in names], axis=0)
     return float(np.abs(total - total[0]).max() / most)
 
 
-def _liveliest(run: RunData) -> float:
+def _largest_kinetic(run: RunData) -> float:
     """Largest kinetic energy of a component, J: scale for free fall and free spin."""
     names = [f"{name}.energy.kinetic" for name in run.instances if run.has(f"{name}.energy.kinetic")]
     return run.largest(names) if names else 0.0
 
 
-def _held(run: RunData) -> dict[str, float]:
+def _largest_stored(run: RunData) -> dict[str, float]:
     """Largest kinetic, or change of potential, energy that each component held, J.
 
     A hull that sinks into its springs and rises again ends without change, but the steps had to transfer this energy.
     """
-    wanted: dict[str, list[int]] = {}
+    columns_by_topic: dict[str, list[int]] = {}
     for name in run.instances:
         topic = f"/{name}/out"
         stored = [f"energy.{kind}" for kind in STORED]
-        wanted[topic] = [k for k, each in enumerate(run.log.topics[topic].names) if each in stored]
+        columns_by_topic[topic] = [k for k, variable in enumerate(run.log.topics[topic].names) if variable in stored]
     most = dict.fromkeys(run.instances, 0.0)
     start: dict[str, Floats] = {}
-    for block in run.log.blocks({topic: columns for topic, columns in wanted.items() if columns}, BLOCK):
+    for block in run.log.blocks({topic: columns for topic, columns in columns_by_topic.items() if columns}, BLOCK):
         for topic, series in block.items():
             if not len(series.t):
                 continue
             kinetic = np.array([name == "energy.kinetic" for name in series.names])
-            begun = start.setdefault(topic, np.where(kinetic, 0.0, series.values[0]))
+            first = start.setdefault(topic, np.where(kinetic, 0.0, series.values[0]))
             name = topic.split("/")[1]
-            most[name] = max(most[name], float(np.nan_to_num(np.abs(series.values - begun), nan=0.0).max()))
+            most[name] = max(most[name], float(np.nan_to_num(np.abs(series.values - first), nan=0.0).max()))
     return most
 
 
-def ports(run: RunData) -> list[Port]:
+def ports(run: RunData) -> list[WrenchPort]:
     """Ports of a system: connections of a wrench."""
     return [
-        Port(
+        WrenchPort(
             connection["source"],
             output.removesuffix(".force.x"),
             connection["target"],
@@ -187,7 +195,7 @@ def ports(run: RunData) -> list[Port]:
     ]
 
 
-def _book(run: RunData, instance: str) -> dict[str, float]:
+def _energy_changes(run: RunData, instance: str) -> dict[str, float]:
     """Compute the change of each ``energy.*`` output of an instance over the run, J; raises Missing."""
     topic = f"/{instance}/out"
     if topic not in run.log.topics or not len((series := run.log.ends(topic)).t):
@@ -199,7 +207,7 @@ def _book(run: RunData, instance: str) -> dict[str, float]:
     }
 
 
-def _works(run: RunData) -> dict[Port, tuple[float, float]]:
+def _works(run: RunData) -> dict[WrenchPort, tuple[float, float]]:
     """Work of every port's wrench, J: on the motion at the giver's input, and on the taker's motion.
 
     Summed in blocks of BLOCK steps, so the rounding of long runs depends on the blocks; raises Missing.
@@ -207,13 +215,13 @@ def _works(run: RunData) -> dict[Port, tuple[float, float]]:
     inputs = {name: f"/{name}/in" for name in run.instances}
     outputs = {name: f"/{name}/out" for name in run.instances}
     end = min(float(run.log.ends(topic).t[-1]) for topic in outputs.values())
-    found = ports(run)
+    ports_of_run = ports(run)
     lengths = run.log.lengths()
     # If not every step is recorded, the wrench is that at the taker's input.
-    whole = {port for port in found if lengths[outputs[port.giver]] == lengths[inputs[port.taker]] + 1}
-    works = dict.fromkeys(found, (0.0, 0.0))
+    fully_recorded = {port for port in ports_of_run if lengths[outputs[port.giver]] == lengths[inputs[port.taker]] + 1}
+    works = dict.fromkeys(ports_of_run, (0.0, 0.0))
     gaps: dict[str, tuple[float, float]] = {}
-    topics = [*inputs.values(), *sorted({outputs[port.giver] for port in whole})]
+    topics = [*inputs.values(), *sorted({outputs[port.giver] for port in fully_recorded})]
     for number, block in enumerate(run.log.blocks(topics, BLOCK, 2)):
         for name, topic in inputs.items():
             series = block[topic]
@@ -221,9 +229,9 @@ def _works(run: RunData) -> dict[Port, tuple[float, float]]:
                 gaps[name] = gap
         if gaps or len({len(block[topic].t) for topic in inputs.values()}) > 1:
             continue
-        for port in found:
-            more = _work_in(block, port, found, port in whole, end)
-            works[port] = works[port][0] + more[0], works[port][1] + more[1]
+        for port in ports_of_run:
+            block_work = _work_in(block, port, ports_of_run, port in fully_recorded, end)
+            works[port] = works[port][0] + block_work[0], works[port][1] + block_work[1]
     for name in run.instances:
         if name in gaps:
             raise Missing(f"the log lacks the inputs of '{name}' from t = {gaps[name][0]:.6g} to {gaps[name][1]:.6g} s")
@@ -232,30 +240,32 @@ def _works(run: RunData) -> dict[Port, tuple[float, float]]:
     return works
 
 
-def _work_in(block: Block, port: Port, others: list[Port], whole: bool, end: float) -> tuple[float, float]:
+def _work_in(
+    block: Block, port: WrenchPort, others: list[WrenchPort], fully_recorded: bool, end: float
+) -> tuple[float, float]:
     """Works of a port in a block; ``whole``: every output of the giver is recorded."""
     t = block[f"/{port.taker}/in"].t
-    taken = _wrench(block, port.taker, "in", port.taken)
-    given = _wrench(block, port.giver, "out", port.connector)[1:] if whole else taken
-    seen, made = _motions(block, port)
-    own = np.zeros_like(made)  # jump of the taker itself, which moves with an extrapolated mount
+    taken = _wrench(block, port.taker, "in", port.taker_connector)
+    given = _wrench(block, port.giver, "out", port.giver_connector)[1:] if fully_recorded else taken
+    extrapolated, actual = _motions(block, port)
+    taker_jump = np.zeros_like(actual)  # jump of the taker itself, which moves with an extrapolated mount
     for upstream in others:
         if upstream.giver == port.taker:
-            carried = _motions(block, upstream)
-            own += carried[1] - carried[0]
-    done = int(np.count_nonzero(t < end - 1e-9))
-    steps = min(done, BLOCK if len(t) == BLOCK + 2 else len(made))
+            upstream_motions = _motions(block, upstream)
+            taker_jump += upstream_motions[1] - upstream_motions[0]
+    finished = int(np.count_nonzero(t < end - 1e-9))
+    steps = min(finished, BLOCK if len(t) == BLOCK + 2 else len(actual))
     return (
-        _work(given[:done], seen[:steps], (made - seen)[:steps]),
-        _work(taken[:done], (made - own)[:steps], own[:steps]),
+        _work(given[:finished], extrapolated[:steps], (actual - extrapolated)[:steps]),
+        _work(taken[:finished], (actual - taker_jump)[:steps], taker_jump[:steps]),
     )
 
 
 def _work(wrench: Floats, motion: Floats, jump: Floats) -> float:
     """Work of mean wrenches (m, 6) on the motion in each step and on the jump after it; m steps or fewer."""
     steps = len(motion)
-    between = 0.5 * (wrench + np.vstack([wrench[1:], wrench[-1:]]))[:steps]
-    return float(np.sum(wrench[:steps] * motion) + np.sum(between * jump))
+    mean_wrench = 0.5 * (wrench + np.vstack([wrench[1:], wrench[-1:]]))[:steps]
+    return float(np.sum(wrench[:steps] * motion) + np.sum(mean_wrench * jump))
 
 
 def _wrench(block: Block, instance: str, topic: str, connector: str) -> Floats:
@@ -264,23 +274,23 @@ def _wrench(block: Block, instance: str, topic: str, connector: str) -> Floats:
     return np.hstack([vectors(series, instance, f"{connector}.{part}") for part in ("force", "torque")])
 
 
-def _motions(block: Block, port: Port) -> tuple[Floats, Floats]:
+def _motions(block: Block, port: WrenchPort) -> tuple[Floats, Floats]:
     """Shift and rotation of a connector in every step, (m, 6) each: extrapolated by the giver, and actual.
 
     The inputs have no value after the last step: its motion is taken as extrapolated.
     """
-    giver, connector = port.giver, port.connector
+    giver, connector = port.giver, port.giver_connector
     series = block[f"/{giver}/in"]
     position = vectors(series, giver, f"{connector}.position")
     q = vectors(series, giver, f"{connector}.orientation", "wxyz")
     rates = [vectors(series, giver, f"{connector}.{rate}") for rate in ("velocity", "angular_velocity")]
-    seen = series.h[:, None] * np.hstack(rates)
-    made = seen.copy()
-    made[:-1] = np.hstack([np.diff(position, axis=0), turns(q)])
-    return seen, made
+    extrapolated = series.h[:, None] * np.hstack(rates)
+    actual = extrapolated.copy()
+    actual[:-1] = np.hstack([np.diff(position, axis=0), rotation_vectors(q)])
+    return extrapolated, actual
 
 
-def turns(q: Floats) -> Floats:
+def rotation_vectors(q: Floats) -> Floats:
     """Rotation vectors (m - 1, 3), world, between successive quaternions (m, 4), body to world."""
     w, v = q[:, 0], q[:, 1:]
     # q[k + 1] times the conjugate of q[k]

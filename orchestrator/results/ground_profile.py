@@ -36,7 +36,7 @@ class GroundProfile(NamedTuple):
         """Distances to the left of the line of places (..., 3) in world, m."""
         return np.asarray((places - self.start) @ self.left)
 
-    def at(self, along: Floats) -> Floats:
+    def height_at(self, along: Floats) -> Floats:
         """Heights at places along the line, world, m."""
         if not len(self.along):
             return np.full(np.shape(along), self.level)
@@ -45,21 +45,21 @@ class GroundProfile(NamedTuple):
     def points(self, along: Floats, offset: ArrayLike = 0.0) -> Floats:
         """Points (..., 3) of the surface in world, at distances along the line (...,) and to its left, m."""
         found = self.start * [1.0, 1.0, 0.0] + along[..., None] * self.ahead + np.multiply.outer(offset, self.left)
-        found[..., 2] += self.at(along)
+        found[..., 2] += self.height_at(along)
         return np.asarray(found)
 
-    def bends(self, low: float, high: float) -> Floats:
+    def corners_between(self, low: float, high: float) -> Floats:
         """Distances along the line (k,), m: both ends and the corners between; the ground is straight between."""
         return np.unique([low, *self.along[(self.along > low) & (self.along < high)], high])
 
     def normals(self, places: Floats) -> Floats:
         """Unit normals (..., 3) of the ground under places (..., 3) in world."""
         along = self.station(places)
-        slope = (self.at(along + 1e-3) - self.at(along - 1e-3)) / 2e-3
+        slope = (self.height_at(along + 1e-3) - self.height_at(along - 1e-3)) / 2e-3
         return (UP - slope[..., None] * self.ahead) / np.sqrt(1.0 + slope * slope)[..., None]
 
 
-def metres(low: float, high: float) -> Floats:
+def whole_metres(low: float, high: float) -> Floats:
     """Whole metres from one place along the line to another."""
     return np.arange(np.ceil(low), np.floor(high) + 1.0)
 

@@ -11,10 +11,10 @@ POSITION, TENSION = "joint[*].position", "link[*].tension"
 
 def columns(names: Sequence[str], signal: str) -> np.ndarray:
     """Columns (n,), for a vector (n, 3), of a signal of links 1, 2, ... in a topic; empty for none."""
-    of = {name: column for column, name in enumerate(names)}
-    parts = [""] if signal.replace("*", "1") in of else [".x", ".y", ".z"]
+    column_of_name = {name: column for column, name in enumerate(names)}
+    parts = [""] if signal.replace("*", "1") in column_of_name else [".x", ".y", ".z"]
     found: list[list[int]] = []
-    while all(signal.replace("*", str(len(found) + 1)) + part in of for part in parts):
-        found.append([of[signal.replace("*", str(len(found) + 1)) + part] for part in parts])
+    while all(signal.replace("*", str(len(found) + 1)) + part in column_of_name for part in parts):
+        found.append([column_of_name[signal.replace("*", str(len(found) + 1)) + part] for part in parts])
     whole = np.array(found, int).reshape(-1, len(parts))
     return whole[:, 0] if len(parts) == 1 else whole

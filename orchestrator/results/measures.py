@@ -253,17 +253,17 @@ def third_law(run: RunData, of: str, window: Window) -> float:
     The sprockets' share passes through the drives, which transmit the whole force.
     """
     given, received, size = np.zeros(3), np.zeros(3), 0.0
-    sent = [(port.giver, f"{port.connector}.force") for port in ports(run) if port.giver in run.tracks]
-    taken = [("chassis", f"{port.taken}.force") for port in ports(run) if port.taker == "chassis"]
-    topics = sorted({f"/{name}/out" for name, _ in sent} | {f"/{name}/in" for name, _ in taken})
+    track_outputs = [(port.giver, f"{port.giver_connector}.force") for port in ports(run) if port.giver in run.tracks]
+    chassis_inputs = [("chassis", f"{port.taker_connector}.force") for port in ports(run) if port.taker == "chassis"]
+    topics = sorted({f"/{name}/out" for name, _ in track_outputs} | {f"/{name}/in" for name, _ in chassis_inputs})
     for block in run.log.blocks(topics, BLOCK):
-        for name, connector in sent:
+        for name, connector in track_outputs:
             series = block[f"/{name}/out"]
             inside = (series.t > window.start + 1e-9) & (series.t <= window.end + 1e-9)
             force = vectors(series, name, connector)[inside]
             given += force.sum(axis=0)
             size += float(np.abs(force).sum())
-        for name, connector in taken:
+        for name, connector in chassis_inputs:
             series = block[f"/{name}/in"]
             inside = (series.t >= window.start - 1e-9) & (series.t < window.end - 1e-9)
             received += vectors(series, name, connector)[inside].sum(axis=0)
@@ -280,8 +280,8 @@ def energy_residual(run: RunData, of: str, window: Window) -> float:
 
 def port_residual(run: RunData, of: str, window: Window) -> float:
     """Ports' part of the energy residual, over the work of the drives."""
-    books = ledger(run)
-    return books.port / books.work
+    energies = ledger(run)
+    return energies.port / energies.work
 
 
 def energy_drift(run: RunData, of: str, window: Window) -> float:
@@ -305,8 +305,8 @@ def _run_tension(run: RunData, of: str, window: Window, where: str) -> float:
         links = run.links(track, window)
         forward, up = _middles(links)
         split = vehicle["road_wheel"]["z"] if where == "top" else -0.1
-        there = (np.abs(forward - middle) < reach) & ((up > split) if where == "top" else (up < split))
-        means.append(mean(links.t, links.tension, there))
+        inside = (np.abs(forward - middle) < reach) & ((up > split) if where == "top" else (up < split))
+        means.append(mean(links.t, links.tension, inside))
     return float(np.mean(means))
 
 

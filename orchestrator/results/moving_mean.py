@@ -12,23 +12,24 @@ from orchestrator.results.thinned import BINS, Curve
 GRID = 8 * BINS  # equal parts of a run, in which integrals are taken as linear
 
 
-class Moving(NamedTuple):
+class MovingMean(NamedTuple):
     """Integral of a signal over time from the start."""
 
-    at: Floats  # (GRID + 1,) s
+    t: Floats  # (GRID + 1,) s
     integral: Floats  # (GRID + 1,) unit of the signal times s
     length: Floats  # (GRID + 1,) s with finite values
 
     def over(self, window: float) -> Curve:
         """Means over a centred interval of ``window`` s at BINS + 1 instants; shorter at the ends of the run."""
-        t = self.at[:: GRID // BINS]
-        begin, end = (np.clip(t + half, self.at[0], self.at[-1]) for half in (-0.5 * window, 0.5 * window))
+        centre = self.t[:: GRID // BINS]
+        begin, end = (np.clip(centre + half, self.t[0], self.t[-1]) for half in (-0.5 * window, 0.5 * window))
         # integral(t + w/2) - integral(t - w/2), and the same for the length
         total, length = (
-            np.interp(end, self.at, kept) - np.interp(begin, self.at, kept) for kept in (self.integral, self.length)
+            np.interp(end, self.t, integral) - np.interp(begin, self.t, integral)
+            for integral in (self.integral, self.length)
         )
-        known = np.isfinite(total) & (length > 1e-9 * window)
-        return Curve(t[known], total[known] / length[known])
+        finite = np.isfinite(total) & (length > 1e-9 * window)
+        return Curve(centre[finite], total[finite] / length[finite])
 
 
 class Integrals:
@@ -39,9 +40,9 @@ class Integrals:
     """
 
     def __init__(self, start: float, end: float, columns: int) -> None:
-        self._at = np.linspace(start, end, GRID + 1)
-        self._kept = np.zeros((2, GRID + 1, columns))  # integral, length
-        self._now, self._t, self._done = np.zeros((2, columns)), start, 0
+        self._grid = np.linspace(start, end, GRID + 1)
+        self._integrals = np.zeros((2, GRID + 1, columns))  # integral, length
+        self._totals, self._t, self._done = np.zeros((2, columns)), start, 0
 
     def add(self, t: Floats, values: Floats) -> None:
         """Add samples (m, columns) at times (m,), s; each is the mean since the last one."""
@@ -53,17 +54,17 @@ class Integrals:
         finite = np.isfinite(values)
         with np.errstate(over="ignore", invalid="ignore"):  # an unstable run may overflow
             parts = np.stack([np.where(finite, values, 0.0) * steps, finite * steps])
-            ends = self._now[:, None] + np.cumsum(parts, axis=1)
+            ends = self._totals[:, None] + np.cumsum(parts, axis=1)
         x = np.maximum(np.concatenate([[self._t], t]), self._t)
-        y = np.concatenate([self._now[:, None], ends], axis=1)
-        until = max(int(np.searchsorted(self._at, x[-1], "right")), self._done)
-        place = self._at[self._done : until]
-        for kept, known_at in zip(self._kept, y, strict=True):
-            for column, of in enumerate(known_at.T):
-                kept[self._done : until, column] = np.interp(place, x, of)
-                kept[until:, column] = of[-1]
-        self._now, self._t, self._done = ends[:, -1], float(x[-1]), until
+        y = np.concatenate([self._totals[:, None], ends], axis=1)
+        end = max(int(np.searchsorted(self._grid, x[-1], "right")), self._done)
+        place = self._grid[self._done : end]
+        for integrals, columns in zip(self._integrals, y, strict=True):
+            for column, column_values in enumerate(columns.T):
+                integrals[self._done : end, column] = np.interp(place, x, column_values)
+                integrals[end:, column] = column_values[-1]
+        self._totals, self._t, self._done = ends[:, -1], float(x[-1]), end
 
-    def moving(self, column: int) -> Moving:
+    def moving_mean(self, column: int) -> MovingMean:
         """Integral of one signal."""
-        return Moving(self._at, *self._kept[:, :, column])
+        return MovingMean(self._grid, *self._integrals[:, :, column])

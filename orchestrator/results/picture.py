@@ -6,19 +6,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmus.vehicle import BadInput
-from orchestrator.results.whole_file import fresh
+from orchestrator.results.whole_file import atomic_write
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def saved(figure: Figure, output: Path) -> None:
+def save_figure(figure: Figure, output: Path) -> None:
     """Write a figure; raises BadInput if that is impossible."""
     if output.is_dir():
         raise BadInput(f"the picture {output} cannot be written: it is a directory")
     try:
-        with fresh(output) as beside:
-            figure.savefig(beside, dpi=120, format=output.suffix[1:] or "png")
+        with atomic_write(output) as temporary:
+            figure.savefig(temporary, dpi=120, format=output.suffix[1:] or "png")
     except BadInput:
         raise
     except ValueError as error:

@@ -17,10 +17,10 @@ from orchestrator.results.link_columns import POSITION, TENSION
 from orchestrator.results.rotation import body_axis
 
 Made = TypeVar("Made")
-Kept = NDArray[np.bool_] | bool
+Mask = NDArray[np.bool_] | bool
 BLOCK = 1000  # steps in memory at once
-KEPT = 4  # cached link records: measures of a scene share windows
-BEFORE = 1.0  # s: longest step that may end in a window
+CACHED = 4  # cached link records: measures of a scene share windows
+LONGEST_STEP = 1.0  # s: longest step that may end in a window
 
 
 class Missing(LookupError):
@@ -59,9 +59,9 @@ class RunData:
         self.log = log
         self.scene: dict[str, Any] = log.table("scene.json") if "scene.json" in log.attachments else {}
         self.system: dict[str, Any] = system_of(log)
-        self._made: dict[str, Any] = {}
+        self._results: dict[str, Any] = {}
         self._links: dict[tuple[str, Window | None], Links] = {}
-        self._held: dict[tuple[str, Window | None], tuple[Floats, Floats]] = {}
+        self._prefetched: dict[tuple[str, Window | None], tuple[Floats, Floats]] = {}
 
     @cached_property
     def instances(self) -> tuple[str, ...]:
@@ -72,8 +72,8 @@ class RunData:
     def span(self) -> tuple[float, float]:
         """First and last finite time of the outputs, s; (0, 0) without any."""
         ends = [self.log.ends(topic).t for name in self.instances if (topic := f"/{name}/out") in self.log.topics]
-        known = [float(t) for each in ends for t in each if np.isfinite(t)]
-        return (min(known), max(known)) if known else (0.0, 0.0)
+        times = [float(t) for t_of_topic in ends for t in t_of_topic if np.isfinite(t)]
+        return (min(times), max(times)) if times else (0.0, 0.0)
 
     @cached_property
     def sides(self) -> tuple[str, ...]:
@@ -86,11 +86,11 @@ class RunData:
             return f"differential.{side}"
         return f"{side}_drive" if f"{side}_drive" in self.instances else ""
 
-    def once(self, name: str, make: Callable[[RunData], Made]) -> Made:
+    def compute_once(self, name: str, make: Callable[[RunData], Made]) -> Made:
         """Result of ``make`` for this run, cached by name."""
-        if name not in self._made:
-            self._made[name] = make(self)
-        return self._made[name]
+        if name not in self._results:
+            self._results[name] = make(self)
+        return self._results[name]
 
     def copies(self, instance: str) -> int:
         """Number of copies of an instance in the vehicle: 2 if the other side mirrors it."""
@@ -109,24 +109,28 @@ class RunData:
 
     def signal(self, name: str, window: Window | None = None) -> tuple[Floats, Floats]:
         """Times and values of ``instance.variable`` within the window, (m,) each; raises Missing."""
-        if (name, window) in self._held:
-            return self._held[name, window]
+        if (name, window) in self._prefetched:
+            return self._prefetched[name, window]
         topic, column = self._place(name)
         series = self._read(topic, [column], window)
         if not len(series.t) and window not in (None, EVER):
             raise Missing(f"'{name}' was not recorded between {window.start:g} and {window.end:g} s")
         return series.t, series.values[:, 0]
 
-    def hold(self, names: Iterable[str], window: Window) -> None:
+    def prefetch(self, names: Iterable[str], window: Window) -> None:
         """Read signals in one pass and cache them for this window; raises Missing."""
-        wanted: dict[str, dict[int, str]] = {}
+        names_by_column: dict[str, dict[int, str]] = {}
         for name in names:
             topic, column = self._place(name)
-            wanted.setdefault(topic, {})[column] = name
-        found = self.log.select({topic: [*columns] for topic, columns in wanted.items()}, window) if wanted else {}
-        for topic, columns in wanted.items():
+            names_by_column.setdefault(topic, {})[column] = name
+        series = (
+            self.log.select({topic: [*columns] for topic, columns in names_by_column.items()}, window)
+            if names_by_column
+            else {}
+        )
+        for topic, columns in names_by_column.items():
             for k, name in enumerate(columns.values()):
-                self._held[name, window] = found[topic].t, found[topic].values[:, k]
+                self._prefetched[name, window] = series[topic].t, series[topic].values[:, k]
 
     def _place(self, name: str) -> tuple[str, int]:
         if name not in self.log:
@@ -140,14 +144,14 @@ class RunData:
 
     def largest(self, names: Sequence[str]) -> float:
         """Largest value of outputs over the run; raises Missing, and ValueError without values."""
-        wanted: dict[str, list[int]] = {}
+        columns_by_topic: dict[str, list[int]] = {}
         for name in names:
             topic, column = self._place(name)
-            wanted.setdefault(topic, []).append(column)
+            columns_by_topic.setdefault(topic, []).append(column)
         return max(
             float(block[topic].values[:, columns].max())
-            for block in self.log.blocks([*wanted], BLOCK)
-            for topic, columns in wanted.items()
+            for block in self.log.blocks([*columns_by_topic], BLOCK)
+            for topic, columns in columns_by_topic.items()
         )
 
     def ends(self, name: str) -> tuple[float, float]:
@@ -174,7 +178,7 @@ class RunData:
     def links(self, track: str, window: Window | None = None) -> Links:
         """Link records of a track, relative to its sprocket axle or, without one, its start position."""
         if (track, window) not in self._links:
-            if len(self._links) == KEPT:
+            if len(self._links) == CACHED:
                 self._links.clear()
             self._links[track, window] = self._read_links(track, window)
         return self._links[track, window]
@@ -185,42 +189,42 @@ class RunData:
             raise Missing(f"the log has no outputs per link of '{track}'")
         names = self.log.topics[topic].names
         pins, links = (link_columns.columns(names, signal) for signal in (POSITION, TENSION))
-        for signal, found in ((POSITION, pins), (TENSION, links)):
-            if not found.size:
+        for signal, columns in ((POSITION, pins), (TENSION, links)):
+            if not columns.size:
                 raise Missing(f"the log has no '{track}.{signal}'")
         series = self._read(topic, [*pins.flat, *links], window)
         position, tension = np.split(series.values, [pins.size], axis=1)
-        origin, ahead = self.axle(track, series.t, window)
+        origin, ahead = self.sprocket_axle(track, series.t, window)
         offset = position.reshape(-1, *pins.shape) - origin[:, None, :]
         return Links(series.t, np.einsum("mpi,mi->mp", offset, ahead), offset[..., 2], tension)
 
-    def near(self, instance: str, topic: str, prefix: str, t: float, parts: str = "xyz") -> Floats:
+    def vector_at(self, instance: str, topic: str, prefix: str, t: float, parts: str = "xyz") -> Floats:
         """Values of ``prefix.{parts}`` in the last message by time t, or in the first one; raises Missing."""
-        for window in (Window(t - BEFORE, t), Window(t - BEFORE, t + BEFORE), EVER):
+        for window in (Window(t - LONGEST_STEP, t), Window(t - LONGEST_STEP, t + LONGEST_STEP), EVER):
             times, values = self.vectors(instance, topic, prefix, parts, window)
             if len(times):
                 return values[max(int(np.searchsorted(times, t + 1e-9)) - 1, 0)]
         raise Missing(f"the log holds no step of '{instance}'")
 
-    def axle(self, track: str, t: Floats, window: Window | None = None) -> tuple[Floats, Floats]:
+    def sprocket_axle(self, track: str, t: Floats, window: Window | None = None) -> tuple[Floats, Floats]:
         """Position of the sprocket axle and horizontal unit vector ahead, (m, 3) each."""
-        before = window and window._replace(start=window.start - BEFORE)
+        early_window = window and window._replace(start=window.start - LONGEST_STEP)
         try:
-            times, position = self.vectors(track, "in", "sprocket.position", window=before)
-            if before and window != EVER and len(t) and not (len(times) and times[0] <= t[0] + 1e-9):
-                return self.axle(track, t, EVER)
-            _, q = self.vectors(track, "in", "sprocket.orientation", "wxyz", before)
+            times, position = self.vectors(track, "in", "sprocket.position", window=early_window)
+            if early_window and window != EVER and len(t) and not (len(times) and times[0] <= t[0] + 1e-9):
+                return self.sprocket_axle(track, t, EVER)
+            _, q = self.vectors(track, "in", "sprocket.orientation", "wxyz", early_window)
         except LookupError:
             start = self.scene["start"]
             ahead = np.array([np.cos(start["heading"]), np.sin(start["heading"]), 0.0])
             return np.tile(start["position"], (len(t), 1)).astype(float), np.tile(ahead, (len(t), 1))
         if not len(times):
             raise Missing(f"the log holds no step of '{track}'")
-        at = np.searchsorted(times, t + 1e-9) - 1  # input at t; at the end of the run, the last one
-        at = np.clip(at, 0, len(times) - 1)
-        axis_x, axis_y, _ = body_axis(q[at], 1).T  # spin axis, body y in world
+        rows = np.searchsorted(times, t + 1e-9) - 1  # input at t; at the end of the run, the last one
+        rows = np.clip(rows, 0, len(times) - 1)
+        axis_x, axis_y, _ = body_axis(q[rows], 1).T  # spin axis, body y in world
         ahead = np.stack([axis_y, -axis_x, np.zeros_like(axis_x)], axis=-1)  # spin axis x vertical
-        return position[at], ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
+        return position[rows], ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
 
 
 def within(t: Floats, window: Window) -> NDArray[np.bool_]:
@@ -228,7 +232,7 @@ def within(t: Floats, window: Window) -> NDArray[np.bool_]:
     return (t >= window.start - 1e-9) & (t <= window.end + 1e-9)
 
 
-def since(t: Floats, before: float | None = None) -> Floats:
+def record_durations(t: Floats, before: float | None = None) -> Floats:
     """Time since the last record (m,), s; for the first, since ``before`` or equal to the second, or 1.
 
     Compute it from all records, also from those that a mean leaves out: a record counts for its own interval only.
@@ -238,22 +242,22 @@ def since(t: Floats, before: float | None = None) -> Floats:
     return np.diff(t, prepend=before)
 
 
-def mean(t: Floats, values: Floats, kept: Kept = True) -> float:
+def mean(t: Floats, values: Floats, mask: Mask = True) -> float:
     """Mean over time and columns of records (m, ...), weighted by the time since the last record.
 
-    ``kept`` (m, ...): records to include; others are left out with their time. Raises ZeroDivisionError for none.
+    ``mask`` (m, ...): records to include; others are left out with their time. Raises ZeroDivisionError for none.
     """
-    return float(_average(t, values, kept, None))
+    return float(_average(t, values, mask, None))
 
 
-def means(t: Floats, values: Floats, kept: Kept = True) -> Floats:
+def means(t: Floats, values: Floats, mask: Mask = True) -> Floats:
     """Mean of each column (...,); see ``mean``."""
-    return np.asarray(_average(t, values, kept, 0))
+    return np.asarray(_average(t, values, mask, 0))
 
 
-def _average(t: Floats, values: Floats, kept: Kept, axis: int | None) -> Any:
-    own = since(t).reshape(-1, *[1] * (values.ndim - 1))
-    return np.average(np.where(kept, values, 0.0), axis, np.broadcast_to(own * kept, values.shape))
+def _average(t: Floats, values: Floats, mask: Mask, axis: int | None) -> Any:
+    durations = record_durations(t).reshape(-1, *[1] * (values.ndim - 1))
+    return np.average(np.where(mask, values, 0.0), axis, np.broadcast_to(durations * mask, values.shape))
 
 
 def pitch_radius(vehicle: Mapping[str, Any]) -> float:

@@ -94,12 +94,12 @@ class Table(NamedTuple):
 
     def _texts(self, missing: str) -> list[list[str]]:
         return [
-            [shown(cell, column.form) or missing for cell, column in zip(row, self.columns, strict=True)]
+            [cell_text(cell, column.form) or missing for cell, column in zip(row, self.columns, strict=True)]
             for row in self.rows
         ]
 
 
-def shown(cell: Any, form: str) -> str:
+def cell_text(cell: Any, form: str) -> str:
     """Cell as text, a number in its format; empty if it is missing."""
     cell = _exact(cell)
     if isinstance(cell, float):

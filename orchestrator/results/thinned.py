@@ -19,11 +19,11 @@ class Curve(NamedTuple):
     t: Floats  # (m,) s, in order
     y: Floats  # (m,)
 
-    def times(self, factor: float) -> Curve:
+    def scaled_by(self, factor: float) -> Curve:
         """Curve in another unit."""
         return Curve(self.t, factor * self.y)
 
-    def banded(self, start: float, end: float) -> bool:
+    def is_band(self, start: float, end: float) -> bool:
         """True if the curve from start to end, s, oscillates so fast that it is drawn as a band."""
         if len(self.t) < 3 or not end > start:
             return False
@@ -44,7 +44,7 @@ class Peak(NamedTuple):
     t: float
 
 
-class Envelope:
+class TimeEnvelope:
     """Envelope of signals: smallest and largest value, with their times, in equal intervals of time.
 
     Samples are added in the order of time, in blocks; the memory is constant. NaN and infinite values are left out.
@@ -68,15 +68,15 @@ class Envelope:
         for first, last in zip([0, *edges], [*edges, len(t)], strict=True):
             row, piece, when = place[first], values[first:last], t[first:last]
             known = np.isfinite(piece)
-            self._keep(row, np.where(known, piece, np.inf), when, self._low, self._low_t, 1.0)
-            self._keep(row, np.where(known, piece, -np.inf), when, self._high, self._high_t, -1.0)
+            self._update(row, np.where(known, piece, np.inf), when, self._low, self._low_t, 1.0)
+            self._update(row, np.where(known, piece, -np.inf), when, self._high, self._high_t, -1.0)
 
-    def _keep(self, row: int, piece: Floats, when: Floats, best: Floats, best_t: Floats, sign: float) -> None:
-        at = (sign * piece).argmin(axis=0)
-        found = piece[at, np.arange(piece.shape[1])]
-        better = sign * found < sign * best[row]
-        best[row, better] = found[better]
-        best_t[row, better] = when[at[better]]
+    def _update(self, row: int, piece: Floats, when: Floats, best: Floats, best_t: Floats, sign: float) -> None:
+        row_of_column = (sign * piece).argmin(axis=0)
+        value = piece[row_of_column, np.arange(piece.shape[1])]
+        better = sign * value < sign * best[row]
+        best[row, better] = value[better]
+        best_t[row, better] = when[row_of_column[better]]
 
     def curve(self, column: int) -> Curve:
         """Smallest and largest value of each interval in their order of time; one point if they are equal."""
@@ -84,9 +84,9 @@ class Envelope:
         y = np.stack([self._low[:, column], self._high[:, column]], axis=1)
         order = np.argsort(t, axis=1)
         t, y = np.take_along_axis(t, order, axis=1), np.take_along_axis(y, order, axis=1)
-        kept = np.isfinite(y)
-        kept[:, 1] &= t[:, 1] > t[:, 0]
-        return Curve(t[kept], y[kept])
+        finite = np.isfinite(y)
+        finite[:, 1] &= t[:, 1] > t[:, 0]
+        return Curve(t[finite], y[finite])
 
     def largest(self, column: int) -> Peak | None:
         """Largest value and its first time; None without values."""

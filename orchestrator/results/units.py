@@ -33,10 +33,10 @@ def number(value: float, digits: int = 4) -> str:
     """Number with so many digits, without needless zeros or exponents, with a proper minus sign."""
     if not np.isfinite(value):
         return "not a number" if np.isnan(value) else "infinite"
-    shown = f"{value:.{digits}g}"
-    if "e" in shown and 1e-4 <= abs(value) < 1e7:
-        shown = f"{value:.0f}" if abs(value) >= 1.0 else f"{value:.{digits + 3}f}"
-    return shown.replace("-", "\N{MINUS SIGN}")
+    text = f"{value:.{digits}g}"
+    if "e" in text and 1e-4 <= abs(value) < 1e7:
+        text = f"{value:.0f}" if abs(value) >= 1.0 else f"{value:.{digits + 3}f}"
+    return text.replace("-", "\N{MINUS SIGN}")
 
 
 def percent(share: float, digits: int = 3) -> str:
@@ -47,9 +47,9 @@ def percent(share: float, digits: int = 3) -> str:
 def finite(value: Any) -> Any:
     """Replace non-finite numbers, which JSON lacks, by None, at any depth."""
     if isinstance(value, dict):
-        return {str(key): finite(each) for key, each in value.items()}
+        return {str(key): finite(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [finite(each) for each in value]
+        return [finite(item) for item in value]
     if isinstance(value, (float, np.floating)):
         return float(value) if np.isfinite(value) else None
     return int(value) if isinstance(value, np.integer) else value

@@ -10,7 +10,7 @@ from pathlib import Path
 from fmus.vehicle import BadInput
 
 
-def refuse(path: Path, suffixes: Sequence[str], besides: str = "") -> None:
+def check_output(path: Path, suffixes: Sequence[str], hint: str = "") -> None:
     """Raise BadInput for a path that cannot be written or has another suffix, as far as known in advance.
 
     ``besides``: sentence about other suffixes.
@@ -20,7 +20,7 @@ def refuse(path: Path, suffixes: Sequence[str], besides: str = "") -> None:
         why = "it is a directory"
     elif path.suffix.lower() not in suffixes:
         *others, last = suffixes
-        why = f"its name must end in {', '.join(others)}{' or ' if others else ''}{last}{besides}"
+        why = f"its name must end in {', '.join(others)}{' or ' if others else ''}{last}{hint}"
     elif not folder.is_dir():
         why = f"there is no folder {path.parent}"
     elif not os.access(folder, os.W_OK):
@@ -31,13 +31,13 @@ def refuse(path: Path, suffixes: Sequence[str], besides: str = "") -> None:
 
 
 @contextmanager
-def fresh(path: Path) -> Iterator[Path]:
+def atomic_write(path: Path) -> Iterator[Path]:
     """Temporary file that replaces ``path`` at the end; raises BadInput if that fails."""
-    beside = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
-        yield beside
-        os.replace(beside, path)
+        yield temporary
+        os.replace(temporary, path)
     except OSError as error:
         raise BadInput(f"{path} cannot be written: {error.strerror or error}") from None
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)

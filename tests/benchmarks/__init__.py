@@ -47,28 +47,28 @@ def report(
     quick: bool,
     repeats: int,
     against: Path | None,
-    say: Callable[[str], None],
+    progress: Callable[[str], None],
     show: Callable[[Table], None],
 ) -> dict[str, Any]:
     """Measure parts one after another, each in its own process; or compare this checkout with another.
 
-    ``say`` receives progress, ``show`` each finished table. A part that fails gives a table with the reason, and
-    ``ok`` of the result is False. Raises BadInput if ``against`` is no checkout with benchmarks.
+    ``progress`` gets a line for each part, ``show`` each finished table. A failed part gives a table with the reason,
+    and ``ok`` of the result is False. Raises BadInput if ``against`` is no checkout with benchmarks.
     """
     facts = machine.facts()
     told: dict[str, Any] = {"machine": facts, "busy": machine.busy(facts), "quick": quick, "repeats": repeats}
     if told["busy"]:
-        say(told["busy"])
+        progress(told["busy"])
     if against is not None:
         try:
-            table = paired(against, names, quick, repeats, say)
+            table = paired(against, names, quick, repeats, progress)
         except Failed as reason:
             table = failed(f"Here against {against}", str(reason))
         show(table)
         return told | {"ok": bool(table.columns), "against": plain(table)}
     told |= {"ok": True, "parts": {}}
     for name in names:
-        say(f"{name}: {PARTS[name]}")
+        progress(f"{name}: {PARTS[name]}")
         try:
             tables = [from_plain(table) for table in isolated(name, quick=quick, repeats=repeats)]
         except Failed as reason:

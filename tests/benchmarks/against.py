@@ -48,8 +48,8 @@ def checkout(folder: Path) -> Path:
     return folder.resolve()
 
 
-def paired(folder: Path, names: Sequence[str], quick: bool, pairs: int, say: Callable[[str], None]) -> Table:
-    """Ratios of the costs that both checkouts report, medians of ``pairs`` pairs; ``say`` gets progress.
+def paired(folder: Path, names: Sequence[str], quick: bool, pairs: int, progress: Callable[[str], None]) -> Table:
+    """Ratios of the costs that both checkouts report, medians of ``pairs`` pairs; ``progress`` gets a line a pair.
 
     Raises BadInput if ``folder`` has no benchmarks, Failed if a measurement fails.
     """
@@ -58,7 +58,7 @@ def paired(folder: Path, names: Sequence[str], quick: bool, pairs: int, say: Cal
         first, second = (ROOT, other) if k % 2 == 0 else (other, ROOT)
         one, two = measured(first, names, quick), measured(second, names, quick)
         found.append((one, two) if k % 2 == 0 else (two, one))
-        say(f"pair {k + 1} of {pairs}")
+        progress(f"pair {k + 1} of {pairs}")
     notes = (
         f"Medians of {pairs} pairs in turn, with the least and the most of their ratios; below 1: here is cheaper.",
         "Least over least: the smallest figure of all pairs on either side, which other work disturbs least.",

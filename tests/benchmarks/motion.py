@@ -152,8 +152,8 @@ def key(case: Case) -> str:
     return next(name for name, each in CASES.items() if each == case)
 
 
-def error(case: Case, stop: float, found: Floats) -> float:
+def error(case: Case, stop: float, motion: Floats) -> float:
     """RMS distance of the pins from the reference at ``stop``, over the RMS of their paths' lengths."""
     reference = json.loads(REFERENCE.read_text(encoding="utf-8"))["cases"][key(case)][f"{stop:g}"]
-    distance = np.linalg.norm(found - np.array(reference["pins"]), axis=1)
+    distance = np.linalg.norm(motion - np.array(reference["pins"]), axis=1)
     return float(np.sqrt(np.mean(distance**2))) / float(reference["way"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from orchestrator.results.table import ABOUT, COST, Column, Table, shown
+from orchestrator.results.table import ABOUT, COST, Column, Table, cell_text
 
 
 def failed(title: str, reason: str) -> Table:
@@ -35,7 +35,7 @@ def costs(tables: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     for table in tables:
         columns = [Column(**column) for column in table["columns"]]
         for row in table["rows"]:
-            about = ", ".join(shown(row.get(column.key), column.form) for column in columns if column.role == ABOUT)
+            about = ", ".join(cell_text(row.get(column.key), column.form) for column in columns if column.role == ABOUT)
             for column in columns:
                 value = row.get(column.key)
                 if column.role == COST and value is not None and value > 0.0:

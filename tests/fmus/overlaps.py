@@ -14,19 +14,19 @@ import numpy as np
 
 from fmus import jit
 
-found: list[str] = []
+violations: list[str] = []
 calls = 0
 
 
-def hidden(value):
+def without_flat_state(value):
     """Replace the flat state beside its views by None, so that a kernel that uses it fails."""
     if not isinstance(value, tuple):
         return value
-    inside = [hidden(part) for part in value]
+    parts = [without_flat_state(part) for part in value]
     if not hasattr(value, "_fields"):
-        return tuple(inside)
-    shown = type(value)(*inside)
-    return shown._replace(flat=None) if {"flat", "mean"} <= set(value._fields) else shown
+        return tuple(parts)
+    copy = type(value)(*parts)
+    return copy._replace(flat=None) if {"flat", "mean"} <= set(value._fields) else copy
 
 
 def arrays(value, name):
@@ -37,25 +37,30 @@ def arrays(value, name):
             yield from arrays(part, f"{name}.{field}")
 
 
-def checked(function):
+def check_overlaps(function):
     @wraps(function)
     def wrapped(*args):
         global calls
         calls += 1
-        args = [hidden(each) for each in args]
-        there = [pair for k, each in enumerate(args) for pair in arrays(each, str(k)) if pair[1].size]
-        over = [(a, b) for k, a in enumerate(there) for b in there[:k] if np.shares_memory(a[1], b[1], max_work=10_000)]
-        before = [(a[1].copy(), b[1].copy()) for a, b in over]
+        args = [without_flat_state(arg) for arg in args]
+        arg_arrays = [pair for k, arg in enumerate(args) for pair in arrays(arg, str(k)) if pair[1].size]
+        overlapping = [
+            (a, b)
+            for k, a in enumerate(arg_arrays)
+            for b in arg_arrays[:k]
+            if np.shares_memory(a[1], b[1], max_work=10_000)
+        ]
+        copies = [(a[1].copy(), b[1].copy()) for a, b in overlapping]
         result = function(*args)
-        for (a, b), then in zip(over, before, strict=True):
-            if not all(np.array_equal(x, y[1], equal_nan=True) for x, y in zip(then, (a, b), strict=True)):
-                found.append(f"{function.__name__} writes {a[0]} over {b[0]}")
+        for (a, b), copy in zip(overlapping, copies, strict=True):
+            if not all(np.array_equal(x, y[1], equal_nan=True) for x, y in zip(copy, (a, b), strict=True)):
+                violations.append(f"{function.__name__} writes {a[0]} over {b[0]}")
         return result
 
     return wrapped
 
 
-jit.apart = checked
+jit.apart = check_overlaps
 
 from test_track_flexible import TABLE, at_rest, make, parameters, wheels  # noqa: E402
 
@@ -76,15 +81,15 @@ def steps(kind):
     model.step(0.0, 1e-3, at_rest(model))
 
 
-def looked_at(do, *args):
+def overlaps_of(function, *args):
     global calls
     calls = 0
-    found.clear()
-    do(*args)
-    return {"calls": calls, "found": sorted(set(found))}
+    violations.clear()
+    function(*args)
+    return {"calls": calls, "found": sorted(set(violations))}
 
 
 side, blocks = np.ones((4, 3)), np.tile(np.eye(3), (4, 1, 1))
-seen = {kind: looked_at(steps, kind) for kind in sys.argv[1:]}
-seen["twin"] = looked_at(solve, blocks, blocks, workspace(4, 3), False, side, side[::-1])
-print(json.dumps(seen))
+results = {kind: overlaps_of(steps, kind) for kind in sys.argv[1:]}
+results["twin"] = overlaps_of(solve, blocks, blocks, workspace(4, 3), False, side, side[::-1])
+print(json.dumps(results))

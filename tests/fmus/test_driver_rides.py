@@ -56,7 +56,7 @@ def s_curve(radius, friction, parameters=None, **settings):
     found = ride(path | (parameters or {}), (2.0 * lead + 4.0 * arc) / speed * 1.7 + 3.0, friction, **settings)
     on = found["path.progress"] < lead + 4.0 * arc
     assert found["path.progress"][-1] > lead + 4.0 * arc
-    across = abs(found.moved[:, AHEAD] * found.moved[:, RATE])
+    across = abs(found.motions[:, AHEAD] * found.motions[:, RATE])
     return abs(found["path.lateral_error"][on]).max(), across.max() / limit
 
 
@@ -90,16 +90,16 @@ def test_it_drives_back_turns_on_the_spot_and_stops():
     """The vehicle reverses along the same arc, turns on the spot and stops within 2 cm of each end."""
     arcs = f"5 0; 6 0.1; -6 0.1; 0 {0.5 * np.pi}; 3 0"
     found = ride({"path.arcs": arcs, "speed.end": 2.0, "ramp.end": 1.5}, 30.0)
-    x, y, heading = found.moved[-1, :3]
+    x, y, heading = found.motions[-1, :3]
     # 5 m ahead of the start of the wheels' middle, then 3 m to the left
     assert np.allclose((x - MIDDLE, y), (5.0, 3.0), atol=0.05)
     assert heading == pytest.approx(0.5 * np.pi, abs=0.02)
     assert abs(found["path.lateral_error"]).max() < 0.06
     assert found["path.progress"][-1] == pytest.approx(20.0, abs=0.02)
-    assert np.allclose(found.moved[-1, 3:], 0.0, atol=2e-3)
+    assert np.allclose(found.motions[-1, 3:], 0.0, atol=2e-3)
     backwards = found["speed.demand"] < -0.5
     assert 3.0 < 2e-3 * backwards.sum() < 8.0
-    assert found.moved[backwards, AHEAD].min() < -1.5
+    assert found.motions[backwards, AHEAD].min() < -1.5
     there = np.flatnonzero(np.diff(np.sign(found["speed.demand"])))  # it reverses at 11 m
     assert abs(found["path.progress"][there] - 11.0).min() < 0.03
 
@@ -107,9 +107,9 @@ def test_it_drives_back_turns_on_the_spot_and_stops():
 @pytest.mark.parametrize("angle", [0.3, -4.0])
 def test_a_turn_on_the_spot_of_any_angle(angle):
     found = ride({"path.arcs": f"0 {angle}", "speed.end": 2.0}, 14.0)
-    assert found.moved[-1, HEADING] == pytest.approx(angle, abs=0.02)
-    assert np.hypot(found.moved[-1, 0] - MIDDLE, found.moved[-1, 1]) < 0.05
-    assert (np.sign(angle) * found.moved[:, HEADING]).max() < abs(angle) + 0.02
+    assert found.motions[-1, HEADING] == pytest.approx(angle, abs=0.02)
+    assert np.hypot(found.motions[-1, 0] - MIDDLE, found.motions[-1, 1]) < 0.05
+    assert (np.sign(angle) * found.motions[:, HEADING]).max() < abs(angle) + 0.02
 
 
 def test_a_path_driven_backwards_as_well_as_ahead():
@@ -117,7 +117,7 @@ def test_a_path_driven_backwards_as_well_as_ahead():
     found = ride(path, 26.0)
     assert abs(found["path.lateral_error"]).max() < 0.1
     assert found["path.progress"][-1] == pytest.approx(38.0, abs=0.03)
-    assert found.moved[-1, 0] < MIDDLE - 30.0
+    assert found.motions[-1, 0] < MIDDLE - 30.0
 
 
 def test_another_vehicle_place_and_heading():
@@ -133,7 +133,7 @@ def test_another_vehicle_place_and_heading():
         )  # fmt: skip
         assert abs(found["path.lateral_error"]).max() < 0.1
         assert found["path.progress"][-1] == pytest.approx(38.0, abs=0.03)
-        final = found.moved[-1, HEADING] - parameters.get("start.heading", 0.0)
+        final = found.motions[-1, HEADING] - parameters.get("start.heading", 0.0)
         assert final == pytest.approx(0.0, abs=0.03)
 
 
@@ -142,5 +142,5 @@ def test_it_never_asks_for_more_than_friction_gives_along():
     found = ride({"path.arcs": "60 0", "speed.end": 6.0, "ramp.end": 0.1}, 6.0, friction=0.2)
     rises = np.diff(found["speed.demand"]) / 2e-3
     assert rises.max() == pytest.approx(0.64 * 0.2 * 9.81, rel=1e-6)
-    slip = Vehicle().radius * found.moved[:, 6] - found.moved[:, AHEAD]
+    slip = Vehicle().radius * found.motions[:, 6] - found.motions[:, AHEAD]
     assert slip.max() < 0.05

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mirror.check import Check, View
-from mirror.hull import Y, grounded
+from mirror.hull import Y, ground_contacts
 from mirror.links import UP
 from mirror.record import Floats
 
@@ -21,7 +21,7 @@ def mean(a: Floats) -> Floats:
     return 0.5 * (a[1:] + a[:-1])
 
 
-def summed(start, gains: Floats) -> Floats:
+def running_sum(start, gains: Floats) -> Floats:
     """Cumulative sum of the gains of each step from a start."""
     return start + np.concatenate([np.zeros((1, *gains.shape[1:])), np.cumsum(gains, axis=0)])
 
@@ -35,16 +35,16 @@ def at_instants(means: Floats) -> Floats:
 # --- positions and motion --------------------------------------------------------------------------
 
 
-def thirteen(view: View, names: Sequence[str]) -> Floats:
+def motion(view: View, names: Sequence[str]) -> Floats:
     """Pose and rates from the state, by geometry; velocities are differences of places a moment apart."""
-    moving, columns = {}, []
+    motions, columns = {}, []
     for name in names:
         place, part, axis = name.rsplit(".", 2)
-        if place not in moving:
-            m = view.hull.moving(place)
-            moving[place] = {"position": m.position, "velocity": m.velocity, "angular_velocity": m.spin,
+        if place not in motions:
+            m = view.hull.motion_of(place)
+            motions[place] = {"position": m.position, "velocity": m.velocity, "angular_velocity": m.spin,
                              "orientation": m.attitude.as_quat(scalar_first=True)}  # fmt: skip
-        columns.append(moving[place][part][:, PARTS[part].index(axis)])
+        columns.append(motions[place][part][:, PARTS[part].index(axis)])
     return np.stack(columns, axis=1)
 
 
@@ -70,10 +70,10 @@ def weight(view: View) -> Floats:
     return -view.hull.vehicle["gravity"] * UP
 
 
-def ways(view: View, names: Sequence[str]) -> Floats:
+def integrated_position(view: View, names: Sequence[str]) -> Floats:
     """Place of the chassis, integrated from its velocity outputs."""
     part = view.part
-    found = summed(view.hull.place[0], part.h[:, None] * mean(part.vector("chassis.velocity")))
+    found = running_sum(view.hull.place[0], part.h[:, None] * mean(part.vector("chassis.velocity")))
     return found[:, ["xyz".index(name[-1]) for name in names]]
 
 
@@ -81,26 +81,26 @@ def velocity(view: View, names: Sequence[str]) -> Floats:
     """Velocity of the chassis: impulses from rest, less the momentum of all other bodies."""
     bodies, part = view.hull.bodies(without_rates=True), view.part
     mass = sum(body.mass for body in bodies)
-    force = sum(f for _, f, _ in view.hull.given) + mass * weight(view)
+    force = sum(f for _, f, _ in view.hull.wrenches) + mass * weight(view)
     others = sum(body.mass * body.velocity for body in bodies[1:])
-    momentum = summed(np.zeros(3), part.h[:, None] * force)
+    momentum = running_sum(np.zeros(3), part.h[:, None] * force)
     return ((momentum - others) / bodies[0].mass)[:, ["xyz".index(name[-1]) for name in names]]
 
 
-def turning(view: View, names: Sequence[str]) -> Floats:
+def angular_velocity(view: View, names: Sequence[str]) -> Floats:
     """Angular velocity of the chassis from its angular momentum.
 
     It is the sum of the moments about the start, less the angular momentum of all other bodies.
     """
     h, part = view.hull, view.part
-    seen, bodies, about = h.seen, h.bodies(without_rates=True), h.place[0]
-    moment = sum(np.cross(mean(part.vector(f"{name}.position")) - about, f) + t for name, f, t in h.given)
+    attitude, bodies, about = h.output_attitude, h.bodies(without_rates=True), h.place[0]
+    moment = sum(np.cross(mean(part.vector(f"{name}.position")) - about, f) + t for name, f, t in h.wrenches)
     moment = moment + sum(body.mass * np.cross(mean(body.place) - about, weight(view)) for body in bodies)
-    momentum = summed(np.zeros(3), part.h[:, None] * moment)
+    momentum = running_sum(np.zeros(3), part.h[:, None] * moment)
     momentum -= sum(np.cross(body.place - about, body.mass * body.velocity) for body in bodies)
     momentum -= sum(body.spin for body in bodies[1:])
-    own = seen.inv().apply(momentum) / np.array(h.vehicle["chassis"]["inertia"])
-    return seen.apply(own)[:, ["xyz".index(name[-1]) for name in names]]
+    body_rates = attitude.inv().apply(momentum) / np.array(h.vehicle["chassis"]["inertia"])
+    return attitude.apply(body_rates)[:, ["xyz".index(name[-1]) for name in names]]
 
 
 # --- springs ---------------------------------------------------------------------------------------
@@ -114,54 +114,54 @@ def leaf(view: View, name: str) -> int:
 
 
 def arm_angles(view: View, names: Sequence[str]) -> Floats:
-    return np.stack([view.hull.swung(leaf(view, name)) for name in names], axis=1)
+    return np.stack([view.hull.arm_angle(leaf(view, name)) for name in names], axis=1)
 
 
 def lengths(view: View, names: Sequence[str]) -> Floats:
     h = view.hull
-    return np.stack([h.spring(h.swung(leaf(view, name)))[0] for name in names], axis=1)
+    return np.stack([h.spring(h.arm_angle(leaf(view, name)))[0] for name in names], axis=1)
 
 
-def pushes(view: View, k: int) -> tuple[Floats, Floats]:
+def leaf_forces(view: View, k: int) -> tuple[Floats, Floats]:
     """Forces of the spring and of the damper of a leaf, N."""
     h, p = view.hull, view.part.parameters
     if h.is_road(k):
-        table, (length, lever) = h.vehicle["suspension"], h.spring(h.swung(k))
+        table, (length, lever) = h.vehicle["suspension"], h.spring(h.arm_angle(k))
         free, _ = h.spring(np.zeros(1))
         spring = float(p["suspension.preload"]) + table["stiffness"] * (free - length)
-        return spring, table["damping"] * lever * h.swing(k)
-    table, (way, rate) = h.vehicle["tensioner"], h.slid(k)
+        return spring, table["damping"] * lever * h.arm_rate(k)
+    table, (way, rate) = h.vehicle["tensioner"], h.idler_travel(k)
     return float(p["tensioner.preload"]) + table["stiffness"] * way, table["damping"] * rate
 
 
 def spring_forces(view: View, names: Sequence[str]) -> Floats:
-    return np.stack([sum(pushes(view, leaf(view, name))) for name in names], axis=1)
+    return np.stack([sum(leaf_forces(view, leaf(view, name))) for name in names], axis=1)
 
 
-def moving_forces(view: View, names: Sequence[str]) -> Floats:
+def inertia_forces(view: View, names: Sequence[str]) -> Floats:
     """Force that the leaf's own motion needs in addition to its wheel's wrench and its weight."""
-    return np.stack([_moving(view, leaf(view, name)) for name in names], axis=1)
+    return np.stack([_inertia_force(view, leaf(view, name)) for name in names], axis=1)
 
 
-def _moving(view: View, k: int) -> Floats:
+def _inertia_force(view: View, k: int) -> Floats:
     h, part = view.hull, view.part
-    x, u, w = h.shown("chassis")
-    xw, uw, _ = h.shown(h.names[k])
-    force = next(f for name, f, _ in h.given if name == h.names[k])
+    x, u, w = h.output_motion("chassis")
+    xw, uw, _ = h.output_motion(h.names[k])
+    force = next(f for name, f, _ in h.wrenches if name == h.names[k])
     aw = np.diff(uw, axis=0) / part.h[:, None]
     if not h.is_road(k):  # rearward, along the slide
-        rear = mean(h.seen.apply([-1.0, 0.0, 0.0]))
+        rear = mean(h.output_attitude.apply([-1.0, 0.0, 0.0]))
         return at_instants(((h.vehicle["idler"]["mass"] * (aw - weight(view)) - force) * rear).sum(1))
     table, wheel = h.vehicle["road_arm"], h.vehicle["road_wheel"]
-    arm, y = h.seen.apply(h.pins[k]), h.seen.apply(Y)
+    arm, y = h.output_attitude.apply(h.pins[k]), h.output_attitude.apply(Y)
     pin, pin_rate = x + arm, u + np.cross(w, arm)
     am = np.diff(0.5 * (pin_rate + uw), axis=0) / part.h[:, None]
     reach = mean(xw - pin)
-    spin = (w * y).sum(1) + h.swing(k)
+    spin = (w * y).sum(1) + h.arm_rate(k)
     moment = np.cross(reach, wheel["mass"] * (aw - weight(view)) - force)
     moment += np.cross(0.5 * reach, table["mass"] * (am - weight(view)))
     about = (moment * mean(y)).sum(1) + table["pin_inertia"] * np.diff(spin) / part.h
-    return at_instants(-about / mean(h.spring(h.swung(k))[1]))
+    return at_instants(-about / mean(h.spring(h.arm_angle(k))[1]))
 
 
 # --- energies --------------------------------------------------------------------------------------
@@ -175,8 +175,8 @@ def kinetic(view: View, names: Sequence[str]) -> Floats:
 
 def gravity(view: View, names: Sequence[str]) -> Floats:
     h = view.hull
-    risen = sum(body.mass * (body.place[:, 2] - body.place[0, 2]) for body in h.bodies())
-    return h.copies * h.vehicle["gravity"] * risen[:, None]
+    rise = sum(body.mass * (body.place[:, 2] - body.place[0, 2]) for body in h.bodies())
+    return h.copies * h.vehicle["gravity"] * rise[:, None]
 
 
 def stiffness(view: View, k: int) -> float:
@@ -189,25 +189,25 @@ def damping(view: View, k: int) -> float:
 
 def springs(view: View, names: Sequence[str]) -> Floats:
     h = view.hull
-    return h.copies * sum(pushes(view, k)[0] ** 2 / (2.0 * stiffness(view, k)) for k in h.here)[:, None]
+    return h.copies * sum(leaf_forces(view, k)[0] ** 2 / (2.0 * stiffness(view, k)) for k in h.shown_leaves)[:, None]
 
 
-def damped(view: View, names: Sequence[str]) -> Floats:
+def dissipated(view: View, names: Sequence[str]) -> Floats:
     """Energy lost in dampers and, where there is one, on the ground, J."""
     h = view.hull
-    power = h.copies * sum(pushes(view, k)[1] ** 2 / damping(view, k) for k in h.here)
+    power = h.copies * sum(leaf_forces(view, k)[1] ** 2 / damping(view, k) for k in h.shown_leaves)
     if on_ground(view):
-        t, push, _ = grounded(h)
-        np.add.at(power, t, push.rubbed + push.damped)
-    return summed(0.0, view.part.h * mean(power))[:, None]
+        t, push, _ = ground_contacts(h)
+        np.add.at(power, t, push.friction_loss + push.damping_loss)
+    return running_sum(0.0, view.part.h * mean(power))[:, None]
 
 
 def ledger(view: View, names: Sequence[str]) -> Floats:
     """Work that is neither kinetic nor stored, J."""
     part = view.part
     stored = ["kinetic", "gravity", "spring", *(["contact"] if on_ground(view) else [])]
-    held = sum(part[f"energy.{name}"] for name in stored)
-    return (part["port.work"] - (held - held[0]))[:, None]
+    stored_energy = sum(part[f"energy.{name}"] for name in stored)
+    return (part["port.work"] - (stored_energy - stored_energy[0]))[:, None]
 
 
 def port_work(view: View, names: Sequence[str]) -> Floats:
@@ -216,9 +216,9 @@ def port_work(view: View, names: Sequence[str]) -> Floats:
     gains = sum(
         (f * np.diff(part.vector(f"{name}.position"), axis=0)).sum(1)
         + part.h * (t * mean(part.vector(f"{name}.angular_velocity"))).sum(1)
-        for name, f, t in h.given
+        for name, f, t in h.wrenches
     )
-    return h.copies * summed(0.0, gains)[:, None]
+    return h.copies * running_sum(0.0, gains)[:, None]
 
 
 # --- ground ----------------------------------------------------------------------------------------
@@ -229,14 +229,14 @@ def on_ground(view: View) -> bool:
 
 
 def ground_force(view: View, names: Sequence[str]) -> Floats:
-    t, push, _ = grounded(view.hull)
+    t, push, _ = ground_contacts(view.hull)
     found = np.zeros((len(view.part.t), 3))
     np.add.at(found, t, push.force)
     return found[:, ["xyz".index(name[-1]) for name in names]]
 
 
 def ground_energy(view: View, names: Sequence[str]) -> Floats:
-    t, push, _ = grounded(view.hull)
+    t, push, _ = ground_contacts(view.hull)
     found = np.zeros(len(view.part.t))
     np.add.at(found, t, push.stored)
     return found[:, None]
@@ -246,8 +246,8 @@ def ground_energy(view: View, names: Sequence[str]) -> Floats:
 
 
 def steps(view: View, names: Sequence[str]) -> Floats:
-    each = np.ceil(view.part.h / float(view.part.parameters["step"]) - 1e-9)
-    return summed(0.0, each)[:, None]
+    counts = np.ceil(view.part.h / float(view.part.parameters["step"]) - 1e-9)
+    return running_sum(0.0, counts)[:, None]
 
 
 def evaluations(view: View, names: Sequence[str]) -> Floats:
@@ -255,34 +255,35 @@ def evaluations(view: View, names: Sequence[str]) -> Floats:
     return 4.0 * steps(view, names)
 
 
-def in_full(view: View) -> bool:
+def both_sides_in_air(view: View) -> bool:
     """Whether both sides have outputs and only wrenches act."""
     return len(view.hull.sides) == 2 and not on_ground(view)
 
 
-def hung(view: View) -> bool:
+def off_ground(view: View) -> bool:
     return not on_ground(view)
 
 
 SPRING = r"(left|right)\.(suspension\[\d+\]|tensioner)\.force"
 
 CHECKS = (
-    Check(PLACE + r"\.position\.[xyz]", "geometry", thirteen, 1e-12),
-    Check(PLACE + r"\.orientation\.[wxyz]", "geometry", thirteen, 1e-12, 1e-12),
-    Check(PLACE + r"\.(angular_)?velocity\.[xyz]", "differences of places", thirteen, 1e-6, 1e-7),
-    Check(r"chassis\.position\.[xyz]", "velocities, summed", ways, 0.0, 1e-4, balance=True),
-    Check(r"chassis\.velocity\.[xyz]", "impulses", velocity, 1e-2, 1e-5, balance=True, applies=in_full),
-    Check(r"chassis\.angular_velocity\.[xyz]", "moments", turning, 1e-2, 1e-5, balance=True, applies=in_full),
+    Check(PLACE + r"\.position\.[xyz]", "geometry", motion, 1e-12),
+    Check(PLACE + r"\.orientation\.[wxyz]", "geometry", motion, 1e-12, 1e-12),
+    Check(PLACE + r"\.(angular_)?velocity\.[xyz]", "differences of places", motion, 1e-6, 1e-7),
+    Check(r"chassis\.position\.[xyz]", "velocities, summed", integrated_position, 0.0, 1e-4, balance=True),
+    Check(r"chassis\.velocity\.[xyz]", "impulses", velocity, 1e-2, 1e-5, balance=True, applies=both_sides_in_air),
+    Check(r"chassis\.angular_velocity\.[xyz]", "moments", angular_velocity, 1e-2, 1e-5, balance=True,
+          applies=both_sides_in_air),
     Check("pitch|roll|yaw", "attitude", angles, 1e-12, 1e-12),
     Check("speed|distance|settlement", "motion", progress, 1e-9, 1e-12),
     Check(r"(left|right)\.road_arm\[\d+\]\.angle", "places shown", arm_angles, 1e-9, 1e-9, balance=True),
     Check(r"(left|right)\.suspension\[\d+\]\.length", "places shown", lengths, 1e-9, 1e-9, balance=True),
     Check(SPRING, "lengths and their rates", spring_forces, 1e-6, 1e-3, balance=True),
-    Check(SPRING, "motion of what it pushes", moving_forces, 0.03, 20.0, balance=True, applies=hung),
+    Check(SPRING, "motion of what it pushes", inertia_forces, 0.03, 20.0, balance=True, applies=off_ground),
     Check(r"energy\.kinetic", "bodies", kinetic, 1e-9, 1e-9, balance=True),
     Check(r"energy\.gravity", "heights", gravity, 1e-9, 1e-6, balance=True),
     Check(r"energy\.spring", "lengths", springs, 1e-9, 1e-6, balance=True),
-    Check(r"energy\.dissipated", "dampers and friction", damped, 0.02, 0.1, balance=True),
+    Check(r"energy\.dissipated", "dampers and friction", dissipated, 0.02, 0.1, balance=True),
     Check(r"energy\.dissipated", "ledger", ledger, 0.01, 0.1, balance=True),
     Check(r"energy\.contact", "penetrations", ground_energy, 1e-6, 1e-6),
     Check(r"port\.work", "wrenches on their ways", port_work, 1e-4, 1e-3, balance=True),

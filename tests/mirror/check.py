@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mirror.driver_plan import PlanningDriverView
+from mirror.driver_view import DriverView
 from mirror.hull import Hull
 from mirror.links import UP, Chain, chain
 from mirror.motion import Recursion, Wheels, wheels
-from mirror.planned import Planned
 from mirror.record import Floats, Part, Record
-from mirror.seen import Seen
 from mirror.spin import Spin
 from mirror.touch import Touch, touch
 
@@ -74,7 +74,7 @@ class View:
 
     @cached_property
     def accelerations(self) -> Floats:
-        return self.recursion.rates(self.chain.own, self.part.h)
+        return self.recursion.rates(self.chain.state_rates, self.part.h)
 
     @cached_property
     def joints(self) -> Floats:
@@ -95,14 +95,14 @@ class View:
     # --- of a driver
 
     @cached_property
-    def seen(self) -> Seen:
-        return Planned(self.part) if self.part.parameters["friction"] else Seen(self.part)
+    def driver(self) -> DriverView:
+        return PlanningDriverView(self.part) if self.part.parameters["friction"] else DriverView(self.part)
 
-    def driven(self) -> bool:
+    def on_wheels(self) -> bool:
         """True if a track runs on wheels."""
         return bool(self.track["wheels"])
 
-    def at_all(self) -> bool:
+    def always(self) -> bool:
         return True
 
 
@@ -118,12 +118,12 @@ class Check(NamedTuple):
     """
 
     outputs: str  # regular expression of whole names
-    says: str
+    basis: str
     expected: Callable[[View, Sequence[str]], Expected]
     relative: float
     floor: float = 0.0
     balance: bool = False
-    applies: Callable[[View], bool] = View.at_all
+    applies: Callable[[View], bool] = View.always
 
     def names(self, part: Part) -> list[str]:
         """Names of the component's outputs that it checks."""
@@ -132,22 +132,22 @@ class Check(NamedTuple):
     def bounds(self, view: View) -> dict[str, tuple[Floats, Floats]]:
         """Bounds of every output at all instants, computed without the output itself."""
         names = self.names(view.part)
-        found = {}
+        bounds = {}
         for group in ([name] for name in names) if self.balance else filter(None, [names]):
             hidden = group if self.balance else list(view.part.outputs)
-            with view.part.planted(hidden, lambda y: np.full_like(y, np.nan)):
+            with view.part.replaced_outputs(hidden, lambda y: np.full_like(y, np.nan)):
                 expected = self.expected(view, group)
             low, high = expected if isinstance(expected, tuple) else (expected, expected)
             for j, name in enumerate(group):
-                found[name] = tuple(np.asarray(a).reshape(len(view.part.t), -1)[:, j] for a in (low, high))
-        return found
+                bounds[name] = tuple(np.asarray(a).reshape(len(view.part.t), -1)[:, j] for a in (low, high))
+        return bounds
 
-    def off(self, y: Floats, low: Floats, high: Floats) -> float:
+    def relative_error(self, y: Floats, low: Floats, high: Floats) -> float:
         """Largest error over the tolerance; raises AssertionError where nothing is expected."""
-        said = ~np.isnan(low)
-        if not said.any():
-            raise AssertionError(f"'{self.says}' says nothing: it leans on the output itself")
-        y, low, high = y[said], low[said], high[said]
+        known = ~np.isnan(low)
+        if not known.any():
+            raise AssertionError(f"'{self.basis}' says nothing: it leans on the output itself")
+        y, low, high = y[known], low[known], high[known]
         allowed = self.relative * max(abs(low).max(), abs(high).max()) + self.floor
         miss = np.maximum(np.maximum(low - y, y - high), 0.0)
         if not np.isfinite(miss).all():

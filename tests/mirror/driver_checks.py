@@ -1,4 +1,4 @@
-"""Expected outputs of a driver; ``seen`` has the formulas."""
+"""Expected outputs of a driver; ``driver_view`` has the formulas."""
 
 from __future__ import annotations
 
@@ -7,32 +7,42 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from mirror.check import Check, Expected, View
+from mirror.driver_view import DriverView
 from mirror.record import Floats
-from mirror.seen import Seen
 
 
-def of(quantity: Callable[[Seen], Floats]) -> Callable[[View, Sequence[str]], Expected]:
+def driver_output(quantity: Callable[[DriverView], Floats]) -> Callable[[View, Sequence[str]], Expected]:
     """Check of an output that belongs to each step; at the start, at rest, that of the first step."""
 
     def expected(view: View, names: Sequence[str]) -> Expected:
-        found = quantity(view.seen)
+        found = quantity(view.driver)
         return np.concatenate([found[:1], found])[:, None]
 
     return expected
 
 
-def counted(view: View, names: Sequence[str]) -> Expected:
+def step_count(view: View, names: Sequence[str]) -> Expected:
     return np.arange(len(view.part.t), dtype=float)[:, None]
 
 
 CHECKS = (
-    Check(r"left\.speed", "speed less half of the turn", of(lambda seen: seen.sprocket(-1.0)), 1e-3, 1e-3),
-    Check(r"right\.speed", "speed and half of the turn", of(lambda seen: seen.sprocket(1.0)), 1e-3, 1e-3),
-    Check(r"path\.lateral_error", "distance of the path", of(lambda seen: seen.error()), 1e-4, 1e-6),
-    Check(r"path\.heading_error", "angle to the path", of(lambda seen: seen.askew()), 1e-4, 1e-6),
-    Check(r"path\.progress", "nearest of the path", of(lambda seen: seen.progress()), 0.0, 2e-6),
-    Check(r"speed\.demand", "ramp, and what brakes at the end", of(lambda seen: seen.speed()), 1e-3),
-    Check(r"yaw_rate\.demand", "curvature times speed", of(lambda seen: seen.yaw_rate()), 1e-3, 1e-4),
-    Check(r"curvature\.demand", "circle through the goal", of(lambda seen: seen.curvature()), 1e-3, 1e-4),
-    Check(r"solver\.steps", "one a step", counted, 0.0),
+    Check(
+        r"left\.speed", "speed less half of the turn", driver_output(lambda driver: driver.sprocket(-1.0)), 1e-3, 1e-3
+    ),
+    Check(
+        r"right\.speed", "speed and half of the turn", driver_output(lambda driver: driver.sprocket(1.0)), 1e-3, 1e-3
+    ),
+    Check(
+        r"path\.lateral_error", "distance of the path", driver_output(lambda driver: driver.lateral_error()), 1e-4, 1e-6
+    ),
+    Check(
+        r"path\.heading_error", "angle to the path", driver_output(lambda driver: driver.heading_error()), 1e-4, 1e-6
+    ),
+    Check(r"path\.progress", "nearest of the path", driver_output(lambda driver: driver.progress()), 0.0, 2e-6),
+    Check(r"speed\.demand", "ramp, and what brakes at the end", driver_output(lambda driver: driver.speed()), 1e-3),
+    Check(r"yaw_rate\.demand", "curvature times speed", driver_output(lambda driver: driver.yaw_rate()), 1e-3, 1e-4),
+    Check(
+        r"curvature\.demand", "circle through the goal", driver_output(lambda driver: driver.curvature()), 1e-3, 1e-4
+    ),
+    Check(r"solver\.steps", "one a step", step_count, 0.0),
 )

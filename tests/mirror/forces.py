@@ -74,19 +74,19 @@ def joints(view: View) -> Floats:
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     M = np.einsum("tni,tnj->tij", G, G) + c.pitch**2 * c.n * axis[:, :, None] * axis[:, None]
     common = np.linalg.solve(M, np.einsum("tni,tn->ti", G, rest)[..., None])[..., 0]
-    found = common[:, None] + sums
-    sideways = -(found[:, 0] * axis).sum(1)
+    pin_forces = common[:, None] + sums
+    lateral = -(pin_forces[:, 0] * axis).sum(1)
     if c.closed and isinstance(c, Rigid):
-        sideways += 0.5 * (touch.teeth[:, 0] * axis).sum(1)
-    found = found + sideways[:, None, None] * axis[:, None]
+        lateral += 0.5 * (touch.teeth[:, 0] * axis).sum(1)
+    pin_forces = pin_forces + lateral[:, None, None] * axis[:, None]
     if c.closed and not isinstance(c, Rigid):
         free, force = elastic_force(view)
-        missing = force - found[np.arange(len(found)), free]
+        missing = force - pin_forces[np.arange(len(pin_forces)), free]
         if not isinstance(c, Beam):  # the lateral component only
             missing = (missing * axis).sum(1, keepdims=True) * axis
-        found = found + missing[:, None]
-    found[:30] = np.nan
-    return found[:, : c.nodes]
+        pin_forces = pin_forces + missing[:, None]
+    pin_forces[:30] = np.nan
+    return pin_forces[:, : c.nodes]
 
 
 def elastic_force(view: View) -> tuple[Floats, Floats]:
@@ -99,7 +99,7 @@ def elastic_force(view: View) -> tuple[Floats, Floats]:
     free = np.argmax(abs(view.touch.force).max(-1) == 0.0, axis=1)
     t = np.arange(len(free))
     e = c.e[t, free] + float(view.part.parameters["material.relaxation_time"]) * c.v[t, free]
-    force = np.einsum("a,tai->ti", c.mass_matrix[0], c.accelerated(view.accelerations)[t, free])
+    force = np.einsum("a,tai->ti", c.mass_matrix[0], c.coordinate_accelerations(view.accelerations)[t, free])
     force += c.mass * c.gravity * 0.5 * UP
     for axis in range(3):
         shift = np.zeros(e.shape[1:])

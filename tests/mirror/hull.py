@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mirror.motion import start_frame, turned
+from mirror.motion import rotation_of, start_frame
 from mirror.record import Floats, Part
 from mirror.touch import Law, Push, ground_level, press
 
@@ -20,7 +20,7 @@ Y = np.array([0.0, 1.0, 0.0])
 MOMENT = 1e-5  # s, for differences
 
 
-class Moving(NamedTuple):
+class PlaceMotion(NamedTuple):
     """The 13 quantities of a place at T instants."""
 
     position: Floats
@@ -48,7 +48,7 @@ class Hull:
         v, x, T = self.vehicle, part.state, len(part.state)
         self.arms = len(v["road_wheel"]["x"])
         n = 2 * (self.arms + 1)
-        self.place, self.attitude = x[:, :3], turned(x[:, 3:7])
+        self.place, self.attitude = x[:, :3], rotation_of(x[:, 3:7])
         self.velocity, self.turning = x[:, 7:10], x[:, 10:13]
         self.q, self.angle, self.rate, self.spin = x[:, 13 : 13 + 4 * n].reshape(T, 4, n).transpose(1, 0, 2)
         centre = np.array(v["chassis"]["centre"])
@@ -87,10 +87,10 @@ class Hull:
         spun = self.angle[:, k] + tau * (self.spin[:, k] - self.turning[:, 1])
         return origin + attitude.apply(local), attitude * Rotation.from_rotvec(spun[:, None] * Y)
 
-    def moving(self, name: str) -> Moving:
+    def motion_of(self, name: str) -> PlaceMotion:
         """Motion of a place, by its name in the ports."""
 
-        def at(tau: float) -> tuple[Floats, Rotation]:
+        def pose_at(tau: float) -> tuple[Floats, Rotation]:
             if name == "chassis":
                 return self.pose(tau)
             side, place = name.split(".", 1)
@@ -99,93 +99,93 @@ class Hull:
                 return origin + attitude.apply(self.mounts[("left", "right").index(side)]), attitude
             return self._of_leaf(self.names.index(name), tau)
 
-        (x, q), (before, p), (after, r) = at(0.0), at(-MOMENT), at(MOMENT)
-        return Moving(x, q, (after - before) / (2 * MOMENT), (r * p.inv()).as_rotvec() / (2 * MOMENT))
+        (x, q), (before, p), (after, r) = pose_at(0.0), pose_at(-MOMENT), pose_at(MOMENT)
+        return PlaceMotion(x, q, (after - before) / (2 * MOMENT), (r * p.inv()).as_rotvec() / (2 * MOMENT))
 
     # --- bodies from the outputs -------------------------------------------------------------------------
 
     @property
-    def seen(self) -> Rotation:
+    def output_attitude(self) -> Rotation:
         """Attitude of the chassis from its outputs."""
-        return turned(self.part.vector("chassis.orientation", "wxyz"))
+        return rotation_of(self.part.vector("chassis.orientation", "wxyz"))
 
-    def shown(self, name: str) -> tuple[Floats, Floats, Floats]:
+    def output_motion(self, name: str) -> tuple[Floats, Floats, Floats]:
         """Position, velocity and angular velocity of a place from its outputs."""
         return tuple(self.part.vector(f"{name}.{what}") for what in ("position", "velocity", "angular_velocity"))
 
     @property
-    def here(self) -> list[int]:
+    def shown_leaves(self) -> list[int]:
         """Indices of the leaves that have outputs."""
         return [k for k, name in enumerate(self.names) if name.split(".")[0] in self.sides]
 
     def bodies(self, without_rates: bool = False) -> list[Body]:
         """All bodies with outputs, the chassis first; arms can be found without the chassis' rate outputs."""
-        v, found, R = self.vehicle, [], self.seen
-        x, u, w = self.shown("chassis")
+        v, bodies, R = self.vehicle, [], self.output_attitude
+        x, u, w = self.output_motion("chassis")
         J = np.array(v["chassis"]["inertia"]) / self.copies
-        found.append(self.body(v["chassis"]["mass"] / self.copies, J, x, u, w))
+        bodies.append(self.body(v["chassis"]["mass"] / self.copies, J, x, u, w))
         if without_rates:
             h = self.part.h[:, None]
             steps = np.diff(x, axis=0) / h, (R[1:] * R[:-1].inv()).as_rotvec() / h
             u, w = (np.concatenate([0.0 * a[:1], 0.5 * (a[1:] + a[:-1]), a[-1:]]) for a in steps)
         for side in self.sides:
             J = v["sprocket"]["transverse_inertia"]
-            found.append(self.body(v["sprocket"]["mass"], [J, 0.0, J], *self.shown(f"{side}.sprocket")))
-        for k in self.here:
+            bodies.append(self.body(v["sprocket"]["mass"], [J, 0.0, J], *self.output_motion(f"{side}.sprocket")))
+        for k in self.shown_leaves:
             table = v["road_wheel" if self.is_road(k) else "idler"]
             J = table["transverse_inertia"]
-            xw, uw, ww = self.shown(self.names[k])
-            found.append(self.body(table["mass"], [J, table["spin_inertia"], J], xw, uw, ww))
+            xw, uw, ww = self.output_motion(self.names[k])
+            bodies.append(self.body(table["mass"], [J, table["spin_inertia"], J], xw, uw, ww))
             if self.is_road(k):
-                arm, e = v["road_arm"], self.along(k)
-                rate = self.swing(k, u, w)
+                arm, e = v["road_arm"], self.arm_direction(k)
+                rate = self.arm_rate(k, u, w)
                 pin = x + R.apply(self.pins[k])
                 middle, speed = 0.5 * (pin + xw), 0.5 * (u + np.cross(w, pin - x) + uw)
                 spin = w + rate[:, None] * R.apply(Y)
                 part = (spin * e).sum(1, keepdims=True) * e
                 L = arm["pin_inertia"] * (spin - part) + arm["long_inertia"] * part
-                found.append(Body(arm["mass"], middle, speed, L, 0.5 * (L * spin).sum(1)))
-        return found
+                bodies.append(Body(arm["mass"], middle, speed, L, 0.5 * (L * spin).sum(1)))
+        return bodies
 
     def body(self, mass: float, inertia, x: Floats, u: Floats, w: Floats) -> Body:
         """Body with principal inertias along the chassis' axes."""
-        own = self.seen.inv().apply(w)
-        L = np.asarray(inertia) * own
-        return Body(mass, x, u, self.seen.apply(L), 0.5 * (L * own).sum(1))
+        body_rates = self.output_attitude.inv().apply(w)
+        L = np.asarray(inertia) * body_rates
+        return Body(mass, x, u, self.output_attitude.apply(L), 0.5 * (L * body_rates).sum(1))
 
     def is_road(self, k: int) -> bool:
         """Whether a leaf is a road arm with its wheel; else it is an idler."""
         return k % (self.arms + 1) < self.arms
 
-    def along(self, k: int) -> Floats:
+    def arm_direction(self, k: int) -> Floats:
         """Unit vector of a road arm from its pin to its wheel, world frame, from outputs."""
-        x, _, _ = self.shown("chassis")
-        arm = self.shown(self.names[k])[0] - x - self.seen.apply(self.pins[k])
+        x, _, _ = self.output_motion("chassis")
+        arm = self.output_motion(self.names[k])[0] - x - self.output_attitude.apply(self.pins[k])
         return arm / np.linalg.norm(arm, axis=1, keepdims=True)
 
-    def swing(self, k: int, u: Floats | None = None, w: Floats | None = None) -> Floats:
+    def arm_rate(self, k: int, u: Floats | None = None, w: Floats | None = None) -> Floats:
         """Rate of an arm relative to the chassis, rad/s, from velocity outputs.
 
         ``u`` and ``w`` replace the velocity and angular velocity of the chassis.
         """
-        x, *rates = self.shown("chassis")
+        x, *rates = self.output_motion("chassis")
         u, w = rates if u is None else (u, w)
-        xw, uw, _ = self.shown(self.names[k])
-        arm = xw - x - self.seen.apply(self.pins[k])
+        xw, uw, _ = self.output_motion(self.names[k])
+        arm = xw - x - self.output_attitude.apply(self.pins[k])
         against = uw - u - np.cross(w, xw - x)
-        return (against * np.cross(self.seen.apply(Y), arm)).sum(1) / (arm**2).sum(1)
+        return (against * np.cross(self.output_attitude.apply(Y), arm)).sum(1) / (arm**2).sum(1)
 
-    def swung(self, k: int) -> Floats:
+    def arm_angle(self, k: int) -> Floats:
         """Angle of an arm from its drawn position, up positive, from position outputs, rad."""
-        x, _, _ = self.shown("chassis")
-        local = self.seen.inv().apply(self.shown(self.names[k])[0] - x) - self.pins[k]
+        x, _, _ = self.output_motion("chassis")
+        local = self.output_attitude.inv().apply(self.output_motion(self.names[k])[0] - x) - self.pins[k]
         return np.arctan2(self.pivot[1], self.pivot[0]) - np.arctan2(-local[:, 2], -local[:, 0])
 
-    def slid(self, k: int) -> tuple[Floats, Floats]:
+    def idler_travel(self, k: int) -> tuple[Floats, Floats]:
         """Forward displacement of an idler on its slide (m) and its rate (m/s), from outputs."""
-        x, u, w = self.shown("chassis")
-        xw, uw, _ = self.shown(self.names[k])
-        back = self.seen.inv()
+        x, u, w = self.output_motion("chassis")
+        xw, uw, _ = self.output_motion(self.names[k])
+        back = self.output_attitude.inv()
         return (back.apply(xw - x) - self.drawn[k])[:, 0], back.apply(uw - u - np.cross(w, xw - x))[:, 0]
 
     def spring(self, angle: Floats) -> tuple[Floats, Floats]:
@@ -203,38 +203,41 @@ class Hull:
     # --- loads -------------------------------------------------------------------------------------------
 
     @cached_property
-    def given(self) -> list[tuple[str, Floats, Floats]]:
+    def wrenches(self) -> list[tuple[str, Floats, Floats]]:
         """Wrenches of all steps by place: force and torque (K, 3)."""
         places = [name.removesuffix(".force.x") for name in self.part.inputs if name.endswith(".force.x")]
-        return [(name, self.part.given(f"{name}.force"), self.part.given(f"{name}.torque")) for name in places]
+        return [
+            (name, self.part.input_vectors(f"{name}.force"), self.part.input_vectors(f"{name}.torque"))
+            for name in places
+        ]
 
 
-def grounded(hull: Hull) -> tuple[Floats, Push, Floats]:
+def ground_contacts(hull: Hull) -> tuple[Floats, Push, Floats]:
     """Instants (p,), forces (p,) and depths, m, of hull points and bare wheels on level ground."""
     part, vehicle = hull.part, hull.vehicle
     ground = part.config["chassis"]["ground"]
     law, level = Law.of(part.parameters, vehicle["contact"], "ground"), ground_level(vehicle, part.parameters)
-    body = hull.moving("chassis")
+    body = hull.motion_of("chassis")
     points = []
-    for at in vehicle["chassis"]["hull"] if ground["hull"] else []:
-        arm = body.attitude.apply(np.array(at) - vehicle["chassis"]["centre"])
+    for corner in vehicle["chassis"]["hull"] if ground["hull"] else []:
+        arm = body.attitude.apply(np.array(corner) - vehicle["chassis"]["centre"])
         points.append((1.0, body.position + arm, body.velocity + np.cross(body.spin, arm)))
     for name in hull.names:
         if name.split(".")[0] not in ground["bare"]:
             continue
-        table, wheel = vehicle["idler" if "idler" in name else "road_wheel"], hull.moving(name)
+        table, wheel = vehicle["idler" if "idler" in name else "road_wheel"], hull.motion_of(name)
         axle = body.attitude.apply(Y)
         down = -np.array([0.0, 0.0, 1.0]) + axle[:, 2:] * axle
         down /= np.linalg.norm(down, axis=1, keepdims=True)
         for side in (-0.5, 0.5):
             arm = table["radius"] * down + side * table["width"] * axle
             points.append((0.5, wheel.position + arm, wheel.velocity + np.cross(wheel.spin, arm)))
-    found = []
+    contacts = []
     for share, x, u in points:
         depth = level - x[:, 2]
         on = np.flatnonzero(depth > 0.0)
         up = np.broadcast_to([0.0, 0.0, 1.0], (len(on), 3))
-        found.append((on, press(law, share, depth[on], up, u[on]), depth[on]))
-    t = np.concatenate([f[0] for f in found])
-    pushes = Push(*(np.concatenate(p) for p in zip(*(f[1] for f in found), strict=True)))
-    return t, pushes, np.concatenate([f[2] for f in found])
+        contacts.append((on, press(law, share, depth[on], up, u[on]), depth[on]))
+    t = np.concatenate([f[0] for f in contacts])
+    pushes = Push(*(np.concatenate(p) for p in zip(*(f[1] for f in contacts), strict=True)))
+    return t, pushes, np.concatenate([f[2] for f in contacts])

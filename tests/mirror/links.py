@@ -13,7 +13,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from scipy.spatial.transform import Rotation
 
-from mirror.motion import start_frame, turned
+from mirror.motion import rotation_of, start_frame
 from mirror.record import Floats, Part
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -64,7 +64,7 @@ class Chain:
     def read(self, state: Floats) -> None:
         raise NotImplementedError
 
-    def moved(self, tau: float) -> Chain:
+    def advanced(self, tau: float) -> Chain:
         """The chain ``tau`` s later (or earlier) at its present rates."""
         raise NotImplementedError
 
@@ -93,8 +93,8 @@ class Rigid(Chain):
         q, v = state[:, : 7 * n].reshape(T, n, 7), state[:, 7 * n : 13 * n].reshape(T, n, 6)
         self.lateral = (-0.25 * self.vehicle["track"]["width"], 0.25 * self.vehicle["track"]["width"])
         self.centre, self.velocity = self.origin + self.world(q[..., :3]), self.world(v[..., :3])
-        self.own_rate, self.own = v[..., 3:], v
-        body = (self.turn * turned(q[..., 3:].reshape(-1, 4))).as_matrix().reshape(T, n, 3, 3)
+        self.body_rates, self.state_rates = v[..., 3:], v
+        body = (self.turn * rotation_of(q[..., 3:].reshape(-1, 4))).as_matrix().reshape(T, n, 3, 3)
         self.body, self.spin = body, np.einsum("tnij,tnj->tni", body, v[..., 3:])
         half, swing = 0.5 * self.pitch * body[..., 0], 0.5 * self.pitch * np.cross(self.spin, body[..., 0])
         self.pins = np.concatenate([self.centre - half, (self.centre + half)[:, -1:]], axis=1)[:, : self.nodes]
@@ -102,7 +102,7 @@ class Rigid(Chain):
         self.axes = body[..., 1]
         self.pin_axes = np.concatenate([body[..., 1], body[:, -1:, :, 1]], axis=1)[:, : self.nodes]
 
-    def moved(self, tau: float) -> Rigid:
+    def advanced(self, tau: float) -> Rigid:
         other = copy(self)
         about = Rotation.from_rotvec(tau * self.spin.reshape(-1, 3)).as_matrix().reshape(self.body.shape)
         other.centre, other.body = self.centre + tau * self.velocity, about @ self.body
@@ -127,7 +127,7 @@ class Rigid(Chain):
     @property
     def kinetic(self) -> Floats:
         J = np.array(self.vehicle["track"]["inertia"])
-        return 0.5 * (self.mass * self.velocity**2).sum((1, 2)) + 0.5 * (J * self.own_rate**2).sum((1, 2))
+        return 0.5 * (self.mass * self.velocity**2).sum((1, 2)) + 0.5 * (J * self.body_rates**2).sum((1, 2))
 
     @property
     def height(self) -> Floats:
@@ -142,7 +142,7 @@ class Rigid(Chain):
         ``a`` are the derivatives of the state's rates.
         """
         J = np.array(self.vehicle["track"]["inertia"])
-        torque = J * a[..., 3:] + np.cross(self.own_rate, J * self.own_rate)
+        torque = J * a[..., 3:] + np.cross(self.body_rates, J * self.body_rates)
         return self.mass * self.world(a[..., :3]), np.einsum("tnij,tnj->tni", self.body, torque)
 
     @property
@@ -160,7 +160,7 @@ class Rigid(Chain):
 class Element(Chain):
     """Links with nodal coordinates; subclasses give ``points`` and shape functions."""
 
-    own: Floats  # (T, nodes, w) rates in the state's layout
+    state_rates: Floats  # (T, nodes, w) rates in the state's layout
 
     def coordinates(self, x: Floats, places: bool) -> Floats:
         """Element coordinates (T, n, rows, 3), world frame, of a state's values (T, nodes, w)."""
@@ -169,15 +169,15 @@ class Element(Chain):
     def read(self, state: Floats) -> None:
         T, size = len(state), self.nodes * self.width
         q = state[:, :size].reshape(T, self.nodes, self.width)
-        self.own = state[:, size : 2 * size].reshape(T, self.nodes, self.width)
-        self.e, self.v = self.coordinates(q, True), self.coordinates(self.own, False)
+        self.state_rates = state[:, size : 2 * size].reshape(T, self.nodes, self.width)
+        self.e, self.v = self.coordinates(q, True), self.coordinates(self.state_rates, False)
         half = self.e.shape[2] // 2
         self.pins, self.rates = self.e[:, :, 0], self.v[:, :, 0]
         if not self.closed:
             self.pins = np.concatenate([self.pins, self.e[:, -1:, half]], axis=1)
             self.rates = np.concatenate([self.rates, self.v[:, -1:, half]], axis=1)
 
-    def moved(self, tau: float) -> Element:
+    def advanced(self, tau: float) -> Element:
         other = copy(self)
         other.e, other.pins = self.e + tau * self.v, self.pins + tau * self.rates
         return other
@@ -212,7 +212,7 @@ class Element(Chain):
     def middle(self) -> Floats:
         return 0.5 * (self.ends[0] + self.ends[1])
 
-    def accelerated(self, a: Floats) -> Floats:
+    def coordinate_accelerations(self, a: Floats) -> Floats:
         """Accelerations (T, n, rows, 3), world frame, from derivatives ``a`` of the rates (T, nodes, w)."""
         return self.coordinates(a, False)
 
@@ -223,7 +223,7 @@ class Element(Chain):
         return self.mass * np.einsum("p,pa,tnai->tni", w, self.centreline(x), self.v)
 
     @property
-    def damped(self) -> Floats:
+    def damping_tension(self) -> Floats:
         """Contribution of damping to the tension of each link (T, n), N."""
         raise NotImplementedError
 
@@ -233,7 +233,7 @@ class Element(Chain):
         raise NotImplementedError
 
     @cached_property
-    def stretching(self) -> Floats:
+    def stretch_mode(self) -> Floats:
         """Change of coordinates (T, n, rows, 3) by a unit stretch along the line of the pins."""
         line = self.ends[1] - self.ends[0]
         line = line / np.linalg.norm(line, axis=-1, keepdims=True)
@@ -245,11 +245,11 @@ class Element(Chain):
     @cached_property
     def tension(self) -> Floats:
         """Tension of each link (T, n), N: work of a stretch, over the length."""
-        more, less = (self.energies(self.e + way * STRETCH * self.stretching) for way in (1.0, -1.0))
-        return (more - less) / (2.0 * STRETCH * self.pitch) + self.damped
+        more, less = (self.energies(self.e + way * STRETCH * self.stretch_mode) for way in (1.0, -1.0))
+        return (more - less) / (2.0 * STRETCH * self.pitch) + self.damping_tension
 
     @property
-    def beyond_rod(self) -> float:
+    def excess_inertia(self) -> float:
         """Second moment of mass along the link beyond a rod's, kg m2, on the mean slope of the line."""
         raise NotImplementedError
 
@@ -262,13 +262,13 @@ class Element(Chain):
         x, w = gauss(4)
         return 12.0 / self.pitch * np.einsum("p,p,pa->a", w, x - 0.5, self.centreline(x))
 
-    def whirled(self, a: Floats) -> Floats:
+    def slope_inertia_force(self, a: Floats) -> Floats:
         """Part of the inertia of the mean slope in the tension (T, n), N."""
-        turning = np.einsum("a,tnai->tni", self.mean_slope, self.accelerated(a))
-        return self.beyond_rod / self.pitch * (turning * self.stretching[:, :, 1]).sum(-1)
+        turning = np.einsum("a,tnai->tni", self.mean_slope, self.coordinate_accelerations(a))
+        return self.excess_inertia / self.pitch * (turning * self.stretch_mode[:, :, 1]).sum(-1)
 
     def momentum_rates(self, a: Floats) -> tuple[Floats, Floats]:
-        dde = self.accelerated(a)
+        dde = self.coordinate_accelerations(a)
         x, w = gauss(4)
         linear = self.mass * np.einsum("p,pa,tnai->tni", w, self.centreline(x), dde)
         arm = self.e.copy()
@@ -308,10 +308,10 @@ class Cable(Element):
         """Mass of the line, and on its mean slope the table's inertia about the pin beyond that of a rod."""
         x, w = gauss(4)
         S, slope = self.centreline(x), self.mean_slope
-        return self.mass * np.einsum("p,pa,pb->ab", w, S, S) + self.beyond_rod * np.outer(slope, slope)
+        return self.mass * np.einsum("p,pa,pb->ab", w, S, S) + self.excess_inertia * np.outer(slope, slope)
 
     @property
-    def beyond_rod(self) -> float:
+    def excess_inertia(self) -> float:
         return self.vehicle["track"]["inertia"][1] - self.mass * self.pitch**2 / 12.0
 
     def point(self, t, i, xi, y, off) -> tuple[Floats, Floats]:
@@ -344,64 +344,64 @@ class Cable(Element):
         E, section = float(self.part.parameters["material.youngs_modulus"]), self.vehicle["section"]
         return E * section["area"], E * section["bending"]
 
-    def stretched(self, e: Floats) -> Floats:
+    def green_strain(self, e: Floats) -> Floats:
         """Average Green strain."""
         x, w = gauss(3)
         return 0.5 * (np.einsum("p,...pi,...pi->...", w, self.slopes(e, x), self.slopes(e, x)) - 1.0)
 
-    def bent(self, e: Floats, xi) -> Floats:
+    def curvature(self, e: Floats, xi) -> Floats:
         """Curvature at fractions (p), 1/m, that EI turns into a moment: here |r_xx|."""
         return np.linalg.norm(self.slopes(e, xi, 2), axis=-1)
 
     @cached_property
     def axial(self) -> Floats:
         """Axial force (T, n), N: EA times the strain."""
-        return self.stiffness[0] * self.stretched(self.e)
+        return self.stiffness[0] * self.green_strain(self.e)
 
     @property
     def tau(self) -> float:
         return float(self.part.parameters["material.relaxation_time"])
 
     @property
-    def moving(self) -> tuple[Floats, Floats]:
+    def strain_motion(self) -> tuple[Floats, Floats]:
         """Coordinates and rates (T, n, 4, 3) in the axes of the strains."""
         return self.e, self.v
 
     @property
-    def dragged(self) -> Floats:
+    def stretch_damping(self) -> Floats:
         """Damping force of the stretch (T, n), N, per unit of stretch."""
         x, w = gauss(3)
-        e, v = self.moving
+        e, v = self.strain_motion
         rate = np.einsum("p,tnpi,tnpi->tn", w, self.slopes(e, x), self.slopes(v, x))
-        return self.tau * self.stiffness[0] * rate / (1.0 + 2.0 * self.stretched(e))
+        return self.tau * self.stiffness[0] * rate / (1.0 + 2.0 * self.green_strain(e))
 
     @property
-    def damped(self) -> Floats:
-        return self.dragged * np.linalg.norm(self.ends[1] - self.ends[0], axis=-1) / self.pitch
+    def damping_tension(self) -> Floats:
+        return self.stretch_damping * np.linalg.norm(self.ends[1] - self.ends[0], axis=-1) / self.pitch
 
     @property
     def material_loss(self) -> Floats:
         x, w = gauss(3)
-        e, v = self.moving
+        e, v = self.strain_motion
         rate = np.einsum("p,tnpi,tnpi->tn", w, self.slopes(e, x), self.slopes(v, x))
-        return self.pitch * (self.dragged * rate).sum(1) + self.bending_loss
+        return self.pitch * (self.stretch_damping * rate).sum(1) + self.bending_loss
 
     @property
     def bending_loss(self) -> Floats:
         """Power lost by damping of the curvature, relative to the chord (T), W."""
         x, w = gauss(3)
-        e, v = self.moving
+        e, v = self.strain_motion
         chord, swing = e[:, :, 2] - e[:, :, 0], v[:, :, 2] - v[:, :, 0]
         omega = np.cross(chord, swing) / (chord**2).sum(-1, keepdims=True)
-        bent, rate = self.slopes(e, x, 2), self.slopes(v, x, 2)
-        rate = rate - np.cross(omega[:, :, None], bent)
+        curvature, rate = self.slopes(e, x, 2), self.slopes(v, x, 2)
+        rate = rate - np.cross(omega[:, :, None], curvature)
         return self.tau * self.stiffness[1] * self.pitch * np.einsum("p,tnpi,tnpi->t", w, rate, rate)
 
     @cached_property
     def stress(self) -> Floats:
         """Largest stress (T, n), Pa: tension over area plus end moment over section modulus."""
         section, (_, EI) = self.vehicle["section"], self.stiffness
-        moment = EI * self.bent(self.e, [0.0, 1.0]).max(-1)
+        moment = EI * self.curvature(self.e, [0.0, 1.0]).max(-1)
         fibre = moment * section["outer_fibre"] / section["bending"]
         axial = self.axial / section["area"]
         return np.maximum(abs(axial + fibre), abs(axial - fibre))
@@ -423,7 +423,7 @@ class Cable(Element):
     def energies(self, e: Floats) -> Floats:
         EA, EI = self.stiffness
         x, w = gauss(3)
-        return 0.5 * self.pitch * (EA * self.stretched(e) ** 2 + EI * self.bent(e, x) ** 2 @ w)
+        return 0.5 * self.pitch * (EA * self.green_strain(e) ** 2 + EI * self.curvature(e, x) ** 2 @ w)
 
 
 class Turning(Cable):
@@ -437,7 +437,7 @@ class Turning(Cable):
     def read(self, state: Floats) -> None:
         T, size = len(state), self.nodes * self.width
         self.lateral = (-0.25 * self.vehicle["track"]["width"], 0.25 * self.vehicle["track"]["width"])
-        self.own = state[:, size : 2 * size].reshape(T, self.nodes, self.width)
+        self.state_rates = state[:, size : 2 * size].reshape(T, self.nodes, self.width)
         f = state[:, 2 * size : 2 * size + 24]
         self.R = self.turn.as_matrix() @ f[:, :9].reshape(T, 3, 3)
         self.o, self.do, self.ddo = (
@@ -447,8 +447,8 @@ class Turning(Cable):
         )
         self.w, self.dw = f[:, 18:21], f[:, 21:24]
         self.c = self.vectors(state[:, :size].reshape(T, self.nodes, self.width))
-        self.dc = self.vectors(self.own)
-        self.place()
+        self.dc = self.vectors(self.state_rates)
+        self.update_world()
 
     def vectors(self, x: Floats) -> Floats:
         """Vectors (T, n, 4, 3) along the axes, from (T, nodes, 8)."""
@@ -457,9 +457,12 @@ class Turning(Cable):
             [first[..., [0, 1, 2]], first[..., [5, 7, 6]], last[..., [0, 1, 2]], last[..., [3, 7, 4]]], axis=2
         )
 
-    def place(self) -> None:
+    def update_world(self) -> None:
         """Set all quantities in the world frame."""
-        self.e, self.v = self.out(self.c), self.out(self.dc + np.cross(self.w[:, None, None], self.c))
+        self.e, self.v = (
+            self.world_vectors(self.c),
+            self.world_vectors(self.dc + np.cross(self.w[:, None, None], self.c)),
+        )
         self.e[:, :, [0, 2]] += self.o[:, None, None]
         self.v[:, :, [0, 2]] += self.do[:, None, None]
         self.pins, self.rates = self.e[:, :, 0], self.v[:, :, 0]
@@ -470,20 +473,20 @@ class Turning(Cable):
         roll, pin, yaw = self.vehicle["track"]["inertia"]
         return super().kinetic + 0.5 * self.n * 0.5 * (roll + yaw - pin) * (self.w**2).sum(1)
 
-    def out(self, a: Floats) -> Floats:
+    def world_vectors(self, a: Floats) -> Floats:
         return np.einsum("tij,tnaj->tnai", self.R, a)
 
-    def moved(self, tau: float) -> Turning:
+    def advanced(self, tau: float) -> Turning:
         other = copy(self)
         other.c, other.o = self.c + tau * self.dc, self.o + tau * self.do
         other.R = self.R @ Rotation.from_rotvec(tau * self.w).as_matrix()
-        other.place()
+        other.update_world()
         return other
 
-    def accelerated(self, a: Floats) -> Floats:
+    def coordinate_accelerations(self, a: Floats) -> Floats:
         w, dw = self.w[:, None, None], self.dw[:, None, None]
         found = self.vectors(a) + 2.0 * np.cross(w, self.dc) + np.cross(dw, self.c) + np.cross(w, np.cross(w, self.c))
-        found = self.out(found)
+        found = self.world_vectors(found)
         found[:, :, [0, 2]] += self.ddo[:, None, None]
         return found
 
@@ -506,19 +509,19 @@ class Turning(Cable):
         off, y = np.asarray(off)[..., None], np.broadcast_to(y, np.shape(t))[..., None]
         x = x + off * np.cross(t_, across) + y * (across - slope[..., 1:2] / size * t_)
         u = u + off * np.cross(turning, across) - y * rate[..., 1:2] / size * t_
-        return self.seen(t, x, u)
+        return self.world_point(t, x, u)
 
     def pin(self, t, j, y) -> tuple[Floats, Floats]:
         y = np.broadcast_to(y, np.shape(t))[..., None] * np.array([0.0, 1.0, 0.0])
-        return self.seen(t, self.c[t, j, 0] + y, self.dc[t, j, 0])
+        return self.world_point(t, self.c[t, j, 0] + y, self.dc[t, j, 0])
 
-    def seen(self, t, x: Floats, u: Floats) -> tuple[Floats, Floats]:
+    def world_point(self, t, x: Floats, u: Floats) -> tuple[Floats, Floats]:
         """Place and velocity in the world frame of points given along the axes, at the instants ``t``."""
         u = u + np.cross(self.w[t], x)
         return tuple(at[t] + np.einsum("...ij,...j->...i", self.R[t], a) for at, a in ((self.o, x), (self.do, u)))
 
     @property
-    def moving(self) -> tuple[Floats, Floats]:
+    def strain_motion(self) -> tuple[Floats, Floats]:
         return self.c, self.dc
 
     def energies(self, e: Floats) -> Floats:
@@ -541,7 +544,7 @@ class General(Cable):
         size = np.linalg.norm(self.slopes(e, xi), axis=-1)
         return 0.5 * (size**2 - 1.0), size
 
-    def bent(self, e: Floats, xi) -> Floats:
+    def curvature(self, e: Floats, xi) -> Floats:
         a, b = self.slopes(e, xi), self.slopes(e, xi, 2)
         return np.linalg.norm(np.cross(a, b), axis=-1) / np.linalg.norm(a, axis=-1) ** 3
 
@@ -551,28 +554,28 @@ class General(Cable):
         strain, lever = self.strains(self.e, x)
         return self.stiffness[0] * (strain * lever) @ w
 
-    def drags(self, x) -> tuple[Floats, Floats]:
+    def stretch_drag(self, x) -> tuple[Floats, Floats]:
         """Damping of the stretch at fractions (p) (T, n, p): force per unit of stretch, N, and its rate, 1/s."""
         slope = self.slopes(self.e, x)
         rate = (slope * self.slopes(self.v, x)).sum(-1)
         return self.tau * self.stiffness[0] * rate / (slope**2).sum(-1), rate
 
     @property
-    def damped(self) -> Floats:
+    def damping_tension(self) -> Floats:
         x, w = self.points[0]
         line = (self.ends[1] - self.ends[0]) / np.linalg.norm(self.ends[1] - self.ends[0], axis=-1, keepdims=True)
-        return np.einsum("p,tnp,tnpi,tni->tn", w, self.drags(x)[0], self.slopes(self.e, x), line)
+        return np.einsum("p,tnp,tnpi,tni->tn", w, self.stretch_drag(x)[0], self.slopes(self.e, x), line)
 
     @property
     def material_loss(self) -> Floats:
         x, w = self.points[0]
-        force, rate = self.drags(x)
+        force, rate = self.stretch_drag(x)
         return self.pitch * (force * rate @ w).sum(1) + self.bending_loss
 
     def energies(self, e: Floats) -> Floats:
         EA, EI = self.stiffness
         (x, w), (s, m) = self.points
-        return 0.5 * self.pitch * (EA * self.strains(e, x)[0] ** 2 @ w + EI * self.bent(e, s) ** 2 @ m)
+        return 0.5 * self.pitch * (EA * self.strains(e, x)[0] ** 2 @ w + EI * self.curvature(e, s) ** 2 @ m)
 
 
 class Engineering(General):
@@ -582,7 +585,7 @@ class Engineering(General):
         size = np.linalg.norm(self.slopes(e, xi), axis=-1)
         return size - 1.0, np.ones_like(size)
 
-    def bent(self, e: Floats, xi) -> Floats:
+    def curvature(self, e: Floats, xi) -> Floats:
         a, b = self.slopes(e, xi), self.slopes(e, xi, 2)
         return np.linalg.norm(np.cross(a, b), axis=-1) / np.linalg.norm(a, axis=-1) ** 2
 
@@ -645,10 +648,10 @@ class Beam(Element):
                 for c, wc in zip(s - 0.5, m, strict=True):
                     S = self.shape(a, b * wide, c * high)
                     M += self.mass * wa * wb * wc * np.outer(S, S)
-        return M + self.beyond_rod * np.outer(slope, slope)
+        return M + self.excess_inertia * np.outer(slope, slope)
 
     @property
-    def beyond_rod(self) -> float:
+    def excess_inertia(self) -> float:
         roll, pin, yaw = self.vehicle["track"]["inertia"]
         return 0.5 * (pin + yaw - roll) - self.mass * self.pitch**2 / 12.0
 
@@ -677,23 +680,23 @@ class Beam(Element):
     def young(self) -> float:
         return float(self.part.parameters["material.youngs_modulus"])
 
-    def rated(self, change: Floats) -> list[tuple[float, Floats]]:
+    def strain_changes(self, change: Floats) -> list[tuple[float, Floats]]:
         """Changes of the quadratic strains, with energy weights, by a ``change`` of coordinates."""
         more, less = self.parts(self.e + 0.5 * change), self.parts(self.e - 0.5 * change)
         return [(w, s - r) for (w, s), (_, r) in zip(more, less, strict=True)]
 
     @property
-    def damped(self) -> Floats:
+    def damping_tension(self) -> Floats:
         tau, pairs = (
             float(self.part.parameters["material.relaxation_time"]),
-            zip(self.rated(self.v), self.rated(self.stretching), strict=True),
+            zip(self.strain_changes(self.v), self.strain_changes(self.stretch_mode), strict=True),
         )
         return 2.0 * tau / self.pitch * sum(w * rate * by for (w, rate), (_, by) in pairs)
 
     @property
     def material_loss(self) -> Floats:
         tau = float(self.part.parameters["material.relaxation_time"])
-        return 2.0 * tau * sum(w * rate**2 for w, rate in self.rated(self.v)).sum(1)
+        return 2.0 * tau * sum(w * rate**2 for w, rate in self.strain_changes(self.v)).sum(1)
 
     @cached_property
     def stress(self) -> Floats:

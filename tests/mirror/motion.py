@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from mirror.record import Floats, Part
 
 
-def turned(q: Floats) -> Rotation:
+def rotation_of(q: Floats) -> Rotation:
     """Rotation of quaternions (..., 4), w first."""
     return Rotation.from_quat(q, scalar_first=True)
 
@@ -25,10 +25,10 @@ def start_frame(parameters: dict[str, Any]) -> tuple[Floats, Rotation]:
     return np.array([x, y, z + height]), Rotation.from_euler("ZY", [heading, pitch])
 
 
-def standing(numbers: Sequence[float]) -> tuple[Floats, Rotation]:
+def place_and_attitude(numbers: Sequence[float]) -> tuple[Floats, Rotation]:
     """Place and attitude in the vehicle frame from seven numbers, or from a drawn place of three."""
-    found = np.array([*numbers, 1.0, 0.0, 0.0, 0.0][:7])
-    return found[:3], turned(found[3:])
+    pose = np.array([*numbers, 1.0, 0.0, 0.0, 0.0][:7])
+    return pose[:3], rotation_of(pose[3:])
 
 
 class Wheels(NamedTuple):
@@ -40,7 +40,7 @@ class Wheels(NamedTuple):
     axle: Floats
     radial: Floats  # unit vector that turns with the wheel
 
-    def moved(self, tau: float) -> Wheels:
+    def advanced(self, tau: float) -> Wheels:
         """Wheels ``tau`` s later (or earlier) at constant velocities."""
         about = Rotation.from_rotvec(tau * self.spin.reshape(-1, 3))
         axle, radial = (about.apply(a.reshape(-1, 3)).reshape(a.shape) for a in (self.axle, self.radial))
@@ -52,27 +52,30 @@ def wheels(part: Part) -> Wheels:
     names = [wheel["name"] for wheel in part.config["track"]["wheels"]]
     k = len(part.t)
     origin, attitude = start_frame(part.parameters)
-    beside = np.array([0.0, float(part.parameters["start.lateral"]), 0.0])
+    lateral = np.array([0.0, float(part.parameters["start.lateral"]), 0.0])
     drawn = [(w, [w["position"][0], 0.0, w["position"][1]]) for w in part.config["track"]["wheels"]]
-    stands = [standing(w.get("start", place)) for w, place in drawn]
-    found = [np.zeros((k, len(names), 3)) for _ in range(5)]
+    poses = [place_and_attitude(w.get("start", place)) for w, place in drawn]
+    arrays = [np.zeros((k, len(names), 3)) for _ in range(5)]
     for m, name in enumerate(names):
-        place, own = stands[m]
-        found[0][0, m] = origin + attitude.apply(place + beside)
-        found[3][0, m], found[4][0, m] = (attitude * own).apply([0, 1, 0]), (attitude * own).apply([1, 0, 0])
-        q = turned(part.given(f"{name}.orientation", "wxyz"))
-        seen = Wheels(
-            part.given(f"{name}.position"),
-            part.given(f"{name}.velocity"),
-            part.given(f"{name}.angular_velocity"),
+        place, wheel_attitude = poses[m]
+        arrays[0][0, m] = origin + attitude.apply(place + lateral)
+        arrays[3][0, m], arrays[4][0, m] = (
+            (attitude * wheel_attitude).apply([0, 1, 0]),
+            (attitude * wheel_attitude).apply([1, 0, 0]),
+        )
+        q = rotation_of(part.input_vectors(f"{name}.orientation", "wxyz"))
+        inputs = Wheels(
+            part.input_vectors(f"{name}.position"),
+            part.input_vectors(f"{name}.velocity"),
+            part.input_vectors(f"{name}.angular_velocity"),
             q.apply([0, 1, 0]),
             q.apply([1, 0, 0]),
         )
-        about = Rotation.from_rotvec(part.h[:, None] * seen.spin)
-        found[0][1:, m] = seen.centre + part.h[:, None] * seen.velocity
-        found[1][1:, m], found[2][1:, m] = seen.velocity, seen.spin
-        found[3][1:, m], found[4][1:, m] = about.apply(seen.axle), about.apply(seen.radial)
-    return Wheels(*found)
+        about = Rotation.from_rotvec(part.h[:, None] * inputs.spin)
+        arrays[0][1:, m] = inputs.centre + part.h[:, None] * inputs.velocity
+        arrays[1][1:, m], arrays[2][1:, m] = inputs.velocity, inputs.spin
+        arrays[3][1:, m], arrays[4][1:, m] = about.apply(inputs.axle), about.apply(inputs.radial)
+    return Wheels(*arrays)
 
 
 class Recursion(NamedTuple):
@@ -95,12 +98,12 @@ class Recursion(NamedTuple):
 
     def means(self, F: Floats) -> Floats:
         """Mean over each of the K steps of a force at K + 1 instants; the first instant is at rest."""
-        W, found = F[0], np.zeros((len(F) - 1, *F.shape[1:]))
+        W, means = F[0], np.zeros((len(F) - 1, *F.shape[1:]))
         for k in range(len(F) - 1):
             before = W
             W = ((1 - self.alpha_f) * F[k + 1] + self.alpha_f * F[k] - self.alpha_m * before) / (1 - self.alpha_m)
-            found[k] = (1 - self.gamma) * before + self.gamma * W
-        return found
+            means[k] = (1 - self.gamma) * before + self.gamma * W
+        return means
 
     def rates(self, v: Floats, h: Floats) -> Floats:
         """Inverse of ``means``: accelerations at K + 1 instants from the velocities there, from rest."""

@@ -19,18 +19,18 @@ class Part:
         self.name, self.kind, self.config, self.parameters = member.name, member.kind, member.config, member.parameters
         self.inputs = {name: k for k, name in enumerate(member.inputs)}
         self.outputs = {name: k for k, name in enumerate([*member.outputs, *member.links, *member.counters])}
-        self.starts = np.array([port.start for port in member.model.ports if port.causality == "input"])
+        self.start_values = np.array([port.start for port in member.model.ports if port.causality == "input"])
         self._u: list[Floats] = []
         self._y: list[Floats] = []
         self._x: list[Floats] = []
 
-    def note(self, member: Member, first: bool) -> None:
+    def append(self, member: Member, first: bool) -> None:
         if not first:
             self._u.append(member.u.copy())
         self._y.append(np.concatenate([member.y, member.link_outputs(), member.model.counters.astype(float)]))
         self._x.append(member.model.state.copy())
 
-    def done(self, t: Floats) -> None:
+    def finish(self, t: Floats) -> None:
         self.t, self.h = t, np.diff(t)
         self.u, self.y, self.state = np.array(self._u), np.array(self._y), np.array(self._x)
 
@@ -38,7 +38,7 @@ class Part:
         """An output at all instants (K + 1)."""
         return self.y[:, self.outputs[name]]
 
-    def taken(self, name: str) -> Floats:
+    def input_values(self, name: str) -> Floats:
         """An input in all steps (K)."""
         return self.u[:, self.inputs[name]]
 
@@ -46,18 +46,18 @@ class Part:
         """Outputs ``name.x`` and so on (K + 1, 3)."""
         return np.stack([self[f"{name}.{axis}"] for axis in axes], axis=-1)
 
-    def given(self, name: str, axes: str = "xyz") -> Floats:
+    def input_vectors(self, name: str, axes: str = "xyz") -> Floats:
         """Inputs ``name.x`` and so on (K, 3)."""
-        return np.stack([self.taken(f"{name}.{axis}") for axis in axes], axis=-1)
+        return np.stack([self.input_values(f"{name}.{axis}") for axis in axes], axis=-1)
 
     @contextmanager
-    def planted(self, names: Sequence[str], fault: Callable[[Floats], Floats]):
+    def replaced_outputs(self, names: Sequence[str], fault: Callable[[Floats], Floats]):
         """Replace outputs by faulty values within the context."""
         columns = [self.outputs[name] for name in names]
-        kept = self.y[:, columns].copy()
-        self.y[:, columns] = fault(kept)
+        original = self.y[:, columns].copy()
+        self.y[:, columns] = fault(original)
         yield
-        self.y[:, columns] = kept
+        self.y[:, columns] = original
 
 
 class Record:
@@ -73,11 +73,11 @@ class Record:
             times.append(system.t)
             self._note(system, False)
         for part in self.parts.values():
-            part.done(np.array(times))
+            part.finish(np.array(times))
 
     def _note(self, system: InProcess, first: bool) -> None:
         for name, member in system.members.items():
-            self.parts[name].note(member, first)
+            self.parts[name].append(member, first)
 
     def __getitem__(self, name: str) -> Part:
         return self.parts[name]

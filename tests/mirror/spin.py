@@ -8,7 +8,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid, quad
 from scipy.spatial.transform import Rotation
 
-from mirror.motion import standing, start_frame, turned
+from mirror.motion import place_and_attitude, rotation_of, start_frame
 from mirror.record import Floats, Part
 
 Y = np.array([0.0, 1.0, 0.0])
@@ -23,9 +23,9 @@ class Spin:
     # --- extrapolation of the mount -----------------------------------------------------------------
 
     @property
-    def alone(self) -> bool:
+    def fixed(self) -> bool:
         """Whether the mount is unconnected, that is a fixed axle."""
-        return bool((self.part.u[:, :13] == self.part.starts[:13]).all())
+        return bool((self.part.u[:, :13] == self.part.start_values[:13]).all())
 
     @cached_property
     def mount(self) -> tuple[Floats, Rotation, Floats, Floats]:
@@ -34,49 +34,49 @@ class Spin:
         The first row is the start.
         """
         part, h = self.part, self.part.h[:, None]
-        place, own = standing(part.config["drive"]["mount"])
+        place, mount_attitude = place_and_attitude(part.config["drive"]["mount"])
         place[1] += float(self.p["start.lateral"])
         origin, frame = start_frame(self.p)
-        attitude = frame * own
-        if self.alone:
+        attitude = frame * mount_attitude
+        if self.fixed:
             still = np.zeros((len(part.t), 3))
             return still + origin + frame.apply(place), Rotation.concatenate([attitude] * len(part.t)), still, still
-        x, v, w = (part.given(f"mount.{what}") for what in ("position", "velocity", "angular_velocity"))
-        q = turned(part.given("mount.orientation", "wxyz"))
+        x, v, w = (part.input_vectors(f"mount.{what}") for what in ("position", "velocity", "angular_velocity"))
+        q = rotation_of(part.input_vectors("mount.orientation", "wxyz"))
         steeper = self.p["extrapolation"] == "acceleration"
         a, b = (np.vstack([np.zeros(3), np.diff(r, axis=0) / h[:-1]]) * steeper for r in (v, w))
-        ended = Rotation.from_rotvec(h * (w + 0.5 * h * b)) * q
+        end_attitude = Rotation.from_rotvec(h * (w + 0.5 * h * b)) * q
         return (
             np.vstack([origin + frame.apply(place), x + h * v + 0.5 * h * h * a]),
-            Rotation.concatenate([attitude, ended]),
+            Rotation.concatenate([attitude, end_attitude]),
             np.vstack([np.zeros(3), v + h * a]),
             np.vstack([np.zeros(3), w + h * b]),
         )
 
     @property
-    def told(self) -> Rotation:
+    def input_attitude(self) -> Rotation:
         """Input attitude of the mount at the start of each step."""
-        told = self.part.given("mount.orientation", "wxyz")
-        return self.mount[1][:-1] if self.alone else turned(told)
+        input_attitude = self.part.input_vectors("mount.orientation", "wxyz")
+        return self.mount[1][:-1] if self.fixed else rotation_of(input_attitude)
 
     @property
     def axle(self) -> Floats:
         return self.mount[1].apply(Y)
 
     @property
-    def swing(self) -> Floats:
+    def mount_rate(self) -> Floats:
         """Rate of the mount about the axle (K + 1,), rad/s."""
         return (self.axle * self.mount[3]).sum(1)
 
     @property
-    def pulled(self) -> Floats:
+    def chain_torque(self) -> Floats:
         """Torque of the chain about the axle in the middle of each step, mean over the step (K), N m."""
-        middle = self.axle[1:] + self.told.apply(Y)
-        return (self.part.given("sprocket.torque") * middle).sum(1) / np.linalg.norm(middle, axis=1)
+        middle = self.axle[1:] + self.input_attitude.apply(Y)
+        return (self.part.input_vectors("sprocket.torque") * middle).sum(1) / np.linalg.norm(middle, axis=1)
 
     # --- torques -------------------------------------------------------------------------------------
 
-    def wanted(self, t: float) -> float:
+    def profile_speed(self, t: float) -> float:
         """Speed of the half-cosine profile, rad/s."""
         p = self.p
         t0, t1, first, last = p["ramp.start"], p["ramp.end"], p["speed.start"], p["speed.end"]
@@ -87,15 +87,15 @@ class Spin:
         return first + (last - first) * 0.5 * (1.0 - np.cos(np.pi * s))
 
     def profile(self, t: Floats) -> Floats:
-        return np.array([self.wanted(each) for each in t])
+        return np.array([self.profile_speed(time) for time in t])
 
-    def braking(self, s: Floats) -> Floats:
+    def brake_torque(self, s: Floats) -> Floats:
         """Torque of the brake, N m, at speeds ``s``, rad/s."""
         if self.p["mode"] == "speed":
             return 0.0 * s
         return self.p["brake.torque"] * s / np.hypot(s, self.p["brake.speed"])
 
-    def summed(self, rates: Floats) -> Floats:
+    def integrated(self, rates: Floats) -> Floats:
         """Integral of a quantity at instants, by the trapezium rule."""
         return cumulative_trapezoid(rates, self.part.t, initial=0.0)
 
@@ -106,21 +106,21 @@ class Spin:
         part = self.part
         if self.p["mode"] == "speed":
             return self.profile(part.t)
-        braked = self.braking((part.vector("sprocket.angular_velocity") * self.axle).sum(1) - self.swing)
-        gained = part.h * (self.pulled + part["torque"][1:] - 0.5 * (braked[1:] + braked[:-1])) / self.J
-        start = self.wanted(0.0) + self.swing[0]
-        return start + np.concatenate([[0.0], np.cumsum(gained)]) - self.swing
+        braked = self.brake_torque((part.vector("sprocket.angular_velocity") * self.axle).sum(1) - self.mount_rate)
+        gained = part.h * (self.chain_torque + part["torque"][1:] - 0.5 * (braked[1:] + braked[:-1])) / self.J
+        start = self.profile_speed(0.0) + self.mount_rate[0]
+        return start + np.concatenate([[0.0], np.cumsum(gained)]) - self.mount_rate
 
     def angle(self) -> Floats:
         part = self.part
         if self.p["mode"] == "speed":
             edges = [self.p[key] for key in ("ramp.start", "ramp.end", "stop.start")]
             edges.append(self.p["stop.start"] + self.p["stop.time"])
-            done = [quad(self.wanted, a, b, points=[e for e in edges if a < e < b] or None)[0]
+            done = [quad(self.profile_speed, a, b, points=[e for e in edges if a < e < b] or None)[0]
                     for a, b in zip(part.t, part.t[1:], strict=False)]  # fmt: skip
             turned_by = np.concatenate([[0.0], np.cumsum(done)])
         else:
-            turned_by = self.summed(part["speed"])
+            turned_by = self.integrated(part["speed"])
         return self.p["start.angle"] + turned_by
 
     def torque(self) -> Floats:
@@ -130,55 +130,57 @@ class Spin:
         if p["mode"] == "torque":
             mean = np.full(len(part.h), p["torque.drive"])
         elif p["mode"] == "speed":
-            mean = self.J * np.diff(s + self.swing) / part.h - self.pulled
+            mean = self.J * np.diff(s + self.mount_rate) / part.h - self.chain_torque
         else:
             error = self.profile(part.t) - s
-            told = p["controller.proportional"] * error
+            proportional = p["controller.proportional"] * error
             # anti-windup: the integral stops where the limit cuts a torque that would grow
-            sums, held = 0.0, [told[0]]
+            sums, torques = 0.0, [proportional[0]]
             for k, h in enumerate(part.h):
-                free = abs(told[k] + p["controller.integral"] * sums) < p["torque.limit"]
+                free = abs(proportional[k] + p["controller.integral"] * sums) < p["torque.limit"]
                 sums += 0.5 * h * (error[k] + error[k + 1]) * free
-                held.append(told[k + 1] + p["controller.integral"] * sums)
-            held = np.clip(held, -p["torque.limit"], p["torque.limit"])
-            mean = 0.5 * (held[1:] + held[:-1])
+                torques.append(proportional[k + 1] + p["controller.integral"] * sums)
+            torques = np.clip(torques, -p["torque.limit"], p["torque.limit"])
+            mean = 0.5 * (torques[1:] + torques[:-1])
         return np.concatenate([[0.0], mean])
 
     def kinetic(self) -> Floats:
-        return 0.5 * self.J * (self.part["speed"] + self.swing) ** 2
+        return 0.5 * self.J * (self.part["speed"] + self.mount_rate) ** 2
 
     def work(self) -> Floats:
         part = self.part
         return np.concatenate([[0.0], np.cumsum(part["torque"][1:] * np.diff(part["angle"]))])
 
     def dissipated(self) -> Floats:
-        return self.summed(self.braking(self.part["speed"]) * self.part["speed"])
+        return self.integrated(self.brake_torque(self.part["speed"]) * self.part["speed"])
 
     def port_work(self) -> Floats:
         """Work of the chain's wrench on the sprocket less that of the wrench on the mount, J."""
         part = self.part
         turning, swinging = part.vector("sprocket.angular_velocity"), self.mount[3]
         turning, swinging = (0.5 * (w[1:] + w[:-1]) for w in (turning, swinging))
-        power = (part.given("sprocket.torque") * turning).sum(1) - (part.vector("mount.torque")[1:] * swinging).sum(1)
+        power = (part.input_vectors("sprocket.torque") * turning).sum(1) - (
+            part.vector("mount.torque")[1:] * swinging
+        ).sum(1)
         return np.concatenate([[0.0], np.cumsum(part.h * power)])
 
     def mount_torque(self) -> Floats:
         """Torque on the mount: the chain's torque less the change of the spin; 0 at the start."""
         part = self.part
-        momentum = self.J * (part["speed"] + self.swing)[:, None] * self.axle
-        kept = np.diff(momentum, axis=0) / part.h[:, None]
-        return np.vstack([np.zeros(3), part.given("sprocket.torque") - kept])
+        momentum = self.J * (part["speed"] + self.mount_rate)[:, None] * self.axle
+        spin_torque = np.diff(momentum, axis=0) / part.h[:, None]
+        return np.vstack([np.zeros(3), part.input_vectors("sprocket.torque") - spin_torque])
 
     def steps(self) -> Floats:
         """Number of internal steps, each at most half the time constant of brake and controller."""
         p, part = self.p, self.part
-        each = np.ones(len(part.h))
+        counts = np.ones(len(part.h))
         if p["mode"] != "speed":
             fastest = p["brake.torque"] / (p["brake.speed"] * self.J)
             if p["mode"] == "controller":
                 fastest += p["controller.proportional"] / self.J + np.sqrt(p["controller.integral"] / self.J)
-            each = np.maximum(1.0, np.ceil(2.0 * part.h * fastest))
-        return np.concatenate([[0.0], np.cumsum(each)])
+            counts = np.maximum(1.0, np.ceil(2.0 * part.h * fastest))
+        return np.concatenate([[0.0], np.cumsum(counts)])
 
     def evaluations(self) -> Floats:
         """Four evaluations per step; one for a prescribed speed."""

@@ -73,13 +73,13 @@ class Finding(NamedTuple):
     kind: str
     part: str
     output: str
-    says: str
-    off: float  # error over the tolerance
+    basis: str
+    relative_error: float  # error over the tolerance
     noticed: frozenset[str]  # planted faults in the output that the check notices
 
 
 @cache
-def examined(run: str) -> tuple[Finding, ...]:
+def findings_of(run: str) -> tuple[Finding, ...]:
     """All checks of a run, on its outputs and on outputs with each fault planted."""
     record, found = runs.record(run), []
     for part in record.parts.values():
@@ -91,15 +91,21 @@ def examined(run: str) -> tuple[Finding, ...]:
                 for output, (low, high) in check.bounds(view).items():
                     y = part[output]
                     faulty = {fault: plant(y) for fault, plant in FAULTS.items()} | {SOMETHING: y + 1.0}
-                    noticed = frozenset(fault for fault, z in faulty.items() if check.off(z, low, high) > 1.0)
-                    found.append(Finding(view.kind, part.name, output, check.says, check.off(y, low, high), noticed))
+                    noticed = frozenset(
+                        fault for fault, z in faulty.items() if check.relative_error(z, low, high) > 1.0
+                    )
+                    found.append(
+                        Finding(view.kind, part.name, output, check.basis, check.relative_error(y, low, high), noticed)
+                    )
     return tuple(found)
 
 
 def assert_right(run: str) -> None:
-    wrong = [f for f in examined(run) if not f.off <= 1.0]
-    assert not wrong, "\n".join(f"{f.part}.{f.output} ({f.says}): {f.off:.3g} of what is allowed" for f in wrong[:20])
-    assert examined(run)
+    wrong = [f for f in findings_of(run) if not f.relative_error <= 1.0]
+    assert not wrong, "\n".join(
+        f"{f.part}.{f.output} ({f.basis}): {f.relative_error:.3g} of what is allowed" for f in wrong[:20]
+    )
+    assert findings_of(run)
 
 
 @pytest.mark.parametrize(
@@ -120,7 +126,7 @@ def noticed(kind: str) -> dict[str, set[str]]:
     """Faults that some check notices in some run, by output of a kind of component."""
     found = defaultdict(set)
     for run in runs.RUNS:
-        for finding in examined(run):
+        for finding in findings_of(run):
             if finding.kind == kind:
                 found[finding.output] |= finding.noticed
     return found
@@ -180,13 +186,13 @@ def shell(kind: str, config: dict, folder: Path) -> Slave:
     )
 
 
-def shown(slave: Slave) -> list[str]:
+def output_names(slave: Slave) -> list[str]:
     """Names of the outputs in modelDescription.xml."""
     variables = slave.to_xml().find("ModelVariables")
     return [v.get("name") for v in variables if v.get("causality") == "output"]
 
 
-class Started:
+class SteppedSlave:
     """Slave whose status is read after each step."""
 
     def __init__(self, slave: Slave) -> None:
@@ -214,7 +220,7 @@ def test_status_says_how_the_last_step_went(kind, tmp_path):
     name = {"Driver": "serpentine", "SteeringDifferential": "differential"}.get(kind, "straight")
     scene = load(name, "rigid" if kind == "TrackRigid" else "flexible")
     part = next(part for part in assemble(scene).parts if part.kind == kind)
-    component = Started(shell(kind, part.config, tmp_path / "resources"))
+    component = SteppedSlave(shell(kind, part.config, tmp_path / "resources"))
     first = component.slave.variables[0].name
     assert component.status == 0
     assert component.step() == (True, 0)
@@ -240,7 +246,9 @@ def described() -> dict[str, set[str]]:
                     key = part.kind, json.dumps(part.config, sort_keys=True)
                     if key not in seen:
                         seen.add(key)
-                        found[part.kind] |= set(shown(shell(part.kind, part.config, Path(folder, str(len(seen))))))
+                        found[part.kind] |= set(
+                            output_names(shell(part.kind, part.config, Path(folder, str(len(seen)))))
+                        )
     return found
 
 

@@ -39,8 +39,8 @@ class Push(NamedTuple):
     force: Floats  # on the points (p, 3), N
     normal: Floats  # normal force, N
     stored: Floats  # J
-    rubbed: Floats  # W lost by friction
-    damped: Floats  # W lost by the damper
+    friction_loss: Floats  # W lost by friction
+    damping_loss: Floats  # W lost by the damper
 
 
 def press(law: Law, share, depth: Floats, n: Floats, w: Floats, rate: Floats | None = None) -> Push:
@@ -53,8 +53,8 @@ def press(law: Law, share, depth: Floats, n: Floats, w: Floats, rate: Floats | N
     slip = w - along[..., None] * n
     friction = -law.mu * normal[..., None] * slip / np.sqrt((slip**2).sum(-1, keepdims=True) + law.v**2)
     force = normal[..., None] * n + friction
-    lost = -(friction * slip).sum(-1), -(normal - spring) * along
-    return Push(force, normal, 0.5 * share * law.k * depth**2, *lost)
+    power_losses = -(friction * slip).sum(-1), -(normal - spring) * along
+    return Push(force, normal, 0.5 * share * law.k * depth**2, *power_losses)
 
 
 # causes of contact losses: friction and damping of three pairs; of guides, both together
@@ -72,17 +72,17 @@ class Touch(NamedTuple):
     torque: Floats  # (T, n, 3) about their middles
     teeth: Floats  # (T, nodes, 3) on the pins
     stored: Floats  # (T) J
-    lost: Floats  # (T, causes) W
+    losses: Floats  # (T, causes) W
     along: Floats  # (T, n) N: forces along a link times their distance from its middle, over its length
-    taken: Floats  # (T) W: power that wheels and links put in
+    power_in: Floats  # (T) W: power that wheels and links put in
     depth: Floats  # (T) m
     load: Floats  # (T) N on the ground
     slide: Floats  # (T, 3) N m/s: load times velocity of the points on the ground
     sliding: Floats  # (T, n, 3) m/s, mean velocity of the points on the ground
-    sunk: Floats  # (T, n) m, depth of the deepest point
+    link_depth: Floats  # (T, n) m, depth of the deepest point
 
 
-class _Sum:
+class _ContactSums:
     def __init__(self, chain: Chain, wheels: Wheels) -> None:
         T, m = wheels.centre.shape[:2]
         z = np.zeros
@@ -91,27 +91,27 @@ class _Sum:
                        z(T), z((T, len(CAUSES))), z((T, chain.n)), z(T), z(T), z(T), z((T, 3)), z((T, chain.n, 3)),
                        z((T, chain.n)))  # fmt: skip
 
-    def book(self, t, at, x: Floats, w: Floats, depth: Floats, push: Push, m: int | None, kind: tuple) -> None:
+    def add(self, t, index, x: Floats, w: Floats, depth: Floats, push: Push, m: int | None, kind: tuple) -> None:
         """Add forces at points ``x`` (p, 3) and instants ``t`` on links (or pins) ``at`` by wheel ``m``."""
         sums, f = self.t, push.force
         if kind == TOOTH:
-            np.add.at(sums.teeth, (t, at), f)
+            np.add.at(sums.teeth, (t, index), f)
         else:
-            np.add.at(sums.force, (t, at), f)
-            arm, ends = x - self.chain.middle[t, at], self.chain.ends
-            np.add.at(sums.torque, (t, at), np.cross(arm, f))
-            line = (ends[1] - ends[0])[t, at]
+            np.add.at(sums.force, (t, index), f)
+            arm, ends = x - self.chain.middle[t, index], self.chain.ends
+            np.add.at(sums.torque, (t, index), np.cross(arm, f))
+            line = (ends[1] - ends[0])[t, index]
             line = line / np.linalg.norm(line, axis=-1, keepdims=True)
-            np.add.at(sums.along, (t, at), (f * line).sum(-1) * (arm * line).sum(-1) / self.chain.pitch)
+            np.add.at(sums.along, (t, index), (f * line).sum(-1) * (arm * line).sum(-1) / self.chain.pitch)
         if m is None:
-            np.add.at(sums.ground, (t, at), f)
+            np.add.at(sums.ground, (t, index), f)
         else:
             arm = x - self.wheels.centre[t, m]
             np.add.at(sums.wrench, (t, m), -np.concatenate([f, np.cross(arm, f)], axis=-1))
         np.add.at(sums.stored, t, push.stored)
-        np.add.at(sums.lost, (t, kind[0]), push.rubbed)
-        np.add.at(sums.lost, (t, kind[1]), push.damped)
-        np.add.at(sums.taken, t, -(f * w).sum(-1))
+        np.add.at(sums.losses, (t, kind[0]), push.friction_loss)
+        np.add.at(sums.losses, (t, kind[1]), push.damping_loss)
+        np.add.at(sums.power_in, t, -(f * w).sum(-1))
         np.maximum.at(sums.depth, t, depth)
 
     def material(self, t, m: int, x: Floats, u: Floats) -> Floats:
@@ -140,7 +140,7 @@ def inside(chain: Chain, wheels: Wheels, m: int, radius: float):
     return t, i, low[t, i], high[t, i], foot[t, i], n[t, i], length[t, i]
 
 
-def rims(sums: _Sum, law: Law, m: int, radius: float) -> None:
+def rims(sums: _ContactSums, law: Law, m: int, radius: float) -> None:
     chain, wheels = sums.chain, sums.wheels
     t, i, low, high, foot, n, length = inside(chain, wheels, m, radius)
     _, _, va, vb = chain.ends
@@ -158,7 +158,7 @@ def rims(sums: _Sum, law: Law, m: int, radius: float) -> None:
             on = depths[-1] > 0.0
             w = sums.material(t, m, x, u)
             push = press(law, share[on], depths[-1][on], (radial / rho[:, None])[on], w[on], sinking[on])
-            sums.book(t[on], i[on], x[on], w[on], depths[-1][on], push, m, WHEEL)
+            sums.add(t[on], i[on], x[on], w[on], depths[-1][on], push, m, WHEEL)
     # a parabola through two depths stores more than two points: its mean square over the part, by three points
     half = 0.5 * (high - low) * length
     bow, extra = half**2 / (2.0 * radius), 0.0
@@ -167,7 +167,7 @@ def rims(sums: _Sum, law: Law, m: int, radius: float) -> None:
     np.add.at(sums.t.stored, t, 0.5 * law.k * (high - low) * extra)
 
 
-def guides(sums: _Sum, law: Law, m: int, radius: float, play: float) -> None:
+def guides(sums: _ContactSums, law: Law, m: int, radius: float, play: float) -> None:
     chain, wheels = sums.chain, sums.wheels
     t, i, low, high, _, _, _ = inside(chain, wheels, m, radius)
     axle = wheels.axle[t, m]
@@ -179,10 +179,10 @@ def guides(sums: _Sum, law: Law, m: int, radius: float, play: float) -> None:
         w = sums.material(t, m, x, u)
         n = -np.sign(off)[:, None] * axle
         push = press(law, 0.5 * (high - low)[on], depth[on], n[on], w[on])
-        sums.book(t[on], i[on], x[on], w[on], depth[on], push, m, GUIDE)
+        sums.add(t[on], i[on], x[on], w[on], depth[on], push, m, GUIDE)
 
 
-def soil(sums: _Sum, law: Law, level: float) -> None:
+def soil(sums: _ContactSums, law: Law, level: float) -> None:
     chain = sums.chain
     near = np.minimum(chain.ends[0][..., 2], chain.ends[1][..., 2]) < level + 2.0 * chain.pitch
     t, i = np.nonzero(near)
@@ -193,12 +193,12 @@ def soil(sums: _Sum, law: Law, level: float) -> None:
             depth = level - x[:, 2]
             on = depth > 0.0
             push = press(law, 0.5 / len(chain.lateral), depth[on], np.broadcast_to(UP, x[on].shape), u[on])
-            sums.book(t[on], i[on], x[on], u[on], depth[on], push, None, GROUND)
+            sums.add(t[on], i[on], x[on], u[on], depth[on], push, None, GROUND)
             np.add.at(sums.t.load, t[on], push.normal)
             np.add.at(sums.t.slide, t[on], push.normal[:, None] * u[on])
             np.add.at(sums.t.sliding, (t[on], i[on]), u[on])
             np.add.at(lie, (t[on], i[on]), 1.0)
-            np.maximum.at(sums.t.sunk, (t[on], i[on]), depth[on])
+            np.maximum.at(sums.t.link_depth, (t[on], i[on]), depth[on])
     sums.t.sliding[:] /= np.maximum(lie, 1.0)[..., None]
 
 
@@ -245,7 +245,7 @@ class Outline:
         return depth, normal
 
 
-def teeth(sums: _Sum, law: Law, m: int, outline: Outline) -> None:
+def teeth(sums: _ContactSums, law: Law, m: int, outline: Outline) -> None:
     chain, wheels = sums.chain, sums.wheels
     far = np.linalg.norm(chain.pins - wheels.centre[:, m, None], axis=-1)
     t, j = np.nonzero(far < outline.top + 0.5)
@@ -266,7 +266,7 @@ def teeth(sums: _Sum, law: Law, m: int, outline: Outline) -> None:
         n = normal[:, :1] * out + (normal[:, 1:] * np.sign(b)[:, None]) * side
         w = sums.material(t, m, x, u)
         push = press(law, 1.0 / len(chain.lateral), depth[on], n[on], w[on])
-        sums.book(t[on], j[on], x[on], w[on], depth[on], push, m, TOOTH)
+        sums.add(t[on], j[on], x[on], w[on], depth[on], push, m, TOOTH)
 
 
 def ground_level(vehicle: dict[str, Any], parameters: dict[str, Any]) -> float:
@@ -279,7 +279,7 @@ def touch(chain: Chain, wheels: Wheels, covering: bool = False) -> Touch:
     """All contacts of a track, or only those that cover more or less of a link as it moves."""
     part, vehicle = chain.part, chain.vehicle
     laws = {pair: Law.of(part.parameters, vehicle["contact"], pair) for pair in ("sprocket", "wheel", "ground")}
-    outline, sums = Outline(vehicle), _Sum(chain, wheels)
+    outline, sums = Outline(vehicle), _ContactSums(chain, wheels)
     for m, wheel in enumerate(part.config["track"]["wheels"]):
         toothed = wheel["kind"] == "teeth"
         if toothed and not covering:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from mirror.check import Check, View, forward
 from mirror.forces import across, pulls
 from mirror.links import UP, Rigid
-from mirror.motion import turned
+from mirror.motion import rotation_of
 from mirror.record import Floats
 from mirror.touch import CAUSES, touch
 
@@ -24,12 +24,12 @@ def wheel_names(view: View) -> list[str]:
     return [wheel["name"] for wheel in view.track["wheels"]]
 
 
-def started(first: Floats, steps: Floats) -> Floats:
+def with_start(first: Floats, steps: Floats) -> Floats:
     """Prepend the value at the start to those of the steps."""
     return np.concatenate([first[None], steps])
 
 
-def summed(view: View, rates: Floats) -> Floats:
+def integrated(view: View, rates: Floats) -> Floats:
     """Integral of a rate at instants by the trapezium rule, as the component sums it."""
     return np.concatenate([[0.0], np.cumsum(0.5 * view.part.h * (rates[1:] + rates[:-1]))])
 
@@ -39,8 +39,8 @@ def summed(view: View, rates: Floats) -> Floats:
 
 def wrenches(view: View, names: Sequence[str]) -> Floats:
     """Wrenches of the contact laws at all instants, as means over steps by the integrator's recursion."""
-    found, wheels = view.touch.wrench, wheel_names(view)
-    means = started(found[0], view.recursion.means(found))
+    forces, wheels = view.touch.wrench, wheel_names(view)
+    means = with_start(forces[0], view.recursion.means(forces))
     columns = []
     for name in names:
         wheel, part, axis = re.fullmatch(r"(.+)\.(force|torque)\.([xyz])", name).groups()
@@ -50,7 +50,7 @@ def wrenches(view: View, names: Sequence[str]) -> Floats:
 
 def ground(view: View, names: Sequence[str]) -> Floats:
     """Ground forces, on all links or on each, as means by the recursion."""
-    means = started(view.touch.ground[0], view.recursion.means(view.touch.ground))
+    means = with_start(view.touch.ground[0], view.recursion.means(view.touch.ground))
     whole = means.sum(1)
     columns = []
     for name in names:
@@ -72,15 +72,15 @@ def wheels_of_links(view: View, names: Sequence[str]) -> Floats:
 
     In an open chain the first link also takes those on the first pin.
     """
-    c, found = view.chain, view.touch.force - view.touch.ground + view.touch.teeth[:, view.chain.second]
+    c, forces = view.chain, view.touch.force - view.touch.ground + view.touch.teeth[:, view.chain.second]
     if not c.closed:
-        found[:, 0] += view.touch.teeth[:, 0]
-    return of_links(view, found, names)
+        forces[:, 0] += view.touch.teeth[:, 0]
+    return of_links(view, forces, names)
 
 
-def of_links(view: View, found: Floats, names: Sequence[str]) -> Floats:
+def of_links(view: View, forces: Floats, names: Sequence[str]) -> Floats:
     """Means over the steps, by the recursion, of a force on each link (T, n, 3)."""
-    means = started(found[0], view.recursion.means(found))
+    means = with_start(forces[0], view.recursion.means(forces))
     return np.stack([means[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
 
 
@@ -88,8 +88,8 @@ def sliding(view: View, names: Sequence[str]) -> Floats:
     return of_links(view, view.touch.sliding, names)
 
 
-def sunk(view: View, names: Sequence[str]) -> Floats:
-    means = started(view.touch.sunk[0], view.recursion.means(view.touch.sunk))
+def ground_depth(view: View, names: Sequence[str]) -> Floats:
+    means = with_start(view.touch.link_depth[0], view.recursion.means(view.touch.link_depth))
     return np.stack([means[:, link_number(name)] for name in names], axis=1)
 
 
@@ -106,11 +106,11 @@ def newton(view: View, names: Sequence[str]) -> Floats:
     """Balance at rest: residual of joint forces, ground force and weight of a link."""
     (name,) = names
     c, part, i, axis = view.chain, view.part, link_number(names[0]) + 1, name[-1]
-    found = np.full(len(part.t), np.nan)
+    forces = np.full(len(part.t), np.nan)
     force = part[f"joint[{c.second[i - 1] + 1}].force.{axis}"] - part[f"joint[{i}].force.{axis}"]
     weight = c.mass * c.gravity if axis == "z" else 0.0
-    found[0] = (force + weight - part[f"link[{i}].ground.force.{axis}"])[0]
-    return found[:, None]
+    forces[0] = (force + weight - part[f"link[{i}].ground.force.{axis}"])[0]
+    return forces[:, None]
 
 
 def momentum(view: View, names: Sequence[str]) -> Floats:
@@ -127,7 +127,7 @@ def momentum(view: View, names: Sequence[str]) -> Floats:
                 sign, column = way, k
             else:
                 others = others + np.where(np.arange(3) == k, way * part[f"{other}.{axis}"][1:, None], 0.0)
-    return started(np.array(np.nan), sign * (gained - others)[:, column])[:, None]
+    return with_start(np.array(np.nan), sign * (gained - others)[:, column])[:, None]
 
 
 def chain_momentum(view: View) -> Floats:
@@ -145,7 +145,7 @@ def attitude(view: View):
     """Rotation and angular velocity (K + 1, 3) of the wheels' support: the chassis, where there is one."""
     if "chassis" in view.record.parts:
         chassis = view.record["chassis"]
-        return turned(chassis.vector("chassis.orientation", "wxyz")), chassis.vector("chassis.angular_velocity")
+        return rotation_of(chassis.vector("chassis.orientation", "wxyz")), chassis.vector("chassis.angular_velocity")
     turn = view.chain.turn
     return type(turn).concatenate([turn] * len(view.part.t)), np.zeros((len(view.part.t), 3))
 
@@ -155,9 +155,9 @@ def over_carrier(view: View) -> Floats:
     c = view.chain
     a, b, va, vb = c.ends
     _, spin = attitude(view)
-    if view.driven():
-        at, v = view.wheels.centre[:, :1], view.wheels.velocity[:, :1]
-        va, vb = (u - v - np.cross(spin[:, None], x - at) for x, u in ((a, va), (b, vb)))
+    if view.on_wheels():
+        centre, v = view.wheels.centre[:, :1], view.wheels.velocity[:, :1]
+        va, vb = (u - v - np.cross(spin[:, None], x - centre) for x, u in ((a, va), (b, vb)))
     along = (b - a) / np.linalg.norm(b - a, axis=-1, keepdims=True)
     if c.closed:
         before, after = np.roll(along, 1, axis=1), np.roll(along, -1, axis=1)
@@ -173,40 +173,40 @@ def speed(view: View, names: Sequence[str]) -> Floats:
 
 
 def travel(view: View, names: Sequence[str]) -> Floats:
-    return summed(view, over_carrier(view))[:, None]
+    return integrated(view, over_carrier(view))[:, None]
 
 
-def counted(view: View) -> tuple[Floats, Floats]:
+def pin_travel(view: View) -> tuple[Floats, Floats]:
     """Distance of pins past lines fixed on the vehicle, on the upper and the lower run (K + 1), m."""
     c, (turn, _) = view.chain, attitude(view)
     matrix = turn.as_matrix()
     local = np.einsum("tji,tnj->tni", matrix, c.pins - view.wheels.centre[:, :1])
     places = np.array([wheel["position"] for wheel in view.track["wheels"]])
     x, z, far, height = local[..., 0], local[..., 2], places[:, 0].min(), places[:, 1].mean()
-    found = []
+    runs = []
     for upper in (True, False):
-        passed = []
+        travel_bounds = []
         for line in np.linspace(0.8 * far, 0.2 * far, 12):
             d, e = x - line, np.roll(x - line, -1, axis=1)
-            here = (d * e <= 0.0) & ((z > height) == upper) & (abs(d - e) < 2.0 * c.pitch)
-            i, t = np.argmax(here, axis=1), np.arange(len(x))
+            crosses = (d * e <= 0.0) & ((z > height) == upper) & (abs(d - e) < 2.0 * c.pitch)
+            i, t = np.argmax(crosses, axis=1), np.arange(len(x))
             phase = np.unwrap(i + d[t, i] / (d[t, i] - e[t, i]), period=c.n)
-            passed.append(c.pitch * (phase[0] - phase))
-        found.append(np.median(passed, axis=0))
-    return found[0], found[1]
+            travel_bounds.append(c.pitch * (phase[0] - phase))
+        runs.append(np.median(travel_bounds, axis=0))
+    return runs[0], runs[1]
 
 
-def passed(view: View, names: Sequence[str]) -> tuple[Floats, Floats]:
+def travel_bounds(view: View, names: Sequence[str]) -> tuple[Floats, Floats]:
     """Bounds of the travel: the distances on the upper and on the lower run."""
-    above, below = counted(view)
+    above, below = pin_travel(view)
     return np.minimum(above, below)[:, None], np.maximum(above, below)[:, None]
 
 
 def growth_of_travel(view: View, names: Sequence[str]) -> Floats:
     """Speed at the end of a step from the travel: twice the mean speed less the speed at the other end."""
     mean = np.diff(view.part["travel"]) / view.part.h
-    own = over_carrier(view)
-    return np.concatenate([[np.nan], 2.0 * mean - own[:-1]])[:, None]
+    speed_now = over_carrier(view)
+    return np.concatenate([[np.nan], 2.0 * mean - speed_now[:-1]])[:, None]
 
 
 def slip(view: View, names: Sequence[str]) -> Floats:
@@ -223,12 +223,12 @@ def tensions(view: View) -> Floats:
     """Tensions (K + 1, n): from strain and rotation, or of a rod with pin forces, contacts and rotation."""
     c = view.chain
     if not isinstance(c, Rigid):
-        found = c.tension + c.whirled(view.accelerations)
-        found[:30] = np.nan  # accelerations need the preceding instants
-        return found
+        tension_of_links = c.tension + c.slope_inertia_force(view.accelerations)
+        tension_of_links[:30] = np.nan  # accelerations need the preceding instants
+        return tension_of_links
     first, last = pin_pulls(view)
-    whirled = c.mass * c.pitch / 12.0 * (c.own_rate[..., 1:] ** 2).sum(-1)
-    return 0.5 * ((first + last) * c.body[..., 0]).sum(-1) + view.touch.along + whirled
+    rotation = c.mass * c.pitch / 12.0 * (c.body_rates[..., 1:] ** 2).sum(-1)
+    return 0.5 * ((first + last) * c.body[..., 0]).sum(-1) + view.touch.along + rotation
 
 
 def pin_pulls(view: View) -> tuple[Floats, Floats]:
@@ -253,7 +253,7 @@ def tension_of_all(view: View, names: Sequence[str]) -> Floats:
     return np.stack([how[name](tensions(view), axis=1) for name in names], axis=1)
 
 
-def carried(view: View, names: Sequence[str]) -> tuple[Floats, Floats]:
+def tension_bounds(view: View, names: Sequence[str]) -> tuple[Floats, Floats]:
     """Bounds of a link's tension from the forces of its two pins along it, while it has no contact.
 
     The bounds are the two forces, extended by their difference: rims pull the halves of a link apart, and an impact
@@ -264,10 +264,10 @@ def carried(view: View, names: Sequence[str]) -> tuple[Floats, Floats]:
     a, b, va, vb = c.ends
     along = (b - a) / np.linalg.norm(b - a, axis=-1, keepdims=True)
     turning = np.cross(along, vb - va) / np.linalg.norm(b - a, axis=-1, keepdims=True)
-    whirled = c.mass * c.pitch / 12.0 * (turning**2).sum(-1)
+    rotation = c.mass * c.pitch / 12.0 * (turning**2).sum(-1)
     first, last = ((pull * along).sum(-1) for pull in pin_pulls(view))
-    apart = abs(first - last)
-    low, high = np.minimum(first, last) - apart + whirled, np.maximum(first, last) + apart + whirled
+    difference = abs(first - last)
+    low, high = np.minimum(first, last) - difference + rotation, np.maximum(first, last) + difference + rotation
     low[abs(view.touch.force).max(-1) > 0.0] = np.nan
     which = [link_number(name) for name in names]
     return low[:, which], high[:, which]
@@ -288,9 +288,9 @@ def stress_of_all(view: View, names: Sequence[str]) -> Floats:
 
 def joint_forces(view: View, names: Sequence[str]) -> Floats:
     """Pin forces as means over the steps by the recursion, known from the 30th instant on."""
-    found = view.joints.copy()
-    found[:30] = found[30]
-    means = started(found[0], view.recursion.means(found))
+    forces = view.joints.copy()
+    forces[:30] = forces[30]
+    means = with_start(forces[0], view.recursion.means(forces))
     means[:60] = np.nan
     return np.stack([means[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
 
@@ -307,7 +307,7 @@ def joints_by_momentum(view: View, names: Sequence[str]) -> Floats:
             others = others + part[f"link[{i + 1}].{what}.force.{axis}"][1:]
     other, sign = (c.second[i], 1.0) if j < c.n else (i, -1.0)
     found = sign * (gained - others) + part[f"joint[{other + 1}].force.{axis}"][1:]
-    return started(np.array(np.nan), found)[:, None]
+    return with_start(np.array(np.nan), found)[:, None]
 
 
 def joint_axes(view: View, names: Sequence[str]) -> Floats:
@@ -333,7 +333,9 @@ def joint_places(view: View, names: Sequence[str]) -> Floats:
 def joint_ways(view: View, names: Sequence[str]) -> Floats:
     """Positions of the pins, integrated from their start by the rates of the state."""
     c, h = view.chain, view.part.h[:, None, None]
-    found = c.pins[:1] + started(np.zeros(c.pins.shape[1:]), np.cumsum(0.5 * h * (c.rates[1:] + c.rates[:-1]), axis=0))
+    found = c.pins[:1] + with_start(
+        np.zeros(c.pins.shape[1:]), np.cumsum(0.5 * h * (c.rates[1:] + c.rates[:-1]), axis=0)
+    )
     return np.stack([found[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
 
 
@@ -353,18 +355,18 @@ def gravity(view: View, names: Sequence[str]) -> Floats:
     return (c.mass * c.gravity * (c.height - c.origin[2]).sum(1))[:, None]
 
 
-def stored(view: View, names: Sequence[str]) -> Floats:
+def contact_energy(view: View, names: Sequence[str]) -> Floats:
     return view.touch.stored[:, None]
 
 
-def lost(view: View, names: Sequence[str]) -> Floats:
+def losses(view: View, names: Sequence[str]) -> Floats:
     """Energy lost in contacts, in the material of links, and by damping across the chain."""
     c = view.chain
-    powers = {cause: view.touch.lost[:, k] for k, cause in enumerate(CAUSES)}
+    powers = {cause: view.touch.losses[:, k] for k, cause in enumerate(CAUSES)}
     powers["material"] = np.zeros(len(view.part.t)) if isinstance(c, Rigid) else c.material_loss
     powers["joints"] = across(c)[1]
     powers["dissipated"] = sum(powers.values())
-    return np.stack([summed(view, powers[name.rpartition(".")[2]]) for name in names], axis=1)
+    return np.stack([integrated(view, powers[name.rpartition(".")[2]]) for name in names], axis=1)
 
 
 def causes_together(view: View, names: Sequence[str]) -> Floats:
@@ -379,28 +381,30 @@ def ledger(view: View, names: Sequence[str]) -> Floats:
     part, put_in = view.part, np.zeros(len(view.part.h))
     for m, wheel in enumerate(wheel_names(view)):
         wrench = np.hstack([part.vector(f"{wheel}.{what}")[1:] for what in ("force", "torque")])
-        rates = np.hstack([part.given(f"{wheel}.{what}") for what in ("velocity", "angular_velocity")])
-        shift = part.given(f"{wheel}.position")[1:] - view.wheels.centre[1:-1, m]
-        given = turned(part.given(f"{wheel}.orientation", "wxyz"))
-        reached = Rotation.from_rotvec(part.h[:, None] * part.given(f"{wheel}.angular_velocity")) * given
-        jump = np.hstack([shift, (given[1:] * reached[:-1].inv()).as_rotvec()])
+        rates = np.hstack([part.input_vectors(f"{wheel}.{what}") for what in ("velocity", "angular_velocity")])
+        shift = part.input_vectors(f"{wheel}.position")[1:] - view.wheels.centre[1:-1, m]
+        input_attitude = rotation_of(part.input_vectors(f"{wheel}.orientation", "wxyz"))
+        end_attitude = (
+            Rotation.from_rotvec(part.h[:, None] * part.input_vectors(f"{wheel}.angular_velocity")) * input_attitude
+        )
+        jump = np.hstack([shift, (input_attitude[1:] * end_attitude[:-1].inv()).as_rotvec()])
         put_in -= part.h * (wrench * rates).sum(1)
         put_in[1:] -= (0.5 * (wrench[1:] + wrench[:-1]) * jump).sum(1)
-    held = sum(part[f"energy.{name}"] for name in ("kinetic", "strain", "gravity", "contact", "covered"))
-    found = np.concatenate([[0.0], np.cumsum(put_in)]) + part["energy.work"] - (held - held[0])
-    return found[:, None]
+    stored_energy = sum(part[f"energy.{name}"] for name in ("kinetic", "strain", "gravity", "contact", "covered"))
+    balance = np.concatenate([[0.0], np.cumsum(put_in)]) + part["energy.work"] - (stored_energy - stored_energy[0])
+    return balance[:, None]
 
 
 def patch_defect(view: View, names: Sequence[str]) -> Floats:
     """Power into contacts less their losses and the growth of stored energy a moment later, integrated, J."""
     c, w = view.chain, view.wheels
-    after, before = (touch(c.moved(tau), w.moved(tau), covering=True) for tau in (MOMENT, -MOMENT))
+    after, before = (touch(c.advanced(tau), w.advanced(tau), covering=True) for tau in (MOMENT, -MOMENT))
     now = touch(c, w, covering=True)
     grown = (after.stored - before.stored) / (2.0 * MOMENT)
-    return summed(view, now.taken - now.lost.sum(1) - grown)[:, None]
+    return integrated(view, now.power_in - now.losses.sum(1) - grown)[:, None]
 
 
-def pulled(view: View, names: Sequence[str]) -> Floats:
+def end_load_work(view: View, names: Sequence[str]) -> Floats:
     """Work of the constant end forces, J."""
     c = view.chain
     first, last = pulls(c)
@@ -417,21 +421,21 @@ def deepest(view: View, names: Sequence[str]) -> Floats:
 
 def steps(view: View, names: Sequence[str]) -> Floats:
     """Number of steps by the largest internal step, in runs without a halving."""
-    each = np.ceil(view.part.h / float(view.part.parameters["step"]) - 1e-9)
-    return np.concatenate([[0.0], np.cumsum(each)])[:, None]
+    counts = np.ceil(view.part.h / float(view.part.parameters["step"]) - 1e-9)
+    return np.concatenate([[0.0], np.cumsum(counts)])[:, None]
 
 
 def stages(view: View, names: Sequence[str]) -> Floats:
     return 4.0 * view.part["solver.steps"][:, None]
 
 
-def told(view: View) -> bool:
+def tension_known(view: View) -> bool:
     """True if tensions are known: from strain for elements, from accelerations for rigid links."""
-    return implicit(view) or (view.kind != "TrackRigid" and view.chain.beyond_rod == 0.0)
+    return implicit(view) or (view.kind != "TrackRigid" and view.chain.excess_inertia == 0.0)
 
 
 def on_wheels(view: View) -> bool:
-    return view.driven()
+    return view.on_wheels()
 
 
 def implicit(view: View) -> bool:
@@ -441,7 +445,7 @@ def implicit(view: View) -> bool:
 
 
 def implicit_on_wheels(view: View) -> bool:
-    return implicit(view) and view.driven()
+    return implicit(view) and view.on_wheels()
 
 
 def explicit(view: View) -> bool:
@@ -453,7 +457,7 @@ def undamped(view: View) -> bool:
 
     Transverse damping is known at instants only.
     """
-    return view.driven() and not turning(view) and (implicit(view) or not view.track["transverse_damping"])
+    return view.on_wheels() and not turning(view) and (implicit(view) or not view.track["transverse_damping"])
 
 
 def turning(view: View) -> bool:
@@ -461,7 +465,7 @@ def turning(view: View) -> bool:
 
 
 def in_free_air(view: View) -> bool:
-    return not view.driven()
+    return not view.on_wheels()
 
 
 def on_a_vehicle(view: View) -> bool:
@@ -480,7 +484,7 @@ def in_one_frame(view: View) -> bool:
     return not turning(view) and not view.track["transverse_damping"]
 
 
-def strained(view: View) -> bool:
+def implicit_elements(view: View) -> bool:
     return implicit_on_wheels(view) and view.kind != "TrackRigid"
 
 
@@ -503,16 +507,17 @@ CHECKS = (
     Check(r"link\[\d+\]\.wheels\.force\.[xyz]", "what balances a link at rest", newton, 1e-3, 1.0, balance=True,
           applies=straight_on),
     Check(r"link\[\d+\]\.ground\.sliding\.[xyz]", "points on the ground", sliding, 1e-3, 1e-4, applies=implicit),
-    Check(r"link\[\d+\]\.ground\.depth", "points on the ground", sunk, 1e-4, 1e-7, applies=implicit),
+    Check(r"link\[\d+\]\.ground\.depth", "points on the ground", ground_depth, 1e-4, 1e-7, applies=implicit),
     Check(r"ground\.force\.[xyz]", "balance of momentum", momentum, 1e-3, 1.0, balance=True, applies=straight_on),
     Check("travel", "straight runs over the carrier, summed", travel, 5e-3, 1e-4),
-    Check("travel", "pins that have passed, counted", passed, 0.02, 2e-3, applies=on_a_vehicle),
+    Check("travel", "pins that have passed, counted", travel_bounds, 0.02, 2e-3, applies=on_a_vehicle),
     Check("speed", "straight runs over the carrier", speed, 5e-3, 1e-3),
     Check("speed", "growth of travel", growth_of_travel, 0.01, 1e-3, balance=True),
     Check("slip", "points on the ground against the present heading", slip, 1e-3, 1e-5, applies=on_wheels),
-    Check(r"link\[\d+\]\.tension", "strain, or pin forces from motion", tension, 1e-3, 2.0, applies=told),
-    Check(r"link\[\d+\]\.tension", "between what its pins carry", carried, 0.03, 50.0, applies=strained),
-    Check(r"tension\.(min|mean|max)", "of all links", tension_of_all, 1e-3, 2.0, applies=told),
+    Check(r"link\[\d+\]\.tension", "strain, or pin forces from motion", tension, 1e-3, 2.0, applies=tension_known),
+    Check(r"link\[\d+\]\.tension", "between what its pins carry", tension_bounds, 0.03, 50.0,
+          applies=implicit_elements),
+    Check(r"tension\.(min|mean|max)", "of all links", tension_of_all, 1e-3, 2.0, applies=tension_known),
     Check(r"link\[\d+\]\.stress", "strain at the outer fibre", stress, 1e-4, 1e-2),
     Check(r"link\[\d+\]\.fibre\.(outer|inner)", "strain in the middle", fibre, 1e-4, 0.5),
     Check(r"joint\[\d+\]\.axis\.[xyz]", "coordinates", joint_axes, 1e-12, 1e-15),
@@ -526,14 +531,14 @@ CHECKS = (
     Check(r"energy\.kinetic", "bodies", kinetic, 1e-9, 1e-9),
     Check(r"energy\.strain", "own quadrature", strain, 1e-6, 1e-7),
     Check(r"energy\.gravity", "heights", gravity, 1e-9, 1e-9),
-    Check(r"energy\.contact", "penetrations", stored, 1e-5, 1e-6),
-    Check(r"energy\.dissipated", "laws of friction and damping", lost, 2e-3, 1e-3, applies=implicit),
-    Check(r"energy\.dissipated\..*", "laws of friction and damping", lost, 3e-3, 1e-6, applies=implicit),
+    Check(r"energy\.contact", "penetrations", contact_energy, 1e-5, 1e-6),
+    Check(r"energy\.dissipated", "laws of friction and damping", losses, 2e-3, 1e-3, applies=implicit),
+    Check(r"energy\.dissipated\..*", "laws of friction and damping", losses, 3e-3, 1e-6, applies=implicit),
     Check(r"energy\.dissipated", "sum of its causes", causes_together, 1e-12, 1e-15, balance=True),
     Check(r"energy\.dissipated", "ledger", ledger, 0.03, 2.0, balance=True, applies=on_wheels),
     Check(r"energy\.dissipated", "ledger", ledger, 0.02, 1e-4, balance=True, applies=in_free_air),
     Check(r"energy\.covered", "taken in, not stored, not lost", patch_defect, 0.03, 1e-3, applies=implicit_on_wheels),
-    Check(r"energy\.work", "end loads times their way", pulled, 1e-4, 1e-6),
+    Check(r"energy\.work", "end loads times their way", end_load_work, 1e-4, 1e-6),
     Check(r"penetration\.max", "places", deepest, 1e-5, 1e-8),
     Check(r"solver\.steps", "steps of the given length", steps, 0.0, applies=implicit),
     Check(r"solver\.evaluations", "four a step", stages, 0.0, balance=True, applies=explicit),

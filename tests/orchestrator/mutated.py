@@ -32,8 +32,8 @@ class Content:
         with path.open("rb") as stream:
             reader = make_reader(stream)
             summary = reader.get_summary()
-            self.attachments = {each.name: each.data for each in reader.iter_attachments()}
-            self.metadata = {each.name: dict(each.metadata) for each in reader.iter_metadata()}
+            self.attachments = {item.name: item.data for item in reader.iter_attachments()}
+            self.metadata = {item.name: dict(item.metadata) for item in reader.iter_metadata()}
         with Log(path) as log:
             self.channels = {  # without channels for other tools
                 number: (channel.topic, summary.schemas[channel.schema_id], dict(channel.metadata))
@@ -41,7 +41,7 @@ class Content:
                 if channel.topic not in log.others
             }
             pieces = [
-                [(int.from_bytes(each.rows[0, 9:11], "little"), each.rows, each.log_time) for each in piece]
+                [(int.from_bytes(item.rows[0, 9:11], "little"), item.rows, item.log_time) for item in piece]
                 for piece in log.chunks()
             ]
         self.chunks = [piece for piece in pieces if piece]
@@ -79,31 +79,31 @@ class Content:
         return path
 
 
-def bytes_changed(data: bytes, chance: random.Random) -> bytes:
+def change_bytes(data: bytes, chance: random.Random) -> bytes:
     """Data with a few bytes flipped, cut out, inserted or duplicated, or with its end cut off."""
     changed = bytearray(data)
     for _ in range(chance.choice((1, 1, 1, 3, 20))):
-        at = chance.randrange(len(changed))
-        length = min(chance.choice((1, 4, 8, 100, 5000)), len(changed) - at)
+        start = chance.randrange(len(changed))
+        length = min(chance.choice((1, 4, 8, 100, 5000)), len(changed) - start)
         match chance.randrange(6):
             case 0:
-                changed[at] ^= 1 << chance.randrange(8)
+                changed[start] ^= 1 << chance.randrange(8)
             case 1:
-                changed[at : at + length] = chance.randbytes(length)
+                changed[start : start + length] = chance.randbytes(length)
             case 2:
-                del changed[at : at + length]
+                del changed[start : start + length]
             case 3:
-                changed[at:at] = chance.randbytes(length)
+                changed[start:start] = chance.randbytes(length)
             case 4:
-                changed[at:at] = changed[at : at + length]
+                changed[start:start] = changed[start : start + length]
             case _ if len(changed) > 1000:
-                del changed[at:]
+                del changed[start:]
         if not changed:
             changed += b"\x89"
     return bytes(changed)
 
 
-def content_changed(content: Content, chance: random.Random) -> Content:
+def change_content(content: Content, chance: random.Random) -> Content:
     """Content with one or two changes: an attachment, metadata, the closing record, a channel, messages."""
     altered = deepcopy(content)
     for _ in range(chance.choice((1, 1, 2))):
@@ -124,8 +124,8 @@ def content_changed(content: Content, chance: random.Random) -> Content:
                 _, rows, _ = chance.choice(chance.choice(altered.chunks))
                 rows.flags.writeable = True
                 for row in rows[chance.randrange(len(rows)) :][: chance.choice((1, 1, 1000))]:
-                    at = chance.choice((11, PREFIX + 1, PREFIX + 10, PREFIX + chance.randrange(len(row) - PREFIX)))
-                    row[at : at + 8] = list(chance.choice(WORDS))[: len(row) - at]
+                    start = chance.choice((11, PREFIX + 1, PREFIX + 10, PREFIX + chance.randrange(len(row) - PREFIX)))
+                    row[start : start + 8] = list(chance.choice(WORDS))[: len(row) - start]
             case _:
                 entries = altered.metadata[chance.choice((CLOSING, CLOSING, chance.choice(list(altered.metadata))))]
                 key = chance.choice(list(entries))

@@ -36,7 +36,7 @@ from orchestrator.results.analyses import (
 from orchestrator.results.analyses.catalogue import ANALYSES, TRACK, Analysis, analyse, module_of
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
-from orchestrator.results.thinned import Envelope
+from orchestrator.results.thinned import TimeEnvelope
 from orchestrator.results.views.bodies import EVERY, Bodies
 from orchestrator.scene.scene import load
 
@@ -95,7 +95,7 @@ def test_power_through_ports_is_the_work_of_the_ledger(driven):
     scale = max(abs(given) for given, _ in works.values())
     assert scale > 1e3
     for port, (given, _) in works.items():
-        assert through[f"{port.giver}.{port.connector}"] == pytest.approx(given, abs=1e-3 * scale)
+        assert through[f"{port.giver}.{port.giver_connector}"] == pytest.approx(given, abs=1e-3 * scale)
 
 
 @pytest.mark.long
@@ -305,7 +305,7 @@ def test_open_chains_have_no_circuit(tmp_path):
 
 def test_rainflow_counts_the_example_of_the_standard():
     counted = {}
-    for size, number in zip(*fatigue.cycles(fatigue.turning(E1049)), strict=True):
+    for size, number in zip(*fatigue.rainflow_cycles(fatigue.turning_points(E1049)), strict=True):
         counted[size] = counted.get(size, 0.0) + number
     assert counted == {3.0: 0.5, 4.0: 1.5, 6.0: 0.5, 8.0: 1.0, 9.0: 0.5}
 
@@ -313,11 +313,13 @@ def test_rainflow_counts_the_example_of_the_standard():
 def test_what_lies_between_turning_points_does_not_count():
     fine = np.interp(np.linspace(0, 8, 161), np.arange(9), E1049)
     fine = np.repeat(fine, 2)
-    np.testing.assert_array_equal(fatigue.turning(fine), E1049)
+    np.testing.assert_array_equal(fatigue.turning_points(fine), E1049)
     values = np.round(np.random.default_rng(5).normal(size=500), 1)  # with equal neighbours
-    for whole, part in zip(fatigue.cycles(values), fatigue.cycles(fatigue.turning(values)), strict=True):
+    for whole, part in zip(
+        fatigue.rainflow_cycles(values), fatigue.rainflow_cycles(fatigue.turning_points(values)), strict=True
+    ):
         np.testing.assert_array_equal(whole, part)
-    assert fatigue.cycles(fatigue.turning(np.full(9, 3.0)))[0].size == 0
+    assert fatigue.rainflow_cycles(fatigue.turning_points(np.full(9, 3.0)))[0].size == 0
 
 
 def stressed(path, stress):
@@ -336,9 +338,9 @@ def test_damage_is_that_of_miner(tmp_path):
     with Log(stressed(tmp_path / "f.mcap", stress)) as log:
         run = RunData(log)
         found = fatigue.of(run)
-        steeper = fatigue.of(run, line=fatigue.Line(slope=5.0))
+        steeper = fatigue.of(run, line=fatigue.StressLifeLine(slope=5.0))
         with pytest.raises(BadInput, match=r"slope = 0: must be greater than 0"):
-            fatigue.of(run, line=fatigue.Line(slope=0.0))
+            fatigue.of(run, line=fatigue.StressLifeLine(slope=0.0))
     np.testing.assert_allclose(found.damage, by_hand * np.array([[1.0, 8.0], [0.125, 0.0]]), rtol=1e-12)
     np.testing.assert_allclose(found.largest[:, 0], [180e6, 90e6])
     np.testing.assert_allclose(found.cycles, [[4.0, 4.0], [4.0, 0.0]])
@@ -347,13 +349,13 @@ def test_damage_is_that_of_miner(tmp_path):
 
 
 def test_blocks_of_records_do_not_change_cycles(tmp_path, monkeypatch):
-    from orchestrator.results.analyses import of_links
+    from orchestrator.results.analyses import link_records
 
     stress = 1e7 * np.random.default_rng(2).normal(size=(60, 4))
     path = stressed(tmp_path / "f.mcap", stress)
     with Log(path) as log:
         whole = fatigue.of(RunData(log))
-        monkeypatch.setattr(of_links, "SIZE", 7)
+        monkeypatch.setattr(link_records, "SIZE", 7)
         np.testing.assert_array_equal(fatigue.of(RunData(log)).damage, whole.damage)
 
 
@@ -807,7 +809,7 @@ def test_curves_of_long_records_are_thinned_as_those_of_the_page(tmp_path):
         (found,) = signal_picture._curves(RunData(log), ["track.force"], EVER, False, False, 0, False)
     assert (found.x[found.y.argmax()], found.x[found.y.argmin()]) == (t[7777], t[12345]), "wrong instants"
     assert {*zip(found.x, found.y, strict=True)} <= {*zip(t, values, strict=True)}
-    same = Envelope(0.0, float(t[-1]), 1, signal_picture.CURVE)
+    same = TimeEnvelope(0.0, float(t[-1]), 1, signal_picture.CURVE)
     same.add(t, values[:, None])
     assert np.array_equal(found.x, same.curve(0).t)
     assert np.array_equal(found.y, same.curve(0).y)
@@ -867,10 +869,13 @@ def test_every_analysis_takes_three_lines_of_a_notebook(driven, what):
 @pytest.mark.parametrize(("what", "analysis"), ANALYSES.items())
 def test_what_is_declared_is_what_an_analysis_takes(what, analysis):
     module = module_of(what)
-    for function, options in ((module.of, analysis.options), (getattr(module, "picture", None), analysis.of_picture)):
+    for function, options in (
+        (module.of, analysis.options),
+        (getattr(module, "picture", None), analysis.picture_options),
+    ):
         names = set(inspect.signature(function).parameters) if function else set()
         assert {option.name for option in options} <= names
-    assert hasattr(module, "summary") <= analysis.in_full or what == "links"
+    assert hasattr(module, "summary") <= analysis.full_series or what == "links"
 
 
 def test_an_analysis_takes_one_module_and_one_entry(cotrack, driven, monkeypatch):

@@ -35,7 +35,7 @@ def test_peak_rms_and_parting(made):
         (found,) = answered.answers(log, answer, "left_track")
     assert (found.signal, found.unit, len(found.t)) == ("sprocket.force.x", "N", 51)
     assert found.peak == pytest.approx((-7.0, 0.05))
-    assert found.parted == pytest.approx(0.04)
+    assert found.parting_time == pytest.approx(0.04)
     assert found.largest == pytest.approx(abs(np.append(FORCE[::2], (FORCE + 3.0)[40::2])).max())
     row = answered.lines([found])[1].split()
     n = np.count_nonzero(T[::2] > 0.0395) - 1
@@ -48,9 +48,9 @@ def test_what_never_parts_says_so(tmp_path):
     near = wrote(tmp_path / "b.mcap", (FORCE + 0.99, T, T))
     far = wrote(tmp_path / "c.mcap", (FORCE + 1.05, T, T))
     with Log(same) as log, Log(near) as one, Log(far) as other:
-        assert np.isnan(answered.answers(log, one, "left_track")[0].parted)
+        assert np.isnan(answered.answers(log, one, "left_track")[0].parting_time)
         assert "never" in answered.lines(answered.answers(log, one, "left_track"))[1]
-        assert answered.answers(log, other, "left_track")[0].parted == 0.0
+        assert answered.answers(log, other, "left_track")[0].parting_time == 0.0
 
 
 def test_the_picture(made, tmp_path):

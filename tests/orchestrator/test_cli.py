@@ -25,7 +25,7 @@ from orchestrator.log.recorder import LogFailed, Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
 from orchestrator.results.analyses.phases import Phase
 from orchestrator.results.run_data import RunData
-from orchestrator.results.views import above, side_view
+from orchestrator.results.views import side_view, top_view
 from orchestrator.results.views.bodies import EVERY, Bodies
 from orchestrator.scene import gallery
 from orchestrator.scene.scene import load
@@ -574,8 +574,8 @@ def test_view_from_above(cotrack, tmp_path):
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
     with Log("a.mcap") as log:
         bodies = Bodies(RunData(log), EVERY)
-        bodies.keep([0.0, 0.02])
-        views = [above.view_from_above(bodies, poses) for poses in bodies.blocks(1)]
+        bodies.select_instants([0.0, 0.02])
+        views = [top_view.top_view(bodies, poses) for poses in bodies.blocks(1)]
         whole = [log.signal(f"left_track.ground.force.{axis}")[1] for axis in "xy"]
     corners = np.concatenate(views[1].links)
     left = corners[corners[:, 1] > 0.0]

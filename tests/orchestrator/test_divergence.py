@@ -55,8 +55,8 @@ def test_equal_runs_are_equal(reference, tmp_path):
     found = parted(in_pieces(tmp_path / "a.mcap", {}, 7000), reference)
     numbers = sum(len(names) * (STEPS // 5 + 1 if topic.endswith("links") else STEPS + 1)
                   for topic, names in TOPICS.items() if "stats" not in topic)  # fmt: skip
-    assert (found.first, found.spread, found.growth, found.only) == (None, (), {}, ())
-    assert (found.compared, found.until) == (numbers, pytest.approx(STEPS * STEP))
+    assert (found.first, found.spread, found.growth, found.unmatched) == (None, (), {}, ())
+    assert (found.value_count, found.end) == (numbers, pytest.approx(STEPS * STEP))
 
 
 @settings(max_examples=12, deadline=None)
@@ -86,7 +86,7 @@ def test_what_it_spreads_to_and_how_it_grows(reference, tmp_path):
     with Log(reference) as log:
         speed = log.read("/left_track/out").values[:, 0]
     growth = found.growth["/left_track/out"]
-    assert growth.apart.max() == pytest.approx(0.01 * np.abs(speed[150:]).max() / np.abs(speed).max())
+    assert growth.difference.max() == pytest.approx(0.01 * np.abs(speed[150:]).max() / np.abs(speed).max())
     assert 150 * STEP <= growth.t[0] <= growth.t[-1] == STEPS * STEP
     draw(found, tmp_path / "a.png")
     assert (tmp_path / "a.png").stat().st_size > 5_000
@@ -104,7 +104,7 @@ def test_what_only_one_has_is_said(reference, tmp_path, monkeypatch):
     monkeypatch.setattr("recorded.TOPICS", less)
     monkeypatch.setattr("recorded.EVERY", {"/left_track/links": 10})
     path = record(tmp_path / "a.mcap", STEPS, change=lambda topic, k, row: row[: len(less[topic])], flush=60)
-    only = parted(path, reference).only
+    only = parted(path, reference).unmatched
     assert any("reference.mcap: /chassis/out" in each for each in only)
     assert {"/left_track/links: one step in 10 and 5", "/left_track/out: tension.mean"} <= set(only)
 

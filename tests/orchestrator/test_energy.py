@@ -12,7 +12,7 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.execution.summary import energy_warning
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.results.energy import ledger, ports, turns
+from orchestrator.results.energy import ledger, ports, rotation_vectors
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.scene import load
 
@@ -29,9 +29,9 @@ def test_turns_are_rotation_vectors_in_the_world():
         rotation = Rotation.from_rotvec(vector) * rotation
         found.append(quaternions(rotation))
     q = np.array(found)
-    np.testing.assert_allclose(turns(q), vectors, atol=1e-12)
+    np.testing.assert_allclose(rotation_vectors(q), vectors, atol=1e-12)
     q[2] *= -1.0  # the same rotation
-    np.testing.assert_allclose(turns(q), vectors, atol=1e-12)
+    np.testing.assert_allclose(rotation_vectors(q), vectors, atol=1e-12)
 
 
 @pytest.fixture(scope="module")

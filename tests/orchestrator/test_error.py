@@ -16,9 +16,9 @@ from orchestrator.execution.precision import Setting, cheapest, fraction, front
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import (
-    Difference,
     Observable,
-    Signal,
+    ObservableDifference,
+    ObservableSamples,
     aligned,
     difference,
     differences,
@@ -32,12 +32,12 @@ from orchestrator.studies.row import Row
 from orchestrator.studies.runs import record
 
 SWING = ("chain.links=8", "track.start=displaced", "run.stop=0.064 s", "run.links=1")
-LINE = Observable("m", 0.1, lambda run: Signal(np.zeros(1), np.zeros((1, 1))))
+LINE = Observable("m", 0.1, lambda run: ObservableSamples(np.zeros(1), np.zeros((1, 1))))
 
 
 def signal(step, function, mean=False):
     t = np.arange(0.0, 1.0 + step / 2, step)
-    return Signal(t, function(t)[:, None], mean)
+    return ObservableSamples(t, function(t)[:, None], mean)
 
 
 def test_the_norm_of_a_known_difference():
@@ -79,7 +79,7 @@ def test_joint_forces_do_not_depend_on_the_interval_of_their_means(tmp_path):
 
 
 def test_only_decisive_observables_decide():
-    found = {"a": Difference(1, 0.1, "m", True), "b": Difference(1, 0.5, "m", False)}
+    found = {"a": ObservableDifference(1, 0.1, "m", True), "b": ObservableDifference(1, 0.5, "m", False)}
     assert worst(found) == 0.1
 
 

@@ -19,11 +19,11 @@ def test_points_of_the_line_lie_on_the_ground(settings):
     bump = scene.ground.bump and scene.ground.bump.model_dump()
     shape = ground_shape(scene.vehicle.model_dump(), 0.0, bump)
     along = np.concatenate([np.linspace(-1.0, 6.0, 300), found.along])
-    depths = [level(shape, x, z - found.start[2])[0] for x, z in zip(along, found.at(along), strict=True)]
+    depths = [level(shape, x, z - found.start[2])[0] for x, z in zip(along, found.height_at(along), strict=True)]
     # a straight line between two points of an arc is below it by less than this
     assert np.abs(depths).max() < 0.15 * (0.35 / 8) ** 2 / 8 * 1.1
     assert len(found.along) == (36 if bump else 0)
-    assert not bump or found.at(np.array([found.along.mean()]))[0] == pytest.approx(found.level + 0.2)
+    assert not bump or found.height_at(np.array([found.along.mean()]))[0] == pytest.approx(found.level + 0.2)
 
 
 def test_axes_of_a_loop_point_outwards():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orchestrator.results.moving_mean import Integrals
-from orchestrator.results.thinned import Curve, Envelope
+from orchestrator.results.thinned import Curve, TimeEnvelope
 
 END = 4.0  # s
 PERIOD = 0.0625
@@ -15,7 +15,7 @@ def moving(t, values, pieces=1):
     integrals = Integrals(float(t[0]), float(t[-1]), 1)
     for part in np.array_split(np.arange(len(t)), pieces):
         integrals.add(t[part], values[part, None])
-    return integrals.moving(0)
+    return integrals.moving_mean(0)
 
 
 def means_of(function, t):
@@ -62,11 +62,11 @@ def test_what_is_no_number_is_left_out_with_its_time():
     assert len(moving(t, np.full(4001, np.nan)).over(0.05).t) == 0
     once = Integrals(1.0, 1.0, 1)
     once.add(np.array([1.0]), np.array([[3.0]]))
-    assert len(once.moving(0).over(0.1).t) == 0
+    assert len(once.moving_mean(0).over(0.1).t) == 0
 
 
 def drawn(values, t):
-    envelope = Envelope(0.0, END, 1)
+    envelope = TimeEnvelope(0.0, END, 1)
     envelope.add(t, values[:, None])
     return envelope.curve(0)
 
@@ -80,5 +80,5 @@ def test_bands_are_told_from_lines():
         (ramp, False), (slow, False), (fast, True), (ramp + 2.0 * fast, True), (ramp + 0.2 * fast, False),
         (late, True), (np.where(t > 0.95 * END, fast, 0.0), False), (np.ones(6401), False),
     ):  # fmt: skip
-        assert drawn(values, t).banded(0.0, END) is band
-    assert not Curve(t[:2], ramp[:2]).banded(0.0, END)
+        assert drawn(values, t).is_band(0.0, END) is band
+    assert not Curve(t[:2], ramp[:2]).is_band(0.0, END)

@@ -7,7 +7,7 @@ import sys
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 
 import pytest
-from mutated import Content, bytes_changed, content_changed
+from mutated import Content, change_bytes, change_content
 
 from fmus.build import BuildFailed
 from orchestrator.cli import main
@@ -96,9 +96,9 @@ def survey(whole, seeds, drawn, monkeypatch, folder):
         chance, path = random.Random(seed), folder / "mutant.mcap"
         path.unlink(missing_ok=True)
         if seed % 2:
-            path.write_bytes(bytes_changed(data, chance))
+            path.write_bytes(change_bytes(data, chance))
         else:
-            content_changed(content, chance).write(path)
+            change_content(content, chance).write(path)
         for arguments in commands(path, whole, seed % drawn < 2):
             with ended_at(HANG):
                 status, out, err = called(arguments, monkeypatch)

@@ -30,12 +30,12 @@ from orchestrator.results.page import ending
 from orchestrator.results.page.balance import losses, sentence, sources
 from orchestrator.results.page.document import document
 from orchestrator.results.page.embedded import floats, script
+from orchestrator.results.page.evaluation import RunSummary, evaluate
 from orchestrator.results.page.events import rows as event_rows
 from orchestrator.results.page.player import UNIT, player
-from orchestrator.results.page.study import Judged, study
 from orchestrator.results.page.words import quantity, text
 from orchestrator.results.run_data import EVER, RunData, Window
-from orchestrator.results.thinned import Envelope
+from orchestrator.results.thinned import TimeEnvelope
 from orchestrator.results.units import number, percent
 from orchestrator.scene.scene import load
 
@@ -69,8 +69,8 @@ def page(path, reference=None):
         if reference:
             with Log(reference) as second:
                 known = RunData(second)
-                return document(study(run, _judged(run)), study(known, _judged(known)), PLOTS)
-        return document(study(run, _judged(run)), other, PLOTS)
+                return document(evaluate(run, _judged(run)), evaluate(known, _judged(known)), PLOTS)
+        return document(evaluate(run, _judged(run)), other, PLOTS)
 
 
 def embedded(html):
@@ -508,7 +508,7 @@ def test_every_link_that_bears_the_most_has_its_curves(tmp_path):
 def test_thinning_keeps_every_peak(drawn, bins):
     values, cuts = drawn
     t = np.linspace(0.0, 3.0, len(values))
-    envelope = Envelope(0.0, 3.0, 1, bins)
+    envelope = TimeEnvelope(0.0, 3.0, 1, bins)
     for piece in np.split(np.arange(len(values)), sorted(cuts)):
         envelope.add(t[piece], values[piece, None])
     curve = envelope.curve(0)
@@ -637,7 +637,7 @@ def test_a_check_says_why_its_bounds_are_what_they_are(tmp_path):
     scene = {"expect": {"speed_excess": {"measure": "speed_excess"}, "travel": {"signal": "a.travel"}}}
     one = {"value": 0.014, "expected": 0.025, "tolerance": 0.025, "ok": True, "note": ""}
     with Log(written(tmp_path / "a.mcap", {"a.travel": t}, t, scene)) as log:
-        html = document(study(RunData(log), Judged({"speed_excess": one, "travel": one}, {})), None, PLOTS)
+        html = document(evaluate(RunData(log), RunSummary({"speed_excess": one, "travel": one}, {})), None, PLOTS)
     checks = re.search(r'id="checks".*?</table>', html, re.S)[0]
     assert "Mean vehicle speed over teeth x pitch x omega / 2 pi, less 1" in checks
     assert checks.count('class="muted why"') == 1

@@ -151,7 +151,7 @@ def test_a_pivot_is_a_turn_and_a_crawl_is_no_rest(tmp_path):
     t = times(4.0)
     yaw_rate = np.interp(t, [1.0, 1.5], [0.0, 1.5])
     of = found(made(tmp_path / "p.mcap", t, 0.0 * t, yaw_rate))
-    assert [phases.called(one) for one in of] == ["rest", "turn left"]
+    assert [phases.phase_name(one) for one in of] == ["rest", "turn left"]
     assert of[1].radius == 0.0
     assert [one.kind for one in found(made(tmp_path / "c.mcap", t, 0.05 + 0.0 * t))] == ["steady"]
     assert [one.kind for one in found(made(tmp_path / "r.mcap", t, 0.02 + 0.0 * t))] == ["rest"]
@@ -163,7 +163,7 @@ def test_both_at_once(tmp_path):
     yaw_rate = np.interp(t, [2.0, 2.4], [0.0, 0.4])
     of = found(made(tmp_path / "b.mcap", t, np.interp(t, [1.0, 3.5], [0.0, 5.0]), yaw_rate))
     called = ["rest", "acceleration", "acceleration, turning left", "turn left"]
-    assert [phases.called(one) for one in of] == called
+    assert [phases.phase_name(one) for one in of] == called
     np.testing.assert_allclose(bounds(of), [1.0, 2.0, 3.5, 6.0], atol=1.01 * STEP)
 
 

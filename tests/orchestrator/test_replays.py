@@ -158,7 +158,7 @@ def test_other_numbers_answer_to_the_same_inputs(log, tmp_path):
             assert mine.hashes()[topic] == theirs.hashes()[topic] != source.hashes()[topic]
         (found,) = (one for one in answers(source, mine, "chain", (0.0, 0.01)) if one.signal == "tension.max")
     assert found.t[-1] == pytest.approx(0.01)
-    assert found.now == pytest.approx(found.recorded * 10.0 / 9.81, rel=1e-4)
+    assert found.answered == pytest.approx(found.recorded * 10.0 / 9.81, rel=1e-4)
     with replay_model.opened(answer, "chain", None) as again:
         assert again.model.ran
         assert again.verify().equal

@@ -14,10 +14,10 @@ from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.results.analyses.catalogue import analyse
 from orchestrator.results.page import heading
-from orchestrator.results.page.study import Judged, study
+from orchestrator.results.page.evaluation import RunSummary, evaluate
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import contact_step, ledger, limits
-from orchestrator.results.validity.entry import recorded
+from orchestrator.results.validity.exceedance import recorded_entries
 from orchestrator.results.validity.piece import LENGTH
 from orchestrator.results.validity.tooth_jump import jumps
 from orchestrator.scene import gallery
@@ -277,7 +277,7 @@ def test_a_step_that_is_long_for_a_link_between_wheel_and_ground(ms, long):
 
 def said_on_page(path):
     with Log(path) as log:
-        return heading.verdict(study(RunData(log), Judged({}, {}, "")))
+        return heading.verdict(evaluate(RunData(log), RunSummary({}, {}, "")))
 
 
 @pytest.fixture(scope="module")
@@ -304,7 +304,7 @@ def test_a_run_that_is_not_valid_fails_and_says_so_everywhere(cotrack, pressed, 
     with Log(result["log"]) as log:
         assert log.closing["status"] == "failed"
         assert log.closing["message"] == result["message"]
-        assert recorded(log.closing["results"]) == entries
+        assert recorded_entries(log.closing["results"]) == entries
     with open(result["log"], "rb") as file:
         told = [json.loads(message.data) for _, _, message in make_reader(file).iter_messages("/events")]
     assert len([one for one in told if one["kind"] == "validity"]) == len(entries)

@@ -19,7 +19,7 @@ from orchestrator.results.ground_profile import ground
 from orchestrator.results.page import player
 from orchestrator.results.rotation import matrices, quaternions
 from orchestrator.results.run_data import RunData, Window, within
-from orchestrator.results.views import above, film, foxglove_scene, projected, rerun_scene, side_view
+from orchestrator.results.views import film, foxglove_scene, projected, rerun_scene, side_view, top_view
 from orchestrator.results.views.bodies import Bodies
 from orchestrator.results.views.plots import curves, plots
 from orchestrator.results.views.solids import across, prism, strip
@@ -135,8 +135,8 @@ def depths_apart(log, bodies, poses):
             for side in (-1, 1)
         ])  # fmt: skip
         along = (points - profile.start) @ profile.ahead
-        height = profile.at(along)
-        slope = (profile.at(along + 1e-4) - profile.at(along - 1e-4)) / 2e-4
+        height = profile.height_at(along)
+        slope = (profile.height_at(along + 1e-4) - profile.height_at(along - 1e-4)) / 2e-4
         deep = ((height - points[..., 2]) / np.sqrt(1 + slope**2)).max(axis=0)
         mean = 0.5 * (deep[1:] + deep[:-1])
         bent = (np.abs(height - profile.level) > 2e-3).all(axis=0)[1:] & (np.abs(np.diff(slope, axis=0)) < 1e-9)[0][1:]
@@ -222,22 +222,22 @@ def test_triangles_of_sprocket_and_ground_look_outwards(shown):
     assert tips.max() == pytest.approx(bodies.scene["vehicle"]["sprocket"]["outer_radius"], rel=1e-12)
     pitch_radius = 0.0762 / np.sin(np.pi / 10)
     assert tips.min() == pytest.approx(pitch_radius - 0.015, rel=1e-12)
-    a, b, c = triangles(strip(across(bodies.ground, bodies.ground.bends(-6.0, 4.0), 5.0)))
+    a, b, c = triangles(strip(across(bodies.ground, bodies.ground.corners_between(-6.0, 4.0), 5.0)))
     normal = np.cross(b - a, c - a)
     assert (normal[:, 2] > 0).all()
     assert 0.5 * normal[:, 2].sum() == pytest.approx(10.0 * 10.0, rel=1e-12)  # the area under it
 
 
-@pytest.mark.parametrize("eye", projected.EYES)
+@pytest.mark.parametrize("eye", projected.VIEWPOINTS)
 def test_cameras_keep_lengths_and_show_ahead_to_the_right(eye):
-    seen = projected.camera(eye, 0.4, np.array([1.0, 2.0, 3.0]))
+    seen = projected.make_camera(eye, 0.4, np.array([1.0, 2.0, 3.0]))
     frame = np.stack([seen.right, seen.up, seen.toward])
     np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-15)
     assert np.linalg.det(frame) == pytest.approx(1.0)
     ahead = np.array([np.cos(0.4), np.sin(0.4), 0.0])
-    assert seen.flat(seen.centre + ahead)[0] > 0.5
+    assert seen.project(seen.centre + ahead)[0] > 0.5
     if eye == "right":
-        np.testing.assert_allclose(seen.flat(seen.centre + 2 * ahead + [0, 0, 3]), [2, 3], atol=1e-15)
+        np.testing.assert_allclose(seen.project(seen.centre + 2 * ahead + [0, 0, 3]), [2, 3], atol=1e-15)
 
 
 def test_rerun_holds_the_boxes_of_bodies(driven, tmp_path):
@@ -339,7 +339,7 @@ def test_a_film_has_the_pictures_of_its_time(hanging, tmp_path):
 def test_a_film_of_a_vehicle_from_every_side(driven, tmp_path):
     from PIL import Image
 
-    for eye in projected.EYES:
+    for eye in projected.VIEWPOINTS:
         film.write(driven, tmp_path / f"{eye}.gif", eye, "sliding")
         with Image.open(tmp_path / f"{eye}.gif") as image:
             seen = np.asarray(image.convert("RGB")).reshape(-1, 3).astype(int)
@@ -372,10 +372,12 @@ def test_the_section_of_the_ground_runs_under_a_vehicle_that_turned(shown):
     _, bodies, _ = shown
     profile = bodies.ground
     for turned in (0.0, 0.7):
-        seen = projected.camera("right", 0.4 + turned, profile.start + np.array([0.0, 0.0, 1.0]))
+        seen = projected.make_camera("right", 0.4 + turned, profile.start + np.array([0.0, 0.0, 1.0]))
         line, metres = projected.section(seen, profile, -4.0, 4.0)
         places = seen.centre + line[:, :1] * seen.right + line[:, 1:] * seen.up
-        np.testing.assert_allclose(profile.at((places - profile.start) @ profile.ahead), places[:, 2], atol=1e-12)
+        np.testing.assert_allclose(
+            profile.height_at((places - profile.start) @ profile.ahead), places[:, 2], atol=1e-12
+        )
         assert line[:, 1].max() - line[:, 1].min() == pytest.approx(0.01, abs=1e-9)
         assert np.diff(metres[:, 0]) == pytest.approx(1.0 / np.cos(turned))
 
@@ -385,8 +387,8 @@ def test_a_picture_shows_the_ground_as_it_is(driven):
         run = RunData(log)
         links = run.links("left_track", Window(0.02, 0.02))
         bodies = Bodies(run, 1e4, track="left_track")
-        bodies.keep([0.02])
-        line, _ = projected.section(side_view.side_view(bodies, next(bodies.blocks())).seen, bodies.ground, -4.5, 0.5)
+        bodies.select_instants([0.02])
+        line, _ = projected.section(side_view.side_view(bodies, next(bodies.blocks())).camera, bodies.ground, -4.5, 0.5)
     deep = np.interp(links.forward[0], *line.T) - (links.up[0] - 0.029)
     assert np.ptp(line[:, 1]) == pytest.approx(0.01, abs=1e-6)
     top = line[line[:, 1] > line[:, 1].max() - 1e-9, 0]
@@ -410,7 +412,7 @@ def foot():
 def test_numbers_under_narrow_panes_do_not_overlap(tmp_path, monkeypatch):
     path, drawn = tmp_path / "folded.mcap", []
     simulate(load("folded_chain", "rigid", ("run.stop=0.01", "chain.links=65", "expect={}")), path)
-    monkeypatch.setattr(side_view, "saved", lambda figure, output: drawn.append(figure))
+    monkeypatch.setattr(side_view, "save_figure", lambda figure, output: drawn.append(figure))
     side_view.draw(path, tmp_path / "x.png")
     (figure,) = drawn
     figure.canvas.draw()
@@ -525,19 +527,19 @@ def missed(points, found):
 def instant(driven):
     with Log(driven) as log:
         bodies = Bodies(RunData(log), 1e4)
-        bodies.keep([AT])
+        bodies.select_instants([AT])
         yield log, bodies, next(bodies.blocks())
 
 
 def test_flat_drawings_place_a_link_and_a_tooth_where_they_were(instant, marked):
     _, bodies, poses = instant
-    for eye in projected.EYES:
-        seen = projected.camera(eye, 0.4, poses.hull.position[0])
+    for eye in projected.VIEWPOINTS:
+        seen = projected.make_camera(eye, 0.4, poses.hull.position[0])
         found = np.concatenate(projected.polygons(seen, bodies, poses, 0, (0.0, 1.0)).outlines)
-        assert missed(seen.flat(np.stack(marked)), found) < 1e-9, eye
+        assert missed(seen.project(np.stack(marked)), found) < 1e-9, eye
     view = side_view.side_view(bodies, poses)
     boxes, rims = view.links.reshape(-1, 2), np.concatenate([outline for _, _, outline in view.wheels])
-    corner, tip = view.seen.flat(np.stack(marked))
+    corner, tip = view.camera.project(np.stack(marked))
     assert missed([corner], boxes) < 1e-9
     assert missed([tip], rims) < 1e-9
     assert missed([corner], 1.03 * boxes) > 1e-3
@@ -545,7 +547,7 @@ def test_flat_drawings_place_a_link_and_a_tooth_where_they_were(instant, marked)
     lowest = int(poses.links["left_track"].centres[0, :, 2].argmin())
     track, links = bodies.tracks[0], poses.links["left_track"]
     under = links.centres[0, lowest] + links.axes[0, lowest] @ (track.half * [1.0, 1.0, -1.0])
-    assert missed([under[:2]], np.concatenate(above.view_from_above(bodies, poses).links)) < 1e-9
+    assert missed([under[:2]], np.concatenate(top_view.top_view(bodies, poses).links)) < 1e-9
 
 
 def test_the_player_places_a_link_and_a_tooth_where_they_were(instant, marked, monkeypatch):
@@ -564,7 +566,7 @@ def test_the_player_places_a_link_and_a_tooth_where_they_were(instant, marked, m
 
     axle = poses.wheels["left_track/sprocket"].position[0]
     level = ground(RunData(log).scene).level
-    seen = projected.camera("right", 0.4, np.array([*axle[:2], level]))
+    seen = projected.make_camera("right", 0.4, np.array([*axle[:2], level]))
     a, b = places(view["pins"])[LINK - 1 : LINK + 1]
     gap, along = 0.5 * (1.0 - view["drawn"]), (b - a) / np.linalg.norm(b - a)
     outwards = np.array([-along[1], along[0]])
@@ -574,7 +576,7 @@ def test_the_player_places_a_link_and_a_tooth_where_they_were(instant, marked, m
     angle = unpacked(sprocket["angle"])[k]
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     outline = places(sprocket["centre"]) + np.array(sprocket["outline"]) @ turn.T
-    corner, tip = seen.flat(np.stack(marked))
+    corner, tip = seen.project(np.stack(marked))
     assert missed([corner], corners) < 3 * player.UNIT
     assert missed([tip], outline) < 3 * player.UNIT
     assert missed([tip], np.array(outline) - 5 * player.UNIT) > 3 * player.UNIT
@@ -644,8 +646,8 @@ def test_a_run_that_blew_up_is_shown_up_to_there(hanging, tmp_path):
         bodies = Bodies(RunData(log), 1e4)
         (poses,) = bodies.blocks()
         np.testing.assert_allclose(poses.t, [0.0, 0.1, 0.2], atol=1e-12)
-        bodies.keep([0.1, 0.4])
+        bodies.select_instants([0.1, 0.4])
         assert len(side_view._figure(bodies).axes) == 2, "a pane and the colour scale"
-        bodies.keep([0.4])
+        bodies.select_instants([0.4])
         with pytest.raises(BadInput, match="values of /chain/links are no finite numbers: there is nothing to show"):
             next(bodies.blocks())

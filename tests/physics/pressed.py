@@ -14,7 +14,7 @@ from fmus.physics.contact.wheel import rim_face
 from fmus.physics.point import Memory, memory
 
 
-class Pressed:
+class PointContact:
     """Force of a face on a point, with derivatives."""
 
     def __init__(self) -> None:
@@ -22,43 +22,45 @@ class Pressed:
         self.f, self.f_rate = np.zeros(3), np.zeros(3)
         self.f_x, self.f_v = np.zeros((3, 3)), np.zeros((3, 3))
 
-    def take(self, law: Any, share: float, depth: float, face: Face, rate: float | None = None) -> tuple[float, ...]:
+    def apply(self, law: Any, share: float, depth: float, face: Face, rate: float | None = None) -> tuple[float, ...]:
         """Press a point against a face by its own or a given rate; return depth, normal force, energy, power."""
         if depth <= 0.0:
             return depth, 0.0, 0.0, 0.0
 
-        def pushed(by_rate: float, known: Memory) -> Any:
+        def force_of(by_rate: float, memory: Memory) -> Any:
             if rate is None:
-                return touch(law, share, depth, face, by_rate, True, known, 0)
-            return press(law, share, depth, rate, 0.0, face, by_rate, True, known, 0)
+                return touch(law, share, depth, face, by_rate, True, memory, 0)
+            return press(law, share, depth, rate, 0.0, face, by_rate, True, memory, 0)
 
-        still = pushed(0.0, Memory(*(part.copy() for part in self.memory)))
-        moving = pushed(1.0, self.memory)
-        self.f[:], self.f_rate[:] = still.f, still.by_rate
-        self.f_x[:] = np.reshape(still.g, (3, 3))
+        at_rest = force_of(0.0, Memory(*(part.copy() for part in self.memory)))
+        moving = force_of(1.0, self.memory)
+        self.f[:], self.f_rate[:] = at_rest.f, at_rest.by_rate
+        self.f_x[:] = np.reshape(at_rest.g, (3, 3))
         self.f_v[:] = np.reshape(moving.g, (3, 3)) - self.f_x
-        return depth, still.normal, still.energy, still.friction + still.damping
+        return depth, at_rest.normal, at_rest.energy, at_rest.friction + at_rest.damping
 
 
 def _point(x: Any, v: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
     return tuple(map(float, x)), tuple(map(float, v))
 
 
-def rim(law: Any, share: float, radius: float, row: Any, x: Any, v: Any, rate: float, s: Pressed) -> tuple[float, ...]:
+def rim(
+    law: Any, share: float, radius: float, row: Any, x: Any, v: Any, rate: float, s: PointContact
+) -> tuple[float, ...]:
     """Contact with a rim that penetrates at ``rate``."""
-    return s.take(law, share, *rim_face(row, radius, *_point(x, v)), rate)
+    return s.apply(law, share, *rim_face(row, radius, *_point(x, v)), rate)
 
 
-def tooth(law: Any, share: float, teeth: Any, row: Any, x: Any, v: Any, s: Pressed) -> tuple[float, ...]:
+def tooth(law: Any, share: float, teeth: Any, row: Any, x: Any, v: Any, s: PointContact) -> tuple[float, ...]:
     """Contact with teeth."""
-    return s.take(law, share, *tooth_face(teeth, row, *_point(x, v)))
+    return s.apply(law, share, *tooth_face(teeth, row, *_point(x, v)))
 
 
-def soil(law: Any, share: float, ground: Any, x: Any, v: Any, s: Pressed) -> tuple[float, ...]:
+def soil(law: Any, share: float, ground: Any, x: Any, v: Any, s: PointContact) -> tuple[float, ...]:
     """Contact with the ground."""
-    return s.take(law, share, *ground_face(ground, *_point(x, v)))
+    return s.apply(law, share, *ground_face(ground, *_point(x, v)))
 
 
-def guide(law: Any, share: float, play: float, row: Any, x: Any, v: Any, s: Pressed) -> tuple[float, ...]:
+def guide(law: Any, share: float, play: float, row: Any, x: Any, v: Any, s: PointContact) -> tuple[float, ...]:
     """Contact with a guide."""
-    return s.take(law, share, *guide_face(row, play, *_point(x, v)))
+    return s.apply(law, share, *guide_face(row, play, *_point(x, v)))

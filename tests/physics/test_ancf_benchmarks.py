@@ -348,7 +348,7 @@ class Chord(Mesh):
     """Small-deformation cables with the strain printed below (12), which has no potential."""
 
     def internal(self, q):
-        return np.concatenate([chord.forces(c, e).ravel() for c, e in self._each(self.coordinates(q))])
+        return np.concatenate([chord.forces(c, e).ravel() for c, e in self._elements(self.coordinates(q))])
 
 
 @pytest.mark.long

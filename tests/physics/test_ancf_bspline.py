@@ -145,8 +145,8 @@ def test_these_are_the_joints_that_meshes_eliminate(joint, element, eliminated):
     order = [0, 1, 2, *range(n, n + 3), *range(3, n)]
     before, behind = rows[:, order], rows[:, [half + k for k in order]]
     assert np.abs(rows).sum() == np.abs(before).sum() + np.abs(behind).sum()
-    assert np.abs(before + behind @ eliminated.follow).max() < 1e-15
-    assert np.abs(behind @ eliminated.own).max(initial=0.0) < 1e-15
+    assert np.abs(before + behind @ eliminated.transfer).max() < 1e-15
+    assert np.abs(behind @ eliminated.free_directions).max(initial=0.0) < 1e-15
     assert bspline.demand(joint, element, turn=CORNER).equations == eliminated.equations
 
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from pressed import Pressed, guide, rim, soil, tooth
+from pressed import PointContact, guide, rim, soil, tooth
 
 from fmus.physics.contact.ground import Ground, bumpy, level
 from fmus.physics.contact.laws import LAWS, normal
@@ -72,7 +72,7 @@ CASES = [
 
 @pytest.mark.parametrize(("contact", "x"), CASES)
 def test_derivatives_match_finite_differences(contact, x):
-    s, v = Pressed(), np.array([0.3, -0.2, 0.4])
+    s, v = PointContact(), np.array([0.3, -0.2, 0.4])
     assert contact(x, v, s)[0] > 0.0
     f_x, f_v = s.f_x.copy(), s.f_v.copy()
     for i in range(3):
@@ -93,7 +93,7 @@ def test_derivatives_match_finite_differences(contact, x):
 @pytest.mark.parametrize(("contact", "x"), CASES)
 def test_power_of_the_force_is_dissipation_and_storage(contact, x):
     """The power of the force, relative to the face, is dissipation + growth of the stored energy."""
-    s, v, h = Pressed(), np.array([0.3, -0.2, 0.4]), 1e-7
+    s, v, h = PointContact(), np.array([0.3, -0.2, 0.4]), 1e-7
     _, _, _, power = contact(x, v, s)
     seen = slide(wheel_row(0.05 if contact is on_rim else 0.0), x, v)
     w = v if contact in (on_ground, on_bump) else np.array(seen)
@@ -134,7 +134,7 @@ PASSES = {
 def test_work_on_a_contact_is_stored_and_dissipated(law):
     """Work on a contact, by Simpson's rule, is stored and dissipated along a random motion."""
     contact, start, wheel = PASSES[law]
-    path, s = passing(np.asarray(start), 8e-3, np.random.default_rng(8)), Pressed()
+    path, s = passing(np.asarray(start), 8e-3, np.random.default_rng(8)), PointContact()
     first, row = wheel_row()[None, :], np.zeros((1, WIDTH))
     if wheel:
         first[0, 3:9] = 0.004, -0.003, 0.006, 0.01, 0.03, -0.02
@@ -235,7 +235,7 @@ def test_hunt_and_crossley_send_a_mass_back_as_they_say():
 
 def test_a_wheel_that_rolls_on_a_flat_feels_no_damper():
     """A wheel that rolls on a flat has no damper force: its penetration rate is that of its centre."""
-    row, s = wheel_row(), Pressed()
+    row, s = wheel_row(), PointContact()
     row[3:6], row[6:9] = (2.0, 0.0, 0.0), (0.0, 2.0 / 0.305, 0.0)
     side, still = np.array([0.0, 0.0, -1.0]), np.zeros(3)
     assert closing(row, still, side) == 0.0
@@ -284,7 +284,7 @@ def test_shares_of_a_contact_add_up():
     row = wheel_row()
     a, b = np.array([0.22, 0.02, -0.430]), np.array([0.22 + PITCH, 0.02, -0.426])
     a, b = b, a  # rearwards: outward is down
-    s, v, offset, radius = Pressed(), np.zeros(3), 0.029, 0.305
+    s, v, offset, radius = PointContact(), np.zeros(3), 0.029, 0.305
     law = Linear(2e6, 0.0, 0.0, 0.05)
     (low, high, foot), side = reach(row, radius, a, b, offset)
     t = (b - a) / np.linalg.norm(b - a)
@@ -314,7 +314,7 @@ def test_shares_of_a_contact_add_up():
 def depth_at(a: float, b: float) -> float:
     row = np.zeros(WIDTH)
     row[9:12], row[12:15] = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
-    return tooth(LAW, 1.0, TEETH, row, (a, 0.0, -b), (0.0, 0.0, 0.0), Pressed())[0]
+    return tooth(LAW, 1.0, TEETH, row, (a, 0.0, -b), (0.0, 0.0, 0.0), PointContact())[0]
 
 
 def test_pins_at_the_pitch_circle_just_touch_their_seats():
@@ -343,7 +343,7 @@ def test_a_way_round_in_a_tooth_does_no_work(radius):
     row[9:12], row[12:15] = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
     angle = np.linspace(0.0, 2.0 * np.pi, 4001)
     way = np.stack([0.24 + radius * np.cos(angle), 0.0 * angle, -0.06 - radius * np.sin(angle)], axis=1)
-    forces, energies, s = np.zeros_like(way), np.zeros(len(way)), Pressed()
+    forces, energies, s = np.zeros_like(way), np.zeros(len(way)), PointContact()
     for i, x in enumerate(way):
         depth, _, energies[i], *_ = tooth(elastic, 1.0, TEETH, row, x, np.zeros(3), s)
         forces[i] = s.f if depth > 0.0 else 0.0
@@ -418,7 +418,7 @@ def test_edges_too_round_for_their_bump_are_refused():
 def stopped(v_reg: float, sharp: bool, most: int = 40) -> tuple[np.ndarray, list[float]]:
     """Stop a mass on the ground in one implicit step; return its velocity and Newton's corrections."""
     law, mass, h = LAW._replace(v_reg=v_reg), 18.0, 1e-3
-    s, x, before = Pressed(), np.array([0.1, 0.2, -0.01]), np.array([0.05, 0.02, 0.0])  # stops within a step
+    s, x, before = PointContact(), np.array([0.1, 0.2, -0.01]), np.array([0.05, 0.02, 0.0])  # stops within a step
     v, sizes = before.copy(), []
     if sharp:
         sharpen(s.memory)

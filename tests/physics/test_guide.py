@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from pressed import Pressed, guide
+from pressed import PointContact, guide
 
 from fmus.physics.contact.linear import Linear
 
@@ -26,7 +26,7 @@ def horn(side: float, depth: float = 0.004) -> tuple[np.ndarray, np.ndarray]:
 
 
 def force(x: np.ndarray, v: np.ndarray, clearance: float = PLAY):
-    s = Pressed()
+    s = PointContact()
     depth, normal, energy, power = guide(LAW, 0.5, clearance, wheel(), x, v, s)
     return s, depth, normal, energy, power
 

@@ -51,7 +51,7 @@ def compared(run: Run, against: Path | None, folder: Path) -> Row:
             return Row("", str(run), digest, ok=False, note=f"there: {refusal}")
         with Log(there, unfinished=True) as other:
             found = divergence(own, other)
-    only = [name for name in found.only if not name.startswith(UNREAD)]
+    only = [name for name in found.unmatched if not name.startswith(UNREAD)]
     note = str(found.first or "")
     if only:
         note = "; ".join(filter(None, (note, f"{len(only)} signals on one side alone, {only[0]} among them")))

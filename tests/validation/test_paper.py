@@ -39,7 +39,6 @@ from tests.validation.paper import (
     through_fmus,
     violation,
 )
-from tests.validation.paper.found import HOLDS, NOT, PART, UNMEASURED, Found
 from tests.validation.paper.models import (
     CLOSED,
     CLOSED_ROD,
@@ -53,6 +52,7 @@ from tests.validation.paper.models import (
     Model,
     scene,
 )
+from tests.validation.paper.results import HOLDS, NOT, PART, UNMEASURED, Results
 from tests.validation.paper.statements import STATEMENTS, judged
 
 HALF = 0.0762
@@ -341,7 +341,7 @@ def test_sections_of_figure_20_are_those_of_the_text():
     pins = np.stack([np.interp(s, along, closed[:, k]) for k in range(2)], axis=1)[None]
     links, joints, length = circuit.places(pins - pins[0].mean(axis=0), -pins[0].mean(axis=0))
     centres = 0.5 * (pins + np.roll(pins, -1, axis=1))
-    placed = circuit.Placed(np.zeros(1), np.zeros(1), length, links, joints, centres, pins, np.eye(3)[None], ())
+    placed = circuit.PlacedRecords(np.zeros(1), np.zeros(1), length, links, joints, centres, pins, np.eye(3)[None], ())
     between = conventions.edges(vehicle, placed)
     kinds = np.array(conventions.SECTIONS)[np.searchsorted(between[1:3], links[0], side="right")]
     ahead, up = centres[0].T
@@ -489,7 +489,7 @@ def rows(cpu=4.0, count=8.5, top=20.0, front=5.0):
 
 
 def verdict(rule, *found):
-    return rule(Found(found)).verdict
+    return rule(Results(found)).verdict
 
 
 def test_rules_say_what_the_figures_say():
@@ -498,7 +498,7 @@ def test_rules_say_what_the_figures_say():
     assert verdict(rules.ratios, *rows(cpu=0.5)) == NOT
     assert verdict(rules.ratios, *rows()[:2]) == UNMEASURED
     springs = [Row("stiffness", "", {"stiffness": k, "cpu": k**0.5, "evaluations": k**0.5}, True) for k in (1e-4, 1e4)]
-    told = rules.ratios(Found([*rows(cpu=30.0, count=146.0), *springs])).measured
+    told = rules.ratios(Results([*rows(cpu=30.0, count=146.0), *springs])).measured
     assert "of a spring of 56 and 3e+02 N/m" in told, "(30 / 4)^2 and (146 / 8.5)^2"
     assert verdict(rules.sections, *rows()) == HOLDS
     assert verdict(rules.sections, *rows(front=12.0)) == NOT
@@ -516,7 +516,7 @@ def test_ratios_would_be_others_at_other_tolerances():
         cost(CLOSED, 90, 1e-6),
         cost(RIGID, 6, 1e-6),
     ]
-    told = rules.ratios(Found(found)).measured
+    told = rules.ratios(Results(found)).measured
     assert "would be those of the rigid model times: flexible-closed / rigid 30 and 146" in told
     assert "over tolerances evaluations times 2 to 15" in told
 

@@ -33,13 +33,13 @@ class Analysis(NamedTuple):
 
     about: str
     options: tuple[Option, ...] = ()
-    of_picture: tuple[Option, ...] = ()  # options of ``picture``
-    in_full: bool = False  # a file gets all numbers over time, frequency or length instead of the table
+    picture_options: tuple[Option, ...] = ()  # options of ``picture``
+    full_series: bool = False  # a file gets all numbers over time, frequency or length instead of the table
 
     @property
     def flags(self) -> tuple[str, ...]:
         """Options on the command line."""
-        return tuple(option.flag for option in (*self.options, *self.of_picture))
+        return tuple(option.flag for option in (*self.options, *self.picture_options))
 
 
 TRACK = Option("track", str, "--track", "NAME", "by default the first, of joints all")
@@ -56,7 +56,7 @@ AT = Option("at", list[float], "--at", "T", "deformation: an instant, s; repeata
 LINK = Option("link", int, "--link", "N", "deformation: the link of a picture, default 1")
 
 ANALYSES = {
-    "power": Analysis("through wheels, sprockets and motors, relative to the hull", in_full=True),
+    "power": Analysis("through wheels, sprockets and motors, relative to the hull", full_series=True),
     "spectrum": Analysis("largest peaks of signals, by frequency and tooth order", (SIGNALS, SHAPE, ORDERS), (), True),
     "envelope": Analysis(
         "least, mean, largest tension by place on the circuit", (SIGNALS._replace(name="signal"), TRACK, BINS)
@@ -65,7 +65,7 @@ ANALYSES = {
     "wheel-loads": Analysis("of road wheels, and how long they are lifted off"),
     "patches": Analysis("contact patches of road wheels and idlers on links"),
     "contact": Analysis("pressure under links", (TRACK,)),
-    "slip": Analysis("and thrust of tracks", in_full=True),
+    "slip": Analysis("and thrust of tracks", full_series=True),
     "joints": Analysis("extremes of joint forces, where and when", (TRACK,)),
     "links": Analysis("forces on links in their own axes", (TRACK,)),
     "deformation": Analysis("of links along their length, in their tangent frames", (TRACK, AT), (LINK,), True),

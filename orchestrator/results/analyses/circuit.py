@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, of_links
+from orchestrator.results.analyses import hull, link_records
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 
 
-class Placed(NamedTuple):
+class PlacedRecords(NamedTuple):
     """Link records with their places."""
 
     t: Floats  # (m,) s
@@ -27,53 +27,53 @@ class Placed(NamedTuple):
     links: Floats  # (m, links) m, middles of links
     joints: Floats  # (m, joints) m, pins
     centres: Floats  # (m, links, 2) m, middles of links ahead of and above the sprocket axle, in hull axes
-    pins: Floats  # (m, joints, 3) m, world; define the axes of forces as in ``of_links``
+    pins: Floats  # (m, joints, 3) m, world; define the axes of forces as in ``link_records``
     axes: Floats  # (m, 3, 3) columns ahead, left, up of the hull, in world
     values: tuple[Floats, ...]  # one per signal, (m, n) or (m, n, 3)
 
 
-def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> Iterator[Placed]:
+def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> Iterator[PlacedRecords]:
     """Signals of links with their places, in blocks; raises Missing, also for open chains."""
-    away: Floats | None = None
+    ray: Floats | None = None
     middle = np.zeros(2)
-    port, count = hull.sprocket(run, track), of_links.count(run, track)
-    for block in of_links.records(run, track, window, of_links.POSITION, *signals):
+    port, count = hull.sprocket(run, track), link_records.count(run, track)
+    for block in link_records.records(run, track, window, link_records.POSITION, *signals):
         pins = block.values[0]
         if pins.shape[1] != count:
             raise Missing(f"{run.log.path}: of '{track}' {count} links between {pins.shape[1]} pins make no circuit")
         origin, axes = hull.poses(run, track, block.t)
         flat = np.einsum("mni,mij->mnj", pins - origin[:, None], axes[..., [0, 2]])
-        if away is None:
+        if ray is None:
             inside = flat[0].mean(axis=0)
-            away, middle = (np.array([1.0, 0.0]), inside) if port is None else (-inside, middle)
+            ray, middle = (np.array([1.0, 0.0]), inside) if port is None else (-inside, middle)
         try:
-            links, joints, length = places(flat - middle, away)
+            links, joints, length = places(flat - middle, ray)
         except ValueError as problem:
             raise Missing(f"{run.log.path}: '{track}' {problem} between {block.t[0]:g} and {block.t[-1]:g} s") from None
         centres = 0.5 * (flat + np.roll(flat, -1, axis=1))
-        yield Placed(block.t, block.since, length, links, joints, centres, block.pins, axes, block.values[1:])
+        yield PlacedRecords(block.t, block.since, length, links, joints, centres, block.pins, axes, block.values[1:])
 
 
-def places(pins: Floats, away: Floats) -> tuple[Floats, Floats, Floats]:
+def places(pins: Floats, ray: Floats) -> tuple[Floats, Floats, Floats]:
     """Places of the middles of links and of pins (m, n), and lengths (m,), of closed polygons (m, n, 2).
 
-    The zero is the crossing of a polygon with the ray from the origin along ``away`` (2,) that is next to the origin.
+    The zero is the crossing of a polygon with the ray from the origin along ``ray`` (2,) that is next to the origin.
     Raises ValueError without a crossing.
     """
     after = np.roll(pins, -1, axis=1)
     sides = np.linalg.norm(after - pins, axis=2)
     along = np.cumsum(sides, axis=1) - sides  # of pins, from the first
     length = sides.sum(axis=1)
-    off = pins[..., 0] * away[1] - pins[..., 1] * away[0]
-    next_off = np.roll(off, -1, axis=1)
-    crosses = (off <= 0.0) != (next_off <= 0.0)
-    share = np.where(crosses, off / np.where(crosses, off - next_off, 1.0), 0.0)
-    distance = (pins + share[..., None] * (after - pins)) @ away
+    offset = pins[..., 0] * ray[1] - pins[..., 1] * ray[0]
+    next_offset = np.roll(offset, -1, axis=1)
+    crosses = (offset <= 0.0) != (next_offset <= 0.0)
+    share = np.where(crosses, offset / np.where(crosses, offset - next_offset, 1.0), 0.0)
+    distance = (pins + share[..., None] * (after - pins)) @ ray
     candidates = np.where(crosses & (distance > 0.0), distance, np.inf)
-    at = candidates.argmin(axis=1)
+    nearest = candidates.argmin(axis=1)
     row = np.arange(len(pins))
-    if not np.isfinite(candidates[row, at]).all():
+    if not np.isfinite(candidates[row, nearest]).all():
         raise ValueError("does not go round its sprocket")
-    zero = along[row, at] + share[row, at] * sides[row, at]
+    zero = along[row, nearest] + share[row, nearest] * sides[row, nearest]
     middle = along + 0.5 * sides
-    return *(((each - zero[:, None]) % length[:, None]) for each in (middle, along)), length  # type: ignore[return-value]
+    return *(((distances - zero[:, None]) % length[:, None]) for distances in (middle, along)), length  # type: ignore[return-value]

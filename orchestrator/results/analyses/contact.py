@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import circuit, hull, of_links
-from orchestrator.results.analyses.envelope import Bins
+from orchestrator.results.analyses import circuit, hull, link_records
+from orchestrator.results.analyses.envelope import PlaceBins
 from orchestrator.results.analyses.extremes import Extreme, larger
 from orchestrator.results.analyses.link_loads import LinkLoads, sliced
 from orchestrator.results.link_axes import link_axes
@@ -19,7 +19,7 @@ SIGNAL = "link[*].ground.force"
 BEARS = 1e-3  # of the largest pressure; a place with less has no ground contact
 
 
-class Contact(NamedTuple):
+class GroundPressure(NamedTuple):
     """Pressure by place on the circuit (``circuit.py``), in as many bins as there are links."""
 
     track: str
@@ -57,7 +57,7 @@ class PressureMap(NamedTuple):
 
 def pad_area(run: RunData) -> float:
     """Area of a link's pad, m2; raises Missing."""
-    return hull.number(run, "track", "pitch") * hull.number(run, "track", "width")
+    return hull.vehicle_number(run, "track", "pitch") * hull.vehicle_number(run, "track", "width")
 
 
 def pressure(pins: Floats, axes: Floats, force: Floats, area: float) -> Floats:
@@ -69,32 +69,32 @@ def pressure(pins: Floats, axes: Floats, force: Floats, area: float) -> Floats:
     return -np.einsum("mni,mni->mn", force, link_axes(pins, across, force.shape[1])[..., 2]) / area
 
 
-def over_time(run: RunData, found: LinkLoads) -> PressureMap | None:
+def over_time(run: RunData, loads: LinkLoads) -> PressureMap | None:
     """Pressure under every link over time; None for a track without ground contact. Raises Missing, LogUnreadable."""
-    if not (found.closed and of_links.has(run, found.track, SIGNAL)):
+    if not (loads.closed and link_records.has(run, loads.track, SIGNAL)):
         return None
     area = pad_area(run)
-    envelope, middle = sliced(run, len(found.t), found.links)
+    envelope, middle = sliced(run, len(loads.t), loads.links)
     peak: Extreme | None = None
-    for block in of_links.records(run, found.track, EVER, of_links.POSITION, SIGNAL):
-        under = pressure(block.pins, hull.poses(run, found.track, block.t).axes, block.values[1], area)
+    for block in link_records.records(run, loads.track, EVER, link_records.POSITION, SIGNAL):
+        under = pressure(block.pins, hull.poses(run, loads.track, block.t).axes, block.values[1], area)
         envelope.add(block.t, under)
         peak = larger(peak, block.t, under)
     return PressureMap(middle, envelope.upper, peak, area) if peak and peak.value > 0.0 else None
 
 
-def of(run: RunData, track: str = "", window: Window = EVER) -> Contact:
+def of(run: RunData, track: str = "", window: Window = EVER) -> GroundPressure:
     """Ground pressure of a track, by default the first; raises Missing."""
     track = hull.tracks(run, track)[0]
     if run.scene.get("assembly") != "vehicle":
         raise Missing(f"{run.log.path} holds no vehicle on the ground")
     area = pad_area(run)
-    bins: Bins | None = None
+    bins: PlaceBins | None = None
     lengths: list[Floats] = []
     total = time = 0.0
     peak: Extreme | None = None
     for block in circuit.records(run, track, window, SIGNAL):
-        bins = bins or Bins(block.links.shape[1], 2)
+        bins = bins or PlaceBins(block.links.shape[1], 2)
         under = pressure(block.pins, block.axes, block.values[0], area)
         of_place = np.stack([under, block.centres[..., 0]], axis=2)
         bins.add(block.since, block.links / block.length[:, None], of_place)
@@ -105,4 +105,4 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> Contact:
         raise Missing(f"{run.log.path}: no link of '{track}' touches the ground in the window")
     count, force = len(bins.count), total / time * area
     place = (np.arange(count) + 0.5) * float(np.concatenate(lengths).mean()) / count
-    return Contact(track, place, *bins.of(0)[1:], bins.of(1)[1], peak.value, peak.member, peak.t, force, area)
+    return GroundPressure(track, place, *bins.of(0)[1:], bins.of(1)[1], peak.value, peak.member, peak.t, force, area)

@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import at_steps, hull, wheel_loads
+from orchestrator.results.analyses import common_steps, hull, wheel_loads
 from orchestrator.results.energy import STORED
-from orchestrator.results.moving_mean import Integrals, Moving
+from orchestrator.results.moving_mean import Integrals, MovingMean
 from orchestrator.results.run_data import Missing, RunData
-from orchestrator.results.thinned import PARTS, Curve, Envelope, Peak
+from orchestrator.results.thinned import PARTS, Curve, Peak, TimeEnvelope
 from orchestrator.results.units import number
 
 ENERGIES = {"work": ("work",), "stored": STORED, "lost": ("dissipated", "covered")}
@@ -28,7 +28,7 @@ class SignalCurve(NamedTuple):
     unit: str
     least: Peak
     most: Peak
-    moving: Moving
+    moving_mean: MovingMean
 
     @property
     def largest(self) -> Peak:
@@ -49,22 +49,22 @@ def drives(run: RunData) -> list[str]:
 
 def of(run: RunData, signals: Iterable[str]) -> dict[str, SignalCurve]:
     """Curves of the outputs, "instance.variable", that the log has and that are numbers; raises LogUnreadable."""
-    wanted = at_steps.columns(run, [name for name in dict.fromkeys(signals) if run.has(name)])
-    gathered = {topic: _Gathered(run, len(places)) for topic, places in wanted.items()}
+    wanted = common_steps.columns(run, [name for name in dict.fromkeys(signals) if run.has(name)])
+    gathered = {topic: _CurveCollector(run, len(places)) for topic, places in wanted.items()}
     for piece in run.log.stream(wanted):
         for topic, series in piece.items():
             gathered[topic].add(series.t, series.values)
-    found: dict[str, SignalCurve] = {}
+    curves: dict[str, SignalCurve] = {}
     for topic, places in wanted.items():
         names = [run.log.name(topic, column) for column in places]
-        found |= gathered[topic].curves(names, [run.log.topics[topic].units[column] for column in places])
-    return found
+        curves |= gathered[topic].curves(names, [run.log.topics[topic].units[column] for column in places])
+    return curves
 
 
 def loads(run: RunData) -> dict[str, SignalCurve]:
     """Curves of the loads of road wheels (``wheel_loads.py``), "track.road_wheel[1].load"; raises Missing."""
     names = wheel_loads.names(run)
-    gathered = _Gathered(run, len(names))
+    gathered = _CurveCollector(run, len(names))
     for t, values in wheel_loads.blocks(run):
         gathered.add(t, values)
     return gathered.curves([f"{name}.load" for name in names], ["N"] * len(names))
@@ -82,9 +82,9 @@ def energies(run: RunData) -> dict[str, Curve]:
         for kind in kinds
         if run.has(signal := f"{name}.energy.{kind}")
     }
-    envelope = Envelope(*run.span, len(ENERGIES))
+    envelope = TimeEnvelope(*run.span, len(ENERGIES))
     first: Floats | None = None
-    for t, values in at_steps.blocks(run, [*parts]):
+    for t, values in common_steps.blocks(run, [*parts]):
         total = np.zeros((len(t), len(ENERGIES)))
         for column, (k, copies) in zip(values.T, parts.values(), strict=True):
             total[:, k] += copies * column
@@ -99,7 +99,7 @@ class Ripple(NamedTuple):
     """Window of moving means."""
 
     window: float  # s
-    words: str
+    description: str
 
 
 def ripple(run: RunData, drives: Sequence[str], signals: Mapping[str, SignalCurve]) -> Ripple:
@@ -109,10 +109,12 @@ def ripple(run: RunData, drives: Sequence[str], signals: Mapping[str, SignalCurv
     """
     duration = run.span[1] - run.span[0]
     least = duration / PARTS
-    speeds = [abs(signals[name].largest.value) for each in drives if (name := f"{each}speed") in signals]
+    speeds = [abs(signals[name].largest.value) for prefix in drives if (name := f"{prefix}speed") in signals]
     speed = max(speeds, default=0.0)
     try:
-        passing = 2.0 * np.pi / (hull.number(run, "sprocket", "teeth") * speed) if speed > TURNS else np.inf  # s
+        passing = (
+            2.0 * np.pi / (hull.vehicle_number(run, "sprocket", "teeth") * speed) if speed > TURNS else np.inf
+        )  # s
     except Missing:
         passing = np.inf
     if not 0.0 < passing <= 0.1 * duration:
@@ -122,11 +124,11 @@ def ripple(run: RunData, drives: Sequence[str], signals: Mapping[str, SignalCurv
     return Ripple(count * passing, f"{name} at top speed, {number(1e3 * count * passing, 3)} ms")
 
 
-class _Gathered:
+class _CurveCollector:
     """Curves, extremes and integrals of some signals, from samples in the order of time."""
 
     def __init__(self, run: RunData, count: int) -> None:
-        self._envelope = Envelope(*run.span, count)
+        self._envelope = TimeEnvelope(*run.span, count)
         self._integrals = Integrals(*run.span, count)
 
     def add(self, t: Floats, values: Floats) -> None:
@@ -136,9 +138,9 @@ class _Gathered:
 
     def curves(self, names: Sequence[str], units: Sequence[str]) -> dict[str, SignalCurve]:
         """Curves of the signals that have finite values."""
-        known, integrals = self._envelope, self._integrals
+        extremes, integrals = self._envelope, self._integrals
         return {
-            name: SignalCurve(known.curve(k), unit, least, most, integrals.moving(k))
+            name: SignalCurve(extremes.curve(k), unit, least, most, integrals.moving_mean(k))
             for k, (name, unit) in enumerate(zip(names, units, strict=True))
-            if (least := known.smallest(k)) and (most := known.largest(k))
+            if (least := extremes.smallest(k)) and (most := extremes.largest(k))
         }

@@ -17,7 +17,7 @@ import numpy as np
 
 from fmus.vehicle import BadInput
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, of_links
+from orchestrator.results.analyses import hull, link_records
 from orchestrator.results.link_axes import link_axes
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
@@ -68,12 +68,12 @@ class Deformation(NamedTuple):
         """Draw link ``link`` (from 1) at each instant into two panes: axial and transverse, magnified."""
         for t, links in zip(self.t, self.displacement, strict=True):
             axial, transverse, _ = MAGNIFIED * links[link - 1].T
-            told = ", ".join(filter(None, [label, f"t = {t:g} s"]))
-            panes[0].plot(self.x, self.x + axial, label=told, **style)  # type: ignore[arg-type]
-            panes[1].plot(self.x, transverse, label=told, **style)  # type: ignore[arg-type]
+            curve_label = ", ".join(filter(None, [label, f"t = {t:g} s"]))
+            panes[0].plot(self.x, self.x + axial, label=curve_label, **style)  # type: ignore[arg-type]
+            panes[1].plot(self.x, transverse, label=curve_label, **style)  # type: ignore[arg-type]
 
 
-def framed(panes: Sequence[Axes], length: float) -> None:
+def draw_frame(panes: Sequence[Axes], length: float) -> None:
     """Draw the undeformed link of ``length``, m, and the labels of two panes."""
     along = np.array([0.0, length])
     panes[0].plot(along, along, "k--", linewidth=1, label="undeformed")
@@ -90,12 +90,12 @@ def of(run: RunData, track: str = "", window: Window = EVER, at: Sequence[float]
     The default of ``at`` is the last record of the window. Raises Missing without positions or gradients.
     """
     track = hull.tracks(run, track)[0]
-    length = hull.number(run, "track", "pitch")
+    length = hull.vehicle_number(run, "track", "pitch")
     wanted = ["joint[*].position", "link[*].slope.first", "link[*].slope.last"]
-    turning = of_links.has(run, track, "joint[*].axis")
-    times, found = _nearest(run, track, window, at, [*wanted, *["joint[*].axis"] * turning])
-    pins, first, last = found[:3]
-    across = found[3] if turning else hull.poses(run, track, times).axes[:, None, :, 1]
+    turning = link_records.has(run, track, "joint[*].axis")
+    times, values = _nearest(run, track, window, at, [*wanted, *["joint[*].axis"] * turning])
+    pins, first, last = values[:3]
+    across = values[3] if turning else hull.poses(run, track, times).axes[:, None, :, 1]
     links = first.shape[1]
     axes = link_axes(pins, across, links)
     x = np.linspace(0.0, length, POINTS)
@@ -107,27 +107,27 @@ def of(run: RunData, track: str = "", window: Window = EVER, at: Sequence[float]
     outwards = np.cross(tangent, axes[..., 1])
     outwards /= np.linalg.norm(outwards, axis=2, keepdims=True)
     frame = np.stack([tangent, outwards, np.cross(outwards, tangent)], axis=-1)
-    moved = np.einsum("mnki,mnij->mnkj", arm, frame)
-    moved[..., 0] -= x
-    return Deformation(track, times, x, moved)
+    displacement = np.einsum("mnki,mnij->mnkj", arm, frame)
+    displacement[..., 0] -= x
+    return Deformation(track, times, x, displacement)
 
 
-def picture(found: Deformation, output: Path, link: int) -> None:
+def picture(deformation: Deformation, output: Path, link: int) -> None:
     """Draw figures 18 and 19 for one link at each instant; raises BadInput."""
     from matplotlib.figure import Figure
 
-    from orchestrator.results.picture import saved
+    from orchestrator.results.picture import save_figure
 
-    if not 1 <= link <= found.displacement.shape[1]:
-        raise BadInput(f"--link {link}: {found.track} has the links 1 to {found.displacement.shape[1]}")
+    if not 1 <= link <= deformation.displacement.shape[1]:
+        raise BadInput(f"--link {link}: {deformation.track} has the links 1 to {deformation.displacement.shape[1]}")
     figure = Figure(figsize=(10.0, 4.2), layout="constrained")
     panes = figure.subplots(1, 2)
-    found.draw(panes, link)
-    framed(panes, float(found.x[-1]))
+    deformation.draw(panes, link)
+    draw_frame(panes, float(deformation.x[-1]))
     for pane in panes:
         pane.legend(fontsize=8)
-    figure.suptitle(f"{found.track}, link {link}", fontsize=10, parse_math=False)
-    saved(figure, output)
+    figure.suptitle(f"{deformation.track}, link {link}", fontsize=10, parse_math=False)
+    save_figure(figure, output)
 
 
 def _cubic(x: Floats, length: float) -> Floats:
@@ -144,7 +144,7 @@ def _nearest(
     """Times (m,) and signals of the records nearest to ``at``, or of the last one; raises Missing."""
     best: dict[float, tuple[float, tuple[Floats, ...]]] = {}
     last = -np.inf
-    for block in of_links.records(run, track, window, *signals):
+    for block in link_records.records(run, track, window, *signals):
         last = float(block.t[-1])
         for t in at or (np.inf,):
             near = int(np.abs(block.t - min(t, last)).argmin())

@@ -9,7 +9,7 @@ import numpy as np
 
 from fmus.vehicle import BadInput
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import circuit, hull, of_links
+from orchestrator.results.analyses import circuit, hull, link_records
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
 
@@ -38,7 +38,7 @@ class Envelope(NamedTuple):
         return Table.of(f"{self.signal} by place on the circuit", columns, rows)
 
 
-class Bins:
+class PlaceBins:
     """Statistics of values by place."""
 
     def __init__(self, bins: int, columns: int = 1) -> None:
@@ -50,14 +50,14 @@ class Bins:
 
     def add(self, since: Floats, share: Floats, values: Floats) -> None:
         """Add values (m, ..., columns) at places (m, ...), as shares of the circuit, with durations (m,), s."""
-        at = np.minimum((share * len(self.count)).astype(int), len(self.count) - 1).ravel()
-        flat = values.reshape(len(at), -1)
-        np.minimum.at(self.least, at, flat)
-        np.maximum.at(self.most, at, flat)
+        bin_of_sample = np.minimum((share * len(self.count)).astype(int), len(self.count) - 1).ravel()
+        flat = values.reshape(len(bin_of_sample), -1)
+        np.minimum.at(self.least, bin_of_sample, flat)
+        np.maximum.at(self.most, bin_of_sample, flat)
         weights = np.broadcast_to(since[:, None], share.shape).ravel()
-        np.add.at(self.total, at, weights[:, None] * flat)
-        self.time += np.bincount(at, weights, len(self.time))
-        self.count += np.bincount(at, minlength=len(self.count))
+        np.add.at(self.total, bin_of_sample, weights[:, None] * flat)
+        self.time += np.bincount(bin_of_sample, weights, len(self.time))
+        self.count += np.bincount(bin_of_sample, minlength=len(self.count))
 
     def of(self, column: int) -> tuple[Floats, Floats, Floats]:
         """Least value, mean over time and largest value (bins,); NaN for empty bins."""
@@ -84,21 +84,21 @@ def of(
     track = next((name for name in run.tracks if signal.startswith(f"{name}.")), track)
     signal = signal.removeprefix(f"{track}.")
     track = hull.tracks(run, track)[0]
-    unit = of_links.unit(run, track, signal)
-    gathered: Bins | None = None
+    unit = link_records.unit(run, track, signal)
+    statistics: PlaceBins | None = None
     lengths: list[Floats] = []
     for block in circuit.records(run, track, window, signal):
-        if gathered is None:
+        if statistics is None:
             bins = bins or block.links.shape[1]
-            gathered = Bins(bins, 3)
+            statistics = PlaceBins(bins, 3)
         value = block.values[0] if block.values[0].ndim == 2 else np.linalg.norm(block.values[0], axis=2)
         where = block.joints if signal.startswith("joint") else block.links
         of_place = np.concatenate([value[..., None], block.centres], axis=2)
-        gathered.add(block.since, where / block.length[:, None], of_place)
+        statistics.add(block.since, where / block.length[:, None], of_place)
         lengths.append(block.length)
-    if gathered is None:
+    if statistics is None:
         raise Missing(f"{run.log.path} holds no links of '{track}'")
     length = float(np.concatenate(lengths).mean())
     place = (np.arange(bins) + 0.5) * length / bins
-    forward, up = gathered.of(1)[1], gathered.of(2)[1]
-    return Envelope(f"{track}.{signal}", unit, place, *gathered.of(0), gathered.count, forward, up)
+    forward, up = statistics.of(1)[1], statistics.of(2)[1]
+    return Envelope(f"{track}.{signal}", unit, place, *statistics.of(0), statistics.count, forward, up)

@@ -12,8 +12,8 @@ from orchestrator.log.events_topic import Event
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, wheel_loads
 from orchestrator.results.analyses.airborne import off_ground
-from orchestrator.results.analyses.spells import Spell, settling, switches
-from orchestrator.results.energy import Port, ports
+from orchestrator.results.analyses.unloaded import UnloadedInterval, is_settling, switches
+from orchestrator.results.energy import WrenchPort, ports
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, within
 from orchestrator.results.table import Table
 from orchestrator.results.validity.ledger import validity
@@ -43,23 +43,28 @@ class Events(NamedTuple):
 
 
 def of(
-    run: RunData, window: Window = EVER, teeth: bool = False, warned: Sequence[Mapping[str, Any]] | None = None
+    run: RunData, window: Window = EVER, teeth: bool = False, open_warnings: Sequence[Mapping[str, Any]] | None = None
 ) -> Events:
     """Events: wheels and tracks without contact, locked sprockets, halved steps, warnings.
 
-    ``teeth`` adds an event for each tooth that passes; ``warned``: warnings of a run whose log is still open. Raises
+    ``teeth`` adds an event for each tooth that passes; ``open_warnings``: those of a run whose log is open. Raises
     LogUnreadable.
     """
-    run.hold(_signals(run), window)
-    found = [*_borne(run, window), *_locks(run, window), *_steps(run, window), *warnings(run, window, warned)]
-    found += _validity(run, window)
+    run.prefetch(_signals(run), window)
+    events = [
+        *_contact_events(run, window),
+        *_lock_events(run, window),
+        *_rejection_events(run, window),
+        *warnings(run, window, open_warnings),
+    ]
+    events += _validity_events(run, window)
     counts = {}
-    for name, t, passed in _turned(run, window):
+    for name, t, passed in _teeth_passed(run, window):
         moves = np.diff(np.floor(passed))
         counts[name] = int(np.abs(moves).sum())
         if teeth:
-            found += _teeth(name, t, passed, moves)
-    return Events(tuple(sorted(found, key=lambda event: (event.t, event.component))), counts)
+            events += _tooth_events(name, t, passed, moves)
+    return Events(tuple(sorted(events, key=lambda event: (event.t, event.component))), counts)
 
 
 def _signals(run: RunData) -> Iterator[str]:
@@ -73,57 +78,57 @@ def _signals(run: RunData) -> Iterator[str]:
             yield f"stats.{name}.{REJECTED}"
 
 
-def lifted(run: RunData, window: Window = EVER) -> dict[str, list[Spell]]:
+def lifted(run: RunData, window: Window = EVER) -> dict[str, list[UnloadedInterval]]:
     """Intervals in which road wheels are lifted, by wheel; none if their loads were not recorded."""
     try:
-        return wheel_loads.lifted(run, window).of
+        return wheel_loads.lifted(run, window).by_member
     except Missing:
         return {}
 
 
-def _borne(run: RunData, window: Window) -> Iterator[Event]:
+def _contact_events(run: RunData, window: Window) -> Iterator[Event]:
     """Events of wheels and tracks that lose and regain contact."""
-    for found, off, on, verb in (
+    for by_name, off, on, verb in (
         (lifted(run, window), "lifted", "touches", "lifts off"),
-        (off_ground(run, window).of, "airborne", "lands", "leaves the ground"),
+        (off_ground(run, window).by_member, "airborne", "lands", "leaves the ground"),
     ):
-        for name, each in found.items():
-            for spell in each:
-                early = ", while the vehicle comes to rest" if settling(run, spell.end) else ""
-                if spell.begins:
-                    yield Event(spell.start, name, off, f"{verb}{early}")
-                if spell.ends:
-                    yield Event(spell.end, name, on, f"{on}, {spell.load / 1e3:.3g} kN{early}")
+        for name, intervals in by_name.items():
+            for interval in intervals:
+                early = ", while the vehicle comes to rest" if is_settling(run, interval.end) else ""
+                if interval.begins:
+                    yield Event(interval.start, name, off, f"{verb}{early}")
+                if interval.ends:
+                    yield Event(interval.end, name, on, f"{on}, {interval.load / 1e3:.3g} kN{early}")
 
 
-def _drives(run: RunData) -> Iterator[tuple[Port, str, str]]:
+def _drives(run: RunData) -> Iterator[tuple[WrenchPort, str, str]]:
     """Ports to sprockets on shafts, with variable prefix and name: "left_drive.", "left_drive"."""
     for port in ports(run):
-        prefix = f"{port.taker}.{port.taken.removesuffix('sprocket')}"
-        if port.taken.endswith("sprocket") and run.has(f"{prefix}angle"):
+        prefix = f"{port.taker}.{port.taker_connector.removesuffix('sprocket')}"
+        if port.taker_connector.endswith("sprocket") and run.has(f"{prefix}angle"):
             yield port, prefix, prefix.removesuffix(".")
 
 
-def _turned(run: RunData, window: Window) -> Iterator[tuple[str, Floats, Floats]]:
+def _teeth_passed(run: RunData, window: Window) -> Iterator[tuple[str, Floats, Floats]]:
     """Drive, times (m,), s, and number of teeth passed (m,), for each sprocket."""
     for port, prefix, name in _drives(run):
-        if port.connector == "sprocket" and "vehicle" in run.scene:
+        if port.giver_connector == "sprocket" and "vehicle" in run.scene:
             t, angle = run.signal(f"{prefix}angle", window)
-            known = np.isfinite(angle)
-            yield name, t[known], angle[known] * hull.number(run, "sprocket", "teeth") / (2.0 * np.pi)
+            finite = np.isfinite(angle)
+            yield name, t[finite], angle[finite] * hull.vehicle_number(run, "sprocket", "teeth") / (2.0 * np.pi)
 
 
-def _teeth(name: str, t: Floats, passed: Floats, moves: Floats) -> Iterator[Event]:
+def _tooth_events(name: str, t: Floats, passed: Floats, moves: Floats) -> Iterator[Event]:
     """Event for each step in which teeth pass."""
-    for at in np.flatnonzero(moves):
-        edge = np.floor(passed[at + 1]) + (moves[at] < 0.0)  # last tooth passed
-        share = (edge - passed[at]) / (passed[at + 1] - passed[at])
-        size, way = int(abs(moves[at])), "ahead" if moves[at] > 0.0 else "back"
+    for k in np.flatnonzero(moves):
+        edge = np.floor(passed[k + 1]) + (moves[k] < 0.0)  # last tooth passed
+        share = (edge - passed[k]) / (passed[k + 1] - passed[k])
+        size, way = int(abs(moves[k])), "ahead" if moves[k] > 0.0 else "back"
         text = f"{'a tooth' if size == 1 else f'{size} teeth'} {way}"
-        yield Event(float(t[at] + share * (t[at + 1] - t[at])), name, "tooth", text)
+        yield Event(float(t[k] + share * (t[k + 1] - t[k])), name, "tooth", text)
 
 
-def _locks(run: RunData, window: Window) -> Iterator[Event]:
+def _lock_events(run: RunData, window: Window) -> Iterator[Event]:
     """Events of sprockets that stand while their brake dissipates energy, from the start too."""
     for _, prefix, name in _drives(run):
         lost = f"{name.partition('.')[0]}.energy.dissipated"
@@ -134,8 +139,8 @@ def _locks(run: RunData, window: Window) -> Iterator[Event]:
             continue
         size = np.abs(speed)
         ends = [*switches(size < STANDS, size > TURNS, False)]  # a sprocket that stands at first stood before
-        stood = [at for at, stands in ends if stands]
-        went = [at for at, stands in ends if not stands]
+        stood = [k for k, stands in ends if stands]
+        went = [k for k, stands in ends if not stands]
         before = 0
         for begin, end in zip_longest(stood, went):
             until = len(t) - 1 if end is None else end
@@ -161,21 +166,23 @@ def rejections(run: RunData, window: Window = EVER) -> Iterator[tuple[str, Float
             yield name, t[grown], more[grown]
 
 
-def _steps(run: RunData, window: Window) -> Iterator[Event]:
+def _rejection_events(run: RunData, window: Window) -> Iterator[Event]:
     for name, t, more in rejections(run, window):
-        for at, count in zip(t.tolist(), more.astype(int).tolist(), strict=True):
-            yield Event(at, name, "step", f"halved its step {count} time{'s' if count > 1 else ''}")
+        for time, count in zip(t.tolist(), more.astype(int).tolist(), strict=True):
+            yield Event(time, name, "step", f"halved its step {count} time{'s' if count > 1 else ''}")
 
 
-def _validity(run: RunData, window: Window) -> Iterator[Event]:
+def _validity_events(run: RunData, window: Window) -> Iterator[Event]:
     for entry in validity(run, window).entries:
         name = f"{entry.component}.{entry.place}" if entry.place else entry.component
         yield Event(entry.time, name, "validity", f"{entry.severity}: {entry.sentence}")
 
 
-def warnings(run: RunData, window: Window = EVER, warned: Sequence[Mapping[str, Any]] | None = None) -> Iterator[Event]:
+def warnings(
+    run: RunData, window: Window = EVER, open_warnings: Sequence[Mapping[str, Any]] | None = None
+) -> Iterator[Event]:
     """Warnings of components, from the closing record."""
-    for told in (run.log.closing or {}).get("warnings", ()) if warned is None else warned:
-        if within(np.array(told["time"]), window):
-            times = f", {told['count']} times" if told["count"] > 1 else ""
-            yield Event(float(told["time"]), told["component"], "warning", f"{told['text']}{times}")
+    for warning in (run.log.closing or {}).get("warnings", ()) if open_warnings is None else open_warnings:
+        if within(np.array(warning["time"]), window):
+            times = f", {warning['count']} times" if warning["count"] > 1 else ""
+            yield Event(float(warning["time"]), warning["component"], "warning", f"{warning['text']}{times}")

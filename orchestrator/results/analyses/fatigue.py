@@ -13,14 +13,14 @@ import numpy as np
 from fmus.vehicle import BadInput
 from orchestrator.log.extra import library
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, of_links
+from orchestrator.results.analyses import hull, link_records
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
 
 FIBRES = ("outer", "inner")
 
 
-class Line(NamedTuple):
+class StressLifeLine(NamedTuple):
     """S-N line: N cycles of range S break a part, N = cycles (stress / S) ** slope."""
 
     stress: float = 100e6  # Pa: reference range, peak to peak
@@ -28,7 +28,7 @@ class Line(NamedTuple):
     slope: float = 3.0
 
     @classmethod
-    def read(cls, text: str) -> Line:
+    def read(cls, text: str) -> StressLifeLine:
         """Parse "stress,cycles,slope"; raises BadInput."""
         try:
             stress, cycles, slope = map(float, text.split(","))
@@ -42,7 +42,7 @@ class Fatigue(NamedTuple):
 
     track: str
     window: Window  # recorded time, s
-    line: Line
+    line: StressLifeLine
     damage: Floats  # (links, 2) share of life consumed in the window
     cycles: Floats  # (links, 2) number, half cycles as 0.5
     largest: Floats  # (links, 2) Pa, largest range
@@ -70,24 +70,24 @@ class Fatigue(NamedTuple):
         return Table.of(title, columns, rows, notes)
 
 
-def of(run: RunData, track: str = "", window: Window = EVER, line: Line | str | None = None) -> Fatigue:
+def of(run: RunData, track: str = "", window: Window = EVER, line: StressLifeLine | str | None = None) -> Fatigue:
     """Fatigue of each link of a track, by default the first; raises Missing, BadInput, NotInstalled."""
-    line = Line.read(line) if isinstance(line, str) else line or Line()
+    line = StressLifeLine.read(line) if isinstance(line, str) else line or StressLifeLine()
     for name, value in line._asdict().items():
         if not 0.0 < value < np.inf:
             raise BadInput(f"the S-N line's {name} = {value:g}: must be greater than 0 and finite")
     track = hull.tracks(run, track)[0]
     columns: list[list[Floats]] = []
     times: list[float] = []
-    for block in of_links.records(run, track, window, *(f"link[*].fibre.{fibre}" for fibre in FIBRES)):
+    for block in link_records.records(run, track, window, *(f"link[*].fibre.{fibre}" for fibre in FIBRES)):
         stress = np.concatenate(block.values, axis=1)
         if not np.isfinite(stress).all():
             raise Missing(f"{run.log.path}: stress of '{track}' is no finite number from {block.t[0]:g} s on")
         columns = columns or [[] for _ in range(stress.shape[1])]
         for gathered, column in zip(columns, stress.T, strict=True):
-            gathered.append(turning(column))
+            gathered.append(turning_points(column))
         times += [float(block.t[0]), float(block.t[-1])]
-    counted = [cycles(np.concatenate(column)) for column in columns]
+    counted = [rainflow_cycles(np.concatenate(column)) for column in columns]
     found = np.array(
         [(np.sum(n * (s / line.stress) ** line.slope) / line.cycles, n.sum(), s.max(initial=0.0)) for s, n in counted]
     )
@@ -95,7 +95,7 @@ def of(run: RunData, track: str = "", window: Window = EVER, line: Line | str | 
     return Fatigue(track, Window(times[0], times[-1]), line, damage, number, largest)
 
 
-def turning(values: Floats) -> Floats:
+def turning_points(values: Floats) -> Floats:
     """End points and turning points of a record (m,); only these affect cycles."""
     if len(values) < 3:
         return values
@@ -106,7 +106,7 @@ def turning(values: Floats) -> Floats:
     return values[np.unique(np.concatenate([[0], turns, [len(values) - 1]]))]
 
 
-def cycles(values: Floats) -> tuple[Floats, Floats]:
+def rainflow_cycles(values: Floats) -> tuple[Floats, Floats]:
     """Ranges (k,) of a record (m,) and their counts, 1 or 0.5, by ASTM E1049-85; raises NotInstalled."""
     if not np.ptp(values):
         return np.empty(0), np.empty(0)

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.energy import Port, ports
+from orchestrator.results.energy import WrenchPort, ports
 from orchestrator.results.rotation import matrices
-from orchestrator.results.run_data import BEFORE, Missing, RunData, Window
+from orchestrator.results.run_data import LONGEST_STEP, Missing, RunData, Window
 
 
 class HullAxes(NamedTuple):
@@ -19,9 +19,9 @@ class HullAxes(NamedTuple):
     axes: Floats  # (m, 3, 3) columns ahead, left, up of the hull, in world
 
 
-def sprocket(run: RunData, track: str) -> Port | None:
+def sprocket(run: RunData, track: str) -> WrenchPort | None:
     """Port between a track and its sprocket; None without one."""
-    return next((port for port in ports(run) if port.giver == track and port.connector == "sprocket"), None)
+    return next((port for port in ports(run) if port.giver == track and port.giver_connector == "sprocket"), None)
 
 
 def sprocket_speed(run: RunData, instance: str) -> str:
@@ -29,11 +29,11 @@ def sprocket_speed(run: RunData, instance: str) -> str:
 
     Raises Missing without a sprocket.
     """
-    found = [port for port in ports(run) if port.connector == "sprocket"]
-    if not found:
+    sprocket_ports = [port for port in ports(run) if port.giver_connector == "sprocket"]
+    if not sprocket_ports:
         raise Missing(f"{run.log.path} holds no sprocket that turns")
-    port = next((port for port in found if instance in (port.giver, port.taker)), found[0])
-    return f"{port.taker}.{port.taken.removesuffix('sprocket')}speed"
+    port = next((port for port in sprocket_ports if instance in (port.giver, port.taker)), sprocket_ports[0])
+    return f"{port.taker}.{port.taker_connector.removesuffix('sprocket')}speed"
 
 
 def poses(run: RunData, track: str, t: Floats) -> HullAxes:
@@ -42,40 +42,40 @@ def poses(run: RunData, track: str, t: Floats) -> HullAxes:
     Without a hull the axes are those of the start; without a sprocket the origin is the start.
     """
     port = sprocket(run, track)
-    around = Window(float(t[0]) - BEFORE, float(t[-1]) + BEFORE)
+    around = Window(float(t[0]) - LONGEST_STEP, float(t[-1]) + LONGEST_STEP)
     if port is None:
         origin = np.tile(np.array(run.scene.get("start", {}).get("position", (0.0, 0.0, 0.0)), float), (len(t), 1))
     else:
-        origin = _at(t, *run.vectors(port.taker, "out", f"{port.taken}.position", window=around))
+        origin = _interpolated(t, *run.vectors(port.taker, "out", f"{port.taker_connector}.position", window=around))
     if run.has("chassis.chassis.orientation.w"):
-        q = _at(t, *run.vectors("chassis", "out", "chassis.orientation", "wxyz", around))
+        q = _interpolated(t, *run.vectors("chassis", "out", "chassis.orientation", "wxyz", around))
         return HullAxes(origin, matrices(q / np.linalg.norm(q, axis=1, keepdims=True)))
     heading = float(run.scene.get("start", {}).get("heading", 0.0))
     c, s = np.cos(heading), np.sin(heading)
     return HullAxes(origin, np.tile(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), (len(t), 1, 1)))
 
 
-def _at(t: Floats, times: Floats, values: Floats) -> Floats:
+def _interpolated(t: Floats, times: Floats, values: Floats) -> Floats:
     """Values at given times, linearly interpolated; raises Missing."""
     if not len(times):
         raise Missing(f"the log holds no pose of the hull near {t[0]:g} s")
     return np.stack([np.interp(t, times, column) for column in values.T], axis=1)
 
 
-def tracks(run: RunData, of: str = "") -> tuple[str, ...]:
+def tracks(run: RunData, name: str = "") -> tuple[str, ...]:
     """Names of all tracks, or of the given one; raises Missing."""
     if not run.tracks:
         raise Missing(f"{run.log.path} holds no track")
-    if of and of not in run.tracks:
-        raise Missing(f"{run.log.path} has no track '{of}': there is {', '.join(run.tracks)}")
-    return (of,) if of else run.tracks
+    if name and name not in run.tracks:
+        raise Missing(f"{run.log.path} has no track '{name}': there is {', '.join(run.tracks)}")
+    return (name,) if name else run.tracks
 
 
-def number(run: RunData, *keys: str) -> float:
+def vehicle_number(run: RunData, *keys: str) -> float:
     """Positive number of the run's vehicle table, SI units; raises Missing."""
-    found: Any = run.scene.get("vehicle")
+    value: Any = run.scene.get("vehicle")
     for key in keys:
-        found = found.get(key) if isinstance(found, dict) else None
-    if not isinstance(found, int | float) or not 0.0 < found < np.inf:
+        value = value.get(key) if isinstance(value, dict) else None
+    if not isinstance(value, int | float) or not 0.0 < value < np.inf:
         raise Missing(f"{run.log.path}: scene.json has no number above 0 at vehicle.{'.'.join(keys)}")
-    return float(found)
+    return float(value)

@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, links, of_links
+from orchestrator.results.analyses import hull, link_records, links
 from orchestrator.results.analyses.extremes import Extreme, larger, smaller
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
 
 
-class Joints(NamedTuple):
+class JointForces(NamedTuple):
     """Least and largest force on the link, by track: along, across, outwards, norm."""
 
     tracks: tuple[str, ...]
@@ -43,18 +43,18 @@ class Joints(NamedTuple):
         return Table.of("Joint forces on the link that begins at the pin, in its axes", columns, rows, note)
 
 
-def of(run: RunData, track: str = "", window: Window = EVER) -> Joints:
+def of(run: RunData, track: str = "", window: Window = EVER) -> JointForces:
     """Extreme joint forces of all tracks or one; raises Missing."""
     names = hull.tracks(run, track)
-    found = np.array([_extremes(run, name, window) for name in names])
-    steps = max(of_links.interval(run, name) for name in names)
-    return Joints._make([names, *(found[:, k] for k in range(6)), steps * _step(run)])
+    extremes = np.array([_extremes(run, name, window) for name in names])
+    steps = max(link_records.interval(run, name) for name in names)
+    return JointForces._make([names, *(extremes[:, k] for k in range(6)), steps * _step(run)])
 
 
 def _step(run: RunData) -> float:
     """Communication step, s; 0 if the log does not state it."""
-    asked = run.scene.get("run")
-    step = asked.get("step") if isinstance(asked, dict) else None
+    run_table = run.scene.get("run")
+    step = run_table.get("step") if isinstance(run_table, dict) else None
     return float(step) if isinstance(step, int | float) else 0.0
 
 
@@ -68,5 +68,5 @@ def _extremes(run: RunData, track: str, window: Window) -> Floats:
         force = np.concatenate([block.joint, np.linalg.norm(block.joint, axis=2, keepdims=True)], axis=2)
         least = [smaller(known, block.t, force[..., k]) for k, known in enumerate(least)]
         most = [larger(known, block.t, force[..., k]) for k, known in enumerate(most)]
-    found = [[each or Extreme(np.nan, np.nan, 0) for each in extremes] for extremes in (least, most)]
-    return np.array([[getattr(e, name) for e in extremes] for name in ("value", "member", "t") for extremes in found])
+    tables = [[extreme or Extreme(np.nan, np.nan, 0) for extreme in extremes] for extremes in (least, most)]
+    return np.array([[getattr(e, name) for e in extremes] for name in ("value", "member", "t") for extremes in tables])

@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import of_links
+from orchestrator.results.analyses import link_records
 from orchestrator.results.analyses.extremes import Extreme, larger, smaller
 from orchestrator.results.link_columns import POSITION, TENSION, columns
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
-from orchestrator.results.thinned import Curve, Envelope, Peak
+from orchestrator.results.thinned import Curve, Peak, TimeEnvelope
 
 SLICES = 240  # most intervals of time of a map
 SIGNALS = {"tension": TENSION, "stress": "link[*].stress", "force": "joint[*].force"}
@@ -51,13 +51,13 @@ class LinkLoads(NamedTuple):
 def of(run: RunData, track: str) -> LinkLoads:
     """Loads of the links of a track; raises Missing, LogUnreadable."""
     topic = f"/{track}/links"
-    kinds = [name for name, signal in SIGNALS.items() if name == "tension" or of_links.has(run, track, signal)]
+    kinds = [name for name, signal in SIGNALS.items() if name == "tension" or link_records.has(run, track, signal)]
     t = run.log.select({topic: []})[topic].t if topic in run.log.topics else np.empty(0)
     if not np.isfinite(t).all():
         raise Missing(f"times of the links of '{track}' are no finite numbers")
     most: dict[str, Extreme | None] = {}
     slackest, by_link, middle = None, None, np.empty(0)
-    for block in of_links.records(run, track, EVER, *(SIGNALS[name] for name in kinds)):
+    for block in link_records.records(run, track, EVER, *(SIGNALS[name] for name in kinds)):
         sizes = dict(zip(kinds, map(_size, block.values), strict=True))
         if by_link is None:
             by_link, middle = sliced(run, len(t), sizes["tension"].shape[1])
@@ -66,12 +66,12 @@ def of(run: RunData, track: str) -> LinkLoads:
         most |= {name: larger(most.get(name), block.t, values) for name, values in sizes.items()}
     if by_link is None or slackest is None:
         raise Missing(f"the log holds no tension of the links of '{track}'")
-    known = {name: extreme for name, extreme in most.items() if extreme}
+    recorded = {name: extreme for name, extreme in most.items() if extreme}
     pins = len(columns(run.log.topics[topic].names, POSITION))
-    return LinkLoads(track, t, middle, by_link.upper, known, slackest, pins)
+    return LinkLoads(track, t, middle, by_link.upper, recorded, slackest, pins)
 
 
-def sliced(run: RunData, records: int, links: int) -> tuple[Envelope, Floats]:
+def sliced(run: RunData, records: int, links: int) -> tuple[TimeEnvelope, Floats]:
     """Envelope of links in equal intervals of time, and the middles of these (slices,), s.
 
     An interval is at least two records long, so that none is empty.
@@ -79,7 +79,7 @@ def sliced(run: RunData, records: int, links: int) -> tuple[Envelope, Floats]:
     start, end = run.span
     slices = max(1, min(SLICES, records // 2))
     edges = np.linspace(start, end, slices + 1)
-    return Envelope(start, end, links, slices), 0.5 * (edges[1:] + edges[:-1])
+    return TimeEnvelope(start, end, links, slices), 0.5 * (edges[1:] + edges[:-1])
 
 
 def tensions_in(run: RunData, track: str, span: tuple[float, float], like: LinkLoads) -> Floats:
@@ -87,35 +87,37 @@ def tensions_in(run: RunData, track: str, span: tuple[float, float], like: LinkL
 
     NaN where none was recorded. Raises Missing, LogUnreadable.
     """
-    envelope = Envelope(*span, like.links, len(like.middle))
-    for block in of_links.records(run, track, Window(*span), TENSION):
+    envelope = TimeEnvelope(*span, like.links, len(like.middle))
+    for block in link_records.records(run, track, Window(*span), TENSION):
         envelope.add(block.t, block.values[0])
     return envelope.upper
 
 
-def curves(run: RunData, found: LinkLoads) -> dict[int, dict[str, tuple[Curve, Peak]]]:
+def curves(run: RunData, loads: LinkLoads) -> dict[int, dict[str, tuple[Curve, Peak]]]:
     """Curves of the loads of each link with a largest load, with their peaks; raises LogUnreadable."""
-    kinds = [name for name, signal in SIGNALS.items() if of_links.has(run, found.track, signal)]
-    members = [link - 1 for link in found.bearers]
-    envelope = Envelope(*run.span, len(kinds) * len(members))
-    for block in of_links.records(run, found.track, EVER, *(SIGNALS[name] for name in kinds)):
+    kinds = [name for name, signal in SIGNALS.items() if link_records.has(run, loads.track, signal)]
+    members = [link - 1 for link in loads.bearers]
+    envelope = TimeEnvelope(*run.span, len(kinds) * len(members))
+    for block in link_records.records(run, loads.track, EVER, *(SIGNALS[name] for name in kinds)):
         sizes = [_size(values) for values in block.values]
-        chosen = [each[:, k] if k < each.shape[1] else np.full(len(block.t), np.nan) for k in members for each in sizes]
+        chosen = [
+            values[:, k] if k < values.shape[1] else np.full(len(block.t), np.nan) for k in members for values in sizes
+        ]
         envelope.add(block.t, np.stack(chosen, axis=1))
-    made: dict[int, dict[str, tuple[Curve, Peak]]] = {link: {} for link in found.bearers}
-    for k, (link, name) in enumerate((link, name) for link in made for name in kinds):
+    by_link: dict[int, dict[str, tuple[Curve, Peak]]] = {link: {} for link in loads.bearers}
+    for k, (link, name) in enumerate((link, name) for link in by_link for name in kinds):
         if peak := envelope.largest(k):
-            made[link][name] = envelope.curve(k), peak
-    return made
+            by_link[link][name] = envelope.curve(k), peak
+    return by_link
 
 
-def at(run: RunData, found: LinkLoads, name: str, t: float) -> tuple[float, Floats]:
+def loads_at(run: RunData, loads: LinkLoads, name: str, t: float) -> tuple[float, Floats]:
     """Time, s, of the link record nearest to a time, and a load of all links in it (links,).
 
     Raises Missing, LogUnreadable.
     """
-    nearest = found.t[np.abs(found.t - t).argmin()]
-    block = next(of_links.records(run, found.track, Window(nearest, nearest), SIGNALS[name]))
+    nearest = loads.t[np.abs(loads.t - t).argmin()]
+    block = next(link_records.records(run, loads.track, Window(nearest, nearest), SIGNALS[name]))
     return float(block.t[0]), _size(block.values[0])[0]
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, of_links
+from orchestrator.results.analyses import hull, link_records
 from orchestrator.results.link_axes import link_axes
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
@@ -36,10 +36,10 @@ class LinkForces(NamedTuple):
 
     def table(self) -> Table:
         """Table of least, mean and largest value of each component over all links and records."""
-        return _gathered([self]).table()
+        return _summarise([self]).table()
 
 
-class Summary(NamedTuple):
+class LinkForceSummary(NamedTuple):
     """Least, mean and largest values over all links and records."""
 
     track: str
@@ -51,18 +51,18 @@ class Summary(NamedTuple):
         return Table.of(f"Forces on the links of {self.track} in their axes", columns, self.rows)
 
 
-def summary(run: RunData, track: str = "", window: Window = EVER) -> Summary:
+def summary(run: RunData, track: str = "", window: Window = EVER) -> LinkForceSummary:
     """Summary for a track, by default the first, computed in blocks of records; raises Missing."""
-    return _gathered(blocks(run, hull.tracks(run, track)[0], window))
+    return _summarise(blocks(run, hull.tracks(run, track)[0], window))
 
 
-def _gathered(parts: Iterable[LinkForces]) -> Summary:
+def _summarise(parts: Iterable[LinkForces]) -> LinkForceSummary:
     gathered: dict[tuple[str, str, str], list[Floats]] = {}
     track = ""
     for part in parts:
         track = part.track
-        every = [(kind, k, axis) for kind in KINDS for k, axis in enumerate(AXES)]
-        components = {(f"{kind} force", axis, "kN"): getattr(part, kind)[..., k] / 1e3 for kind, k, axis in every}
+        kinds = [(kind, k, axis) for kind in KINDS for k, axis in enumerate(AXES)]
+        components = {(f"{kind} force", axis, "kN"): getattr(part, kind)[..., k] / 1e3 for kind, k, axis in kinds}
         components[("axial force", AXES[0], "kN")] = part.axial / 1e3
         components[("bending moment", AXES[1], "N.m")] = part.moment
         for key, values in components.items():
@@ -71,10 +71,10 @@ def _gathered(parts: Iterable[LinkForces]) -> Summary:
                 extremes = np.array([values.min(), total, values.max(), time])
                 gathered.setdefault(key, []).append(extremes)
     rows = []
-    for key, found in gathered.items():
-        least, total, most, time = np.array(found).T
+    for key, block_extremes in gathered.items():
+        least, total, most, time = np.array(block_extremes).T
         rows.append((*key, float(least.min()), float(total.sum() / time.sum()), float(most.max())))
-    return Summary(track, rows)
+    return LinkForceSummary(track, rows)
 
 
 def of(run: RunData, track: str = "", window: Window = EVER) -> LinkForces:
@@ -90,29 +90,29 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> LinkForces:
 
 def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForces]:
     """Forces on links in blocks of records, so long runs need no more memory; raises Missing."""
-    kinds = [kind for kind, signal in KINDS.items() if of_links.has(run, track, signal)]
-    fibres = of_links.has(run, track, "link[*].fibre.outer")
+    kinds = [kind for kind, signal in KINDS.items() if link_records.has(run, track, signal)]
+    fibres = link_records.has(run, track, "link[*].fibre.outer")
     if not kinds and not fibres:
         raise Missing(f"{run.log.path} holds no force and no fibre stress of the links of '{track}'")
-    wanted = [of_links.POSITION, *(KINDS[kind] for kind in kinds)]
-    wanted += ["joint[*].axis"] * of_links.has(run, track, "joint[*].axis")
-    wanted += ["link[*].fibre.outer", "link[*].fibre.inner"] * fibres
-    links = of_links.count(run, track)
+    signals = [link_records.POSITION, *(KINDS[kind] for kind in kinds)]
+    signals += ["joint[*].axis"] * link_records.has(run, track, "joint[*].axis")
+    signals += ["link[*].fibre.outer", "link[*].fibre.inner"] * fibres
+    links = link_records.count(run, track)
     area, bending, fibre = (
-        hull.number(run, "section", key) if fibres else 1.0 for key in ("area", "bending", "outer_fibre")
+        hull.vehicle_number(run, "section", key) if fibres else 1.0 for key in ("area", "bending", "outer_fibre")
     )
     modulus = bending / fibre
-    for block in of_links.records(run, track, window, *wanted):
-        found = dict(zip(wanted, block.values, strict=True))
-        across = found.get("joint[*].axis")
+    for block in link_records.records(run, track, window, *signals):
+        values = dict(zip(signals, block.values, strict=True))
+        across = values.get("joint[*].axis")
         if across is None:  # pins stay across the hull within the play of the guides
             across = np.repeat(hull.poses(run, track, block.t).axes[:, None, :, 1], block.pins.shape[1], axis=1)
         axes = link_axes(block.pins, across, links)
-        if any(found[KINDS[kind]][:, :links].shape != axes.shape[:3] for kind in kinds):
+        if any(values[KINDS[kind]][:, :links].shape != axes.shape[:3] for kind in kinds):
             raise Missing(f"{run.log.path} holds other numbers of links than of pins of '{track}'")
-        forces = {kind: np.einsum("mni,mnij->mnj", found[KINDS[kind]][:, :links], axes) for kind in kinds}
+        forces = {kind: np.einsum("mni,mnij->mnj", values[KINDS[kind]][:, :links], axes) for kind in kinds}
         none, empty = np.empty((len(block.t), 0, 3)), np.empty((len(block.t), 0))
-        outer, inner = (found.get(f"link[*].fibre.{side}", empty) for side in ("outer", "inner"))
+        outer, inner = (values.get(f"link[*].fibre.{side}", empty) for side in ("outer", "inner"))
         yield LinkForces(
             track=track,
             t=block.t,

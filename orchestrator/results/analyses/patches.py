@@ -69,7 +69,7 @@ def of(run: RunData, window: Window = EVER) -> Patches:
     wheels = [wheel for wheel in bodies.wheels if wheel.kind in KINDS and wheel.track in run.tracks]
     if not wheels or not bodies.tracks:
         raise Missing(f"{run.log.path} holds no links on wheels")
-    face = hull.number(run, "track", "face")
+    face = hull.vehicle_number(run, "track", "face")
     parts, times = [], []
     for poses in bodies.blocks():
         times.append(poses.t)

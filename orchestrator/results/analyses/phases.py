@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.broken_line import Lines, breaks
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, since
+from orchestrator.results.broken_line import LineFitter, breaks
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, record_durations
 from orchestrator.results.table import Table
 
 PRECISION = 0.02  # of the largest speed or yaw rate: tolerance of the pieces, RMS
@@ -73,11 +73,10 @@ class Phases(NamedTuple):
         """Table with a row for each phase."""
         rows = [
             (
-                called(one), one.start, one.end, one.way, one.speed, one.speed_start, one.speed_end, one.yaw_rate,
-                one.yaw_rate_most, one.radius, one.power / 1e3, one.slip_left, one.slip_right, one.tension / 1e3,
-                one.tension_t, one.tension_track,
+                phase_name(p), p.start, p.end, p.way, p.speed, p.speed_start, p.speed_end, p.yaw_rate, p.yaw_rate_most,
+                p.radius, p.power / 1e3, p.slip_left, p.slip_right, p.tension / 1e3, p.tension_t, p.tension_track,
             )
-            for one in self.phases
+            for p in self.phases
         ]  # fmt: skip
         columns = (
             ("phase", ""), ("from", "s"), ("to", "s"), ("way", "m"), ("speed", "m/s"), ("at first", "m/s"),
@@ -87,70 +86,70 @@ class Phases(NamedTuple):
         return Table.of(f"{len(self.phases)} phases", columns, rows)
 
 
-def sentence(one: Mapping[str, Any]) -> str:
+def sentence(phase: Mapping[str, Any]) -> str:
     """Sentence for a phase, given as ``Phase`` or as a JSON object."""
-    figures: dict[str, Any] = {name: float("nan") if value is None else value for name, value in one.items()}
+    figures: dict[str, Any] = {name: float("nan") if value is None else value for name, value in phase.items()}
     known = Phase(**figures)
-    return "; ".join(filter(None, (_moves(known), _turns(known), _works(known))))
+    return "; ".join(filter(None, (_motion_clause(known), _turn_clause(known), _load_clause(known))))
 
 
-def _moves(one: Phase) -> str:
-    when = f"{one.start:.4g} to {one.end:.4g} s: {called(one)}"
-    if one.kind == "rest":
+def _motion_clause(phase: Phase) -> str:
+    when = f"{phase.start:.4g} to {phase.end:.4g} s: {phase_name(phase)}"
+    if phase.kind == "rest":
         return when
-    changes = f"{', ' if one.turning else ' '}from {near(one.speed_start)} to {near(one.speed_end)} m/s"
-    speed = changes if one.kind in ("acceleration", "braking") else f" at {one.speed:.4g} m/s"
-    return f"{when}{speed} over {one.way:.4g} m"
+    changes = f"{', ' if phase.turning else ' '}from {rounded(phase.speed_start)} to {rounded(phase.speed_end)} m/s"
+    speed = changes if phase.kind in ("acceleration", "braking") else f" at {phase.speed:.4g} m/s"
+    return f"{when}{speed} over {phase.way:.4g} m"
 
 
-def near(speed: float) -> str:
+def rounded(speed: float) -> str:
     """Speed to a hundredth, without a sign if that is 0."""
     return f"{round(speed, 2) + 0.0:.2f}"
 
 
-def _turns(one: Phase) -> str:
-    if not one.turning:
+def _turn_clause(phase: Phase) -> str:
+    if not phase.turning:
         return ""
-    radius = f", radius {one.radius:.3g} m"
-    return f"yaw rate {one.yaw_rate:.3g} rad/s, {one.yaw_rate_most:.3g} at most{radius}"
+    radius = f", radius {phase.radius:.3g} m"
+    return f"yaw rate {phase.yaw_rate:.3g} rad/s, {phase.yaw_rate_most:.3g} at most{radius}"
 
 
-def _works(one: Phase) -> str:
-    slips = [slip for slip in (one.slip_left, one.slip_right) if slip == slip]
+def _load_clause(p: Phase) -> str:
+    slips = [slip for slip in (p.slip_left, p.slip_right) if slip == slip]
     alike = len(slips) < 2 or abs(slips[0] - slips[1]) < ALIKE
     shown = [f"{slip:.3f}" for slip in (slips[:1] if alike else slips)]
     parts = [
-        f"power {one.power / 1e3:.3g} kW" if one.power == one.power else "",
+        f"power {p.power / 1e3:.3g} kW" if p.power == p.power else "",
         f"slip {' and '.join(shown)} m/s{'' if alike else ' left and right'}" if slips else "",
-        f"largest tension {one.tension / 1e3:.4g} kN in {one.tension_track.replace('_', ' ')} at {one.tension_t:.4g} s"
-        if one.tension_track
+        f"largest tension {p.tension / 1e3:.4g} kN in {p.tension_track.replace('_', ' ')} at {p.tension_t:.4g} s"
+        if p.tension_track
         else "",
     ]
-    return "" if one.kind == "rest" else ", ".join(filter(None, parts))
+    return "" if p.kind == "rest" else ", ".join(filter(None, parts))
 
 
 class _Motion(NamedTuple):
     """Outputs at all steps, columns of equal length."""
 
     t: Floats
-    of: Mapping[str, Floats]
+    columns: Mapping[str, Floats]
 
 
-def called(one: Phase) -> str:
+def phase_name(phase: Phase) -> str:
     """Name of a phase in words."""
-    if one.kind == "turn":
-        return f"turn {one.turning}"
-    return f"{one.kind}, turning {one.turning}" if one.turning else one.kind
+    if phase.kind == "turn":
+        return f"turn {phase.turning}"
+    return f"{phase.kind}, turning {phase.turning}" if phase.turning else phase.kind
 
 
 def of(run: RunData, window: Window = EVER) -> Phases:
     """Phases of a vehicle; raises Missing without the motion of a hull."""
     motion = _read(run, window)
-    t, v, yaw_rate = motion.t, motion.of["chassis.speed"], motion.of["chassis.chassis.angular_velocity.z"]
+    t, v, yaw_rate = motion.t, motion.columns["chassis.speed"], motion.columns["chassis.chassis.angular_velocity.z"]
     speeds, turns = _speed_states(t, v), _yaw_states(t, yaw_rate)
     edges = sorted({*speeds, *turns, len(t)})
-    parts = [(a, b, (_latest(speeds, a) or _held(t, v, a, b), _latest(turns, a))) for a, b in pairwise(edges)]
-    parts = _really_turning(t, np.unwrap(motion.of["chassis.yaw"]), _without_slivers(t, parts))
+    parts = [(a, b, (_latest(speeds, a) or _rest_or_steady(t, v, a, b), _latest(turns, a))) for a, b in pairwise(edges)]
+    parts = _really_turning(t, np.unwrap(motion.columns["chassis.yaw"]), _without_slivers(t, parts))
     return Phases(tuple(_figures(run, motion, a, min(b, len(t) - 1), *state) for a, b, state in parts))
 
 
@@ -161,20 +160,22 @@ def _read(run: RunData, window: Window) -> _Motion:
         raise Missing(f"{run.log.path} holds no motion of a hull: there are no phases")
     names += [f"{track}.{name}" for track in run.tracks for name in ("slip", "tension.max")]
     names = [name for name in names if run.has(name)]
-    drawn = {f"{name}.energy.work": run.copies(name) for name in run.instances if run.has(f"{name}.energy.work")}
-    run.hold([*names, *drawn], window)  # one pass
-    found = {name: run.signal(name, window) for name in [*names, *drawn]}
-    steps = min(len(t) for t, _ in found.values())
-    t = found[names[0]][0][:steps]
-    values = {name: each[:steps] for name, (_, each) in found.items()}
-    whole = np.isfinite(t) & np.all([np.isfinite(values[name]) for name in names[: len(MOTION)]], axis=0)
-    steps = steps if whole.all() else int(whole.argmin())
+    work_copies = {f"{name}.energy.work": run.copies(name) for name in run.instances if run.has(f"{name}.energy.work")}
+    run.prefetch([*names, *work_copies], window)  # one pass
+    samples = {name: run.signal(name, window) for name in [*names, *work_copies]}
+    steps = min(len(t) for t, _ in samples.values())
+    t = samples[names[0]][0][:steps]
+    values = {name: column[:steps] for name, (_, column) in samples.items()}
+    finite = np.isfinite(t) & np.all([np.isfinite(values[name]) for name in names[: len(MOTION)]], axis=0)
+    steps = steps if finite.all() else int(finite.argmin())
     if steps < 3:
         raise Missing(f"{run.log.path} holds too few steps for phases")
     values["work"] = (
-        np.sum([n * values[name] for name, n in drawn.items()], axis=0) if drawn else np.full_like(t, np.nan)
+        np.sum([n * values[name] for name, n in work_copies.items()], axis=0)
+        if work_copies
+        else np.full_like(t, np.nan)
     )
-    return _Motion(t[:steps], {name: each[:steps] for name, each in values.items()})
+    return _Motion(t[:steps], {name: column[:steps] for name, column in values.items()})
 
 
 # --- states ----------------------------------------------------------------------------------------
@@ -198,18 +199,18 @@ def _pieces(t: Floats, y: Floats, least: float, crossing: float) -> Iterator[_Pi
     """Straight pieces of a signal; pieces with ends beyond ``crossing`` on both sides of zero are split."""
     edges, lines = breaks(t, y, max(least, PRECISION * float(np.abs(y).max())))
     for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        one = _piece(lines, a, b)
-        if min(abs(one.first), abs(one.last)) > crossing and one.first * one.last < 0.0:
-            middle = a + round((b - a) * one.first / (one.first - one.last))
+        piece = _piece(lines, a, b)
+        if min(abs(piece.first), abs(piece.last)) > crossing and piece.first * piece.last < 0.0:
+            middle = a + round((b - a) * piece.first / (piece.first - piece.last))
             if a < middle < b:
-                share = one.time * one.first / (one.first - one.last)
-                yield _Piece(a, middle, share, one.first, 0.0)
-                yield _Piece(middle, b, one.time - share, 0.0, one.last)
+                share = piece.time * piece.first / (piece.first - piece.last)
+                yield _Piece(a, middle, share, piece.first, 0.0)
+                yield _Piece(middle, b, piece.time - share, 0.0, piece.last)
                 continue
-        yield one
+        yield piece
 
 
-def _piece(lines: Lines, a: int, b: int) -> _Piece:
+def _piece(lines: LineFitter, a: int, b: int) -> _Piece:
     line = lines.fit(a, b)
     time, half = float(line.time), 0.5 * float(line.slope * line.time)
     return _Piece(a, b, time, float(line.middle) - half, float(line.middle) + half)
@@ -230,10 +231,10 @@ def _speed_states(t: Floats, v: Floats) -> dict[int, str]:
     return states
 
 
-def _held(t: Floats, v: Floats, a: int, b: int) -> str:
+def _rest_or_steady(t: Floats, v: Floats, a: int, b: int) -> str:
     """State "rest" or "steady" of records a to b - 1."""
-    own, top = since(t)[a:b], float(np.abs(v).max())
-    time, way = float(own.sum()), abs(float(own @ v[a:b]))
+    durations, top = record_durations(t)[a:b], float(np.abs(v).max())
+    time, way = float(durations.sum()), abs(float(durations @ v[a:b]))
     still = way < STAYS or way < STANDS * time or (time < QUICK and way < CHANGE * top * time)
     return "rest" if still else "steady"
 
@@ -271,8 +272,8 @@ def _grouped(parts: list[tuple[_Piece, int]]) -> list[list[tuple[_Piece, int]]]:
 _Part = tuple[int, int, tuple[str, int]]  # first and last record, and both states
 
 
-def _latest(states: Mapping[int, Any], at: int) -> Any:
-    return states[max(start for start in states if start <= at)]
+def _latest(states: Mapping[int, Any], record: int) -> Any:
+    return states[max(start for start in states if start <= record)]
 
 
 def _without_slivers(t: Floats, parts: list[_Part]) -> list[_Part]:
@@ -283,32 +284,32 @@ def _without_slivers(t: Floats, parts: list[_Part]) -> list[_Part]:
 
     parts = _merged(parts)
     while len(parts) > 1 and length(shortest := min(parts, key=length)) < SHORTEST:
-        at = parts.index(shortest)
-        beside = [k for k in (at - 1, at + 1) if 0 <= k < len(parts)]
-        into = max(beside, key=lambda k: (parts[k][2][0] == shortest[2][0], length(parts[k])))
-        parts[at] = (*shortest[:2], parts[into][2])
+        place = parts.index(shortest)
+        neighbours = [k for k in (place - 1, place + 1) if 0 <= k < len(parts)]
+        into = max(neighbours, key=lambda k: (parts[k][2][0] == shortest[2][0], length(parts[k])))
+        parts[place] = (*shortest[:2], parts[into][2])
         parts = _merged(parts)
     return parts
 
 
 def _really_turning(t: Floats, yaw: Floats, parts: list[_Part]) -> list[_Part]:
     """Make parts of turns straight whose own mean yaw rate is too small."""
-    found = []
+    joined = []
     for a, b, (speed, turn) in parts:
         end = min(b, len(t) - 1)
-        found.append((a, b, (speed, turn if turn * (yaw[end] - yaw[a]) > TURNS * (t[end] - t[a]) else 0)))
-    return _merged(found)
+        joined.append((a, b, (speed, turn if turn * (yaw[end] - yaw[a]) > TURNS * (t[end] - t[a]) else 0)))
+    return _merged(joined)
 
 
 def _merged(parts: list[_Part]) -> list[_Part]:
     """Merge neighbours of equal states."""
-    found: list[_Part] = []
+    joined: list[_Part] = []
     for a, b, state in parts:
-        if found and found[-1][2] == state:
-            found[-1] = (found[-1][0], b, state)
+        if joined and joined[-1][2] == state:
+            joined[-1] = (joined[-1][0], b, state)
         else:
-            found.append((a, b, state))
-    return found
+            joined.append((a, b, state))
+    return joined
 
 
 # --- figures ---------------------------------------------------------------------------------------
@@ -316,11 +317,11 @@ def _merged(parts: list[_Part]) -> list[_Part]:
 
 def _figures(run: RunData, motion: _Motion, a: int, b: int, speed: str, turn: int) -> Phase:
     """Figures of the phase from record a to record b."""
-    t, of = motion.t[a : b + 1], {name: values[a : b + 1] for name, values in motion.of.items()}
-    time, yaw, v = float(t[-1] - t[0]), np.unwrap(of["chassis.yaw"]), of["chassis.speed"]
-    way = float(np.trapezoid(np.hypot(of["chassis.chassis.velocity.x"], of["chassis.chassis.velocity.y"]), t))
+    t, columns = motion.t[a : b + 1], {name: values[a : b + 1] for name, values in motion.columns.items()}
+    time, yaw, v = float(t[-1] - t[0]), np.unwrap(columns["chassis.yaw"]), columns["chassis.speed"]
+    way = float(np.trapezoid(np.hypot(columns["chassis.chassis.velocity.x"], columns["chassis.chassis.velocity.y"]), t))
     turned = float(yaw[-1] - yaw[0])
-    slip_left, slip_right = (_slip(of.get(f"{side}_track.slip"), t) for side in ("left", "right"))
+    slip_left, slip_right = (_slip(columns.get(f"{side}_track.slip"), t) for side in ("left", "right"))
     tension, tension_t, tension_track = _largest_tension(run, motion, a + (a > 0), b + 1)
     return Phase(
         kind="turn" if turn and speed in ("rest", "steady") else speed,
@@ -334,7 +335,7 @@ def _figures(run: RunData, motion: _Motion, a: int, b: int, speed: str, turn: in
         yaw_rate=turned / time,
         yaw_rate_most=_largest_rate(t, yaw),
         radius=way / abs(turned) if turn else float("nan"),
-        power=float(of["work"][-1] - of["work"][0]) / time,
+        power=float(columns["work"][-1] - columns["work"][0]) / time,
         slip_left=slip_left,
         slip_right=slip_right,
         tension=tension,
@@ -353,16 +354,16 @@ def _largest_rate(t: Floats, yaw: Floats) -> float:
 
 def _slip(values: Floats | None, t: Floats) -> float:
     """Mean over the steps that end in the interval."""
-    return float("nan") if values is None else float(np.average(values[1:], weights=since(t)[1:]))
+    return float("nan") if values is None else float(np.average(values[1:], weights=record_durations(t)[1:]))
 
 
 def _largest_tension(run: RunData, motion: _Motion, a: int, b: int) -> tuple[float, float, str]:
     """Largest tension of all links, its time and track, in records a to b - 1."""
-    names = [track for track in run.tracks if f"{track}.tension.max" in motion.of]
+    names = [track for track in run.tracks if f"{track}.tension.max" in motion.columns]
     if not names:
         return float("nan"), float("nan"), ""
-    found = {track: motion.of[f"{track}.tension.max"][a:b] for track in names}
-    most = max(float(values.max()) for values in found.values())
-    track = next(name for name in names if found[name].max() >= most - SAME * abs(most))
-    at = int(found[track].argmax())
-    return float(found[track][at]), float(motion.t[a + at]), track
+    tensions = {track: motion.columns[f"{track}.tension.max"][a:b] for track in names}
+    most = max(float(values.max()) for values in tensions.values())
+    track = next(name for name in names if tensions[name].max() >= most - SAME * abs(most))
+    k = int(tensions[track].argmax())
+    return float(tensions[track][k]), float(motion.t[a + k]), track

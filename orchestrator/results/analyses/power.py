@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses.at_steps import RECOVER, columns
-from orchestrator.results.energy import Block, Port, ports
+from orchestrator.results.analyses.common_steps import RECOVER, columns
+from orchestrator.results.energy import Block, WrenchPort, ports
 from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, vectors
 from orchestrator.results.table import Table
 
@@ -108,7 +108,7 @@ def summary(run: RunData, window: Window = EVER) -> Energies:
 
 
 def _summed(parts: Iterable[Power]) -> Energies:
-    found = [
+    energies = [
         Energies(
             Window(float(part.t[0] - part.h[0]), float(part.t[-1])), part.ports, part.energy, part.energy_carried,
             part.drives, part.energy_drive, part.halves,
@@ -116,45 +116,58 @@ def _summed(parts: Iterable[Power]) -> Energies:
         for part in parts
     ]  # fmt: skip
     relative, carried, drive = (
-        np.sum([getattr(each, name) for each in found], axis=0) for name in ("relative", "carried", "drive")
+        np.sum([getattr(part_energies, name) for part_energies in energies], axis=0)
+        for name in ("relative", "carried", "drive")
     )
-    window = Window(found[0].window.start, found[-1].window.end)
-    return found[0]._replace(window=window, relative=relative, carried=carried, drive=drive)
+    window = Window(energies[0].window.start, energies[-1].window.end)
+    return energies[0]._replace(window=window, relative=relative, carried=carried, drive=drive)
 
 
 def blocks(run: RunData, window: Window = EVER) -> Iterator[Power]:
     """Powers in blocks of steps; raises as ``of``."""
-    found = [port for port in ports(run) if run.has(f"{port.taker}.{port.taken}.velocity.x")]
-    turning = {port.taker for port in found if port.connector == "sprocket"} - {"chassis"}
-    drives = [name for name in run.log.signals if name.endswith(".power") and name.partition(".")[0] in turning]
-    if not found:
+    wrench_ports = [port for port in ports(run) if run.has(f"{port.taker}.{port.taker_connector}.velocity.x")]
+    sprocket_instances = {port.taker for port in wrench_ports if port.giver_connector == "sprocket"} - {"chassis"}
+    drives = [
+        name for name in run.log.signals if name.endswith(".power") and name.partition(".")[0] in sprocket_instances
+    ]
+    if not wrench_ports:
         raise Missing(f"{run.log.path} holds no port of a wheel")
     hull = run.has("chassis.chassis.velocity.x")
-    names = [f"{port.giver}.{port.connector}.{part}.{axis}" for port in found for part in WRENCH for axis in "xyz"]
-    names += [f"{port.taker}.{port.taken}.{part}.{axis}" for port in found for part in MOTION for axis in "xyz"]
+    names = [
+        f"{port.giver}.{port.giver_connector}.{part}.{axis}"
+        for port in wrench_ports
+        for part in WRENCH
+        for axis in "xyz"
+    ]
+    names += [
+        f"{port.taker}.{port.taker_connector}.{part}.{axis}"
+        for port in wrench_ports
+        for part in MOTION
+        for axis in "xyz"
+    ]
     names += drives
     names += [f"chassis.chassis.{part}.{axis}" for part in MOTION for axis in "xyz"] if hull else []
-    wanted = columns(run, names)
-    seldom = [topic for topic in wanted if run.log.topics[topic].every > 1]
-    if seldom:
+    columns_read = columns(run, names)
+    sparse = [topic for topic in columns_read if run.log.topics[topic].every > 1]
+    if sparse:
         raise Missing(
-            f"{run.log.path} holds one step in {run.log.topics[seldom[0]].every} of {seldom[0]}: power needs all"
+            f"{run.log.path} holds one step in {run.log.topics[sparse[0]].every} of {sparse[0]}: power needs all"
         )
     empty = True
-    for block in run.log.blocks(wanted, BLOCK, 1, window):
+    for block in run.log.blocks(columns_read, BLOCK, 1, window):
         series = next(iter(block.values()))
-        if not all(np.array_equal(each.t, series.t) for each in block.values()):
+        if not all(np.array_equal(other.t, series.t) for other in block.values()):
             raise Missing(f"{run.log.path} holds different steps of its components: {RECOVER}")
         if len(series.t) > 1:
             empty = False
-            t, h, relative, carried, drive = _in_block(block, found, drives, hull)
-            titles = tuple(f"{port.giver}.{port.connector}" for port in found)
-            yield Power(t, h, titles, relative, carried, tuple(drives), drive, run.copies(found[0].giver))
+            t, h, relative, carried, drive = _in_block(block, wrench_ports, drives, hull)
+            titles = tuple(f"{port.giver}.{port.giver_connector}" for port in wrench_ports)
+            yield Power(t, h, titles, relative, carried, tuple(drives), drive, run.copies(wrench_ports[0].giver))
     if empty:
         raise Missing(f"{run.log.path} holds no step between {window.start:g} and {window.end:g} s")
 
 
-def _in_block(block: Block, found: list[Port], drives: list[str], hull: bool) -> tuple[Floats, ...]:
+def _in_block(block: Block, wrench_ports: list[WrenchPort], drives: list[str], hull: bool) -> tuple[Floats, ...]:
     """Times, step lengths, relative and carried power, and power of motors, for a block."""
     series = next(iter(block.values()))
     t, h = series.t[1:], np.diff(series.t)
@@ -163,17 +176,19 @@ def _in_block(block: Block, found: list[Port], drives: list[str], hull: bool) ->
         if hull
         else np.zeros((3, len(t), 3))
     )
-    relative, carried = np.empty((len(t), len(found))), np.empty((len(t), len(found)))
-    for k, port in enumerate(found):
+    relative, carried = np.empty((len(t), len(wrench_ports))), np.empty((len(t), len(wrench_ports)))
+    for k, port in enumerate(wrench_ports):
         force, torque = (
-            vectors(block[f"/{port.giver}/out"], port.giver, f"{port.connector}.{part}")[1:] for part in WRENCH
+            vectors(block[f"/{port.giver}/out"], port.giver, f"{port.giver_connector}.{part}")[1:] for part in WRENCH
         )
-        x, v, w = (_mid(vectors(block[f"/{port.taker}/out"], port.taker, f"{port.taken}.{part}")) for part in MOTION)
+        x, v, w = (
+            _mid(vectors(block[f"/{port.taker}/out"], port.taker, f"{port.taker_connector}.{part}")) for part in MOTION
+        )
         v_h = v_c + np.cross(w_c, x - c)
         carried[:, k] = np.sum(force * v_h + torque * w_c, axis=1)
         relative[:, k] = np.sum(force * (v - v_h) + torque * (w - w_c), axis=1)
     motors = [(block[f"/{owner}/out"], variable) for owner, _, variable in (name.partition(".") for name in drives)]
-    drive = [each.values[1:, each.names.index(variable)] for each, variable in motors]
+    drive = [series_of_motor.values[1:, series_of_motor.names.index(variable)] for series_of_motor, variable in motors]
     return t, h, relative, carried, np.stack(drive, axis=1) if drive else np.empty((len(t), 0))
 
 

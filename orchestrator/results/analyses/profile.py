@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import circuit, contact, of_links
+from orchestrator.results.analyses import circuit, contact, link_records
 from orchestrator.results.analyses.link_loads import LinkLoads
 from orchestrator.results.link_columns import POSITION, TENSION
 from orchestrator.results.run_data import Missing, RunData, Window, pitch_radius
@@ -35,19 +35,19 @@ class Profile(NamedTuple):
     stretches: list[Stretch]
 
 
-def of(run: RunData, found: LinkLoads, t: float) -> Profile:
+def of(run: RunData, loads: LinkLoads, t: float) -> Profile:
     """Profile in the link record nearest to a time; raises Missing, LogUnreadable."""
-    if found.pins < found.links:
+    if loads.pins < loads.links:
         raise Missing("places of pins were not recorded")
-    k = int(np.abs(found.t - t).argmin())
-    nearest = float(found.t[k])
-    if not found.closed:
-        block = next(of_links.records(run, found.track, Window(nearest, nearest), POSITION, TENSION))
+    k = int(np.abs(loads.t - t).argmin())
+    nearest = float(loads.t[k])
+    if not loads.closed:
+        block = next(link_records.records(run, loads.track, Window(nearest, nearest), POSITION, TENSION))
         length = np.linalg.norm(np.diff(block.values[0][0], axis=0), axis=1)
         return Profile(nearest, np.cumsum(length) - 0.5 * length, block.values[1][0], np.empty(0), None, [])
-    grounded = of_links.has(run, found.track, contact.SIGNAL)
-    window = Window(float(found.t[max(k - 1, 0)]), nearest)  # axes of forces need the record before
-    links = next(circuit.records(run, found.track, window, TENSION, *[contact.SIGNAL] * grounded))
+    grounded = link_records.has(run, loads.track, contact.SIGNAL)
+    window = Window(float(loads.t[max(k - 1, 0)]), nearest)  # axes of forces need the record before
+    links = next(circuit.records(run, loads.track, window, TENSION, *[contact.SIGNAL] * grounded))
     order = np.argsort(links.links[-1])
     place, middle, tension = links.links[-1, order], links.centres[-1, order], links.values[0][-1, order]
     pressure = None

@@ -19,9 +19,9 @@ from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, spectrum
 from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window
-from orchestrator.results.thinned import Envelope
+from orchestrator.results.thinned import TimeEnvelope
 from orchestrator.results.units import scaled
-from orchestrator.results.whole_file import fresh, refuse
+from orchestrator.results.whole_file import atomic_write, check_output
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,7 +46,7 @@ class LabelledCurve(NamedTuple):
     signal: str
 
 
-class Map(NamedTuple):
+class SignalMap(NamedTuple):
     """Family of signals of a log."""
 
     title: str
@@ -79,7 +79,7 @@ def draw(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    refuse(output, KINDS)
+    check_output(output, KINDS)
     frequency = frequency or order
     if place and frequency:
         raise BadInput("places on the circuit are drawn over time, not over frequency or tooth order")
@@ -100,8 +100,8 @@ def draw(
         _draw_curves(figure, curves, x_label, frequency)
     if len(logs) == 1:
         figure.suptitle(logs[0].stem, fontsize=10, parse_math=False)
-    with fresh(output) as beside:
-        figure.savefig(beside, dpi=120)
+    with atomic_write(output) as temporary:
+        figure.savefig(temporary, dpi=120)
 
 
 def _chosen(run: RunData, signals: Sequence[str], window: Window) -> Iterator[tuple[str, list[int], Floats]]:
@@ -124,8 +124,8 @@ def _curves(
         labels = [f"{name}, {run.log.path.stem}" if several else name for name in names]
         units = [run.log.topics[topic].units[column] for column in columns]
         if frequency:
-            found = spectrum.of(run, names, window, orders=order)
-            x, y = (found.order if order else found.frequency)[1:], found.amplitude[1:]
+            spectra = spectrum.of(run, names, window, orders=order)
+            x, y = (spectra.order if order else spectra.frequency)[1:], spectra.amplitude[1:]
             drawn = [(x, y[:, k]) for k in range(len(names))]
         else:
             drawn = _thinned(run, topic, columns, window, t)
@@ -135,7 +135,7 @@ def _curves(
 
 def _thinned(run: RunData, topic: str, columns: list[int], window: Window, t: Floats) -> list[tuple[Floats, Floats]]:
     """Times and values of each column, thinned; ``t`` (m,): times of all records in the window, s."""
-    envelope = Envelope(float(t.min()), float(t.max()), len(columns), CURVE)
+    envelope = TimeEnvelope(float(t.min()), float(t.max()), len(columns), CURVE)
     for block in run.log.blocks({topic: columns}, BLOCK, window=window):
         envelope.add(block[topic].t, block[topic].values)
     return [(curve.t, curve.y) for curve in map(envelope.curve, range(len(columns)))]
@@ -143,29 +143,29 @@ def _thinned(run: RunData, topic: str, columns: list[int], window: Window, t: Fl
 
 def _maps(
     run: RunData, signals: Sequence[str], window: Window, frequency: bool, order: bool, place: bool, several: bool
-) -> Iterator[Map]:
+) -> Iterator[SignalMap]:
     """Families of a log as maps; raises BadInput for a signal without a family."""
-    for wanted in signals:
-        for topic, columns, t in _chosen(run, [wanted], window):
+    for pattern in signals:
+        for topic, columns, t in _chosen(run, [pattern], window):
             names = [run.log.name(topic, column) for column in columns]
             keys, members = zip(*map(family, names), strict=True)
             if None in members or len(set(keys)) != 1:
-                raise BadInput(f"'{wanted}' is no family of signals as left_track.link[*].tension: it makes no map")
+                raise BadInput(f"'{pattern}' is no family of signals as left_track.link[*].tension: it makes no map")
             if len(names) < 2:
-                raise BadInput(f"'{wanted}' is a single signal: it makes no map")
+                raise BadInput(f"'{pattern}' is a single signal: it makes no map")
             unit = run.log.topics[topic].units[columns[0]]
             title = keys[0] + (f", {run.log.path.stem}" if several else "")
             y = np.array(members, float)
             number = _member(names[0])
             if place:
-                yield Map(title, PLACE, *_by_place(run, names[0], window, -(-len(t) // MAP)), unit)
+                yield SignalMap(title, PLACE, *_by_place(run, names[0], window, -(-len(t) // MAP)), unit)
             elif frequency:
-                found = spectrum.of(run, names, window, orders=order)
-                x = found.order if order else found.frequency
-                yield Map(title, number, x[1:], y, found.amplitude[1:].T, unit)
+                spectra = spectrum.of(run, names, window, orders=order)
+                x = spectra.order if order else spectra.frequency
+                yield SignalMap(title, number, x[1:], y, spectra.amplitude[1:].T, unit)
             else:
                 x, values = _means(run, topic, columns, window, -(-len(t) // MAP))
-                yield Map(title, number, x, y, values.T, unit)
+                yield SignalMap(title, number, x, y, values.T, unit)
 
 
 def _means(run: RunData, topic: str, columns: list[int], window: Window, stride: int) -> tuple[Floats, Floats]:
@@ -180,9 +180,9 @@ def _means(run: RunData, topic: str, columns: list[int], window: Window, stride:
 
 
 def _grouped(t: Floats, values: Floats, stride: int) -> tuple[Floats, Floats]:
-    at = np.arange(0, len(t), stride)
-    counts = np.diff(np.append(at, len(t)))
-    return np.add.reduceat(t, at) / counts, np.add.reduceat(values, at, axis=0) / counts[:, None]
+    starts = np.arange(0, len(t), stride)
+    counts = np.diff(np.append(starts, len(t)))
+    return np.add.reduceat(t, starts) / counts, np.add.reduceat(values, starts, axis=0) / counts[:, None]
 
 
 def _by_place(run: RunData, name: str, window: Window, stride: int) -> tuple[Floats, Floats, Floats]:
@@ -197,7 +197,7 @@ def _by_place(run: RunData, name: str, window: Window, stride: int) -> tuple[Flo
         n = where.shape[1]
         share = where / block.length[:, None]
         places = (np.arange(n) + 0.5) / n
-        rows = [np.interp(places, *_round(share[k], block.values[0][k])) for k in range(len(share))]
+        rows = [np.interp(places, *_closed_round(share[k], block.values[0][k])) for k in range(len(share))]
         t, mean = _grouped(block.t, np.array(rows), stride)
         times.append(t)
         values.append(mean)
@@ -205,10 +205,10 @@ def _by_place(run: RunData, name: str, window: Window, stride: int) -> tuple[Flo
     return np.concatenate(times), places * float(np.mean(lengths)), np.concatenate(values).T
 
 
-def _round(share: Floats, values: Floats) -> tuple[Floats, Floats]:
+def _closed_round(share: Floats, values: Floats) -> tuple[Floats, Floats]:
     """Sorted places and values of a circuit, with the first and last one repeated at the other end."""
-    at = np.argsort(share)
-    x, y = share[at], values[at]
+    order = np.argsort(share)
+    x, y = share[order], values[order]
     return np.concatenate([[x[-1] - 1.0], x, [x[0] + 1.0]]), np.concatenate([[y[-1]], y, [y[0]]])
 
 
@@ -244,8 +244,10 @@ def _pane(figure: Figure, pane: Axes, curves: list[LabelledCurve], unit: str, fr
     pane.margins(x=0.0)
     barred = many and _bar(figure, pane, names)
     if 1 < len(curves) <= BESIDE and not barred:
-        beside: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)} if len(curves) > INSIDE else {}
-        for label in pane.legend(fontsize=6 if many else 8, **beside).get_texts():
+        legend_place: dict[str, Any] = (
+            {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)} if len(curves) > INSIDE else {}
+        )
+        for label in pane.legend(fontsize=6 if many else 8, **legend_place).get_texts():
             label.set_parse_math(False)
     if many:
         styles = dict.fromkeys((curve.log % 4, curve.label.partition(", ")[2]) for curve in curves)
@@ -289,27 +291,29 @@ def _member(name: str) -> str:
     return name.partition("[")[0].rpartition(".")[2].replace("_", " ")
 
 
-def _draw_maps(figure: Figure, maps: list[Map], x_label: str, frequency: bool) -> None:
+def _draw_maps(figure: Figure, maps: list[SignalMap], x_label: str, frequency: bool) -> None:
     """Draw maps in one pane each, with one scale per unit."""
     from matplotlib.colors import LogNorm, Normalize
 
     figure.set_size_inches(9.0, 0.8 + 3.4 * len(maps))
     panes = figure.subplots(len(maps), 1, sharex=True, squeeze=False)[:, 0]
-    for pane, each in zip(panes, maps, strict=True):
-        alike = [other.values for other in maps if other.unit == each.unit]
+    for pane, family_map in zip(panes, maps, strict=True):
+        alike = [other.values for other in maps if other.unit == family_map.unit]
         most, least = (pick([pick(values) for values in alike]) for pick in (np.nanmax, np.nanmin))
-        size, shown = scaled(float(max(abs(most), abs(least))), each.unit)
+        size, shown = scaled(float(max(abs(most), abs(least))), family_map.unit)
         scale = (
             LogNorm(DECADES * most / size, most / size)
             if frequency and most > 0
             else Normalize(least / size, most / size)
         )
-        values = np.maximum(each.values / size, DECADES * most / size) if frequency else each.values / size
-        mesh = pane.pcolormesh(each.x, each.y, values, norm=scale, cmap="viridis", shading="nearest", rasterized=True)
+        values = np.maximum(family_map.values / size, DECADES * most / size) if frequency else family_map.values / size
+        mesh = pane.pcolormesh(
+            family_map.x, family_map.y, values, norm=scale, cmap="viridis", shading="nearest", rasterized=True
+        )
         amplitude = "amplitude, " if frequency else ""
         figure.colorbar(mesh, ax=pane, label=f"{amplitude}{shown}")
-        pane.set_title(each.title, fontsize=9, loc="left", parse_math=False)
-        pane.set_ylabel(each.label)
+        pane.set_title(family_map.title, fontsize=9, loc="left", parse_math=False)
+        pane.set_ylabel(family_map.label)
     panes[-1].set_xlabel(x_label)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
-from orchestrator.results.analyses.at_steps import together
+from orchestrator.results.analyses.common_steps import common_values
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, mean
 from orchestrator.results.table import Table
 
@@ -61,7 +61,7 @@ def of(run: RunData, window: Window = EVER) -> Slip:
     names = hull.tracks(run)
     parts = ("ground.force.x", "ground.force.y", "ground.force.z", "slip", "speed")
     signals = ["chassis.yaw", *(f"{name}.{part}" for part in parts for name in names)]
-    t, values = together(run, signals, window)
+    t, values = common_values(run, signals, window)
     c, s = np.cos(values[:, :1]), np.sin(values[:, :1])
     x, y, load, slip, speed = np.split(values[:, 1:], len(parts), axis=1)
     ratio = np.where(np.abs(speed) > SLOWEST, slip / np.where(speed, speed, 1.0), np.nan)

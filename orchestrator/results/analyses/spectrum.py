@@ -13,7 +13,7 @@ import numpy as np
 
 from fmus.vehicle import BadInput
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import at_steps, hull
+from orchestrator.results.analyses import common_steps, hull
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, mean
 from orchestrator.results.table import Table
 
@@ -62,12 +62,12 @@ class Spectrum(NamedTuple):
     def table(self) -> Table:
         """Table of the largest peaks of each signal."""
         rows = []
-        for k, name in enumerate(self.names):
-            a = self.amplitude[:, k]
-            tops = [at for at in range(1, len(a)) if a[at] and a[at] == a[max(at - LOBE, 1) : at + LOBE + 1].max()]
-            for at in sorted(tops, key=lambda at: -a[at])[:PEAKS]:
-                f = float(self.frequency[at])
-                rows.append((name, f, *([f / self.teeth] if self.teeth == self.teeth else []), float(a[at])))
+        for column, name in enumerate(self.names):
+            a = self.amplitude[:, column]
+            tops = [k for k in range(1, len(a)) if a[k] and a[k] == a[max(k - LOBE, 1) : k + LOBE + 1].max()]
+            for k in sorted(tops, key=lambda k: -a[k])[:PEAKS]:
+                f = float(self.frequency[k])
+                rows.append((name, f, *([f / self.teeth] if self.teeth == self.teeth else []), float(a[k])))
         orders = (("tooth order", ""),) if self.teeth == self.teeth else ()
         columns = (("signal", ""), ("frequency", "Hz"), *orders, ("amplitude", " or ".join(dict.fromkeys(self.units))))
         notes = [f"bins are {self.frequency[1]:.4g} Hz wide, {self.shape} window"]
@@ -89,7 +89,7 @@ def of(
         raise BadInput("a spectrum needs --signal NAME: 'cotrack log info --signals LOG' says which there are")
     if shape not in SHAPES:
         raise BadInput(f"--shape {shape}: must be {' or '.join(SHAPES)}")
-    chosen = at_steps.columns(run, [signals] if isinstance(signals, str) else signals)
+    chosen = common_steps.columns(run, [signals] if isinstance(signals, str) else signals)
     if len(chosen) != 1:
         raise Missing(f"the signals are on {len(chosen)} topics: a spectrum needs signals of one, with common times")
     ((topic, columns),) = chosen.items()
@@ -102,25 +102,25 @@ def of(
     finite = np.isfinite(series.values).all(axis=0)
     if not finite.all():
         raise Missing(f"'{names[int(np.argmin(finite))]}' is not finite: it has no spectrum")
-    t, values, resampled = evenly(series.t, series.values)
+    t, values, resampled = resample_evenly(series.t, series.values)
     frequency, amplitude = amplitudes(t, values, shape)
     span = Window(float(t[0]), float(t[-1]))
-    teeth = teeth_rate(run, names[0].partition(".")[0], span) if orders else float("nan")
+    teeth = tooth_passing_frequency(run, names[0].partition(".")[0], span) if orders else float("nan")
     units = tuple(run.log.topics[topic].units[column] for column in columns)
     return Spectrum(names, units, frequency, amplitude, teeth, span, shape, resampled)
 
 
-def teeth_rate(run: RunData, instance: str, window: Window) -> float:
+def tooth_passing_frequency(run: RunData, instance: str, window: Window) -> float:
     """Mean tooth passing frequency of an instance's sprocket, or the first, Hz; raises Missing."""
     signal = hull.sprocket_speed(run, instance)
     t, speed = run.signal(signal, window)
-    rate = hull.number(run, "sprocket", "teeth") * abs(mean(t, speed)) / (2.0 * np.pi)
+    rate = hull.vehicle_number(run, "sprocket", "teeth") * abs(mean(t, speed)) / (2.0 * np.pi)
     if not rate > 0.0:
         raise Missing(f"'{signal}' is 0 over the window: there are no tooth orders")
     return float(rate)
 
 
-def evenly(t: Floats, values: Floats) -> tuple[Floats, Floats, bool]:
+def resample_evenly(t: Floats, values: Floats) -> tuple[Floats, Floats, bool]:
     """Samples (m, n) at evenly spaced times, and whether they were interpolated."""
     steps = np.diff(t)
     if np.ptp(steps) <= EVEN * steps.mean():
@@ -137,8 +137,8 @@ def amplitudes(t: Floats, values: Floats, shape: str = "hann") -> tuple[Floats, 
     turns = 2.0 * np.pi * np.arange(m) / m
     weights = np.sum([(-1.0) ** k * a * np.cos(k * turns) for k, a in enumerate(SHAPES[shape])], axis=0)
     middle = values.mean(axis=0)
-    found = 2.0 * np.abs(np.fft.rfft((values - middle) * weights[:, None], axis=0)) / weights.sum()
-    found[0] = np.abs(middle)
+    amplitude = 2.0 * np.abs(np.fft.rfft((values - middle) * weights[:, None], axis=0)) / weights.sum()
+    amplitude[0] = np.abs(middle)
     if m % 2 == 0:
-        found[-1] *= 0.5  # the Nyquist frequency has no negative twin
-    return np.fft.rfftfreq(m, (t[-1] - t[0]) / (m - 1)), found
+        amplitude[-1] *= 0.5  # the Nyquist frequency has no negative twin
+    return np.fft.rfftfreq(m, (t[-1] - t[0]) / (m - 1)), amplitude

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import at_steps
-from orchestrator.results.analyses.spells import TOUCHES, Spells, spells
+from orchestrator.results.analyses import common_steps
+from orchestrator.results.analyses.unloaded import TOUCHES, UnloadedIntervals, unloaded_intervals
 from orchestrator.results.rotation import body_axis
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, means, since
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, means, record_durations
 from orchestrator.results.table import Table
 
 
@@ -24,7 +24,7 @@ class WheelLoads(NamedTuple):
     most: Floats  # (wheels,) N
     rms: Floats  # (wheels,) N, deviation from the mean
     lifted: Floats  # (wheels,) share of time without load
-    threshold: float  # N, a smaller load counts as lifted (``spells.py``)
+    threshold: float  # N, a smaller load counts as lifted (``unloaded.py``)
 
     def table(self) -> Table:
         """Table with a row for each wheel."""
@@ -60,15 +60,17 @@ def blocks(run: RunData, window: Window = EVER) -> Iterator[tuple[Floats, Floats
     signals = [f"{name}.force.{axis}" for name in wheels for axis in "xyz"]
     turned = run.has("chassis.chassis.orientation.w")
     signals += [f"chassis.chassis.orientation.{part}" for part in "wxyz"] if turned else []
-    for t, values in at_steps.blocks(run, signals, window):
+    for t, values in common_steps.blocks(run, signals, window):
         force, orientation = np.split(values, [3 * len(wheels)], axis=1)
         up = body_axis(orientation, 2) if turned else np.tile([0.0, 0.0, 1.0], (len(t), 1))
         yield t, np.einsum("mki,mi->mk", force.reshape(len(t), len(wheels), 3), up)
 
 
-def lifted(run: RunData, window: Window = EVER) -> Spells:
-    """Intervals in which road wheels are lifted (``spells.py``), by wheel; raises Missing."""
-    return run.once(f"lifted wheels, {window}", lambda run: spells(names(run), lambda: blocks(run, window)))
+def lifted(run: RunData, window: Window = EVER) -> UnloadedIntervals:
+    """Intervals in which road wheels are lifted (``unloaded.py``), by wheel; raises Missing."""
+    return run.compute_once(
+        f"lifted wheels, {window}", lambda run: unloaded_intervals(names(run), lambda: blocks(run, window))
+    )
 
 
 def of(run: RunData, window: Window = EVER) -> WheelLoads:
@@ -78,6 +80,9 @@ def of(run: RunData, window: Window = EVER) -> WheelLoads:
         raise Missing(f"{run.log.path} holds no step between {window.start:g} and {window.end:g} s")
     mean = means(t, load)
     rms = np.sqrt(means(t, (load - mean) ** 2))
-    found = lifted(run, window)
-    share = np.array([sum(spell.time for spell in found.of[name]) for name in names(run)]) / since(t).sum()
-    return WheelLoads(names(run), mean, load.min(axis=0), load.max(axis=0), rms, share, found.threshold)
+    unloaded = lifted(run, window)
+    share = (
+        np.array([sum(interval.time for interval in unloaded.by_member[name]) for name in names(run)])
+        / record_durations(t).sum()
+    )
+    return WheelLoads(names(run), mean, load.min(axis=0), load.max(axis=0), rms, share, unloaded.threshold)

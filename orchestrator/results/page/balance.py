@@ -36,14 +36,16 @@ class Loss(NamedTuple):
 
 def losses(run: RunData) -> dict[str, Loss]:
     """Losses of each component that has any; raises Missing, LogUnreadable."""
-    found = {}
-    for name, book in changes(run).items():
-        if "dissipated" in book:
+    by_component = {}
+    for name, account in changes(run).items():
+        if "dissipated" in account:
             copies = run.copies(name)
-            causes = {part.removeprefix(CAUSE): copies * lost for part, lost in book.items() if part.startswith(CAUSE)}
+            causes = {
+                part.removeprefix(CAUSE): copies * lost for part, lost in account.items() if part.startswith(CAUSE)
+            }
             parts = _causes(causes) or said_of(run.log, f"{name}.energy.dissipated")
-            found[name] = Loss(copies * book["dissipated"], copies * book.get("covered", 0.0), parts)
-    return found
+            by_component[name] = Loss(copies * account["dissipated"], copies * account.get("covered", 0.0), parts)
+    return by_component
 
 
 def _causes(causes: dict[str, float]) -> str:
@@ -72,30 +74,32 @@ def _sources(ledger: Ledger) -> list[str]:
     return parts
 
 
-def sentence(ledger: Ledger, lost: dict[str, Loss]) -> str:
+def sentence(ledger: Ledger, component_losses: dict[str, Loss]) -> str:
     """Balance in sentences, HTML."""
     supplied = ledger.supplied
     if max(supplied, abs(ledger.dissipated)) < 1e-3:
         return "Next to no energy moved in this run."
-    said = [f"<b>{quantity(supplied, 'J')}</b> came in: {sources(ledger)}."] if supplied > 0.0 else []
+    sentences = [f"<b>{quantity(supplied, 'J')}</b> came in: {sources(ledger)}."] if supplied > 0.0 else []
     if ledger.work < -SHARE * supplied:
-        said.append(f"{quantity(-ledger.work, 'J')}{_share(-ledger.work, supplied)} went back into the drives.")
+        sentences.append(f"{quantity(-ledger.work, 'J')}{_share(-ledger.work, supplied)} went back into the drives.")
     kinds = sorted(
-        ((kind, energy) for kind, energy in ledger.stored.items() if energy > 0.0), key=lambda each: -each[1]
+        ((kind, energy) for kind, energy in ledger.stored.items() if energy > 0.0), key=lambda item: -item[1]
     )
     if stored := sum(energy for _, energy in kinds):
         named = [f"{KINDS[kind]} {quantity(energy, 'J')}" for kind, energy in kinds if energy > SMALL * supplied]
         parts = f": {and_list(named)}" if named else ""
-        said.append(f"{quantity(stored, 'J')}{_share(stored, supplied)} is stored at the end{parts}.")
-    losers = sorted(((name, loss.dissipated) for name, loss in lost.items()), key=lambda each: -abs(each[1]))[:3]
+        sentences.append(f"{quantity(stored, 'J')}{_share(stored, supplied)} is stored at the end{parts}.")
+    losers = sorted(
+        ((name, loss.dissipated) for name, loss in component_losses.items()), key=lambda item: -abs(item[1])
+    )[:3]
     named = [f"{instance(name)} {quantity(loss, 'J')}" for name, loss in losers if loss > 0.01 * ledger.dissipated]
     most = f", most of it in {and_list(named)}" if named else ""
-    said.append(f"{quantity(ledger.dissipated, 'J')}{_share(ledger.dissipated, supplied)} was dissipated{most}.")
-    said.append(
+    sentences.append(f"{quantity(ledger.dissipated, 'J')}{_share(ledger.dissipated, supplied)} was dissipated{most}.")
+    sentences.append(
         f"{quantity(ledger.residual, 'J')} is unaccounted for, {percent(ledger.residual_relative, 2)} of the largest"
         " sum: that is an error of the steps, not a physical loss."
     )
-    return " ".join(said)
+    return " ".join(sentences)
 
 
 def _share(energy: float, supplied: float) -> str:
@@ -107,36 +111,36 @@ def energy(pair: Pair) -> PageSection | None:
     run, ledger = pair.run.run, pair.run.ledger
     if ledger is None:
         return None
-    lost = losses(run)
+    component_losses = losses(run)
     content = Content()
-    content.html = f'<p class="lead">{sentence(ledger, lost)}</p>'
+    content.html = f'<p class="lead">{sentence(ledger, component_losses)}</p>'
     if max(abs(ledger.work), abs(ledger.change), abs(ledger.dissipated)) > 1e-3:
-        chart = waterfall(_bars(run, ledger, lost))
-        content.figure("energy", chart, "From what was put in to what is unaccounted for", BARS, "tall")
+        chart = waterfall(_bars(run, ledger, component_losses))
+        content.add_figure("energy", chart, "From what was put in to what is unaccounted for", BARS, "tall")
         if drawn := _curves(pair):
             chart = lines("energy", "J", drawn)
-            content.figure("energy-time", chart, "Energy since the start", "All components together.")
+            content.add_figure("energy-time", chart, "Energy since the start", "All components together.")
     parts = [(instance(name), quantity(left, "J", 3)) for name, left in ledger.integration.items()]
     parts.append(("ports between components", quantity(ledger.port, "J", 3)))
     content.html += (
-        f"{_losses(run, lost)}<details><summary>Which part makes what is unaccounted for</summary>"
+        f"{_losses(run, component_losses)}<details><summary>Which part makes what is unaccounted for</summary>"
         f"<p class='muted'>{PARTS}</p>{table(('Component', 'Unaccounted for'), parts)}</details>"
     )
     return PageSection("energy", "Energy", "Where does the work go?", content.html, content.charts)
 
 
-def _bars(run: RunData, ledger: Ledger, lost: dict[str, Loss]) -> list[tuple[str, float, str]]:
+def _bars(run: RunData, ledger: Ledger, component_losses: dict[str, Loss]) -> list[tuple[str, float, str]]:
     """Name, energy, J, and role of each bar, without bars too small to be seen."""
     rows = [("put in by drives", ledger.work, "work")]
     rows += [(f"released: {KINDS[kind]}", change, "stored") for kind, change in ledger.stored.items() if change < 0.0]
     rows += [(f"stored: {KINDS[kind]}", change, "stored") for kind, change in ledger.stored.items() if change > 0.0]
     rows += [
         (f"dissipated: {plain(name)}{_sides(run, name)}", loss.dissipated, "lost")
-        for name, loss in lost.items()
+        for name, loss in component_losses.items()
         if loss.dissipated
     ]
     rows.append(("lost: contacts moving along links", ledger.covered, "lost"))
-    least = 1e-5 * max(abs(each) for _, each, _ in rows)
+    least = 1e-5 * max(abs(amount) for _, amount, _ in rows)
     return [*(row for row in rows if abs(row[1]) > least), ("unaccounted for", ledger.residual, "open")]
 
 
@@ -148,18 +152,18 @@ def _curves(pair: Pair) -> list[Trace]:
     """Energies over time of the run and its reference."""
     studies = (pair.run, *([pair.reference] if pair.reference else []))
     return [
-        Trace(f"{NAMES[part]}{', reference' * behind}", curve, k, reference=bool(behind))
-        for behind, study in enumerate(studies)
-        for k, (part, curve) in enumerate(study.energies.items())
+        Trace(f"{NAMES[part]}{', reference' * is_reference}", curve, k, reference=bool(is_reference))
+        for is_reference, evaluation in enumerate(studies)
+        for k, (part, curve) in enumerate(evaluation.energies.items())
     ]
 
 
-def _losses(run: RunData, lost: dict[str, Loss]) -> str:
+def _losses(run: RunData, component_losses: dict[str, Loss]) -> str:
     """Table of the losses of each component and their causes, HTML."""
-    found = {name: loss for name, loss in lost.items() if loss.dissipated or loss.covered}
-    if not found:
+    nonzero = {name: loss for name, loss in component_losses.items() if loss.dissipated or loss.covered}
+    if not nonzero:
         return ""
-    whole = sum(loss.dissipated + loss.covered for loss in found.values())
+    whole = sum(loss.dissipated + loss.covered for loss in nonzero.values())
     rows = [
         (
             f"{instance(name)}{_sides(run, name)}<br>"
@@ -168,7 +172,7 @@ def _losses(run: RunData, lost: dict[str, Loss]) -> str:
             quantity(loss.covered, "J", 3) if loss.covered else "",
             percent((loss.dissipated + loss.covered) / whole) if whole else "",
         )
-        for name, loss in found.items()
+        for name, loss in nonzero.items()
     ]
     head = "Component, and what its losses are", "Dissipated", "Contacts moving<br>along links", "Of all losses"
     return f"<h3>What was lost where</h3><p class='muted'>{LOSSES}</p>{table(head, rows, 'numbers')}"

@@ -29,15 +29,15 @@ class Trace(NamedTuple):
     behind: bool = False  # drawn broad, so that it shows under a curve that covers it
     points: bool = False  # its samples are marked
 
-    def times(self, factor: float) -> Trace:
+    def scaled_by(self, factor: float) -> Trace:
         """Trace in another unit."""
-        return self._replace(curve=self.curve.times(factor), mean=self.mean and self.mean.times(factor))
+        return self._replace(curve=self.curve.scaled_by(factor), mean=self.mean and self.mean.scaled_by(factor))
 
 
 def lines(
     quantity: str,
     unit: str,
-    drawn: Iterable[Trace],
+    traces: Iterable[Trace],
     *,
     x: str = "time, s",
     timed: bool = True,
@@ -49,9 +49,9 @@ def lines(
 
     ``stretches``: named parts of x; ``mark``: a marked point; ``window``: averaging time of means, in words.
     """
-    curves = list(drawn)
+    curves = list(traces)
     size = max((float(np.nanmax(np.abs(line.curve.y), initial=0.0)) for line in curves), default=0.0)
-    by, name = scaled(size, unit)
+    factor, name = scaled(size, unit)
     low, high = (
         min((float(np.nanmin(line.curve.y, initial=np.inf)) for line in curves), default=0.0),
         max((float(np.nanmax(line.curve.y, initial=-np.inf)) for line in curves), default=0.0),
@@ -66,19 +66,19 @@ def lines(
             {
                 "name": text(line.name),
                 "t": floats(line.curve.t),
-                "y": floats(line.curve.y / by),
+                "y": floats(line.curve.y / factor),
                 "colour": line.colour,
                 "reference": line.reference,
                 "behind": line.behind,
                 "points": line.points,
-                "mean": {"t": floats(line.mean.t), "y": floats(line.mean.y / by)} if line.mean else None,
+                "mean": {"t": floats(line.mean.t), "y": floats(line.mean.y / factor)} if line.mean else None,
             }
             for line in curves
         ],
-        "sections": [[each.start, each.end, text(each.name)] for each in stretches],
-        "mark": [mark.t, mark.value / by] if mark else None,
+        "sections": [[stretch.start, stretch.end, text(stretch.name)] for stretch in stretches],
+        "mark": [mark.t, mark.value / factor] if mark else None,
         "window": text(window) if any(line.mean for line in curves) else "",
-        "flat": [(low - 0.1 * size) / by, (high + 0.1 * size) / by] if level else None,
+        "flat": [(low - 0.1 * size) / factor, (high + 0.1 * size) / factor] if level else None,
     }
 
 

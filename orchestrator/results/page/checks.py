@@ -7,8 +7,8 @@ from html import escape
 from typing import Any
 
 from orchestrator.results import measures
+from orchestrator.results.page.evaluation import Evaluation
 from orchestrator.results.page.section import PageSection, Pair, table
-from orchestrator.results.page.study import Study
 from orchestrator.results.page.words import and_list, plain, text
 from orchestrator.results.units import number
 
@@ -17,44 +17,44 @@ HEAD = ("Check", "Value", "Expected", "Tolerance", "Verdict")
 
 def checks(pair: Pair) -> PageSection:
     """Section with the value, expectation and verdict of each check."""
-    study = pair.run
-    expected = study.run.scene.get("expect")
-    rows = [_row(name, check, expected) for name, check in study.judged.checks.items()]
-    left_out = [text(plain(name)) for name in unmade(study)]
+    evaluation = pair.run
+    expected = evaluation.run.scene.get("expect")
+    rows = [_row(name, check, expected) for name, check in evaluation.summary.checks.items()]
+    left_out = [text(plain(name)) for name in skipped_checks(evaluation)]
     if rows:
         html = "<p>Made anew from this record when the page was written. Ratios and counts have no unit.</p>"
         html += table(HEAD, rows, "checks")
     else:
         html = ""
-    if study.judged.note:
-        html += f"<p>Checks were not made: {text(study.judged.note)}.</p>"
+    if evaluation.summary.note:
+        html += f"<p>Checks were not made: {text(evaluation.summary.note)}.</p>"
     elif not rows:
         html += "<p>This record names no check to make. The page shows what happened, not whether it is right.</p>"
-    if left_out and not study.judged.note:
+    if left_out and not evaluation.summary.note:
         html += (
             f"<p>Not made, because the record does not reach the end of what they look at: {and_list(left_out)}.</p>"
         )
     return PageSection("checks", "Checks", "Did the checks hold?", html, {})
 
 
-def unmade(study: Study) -> list[str]:
+def skipped_checks(evaluation: Evaluation) -> list[str]:
     """Names of the scene's checks, for the track model of the run, that were not made."""
-    expected, track = study.run.scene.get("expect"), study.run.scene.get("track")
+    expected, track = evaluation.run.scene.get("expect"), evaluation.run.scene.get("track")
     if not isinstance(expected, dict):
         return []
     model = track.get("model") if isinstance(track, dict) else None
     return [
         name
         for name, check in expected.items()
-        if name not in study.judged.checks and isinstance(check, dict) and check.get("track") in (None, model)
+        if name not in evaluation.summary.checks and isinstance(check, dict) and check.get("track") in (None, model)
     ]
 
 
 def _row(name: str, check: Any, expected: Any) -> tuple[str, ...]:
-    asked = expected.get(name) if isinstance(expected, dict) else None
+    entry = expected.get(name) if isinstance(expected, dict) else None
     note = f'<br><span class="muted">{text(check["note"])}</span>' if check["note"] else ""
     return (
-        f"<b>{text(name.replace('_', ' '))}</b><br><span class='muted'>{_subject(asked)}</span>{_reason(asked)}{note}",
+        f"<b>{text(name.replace('_', ' '))}</b><br><span class='muted'>{_subject(entry)}</span>{_reason(entry)}{note}",
         number(check["value"], 6),
         number(check["expected"], 6),
         f"\N{PLUS-MINUS SIGN} {number(check['tolerance'], 3)}",

@@ -14,20 +14,20 @@ from orchestrator.results.page.balance import energy
 from orchestrator.results.page.checks import checks
 from orchestrator.results.page.embedded import script
 from orchestrator.results.page.ending import ending
-from orchestrator.results.page.events import happened
+from orchestrator.results.page.evaluation import Evaluation, RunSummary, attempt, evaluate
+from orchestrator.results.page.events import event_section
 from orchestrator.results.page.exactness import exactness
 from orchestrator.results.page.loads import loads
 from orchestrator.results.page.motion import drive, motion
 from orchestrator.results.page.phases import phases
 from orchestrator.results.page.player import player as player_of
-from orchestrator.results.page.provenance import compared, made
+from orchestrator.results.page.provenance import comparison, provenance
 from orchestrator.results.page.section import PageSection, Pair
-from orchestrator.results.page.study import Judged, Study, attempt, study
 from orchestrator.results.page.tension import tension
 from orchestrator.results.page.words import text
 from orchestrator.results.run_data import RunData
 from orchestrator.results.units import number
-from orchestrator.results.whole_file import fresh
+from orchestrator.results.whole_file import atomic_write
 
 SUFFIXES = (".html", ".htm")
 # the page and its library must not request anything from other machines
@@ -39,42 +39,42 @@ def plotting() -> str:
     return str(library("plotly.offline", "report").get_plotlyjs())
 
 
-def write(run: RunData, judged: Judged, output: Path, reference: tuple[RunData, Judged] | None = None) -> None:
+def write(run: RunData, summary: RunSummary, output: Path, reference: tuple[RunData, RunSummary] | None = None) -> None:
     """Write the page of a run and its reference, whole or not at all; raises LogUnreadable, NotInstalled, BadInput."""
     plots = plotting()
-    page = document(study(run, judged), study(*reference) if reference else None, plots)
-    with fresh(output) as beside:
-        beside.write_text(page, encoding="utf-8")
+    page = document(evaluate(run, summary), evaluate(*reference) if reference else None, plots)
+    with atomic_write(output) as temporary:
+        temporary.write_text(page, encoding="utf-8")
 
 
-def document(run: Study, reference: Study | None, plots: str) -> str:
+def document(run: Evaluation, reference: Evaluation | None, plots: str) -> str:
     """HTML page of a run and its reference; ``plots``: script of the plotting library. Raises LogUnreadable."""
-    found = key_figures.figures(run)
-    pair = Pair(run, reference, found)
+    figures = key_figures.figures(run)
+    pair = Pair(run, reference, figures)
     player = _player(run, reference)
-    drawn = re.search(r"plotly\.js v([\d.]+)", plots[:400])
+    version = re.search(r"plotly\.js v([\d.]+)", plots[:400])
     parts = [
         checks(pair),
         exactness(pair),
-        *filter(None, [phases(pair), player, compared(pair)]),
-        *(one for make in (ending, motion, drive, energy, tension, loads)
-          if (one := attempt(lambda make=make: make(pair), run.missing))),  # type: ignore[misc]
-        happened(pair),
-        made(pair, f"plotly.js {drawn[1]}" if drawn else "plotly.js"),
+        *filter(None, [phases(pair), player, comparison(pair)]),
+        *(section for make in (ending, motion, drive, energy, tension, loads)
+          if (section := attempt(lambda make=make: make(pair), run.missing))),  # type: ignore[misc]
+        event_section(pair),
+        provenance(pair, f"plotly.js {version[1]}" if version else "plotly.js"),
     ]  # fmt: skip
     charts = {name: chart for part in parts for name, chart in part.charts.items() if name != "player"}
     data = {
-        "figures": found,
+        "figures": figures,
         "charts": charts,
         "player": player.charts["player"] if player else None,
         "span": list(run.run.span),
     }
-    return "".join(_pieces(run, reference, found, parts, data, plots))
+    return "".join(_pieces(run, reference, figures, parts, data, plots))
 
 
-def _player(run: Study, reference: Study | None) -> PageSection | None:
+def _player(run: Evaluation, reference: Evaluation | None) -> PageSection | None:
     """Section with the side view of the track with the largest tension."""
-    chain = run.hardest
+    chain = run.most_loaded
     if chain is None:
         return None
     other = reference.chains.get(chain.track) if reference else None
@@ -99,9 +99,9 @@ round the link that bears the most.</p></figcaption></figure>"""
 
 
 def _pieces(
-    run: Study,
-    reference: Study | None,
-    found: dict[str, Any],
+    run: Evaluation,
+    reference: Evaluation | None,
+    figures: dict[str, Any],
     parts: Sequence[PageSection],
     data: dict[str, Any],
     plots: str,
@@ -112,7 +112,7 @@ def _pieces(
     tiles = "".join(
         f'<div class="tile"><div class="label">{tile.label}</div><div class="value {tile.kind}">{tile.value}</div>'
         f'<div class="note">{tile.note}</div></div>'
-        for tile in key_figures.tiles(run, found)
+        for tile in key_figures.tiles(run, figures)
     )
     setting = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in heading.setting(run))
     contents = "".join(f'<a href="#{part.key}">{part.name}</a>' for part in parts)
@@ -125,7 +125,7 @@ def _pieces(
         f'<title>{title}</title><link rel="icon" href="data:,"><style>{_asset("page.css")}</style></head><body>',
         f'<header><p class="kicker">Report of the run {text(run.run.log.path.name)}{against} &middot;'
         f" {number(run.run.span[1] - run.run.span[0])} s</p><h1>{title}</h1>",
-        f'<p class="verdict {verdict.mood}"><b>{verdict.word}.</b> {verdict.sentence}</p>',
+        f'<p class="verdict {verdict.grade}"><b>{verdict.word}.</b> {verdict.sentence}</p>',
         *(f'<p class="verdict bad"><b>Reference.</b> {text(cut)}.</p>' for cut in [_cut(reference)] if cut),
         f'<div class="tiles">{tiles}</div><dl class="setting">{setting}</dl></header>',
         f'<nav aria-label="contents">{contents}</nav><main>{body}</main>',
@@ -134,7 +134,7 @@ def _pieces(
     ]
 
 
-def _cut(reference: Study | None) -> str:
+def _cut(reference: Evaluation | None) -> str:
     return reference.run.log.cut_off if reference else ""
 
 

@@ -46,8 +46,8 @@ def ending(pair: Pair) -> PageSection | None:
     run, reference = pair.run.run, pair.reference and pair.reference.run
     window = window_of(run.span)
     runs = [run, *([reference] if reference and reference.span == run.span else [])]
-    read = [_read(each, window) for each in runs]
-    if read[0] < 2:
+    sample_counts = [_read(data, window) for data in runs]
+    if sample_counts[0] < 2:
         return None
     html = f"<p>Means from {number(window.start)} to {number(window.end)} s, the last part of the run.</p>"
     means = table(("Mean", "Run" if runs[1:] else "", *["Reference"] * len(runs[1:])), _means(runs, window))
@@ -57,9 +57,9 @@ def ending(pair: Pair) -> PageSection | None:
 
 def _read(run: RunData, window: Window) -> int:
     """Read all outputs of the section in one pass; return the largest number of their samples."""
-    outputs = {f"energy.{kind}" for kind in ("work", "dissipated", "covered", *STORED)} | {each[0] for each in MEANS}
+    outputs = {f"energy.{kind}" for kind in ("work", "dissipated", "covered", *STORED)} | {data[0] for data in MEANS}
     names = [f"{name}.{output}" for name in run.instances for output in outputs if run.has(f"{name}.{output}")]
-    run.hold(names, window)
+    run.prefetch(names, window)
     return max((len(run.signal(name, window)[0]) for name in names), default=0)
 
 
@@ -73,12 +73,12 @@ def _means(runs: list[RunData], window: Window) -> list[tuple[str, ...]]:
             names = [name for name in run.instances if kinds[name] == kind and run.has(f"{name}.{output}")]
             cells = [
                 "<br>".join(
-                    quantity(each.mean(f"{name}.{output}", window), unit)
+                    quantity(data.mean(f"{name}.{output}", window), unit)
                     + ("" if kind == CHASSIS else f" <span class='muted'>{instance(name)}</span>")
                     for name in names
-                    if each.has(f"{name}.{output}")
+                    if data.has(f"{name}.{output}")
                 )
-                for each in runs
+                for data in runs
             ]
             if names:
                 rows.append((title, *cells))
@@ -87,29 +87,29 @@ def _means(runs: list[RunData], window: Window) -> list[tuple[str, ...]]:
 
 def flows(run: RunData, window: Window) -> list[Flow]:
     """Work put in, lost and stored a second; a half vehicle counts for both sides. Their sum is unaccounted for."""
-    found, stored = [], dict.fromkeys(STORED, 0.0)
+    all_flows, stored = [], dict.fromkeys(STORED, 0.0)
     for name, power in powers(run, window).items():
         place = f"{instance(name)}{', both sides' if run.copies(name) > 1 else ''}"
-        found.append(Flow(f"put in by the {place}", power.get("work", 0.0)))
-        found.append(Flow(f"dissipated in the {place}", -power.get("dissipated", 0.0)))
-        found.append(Flow(f"lost as contacts move along links, {place}", -power.get("covered", 0.0)))
+        all_flows.append(Flow(f"put in by the {place}", power.get("work", 0.0)))
+        all_flows.append(Flow(f"dissipated in the {place}", -power.get("dissipated", 0.0)))
+        all_flows.append(Flow(f"lost as contacts move along links, {place}", -power.get("covered", 0.0)))
         for kind in STORED:
             stored[kind] += power.get(kind, 0.0)
     how = {kind: "stored in" if power > 0.0 else "given back by" for kind, power in stored.items()}
-    return found + [Flow(f"{how[kind]} {KINDS[kind]}", -power) for kind, power in stored.items()]
+    return all_flows + [Flow(f"{how[kind]} {KINDS[kind]}", -power) for kind, power in stored.items()]
 
 
-def _powers(found: list[Flow]) -> str:
+def _powers(flows: list[Flow]) -> str:
     """Table of powers, the largest sources first, HTML; empty without power."""
-    largest = max((abs(flow.power) for flow in found), default=0.0)
+    largest = max((abs(flow.power) for flow in flows), default=0.0)
     if not largest > LEAST:
         return ""
-    given = max(sum(flow.power for flow in found if flow.power > 0.0), LEAST)
-    shown = [flow for flow in sorted(found, key=lambda flow: -flow.power) if abs(flow.power) > SMALL * largest]
-    left = sum(flow.power for flow in found)
-    if rest := left - sum(flow.power for flow in shown):
-        shown.append(Flow("all smaller ones together", rest))
-    rows = [(flow.name, quantity(flow.power, "W"), percent(flow.power / given)) for flow in shown]
-    rows.append(("<b>sum, unaccounted for</b>", quantity(left, "W", 3), percent(left / given, 2)))
+    supplied = max(sum(flow.power for flow in flows if flow.power > 0.0), LEAST)
+    large_flows = [flow for flow in sorted(flows, key=lambda flow: -flow.power) if abs(flow.power) > SMALL * largest]
+    unaccounted = sum(flow.power for flow in flows)
+    if rest := unaccounted - sum(flow.power for flow in large_flows):
+        large_flows.append(Flow("all smaller ones together", rest))
+    rows = [(flow.name, quantity(flow.power, "W"), percent(flow.power / supplied)) for flow in large_flows]
+    rows.append(("<b>sum, unaccounted for</b>", quantity(unaccounted, "W", 3), percent(unaccounted / supplied, 2)))
     head = "Where power comes from, and (\N{MINUS SIGN}) where it goes", "", "of what comes"
     return table(head, rows)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from orchestrator.results.analyses import events
-from orchestrator.results.analyses.spells import LIFTED, SETTLING, TOUCHES, Spell, settling
+from orchestrator.results.analyses.unloaded import LIFTED, SETTLING, TOUCHES, UnloadedInterval, is_settling
 from orchestrator.results.page.motion import AT_REST
 from orchestrator.results.page.section import PageSection, Pair, table
 from orchestrator.results.page.words import and_list, instance, quantity, text, wheel, wheel_name
@@ -32,22 +32,26 @@ class EventRow(NamedTuple):
     detail: str
 
 
-def happened(pair: Pair) -> PageSection:
+def event_section(pair: Pair) -> PageSection:
     """Section with events, warnings and extremes in order of time, and the events that did not happen."""
     run = pair.run.run
-    found = sorted([*rows(run), *_peaks(pair)], key=lambda row: row.t)
-    cells = [(f"{number(row.t)} s", row.what, row.where, row.detail) for row in found[:SHOWN]]
+    event_rows = sorted([*rows(run), *_peak_rows(pair)], key=lambda row: row.t)
+    cells = [(f"{number(row.t)} s", row.what, row.where, row.detail) for row in event_rows[:SHOWN]]
     html = table(("First at", "What", "Where", "How much, how often"), cells) if cells else ""
-    if len(found) > SHOWN:
-        html += f"<p class='muted'>and {len(found) - SHOWN} more.</p>"
+    if len(event_rows) > SHOWN:
+        html += f"<p class='muted'>and {len(event_rows) - SHOWN} more.</p>"
     loaded = any(name.endswith(".load") for name in pair.run.signals)
-    early = [name for name, times in events.lifted(run).items() if any(settling(run, one.end) for one in times)]
-    if quiet := _quiet(run, found, loaded, bool(early)):
-        html += f"<p>{and_list(quiet).capitalize()}.</p>"
+    early = [
+        name
+        for name, intervals in events.lifted(run).items()
+        if any(is_settling(run, interval.end) for interval in intervals)
+    ]
+    if absences := _absences(run, event_rows, loaded, bool(early)):
+        html += f"<p>{and_list(absences).capitalize()}.</p>"
     if early:
         html += (
             f"<p class='muted'>In its first {number(SETTLING)} s, while the drawn vehicle comes to rest on its tracks,"
-            f" {len(early)} road wheel{'s are' if len(early) > 1 else ' is'} lifted off: {_named(early)}.</p>"
+            f" {len(early)} road wheel{'s are' if len(early) > 1 else ' is'} lifted off: {_wheels(early)}.</p>"
         )
     if loaded:
         html += (
@@ -57,61 +61,63 @@ def happened(pair: Pair) -> PageSection:
     return PageSection("events", "Events", "What happened on the way?", html, {})
 
 
-def _named(wheels: list[str]) -> str:
+def _wheels(wheels: list[str]) -> str:
     parts = [name.partition(".") for name in wheels]
-    return text(and_list([f"{wheel_name(own)} ({instance(track)})" for track, _, own in parts]))
+    return text(and_list([f"{wheel_name(wheel)} ({instance(track)})" for track, _, wheel in parts]))
 
 
-def _quiet(run: RunData, found: list[EventRow], loaded: bool, early: bool) -> list[str]:
+def _absences(run: RunData, event_rows: list[EventRow], loaded: bool, some_settling: bool) -> list[str]:
     """Clauses on the kinds of events that did not happen, HTML."""
     rest = " once the vehicle had come to rest"
-    kinds = " ".join(row.what for row in found)
-    quiet = [f"no road wheel was lifted off{rest if early else ''}"] if loaded and "lifted" not in kinds else []
-    hops = events.off_ground(run)
-    if hops.threshold > 0.0 and "off the ground" not in kinds:
-        quiet.append(f"no track left the ground{rest if any(hops.of.values()) else ''}")
+    kinds = " ".join(row.what for row in event_rows)
+    clauses = (
+        [f"no road wheel was lifted off{rest if some_settling else ''}"] if loaded and "lifted" not in kinds else []
+    )
+    airborne = events.off_ground(run)
+    if airborne.threshold > 0.0 and "off the ground" not in kinds:
+        clauses.append(f"no track left the ground{rest if any(airborne.by_member.values()) else ''}")
     if any(events.REJECTED in about.names for about in run.log.topics.values()) and "Solver" not in kinds:
-        quiet.append("no solver took back a step")
+        clauses.append("no solver took back a step")
     if run.log.closing is not None and not run.log.closing["warnings"]:
-        quiet.append("no component warned")
-    return quiet
+        clauses.append("no component warned")
+    return clauses
 
 
 def rows(run: RunData) -> list[EventRow]:
     """Rows of events and limits of validity in order of time; raises LogUnreadable."""
-    found = [*_borne(run), *_rejections(run)]
-    warned = [*events.warnings(run)][:SHOWN]
-    found += [EventRow(event.t, "Warning", instance(event.component), text(event.text)) for event in warned]
-    found += [
+    event_rows = [*_unloaded_rows(run), *_rejection_rows(run)]
+    warnings = [*events.warnings(run)][:SHOWN]
+    event_rows += [EventRow(event.t, "Warning", instance(event.component), text(event.text)) for event in warnings]
+    event_rows += [
         EventRow(entry.time, f"Limit of validity, {entry.severity}", instance(entry.component), text(entry.sentence))
         for entry in validity(run).entries
     ]
-    return sorted(found, key=lambda row: row.t)
+    return sorted(event_rows, key=lambda row: row.t)
 
 
-def _borne(run: RunData) -> list[EventRow]:
+def _unloaded_rows(run: RunData) -> list[EventRow]:
     """Rows of wheels and tracks without contact, without those of a vehicle that settles."""
-    made = []
-    for what, where, found in (
+    rows_of_members = []
+    for what, where, by_name in (
         ("Road wheel is lifted off", wheel, events.lifted(run)),
-        ("Track is off the ground", instance, events.off_ground(run).of),
+        ("Track is off the ground", instance, events.off_ground(run).by_member),
     ):
-        for name, spells in found.items():
-            if times := [spell for spell in spells if not settling(run, spell.end)]:
-                made.append(EventRow(times[0].start, what, where(name), _durations(times)))
-    return made
+        for name, intervals in by_name.items():
+            if shown := [interval for interval in intervals if not is_settling(run, interval.end)]:
+                rows_of_members.append(EventRow(shown[0].start, what, where(name), _durations(shown)))
+    return rows_of_members
 
 
-def _durations(times: list[Spell]) -> str:
-    total = sum(spell.time for spell in times)
-    longest = max(times, key=lambda spell: spell.time)
-    interval = f"{number(longest.start)} to {number(longest.end)} s"
-    if len(times) == 1:
-        return f"once; {interval}"
-    return f"{len(times)} times, {number(total, 3)} s together; longest {interval}"
+def _durations(intervals: list[UnloadedInterval]) -> str:
+    total = sum(interval.time for interval in intervals)
+    longest = max(intervals, key=lambda interval: interval.time)
+    times = f"{number(longest.start)} to {number(longest.end)} s"
+    if len(intervals) == 1:
+        return f"once; {times}"
+    return f"{len(intervals)} times, {number(total, 3)} s together; longest {times}"
 
 
-def _rejections(run: RunData) -> list[EventRow]:
+def _rejection_rows(run: RunData) -> list[EventRow]:
     return [
         EventRow(float(t[0]), "Solver took back a step and halved it", instance(name),
                  f"{number(more.sum(), 7)} in all; last by {number(t[-1])} s")
@@ -119,9 +125,9 @@ def _rejections(run: RunData) -> list[EventRow]:
     ]  # fmt: skip
 
 
-def _peaks(pair: Pair) -> list[EventRow]:
+def _peak_rows(pair: Pair) -> list[EventRow]:
     """Rows of the largest values of the run."""
-    found = []
+    event_rows = []
     for key, what in PEAKS:
         peak = pair.figures.get(key)
         if peak and abs(peak["value"]) > AT_REST:
@@ -129,5 +135,5 @@ def _peaks(pair: Pair) -> list[EventRow]:
             place = f", {text(wheel_name(variable.removesuffix('.load')))}" if key == "wheel_load" else ""
             place += f", link {peak['link']}" if "link" in peak else ""
             size = quantity(peak["value"], peak["unit"])
-            found.append(EventRow(peak["t"], what, f"{instance(track)}{place}", size))
-    return found
+            event_rows.append(EventRow(peak["t"], what, f"{instance(track)}{place}", size))
+    return event_rows

@@ -20,13 +20,13 @@ SENSITIVE = "instant by instant, sensitive: does not count"
 
 def exactness(pair: Pair) -> PageSection:
     """Section with a row for each observable, or the reason why there is none."""
-    found = pair.run.result("error")
-    rows = _rows(found.get("observables")) if isinstance(found, dict) else []
+    error = pair.run.result("error")
+    rows = _rows(error.get("observables")) if isinstance(error, dict) else []
     if rows:
         head = "Observable", "Relative", "Coupling", "Integration", "Estimated error"
         html = f"<p>{ABOUT}</p>{table(head, rows, 'numbers')}"
     else:
-        message = text(found.get("message") or "") if isinstance(found, dict) else ""
+        message = text(error.get("message") or "") if isinstance(error, dict) else ""
         reason = message or "no coarser run was made beside it (<code>cotrack run</code> makes one by default)"
         html = f"<p>The error of this run was not estimated: {reason}.</p>"
     return PageSection("exactness", "Error", "How large is the error of its steps?", html, {})
@@ -34,19 +34,28 @@ def exactness(pair: Pair) -> PageSection:
 
 def _rows(observables: Any) -> list[tuple[str, ...]]:
     """Rows of observables, decisive ones first, the largest error first; without errors that are no numbers."""
-    known = observables.items() if isinstance(observables, dict) else ()
-    found = [(name, one) for name, one in known if isinstance(one, dict) and _is_number(one.get("total"))]
+    named = observables.items() if isinstance(observables, dict) else ()
+    numeric = [
+        (name, observable)
+        for name, observable in named
+        if isinstance(observable, dict) and _is_number(observable.get("total"))
+    ]
     return [
         (
             text(name.replace("_", " "))
-            + ("" if one.get("decisive") else f"<br><span class='muted'>{SENSITIVE}</span>"),
-            f"<b>{percent(one['total'], 2)}</b>" if one.get("decisive") else percent(one["total"], 2),
-            *(percent(one[part], 2) if _is_number(one.get(part)) else "" for part in ("coupling", "integration")),
-            quantity(one["absolute"], str(one.get("unit", "")).replace("N m", "N.m"), 3)
-            if _is_number(one.get("absolute"))
+            + ("" if observable.get("decisive") else f"<br><span class='muted'>{SENSITIVE}</span>"),
+            f"<b>{percent(observable['total'], 2)}</b>"
+            if observable.get("decisive")
+            else percent(observable["total"], 2),
+            *(
+                percent(observable[part], 2) if _is_number(observable.get(part)) else ""
+                for part in ("coupling", "integration")
+            ),
+            quantity(observable["absolute"], str(observable.get("unit", "")).replace("N m", "N.m"), 3)
+            if _is_number(observable.get("absolute"))
             else "",
         )
-        for name, one in sorted(found, key=lambda each: (not each[1].get("decisive"), -each[1]["total"]))
+        for name, observable in sorted(numeric, key=lambda item: (not item[1].get("decisive"), -item[1]["total"]))
     ]
 
 

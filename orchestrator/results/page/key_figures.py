@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 from orchestrator.results.analyses import link_loads
 from orchestrator.results.analyses.curves import SignalCurve
 from orchestrator.results.analyses.link_loads import SIGNALS
-from orchestrator.results.analyses.of_links import has
-from orchestrator.results.analyses.spells import drops
+from orchestrator.results.analyses.link_records import has
+from orchestrator.results.analyses.unloaded import starts_as_drawn
 from orchestrator.results.energy import Ledger
 from orchestrator.results.page.balance import supply
-from orchestrator.results.page.study import ALIKE, NOTHING, Study
+from orchestrator.results.page.evaluation import ALIKE, EVALUATION_ERRORS, Evaluation
 from orchestrator.results.page.words import instance, quantity, text, wheel
 from orchestrator.results.units import number, percent
 
@@ -28,40 +28,40 @@ class Tile(NamedTuple):
     kind: str = ""  # "words" for a value that is no number
 
 
-def figures(study: Study) -> dict[str, Any]:
+def figures(evaluation: Evaluation) -> dict[str, Any]:
     """Key figures in SI units, without those that the log does not hold."""
-    found: dict[str, Any] = {}
-    tracks = study.run.tracks
+    figures: dict[str, Any] = {}
+    tracks = evaluation.run.tracks
     for key, names, extreme in (
         ("top_speed", ["chassis.speed"], "largest"),
         ("top_speed", [f"{track}.speed" for track in tracks], "largest"),
         ("tension", [f"{track}.tension.max" for track in tracks], "most"),
         ("stress", [f"{track}.stress.max" for track in tracks], "most"),
         ("ground_force", [f"{track}.ground.force.z" for track in tracks], "most"),
-        ("wheel_load", [name for name in study.signals if name.endswith(".load")], "most"),
+        ("wheel_load", [name for name in evaluation.signals if name.endswith(".load")], "most"),
     ):
-        known = {name: study.signals[name] for name in names if name in study.signals}
-        if known and key not in found:
-            found[key] = _peak(known, extreme)
-    if "chassis.distance" in study.signals:
-        found["distance"] = {"value": study.run.ends("chassis.distance")[1], "unit": "m"}
-    if found.get("stress", {}).get("value") == 0.0:
-        del found["stress"]  # rigid links
+        known = {name: evaluation.signals[name] for name in names if name in evaluation.signals}
+        if known and key not in figures:
+            figures[key] = _peak(known, extreme)
+    if "chassis.distance" in evaluation.signals:
+        figures["distance"] = {"value": evaluation.run.ends("chassis.distance")[1], "unit": "m"}
+    if figures.get("stress", {}).get("value") == 0.0:
+        del figures["stress"]  # rigid links
     for key in ("tension", "stress"):
-        if key in found:
-            found[key] |= _bearer(study, found[key], key)
-    if study.ledger:
-        found["energy"] = study.ledger._asdict() | {"unit": "J"}
-    wall, duration = study.result("wall_time"), study.run.span[1] - study.run.span[0]
+        if key in figures:
+            figures[key] |= _bearer(evaluation, figures[key], key)
+    if evaluation.ledger:
+        figures["energy"] = evaluation.ledger._asdict() | {"unit": "J"}
+    wall, duration = evaluation.result("wall_time"), evaluation.run.span[1] - evaluation.run.span[0]
     if isinstance(wall, (int, float)) and wall > 0.0:
-        found["real_time_factor"] = {"value": duration / wall, "wall_time": wall}
-    error = study.result("error")
+        figures["real_time_factor"] = {"value": duration / wall, "wall_time": wall}
+    error = evaluation.result("error")
     if isinstance(error, dict):
-        found["error"] = {"value": error.get("total"), "message": error.get("message", "")}
+        figures["error"] = {"value": error.get("total"), "message": error.get("message", "")}
     for key in ("weight", "ground_force"):
-        if (value := study.judged.observables.get(key)) is not None and value == value:
-            found.setdefault("carried", {})[key] = value
-    return found
+        if (value := evaluation.summary.observables.get(key)) is not None and value == value:
+            figures.setdefault("carried", {})[key] = value
+    return figures
 
 
 def _peak(known: dict[str, SignalCurve], extreme: str) -> dict[str, Any]:
@@ -73,65 +73,65 @@ def _peak(known: dict[str, SignalCurve], extreme: str) -> dict[str, Any]:
     return {"value": peaks[name].value, "t": peaks[name].t, "signal": name, "unit": known[name].unit}
 
 
-def _bearer(study: Study, peak: dict[str, Any], load: str) -> dict[str, Any]:
+def _bearer(evaluation: Evaluation, peak: dict[str, Any], load: str) -> dict[str, Any]:
     """Link with the largest load in the record of links nearest to the peak; empty without such records."""
-    found = study.chains.get(peak["signal"].partition(".")[0])
-    if not found or not has(study.run, found.track, SIGNALS[load]):
+    loads = evaluation.chains.get(peak["signal"].partition(".")[0])
+    if not loads or not has(evaluation.run, loads.track, SIGNALS[load]):
         return {}
-    t, values = link_loads.at(study.run, found, load, peak["t"])
+    t, values = link_loads.loads_at(evaluation.run, loads, load, peak["t"])
     best = int(values.argmax())
     return {"link": best + 1, "link_t": t, "link_value": float(values[best])}
 
 
-def tiles(study: Study, found: dict[str, Any]) -> list[Tile]:
+def tiles(evaluation: Evaluation, figures: dict[str, Any]) -> list[Tile]:
     """Tiles of the key figures."""
-    made = [*_motion(found), *_loads(study, found), *_energy(found), _error(study, found)]
-    if pace := found.get("real_time_factor"):
+    tiles = [*_motion(figures), *_loads(evaluation, figures), *_energy(figures), _error(evaluation, figures)]
+    if pace := figures.get("real_time_factor"):
         factor = pace["value"]
         label = "Faster than real time" if factor >= 1.0 else "Share of real time"
         note = f"{number(pace['wall_time'], 3)} s of computing"
-        made.append(Tile(label, f"{number(factor, 3)} \N{MULTIPLICATION SIGN}", note))
-    return made
+        tiles.append(Tile(label, f"{number(factor, 3)} \N{MULTIPLICATION SIGN}", note))
+    return tiles
 
 
-def _motion(found: dict[str, Any]) -> list[Tile]:
-    made = []
-    if (speed := found.get("top_speed")) and abs(speed["value"]) > 1e-6:
+def _motion(figures: dict[str, Any]) -> list[Tile]:
+    tiles = []
+    if (speed := figures.get("top_speed")) and abs(speed["value"]) > 1e-6:
         hull = speed["signal"].startswith("chassis")
         fast = f"{number(abs(speed['value']) * KMH, 3)} km/h, " if hull else ""
         back = ", backwards" if hull and speed["value"] < 0.0 else ""
         note = f"{fast}at {number(speed['t'])} s{back}"
-        made.append(Tile("Top speed" if hull else "Top chain speed", quantity(abs(speed["value"]), "m/s"), note))
-    if distance := found.get("distance"):
-        made.append(Tile("Distance", quantity(distance["value"], "m"), "along the heading at the start"))
-    return made
+        tiles.append(Tile("Top speed" if hull else "Top chain speed", quantity(abs(speed["value"]), "m/s"), note))
+    if distance := figures.get("distance"):
+        tiles.append(Tile("Distance", quantity(distance["value"], "m"), "along the heading at the start"))
+    return tiles
 
 
-def _loads(study: Study, found: dict[str, Any]) -> list[Tile]:
-    made = []
-    if tension := found.get("tension"):
-        made.append(Tile("Largest link tension", quantity(tension["value"], "N"), _place(tension)))
-    if stress := found.get("stress"):
+def _loads(evaluation: Evaluation, figures: dict[str, Any]) -> list[Tile]:
+    tiles = []
+    if tension := figures.get("tension"):
+        tiles.append(Tile("Largest link tension", quantity(tension["value"], "N"), _place(tension)))
+    if stress := figures.get("stress"):
         note = f"tension and bending, {_place(stress)}"
-        made.append(Tile("Largest link stress", quantity(stress["value"], "Pa"), note))
-    if load := found.get("wheel_load"):
+        tiles.append(Tile("Largest link stress", quantity(stress["value"], "Pa"), note))
+    if load := figures.get("wheel_load"):
         note = f"{wheel(load['signal'].removesuffix('.load'))}, at {number(load['t'])} s"
-        if load["t"] < COMING_TO_REST and drops(study.run):
-            note += f", as the vehicle comes to rest{_later(study)}"
-        made.append(Tile("Largest wheel load", quantity(load["value"], "N"), note))
-    if carried := found.get("carried"):
+        if load["t"] < COMING_TO_REST and starts_as_drawn(evaluation.run):
+            note += f", as the vehicle comes to rest{_later(evaluation)}"
+        tiles.append(Tile("Largest wheel load", quantity(load["value"], "N"), note))
+    if carried := figures.get("carried"):
         force = quantity(carried["ground_force"], "N") if "ground_force" in carried else ""
         if "weight" not in carried:
-            made.append(Tile("Ground carries", force, ""))
+            tiles.append(Tile("Ground carries", force, ""))
         else:
             note = f"ground carries {force}, mean of the last second" if force else ""
-            made.append(Tile("Weight", quantity(carried["weight"], "N"), note))
-    return made
+            tiles.append(Tile("Weight", quantity(carried["weight"], "N"), note))
+    return tiles
 
 
-def _energy(found: dict[str, Any]) -> list[Tile]:
-    energy = found.get("energy")
-    if not energy or not max(abs(energy[each]) for each in ("work", "change", "dissipated")) > 1e-3:
+def _energy(figures: dict[str, Any]) -> list[Tile]:
+    energy = figures.get("energy")
+    if not energy or not max(abs(energy[name]) for name in ("work", "change", "dissipated")) > 1e-3:
         return []
     ledger = Ledger(**{name: energy[name] for name in Ledger._fields})
     share, left = percent(ledger.residual_relative, 2), quantity(ledger.residual, "J", 3)
@@ -141,14 +141,14 @@ def _energy(found: dict[str, Any]) -> list[Tile]:
     ]
 
 
-def _later(study: Study) -> str:
+def _later(evaluation: Evaluation) -> str:
     """Largest wheel load of the rest of the run; thinned curves keep every peak."""
-    found = [
+    later_peaks = [
         float(signal.curve.y[after].max())
-        for name, signal in study.signals.items()
+        for name, signal in evaluation.signals.items()
         if name.endswith(".load") and (after := signal.curve.t >= COMING_TO_REST).any()
     ]
-    return f"; {quantity(max(found), 'N')} at most after {number(COMING_TO_REST)} s" if found else ""
+    return f"; {quantity(max(later_peaks), 'N')} at most after {number(COMING_TO_REST)} s" if later_peaks else ""
 
 
 def _place(peak: dict[str, Any]) -> str:
@@ -157,16 +157,20 @@ def _place(peak: dict[str, Any]) -> str:
     return f"link {peak['link']}, {when}" if "link" in peak else when
 
 
-def _error(study: Study, found: dict[str, Any]) -> Tile:
-    error = found.get("error")
+def _error(evaluation: Evaluation, figures: dict[str, Any]) -> Tile:
+    error = figures.get("error")
     if error is None:
         return Tile("Estimated error", "not estimated", "no coarser run was made beside it", "words")
     if not isinstance(error["value"], (int, float)):
         return Tile("Estimated error", "not known", text(error["message"]), "words")
     try:
-        parts = {name: one["total"] for name, one in study.result("error")["observables"].items() if one["decisive"]}
+        parts = {
+            name: observable["total"]
+            for name, observable in evaluation.result("error")["observables"].items()
+            if observable["decisive"]
+        }
         worst = max(parts, key=lambda name: parts[name])
-    except NOTHING:
+    except EVALUATION_ERRORS:
         return Tile("Estimated error", percent(error["value"], 2), "")
     note = f"of {text(worst.replace('_', ' '))}, the worst observable (RMS), by runs with steps twice as long"
     return Tile("Estimated error", percent(error["value"], 2), note)

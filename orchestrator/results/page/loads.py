@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.results.analyses import contact, of_links, wheel_loads
+from orchestrator.results.analyses import contact, link_records, wheel_loads
 from orchestrator.results.analyses.events import lifted
 from orchestrator.results.analyses.profile import Profile
-from orchestrator.results.analyses.spells import SETTLING, drops, settling
+from orchestrator.results.analyses.unloaded import SETTLING, is_settling, starts_as_drawn
 from orchestrator.results.page.charts import Trace, heat, lines
+from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.key_figures import COMING_TO_REST
 from orchestrator.results.page.section import Content, PageSection, Pair, table
-from orchestrator.results.page.study import Study, attempt
 from orchestrator.results.page.tension import profiles
 from orchestrator.results.page.words import and_list, instance, plain, quantity, text, wheel, wheel_name
 from orchestrator.results.run_data import Window
@@ -27,22 +27,22 @@ WHEELS = (
 
 def loads(pair: Pair) -> PageSection | None:
     """Section of the loads; None without wheels and ground."""
-    study, content = pair.run, Content()
-    names = [name for name in study.signals if name.endswith(".load")]
-    for side, track in enumerate(study.run.tracks):
+    evaluation, content = pair.run, Content()
+    names = [name for name in evaluation.signals if name.endswith(".load")]
+    for side, track in enumerate(evaluation.run.tracks):
         named = [(name, wheel_name(_wheel(name))) for name in names if name.partition(".")[0] == track]
         if drawn := pair.lines(named):
             chart, title = pair.over_time("force", "N", drawn), f"Road wheels, {instance(track)}"
-            content.figure(f"wheels-{side}", chart, title, _lifted(study, track))
-    forces = {track: study.signals.get(f"{track}.ground.force.z") for track in study.run.tracks}
+            content.add_figure(f"wheels-{side}", chart, title, _lifted(evaluation, track))
+    forces = {track: evaluation.signals.get(f"{track}.ground.force.z") for track in evaluation.run.tracks}
     grounded = [track for track, force in forces.items() if force and force.most.value > force.least.value]
     if grounded:
         drawn = pair.lines([(f"{track}.ground.force.z", plain(track)) for track in grounded])
         chart = pair.over_time("force", "N", drawn)
-        content.figure("ground", chart, "Vertical force of the ground", "On each track.")
+        content.add_figure("ground", chart, "Vertical force of the ground", "On each track.")
     if content.html:
-        content.html = f'<div class="grid">{content.html}</div>{_table(study)}'
-    _pressure(study, content)
+        content.html = f'<div class="grid">{content.html}</div>{_table(evaluation)}'
+    _pressure(evaluation, content)
     title = "What do wheels and ground carry?"
     return PageSection("loads", "Loads", title, content.html, content.charts) if content.charts else None
 
@@ -51,63 +51,73 @@ def _wheel(signal: str) -> str:
     return signal.removesuffix(".load").partition(".")[2]
 
 
-def _lifted(study: Study, track: str) -> str:
+def _lifted(evaluation: Evaluation, track: str) -> str:
     """Sentences on the wheels of a track that were lifted off, HTML."""
-    found = {name: spells for name, spells in lifted(study.run).items() if name.partition(".")[0] == track and spells}
-    late = [name for name, spells in found.items() if any(not settling(study.run, each.end) for each in spells)]
+    lifted_wheels = {
+        name: intervals
+        for name, intervals in lifted(evaluation.run).items()
+        if name.partition(".")[0] == track and intervals
+    }
+    late = [
+        name
+        for name, intervals in lifted_wheels.items()
+        if any(not is_settling(evaluation.run, interval.end) for interval in intervals)
+    ]
     if late:
         names = and_list([text(wheel_name(name.partition(".")[2])) for name in late])
         return f"{WHEELS} <b>Lifted off for a time: {names}.</b>"
-    return f"{WHEELS} {f'After the first {number(SETTLING)} s none' if found else 'None'} is ever lifted off."
+    return f"{WHEELS} {f'After the first {number(SETTLING)} s none' if lifted_wheels else 'None'} is ever lifted off."
 
 
-def _table(study: Study) -> str:
+def _table(evaluation: Evaluation) -> str:
     """Table of the load of each wheel, of a vehicle that was dropped after it has come to rest; HTML."""
-    begin = COMING_TO_REST if drops(study.run) else study.run.span[0]
-    window = Window(begin, study.run.span[1])
-    found = attempt(lambda: wheel_loads.of(study.run, window), [])
-    if found is None:
+    begin = COMING_TO_REST if starts_as_drawn(evaluation.run) else evaluation.run.span[0]
+    window = Window(begin, evaluation.run.span[1])
+    wheels = attempt(lambda: wheel_loads.of(evaluation.run, window), [])
+    if wheels is None:
         return ""
     rows = [
         (wheel(name), *(quantity(value, "N") for value in values))
-        for name, *values in zip(found.wheels, found.least, found.mean, found.most, strict=True)
+        for name, *values in zip(wheels.wheels, wheels.least, wheels.mean, wheels.most, strict=True)
     ]
     title = f"Load of each wheel, {number(begin)} to {number(window.end)} s"
     return f"<h3>{title}</h3>{table(('Wheel', 'Least', 'Mean', 'Largest'), rows)}"
 
 
-def _pressure(study: Study, content: Content) -> None:
+def _pressure(evaluation: Evaluation, content: Content) -> None:
     """Figures of the pressure under links: along the vehicle, and over time."""
-    grounded = (each for each in study.chains.values() if of_links.has(study.run, each.track, contact.SIGNAL))
+    grounded = (
+        loads for loads in evaluation.chains.values() if link_records.has(evaluation.run, loads.track, contact.SIGNAL)
+    )
     chain = next(grounded, None)
-    found = attempt(lambda: contact.over_time(study.run, chain), study.missing) if chain else None
-    if chain is None or found is None:
+    pressures = attempt(lambda: contact.over_time(evaluation.run, chain), evaluation.missing) if chain else None
+    if chain is None or pressures is None:
         return
     track = instance(chain.track)
-    if made := [one for one in profiles(study, chain) if one.pressure is not None]:
-        drawn = [_under(one, k) for k, one in enumerate(made)]
+    if drawn_profiles := [profile for profile in profiles(evaluation, chain) if profile.pressure is not None]:
+        drawn = [_under(profile, k) for k, profile in enumerate(drawn_profiles)]
         chart = lines("pressure", "Pa", drawn, x="ahead of the sprocket's axle, m", timed=False)
         note = "Force of the ground into a link over its area, pitch times width,"
-        note += f" {number(1e4 * found.area, 3)} cm\N{SUPERSCRIPT TWO}."
+        note += f" {number(1e4 * pressures.area, 3)} cm\N{SUPERSCRIPT TWO}."
         note += " The front is on the right; peaks stand under the road wheels."
-        content.figure("pressure", chart, f"Pressure under the links, {track}", note, "wide")
-    peak = found.peak
+        content.add_figure("pressure", chart, f"Pressure under the links, {track}", note, "wide")
+    peak = pressures.peak
     note = f"Largest in each slice of time; {quantity(peak.value, 'Pa')} at most, under link {peak.member} at"
     note += f" {number(peak.t)} s"
-    if peak.t < COMING_TO_REST and drops(study.run):
-        later = found.most[found.middle > COMING_TO_REST]
+    if peak.t < COMING_TO_REST and starts_as_drawn(evaluation.run):
+        later = pressures.most[pressures.middle > COMING_TO_REST]
         note += ", as the drawn vehicle comes to rest on its tracks"
         if later.size:
             note += f"; {quantity(float(np.nanmax(later)), 'Pa')} at most after {number(COMING_TO_REST)} s"
     mark = peak.t, peak.member, f"link {peak.member}, {number(peak.t, 3)} s"
-    chart = heat("pressure", "Pa", found.middle, np.maximum(found.most, 0.0), mark)
-    content.figure("pressure-map", chart, f"Pressure under every link over time, {track}", f"{note}.", "tall")
+    chart = heat("pressure", "Pa", pressures.middle, np.maximum(pressures.most, 0.0), mark)
+    content.add_figure("pressure-map", chart, f"Pressure under every link over time, {track}", f"{note}.", "tall")
 
 
-def _under(one: Profile, colour: int) -> Trace:
+def _under(profile: Profile, colour: int) -> Trace:
     """Trace of the pressures of links that touch the ground, and of their neighbours, along the vehicle."""
-    assert one.pressure is not None
-    order = np.argsort(one.ahead)
-    touched = one.pressure > TOUCHED * max(one.pressure.max(), 0.0)
+    assert profile.pressure is not None
+    order = np.argsort(profile.ahead)
+    touched = profile.pressure > TOUCHED * max(profile.pressure.max(), 0.0)
     chosen = [k for k in order if touched[max(k - 1, 0) : k + 2].any()]
-    return Trace(f"{number(one.t)} s", Curve(one.ahead[chosen], one.pressure[chosen]), colour, points=True)
+    return Trace(f"{number(profile.t)} s", Curve(profile.ahead[chosen], profile.pressure[chosen]), colour, points=True)

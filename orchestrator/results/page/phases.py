@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from orchestrator.results.analyses.phases import HELD, Phase, called, near
+from orchestrator.results.analyses.phases import HELD, Phase, phase_name, rounded
+from orchestrator.results.page.evaluation import Evaluation
 from orchestrator.results.page.section import PageSection, Pair, table
-from orchestrator.results.page.study import Study
 from orchestrator.results.page.words import instance, quantity, text
 from orchestrator.results.units import number
 
@@ -28,28 +28,28 @@ def phases(pair: Pair) -> PageSection | None:
     return PageSection("phases", "Phases", "What did it do, and when?", html, {})
 
 
-def _table(study: Study) -> str:
-    return table(HEAD, [_row(one) for one in study.phases], "phases")
+def _table(evaluation: Evaluation) -> str:
+    return table(HEAD, [_row(phase) for phase in evaluation.phases], "phases")
 
 
-def _row(one: Phase) -> tuple[str, ...]:
-    speed = f"{one.speed:.3f}"
-    if one.kind in ("acceleration", "braking"):
-        speed += f"<br><span class='muted'>{near(one.speed_start)} to {near(one.speed_end)}</span>"
-    slips = " / ".join(f"{slip:.3f}" for slip in (one.slip_left, one.slip_right) if slip == slip)
-    tension = f"{quantity(one.tension, 'N')}<br><span class='muted'>{instance(one.tension_track)}, at"
-    tension += f" {number(one.tension_t)} s</span>"
-    name, _, turning = called(one).partition(", ")
+def _row(phase: Phase) -> tuple[str, ...]:
+    speed = f"{phase.speed:.3f}"
+    if phase.kind in ("acceleration", "braking"):
+        speed += f"<br><span class='muted'>{rounded(phase.speed_start)} to {rounded(phase.speed_end)}</span>"
+    slips = " / ".join(f"{slip:.3f}" for slip in (phase.slip_left, phase.slip_right) if slip == slip)
+    tension = f"{quantity(phase.tension, 'N')}<br><span class='muted'>{instance(phase.tension_track)}, at"
+    tension += f" {number(phase.tension_t)} s</span>"
+    name, _, turning = phase_name(phase).partition(", ")
     cells = (
         f"<b>{text(name)}</b>" + (f"<br><span class='muted'>{text(turning)}</span>" if turning else ""),
-        number(one.start),
-        number(one.end),
-        f"{one.way:.2f}",
+        number(phase.start),
+        number(phase.end),
+        f"{phase.way:.2f}",
         speed,
-        f"{one.yaw_rate:.3f} ({one.yaw_rate_most:.3f})" if one.turning else "",
-        number(one.radius, 3) if one.turning else "",
-        f"{one.power / 1e3:.2f}" if one.power == one.power else "",
+        f"{phase.yaw_rate:.3f} ({phase.yaw_rate_most:.3f})" if phase.turning else "",
+        number(phase.radius, 3) if phase.turning else "",
+        f"{phase.power / 1e3:.2f}" if phase.power == phase.power else "",
         slips,
-        tension if one.tension_track else "",
+        tension if phase.tension_track else "",
     )
     return tuple(cell.replace("-0.000", "0.000").replace("-", "\N{MINUS SIGN}") for cell in cells)

@@ -12,7 +12,7 @@ from orchestrator.results.rotation import body_axis, matrices
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views.bodies import EVERY, Bodies, BodyPose, Poses
 from orchestrator.results.views.pose_columns import nearest
-from orchestrator.results.views.projected import Camera, beside
+from orchestrator.results.views.projected import Camera, side_camera
 from orchestrator.results.views.shapes import DRAWN, HullBody, in_world
 
 RATE = 25.0  # pictures a second at most
@@ -32,17 +32,17 @@ def player(run: RunData, track: str, reference: RunData | None = None) -> dict[s
     if not bodies.tracks:
         raise ValueError("places of pins were not recorded")
     span = float(bodies.t[-1] - bodies.t[0])
-    bodies.keep(np.linspace(bodies.t[0], bodies.t[-1], int(np.clip(span * RATE, 1, MOST - 1)) + 1))
+    bodies.select_instants(np.linspace(bodies.t[0], bodies.t[-1], int(np.clip(span * RATE, 1, MOST - 1)) + 1))
     poses = next(bodies.blocks(MOST))
-    seen = _cameras(bodies, poses, track)
+    cameras = _cameras(bodies, poses, track)
     links, (shape,) = poses.links[track], bodies.tracks
     assert links.colour is not None, "a page has a player of links whose tensions were recorded"
-    pins = _flat(seen, links.pins)
-    hull = None if bodies.hull is None or poses.hull is None else _hull(seen, bodies.hull, poses.hull)
-    everything = [pins.reshape(-1, 2)] + ([] if hull is None else [hull.reshape(-1, 2)])
-    low, high = (np.concatenate(everything).min(axis=0) - MARGIN), (np.concatenate(everything).max(axis=0) + MARGIN)
+    pins = _projected(cameras, links.pins)
+    hull = None if bodies.hull is None or poses.hull is None else _hull(cameras, bodies.hull, poses.hull)
+    outlines = [pins.reshape(-1, 2)] + ([] if hull is None else [hull.reshape(-1, 2)])
+    low, high = (np.concatenate(outlines).min(axis=0) - MARGIN), (np.concatenate(outlines).max(axis=0) + MARGIN)
     high[1] = min(high[1], pins[..., 1].max() + ABOVE)
-    least, most = bodies.range([poses])
+    least, most = bodies.colour_range([poses])
     speeds = bodies.speeds()
     return {
         "track": track,
@@ -64,13 +64,13 @@ def player(run: RunData, track: str, reference: RunData | None = None) -> dict[s
             {
                 "radius": wheel.radius,
                 "outline": np.round(wheel.outline, 6).tolist(),
-                "centre": shorts(_flat(seen, poses.wheels[wheel.name].position[:, None])[:, 0], UNIT),
-                "angle": floats(_angles(seen, poses.wheels[wheel.name])),
+                "centre": shorts(_projected(cameras, poses.wheels[wheel.name].position[:, None])[:, 0], UNIT),
+                "angle": floats(_angles(cameras, poses.wheels[wheel.name])),
             }
             for wheel in bodies.wheels
         ],
         "hull": None if hull is None else shorts(hull, UNIT),
-        "ground": _ground(bodies, seen),
+        "ground": _ground(bodies, cameras),
         "speed": None if speeds is None else floats(np.interp(poses.t, bodies.t, speeds)),
         "reference": _chain(reference, track, poses.t) if reference else None,
     }
@@ -79,53 +79,55 @@ def player(run: RunData, track: str, reference: RunData | None = None) -> dict[s
 def _chain(run: RunData, track: str, t: Floats) -> dict[str, Any]:
     """The pins of a chain at the times (m,) of another run's pictures, as far as its record goes."""
     bodies = Bodies(run, EVERY, track=track)
-    shown = bodies.t[nearest(bodies.t, t[t <= bodies.end + 0.5 / RATE])]
-    bodies.keep(shown)
+    times = bodies.t[nearest(bodies.t, t[t <= bodies.end + 0.5 / RATE])]
+    bodies.select_instants(times)
     poses = next(bodies.blocks(MOST))
-    rows = nearest(poses.t, shown)
-    pins = _flat(_cameras(bodies, poses, track), poses.links[track].pins)[rows]
+    rows = nearest(poses.t, times)
+    pins = _projected(_cameras(bodies, poses, track), poses.links[track].pins)[rows]
     (shape,) = bodies.tracks
     return {"pictures": len(rows), "pins": shorts(pins, UNIT), "pinCount": pins.shape[1], "closed": shape.closed}
 
 
 def _cameras(bodies: Bodies, poses: Poses, track: str) -> list[Camera]:
     """Cameras to the right of the track at each instant, at the level of the ground or of the first axle."""
-    seen = [beside(bodies, poses, k, track) for k in range(len(poses.t))]
-    level = float(seen[0].centre[2]) if bodies.ground is None else bodies.ground.level
-    return [each._replace(centre=np.array([*each.centre[:2], level])) for each in seen]
+    cameras = [side_camera(bodies, poses, k, track) for k in range(len(poses.t))]
+    level = float(cameras[0].centre[2]) if bodies.ground is None else bodies.ground.level
+    return [camera._replace(centre=np.array([*camera.centre[:2], level])) for camera in cameras]
 
 
-def _flat(seen: list[Camera], places: Floats) -> Floats:
+def _projected(cameras: list[Camera], places: Floats) -> Floats:
     """Places (m, ..., 2), m, in the picture of their instant, of places in world (m, ..., 3)."""
-    return np.stack([camera.flat(each) for camera, each in zip(seen, places, strict=True)])
+    return np.stack([camera.project(instant_places) for camera, instant_places in zip(cameras, places, strict=True)])
 
 
-def _angles(seen: list[Camera], pose: BodyPose) -> Floats:
+def _angles(cameras: list[Camera], pose: BodyPose) -> Floats:
     """Angles of a wheel in the pictures (m,), anticlockwise, rad."""
     ahead = body_axis(pose.orientation, 0)
     return np.array(
-        [np.arctan2(axis @ camera.up, axis @ camera.right) for camera, axis in zip(seen, ahead, strict=True)]
+        [np.arctan2(axis @ camera.up, axis @ camera.right) for camera, axis in zip(cameras, ahead, strict=True)]
     )
 
 
-def _hull(seen: list[Camera], hull: HullBody, pose: BodyPose) -> Floats:
+def _hull(cameras: list[Camera], hull: HullBody, pose: BodyPose) -> Floats:
     """Corners of the hull's outline in the pictures (m, corners, 2), m, in order."""
     from scipy.spatial import ConvexHull
 
     outline = hull.corners[ConvexHull(hull.corners[:, [0, 2]]).vertices] * [1.0, 0.0, 1.0]
-    return _flat(seen, in_world(outline, pose.position, matrices(pose.orientation)))
+    return _projected(cameras, in_world(outline, pose.position, matrices(pose.orientation)))
 
 
-def _ground(bodies: Bodies, seen: list[Camera]) -> dict[str, Any] | None:
+def _ground(bodies: Bodies, cameras: list[Camera]) -> dict[str, Any] | None:
     """Corners of a bump above the level, and way of the middle of each picture along it, m; None without ground."""
     profile = bodies.ground
     if profile is None:
         return None
-    middle = np.stack([camera.centre for camera in seen])
+    middle = np.stack([camera.centre for camera in cameras])
     if len(profile.along):
         along = profile.station(middle)
     else:  # marks that pass by are all there is to see: along the way itself, whichever turns it takes
-        way = np.sum(np.diff(middle, axis=0) * np.stack([camera.right for camera in seen[1:]] or [middle[0]]), axis=1)
+        way = np.sum(
+            np.diff(middle, axis=0) * np.stack([camera.right for camera in cameras[1:]] or [middle[0]]), axis=1
+        )
         along = np.concatenate([[0.0], np.cumsum(way)])
     corners = np.stack([profile.along, profile.height - profile.level], axis=1)
     return {"corners": corners.tolist(), "along": floats(along)}

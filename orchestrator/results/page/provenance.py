@@ -6,9 +6,9 @@ from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import differences, worst
 from orchestrator.results.divergence import divergence
+from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.exactness import SENSITIVE
 from orchestrator.results.page.section import PageSection, Pair, table
-from orchestrator.results.page.study import Study, attempt
 from orchestrator.results.page.words import quantity, text
 from orchestrator.results.run_data import RunData
 from orchestrator.results.thinned import BINS
@@ -28,7 +28,7 @@ LIMITS = (
 CHEAP = 2e8  # bytes of both logs together: larger ones are not compared bit by bit
 
 
-def compared(pair: Pair) -> PageSection | None:
+def comparison(pair: Pair) -> PageSection | None:
     """Section with the differences by observable, and the first different bit; None without a reference."""
     if pair.reference is None:
         return None
@@ -40,55 +40,55 @@ def compared(pair: Pair) -> PageSection | None:
         " alone.</p>"
     )
     html += table(("", "Run", "Reference"), _settings(run, reference))
-    if apart := attempt(lambda: differences(run, reference), missing):
-        decisive = {name: one for name, one in apart.items() if one.decisive}
+    if found := attempt(lambda: differences(run, reference), missing):
+        decisive = {name: difference for name, difference in found.items() if difference.decisive}
         if decisive:
             largest = max(decisive, key=lambda name: decisive[name].relative)
             html += (
-                f'<p class="lead">The runs are <b>{percent(worst(apart), 2)}</b> apart, by the observable that differs'
+                f'<p class="lead">The runs are <b>{percent(worst(found), 2)}</b> apart, by the observable that differs'
                 f" most, {text(largest.replace('_', ' '))}.</p>"
             )
         rows = [
             (
                 text(name.replace("_", " ")),
-                quantity(one.absolute, one.unit.replace("N m", "N.m"), 3),
-                percent(one.relative, 2),
-                "" if one.decisive else f"<span class='muted'>{SENSITIVE}</span>",
+                quantity(difference.absolute, difference.unit.replace("N m", "N.m"), 3),
+                percent(difference.relative, 2),
+                "" if difference.decisive else f"<span class='muted'>{SENSITIVE}</span>",
             )
-            for name, one in apart.items()
+            for name, difference in found.items()
         ]
         html += table(("Observable", "RMS difference", "of the reference", ""), rows)
-    html += _parting(run.log, reference.log)
+    html += _first_difference(run.log, reference.log)
     html += "".join(f"<p>{text(reason)}</p>" for reason in missing)
     return PageSection("compared", "Against reference", "How far is it from the reference?", html, {})
 
 
 def _settings(run: RunData, reference: RunData) -> list[tuple[str, str, str]]:
-    one, other = (each.log.metadata.get("run", {}) for each in (run, reference))
+    settings, reference_settings = (data.log.metadata.get("run", {}) for data in (run, reference))
     rows = [("record", text(run.log.path.name), text(reference.log.path.name))]
     for key in ("scene", "track", "coupling", "step", "stop", "fmus"):
-        if key in one or key in other:
-            unsaid = "python" if key == "fmus" else ""
-            rows.append((key, text(one.get(key, unsaid)), text(other.get(key, unsaid))))
+        if key in settings or key in reference_settings:
+            default = "python" if key == "fmus" else ""
+            rows.append((key, text(settings.get(key, default)), text(reference_settings.get(key, default))))
     return rows
 
 
-def _parting(one: Log, other: Log) -> str:
-    if one.size + other.size > CHEAP:
+def _first_difference(log: Log, reference: Log) -> str:
+    if log.size + reference.size > CHEAP:
         return "<p>Where they part bit by bit: <code>cotrack compare A B --bits</code>.</p>"
-    found = attempt(lambda: divergence(one, other), [])
-    if found is None:
+    result = attempt(lambda: divergence(log, reference), [])
+    if result is None:
         return ""
-    if found.first is None:
-        return f"<p>Bit by bit they are equal in all {found.compared} numbers that both hold.</p>"
-    first = found.first
+    if result.first is None:
+        return f"<p>Bit by bit they are equal in all {result.value_count} numbers that both hold.</p>"
+    first = result.first
     return (
         f"<p>They part first in <code>{text(first.instance)}.{text(first.variable)}</code> at step {first.step},"
         f" t = {number(first.t)} s.</p>"
     )
 
 
-def record(log: Log) -> tuple[str, str]:
+def completeness(log: Log) -> tuple[str, str]:
     """Completeness of a record: good, fair or bad, and a sentence, HTML."""
     if log.closing is None:
         return "bad", "The record was cut off: it has no closing record, and what came after its last piece is lost."
@@ -110,38 +110,38 @@ def record(log: Log) -> tuple[str, str]:
     return "good", f"The record is complete: all {len(known)} topics have the sha256 that the run wrote when it ended."
 
 
-def made(pair: Pair, plotting: str) -> PageSection:
+def provenance(pair: Pair, plotting: str) -> PageSection:
     """Section with the records of both runs, the limits of the page, and evaluations that failed."""
-    html = _of(pair.run, "run") + (_of(pair.reference, "reference") if pair.reference else "")
+    html = _run_record(pair.run, "run") + (_run_record(pair.reference, "reference") if pair.reference else "")
     html += (
         f"<h3>What this page cannot say</h3><ul>{''.join(f'<li>{limit}</li>' for limit in LIMITS)}</ul>"
         f"<p class='muted'>Made by <code>cotrack report</code>; curves are drawn by {text(plotting)}, which is part of"
         " this file. The page asks nothing of any other machine.</p>"
     )
     if missing := list(dict.fromkeys(pair.run.missing)):
-        sentences = "; ".join(text(each) for each in missing)
+        sentences = "; ".join(text(reason) for reason in missing)
         html += f"<p>Left out, because the record does not hold it: {sentences}.</p>"
     return PageSection("made", "How it was made", "How was this page made, and what can it not say?", html, {})
 
 
-def _of(study: Study, role: str) -> str:
+def _run_record(evaluation: Evaluation, role: str) -> str:
     """Record of a run: completeness, digest, and commands that verify it; HTML."""
-    log = study.run.log
-    mood, sentence = record(log)
+    log = evaluation.run.log
+    grade, sentence = completeness(log)
     name = text(log.path.name)
     facts = [
         ("size", f"{number(log.size / 1e6, 3)} MB"),
         ("digest", f"<code>{text(attempt(log.digest, []) or '')}</code><br>"
                    "<span class='muted'>equal runs have equal digests</span>"),
-        *[("run it again", f"<code>{text(study.judged.again)}</code>")] * bool(study.judged.again),
+        *[("run it again", f"<code>{text(evaluation.summary.command)}</code>")] * bool(evaluation.summary.command),
         ("is it as written?", f"<code>cotrack log verify {name}</code>"),
         *(
             ("does a component give the same again?", f"<code>cotrack replay {name} --component {text(one)}</code>")
-            for one in study.run.instances[:1]
+            for one in evaluation.run.instances[:1]
         ),
     ]  # fmt: skip
     html = (
-        f"<h3>{role.capitalize()}: {name}</h3><p><span class='pill {mood}'>{WORDS[mood]}</span> {sentence}</p>"
+        f"<h3>{role.capitalize()}: {name}</h3><p><span class='pill {grade}'>{WORDS[grade]}</span> {sentence}</p>"
         f"<dl class='facts'>{''.join(f'<dt>{term}</dt><dd>{value}</dd>' for term, value in facts)}</dl>"
     )
     if topics := sorted((log.closing or {}).get("sha256", {}).items()):

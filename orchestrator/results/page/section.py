@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from orchestrator.results.analyses.curves import SignalCurve
 from orchestrator.results.page.charts import Chart, Trace, lines
-from orchestrator.results.page.study import Study
+from orchestrator.results.page.evaluation import Evaluation
 
 
 class PageSection(NamedTuple):
@@ -21,42 +21,44 @@ class PageSection(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """Evaluated run and, if there is one, its reference."""
+    """Evaluation of a run and, if there is one, of its reference."""
 
-    run: Study
-    reference: Study | None
+    run: Evaluation
+    reference: Evaluation | None
     figures: dict[str, Any]  # key figures of the run (``key_figures.figures``)
 
-    def lines(self, named: Sequence[tuple[str, str]], colour: int = 0) -> list[Trace]:
-        """Lines of signals, given with their labels, of both runs; signals that a run lacks are left out.
+    def lines(self, labelled: Sequence[tuple[str, str]], colour: int = 0) -> list[Trace]:
+        """Curves of signals, given with their labels, of both runs; signals that a run lacks are left out.
 
         Colours count from ``colour``.
         """
-        known = [(signal, name, k) for k, (signal, name) in enumerate(named, colour) if signal in self.run.signals]
-        covered = len(known) == 2 and _alike(*(self.run.signals[signal] for signal, *_ in known))
-        window = self.run.ripple.window
-        means = {signal: self.run.mean(signal, window) for signal, *_ in known}
-        found = [
-            Trace(name, self.run.signals[signal].curve, k, means[signal], behind=covered and not place)
-            for place, (signal, name, k) in enumerate(known)
+        recorded = [
+            (signal, name, k) for k, (signal, name) in enumerate(labelled, colour) if signal in self.run.signals
         ]
-        others = self.reference.signals if self.reference and known else {}
-        for k, (signal, name) in enumerate(named, colour):
+        covered = len(recorded) == 2 and _alike(*(self.run.signals[signal] for signal, *_ in recorded))
+        window = self.run.ripple.window
+        means = {signal: self.run.mean(signal, window) for signal, *_ in recorded}
+        traces = [
+            Trace(name, self.run.signals[signal].curve, k, means[signal], behind=covered and not number)
+            for number, (signal, name, k) in enumerate(recorded)
+        ]
+        others = self.reference.signals if self.reference and recorded else {}
+        for k, (signal, name) in enumerate(labelled, colour):
             if other := others.get(signal):  # one band is enough: the reference of a band is its mean
-                curve = other.moving.over(window) if means.get(signal) else other.curve
-                found.append(Trace(f"{name}, reference", curve, k, reference=True))
-        return found
+                curve = other.moving_mean.over(window) if means.get(signal) else other.curve
+                traces.append(Trace(f"{name}, reference", curve, k, reference=True))
+        return traces
 
-    def over_time(self, quantity: str, unit: str, drawn: Sequence[Trace]) -> Chart:
+    def over_time(self, quantity: str, unit: str, traces: Sequence[Trace]) -> Chart:
         """Chart of lines over time."""
-        return lines(quantity, unit, drawn, window=self.run.ripple.words)
+        return lines(quantity, unit, traces, window=self.run.ripple.description)
 
 
-def _alike(one: SignalCurve, other: SignalCurve) -> bool:
+def _alike(first: SignalCurve, second: SignalCurve) -> bool:
     """True if the curve of one signal covers that of the other."""
-    size = max(abs(one.largest.value), abs(other.largest.value))
-    apart = abs(one.most.value - other.most.value), abs(one.least.value - other.least.value)
-    return max(apart) <= 1e-2 * size
+    size = max(abs(first.largest.value), abs(second.largest.value))
+    differences = abs(first.most.value - second.most.value), abs(first.least.value - second.least.value)
+    return max(differences) <= 1e-2 * size
 
 
 class Content:
@@ -65,7 +67,7 @@ class Content:
     def __init__(self) -> None:
         self.html, self.charts = "", dict[str, Chart]()
 
-    def figure(self, key: str, chart: Chart, title: str, note: str = "", size: str = "", choice: str = "") -> None:
+    def add_figure(self, key: str, chart: Chart, title: str, note: str = "", size: str = "", choice: str = "") -> None:
         """Add a chart; ``size``: tall or wide; ``choice``: HTML that selects between its values."""
         self.charts[key] = chart
         caption = f"<h3>{title}</h3>" + (f"<p>{note}</p>" if note else "") + choice
@@ -74,7 +76,7 @@ class Content:
             f'<div class="chart {size}" id="chart-{key}" role="img" aria-label="{title}"></div></figure>'
         )
 
-    def grid(self, key: str, name: str, title: str) -> PageSection | None:
+    def as_section(self, key: str, name: str, title: str) -> PageSection | None:
         """Section with the figures side by side; None without any."""
         html = f'<div class="grid">{self.html}</div>'
         return PageSection(key, name, title, html, self.charts) if self.charts else None

@@ -9,8 +9,8 @@ from orchestrator.results.analyses import link_loads, profile
 from orchestrator.results.analyses.link_loads import LinkLoads
 from orchestrator.results.analyses.profile import Profile
 from orchestrator.results.page.charts import Trace, heat, lines
+from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import Content, PageSection, Pair
-from orchestrator.results.page.study import Study, attempt
 from orchestrator.results.page.words import and_list, instance, plain, quantity
 from orchestrator.results.thinned import Curve
 from orchestrator.results.units import number
@@ -30,107 +30,115 @@ LOADS = (
 
 def tension(pair: Pair) -> PageSection | None:
     """Section of the tension; None if no track recorded it."""
-    study, content = pair.run, Content()
-    tracks = [track for track in study.run.tracks if f"{track}.tension.max" in study.signals]
+    evaluation, content = pair.run, Content()
+    tracks = [track for track in evaluation.run.tracks if f"{track}.tension.max" in evaluation.signals]
     if tracks:
         drawn = pair.lines([(f"{track}.tension.max", f"largest, {plain(track)}") for track in tracks[:2]])
         drawn += pair.lines([(f"{track}.tension.mean", f"mean, {plain(track)}") for track in tracks[:2]], 2)
         chart, note = pair.over_time("tension", "N", drawn), "Over all links of a track, at every step."
-        content.figure("tension", chart, "Largest and mean tension", note, "wide")
-    if found := study.hardest:
-        content.html += _largest(study, found)
-        _along(study, found, content)
-        _map(pair, found, content)
-        _bearers(study, found, content)
+        content.add_figure("tension", chart, "Largest and mean tension", note, "wide")
+    if loads := evaluation.most_loaded:
+        content.html += _largest(evaluation, loads)
+        _along(evaluation, loads, content)
+        _map(pair, loads, content)
+        _bearers(evaluation, loads, content)
     elif tracks:
         content.html += f"<p class='muted'>{NO_LINKS}</p>"
     title = "What does the chain bear?"
     return PageSection("tension", "Tension", title, content.html, content.charts) if content.charts else None
 
 
-def _largest(study: Study, found: LinkLoads) -> str:
+def _largest(evaluation: Evaluation, loads: LinkLoads) -> str:
     """Sentences on the extreme loads of links, HTML."""
-    worst, slack = found.most["tension"], found.slackest
-    stressed, loaded = found.most.get("stress"), found.most.get("force")
-    said = f"The largest tension in the records of links is <b>{quantity(worst.value, 'N')}</b>"
-    said += f" in <b>link {worst.member}</b> of {instance(found.track)} at {number(worst.t)} s"
+    worst, slack = loads.most["tension"], loads.slackest
+    stressed, loaded = loads.most.get("stress"), loads.most.get("force")
+    sentence = f"The largest tension in the records of links is <b>{quantity(worst.value, 'N')}</b>"
+    sentence += f" in <b>link {worst.member}</b> of {instance(loads.track)} at {number(worst.t)} s"
     if stressed and stressed.value > 0.0:
-        said += f". The largest stress is {quantity(stressed.value, 'Pa')} in link {stressed.member}"
-        said += f" at {number(stressed.t)} s"
+        sentence += f". The largest stress is {quantity(stressed.value, 'Pa')} in link {stressed.member}"
+        sentence += f" at {number(stressed.t)} s"
     if loaded:
-        said += f". The largest force in a pin is {quantity(loaded.value, 'N')} where link {loaded.member} begins,"
-        said += f" at {number(loaded.t)} s"
-    said += f". The smallest tension is {quantity(slack.value, 'N')} in link {slack.member} at {number(slack.t)} s"
-    said += ": there the link is pressed" if slack.value < 0.0 else ""
-    return f'<p class="lead">{said}.{_other_track(study)}</p>'
+        sentence += f". The largest force in a pin is {quantity(loaded.value, 'N')} where link {loaded.member} begins,"
+        sentence += f" at {number(loaded.t)} s"
+    sentence += f". The smallest tension is {quantity(slack.value, 'N')} in link {slack.member} at {number(slack.t)} s"
+    sentence += ": there the link is pressed" if slack.value < 0.0 else ""
+    return f'<p class="lead">{sentence}.{_other_track(evaluation)}</p>'
 
 
-def _other_track(study: Study) -> str:
+def _other_track(evaluation: Evaluation) -> str:
     """Sentence on the largest tension of the other track; empty unless there are two."""
-    if len(study.chains) != 2:
+    if len(evaluation.chains) != 2:
         return ""
-    one, other = ((each.track, each.most["tension"].value) for each in study.chains.values())
-    if abs(one[1] - other[1]) <= 1e-3 * abs(one[1]):
+    first, second = (
+        (track_loads.track, track_loads.most["tension"].value) for track_loads in evaluation.chains.values()
+    )
+    if abs(first[1] - second[1]) <= 1e-3 * abs(first[1]):
         return " The other track bears as much, to a thousandth."
-    track, value = min(one, other, key=lambda each: each[1])
+    track, value = min(first, second, key=lambda track_loads: track_loads[1])
     return f" In {instance(track)} the largest tension is {quantity(value, 'N')}."
 
 
-def profiles(study: Study, found: LinkLoads) -> list[Profile]:
+def profiles(evaluation: Evaluation, loads: LinkLoads) -> list[Profile]:
     """Profiles of a chain at even instants and at the largest tension; none if positions were not recorded."""
-    evenly = np.linspace(found.t[0], found.t[-1], INSTANTS + 1)[1:] if len(found.t) > 1 else found.t[:1]
-    instants = sorted({*map(float, evenly), found.most["tension"].t})
-    return attempt(lambda: [profile.of(study.run, found, t) for t in instants], study.missing) or []
+    evenly = np.linspace(loads.t[0], loads.t[-1], INSTANTS + 1)[1:] if len(loads.t) > 1 else loads.t[:1]
+    instants = sorted({*map(float, evenly), loads.most["tension"].t})
+    return attempt(lambda: [profile.of(evaluation.run, loads, t) for t in instants], evaluation.missing) or []
 
 
-def _along(study: Study, found: LinkLoads, content: Content) -> None:
+def _along(evaluation: Evaluation, loads: LinkLoads, content: Content) -> None:
     """Figure of the tension along the chain."""
-    made = profiles(study, found)
-    if not made:
+    drawn_profiles = profiles(evaluation, loads)
+    if not drawn_profiles:
         return
-    worst = found.most["tension"].t
+    worst = loads.most["tension"].t
     drawn = [
-        Trace(f"{number(one.t)} s{' (largest)' if one.t == worst else ''}", Curve(one.place, one.tension), k)
-        for k, one in enumerate(made)
+        Trace(
+            f"{number(profile.t)} s{' (largest)' if profile.t == worst else ''}",
+            Curve(profile.place, profile.tension),
+            k,
+        )
+        for k, profile in enumerate(drawn_profiles)
     ]
-    x = f"place along the chain from {'the sprocket' if found.closed else 'its first pin'}, m"
-    chart = lines("tension", "N", drawn, x=x, timed=False, stretches=made[-1].stretches)
+    x = f"place along the chain from {'the sprocket' if loads.closed else 'its first pin'}, m"
+    chart = lines("tension", "N", drawn, x=x, timed=False, stretches=drawn_profiles[-1].stretches)
     where = "From the middle of the wrap on the sprocket on, the way that the numbers of links go. "
-    note = f"{where if found.closed else ''}At {len(made)} instants, link by link."
-    content.figure("round", chart, "Tension along the chain", note, "wide")
+    note = f"{where if loads.closed else ''}At {len(drawn_profiles)} instants, link by link."
+    content.add_figure("round", chart, "Tension along the chain", note, "wide")
 
 
-def _map(pair: Pair, found: LinkLoads, content: Content) -> None:
+def _map(pair: Pair, loads: LinkLoads, content: Content) -> None:
     """Figure of the tension of every link over time."""
-    worst = found.most["tension"]
+    worst = loads.most["tension"]
     mark = worst.t, worst.member, f"link {worst.member}, {number(worst.t)} s"
-    other = _of_reference(pair, found)
-    chart = heat("tension", "N", found.middle, found.tension, mark, other)
+    other = _of_reference(pair, loads)
+    chart = heat("tension", "N", loads.middle, loads.tension, mark, other)
     note = "Largest tension in each slice of time; the ring marks the largest of all."
-    if found.closed:
+    if loads.closed:
         note += " Stripes that slant are places on the way round, which the links pass one after the other."
-    title = f"Every link over time, {instance(found.track)}"
-    content.figure("tension-map", chart, title, note, "tall", CHOICE if other is not None else "")
+    title = f"Every link over time, {instance(loads.track)}"
+    content.add_figure("tension-map", chart, title, note, "tall", CHOICE if other is not None else "")
 
 
-def _of_reference(pair: Pair, found: LinkLoads) -> Floats | None:
+def _of_reference(pair: Pair, loads: LinkLoads) -> Floats | None:
     """Tensions of the reference in the run's intervals of time; None unless it has the same links."""
     reference = pair.reference
-    other = reference.chains.get(found.track) if reference else None
-    if reference is None or other is None or other.links != found.links:
+    other = reference.chains.get(loads.track) if reference else None
+    if reference is None or other is None or other.links != loads.links:
         return None
     span = pair.run.run.span
-    return attempt(lambda: link_loads.tensions_in(reference.run, found.track, span, found), pair.run.missing)
+    return attempt(lambda: link_loads.tensions_in(reference.run, loads.track, span, loads), pair.run.missing)
 
 
-def _bearers(study: Study, found: LinkLoads, content: Content) -> None:
+def _bearers(evaluation: Evaluation, loads: LinkLoads, content: Content) -> None:
     """Figures of the loads over time of each link with a largest load."""
-    for link, parts in link_loads.curves(study.run, found).items():
-        most = and_list([BEARS[what] for what in found.bearers[link]])
-        content.html += f"<h3 class='group'>Link {link} of {instance(found.track)}, which {most}</h3><div class='grid'>"
+    for link, parts in link_loads.curves(evaluation.run, loads).items():
+        most = and_list([BEARS[what] for what in loads.bearers[link]])
+        content.html += f"<h3 class='group'>Link {link} of {instance(loads.track)}, which {most}</h3><div class='grid'>"
         for key, title, unit in LOADS:
             if key in parts and parts[key][1].value > 0.0:
                 curve, peak = parts[key]
                 note = f"Largest: {quantity(peak.value, unit)} at {number(peak.t)} s."
-                content.figure(f"link-{link}-{key}", lines(key, unit, [Trace(key, curve, 0)], mark=peak), title, note)
+                content.add_figure(
+                    f"link-{link}-{key}", lines(key, unit, [Trace(key, curve, 0)], mark=peak), title, note
+                )
         content.html += "</div>"

@@ -12,8 +12,8 @@ MOST = 300  # characters of a text from a log
 
 def text(value: Any) -> str:
     """Text of any origin, escaped for HTML and cut at MOST characters."""
-    shown = "".join(c if c.isprintable() else " " for c in str(value))
-    return html.escape(shown if len(shown) <= MOST else f"{shown[:MOST]} ...")
+    printable = "".join(c if c.isprintable() else " " for c in str(value))
+    return html.escape(printable if len(printable) <= MOST else f"{printable[:MOST]} ...")
 
 
 def quantity(value: float, unit: str, digits: int = 4) -> str:
@@ -39,8 +39,8 @@ def wheel_name(name: str) -> str:
 
 def wheel(name: str) -> str:
     """Wheel and track in words for "left_track.road_wheel[2]", escaped for HTML."""
-    track, _, own = name.partition(".")
-    return f"{text(wheel_name(own))}, {instance(track)}"
+    track, _, wheel_variable = name.partition(".")
+    return f"{text(wheel_name(wheel_variable))}, {instance(track)}"
 
 
 def and_list(parts: list[str]) -> str:

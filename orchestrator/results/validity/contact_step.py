@@ -8,7 +8,7 @@ from typing import Any
 
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import limits
-from orchestrator.results.validity.entry import WARNING, Entry
+from orchestrator.results.validity.exceedance import WARNING, Exceedance
 from orchestrator.results.validity.piece import Piece
 
 IMPLICIT = (None, "generalized_alpha", "hht")  # explicit integrators limit their steps themselves
@@ -20,12 +20,12 @@ def signals(run: RunData) -> Iterator[str]:
     return iter(())
 
 
-def find(piece: Piece) -> Iterator[Entry]:
+def find(piece: Piece) -> Iterator[Exceedance]:
     """Entries for the scene of the run."""
     yield from of_scene(piece.run.scene)
 
 
-def of_scene(scene: Mapping[str, Any]) -> Iterator[Entry]:
+def of_scene(scene: Mapping[str, Any]) -> Iterator[Exceedance]:
     """Entries for links in the internal step and wheels in the communication step.
 
     Steps that follow an error estimate are left out.
@@ -42,4 +42,4 @@ def of_scene(scene: Mapping[str, Any]) -> Iterator[Entry]:
     wheel = sqrt(wrap * stiffness["wheel"] / vehicle["idler"]["mass"]) * run["step"]
     for place, value in (("link", link if track.get("integrator") in IMPLICIT else 0.0), ("idler", wheel)):
         if value > limits.STEP:
-            yield Entry("contact_step", "tracks", 0.0, place, value, limits.STEP, WARNING)
+            yield Exceedance("contact_step", "tracks", 0.0, place, value, limits.STEP, WARNING)

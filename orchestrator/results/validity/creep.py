@@ -9,9 +9,9 @@ import numpy as np
 from orchestrator.results.analyses import hull
 from orchestrator.results.run_data import Missing, RunData, mean
 from orchestrator.results.validity import limits
-from orchestrator.results.validity.entry import WARNING, Entry
-from orchestrator.results.validity.on_sprocket import shaft, toothed
+from orchestrator.results.validity.exceedance import WARNING, Exceedance
 from orchestrator.results.validity.piece import Piece
+from orchestrator.results.validity.sprocket_pins import shaft, tracks_on_sprockets
 
 STANDS = 0.1  # rad/s of a sprocket: brakes fade below
 TURNS = 0.02  # rad/s of the hull: a turning vehicle slides sideways
@@ -21,27 +21,27 @@ YAW = "chassis.chassis.angular_velocity.z"
 def signals(run: RunData) -> Iterator[str]:
     """Signals: slip and ground force, sprocket speeds, yaw rate of the hull."""
     yield YAW
-    for track in toothed(run):
+    for track in tracks_on_sprockets(run):
         yield f"{shaft(run, track)}speed"
         yield f"{track}.slip"
         yield from (f"{track}.ground.force.{axis}" for axis in "xyz")
 
 
-def find(piece: Piece) -> Iterator[Entry]:
+def find(piece: Piece) -> Iterator[Exceedance]:
     """Entries for tracks that slide though friction could hold them; raises Missing.
 
     The vehicle must stand for STANDING seconds.
     """
-    friction = hull.number(piece.run, "contact", "ground", "friction")
+    friction = hull.vehicle_number(piece.run, "contact", "ground", "friction")
     _, yaw = piece.signal(YAW)
-    for track in toothed(piece.run):
+    for track in tracks_on_sprockets(piece.run):
         t, slip = piece.signal(f"{track}.slip")
         _, speed = piece.signal(f"{shaft(piece.run, track)}speed")
         _, force = piece.vector(f"{track}.ground.force")
         if not len(t) == len(yaw) == len(speed) == len(force):
             raise Missing("the log holds different steps of its components")
-        borne = np.hypot(force[:, 0], force[:, 1]) < limits.STICKS * friction * force[:, 2]
-        still = borne & (np.abs(speed) < STANDS) & (np.abs(yaw) < TURNS)
+        below_limit = np.hypot(force[:, 0], force[:, 1]) < limits.STICKS * friction * force[:, 2]
+        still = below_limit & (np.abs(speed) < STANDS) & (np.abs(yaw) < TURNS)
         begin = 0
         while len(t) - begin > 1:
             end = int(np.searchsorted(t, t[begin] + limits.STANDING, "right"))
@@ -51,7 +51,7 @@ def find(piece: Piece) -> Iterator[Entry]:
             if not still[part].all():
                 begin += int(np.flatnonzero(~still[part])[-1]) + 1
                 continue
-            creeping = abs(mean(t[part], slip[part]))
-            if creeping > limits.CREEP:
-                yield Entry("creep", track, float(t[begin]), "", creeping, limits.CREEP, WARNING)
+            speed_of_creep = abs(mean(t[part], slip[part]))
+            if speed_of_creep > limits.CREEP:
+                yield Exceedance("creep", track, float(t[begin]), "", speed_of_creep, limits.CREEP, WARNING)
             begin = end

@@ -9,9 +9,9 @@ import numpy as np
 from orchestrator.results.analyses import hull
 from orchestrator.results.rotation import body_axis
 from orchestrator.results.run_data import Missing, RunData
-from orchestrator.results.validity.entry import WARNING, Entry, passed
-from orchestrator.results.validity.on_sprocket import HULL
+from orchestrator.results.validity.exceedance import WARNING, Exceedance, excess
 from orchestrator.results.validity.piece import Piece
+from orchestrator.results.validity.sprocket_pins import HULL
 
 TRAVEL = 0.1  # m, for older vehicle tables without this key
 
@@ -23,11 +23,11 @@ def signals(run: RunData) -> Iterator[str]:
         yield from (f"{name}.{axis}" for axis in "xyz")
 
 
-def find(piece: Piece) -> Iterator[Entry]:
+def find(piece: Piece) -> Iterator[Exceedance]:
     """Entries for idlers that are further from their start position than the travel; raises Missing."""
     run = piece.run
     try:
-        travel = hull.number(run, "tensioner", "travel")
+        travel = hull.vehicle_number(run, "tensioner", "travel")
     except Missing:
         travel = TRAVEL
     drawn = run.scene.get("vehicle", {}).get("idler", {}).get("x", np.nan)
@@ -35,10 +35,12 @@ def find(piece: Piece) -> Iterator[Entry]:
         t, place = piece.vector(name)
         ahead = body_axis(piece.vector(HULL, "wxyz")[1], 0)
         x = np.einsum("mi,mi->m", place - piece.vector("chassis.chassis.position")[1], ahead)
-        moved = np.abs(x + run.scene["vehicle"]["chassis"]["centre"][0] - drawn)
-        if (found := passed(t, moved, travel)) is not None:
+        travelled = np.abs(x + run.scene["vehicle"]["chassis"]["centre"][0] - drawn)
+        if (first_and_worst := excess(t, travelled, travel)) is not None:
             place_of = name.removeprefix("chassis.").removesuffix(".position")
-            yield Entry("idler_travel", "chassis", found[0], place_of, found[1], travel, WARNING)
+            yield Exceedance(
+                "idler_travel", "chassis", first_and_worst[0], place_of, first_and_worst[1], travel, WARNING
+            )
 
 
 def _idlers(run: RunData) -> list[str]:

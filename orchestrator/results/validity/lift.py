@@ -7,27 +7,27 @@ from contextlib import suppress
 
 from orchestrator.results.analyses import wheel_loads
 from orchestrator.results.analyses.airborne import off_ground
-from orchestrator.results.analyses.spells import settling
+from orchestrator.results.analyses.unloaded import is_settling
 from orchestrator.results.run_data import EVER, Missing, RunData
 from orchestrator.results.validity import limits
-from orchestrator.results.validity.entry import WARNING, Entry
+from orchestrator.results.validity.exceedance import WARNING, Exceedance
 from orchestrator.results.validity.piece import Piece
 
 
 def signals(run: RunData) -> Iterator[str]:
-    """No signals: ``spells.py`` reads the loads itself, once for all users."""
+    """No signals: ``unloaded.py`` reads the loads itself, once for all users."""
     return iter(())
 
 
-def find(piece: Piece) -> Iterator[Entry]:
+def find(piece: Piece) -> Iterator[Exceedance]:
     """Entries for members without load for longer than LIFT, within the piece."""
     run = piece.run
-    found = dict(off_ground(run, EVER).of)
+    intervals_by_member = dict(off_ground(run, EVER).by_member)
     with suppress(Missing):
-        found |= wheel_loads.lifted(run, EVER).of
-    for name, spells in found.items():
+        intervals_by_member |= wheel_loads.lifted(run, EVER).by_member
+    for name, intervals in intervals_by_member.items():
         component, _, place = name.partition(".")
-        for spell in spells:
-            inside = spell.start <= piece.window.end and spell.end >= piece.window.start
-            if inside and spell.time > limits.LIFT and not settling(run, spell.end):
-                yield Entry("lift", component, spell.start, place, spell.time, limits.LIFT, WARNING)
+        for interval in intervals:
+            inside = interval.start <= piece.window.end and interval.end >= piece.window.start
+            if inside and interval.time > limits.LIFT and not is_settling(run, interval.end):
+                yield Exceedance("lift", component, interval.start, place, interval.time, limits.LIFT, WARNING)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 
-class Kind(NamedTuple):
+class LimitKind(NamedTuple):
     """Kind of entry."""
 
     text: str  # begins the sentence of an entry
@@ -19,13 +19,13 @@ class Kind(NamedTuple):
 
 
 KINDS = {
-    "penetration": Kind("bodies pass through each other", "mm", fails=True),
-    "tooth_jump": Kind("the chain jumps over teeth", "teeth", fails=True),
-    "idler_travel": Kind("the idler is beyond the travel of its tensioner", "mm"),
-    "compression": Kind("links push more than a chain can carry", "kN"),
-    "creep": Kind("the standing vehicle creeps where it should stick", "mm/s"),
-    "lift": Kind("is off what bears it", "s"),
-    "contact_step": Kind("the step is long for the contacts: frequency times step", "rad"),
+    "penetration": LimitKind("bodies pass through each other", "mm", fails=True),
+    "tooth_jump": LimitKind("the chain jumps over teeth", "teeth", fails=True),
+    "idler_travel": LimitKind("the idler is beyond the travel of its tensioner", "mm"),
+    "compression": LimitKind("links push more than a chain can carry", "kN"),
+    "creep": LimitKind("the standing vehicle creeps where it should stick", "mm/s"),
+    "lift": LimitKind("is off what bears it", "s"),
+    "contact_step": LimitKind("the step is long for the contacts: frequency times step", "rad"),
 }
 ALLOWED = tuple(name for name, kind in KINDS.items() if kind.fails)
 

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, of_links
+from orchestrator.results.analyses import hull, link_records
 from orchestrator.results.ground_profile import ground
 from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.results.validity import limits
-from orchestrator.results.validity.entry import Entry, levels
+from orchestrator.results.validity.exceedance import Exceedance, exceedances
 from orchestrator.results.validity.piece import Piece
 
 NEAR = 0.25  # s: longest interval between records of pins
@@ -23,13 +23,13 @@ def signals(run: RunData) -> Iterator[str]:
     yield from (f"{track}.penetration.max" for track in run.tracks)
 
 
-def find(piece: Piece) -> Iterator[Entry]:
+def find(piece: Piece) -> Iterator[Exceedance]:
     """Entries for contacts that are deep relative to the thickness of a link; raises Missing."""
-    face = hull.number(piece.run, "track", "face")
+    face = hull.vehicle_number(piece.run, "track", "face")
     for track in piece.run.tracks:
         t, depth = piece.signal(f"{track}.penetration.max")
         most = face * limits.LINK_WARNING, face * limits.LINK_FAILURE
-        for entry, worst in levels("penetration", track, t, depth, *most):
+        for entry, worst in exceedances("penetration", track, t, depth, *most):
             yield entry._replace(place=deepest(piece.run, track, worst, entry.value))
 
 
@@ -39,30 +39,30 @@ def deepest(run: RunData, track: str, t: float, depth: float) -> str:
     Depths that neither rims nor ground explain belong to the sprocket, whose teeth have their own outline.
     """
     try:
-        found = depths(run, track, t)
+        depth_by_name = depths(run, track, t)
     except (Missing, LookupError):
         return ""
-    name = max(found, key=lambda each: found[each], default="")
-    return name if name and found[name] > EXPLAINS * depth else "sprocket"
+    name = max(depth_by_name, key=lambda key: depth_by_name[key], default="")
+    return name if name and depth_by_name[name] > EXPLAINS * depth else "sprocket"
 
 
 def depths(run: RunData, track: str, t: float) -> dict[str, float]:
     """Depths, m, of rims and ground in the links at the record nearest to a time, s; raises Missing."""
-    blocks = list(of_links.records(run, track, Window(t - NEAR, t + NEAR), "joint[*].position"))
+    blocks = list(link_records.records(run, track, Window(t - NEAR, t + NEAR), "joint[*].position"))
     times = np.concatenate([block.t for block in blocks])
-    at = int(np.abs(times - t).argmin())
-    pins = np.concatenate([block.values[0] for block in blocks])[at]
-    pose = hull.poses(run, track, times[at : at + 1])
-    axes, face = pose.axes[0][:, [0, 2]], hull.number(run, "track", "face")
-    found = {}
+    nearest = int(np.abs(times - t).argmin())
+    pins = np.concatenate([block.values[0] for block in blocks])[nearest]
+    pose = hull.poses(run, track, times[nearest : nearest + 1])
+    axes, face = pose.axes[0][:, [0, 2]], hull.vehicle_number(run, "track", "face")
+    depth_by_name = {}
     for name in wheels(run, track):
-        centre = run.near(track, "in", f"{name}.position", float(times[at]))
-        radius = hull.number(run, name.partition("[")[0], "radius")
-        found[name] = radius + face - _distance((pins - centre) @ axes)
+        centre = run.vector_at(track, "in", f"{name}.position", float(times[nearest]))
+        radius = hull.vehicle_number(run, name.partition("[")[0], "radius")
+        depth_by_name[name] = radius + face - _distance((pins - centre) @ axes)
     if (floor := ground(run.scene)) is not None:
-        under = floor.at((pins - floor.start) @ floor.ahead) - pins[:, 2]
-        found["ground"] = float(under.max()) + face
-    return found
+        under = floor.height_at((pins - floor.start) @ floor.ahead) - pins[:, 2]
+        depth_by_name["ground"] = float(under.max()) + face
+    return depth_by_name
 
 
 def wheels(run: RunData, track: str) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from orchestrator.log.time_series import Floats, Series
-from orchestrator.results.analyses import of_links
+from orchestrator.results.analyses import link_records
 from orchestrator.results.run_data import Missing, RunData, Window
 
 Made = TypeVar("Made")
@@ -20,15 +20,15 @@ OVERLAP = 1.0  # s that two pieces share: shorter events are whole in one of the
 class Piece:
     """Signals in a window; events no longer than OVERLAP are whole in one piece."""
 
-    def __init__(self, run: RunData, window: Window, found: Mapping[str, Series]) -> None:
-        self.run, self.window, self._found = run, window, found
-        self._made: dict[str, Any] = {}
+    def __init__(self, run: RunData, window: Window, series: Mapping[str, Series]) -> None:
+        self.run, self.window, self._series = run, window, series
+        self._results: dict[str, Any] = {}
 
-    def once(self, name: str, make: Callable[[], Made]) -> Made:
+    def compute_once(self, name: str, make: Callable[[], Made]) -> Made:
         """Result of ``make`` for this piece, cached by name."""
-        if name not in self._made:
-            self._made[name] = make()
-        return self._made[name]
+        if name not in self._results:
+            self._results[name] = make()
+        return self._results[name]
 
     def signal(self, name: str) -> tuple[Floats, Floats]:
         """Times and values (m,) of ``instance.variable``; raises Missing."""
@@ -41,15 +41,15 @@ class Piece:
     def columns(self, names: list[str]) -> tuple[Floats, Floats]:
         """Times and values (m, names) of signals of one topic; raises Missing."""
         topic, _ = place(self.run, names[0])
-        series = self._found.get(topic)
+        series = self._series.get(topic)
         variables = [name.partition(".")[2] for name in names]
         if series is None or not set(variables) <= set(series.names):
             raise Missing(f"the log has no '{names[0]}'")
-        return series.t, series.values[:, [series.names.index(each) for each in variables]]
+        return series.t, series.values[:, [series.names.index(variable) for variable in variables]]
 
     def pins(self, track: str) -> tuple[Floats, Floats]:
         """Times (m,) and positions of pins (m, pins, 3), m, world; read on demand; raises Missing."""
-        blocks = [*of_links.records(self.run, track, self.window, "joint[*].position")]
+        blocks = [*link_records.records(self.run, track, self.window, "joint[*].position")]
         return np.concatenate([block.t for block in blocks]), np.concatenate([block.values[0] for block in blocks])
 
 
@@ -63,23 +63,23 @@ def place(run: RunData, name: str) -> tuple[str, int]:
 
 def pieces(run: RunData, names: Iterable[str], window: Window) -> Iterator[Piece]:
     """Pieces of the run with the signals of ``names`` that the log has."""
-    wanted: dict[str, list[int]] = {}
+    columns_by_topic: dict[str, list[int]] = {}
     for name in dict.fromkeys(names):
         try:
             topic, column = run.log.find(name)
         except LookupError:
             continue
-        wanted.setdefault(topic, []).append(column)
-    if not wanted:
+        columns_by_topic.setdefault(topic, []).append(column)
+    if not columns_by_topic:
         return
-    first, last = _span(run, wanted, window)
+    first, last = _span(run, columns_by_topic, window)
     for k in range(max(1, ceil((last - first) / LENGTH))):
         begin = first + k * LENGTH
         part = Window(begin - OVERLAP if k else begin, min(begin + LENGTH, last))
-        yield Piece(run, part, run.log.select(wanted, part))
+        yield Piece(run, part, run.log.select(columns_by_topic, part))
 
 
-def _span(run: RunData, wanted: Mapping[str, list[int]], window: Window) -> tuple[float, float]:
+def _span(run: RunData, columns_by_topic: Mapping[str, list[int]], window: Window) -> tuple[float, float]:
     """First and last time of the pieces, s."""
-    t = np.concatenate([run.log.ends(topic).t for topic in wanted])
+    t = np.concatenate([run.log.ends(topic).t for topic in columns_by_topic])
     return max(window.start, float(t.min(initial=0.0))), min(window.end, float(t.max(initial=0.0)))

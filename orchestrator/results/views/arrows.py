@@ -12,7 +12,7 @@ from orchestrator.results.views.bodies import LinkPoses
 from orchestrator.results.views.shapes import TrackBody
 
 METRES = 5e-5  # m of arrow per newton: 20 kN are a metre
-SEEN = 0.01  # m: shorter arrows are left out
+SHORTEST = 0.01  # m: shorter arrows are left out
 ASIDE = 0.03  # m beyond the outer edge of a link: wheels and links would hide arrows
 
 
@@ -25,5 +25,5 @@ def ground_arrows(
     axes = links.axes[rows]
     feet = links.centres[rows] + track.half[2] * axes[..., 2] + outer * axes[..., 1]
     vectors = METRES * links.ground[rows]
-    shown = np.linalg.norm(vectors, axis=-1) > SEEN
-    return feet[shown], vectors[shown], shown.sum(axis=1)
+    visible = np.linalg.norm(vectors, axis=-1) > SHORTEST
+    return feet[visible], vectors[visible], visible.sum(axis=1)

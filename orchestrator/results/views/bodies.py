@@ -22,7 +22,7 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.units import size as size_of
 from orchestrator.results.views.colours import LINK_COLOURS, Scale
 from orchestrator.results.views.pose_columns import PoseColumns, Slot, has_motion, nearest
-from orchestrator.results.views.scene_table import checked
+from orchestrator.results.views.scene_table import drawn_scene
 from orchestrator.results.views.shapes import HullBody, TrackBody, WheelBody, hull_body, track_body, wheel_body
 
 WHEELS = ("sprocket", "road_wheel", "idler")
@@ -62,11 +62,11 @@ class Poses(NamedTuple):
     wheels: dict[str, BodyPose]  # by name
     hull: BodyPose | None
 
-    def places(self) -> Floats:
+    def positions(self) -> Floats:
         """Positions (n, 3), m, world, of all links; without links of wheels, without wheels of the hull."""
-        found = [links.centres.reshape(-1, 3) for links in self.links.values()]
-        found = found or [pose.position for pose in self.wheels.values()]
-        return np.concatenate(found or [self.hull.position if self.hull else np.zeros((1, 3))])
+        parts = [links.centres.reshape(-1, 3) for links in self.links.values()]
+        parts = parts or [pose.position for pose in self.wheels.values()]
+        return np.concatenate(parts or [self.hull.position if self.hull else np.zeros((1, 3))])
 
 
 class LinkSlots(NamedTuple):
@@ -90,15 +90,17 @@ class Bodies:
     ) -> None:
         self.run = run
         self._log = log = run.log
-        self.scene: dict[str, Any] = checked(run)
+        self.scene: dict[str, Any] = drawn_scene(run)
         self.ground: GroundProfile | None = ground(self.scene)
         self._columns = PoseColumns(log)
         linked = [name for name in run.instances if f"/{name}/links" in log.topics and track in ("", name)]
-        held = {name: _link_columns(log.topics[f"/{name}/links"].names) for name in linked}
-        self.tracks: tuple[TrackBody, ...] = tuple(filter(None, map(self._track, held, held.values())))
-        self.colour = self._chosen(colour, held)
-        self._links = {each.name: self._link_slots(each, held[each.name]) for each in self.tracks}
-        wheels = [each for each in self._every_wheel() if track in ("", each[0].track)]
+        columns_by_track = {name: _link_columns(log.topics[f"/{name}/links"].names) for name in linked}
+        self.tracks: tuple[TrackBody, ...] = tuple(
+            filter(None, map(self._track, columns_by_track, columns_by_track.values()))
+        )
+        self.colour = self._colour_name(colour, columns_by_track)
+        self._links = {body.name: self._link_slots(body, columns_by_track[body.name]) for body in self.tracks}
+        wheels = [body for body in self._wheels_of_run() if track in ("", body[0].track)]
         self.wheels: tuple[WheelBody, ...] = tuple(wheel for wheel, _ in wheels)
         self._wheels = {wheel.name: slots for wheel, slots in wheels}
         self.hull: HullBody | None = None
@@ -106,10 +108,10 @@ class Bodies:
         if "/chassis/out" in log.topics and has_motion(log.topics["/chassis/out"].names, "chassis"):
             self._hull = self._columns.motion("/chassis/out", "chassis")
             self.hull = hull_body(self.scene["vehicle"]["chassis"])
-        if not self._columns.wanted:
+        if not self._columns.columns:
             raise BadInput(f"{log.path} holds no links, wheels or hull to show")
         recorded, self.end = self._columns.instants(window)  # unconnected inputs end one step before the run
-        self.t = self._paced(recorded, rate)
+        self.t = self._at_rate(recorded, rate)
         self._damaged = ""
 
     @property
@@ -127,7 +129,7 @@ class Bodies:
         """Name and unit of the signal that colours links, with the range of its scale."""
         return f"links by {self.label}: {scale[0]:.3g} (dark) to {scale[1]:.3g} (light)" if self.colour else "links"
 
-    def keep(self, times: ArrayLike) -> None:
+    def select_instants(self, times: ArrayLike) -> None:
         """Keep only the instants nearest to some times (k,), s."""
         self.t = self.t[np.unique(nearest(self.t, np.asarray(times, float)))]
 
@@ -137,48 +139,59 @@ class Bodies:
             return None
         return self._log.sample(["chassis.speed"], self.t)[:, 0]
 
-    def range(self, blocks: Iterable[Poses] | None = None) -> Scale:
+    def colour_range(self, blocks: Iterable[Poses] | None = None) -> Scale:
         """Limits of the colour scale for these poses, or all; peaks of a few instants may exceed them."""
         if not self.colour:
             return 0.0, 1.0
         low, high = [], []
         for poses in blocks if blocks is not None else self.blocks():
-            shown = np.concatenate([each.colour for each in poses.links.values() if each.colour is not None], axis=1)
-            low.append(shown.min(axis=1))
-            high.append(shown.max(axis=1))
+            colours = np.concatenate(
+                [links.colour for links in poses.links.values() if links.colour is not None], axis=1
+            )
+            low.append(colours.min(axis=1))
+            high.append(colours.max(axis=1))
         least = min(0.0, float(np.quantile(np.concatenate(low), 1.0 - HIGH, method="lower")))
         largest = float(np.quantile(np.concatenate(high), HIGH, method="higher"))
         return least, largest if largest > least else least + 1.0
 
     def blocks(self, size: int = BLOCK) -> Iterator[Poses]:
         """Yield the poses at all instants, ``size`` at a time; raises BadInput if none has finite values."""
-        some = False
+        any_finite = False
         for first in range(0, len(self.t), size):
             poses = self._poses(self.t[first : first + size])
             if len(poses.t):
-                some = True
+                any_finite = True
                 yield poses
-        if not some:
+        if not any_finite:
             raise BadInput(f"{self._log.path}: {self._damaged}: there is nothing to show")
 
     def _poses(self, t: Floats) -> Poses:
-        found = self._columns.read(t)
-        for topic, values in found.items():
-            if not np.isfinite(values).all():
+        values_by_topic = self._columns.read(t)
+        for topic, topic_values in values_by_topic.items():
+            if not np.isfinite(topic_values).all():
                 self._damaged = f"values of {topic} are no finite numbers"
-                kept = np.logical_and.reduce([np.isfinite(each).all(axis=1) for each in found.values()])
-                t, found = t[kept], {name: each[kept] for name, each in found.items()}
+                finite = np.logical_and.reduce(
+                    [np.isfinite(topic_values).all(axis=1) for topic_values in values_by_topic.values()]
+                )
+                t, values_by_topic = (
+                    t[finite],
+                    {name: topic_values[finite] for name, topic_values in values_by_topic.items()},
+                )
                 break
-        wheels = {name: BodyPose(*(slot.of(found) for slot in slots)) for name, slots in self._wheels.items()}
-        links = {track.name: self._link_poses(track, found, wheels) for track in self.tracks}
-        hull = BodyPose(*(slot.of(found) for slot in self._hull)) if self._hull else None
+        wheels = {
+            name: BodyPose(*(slot.values(values_by_topic) for slot in slots)) for name, slots in self._wheels.items()
+        }
+        links = {track.name: self._link_poses(track, values_by_topic, wheels) for track in self.tracks}
+        hull = BodyPose(*(slot.values(values_by_topic) for slot in self._hull)) if self._hull else None
         return Poses(t, links, wheels, hull)
 
-    def _link_poses(self, track: TrackBody, found: Mapping[str, Floats], wheels: Mapping[str, BodyPose]) -> LinkPoses:
+    def _link_poses(
+        self, track: TrackBody, values_by_topic: Mapping[str, Floats], wheels: Mapping[str, BodyPose]
+    ) -> LinkPoses:
         slots = self._links[track.name]
-        pins = slots.pins.of(found)
+        pins = slots.pins.values(values_by_topic)
         if slots.axis:
-            across = slots.axis.of(found)
+            across = slots.axis.values(values_by_topic)
         elif f"{track.name}/sprocket" in wheels:
             across = body_axis(wheels[f"{track.name}/sprocket"].orientation, 1)[:, None, :]
         else:
@@ -189,10 +202,10 @@ class Bodies:
         if not np.isfinite(axes).all():
             raise BadInput(f"{self._log.path}: pins of '{track.name}' lie one on the other: there is nothing to show")
         centres = 0.5 * (pins + np.roll(pins, -1, axis=1))[:, : track.links]
-        colour = self._coloured(slots.colour.of(found), centres) if slots.colour else None
-        return LinkPoses(pins, centres, axes, colour, slots.ground.of(found) if slots.ground else None)
+        colour = self._colour_values(slots.colour.values(values_by_topic), centres) if slots.colour else None
+        return LinkPoses(pins, centres, axes, colour, slots.ground.values(values_by_topic) if slots.ground else None)
 
-    def _coloured(self, values: Floats, centres: Floats) -> Floats:
+    def _colour_values(self, values: Floats, centres: Floats) -> Floats:
         values = values * (1.0 / size_of(LINK_COLOURS[str(self.colour)].unit))
         if values.ndim == 2:
             return values
@@ -200,44 +213,45 @@ class Bodies:
             return np.einsum("mnk,mnk->mn", values, self.ground.normals(centres))
         return np.linalg.norm(values, axis=-1)
 
-    def _track(self, name: str, held: Mapping[str, Floats]) -> TrackBody | None:
+    def _track(self, name: str, columns_of: Mapping[str, Floats]) -> TrackBody | None:
         """Return a track; None without recorded pins. Without link records the chain is taken as closed."""
-        nodes = len(held[POSITION])
-        links = max(len(held[about.signal]) for about in LINK_COLOURS.values()) or nodes
+        nodes = len(columns_of[POSITION])
+        links = max(len(columns_of[about.signal]) for about in LINK_COLOURS.values()) or nodes
         if nodes < 2 or nodes not in (links, links + 1):
             return None
         return track_body(name, links, nodes == links, self.scene["vehicle"])
 
-    def _chosen(self, colour: str | None, held: Mapping[str, Mapping[str, Floats]]) -> str | None:
+    def _colour_name(self, colour: str | None, columns_by_track: Mapping[str, Mapping[str, Floats]]) -> str | None:
         """Return the colouring signal: the requested one, or the first that was recorded for all links."""
-        known = [
+        recorded = [
             name
             for name, about in LINK_COLOURS.items()
-            if self.tracks and all(len(held[track.name][about.signal]) == track.links for track in self.tracks)
+            if self.tracks
+            and all(len(columns_by_track[track.name][about.signal]) == track.links for track in self.tracks)
         ]
         if colour is None:
-            return known[0] if known else None
+            return recorded[0] if recorded else None
         if colour not in LINK_COLOURS:
             raise BadInput(f"--colour {colour}: links are coloured by one of {', '.join(LINK_COLOURS)}")
-        if colour not in known:
-            has = ", ".join(known) or "nothing to colour them by"
+        if colour not in recorded:
+            has = ", ".join(recorded) or "nothing to colour them by"
             raise BadInput(f"--colour {colour}: {self._log.path} does not hold that; of its links it holds {has}")
         return colour
 
-    def _link_slots(self, track: TrackBody, held: Mapping[str, Floats]) -> LinkSlots:
-        topic, nodes = f"/{track.name}/links", len(held[POSITION])
+    def _link_slots(self, track: TrackBody, columns_of: Mapping[str, Floats]) -> LinkSlots:
+        topic, nodes = f"/{track.name}/links", len(columns_of[POSITION])
 
         def slot(signal: str, count: int) -> Slot | None:
-            return self._columns.add(topic, held[signal][:count]) if len(held[signal]) >= count else None
+            return self._columns.add(topic, columns_of[signal][:count]) if len(columns_of[signal]) >= count else None
 
         return LinkSlots(
-            self._columns.add(topic, held[POSITION]),
+            self._columns.add(topic, columns_of[POSITION]),
             slot(AXIS, nodes),
             slot(GROUND, track.links),
             slot(LINK_COLOURS[self.colour].signal, track.links) if self.colour else None,
         )
 
-    def _every_wheel(self) -> Iterator[tuple[WheelBody, tuple[Slot, Slot]]]:
+    def _wheels_of_run(self) -> Iterator[tuple[WheelBody, tuple[Slot, Slot]]]:
         """Yield the wheels of all tracks and, on sides without a track, of the chassis."""
         topics = self._log.topics
         for name in self.run.instances:
@@ -257,7 +271,7 @@ class Bodies:
                 vehicle = self.scene["vehicle"]
                 yield wheel_body(f"{owner}/{body}", kind, owner, vehicle), self._columns.motion(topic, body)
 
-    def _paced(self, recorded: Floats, rate: float) -> Floats:
+    def _at_rate(self, recorded: Floats, rate: float) -> Floats:
         """Return the recorded instants, s, nearest to a steady pace ``rate``, 1/s; raises NoInstant."""
         if not len(recorded):
             raise NoInstant(f"{self._log.path} holds no instant at which links, wheels and hull were recorded")

@@ -42,13 +42,13 @@ LINK_COLOURS = {
 }
 
 
-def of_one(colour: tuple[int, int, int]) -> tuple[float, float, float]:
+def to_unit_range(colour: tuple[int, int, int]) -> tuple[float, float, float]:
     """Convert a colour from 0..255 to 0..1."""
     red, green, blue = colour
     return red / 255.0, green / 255.0, blue / 255.0
 
 
-def coloured(values: Floats | None, shape: tuple[int, ...], scale: Scale) -> NDArray[np.uint8]:
+def map_colours(values: Floats | None, shape: tuple[int, ...], scale: Scale) -> NDArray[np.uint8]:
     """Red, green and blue (*shape, 3) of values (*shape); the colour of steel without values."""
     from matplotlib import colormaps
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from orchestrator.results.whole_file import refuse
+from orchestrator.results.whole_file import check_output
 
 PICTURES = (".png", ".svg", ".pdf")
-BESIDES = "; a view can be .png, .svg or .pdf (pictures), .gif or .mp4 (films), .rrd (--rerun), .mcap (--foxglove)"
+OTHER_SUFFIXES = (
+    "; a view can be .png, .svg or .pdf (pictures), .gif or .mp4 (films), .rrd (--rerun), .mcap (--foxglove)"
+)
 
 
-def checked_name(output: Path, suffixes: tuple[str, ...]) -> None:
+def check_name(output: Path, suffixes: tuple[str, ...]) -> None:
     """Raise BadInput for a file that cannot be written, or whose suffix is not in ``suffixes``."""
-    refuse(output, suffixes, BESIDES)
+    check_output(output, suffixes, OTHER_SUFFIXES)

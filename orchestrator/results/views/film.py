@@ -17,9 +17,18 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
 from orchestrator.results.views.arrows import METRES, ground_arrows
 from orchestrator.results.views.bodies import EVERY, Bodies, Poses
-from orchestrator.results.views.files import checked_name
-from orchestrator.results.views.projected import EYES, Camera, camera, heading, hull_lines, plane, polygons, section
-from orchestrator.results.whole_file import fresh
+from orchestrator.results.views.files import check_name
+from orchestrator.results.views.projected import (
+    VIEWPOINTS,
+    Camera,
+    heading,
+    hull_lines,
+    make_camera,
+    plane,
+    polygons,
+    section,
+)
+from orchestrator.results.whole_file import atomic_write
 
 RATES = {".mp4": 25, ".gif": 12.5}  # pictures a second; a GIF has whole hundredths of a second
 STILL = ".png"
@@ -31,43 +40,43 @@ MARGIN = 0.3  # m round the bodies
 SEEN_FROM = {"right": "from the right", "top": "from the top", "corner": "from a corner ahead"}
 
 
-def write(path: Path, output: Path, eye: str = "right", colour: str | None = None) -> int:
+def write(path: Path, output: Path, viewpoint: str = "right", colour: str | None = None) -> int:
     """Write a film of a log in real time; return its number of pictures.
 
     Raises BadInput if the log cannot be drawn or the file cannot be written, and NotInstalled.
     """
     suffix = output.suffix.lower()
-    checked_name(output, tuple(RATES))
-    _checked(eye)
+    check_name(output, tuple(RATES))
+    _check_viewpoint(viewpoint)
     ffmpeg = library("imageio_ffmpeg", "video") if suffix == ".mp4" else None
     with Log(path) as log:
         bodies = Bodies(RunData(log), RATES[suffix], colour)
         if bodies.t[-1] - bodies.t[0] > LONGEST:
             raise BadInput(f"{path} is {bodies.t[-1] - bodies.t[0]:.9g} s long: a film is of {LONGEST:g} s at most")
-        picture = FilmPicture(bodies, eye, WIDTHS[suffix])
-        with fresh(output) as beside:
+        picture = FilmPicture(bodies, viewpoint, WIDTHS[suffix])
+        with atomic_write(output) as temporary:
             if ffmpeg:
-                return _mp4(ffmpeg, beside, picture)
-            return _gif(beside, picture)
+                return _mp4(ffmpeg, temporary, picture)
+            return _gif(temporary, picture)
 
 
-def still(path: Path, output: Path, eye: str, colour: str | None = None, at: float | None = None) -> None:
+def still(path: Path, output: Path, viewpoint: str, colour: str | None = None, latest: float | None = None) -> None:
     """Write a picture, .png, of the last instant up to ``at``, s; raises as ``write``."""
     from PIL import Image
 
-    checked_name(output, (STILL,))
-    _checked(eye)
+    check_name(output, (STILL,))
+    _check_viewpoint(viewpoint)
     with Log(path) as log:
-        bodies = Bodies(RunData(log), EVERY, colour, (-np.inf, np.inf if at is None else at))
-        bodies.keep(bodies.t[-1:])
-        (drawn,) = FilmPicture(bodies, eye, WIDTHS[STILL]).shown(1.0)
-        with fresh(output) as beside:
-            Image.fromarray(drawn).save(beside)
+        bodies = Bodies(RunData(log), EVERY, colour, (-np.inf, np.inf if latest is None else latest))
+        bodies.select_instants(bodies.t[-1:])
+        (drawn,) = FilmPicture(bodies, viewpoint, WIDTHS[STILL]).frames(1.0)
+        with atomic_write(output) as temporary:
+            Image.fromarray(drawn).save(temporary)
 
 
-def _checked(eye: str) -> None:
-    if eye not in EYES:
-        raise BadInput(f"--seen-from {eye}: one looks from one of {', '.join(EYES)}")
+def _check_viewpoint(viewpoint: str) -> None:
+    if viewpoint not in VIEWPOINTS:
+        raise BadInput(f"--seen-from {viewpoint}: one looks from one of {', '.join(VIEWPOINTS)}")
 
 
 def _mp4(ffmpeg: Any, output: Path, picture: FilmPicture) -> int:
@@ -78,7 +87,7 @@ def _mp4(ffmpeg: Any, output: Path, picture: FilmPicture) -> int:
     count = 0
     try:
         writer.send(None)
-        for drawn in picture.shown(RATES[".mp4"]):
+        for drawn in picture.frames(RATES[".mp4"]):
             writer.send(drawn)
             count += 1
     finally:
@@ -90,7 +99,7 @@ def _gif(output: Path, picture: FilmPicture) -> int:
     from PIL import Image
 
     images: list[Any] = []
-    for drawn in picture.shown(RATES[".gif"]):
+    for drawn in picture.frames(RATES[".gif"]):
         image = Image.fromarray(drawn).convert("RGB")
         if not images:  # one palette for all pictures, because changing palettes flicker
             palette = _palette(np.asarray(image))
@@ -105,23 +114,23 @@ def _palette(first: NDArray[np.uint8]) -> Any:
     """256 colours: of the first picture, of the colour scale with all lighting, and of forces."""
     from PIL import Image
 
-    links = colours.coloured(np.linspace(0.0, 1.0, 40), (40,), (0.0, 1.0))
+    links = colours.map_colours(np.linspace(0.0, 1.0, 40), (40,), (0.0, 1.0))
     swatches = np.concatenate([*(links * light for light in (0.65, 0.82, 1.0)), np.tile(colours.FORCE, (8, 1))])
-    beside = np.resize(swatches.astype(np.uint8), (len(first), len(swatches), 3))
-    wide = np.concatenate([first, np.repeat(beside, 3, axis=1)], axis=1)
+    columns = np.resize(swatches.astype(np.uint8), (len(first), len(swatches), 3))
+    wide = np.concatenate([first, np.repeat(columns, 3, axis=1)], axis=1)
     return Image.fromarray(np.ascontiguousarray(wide)).quantize(256)
 
 
 class FilmPicture:
     """Pictures of one size; constant parts are drawn once."""
 
-    def __init__(self, bodies: Bodies, eye: str, width: int) -> None:
+    def __init__(self, bodies: Bodies, viewpoint: str, width: int) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-        self._bodies, self._eye = bodies, eye
-        self._scale = bodies.range()
-        self._lower = eye == "top" and bodies.colour in (
+        self._bodies, self._viewpoint = bodies, viewpoint
+        self._scale = bodies.colour_range()
+        self._lower = viewpoint == "top" and bodies.colour in (
             "ground",
             "sliding",
         )  # the upper run would hide the coloured lower run
@@ -162,8 +171,8 @@ class FilmPicture:
         self._metres = lines("0.45", 0.7)
         self._solid = PolyCollection([], facecolors=[], edgecolors="0.2", linewidths=0.3)
         self._spokes = lines("0.95", 1.0)
-        self._hull = lines(colours.of_one(colours.HULL), 1.2)
-        self._forces = lines(colours.of_one(colours.FORCE), 1.2)
+        self._hull = lines(colours.to_unit_range(colours.HULL), 1.2)
+        self._forces = lines(colours.to_unit_range(colours.FORCE), 1.2)
         self._artists = [self._earth, self._metres, self._solid, self._spokes, self._hull, self._forces]
         for collection in self._artists:
             self._pane.add_collection(collection, autolim=False)
@@ -171,31 +180,33 @@ class FilmPicture:
         for artist in (*self._artists, *self._numbers, self._clock):
             artist.set_animated(True)
 
-    def shown(self, rate: float) -> Iterator[NDArray[np.uint8]]:
+    def frames(self, rate: float) -> Iterator[NDArray[np.uint8]]:
         """Yield pictures (height, width, 4) in real time, up to the last instant; each stays until the next."""
         begin, count = float(self._bodies.t[0]), 0
-        waiting: NDArray[np.uint8] | None = None
+        last_frame: NDArray[np.uint8] | None = None
         for poses in self._bodies.blocks():
             for k, t in enumerate(poses.t):
                 number = round((float(t) - begin) * rate)
-                while waiting is not None and count < number:
-                    yield waiting
+                while last_frame is not None and count < number:
+                    yield last_frame
                     count += 1
-                waiting = self._drawn(poses, k)
-        if waiting is not None:
-            yield waiting
+                last_frame = self._draw(poses, k)
+        if last_frame is not None:
+            yield last_frame
 
-    def _drawn(self, poses: Poses, k: int) -> NDArray[np.uint8]:
-        bodies, seen = self._bodies, self._camera(poses, k)
-        self._ground(seen)
-        found = polygons(seen, bodies, poses, k, self._scale, self._lower)
-        self._solid.set_verts(found.outlines)
-        self._solid.set_facecolor(list(map(tuple, found.colours)))
-        self._spokes.set_segments(list(found.lines))
-        self._hull.set_segments(list(hull_lines(seen, bodies, poses, k)))
-        self._forces.set_segments(list(self._arrows_of(seen, poses, k)))
+    def _draw(self, poses: Poses, k: int) -> NDArray[np.uint8]:
+        bodies, camera = self._bodies, self._camera(poses, k)
+        self._ground(camera)
+        shapes = polygons(camera, bodies, poses, k, self._scale, self._lower)
+        self._solid.set_verts(shapes.outlines)
+        self._solid.set_facecolor(list(map(tuple, shapes.colours)))
+        self._spokes.set_segments(list(shapes.lines))
+        self._hull.set_segments(list(hull_lines(camera, bodies, poses, k)))
+        self._forces.set_segments(list(self._arrows_of(camera, poses, k)))
         t = float(poses.t[k])
-        self._clock.set_text(f"{SEEN_FROM[self._eye]},  t = {t:.2f} s{self._motion(t)}{self._arrows}{self._without}")
+        self._clock.set_text(
+            f"{SEEN_FROM[self._viewpoint]},  t = {t:.2f} s{self._motion(t)}{self._arrows}{self._without}"
+        )
         self._canvas.restore_region(self._empty)
         renderer = self._canvas.get_renderer()
         for artist in (*self._artists, *(text for text in self._numbers if text.get_text())):
@@ -206,52 +217,52 @@ class FilmPicture:
     def _camera(self, poses: Poses, k: int) -> Camera:
         """Camera above the hull, at the height of the first instant; from the right it turns with the hull."""
         start = self._bodies.scene["start"]["heading"]
-        ahead = heading(poses, k, start) if self._eye == "right" else start
+        ahead = heading(poses, k, start) if self._viewpoint == "right" else start
         centre = self._middle.copy()
         if poses.hull:
             centre[:2] = poses.hull.position[k, :2]
-        return camera(self._eye, ahead, centre)
+        return make_camera(self._viewpoint, ahead, centre)
 
     def _extent(self) -> tuple[Floats, Floats]:
         """Return the lower left and upper right corner of the visible area, m from its middle."""
-        first = next(self._bodies.blocks(1)).places()
+        first = next(self._bodies.blocks(1)).positions()
         self._middle = 0.5 * (first.min(axis=0) + first.max(axis=0))
         low, high = np.full(2, np.inf), np.full(2, -np.inf)
         for poses in self._bodies.blocks():
             for k in range(len(poses.t)):
-                seen = self._camera(poses, k)
-                found = [hull_lines(seen, self._bodies, poses, k).reshape(-1, 2)]
-                found += [seen.flat(links.centres[k]) for links in poses.links.values()]
+                camera = self._camera(poses, k)
+                outlines = [hull_lines(camera, self._bodies, poses, k).reshape(-1, 2)]
+                outlines += [camera.project(links.centres[k]) for links in poses.links.values()]
                 for wheel in self._bodies.wheels:
-                    middle = seen.flat(poses.wheels[wheel.name].position[k])
-                    found.append(np.stack([middle - wheel.radius, middle + wheel.radius]))
-                everything = np.concatenate(found)
-                low, high = np.minimum(low, everything.min(axis=0)), np.maximum(high, everything.max(axis=0))
-        aside = max([0.0, *(float(track.half.max()) for track in self._bodies.tracks)])
-        low, high = low - MARGIN - aside, high + MARGIN + aside
+                    middle = camera.project(poses.wheels[wheel.name].position[k])
+                    outlines.append(np.stack([middle - wheel.radius, middle + wheel.radius]))
+                points = np.concatenate(outlines)
+                low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
+        half_width = max([0.0, *(float(track.half.max()) for track in self._bodies.tracks)])
+        low, high = low - MARGIN - half_width, high + MARGIN + half_width
         size = high - low  # limits the aspect ratio
-        more = np.maximum(np.array([size[1], 0.25 * size[0]]) - size, 0.0)
-        return low - 0.5 * more, high + 0.5 * more
+        padding = np.maximum(np.array([size[1], 0.25 * size[0]]) - size, 0.0)
+        return low - 0.5 * padding, high + 0.5 * padding
 
-    def _ground(self, seen: Camera) -> None:
+    def _ground(self, camera: Camera) -> None:
         profile = self._bodies.ground
         if profile is None:
             return
-        earth = np.array(colours.of_one(colours.EARTH))
-        if self._eye == "right":
-            line, metres = section(seen, profile, -self._half, self._half)
+        earth = np.array(colours.to_unit_range(colours.EARTH))
+        if self._viewpoint == "right":
+            line, metres = section(camera, profile, -self._half, self._half)
             bottom = [[self._half, -2 * self._half], [-self._half, -2 * self._half]]
             self._earth.set_verts([np.concatenate([line, bottom])])
             self._earth.set_facecolor([tuple(earth)])
             self._metres.set_segments(list(np.stack([metres[:, :2], metres[:, :2] - [0.0, 0.08]], axis=1)))
-            self._number(metres)
+            self._number_metres(metres)
             return
-        quads, brightness, lines = plane(seen, profile, 2.0 * self._half)
+        quads, brightness, lines = plane(camera, profile, 2.0 * self._half)
         self._earth.set_verts(list(quads))
         self._earth.set_facecolor(list(map(tuple, np.clip(brightness[:, None] * earth, 0.0, 1.0))))
         self._metres.set_segments(list(lines))
 
-    def _number(self, metres: Floats) -> None:
+    def _number_metres(self, metres: Floats) -> None:
         """Write the distance, m, under metre marks (m, 3), or under every fifth if there are many."""
         left, right = self._pane.get_xlim()
         inside = metres[(metres[:, 0] > left + 0.2) & (metres[:, 0] < right - 0.2)]
@@ -263,15 +274,15 @@ class FilmPicture:
             text.set_position((x, y - 0.1))
             text.set_text(f"{metre:.0f} m")
 
-    def _arrows_of(self, seen: Camera, poses: Poses, k: int) -> Floats:
+    def _arrows_of(self, camera: Camera, poses: Poses, k: int) -> Floats:
         """Return the arrows of ground forces (n, 2, 2), m in the picture."""
-        found = [np.empty((0, 2, 2))]
+        arrows = [np.empty((0, 2, 2))]
         for track in self._bodies.tracks:
             links = poses.links[track.name]
             if links.ground is not None:
                 origins, vectors, _ = ground_arrows(track, links, slice(k, k + 1))
-                found.append(seen.flat(np.stack([origins, origins + vectors], axis=1)))
-        return np.concatenate(found)
+                arrows.append(camera.project(np.stack([origins, origins + vectors], axis=1)))
+        return np.concatenate(arrows)
 
     def _motion(self, t: float) -> str:
         if self._speed is None:

@@ -28,11 +28,11 @@ from orchestrator.results.views import colours
 from orchestrator.results.views.arrows import ground_arrows
 from orchestrator.results.views.bodies import Bodies, Poses
 from orchestrator.results.views.colours import Scale
-from orchestrator.results.views.files import checked_name
+from orchestrator.results.views.files import check_name
 from orchestrator.results.views.plots import Plot, curves, plots
 from orchestrator.results.views.shapes import WheelBody, spokes
 from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, prism
-from orchestrator.results.whole_file import fresh
+from orchestrator.results.whole_file import atomic_write
 
 RATE = 50.0  # instants a second
 WORLD = "world"
@@ -45,22 +45,22 @@ def write(path: Path, output: Path, colour: str | None = None) -> Path:
 
     Raises BadInput if the log cannot be drawn or the file cannot be written, and NotInstalled.
     """
-    checked_name(output, (".mcap",))
+    check_name(output, (".mcap",))
     if output.exists() and path.exists() and output.samefile(path):
         raise BadInput(f"{output} is the log itself: give the view another name")
     library("foxglove", "view")
     layout = output.with_name(f"{output.stem}.layout.json")
     with Log(path) as log:
         bodies = Bodies(RunData(log), RATE, colour)
-        beside = plots(log)
-        scale = bodies.range()
-        with fresh(layout) as arranged, fresh(output) as scenes:
-            arranged.write_text(json.dumps(_layout(bodies, beside, scale), indent=1), encoding="utf-8")
-            _write(bodies, beside, scale, scenes)
+        side_plots = plots(log)
+        scale = bodies.colour_range()
+        with atomic_write(layout) as arranged, atomic_write(output) as scenes:
+            arranged.write_text(json.dumps(_layout(bodies, side_plots, scale), indent=1), encoding="utf-8")
+            _write(bodies, side_plots, scale, scenes)
     return layout
 
 
-def _write(bodies: Bodies, beside: list[Plot], scale: Scale, output: Path) -> None:
+def _write(bodies: Bodies, side_plots: list[Plot], scale: Scale, output: Path) -> None:
     foxglove, channels, kinds = (library(f"foxglove{part}", "view") for part in ("", ".channels", ".messages"))
     context = foxglove.Context()  # without the topics of other contexts
     with foxglove.open_mcap(output, context=context):
@@ -69,12 +69,12 @@ def _write(bodies: Bodies, beside: list[Plot], scale: Scale, output: Path) -> No
         frames = channels.FrameTransformsChannel("/frames", context=context)
         numbers = {
             signal: foxglove.Channel(_topic(plot, signal), schema=NUMBER, context=context)
-            for plot in beside
+            for plot in side_plots
             for signal in plot.signals
         }
-        told = channels.LogChannel(events_topic.TOPIC, context=context)
+        log_channel = channels.LogChannel(events_topic.TOPIC, context=context)
         for event in events.of(bodies.run).events:
-            told.log(_entry(kinds, event), log_time=_nanoseconds(event.t))
+            log_channel.log(_entry(kinds, event), log_time=_nanoseconds(event.t))
         begin = float(bodies.t[0])
         shapes.log(kinds.SceneUpdate(entities=[*_shapes(kinds, bodies, begin)]), log_time=_nanoseconds(begin))
         after = -np.inf
@@ -85,7 +85,7 @@ def _write(bodies: Bodies, beside: list[Plot], scale: Scale, output: Path) -> No
                 moved = [*_frames(kinds, poses, k)]
                 frames.log(kinds.FrameTransforms(transforms=moved), log_time=_nanoseconds(t))
             last = float(poses.t[-1])
-            for _, signal, times, values in curves(bodies.run.log, beside, (after, last)):
+            for _, signal, times, values in curves(bodies.run.log, side_plots, (after, last)):
                 for t, value in zip(times, values, strict=True):
                     if np.isfinite(value):  # JSON has no other numbers
                         numbers[signal].log({"value": float(value)}, log_time=_nanoseconds(t))
@@ -186,18 +186,18 @@ def _entities(kinds: ModuleType, bodies: Bodies, poses: Poses, k: int, scale: Sc
     stamp = _stamp(kinds, poses.t[k])
     for track in bodies.tracks:
         links = poses.links[track.name]
-        shown = None if links.colour is None else links.colour[k]
+        colour_values = None if links.colour is None else links.colour[k]
         size = _vector(kinds, 2.0 * track.half)
         cubes = [
             kinds.CubePrimitive(
-                pose=kinds.Pose(position=_vector(kinds, centre), orientation=_quaternion(kinds, turned)),
+                pose=kinds.Pose(position=_vector(kinds, centre), orientation=_quaternion(kinds, quaternion)),
                 size=size,
                 color=_colour(kinds, colour),
             )
-            for centre, turned, colour in zip(
+            for centre, quaternion, colour in zip(
                 links.centres[k].tolist(),
                 quaternions(links.axes[k]).tolist(),
-                colours.coloured(shown, (track.links,), scale).tolist(),
+                colours.map_colours(colour_values, (track.links,), scale).tolist(),
                 strict=True,
             )
         ]
@@ -213,15 +213,15 @@ def _entities(kinds: ModuleType, bodies: Bodies, poses: Poses, k: int, scale: Sc
 def _frames(kinds: ModuleType, poses: Poses, k: int) -> Iterator[Any]:
     """Yield the poses of wheels and hull at the k-th instant."""
     stamp = _stamp(kinds, poses.t[k])
-    every = {**poses.wheels, **({"hull": poses.hull} if poses.hull else {})}
-    for name, pose in every.items():
+    poses_by_name = {**poses.wheels, **({"hull": poses.hull} if poses.hull else {})}
+    for name, pose in poses_by_name.items():
         yield kinds.FrameTransform(
             timestamp=stamp, parent_frame_id=WORLD, child_frame_id=name,
             translation=_vector(kinds, pose.position[k]), rotation=_quaternion(kinds, np.roll(pose.orientation[k], -1)),
         )  # fmt: skip
 
 
-def _layout(bodies: Bodies, beside: list[Plot], scale: Scale) -> dict[str, Any]:
+def _layout(bodies: Bodies, side_plots: list[Plot], scale: Scale) -> dict[str, Any]:
     """Return a layout in the application's import format: space to the left, curves to the right."""
     space = "3D!space"
     # Lichtblick hides the axes of a frame, and its line to the world, by the frame's name only
@@ -243,7 +243,7 @@ def _layout(bodies: Bodies, beside: list[Plot], scale: Scale) -> dict[str, Any]:
             "layers": {},
         }
     }  # fmt: skip
-    for plot in beside:
+    for plot in side_plots:
         panels[f"Plot!{plot.name}"] = {
             "foxglovePanelTitle": plot.title,
             "paths": [

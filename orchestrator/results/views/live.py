@@ -27,50 +27,50 @@ def follow(path: Path, output: Path | None = None, colour: str | None = None) ->
     cannot be written, and NotInstalled.
     """
     with rerun_scene.opened(path, output) as scene:
-        sent, reach, scale, begun = float("-inf"), Reach(), (0.0, 1.0), False
+        sent, reach, scale, started = float("-inf"), Reach(), (0.0, 1.0), False
         for log, end in _grown(path):
             if end <= sent:
                 continue
-            beside = plots(log)
+            side_plots = plots(log)
             try:
                 bodies = Bodies(RunData(log), rerun_scene.RATE, colour, (sent + AFTER, end))
             except NoInstant:  # there are steps, but no link record yet
                 if log.being_written:
                     continue
-                if not begun:
+                if not started:
                     raise
-                scene.curves(log, beside, (sent + AFTER, end))
+                scene.send_curves(log, side_plots, (sent + AFTER, end))
                 continue
-            if not begun:
-                low, high = bodies.range()
-                scale, begun = (low, MARGIN * high), True
-                scene.begin(bodies, beside, scale)
+            if not started:
+                low, high = bodies.colour_range()
+                scale, started = (low, MARGIN * high), True
+                scene.start(bodies, side_plots, scale)
             grown = reach.with_bodies(bodies)
-            scene.shapes(bodies, grown, before=reach if sent >= 0.0 else None)
-            scene.poses(bodies, scale)
-            scene.curves(log, beside, (sent + AFTER, end))
+            scene.send_shapes(bodies, grown, before=reach if sent >= 0.0 else None)
+            scene.send_poses(bodies, scale)
+            scene.send_curves(log, side_plots, (sent + AFTER, end))
             sent, reach = end, grown
 
 
 def _grown(path: Path) -> Iterator[tuple[Log, float]]:
     """Yield the log, reopened whenever it may have grown, and the time, s, up to which it has all topics."""
-    began, some = time.monotonic(), False
+    began, any_record = time.monotonic(), False
     while True:
-        looked, going = time.monotonic(), True
+        opened_at, going = time.monotonic(), True
         try:
             with Log(path) as log:
                 going = log.being_written
                 end = _common(log) if going else float("inf")
-                some |= end > 0.0
+                any_record |= end > 0.0
                 yield log, end
         except LogUnreadable:  # missing, or only its header so far
-            if some:
+            if any_record:
                 raise
         if not going:
             return
-        if not some and looked - began > PATIENCE:
+        if not any_record and opened_at - began > PATIENCE:
             raise BadInput(f"{path}: no run has written a record there for {PATIENCE:g} s")
-        time.sleep(max(PERIOD - (time.monotonic() - looked), 0.0))
+        time.sleep(max(PERIOD - (time.monotonic() - opened_at), 0.0))
 
 
 def _common(log: Log) -> float:

@@ -31,8 +31,8 @@ ABOUT = (
 
 def plots(log: Log) -> list[Plot]:
     """Return the plots whose signals a log holds."""
-    found = []
-    for name, title, shown, variables, unit in ABOUT:
+    plots_of_log = []
+    for name, title, shown_unit, variables, unit in ABOUT:
         signals = [
             log.name(topic, column)
             for topic, about in log.topics.items()
@@ -43,15 +43,15 @@ def plots(log: Log) -> list[Plot]:
         if "chassis.speed" in signals:
             signals = ["chassis.speed"]
         if signals:
-            found.append(Plot(name, f"{title}, {shown}", size(shown), tuple(signals)))
-    return found
+            plots_of_log.append(Plot(name, f"{title}, {shown_unit}", size(shown_unit), tuple(signals)))
+    return plots_of_log
 
 
 def curves(
-    log: Log, wanted: list[Plot], window: tuple[float, float] = EVER
+    log: Log, chosen: list[Plot], window: tuple[float, float] = EVER
 ) -> Iterator[tuple[Plot, str, Floats, Floats]]:
     """Yield plot, signal, times (m,), s, and values (m,) in the unit of the title: all records, in blocks."""
-    places = {signal: (plot, log.find(signal)) for plot in wanted for signal in plot.signals}
+    places = {signal: (plot, log.find(signal)) for plot in chosen for signal in plot.signals}
     columns: dict[str, list[int]] = {}
     for _, (topic, column) in places.values():
         columns.setdefault(topic, []).append(column)

@@ -22,10 +22,10 @@ class Slot(NamedTuple):
     columns: slice  # among the values read
     shape: tuple[int, ...]
 
-    def of(self, read: Mapping[str, Floats]) -> Floats:
+    def values(self, values_by_topic: Mapping[str, Floats]) -> Floats:
         """Return the quantity at all instants (m, *shape)."""
-        values = read[self.topic][:, self.columns]
-        return values.reshape(len(values), *self.shape)
+        topic_values = values_by_topic[self.topic][:, self.columns]
+        return topic_values.reshape(len(topic_values), *self.shape)
 
 
 class PoseColumns:
@@ -33,13 +33,13 @@ class PoseColumns:
 
     def __init__(self, log: Log) -> None:
         self._log = log
-        self.wanted: dict[str, list[int]] = {}
+        self.columns: dict[str, list[int]] = {}
 
     def add(self, topic: str, columns: ArrayLike) -> Slot:
         """Request columns of a topic, an array of any shape."""
-        more, wanted = np.asarray(columns, int), self.wanted.setdefault(topic, [])
-        wanted += more.ravel().tolist()
-        return Slot(topic, slice(len(wanted) - more.size, len(wanted)), more.shape)
+        added, topic_columns = np.asarray(columns, int), self.columns.setdefault(topic, [])
+        topic_columns += added.ravel().tolist()
+        return Slot(topic, slice(len(topic_columns) - added.size, len(topic_columns)), added.shape)
 
     def motion(self, topic: str, prefix: str) -> tuple[Slot, Slot]:
         """Request position (3,) and orientation (4,: w, x, y, z) of a body."""
@@ -58,7 +58,7 @@ class PoseColumns:
 
     def instants(self, window: tuple[float, float]) -> tuple[Floats, float]:
         """Times (m,) in a window at which all requested topics were recorded, and the last of any of them, s."""
-        times = self._log.select({topic: [] for topic in self.wanted}, window)
+        times = self._log.select({topic: [] for topic in self.columns}, window)
         common, *others = sorted((series.t for series in times.values()), key=len)
         end = max((float(t[-1]) for t in (common, *others) if len(t)), default=0.0)
         for other in others:
@@ -67,12 +67,12 @@ class PoseColumns:
 
     def read(self, t: Floats) -> dict[str, Floats]:
         """Read the values (m, columns) by topic, recorded at these times (m,), s."""
-        found = {topic: np.full((len(t), len(columns)), np.nan) for topic, columns in self.wanted.items()}
-        for piece in self._log.stream(self.wanted, (float(t[0]), float(t[-1]))):
+        values_by_topic = {topic: np.full((len(t), len(columns)), np.nan) for topic, columns in self.columns.items()}
+        for piece in self._log.stream(self.columns, (float(t[0]), float(t[-1]))):
             for topic, series in piece.items():
-                rows, known = _matched(series.t, t)
-                found[topic][rows[known]] = series.values[known]
-        return found
+                rows, matched = _matched(series.t, t)
+                values_by_topic[topic][rows[matched]] = series.values[matched]
+        return values_by_topic
 
 
 def has_motion(names: tuple[str, ...], prefix: str) -> bool:
@@ -81,12 +81,12 @@ def has_motion(names: tuple[str, ...], prefix: str) -> bool:
     return {f"{prefix}.{part}" for part in parts} <= set(names)
 
 
-def nearest(t: Floats, wanted: Floats) -> NDArray[np.int64]:
+def nearest(t: Floats, times: Floats) -> NDArray[np.int64]:
     """Index (k,) of the time among ``t`` (m,), ascending, nearest to each of the wanted times (k,)."""
     if len(t) == 1:
-        return np.zeros(len(wanted), np.int64)
-    after = np.clip(np.searchsorted(t, wanted), 1, len(t) - 1)
-    return np.where(wanted - t[after - 1] < t[after] - wanted, after - 1, after)
+        return np.zeros(len(times), np.int64)
+    after = np.clip(np.searchsorted(t, times), 1, len(t) - 1)
+    return np.where(times - t[after - 1] < t[after] - times, after - 1, after)
 
 
 def _matched(t: Floats, among: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:

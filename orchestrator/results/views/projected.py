@@ -7,14 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.ground_profile import UP, GroundProfile, metres
+from orchestrator.results.ground_profile import UP, GroundProfile, whole_metres
 from orchestrator.results.rotation import body_axis, matrices
 from orchestrator.results.views import colours
 from orchestrator.results.views.bodies import Bodies, BodyPose, Poses
 from orchestrator.results.views.colours import Scale
 from orchestrator.results.views.shapes import FACES, NORMALS, SPOKES, WheelBody, in_world, rim, spokes
 
-EYES = ("right", "top", "corner")
+VIEWPOINTS = ("right", "top", "corner")
 LIGHT = np.array([0.35, -0.45, 0.82])  # direction towards the light: ahead, left, up
 IN_FRONT = 0.05  # m: links are drawn over the wheels under them
 
@@ -27,7 +27,7 @@ class Camera(NamedTuple):
     toward: Floats
     centre: Floats
 
-    def flat(self, places: Floats) -> Floats:
+    def project(self, places: Floats) -> Floats:
         """Project places (..., 3), m, world, to the picture (..., 2), m from its middle."""
         offset = places - self.centre
         return np.stack([offset @ self.right, offset @ self.up], axis=-1)
@@ -41,27 +41,27 @@ class Polygons(NamedTuple):
     lines: Floats  # (m, 2, 2): spokes
 
 
-def camera(eye: str, heading: float, centre: Floats) -> Camera:
+def make_camera(viewpoint: str, heading: float, centre: Floats) -> Camera:
     """Return a camera from the right, the top or a front corner of a vehicle with this heading, rad."""
     ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
     left = np.array([-ahead[1], ahead[0], 0.0])
-    if eye == "top":
+    if viewpoint == "top":
         return Camera(ahead, left, UP, centre)
-    toward = -left if eye == "right" else 0.55 * ahead - 0.75 * left + 0.5 * UP
+    toward = -left if viewpoint == "right" else 0.55 * ahead - 0.75 * left + 0.5 * UP
     toward = toward / np.linalg.norm(toward)
     up = UP - (UP @ toward) * toward
     up = up / np.linalg.norm(up)
     return Camera(np.cross(up, toward), up, toward, centre)
 
 
-def beside(bodies: Bodies, poses: Poses, k: int, track: str) -> Camera:
+def side_camera(bodies: Bodies, poses: Poses, k: int, track: str) -> Camera:
     """Return a camera from the right of a track, centred on its sprocket axle or its start position."""
     sprocket = poses.wheels.get(f"{track}/sprocket")
     if sprocket is None:
         start = bodies.scene["start"]
-        return camera("right", start["heading"], np.array(start["position"], float))
+        return make_camera("right", start["heading"], np.array(start["position"], float))
     x, y, _ = body_axis(sprocket.orientation[k], 1)
-    return camera("right", float(np.arctan2(-x, y)), sprocket.position[k])
+    return make_camera("right", float(np.arctan2(-x, y)), sprocket.position[k])
 
 
 def heading(poses: Poses, k: int, start: float) -> float:
@@ -75,8 +75,8 @@ def heading(poses: Poses, k: int, start: float) -> float:
 class _Faces:
     """Collector of faces, which are drawn with the nearest last."""
 
-    def __init__(self, seen: Camera) -> None:
-        self.seen = seen
+    def __init__(self, camera: Camera) -> None:
+        self.camera = camera
         self.outlines: list[Floats] = []
         self.depths: list[Floats] = [np.empty(0)]
         self.tints: list[Floats] = [np.empty((0, 3))]
@@ -84,13 +84,13 @@ class _Faces:
 
     def add(self, corners: Floats, tints: Floats, front: float = 0.0) -> None:
         """Add faces (n, k, 3), m, world, with colours (n, 3); ``front``, m, moves them nearer in the order."""
-        self.outlines += list(self.seen.flat(corners))
-        self.depths.append(corners.mean(axis=1) @ self.seen.toward + front)
+        self.outlines += list(self.camera.project(corners))
+        self.depths.append(corners.mean(axis=1) @ self.camera.toward + front)
         self.tints.append(tints)
 
     def bright(self, normals: Floats) -> Floats:
         """Brightness (n, 1) of faces with normals (n, 3); faces towards the viewer are bright in every view."""
-        light, toward = normals @ (LIGHT / np.linalg.norm(LIGHT)), normals @ self.seen.toward
+        light, toward = normals @ (LIGHT / np.linalg.norm(LIGHT)), normals @ self.camera.toward
         return np.clip(0.62 + 0.2 * np.maximum(light, 0.0) + 0.3 * np.maximum(toward, 0.0), 0.0, 1.0)[:, None]
 
     def sorted(self) -> Polygons:
@@ -100,22 +100,22 @@ class _Faces:
         return Polygons(outlines, np.concatenate(self.tints)[order], np.concatenate(self.lines))
 
 
-def polygons(seen: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale, lower: bool = False) -> Polygons:
+def polygons(camera: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale, lower: bool = False) -> Polygons:
     """Return the visible faces of links and wheels at the k-th instant, the nearest last.
 
     ``lower``: only links whose outer face looks down, without wheels.
     """
-    faces = _Faces(seen)
+    faces = _Faces(camera)
     for track in bodies.tracks:
         links = poses.links[track.name]
-        shown = None if links.colour is None else links.colour[k]
-        paint = colours.coloured(shown, (track.links,), scale) / 255.0
+        colour_values = None if links.colour is None else links.colour[k]
+        paint = colours.map_colours(colour_values, (track.links,), scale) / 255.0
         axes = links.axes[k]
         normals = np.swapaxes(axes @ NORMALS.T, 1, 2)  # (links, faces, 3)
         down = axes[:, 2, 2] < 0.0
-        which, face = np.nonzero((normals @ seen.toward > 1e-6) & (down | (not lower))[:, None])
-        corners = in_world(FACES[face] * track.half, links.centres[k, which], axes[which])
-        faces.add(corners, paint[which] * faces.bright(normals[which, face]), IN_FRONT)
+        link, face = np.nonzero((normals @ camera.toward > 1e-6) & (down | (not lower))[:, None])
+        corners = in_world(FACES[face] * track.half, links.centres[k, link], axes[link])
+        faces.add(corners, paint[link] * faces.bright(normals[link, face]), IN_FRONT)
     for wheel in () if lower else bodies.wheels:
         _add_wheel(faces, wheel, poses.wheels[wheel.name], k)
     return faces.sorted()
@@ -124,7 +124,7 @@ def polygons(seen: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale, l
 def _add_wheel(faces: _Faces, wheel: WheelBody, pose: BodyPose, k: int) -> None:
     """Add the visible part of the rim, and the face with its spokes unless it is seen edge on."""
     position, axes = pose.position[k], matrices(pose.orientation[k])
-    toward = float(axes[:, 1] @ faces.seen.toward)
+    toward = float(axes[:, 1] @ faces.camera.toward)
     side = 1.0 if toward > 0.0 else -1.0
     near, far = (in_world(rim(wheel, which), position, axes) for which in (side, -side))
     grey = np.array(colours.WHEEL[wheel.kind]) / 255.0
@@ -132,50 +132,50 @@ def _add_wheel(faces: _Faces, wheel: WheelBody, pose: BodyPose, k: int) -> None:
         after = np.roll(near, -1, axis=0)
         normals = np.cross(axes[:, 1], after - near)
         normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-        shown = normals @ faces.seen.toward > 1e-6
+        shown = normals @ faces.camera.toward > 1e-6
         bands = np.stack([near, after, np.roll(far, -1, axis=0), far], axis=1)
         faces.add(bands[shown], grey * faces.bright(normals[shown]))
     if abs(toward) > 1e-3:
         faces.add(near[None], np.minimum(grey * 1.35, 1.0)[None])
         lines = spokes(wheel)[: SPOKES // 2] if side < 0.0 else spokes(wheel)[SPOKES // 2 :]
-        faces.lines.append(faces.seen.flat(in_world(lines, position, axes)))
+        faces.lines.append(faces.camera.project(in_world(lines, position, axes)))
 
 
-def hull_lines(seen: Camera, bodies: Bodies, poses: Poses, k: int) -> Floats:
+def hull_lines(camera: Camera, bodies: Bodies, poses: Poses, k: int) -> Floats:
     """Return the edges (n, 2, 2) of the hull, m in the picture; none without a hull."""
     if not (bodies.hull and poses.hull):
         return np.empty((0, 2, 2))
     corners = in_world(bodies.hull.corners, poses.hull.position[k], matrices(poses.hull.orientation[k]))
-    return seen.flat(corners[bodies.hull.edges])
+    return camera.project(corners[bodies.hull.edges])
 
 
-def section(seen: Camera, profile: GroundProfile, low: float, high: float) -> tuple[Floats, Floats]:
+def section(camera: Camera, profile: GroundProfile, low: float, high: float) -> tuple[Floats, Floats]:
     """Section of the ground under a side view, from one place in the picture to another, m.
 
     Returns points (n, 2) of its line, and its metre marks (m, 3): x, y and distance along the initial heading. The
     section plane is vertical and contains the middle of the picture.
     """
-    middle, slant = float(profile.station(seen.centre)), float(seen.right @ profile.ahead)
+    middle, slant = float(profile.station(camera.centre)), float(camera.right @ profile.ahead)
     x = np.linspace(low, high, 400)
     if abs(slant) > 1e-6:
         corners = (profile.along - middle) / slant
         x = np.sort(np.concatenate([x, corners[(corners > low) & (corners < high)]]))
-    line = np.stack([x, profile.at(middle + slant * x) - seen.centre[2]], axis=1)
+    line = np.stack([x, profile.height_at(middle + slant * x) - camera.centre[2]], axis=1)
     if abs(slant) < 0.05:  # seen along the initial heading: there are no metre marks
         return line, np.empty((0, 3))
-    marks = metres(*sorted((middle + slant * low, middle + slant * high)))
-    return line, np.stack([(marks - middle) / slant, profile.at(marks) - seen.centre[2], marks], axis=1)
+    marks = whole_metres(*sorted((middle + slant * low, middle + slant * high)))
+    return line, np.stack([(marks - middle) / slant, profile.height_at(marks) - camera.centre[2], marks], axis=1)
 
 
-def plane(seen: Camera, profile: GroundProfile, half: float) -> tuple[Floats, Floats, Floats]:
+def plane(camera: Camera, profile: GroundProfile, half: float) -> tuple[Floats, Floats, Floats]:
     """Return the ground round the middle: quadrangles (n, 4, 2), brightness, and metre lines (m, 2, 2)."""
-    middle, aside = float(profile.station(seen.centre)), float(profile.offset(seen.centre))
-    along = profile.bends(middle - half, middle + half)
+    middle, aside = float(profile.station(camera.centre)), float(profile.offset(camera.centre))
+    along = profile.corners_between(middle - half, middle + half)
     right, left = profile.points(along, aside - half), profile.points(along, aside + half)
-    quads = seen.flat(np.stack([right[:-1], right[1:], left[1:], left[:-1]], axis=1))
-    marks = metres(middle - half, middle + half)
-    lines = [seen.flat(np.stack([profile.points(marks, aside + side) for side in (-half, half)], axis=1))]
-    for offset in metres(aside - half, aside + half):
-        row = seen.flat(profile.points(along, offset))
+    quads = camera.project(np.stack([right[:-1], right[1:], left[1:], left[:-1]], axis=1))
+    marks = whole_metres(middle - half, middle + half)
+    lines = [camera.project(np.stack([profile.points(marks, aside + side) for side in (-half, half)], axis=1))]
+    for offset in whole_metres(aside - half, aside + half):
+        row = camera.project(profile.points(along, offset))
         lines.append(np.stack([row[:-1], row[1:]], axis=1))
-    return quads, 1.0 + 0.6 * np.diff(profile.at(along)) / np.diff(along), np.concatenate(lines)
+    return quads, 1.0 + 0.6 * np.diff(profile.height_at(along)) / np.diff(along), np.concatenate(lines)

@@ -24,11 +24,11 @@ from orchestrator.results.views import colours
 from orchestrator.results.views.arrows import ground_arrows
 from orchestrator.results.views.bodies import Bodies, BodyPose, Poses
 from orchestrator.results.views.colours import Scale
-from orchestrator.results.views.files import checked_name
+from orchestrator.results.views.files import check_name
 from orchestrator.results.views.plots import Plot, curves, plots
 from orchestrator.results.views.shapes import WheelBody, spokes
 from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, faceted, prism
-from orchestrator.results.whole_file import fresh
+from orchestrator.results.whole_file import atomic_write
 
 RATE = 50.0  # instants a second
 TIMELINE = "time"
@@ -43,20 +43,20 @@ def show(path: Path, output: Path | None = None, colour: str | None = None) -> N
     """
     with opened(path, output) as scene, Log(path) as log:
         run = RunData(log)
-        bodies, beside, happened = Bodies(run, RATE, colour), plots(log), events.of(run).events
-        scale = bodies.range()
-        scene.begin(bodies, beside, scale, bool(happened))
-        scene.shapes(bodies, Reach().with_bodies(bodies))
-        scene.poses(bodies, scale)
-        scene.curves(log, beside)
-        scene.events(happened)
+        bodies, side_plots, run_events = Bodies(run, RATE, colour), plots(log), events.of(run).send_events
+        scale = bodies.colour_range()
+        scene.start(bodies, side_plots, scale, bool(run_events))
+        scene.send_shapes(bodies, Reach().with_bodies(bodies))
+        scene.send_poses(bodies, scale)
+        scene.send_curves(log, side_plots)
+        scene.send_events(run_events)
 
 
 @contextmanager
 def opened(path: Path, output: Path | None) -> Iterator[RerunRecording]:
     """Recording to the viewer, or to a file that appears when it is complete; raises as ``show``."""
     if output:
-        checked_name(output, (".rrd",))
+        check_name(output, (".rrd",))
     elif sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
         raise BadInput("there is no display for the viewer Rerun: -o FILE.rrd writes its file")
     rerun, blueprints = library("rerun", "view"), library("rerun.blueprint", "view")
@@ -68,34 +68,34 @@ def opened(path: Path, output: Path | None) -> Iterator[RerunRecording]:
         except RuntimeError as error:  # the viewer did not start, or was closed
             raise BadInput(f"the viewer Rerun takes nothing: {error}; -o FILE.rrd writes its file") from None
         return
-    with fresh(output) as beside:
+    with atomic_write(output) as temporary:
         try:
-            yield RerunRecording(rerun, blueprints, recording, path.stem, beside)
+            yield RerunRecording(rerun, blueprints, recording, path.stem, temporary)
         finally:
             recording.disconnect()  # completes and closes the file
 
 
 class RerunRecording:
-    """Recording of Rerun that is written in parts: ``begin``, then the others, as often as needed."""
+    """Recording of Rerun that is written in parts: ``start``, then the others, as often as needed."""
 
     def __init__(self, rerun: ModuleType, blueprints: ModuleType, recording: Any, name: str, file: Path | None) -> None:
         self._rerun, self._blueprints, self._recording = rerun, blueprints, recording
         self._name, self._file = name, file
 
-    def begin(self, bodies: Bodies, beside: list[Plot], scale: Scale, with_events: bool = False) -> None:
+    def start(self, bodies: Bodies, side_plots: list[Plot], scale: Scale, with_events: bool = False) -> None:
         """Open the viewer or the file and arrange its views, one of them for events (``with_events``)."""
-        arranged = _arranged(self._blueprints, bodies, beside, scale, with_events)
+        arranged = _arranged(self._blueprints, bodies, side_plots, scale, with_events)
         self._recording.send_recording_name(f"{self._name}: {bodies.title}")
         if self._file is None:
             self._recording.spawn(default_blueprint=arranged)
         else:
             self._recording.save(self._file, default_blueprint=arranged)
-        for plot in beside:
+        for plot in side_plots:
             for signal in plot.signals:
                 line = self._rerun.SeriesLines(names=signal)
                 self._recording.log(path_of("plots", plot.name, signal), line, static=True)
 
-    def shapes(self, bodies: Bodies, reach: Reach, before: Reach | None = None) -> None:
+    def send_shapes(self, bodies: Bodies, reach: Reach, before: Reach | None = None) -> None:
         """Send the shapes of bodies and the ground; with ``before`` only the ground, if it has grown."""
         if before is None:
             _send_shapes(self._rerun, self._recording, bodies)
@@ -105,25 +105,25 @@ class RerunRecording:
             marks = self._rerun.LineStrips3D(lines, colors=[colours.METRE], radii=0.004)
             self._recording.log("world/ground/metres", marks, static=True)
 
-    def poses(self, bodies: Bodies, scale: Scale) -> None:
+    def send_poses(self, bodies: Bodies, scale: Scale) -> None:
         """Send the poses of all bodies at all instants."""
         for poses in bodies.blocks():
             _send_poses(self._rerun, self._recording, bodies, poses, scale)
 
-    def curves(self, log: Log, beside: list[Plot], window: tuple[float, float] = EVER) -> None:
+    def send_curves(self, log: Log, side_plots: list[Plot], window: tuple[float, float] = EVER) -> None:
         """Send all records of the plots' signals in a window, s."""
         rerun = self._rerun
-        for plot, signal, t, values in curves(log, beside, window):
+        for plot, signal, t, values in curves(log, side_plots, window):
             times = [rerun.TimeColumn(TIMELINE, duration=t)]
             place = path_of("plots", plot.name, signal)
             self._recording.send_columns(place, times, rerun.Scalars.columns(scalars=values))
 
-    def events(self, happened: Sequence[Event]) -> None:
+    def send_events(self, run_events: Sequence[Event]) -> None:
         """Send events as text."""
-        if happened:
-            times = [self._rerun.TimeColumn(TIMELINE, duration=[event.t for event in happened])]
-            texts = [f"{event.component}: {event.text}" for event in happened]
-            levels = ["WARN" if event.kind in WARNINGS else "INFO" for event in happened]
+        if run_events:
+            times = [self._rerun.TimeColumn(TIMELINE, duration=[event.t for event in run_events])]
+            texts = [f"{event.component}: {event.text}" for event in run_events]
+            levels = ["WARN" if event.kind in WARNINGS else "INFO" for event in run_events]
             self._recording.send_columns(EVENTS, times, self._rerun.TextLog.columns(text=texts, level=levels))
 
 
@@ -170,15 +170,15 @@ def _send_poses(rerun: ModuleType, recording: Any, bodies: Bodies, poses: Poses,
     times = [rerun.TimeColumn(TIMELINE, duration=poses.t)]
     for track in bodies.tracks:
         links = poses.links[track.name]
-        every = count * track.links
+        box_count = count * track.links
         boxes = rerun.Boxes3D.columns(
-            half_sizes=np.broadcast_to(track.half, (every, 3)),
+            half_sizes=np.broadcast_to(track.half, (box_count, 3)),
             centers=links.centres.reshape(-1, 3),
             quaternions=quaternions(links.axes).reshape(-1, 4),
-            colors=colours.coloured(links.colour, (count, track.links), scale).reshape(-1, 3),
+            colors=colours.map_colours(links.colour, (count, track.links), scale).reshape(-1, 3),
         )
-        each = [track.links] * count
-        recording.send_columns(path_of("world", "links", track.name), times, boxes.partition(each))
+        links_of_instants = [track.links] * count
+        recording.send_columns(path_of("world", "links", track.name), times, boxes.partition(links_of_instants))
         if links.ground is not None:
             origins, vectors, counts = ground_arrows(track, links)
             arrows = rerun.Arrows3D.columns(
@@ -198,7 +198,7 @@ def _send_motion(rerun: ModuleType, recording: Any, path: str, times: list[Any],
     recording.send_columns(path, times, rerun.Transform3D.columns(translation=pose.position, quaternion=turned))
 
 
-def _arranged(blueprints: ModuleType, bodies: Bodies, beside: list[Plot], scale: Scale, with_events: bool) -> Any:
+def _arranged(blueprints: ModuleType, bodies: Bodies, side_plots: list[Plot], scale: Scale, with_events: bool) -> Any:
     """Arrange space to the left, curves to the right; the eye follows the hull if there is one."""
     eye, target = _eye(bodies)
     controls = {"position": eye, "look_target": target, "eye_up": (0.0, 0.0, 1.0)}
@@ -206,7 +206,7 @@ def _arranged(blueprints: ModuleType, bodies: Bodies, beside: list[Plot], scale:
         controls["tracking_entity"] = FOLLOWED
     eye_controls = blueprints.EyeControls3D(**controls)
     space = blueprints.Spatial3DView(origin="world", name=bodies.legend(scale), eye_controls=eye_controls)
-    views = [blueprints.TimeSeriesView(origin=path_of("plots", plot.name), name=plot.title) for plot in beside]
+    views = [blueprints.TimeSeriesView(origin=path_of("plots", plot.name), name=plot.title) for plot in side_plots]
     views += [blueprints.TextLogView(origin=EVENTS, name="events")] if with_events else []
     panes = [space, blueprints.Vertical(*views)] if views else [space]
     shares = [3, 2][: len(panes)]
@@ -220,7 +220,7 @@ def _arranged(blueprints: ModuleType, bodies: Bodies, beside: list[Plot], scale:
 
 def _eye(bodies: Bodies) -> tuple[Floats, Floats]:
     """Initial positions of the eye and its target, m, world: the view is from ahead, right and above."""
-    here = next(bodies.blocks(1)).places()
+    here = next(bodies.blocks(1)).positions()
     middle = 0.5 * (here.min(axis=0) + here.max(axis=0))
     size = float(np.ptp(here, axis=0).max())
     heading = bodies.scene["start"]["heading"]

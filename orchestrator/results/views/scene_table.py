@@ -101,7 +101,7 @@ class DrawnScene(BaseModel):
     ground: DrawnGround | None = None
 
 
-def checked(run: RunData) -> dict[str, Any]:
+def drawn_scene(run: RunData) -> dict[str, Any]:
     """Return the part of a run's scene that is drawn; raises BadInput if it is missing or of another type."""
     if not run.scene:
         raise BadInput(f"{run.log.path} does not say of which scene it is: there is nothing to draw it by")

@@ -93,15 +93,15 @@ def hull_body(chassis: Mapping[str, Any] | None) -> HullBody | None:
         return None
     corners = np.array(chassis["hull"]) - chassis["centre"]
     try:
-        found = ConvexHull(corners)
+        convex_hull = ConvexHull(corners)
     except QhullError:
         return None
     normal: dict[tuple[int, int], list[Floats]] = {}
-    for face, equation in zip(found.simplices, found.equations, strict=True):
+    for face, equation in zip(convex_hull.simplices, convex_hull.equations, strict=True):
         for a, b in pairwise([*face, face[0]]):
             normal.setdefault((min(a, b), max(a, b)), []).append(equation[:3])
     edges = [
-        edge for edge, (one, other) in normal.items() if one @ other < 1.0 - 1e-9
+        edge for edge, (normal_of_face, other) in normal.items() if normal_of_face @ other < 1.0 - 1e-9
     ]  # other edges lie in a flat face
     return HullBody(corners, np.array(edges))
 

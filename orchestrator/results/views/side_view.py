@@ -11,14 +11,14 @@ import numpy as np
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
-from orchestrator.results.picture import saved
+from orchestrator.results.picture import save_figure
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import EVER, RunData, Window, within
 from orchestrator.results.views.bodies import EVERY, Bodies, NoInstant, Poses
-from orchestrator.results.views.colours import MAP, Scale, coloured
-from orchestrator.results.views.files import PICTURES, checked_name
+from orchestrator.results.views.colours import MAP, Scale, map_colours
+from orchestrator.results.views.files import PICTURES, check_name
 from orchestrator.results.views.pose_columns import nearest
-from orchestrator.results.views.projected import Camera, beside, section
+from orchestrator.results.views.projected import Camera, section, side_camera
 from orchestrator.results.views.shapes import FACES, RIGHT, in_world, rim
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class SideView(NamedTuple):
     """Track at one instant, m ahead of and above its sprocket axle or, without one, its start position."""
 
     t: float  # s
-    seen: Camera
+    camera: Camera
     pins: Floats  # (nodes, 2)
     links: Floats  # (links, 4, 2) corners
     colour: Floats | None  # (links,)
@@ -50,7 +50,7 @@ class SideView(NamedTuple):
 
 def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None:
     """Draw the first track of a log from the side; raises BadInput if it cannot be drawn or written."""
-    checked_name(output, PICTURES)
+    check_name(output, PICTURES)
     with Log(path) as log:
         run = RunData(log)
         track = next((name for name in run.tracks if f"/{name}/links" in log.topics), "")
@@ -62,22 +62,22 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
             raise BadInput(f"{path} holds no links to draw") from None
         if not bodies.tracks:
             raise BadInput(f"{path} holds no links to draw")
-        bodies.keep(_instants(bodies.t, bodies.end, times, None if times else _moving(run, track)))
-        saved(_figure(bodies), output)
+        bodies.select_instants(_instants(bodies.t, bodies.end, times, None if times else _moving(run, track)))
+        save_figure(_figure(bodies), output)
 
 
 def side_view(bodies: Bodies, poses: Poses, k: int = 0) -> SideView:
     """Return the first track at the k-th instant."""
     track, links = bodies.tracks[0], poses.links[bodies.tracks[0].name]
-    seen = beside(bodies, poses, k, track.name)
+    camera = side_camera(bodies, poses, k, track.name)
     boxes = in_world(FACES[RIGHT] * track.half, links.centres[k], links.axes[k])
     wheels = []
     for wheel in bodies.wheels:
         position, orientation = (part[k] for part in poses.wheels[wheel.name])
         outline = in_world(rim(wheel, -1.0), position, matrices(orientation))
-        wheels.append((wheel.kind, seen.flat(position), seen.flat(outline)))
+        wheels.append((wheel.kind, camera.project(position), camera.project(outline)))
     colour = None if links.colour is None else links.colour[k]
-    return SideView(float(poses.t[k]), seen, seen.flat(links.pins[k]), seen.flat(boxes), colour, wheels)
+    return SideView(float(poses.t[k]), camera, camera.project(links.pins[k]), camera.project(boxes), colour, wheels)
 
 
 def extent(views: Sequence[SideView]) -> Extent:
@@ -87,7 +87,7 @@ def extent(views: Sequence[SideView]) -> Extent:
     return (left, right), (low, high)
 
 
-def add(pane: Axes, view: SideView, ground: GroundProfile | None, scale: Scale, shown: Extent) -> None:
+def draw_view(pane: Axes, view: SideView, ground: GroundProfile | None, scale: Scale, limits: Extent) -> None:
     """Draw a track and the ground under it."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Polygon
@@ -96,14 +96,14 @@ def add(pane: Axes, view: SideView, ground: GroundProfile | None, scale: Scale, 
         face, edge = SHADES[kind]
         pane.add_patch(Polygon(outline, facecolor=face, edgecolor=edge))
         pane.plot(*centre, ".", color="0.4", markersize=3)
-    paint = coloured(view.colour, (len(view.links),), scale) / 255.0
+    paint = map_colours(view.colour, (len(view.links),), scale) / 255.0
     pane.add_collection(PolyCollection(list(view.links), facecolors=paint, edgecolors="0.25", linewidths=0.3))
     if ground is not None:
-        line, _ = section(view.seen, ground, *shown[0])
-        pane.fill_between(line[:, 0], line[:, 1], shown[1][0], color="0.8", zorder=0)
+        line, _ = section(view.camera, ground, *limits[0])
+        pane.fill_between(line[:, 0], line[:, 1], limits[1][0], color="0.8", zorder=0)
     pane.set_aspect("equal")
-    pane.set_xlim(shown[0])
-    pane.set_ylim(shown[1])
+    pane.set_xlim(limits[0])
+    pane.set_ylim(limits[1])
     pane.set_ylabel("m")
 
 
@@ -115,9 +115,9 @@ def _figure(bodies: Bodies) -> Figure:
     from matplotlib.figure import Figure
 
     poses = [*bodies.blocks(1)]
-    views, scale, speeds = [side_view(bodies, each) for each in poses], bodies.range(poses), bodies.speeds()
-    shown = extent(views)
-    wide, high = (end - begin for begin, end in shown)
+    views, scale, speeds = [side_view(bodies, block) for block in poses], bodies.colour_range(poses), bodies.speeds()
+    limits = extent(views)
+    wide, high = (end - begin for begin, end in limits)
     upright = high > UPRIGHT * wide
     across = max(9.0, 2.1 * len(views) + 2.0) if upright else 9.0
     figure = Figure(figsize=(across, 5.5 if upright else 2.1 * len(views) + 0.4), layout="constrained")
@@ -125,7 +125,7 @@ def _figure(bodies: Bodies) -> Figure:
     shape = (1, len(views)) if upright else (len(views), 1)
     panes = figure.subplots(*shape, sharex=True, sharey=True, squeeze=False).ravel()
     for pane, view in zip(panes, views, strict=True):
-        add(pane, view, bodies.ground, scale, shown)
+        draw_view(pane, view, bodies.ground, scale, limits)
         motion = "" if speeds is None else f", {np.interp(view.t, bodies.t, speeds):z.2f} m/s"
         pane.set_title(f"t = {view.t:.2f} s{motion}", fontsize=9, loc="left")
         if upright:

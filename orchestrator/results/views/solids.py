@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.ground_profile import GroundProfile, metres
+from orchestrator.results.ground_profile import GroundProfile, whole_metres
 from orchestrator.results.views.bodies import Bodies
 from orchestrator.results.views.shapes import WheelBody, rim
 
@@ -38,7 +38,7 @@ class Reach(NamedTuple):
             return self
         low, high, far = self
         for poses in bodies.blocks():
-            places = poses.places()
+            places = poses.positions()
             along = profile.station(places)
             low, high = min(low, float(along.min())), max(high, float(along.max()))
             far = max(far, float(np.abs(profile.offset(places)).max()))
@@ -47,8 +47,8 @@ class Reach(NamedTuple):
     def ground(self, profile: GroundProfile) -> tuple[Triangles, Floats]:
         """Return the ground within the extent and ROOM beyond, and lines (n, 2, 3) across it at whole metres."""
         low, high, far = self.low - ROOM, self.high + ROOM, self.far + ROOM
-        lines = across(profile, metres(low, high), far) + np.array([0.0, 0.0, OVER])
-        return strip(across(profile, profile.bends(low, high), far)), lines
+        lines = across(profile, whole_metres(low, high), far) + np.array([0.0, 0.0, OVER])
+        return strip(across(profile, profile.corners_between(low, high), far)), lines
 
 
 def across(profile: GroundProfile, along: Floats, far: float) -> Floats:
@@ -58,8 +58,10 @@ def across(profile: GroundProfile, along: Floats, far: float) -> Floats:
 
 def strip(pairs: Floats) -> Triangles:
     """Return the strip between right and left points (k, 2, 3), m, with its outside up."""
-    one = 2 * np.arange(len(pairs) - 1)
-    numbers = np.concatenate([np.stack([one, one + 2, one + 1], axis=1), np.stack([one + 1, one + 2, one + 3], axis=1)])
+    first = 2 * np.arange(len(pairs) - 1)
+    numbers = np.concatenate(
+        [np.stack([first, first + 2, first + 1], axis=1), np.stack([first + 1, first + 2, first + 3], axis=1)]
+    )
     return Triangles(pairs.reshape(-1, 3), numbers)
 
 
@@ -68,20 +70,20 @@ def prism(wheel: WheelBody) -> Triangles:
     right, left = rim(wheel, -1.0), rim(wheel, 1.0)
     count, half = len(right), 0.5 * wheel.width
     corners = np.concatenate([right, left, [[0.0, -half, 0.0], [0.0, half, 0.0]]])
-    one = np.arange(count)
-    other = np.roll(one, -1)
+    first = np.arange(count)
+    second = np.roll(first, -1)
     numbers = np.concatenate([
-        np.stack([np.full(count, 2 * count), one, other], axis=1),
-        np.stack([np.full(count, 2 * count + 1), other + count, one + count], axis=1),
-        np.stack([one, one + count, other], axis=1),
-        np.stack([other, one + count, other + count], axis=1),
+        np.stack([np.full(count, 2 * count), first, second], axis=1),
+        np.stack([np.full(count, 2 * count + 1), second + count, first + count], axis=1),
+        np.stack([first, first + count, second], axis=1),
+        np.stack([second, first + count, second + count], axis=1),
     ])  # fmt: skip
     return Triangles(corners, numbers)
 
 
 def faceted(surface: Triangles) -> tuple[Floats, Floats]:
     """Corners (3 n, 3) of separate triangles, and their normals (3 n, 3), so that edges look sharp."""
-    apart = surface.corners[surface.numbers]
-    normal = np.cross(apart[:, 1] - apart[:, 0], apart[:, 2] - apart[:, 0])
+    corners = surface.corners[surface.numbers]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
-    return apart.reshape(-1, 3), np.repeat(normal, 3, axis=0)
+    return corners.reshape(-1, 3), np.repeat(normal, 3, axis=0)

@@ -3,10 +3,10 @@
 An end has ``rows`` vectors: position and slope r_x of a cable (2), position and gradients r_x, r_y, r_z of a beam (4).
 A joint defines how the coordinates of one end depend on those of another and on free coordinates p of its own:
 
-    y_j = follow y_i + own p
+    y_j = transfer y_i + free_directions p
 
-so it removes 3 rows - (columns of ``own``) equations. Equations and sections of Shabana et al., Ideal compliant joints
-and integration of computer aided design and analysis:
+so it removes 3 rows - (columns of ``free_directions``) equations. Equations and sections of Shabana et al., Ideal
+compliant joints and integration of computer aided design and analysis:
 
 | joint | equations | source |
 | --- | --- | --- |
@@ -34,13 +34,13 @@ from fmus.physics.arrays import Floats
 class Joint(NamedTuple):
     """Linear relation between the coordinates of two ends."""
 
-    follow: Floats  # (3 rows_j, 3 rows_i), factor of the coordinates of the leading end
-    own: Floats  # (3 rows_j, free), directions of the free coordinates; orthonormal columns
+    transfer: Floats  # (3 rows_j, 3 rows_i), factor of the coordinates of the leading end
+    free_directions: Floats  # (3 rows_j, free), directions of the free coordinates; orthonormal columns
 
     @property
     def equations(self) -> int:
         """Number of scalar equations, which is that of the eliminated coordinates."""
-        return self.own.shape[0] - self.own.shape[1]
+        return self.free_directions.shape[0] - self.free_directions.shape[1]
 
 
 def across(axis: ArrayLike) -> Floats:
@@ -58,44 +58,44 @@ def by_rows(rows: ArrayLike) -> Floats:
 
 def spherical(rows_i: int, rows_j: int) -> Joint:
     """Spherical joint, three equations (1): a common point."""
-    follow = np.zeros((rows_j, rows_i))
-    follow[0, 0] = 1.0
-    return Joint(by_rows(follow), by_rows(np.eye(rows_j)[:, 1:]))
+    transfer = np.zeros((rows_j, rows_i))
+    transfer[0, 0] = 1.0
+    return Joint(by_rows(transfer), by_rows(np.eye(rows_j)[:, 1:]))
 
 
 def pin_cable(axis: ArrayLike) -> Joint:
     """Pin of cables, four equations (2): a common point and slope component along an axis fixed in world."""
     a = np.asarray(axis, float) / np.linalg.norm(axis)
-    follow, own = np.eye(6), np.zeros((6, 2))
-    follow[3:, 3:] = np.outer(a, a)
-    own[3:] = across(a)
-    return Joint(follow, own)
+    transfer, free_directions = np.eye(6), np.zeros((6, 2))
+    transfer[3:, 3:] = np.outer(a, a)
+    free_directions[3:] = across(a)
+    return Joint(transfer, free_directions)
 
 
 def pin_beam(axis: ArrayLike, frame_i: ArrayLike | None = None, frame_j: ArrayLike | None = None) -> Joint:
     """Pin of beams, six equations (3): common point and gradient along an axis of the undeformed beams."""
     a = np.asarray(axis, float) / np.linalg.norm(axis)
     b_i, b_j = (a @ (np.eye(3) if frame is None else np.asarray(frame)) for frame in (frame_i, frame_j))
-    follow, own = np.zeros((4, 4)), np.zeros((4, 2))
-    follow[0, 0] = 1.0
-    follow[1:, 1:] = np.outer(b_j, b_i)
-    own[1:] = across(b_j)
-    return Joint(by_rows(follow), by_rows(own))
+    transfer, free_directions = np.zeros((4, 4)), np.zeros((4, 2))
+    transfer[0, 0] = 1.0
+    transfer[1:, 1:] = np.outer(b_j, b_i)
+    free_directions[1:] = across(b_j)
+    return Joint(by_rows(transfer), by_rows(free_directions))
 
 
 def rigid_beam(frame_i: ArrayLike, frame_j: ArrayLike) -> Joint:
     """Rigid joint of beams, twelve equations: a common point and G_j = G_i frame_i^T frame_j."""
-    follow = np.zeros((4, 4))
-    follow[0, 0] = 1.0
-    follow[1:, 1:] = (np.asarray(frame_i).T @ np.asarray(frame_j)).T
-    return Joint(by_rows(follow), np.zeros((12, 0)))
+    transfer = np.zeros((4, 4))
+    transfer[0, 0] = 1.0
+    transfer[1:, 1:] = (np.asarray(frame_i).T @ np.asarray(frame_j)).T
+    return Joint(by_rows(transfer), np.zeros((12, 0)))
 
 
 def rigid_cable(turn: ArrayLike) -> Joint:
     """Rigid joint of cables, six equations: common point; slopes related by a rotation (3, 3) in a plane."""
-    follow = np.eye(6)
-    follow[3:, 3:] = turn
-    return Joint(follow, np.zeros((6, 0)))
+    transfer = np.eye(6)
+    transfer[3:, 3:] = turn
+    return Joint(transfer, np.zeros((6, 0)))
 
 
 def smooth(rows: int) -> Joint:

@@ -42,7 +42,7 @@ class Support(NamedTuple):
     """End with only some of its coordinates free."""
 
     end: End
-    own: Floats  # (3 rows, free), orthonormal columns
+    free_directions: Floats  # (3 rows, free), orthonormal columns
 
 
 class Load(Protocol):
@@ -139,19 +139,19 @@ class Mesh:
         first = self.place(end).start + 3 * row
         return self.B[first : first + 3]
 
-    def _each(self, *vectors: Floats) -> Iterator[tuple[Any, ...]]:
+    def _elements(self, *vectors: Floats) -> Iterator[tuple[Any, ...]]:
         """Yield the section of each part, and its views (n, rows, 3) of flat vectors."""
         return zip((part.section for part in self.parts), *map(self.split, vectors), strict=True)
 
     def energy(self, q: Floats) -> float:
         """Strain energy, J."""
-        own = sum(energies(section, e) for section, e in self._each(self.coordinates(q)))
+        own = sum(energies(section, e) for section, e in self._elements(self.coordinates(q)))
         return own + sum(spring.energy(q) for spring in self.springs)
 
     def internal(self, q: Floats) -> Floats:
         """Elastic force on the element coordinates, flat."""
         Q, rest = np.zeros((2, len(self.e0)))
-        for section, e, v, f in self._each(self.coordinates(q), rest, Q):
+        for section, e, v, f in self._elements(self.coordinates(q), rest, Q):
             forces(section, e, v, f)
         return Q
 
@@ -162,7 +162,7 @@ class Mesh:
     def damping(self, q: Floats, v: Floats) -> Floats:
         """Damping force f; like the elastic one, it acts as -f."""
         Q = np.zeros_like(self.e0)
-        for section, e, rate, f in self._each(self.coordinates(q), self.B @ v, Q):
+        for section, e, rate, f in self._elements(self.coordinates(q), self.B @ v, Q):
             dampings(section, e, rate, f)
         return self.B.T @ Q
 
@@ -174,7 +174,7 @@ class Mesh:
     def viscosity(self, q: Floats) -> sparse.csc_array:
         """Derivative of the damping force by the rates; exact, because the force is linear in them."""
         blocks = []
-        for section, e in self._each(self.coordinates(q)):
+        for section, e in self._elements(self.coordinates(q)):
             D = np.zeros((len(e), e[0].size, e[0].size))
             for k in range(e[0].size):
                 rate, Q = np.zeros_like(e), np.zeros_like(e)
@@ -187,7 +187,7 @@ class Mesh:
     def tangent(self, q: Floats) -> sparse.csc_array:
         """Derivative of the elastic force."""
         blocks = []
-        for section, e in self._each(self.coordinates(q)):
+        for section, e in self._elements(self.coordinates(q)):
             blocks.append(np.empty((len(e), e[0].size, e[0].size)))
             tangents(section, e, np.zeros_like(e), blocks[-1])
         springs = sum((spring.tangent(q) for spring in self.springs), sparse.csc_array((self.n, self.n)))
@@ -209,10 +209,12 @@ class Mesh:
         """Matrix C of the tie equations C e = 0, which an augmented formulation would keep."""
         rows = []
         for tie in ties:
-            keep = np.linalg.svd(tie.joint.own, full_matrices=True)[0][:, tie.joint.own.shape[1] :].T
+            keep = np.linalg.svd(tie.joint.free_directions, full_matrices=True)[0][
+                :, tie.joint.free_directions.shape[1] :
+            ].T
             C = np.zeros((len(keep), len(self.e0)))
             C[:, self.place(tie.follows)] = keep
-            C[:, self.place(tie.leads)] -= keep @ tie.joint.follow
+            C[:, self.place(tie.leads)] -= keep @ tie.joint.transfer
             rows.append(C)
         return np.vstack(rows)
 
@@ -231,7 +233,7 @@ def _ends(parts: Sequence[Member]) -> list[slice]:
 def _eliminate(ends: list[slice], ties: list[Tie], supports: list[Support], e0: Floats):
     """Return B and b; an end is free, partly fixed, or depends on another end, which may be dependent too."""
     leads = {2 * t.follows[0] + t.follows[1]: (2 * t.leads[0] + t.leads[1], t.joint) for t in ties}
-    holds = {2 * s.end[0] + s.end[1]: s.own for s in supports}
+    holds = {2 * s.end[0] + s.end[1]: s.free_directions for s in supports}
     if len(leads) < len(ties) or len(holds) < len(supports) or leads.keys() & holds.keys():
         raise ValueError("an end follows one other end or one support, not several: let the others follow it")
     found: dict[int, tuple[dict[int, Floats], Floats]] = {}  # by end: factors of the unknowns of ends, and constant
@@ -249,8 +251,8 @@ def _eliminate(ends: list[slice], ties: list[Tie], supports: list[Support], e0: 
         lead, joint = leads[end]
         resolve(lead, waiting | {end})
         factors, constant = found[lead]
-        mine = {k: joint.follow @ factor for k, factor in factors.items()}
-        found[end] = {**mine, end: joint.own}, joint.follow @ constant
+        mine = {k: joint.transfer @ factor for k, factor in factors.items()}
+        found[end] = {**mine, end: joint.free_directions}, joint.transfer @ constant
 
     columns, n = {}, 0
     for end in range(len(ends)):

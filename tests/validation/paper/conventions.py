@@ -39,7 +39,7 @@ def in_chassis(run: RunData, t: Floats, vectors: Floats, placed: bool) -> Floats
     return np.asarray(np.einsum("mi,mij->mj", vectors - (centre[at] if placed else 0.0), matrices(q[at])))
 
 
-def edges(vehicle: Mapping[str, Any], placed: circuit.Placed) -> tuple[float, float, float, float]:
+def edges(vehicle: Mapping[str, Any], placed: circuit.PlacedRecords) -> tuple[float, float, float, float]:
     """Limits of the ``SECTIONS`` in the first record, in order, m along the circuit."""
     place, (ahead, up), length = placed.links[0], placed.centres[0].T, float(placed.length[0])
     low = up < vehicle["road_wheel"]["z"]

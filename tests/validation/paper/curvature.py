@@ -46,13 +46,13 @@ def pinned(n: int) -> Floats:
     return np.array([cable.curved(link, cable.parts(each, 2)) for each in e]).ravel()
 
 
-def of_links(found: Deformation) -> tuple[float, float]:
+def of_links(deformation: Deformation) -> tuple[float, float]:
     """Largest curvature at pins and in the middle of links, 1/m, without the last link (at the cut).
 
     Computed from second differences of the cubics, which are linear along a link.
     """
-    step = found.x[1] - found.x[0]
-    second = np.diff(found.displacement[:, :-1, :, 1], 2, axis=2) / step**2
+    step = deformation.x[1] - deformation.x[0]
+    second = np.diff(deformation.displacement[:, :-1, :, 1], 2, axis=2) / step**2
     slope = (second[..., -1] - second[..., 0]) / (second.shape[-1] - 1)
     ends = np.stack([second[..., 0] - slope, second[..., -1] + slope])
     return float(np.abs(ends).max()), float(np.abs(second[..., second.shape[-1] // 2]).max())

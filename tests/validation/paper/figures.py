@@ -51,7 +51,7 @@ class Figure(NamedTuple):
     number: int
     title: str
     up: str
-    apart: str  # label of the differences
+    difference_label: str  # label of the differences
     read: Callable[[RunData], Curve]
     across: str = "time, s"
 
@@ -110,8 +110,8 @@ FIGURES = (
 def differences(curve: Curve, reference: Curve) -> Curve:
     """Difference from the reference at the curve's instants: signed for one value, distance for a path."""
     other = np.stack([np.interp(curve.t, reference.t, column) for column in reference.values.T], axis=1)
-    apart = curve.values - other
-    return Curve(curve.t, apart if apart.shape[1] == 1 else np.linalg.norm(apart, axis=1, keepdims=True))
+    offsets = curve.values - other
+    return Curve(curve.t, offsets if offsets.shape[1] == 1 else np.linalg.norm(offsets, axis=1, keepdims=True))
 
 
 def add(pane: Any, model: Model, x: Floats, y: Floats, **more: Any) -> None:
@@ -123,17 +123,17 @@ def add(pane: Any, model: Model, x: Floats, y: Floats, **more: Any) -> None:
 def draw(logs: dict[Model, Path], folder: Path) -> list[Path]:
     """Draw all figures as PNG and SVG; return the files."""
     curves: dict[int, dict[Model, Curve]] = {figure.number: {} for figure in FIGURES}
-    found = {}
+    deformations = {}
     for model, run in _opened(logs):
         for figure in FIGURES:
             curves[figure.number][model] = figure.read(run)
-        found[model] = deformation.of(run, TRACK, at=[INSTANT])
-    made = []
+        deformations[model] = deformation.of(run, TRACK, at=[INSTANT])
+    files = []
     for figure in FIGURES:
-        made += _saved(_over_differences(figure, curves[figure.number]), folder, str(figure.number))
-    made += _saved(_deformations(found), folder, "18-19")
-    made += _saved(_stresses(logs), folder, "20")
-    return [*made, *_saved(_configuration(logs), folder, "21")]
+        files += _saved(_over_differences(figure, curves[figure.number]), folder, str(figure.number))
+    files += _saved(_deformations(deformations), folder, "18-19")
+    files += _saved(_stresses(logs), folder, "20")
+    return [*files, *_saved(_configuration(logs), folder, "21")]
 
 
 def _over_differences(figure: Figure, curves: dict[Model, Curve]) -> Any:
@@ -152,7 +152,7 @@ def _over_differences(figure: Figure, curves: dict[Model, Curve]) -> Any:
     for below, inertia in ((alike, "links of equal inertia"), (rods, "links with the inertia of a rod")):
         what = f"{'distance from' if path else 'less'} that of the {REFERENCE.label}: {inertia}"
         below.set_title(what, fontsize=9, loc="left")
-        below.set_ylabel(figure.apart)
+        below.set_ylabel(figure.difference_label)
     if path:
         pane.set_aspect("equal")
         pane.set_xlabel(figure.across)
@@ -164,15 +164,15 @@ def _over_differences(figure: Figure, curves: dict[Model, Curve]) -> Any:
     return page
 
 
-def _deformations(found: dict[Model, deformation.Deformation]) -> Any:
+def _deformations(deformations: dict[Model, deformation.Deformation]) -> Any:
     """Draw figures 18 and 19."""
     from matplotlib.figure import Figure as Page
 
     page = Page(figsize=(10.0, 5.0), layout="constrained")
     panes = page.subplots(1, 2)
-    for model, each in found.items():
+    for model, each in deformations.items():
         each.draw(panes, LINK, model.label, linestyle=model.line, color=model.colour)
-    deformation.framed(panes, float(next(iter(found.values())).x[-1]))
+    deformation.draw_frame(panes, float(next(iter(deformations.values())).x[-1]))
     for number, pane, what in ((18, panes[0], "Axial"), (19, panes[1], "Transverse")):
         pane.set_title(f"Figure {number}. {what} deformation of link {LINK} of the right chain", fontsize=9, loc="left")
     page.legend(*panes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
@@ -186,7 +186,7 @@ def _stresses(logs: dict[Model, Path]) -> Any:
     page = Page(figsize=(9.0, 4.8), layout="constrained")
     pane = page.subplots()
     for model, run in _opened(logs):
-        area = hull.number(run, "section", "area")
+        area = hull.vehicle_number(run, "section", "area")
         placed = next(circuit.records(run, TRACK, Window(INSTANT, INSTANT), "link[*].tension"))
         order = placed.links[0].argsort()
         add(pane, model, placed.links[0, order], placed.values[0][0, order] / area / 1e6, drawstyle="steps-mid")
@@ -201,8 +201,8 @@ def _stresses(logs: dict[Model, Path]) -> Any:
     return page
 
 
-def _shade(pane: Any, between: tuple[float, ...]) -> None:
-    for low, high, text, shade in zip(between, between[1:], SECTIONS, SHADES, strict=False):
+def _shade(pane: Any, limits: tuple[float, ...]) -> None:
+    for low, high, text, shade in zip(limits, limits[1:], SECTIONS, SHADES, strict=False):
         pane.axvspan(low, high, color=shade, zorder=0)
         pane.text(0.5 * (low + high), 0.02, text, ha="center", fontsize=8, transform=pane.get_xaxis_transform())
 
@@ -212,22 +212,22 @@ def _configuration(logs: dict[Model, Path]) -> Any:
     found = {}
     for model, run in _opened(logs):
         bodies = Bodies(run, EVERY, "tension", track=TRACK)
-        bodies.keep([INSTANT])
+        bodies.select_instants([INSTANT])
         found[model] = side_view.side_view(bodies, next(bodies.blocks(1))), bodies.ground
     return _panes(found)
 
 
-def _panes(found: dict[Model, tuple[SideView, GroundProfile | None]]) -> Any:
+def _panes(views: dict[Model, tuple[SideView, GroundProfile | None]]) -> Any:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure as Page
 
-    tension = np.concatenate([view.colour for view, _ in found.values() if view.colour is not None])
+    tension = np.concatenate([view.colour for view, _ in views.values() if view.colour is not None])
     scale = float(tension.min()), float(tension.max())
-    page = Page(figsize=(9.0, 2.3 * len(found) + 0.5), layout="constrained")
-    panes: Any = page.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
-    for pane, (model, (view, ground)) in zip(panes, found.items(), strict=True):
-        side_view.add(pane, view, ground, scale, side_view.extent([view]))
+    page = Page(figsize=(9.0, 2.3 * len(views) + 0.5), layout="constrained")
+    panes: Any = page.subplots(len(views), 1, sharex=True, squeeze=False)[:, 0]
+    for pane, (model, (view, ground)) in zip(panes, views.items(), strict=True):
+        side_view.draw_view(pane, view, ground, scale, side_view.extent([view]))
         place = view.pins[FIRST - 1]
         pane.plot(*place, "o", color="C3", markersize=5, fillstyle="none")
         pane.annotate("first joint", place, (6, 6), textcoords="offset points", color="C3", fontsize=8)

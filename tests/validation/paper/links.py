@@ -108,16 +108,16 @@ def evaluation_time(chain: Any) -> float:
     return time_of_step * (REPEATS * steps + 1) / (int(chain.counters[1]) - before)
 
 
-def in_turn(one: Any, other: Any, step: float = 0.0) -> float:
+def in_turn(first: Any, second: Any, step: float = 0.0) -> float:
     """Median ratio of the CPU times of an evaluation of two chains, timed in turn step by step.
 
     With ``step``, s, the ratio is that of a step of this length.
     """
     each: list[list[float]] = [[], []]
-    for chain in (one, other):
+    for chain in (first, second):
         chain.advance(0.0, step or 5.0 * chain.stable)
     for k in range(1, STEPS):
-        for chain, times in zip((one, other), each, strict=True):
+        for chain, times in zip((first, second), each, strict=True):
             h, before, began = step or 5.0 * chain.stable, int(chain.counters[1]), time.thread_time()
             chain.advance(k * h, h)
             times.append((time.thread_time() - began) / (1 if step else int(chain.counters[1]) - before))

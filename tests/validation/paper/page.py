@@ -18,7 +18,7 @@ from tests.validation.paper import (
     whole_runs,
 )
 from tests.validation.paper.conventions import INSTANT
-from tests.validation.paper.found import Found
+from tests.validation.paper.results import Results
 from tests.validation.paper.rules import crossed
 
 CASE = Column("case", "model")
@@ -193,7 +193,7 @@ def write(folder: Path, name: str, judged: Sequence[Row], rows: Sequence[Row], m
             parts.append(found.markdown("##"))
             files.append(folder / f"{name}-{item}.csv")
             files[-1].write_text(found.csv(), encoding="utf-8")
-    crossings = [f"- {name} {value:.3g} Pa" for name, value in crossed(Found(rows)).items()]
+    crossings = [f"- {name} {value:.3g} Pa" for name, value in crossed(Results(rows)).items()]
     if crossings:
         parts.append("Flexible links cost as much as rigid ones at (0: never less; inf: always less)\n")
         parts += [*crossings, ""]

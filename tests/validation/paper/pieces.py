@@ -106,26 +106,28 @@ def figures(cost: Cost) -> dict[str, Any]:
 def in_turn(name: str, piece: float) -> list[Row]:
     """Rows by method: CPU time of an evaluation, closed mesh over a rigid model, timed in turn."""
     label, models = f"{CLOSED.name} / {name}", (CLOSED.name, name)
-    wanted = [scene(named(each), "track.link_outputs=false") for each in models]
-    if any(isinstance(each, str) for each in wanted):
-        return [Row("each", label, {"rigid": name}, note=f"not there: {wanted}")]
-    drives = [Drive(each, piece) for each in wanted if isinstance(each, Scene)]
-    found = []
+    scenes = [scene(named(each), "track.link_outputs=false") for each in models]
+    if any(isinstance(each, str) for each in scenes):
+        return [Row("each", label, {"rigid": name}, note=f"not there: {scenes}")]
+    drives = [Drive(each, piece) for each in scenes if isinstance(each, Scene)]
+    rows_by_method = []
     for method, setting in ((ADAMS, AT), (RUNGE_KUTTA, FRACTIONS[0])):
         vehicles = [drive.vehicle(method, setting) for drive in drives]
-        each = np.array([[drive.each(one) for drive, one in zip(drives, vehicles, strict=True)] for _ in range(TURNS)])
-        over = each[:, 0] / each[:, 1]
-        figures = {"each": float(np.median(over)), "least": float(over.min()), "most": float(over.max())}
-        found.append(Row("each", label, {"rigid": name, "method": method, "piece": piece, **figures}, True))
-    return found
+        each = np.array(
+            [[drive.evaluation_time(one) for drive, one in zip(drives, vehicles, strict=True)] for _ in range(TURNS)]
+        )
+        ratios = each[:, 0] / each[:, 1]
+        figures = {"each": float(np.median(ratios)), "least": float(ratios.min()), "most": float(ratios.max())}
+        rows_by_method.append(Row("each", label, {"rigid": name, "method": method, "piece": piece, **figures}, True))
+    return rows_by_method
 
 
 def stiff(stiffness: float, piece: float) -> list[Row]:
     """Row of the cost, by Adams' methods, of the rigid chain closed by a spring of this stiffness, N/m."""
-    found = rows(RIGID_SPRING.name, piece, (f"track.closure_stiffness={stiffness!r}",))
+    rows_of_run = rows(RIGID_SPRING.name, piece, (f"track.closure_stiffness={stiffness!r}",))
     return [
         replace(row.having(stiffness=stiffness), item="stiffness")
-        for row in found
+        for row in rows_of_run
         if row.item == "cost" and row["method"] == ADAMS
     ]
 
@@ -139,16 +141,16 @@ def cheapest(costs: list[Cost], method: str) -> Cost | None:
 class Drive:
     """Piece of drive of one model; raises what the monolith and the states raise."""
 
-    def __init__(self, wanted: Scene, piece: float) -> None:
-        self.wanted, self.piece = wanted, piece
-        self.begun = states_at(_implicit(wanted), BEGIN)
+    def __init__(self, scene: Scene, piece: float) -> None:
+        self.scene, self.piece = scene, piece
+        self.start_state = states_at(_implicit(scene), BEGIN)
 
     @cached_property
     def exact(self) -> tuple[Floats, float]:
         """Reference positions of the pins at the end, m, and the RMS of their displacements, m."""
-        vehicle = whole(self.wanted, refine=FINER * FRACTIONS[-1])
+        vehicle = whole(self.scene, refine=FINER * FRACTIONS[-1])
         self._timed(vehicle, 1e-6, 1e-6)  # compiles and loads
-        vehicle.begin_at(self.begun.time, self.begun.parts)
+        vehicle.begin_at(self.start_state.time, self.start_state.parts)
         start = vehicle.models[TRACK].pins()
         self._timed(vehicle, self.piece, OUTPUT)
         found = vehicle.models[TRACK].pins()
@@ -166,11 +168,11 @@ class Drive:
         integration: dict[str, Any] = {"refine": setting}
         if method == ADAMS:  # only outputs and errors limit steps
             integration = {"integrator": "adams", "rtol": setting, "atol": setting, "refine": LONGEST / interval}
-        vehicle = whole(self.wanted, **integration)
+        vehicle = whole(self.scene, **integration)
         self._timed(vehicle, 1e-6, 1e-6)
         return vehicle
 
-    def each(self, vehicle: Any) -> float:
+    def evaluation_time(self, vehicle: Any) -> float:
         """CPU time of an evaluation, s."""
         before = vehicle.effort.evaluations
         return self._timed(vehicle, self.piece, OUTPUT) / float(vehicle.effort.evaluations - before)
@@ -196,22 +198,22 @@ class Drive:
 
     def _timed(self, vehicle: Any, piece: float, interval: float) -> float:
         """CPU time, s, of a ``piece`` from BEGIN on with outputs every ``interval``, s."""
-        vehicle.begin_at(self.begun.time, self.begun.parts)
-        t, began = self.begun.time, time.process_time()
+        vehicle.begin_at(self.start_state.time, self.start_state.parts)
+        t, began = self.start_state.time, time.process_time()
         for _ in range(round(piece / interval)):
             vehicle.advance(t, interval)
             t += interval
         return time.process_time() - began
 
 
-def _rms(off: Floats) -> float:
+def _rms(vectors: Floats) -> float:
     """RMS of the lengths of vectors (n, 3)."""
-    return float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
+    return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
 
 
-def _implicit(wanted: Scene) -> Scene:
+def _implicit(scene: Scene) -> Scene:
     """Scene of the co-simulation before the piece, changed to implicit steps if its model has none."""
-    if wanted.track.coordinates is None:
-        return wanted
-    track = wanted.track.model_copy(update={"coordinates": None, "integrator": None})
-    return wanted.model_copy(update={"track": track})
+    if scene.track.coordinates is None:
+        return scene
+    track = scene.track.model_copy(update={"coordinates": None, "integrator": None})
+    return scene.model_copy(update={"track": track})

@@ -20,16 +20,16 @@ MODELS = (CLOSED, *RIGIDS)  # with costs over intervals of output
 TOLERANCE, INTERVAL, FMUS = "tolerance", "interval", "FMUs"  # varied quantity of a row, or place of its methods
 
 
-def rows(found: Sequence[Row]) -> list[Row]:
+def rows(results: Sequence[Row]) -> list[Row]:
     """Rows of all tolerances, intervals and rigid models that were measured with the flexible model too."""
     made = []
     for item, over, key in (("piece", TOLERANCE, "setting"), ("interval", INTERVAL, "interval"),
                             ("fmus", FMUS, "tolerance")):  # fmt: skip
-        for row in found:
+        for row in results:
             flexible = row.figures
             if row.item == item and _measured(row, CLOSED):
                 for rigid in RIGIDS:
-                    other = _twin(found, item, rigid, key, flexible[key])
+                    other = _twin(results, item, rigid, key, flexible[key])
                     if other is not None:
                         made.append(_ratio(over, rigid, row, other))
     return made
@@ -40,10 +40,10 @@ def _measured(row: Row, model: Model) -> bool:
     return row.figures.get("model") == model.name and of_adams and row["evaluations"] > 0
 
 
-def _twin(found: Sequence[Row], item: str, model: Model, key: str, value: float) -> Row | None:
+def _twin(results: Sequence[Row], item: str, model: Model, key: str, value: float) -> Row | None:
     """Row of another model at the same tolerance or interval; None without one."""
     return next(
-        (row for row in found if row.item == item and _measured(row, model) and row.figures[key] == value), None
+        (row for row in results if row.item == item and _measured(row, model) and row.figures[key] == value), None
     )
 
 

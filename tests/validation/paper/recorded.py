@@ -52,9 +52,9 @@ def ensure(model: Model, folder: Path, stop: float) -> str:
     return "made now"
 
 
-def ran(wanted: Scene, file: Path) -> dict[str, Any]:
+def ran(scene: Scene, file: Path) -> dict[str, Any]:
     """Run a scene into a log; return its summary. Raises RuntimeError if it fails, and KeyboardInterrupt."""
-    result = simulate(wanted, file)
+    result = simulate(scene, file)
     if result["status"] == "interrupted":
         raise KeyboardInterrupt
     if result["status"] != "ok":
@@ -62,29 +62,29 @@ def ran(wanted: Scene, file: Path) -> dict[str, Any]:
     return result
 
 
-def fits(file: Path, wanted: Scene) -> bool:
-    """True if the log exists, its run ended ok, and its scene and FMUs are those of ``wanted`` here."""
+def fits(file: Path, scene: Scene) -> bool:
+    """True if the log exists, its run ended ok, and its scene and FMUs are those of ``scene`` here."""
     try:
         with Log(file) as log:
             ended = log.complete and log.closing is not None and log.closing["status"] == "ok"
-            if not ended or not _alike(log.table("scene.json"), placed(wanted).resolved()):
+            if not ended or not _alike(log.table("scene.json"), placed(scene).resolved()):
                 return False
             recorded = {entry["name"]: entry.get("sha256") for entry in log.table("system.json")["instances"]}
     except (OSError, ValueError, LookupError, LogUnreadable):
         return False
-    here = system(assemble(placed(wanted))).instances
+    here = system(assemble(placed(scene))).instances
     return recorded == {instance.name: instance.fmu and sha256(instance.fmu) for instance in here}
 
 
-def _alike(one: Any, other: Any) -> bool:
+def _alike(first: Any, second: Any) -> bool:
     """True if two tables are equal in any order of keys; solved positions to rounding."""
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return one.keys() == other.keys() and all(_alike(one[key], other[key]) for key in one)
-    if isinstance(one, list) and isinstance(other, list):
-        return len(one) == len(other) and all(map(_alike, one, other))
-    if isinstance(one, float) and isinstance(other, float):
-        return math.isclose(one, other, rel_tol=1e-9, abs_tol=1e-12)
-    return bool(one == other)
+    if isinstance(first, Mapping) and isinstance(second, Mapping):
+        return first.keys() == second.keys() and all(_alike(first[key], second[key]) for key in first)
+    if isinstance(first, list) and isinstance(second, list):
+        return len(first) == len(second) and all(map(_alike, first, second))
+    if isinstance(first, float) and isinstance(second, float):
+        return math.isclose(first, second, rel_tol=1e-9, abs_tol=1e-12)
+    return bool(first == second)
 
 
 def costs(file: Path) -> dict[str, float]:

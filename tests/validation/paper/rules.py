@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 
 from tests.validation.paper import modulus, pieces, whole_runs
-from tests.validation.paper.found import HOLDS, NONE, NOT, PART, Found, Verdict, graded
 from tests.validation.paper.high_frequencies import ABOVE
 from tests.validation.paper.links import AT
 from tests.validation.paper.models import (
@@ -22,6 +21,7 @@ from tests.validation.paper.models import (
 )
 from tests.validation.paper.ratios import FMUS, INTERVAL, TOLERANCE
 from tests.validation.paper.ratios import rows as ratio_rows
+from tests.validation.paper.results import HOLDS, NONE, NOT, PART, Results, Verdict, graded
 
 OVER = {TOLERANCE: "tolerances", INTERVAL: "intervals of output", FMUS: "tolerances inside FMUs"}
 
@@ -38,17 +38,17 @@ DEFORMED = 1e-9  # m: less is no deformation
 # --- joints --------------------------------------------------------------------------------------------------------
 
 
-def modes(found: Found) -> Verdict:
+def modes(results: Results) -> Verdict:
     """Links of flexible chains deform, those of rigid chains do not."""
-    rows = found.models("deformation")
+    rows = results.models("deformation")
     told = "; ".join(f"{m.label} {1e6 * row['axial']:.3g} / {1e6 * row['transverse']:.3g} um" for m, row in rows)
     good = [(row["transverse"] > DEFORMED) == (m.track == "flexible") for m, row in rows]
     return graded(good, f"largest axial / transverse displacement along links at 5 s: {told}")
 
 
-def dimension(found: Found) -> Verdict:
+def dimension(results: Results) -> Verdict:
     """The mesh with eliminated joints has fewer unknowns and less storage than with multipliers."""
-    rows = {m.name: found.one("links", m, links=64) for m in MODELS}
+    rows = {m.name: results.first("links", m, links=64) for m in MODELS}
     own, other = rows[CLOSED.name], rows[CONVENTIONAL.name] or rows[RIGID.name]
     if own is None or other is None:
         return NONE
@@ -60,9 +60,9 @@ def dimension(found: Found) -> Verdict:
     )
 
 
-def violated(found: Found) -> Verdict:
+def violated(results: Results) -> Verdict:
     """The violation of eliminated joints is 0 at all three levels; that of kept joints is not."""
-    own, rigid = found.one("violation", CLOSED), found.one("violation", RIGID)
+    own, rigid = results.first("violation", CLOSED), results.first("violation", RIGID)
     if own is None or rigid is None:
         return NONE
     keys = [f"{level}_gap" for level in ("position", "velocity", "acceleration")]
@@ -71,19 +71,19 @@ def violated(found: Found) -> Verdict:
     return graded([own[key] == 0.0 for key in keys], text)
 
 
-def similar(found: Found) -> Verdict:
+def similar(results: Results) -> Verdict:
     """A chain with eliminated joints costs as much as a recursive one at any length."""
     told = {}
     for one, other in ((CLOSED, RECURSIVE), (RIGID_SPRING, RECURSIVE), (CONVENTIONAL, CLOSED)):
         pairs = [
             (row["links"], row["evaluation"] / twin["evaluation"])
-            for row in found.of("links", one)
-            if (twin := found.one("links", other, links=row["links"])) is not None
+            for row in results.of("links", one)
+            if (twin := results.first("links", other, links=row["links"])) is not None
         ]
         if pairs:
             shown = ", ".join(f"{ratio:.2f} ({links} links)" for links, ratio in pairs)
             told[one.name] = f"{one.label} over {other.label} {shown}", [ratio for _, ratio in pairs]
-    own = found.one("exponent", CLOSED)
+    own = results.first("exponent", CLOSED)
     if own is None or CLOSED.name not in told:
         return NONE
     words = "; ".join([*(text for text, _ in told.values()), f"exponent {own['exponent_evaluation']:.2f}"])
@@ -91,9 +91,9 @@ def similar(found: Found) -> Verdict:
     return graded([own["exponent_evaluation"] < LINEAR, all(good)], f"CPU time of an evaluation: {words}")
 
 
-def singular(found: Found) -> Verdict:
+def singular(results: Results) -> Verdict:
     """One fixed set of coordinates becomes singular as the loop moves round; mesh and cut chain do not."""
-    row = found.one("singularity", CLOSED)
+    row = results.first("singularity", CLOSED)
     if row is None or not row.ok:
         return NONE
     fixed, cut = max(row["fixed"]), max(row["cut"]) / min(row["cut"])
@@ -106,15 +106,15 @@ def singular(found: Found) -> Verdict:
     return graded([row["flips"] > 0 and row["closest"] > 1e3 * min(row["fixed"]), cut < 10.0], told)
 
 
-def no_singularity(found: Found) -> Verdict:
+def no_singularity(results: Results) -> Verdict:
     """The run of the closed ANCF chain reaches its end."""
-    row = found.one("run", CLOSED)
+    row = results.first("run", CLOSED)
     return NONE if row is None else graded([bool(row.ok)], "8 s without a step given up for good")
 
 
-def counted(found: Found) -> Verdict:
+def counted(results: Results) -> Verdict:
     """The chains have 126 pins and 630 equations."""
-    rows = found.of("count")
+    rows = results.of("count")
     return graded(
         [bool(row.ok) for row in rows],
         "; ".join(f"{row.case}: {row['value']:.0f} ({row['reference']:.0f})" for row in rows),
@@ -124,23 +124,23 @@ def counted(found: Found) -> Verdict:
 # --- motion --------------------------------------------------------------------------------------------------------
 
 
-def follows(found: Found) -> Verdict:
+def follows(results: Results) -> Verdict:
     """The chassis follows the sprockets."""
-    rows = found.models("motion")
+    rows = results.models("motion")
     told = "; ".join(f"{m.label} {100 * row['follows']:.2g} %" for m, row in rows)
     return graded([row["follows"] < 0.05 for _, row in rows], f"speed less teeth x pitch x turns, RMS: {told}")
 
 
-def settled(found: Found) -> Verdict:
+def settled(results: Results) -> Verdict:
     """The chassis settles by 0.03 m."""
-    rows = found.models("motion")
+    rows = results.models("motion")
     told = "; ".join(f"{m.label} {1e3 * row['settled']:.2f} mm" for m, row in rows)
     return graded([abs(row["settled"] / SETTLED - 1.0) < 0.1 for _, row in rows], told)
 
 
-def alike(found: Found) -> Verdict:
+def alike(results: Results) -> Verdict:
     """Chassis motions of all models agree, 0 to 8 s."""
-    rows = [(m, row) for m, row in found.models("motion") if m is not whole_runs.REFERENCE]
+    rows = [(m, row) for m, row in results.models("motion") if m is not whole_runs.REFERENCE]
     told = "; ".join(
         f"{m.label} " + " / ".join(f"{100 * row[name]:.2g}" for name in whole_runs.MOTION) + " %" for m, row in rows
     )
@@ -148,9 +148,9 @@ def alike(found: Found) -> Verdict:
     return graded(good, f"position / velocity / pitch from those of {whole_runs.REFERENCE.label}: {told}")
 
 
-def visited(found: Found) -> Verdict:
+def visited(results: Results) -> Verdict:
     """The node moves from the ground to the idler, round, and back to the ground."""
-    rows = found.models("node")
+    rows = results.models("node")
     good = ["ground, idler, upper run, sprocket, ground" in row.figures["visited"] for _, row in rows]
     return graded(good, rows[0][1].figures["visited"] if rows else "")
 
@@ -158,9 +158,9 @@ def visited(found: Found) -> Verdict:
 # --- forces and costs ----------------------------------------------------------------------------------------------
 
 
-def sections(found: Found) -> Verdict:
+def sections(results: Results) -> Verdict:
     """At 5 s the chain is tight before the sprocket, slack after it, with a transition between."""
-    rows = found.models("sections")
+    rows = results.models("sections")
     told = "; ".join(
         f"{m.label} {row['top'] / 1e3:.1f} > {row['rear'] / 1e3:.1f} > {row['front'] / 1e3:.1f} kN" for m, row in rows
     )
@@ -170,15 +170,15 @@ def sections(found: Found) -> Verdict:
     )
 
 
-def ratios(found: Found) -> Verdict:
+def ratios(results: Results) -> Verdict:
     """Flexible over rigid by Adams' methods at equal error: 4 in CPU time, 8.5 in evaluations.
 
     CPU times are evaluations times the cost of one, measured in turn.
     """
     told, near, order = [], [], []
     for rigid in (RIGID, RIGID_SPRING, RECURSIVE):
-        one, other = (found.one("cost", model, method=pieces.ADAMS) for model in (CLOSED, rigid))
-        each = found.one("each", rigid=rigid.name, method=pieces.ADAMS)
+        one, other = (results.first("cost", model, method=pieces.ADAMS) for model in (CLOSED, rigid))
+        each = results.first("each", rigid=rigid.name, method=pieces.ADAMS)
         if one is None or other is None or each is None or not (one.ok and other.ok):
             continue
         count = one["evaluations"] / other["evaluations"]
@@ -191,13 +191,13 @@ def ratios(found: Found) -> Verdict:
     text = f"at an error of {pieces.EQUAL:g} CPU time and evaluations would be those of the rigid model times: "
     text += f"{'; '.join(told)}; paper {CPU:g} and {EVALUATIONS:g}"
     for over in (TOLERANCE, INTERVAL, FMUS):
-        counts = [row["evaluations"] for row in ratio_rows(found.rows) if row.figures["over"] == over]
+        counts = [row["evaluations"] for row in ratio_rows(results.rows) if row.figures["over"] == over]
         text += f"; over {OVER[over]} evaluations times {min(counts):.3g} to {max(counts):.3g}" if counts else ""
-    own = found.one("cost", CLOSED, method=pieces.ADAMS)
-    each = found.one("each", rigid=RIGID_SPRING.name, method=pieces.ADAMS)
+    own = results.first("cost", CLOSED, method=pieces.ADAMS)
+    each = results.first("each", rigid=RIGID_SPRING.name, method=pieces.ADAMS)
     springs = []
     if own is not None and each is not None:
-        points = [(row["stiffness"], row["evaluations"]) for row in found.of("stiffness") if row.ok]
+        points = [(row["stiffness"], row["evaluations"]) for row in results.of("stiffness") if row.ok]
         parts = each["each"] / CPU, 1.0 / EVALUATIONS
         springs = [modulus.crossing(points, own["evaluations"] * part) for part in parts]
     if springs and all(0.0 < spring < math.inf for spring in springs):
@@ -205,7 +205,7 @@ def ratios(found: Found) -> Verdict:
     return Verdict(HOLDS if any(near) else PART if all(order) else NOT, text)
 
 
-def each_evaluation(found: Found) -> Verdict:
+def each_evaluation(results: Results) -> Verdict:
     """4 / 8.5: an evaluation of the flexible model costs about half of one of the augmented rigid model.
 
     Compared by Adams' methods with the chain closed by a spring, as in the paper. The chain closed by a pin takes so
@@ -217,7 +217,7 @@ def each_evaluation(found: Found) -> Verdict:
         (pieces.RUNGE_KUTTA, RIGID_SPRING),
         (pieces.RUNGE_KUTTA, RIGID),
     ):
-        row = found.one("each", rigid=rigid.name, method=method)
+        row = results.first("each", rigid=rigid.name, method=method)
         if row is not None and row.ok:
             told.append(f"{row['each']:.2f} over {rigid.label} ({method})")
             ratios.append(row["each"])
@@ -229,9 +229,9 @@ def each_evaluation(found: Found) -> Verdict:
     return Verdict(HOLDS if near else PART if any(ratio < 1.0 for ratio in ratios) else NOT, text)
 
 
-def fast(found: Found) -> Verdict:
+def fast(results: Results) -> Verdict:
     """The force of a flexible chain has high frequencies that a rigid one lacks; they limit the steps."""
-    own, rigid = found.one("spectrum", CLOSED), found.one("spectrum", RIGID)
+    own, rigid = results.first("spectrum", CLOSED), results.first("spectrum", RIGID)
     if own is None or rigid is None:
         return NONE
     shares = ", ".join(
@@ -245,9 +245,9 @@ def fast(found: Found) -> Verdict:
     return graded([own[f"along_{high:g}"] > 2.0 * rigid[f"along_{high:g}"], own["step"] < rigid["step"]], text)
 
 
-def contact_frequencies(found: Found) -> Verdict:
+def contact_frequencies(results: Results) -> Verdict:
     """Section 6, point 4: contact forces have frequencies as high as elastic ones."""
-    own = found.one("spectrum", CLOSED)
+    own = results.first("spectrum", CLOSED)
     if own is None:
         return NONE
     text = (
@@ -257,9 +257,9 @@ def contact_frequencies(found: Found) -> Verdict:
     return graded([own["contact"] > 0.5 * own["wave"]], text)
 
 
-def realistic(found: Found) -> Verdict:
+def realistic(results: Results) -> Verdict:
     """Elasticity at equal inertia changes forces by more than 1 %; the effect of inertia as information."""
-    rows = {key: found.of("effect", key=key) for key in ("elasticity", "inertia")}
+    rows = {key: results.of("effect", key=key) for key in ("elasticity", "inertia")}
     if not all(rows.values()):
         return NONE
     told = "; ".join(
@@ -271,9 +271,9 @@ def realistic(found: Found) -> Verdict:
     return graded(good, f"first joint's force / tensions at 5 s / pitch, relative differences: {told}")
 
 
-def soft(found: Found) -> Verdict:
+def soft(results: Results) -> Verdict:
     """Below some modulus flexible chains cost less than rigid ones, explicit and implicit."""
-    crossings = crossed(found)
+    crossings = crossed(results)
     if not crossings:
         return NONE
     words = [
@@ -284,7 +284,7 @@ def soft(found: Found) -> Verdict:
     return graded(good, f"the flexible chain takes less CPU time than the rigid one: {', '.join(words)}")
 
 
-def crossed(found: Found) -> dict[str, float]:
+def crossed(results: Results) -> dict[str, float]:
     """Modulus, Pa, below which the closed mesh costs less, by method and rigid model, as far as known."""
     crossings = {}
     for method, key in (
@@ -292,9 +292,11 @@ def crossed(found: Found) -> dict[str, float]:
         (pieces.RUNGE_KUTTA, "cpu_runge_kutta"),
         ("implicit", "implicit"),
     ):
-        points = [(row["modulus"], row[key]) for row in found.of("modulus", CLOSED) if row[key] > 0.0]
+        points = [(row["modulus"], row[key]) for row in results.of("modulus", CLOSED) if row[key] > 0.0]
         for model in (RIGID, RIGID_SPRING, RECURSIVE):
-            one = found.one("modulus", model) if method == "implicit" else found.one("cost", model, method=method)
+            one = (
+                results.first("modulus", model) if method == "implicit" else results.first("cost", model, method=method)
+            )
             cost = math.nan if one is None else one["implicit" if method == "implicit" else "cpu"]
             crossing = modulus.crossing(points, cost)
             if not math.isnan(crossing):
@@ -302,19 +304,19 @@ def crossed(found: Found) -> dict[str, float]:
     return crossings
 
 
-def detail(found: Found) -> Verdict:
+def detail(results: Results) -> Verdict:
     """An implicit step of a flexible chain costs as much as one of a rigid chain, measured in turn."""
-    rows = [row for row in found.of("links", CLOSED) if math.isfinite(row["step_over_rigid"])]
+    rows = [row for row in results.of("links", CLOSED) if math.isfinite(row["step_over_rigid"])]
     told = ", ".join(f"{row['links']}: {row['step_over_rigid']:.2f}" for row in rows)
     good = [row["step_over_rigid"] < SAME for row in rows]
     return graded(good, f"time of an implicit step, {CLOSED.label} over {RIGID.label}, by links: {told}")
 
 
-def conventional(found: Found) -> Verdict:
+def conventional(results: Results) -> Verdict:
     """Elimination of joints saves time over the conventional chain, if that was measured."""
-    run, told, ratios = found.one("run", CONVENTIONAL), [], []
-    for row in found.of("links", CONVENTIONAL):
-        own = found.one("links", CLOSED, links=row["links"])
+    run, told, ratios = results.first("run", CONVENTIONAL), [], []
+    for row in results.of("links", CONVENTIONAL):
+        own = results.first("links", CLOSED, links=row["links"])
         for key in ("evaluation", "step"):
             if own is not None and math.isfinite(row[key]) and math.isfinite(own[key]):
                 ratios.append(row[key] / own[key])
@@ -328,20 +330,20 @@ def conventional(found: Found) -> Verdict:
     )
 
 
-def transformed(found: Found) -> Verdict:
+def transformed(results: Results) -> Verdict:
     """Cholesky coordinates save time and storage over nodal ones of the same mesh: ratios are below 1.
 
     The time of a run is its evaluations times that of one, measured in turn with the nodal mesh.
     """
     ratios, told, each = [], [], math.nan
-    for row in found.of("links", TRANSFORMED):
-        nodal = found.one("links", CLOSED, links=row["links"])
+    for row in results.of("links", TRANSFORMED):
+        nodal = results.first("links", CLOSED, links=row["links"])
         if nodal is not None and math.isfinite(row["over_peer"]):
             each = row["over_peer"] if row["links"] == AT else each
             ratios += [row["over_peer"], row["bytes"] / nodal["bytes"]]
             told.append(f"{row['links']} links {ratios[-2]:.2f} of an evaluation, {ratios[-1]:.2f} of the storage")
     for method in (pieces.ADAMS, pieces.RUNGE_KUTTA):
-        own, nodal = (found.one("cost", model, method=method) for model in (TRANSFORMED, CLOSED))
+        own, nodal = (results.first("cost", model, method=method) for model in (TRANSFORMED, CLOSED))
         if own is not None and nodal is not None and own.ok and nodal.ok and math.isfinite(each):
             count = own["evaluations"] / nodal["evaluations"]
             ratios.append(count * each)

@@ -87,12 +87,12 @@ def dependent(B: Floats) -> NDArray[np.int64]:
     return np.sort(qr(B, mode="r", pivoting=True)[1][: len(B)])
 
 
-def nearest(one: Floats, other: Floats, length: float, columns: NDArray[np.int64]) -> float:
+def nearest(first: Floats, second: Floats, length: float, columns: NDArray[np.int64]) -> float:
     """Condition at the sign change of the columns' determinant between two instants, by bisection."""
-    turn = np.angle(np.exp(1j * (other - one)))
+    turn = np.angle(np.exp(1j * (second - first)))
 
     def chosen(share: float) -> Floats:
-        return jacobian(one + share * turn, length)[:, columns]
+        return jacobian(first + share * turn, length)[:, columns]
 
     low, high = 0.0, 1.0
     sign = np.linalg.slogdet(chosen(low))[0]

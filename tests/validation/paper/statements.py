@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from orchestrator.studies.row import Row
 from tests.validation.paper import rules, theory
-from tests.validation.paper.found import UNMEASURED, Found, Verdict
+from tests.validation.paper.results import UNMEASURED, Results, Verdict
 
 
 class Statement(NamedTuple):
@@ -18,7 +18,7 @@ class Statement(NamedTuple):
 
     where: str  # sections
     text: str
-    rule: Callable[[Found], Verdict]
+    rule: Callable[[Results], Verdict]
     seen: str = ""  # figures and tables with the evidence
 
 
@@ -199,10 +199,10 @@ STATEMENTS = (
 
 def judged(rows: Sequence[Row]) -> list[Row]:
     """Rows of all statements."""
-    found = Found(rows)
+    results = Results(rows)
     return [
         Row("statement", each.text, {"where": each.where, "verdict": told.verdict, "measured": told.measured,
                                      "seen": each.seen})
         for each in STATEMENTS
-        if (told := each.rule(found))
+        if (told := each.rule(results))
     ]  # fmt: skip

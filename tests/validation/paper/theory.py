@@ -5,36 +5,36 @@ from __future__ import annotations
 import math
 
 from orchestrator.studies.row import Row
-from tests.validation.paper.found import NONE, Found, Verdict, graded
 from tests.validation.paper.models import CLOSED
+from tests.validation.paper.results import NONE, Results, Verdict, graded
 
 NEAR = 1e-3  # of a printed value
 
 
-def equations(found: Found, *keys: str) -> list[Row]:
+def equations(results: Results, *keys: str) -> list[Row]:
     """Rows of these equations, in this order; raises LookupError if one was not measured."""
-    rows = {row.figures["key"]: row for row in found.of("equation")}
+    rows = {row.figures["key"]: row for row in results.of("equation")}
     return [rows[key] for key in keys]
 
 
-def checked(found: Found, *keys: str, printed: float | None = None) -> Verdict:
+def checked(results: Results, *keys: str, printed: float | None = None) -> Verdict:
     """Verdict "holds" if all these equations hold and, if given, yield the ``printed`` value."""
     try:
-        rows = equations(found, *keys)
+        rows = equations(results, *keys)
     except LookupError:
         return NONE
     good = [row.ok is True if printed is None else abs(row["value"] - printed) < NEAR for row in rows]
     return graded(good, "; ".join(f"{row.case}: {row['value']:.3g}" for row in rows))
 
 
-def positions(found: Found) -> Verdict:
+def positions(results: Results) -> Verdict:
     """Section 2: positions are S e."""
-    return checked(found, "cubic", "rigid")
+    return checked(results, "cubic", "rigid")
 
 
-def constant_inertia(found: Found) -> Verdict:
+def constant_inertia(results: Results) -> Verdict:
     """One mass matrix gives the kinetic energy of every motion; that of a cut rigid chain varies."""
-    verdict, row = checked(found, "mass", "kinetic", "inertia"), found.one("singularity", CLOSED)
+    verdict, row = checked(results, "mass", "kinetic", "inertia"), results.first("singularity", CLOSED)
     if row is None or not row.ok or verdict is NONE:
         return verdict
     varies = max(row["cut"]) / min(row["cut"])
@@ -44,67 +44,67 @@ def constant_inertia(found: Found) -> Verdict:
     )
 
 
-def joint_equations(found: Found) -> Verdict:
+def joint_equations(results: Results) -> Verdict:
     """Sections 4.1 to 4.3: equations of the joints."""
-    return checked(found, "spherical", "pin", "pin_beam", "sliding")
+    return checked(results, "spherical", "pin", "pin_beam", "sliding")
 
 
-def joint_modes(found: Found) -> Verdict:
+def joint_modes(results: Results) -> Verdict:
     """Section 4.4: modes at a pin of beams."""
-    return checked(found, "deformations", "rotation", "continuous", "pin_stretch")
+    return checked(results, "deformations", "rotation", "continuous", "pin_stretch")
 
 
-def same_geometry(found: Found) -> Verdict:
+def same_geometry(results: Results) -> Verdict:
     """Splines and elements are linked by exact linear maps in both directions; rational weights have none."""
-    verdict = checked(found, "geometry")
+    verdict = checked(results, "geometry")
     return verdict if verdict is NONE else verdict._replace(measured=f"{verdict.measured}; NURBS have no such map")
 
 
-def patch(found: Found) -> Verdict:
+def patch(results: Results) -> Verdict:
     """Section 5.2: control points of a bicubic patch."""
-    return checked(found, "patch")
+    return checked(results, "patch")
 
 
-def knots(found: Found) -> Verdict:
+def knots(results: Results) -> Verdict:
     """Section 5.3: a knot is one control point and three equations; no knot has the pin's four."""
     keys = *(f"removed_{m}" for m in (3, 2, 1)), "equations_cable", "pin_equations", "pin_knot"
-    return checked(found, *keys)
+    return checked(results, *keys)
 
 
-def corners(found: Found) -> Verdict:
+def corners(results: Results) -> Verdict:
     """Section 5.4: a rigid corner is C0 like a spherical joint, with three more equations."""
-    return checked(found, "spherical_equations", "spherical_knot", "rigid_equations", "rigid_weaker", "rigid_knot")
+    return checked(results, "spherical_equations", "spherical_knot", "rigid_equations", "rigid_weaker", "rigid_knot")
 
 
-def sliding(found: Found) -> Verdict:
+def sliding(results: Results) -> Verdict:
     """Section 5.5: every knot that makes slopes continuous makes positions continuous too."""
-    return checked(found, *(f"continuity_{m}" for m in (3, 2, 1)), "sliding_knot", "sliding_weaker")
+    return checked(results, *(f"continuity_{m}" for m in (3, 2, 1)), "sliding_knot", "sliding_weaker")
 
 
-def cheaper(found: Found) -> Verdict:
+def cheaper(results: Results) -> Verdict:
     """Section 7.1: (11)-(15) cost less than (8)-(10)."""
-    rows = found.of("elasticity", elasticity="general")
+    rows = results.of("elasticity", elasticity="general")
     told = ", ".join(f"{row['links']} links {row['evaluation']:.2f} and {row['step']:.2f}" for row in rows)
     good = [row[key] > 1.0 for row in rows for key in ("evaluation", "step") if math.isfinite(row[key])]
     return graded(good, f"CPU time of (8)-(10) over (11)-(15), of an evaluation and of an implicit step: {told}")
 
 
-def coupled(found: Found) -> Verdict:
+def coupled(results: Results) -> Verdict:
     """Section 7.1: bending causes tension, and both models agree at small strains."""
-    return checked(found, "coupling", "models")
+    return checked(results, "coupling", "models")
 
 
-def constant_stiffness(found: Found) -> Verdict:
+def constant_stiffness(results: Results) -> Verdict:
     """Below (15): K_e,t is constant, K_e,l is proportional to the strain."""
-    return checked(found, "bending", "axial", printed=1.0)
+    return checked(results, "bending", "axial", printed=1.0)
 
 
-def potential(found: Found) -> Verdict:
+def potential(results: Results) -> Verdict:
     """Below (12): the force of the printed mean strain is no gradient of (8); that of Green's strain is."""
-    chord, green = checked(found, "chord", printed=0.0), checked(found, "green")
+    chord, green = checked(results, "chord", printed=0.0), checked(results, "green")
     return chord if chord is NONE else chord._replace(measured=f"{chord.measured}; {green.measured}")
 
 
-def undamped(found: Found) -> Verdict:
+def undamped(results: Results) -> Verdict:
     """Section 7.2: rigid motion is undamped."""
-    return checked(found, "undamped")
+    return checked(results, "undamped")

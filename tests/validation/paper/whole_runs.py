@@ -131,7 +131,7 @@ def _singular(run: RunData) -> dict[str, Any]:
     placed = list(circuit.records(run, TRACK, TURNING))
     t = np.concatenate([each.t for each in placed])
     flat = [np.einsum("mni,mij->mnj", each.pins, each.axes[..., [0, 2]]) for each in placed]
-    mass = hull.number(run, "track", "mass")
+    mass = hull.vehicle_number(run, "track", "mass")
     inertia = float(run.scene["vehicle"]["track"]["inertia"][1])
     some = slice(None, None, max(1, len(t) // 400))
     loop = singularity.followed(t[some], np.concatenate(flat)[some], inertia, mass)

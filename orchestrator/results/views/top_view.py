@@ -14,11 +14,11 @@ import numpy as np
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
-from orchestrator.results.picture import saved
+from orchestrator.results.picture import save_figure
 from orchestrator.results.run_data import EVER, RunData, Window, within
 from orchestrator.results.views.bodies import EVERY, Bodies, NoInstant, Poses
-from orchestrator.results.views.files import PICTURES, checked_name
-from orchestrator.results.views.projected import camera, polygons
+from orchestrator.results.views.files import PICTURES, check_name
+from orchestrator.results.views.projected import make_camera, polygons
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,10 +27,10 @@ INSTANTS = 5
 ROOM = 5.0  # m: margin beside the path of the vehicle
 LONGEST, OF_LINKS = 0.1, 0.045  # share of the picture: arrow of the largest force on a track, on a link
 SHORTEST = 0.03  # of the longest arrow: shorter ones are not drawn
-SEEN = camera("top", 0.0, np.zeros(3))  # the picture's axes are those of the world
+CAMERA = make_camera("top", 0.0, np.zeros(3))  # the picture's axes are those of the world
 
 
-class ViewFromAbove(NamedTuple):
+class TopView(NamedTuple):
     """Both tracks at one instant, in x and y of the world."""
 
     t: float  # s
@@ -46,7 +46,7 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    checked_name(output, PICTURES)
+    check_name(output, PICTURES)
     with Log(path) as log:
         run = RunData(log)
         linked = run.tracks and all(f"/{name}/links" in log.topics for name in run.tracks)
@@ -57,22 +57,22 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
         except NoInstant:
             raise BadInput("the log holds no step to draw") from None
         t, way = run.vectors("chassis", "out", "chassis.position", "xy", EVER)
-        bodies.keep(_instants(t, times))
+        bodies.select_instants(_instants(t, times))
         figure = Figure(figsize=(8.0, 8.0), layout="constrained")
         FigureCanvasAgg(figure)
         pane = figure.subplots()
         pane.plot(*way.T, color="0.6", linewidth=1.0, zorder=1, label="centre of mass of the hull")
-        views = [view_from_above(bodies, poses) for poses in bodies.blocks(1)]
-        _add(pane, views, float(np.ptp(way, axis=0).max()) + ROOM)
+        views = [top_view(bodies, poses) for poses in bodies.blocks(1)]
+        _draw_views(pane, views, float(np.ptp(way, axis=0).max()) + ROOM)
         pane.set_aspect("equal", adjustable="datalim")
         pane.set_xlabel("x, m")
         pane.set_ylabel("y, m")
         pane.legend(fontsize=8)
         pane.set_title(bodies.title, fontsize=9, parse_math=False)
-        saved(figure, output)
+        save_figure(figure, output)
 
 
-def view_from_above(bodies: Bodies, poses: Poses, k: int = 0) -> ViewFromAbove:
+def top_view(bodies: Bodies, poses: Poses, k: int = 0) -> TopView:
     """Return both tracks at the k-th instant."""
     t, by_link = float(poses.t[k]), all(links.ground is not None for links in poses.links.values())
     feet, force = [], []
@@ -84,12 +84,12 @@ def view_from_above(bodies: Bodies, poses: Poses, k: int = 0) -> ViewFromAbove:
             times, whole = bodies.run.vectors(name, "out", "ground.force", "xyz", EVER)
             feet.append(links.pins[k].mean(axis=0)[None])
             force.append(np.array([[np.interp(t, times, part) for part in whole.T]]))
-    faces = polygons(SEEN, bodies, poses, k, (0.0, 1.0), lower=True).outlines
-    hull = poses.places().mean(axis=0) if poses.hull is None else poses.hull.position[k]
-    return ViewFromAbove(t, hull[:2], faces, np.concatenate(feet)[:, :2], np.concatenate(force)[:, :2], by_link)
+    faces = polygons(CAMERA, bodies, poses, k, (0.0, 1.0), lower=True).outlines
+    hull = poses.positions().mean(axis=0) if poses.hull is None else poses.hull.position[k]
+    return TopView(t, hull[:2], faces, np.concatenate(feet)[:, :2], np.concatenate(force)[:, :2], by_link)
 
 
-def _add(pane: Axes, views: Sequence[ViewFromAbove], size: float) -> None:
+def _draw_views(pane: Axes, views: Sequence[TopView], size: float) -> None:
     """Draw the tracks; ``size``, m, of the picture scales the arrow of the largest force."""
     from matplotlib.collections import PolyCollection
 
@@ -99,9 +99,9 @@ def _add(pane: Axes, views: Sequence[ViewFromAbove], size: float) -> None:
     for view in views:
         pane.add_collection(PolyCollection(view.links, facecolors="C0", edgecolors="none", alpha=0.35))
         arrows = view.force * longest / largest
-        shown = np.hypot(*arrows.T) > SHORTEST * longest
+        visible = np.hypot(*arrows.T) > SHORTEST * longest
         pane.quiver(
-            *view.feet[shown].T, *arrows[shown].T, angles="xy", scale_units="xy", scale=1.0, color="C3", zorder=3,
+            *view.feet[visible].T, *arrows[visible].T, angles="xy", scale_units="xy", scale=1.0, color="C3", zorder=3,
             width=0.0015 if by_link else 0.003,
         )  # fmt: skip
         pane.plot(*view.hull, "o", color="0.3", markersize=3)

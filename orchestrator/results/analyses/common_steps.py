@@ -22,24 +22,26 @@ def columns(run: RunData, names: Sequence[str]) -> dict[str, list[int]]:
     return {topic: sorted(set(chosen[topic])) for topic in run.log.topics if topic in chosen}
 
 
-def together(run: RunData, names: Sequence[str], window: Window) -> tuple[Floats, Floats]:
+def common_values(run: RunData, names: Sequence[str], window: Window) -> tuple[Floats, Floats]:
     """Times (m,) and values (m, names) of signals with common steps; raises Missing, NoSuchSignal."""
-    wanted = columns(run, names)
-    found = run.log.select(wanted, window)
-    t = next(iter(found.values())).t
-    if not all(np.array_equal(series.t, t) for series in found.values()):
+    columns_by_topic = columns(run, names)
+    series_by_topic = run.log.select(columns_by_topic, window)
+    t = next(iter(series_by_topic.values())).t
+    if not all(np.array_equal(series.t, t) for series in series_by_topic.values()):
         raise Missing(f"{run.log.path} holds different steps of its components: {RECOVER}")
     if not len(t):
         raise Missing(f"{run.log.path} holds no step between {window.start:g} and {window.end:g} s")
     places = [run.log.find(name) for name in names]
-    return t, np.stack([found[topic].values[:, wanted[topic].index(column)] for topic, column in places], axis=1)
+    return t, np.stack(
+        [series_by_topic[topic].values[:, columns_by_topic[topic].index(column)] for topic, column in places], axis=1
+    )
 
 
 def blocks(run: RunData, names: Sequence[str], window: Window = EVER) -> Iterator[tuple[Floats, Floats]]:
     """Times (m,) and values (m, names) in blocks of steps, as far as all signals go; raises Missing, NoSuchSignal."""
-    wanted = columns(run, names)
-    places = [(topic, wanted[topic].index(column)) for topic, column in map(run.log.find, names)]
-    for block in run.log.blocks(wanted, BLOCK, window=window) if wanted else ():
+    columns_by_topic = columns(run, names)
+    places = [(topic, columns_by_topic[topic].index(column)) for topic, column in map(run.log.find, names)]
+    for block in run.log.blocks(columns_by_topic, BLOCK, window=window) if columns_by_topic else ():
         count = min(len(series.t) for series in block.values())
         t = next(iter(block.values())).t[:count]
         if not all(np.array_equal(series.t[:count], t) for series in block.values()):

@@ -9,7 +9,7 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
-from orchestrator.results.energy import Port
+from orchestrator.results.energy import WrenchPort
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import Missing, RunData
 from orchestrator.results.validity.piece import Piece
@@ -18,7 +18,7 @@ HULL = "chassis.chassis.orientation"
 REACH = 1.2  # of the radius of the teeth: pins further away have no contact
 
 
-def toothed(run: RunData) -> tuple[str, ...]:
+def tracks_on_sprockets(run: RunData) -> tuple[str, ...]:
     """Names of the tracks with a sprocket."""
     return tuple(track for track in run.tracks if hull.sprocket(run, track) is not None)
 
@@ -26,11 +26,11 @@ def toothed(run: RunData) -> tuple[str, ...]:
 def signals(run: RunData) -> Iterator[str]:
     """Signals: positions of the axles, sprocket angles, chain travel, pose of the hull."""
     yield from (f"{HULL}.{part}" for part in "wxyz")
-    for track in toothed(run):
+    for track in tracks_on_sprockets(run):
         port = _port(run, track)
         yield f"{track}.travel"
         yield f"{shaft(run, track)}angle"
-        yield from (f"{port.taker}.{port.taken}.position.{axis}" for axis in "xyz")
+        yield from (f"{port.taker}.{port.taker_connector}.position.{axis}" for axis in "xyz")
 
 
 def drift(piece: Piece, track: str) -> tuple[Floats, Floats]:
@@ -39,15 +39,15 @@ def drift(piece: Piece, track: str) -> tuple[Floats, Floats]:
     Stretch of the spans and motion of the idler make up to 0.4, sprockets that lock at speed 0.6, a jump 1. Raises
     Missing.
     """
-    pitch, teeth = hull.number(piece.run, "track", "pitch"), hull.number(piece.run, "sprocket", "teeth")
+    pitch, teeth = hull.vehicle_number(piece.run, "track", "pitch"), hull.vehicle_number(piece.run, "sprocket", "teeth")
     t, travel = piece.signal(f"{track}.travel")
     _, angle = piece.signal(f"{shaft(piece.run, track)}angle")
     if len(travel) != len(angle) or not len(angle):
         raise Missing("the log holds different steps of its components")
     turned = angle * teeth / (2.0 * np.pi)
-    parted = travel / pitch - turned, travel / pitch + turned  # links are numbered in either direction
-    least = min(parted, key=lambda each: float(np.ptp(each)))
-    return t, least - least[0]
+    differences = travel / pitch - turned, travel / pitch + turned  # links are numbered in either direction
+    smallest = min(differences, key=lambda difference: float(np.ptp(difference)))
+    return t, smallest - smallest[0]
 
 
 class Polar(NamedTuple):
@@ -60,18 +60,18 @@ class Polar(NamedTuple):
 
 def polar(piece: Piece, track: str) -> Polar:
     """Polar coordinates of the pins of a track; the angle jumps opposite the wrap. Raises Missing."""
-    return piece.once(f"polar, {track}", lambda: _polar(piece, track))
+    return piece.compute_once(f"polar, {track}", lambda: _polar(piece, track))
 
 
 def _polar(piece: Piece, track: str) -> Polar:
     port = _port(piece.run, track)
     t, pins = piece.pins(track)
-    axle = _at(t, *piece.vector(f"{port.taker}.{port.taken}.position"))
-    turned = _at(t, *piece.columns([f"{shaft(piece.run, track)}angle"]))[:, 0]
+    axle = _interpolated(t, *piece.vector(f"{port.taker}.{port.taker_connector}.position"))
+    turned = _interpolated(t, *piece.columns([f"{shaft(piece.run, track)}angle"]))[:, 0]
     ahead, up = _axes(piece, t)
     offset = pins - axle[:, None]
     x, z = np.einsum("mni,mi->mn", offset, ahead), np.einsum("mni,mi->mn", offset, up)
-    reach = REACH * hull.number(piece.run, "sprocket", "outer_radius")
+    reach = REACH * hull.vehicle_number(piece.run, "sprocket", "outer_radius")
     record, pin = np.nonzero((np.abs(x) < reach) & (np.abs(z) < reach))
     near_x, near_z = x[record, pin], z[record, pin]
     distance, angle = np.full(x.shape, np.inf), np.full(x.shape, np.nan)
@@ -82,7 +82,7 @@ def _polar(piece: Piece, track: str) -> Polar:
     return Polar(t, distance, angle)
 
 
-def _port(run: RunData, track: str) -> Port:
+def _port(run: RunData, track: str) -> WrenchPort:
     port = hull.sprocket(run, track)
     if port is None:
         raise Missing(f"'{track}' runs on no sprocket")
@@ -92,13 +92,13 @@ def _port(run: RunData, track: str) -> Port:
 def shaft(run: RunData, track: str) -> str:
     """Prefix of the shaft variables of a track's sprocket; raises Missing."""
     port = _port(run, track)
-    return f"{port.taker}.{port.taken.removesuffix('sprocket')}"
+    return f"{port.taker}.{port.taker_connector.removesuffix('sprocket')}"
 
 
 def _axes(piece: Piece, t: Floats) -> tuple[Floats, Floats]:
     """Unit vectors ahead and up of the hull, (m, 3) each; without a hull those of the start."""
     try:
-        q = _at(t, *piece.vector(HULL, "wxyz"))
+        q = _interpolated(t, *piece.vector(HULL, "wxyz"))
     except Missing:
         heading = float(piece.run.scene.get("start", {}).get("heading", 0.0))
         ahead = np.tile([np.cos(heading), np.sin(heading), 0.0], (len(t), 1))
@@ -107,7 +107,7 @@ def _axes(piece: Piece, t: Floats) -> tuple[Floats, Floats]:
     return axes[..., 0], axes[..., 2]
 
 
-def _at(t: Floats, times: Floats, values: Floats) -> Floats:
+def _interpolated(t: Floats, times: Floats, values: Floats) -> Floats:
     """Values (m, k) at times (m,), s, linearly interpolated; raises Missing."""
     if not len(times):
         raise Missing("nothing was recorded in this window")

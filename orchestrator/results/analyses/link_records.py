@@ -11,7 +11,7 @@ from fmus.link_outputs import INTERVAL
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
 from orchestrator.results.link_columns import POSITION, columns
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, since
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, record_durations
 
 SIZE = 200  # records in memory at once
 GROUPS = {  # signals by the group of ``track.link_outputs`` that contains them
@@ -31,11 +31,11 @@ GROUPS = {  # signals by the group of ``track.link_outputs`` that contains them
 }
 
 
-class Records(NamedTuple):
+class LinkRecords(NamedTuple):
     """Block of records."""
 
     t: Floats  # (m,) s
-    since: Floats  # (m,) s, time since the record before
+    record_durations: Floats  # (m,) s, time since the record before
     values: tuple[Floats, ...]  # one per signal, (m, links or pins), vectors (m, links or pins, 3)
     pins: Floats  # (m, pins, 3) m, for the axes of forces (``midway``); (m, 0, 3) without positions
 
@@ -70,8 +70,8 @@ def has(run: RunData, track: str, signal: str) -> bool:
 def count(run: RunData, track: str) -> int:
     """Number of links of a track by its recorded signals; 0 without any."""
     topic = run.log.topics.get(f"/{track}/links")
-    found = [family(name) for name in topic.names] if topic else []
-    return max((number for key, number in found if number and key.startswith("link[*]")), default=0)
+    families = [family(name) for name in topic.names] if topic else []
+    return max((number for key, number in families if number and key.startswith("link[*]")), default=0)
 
 
 def unit(run: RunData, track: str, signal: str) -> str:
@@ -80,7 +80,7 @@ def unit(run: RunData, track: str, signal: str) -> str:
     return run.log.topics[f"/{track}/links"].units[column]
 
 
-def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> Iterator[Records]:
+def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> Iterator[LinkRecords]:
     """Signals of all links or pins, as "link[*].tension" or, for a vector, "joint[*].position".
 
     A block holds about SIZE records; nothing is cached. Raises Missing if a signal was not recorded, or not in the
@@ -88,18 +88,20 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
     """
     topic = f"/{track}/links"
     places = [_columns(run, track, signal) for signal in signals]
-    wanted = list(dict.fromkeys(int(column) for place in places for column in place.flat))
-    order = {column: k for k, column in enumerate(wanted)}
-    found = [np.vectorize(order.__getitem__)(place) for place in places]
+    columns_read = list(dict.fromkeys(int(column) for place in places for column in place.flat))
+    order = {column: k for k, column in enumerate(columns_read)}
+    columns_of_signals = [np.vectorize(order.__getitem__)(place) for place in places]
     last: float | None = None
     before: Floats | None = None
     means = interval(run, track) > 0
-    for block in run.log.blocks({topic: wanted}, SIZE, window=window):
+    for block in run.log.blocks({topic: columns_read}, SIZE, window=window):
         series = block[topic]
         if len(series.t):
-            values = tuple(series.values[:, place] for place in found)
+            values = tuple(series.values[:, place] for place in columns_of_signals)
             pins = values[signals.index(POSITION)] if POSITION in signals else np.empty((len(series.t), 0, 3))
-            yield Records(series.t, since(series.t, last), values, midway(pins, before) if means else pins)
+            yield LinkRecords(
+                series.t, record_durations(series.t, last), values, midway(pins, before) if means else pins
+            )
             last, before = float(series.t[-1]), pins[-1:]
     if last is None:
         when = f"between {window.start:g} and {window.end:g} s"

@@ -1,4 +1,4 @@
-"""Evaluated run: results of the analyses that the sections of a page show."""
+"""Evaluation of a run: results of the analyses that the sections of a page show."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ Made = TypeVar("Made")
 ALIKE = 1e-6  # relative difference of values that count as equal
 HULL = ("speed", "distance", "pitch", "roll", "yaw", "settlement")
 # errors of an evaluation if the log lacks something, or holds something odd
-NOTHING = (LookupError, ValueError, TypeError, ArithmeticError, AttributeError)
+EVALUATION_ERRORS = (LookupError, ValueError, TypeError, ArithmeticError, AttributeError)
 
 
-class Judged(NamedTuple):
+class RunSummary(NamedTuple):
     """Checks and observables of a run."""
 
     checks: Mapping[str, Mapping[str, Any]]  # by name: value, expected, tolerance, ok, note
     observables: Mapping[str, float]
     note: str = ""  # reason if there are none
-    again: str | None = None  # command that makes the run again
+    command: str | None = None  # command that makes the run again
 
 
-class Study(NamedTuple):
-    """Evaluated run."""
+class Evaluation(NamedTuple):
+    """Run, its checks, and the results of its analyses."""
 
     run: RunData
-    judged: Judged
+    summary: RunSummary
     signals: dict[str, SignalCurve]
     drives: list[str]  # prefixes of the variables of drives
     chains: dict[str, LinkLoads]  # by track
@@ -47,15 +47,17 @@ class Study(NamedTuple):
 
     def mean(self, signal: str, window: float) -> Curve | None:
         """Moving mean of a signal over a time, s; None unless its curve is a band."""
-        found = self.signals[signal]
-        return found.moving.over(window) if found.curve.banded(*self.run.span) else None
+        signal_curve = self.signals[signal]
+        return signal_curve.moving_mean.over(window) if signal_curve.curve.is_band(*self.run.span) else None
 
     @property
-    def hardest(self) -> LinkLoads | None:
+    def most_loaded(self) -> LinkLoads | None:
         """Track with the largest tension, of equal ones the first; None without records of links."""
-        found = {track: each.most["tension"].value for track, each in self.chains.items()}
-        most = max(found.values(), default=0.0)
-        return next((self.chains[track] for track, value in found.items() if value >= most - ALIKE * abs(most)), None)
+        tensions = {track: loads.most["tension"].value for track, loads in self.chains.items()}
+        largest = max(tensions.values(), default=0.0)
+        return next(
+            (self.chains[track] for track, value in tensions.items() if value >= largest - ALIKE * abs(largest)), None
+        )
 
     def result(self, name: str) -> Any:
         """Result in the closing record; None without it."""
@@ -65,27 +67,28 @@ class Study(NamedTuple):
             return None
 
 
-def study(run: RunData, judged: Judged) -> Study:
+def evaluate(run: RunData, summary: RunSummary) -> Evaluation:
     """Evaluate a run; raises LogUnreadable if the log is damaged."""
     missing: list[str] = []
     drives = curves.drives(run)
-    wanted = [f"chassis.{name}" for name in HULL]
-    wanted += [f"chassis.chassis.position.{axis}" for axis in "xyz"]
-    wanted += [f"{drive}{name}" for drive in drives for name in ("torque", "speed", "power")]
+    names = [f"chassis.{name}" for name in HULL]
+    names += [f"chassis.chassis.position.{axis}" for axis in "xyz"]
+    names += [f"{drive}{name}" for drive in drives for name in ("torque", "speed", "power")]
     for track in run.tracks:
-        wanted += [f"{track}.{name}" for name in ("speed", "slip", "stress.max", "ground.force.z", "penetration.max")]
-        wanted += [f"{track}.tension.{which}" for which in ("max", "mean", "min")]
-    known = curves.of(run, wanted)
+        names += [f"{track}.{name}" for name in ("speed", "slip", "stress.max", "ground.force.z", "penetration.max")]
+        names += [f"{track}.tension.{which}" for which in ("max", "mean", "min")]
+    signals = curves.of(run, names)
     if wheel_loads.names(run):
-        known |= attempt(lambda: curves.loads(run), missing) or {}
+        signals |= attempt(lambda: curves.loads(run), missing) or {}
     chains = {}
     for track in run.tracks:
-        if found := attempt(lambda track=track: link_loads.of(run, track), missing):  # type: ignore[misc]
-            chains[track] = found
-    moved = attempt(lambda: phases.of(run).phases, missing) if "chassis.speed" in known else None
-    return Study(
-        run, judged, known, drives, chains, attempt(lambda: ledger(run), missing),
-        attempt(lambda: curves.energies(run), missing) or {}, curves.ripple(run, drives, known), moved or (), missing,
+        if loads := attempt(lambda track=track: link_loads.of(run, track), missing):  # type: ignore[misc]
+            chains[track] = loads
+    run_phases = attempt(lambda: phases.of(run).phases, missing) if "chassis.speed" in signals else None
+    return Evaluation(
+        run, summary, signals, drives, chains, attempt(lambda: ledger(run), missing),
+        attempt(lambda: curves.energies(run), missing) or {}, curves.ripple(run, drives, signals),
+        run_phases or (), missing,
     )  # fmt: skip
 
 
@@ -95,6 +98,6 @@ def attempt(make: Callable[[], Made], missing: list[str]) -> Made | None:
         return make()
     except LogUnreadable:
         raise
-    except NOTHING as reason:
+    except EVALUATION_ERRORS as reason:
         missing.append(str(reason) or type(reason).__name__)
         return None

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.run_data import RunData, since
+from orchestrator.results.run_data import RunData, record_durations
 
 LIFTED = 0.02  # threshold over the mean load of all members
 TOUCHES = 2.0  # upper over lower threshold
@@ -23,7 +23,7 @@ SETTLING = 0.1  # s: a vehicle that starts as drawn does not rest on its tracks 
 Blocks = Iterator[tuple[Floats, Floats]]  # times (m,), s, and loads (m, members), N, in blocks
 
 
-class Spell(NamedTuple):
+class UnloadedInterval(NamedTuple):
     """Interval without load."""
 
     start: float  # s, of its first step
@@ -34,11 +34,11 @@ class Spell(NamedTuple):
     load: float  # N, at its end; NaN without one
 
 
-class Spells(NamedTuple):
+class UnloadedIntervals(NamedTuple):
     """Intervals of all members."""
 
     threshold: float  # N, lower threshold
-    of: dict[str, list[Spell]]  # by name, in order of time
+    by_member: dict[str, list[UnloadedInterval]]  # by name, in order of time
 
 
 def switches(low: NDArray[np.bool_], high: NDArray[np.bool_], state: bool) -> Iterator[tuple[int, bool]]:
@@ -48,18 +48,18 @@ def switches(low: NDArray[np.bool_], high: NDArray[np.bool_], state: bool) -> It
     yield from zip(known[changes].tolist(), low[known[changes]].tolist(), strict=True)
 
 
-def drops(run: RunData) -> bool:
+def starts_as_drawn(run: RunData) -> bool:
     """True if a vehicle starts as drawn, not in equilibrium."""
     return run.scene.get("assembly") == "vehicle" and run.scene.get("start", {}).get("state") != "equilibrium"
 
 
-def settling(run: RunData, t: float) -> bool:
+def is_settling(run: RunData, t: float) -> bool:
     """True if a vehicle still settles on its tracks at a time, s."""
-    return drops(run) and t <= SETTLING
+    return starts_as_drawn(run) and t <= SETTLING
 
 
-def spells(names: tuple[str, ...], blocks: Callable[[], Blocks]) -> Spells:
-    """Intervals of the loads ``names``; ``blocks`` is called twice; non-finite loads are left out."""
+def unloaded_intervals(names: tuple[str, ...], blocks: Callable[[], Blocks]) -> UnloadedIntervals:
+    """Intervals without load of the members ``names``; ``blocks`` is called twice; non-finite loads are left out."""
     total, duration = np.zeros(len(names)), np.zeros(len(names))
     for _, weights, loads in _weighed(blocks()):
         known = np.isfinite(loads) & np.isfinite(weights)[:, None]
@@ -68,30 +68,34 @@ def spells(names: tuple[str, ...], blocks: Callable[[], Blocks]) -> Spells:
         duration += weights @ known
     seen = duration > 0.0
     least = LIFTED * float(np.mean(total[seen] / duration[seen])) if seen.any() else 0.0
-    found: dict[str, list[Spell]] = {name: [] for name in names}
+    finished: dict[str, list[UnloadedInterval]] = {name: [] for name in names}
     if not least > 0.0:
-        return Spells(least, found)
-    off: dict[str, Spell] = {}  # intervals that still last
+        return UnloadedIntervals(least, finished)
+    open_intervals: dict[str, UnloadedInterval] = {}  # intervals that still last
     first = True
     for t, weights, loads in _weighed(blocks()):
         for name, values in zip(names, loads.T, strict=True):
             low, high, done = values < least, values > TOUCHES * least, 0
             if first and low[0]:
-                off[name] = Spell(float(t[0]), np.nan, 0.0, False, False, np.nan)
-            for at, begins in switches(low, high, name in off):
+                open_intervals[name] = UnloadedInterval(float(t[0]), np.nan, 0.0, False, False, np.nan)
+            for k, begins in switches(low, high, name in open_intervals):
                 if begins:
-                    off[name] = Spell(float(t[at]), np.nan, 0.0, True, False, np.nan)
+                    open_intervals[name] = UnloadedInterval(float(t[k]), np.nan, 0.0, True, False, np.nan)
                 else:
-                    one = off.pop(name)
-                    time = one.time + float(weights[done:at].sum())
-                    found[name].append(one._replace(end=float(t[at]), time=time, ends=True, load=float(values[at])))
-                done = at
-            if name in off:
-                off[name] = off[name]._replace(end=float(t[-1]), time=off[name].time + float(weights[done:].sum()))
+                    interval = open_intervals.pop(name)
+                    time = interval.time + float(weights[done:k].sum())
+                    finished[name].append(
+                        interval._replace(end=float(t[k]), time=time, ends=True, load=float(values[k]))
+                    )
+                done = k
+            if name in open_intervals:
+                open_intervals[name] = open_intervals[name]._replace(
+                    end=float(t[-1]), time=open_intervals[name].time + float(weights[done:].sum())
+                )
         first = False
-    for name, one in off.items():
-        found[name].append(one)
-    return Spells(least, found)
+    for name, interval in open_intervals.items():
+        finished[name].append(interval)
+    return UnloadedIntervals(least, finished)
 
 
 def _weighed(blocks: Blocks) -> Iterator[tuple[Floats, Floats, Floats]]:
@@ -99,5 +103,5 @@ def _weighed(blocks: Blocks) -> Iterator[tuple[Floats, Floats, Floats]]:
     last: float | None = None
     for t, loads in blocks:
         if len(t):
-            yield t, since(t, last), loads
+            yield t, record_durations(t, last), loads
             last = float(t[-1])

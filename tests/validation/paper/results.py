@@ -11,7 +11,7 @@ from tests.validation.paper.models import MODELS, Model
 HOLDS, PART, NOT, UNMEASURED = VERDICTS = "holds", "holds in part", "does not hold", "not measured"
 
 
-class Found(NamedTuple):
+class Results(NamedTuple):
     """All rows of the study."""
 
     rows: Sequence[Row]
@@ -27,14 +27,14 @@ class Found(NamedTuple):
             and all(row.figures.get(key) == value for key, value in figures.items())
         ]
 
-    def one(self, item: str, model: Model | None = None, **figures: object) -> Row | None:
+    def first(self, item: str, model: Model | None = None, **figures: object) -> Row | None:
         """First such row; None without one."""
         return next(iter(self.of(item, model, **figures)), None)
 
     def models(self, item: str) -> list[tuple[Model, Row]]:
         """Models with their rows of a kind."""
-        found = [(model, self.one(item, model)) for model in MODELS]
-        return [(model, row) for model, row in found if row is not None and row.ok]
+        rows_of_models = [(model, self.first(item, model)) for model in MODELS]
+        return [(model, row) for model, row in rows_of_models if row is not None and row.ok]
 
 
 class Verdict(NamedTuple):

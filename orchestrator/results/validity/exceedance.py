@@ -1,4 +1,4 @@
-"""An entry of the validity ledger."""
+"""Entry of the validity ledger: a limit that a run exceeded."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from orchestrator.results.validity.limits import KINDS
 WARNING, FAILURE = "warning", "failure"
 
 
-class Entry(NamedTuple):
-    """Limit that a run passed."""
+class Exceedance(NamedTuple):
+    """Limit that a run exceeded."""
 
     what: str  # key of ``limits.KINDS``
     component: str
@@ -30,24 +30,28 @@ class Entry(NamedTuple):
     def sentence(self) -> str:
         """Sentence for the reader."""
         kind = KINDS[self.what]
-        value, limit = (f"{each / size(kind.unit):.3g}" for each in (self.value, self.limit))
-        at = f" at {self.place}" if self.place else ""
-        return f"{kind.text}{at}: {value} {kind.unit}, limit {limit} {kind.unit}"
+        value, limit = (f"{number / size(kind.unit):.3g}" for number in (self.value, self.limit))
+        where = f" at {self.place}" if self.place else ""
+        return f"{kind.text}{where}: {value} {kind.unit}, limit {limit} {kind.unit}"
 
 
-def recorded(results: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Entries in the results of a closing record, as arguments of ``Entry``; invalid ones are left out."""
+def recorded_entries(results: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Entries in the results of a closing record, as arguments of ``Exceedance``; invalid ones are left out."""
     try:
-        found = json.loads(results.get("validity", "[]"))
+        entries = json.loads(results.get("validity", "[]"))
     except (ValueError, RecursionError):
         return []
     texts = dict.fromkeys(("what", "component", "place", "severity"), str)
     types = {**texts, **dict.fromkeys(("time", "value", "limit"), float)}
-    whole = (each for each in found if isinstance(each, dict)) if isinstance(found, list) else ()
-    return [each for each in whole if {key: type(one) for key, one in each.items()} == types and each["what"] in KINDS]
+    tables = (entry for entry in entries if isinstance(entry, dict)) if isinstance(entries, list) else ()
+    return [
+        entry
+        for entry in tables
+        if {key: type(value) for key, value in entry.items()} == types and entry["what"] in KINDS
+    ]
 
 
-def passed(t: Floats, values: Floats, limit: float) -> tuple[float, float, float] | None:
+def excess(t: Floats, values: Floats, limit: float) -> tuple[float, float, float] | None:
     """First time above the limit, largest value and its time, of values (m,) at times (m,), s; else None."""
     beyond = values > limit  # false for a NaN
     if not beyond.any():
@@ -56,12 +60,12 @@ def passed(t: Floats, values: Floats, limit: float) -> tuple[float, float, float
     return float(t[np.argmax(beyond)]), float(values[worst]), float(t[worst])
 
 
-def levels(
+def exceedances(
     what: str, component: str, t: Floats, values: Floats, warning: float, failure: float
-) -> list[tuple[Entry, float]]:
+) -> list[tuple[Exceedance, float]]:
     """Warning and failure of values above their limits, without a place, with times of the worst, s."""
     return [
-        (Entry(what, component, one[0], "", one[1], limit, severity), one[2])
+        (Exceedance(what, component, first_and_worst[0], "", first_and_worst[1], limit, severity), first_and_worst[2])
         for limit, severity in ((warning, WARNING), (failure, FAILURE))
-        if (one := passed(t, values, limit)) is not None
+        if (first_and_worst := excess(t, values, limit)) is not None
     ]
