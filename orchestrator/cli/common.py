@@ -61,11 +61,11 @@ def ended_by(error: Exception) -> tuple[str, int]:
 def refusals() -> tuple[type[Exception], ...]:
     """Return the exceptions that report bad input, before anything ran."""
     from fmus.build import BuildFailed
-    from orchestrator.cosim.checkpoint import Unusable
+    from orchestrator.cosim.checkpoint import UnusableCheckpoint
     from orchestrator.cosim.component import ComponentFailed
     from orchestrator.cosim.coupling.scheme import CouplingFailed
     from orchestrator.cosim.graph import Miswired
-    from orchestrator.execution.replays import Unfit
+    from orchestrator.execution.replays import UnfitLog
     from orchestrator.log.extra import NotInstalled
     from orchestrator.log.reader import LogUnreadable, NoSuchSignal
     from orchestrator.log.recorder import LogFailed
@@ -81,8 +81,8 @@ def refusals() -> tuple[type[Exception], ...]:
         LogFailed,
         NoSuchSignal,
         NotInstalled,
-        Unfit,
-        Unusable,
+        UnfitLog,
+        UnusableCheckpoint,
         Missing,
     )
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from fmus.vehicle import BadInput
-from orchestrator.log.bitwise import Difference as Bits
+from orchestrator.log.bitwise import BitDifference as Bits
 from orchestrator.results.difference import Difference
 from orchestrator.results.divergence import Divergence
 from orchestrator.results.run_data import RunData, Window

@@ -117,7 +117,7 @@ def recover(
     _report(tools.recover(log, output or log.with_name(f"{log.stem}-recovered.mcap")), as_json)
 
 
-class Kind(StrEnum):
+class ExportFormat(StrEnum):
     """File format of an export."""
 
     csv = "csv"
@@ -138,7 +138,9 @@ def export(
     topics: Annotated[
         list[str] | None, typer.Option("--topic", metavar="TOPIC", help="a whole topic; repeatable")
     ] = None,
-    kind: Annotated[Kind | None, typer.Option("--as", help="format of the files in a folder, default csv")] = None,
+    kind: Annotated[
+        ExportFormat | None, typer.Option("--as", help="format of the files in a folder, default csv")
+    ] = None,
     start: Annotated[float, typer.Option("--from", metavar="T", help="first instant, s")] = float("-inf"),
     end: Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")] = float("inf"),
 ) -> None:

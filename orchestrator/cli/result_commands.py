@@ -68,7 +68,7 @@ def replay(
 
 
 def _told(verdict: Any) -> dict[str, Any]:
-    """Return the JSON object of a ``replays.Verdict``."""
+    """Return the JSON object of a ``replays.ReplayVerdict``."""
     told = None if verdict.difference is None else verdict.difference._asdict()
     return {**verdict._asdict(), "difference": told, "equal": verdict.equal}
 

@@ -17,7 +17,7 @@ PARTS = ("mean", "least", "most")  # order of the parts in a topic
 MEANS = re.compile(r"(link|joint)\[\d+\]\.(force\.|ground\.|wheels\.force\.).*")  # link outputs that are means
 
 
-class Between:
+class IntervalStatistics:
     """Accumulator of mean, least and most for outputs ``names``."""
 
     def __init__(self, names: Sequence[str]) -> None:

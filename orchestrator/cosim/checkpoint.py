@@ -22,18 +22,18 @@ from numpy.typing import NDArray
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Floats
-from orchestrator.cosim.warned import Warned
+from orchestrator.cosim.warned import ComponentWarning
 
 _LENGTH = struct.Struct("<Q")
 _KINDS = ("<f8", "|u1")
 NOTHING: Mapping[str, Floats] = MappingProxyType({})
 
 
-class Unusable(ValueError):
+class UnusableCheckpoint(ValueError):
     """The bytes are no checkpoint of these components; the message is one sentence."""
 
 
-class Point(NamedTuple):
+class CommunicationPoint(NamedTuple):
     """Communication point of a run."""
 
     k: int  # number of steps done
@@ -49,7 +49,7 @@ def possible(scheme: Scheme) -> bool:
     )
 
 
-def save(scheme: Scheme, at: Point, pace: Mapping[str, Floats] = NOTHING) -> bytes:
+def save(scheme: Scheme, at: CommunicationPoint, pace: Mapping[str, Floats] = NOTHING) -> bytes:
     """Serialise the run with the memory of its ``pace``; raises ComponentFailed."""
     arrays = {"at": np.array(at, dtype=np.float64)} | {f"pace:{name}": values for name, values in pace.items()}
     warned = {}
@@ -67,13 +67,13 @@ def save(scheme: Scheme, at: Point, pace: Mapping[str, Floats] = NOTHING) -> byt
 
 
 def time_of(content: bytes) -> float:
-    """Time of a checkpoint, s; raises Unusable."""
+    """Time of a checkpoint, s; raises UnusableCheckpoint."""
     with _readable(content) as arrays:
         return float(arrays["at"][1])
 
 
 def states(content: bytes) -> tuple[float, dict[str, bytes]]:
-    """Time of a checkpoint, s, and the serialised state of each component; raises Unusable."""
+    """Time of a checkpoint, s, and the serialised state of each component; raises UnusableCheckpoint."""
     with _readable(content) as arrays:
         found = {name: array.tobytes() for name, array in _named(arrays, "state:").items()}
         return float(arrays["at"][1]), found
@@ -85,8 +85,8 @@ def restore(
     step: int,
     pace: Callable[[Scheme, Mapping[str, Floats]], None] | None = None,
     made: Callable[[Component, bytes], bytes] = lambda _, state: state,
-) -> Point:
-    """Restore initialised components and their coupling from a checkpoint at ``step``; raises Unusable.
+) -> CommunicationPoint:
+    """Restore initialised components and their coupling from a checkpoint at ``step``; raises UnusableCheckpoint.
 
     ``pace`` restores the memory of the step control; ``made`` maps a saved state to that which its component gets.
     """
@@ -103,16 +103,16 @@ def restore(
         k, t, h = arrays["at"].tolist()
         if k != step or not 0.0 < h <= t < np.inf:
             raise ValueError(f"it is of step {k:g}, {t:g} s, not of step {step}")
-        return Point(step, t, h)
+        return CommunicationPoint(step, t, h)
 
 
 @contextmanager
 def _readable(content: bytes) -> Iterator[Mapping[str, NDArray[Any]]]:
-    """Arrays of a checkpoint; every error about them becomes Unusable."""
+    """Arrays of a checkpoint; every error about them becomes UnusableCheckpoint."""
     try:
         yield _arrays(content)
     except (LookupError, ValueError, TypeError, AttributeError, OverflowError, ComponentFailed) as flaw:
-        raise Unusable(f"the checkpoint does not fit these components: {flaw}") from None
+        raise UnusableCheckpoint(f"the checkpoint does not fit these components: {flaw}") from None
 
 
 def _bytes(arrays: Mapping[str, NDArray[Any]]) -> bytes:
@@ -144,5 +144,5 @@ def _components(scheme: Scheme) -> list[Component]:
     return [member.component for member in scheme.members if isinstance(member.component, Component)]
 
 
-def _warned(found: Mapping[str, Mapping[str, object]]) -> dict[str, Warned]:
-    return {key: Warned(**one) for key, one in found.items()}  # type: ignore[arg-type]
+def _warned(found: Mapping[str, Mapping[str, object]]) -> dict[str, ComponentWarning]:
+    return {key: ComponentWarning(**one) for key, one in found.items()}  # type: ignore[arg-type]

@@ -46,7 +46,7 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
-from orchestrator.cosim.warned import Warned, Warnings
+from orchestrator.cosim.warned import ComponentWarning, WarningList
 from orchestrator.kernels.cache import cache_folder, make, own, temporary, write
 from orchestrator.kernels.tables import Record, StepCall, record
 
@@ -73,12 +73,12 @@ class ComponentFailed(RuntimeError):
     """An FMU cannot be loaded or a call failed; the message is one sentence with the instance name."""
 
 
-class State(NamedTuple):
+class ComponentState(NamedTuple):
     """Saved FMU state with the values of the arrays and the warnings; valid until freed."""
 
     handle: fmi2FMUstate
     arrays: tuple[NDArray[Any], ...]  # u, y, y_links, counters
-    warned: Mapping[str, Warned]
+    warned: Mapping[str, ComponentWarning]
 
 
 # ------------------------------------------------------------------ messages
@@ -204,9 +204,9 @@ class Component(AbstractContextManager["Component"]):
         self.name = name
         self._logger = logger
         self._messages: list[tuple[int, str]] = []
-        self._warnings = Warnings(name)
+        self._warnings = WarningList(name)
         self._clock = np.zeros(1)  # s, beginning of the last step
-        self._states: list[State] = []
+        self._states: list[ComponentState] = []
         self._handle: Any = None
         self._step_call: Record | None = None
         self._spent = 0.0  # s inside the FMU, without steps by ``step_call``
@@ -310,13 +310,13 @@ class Component(AbstractContextManager["Component"]):
     # -------------------------------------------------------------- messages
 
     @property
-    def warnings(self) -> list[Warned]:
+    def warnings(self) -> list[ComponentWarning]:
         """Messages that the FMU logged with status warning since its start, without steps taken back."""
         return self._warnings.told()
 
-    def warned_of(self, earlier: Mapping[str, Warned]) -> None:
+    def warned_of(self, earlier: Mapping[str, ComponentWarning]) -> None:
         """Set the warnings of the earlier process whose run is continued."""
-        self._warnings = Warnings(self.name, earlier)
+        self._warnings = WarningList(self.name, earlier)
 
     def _receive(self, status: int, message: str, category: str) -> None:
         if status == _WARNING and not self._warnings.add(message, float(self._clock[0])):
@@ -364,7 +364,7 @@ class Component(AbstractContextManager["Component"]):
         if self._phase != "instantiated":
             self._call(self._library.fmi2Reset)
             self._phase = "instantiated"
-            self._warnings = Warnings(self.name)
+            self._warnings = WarningList(self.name)
         self._clock[0] = start
         for name, value in parameters.items():
             self._set_parameter(name, value)
@@ -476,23 +476,23 @@ class Component(AbstractContextManager["Component"]):
 
     # -------------------------------------------------------------- state
 
-    def save(self) -> State:
+    def save(self) -> ComponentState:
         """Save the state of the FMU and the arrays; the result must be freed."""
         handle = fmi2FMUstate()
         self._call(self._able("canGetAndSetFMUstate", "save its state").fmi2GetFMUstate, byref(handle))
         return self._state(handle)
 
-    def _state(self, handle: fmi2FMUstate) -> State:
-        state = State(handle, tuple(array.copy() for array in self._arrays), self._warnings.save())
+    def _state(self, handle: fmi2FMUstate) -> ComponentState:
+        state = ComponentState(handle, tuple(array.copy() for array in self._arrays), self._warnings.save())
         self._keep([*self._states, state])
         return state
 
-    def _keep(self, states: list[State]) -> None:
+    def _keep(self, states: list[ComponentState]) -> None:
         self._states = states
         if self._step_call is not None:
             self._step_call["no_rollback"] = not states
 
-    def restore(self, state: State) -> None:
+    def restore(self, state: ComponentState) -> None:
         """Restore a saved state bit by bit; it stays valid."""
         self._call(self._able("canGetAndSetFMUstate", "restore a state").fmi2SetFMUstate, state.handle)
         self._phase = "running"
@@ -500,12 +500,12 @@ class Component(AbstractContextManager["Component"]):
             array[:] = saved
         self._warnings.restore(state.warned)
 
-    def free(self, state: State) -> None:
+    def free(self, state: ComponentState) -> None:
         """Release a saved state."""
         self._keep([kept for kept in self._states if kept is not state])
         self._call(self._library.fmi2FreeFMUstate, byref(state.handle))
 
-    def dump(self, state: State) -> bytes:
+    def dump(self, state: ComponentState) -> bytes:
         """Serialise a saved state for another process with the same FMU."""
         fmu = self._able("canSerializeFMUstate", "write its state")
         size = c_size_t()
@@ -514,7 +514,7 @@ class Component(AbstractContextManager["Component"]):
         self._call(fmu.fmi2SerializeFMUstate, state.handle, content, size)
         return content.raw
 
-    def load(self, content: bytes) -> State:
+    def load(self, content: bytes) -> ComponentState:
         """Restore from the bytes of ``dump``, also into an instance that is not initialised; must be freed."""
         fmu = self._able("canSerializeFMUstate", "read a state")
         handle = fmi2FMUstate()

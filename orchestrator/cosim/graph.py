@@ -9,13 +9,13 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.cosim.warned import Warned
+from orchestrator.cosim.warned import ComponentWarning
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 # Quantity that a connection carries, which decides the input hold: "value" at the communication point; "mean" over the
 # last step; "state" at the communication point, which the receiver extrapolates with its "rate", sent beside it.
-Kind = Literal["value", "mean", "state", "rate"]
+Quantity = Literal["value", "mean", "state", "rate"]
 
 
 class Instance(NamedTuple):
@@ -34,7 +34,7 @@ class Connection(NamedTuple):
     outputs: tuple[str, ...]
     target: str
     inputs: tuple[str, ...]
-    carries: Kind = "value"
+    carries: Quantity = "value"
     rates: tuple[str, ...] = ()  # of values: outputs that are their time derivatives, if the source has them
     bond: str = ""  # name shared by two opposite connections whose products, in order, are a power, W
 
@@ -77,7 +77,7 @@ class Steppable(Protocol):
         """Release a saved state."""
 
 
-class Recorded(Steppable, Protocol):
+class Recordable(Steppable, Protocol):
     """Further interface of a component for log and summary."""
 
     links: tuple[str, ...]  # outputs of every link or point
@@ -87,7 +87,7 @@ class Recorded(Steppable, Protocol):
     wall_time: float  # s inside the component
 
     @property
-    def warnings(self) -> Sequence[Warned]:
+    def warnings(self) -> Sequence[ComponentWarning]:
         """Warnings so far."""
 
     def unit(self, name: str) -> str:
@@ -106,7 +106,7 @@ class Feed(NamedTuple):
     source: Steppable
     outputs: Indices
     inputs: Indices
-    carries: Kind = "value"
+    carries: Quantity = "value"
     rates: Indices | None = None  # where the source has d/dt of the outputs
     bond: str = ""
 

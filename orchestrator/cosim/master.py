@@ -50,7 +50,7 @@ class Clock(NamedTuple):
             yield done, k * self.step, self.step
 
 
-class Outcome(NamedTuple):
+class RunOutcome(NamedTuple):
     """Outcome of a run."""
 
     status: str  # "ok", "failed" or "interrupted"
@@ -65,7 +65,7 @@ def run(
     observers: Sequence[Observer],
     interrupted: Callable[[], bool] = lambda: False,
     begun: tuple[int, float] | None = None,
-) -> Outcome:
+) -> RunOutcome:
     """Step initialised components to the end, a failure or an interruption; observers see k = 0 too.
 
     ``begun``: number of steps and time, s, that an earlier run has reached and its observers have seen.
@@ -79,11 +79,11 @@ def run(
                 observer(k, t, h)
             seen = False
             if interrupted():
-                return Outcome("interrupted", f"interrupted at t = {t:.6g} s", k, t)
+                return RunOutcome("interrupted", f"interrupted at t = {t:.6g} s", k, t)
             try:
                 done, t, h = next(steps, (0, t, 0.0))
             except (ComponentFailed, CouplingFailed) as failure:
-                return Outcome("failed", str(failure), k, t)
+                return RunOutcome("failed", str(failure), k, t)
             if not done:
-                return Outcome("ok", "", k, t)
+                return RunOutcome("ok", "", k, t)
             k += done

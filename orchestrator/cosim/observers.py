@@ -12,15 +12,15 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from orchestrator.cosim import checkpoint
-from orchestrator.cosim.between import Between
+from orchestrator.cosim.between import IntervalStatistics
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.coupling.variable_step import VariableStep
-from orchestrator.cosim.graph import Floats, Recorded
+from orchestrator.cosim.graph import Floats, Recordable
 from orchestrator.cosim.master import UNHURRIED
 from orchestrator.cosim.narration import Narration
-from orchestrator.cosim.tape import Tape
+from orchestrator.cosim.tape import RowWriter
 from orchestrator.log.log_format import CHECKPOINT
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.wire import Rule, Wire
@@ -54,7 +54,7 @@ class Logging:
     """
 
     def __init__(
-        self, recorder: Recorder, components: Sequence[Recorded], stats_every: int, between: bool = False
+        self, recorder: Recorder, components: Sequence[Recordable], stats_every: int, between: bool = False
     ) -> None:
         self.recorder = recorder
         self.components = components
@@ -70,15 +70,15 @@ class Logging:
             self._links = recorder.together([], [f"/{component.name}/links" for component in self._linked])
             self._written.append(self._links)
         self._stats = recorder.together([], [f"/stats/{component.name}" for component in components])
-        self._between = [Between(component.links) for component in self._linked if between]
+        self._between = [IntervalStatistics(component.links) for component in self._linked if between]
         self._last = np.cumsum([len(component.links) for component in self._linked])
         self.tape = self._tape(1 if between else recorder.stride(self._links) if self._linked else 1)
 
-    def _tape(self, every: int) -> Tape | None:
+    def _tape(self, every: int) -> RowWriter | None:
         loaded = [component for component in self.components if isinstance(component, Component)]
         if len(loaded) < len(self.components):
             return None
-        return Tape(loaded, every, self.recorder.pages(*self._written), self.recorder.lend)
+        return RowWriter(loaded, every, self.recorder.pages(*self._written), self.recorder.lend)
 
     def patience(self, k: int) -> int:
         """Steps until solver counters are recorded."""
@@ -125,7 +125,7 @@ class Logging:
                     self.recorder.write(f"/{component.name}/links/between", number, t, h, between.take())
 
 
-class Reached:
+class ReachedPoint:
     """Observer that keeps the state of the run: ``k`` steps done, time ``t``, s."""
 
     k, t = 0, 0.0
@@ -152,7 +152,7 @@ class Checkpoints:
     def __call__(self, k: int, t: float, h: float) -> None:
         """Write a checkpoint if it is due."""
         if k and k % self.every == 0:
-            content = checkpoint.save(self.scheme, checkpoint.Point(k, t, h))
+            content = checkpoint.save(self.scheme, checkpoint.CommunicationPoint(k, t, h))
             self.recorder.attach(f"{CHECKPOINT}{k}", content)
 
 
@@ -183,7 +183,9 @@ class TimedCheckpoints:
         if t < self._due - 1e-9 or k % self.every or (memory := self.pace.memory(self.scheme)) is None:
             return
         self._due = self._after(t)
-        self.recorder.attach(f"{CHECKPOINT}{k}", checkpoint.save(self.scheme, checkpoint.Point(k, t, h), memory))
+        self.recorder.attach(
+            f"{CHECKPOINT}{k}", checkpoint.save(self.scheme, checkpoint.CommunicationPoint(k, t, h), memory)
+        )
 
 
 class ProgressBar:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.graph import Floats, Indices
-from orchestrator.cosim.tape import Tape
+from orchestrator.cosim.tape import RowWriter
 from orchestrator.kernels.compiled import kernels
 from orchestrator.kernels.tables import ENDED, Mailbox, StepGroup, StepPlan, record
 from orchestrator.log.wire import Rule
@@ -21,7 +21,7 @@ WORTHWHILE = 5e-5  # s, least step time for threads: a shorter step of our FMUs 
 LOOKS = 20_000  # polls for a task before a worker sleeps, about a millisecond
 
 
-class Move(NamedTuple):
+class InputCopy(NamedTuple):
     """Inputs that follow from outputs by one rule."""
 
     u: Floats
@@ -35,7 +35,7 @@ class Stage(NamedTuple):
     """Components that step in parallel, and the copies of their inputs."""
 
     components: Sequence[Component]
-    moves: Sequence[Move]
+    moves: Sequence[InputCopy]
 
 
 class Program:
@@ -68,7 +68,7 @@ class Program:
         if self._kernels.step_all(self._plan, t, h):
             raise self.failure()
 
-    def march(self, tape: Tape, k: int, n: int, h: float) -> int:
+    def march(self, tape: RowWriter, k: int, n: int, h: float) -> int:
         """Do the steps k + 1 to k + n of ``h`` s and write their rows to the tape.
 
         Returns the number of steps done before a component failed.
@@ -90,7 +90,7 @@ class Program:
         calls = [component.step_call.ctypes.data for component in stage.components]
         return StepGroup(*self._moves(ends), *self._moves(means), len(calls), self._words(calls))
 
-    def _moves(self, moves: Sequence[Move]) -> tuple[int, int, int]:
+    def _moves(self, moves: Sequence[InputCopy]) -> tuple[int, int, int]:
         """Return the number of values, and the addresses of the arrays of target and source addresses."""
         to = [move.u.ctypes.data + 8 * int(k) for move in moves for k in move.inputs]
         by = [move.y.ctypes.data + 8 * int(k) for move in moves for k in move.outputs]

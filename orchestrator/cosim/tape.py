@@ -15,14 +15,14 @@ from orchestrator.kernels.tables import RowTable, record
 from orchestrator.log.page import HEAD, LENGTH, Page
 
 
-class Taken(NamedTuple):
+class RowCounts(NamedTuple):
     """Numbers of rows added by one batch of steps."""
 
     steps: int  # rows of inputs and outputs of all components, one per step
     links: int  # rows of link outputs, one per step whose number is a multiple of ``every``
 
 
-class Tape:
+class RowWriter:
     """Writer of steps into one page and of link outputs, every ``every``-th step, into another.
 
     :param pages: page of the steps; then that of the links if any component has links.
@@ -41,9 +41,9 @@ class Tape:
         self._shown = {one.name: slice(*ends[k : k + 2]) for k, one in enumerate(components)}
         self._head = np.zeros(HEAD)
         tables = [[*(component.u for component in components), *shown], [one.y_links for one in self.linked]]
-        self._tables = [_Table([self._head, *parts] if parts else []) for parts in tables]
+        self._tables = [_RowTarget([self._head, *parts] if parts else []) for parts in tables]
         self._due = np.zeros(1, dtype=np.int64)
-        self._taken: Taken | None = None
+        self._taken: RowCounts | None = None
 
     @property
     def room(self) -> int:
@@ -70,9 +70,9 @@ class Tape:
 
     def hold(self, k: int, n: int) -> None:
         """Note that rows of the steps k + 1 to k + n have been written."""
-        self._taken = Taken(n, (k + n) // self.every - k // self.every)
+        self._taken = RowCounts(n, (k + n) // self.every - k // self.every)
 
-    def take(self) -> Taken | None:
+    def take(self) -> RowCounts | None:
         """Return the row numbers of the last batch, once; None if there is none."""
         taken, self._taken = self._taken, None
         return taken
@@ -82,14 +82,14 @@ class Tape:
         block = self._pages[0].block
         return {name: block.table[block.count + row, where].copy() for name, where in self._shown.items()}
 
-    def links(self, taken: Taken) -> tuple[list[int], list[float], Floats]:
+    def links(self, taken: RowCounts) -> tuple[list[int], list[float], Floats]:
         """Return step numbers, times, s, and values (m, link outputs) of the batch's link rows."""
         block = self._pages[-1].block
         rows = slice(block.count, block.count + taken.links)
         return block.sequence[rows].tolist(), block.t[rows].tolist(), block.values[rows].copy()
 
 
-class _Table:
+class _RowTarget:
     """``RowTable`` of the arrays ``parts``, whose memory it keeps alive."""
 
     def __init__(self, parts: Sequence[NDArray[np.float64]]) -> None:

@@ -22,13 +22,14 @@ from orchestrator.results.difference import differences, worst
 from orchestrator.results.run_data import Missing, RunData
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.parts import TRACK
-from orchestrator.scene.run_tables import Variable
+from orchestrator.scene.run_tables import VariableStepTable
 from orchestrator.scene.scene import Scene
 
 SHARE = 1.0 / math.sqrt(3.0)  # error over difference: between 1 (order 1) and 1/3 (order 2)
 PARTS = ("coupling", "integration", "total")
 
-Run = Callable[[Scene, Path], dict[str, Any]]  # records a scene, in this process or another, and returns its summary
+# Records a scene, in this process or another, and returns its summary.
+RecordRun = Callable[[Scene, Path], dict[str, Any]]
 
 
 class Companions(NamedTuple):
@@ -71,7 +72,7 @@ def companions(scene: Scene, internal: float, simulated: float, components: int)
     return Companions(of(internal) if components > 1 else None, of(internal if stable else 2.0 * internal))
 
 
-def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> dict[str, Any]:
+def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun) -> dict[str, Any]:
     """Estimate the relative errors of a recorded run, in total and by observable, or give the reason."""
     steps, simulated = _steps(scene, summary), summary["simulated_time"]
     if not steps or not all(steps) or simulated < 4.0 * scene.run.step:
@@ -142,7 +143,7 @@ def unknown(reason: str) -> dict[str, Any]:
     return {**dict.fromkeys(PARTS), "observables": {}, "wall_time": 0.0, "message": reason}
 
 
-def _looser(variable: Variable) -> Variable:
+def _looser(variable: VariableStepTable) -> VariableStepTable:
     """Return the tolerances for twice the step: a power residual has order 2, the error of a step order 3."""
     factor = 4.0 if variable.estimate == "power" else 8.0
     return variable.model_copy(

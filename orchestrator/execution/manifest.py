@@ -22,7 +22,7 @@ from orchestrator import __version__
 from orchestrator.cosim import between
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.scheme import Scheme
-from orchestrator.cosim.graph import Recorded, System
+from orchestrator.cosim.graph import Recordable, System
 from orchestrator.cosim.observers import STATS, wires
 from orchestrator.log import schema
 from orchestrator.log.recorder import Recorder
@@ -37,7 +37,7 @@ def open_log(
     path: Path,
     scene: Scene,
     graph: System,
-    components: Mapping[str, Recorded],
+    components: Mapping[str, Recordable],
     scheme: Scheme,
     about: Mapping[str, str] | None = None,
     more: Mapping[str, Mapping[str, str]] | None = None,
@@ -62,7 +62,7 @@ def open_log(
 
 
 def manifest(
-    scene: Scene, graph: System, components: Mapping[str, Recorded]
+    scene: Scene, graph: System, components: Mapping[str, Recordable]
 ) -> tuple[dict[str, list[tuple[str, str]]], dict[str, bytes], dict[str, dict[str, str]]]:
     """Return topics -> (variable, unit), attachments and metadata of a log before step 0."""
     topics: dict[str, list[tuple[str, str]]] = {}
@@ -155,7 +155,7 @@ def _commit() -> str:
     return ""
 
 
-def _types(components: Mapping[str, Recorded]) -> dict[str, str]:
+def _types(components: Mapping[str, Recordable]) -> dict[str, str]:
     """Return topic -> message type; instances of one kind of FMU share their types."""
     return {
         f"/{name}/{topic}": schema.type_name(f"/{component.description.modelName}/{topic}")
@@ -165,7 +165,7 @@ def _types(components: Mapping[str, Recorded]) -> dict[str, str]:
     }
 
 
-def _strides(scene: Scene, components: Mapping[str, Recorded]) -> dict[str, int]:
+def _strides(scene: Scene, components: Mapping[str, Recordable]) -> dict[str, int]:
     """Return topic -> recording interval in communication steps."""
     every = {"out": scene.run.outputs, "links": scene.links_every}
     return {f"/{name}/{kind}": steps for name in components for kind, steps in every.items()}

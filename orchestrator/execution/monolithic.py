@@ -28,7 +28,7 @@ from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene
 
 
-class Shown:
+class MonolithComponent:
     """Part of the monolith with the interface of a loaded component for wiring, log and statistics."""
 
     def __init__(self, name: str, model: Any) -> None:
@@ -67,7 +67,7 @@ class Shown:
         self.counters[:-1] = np.minimum(self._model.counters, np.iinfo(np.int32).max)
 
 
-class Whole(Scheme):
+class MonolithScheme(Scheme):
     """Coupling scheme of the monolith: all parts advance at once."""
 
     NAME = "monolithic"
@@ -119,7 +119,7 @@ def run(
     rtol: float = TOLERANCE,
     atol: float = TOLERANCE,
     begun: States | None = None,
-) -> tuple[master.Outcome, dict[str, float]]:
+) -> tuple[master.RunOutcome, dict[str, float]]:
     """Integrate a scene as a monolith into the log ``path``; return the outcome and the cost.
 
     The communication step of the scene is the interval of the outputs. ``refine`` divides the internal step; the
@@ -145,8 +145,8 @@ def run(
             monolith.begin_at(begun.time, begun.parts)
     except (RuntimeError, ValueError) as failure:
         raise ComponentFailed(f"{scene.name}: {failure}") from None
-    parts: Any = {name: Shown(name, model) for name, model in monolith.models.items()}
-    whole = Whole(wire(graph, parts), monolith)
+    parts: Any = {name: MonolithComponent(name, model) for name, model in monolith.models.items()}
+    whole = MonolithScheme(wire(graph, parts), monolith)
     step = clock.step / np.ceil(clock.step / monolith.step - 1e-9)
     about = {"coupling": "monolithic", "integrator": integrator, "internal_step": repr(float(step))}
     if integrator == ADAPTIVE:

@@ -28,7 +28,7 @@ from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene, changed, from_table
 
 
-class Model(NamedTuple):
+class ReplayModel(NamedTuple):
     """FMU and parameters of the component that is stepped in a replay."""
 
     fmu: Path
@@ -40,15 +40,15 @@ class Model(NamedTuple):
     settings: Sequence[str] = ()  # KEY=VALUE, changes of the scene in the log
 
 
-class Again(NamedTuple):
+class Replay(NamedTuple):
     """Component opened for a replay, with its log."""
 
     log: Log
     component: Component
     parameters: replays.Parameters
-    model: Model
+    model: ReplayModel
 
-    def verify(self, window: tuple[float, float] = EVER) -> replays.Verdict:
+    def verify(self, window: tuple[float, float] = EVER) -> replays.ReplayVerdict:
         """Compare bit by bit with the log, in a window, s."""
         return replays.verify(self.log, self.component, self.parameters, window)
 
@@ -56,7 +56,7 @@ class Again(NamedTuple):
         """Log the component's outputs until ``end``, s; return the number of steps (0: no log is written).
 
         The new log names the replayed log and its digest, hash and parameters of the FMU, and the scene if it is
-        known, so it can be replayed itself. Raises BadInput, Unfit.
+        known, so it can be replayed itself. Raises BadInput, UnfitLog.
         """
         log, name, model = self.log, self.component.name, self.model
         if path.exists() and path.samefile(log.path):
@@ -76,17 +76,17 @@ class Again(NamedTuple):
             metadata["run"] = {"fmus": NATIVE}
         links = log.topics.get(f"/{name}/links")
         every = links.every if links else model.scene.links_every if model.scene else 1
-        described = replays.Described(attachments, metadata, every)
+        described = replays.LogHeader(attachments, metadata, every)
         return replays.answer(log, self.component, self.parameters, path, described, end)
 
 
 @contextmanager
 def opened(
     path: Path, name: str, other: str | None, logger: Logger | None = None, settings: Sequence[str] = ()
-) -> Iterator[Again]:
+) -> Iterator[Replay]:
     """Open the component ``name`` of a log, or ``other`` (a track model or an FMU file) in its place.
 
-    ``settings``, KEY=VALUE, change the scene in the log; recording and idler position stay. Raises BadInput, Unfit,
+    ``settings``, KEY=VALUE, change the scene in the log; recording and idler position stay. Raises BadInput, UnfitLog,
     BuildFailed, ComponentFailed, LogUnreadable, NoSuchSignal.
     """
     with Log(path) as log:
@@ -104,7 +104,7 @@ def opened(
         with Component(model.fmu, name, logger) as component:
             known = set(component.parameters)
             parameters = {key: value for key, value in model.parameters.items() if key in known}
-            yield Again(log, component, parameters, model)
+            yield Replay(log, component, parameters, model)
 
 
 def components(path: Path) -> list[str]:
@@ -114,28 +114,28 @@ def components(path: Path) -> list[str]:
 
 
 def _entry(log: Log, name: str) -> dict[str, Any]:
-    """Entry of a component in ``system.json``; raises Unfit, BadInput."""
+    """Entry of a component in ``system.json``; raises UnfitLog, BadInput."""
     instances = {entry["name"]: entry for entry in system_of(log)["instances"]}
     if name not in instances:
-        raise replays.Unfit(f"the log has no component '{name}': one of {', '.join(instances)}")
+        raise replays.UnfitLog(f"the log has no component '{name}': one of {', '.join(instances)}")
     if not instances[name].get("sha256"):
         raise BadInput(f"'{name}' of the log was stepped without an FMU: there is nothing to replay")
     return instances[name]
 
 
-def _theirs(log: Log, entry: Mapping[str, Any], fmu: Path) -> Model:
+def _theirs(log: Log, entry: Mapping[str, Any], fmu: Path) -> ReplayModel:
     """Return the model of a given FMU, with the parameters of the recorded component; raises BadInput."""
     if not fmu.is_file():
         raise BadInput(f"no FMU '{fmu}': give {', '.join(TRACKS)} or an .fmu file")
     ran = sha256(fmu) == entry["sha256"]
     scene = _scene(log) if ran and "scene.json" in log.attachments else None
-    return Model(fmu, entry.get("parameters", {}), entry.get("stage", 0), scene, ran)
+    return ReplayModel(fmu, entry.get("parameters", {}), entry.get("stage", 0), scene, ran)
 
 
-def _ours(log: Log, entry: Mapping[str, Any], track: str | None, settings: Sequence[str]) -> Model:
+def _ours(log: Log, entry: Mapping[str, Any], track: str | None, settings: Sequence[str]) -> ReplayModel:
     """Build the model from the scene in the log, with its track model or ``track``, and ``settings``.
 
-    Raises BadInput, Unfit, BuildFailed.
+    Raises BadInput, UnfitLog, BuildFailed.
     """
     name = entry["name"]
     if "scene.json" not in log.attachments:
@@ -153,10 +153,10 @@ def _ours(log: Log, entry: Mapping[str, Any], track: str | None, settings: Seque
     same = sha256(fmu) == entry["sha256"]
     if track is not None or settings:
         ran = same and part.parameters == entry.get("parameters", {})
-        return Model(fmu, part.parameters, part.stage, scene, ran, native, settings)
+        return ReplayModel(fmu, part.parameters, part.stage, scene, ran, native, settings)
     if not same:
         raise BadInput(f"the log was made by another build of {shown(entry.get('fmu'))}: name an FMU with --with")
-    return Model(fmu, entry.get("parameters", {}), part.stage, scene, True, native)
+    return ReplayModel(fmu, entry.get("parameters", {}), part.stage, scene, True, native)
 
 
 def _scene(log: Log) -> Scene:
@@ -166,5 +166,5 @@ def _scene(log: Log) -> Scene:
 def _part(scene: Scene, name: str) -> Part:
     parts = {part.name: part for part in assemble(placed(scene)).parts}
     if name not in parts:
-        raise replays.Unfit(f"the scene of the log has no component '{name}': one of {', '.join(parts)}")
+        raise replays.UnfitLog(f"the scene of the log has no component '{name}': one of {', '.join(parts)}")
     return parts[name]

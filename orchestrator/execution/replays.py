@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.cosim.component import Component
-from orchestrator.log.bitwise import Difference, first_difference
+from orchestrator.log.bitwise import BitDifference, first_difference
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.time_series import EVER, Floats, Series
@@ -19,16 +19,16 @@ from orchestrator.log.time_series import EVER, Floats, Series
 Parameters = Mapping[str, float | int | str]
 
 
-class Unfit(ValueError):
+class UnfitLog(ValueError):
     """The log cannot drive this component; the message is one sentence."""
 
 
-class Verdict(NamedTuple):
+class ReplayVerdict(NamedTuple):
     """Result of a bitwise replay."""
 
     steps: int
     compared: int  # number of values compared
-    difference: Difference | None  # None: all are equal
+    difference: BitDifference | None  # None: all are equal
     altered: tuple[str, ...] = ()  # input topics that differ from the closing record
 
     @property
@@ -49,16 +49,16 @@ class Verdict(NamedTuple):
 
 
 def check(component: Component, inputs: Series) -> None:
-    """Check that recorded inputs can drive a component; raises Unfit."""
+    """Check that recorded inputs can drive a component; raises UnfitLog."""
     if tuple(component.inputs) != tuple(inputs.names):
         missing = sorted(set(component.inputs) ^ set(inputs.names))
-        raise Unfit(f"{component.name}: its inputs are not those of the log ({', '.join(missing[:3]) or 'order'})")
+        raise UnfitLog(f"{component.name}: its inputs are not those of the log ({', '.join(missing[:3]) or 'order'})")
     if gap := inputs.gap():
-        raise Unfit(f"{component.name}: the log lacks its inputs from t = {gap[0]:.6g} to {gap[1]:.6g} s")
+        raise UnfitLog(f"{component.name}: the log lacks its inputs from t = {gap[0]:.6g} to {gap[1]:.6g} s")
 
 
 def drive(component: Component, inputs: Series, parameters: Parameters) -> Iterator[tuple[int, float]]:
-    """Step a component with recorded inputs; yields (k, t) at the start and after each step; raises Unfit."""
+    """Step a component with recorded inputs; yields (k, t) at the start and after each step; raises UnfitLog."""
     check(component, inputs)
     component.initialise(parameters, 0.0)
     yield 0, 0.0
@@ -71,8 +71,8 @@ def drive(component: Component, inputs: Series, parameters: Parameters) -> Itera
         yield k, float(ends[k - 1])
 
 
-def verify(log: Log, component: Component, parameters: Parameters, window: tuple[float, float] = EVER) -> Verdict:
-    """Step the component again and compare all recorded outputs, bit by bit; raises Unfit.
+def verify(log: Log, component: Component, parameters: Parameters, window: tuple[float, float] = EVER) -> ReplayVerdict:
+    """Step the component again and compare all recorded outputs, bit by bit; raises UnfitLog.
 
     Link outputs are included. With a window, a closed time interval, s, the component is stepped to its end and
     compared inside it.
@@ -84,11 +84,11 @@ def verify(log: Log, component: Component, parameters: Parameters, window: tuple
     recorded = {topic: log.read(topic) for topic in shown if topic in log.topics}
     for topic, series in recorded.items():
         if not np.array_equal(log.sequence(topic), np.arange(0, len(inputs.t) + 1, log.topics[topic].every)):
-            raise Unfit(
+            raise UnfitLog(
                 f"{topic} does not hold the steps that the inputs lead to: 'cotrack log recover' leaves whole steps"
             )
         if series.names != shown[topic][0]:
-            raise Unfit(f"{component.name}: its outputs are not those of the log")
+            raise UnfitLog(f"{component.name}: its outputs are not those of the log")
     numbers = {
         topic: np.flatnonzero((series.t >= window[0] - 1e-9) & (series.t <= window[1] + 1e-9)) * log.topics[topic].every
         for topic, series in recorded.items()
@@ -115,7 +115,7 @@ def verify(log: Log, component: Component, parameters: Parameters, window: tuple
         differences.append(first_difference(topic, own, again, every, first))
     difference = min((found for found in differences if found is not None), key=lambda found: found.t, default=None)
     count = sum(len(steps) * recorded[topic].values.shape[1] for topic, steps in compared.items())
-    return Verdict(len(stepped), count, difference, _altered(log, f"/{component.name}/in"))
+    return ReplayVerdict(len(stepped), count, difference, _altered(log, f"/{component.name}/in"))
 
 
 def _altered(log: Log, topic: str) -> tuple[str, ...]:
@@ -127,7 +127,7 @@ def _altered(log: Log, topic: str) -> tuple[str, ...]:
     return tuple(source for source in sources if source in recorded and found[source] != recorded[source])
 
 
-class Described(NamedTuple):
+class LogHeader(NamedTuple):
     """Metadata and attachments for the log of a replayed model."""
 
     attachments: Mapping[str, bytes]
@@ -136,11 +136,11 @@ class Described(NamedTuple):
 
 
 def answer(
-    log: Log, component: Component, parameters: Parameters, path: Path, described: Described, end: float = EVER[1]
+    log: Log, component: Component, parameters: Parameters, path: Path, described: LogHeader, end: float = EVER[1]
 ) -> int:
     """Step another model with the inputs recorded until ``end``, s, and log its outputs to ``path``.
 
-    Returns the number of steps; without a step no log is written. Raises Unfit.
+    Returns the number of steps; without a step no log is written. Raises UnfitLog.
     """
     name = component.name
     inputs, recorded = log.read(f"/{name}/in"), log.read(f"/{name}/out")

@@ -16,14 +16,14 @@ from orchestrator.cosim.component import Logger
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution.branch import branched, taken_over
 from orchestrator.execution.manifest import NATIVE, sha256
-from orchestrator.execution.simulate import Begun, simulate
+from orchestrator.execution.simulate import Continuation, simulate
 from orchestrator.log import notices
 from orchestrator.log.described import system_of
 from orchestrator.log.log_format import BRANCHED, CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.assembly import assemble, system
-from orchestrator.scene.run_tables import Run
+from orchestrator.scene.run_tables import RunTable
 from orchestrator.scene.scene import Scene, from_table
 
 
@@ -54,7 +54,7 @@ def resume(
         native, earlier = _native(log, scene), log.metadata.get(BRANCHED)
         about = {"of": _text(source), "step": str(number)}
         metadata = {"resumed": about} | ({BRANCHED: earlier} if earlier else {})
-        begun = Begun(
+        begun = Continuation(
             number, log.attachment(f"{CHECKPOINT}{number}"), lambda recorder: _copy(log, recorder, number), metadata
         )
         if settings:
@@ -78,8 +78,8 @@ def _scene(log: Log, stop: float | None) -> Scene:
     return from_table(table, f"{log.path}: scene.json")
 
 
-def _chosen(log: Log, at: float | None, run: Run) -> tuple[int, float]:
-    """Return step number and time, s, of the last checkpoint by ``at``; raises BadInput, Unusable."""
+def _chosen(log: Log, at: float | None, run: RunTable) -> tuple[int, float]:
+    """Return step number and time, s, of the last checkpoint by ``at``; raises BadInput, UnusableCheckpoint."""
     numbers = sorted(k for name in log.attachments if (k := checkpoint_step(name)) is not None)
     if not numbers:
         raise BadInput(f"{log.path} has no checkpoint to go on from")

@@ -21,9 +21,9 @@ from orchestrator.cosim.coupling import SCHEMES, power_residual
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, gather, needs_states
 from orchestrator.cosim.coupling.variable_step import VariableStep
-from orchestrator.cosim.graph import Recorded, Stages, System, wire
+from orchestrator.cosim.graph import Recordable, Stages, System, wire
 from orchestrator.cosim.narration import Narration
-from orchestrator.cosim.observers import Checkpoints, Logging, ProgressBar, Reached, TimedCheckpoints
+from orchestrator.cosim.observers import Checkpoints, Logging, ProgressBar, ReachedPoint, TimedCheckpoints
 from orchestrator.execution import estimate, summary
 from orchestrator.execution.interrupt import Interrupt, interruptible
 from orchestrator.execution.manifest import NATIVE, STATS_PERIOD, open_log
@@ -36,14 +36,14 @@ from orchestrator.results.validity import contact_step
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed
 from orchestrator.scene.ranges import implausible
-from orchestrator.scene.run_tables import Run
+from orchestrator.scene.run_tables import RunTable
 from orchestrator.scene.scene import Scene
 
 QUIET = 1.0  # J, reference energy of the power residual until a bond has carried more, unless the scene sets it
 LATER = 10  # niceness of compiling processes other than the longest one
 
 
-class Begun(NamedTuple):
+class Continuation(NamedTuple):
     """Checkpoint of an earlier run, and the function that copies its log."""
 
     step: int  # number of the last step done
@@ -60,7 +60,7 @@ def simulate(
     narration: Narration | None = None,
     estimated: bool = False,
     native: bool = False,
-    begun: Begun | None = None,
+    begun: Continuation | None = None,
 ) -> dict[str, Any]:
     """Build, run, record and evaluate a scene; return the summary (``summary.empty``).
 
@@ -89,15 +89,15 @@ def _simulate(
     estimated: bool,
     interrupt: Interrupt,
     native: bool = False,
-    begun: Begun | None = None,
+    begun: Continuation | None = None,
 ) -> dict[str, Any]:
     began = time.perf_counter()
     result = summary.empty(scene.name, scene.variant)
     say = narration or (lambda what: None)
-    reached = Reached()
+    reached = ReachedPoint()
     with ExitStack() as stack:
         say(f"{scene.name}: components are built and initialised")
-        run = _Prepared.of(*opened(scene, stack, logger, native), begun)
+        run = _PreparedRun.of(*opened(scene, stack, logger, native), begun)
         told = _warned_before(run, logger)
         result["warnings"] = told
         written = False
@@ -130,7 +130,7 @@ def _simulate(
                     status, message = "failed", "; ".join(filter(None, (message, invalid)))
                 recorder.close(status, message, outcome.steps, _results(result), result["warnings"])
         except LogFailed as failure:
-            outcome = master.Outcome("failed", f"{failure}, at t = {reached.t:.6g} s", reached.k, reached.t)
+            outcome = master.RunOutcome("failed", f"{failure}, at t = {reached.t:.6g} s", reached.k, reached.t)
             result |= _how_it_ended(outcome, result["wall_time"]) | {"warnings": [*told, *warnings(run.components)]}
         interrupt.gentle = False
     if written:
@@ -138,7 +138,7 @@ def _simulate(
     return result | {"log_bytes": path.stat().st_size if written and path.exists() else 0}
 
 
-class _Prepared(NamedTuple):
+class _PreparedRun(NamedTuple):
     """Scene with wired components at their start or at a checkpoint."""
 
     scene: Scene
@@ -149,8 +149,10 @@ class _Prepared(NamedTuple):
     at: Any  # number, time and state of the checkpoint; None at the start
 
     @classmethod
-    def of(cls, scene: Scene, graph: System, components: dict[str, Component], begun: Begun | None) -> _Prepared:
-        """Wire, warm up and, if ``begun`` is given, restore; raises CouplingFailed, Unusable."""
+    def of(
+        cls, scene: Scene, graph: System, components: dict[str, Component], begun: Continuation | None
+    ) -> _PreparedRun:
+        """Wire, warm up and, if ``begun`` is given, restore; raises CouplingFailed, UnusableCheckpoint."""
         stages = wire(graph, components)
         scheme: Scheme = SCHEMES[scene.run.coupling.scheme](stages, **scene.run.coupling.options())
         pace, at = paced(scene.run), None
@@ -165,7 +167,7 @@ class _Prepared(NamedTuple):
         return cls(scene, graph, components, scheme, pace, at)
 
 
-def _warned_before(run: _Prepared, logger: Logger | None) -> list[dict[str, Any]]:
+def _warned_before(run: _PreparedRun, logger: Logger | None) -> list[dict[str, Any]]:
     """Return warnings about recording and scene; the logger gets them too."""
     aliases = run.scene.folded if any_links(run.components) else ""
     sentences = [("log", aliases)] * bool(aliases) + _beforehand(run.scene)
@@ -177,7 +179,7 @@ def _warned_before(run: _Prepared, logger: Logger | None) -> list[dict[str, Any]
     return [{"component": component, "text": text, "time": 0.0, "count": 1} for component, text in sentences]
 
 
-def _observers(run: _Prepared, recorder: Recorder, reached: Reached) -> list[master.Observer]:
+def _observers(run: _PreparedRun, recorder: Recorder, reached: ReachedPoint) -> list[master.Observer]:
     """Return the observers for log and checkpoints; they start at the checkpoint of the run, if any."""
     scene, scheme, pace, at = run.scene, run.scheme, run.pace, run.at
     every = max(1, round(STATS_PERIOD / pace.step))
@@ -198,8 +200,8 @@ def _observers(run: _Prepared, recorder: Recorder, reached: Reached) -> list[mas
 
 
 def _marched(
-    run: _Prepared, observers: list[master.Observer], interrupt: Interrupt, result: dict[str, Any]
-) -> master.Outcome:
+    run: _PreparedRun, observers: list[master.Observer], interrupt: Interrupt, result: dict[str, Any]
+) -> master.RunOutcome:
     """Step to the end and add outcome and cost to the result, the time also after an exception."""
     since, spent = time.perf_counter(), time.process_time()
     try:
@@ -220,7 +222,7 @@ def _beforehand(scene: Scene) -> list[tuple[str, str]]:
     return [("scene", sentence) for sentence in implausible(scene.resolved(), f"{scene.name}.toml")]
 
 
-def _how_it_ended(outcome: master.Outcome, wall: float, since: float = 0.0) -> dict[str, Any]:
+def _how_it_ended(outcome: master.RunOutcome, wall: float, since: float = 0.0) -> dict[str, Any]:
     return {
         "status": "ok" if outcome.status == "ok" else "failed",
         "message": outcome.message,
@@ -232,7 +234,7 @@ def _how_it_ended(outcome: master.Outcome, wall: float, since: float = 0.0) -> d
 
 
 def _evaluated(
-    scene: Scene, path: Path, outcome: master.Outcome, warned: Sequence[Mapping[str, Any]]
+    scene: Scene, path: Path, outcome: master.RunOutcome, warned: Sequence[Mapping[str, Any]]
 ) -> tuple[dict[str, Any], list[Event]]:
     """Evaluate energy, checks, observables and events from the log; return summary entries and events."""
     try:
@@ -248,7 +250,7 @@ def _evaluated(
     return found | {"message": message} | status, happened
 
 
-def _companion(interrupt: Interrupt) -> estimate.Run:
+def _companion(interrupt: Interrupt) -> estimate.RecordRun:
     """Return the function that records a coarser run; Ctrl-C ends that run and the estimate."""
 
     def record(scene: Scene, path: Path) -> dict[str, Any]:
@@ -278,7 +280,7 @@ def _results(result: Mapping[str, Any]) -> dict[str, str]:
     return {name: json.dumps(value) for name, value in chosen.items() if value is not None}
 
 
-def paced(run: Run) -> master.Clock | VariableStep | PowerResidual:
+def paced(run: RunTable) -> master.Clock | VariableStep | PowerResidual:
     """Return the step length control of a run, fixed or variable."""
     variable = run.variable
     if variable is None:
@@ -346,7 +348,7 @@ def warm_up(stages: Stages, h: float) -> None:
         component.wall_time = 0.0
 
 
-def cost(component: Recorded) -> dict[str, float | int]:
+def cost(component: Recordable) -> dict[str, float | int]:
     """Return wall time, s, and counters of a component."""
     component.read_counters()
     counters = {
@@ -358,12 +360,12 @@ def cost(component: Recorded) -> dict[str, float | int]:
     return {"wall_time": component.wall_time, **blank, **counters}
 
 
-def warnings(components: Mapping[str, Recorded]) -> list[dict[str, Any]]:
+def warnings(components: Mapping[str, Recordable]) -> list[dict[str, Any]]:
     """Return the warnings of all components in order of time."""
     told = [one for component in components.values() for one in component.warnings]
     return [asdict(one) for one in sorted(told, key=lambda one: one.time)]
 
 
-def any_links(components: Mapping[str, Recorded]) -> bool:
+def any_links(components: Mapping[str, Recordable]) -> bool:
     """True if any component has per-link outputs."""
     return any(component.links for component in components.values())

@@ -27,7 +27,7 @@ from orchestrator.execution import monolithic
 from orchestrator.results.difference import INTERVAL, Difference, differences_of_logs
 from orchestrator.scene import assembly, parts, placing
 from orchestrator.scene.placing import placed
-from orchestrator.scene.run_tables import Run
+from orchestrator.scene.run_tables import RunTable
 from orchestrator.scene.scene import Scene
 
 ORDER = 2
@@ -104,7 +104,7 @@ def bare(scene: Scene) -> Scene:
     """Return the placed scene without settings irrelevant for the truth, sampled at SAMPLING if possible."""
     run = scene.run
     step = SAMPLING if abs(run.stop / SAMPLING - round(run.stop / SAMPLING)) < 1e-6 else run.step
-    sampled = Run(stop=run.stop, step=step, outputs=1, links=max(1, round(INTERVAL / step)))
+    sampled = RunTable(stop=run.stop, step=step, outputs=1, links=max(1, round(INTERVAL / step)))
     how = {key: None for key, one in scene.track.sets().items() if one.method}
     track = scene.track.model_copy(update={**how, "link_outputs": STANDARD})
     same = {"run": sampled, "track": track, "expect": {}, "planar": False}  # planar and spatial chains move alike

@@ -12,7 +12,7 @@ from orchestrator.log.time_series import Floats, Series
 _SIGN = 1 << 63
 
 
-class Difference(NamedTuple):
+class BitDifference(NamedTuple):
     """First place where two recordings differ."""
 
     instance: str
@@ -32,15 +32,15 @@ class Difference(NamedTuple):
         )
 
 
-def difference(topic: str, variable: str, step: int, recorded: float, replayed: float, t: float) -> Difference:
+def difference(topic: str, variable: str, step: int, recorded: float, replayed: float, t: float) -> BitDifference:
     """Return the difference of two values of a variable; ``t`` in s."""
     numbers = float(recorded), float(replayed)
-    return Difference(topic.strip("/").partition("/")[0], variable, step, t, *numbers, ulps(*numbers))
+    return BitDifference(topic.strip("/").partition("/")[0], variable, step, t, *numbers, ulps(*numbers))
 
 
 def first_difference(
     topic: str, recorded: Series, replayed: Series, every: int = 1, first: int = 0
-) -> Difference | None:
+) -> BitDifference | None:
     """Return the first difference in time, then in the order of the variables; None if all bits are equal.
 
     ``t`` and values are compared as bits: -0.0 differs from 0.0, a NaN equals itself. A recording that ends early

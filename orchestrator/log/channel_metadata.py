@@ -14,25 +14,25 @@ from orchestrator.log.wire import RULES, Wire
 FIELDS = set(Wire._fields)
 
 
-class Recorded(NamedTuple):
+class RecordedChannel(NamedTuple):
     """Channel of a topic that ``recorder`` writes."""
 
     topic: str
     about: Topic
     columns: tuple[int, ...]  # indices of the variables that the messages hold (the others are wired)
     names: tuple[str, ...]  # names of these
-    layout: schema.Layout
+    layout: schema.MessageLayout
 
 
-def recorded(topic: str, about: Topic) -> Recorded:
+def recorded(topic: str, about: Topic) -> RecordedChannel:
     """Return the channel of a topic; raises ValueError if its variables do not fit into a message."""
     wired = {name for wire in about.wires for name in wire.inputs}
     columns = tuple(column for column, name in enumerate(about.names) if name not in wired)
     names = tuple(about.names[column] for column in columns)
-    return Recorded(topic, about, columns, names, schema.layout(schema.places(names)))
+    return RecordedChannel(topic, about, columns, names, schema.layout(schema.places(names)))
 
 
-def texts(channel: Recorded) -> dict[str, str]:
+def texts(channel: RecordedChannel) -> dict[str, str]:
     """Encode a channel as metadata texts; wired variables have the empty place."""
     about = channel.about
     places = dict(zip(channel.columns, schema.places(channel.names), strict=True))
@@ -45,7 +45,7 @@ def texts(channel: Recorded) -> dict[str, str]:
     return found | ({"wires": json.dumps([wire._asdict() for wire in about.wires])} if about.wires else {})
 
 
-def read(topic: str, about: Mapping[str, str], described: bytes) -> Recorded:
+def read(topic: str, about: Mapping[str, str], described: bytes) -> RecordedChannel:
     """Decode a channel from its metadata and schema data; raises LookupError, ValueError, RecursionError."""
     names, units, places = (_texts(about[key]) for key in ("names", "units", "places"))
     if not len(names) == len(set(names)) == len(units) == len(places):
@@ -64,7 +64,7 @@ def read(topic: str, about: Mapping[str, str], described: bytes) -> Recorded:
     layout = schema.layout([places[column] for column in columns])
     if not schema.describes(described, layout.fields):
         raise ValueError("schema and places differ")
-    return Recorded(topic, Topic(names, units, every, wires), columns, held, layout)
+    return RecordedChannel(topic, Topic(names, units, every, wires), columns, held, layout)
 
 
 def _wires(text: str) -> tuple[Wire, ...]:

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from orchestrator.log.channel_metadata import Recorded
+from orchestrator.log.channel_metadata import RecordedChannel
 from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable
 from orchestrator.log.message_records import Messages, runs_by_channel, size_of
 from orchestrator.log.schema import Bytes
@@ -23,7 +23,7 @@ class Chunks:
     chunks in memory.
     """
 
-    def __init__(self, file: ContainerReader, channels: Mapping[int, Recorded]) -> None:
+    def __init__(self, file: ContainerReader, channels: Mapping[int, RecordedChannel]) -> None:
         self._file = file
         self._channels = channels
         self.spans: dict[int, tuple[float, float]] = {}
@@ -69,7 +69,7 @@ class Chunks:
         return piece
 
 
-def _messages(content: Bytes, channel: Recorded, runs: Sequence[range]) -> Messages:
+def _messages(content: Bytes, channel: RecordedChannel, runs: Sequence[range]) -> Messages:
     size = size_of(channel.layout)
     rows = [content[run.start : run.stop].reshape(-1, run.step) for run in runs]
     if any(run.step != size for run in runs):

@@ -12,7 +12,7 @@ from typing import Any
 from orchestrator.log.message_records import MOST_STEPS
 
 NAME = "closing"  # of the metadata record
-_WARNED = {"component": str, "text": str, "time": float, "count": int}  # ``warned.Warned``
+_WARNED = {"component": str, "text": str, "time": float, "count": int}  # ``ComponentWarning``
 
 
 def texts(

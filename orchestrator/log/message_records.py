@@ -10,7 +10,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from orchestrator.log.schema import Bytes, Layout
+from orchestrator.log.schema import Bytes, MessageLayout
 from orchestrator.log.time_series import Series
 
 MOST_STEPS = 2**32 - 1  # the sequence of a message has 32 bits
@@ -28,7 +28,7 @@ class Messages(NamedTuple):
 
     topic: str
     names: tuple[str, ...]  # recorded variables
-    layout: Layout
+    layout: MessageLayout
     rows: NDArray[np.uint8]  # (m, bytes)
 
     def decode(self, columns: Sequence[int] | None = None) -> Series:
@@ -64,7 +64,7 @@ class Messages(NamedTuple):
         return np.ascontiguousarray(self.rows[:, start:end]).view(kind)[:, 0]
 
 
-def size_of(layout: Layout) -> int:
+def size_of(layout: MessageLayout) -> int:
     """Return the size of a message record in bytes."""
     return PREFIX + len(layout.template)
 

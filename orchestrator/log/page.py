@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from orchestrator.kernels.compiled import kernels
 from orchestrator.kernels.tables import RowHead
-from orchestrator.log.channel_metadata import Recorded
+from orchestrator.log.channel_metadata import RecordedChannel
 from orchestrator.log.message_records import IDENTITY, LOG_TIME, PREFIX, PUBLISH_TIME, SEQUENCE, prefix, size_of
 from orchestrator.log.schema import LENGTH_AT, TIME_AT
 from orchestrator.log.wire import RULES, Floats, Rule, handed_over
@@ -23,7 +23,7 @@ WORD = 8  # bytes
 Columns = NDArray[np.intp]
 
 
-class Unproven(ValueError):
+class WireViolated(ValueError):
     """An input differs from the value that its wire gives; the message is one sentence."""
 
 
@@ -55,7 +55,7 @@ class Block:
 class Channel:
     """Message layout, message count and running hash of one topic; raises ValueError for ``every`` < 1."""
 
-    def __init__(self, number: int, recorded: Recorded) -> None:
+    def __init__(self, number: int, recorded: RecordedChannel) -> None:
         self.number = number
         self.recorded = recorded
         self.topic, self.about, self.columns, _, self.layout = recorded
@@ -97,7 +97,7 @@ def copy_words(rows: Floats, chosen: NDArray[np.int64], moves: NDArray[np.int64]
     kernels().copy_words(*source, chosen.ctypes.data, len(chosen), moves.ctypes.data, len(moves), *target)
 
 
-class Packed(NamedTuple):
+class PackedMessages(NamedTuple):
     """Message records of a topic, ready to be written."""
 
     channel: Channel
@@ -105,7 +105,7 @@ class Packed(NamedTuple):
     times: NDArray[np.uint64]  # (m,) ns
 
 
-class _Part(NamedTuple):
+class _RowPart(NamedTuple):
     """Part of a row with the values of one topic."""
 
     channel: Channel
@@ -113,7 +113,7 @@ class _Part(NamedTuple):
     moves: NDArray[np.int64]  # (n, 2), see ``copy_words``
 
 
-class _Proof(NamedTuple):
+class _WireCheck(NamedTuple):
     """Columns of a row that are compared by one wire rule."""
 
     rule: Rule
@@ -144,7 +144,7 @@ class Page:
         for channel in channels:
             held = np.array(channel.columns, np.intp) if whole else np.arange(len(channel.columns))
             late = channel in given
-            self._parts.append(_Part(channel, late, self._moves(channel, late, self._first[channel.topic] + held)))
+            self._parts.append(_RowPart(channel, late, self._moves(channel, late, self._first[channel.topic] + held)))
         self._proofs = self._all_proofs() if whole else []
         self.spare: list[Block] = []
         self.block = self._blank()
@@ -162,7 +162,7 @@ class Page:
         moves = np.concatenate([np.array(head), values])
         return np.ascontiguousarray(moves * [WORD, 1], np.int64)
 
-    def _all_proofs(self) -> list[_Proof]:
+    def _all_proofs(self) -> list[_WireCheck]:
         """Return the columns to be compared, by rule; raises ValueError where outputs are missing."""
         about = {part.channel.topic: part.channel.about for part in self._parts}
         place = {
@@ -179,7 +179,7 @@ class Page:
                         outputs += [place[wire.source, name] for name in wire.outputs]
                         inputs += [place[part.channel.topic, name] for name in wire.inputs]
             if inputs:
-                proofs.append(_Proof(rule, np.array(outputs), np.array(inputs)))
+                proofs.append(_WireCheck(rule, np.array(outputs), np.array(inputs)))
         return proofs
 
     def add(self, sequence: int, t: float, h: float, values: Sequence[Floats]) -> None:
@@ -208,8 +208,8 @@ class Page:
         self.block = (self.spare.pop() if self.spare else self._blank()).follow(filled)
         return filled
 
-    def pack(self, block: Block) -> list[Packed]:
-        """Return the message records of a block, by topic, without topics that have none; raises Unproven."""
+    def pack(self, block: Block) -> list[PackedMessages]:
+        """Return the message records of a block, by topic, without topics that have none; raises WireViolated."""
         self._prove(block)
         block.ns[: block.count] = np.rint(block.t[: block.count] * 1e9)
         packed = []
@@ -218,7 +218,7 @@ class Page:
             key = late, channel.about.every
             due, times = found[key] = found.get(key) or self._due(block, *key)
             if len(due):
-                packed.append(Packed(channel, channel.pack(block, due, moves), times))
+                packed.append(PackedMessages(channel, channel.pack(block, due, moves), times))
         return packed
 
     def _due(self, block: Block, late: bool, every: int) -> tuple[NDArray[np.int64], NDArray[np.uint64]]:
@@ -228,13 +228,13 @@ class Page:
         return due, block.ns[due - late]
 
     def _prove(self, block: Block) -> None:
-        """Compare wired inputs with the values that their wires give, bit by bit; raises Unproven."""
+        """Compare wired inputs with the values that their wires give, bit by bit; raises WireViolated."""
         if not self._proofs:
             return
         steps = block.sequence[: block.count]
         begin = 1 + int(block.count > 1 and steps[1] == 0)  # the row of the start has no step before it
         if np.any(np.diff(steps[begin - 1 :]) != 1):
-            raise Unproven("a step is missing")
+            raise WireViolated("a step is missing")
         before, now = block.table[begin - 1 : block.count - 1], block.table[begin : block.count]
         for proof in self._proofs:
             start = np.take(before, proof.outputs, axis=1)
@@ -243,7 +243,7 @@ class Page:
             wrong = handed_over(proof.rule, start, end).view(np.uint64) != given.view(np.uint64)
             if wrong.any():
                 row, column = np.argwhere(wrong)[0]
-                raise Unproven(self._sentence(float(block.t[begin - 1 + row]), int(proof.inputs[column])))
+                raise WireViolated(self._sentence(float(block.t[begin - 1 + row]), int(proof.inputs[column])))
 
     def _sentence(self, t: float, column: int) -> str:
         topic = max((first, topic) for topic, first in self._first.items() if first <= column)[1]

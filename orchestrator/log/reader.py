@@ -63,8 +63,8 @@ class Log(AbstractContextManager["Log"]):
         self.closing: dict | None = None
         self._attachments: dict[str, int] = {}  # name -> offset
         self._schemas: dict[int, Schema] = {}
-        self._channels: dict[int, channel_metadata.Recorded] = {}
-        self._recorded: dict[str, channel_metadata.Recorded] = {}
+        self._channels: dict[int, channel_metadata.RecordedChannel] = {}
+        self._recorded: dict[str, channel_metadata.RecordedChannel] = {}
         self._chunks = Chunks(self._file, self._channels)
         self._series: dict[str, Series] = {}
         self._file.walk(self._note)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from orchestrator.log import channel_metadata, closing_record, events_topic, log_format, schema
 from orchestrator.log.container_writer import ContainerWriter, LogFailed, check_writable, failed
 from orchestrator.log.message_records import LONGEST
-from orchestrator.log.page import CHUNK, Block, Channel, Page, Unproven
+from orchestrator.log.page import CHUNK, Block, Channel, Page, WireViolated
 from orchestrator.log.time_series import Topic
 from orchestrator.log.wire import Wire
 
@@ -234,7 +234,7 @@ class Recorder(AbstractContextManager["Recorder"]):
     ) -> None:
         """Write remaining messages, closing record and indexes; a second call does nothing.
 
-        ``results`` (text by name) and ``warnings`` (``warned.Warned`` as dicts) go into the closing record. After a
+        ``results`` (text by name) and ``warnings`` (``ComponentWarning`` as dicts) go into the closing record. After a
         failure that was raised already, everything that still fits is written and nothing is raised.
         """
         if self._closed:
@@ -307,7 +307,7 @@ class Recorder(AbstractContextManager["Recorder"]):
                     self._write_chunk(filled)
             except Exception as error:  # any error must be reported to the run
                 with self._turn:
-                    unproven = isinstance(error, Unproven)
+                    unproven = isinstance(error, WireViolated)
                     self._failure = LogFailed(f"{self.path}: {error}") if unproven else failed(self.path, error)
                     self._hand_over()
                     left = [filled, *self._backlog]
@@ -332,7 +332,7 @@ class Recorder(AbstractContextManager["Recorder"]):
                 try:
                     self._write_chunk([(page, block.steps(first, first + size)) for page, block in filled], True)
                     first += size
-                except (OSError, Unproven):
+                except (OSError, WireViolated):
                     size //= 2
             if first < end:
                 return

@@ -42,7 +42,7 @@ class Field(NamedTuple):
     length: int  # number of values of a packed repeated double; 0 for a double
 
 
-class Group(NamedTuple):
+class FieldGroup(NamedTuple):
     """Consecutive fields of one kind, whose values are evenly spaced in the message."""
 
     first: int  # index of the first value in field order
@@ -51,12 +51,12 @@ class Group(NamedTuple):
     stride: int  # bytes from the first value of a field to that of the next field
 
 
-class Layout(NamedTuple):
+class MessageLayout(NamedTuple):
     """Byte layout of a topic's messages."""
 
     fields: tuple[Field, ...]
     order: NDArray[np.intp]  # (n,) index of the variable that is value i in field order
-    groups: tuple[Group, ...]
+    groups: tuple[FieldGroup, ...]
     starts: NDArray[np.intp]  # (n,) byte offset of each variable's value in the message
     template: bytes  # message with all values, t and h zero
 
@@ -134,7 +134,7 @@ def _unique(word: str, taken: set[str]) -> str:
     return candidate
 
 
-def layout(where: Sequence[str]) -> Layout:
+def layout(where: Sequence[str]) -> MessageLayout:
     """Return the layout of a message whose variable i has the place ``where[i]``; raises ValueError."""
     members: dict[str, dict[int | None, int]] = {}
     for variable, place in enumerate(where):
@@ -160,16 +160,16 @@ def layout(where: Sequence[str]) -> Layout:
         of_fields, of_values = group.stride * np.arange(group.shape[0]), 8 * np.arange(group.shape[1])
         places = order[group.first : group.first + group.shape[0] * group.shape[1]]
         starts[places] = (group.offset + of_fields[:, None] + of_values).ravel()
-    return Layout(fields, order, groups, starts, template)
+    return MessageLayout(fields, order, groups, starts, template)
 
 
-def _lay_out(fields: Sequence[Field]) -> tuple[tuple[Group, ...], bytes]:
+def _lay_out(fields: Sequence[Field]) -> tuple[tuple[FieldGroup, ...], bytes]:
     """Return groups of evenly spaced fields, and the bytes of a message of zeros."""
     body = bytearray(_header(Field("t", 1, 0)) + bytes(8) + _header(Field("h", 2, 0)) + bytes(8))
     groups, first = [], 0
     for (size, count), run in groupby(fields, lambda field: (len(_header(field)), field.length)):
         members, width = list(run), count or 1
-        groups.append(Group(first, (len(members), width), len(body) + size, size + 8 * width))
+        groups.append(FieldGroup(first, (len(members), width), len(body) + size, size + 8 * width))
         for field in members:
             body += _header(field) + bytes(8 * width)
         first += len(members) * width

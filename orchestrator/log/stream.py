@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.log.channel_metadata import Recorded
+from orchestrator.log.channel_metadata import RecordedChannel
 from orchestrator.log.message_records import Messages
 from orchestrator.log.time_series import EVER, Series, joined, nothing
 from orchestrator.log.wire import Floats, Rule, Wire, handed_over
@@ -28,7 +28,10 @@ class Stream:
     """
 
     def __init__(
-        self, recorded: Mapping[str, Recorded], wanted: Mapping[str, Sequence[int]], window: tuple[float, float] = EVER
+        self,
+        recorded: Mapping[str, RecordedChannel],
+        wanted: Mapping[str, Sequence[int]],
+        window: tuple[float, float] = EVER,
     ) -> None:
         needed: dict[str, set[str]] = {}
         for topic, columns in wanted.items():
@@ -61,7 +64,7 @@ class Stream:
 class _Outputs:
     """Output columns that wires need from one topic; holds the rows that inputs may still need."""
 
-    def __init__(self, recorded: Recorded, names: Sequence[str]) -> None:
+    def __init__(self, recorded: RecordedChannel, names: Sequence[str]) -> None:
         self.names = list(names)
         self._held = [recorded.columns.index(recorded.about.names.index(name)) for name in names]
         self.sequence = np.empty(0, np.int64)
@@ -90,7 +93,7 @@ class _Outputs:
         return (self.values[which[0] : which[-1] + 1] if together else self.values[which])[:, columns]
 
 
-class _Part(NamedTuple):
+class _WiredColumns(NamedTuple):
     """Selected inputs of a topic that one wire defines."""
 
     source: str
@@ -107,14 +110,14 @@ class _Part(NamedTuple):
 class _Topic:
     """Selected topic with the messages that wait for outputs."""
 
-    def __init__(self, recorded: Recorded, columns: Sequence[int], outputs: Mapping[str, _Outputs]) -> None:
+    def __init__(self, recorded: RecordedChannel, columns: Sequence[int], outputs: Mapping[str, _Outputs]) -> None:
         names = [recorded.about.names[column] for column in columns]
         held = {column: k for k, column in enumerate(recorded.columns)}
         self._own = [k for k, column in enumerate(columns) if column in held]  # selected columns that are recorded
         self._held = [held[columns[k]] for k in self._own]
         self._outputs = outputs
         self.parts = [
-            _Part(
+            _WiredColumns(
                 wire.source,
                 wire.rule,
                 [outputs[wire.source].names.index(name) for name in wired],
@@ -166,7 +169,7 @@ class _Topic:
         return whole if there.all() else whole.rows(there)
 
 
-def _wired(recorded: Recorded, names: Sequence[str]) -> Iterator[tuple[Wire, dict[str, str]]]:
+def _wired(recorded: RecordedChannel, names: Sequence[str]) -> Iterator[tuple[Wire, dict[str, str]]]:
     """Yield each wire of any inputs ``names`` with its pairs output -> input among them."""
     for wire in recorded.about.wires:
         wired = {one: other for one, other in zip(wire.outputs, wire.inputs, strict=True) if other in names}

@@ -22,7 +22,7 @@ from orchestrator.log.recorder import Recorder
 WHOLE, BROKEN, RECOVERED = 0, 1, 3  # exit codes
 
 
-class Verdict(NamedTuple):
+class LogVerdict(NamedTuple):
     """Result of a verification or a recovery."""
 
     code: int  # WHOLE, BROKEN or RECOVERED
@@ -77,20 +77,20 @@ class Info(NamedTuple):
     attachments: dict[str, int]  # bytes by name
 
 
-def verify(path: str | os.PathLike[str]) -> Verdict:
+def verify(path: str | os.PathLike[str]) -> LogVerdict:
     """Check that a log is whole: checksums, steps, sha256, closing record, wires against connections."""
     try:
         with Log(path, unfinished=True) as log:
             faults = _faults(log)
             if faults:
-                return Verdict(BROKEN, faults)
+                return LogVerdict(BROKEN, faults)
             closing = log.closing or {}
             count = sum(closing["messages"].values())
             sentence = f"{path} is whole: {len(log.topics)} topics, {count} messages, {closing['steps']} steps"
             ending = f"the run ended with status {closing['status']}"
-            return Verdict(WHOLE, [sentence, f"{ending}: {closing['message']}" if closing["message"] else ending])
+            return LogVerdict(WHOLE, [sentence, f"{ending}: {closing['message']}" if closing["message"] else ending])
     except LogUnreadable as error:
-        return Verdict(BROKEN, [str(error)])
+        return LogVerdict(BROKEN, [str(error)])
 
 
 def _faults(log: Log) -> list[str]:
@@ -152,7 +152,7 @@ def _stride(log: Log, topic: str) -> int | None:
     return None if topic.startswith("/stats/") else log.topics[topic].every
 
 
-def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> Verdict:
+def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> LogVerdict:
     """Write a new log with all complete steps of a broken one.
 
     Returns WHOLE if only the indexes at the end were broken, RECOVERED if something is lost or may have been changed
@@ -161,15 +161,15 @@ def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> Verdic
     """
     source, target = Path(path), Path(out)
     if target.exists() and source.exists() and target.samefile(source):
-        return Verdict(BROKEN, [f"{target} is the log itself: give another name"])
+        return LogVerdict(BROKEN, [f"{target} is the log itself: give another name"])
     try:
         with Log(source, unfinished=True) as log:
             if not log.topics:
-                return Verdict(BROKEN, [f"nothing could be saved from {source}", *log.faults])
+                return LogVerdict(BROKEN, [f"nothing could be saved from {source}", *log.faults])
             with _replacing(target) as fresh:
                 return _rewrite(log, fresh, target)
     except (LogUnreadable, LogFailed, ValueError) as error:
-        return Verdict(BROKEN, [str(error)])
+        return LogVerdict(BROKEN, [str(error)])
 
 
 @contextmanager
@@ -188,7 +188,7 @@ def _replacing(target: Path) -> Iterator[Path]:
         fresh.unlink(missing_ok=True)
 
 
-def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
+def _rewrite(log: Log, fresh: Path, target: Path) -> LogVerdict:
     topics = {topic: list(zip(about.names, about.units, strict=True)) for topic, about in log.topics.items()}
     every = {topic: about.every for topic, about in log.topics.items()}
     saved = dict.fromkeys(log.topics, 0)
@@ -211,7 +211,7 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
             reached = max([reached, *ends[kept].tolist()])
         if untouched:
             recorder.close(*(closing[key] for key in ("status", "message", "steps", "results", "warnings")))
-            return Verdict(WHOLE, [f"{target} holds everything that was recorded", *log.faults])
+            return LogVerdict(WHOLE, [f"{target} holds everything that was recorded", *log.faults])
         ended = f"; the run ended with status {closing['status']}" if closing["status"] else ""
         recorder.close(
             "failed",
@@ -223,7 +223,7 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
     sentence = f"{target} holds {sum(saved.values())} messages, to t = {reached:.6g} s; the rest is lost"
     if saved == closing["messages"] and len(attachments) == len(names) and steps is None:
         sentence = f"{target} holds all {sum(saved.values())} messages, but names or metadata may be damaged"
-    return Verdict(RECOVERED, [sentence, *log.faults])
+    return LogVerdict(RECOVERED, [sentence, *log.faults])
 
 
 def _whole_steps(log: Log, recorded: Mapping[str, int], done: int) -> NDArray[np.int64] | None:

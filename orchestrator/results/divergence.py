@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchestrator.log.bitwise import Difference, bits, difference
+from orchestrator.log.bitwise import BitDifference, bits, difference
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER, Floats, Series, joined
 
@@ -31,8 +31,8 @@ class Divergence(NamedTuple):
 
     compared: int  # number of values
     until: float  # s, common end
-    first: Difference | None  # None: every bit is equal
-    spread: tuple[Difference, ...]  # first difference of every instance, in order of time
+    first: BitDifference | None  # None: every bit is equal
+    spread: tuple[BitDifference, ...]  # first difference of every instance, in order of time
     growth: Mapping[str, Growth]  # by topic, if it differs
     only: tuple[str, ...]  # topics and variables of one log only
 
@@ -41,7 +41,7 @@ def divergence(one: Log, reference: Log, window: tuple[float, float] = EVER) -> 
     """Compare all common values in a closed interval of time, s; raises LogUnreadable."""
     shared, only = _shared(one, reference)
     before = {topic: _number(reference, topic, window[0]) for topic in shared}
-    firsts: list[Difference] = []
+    firsts: list[BitDifference] = []
     parted = {topic: _Parted([reference.topics[topic].units[k] for k in shared[topic][1]]) for topic in shared}
     compared, until, uneven = 0, float("nan"), set[str]()
     names = {topic: [one.topics[topic].names[column] for column in columns[0]] for topic, columns in shared.items()}
@@ -67,7 +67,7 @@ def divergence(one: Log, reference: Log, window: tuple[float, float] = EVER) -> 
             firsts.append(difference(topic, name, step, *values, float(b.t[row])))
         parted[topic].add(a, b, bool(different.any()))
     firsts.sort(key=lambda found: (found.t, found.variable != "t"))
-    instances: dict[str, Difference] = {}
+    instances: dict[str, BitDifference] = {}
     for found in firsts:
         instances.setdefault(found.instance, found)
     growth = {topic: found.curve() for topic, found in parted.items() if found.t}

@@ -19,7 +19,7 @@ POINTS_OF = {  # and the modes that use them
 }
 
 
-class Drive(Table):
+class DriveTable(Table):
     """Drive of a sprocket, or brake of an idler.
 
     ``speed`` rises from 0 to its value along half a cosine from ``ramp_start`` on for ``ramp_time`` and is then
@@ -48,7 +48,7 @@ class Drive(Table):
     gear_ratio: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None  # engine speed over sprocket speed
 
     @model_validator(mode="after")
-    def _points_fit(self) -> Drive:
+    def _points_fit(self) -> DriveTable:
         for key, modes in POINTS_OF.items():
             points = getattr(self, key)
             if points is None:
@@ -78,13 +78,13 @@ class Drive(Table):
         return max(abs(speed) for _, speed in self.speed_points or ((0.0, self.speed),))
 
 
-class Steering(Drive):
+class SteeringTable(DriveTable):
     """Drive of the speed difference, right less left, of a steering differential."""
 
     mode: Literal["speed", "torque", "controller"] = "speed"
 
     @model_validator(mode="after")
-    def _acts(self) -> Steering:
+    def _acts(self) -> SteeringTable:
         """Raise ValueError for settings that the mode, given or default, would ignore."""
         acting = {"torque": ("torque",), "torque_limit": ("controller",), "brake": ("torque", "controller")}
         for key, modes in acting.items():
@@ -93,15 +93,15 @@ class Steering(Drive):
         return self
 
 
-class VehicleDrive(Drive):
+class VehicleDriveTable(DriveTable):
     """Drive of both sides of a vehicle; tables ``left`` and ``right`` override it.
 
     With ``steering`` a differential joins both sprockets, and the drive sets the mean of their speeds.
     """
 
-    left: Drive | None = None
-    right: Drive | None = None
-    steering: Annotated[Steering | None, BeforeValidator(off)] = None
+    left: DriveTable | None = None
+    right: DriveTable | None = None
+    steering: Annotated[SteeringTable | None, BeforeValidator(off)] = None
 
     @model_validator(mode="before")
     @classmethod
@@ -109,7 +109,7 @@ class VehicleDrive(Drive):
         if not isinstance(value, Mapping):
             return value
         both = {key: each for key, each in value.items() if key not in SIDES}
-        known = {key: each for key, each in both.items() if key in Drive.model_fields}
+        known = {key: each for key, each in both.items() if key in DriveTable.model_fields}
         own = {side: value[side] for side in SIDES if value.get(side) is not None}
         whole = {side: {**known, **each} if isinstance(each, Mapping) else each for side, each in own.items()}
         modes = [each["mode"] for each in whole.values() if isinstance(each, Mapping) and "mode" in each]
@@ -118,7 +118,7 @@ class VehicleDrive(Drive):
         return both | whole
 
     @model_validator(mode="after")
-    def _named_by_side(self) -> VehicleDrive:
+    def _named_by_side(self) -> VehicleDriveTable:
         """Name both sides if they differ, neither if they are equal (common settings then)."""
         left, right = (getattr(self, side) or self._both() for side in SIDES)
         sides = {} if left == right else {"left": left, "right": right}
@@ -130,20 +130,20 @@ class VehicleDrive(Drive):
     def _without_what_does_nothing(self, whole: SerializerFunctionWrapHandler) -> dict[str, Any]:
         return {key: value for key, value in whole(self).items() if (key in SIDES) == self.steers}
 
-    def _both(self) -> Drive:
-        return Drive.model_construct(**{key: getattr(self, key) for key in Drive.model_fields})
+    def _both(self) -> DriveTable:
+        return DriveTable.model_construct(**{key: getattr(self, key) for key in DriveTable.model_fields})
 
     @property
     def steers(self) -> bool:
         """True if the drives of the sides differ."""
         return self.left is not None and self.right is not None
 
-    def motors(self) -> dict[str, Drive]:
+    def motors(self) -> dict[str, DriveTable]:
         """All drives by their keys."""
         own = {"drive.left": self.left, "drive.right": self.right} if self.steers else {"drive": self}
         return {key: each for key, each in {**own, "drive.steering": self.steering}.items() if each is not None}
 
-    def of(self, side: Side) -> Drive:
+    def of(self, side: Side) -> DriveTable:
         """Drive of a side."""
         return getattr(self, side) or self._both()
 
@@ -162,7 +162,7 @@ def _arc(pair: object) -> object:
 Arc = Annotated[tuple[Place, Annotated[float, In("rad/m", ge=-1e3, le=1e3)]], BeforeValidator(_arc)]
 
 
-class Driver(Table):
+class DriverTable(Table):
     """Driver that follows a path or heads in a direction; the path begins below the middle road wheel.
 
     Without arcs and points the driver holds the heading of the start, turned by ``heading``. Keys that are not given
@@ -187,7 +187,7 @@ class Driver(Table):
     grip: Annotated[float, Field(ge=0.05, le=0.9)] | None = None  # share of the friction that the plan uses
 
     @model_validator(mode="after")
-    def _one_way(self) -> Driver:
+    def _one_way(self) -> DriverTable:
         given = [key for key in ("arcs", "points", "heading") if getattr(self, key) is not None]
         if len(given) > 1:
             raise ValueError(f"{given[0]} and {given[1]} exclude each other")

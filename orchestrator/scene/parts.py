@@ -11,9 +11,9 @@ from fmus.ports import wheel_state, wrench
 from fmus.stance import Stance
 from fmus.track_choices import TRACKS
 from orchestrator.cosim.graph import Connection
-from orchestrator.scene.drive_tables import Drive, Driver
+from orchestrator.scene.drive_tables import DriverTable, DriveTable
 from orchestrator.scene.scene import RigScene, Scene, VehicleScene
-from orchestrator.scene.start_tables import VehicleStart
+from orchestrator.scene.start_tables import VehicleStartTable
 from orchestrator.scene.values import Side
 
 SIDES: dict[Side, float] = {"left": 1.0, "right": -1.0}  # sign of y
@@ -86,7 +86,7 @@ def driven_connections(scene: VehicleScene) -> tuple[Connection, ...]:
     )
 
 
-def driver_parameters(driver: Driver) -> Parameters:
+def driver_parameters(driver: DriverTable) -> Parameters:
     """Driver parameters that the scene sets."""
     same = {"heading", "deceleration", "reach", "preview", "width", "friction", "grip"}
     own = driver.model_dump(include=same, exclude_none=True)
@@ -193,7 +193,7 @@ def track_part(scene: Scene, name: str, config: dict[str, Any], lateral: float =
 def drive_part(
     scene: Scene,
     name: str,
-    drive: Drive,
+    drive: DriveTable,
     inertia: float,
     mount: Sequence[float],
     lateral: float = 0.0,
@@ -204,7 +204,7 @@ def drive_part(
     return Part(name, "SprocketDrive", config, parameters, DRIVE)
 
 
-def differential_part(scene: VehicleScene, steering: Drive, stands: Mapping[str, Stance]) -> Part:
+def differential_part(scene: VehicleScene, steering: DriveTable, stands: Mapping[str, Stance]) -> Part:
     """Steering differential between both sprockets."""
     vehicle = scene.vehicle
     own: dict[str, Any] = {"inertia": vehicle.sprocket.spin_inertia}
@@ -218,7 +218,7 @@ def differential_part(scene: VehicleScene, steering: Drive, stands: Mapping[str,
     return Part(DIFFERENTIAL, "SteeringDifferential", config, parameters, DRIVE)
 
 
-def _drive_parameters(drive: Drive) -> Parameters:
+def _drive_parameters(drive: DriveTable) -> Parameters:
     parameters: Parameters = {
         "mode": drive.mode,
         "speed.end": drive.speed,
@@ -244,7 +244,7 @@ def start_parameters(scene: Scene) -> Parameters:
     x, y, z = scene.start.position
     pose: Parameters = {"start.position.x": x, "start.position.y": y, "start.position.z": z}
     pose["start.heading"] = scene.start.heading
-    if isinstance(scene.start, VehicleStart):
+    if isinstance(scene.start, VehicleStartTable):
         heading, pitch = scene.start.turned()
         pose |= {"start.heading": heading, "start.height": scene.start.height, "start.pitch": pitch}
     return pose

@@ -11,7 +11,7 @@ from fmus.tensioning import tension_wheel
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.parts import Parameters, Part, rig_track_config, vehicle_track_config
 from orchestrator.scene.scene import RigScene, Scene, VehicleScene
-from orchestrator.scene.start_tables import Equilibrium
+from orchestrator.scene.start_tables import EquilibriumTable
 from orchestrator.scene.values import SIDES
 
 
@@ -51,7 +51,7 @@ def _rested(scene: VehicleScene) -> VehicleScene:
         return scene
     parts = {part.name: part for part in assemble(scene.model_copy(update={"symmetric": False})).parts}
     tracks = {side: _carrying(scene, part) for side in SIDES if (part := parts.get(f"{side}_track"))}
-    found = Equilibrium(**_settled(json.dumps([parts["chassis"].config, tracks]))._asdict())
+    found = EquilibriumTable(**_settled(json.dumps([parts["chassis"].config, tracks]))._asdict())
     return scene.model_copy(update={"start": scene.start.model_copy(update={"equilibrium": found})})
 
 

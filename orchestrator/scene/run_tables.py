@@ -18,7 +18,7 @@ OPTIONS = {
 }
 
 
-class Coupling(Table):
+class CouplingTable(Table):
     """Coupling scheme and its options; the scheme's defaults apply to the rest."""
 
     scheme: Literal["tracks_first", "jacobi", "gauss_seidel", "iterative", "energy_corrected"] = "tracks_first"
@@ -27,7 +27,7 @@ class Coupling(Table):
     iterations: Annotated[int, Field(ge=1)] | None = None  # most iterations in a step
 
     @model_validator(mode="after")
-    def _options_fit(self) -> Coupling:
+    def _options_fit(self) -> CouplingTable:
         for option in self.options():
             if self.scheme not in OPTIONS[option]:
                 wanted = " or ".join(OPTIONS[option])
@@ -43,7 +43,7 @@ class Coupling(Table):
         return f"{self.scheme} ({given})" if given else self.scheme
 
 
-class Variable(Table):
+class VariableStepTable(Table):
     """Communication step controlled by an error estimate; ``run.step`` is the first one."""
 
     # Of a step: its error over the size of what the connection carries, or its power residual over that of the bonds.
@@ -54,7 +54,7 @@ class Variable(Table):
     longest: Duration = 0.1
 
     @model_validator(mode="after")
-    def _in_order(self) -> Variable:
+    def _in_order(self) -> VariableStepTable:
         if self.shortest > self.longest:
             raise ValueError(f"shortest = {self.shortest:g} s is longer than longest = {self.longest:g} s")
         if self.energy is not None and self.estimate != "power":
@@ -79,13 +79,13 @@ def _kinds(allowed: object) -> object:
     raise ValueError(f"must be a list of {', '.join(ALLOWED)}: failures that become warnings")
 
 
-class Run(Table):
+class RunTable(Table):
     """Duration, steps and recording of a run."""
 
     stop: Duration
     step: Duration  # communication step H
-    coupling: Annotated[Coupling, BeforeValidator(short_coupling)] = Coupling()
-    variable: Annotated[Variable | None, BeforeValidator(off)] = None  # None or false: all steps have length H
+    coupling: Annotated[CouplingTable, BeforeValidator(short_coupling)] = CouplingTable()
+    variable: Annotated[VariableStepTable | None, BeforeValidator(off)] = None  # None or false: all steps have length H
     outputs: Every = 1  # interval of recorded outputs in communication steps
     links: Every | None = None  # interval of recorded per-link outputs; default: ``recording``
     between: bool = False  # also record mean, least and most between two records of links
@@ -94,7 +94,7 @@ class Run(Table):
     allow: Annotated[tuple[str, ...], BeforeValidator(_kinds)] = ()  # kinds of ``results/validity`` that do not fail
 
     @model_validator(mode="after")
-    def _whole_steps(self) -> Run:
+    def _whole_steps(self) -> RunTable:
         if self.stop / self.step > MOST_STEPS:
             raise ValueError(f"stop = {self.stop:g} s is more than {MOST_STEPS} steps of {self.step:g} s")
         if abs(self.stop / self.step - round(self.stop / self.step)) > 1e-6 or self.stop < self.step:

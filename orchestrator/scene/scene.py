@@ -18,14 +18,14 @@ from fmus.ranges import outside
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, Table, Vehicle, read_table, sentence, shown
 from orchestrator.scene import gallery, points
-from orchestrator.scene.drive_tables import Drive, Driver, VehicleDrive
+from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriveTable
 from orchestrator.scene.ranges import SCENE
 from orchestrator.scene.recording import UNKNOWN, folded, links_every
-from orchestrator.scene.run_tables import Run, short_coupling
+from orchestrator.scene.run_tables import RunTable, short_coupling
 from orchestrator.scene.settings import keys, merged, put, setting
-from orchestrator.scene.start_tables import Ground, Start, VehicleStart
-from orchestrator.scene.tables import Bench, Chain, Check, Rig
-from orchestrator.scene.track_table import Track, short_track
+from orchestrator.scene.start_tables import GroundTable, StartTable, VehicleStartTable
+from orchestrator.scene.tables import BenchTable, ChainTable, Check, RigTable
+from orchestrator.scene.track_table import TrackTable, short_track
 from orchestrator.scene.values import SIDES, Side, off
 
 # Settings of a drive in mode controller that are allowed beside a driver.
@@ -40,11 +40,11 @@ class Scene(Table):
     name: Annotated[str, Field(pattern=r"^[^/\\\x00]+$")]  # also names the log
     title: str
     assembly: str
-    run: Run
+    run: RunTable
     expect: dict[str, Check] = Field(default_factory=dict)
     vehicle: Vehicle
-    track: Annotated[Track, BeforeValidator(short_track)]
-    start: Start = Start()
+    track: Annotated[TrackTable, BeforeValidator(short_track)]
+    start: StartTable = StartTable()
     placed: bool = False  # True once the idler is where the chain carries its static tension
     planar: bool = False  # cable chains without lateral dofs: all motion is in the plane of the track
 
@@ -122,7 +122,7 @@ class ChainScene(Scene):
     """Chain without wheels."""
 
     assembly: Literal["chain"]
-    chain: Chain
+    chain: ChainTable
 
     @model_validator(mode="after")
     def _has_no_wheels(self) -> ChainScene:
@@ -137,8 +137,8 @@ class BenchScene(Scene):
     """Chain over a driven sprocket."""
 
     assembly: Literal["bench"]
-    bench: Bench
-    drive: Drive
+    bench: BenchTable
+    drive: DriveTable
 
     @model_validator(mode="after")
     def _is_open(self) -> BenchScene:
@@ -155,9 +155,9 @@ class RigScene(Scene):
     """Closed chain round a driven sprocket and a braked idler."""
 
     assembly: Literal["rig"]
-    rig: Rig
-    drive: Drive
-    idler_drive: Drive
+    rig: RigTable
+    drive: DriveTable
+    idler_drive: DriveTable
 
     @property
     def teeth_rate(self) -> float:
@@ -169,11 +169,12 @@ class VehicleScene(Scene):
     """Vehicle on its ground."""
 
     assembly: Literal["vehicle"]
-    start: VehicleStart = VehicleStart()
+    start: VehicleStartTable = VehicleStartTable()
     tracks: tuple[Side, ...] = SIDES  # a side without a track has no drive either
-    ground: Ground = Ground()
-    drive: VehicleDrive
-    driver: Annotated[Driver | None, BeforeValidator(off)] = None  # None or false: the drives follow their own settings
+    ground: GroundTable = GroundTable()
+    drive: VehicleDriveTable
+    # None or false: the drives follow their own settings.
+    driver: Annotated[DriverTable | None, BeforeValidator(off)] = None
     push: float = 0.0  # N, share of the tensioners' preload that balances the tension of placed tracks
     symmetric: bool = False  # only the left half runs; the right one mirrors it
 
@@ -248,7 +249,7 @@ class VehicleScene(Scene):
             if drive.mode == "torque":
                 raise ValueError(f"{where}.mode = 'torque': a driver needs 'speed' or 'controller'")
             own = {"mode"} if drive.mode == "speed" else {"mode", *OF_CONTROLLERS}
-            for key, field in Drive.model_fields.items():
+            for key, field in DriveTable.model_fields.items():
                 if key not in own and (value := getattr(drive, key)) != field.default:
                     raise ValueError(
                         f"{where}.{key} = {shown(value)}: a driver says how fast sprockets turn, leave it out"

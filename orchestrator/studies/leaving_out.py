@@ -72,7 +72,7 @@ COLUMNS = (
 KEYS = tuple(column.key for column in COLUMNS[2:-2])  # keys of figures
 
 
-class Side(NamedTuple):
+class PairedRun(NamedTuple):
     """One run of a pair."""
 
     settings: tuple[str, ...] = ()
@@ -85,32 +85,32 @@ ADDED: dict[str, Callable[[Scene, Assembly], Assembly]] = {
     "ground": lambda scene, a: a._replace(parts=tuple(_over_ground(part) for part in a.parts)),
 }
 
-HALF, PLANAR = Side(("symmetric=true",)), Side(("symmetric=true", "planar=true"))
-NO_LINKS = Side(("track.link_outputs=false",))
+HALF, PLANAR = PairedRun(("symmetric=true",)), PairedRun(("symmetric=true", "planar=true"))
+NO_LINKS = PairedRun(("track.link_outputs=false",))
 ALONE = (  # chains without a vehicle
-    ("lateral dofs", Side(), Side(("planar=true",))),
-    ("a chassis that nothing touches", Side(added="chassis"), Side()),
-    ("a ground out of reach", Side(added="ground"), Side()),
-    ("outputs per link every 10 steps", Side(), NO_LINKS),
+    ("lateral dofs", PairedRun(), PairedRun(("planar=true",))),
+    ("a chassis that nothing touches", PairedRun(added="chassis"), PairedRun()),
+    ("a ground out of reach", PairedRun(added="ground"), PairedRun()),
+    ("outputs per link every 10 steps", PairedRun(), NO_LINKS),
 )
 RAMP = ("drive.ramp_start=0 s",)  # without rest at the start
 # Scene: end of a quick and of a full run, s, common settings, and names of parts with both sides.
-SCENES: dict[str, tuple[float, float, tuple[str, ...], tuple[tuple[str, Side, Side], ...]]] = {
+SCENES: dict[str, tuple[float, float, tuple[str, ...], tuple[tuple[str, PairedRun, PairedRun], ...]]] = {
     "straight": (
         0.5,
         2.0,
         RAMP,
         (
-            ("the right half", Side(), HALF),
+            ("the right half", PairedRun(), HALF),
             ("lateral dofs", HALF, PLANAR),
-            ("right half and lateral dofs", Side(), PLANAR),
-            ("outputs per link every 20 ms", Side(), NO_LINKS),
-            ("outputs per link every step", Side(("run.links=1",)), NO_LINKS),
-            ("nine outputs of ten", Side(), Side(("run.outputs=10",))),
-            ("the estimate of the error", Side(estimated=True), Side()),
+            ("right half and lateral dofs", PairedRun(), PLANAR),
+            ("outputs per link every 20 ms", PairedRun(), NO_LINKS),
+            ("outputs per link every step", PairedRun(("run.links=1",)), NO_LINKS),
+            ("nine outputs of ten", PairedRun(), PairedRun(("run.outputs=10",))),
+            ("the estimate of the error", PairedRun(estimated=True), PairedRun()),
         ),
     ),
-    "settle": (0.5, 2.0, (), (("the right half", Side(), HALF), ("lateral dofs", HALF, PLANAR))),
+    "settle": (0.5, 2.0, (), (("the right half", PairedRun(), HALF), ("lateral dofs", HALF, PLANAR))),
     "rig": (1.0, 3.0, RAMP, ALONE),
     "hanging_chain": (0.5, 1.0, ("track.start=displaced",), ALONE),
 }
@@ -132,7 +132,7 @@ def cases(quick: bool, scene: str | None = None) -> list[Case]:
     return found
 
 
-def compare(scene: str, sides: tuple[Side, Side], pairs: int) -> list[Row]:
+def compare(scene: str, sides: tuple[PairedRun, PairedRun], pairs: int) -> list[Row]:
     """Time both sides in turn, measure their memory, and compare their logs."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         timed = _child({"scene": scene, "sides": sides, "pairs": pairs, "folder": folder})
@@ -203,7 +203,7 @@ def _child(task: dict[str, Any]) -> Any:
 
 def _main() -> None:
     task = json.load(sys.stdin)
-    sides = [Side(tuple(settings), *rest) for settings, *rest in task["sides"]]
+    sides = [PairedRun(tuple(settings), *rest) for settings, *rest in task["sides"]]
     paths = [Path(task["folder"]) / f"{k}.mcap" for k in range(len(sides))]
     if not task["pairs"]:
         run(task["scene"], sides[0], Path(task["folder"]) / "peak.mcap")
@@ -219,7 +219,7 @@ def _main() -> None:
     json.dump({"costs": costs, "log": [path.stat().st_size for path in paths]}, sys.stdout)
 
 
-def run(name: str, side: Side, path: Path) -> tuple[float, float]:
+def run(name: str, side: PairedRun, path: Path) -> tuple[float, float]:
     """CPU and wall time, s, of stepping and recording a scene; with an estimate, of the whole run."""
     scene = load(name, "flexible", side.settings)
     if side.estimated:

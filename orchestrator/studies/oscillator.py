@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from orchestrator.cosim.graph import Floats, Kind
+from orchestrator.cosim.graph import Floats, Quantity
 
 
 class Oscillator(NamedTuple):
@@ -33,7 +33,7 @@ class Oscillator(NamedTuple):
     start: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)  # x1, v1, x2, v2
 
 
-class Side(NamedTuple):
+class LinearComponent(NamedTuple):
     """Linear component: x' = A x + B u, u' = E u inside a step; y = C x (value) or its mean of C x + D u."""
 
     A: Floats
@@ -45,7 +45,7 @@ class Side(NamedTuple):
     mean: bool
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    given: tuple[Kind, ...]  # what each input carries
+    given: tuple[Quantity, ...]  # what each input carries
 
     def map(self, h: float) -> tuple[Floats, Floats, Floats, Floats]:
         """Matrices of a step: x_after = P x + Q u, y_after = R x + S u."""
@@ -61,7 +61,7 @@ class Side(NamedTuple):
         return P, Q, self.C @ P, self.C @ Q
 
 
-def sides(cut: str, o: Oscillator) -> tuple[Side, Side]:
+def sides(cut: str, o: Oscillator) -> tuple[LinearComponent, LinearComponent]:
     """Side a, which steps first in sequential couplings, and side b."""
     x1, v1, x2, v2 = o.start
     if cut == "mass":
@@ -70,7 +70,7 @@ def sides(cut: str, o: Oscillator) -> tuple[Side, Side]:
             _joined(o, o.m2, o.k2, o.c2, x2, v2, ("x1", "v1"), ("x2", "v2")),
         )
     none = np.zeros((1, 1))
-    b = Side(
+    b = LinearComponent(
         np.array([[0.0, 1.0], [-o.k2 / o.m2, -o.c2 / o.m2]]), np.array([[0.0], [1.0 / o.m2]]), np.eye(2),
         np.array([x2, v2]), np.zeros((2, 1)), none, False,
         ("force",), ("x", "v"), ("mean",) if cut == "wrench" else ("value",),
@@ -80,7 +80,7 @@ def sides(cut: str, o: Oscillator) -> tuple[Side, Side]:
         moving = np.array([[0.0, 1.0], [0.0, 0.0]])
         force, back = np.array([[o.k, o.c]]), np.array([[-o.k, -o.c]])
         return a._replace(C=force, D=back, E=moving, mean=True, given=("state", "rate")), b
-    a = Side(
+    a = LinearComponent(
         np.array([[0.0, 1.0, 0.0], [-o.k1 / o.m1, -o.c1 / o.m1, -o.k / o.m1], [0.0, 1.0, 0.0]]),
         np.array([[0.0], [0.0], [-1.0]]), np.array([[0.0, 0.0, o.k]]), np.array([x1, v1, x1 - x2]), none, none, False,
         ("v",), ("force",), ("value",),
@@ -90,12 +90,12 @@ def sides(cut: str, o: Oscillator) -> tuple[Side, Side]:
 
 def _joined(
     o: Oscillator, m: float, k: float, c: float, x: float, v: float, inputs: tuple[str, ...], outputs: tuple[str, ...]
-) -> Side:
+) -> LinearComponent:
     """Mass on its wall spring ``k`` and damper ``c`` and the coupling spring; inputs move its other end."""
     A = np.array([[0.0, 1.0], [-(k + o.k) / m, -(c + o.c) / m]])
     B = np.array([[0.0, 0.0], [o.k / m, o.c / m]])
     zero = np.zeros((2, 2))
-    return Side(A, B, np.eye(2), np.array([x, v]), zero, zero, False, inputs, outputs, ("value", "value"))
+    return LinearComponent(A, B, np.eye(2), np.array([x, v]), zero, zero, False, inputs, outputs, ("value", "value"))
 
 
 def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> Floats:
@@ -105,7 +105,7 @@ def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> 
     sizes = [len(a.x), len(b.x), len(a.C), len(b.C), len(a.C), len(b.C), len(b.C)]
     xa, xb, ya, yb, pa, pb, missed = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
 
-    def column(side: Side, value: float, mean: float, rate: float) -> Floats:
+    def column(side: LinearComponent, value: float, mean: float, rate: float) -> Floats:
         """Weight of each input by what it carries; 0 for a state."""
         weight = {"value": value, "mean": mean, "state": 0.0, "rate": rate}
         return np.array([[weight[kind]] for kind in side.given])

@@ -14,7 +14,7 @@ import numpy as np
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.graph import wire
 from orchestrator.cosim.observers import Checkpoints, Logging
-from orchestrator.cosim.tape import Tape
+from orchestrator.cosim.tape import RowWriter
 from orchestrator.execution.manifest import STATS_PERIOD, open_log
 from orchestrator.execution.simulate import opened
 from orchestrator.results.table import ABOUT, COST, Column, Table
@@ -84,7 +84,7 @@ def _times(scene: Scene, native: bool, pieces: int, steps: int, log: Path) -> li
         logging = Logging(recorder, list(components.values()), max(1, round(STATS_PERIOD / h)))
         checkpoints = Checkpoints(recorder, scheme, round(period / h) if period else NEVER)
         tape = scheme.tape = logging.tape
-        assert isinstance(tape, Tape)
+        assert isinstance(tape, RowWriter)
         every, k, times = tape.every, 0, []
 
         def piece(recorded: bool) -> None:

@@ -12,8 +12,8 @@ import pytest
 
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling import scheme
-from orchestrator.cosim.program import Move, Program, Stage, Worker, spare_processors
-from orchestrator.cosim.tape import Tape
+from orchestrator.cosim.program import InputCopy, Program, Stage, Worker, spare_processors
+from orchestrator.cosim.tape import RowWriter
 from orchestrator.execution.simulate import simulate
 from orchestrator.kernels.compiled import CAN_STEP, kernels
 from orchestrator.kernels.tables import ASLEEP, FREE, SUBMITTED, StepCall, record
@@ -113,8 +113,8 @@ def test_values_are_handed_over_by_their_rules():
     first, second = Instance(inputs=4), Instance(inputs=5)
     first.y[:], second.y[:] = chance.normal(size=5), chance.normal(size=6)
     at = {rule: np.array(places) for rule, places in zip(RULES, ([3, 0], [1], [4, 2]), strict=True)}
-    moves = [Move(second.u, places, first.y, places[::-1] % 5, rule) for rule, places in at.items()]
-    back = [Move(first.u, np.arange(4), second.y, np.array([5, 1, 2, 0]), "start")]
+    moves = [InputCopy(second.u, places, first.y, places[::-1] % 5, rule) for rule, places in at.items()]
+    back = [InputCopy(first.u, np.arange(4), second.y, np.array([5, 1, 2, 0]), "start")]
     program = program_of(([first], back), ([second], moves))
     for k in range(4):
         before = first.y.copy(), second.y.copy()
@@ -246,12 +246,12 @@ def marched(n, failing=0):
     for one, other in pairs:
         one.y[:], other.y[:] = range(4), range(4, 8)
         there, back = (
-            [Move(a.u, np.arange(3), b.y, np.arange(1, 4), "start")] for a, b in ((one, other), (other, one))
+            [InputCopy(a.u, np.arange(3), b.y, np.arange(1, 4), "start")] for a, b in ((one, other), (other, one))
         )
         programs.append(program_of(([one], there), ([other], back)))
     sheets = [Sheet(sum(len(one.u) + len(one.y) for one in pairs[0])), Sheet(4)]
     lent = []
-    tape = Tape(pairs[0], 3, sheets, lambda: lent.append(True))
+    tape = RowWriter(pairs[0], 3, sheets, lambda: lent.append(True))
     rows = []
     for k in range(4, 4 + n):
         try:

@@ -184,7 +184,7 @@ def test_a_replay_of_no_step_is_no_success(log, tmp_path):
     empty = content.write(tmp_path / "empty.mcap")
     with (
         replay_model.opened(empty, "chain", None) as again,
-        pytest.raises(replays.Unfit, match="does not hold the steps"),
+        pytest.raises(replays.UnfitLog, match="does not hold the steps"),
     ):
         again.verify()
     content = Content(log)
@@ -216,7 +216,7 @@ def test_a_log_that_was_cut_off_is_replayed_as_far_as_all_of_it_goes(log, tmp_pa
     ]
     del content.metadata["closing"]
     ragged = content.write(tmp_path / "ragged.mcap")
-    with replay_model.opened(ragged, "chain", None) as again, pytest.raises(replays.Unfit, match="log recover"):
+    with replay_model.opened(ragged, "chain", None) as again, pytest.raises(replays.UnfitLog, match="log recover"):
         again.verify()
     assert tools.recover(ragged, tmp_path / "saved.mcap").code == tools.RECOVERED
     with replay_model.opened(tmp_path / "saved.mcap", "chain", None) as again:
@@ -246,7 +246,7 @@ def test_names_in_a_log_lead_nowhere(log, tmp_path):
     assert len(set(files)) == 4
     assert all(file.resolve().parent == (inner / "csv").resolve() for file in files)
     tools.recover(evil, inner / "saved.mcap")
-    with pytest.raises((BadInput, LogUnreadable, replays.Unfit)), replay_model.opened(evil, "../../evil", None):
+    with pytest.raises((BadInput, LogUnreadable, replays.UnfitLog)), replay_model.opened(evil, "../../evil", None):
         pass
     copy = tmp_path / "copy.fmu"
     copy.write_bytes(fmu_of(log).read_bytes())
@@ -273,7 +273,7 @@ def test_names_in_a_log_lead_nowhere(log, tmp_path):
 )
 def test_a_scene_or_system_that_cannot_be_is_refused_in_a_sentence(log, tmp_path, change, said):
     forged = altered(log, tmp_path / "forged.mcap", change)
-    refusal = (BadInput, LogUnreadable, replays.Unfit)
+    refusal = (BadInput, LogUnreadable, replays.UnfitLog)
     with pytest.raises(refusal) as caught, replay_model.opened(Path(forged), "chain", None):
         pass
     assert said.replace("99999", str(10**400)[:5]) in str(caught.value)

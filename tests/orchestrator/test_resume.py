@@ -14,7 +14,7 @@ import pytest
 from mutated import Content
 
 from fmus.vehicle import BadInput
-from orchestrator.cosim.checkpoint import Unusable
+from orchestrator.cosim.checkpoint import UnusableCheckpoint
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.execution import replay_model
@@ -165,7 +165,7 @@ def test_what_does_not_branch_off_is_a_sentence(rig, cotrack, tmp_path):
     short = ("run.stop=0.02", "run.checkpoints=0.01", "chain.links=8", "expect={}")
     chain = ran(tmp_path / "chain.mcap", "hanging_chain", "rigid", *short)
     said = "with --set chain.links=9 the state of 'chain' has another size"
-    with pytest.raises(Unusable, match=said):
+    with pytest.raises(UnusableCheckpoint, match=said):
         resume(chain, tmp_path / "new.mcap", 0.01, settings=["chain.links=9"])
 
 
@@ -244,7 +244,7 @@ def test_bytes_that_are_no_checkpoint_are_a_sentence(rig, tmp_path):
         content = Content(rig)
         content.attachments[f"{CHECKPOINT}40"] = bad
         path = content.write(tmp_path / "bad.mcap")
-        with pytest.raises(Unusable, match="the checkpoint does not fit these components"):
+        with pytest.raises(UnusableCheckpoint, match="the checkpoint does not fit these components"):
             resume(path, tmp_path / "new.mcap", 0.05)
         assert not (tmp_path / "new.mcap").exists()
 

@@ -15,7 +15,7 @@ from orchestrator.cosim.coupling import scheme
 from orchestrator.cosim.coupling.iterative import Iterative
 from orchestrator.cosim.graph import Connection, Instance, System, wire
 from orchestrator.cosim.program import Program
-from orchestrator.cosim.warned import Warned, Warnings
+from orchestrator.cosim.warned import ComponentWarning, WarningList
 from orchestrator.execution import replay_model, simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, recover, verify
@@ -64,7 +64,7 @@ def told(out):
 
 
 def test_texts_that_differ_in_numbers_only_are_one():
-    warnings = Warnings("track")
+    warnings = WarningList("track")
     first = [
         warnings.add("link 3 is\n  hot: -1.5e+03 K at t = 0.25 s", 0.25),
         warnings.add("link 12 is hot: 7 K at t = 0.5 s", 0.5),
@@ -72,24 +72,26 @@ def test_texts_that_differ_in_numbers_only_are_one():
     ]
     assert first == [True, False, True]
     assert warnings.told() == [
-        Warned("track", "link 3 is hot: -1.5e+03 K at t = 0.25 s", 0.25, 2),
-        Warned("track", "link 3 is cold: -1.5e+03 K at t = 0.25 s", 0.75, 1),
+        ComponentWarning("track", "link 3 is hot: -1.5e+03 K at t = 0.25 s", 0.25, 2),
+        ComponentWarning("track", "link 3 is cold: -1.5e+03 K at t = 0.25 s", 0.75, 1),
     ]
 
 
 def test_steps_taken_back_take_their_warnings_with_them_but_for_what_is_said_once():
-    warnings = Warnings("track")
+    warnings = WarningList("track")
     warnings.add("hot", 0.0)
     before = warnings.save()
     for _ in range(2):  # the same step twice; the first one is rejected
         warnings.restore(before)
         assert not warnings.add("hot", 0.1)
         warnings.add("cold", 0.1)
-    assert warnings.told() == [Warned("track", "hot", 0.0, 2), Warned("track", "cold", 0.1, 1)]
+    assert warnings.told() == [ComponentWarning("track", "hot", 0.0, 2), ComponentWarning("track", "cold", 0.1, 1)]
     warnings.restore(before)
-    assert warnings.told() == [Warned("track", "hot", 0.0, 1), Warned("track", "cold", 0.1, 1)]
+    assert warnings.told() == [ComponentWarning("track", "hot", 0.0, 1), ComponentWarning("track", "cold", 0.1, 1)]
     warnings.add("cold", 0.3)
-    assert warnings.told()[1] == Warned("track", "cold", 0.3, 1), "the time is that of the first accepted step with it"
+    assert warnings.told()[1] == ComponentWarning("track", "cold", 0.3, 1), (
+        "the time is that of the first accepted step with it"
+    )
 
 
 def test_a_component_that_warns_at_every_step_is_heard_once(toy):
@@ -102,7 +104,7 @@ def test_a_component_that_warns_at_every_step_is_heard_once(toy):
         saved = component.save()
         component.step(0.2, H)
         component.restore(saved)
-        assert component.warnings == [Warned("toy", CREAKS, 0.1, 5)]
+        assert component.warnings == [ComponentWarning("toy", CREAKS, 0.1, 5)]
         assert heard == [("toy", 1, CREAKS)]
         component.initialise({"trouble": "none"})
         component.step(0.0, H)
@@ -140,7 +142,9 @@ def test_sweeps_of_an_iteration_count_once(toy):
             for k in range(5):
                 scheme.advance(k * H, H)
             assert scheme.sweeps > 5
-        assert simulate.warnings(components) == [asdict(Warned(name, CREAKS, 0.0, 5)) for name in ("one", "two")]
+        assert simulate.warnings(components) == [
+            asdict(ComponentWarning(name, CREAKS, 0.0, 5)) for name in ("one", "two")
+        ]
 
 
 def test_warnings_stand_in_summary_and_log(cotrack, creaking, tmp_path):

@@ -15,13 +15,13 @@ from scipy.linalg import expm
 
 from fmus.physics.arrays import Floats
 from orchestrator.cosim.graph import Connection, Instance, Stages, System, wire
-from orchestrator.studies.oscillator import Oscillator, Side, sides
+from orchestrator.studies.oscillator import LinearComponent, Oscillator, sides
 
 
 class Slave:
     """Side of the oscillator with the interface of a component."""
 
-    def __init__(self, name: str, side: Side, u: Floats, y: Floats) -> None:
+    def __init__(self, name: str, side: LinearComponent, u: Floats, y: Floats) -> None:
         self.name, self.side, self.inputs, self.outputs = name, side, side.inputs, side.outputs
         self.u, self.y = u.copy(), y.copy()
         self.x = side.x.copy()

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.gauss_seidel import GaussSeidel
 from orchestrator.cosim.coupling.input_hold import Outputs
-from orchestrator.cosim.coupling.scheme import Saved
+from orchestrator.cosim.coupling.scheme import SavedPoint
 from orchestrator.cosim.graph import Feed, Floats, Stages
 
 
@@ -61,11 +61,11 @@ class EnergyCorrected(GaussSeidel):
         missed = [(feed, memory.get(f"missed:{number}")) for number, (_, feed) in enumerate(self._corrected)]
         self.missed = {id(feed): each for feed, each in missed if each is not None}
 
-    def save(self) -> Saved:
+    def save(self) -> SavedPoint:
         """Save states and defects."""
         return super().save()._replace(more=self.missed)
 
-    def restore(self, saved: Saved) -> None:
+    def restore(self, saved: SavedPoint) -> None:
         """Restore states and defects."""
         super().restore(saved)
         self.missed = saved.more

@@ -83,7 +83,7 @@ def works(bond: Bond, now: Outputs, h: float) -> tuple[float, float]:
     return h * float(shown @ seen), h * float(felt @ answer)
 
 
-class Remembered(NamedTuple):
+class PowerResidualState(NamedTuple):
     """State of the step control."""
 
     t: float  # s, reached
@@ -113,7 +113,7 @@ class PowerResidual:
         self.stop, self.step, self.tolerance = stop, step, tolerance
         self.shortest, self.longest, self.energy = shortest, longest, energy
         self.forced = 0  # shortest steps with too large a residual
-        self._start = self._now = Remembered(0.0, step, energy, 1.0, np.zeros(0))
+        self._start = self._now = PowerResidualState(0.0, step, energy, 1.0, np.zeros(0))
 
     def memory(self, scheme: Scheme) -> dict[str, Floats]:
         """State of the step control, by name."""
@@ -123,7 +123,7 @@ class PowerResidual:
     def remember(self, scheme: Scheme, memory: Mapping[str, Floats]) -> None:
         """Restore the state of the step control; raises LookupError, ValueError if it is not one of this pace."""
         t, h, size, before, forced = memory["pace"].tolist()
-        self.forced, self._start = int(forced), Remembered(t, h, size, before, memory["carried"])
+        self.forced, self._start = int(forced), PowerResidualState(t, h, size, before, memory["carried"])
         if len(self._start.carried) != len(bonds(scheme.members)):
             raise ValueError("it has another number of bonds")
 
@@ -151,6 +151,6 @@ class PowerResidual:
             error = max(error, TINY)
             wanted = SAFETY * error**-I_GAIN * (before / error) ** P_GAIN
             following, before = h * min(max(wanted, LEAST), MOST), error
-            self._now = Remembered(t, following, size, before, carried)
+            self._now = PowerResidualState(t, following, size, before, carried)
             yield 1, t, h
             h = following

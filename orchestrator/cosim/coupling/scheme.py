@@ -14,8 +14,8 @@ from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.input_hold import Outputs, Past
 from orchestrator.cosim.graph import Feed, Floats, Member, Stages
-from orchestrator.cosim.program import Move, Program, Stage
-from orchestrator.cosim.tape import Tape
+from orchestrator.cosim.program import InputCopy, Program, Stage
+from orchestrator.cosim.tape import RowWriter
 from orchestrator.kernels.compiled import CAN_STEP
 from orchestrator.log.wire import Rule, handed_over
 
@@ -26,7 +26,7 @@ class CouplingFailed(RuntimeError):
     """The coupling cannot take a step; the message is one sentence."""
 
 
-class Saved(NamedTuple):
+class SavedPoint(NamedTuple):
     """Saved communication point: states in the order of the members, and the past."""
 
     states: tuple[Any, ...]
@@ -54,7 +54,7 @@ class Scheme:
             self._stepped |= {member.component.name: before for member in stage}
         self._threads = threads
         self._program: Program | None = None
-        self.tape: Tape | None = None  # memory for the rows of a batch of steps
+        self.tape: RowWriter | None = None  # memory for the rows of a batch of steps
         self._failure: ComponentFailed | None = None  # of the step after the last batch
         self._seconds = math.inf  # wall time of a step
 
@@ -64,7 +64,7 @@ class Scheme:
             stages = [
                 Stage(
                     [loaded[member.component.name] for member in group],
-                    [Move(u, feed.inputs, feed.source.y, feed.outputs, rule) for u, feed, rule in hands if rule],
+                    [InputCopy(u, feed.inputs, feed.source.y, feed.outputs, rule) for u, feed, rule in hands if rule],
                 )
                 for group, hands in self._hands
             ]
@@ -187,17 +187,17 @@ class Scheme:
         last, older = memory["steps"].tolist()
         self.past = Past(outputs, last, older)
 
-    def save(self) -> Saved:
+    def save(self) -> SavedPoint:
         """Save the communication point, to be restored or freed."""
-        return Saved(tuple(member.component.save() for member in self.members), self.past)
+        return SavedPoint(tuple(member.component.save() for member in self.members), self.past)
 
-    def restore(self, saved: Saved) -> None:
+    def restore(self, saved: SavedPoint) -> None:
         """Restore a saved point, which stays valid."""
         for member, state in zip(self.members, saved.states, strict=True):
             member.component.restore(state)
         self.past = saved.past
 
-    def free(self, saved: Saved) -> None:
+    def free(self, saved: SavedPoint) -> None:
         """Release a saved point."""
         for member, state in zip(self.members, saved.states, strict=True):
             member.component.free(state)

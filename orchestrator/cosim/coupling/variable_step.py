@@ -15,7 +15,7 @@ import numpy as np
 
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling.input_hold import Outputs
-from orchestrator.cosim.coupling.scheme import CouplingFailed, Saved, Scheme
+from orchestrator.cosim.coupling.scheme import CouplingFailed, SavedPoint, Scheme
 from orchestrator.cosim.graph import Feed, Floats
 
 SAFETY = 0.9
@@ -23,7 +23,7 @@ LEAST, MOST = 0.2, 2.0  # bounds of the ratio of two steps
 Motion = tuple[str, str, int]  # source, receiver, and index of the value or -1
 
 
-class Remembered(NamedTuple):
+class VariableStepState(NamedTuple):
     """State of the step control."""
 
     t: float  # s, end of the last pair
@@ -47,8 +47,8 @@ class VariableStep:
         self.shortest, self.longest = shortest, longest
         self.rejected = 0  # pairs of steps that were repeated
         self.forced = 0  # pairs kept with too large an error
-        self._start = Remembered(0.0, step, {})
-        self._now: Remembered | None = None  # None between the steps of a pair
+        self._start = VariableStepState(0.0, step, {})
+        self._now: VariableStepState | None = None  # None between the steps of a pair
 
     def memory(self, scheme: Scheme) -> dict[str, Floats] | None:
         """State of the step control at the shown point, by name; None between two steps of a pair."""
@@ -61,7 +61,7 @@ class VariableStep:
         """Restore the state of the step control; raises LookupError, ValueError if it is not one of this pace."""
         t, h, rejected, forced = memory["pace"].tolist()
         self.rejected, self.forced = int(rejected), int(forced)
-        self._start = Remembered(t, h, dict(zip(_motions(scheme), memory["largest"].tolist(), strict=True)))
+        self._start = VariableStepState(t, h, dict(zip(_motions(scheme), memory["largest"].tolist(), strict=True)))
 
     def walk(self, scheme: Scheme, most: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
         """Step to the end in pairs; both steps of a pair are shown when both are accepted."""
@@ -98,7 +98,7 @@ class VariableStep:
                 scheme.restore(end)
                 scheme.free(end)
                 t = t + h + h
-                self._now = Remembered(t, following, largest)
+                self._now = VariableStepState(t, following, largest)
                 yield 1, t, h
             for saved in (start, middle):
                 if saved is not None:
@@ -106,8 +106,8 @@ class VariableStep:
             h = following
 
     def _pair(
-        self, scheme: Scheme, start: Saved, t: float, h: float, largest: dict[Motion, float]
-    ) -> tuple[float, Saved]:
+        self, scheme: Scheme, start: SavedPoint, t: float, h: float, largest: dict[Motion, float]
+    ) -> tuple[float, SavedPoint]:
         """Do both ways; return the error and the point in the middle of the pair, to be freed."""
         scheme.advance(t, 2.0 * h)
         coarse = _outputs(scheme)
