@@ -46,7 +46,7 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
-from orchestrator.cosim.warned import ComponentWarning, WarningList
+from orchestrator.cosim.component_warnings import ComponentWarning, WarningList
 from orchestrator.kernels.cache import cache_folder, make, own, temporary, write
 from orchestrator.kernels.tables import Record, StepCall, record
 

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.cosim.warned import ComponentWarning
+from orchestrator.cosim.component_warnings import ComponentWarning
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -12,15 +12,15 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from orchestrator.cosim import checkpoint
-from orchestrator.cosim.between import IntervalStatistics
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Floats, Recordable
+from orchestrator.cosim.interval_statistics import IntervalStatistics
 from orchestrator.cosim.master import UNHURRIED
 from orchestrator.cosim.narration import Narration
-from orchestrator.cosim.tape import RowWriter
+from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.log.log_format import CHECKPOINT
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.wire import Rule, Wire

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.graph import Floats, Indices
-from orchestrator.cosim.tape import RowWriter
+from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.kernels.compiled import kernels
 from orchestrator.kernels.tables import ENDED, Mailbox, StepGroup, StepPlan, record
 from orchestrator.log.wire import Rule

@@ -19,7 +19,7 @@ from typing import Any
 from llvmlite.binding import llvm_version_info
 
 from orchestrator import __version__
-from orchestrator.cosim import between
+from orchestrator.cosim import interval_statistics
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Recordable, System
@@ -56,7 +56,9 @@ def open_log(
             if component.links:
                 topic = f"/{name}/links/between"
                 units = [component.unit(variable) for variable in component.links]
-                topics[topic] = list(zip(between.names(component.links), units * len(between.PARTS), strict=True))
+                topics[topic] = list(
+                    zip(interval_statistics.names(component.links), units * len(interval_statistics.PARTS), strict=True)
+                )
                 every[topic] = every[f"/{name}/links"]
     return Recorder(path, topics, attachments, metadata, every=every, wires=wired, types=_types(components))
 

@@ -18,9 +18,9 @@ from orchestrator.cosim.graph import Instance, System
 from orchestrator.execution import replays
 from orchestrator.execution.manifest import NATIVE, as_json, describe, description, sha256
 from orchestrator.log import notices
-from orchestrator.log.described import system_of
 from orchestrator.log.log_format import BRANCHED
 from orchestrator.log.reader import Log
+from orchestrator.log.recorded_system import system_of
 from orchestrator.log.time_series import EVER
 from orchestrator.scene.assembly import assemble, build_parts
 from orchestrator.scene.parts import Part

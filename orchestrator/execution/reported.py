@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from fmus.vehicle import BadInput
-from orchestrator.execution import again, summary
+from orchestrator.execution import repeat_command, summary
 from orchestrator.log.reader import Log
 from orchestrator.results.page.document import SUFFIXES, plotting, write
 from orchestrator.results.page.study import Judged
@@ -53,5 +53,7 @@ def _judged(run: RunData) -> Judged:
         return Judged({}, {}, str(error))
     simulated = run.span[1]
     return Judged(
-        summary.checks(run, scene, simulated), summary.observables(run, scene, simulated), again=again.command(run)
+        summary.checks(run, scene, simulated),
+        summary.observables(run, scene, simulated),
+        again=repeat_command.command(run),
     )

@@ -18,9 +18,9 @@ from orchestrator.execution.branch import branched, taken_over
 from orchestrator.execution.manifest import NATIVE, sha256
 from orchestrator.execution.simulate import Continuation, simulate
 from orchestrator.log import notices
-from orchestrator.log.described import system_of
 from orchestrator.log.log_format import BRANCHED, CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log
+from orchestrator.log.recorded_system import system_of
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.run_tables import RunTable

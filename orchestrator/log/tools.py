@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.container_writer import LogFailed, check_writable
-from orchestrator.log.described import system_of
 from orchestrator.log.log_format import checkpoint_step
 from orchestrator.log.message_records import Messages
 from orchestrator.log.reader import Log, LogUnreadable
+from orchestrator.log.recorded_system import system_of
 from orchestrator.log.recorder import Recorder
 
 WHOLE, BROKEN, RECOVERED = 0, 1, 3  # exit codes

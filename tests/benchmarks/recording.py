@@ -14,7 +14,7 @@ import numpy as np
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.graph import wire
 from orchestrator.cosim.observers import Checkpoints, Logging
-from orchestrator.cosim.tape import RowWriter
+from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.execution.manifest import STATS_PERIOD, open_log
 from orchestrator.execution.simulate import opened
 from orchestrator.results.table import ABOUT, COST, Column, Table

@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from packed import unpacked
 
-from orchestrator.execution.again import command
+from orchestrator.execution.repeat_command import command
 from orchestrator.execution.reported import _judged
 from orchestrator.execution.simulate import simulate
-from orchestrator.log.described import said_of
 from orchestrator.log.reader import Log, LogUnreadable
+from orchestrator.log.recorded_system import said_of
 from orchestrator.log.recorder import Recorder
 from orchestrator.results import measures
 from orchestrator.results.analyses import circuit, contact, joints, link_loads, profile, wheel_loads

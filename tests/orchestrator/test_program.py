@@ -13,7 +13,7 @@ import pytest
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling import scheme
 from orchestrator.cosim.program import InputCopy, Program, Stage, Worker, spare_processors
-from orchestrator.cosim.tape import RowWriter
+from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.execution.simulate import simulate
 from orchestrator.kernels.compiled import CAN_STEP, kernels
 from orchestrator.kernels.tables import ASLEEP, FREE, SUBMITTED, StepCall, record

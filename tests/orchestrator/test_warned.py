@@ -11,11 +11,11 @@ from conftest import build_toy, messages
 
 from orchestrator.cli import main
 from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.component_warnings import ComponentWarning, WarningList
 from orchestrator.cosim.coupling import scheme
 from orchestrator.cosim.coupling.iterative import Iterative
 from orchestrator.cosim.graph import Connection, Instance, System, wire
 from orchestrator.cosim.program import Program
-from orchestrator.cosim.warned import ComponentWarning, WarningList
 from orchestrator.execution import replay_model, simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, recover, verify

@@ -15,7 +15,7 @@ from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.input_hold import Outputs, Past
 from orchestrator.cosim.graph import Feed, Floats, Member, Stages
 from orchestrator.cosim.program import InputCopy, Program, Stage
-from orchestrator.cosim.tape import RowWriter
+from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.kernels.compiled import CAN_STEP
 from orchestrator.log.wire import Rule, handed_over
 

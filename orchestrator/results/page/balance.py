@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from orchestrator.log.described import said_of
+from orchestrator.log.recorded_system import said_of
 from orchestrator.results.energy import CAUSE, Ledger, changes
 from orchestrator.results.page.charts import Trace, lines, waterfall
 from orchestrator.results.page.section import Content, PageSection, Pair, table
