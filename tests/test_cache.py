@@ -212,8 +212,8 @@ def built_of(counter):
 
 
 def test_a_damaged_table_of_settings_is_left_out_and_named(fresh_cache, caplog):
-    precision.write([Setting("swing", "flexible", ("run.step=4 ms",), 0.0125, 1.0)], precision.own())
-    file = precision.own()
+    precision.write([Setting("swing", "flexible", ("run.step=4 ms",), 0.0125, 1.0)], precision.local_file())
+    file = precision.local_file()
     whole, rng = file.read_bytes(), random.Random(5)
     assert precision.cheapest("swing", "flexible", 0.1).error == 0.0125
     for how in ("flip", "cut", "empty") * 40:

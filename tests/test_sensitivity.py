@@ -22,7 +22,7 @@ from vehicle_in_process import InProcess, Overrides
 from orchestrator.cosim import master
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
-from orchestrator.execution.simulate import load_components, paced
+from orchestrator.execution.simulate import load_components, pace_of
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed
@@ -267,7 +267,7 @@ def stepped(case: Case, scene: Any) -> dict[str, float]:
         graph = system(assembly._replace(parts=tuple(parts)))
         components = load_components(graph, scene.run.stop, stack)
         run = scene.run.model_copy(update={"stop": case.duration})
-        outcome = master.run(TracksFirst(wire(graph, components)), paced(run), [])
+        outcome = master.run(TracksFirst(wire(graph, components)), pace_of(run), [])
         assert outcome.status == "ok", outcome.message
         result = {}
         for one in components.values():

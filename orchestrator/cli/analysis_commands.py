@@ -65,7 +65,7 @@ def analyse(
 
     module = module_of(what)
     analysis = ANALYSES[what]
-    _belong(what, given)
+    _check_options(what, given)
     _check(start, end)
     drawn = PICTURES if hasattr(module, "picture") else ()
     if output:
@@ -73,10 +73,10 @@ def analyse(
     with Log(log) as opened:
         in_full = output and analysis.in_full
         of = module.of if in_full else getattr(module, "summary", module.of)  # a table needs the summary only
-        found = of(RunData(opened), window=Window(start, end), **_asked(analysis.options, given))
+        found = of(RunData(opened), window=Window(start, end), **_given_options(analysis.options, given))
     table = found.table()
     if output and output.suffix.lower() in drawn:
-        module.picture(found, output, **_asked(analysis.of_picture, given))
+        module.picture(found, output, **_given_options(analysis.of_picture, given))
     elif output:
         with fresh(output) as beside:
             beside.write_text(getattr(found, "series", found.table)().csv(), encoding="utf-8")
@@ -104,7 +104,7 @@ analyse.__doc__ = "\n".join(
 )
 
 
-def _belong(what: str, given: Mapping[str, Any]) -> None:
+def _check_options(what: str, given: Mapping[str, Any]) -> None:
     """Raise BadInput for an option that the analysis does not have."""
     for flag in (option for one in ANALYSES.values() for option in one.flags):
         if given[_argument(flag)] and flag not in ANALYSES[what].flags:
@@ -112,7 +112,7 @@ def _belong(what: str, given: Mapping[str, Any]) -> None:
             raise BadInput(f"{flag} is an option of {owners}, not of {what}")
 
 
-def _asked(options: Sequence[Option], given: Mapping[str, Any]) -> dict[str, Any]:
+def _given_options(options: Sequence[Option], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the options that were given, by argument name."""
     return {one.name: given[_argument(one.flag)] for one in options if given[_argument(one.flag)]}
 

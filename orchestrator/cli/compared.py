@@ -96,10 +96,10 @@ def lines(result: Mapping[str, Any]) -> Iterator[str]:
             note += f"  {'ok' if one['ok'] else 'NOT'}, allowed {one['allowed']:g}"
         yield f"{name:18} {one['rms']:10.3g} {one['unit']:5} {one['relative']:9.2g}{note}"
     if result["bits"] is not None:
-        yield from _parting(result["bits"])
+        yield from _bit_lines(result["bits"])
 
 
-def _parting(bits: Mapping[str, Any]) -> Iterator[str]:
+def _bit_lines(bits: Mapping[str, Any]) -> Iterator[str]:
     alone = bits["only"]
     yield from (f"not in both: {name}" for name in alone[:SHOWN])
     if len(alone) > SHOWN:

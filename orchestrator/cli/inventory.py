@@ -59,7 +59,7 @@ def _parts(scene: Scene) -> tuple[list[str], list[str]]:
         given = sum(len(c.outputs) for c in assembly.connections if c.source == part.name)
         size = f"{_size(scene, part)}; {taken} values in, {given} out a step"
         present.append(f"{part.name:12} {part.kind:{wide}} {size}")
-    return present, _absent(scene, assembly)
+    return present, _absent_parts(scene, assembly)
 
 
 def _size(scene: Scene, part: Part) -> str:
@@ -84,7 +84,7 @@ def _size(scene: Scene, part: Part) -> str:
     return f"1 hull, {arms * sides} arms with wheels, {sides} idlers, {sides} mounts{mirrored}"
 
 
-def _absent(scene: Scene, assembly: Assembly) -> list[str]:
+def _absent_parts(scene: Scene, assembly: Assembly) -> list[str]:
     kinds = {part.kind for part in assembly.parts}
     tracks = [part.config["track"] for part in assembly.parts if part.stage == TRACK]
     wheels = max((len(track["wheels"]) for track in tracks), default=0)
@@ -117,8 +117,8 @@ def _evaluated(scene: Scene, assembly: Assembly) -> Iterator[str]:
         every = f" and {links} of links every {scene.links_every} steps" if links else ""
         yield f"  {part.name:12} {outputs} a step{every}; {state} numbers of state"
     whole = len(found.modules) + len(found.left_out)
-    yield from _section(f"modules of fmus: {len(found.modules)} of {whole} in", _folded(found.modules))
-    yield from _section(f"modules of fmus: {len(found.left_out)} left out", _folded(found.left_out))
+    yield from _section(f"modules of fmus: {len(found.modules)} of {whole} in", _by_folder(found.modules))
+    yield from _section(f"modules of fmus: {len(found.left_out)} left out", _by_folder(found.left_out))
 
 
 def pairs(scene: Scene, part: Part) -> list[str]:
@@ -142,7 +142,7 @@ def pairs(scene: Scene, part: Part) -> list[str]:
     return [pair for pair, is_there in found.items() if is_there]
 
 
-def _folded(modules: Iterable[str]) -> Iterator[str]:
+def _by_folder(modules: Iterable[str]) -> Iterator[str]:
     """Yield one line per folder with its modules."""
     folders: dict[str, list[str]] = {}
     for module in modules:

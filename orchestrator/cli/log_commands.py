@@ -57,7 +57,7 @@ def info(
         f"  digest {about.digest or 'none: a part is damaged'}",
     ]
     if as_json:
-        print(json.dumps(printed.finite(_as_table(about))))
+        print(json.dumps(printed.finite(_info_as_json(about))))
         return
     for line in lines:
         print(plain(line))
@@ -68,7 +68,7 @@ def info(
                 print(plain(f"  {name} [{unit}]"))
 
 
-def _as_table(about: Any) -> dict[str, Any]:
+def _info_as_json(about: Any) -> dict[str, Any]:
     """Return the JSON object of an ``Info``."""
     held = about.log
     return {

@@ -8,18 +8,18 @@ from orchestrator.results.units import finite as finite
 from orchestrator.results.units import size
 from orchestrator.results.validity.entry import Entry
 
-MOST = 1000  # longest printed sentence, characters
+LONGEST = 1000  # longest printed sentence, characters
 OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # printed by phase instead of by the last second
 
 
 def plain(text: str) -> str:
     """Return text of any origin as one line of printable characters, shortened to MOST."""
-    shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[:MOST])
-    return shown if len(text) <= MOST else f"{shown} ..."
+    shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[:LONGEST])
+    return shown if len(text) <= LONGEST else f"{shown} ..."
 
 
 # Label of each observable: name, unit, digits.
-WORDS = {
+LABELS = {
     "distance": ("distance", "m", 5),
     "speed": ("speed", "m/s", 4),
     "settlement": ("settlement", "mm", 4),
@@ -81,9 +81,9 @@ def _observables(r: dict[str, Any]) -> list[str]:
     """Return a line per averaging window with its finite observables; OF_PHASES only without phases."""
     lines: dict[str, list[str]] = {}
     for key, value in r["observables"].items():
-        name, unit, digits = WORDS[key]
+        name, unit, digits = LABELS[key]
         if value == value and not (r["phases"] and key in OF_PHASES):
-            where = _bearer(r["phases"]) if key == "tension_max" else ""
+            where = _track_of_largest_tension(r["phases"]) if key == "tension_max" else ""
             window = _window(r["windows"].get(key, {"from": 0.0, "to": r["simulated_time"]}))
             lines.setdefault(window, []).append(f"{name} {value / size(unit):.{digits}g} {unit}{where}")
     return [f"{window}: {', '.join(told)}" for window, told in lines.items()]
@@ -100,7 +100,7 @@ def _phases(found: list[dict[str, Any]]) -> list[str]:
     return [sentence(one) for one in found]
 
 
-def _bearer(phases: list[dict[str, Any]]) -> str:
+def _track_of_largest_tension(phases: list[dict[str, Any]]) -> str:
     """Return track and time of the largest tension in words; empty without phases."""
     most = max((one for one in phases if one["tension_track"]), key=lambda one: one["tension"], default=None)
     return f" in {most['tension_track'].replace('_', ' ')} at {most['tension_t']:.4g} s" if most else ""

@@ -13,7 +13,7 @@ import typer
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.cli import printed
-from orchestrator.cli.common import LogPath, Settings, leave, warn
+from orchestrator.cli.common import LogPath, Settings, exit_with, log_warning
 
 
 def replay(
@@ -52,14 +52,14 @@ def replay(
         raise BadInput(f"{asked[0]} is for one component: --component {' or '.join(names)}")
     verdicts = {}
     for name in names:
-        with replay_model.opened(log, name, other, warn, settings or ()) as again:
+        with replay_model.open_replay(log, name, other, log_warning, settings or ()) as again:
             if asked and not (again.model.ran and output is None):
                 path = output or log.with_name(_answer_name(log, name, other or "set"))
                 _answer(log, again, path, picture, (start, end))
                 return
             verdicts[name] = again.verify((start, end))
     if as_json:
-        told = {name: _told(verdict) for name, verdict in verdicts.items()}
+        told = {name: _verdict_as_json(verdict) for name, verdict in verdicts.items()}
         print(json.dumps(printed.finite(told[names[0]] if component and len(names) == 1 else told)))
     else:
         for name, verdict in verdicts.items():
@@ -67,7 +67,7 @@ def replay(
     sys.exit(0 if verdicts and all(verdict.equal for verdict in verdicts.values()) else 1)
 
 
-def _told(verdict: Any) -> dict[str, Any]:
+def _verdict_as_json(verdict: Any) -> dict[str, Any]:
     """Return the JSON object of a ``replays.ReplayVerdict``."""
     told = None if verdict.difference is None else verdict.difference._asdict()
     return {**verdict._asdict(), "difference": told, "equal": verdict.equal}
@@ -87,11 +87,11 @@ def _answer(log: Path, again: Any, path: Path, picture: Path | None, window: tup
 
     name = again.component.name
     if not again.answer(path, window[1]):
-        leave(f"{log} holds no step of '{name}': there is nothing to replay", 1)
+        exit_with(f"{log} holds no step of '{name}': there is nothing to replay", 1)
     with Log(log) as one, Log(path) as two:
         found = answered.answers(one, two, name, window)
     if not found:
-        leave(f"log {path}: nothing of '{name}' is there to be compared from {window[0]:g} to {window[1]:g} s", 1)
+        exit_with(f"log {path}: nothing of '{name}' is there to be compared from {window[0]:g} to {window[1]:g} s", 1)
     for line in answered.lines(found):
         print(printed.plain(line))
     print(f"log {path}")
@@ -137,13 +137,15 @@ def compare(
     from orchestrator.results.divergence import divergence
     from orchestrator.results.growth_picture import draw
     from orchestrator.results.run_data import RunData, Window
-    from orchestrator.scene.same_scene import of_one_scene
+    from orchestrator.scene.same_scene import require_same_scene
 
     window = Window(start, end)
     with Log(run) as one, Log(reference) as other:
         a, b = RunData(one), RunData(other)
         if not different:
-            of_one_scene((f"{run}", a.scene), (f"{reference}", b.scene), "; --different compares them all the same")
+            require_same_scene(
+                (f"{run}", a.scene), (f"{reference}", b.scene), "; --different compares them all the same"
+            )
         apart = differences(a, b, window, alignment(align))
         most = limits(allowed or (), apart)
         parted = divergence(one, other, window) if bitwise or picture else None

@@ -10,7 +10,17 @@ from typing import Annotated
 import typer
 
 from orchestrator.cli import printed
-from orchestrator.cli.common import LogPath, SceneName, Settings, TrackOption, ended_by, leave, narration, tell, warn
+from orchestrator.cli.common import (
+    LogPath,
+    SceneName,
+    Settings,
+    TrackOption,
+    exit_with,
+    log_warning,
+    message_and_status,
+    narration,
+    print_message,
+)
 
 
 def run(
@@ -54,13 +64,13 @@ def run(
         from orchestrator.execution.simulate import simulate
 
         path = log or Path("logs") / f"{resolved.name}-{resolved.variant}.mcap"
-        result = simulate(resolved, path, warn, narration, estimated=estimate, native=native)
+        result = simulate(resolved, path, log_warning, narration, estimated=estimate, native=native)
         status = 0 if summary.passed(result) else 1
     except KeyboardInterrupt:
         result["message"], status = "interrupted", 1
     except Exception as failure:
-        result["message"], status = ended_by(failure)
-    tell(result["message"], status)
+        result["message"], status = message_and_status(failure)
+    print_message(result["message"], status)
     if as_json:
         print(json.dumps(printed.finite(result)))
     elif status != 2:
@@ -91,8 +101,8 @@ def resume(
     from orchestrator.execution.resume import resume as go_on
 
     path = output or log.with_name(f"{log.stem}-{'branch' if settings else 'resumed'}.mcap")
-    result = go_on(log, path, at, stop, warn, narration, settings or ())
-    tell(result["message"], 0)
+    result = go_on(log, path, at, stop, log_warning, narration, settings or ())
+    print_message(result["message"], 0)
     if as_json:
         print(json.dumps(printed.finite(result)))
     else:
@@ -119,18 +129,20 @@ def truth(
     from orchestrator.results.difference import differences_of_logs
     from orchestrator.results.run_data import RunData
     from orchestrator.scene.placing import placed
-    from orchestrator.scene.same_scene import of_one_scene
+    from orchestrator.scene.same_scene import require_same_scene
     from orchestrator.scene.scene import load
 
     changes = [*(settings or ()), *([f"run.stop={stop}"] if stop is not None else ())]
     resolved = load(scene, track, changes)
     if against:
         with Log(against) as log:
-            of_one_scene((f"{against}", RunData(log).scene), (f"the truth of {scene}", placed(resolved).resolved()))
+            require_same_scene(
+                (f"{against}", RunData(log).scene), (f"the truth of {scene}", placed(resolved).resolved())
+            )
     try:
         found = module.truth(resolved, narration)
     except module.TruthFailed as failure:
-        leave(str(failure), 1)
+        exit_with(str(failure), 1)
     off = differences_of_logs(against, found.log) if against else {}
     observables = {
         name: {"unit": one.unit, "difference": one.absolute, "error": found.error(name)}

@@ -58,11 +58,11 @@ def study(
 
 def folder_of(name: str, output: Path | None) -> Path:
     """Create the folder of a study's results; raises BadInput."""
-    from orchestrator.scene.products import made
+    from orchestrator.scene.products import make_folder
 
     if output is None:
         raise BadInput(f"study {name}: -o DIR says where its tables and figures go")
-    made(output)
+    make_folder(output)
     return output
 
 
@@ -71,11 +71,11 @@ def conduct(
 ) -> NoReturn:
     """Run the cases of a study, write its files, print its table and exit; raises BadInput."""
     from orchestrator.studies import pool
-    from orchestrator.studies.progress import watched
+    from orchestrator.studies.progress import progress_bar
     from orchestrator.studies.store import Store
 
     try:
-        with narration.elsewhere(), watched(name, len(cases)) as done:
+        with narration.elsewhere(), progress_bar(name, len(cases)) as done:
             rows = pool.run(cases, workers, scheduler, Store(output / "cases"), done)
         files = chosen.write(output, name, rows, chosen.TITLE)
     except OSError as error:

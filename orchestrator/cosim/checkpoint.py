@@ -26,7 +26,7 @@ from orchestrator.cosim.graph import Floats
 
 _LENGTH = struct.Struct("<Q")
 _KINDS = ("<f8", "|u1")
-NOTHING: Mapping[str, Floats] = MappingProxyType({})
+NO_MEMORY: Mapping[str, Floats] = MappingProxyType({})
 
 
 class UnusableCheckpoint(ValueError):
@@ -41,7 +41,7 @@ class CommunicationPoint(NamedTuple):
     h: float  # s, length of the last step
 
 
-def possible(scheme: Scheme) -> bool:
+def can_save(scheme: Scheme) -> bool:
     """True if every component can serialise its state."""
     return all(
         isinstance(member.component, Component) and member.component.description.coSimulation.canSerializeFMUstate
@@ -49,7 +49,7 @@ def possible(scheme: Scheme) -> bool:
     )
 
 
-def save(scheme: Scheme, at: CommunicationPoint, pace: Mapping[str, Floats] = NOTHING) -> bytes:
+def save(scheme: Scheme, at: CommunicationPoint, pace: Mapping[str, Floats] = NO_MEMORY) -> bytes:
     """Serialise the run with the memory of its ``pace``; raises ComponentFailed."""
     arrays = {"at": np.array(at, dtype=np.float64)} | {f"pace:{name}": values for name, values in pace.items()}
     warned = {}
@@ -57,7 +57,7 @@ def save(scheme: Scheme, at: CommunicationPoint, pace: Mapping[str, Floats] = NO
         state = component.save()
         try:
             arrays[f"state:{component.name}"] = np.frombuffer(component.dump(state), np.uint8)
-            warned[component.name] = {key: asdict(one) for key, one in state.warned.items()}
+            warned[component.name] = {key: asdict(one) for key, one in state.warnings.items()}
         finally:
             component.free(state)
         arrays |= {f"u:{component.name}": component.u, f"y:{component.name}": component.y}
@@ -68,13 +68,13 @@ def save(scheme: Scheme, at: CommunicationPoint, pace: Mapping[str, Floats] = NO
 
 def time_of(content: bytes) -> float:
     """Time of a checkpoint, s; raises UnusableCheckpoint."""
-    with _readable(content) as arrays:
+    with _decoded(content) as arrays:
         return float(arrays["at"][1])
 
 
 def states(content: bytes) -> tuple[float, dict[str, bytes]]:
     """Time of a checkpoint, s, and the serialised state of each component; raises UnusableCheckpoint."""
-    with _readable(content) as arrays:
+    with _decoded(content) as arrays:
         found = {name: array.tobytes() for name, array in _named(arrays, "state:").items()}
         return float(arrays["at"][1]), found
 
@@ -90,14 +90,14 @@ def restore(
 
     ``pace`` restores the memory of the step control; ``made`` maps a saved state to that which its component gets.
     """
-    with _readable(content) as arrays:
+    with _decoded(content) as arrays:
         warned = json.loads(arrays["warned"].tobytes())
         for component in _components(scheme):
             component.free(component.load(made(component, arrays[f"state:{component.name}"].tobytes())))
             component.u[:] = arrays[f"u:{component.name}"]
             component.y[:] = arrays[f"y:{component.name}"]
-            component.warned_of(_warned(warned[component.name]))
-        scheme.remember(_named(arrays, "past:"))
+            component.set_warnings(_warnings(warned[component.name]))
+        scheme.restore_memory(_named(arrays, "past:"))
         if pace is not None:
             pace(scheme, _named(arrays, "pace:"))
         k, t, h = arrays["at"].tolist()
@@ -107,7 +107,7 @@ def restore(
 
 
 @contextmanager
-def _readable(content: bytes) -> Iterator[Mapping[str, NDArray[Any]]]:
+def _decoded(content: bytes) -> Iterator[Mapping[str, NDArray[Any]]]:
     """Arrays of a checkpoint; every error about them becomes UnusableCheckpoint."""
     try:
         yield _arrays(content)
@@ -144,5 +144,5 @@ def _components(scheme: Scheme) -> list[Component]:
     return [member.component for member in scheme.members if isinstance(member.component, Component)]
 
 
-def _warned(found: Mapping[str, Mapping[str, object]]) -> dict[str, ComponentWarning]:
+def _warnings(found: Mapping[str, Mapping[str, object]]) -> dict[str, ComponentWarning]:
     return {key: ComponentWarning(**one) for key, one in found.items()}  # type: ignore[arg-type]

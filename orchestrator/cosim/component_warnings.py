@@ -41,7 +41,7 @@ class WarningList:
             self._known[key] = replace(known, count=known.count + 1)
         return known is None
 
-    def told(self) -> list[ComponentWarning]:
+    def entries(self) -> list[ComponentWarning]:
         """Return all warnings in the order of their first occurrence."""
         return [replace(one, count=max(one.count, 1)) for one in self._known.values()]
 

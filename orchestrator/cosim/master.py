@@ -12,12 +12,12 @@ from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme
 # Called as (k, t, h): k steps are done, the time is t, the last step took h. An observer that need not see every step
 # has a method patience(k): the number of steps after the first k until it must be called.
 Observer = Callable[[int, float, float], None]
-UNHURRIED = 1 << 30  # steps: larger than any run
+NO_LIMIT = 1 << 30  # steps: larger than any run
 
 
 def patience(observers: Sequence[Observer], k: int) -> int:
     """Number of steps after the first k until an observer must be called, 1 at least."""
-    return min((one.patience(k) if hasattr(one, "patience") else 1 for one in observers), default=UNHURRIED)
+    return min((one.patience(k) if hasattr(one, "patience") else 1 for one in observers), default=NO_LIMIT)
 
 
 class Pace(Protocol):
@@ -45,7 +45,7 @@ class Clock(NamedTuple):
         """Step to the end, one step or one batch at a time."""
         k = self.done
         while k < self.steps:
-            done = scheme.march(k, min(most(k), self.steps - k), self.step)
+            done = scheme.step_batch(k, min(most(k), self.steps - k), self.step)
             k += done
             yield done, k * self.step, self.step
 

@@ -18,7 +18,7 @@ from orchestrator.kernels.tables import ENDED, Mailbox, StepGroup, StepPlan, rec
 from orchestrator.log.wire import Rule
 
 WORTHWHILE = 5e-5  # s, least step time for threads: a shorter step of our FMUs is mostly Python, which has one lock
-LOOKS = 20_000  # polls for a task before a worker sleeps, about a millisecond
+POLLS = 20_000  # polls for a task before a worker sleeps, about a millisecond
 
 
 class InputCopy(NamedTuple):
@@ -64,21 +64,23 @@ class Program:
     def run(self, t: float, h: float) -> None:
         """Step all components from t to t + h, s; raises ComponentFailed for the first one that failed."""
         for component in self._components:
-            component.begin(t)
+            component.prepare_step(t)
         if self._kernels.step_all(self._plan, t, h):
             raise self.failure()
 
-    def march(self, tape: RowWriter, k: int, n: int, h: float) -> int:
+    def step_batch(self, row_writer: RowWriter, k: int, n: int, h: float) -> int:
         """Do the steps k + 1 to k + n of ``h`` s and write their rows to the tape.
 
         Returns the number of steps done before a component failed.
         """
         for component in self._components:
-            component.begin(k * h)
-        for component in tape.linked:
-            component.show_links(tape.due)
-        done = int(self._kernels.step_many(self._plan, *tape.addresses(h), tape.due, tape.every, k, n, h))
-        tape.hold(k, done)
+            component.prepare_step(k * h)
+        for component in row_writer.linked:
+            component.read_links_when(row_writer.due)
+        done = int(
+            self._kernels.step_many(self._plan, *row_writer.addresses(h), row_writer.due, row_writer.every, k, n, h)
+        )
+        row_writer.count_rows(k, done)
         return done
 
     def failure(self) -> ComponentFailed:
@@ -120,7 +122,7 @@ class Worker:
         self._thread.start()
 
     def _work(self) -> None:
-        kernels().work(self.address, LOOKS)
+        kernels().work(self.address, POLLS)
 
     def close(self) -> None:
         """End the thread, which must have no task."""

@@ -54,7 +54,7 @@ def companions(scene: Scene, internal: float, simulated: float, components: int)
         track = scene.track
         if track.step is not None:
             track = track.model_copy(update={"step": 2.0 * track.step})
-        run = run.model_copy(update={"variable": _looser(scene.run.variable)})
+        run = run.model_copy(update={"variable": _doubled_tolerances(scene.run.variable)})
         return Companions(None, scene.model_copy(update={"run": run, "track": track}))
 
     if scene.track.integrator == "adams":
@@ -76,7 +76,7 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun
     """Estimate the relative errors of a recorded run, in total and by observable, or give the reason."""
     steps, simulated = _steps(scene, summary), summary["simulated_time"]
     if not steps or not all(steps) or simulated < 4.0 * scene.run.step:
-        return unknown("the run is too short, or nothing in it has an internal step to double")
+        return without_estimate("the run is too short, or nothing in it has an internal step to double")
     count = summary["communication_steps"]
     pieces = max(1, round(max(steps) / count))  # internal steps per communication step; halved ones are few
     wanted = companions(scene, simulated / (count * pieces), simulated, len(summary["components"]))
@@ -92,11 +92,11 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun
             told = record(companion, Path(folder) / f"{name}.mcap")
             spent += told["wall_time"]
             if told["status"] != "ok" or energy_warning(told["energy"]):
-                return unknown(f"the run at twice the step cannot be right: {told['message']}")
+                return without_estimate(f"the run at twice the step cannot be right: {told['message']}")
             if wanted.coupling is None and scene.run.variable is None:
                 coarser = max(_steps(companion, told)) / told["simulated_time"]  # internal steps a second
                 if coarser > 0.75 * max(steps) / simulated:
-                    return unknown("there is no coarser run: internal steps are as long as stability allows")
+                    return without_estimate("there is no coarser run: internal steps are as long as stability allows")
             logs[name] = Path(told["log"])
         try:
             with (
@@ -113,7 +113,7 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun
                     "total": total,
                 }
         except (Missing, LookupError) as error:
-            return unknown(str(error))
+            return without_estimate(str(error))
     known: dict[str, float | None] = {part: SHARE * worst(found) if found else 0.0 for part, found in parts.items()}
     unseen = {"integration": None} if wanted.both == wanted.coupling else {}
     return {
@@ -138,12 +138,12 @@ def _steps(scene: Scene, summary: dict[str, Any]) -> list[int]:
     return [cost["steps"] for name, cost in summary["components"].items() if name in tracks]
 
 
-def unknown(reason: str) -> dict[str, Any]:
+def without_estimate(reason: str) -> dict[str, Any]:
     """Return the entry of a summary without an estimate."""
     return {**dict.fromkeys(PARTS), "observables": {}, "wall_time": 0.0, "message": reason}
 
 
-def _looser(variable: VariableStepTable) -> VariableStepTable:
+def _doubled_tolerances(variable: VariableStepTable) -> VariableStepTable:
     """Return the tolerances for twice the step: a power residual has order 2, the error of a step order 3."""
     factor = 4.0 if variable.estimate == "power" else 8.0
     return variable.model_copy(

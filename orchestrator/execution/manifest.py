@@ -51,7 +51,7 @@ def open_log(
     metadata |= {name: dict(entries) for name, entries in (more or {}).items()}
     wired = wires(scheme) if scene.run.outputs == 1 else {}
     every = _strides(scene, components)
-    if scene.between:
+    if scene.records_statistics:
         for name, component in components.items():
             if component.links:
                 topic = f"/{name}/links/between"

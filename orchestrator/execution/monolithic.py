@@ -92,15 +92,15 @@ class MonolithScheme(Scheme):
             part.read()
         self._feed(early=False)
 
-    def rule(self, feed: Feed, stepped: bool) -> Rule | None:
+    def rule(self, feed: Feed, source_stepped: bool) -> Rule | None:
         """Rule of a connection in the log: motion at the beginning of the step, means at its end."""
-        return "end" if stepped else "start"
+        return "end" if source_stepped else "start"
 
     def _feed(self, early: bool) -> None:
         """Copy inputs whose values belong to the beginning of the step (``early``), or to its end."""
         for member in self.members:
             for feed in member.feeds:
-                if (feed.source.name in self.stepped(member)) != early:
+                if (feed.source.name in self.stepped_before(member)) != early:
                     member.component.u[feed.inputs] = feed.source.y[feed.outputs]
 
 
@@ -157,7 +157,7 @@ def run(
         logging = Logging(recorder, list(parts.values()), stats_every)
         observers: list[master.Observer] = [logging]
         if begun is not None:
-            logging.begin(clock.done, begun.time, clock.step)
+            logging.continue_after(clock.done, begun.time, clock.step)
         if narration:
             observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop, narration)))
         began = time.perf_counter()

@@ -31,7 +31,7 @@ class Setting(NamedTuple):
     wall_time: float  # s
 
 
-def own() -> Path:
+def local_file() -> Path:
     """Return the file that studies on this machine write."""
     return cache_folder() / "precision.json"
 
@@ -39,13 +39,13 @@ def own() -> Path:
 def read(*files: Path) -> list[Setting]:
     """Read all settings; for each scene and track the last file that has entries counts."""
     found: list[Setting] = []
-    for file in files or (SHIPPED, own()):
+    for file in files or (SHIPPED, local_file()):
         rows = _rows(file)
-        found = _of_others(found, rows) + rows
+        found = _other_scenes(found, rows) + rows
     return found
 
 
-def _of_others(settings: list[Setting], new: Iterable[Setting]) -> list[Setting]:
+def _other_scenes(settings: list[Setting], new: Iterable[Setting]) -> list[Setting]:
     """Return the settings whose scene and track do not occur among the new ones."""
     known = {(one.scene, one.track) for one in new}
     return [one for one in settings if (one.scene, one.track) not in known]
@@ -54,7 +54,7 @@ def _of_others(settings: list[Setting], new: Iterable[Setting]) -> list[Setting]
 def _rows(file: Path) -> list[Setting]:
     """Read the settings in a table; a damaged table gives a warning and an empty list."""
     try:
-        if file == own():
+        if file == local_file():
             check(file.parent)
         table = json.loads(file.read_text(encoding="utf-8"))
         if table["sha256"] != _checksum(table["rows"]):
@@ -75,7 +75,7 @@ def _checksum(rows: list[dict[str, Any]]) -> str:
     return hashlib.sha256(json.dumps(rows).encode()).hexdigest()
 
 
-def front(
+def pareto_front(
     ways: Iterable[Any],
     cost: Callable[[Any], float] = attrgetter("wall_time"),
     error: Callable[[Any], float] = attrgetter("error"),
@@ -93,8 +93,8 @@ def write(settings: Iterable[Setting], file: Path) -> None:
     new: dict[tuple[str, str], list[Setting]] = {}
     for one in settings:
         new.setdefault((one.scene, one.track), []).append(one)
-    fronts = [one for key in sorted(new) for one in front(new[key])]
-    rows = [one._asdict() for one in _of_others(read(file), fronts) + fronts]
+    fronts = [one for key in sorted(new) for one in pareto_front(new[key])]
+    rows = [one._asdict() for one in _other_scenes(read(file), fronts) + fronts]
     make(file.parent)
     put(file, (json.dumps({"rows": rows, "sha256": _checksum(rows)}, indent=1) + "\n").encode())
 

@@ -25,7 +25,7 @@ from orchestrator.log.time_series import EVER
 from orchestrator.scene.assembly import assemble, build_parts
 from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import Scene, changed, from_table
+from orchestrator.scene.scene import Scene, changed_scene, from_table
 
 
 class ReplayModel(NamedTuple):
@@ -81,7 +81,7 @@ class Replay(NamedTuple):
 
 
 @contextmanager
-def opened(
+def open_replay(
     path: Path, name: str, other: str | None, logger: Logger | None = None, settings: Sequence[str] = ()
 ) -> Iterator[Replay]:
     """Open the component ``name`` of a log, or ``other`` (a track model or an FMU file) in its place.
@@ -98,9 +98,9 @@ def opened(
         if other and other not in TRACKS:
             if settings:
                 raise BadInput(f"--set changes the scene in the log, which says nothing about --with {other}")
-            model = _theirs(log, entry, Path(other))
+            model = _given_model(log, entry, Path(other))
         else:
-            model = _ours(log, entry, other, settings)
+            model = _built_model(log, entry, other, settings)
         with Component(model.fmu, name, logger) as component:
             known = set(component.parameters)
             parameters = {key: value for key, value in model.parameters.items() if key in known}
@@ -123,7 +123,7 @@ def _entry(log: Log, name: str) -> dict[str, Any]:
     return instances[name]
 
 
-def _theirs(log: Log, entry: Mapping[str, Any], fmu: Path) -> ReplayModel:
+def _given_model(log: Log, entry: Mapping[str, Any], fmu: Path) -> ReplayModel:
     """Return the model of a given FMU, with the parameters of the recorded component; raises BadInput."""
     if not fmu.is_file():
         raise BadInput(f"no FMU '{fmu}': give {', '.join(TRACKS)} or an .fmu file")
@@ -132,7 +132,7 @@ def _theirs(log: Log, entry: Mapping[str, Any], fmu: Path) -> ReplayModel:
     return ReplayModel(fmu, entry.get("parameters", {}), entry.get("stage", 0), scene, ran)
 
 
-def _ours(log: Log, entry: Mapping[str, Any], track: str | None, settings: Sequence[str]) -> ReplayModel:
+def _built_model(log: Log, entry: Mapping[str, Any], track: str | None, settings: Sequence[str]) -> ReplayModel:
     """Build the model from the scene in the log, with its track model or ``track``, and ``settings``.
 
     Raises BadInput, UnfitLog, BuildFailed.
@@ -144,7 +144,7 @@ def _ours(log: Log, entry: Mapping[str, Any], track: str | None, settings: Seque
     if track is not None:
         scene = scene.model_copy(update={"planar": False, "track": scene.track.of_model(track)}).with_axes()
     if settings:
-        scene = changed(scene.resolved(), settings, f"{log.path}: scene.json")
+        scene = changed_scene(scene.resolved(), settings, f"{log.path}: scene.json")
     part = _part(scene, name)
     if track is not None and part.kind != TRACKS[track].fmu:
         raise BadInput(f"--with {track}: '{name}' is no track")

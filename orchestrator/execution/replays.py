@@ -48,7 +48,7 @@ class ReplayVerdict(NamedTuple):
         return f"different: {self.difference}{told}"
 
 
-def check(component: Component, inputs: Series) -> None:
+def check_inputs(component: Component, inputs: Series) -> None:
     """Check that recorded inputs can drive a component; raises UnfitLog."""
     if tuple(component.inputs) != tuple(inputs.names):
         missing = sorted(set(component.inputs) ^ set(inputs.names))
@@ -57,9 +57,9 @@ def check(component: Component, inputs: Series) -> None:
         raise UnfitLog(f"{component.name}: the log lacks its inputs from t = {gap[0]:.6g} to {gap[1]:.6g} s")
 
 
-def drive(component: Component, inputs: Series, parameters: Parameters) -> Iterator[tuple[int, float]]:
+def step_recorded(component: Component, inputs: Series, parameters: Parameters) -> Iterator[tuple[int, float]]:
     """Step a component with recorded inputs; yields (k, t) at the start and after each step; raises UnfitLog."""
-    check(component, inputs)
+    check_inputs(component, inputs)
     component.initialise(parameters, 0.0)
     yield 0, 0.0
     ends = np.append(inputs.t[1:], inputs.t[-1:] + inputs.h[-1:])
@@ -78,7 +78,7 @@ def verify(log: Log, component: Component, parameters: Parameters, window: tuple
     compared inside it.
     """
     inputs = log.read(f"/{component.name}/in")
-    check(component, inputs)
+    check_inputs(component, inputs)
     out, links = (f"/{component.name}/{kind}" for kind in ("out", "links"))
     shown = {out: (component.outputs, component.y), links: (component.links, component.y_links)}
     recorded = {topic: log.read(topic) for topic in shown if topic in log.topics}
@@ -98,7 +98,7 @@ def verify(log: Log, component: Component, parameters: Parameters, window: tuple
     stepped = np.flatnonzero((ends >= window[0] - 1e-9) & (ends <= window[1] + 1e-9)) + 1
     last = max([0, *stepped.tolist()])
     rows: dict[str, list[Floats]] = {topic: [] for topic in recorded}
-    for k, _ in drive(component, inputs, parameters):
+    for k, _ in step_recorded(component, inputs, parameters):
         if k > last:
             break
         for topic in recorded:
@@ -154,7 +154,7 @@ def answer(
     }
     every = {topic: described.links_every for topic in topics if topic.endswith("/links")}
     ends = dict(zip(log.sequence(f"/{name}/out").tolist(), recorded.t.tolist(), strict=True))
-    steps = drive(component, inputs, parameters)
+    steps = step_recorded(component, inputs, parameters)
     start = next(steps)  # raises before a log is opened
     with Recorder(path, topics, described.attachments, described.metadata, every=every) as recorder:
         for k, t in chain([start], steps):

@@ -13,7 +13,7 @@ from orchestrator.results.page.document import SUFFIXES, plotting, write
 from orchestrator.results.page.study import Judged
 from orchestrator.results.run_data import RunData
 from orchestrator.results.whole_file import refuse
-from orchestrator.scene.same_scene import of_one_scene
+from orchestrator.scene.same_scene import require_same_scene
 from orchestrator.scene.scene import from_table
 
 
@@ -38,12 +38,12 @@ def report(
         runs = [RunData(stack.enter_context(Log(log))) for log in logs]
         if len(runs) > 1 and not different:
             first, second = ((f"{log}", run.scene) for log, run in zip(logs, runs, strict=True))
-            of_one_scene(first, second, "; --different compares them all the same")
-        own, *other = [(run, _judged(run)) for run in runs]
+            require_same_scene(first, second, "; --different compares them all the same")
+        own, *other = [(run, _judge(run)) for run in runs]
         write(*own, page, other[0] if other else None)
 
 
-def _judged(run: RunData) -> Judged:
+def _judge(run: RunData) -> Judged:
     """Evaluate checks and observables by the scene in the log; without one, return the reason."""
     if not run.scene:
         return Judged({}, {}, "the log does not say of which scene it is")

@@ -14,7 +14,7 @@ from fmus.vehicle import BadInput, shown
 from orchestrator.cosim.checkpoint import time_of
 from orchestrator.cosim.component import Logger
 from orchestrator.cosim.narration import Narration
-from orchestrator.execution.branch import branched, taken_over
+from orchestrator.execution.branch import branched_scene, transferred_state
 from orchestrator.execution.manifest import NATIVE, sha256
 from orchestrator.execution.simulate import Continuation, simulate
 from orchestrator.log import notices
@@ -48,22 +48,25 @@ def resume(
         if path.exists() and path.samefile(source):
             raise BadInput(f"{path} is the log itself: give another name")
         scene = _scene(log, stop)
-        number, reached = _chosen(log, at, scene.run)
+        number, reached = _last_checkpoint(log, at, scene.run)
         if scene.run.stop < reached - 1e-9:
             raise BadInput(f"stop = {scene.run.stop:g} s is before the checkpoint at {reached:g} s")
-        native, earlier = _native(log, scene), log.metadata.get(BRANCHED)
+        native, earlier = _ran_native(log, scene), log.metadata.get(BRANCHED)
         about = {"of": _text(source), "step": str(number)}
         metadata = {"resumed": about} | ({BRANCHED: earlier} if earlier else {})
         begun = Continuation(
-            number, log.attachment(f"{CHECKPOINT}{number}"), lambda recorder: _copy(log, recorder, number), metadata
+            number,
+            log.attachment(f"{CHECKPOINT}{number}"),
+            lambda recorder: _copy_records(log, recorder, number),
+            metadata,
         )
         if settings:
             if native:
                 raise BadInput(f"--set: {source} was run with native FMUs, whose states contain their parameters")
-            scene = branched(scene, settings, f"{source}: scene.json")
+            scene = branched_scene(scene, settings, f"{source}: scene.json")
             told = about | {"set": "; ".join(settings)} | ({"before": json.dumps(earlier)} if earlier else {})
             metadata = {"resumed": about, BRANCHED: told}
-            begun = begun._replace(metadata=metadata, made=partial(taken_over, settings=settings))
+            begun = begun._replace(metadata=metadata, made=partial(transferred_state, settings=settings))
         return simulate(scene, path, logger, narration, native=native, begun=begun)
 
 
@@ -78,7 +81,7 @@ def _scene(log: Log, stop: float | None) -> Scene:
     return from_table(table, f"{log.path}: scene.json")
 
 
-def _chosen(log: Log, at: float | None, run: RunTable) -> tuple[int, float]:
+def _last_checkpoint(log: Log, at: float | None, run: RunTable) -> tuple[int, float]:
     """Return step number and time, s, of the last checkpoint by ``at``; raises BadInput, UnusableCheckpoint."""
     numbers = sorted(k for name in log.attachments if (k := checkpoint_step(name)) is not None)
     if not numbers:
@@ -91,7 +94,7 @@ def _chosen(log: Log, at: float | None, run: RunTable) -> tuple[int, float]:
     return fitting[-1], times[fitting[-1]]
 
 
-def _native(log: Log, scene: Scene) -> bool:
+def _ran_native(log: Log, scene: Scene) -> bool:
     """True if native FMUs ran; raises BadInput if they cannot be built here."""
     ran = {entry["name"]: entry for entry in system_of(log)["instances"]}
     native = log.metadata.get("run", {}).get("fmus") == NATIVE
@@ -103,7 +106,7 @@ def _native(log: Log, scene: Scene) -> bool:
     return native
 
 
-def _copy(log: Log, recorder: Recorder, number: int) -> None:
+def _copy_records(log: Log, recorder: Recorder, number: int) -> None:
     """Copy the records up to a step, with the inputs that lead to it."""
     for piece in log.chunks():
         for messages in piece:

@@ -19,7 +19,7 @@ from orchestrator.cosim import checkpoint, master
 from orchestrator.cosim.component import Component, ComponentFailed, Logger
 from orchestrator.cosim.coupling import SCHEMES, power_residual
 from orchestrator.cosim.coupling.power_residual import PowerResidual
-from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, gather, needs_states
+from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, copy_inputs, require_states
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Recordable, Stages, System, wire
 from orchestrator.cosim.narration import Narration
@@ -35,12 +35,12 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import contact_step
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed
-from orchestrator.scene.ranges import implausible
+from orchestrator.scene.ranges import implausible_numbers
 from orchestrator.scene.run_tables import RunTable
 from orchestrator.scene.scene import Scene
 
-QUIET = 1.0  # J, reference energy of the power residual until a bond has carried more, unless the scene sets it
-LATER = 10  # niceness of compiling processes other than the longest one
+REFERENCE_ENERGY = 1.0  # J, of the power residual until a bond has carried more, unless the scene sets it
+LOW_PRIORITY = 10  # niceness of compiling processes other than the longest one
 
 
 class Continuation(NamedTuple):
@@ -97,8 +97,8 @@ def _simulate(
     reached = ReachedPoint()
     with ExitStack() as stack:
         say(f"{scene.name}: components are built and initialised")
-        run = _PreparedRun.of(*opened(scene, stack, logger, native), begun)
-        told = _warned_before(run, logger)
+        run = _PreparedRun.of(*load_scene(scene, stack, logger, native), begun)
+        told = _early_warnings(run, logger)
         result["warnings"] = told
         written = False
         try:
@@ -114,24 +114,24 @@ def _simulate(
                 say(f"{scene.name}: {run.scene.run.stop:g} s are simulated")
                 result["startup_time"] = time.perf_counter() - began
                 interrupt.gentle = True
-                outcome = _marched(run, observers, interrupt, result)
-                recorder.end()
+                outcome = _step_to_end(run, observers, interrupt, result)
+                recorder.write_remaining()
                 result["warnings"] = [*told, *warnings(run.components)]
                 if outcome.steps:
                     say(f"{scene.name}: results are read from the log")
-                    found, happened = _evaluated(run.scene, path, outcome, result["warnings"])
+                    found, happened = _evaluate_log(run.scene, path, outcome, result["warnings"])
                     result |= found
-                    recorder.tell(happened)
+                    recorder.write_events(happened)
                     if estimated and result["status"] == "ok":
                         say(f"{scene.name}: the error is estimated by up to two runs with longer steps")
-                        result["error"] = estimate.estimate(run.scene, path, result, _companion(interrupt))
+                        result["error"] = estimate.estimate(run.scene, path, result, _companion_recorder(interrupt))
                 status, message = outcome.status, outcome.message
-                if invalid := summary.invalid(result["validity"]):
+                if invalid := summary.invalidity(result["validity"]):
                     status, message = "failed", "; ".join(filter(None, (message, invalid)))
                 recorder.close(status, message, outcome.steps, _results(result), result["warnings"])
         except LogFailed as failure:
             outcome = master.RunOutcome("failed", f"{failure}, at t = {reached.t:.6g} s", reached.k, reached.t)
-            result |= _how_it_ended(outcome, result["wall_time"]) | {"warnings": [*told, *warnings(run.components)]}
+            result |= _outcome_entries(outcome, result["wall_time"]) | {"warnings": [*told, *warnings(run.components)]}
         interrupt.gentle = False
     if written:
         result["log"] = str(path)
@@ -155,22 +155,22 @@ class _PreparedRun(NamedTuple):
         """Wire, warm up and, if ``begun`` is given, restore; raises CouplingFailed, UnusableCheckpoint."""
         stages = wire(graph, components)
         scheme: Scheme = SCHEMES[scene.run.coupling.scheme](stages, **scene.run.coupling.options())
-        pace, at = paced(scene.run), None
+        pace, at = pace_of(scene.run), None
         if isinstance(pace, VariableStep):
-            needs_states(scheme, "a variable step")
+            require_states(scheme, "a variable step")
         warm_up(stages, scene.run.step)
         if begun is not None:
-            remember = None if isinstance(pace, master.Clock) else pace.remember
-            at = checkpoint.restore(begun.checkpoint, scheme, begun.step, remember, begun.made)
+            restore_memory = None if isinstance(pace, master.Clock) else pace.restore_memory
+            at = checkpoint.restore(begun.checkpoint, scheme, begun.step, restore_memory, begun.made)
             if isinstance(pace, master.Clock):
                 pace = pace._replace(done=at.k)
         return cls(scene, graph, components, scheme, pace, at)
 
 
-def _warned_before(run: _PreparedRun, logger: Logger | None) -> list[dict[str, Any]]:
+def _early_warnings(run: _PreparedRun, logger: Logger | None) -> list[dict[str, Any]]:
     """Return warnings about recording and scene; the logger gets them too."""
-    aliases = run.scene.folded if any_links(run.components) else ""
-    sentences = [("log", aliases)] * bool(aliases) + _beforehand(run.scene)
+    aliases = run.scene.aliasing_warning if any_links(run.components) else ""
+    sentences = [("log", aliases)] * bool(aliases) + _implausible_numbers(run.scene)
     if logger:
         for component, text in sentences:
             logger(component, 1, text)
@@ -183,14 +183,16 @@ def _observers(run: _PreparedRun, recorder: Recorder, reached: ReachedPoint) -> 
     """Return the observers for log and checkpoints; they start at the checkpoint of the run, if any."""
     scene, scheme, pace, at = run.scene, run.scheme, run.pace, run.at
     every = max(1, round(STATS_PERIOD / pace.step))
-    logging = Logging(recorder, list(run.components.values()), every, scene.between)
-    scheme.tape = logging.tape
+    logging = Logging(recorder, list(run.components.values()), every, scene.records_statistics)
+    scheme.row_writer = logging.row_writer
     if at is not None:
-        logging.begin(*at)
+        logging.continue_after(*at)
         reached(*at)
     observers: list[master.Observer] = [logging]
-    if (period := scene.run.checkpoints) and checkpoint.possible(scheme):
-        stride = scene.links_every if scene.between else 1  # statistics between two records are not in a checkpoint
+    if (period := scene.run.checkpoints) and checkpoint.can_save(scheme):
+        stride = (
+            scene.links_every if scene.records_statistics else 1
+        )  # statistics between two records are not in a checkpoint
         if isinstance(pace, master.Clock):
             steps = stride * ceil(max(1, round(period / pace.step)) / stride)
             observers.append(Checkpoints(recorder, scheme, steps))
@@ -199,7 +201,7 @@ def _observers(run: _PreparedRun, recorder: Recorder, reached: ReachedPoint) -> 
     return observers
 
 
-def _marched(
+def _step_to_end(
     run: _PreparedRun, observers: list[master.Observer], interrupt: Interrupt, result: dict[str, Any]
 ) -> master.RunOutcome:
     """Step to the end and add outcome and cost to the result, the time also after an exception."""
@@ -208,7 +210,7 @@ def _marched(
         outcome = master.run(run.scheme, run.pace, observers, lambda: interrupt.asked, run.at and run.at[:2])
     finally:
         result["wall_time"] = time.perf_counter() - since
-    result |= _how_it_ended(outcome, result["wall_time"], run.at.t if run.at else 0.0)
+    result |= _outcome_entries(outcome, result["wall_time"], run.at.t if run.at else 0.0)
     result |= {
         "cpu_time": time.process_time() - spent,
         "rejected_steps": 0 if isinstance(run.pace, master.Clock) else run.pace.rejected,
@@ -217,12 +219,12 @@ def _marched(
     return outcome
 
 
-def _beforehand(scene: Scene) -> list[tuple[str, str]]:
+def _implausible_numbers(scene: Scene) -> list[tuple[str, str]]:
     """Return warnings about numbers of the scene outside the plausible range."""
-    return [("scene", sentence) for sentence in implausible(scene.resolved(), f"{scene.name}.toml")]
+    return [("scene", sentence) for sentence in implausible_numbers(scene.resolved(), f"{scene.name}.toml")]
 
 
-def _how_it_ended(outcome: master.RunOutcome, wall: float, since: float = 0.0) -> dict[str, Any]:
+def _outcome_entries(outcome: master.RunOutcome, wall: float, since: float = 0.0) -> dict[str, Any]:
     return {
         "status": "ok" if outcome.status == "ok" else "failed",
         "message": outcome.message,
@@ -233,7 +235,7 @@ def _how_it_ended(outcome: master.RunOutcome, wall: float, since: float = 0.0) -
     }
 
 
-def _evaluated(
+def _evaluate_log(
     scene: Scene, path: Path, outcome: master.RunOutcome, warned: Sequence[Mapping[str, Any]]
 ) -> tuple[dict[str, Any], list[Event]]:
     """Evaluate energy, checks, observables and events from the log; return summary entries and events."""
@@ -244,13 +246,13 @@ def _evaluated(
             happened = [*events.of(run, teeth=True, warned=warned).events]
     except LogUnreadable as error:  # another process has changed the file
         return {"status": "failed", "message": str(error)}, []
-    said = (outcome.message, summary.energy_warning(found["energy"]), summary.invalid(found["validity"]))
+    said = (outcome.message, summary.energy_warning(found["energy"]), summary.invalidity(found["validity"]))
     message = "; ".join(filter(None, said))
     status = {"status": "failed"} if said[2] else {}
     return found | {"message": message} | status, happened
 
 
-def _companion(interrupt: Interrupt) -> estimate.RecordRun:
+def _companion_recorder(interrupt: Interrupt) -> estimate.RecordRun:
     """Return the function that records a coarser run; Ctrl-C ends that run and the estimate."""
 
     def record(scene: Scene, path: Path) -> dict[str, Any]:
@@ -280,22 +282,22 @@ def _results(result: Mapping[str, Any]) -> dict[str, str]:
     return {name: json.dumps(value) for name, value in chosen.items() if value is not None}
 
 
-def paced(run: RunTable) -> master.Clock | VariableStep | PowerResidual:
+def pace_of(run: RunTable) -> master.Clock | VariableStep | PowerResidual:
     """Return the step length control of a run, fixed or variable."""
     variable = run.variable
     if variable is None:
         return master.Clock(run.step, run.steps)
     limits = run.stop, run.step, variable.tolerance, variable.shortest, variable.longest
     if variable.estimate == "power":
-        return PowerResidual(*limits, QUIET if variable.energy is None else variable.energy)
+        return PowerResidual(*limits, REFERENCE_ENERGY if variable.energy is None else variable.energy)
     return VariableStep(*limits)
 
 
-def opened(
+def load_scene(
     scene: Scene, stack: ExitStack, logger: Logger | None, native: bool = False
 ) -> tuple[Scene, System, dict[str, Component]]:
     """Place a scene, build its graph, load its components; raises BadInput, BuildFailed, ComponentFailed."""
-    beside = _compiled_beside(scene)
+    beside = _compile_in_processes(scene)
     try:
         scene = placed(scene)
         graph = system(assemble(scene), native)
@@ -305,7 +307,7 @@ def opened(
     return scene, graph, load_components(graph, scene.run.stop, stack, logger)
 
 
-def _compiled_beside(scene: Scene) -> list[subprocess.Popen[str]]:
+def _compile_in_processes(scene: Scene) -> list[subprocess.Popen[str]]:
     """Start processes that compile kernels while the search for the idler position compiles cables."""
     if scene.placed:
         return []
@@ -314,7 +316,7 @@ def _compiled_beside(scene: Scene) -> list[subprocess.Popen[str]]:
     kinds.pop(TRACKS["flexible"].fmu, None)
     tracks = [track.fmu for track in TRACKS.values()]
     # Longest compilation first: on two cores the others get their share when the search is done.
-    begun_now = [begun(part, 0 if kind in tracks else LATER) for kind, part in kinds.items()]
+    begun_now = [begun(part, 0 if kind in tracks else LOW_PRIORITY) for kind, part in kinds.items()]
     return [process for process in begun_now if process is not None]
 
 
@@ -338,7 +340,7 @@ def warm_up(stages: Stages, h: float) -> None:
         component = member.component
         if not isinstance(component, Component) or not component.description.coSimulation.canGetAndSetFMUstate:
             continue
-        gather(member)
+        copy_inputs(member)
         state = component.save()
         with suppress(ComponentFailed):  # a step that fails here fails again in the run and is reported there
             component.write()

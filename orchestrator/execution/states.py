@@ -52,7 +52,7 @@ def states_at(scene: Scene, time: float, narration: Narration | None = None) -> 
     place = own(cache_folder() / "states" / _key(wanted)) / "states.npz"
     content = kept(place)
     if content is None:
-        content = _made(wanted, steps, narration)
+        content = _computed_states(wanted, steps, narration)
         keep(place, content)
     with np.load(io.BytesIO(content), allow_pickle=False) as found:
         return States(time, {name: found[name] for name in found})
@@ -64,7 +64,7 @@ def _key(scene: Scene) -> str:
     return hashlib.sha256(json.dumps([scene.resolved(), fmus], sort_keys=True).encode()).hexdigest()[:24]
 
 
-def _made(scene: Scene, steps: int, narration: Narration | None) -> bytes:
+def _computed_states(scene: Scene, steps: int, narration: Narration | None) -> bytes:
     """Run to the step and extract the states from its checkpoint."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         told = simulate(scene, Path(folder) / "run.mcap", narration=narration)

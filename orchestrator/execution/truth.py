@@ -64,14 +64,14 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
     """
     if scene.track.element == "beam":
         raise BadInput("truth: track.element = 'beam': the monolith knows chains of cables and rigid links only")
-    scene = bare(scene)
+    scene = physical_scene(scene)
     folder = cache_folder() / "truth" / key(scene)
     try:
         own(folder)
-        found, built = _found(folder), False
+        found, built = _stored_figures(folder), False
         if found is None:
-            with _alone(folder.with_suffix(".lock")):
-                found = _found(folder)
+            with _locked(folder.with_suffix(".lock")):
+                found = _stored_figures(folder)
                 if found is None:
                     if narration:
                         narration(f"{scene.name}: its truth is computed by two monolithic runs in short steps")
@@ -83,7 +83,7 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
     return Truth(folder / LOGS[0], folder / LOGS[1], **figures, built=built)
 
 
-def _found(folder: Path) -> dict[str, Any] | None:
+def _stored_figures(folder: Path) -> dict[str, Any] | None:
     """Return the figures of a stored truth if its files are intact, else None."""
     figures = kept(folder / FIGURES)
     if figures is None:
@@ -100,7 +100,7 @@ def _hashes(folder: Path) -> dict[str, str]:
     return found
 
 
-def bare(scene: Scene) -> Scene:
+def physical_scene(scene: Scene) -> Scene:
     """Return the placed scene without settings irrelevant for the truth, sampled at SAMPLING if possible."""
     run = scene.run
     step = SAMPLING if abs(run.stop / SAMPLING - round(run.stop / SAMPLING)) < 1e-6 else run.step
@@ -151,7 +151,7 @@ def _build(scene: Scene, folder: Path, narration: Narration | None) -> dict[str,
 
 
 @contextmanager
-def _alone(lock: Path) -> Iterator[None]:
+def _locked(lock: Path) -> Iterator[None]:
     """Lock against other processes; without file locks several may build the same truth."""
     try:
         import fcntl

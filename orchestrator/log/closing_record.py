@@ -52,13 +52,13 @@ def read(record: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _warnings(text: str) -> list[dict[str, Any]]:
-    found = json.loads(text)
-    if not isinstance(found, list):
+    entries = json.loads(text)
+    if not isinstance(entries, list):
         raise ValueError("warnings are no list")
-    for each in found:
-        if not isinstance(each, dict) or {key: type(value) for key, value in each.items()} != _WARNED:
+    for entry in entries:
+        if not isinstance(entry, dict) or {key: type(value) for key, value in entry.items()} != _WARNED:
             raise ValueError("a warning does not consist of component, text, time and count")
-        if not 0 < each["count"] <= MOST_STEPS:
+        if not 0 < entry["count"] <= MOST_STEPS:
             raise ValueError("the count of a warning is out of range")
-        f"{each['component']}{each['text']}".encode()  # raises ValueError for half a surrogate pair, which JSON allows
-    return found
+        f"{entry['component']}{entry['text']}".encode()  # ValueError for half a surrogate pair, which JSON allows
+    return entries

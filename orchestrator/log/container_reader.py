@@ -79,8 +79,8 @@ class ContainerReader:
         _, length = HEAD.unpack_from(self._data, offset)
         start = offset + HEAD.size
         with memoryview(self._data) as whole, whole[start : start + length] as body:
-            *_, size, crc, letters = _CHUNK.unpack_from(body)
-            kind, at = bytes(body[_CHUNK.size : _CHUNK.size + letters]), _CHUNK.size + letters
+            *_, size, crc, name_length = _CHUNK.unpack_from(body)
+            kind, at = bytes(body[_CHUNK.size : _CHUNK.size + name_length]), _CHUNK.size + name_length
             (length,) = _LENGTH.unpack_from(body, at)
             with body[at + _LENGTH.size : at + _LENGTH.size + length] as packed:
                 if len(packed) != length:
@@ -99,11 +99,11 @@ class ContainerReader:
             raise ValueError("its size does not hold")
         return self._decompressor.decompress(packed, size)
 
-    def walk(self, note: Callable[[int, int], None]) -> None:
-        """Call ``note(opcode, offset)`` for every data record; ``note`` may raise one of DAMAGE."""
+    def walk(self, visit: Callable[[int, int], None]) -> None:
+        """Call ``visit(opcode, offset)`` for every data record; ``visit`` may raise one of DAMAGE."""
         offset = len(MCAP0_MAGIC)
         while offset < self.size:
-            following = self._step(offset, note)
+            following = self._step(offset, visit)
             if following is None:
                 following = next((indexed for indexed in self._indexed() if indexed > offset), self.size)
                 self.fault(f"{self.path}: the record at byte {offset} of {self.size} is cut off or damaged")
@@ -115,7 +115,7 @@ class ContainerReader:
         elif not self.ended:
             self.fault(f"{self.path}: the end of the file is missing or damaged")
 
-    def _step(self, offset: int, note: Callable[[int, int], None]) -> int | None:
+    def _step(self, offset: int, visit: Callable[[int, int], None]) -> int | None:
         """Visit the record at ``offset``; return the offset of the next one, or None if it is damaged."""
         if offset + HEAD.size > self.size:
             return None
@@ -129,28 +129,28 @@ class ContainerReader:
         if opcode == Opcode.DATA_END and length == 4:
             self.data_end = offset
         try:
-            note(opcode, offset)
+            visit(opcode, offset)
         except DAMAGE:
             return None
         return following
 
     def _indexed(self) -> list[int]:
         """Return the sorted offsets of records in the summary; empty without a readable summary."""
-        found = []
+        offsets = []
         try:
             offset = self.record(Footer, self.size - FOOTER).summary_start
-            found.append(offset - HEAD.size - 4)  # end of data
+            offsets.append(offset - HEAD.size - 4)  # end of data
             while offset < self.size - FOOTER:
                 opcode, length = HEAD.unpack_from(self._data, offset)
                 if opcode in INDEXES:
-                    kind, where = INDEXES[opcode]
-                    found.append(getattr(self.record(kind, offset), where))
+                    kind, field = INDEXES[opcode]
+                    offsets.append(getattr(self.record(kind, offset), field))
                 offset += HEAD.size + length
         except DAMAGE:
             return []
-        return sorted(found)
+        return sorted(offsets)
 
-    def let_go(self, offset: int) -> None:
+    def release_record(self, offset: int) -> None:
         """Release the mapped pages of the record at ``offset``, which count as memory of the process."""
         _, length = HEAD.unpack_from(self._data, offset)
         start = offset - offset % AROUND - AROUND  # includes pages read since the previous chunk
@@ -174,11 +174,11 @@ class ContainerReader:
     def _crc(self, start: int, end: int) -> int:
         crc = 0
         while start < end:
-            border = min(start - start % PIECE + PIECE, end)
-            with memoryview(self._data) as whole, whole[start:border] as part:
+            part_end = min(start - start % PIECE + PIECE, end)
+            with memoryview(self._data) as whole, whole[start:part_end] as part:
                 crc = crc32(part, crc)
-            self._release(border - border % AROUND - PIECE if border > PIECE else 0, border)
-            start = border
+            self._release(part_end - part_end % AROUND - PIECE if part_end > PIECE else 0, part_end)
+            start = part_end
         return crc
 
 

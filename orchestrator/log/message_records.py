@@ -80,7 +80,7 @@ def runs_by_channel(content: Bytes) -> dict[int, list[range]]:
     Returns ranges of offsets by channel. A range is a run of records of equal size, which is its step. ``recorder``
     writes the records of a channel in one run.
     """
-    found: dict[int, list[range]] = {}
+    runs: dict[int, list[range]] = {}
     offset, end = 0, len(content)
     while offset + IDENTITY <= end:
         opcode, length, channel = _IDENTITY.unpack_from(content.data, offset)
@@ -89,15 +89,15 @@ def runs_by_channel(content: Bytes) -> dict[int, list[range]]:
             break
         count = 1
         if opcode == Opcode.MESSAGE:
-            count = _alike(content[offset:], size)
-            found.setdefault(channel, []).append(range(offset, offset + count * size, size))
+            count = _run_length(content[offset:], size)
+            runs.setdefault(channel, []).append(range(offset, offset + count * size, size))
         offset += count * size
     if offset != end:
         raise ValueError("its last message is cut off")
-    return found
+    return runs
 
 
-def _alike(content: Bytes, size: int) -> int:
+def _run_length(content: Bytes, size: int) -> int:
     """Number of consecutive records of ``size`` bytes with the opcode and channel of the first one."""
     most, count = len(content) // size, 1
     rows = content[: most * size].reshape(most, size)[:, :IDENTITY]

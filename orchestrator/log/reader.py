@@ -29,7 +29,7 @@ from orchestrator.log.chunk_reader import Chunks
 from orchestrator.log.container_reader import ContainerReader, LogUnreadable, parsed
 from orchestrator.log.message_records import Messages
 from orchestrator.log.stream import Stream
-from orchestrator.log.time_series import EVER, Floats, Series, Topic, joined, nothing
+from orchestrator.log.time_series import EVER, Floats, Series, Topic, empty_series, join_series
 
 
 class NoSuchSignal(LookupError):
@@ -67,7 +67,7 @@ class Log(AbstractContextManager["Log"]):
         self._recorded: dict[str, channel_metadata.RecordedChannel] = {}
         self._chunks = Chunks(self._file, self._channels)
         self._series: dict[str, Series] = {}
-        self._file.walk(self._note)
+        self._file.walk(self._register)
         self._check_wires()
         self.complete = self.closing is not None and self._file.ended and not self.faults
         cut = self.closing is None and bool(self.topics) and not self.being_written
@@ -112,13 +112,13 @@ class Log(AbstractContextManager["Log"]):
         """Return the JSON object in an attached file; raises NoSuchSignal, LogUnreadable."""
         content = self.attachment(name)
         try:
-            found = json.loads(content)
-            json.dumps(found, ensure_ascii=False).encode()  # raises ValueError for half a surrogate pair
+            table = json.loads(content)
+            json.dumps(table, ensure_ascii=False).encode()  # raises ValueError for half a surrogate pair
         except (ValueError, RecursionError) as damage:
             raise LogUnreadable(f"{self.path}: the attachment '{name}' is not readable JSON: {damage}") from None
-        if not isinstance(found, dict):
+        if not isinstance(table, dict):
             raise LogUnreadable(f"{self.path}: the attachment '{name}' is no JSON object")
-        return found
+        return table
 
     def read(self, topic: str) -> Series:
         """Return all messages of a topic; raises NoSuchSignal, LogUnreadable.
@@ -128,7 +128,7 @@ class Log(AbstractContextManager["Log"]):
         if topic not in self._series:
             every = range(len(self.topics[self.known_topic(topic)].names))
             pieces = self._stream({topic: every}, self._chunks.spans, keep=True)
-            self._series[topic] = joined([self._nothing(topic), *(piece[topic] for piece in pieces)])
+            self._series[topic] = join_series([self._empty_series(topic), *(piece[topic] for piece in pieces)])
         return self._series[topic]
 
     def stream(
@@ -153,18 +153,18 @@ class Log(AbstractContextManager["Log"]):
         stream = Stream(self._recorded, wanted, window)
         for offset in chunks:
             first, last = self._chunks.spans[offset]
-            if last >= window[0] - 1e-6 and (first <= window[1] + 1e-6 or stream.waits):
+            if last >= window[0] - 1e-6 and (first <= window[1] + 1e-6 or stream.is_waiting):
                 piece = stream.add(self._chunks.read(offset, stream.topics, keep))
                 if piece:
                     yield piece
 
     def select(self, wanted: Mapping[str, Sequence[int]], window: tuple[float, float] = EVER) -> dict[str, Series]:
         """Return columns of topics in a closed time interval, s; raises NoSuchSignal, LogUnreadable."""
-        found = {topic: [self._nothing(topic).columns(columns)] for topic, columns in wanted.items()}
+        by_topic = {topic: [self._empty_series(topic).columns(columns)] for topic, columns in wanted.items()}
         for piece in self.stream(wanted, window):
             for topic, series in piece.items():
-                found[topic].append(series)
-        return {topic: joined(parts) for topic, parts in found.items()}
+                by_topic[topic].append(series)
+        return {topic: join_series(parts) for topic, parts in by_topic.items()}
 
     def ends(self, topic: str) -> Series:
         """Return the first and the last message of a topic, empty without messages.
@@ -175,13 +175,13 @@ class Log(AbstractContextManager["Log"]):
         offsets = list(self._chunks.spans)
         first = next(self._stream(wanted, offsets), None)
         if first is None:
-            return self._nothing(topic)
+            return self._empty_series(topic)
         for number in range(1, len(offsets) + 1):  # more and more chunks from the end, until one has a message
             *_, last = [None, *self._stream(wanted, offsets[-number:])]
             if last is not None:
                 break
         assert last is not None
-        return joined([first[topic].rows(slice(1)), last[topic].rows(slice(-1, None))])
+        return join_series([first[topic].rows(slice(1)), last[topic].rows(slice(-1, None))])
 
     def blocks(
         self,
@@ -198,15 +198,15 @@ class Log(AbstractContextManager["Log"]):
         """
         whole_topics = {topic: range(len(self.topics[self.known_topic(topic)].names)) for topic in topics}
         wanted = topics if isinstance(topics, Mapping) else whole_topics
-        held = {topic: [self._nothing(topic).columns(columns)] for topic, columns in wanted.items()}
+        waiting = {topic: [self._empty_series(topic).columns(columns)] for topic, columns in wanted.items()}
         for piece in self.stream(wanted, window):
             for topic, series in piece.items():
-                held[topic].append(series)
-            while min(sum(len(part.t) for part in parts) for parts in held.values()) >= size + max(more, 1):
-                whole = {topic: joined(parts) for topic, parts in held.items()}
+                waiting[topic].append(series)
+            while min(sum(len(part.t) for part in parts) for parts in waiting.values()) >= size + max(more, 1):
+                whole = {topic: join_series(parts) for topic, parts in waiting.items()}
                 yield {topic: series.rows(slice(size + more)) for topic, series in whole.items()}
-                held = {topic: [series.rows(slice(size, None))] for topic, series in whole.items()}
-        yield {topic: joined(parts) for topic, parts in held.items()}
+                waiting = {topic: [series.rows(slice(size, None))] for topic, series in whole.items()}
+        yield {topic: join_series(parts) for topic, parts in waiting.items()}
 
     def choose(self, signals: Sequence[str] = (), topics: Sequence[str] = ()) -> dict[str, list[int]]:
         """Return topic -> columns for signals ("instance.variable") and whole topics, in the order of the log.
@@ -236,23 +236,23 @@ class Log(AbstractContextManager["Log"]):
         wanted: dict[str, list[int]] = {}
         for topic, column in places:
             wanted.setdefault(topic, []).append(column)
-        found = self.select(wanted)
+        series = self.select(wanted)
         column_of = {(topic, column): k for topic, columns in wanted.items() for k, column in enumerate(columns)}
         return np.stack(
-            [np.interp(t, found[place[0]].t, found[place[0]].values[:, column_of[place]]) for place in places], axis=1
+            [np.interp(t, series[place[0]].t, series[place[0]].values[:, column_of[place]]) for place in places], axis=1
         )
 
     def lengths(self) -> dict[str, int]:
         """Count the messages of each topic; raises LogUnreadable."""
-        found = dict.fromkeys(self.topics, 0)
+        counts = dict.fromkeys(self.topics, 0)
         for offset in self._chunks.spans:
-            for messages in self._chunks.read(offset, found, keep=False):
-                found[messages.topic] += len(messages.rows)
-        return found
+            for messages in self._chunks.read(offset, counts, keep=False):
+                counts[messages.topic] += len(messages.rows)
+        return counts
 
     def sequence(self, topic: str) -> NDArray[np.uint32]:
         """Return the step numbers (m,) of a topic's messages; raises LogUnreadable."""
-        return np.concatenate([np.empty(0, np.uint32), *(messages.sequence for messages in self._of(topic))])
+        return np.concatenate([np.empty(0, np.uint32), *(messages.sequence for messages in self._messages_of(topic))])
 
     def known_topic(self, topic: str) -> str:
         """Return the topic if the log has it, else raise NoSuchSignal."""
@@ -300,17 +300,17 @@ class Log(AbstractContextManager["Log"]):
 
     def hashes(self) -> dict[str, str]:
         """Return topic -> sha256 over sequence, times and data of its messages; raises LogUnreadable."""
-        found = {topic: hashlib.sha256() for topic in self.topics}
+        hashes = {topic: hashlib.sha256() for topic in self.topics}
         for messages in chain.from_iterable(self.chunks()):
-            found[messages.topic].update(messages.digestible())
-        return {topic: value.hexdigest() for topic, value in found.items()}
+            hashes[messages.topic].update(messages.digestible())
+        return {topic: value.hexdigest() for topic, value in hashes.items()}
 
     def digest(self, hashes: Mapping[str, str] | None = None) -> str:
         """Return one sha256 over names, units and messages of all topics but /stats; equal for equal runs.
 
         ``hashes``: result of ``hashes()`` if known, which saves a pass. Raises LogUnreadable.
         """
-        about = {topic: (*each[:3], *([each.wires] if each.wires else [])) for topic, each in self.topics.items()}
+        about = {topic: (*entry[:3], *([entry.wires] if entry.wires else [])) for topic, entry in self.topics.items()}
         whole = [
             [topic, *about[topic], value]
             for topic, value in sorted((hashes or self.hashes()).items())
@@ -324,19 +324,19 @@ class Log(AbstractContextManager["Log"]):
 
     def checksums(self) -> list[str]:
         """Check attachments and the checksums over all bytes; return faults as sentences (chunks: ``intact``)."""
-        found = []
+        faults = []
         for name in self._attachments:
             try:
                 self.attachment(name)
             except LogUnreadable as damage:
-                found.append(str(damage))
+                faults.append(str(damage))
         if self._file.data_end is not None and not self.sound():
-            found.append(f"{self.path}: the checksum over all data does not hold")
+            faults.append(f"{self.path}: the checksum over all data does not hold")
         if self._file.ended and not self._file.indexes_sound():
-            found.append(f"{self.path}: the checksum over the indexes does not hold")
-        return found
+            faults.append(f"{self.path}: the checksum over the indexes does not hold")
+        return faults
 
-    def _note(self, opcode: int, offset: int) -> None:
+    def _register(self, opcode: int, offset: int) -> None:
         """Register a record of the walk; raises one of ``container_reader.DAMAGE``."""
         if opcode == Opcode.CHUNK:
             self._chunks.add(offset)
@@ -351,10 +351,10 @@ class Log(AbstractContextManager["Log"]):
             else:
                 self.metadata[record.name] = record.metadata
         elif opcode == Opcode.SCHEMA:
-            described = self._file.record(Schema, offset)
-            self._schemas[described.id] = described
+            schema = self._file.record(Schema, offset)
+            self._schemas[schema.id] = schema
         elif opcode == Opcode.CHANNEL:
-            self._note_channel(self._file.record(Channel, offset))
+            self._register_channel(self._file.record(Channel, offset))
 
     def _check_format(self, record: Mapping[str, str]) -> None:
         """Raise LogUnreadable for a log of a newer format."""
@@ -364,13 +364,13 @@ class Log(AbstractContextManager["Log"]):
             self.close()
             raise LogUnreadable(f"{self.path} {newer}") from None
 
-    def _note_channel(self, channel: Channel) -> None:
+    def _register_channel(self, channel: Channel) -> None:
         """Register a channel; one that ``recorder`` did not write goes to ``others``."""
         if channel.id in self._channels:
             return
         if "places" not in channel.metadata:
-            described = self._schemas.get(channel.schema_id)
-            self.others[channel.topic] = described.name if described else channel.message_encoding
+            schema = self._schemas.get(channel.schema_id)
+            self.others[channel.topic] = schema.name if schema else channel.message_encoding
             return
         recorded = channel_metadata.read(channel.topic, channel.metadata, self._schemas[channel.schema_id].data)
         if self.topics.setdefault(channel.topic, recorded.about) != recorded.about:
@@ -382,18 +382,18 @@ class Log(AbstractContextManager["Log"]):
         for topic, about in list(self.topics.items()):
             for wire in about.wires:
                 source = self._recorded.get(wire.source)
-                held = () if source is None else source.names
-                if source is None or source.about.every > 1 or not set(wire.outputs) <= set(held):
+                names = () if source is None else source.names
+                if source is None or source.about.every > 1 or not set(wire.outputs) <= set(names):
                     self._file.fault(f"{self.path}: {topic} is wired to {wire.source}, which lacks what it needs")
                     self.topics.pop(topic, None)
-        for number in [number for number, one in self._channels.items() if one.topic not in self.topics]:
+        for number in [number for number, channel in self._channels.items() if channel.topic not in self.topics]:
             del self._channels[number]
 
-    def _nothing(self, topic: str) -> Series:
+    def _empty_series(self, topic: str) -> Series:
         """Return an empty series of a topic; raises NoSuchSignal."""
-        return nothing(self.topics[self.known_topic(topic)].names)
+        return empty_series(self.topics[self.known_topic(topic)].names)
 
-    def _of(self, topic: str) -> Iterator[Messages]:
+    def _messages_of(self, topic: str) -> Iterator[Messages]:
         return (messages for messages in chain.from_iterable(self.chunks()) if messages.topic == topic)
 
 

@@ -62,7 +62,7 @@ def system_of(log: Log) -> dict[str, Any]:
     return table
 
 
-def said_of(log: Log, signal: str) -> str:
+def description_of(log: Log, signal: str) -> str:
     """Return the model description's text on "instance.variable"; "" if it is missing or damaged."""
     instance, _, variable = signal.partition(".")
     try:

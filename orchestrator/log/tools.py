@@ -41,29 +41,29 @@ class Tally:
 
     def add(self, messages: Messages, stride: int | None) -> list[str]:
         """Count messages; return sentences about missing steps (stride ``stride``) and wrong times."""
-        found = []
+        faults = []
         sequence = messages.sequence.astype(np.int64)
         if stride and self.newest is None and sequence[0] >= stride:
-            found.append(f"{messages.topic}: begins with step {sequence[0]}")
+            faults.append(f"{messages.topic}: begins with step {sequence[0]}")
         if self.newest is not None:
             sequence = np.concatenate([[self.newest], sequence])
         steps = np.diff(sequence)
         wrong = np.flatnonzero(steps != stride if stride else steps <= 0)
         if len(wrong):
             before, after = sequence[wrong[0] : wrong[0] + 2]
-            found.append(f"{messages.topic}: step {after} follows step {before}")
+            faults.append(f"{messages.topic}: step {after} follows step {before}")
         t = messages.t
         with np.errstate(invalid="ignore", over="ignore"):
             times = np.rint(t * 1e9).astype(np.uint64)
         if not (np.array_equal(messages.log_time, times) and np.array_equal(messages.publish_time, times)):
-            found.append(f"{messages.topic}: times of records and messages differ near t = {t[0]:.6g} s")
+            faults.append(f"{messages.topic}: times of records and messages differ near t = {t[0]:.6g} s")
         self.first = float(t[0]) if self.messages == 0 else self.first
         self.last = float(t[-1])
         self.newest = int(sequence[-1])
         self.messages += len(messages.rows)
         self.bytes += messages.rows.nbytes
         self.hash.update(messages.digestible())
-        return found
+        return faults
 
 
 class Info(NamedTuple):
@@ -101,11 +101,11 @@ def _faults(log: Log) -> list[str]:
         for messages in log.intact()
         for fault in tallies[messages.topic].add(messages, _stride(log, messages.topic))
     ]
-    faults = [*log.faults, *log.checksums(), *faults, *_miswired(log)]
+    faults = [*log.faults, *log.checksums(), *faults, *_unconnected_wires(log)]
     if log.closing is None:
         last = max((tally.last for tally in tallies.values() if tally.messages), default=0.0)
-        ended = "has come to" if log.being_written else "was cut off after"
-        return [*faults, f"{log.path} has no closing record: the run {ended} t = {last:.6g} s"]
+        end = "has come to" if log.being_written else "was cut off after"
+        return [*faults, f"{log.path} has no closing record: the run {end} t = {last:.6g} s"]
     for topic, expected in log.closing["messages"].items():
         if topic not in tallies:
             faults.append(f"{topic} is missing")
@@ -113,19 +113,19 @@ def _faults(log: Log) -> list[str]:
             faults.append(f"{topic} has {tallies[topic].messages} messages, {expected} were recorded")
         elif tallies[topic].hash.hexdigest() != log.closing["sha256"].get(topic):
             faults.append(f"{topic} does not have the sha256 of the closing record")
-    followed = {topic: tally.newest for topic, tally in tallies.items() if _stride(log, topic)}
-    newest = [step + _is_input(topic) for topic, step in followed.items() if step is not None]
+    last_steps = {topic: tally.newest for topic, tally in tallies.items() if _stride(log, topic)}
+    newest = [step + _is_input(topic) for topic, step in last_steps.items() if step is not None]
     reached, steps = max(newest, default=0), log.closing["steps"]
-    return [*faults, f"{log.path} ends with step {reached} of {steps}"] if _short(log, reached, steps) else faults
+    return [*faults, f"{log.path} ends with step {reached} of {steps}"] if _lacks_steps(log, reached, steps) else faults
 
 
-def _short(log: Log, reached: int, steps: int) -> bool:
+def _lacks_steps(log: Log, reached: int, steps: int) -> bool:
     """Whether a log that ends with step ``reached`` lacks recorded steps of a run of ``steps`` steps."""
     strides = [every for topic in log.topics if (every := _stride(log, topic))]
     return bool(strides) and reached + min(strides) <= steps
 
 
-def _miswired(log: Log) -> list[str]:
+def _unconnected_wires(log: Log) -> list[str]:
     """Return sentences about wires without a connection in ``system.json``."""
     if "system.json" not in log.attachments:
         return []
@@ -134,16 +134,16 @@ def _miswired(log: Log) -> list[str]:
     except LogUnreadable as damage:
         return [str(damage)]
     connected = {
-        (f"/{one['source']}/out", output, f"/{one['target']}/in", given)
-        for one in connections
-        for output, given in zip(one["outputs"], one["inputs"], strict=True)
+        (f"/{connection['source']}/out", output, f"/{connection['target']}/in", input_name)
+        for connection in connections
+        for output, input_name in zip(connection["outputs"], connection["inputs"], strict=True)
     }
     return [
-        f"{log.path}: {topic} takes '{given}' from '{output}' of {wire.source}, which system.json does not connect"
+        f"{log.path}: {topic} takes '{input_name}' from '{output}' of {wire.source}, which system.json does not connect"
         for topic, about in log.topics.items()
         for wire in about.wires
-        for output, given in zip(wire.outputs, wire.inputs, strict=True)
-        if (wire.source, output, topic, given) not in connected
+        for output, input_name in zip(wire.outputs, wire.inputs, strict=True)
+        if (wire.source, output, topic, input_name) not in connected
     ]
 
 
@@ -191,7 +191,7 @@ def _replacing(target: Path) -> Iterator[Path]:
 def _rewrite(log: Log, fresh: Path, target: Path) -> LogVerdict:
     topics = {topic: list(zip(about.names, about.units, strict=True)) for topic, about in log.topics.items()}
     every = {topic: about.every for topic, about in log.topics.items()}
-    saved = dict.fromkeys(log.topics, 0)
+    written = dict.fromkeys(log.topics, 0)
     closing = log.closing or {"status": "", "steps": 0, "messages": {}, "results": {}, "warnings": []}
     steps = _whole_steps(log, closing["messages"], closing["steps"])
     untouched = log.closing is not None and log.sound() and steps is None
@@ -203,26 +203,26 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> LogVerdict:
     with Recorder(fresh, topics, attachments, log.metadata, every=every, wires=wires) as recorder:
         for messages in log.intact():
             t, h, _, values = messages.decode()
-            kept = slice(None) if steps is None else np.isin(_steps(messages), steps)
+            whole = slice(None) if steps is None else np.isin(_steps(messages), steps)
             ends = t + h if _is_input(messages.topic) else t
-            for row in np.arange(len(t))[kept].tolist():
+            for row in np.arange(len(t))[whole].tolist():
                 recorder.write(messages.topic, int(messages.sequence[row]), t[row], h[row], values[row])
-                saved[messages.topic] += 1
-            reached = max([reached, *ends[kept].tolist()])
+                written[messages.topic] += 1
+            reached = max([reached, *ends[whole].tolist()])
         if untouched:
             recorder.close(*(closing[key] for key in ("status", "message", "steps", "results", "warnings")))
             return LogVerdict(WHOLE, [f"{target} holds everything that was recorded", *log.faults])
-        ended = f"; the run ended with status {closing['status']}" if closing["status"] else ""
+        ending = f"; the run ended with status {closing['status']}" if closing["status"] else ""
         recorder.close(
             "failed",
-            f"recovered from a broken log, readable to t = {reached:.6g} s{ended}",
+            f"recovered from a broken log, readable to t = {reached:.6g} s{ending}",
             closing["steps"] if last is None else last,
             closing["results"],
             closing["warnings"],
         )
-    sentence = f"{target} holds {sum(saved.values())} messages, to t = {reached:.6g} s; the rest is lost"
-    if saved == closing["messages"] and len(attachments) == len(names) and steps is None:
-        sentence = f"{target} holds all {sum(saved.values())} messages, but names or metadata may be damaged"
+    sentence = f"{target} holds {sum(written.values())} messages, to t = {reached:.6g} s; the rest is lost"
+    if written == closing["messages"] and len(attachments) == len(names) and steps is None:
+        sentence = f"{target} holds all {sum(written.values())} messages, but names or metadata may be damaged"
     return LogVerdict(RECOVERED, [sentence, *log.faults])
 
 
@@ -232,19 +232,19 @@ def _whole_steps(log: Log, recorded: Mapping[str, int], done: int) -> NDArray[np
     ``recorded``: messages by topic in the closing record. ``done``: steps of the run; a log that ends earlier has lost
     steps before they were recorded. Inputs count with the step that ends them.
     """
-    found = {topic: [np.empty(0, np.int64)] for topic in log.topics}
+    parts_of = {topic: [np.empty(0, np.int64)] for topic in log.topics}
     for messages in log.intact():
-        found[messages.topic].append(_steps(messages))
-    of = {topic: np.unique(np.concatenate(parts)) for topic, parts in found.items() if _stride(log, topic)}
-    steps = np.unique(np.concatenate([np.empty(0, np.int64), *of.values()]))
-    as_recorded = {topic: sum(map(len, parts)) for topic, parts in found.items()} == recorded
-    if as_recorded and not _short(log, int(steps.max(initial=0)), done):
+        parts_of[messages.topic].append(_steps(messages))
+    steps_of = {topic: np.unique(np.concatenate(parts)) for topic, parts in parts_of.items() if _stride(log, topic)}
+    steps = np.unique(np.concatenate([np.empty(0, np.int64), *steps_of.values()]))
+    complete = {topic: sum(map(len, parts)) for topic, parts in parts_of.items()} == recorded
+    if complete and not _lacks_steps(log, int(steps.max(initial=0)), done):
         return None
     whole = np.ones(len(steps), bool)
-    for topic, its in of.items():
+    for topic, topic_steps in steps_of.items():
         every, first = log.topics[topic].every, int(_is_input(topic))
-        if len(its) or not len(steps) or steps[-1] < every:  # else the topic was never recorded: no loss
-            whole &= (steps < first) | ((steps - first) % every != 0) | np.isin(steps, its)
+        if len(topic_steps) or not len(steps) or steps[-1] < every:  # else the topic was never recorded: no loss
+            whole &= (steps < first) | ((steps - first) % every != 0) | np.isin(steps, topic_steps)
     return steps[whole]
 
 

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchestrator.log.bitwise import BitDifference, bits, difference
+from orchestrator.log.bitwise import BitDifference, bit_difference, bit_patterns
 from orchestrator.log.reader import Log
-from orchestrator.log.time_series import EVER, Floats, Series, joined
+from orchestrator.log.time_series import EVER, Floats, Series, join_series
 
 POINTS = 40  # approximate number of points of a growth curve
 BIN = 32  # messages whose maximum is kept
@@ -51,20 +51,20 @@ def divergence(one: Log, reference: Log, window: tuple[float, float] = EVER) -> 
         every, already = reference.topics[topic].every, before[topic]
         before[topic] += len(a.t)
         until = float(np.fmax(until, b.t[-1]))
-        moments = bits(a.t) != bits(b.t)
+        moments = bit_patterns(a.t) != bit_patterns(b.t)
         if moments.any():  # different steps: later rows do not correspond
             row = int(moments.argmax())
             uneven.add(topic)
-            firsts.append(difference(topic, "t", (already + row) * every, a.t[row], b.t[row], float(b.t[row])))
+            firsts.append(bit_difference(topic, "t", (already + row) * every, a.t[row], b.t[row], float(b.t[row])))
             a, b = a.rows(slice(row)), b.rows(slice(row))
         compared += a.values.size
-        different = bits(a.values) != bits(b.values)
+        different = bit_patterns(a.values) != bit_patterns(b.values)
         if different.any() and not parted[topic].t:
             row = int(different.any(axis=1).argmax())
             column = int(different[row].argmax())
             values = a.values[row, column], b.values[row, column]
             name, step = names[topic][column], (already + row) * every
-            firsts.append(difference(topic, name, step, *values, float(b.t[row])))
+            firsts.append(bit_difference(topic, name, step, *values, float(b.t[row])))
         parted[topic].add(a, b, bool(different.any()))
     firsts.sort(key=lambda found: (found.t, found.variable != "t"))
     instances: dict[str, BitDifference] = {}
@@ -92,7 +92,9 @@ class _Parted:
             if not (different or self.t):
                 return
             apart = np.abs(a.values - b.values)
-            apart = np.where(bits(a.values) == bits(b.values), 0.0, np.where(np.isnan(apart), np.inf, apart))
+            apart = np.where(
+                bit_patterns(a.values) == bit_patterns(b.values), 0.0, np.where(np.isnan(apart), np.inf, apart)
+            )
         for first in range(0, len(b.t), BIN):
             most = np.zeros(len(self._size))
             np.maximum.at(most, self._unit, apart[first : first + BIN].max(axis=0))
@@ -156,7 +158,7 @@ def _side_by_side(
             reached[behind] = max(reached[behind], float(series.t[-1]))
         for topic in piece:
             if all(each[topic] for each in waiting):
-                a, b = (joined(each[topic]) for each in waiting)
+                a, b = (join_series(each[topic]) for each in waiting)
                 m = min(len(a.t), len(b.t))
                 for each, series in zip(waiting, (a, b), strict=True):
                     each[topic] = [series.rows(slice(m, None))] if len(series.t) > m else []

@@ -26,7 +26,7 @@ from orchestrator.scene.parts import (
     driver_parameters,
     rig_track_config,
     sprocket,
-    standing,
+    standing_track_config,
     start_parameters,
     track_config,
     track_part,
@@ -170,7 +170,7 @@ def _vehicle(scene: VehicleScene) -> Assembly:
     sides = hull["chassis"]["sides"]
     for side in (side for side in scene.tracks if side in sides):
         track, lateral = f"{side}_track", SIDES[side] * vehicle.track.lateral
-        tracks.append(track_part(scene, track, standing(scene, config, side, stands), lateral))
+        tracks.append(track_part(scene, track, standing_track_config(scene, config, side, stands), lateral))
         if scene.drive.steering is None:
             inertia = vehicle.sprocket.spin_inertia
             mount = stands.get(f"{side}.sprocket", AXLE)

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from fmus.vehicle import Distance, In, Table, to_si
-from orchestrator.scene.values import SIDES, Duration, Place, Side, Time, off
+from orchestrator.scene.values import SIDES, Duration, Place, Side, Time, false_as_none
 
 POINTS_OF = {  # and the modes that use them
     "speed_points": ("speed", "controller"),
@@ -101,7 +101,7 @@ class VehicleDriveTable(DriveTable):
 
     left: DriveTable | None = None
     right: DriveTable | None = None
-    steering: Annotated[SteeringTable | None, BeforeValidator(off)] = None
+    steering: Annotated[SteeringTable | None, BeforeValidator(false_as_none)] = None
 
     @model_validator(mode="before")
     @classmethod
@@ -170,9 +170,9 @@ class DriverTable(Table):
     """
 
     # [length, curvature], left positive, a negative length backwards, [0, angle] on the spot; or a CSV file of them.
-    arcs: Annotated[tuple[Arc, ...] | None, BeforeValidator(off)] = None
+    arcs: Annotated[tuple[Arc, ...] | None, BeforeValidator(false_as_none)] = None
     # [x, y] of a smooth path, or a CSV file of them.
-    points: Annotated[tuple[tuple[Place, Place], ...] | None, BeforeValidator(off)] = None
+    points: Annotated[tuple[tuple[Place, Place], ...] | None, BeforeValidator(false_as_none)] = None
     heading: Annotated[float, In("rad")] | None = None
     speed: Annotated[float, In("m/s", ge=0, le=1e3)] = 0.0
     ramp_start: Time = 0.0

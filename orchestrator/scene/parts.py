@@ -50,13 +50,15 @@ class Part(NamedTuple):
 def chassis_config(scene: VehicleScene) -> dict[str, Any]:
     """Config of the chassis: sides, start, contacts."""
     at = scene.start.equilibrium
-    own: dict[str, Any] = {"sides": list(SIDES)[: 1 if scene.symmetric else 2], **_touching(scene)}
+    own: dict[str, Any] = {"sides": list(SIDES)[: 1 if scene.symmetric else 2], **_ground_config(scene)}
     own |= {"start": at.model_dump(mode="json")} if at else {}
     own |= {"push": scene.push} if scene.push and len(scene.tracks) == 1 else {}
     return {"vehicle": scene.vehicle.model_dump(), "chassis": own}
 
 
-def standing(scene: VehicleScene, config: dict[str, Any], side: str, stands: Mapping[str, Stance]) -> dict[str, Any]:
+def standing_track_config(
+    scene: VehicleScene, config: dict[str, Any], side: str, stands: Mapping[str, Stance]
+) -> dict[str, Any]:
     """Config of a track whose wheels stand at their equilibrium on this side of the vehicle."""
     at = scene.start.equilibrium
     if at is None:
@@ -106,7 +108,7 @@ def _text(pairs: Sequence[tuple[float, float]]) -> str:
     return "; ".join(f"{first!r} {second!r}" for first, second in pairs)
 
 
-def _touching(scene: VehicleScene) -> dict[str, Any]:
+def _ground_config(scene: VehicleScene) -> dict[str, Any]:
     """Config of the contacts of the chassis itself: the hull if declared, wheels without a track."""
     bare = [side for side in SIDES if side not in scene.tracks]
     if not bare and not scene.ground.hull:

@@ -60,11 +60,11 @@ def build_to(folder: Path, products: Sequence[Product], native: bool = False, wi
 
     Raises BadInput if the folder cannot be created.
     """
-    made(folder)
+    make_folder(folder)
     return build_native_all(products, folder, windows) if native else build_all(products, folder)
 
 
-def made(folder: Path) -> None:
+def make_folder(folder: Path) -> None:
     """Create a folder for results; raises BadInput."""
     try:
         folder.mkdir(parents=True, exist_ok=True)

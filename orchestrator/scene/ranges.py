@@ -27,7 +27,7 @@ SCENE = (
 )
 
 
-def implausible(scene: Mapping[str, Any], where: str) -> list[str]:
+def implausible_numbers(scene: Mapping[str, Any], where: str) -> list[str]:
     """One sentence, beginning with ``where``, for each implausible number of a resolved scene."""
     vehicle = scene.get("vehicle")
     found = [*outside(scene, SCENE, "plausible")]

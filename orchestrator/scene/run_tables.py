@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from fmus.vehicle import In, Table
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.results.validity.limits import ALLOWED
-from orchestrator.scene.values import Duration, Every, off
+from orchestrator.scene.values import Duration, Every, false_as_none
 
 OPTIONS = {
     "hold": ("jacobi", "gauss_seidel"),
@@ -85,12 +85,13 @@ class RunTable(Table):
     stop: Duration
     step: Duration  # communication step H
     coupling: Annotated[CouplingTable, BeforeValidator(short_coupling)] = CouplingTable()
-    variable: Annotated[VariableStepTable | None, BeforeValidator(off)] = None  # None or false: all steps have length H
+    # None or false: all steps have length H.
+    variable: Annotated[VariableStepTable | None, BeforeValidator(false_as_none)] = None
     outputs: Every = 1  # interval of recorded outputs in communication steps
     links: Every | None = None  # interval of recorded per-link outputs; default: ``recording``
     between: bool = False  # also record mean, least and most between two records of links
     # Interval of checkpoints in the log, s; false: none.
-    checkpoints: Annotated[Duration | None, BeforeValidator(off)] = 0.5
+    checkpoints: Annotated[Duration | None, BeforeValidator(false_as_none)] = 0.5
     allow: Annotated[tuple[str, ...], BeforeValidator(_kinds)] = ()  # kinds of ``results/validity`` that do not fail
 
     @model_validator(mode="after")

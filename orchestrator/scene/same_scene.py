@@ -22,10 +22,12 @@ COMPUTED = (
 SEARCHED = ("vehicle.idler.x", "vehicle.tensioner.preload", "rig.axle_distance")
 
 
-ALIKE = 1e-5  # relative tolerance
+TOLERANCE = 1e-5  # relative tolerance
 
 
-def of_one_scene(one: tuple[str, Mapping[str, Any]], other: tuple[str, Mapping[str, Any]], remedy: str = "") -> None:
+def require_same_scene(
+    one: tuple[str, Mapping[str, Any]], other: tuple[str, Mapping[str, Any]], remedy: str = ""
+) -> None:
     """Raise BadInput unless two runs, each given as place and logged scene, are of one scene.
 
     The message ends with ``remedy``.
@@ -33,12 +35,14 @@ def of_one_scene(one: tuple[str, Mapping[str, Any]], other: tuple[str, Mapping[s
     for where, table in (one, other):
         if not table:
             raise BadInput(f"{where} does not say of which scene it is")
-    if unlike(one[1], other[1]) and (apart := unlike(_as_read_now(one[1]), _as_read_now(other[1]))):
+    if scene_difference(one[1], other[1]) and (
+        apart := scene_difference(_with_current_keys(one[1]), _with_current_keys(other[1]))
+    ):
         named = [f"{where} ({shown(table.get('name'))})" for where, table in (one, other)]
         raise BadInput(f"{' and '.join(named)} are runs of different scenes: {apart}{remedy}")
 
 
-def _as_read_now(table: Mapping[str, Any]) -> Mapping[str, Any]:
+def _with_current_keys(table: Mapping[str, Any]) -> Mapping[str, Any]:
     """A logged scene with the keys of this version; a log of an older one lacks later keys."""
     try:
         found: Mapping[str, Any] = json.loads(json.dumps(from_table(table, "scene.json").resolved()))
@@ -47,21 +51,21 @@ def _as_read_now(table: Mapping[str, Any]) -> Mapping[str, Any]:
         return table
 
 
-def unlike(one: Mapping[str, Any], other: Mapping[str, Any], above: str = "") -> str | None:
+def scene_difference(one: Mapping[str, Any], other: Mapping[str, Any], above: str = "") -> str | None:
     """First difference of two resolved, placed scenes, "key = value and value"; None for one scene."""
     for name in sorted({*one, *other}):
         key, a, b = f"{above}{name}", one.get(name), other.get(name)
-        if key in COMPUTED or a == b or (key in SEARCHED and _alike(a, b)):
+        if key in COMPUTED or a == b or (key in SEARCHED and _close(a, b)):
             continue
         if isinstance(a, Mapping) and isinstance(b, Mapping) and above.count(".") < 9:
             if a and b and a.keys().isdisjoint(b):
                 return f"{key} says {', '.join(sorted(a))} and {', '.join(sorted(b))}"
-            if (found := unlike(a, b, f"{key}.")) is not None:
+            if (found := scene_difference(a, b, f"{key}.")) is not None:
                 return found
         else:
             return f"{key} = {' and '.join('not given' if value is None else shown(value) for value in (a, b))}"
     return None
 
 
-def _alike(a: object, b: object) -> bool:
-    return isinstance(a, int | float) and isinstance(b, int | float) and math.isclose(a, b, rel_tol=ALIKE)
+def _close(a: object, b: object) -> bool:
+    return isinstance(a, int | float) and isinstance(b, int | float) and math.isclose(a, b, rel_tol=TOLERANCE)

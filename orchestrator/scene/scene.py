@@ -20,18 +20,18 @@ from fmus.vehicle import BadInput, Table, Vehicle, read_table, sentence, shown
 from orchestrator.scene import gallery, points
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriveTable
 from orchestrator.scene.ranges import SCENE
-from orchestrator.scene.recording import UNKNOWN, folded, links_every
+from orchestrator.scene.recording import ASSUMED_SPEED, aliasing_warning, links_every
 from orchestrator.scene.run_tables import RunTable, short_coupling
 from orchestrator.scene.settings import keys, merged, put, setting
 from orchestrator.scene.start_tables import GroundTable, StartTable, VehicleStartTable
 from orchestrator.scene.tables import BenchTable, ChainTable, Check, RigTable
 from orchestrator.scene.track_table import TrackTable, short_track
-from orchestrator.scene.values import SIDES, Side, off
+from orchestrator.scene.values import SIDES, Side, false_as_none
 
 # Settings of a drive in mode controller that are allowed beside a driver.
 OF_CONTROLLERS = ("torque_limit", "brake", "brake_points", "engine_points", "gear_ratio")
-OUTSIDE = 1.2  # speed of the outer track in a turn, relative to the vehicle
-SHORT = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys that may stand for one of their own
+OUTER_TRACK = 1.2  # speed of the outer track in a turn, relative to the vehicle
+SHORT_KEYS = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys that may stand for one of their own
 
 
 class Scene(Table):
@@ -73,14 +73,14 @@ class Scene(Table):
         return self.run.links or links_every(self.run.step, self.teeth_rate)
 
     @property
-    def between(self) -> bool:
+    def records_statistics(self) -> bool:
         """True if the log has link statistics between two records."""
-        return self.run.between or bool(self.folded)
+        return self.run.between or bool(self.aliasing_warning)
 
     @property
-    def folded(self) -> str:
+    def aliasing_warning(self) -> str:
         """Sentence if link records alias the frequency of the teeth, else empty."""
-        return folded(self.links_every, self.run.step, self.teeth_rate)
+        return aliasing_warning(self.links_every, self.run.step, self.teeth_rate)
 
     def resolved(self) -> dict[str, Any]:
         """The scene as plain SI numbers; ``from_table`` is the inverse."""
@@ -115,7 +115,7 @@ class Scene(Table):
 
     def _teeth_rate(self, speed: float | None) -> float:
         """Teeth per second at a sprocket speed, rad/s."""
-        return self.vehicle.sprocket.teeth * (UNKNOWN if speed is None else speed) / (2.0 * math.pi)
+        return self.vehicle.sprocket.teeth * (ASSUMED_SPEED if speed is None else speed) / (2.0 * math.pi)
 
 
 class ChainScene(Scene):
@@ -174,7 +174,7 @@ class VehicleScene(Scene):
     ground: GroundTable = GroundTable()
     drive: VehicleDriveTable
     # None or false: the drives follow their own settings.
-    driver: Annotated[DriverTable | None, BeforeValidator(off)] = None
+    driver: Annotated[DriverTable | None, BeforeValidator(false_as_none)] = None
     push: float = 0.0  # N, share of the tensioners' preload that balances the tension of placed tracks
     symmetric: bool = False  # only the left half runs; the right one mirrors it
 
@@ -204,7 +204,7 @@ class VehicleScene(Scene):
         """Teeth per second on the faster side; with a driver, in a turn of about ten metres radius."""
         if self.driver is not None:
             radius = self.vehicle.track.pitch / (2.0 * math.sin(math.pi / self.vehicle.sprocket.teeth))
-            return self._teeth_rate(OUTSIDE * self.driver.top_speed / radius)
+            return self._teeth_rate(OUTER_TRACK * self.driver.top_speed / radius)
         known = [speed for side in SIDES if (speed := self.drive.of(side).top_speed) is not None]
         steering = self.drive.steering and self.drive.steering.top_speed
         return self._teeth_rate(max(known) + 0.5 * (steering or 0.0) if known else None)
@@ -270,7 +270,7 @@ def load(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> 
     points.read(table, Path(scene).parent, f"{name}.toml")
     changes = [setting(text) for text in settings]
     _kind(table, f"{name}.toml")
-    _complete(table, f"{name}.toml", track, changes)
+    _complete_table(table, f"{name}.toml", track, changes)
     for key, value in changes:
         put(table, key, value)
     points.read(table, Path(), f"{name}.toml")
@@ -287,7 +287,7 @@ def _kind(table: Mapping[str, Any], where: str) -> type[Scene]:
     raise BadInput(f"{where}: assembly = {shown(assembly)}: must be one of {', '.join(KINDS)}")
 
 
-def _complete(table: dict[str, Any], where: str, track: str | None, changes: list[tuple[str, Any]]) -> None:
+def _complete_table(table: dict[str, Any], where: str, track: str | None, changes: list[tuple[str, Any]]) -> None:
     """Complete a raw table with its whole vehicle; ``changes`` gain the track model and lose the vehicle."""
     if track is not None:
         changes.insert(0, ("track.model", track))
@@ -298,7 +298,7 @@ def _complete(table: dict[str, Any], where: str, track: str | None, changes: lis
         if key == "vehicle":
             table["vehicle"] = value
     table["vehicle"] = _whole_vehicle(table.get("vehicle"), where)
-    changes[:] = [(SHORT.get(key, key), value) for key, value in changes if key != "vehicle"]
+    changes[:] = [(SHORT_KEYS.get(key, key), value) for key, value in changes if key != "vehicle"]
 
 
 def from_table(table: Mapping[str, Any], where: str) -> Scene:
@@ -307,16 +307,16 @@ def from_table(table: Mapping[str, Any], where: str) -> Scene:
     try:
         return kind.model_validate(dict(table))
     except ValidationError as error:
-        raise BadInput(_complaint(error, where, kind)) from None
+        raise BadInput(_validation_sentence(error, where, kind)) from None
 
 
-def changed(resolved: dict[str, Any], settings: Sequence[str], where: str) -> Scene:
+def changed_scene(resolved: dict[str, Any], settings: Sequence[str], where: str) -> Scene:
     """Apply ``KEY=VALUE`` settings to a resolved scene, which is modified; reads no file.
 
     Raises BadInput, with a message that begins with ``where``.
     """
     for key, value in map(setting, settings):
-        put(resolved, SHORT.get(key, key), value)
+        put(resolved, SHORT_KEYS.get(key, key), value)
     return from_table(resolved, where)
 
 
@@ -335,7 +335,7 @@ def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:
     return merged(read_table(base)[0], over)
 
 
-def _complaint(error: ValidationError, where: str, model: type[Scene]) -> str:
+def _validation_sentence(error: ValidationError, where: str, model: type[Scene]) -> str:
     """One sentence for a validation error, with the nearest known key for an unknown one."""
     text = sentence(error, where)
     first = error.errors()[0]

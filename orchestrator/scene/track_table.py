@@ -18,7 +18,7 @@ Tolerance = Annotated[float, Field(ge=TOLERANCES.least, le=TOLERANCES.most)]
 Elasticity = Literal["small_deformation", "general", "engineering"]
 
 
-def _groups(asked: object) -> object:
+def _output_groups(asked: object) -> object:
     """Groups of link outputs: all, the standard ones (true), none (false), or a list of names."""
     if asked == "all":
         return tuple(GROUPS)
@@ -29,7 +29,7 @@ def _groups(asked: object) -> object:
     raise ValueError(f"must be true, false, 'all' or a list of {', '.join(GROUPS)}")
 
 
-LinkOutputs = Annotated[tuple[str, ...], BeforeValidator(_groups)]
+LinkOutputs = Annotated[tuple[str, ...], BeforeValidator(_output_groups)]
 
 
 class FmuParameter(NamedTuple):

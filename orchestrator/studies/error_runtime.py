@@ -64,7 +64,7 @@ def equal(*steps: float) -> tuple[tuple[float, float], ...]:
     return tuple((h, h) for h in steps)
 
 
-ALONE = (  # a component on its own
+SINGLE_COMPONENT = (  # a component on its own
     fixed("implicit", (), equal(10, 4, 2, 1, 0.5, 0.25, 0.125, 0.0625)),
     fixed("Runge-Kutta", ("track.integrator=runge_kutta",), ((1, 0.008),)),
 )
@@ -99,12 +99,12 @@ def cases(quick: bool, scene: str = "straight") -> list[Case]:
     base = (QUICK[found.assembly],) if quick else ()
     if isinstance(found, ChainScene) and found.chain.ends == "pinned" and found.track.start in (None, "rest"):
         base = (*base, "track.start=displaced")  # a scene at rest has no error
-    methods: Sequence[Curve] = ALONE if isinstance(found, ChainScene) else COUPLED
+    methods: Sequence[Curve] = SINGLE_COMPONENT if isinstance(found, ChainScene) else COUPLED
     if found.run.variable is not None:
         methods = PACED
     wanted = []
     for model in [*TRACKS][: 1 if quick else None]:
-        wanted.append(Case(scene, f"truth, {model}", own_error, (scene, model, base), 600.0, 7200.0))
+        wanted.append(Case(scene, f"truth, {model}", truth_error, (scene, model, base), 600.0, 7200.0))
         for method in methods:
             if quick and "Runge" in method.name and found.assembly != "chain":
                 continue
@@ -114,7 +114,7 @@ def cases(quick: bool, scene: str = "straight") -> list[Case]:
     return wanted
 
 
-def own_error(scene: str, track: str, base: tuple[str, ...]) -> list[Row]:
+def truth_error(scene: str, track: str, base: tuple[str, ...]) -> list[Row]:
     """Difference of the truth from its coarser run."""
     found = truth(load(scene, track, base))
     share = 1.0 / (2.0**ORDER - 1.0)

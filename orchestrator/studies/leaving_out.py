@@ -27,7 +27,7 @@ from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.graph import wire
 from orchestrator.cosim.observers import Logging
 from orchestrator.execution.manifest import open_log
-from orchestrator.execution.simulate import load_components, paced, simulate, warm_up
+from orchestrator.execution.simulate import load_components, pace_of, simulate, warm_up
 from orchestrator.log.reader import Log
 from orchestrator.results.table import Column, Table
 from orchestrator.scene.assembly import Assembly, assemble, system
@@ -43,7 +43,7 @@ PAIRS = 5
 # Allowed differences. Pin forces are those of Newton's last evaluation, with corrections of up to 1e-9 m left; a link
 # of 3e9 N makes 20 N of that, and 1e-6 of the largest force is 20 mN.
 MOTION, FORCE = 3e-8, 1e-6  # 30 and 100 times the growth of one ulp of gravity in the displaced hanging chain
-LEAST = 1e-2  # of a scale: with a smaller value, in SI, a unit hardly occurs in a run
+SMALLEST_SCALE = 1e-2  # of a scale: with a smaller value, in SI, a unit hardly occurs in a run
 SPEED_OF = {"m": "m/s", "rad": "rad/s"}  # rates for units that a run hardly shows, taken from its positions
 SOFT = ("m", "m/s", "rad", "rad/s", "1")  # units of motion; others are forces, stresses and energies
 DEPTH = 1000.0  # m from a chain to a ground out of reach
@@ -135,8 +135,8 @@ def cases(quick: bool, scene: str | None = None) -> list[Case]:
 def compare(scene: str, sides: tuple[PairedRun, PairedRun], pairs: int) -> list[Row]:
     """Time both sides in turn, measure their memory, and compare their logs."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-        timed = _child({"scene": scene, "sides": sides, "pairs": pairs, "folder": folder})
-        peaks = [_child({"scene": scene, "sides": [side], "pairs": 0, "folder": folder})["peak"] for side in sides]
+        timed = _run_task({"scene": scene, "sides": sides, "pairs": pairs, "folder": folder})
+        peaks = [_run_task({"scene": scene, "sides": [side], "pairs": 0, "folder": folder})["peak"] for side in sides]
         motion, force = difference(*(Path(folder) / f"{k}.mcap" for k in (0, 1)))
     costs = np.array(timed["costs"])  # (pairs, side, (cpu, wall))
     spent = np.median(costs, axis=0)
@@ -179,9 +179,9 @@ def difference(one: Path, other: Path) -> tuple[float, float]:
                     pace = np.abs(np.diff(x) / np.diff(left.t[i])).max(initial=0.0)
                     moved[SPEED_OF[unit]] = max(moved.get(SPEED_OF[unit], 0.0), float(pace))
     for unit, pace in moved.items():
-        if scale.get(unit, 0.0) < LEAST:
+        if scale.get(unit, 0.0) < SMALLEST_SCALE:
             scale[unit] = pace
-    relative = {unit: by / max(scale[unit], LEAST) for unit, by in apart.items()}
+    relative = {unit: by / max(scale[unit], SMALLEST_SCALE) for unit, by in apart.items()}
     soft = (by for unit, by in relative.items() if unit in SOFT)
     return max(soft, default=0.0), max((by for unit, by in relative.items() if unit not in SOFT), default=0.0)
 
@@ -189,7 +189,7 @@ def difference(one: Path, other: Path) -> tuple[float, float]:
 # --- runs, in a process of their own ---------------------------------------------------------------
 
 
-def _child(task: dict[str, Any]) -> Any:
+def _run_task(task: dict[str, Any]) -> Any:
     done = subprocess.run(
         [sys.executable, "-m", "orchestrator.studies.leaving_out"],
         input=json.dumps(task),
@@ -241,7 +241,7 @@ def run(name: str, side: PairedRun, path: Path) -> tuple[float, float]:
         warm_up(stages, scene.run.step)
         with open_log(path, scene, graph, components, scheme) as recorder:
             cpu, wall = time.process_time(), time.perf_counter()
-            outcome = master.run(scheme, paced(scene.run), [Logging(recorder, list(components.values()), 100)])
+            outcome = master.run(scheme, pace_of(scene.run), [Logging(recorder, list(components.values()), 100)])
             recorder.close(outcome.status, outcome.message, outcome.steps)
             cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     if outcome.status != "ok":

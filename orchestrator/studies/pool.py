@@ -25,14 +25,14 @@ from orchestrator.studies.row import Row
 from orchestrator.studies.store import Store
 
 ROOT = str(Path(__file__).resolve().parents[2])  # folder of our packages
-ANSWER = "10 s"  # timeout of a Dask scheduler
+SCHEDULER_TIMEOUT = "10 s"  # timeout of a Dask scheduler
 
 Rows = list[Row]
-Answer = Rows | str  # of a case, or the reason of a failure
-Found = Iterator[tuple[int, Answer, bool]]  # number of the case, its answer, True if it is stored
+CaseResult = Rows | str  # of a case, or the reason of a failure
+FinishedCases = Iterator[tuple[int, CaseResult, bool]]  # number of the case, its answer, True if it is stored
 
 
-def attempt(case: Case) -> Answer:
+def attempt(case: Case) -> CaseResult:
     """Rows of a case, or the reason of its failure."""
     try:
         rows = case.function(*case.arguments)
@@ -74,11 +74,11 @@ def run(
     return [row for k in range(len(cases)) for row in found[k]]
 
 
-def _in_processes(cases: Sequence[Case], left: Sequence[int], workers: int) -> Found:
+def _in_processes(cases: Sequence[Case], left: Sequence[int], workers: int) -> FinishedCases:
     workers = max(1, min(workers, len(left)))
     context = multiprocessing.get_context("spawn")
     with _own_modules(), _single_threads(), ProcessPool(workers, initializer=_end_with_parent, context=context) as pool:
-        waiting: dict[Future[Answer], int] = {
+        waiting: dict[Future[CaseResult], int] = {
             pool.schedule(attempt, args=(cases[k],), timeout=cases[k].limit): k for k in left
         }
         try:
@@ -116,14 +116,14 @@ def _own_modules() -> Iterator[None]:
         sys.path.remove(ROOT)
 
 
-def _on_cluster(cases: Sequence[Case], left: Sequence[int], address: str) -> Found:
+def _on_cluster(cases: Sequence[Case], left: Sequence[int], address: str) -> FinishedCases:
     try:
         from dask.distributed import Client
         from dask.distributed import as_completed as completed
     except ImportError:
         raise BadInput(f"--scheduler {address}: needs Dask, pip install 'cotrack[dask]'") from None
     try:
-        client = Client(address, timeout=ANSWER)
+        client = Client(address, timeout=SCHEDULER_TIMEOUT)
     except (OSError, ValueError) as error:
         raise BadInput(f"--scheduler {address}: no Dask scheduler answers there ({error})") from None
     with client:

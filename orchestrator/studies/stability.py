@@ -14,12 +14,12 @@ from dataclasses import replace
 from fmus.vehicle import BadInput
 from orchestrator.scene.scene import load
 from orchestrator.studies import Case
-from orchestrator.studies.expectations import ASKED
+from orchestrator.studies.expectations import EXPECTATIONS
 from orchestrator.studies.extreme import BISECTED, FAMILIES
 from orchestrator.studies.limits import predicted
 from orchestrator.studies.row import Row
 from orchestrator.studies.stability_map import table, write
-from orchestrator.studies.verdict import CLEAN, RIGHT, WRONG, ended, judged
+from orchestrator.studies.verdict import CLEAN, RIGHT, WRONG, judged_run, with_verdict
 
 __all__ = ["TITLE", "cases", "table", "write"]
 
@@ -35,28 +35,30 @@ def cases(quick: bool) -> list[Case]:
         values = family.values if not quick or family.quick is None else family.quick
         for value in values:
             limit = max(LIMIT, 3.0 * family.seconds)
-            wanted.append(Case(family.name, f"{family.name}: {value:g}", one, (number, value), family.seconds, limit))
+            wanted.append(
+                Case(family.name, f"{family.name}: {value:g}", member, (number, value), family.seconds, limit)
+            )
     for number, (name, *_) in enumerate(BISECTED):
         if not quick or number == 1:
-            wanted.append(Case(name, f"{name}: limit", bisected, (number,), 60.0, LIMIT))
+            wanted.append(Case(name, f"{name}: limit", bisected_limit, (number,), 60.0, LIMIT))
     return wanted
 
 
-def one(number: int, value: float) -> list[Row]:
+def member(number: int, value: float) -> list[Row]:
     """Row of a member of a family."""
     family = FAMILIES[number]
     asked = family.asked if isinstance(family.asked, str) else family.asked(value)
     sensible = family.sensible[0] <= value <= family.sensible[1]
-    row = Row("", f"{value:g}", {"value": value, "sensible": sensible, "asked": ASKED[asked][1]})
+    row = Row("", f"{value:g}", {"value": value, "sensible": sensible, "asked": EXPECTATIONS[asked][1]})
     try:
         scene = load(family.scene, family.track, family.settings(value))
     except BadInput as refusal:
-        return [ended(row, CLEAN, str(refusal))]
+        return [with_verdict(row, CLEAN, str(refusal))]
     limit, cause = predicted(scene)
-    return [judged(scene, asked, row.having(step=scene.run.step, predicted=limit, cause=cause))]
+    return [judged_run(scene, asked, row.having(step=scene.run.step, predicted=limit, cause=cause))]
 
 
-def bisected(number: int) -> list[Row]:
+def bisected_limit(number: int) -> list[Row]:
     """Longest stable step, from 1 to 100 times the given one, beside the predicted one."""
     _, scene, track, settings, key, least = BISECTED[number]
     asked = "weight" if scene == "settle" else "ledger"
@@ -67,7 +69,7 @@ def bisected(number: int) -> list[Row]:
     def run(step: float) -> Row:
         whole = stop / round(stop / step) if key == "run.step" else step
         row = Row("", "limit", {"step": whole, "predicted": limit, "cause": cause})
-        return judged(load(scene, track, [*settings, f"{key}={whole!r}"]), asked, row)
+        return judged_run(load(scene, track, [*settings, f"{key}={whole!r}"]), asked, row)
 
     def longest(good: tuple[str, ...]) -> tuple[Row, Row]:
         """Longest step with a good verdict, and shortest one without."""

@@ -25,9 +25,9 @@ def runs(rows: Iterable[Row]) -> list[Row]:
     return [row for row in rows if row["method"] != "truth" and math.isfinite(row["error"])]
 
 
-def front_of(rows: Iterable[Row], error: Callable[[Row], float] = itemgetter("error")) -> list[Row]:
+def pareto_front(rows: Iterable[Row], error: Callable[[Row], float] = itemgetter("error")) -> list[Row]:
     """Pareto front in run time and error of the runs that ended well."""
-    return precision.front(runs(rows), itemgetter("wall_time"), error)
+    return precision.pareto_front(runs(rows), itemgetter("wall_time"), error)
 
 
 def cheapest(rows: Iterable[Row], level: float) -> Row | None:
@@ -84,7 +84,7 @@ def _observables(rows: Iterable[Row]) -> list[str]:
 def table(rows: Sequence[Row], title: str = "") -> Table:
     """Table of relative errors by observable, with * on the Pareto front, and conclusions."""
     best = {id(row) for key in {(r.item, r["track"]) for r in rows} for row in
-             front_of(r for r in rows if (r.item, r["track"]) == key)}  # fmt: skip
+             pareto_front(r for r in rows if (r.item, r["track"]) == key)}  # fmt: skip
     columns = (
         Column("item", "scene"),
         Column("case", "case"),
@@ -129,18 +129,19 @@ def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path
     more = {f"{stem}.csv": whole_table(rows).csv()}
     made = files.save(folder, stem, table(rows, title), draw(rows, title), more)
     settings = [
-        precision.Setting(row.item, row["track"], means(row), row["error"], row["wall_time"]) for row in runs(rows)
+        precision.Setting(row.item, row["track"], method_settings(row), row["error"], row["wall_time"])
+        for row in runs(rows)
     ]
     made.append(folder / "precision.json")
     precision.write(settings, made[-1])
     if not any(setting.startswith("run.stop") for row in runs(rows) for setting in row["settings"]):
         with spared():
-            precision.write(settings, precision.own())  # only results of whole scenes
-            made.append(precision.own())
+            precision.write(settings, precision.local_file())  # only results of whole scenes
+            made.append(precision.local_file())
     return made
 
 
-def means(row: Row) -> tuple[str, ...]:
+def method_settings(row: Row) -> tuple[str, ...]:
     """Settings of a row that say how the scene is run, without those of the scene itself."""
     return tuple(s for s in row["settings"] if not s.startswith(("run.stop", "track.start", "chain.")))
 
@@ -177,7 +178,7 @@ def draw(rows: Sequence[Row], title: str) -> files.Picture:
                 linestyle=lines[track], color=colormaps["tab10"](k % 10),
             )  # fmt: skip
         for track in tracks:
-            best = front_of((row for row in shown if row["track"] == track), error)
+            best = pareto_front((row for row in shown if row["track"] == track), error)
             pane.loglog(
                 [row["wall_time"] for row in best], [error(row) for row in best], linestyle="none", marker="o",
                 markersize=10, markerfacecolor="none", markeredgecolor="0.3",

@@ -74,7 +74,7 @@ def test_links_are_copied_from_where_they_lie(toy, tmp_path):
             if CAN_STEP:
                 due = np.ones(1, dtype=np.int64)
                 program = Program([Stage([component], [])], threads=False)
-                component.show_links(due.ctypes.data)
+                component.read_links_when(due.ctypes.data)
                 for k in range(3, 6):
                     component.y_links[:] = 0.0
                     program.run(k * H, H)

@@ -64,10 +64,10 @@ def test_a_speed_that_is_hardly_shown_is_measured_by_the_motion(tmp_path):
         run("hanging_chain", PairedRun((*BRIEF, setting)), log)
     with Log(logs[0]) as log:
         speed = log.read("/chain/out")
-        assert abs(speed.values[:, speed.names.index("speed")]).max() < leaving_out.LEAST
+        assert abs(speed.values[:, speed.names.index("speed")]).max() < leaving_out.SMALLEST_SCALE
         links = log.read("/chain/links")
         heights = links.values[:, [name.endswith("position.z") for name in links.names]]
-        assert abs(np.diff(heights, axis=0) / np.diff(links.t)[:, None]).max() > 2.0 * leaving_out.LEAST
+        assert abs(np.diff(heights, axis=0) / np.diff(links.t)[:, None]).max() > 2.0 * leaving_out.SMALLEST_SCALE
     grown = difference(logs[0], logs[2])[0]
     assert 30.0 * grown < 1e-6
     assert difference(logs[0], logs[1])[0] <= 30.0 * grown < difference(logs[0], logs[3])[0]

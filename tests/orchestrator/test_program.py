@@ -19,7 +19,7 @@ from orchestrator.kernels.compiled import CAN_STEP, kernels
 from orchestrator.kernels.tables import ASLEEP, FREE, SUBMITTED, StepCall, record
 from orchestrator.log.page import HEAD, Block
 from orchestrator.log.reader import Log
-from orchestrator.log.wire import RULES, handed_over
+from orchestrator.log.wire import RULES, wired_inputs
 from orchestrator.scene.scene import load
 
 EXCHANGE = CFUNCTYPE(c_int, c_void_p, c_void_p, c_size_t, POINTER(c_double))
@@ -122,7 +122,7 @@ def test_values_are_handed_over_by_their_rules():
         assert np.array_equal(first.given, before[1][[5, 1, 2, 0]])
         for rule, places in at.items():
             of = places[::-1] % 5
-            assert second.given[places].tobytes() == handed_over(rule, before[0][of], first.y[of]).tobytes()
+            assert second.given[places].tobytes() == wired_inputs(rule, before[0][of], first.y[of]).tobytes()
 
 
 @pytest.mark.skipif(not spare_processors(), reason="needs a second processor")
@@ -259,7 +259,7 @@ def marched(n, failing=0):
         except ComponentFailed:
             break
         rows.append(np.concatenate([a for which in ("u", "y") for a in (getattr(one, which) for one in pairs[1])]))
-    done = programs[0].march(tape, 4, n, 0.1)
+    done = programs[0].step_batch(tape, 4, n, 0.1)
     assert (lent, tape.room) == ([True], 8)
     return pairs[0], done, tape, sheets, np.array(rows)
 
@@ -299,7 +299,7 @@ def test_a_failure_among_many_steps_leaves_a_log_of_those_before(tmp_path, monke
     settings = ("run.stop=0.1", "expect={}", "drive.speed=1e5 rad/s", "drive.ramp_start=0", "drive.ramp_time=0.02")
     told = []
     for together in (0.0, 10.0):
-        monkeypatch.setattr(scheme, "TOGETHER", together)
+        monkeypatch.setattr(scheme, "LONGEST_BATCH", together)
         path = tmp_path / f"{together}.mcap"
         result = simulate(load("rig", "rigid", settings), path)
         with Log(path) as log:
@@ -317,7 +317,7 @@ def test_python_does_the_same_where_there_are_no_kernels(tmp_path, monkeypatch, 
     digests = set()
     for known, together in ((True, 0.05), (True, 0.0), (False, 0.0)):
         monkeypatch.setattr(scheme, "CAN_STEP", known)
-        monkeypatch.setattr(scheme, "TOGETHER", together)  # many steps at once, or one by one
+        monkeypatch.setattr(scheme, "LONGEST_BATCH", together)  # many steps at once, or one by one
         path = tmp_path / f"{known}{together}.mcap"
         assert simulate(load("rig", "rigid", settings), path)["status"] == "ok"
         with Log(path) as log:

@@ -97,7 +97,7 @@ def test_vehicles_go_on(tmp_path, track, native):
     whole = ran(tmp_path / "whole.mcap", "straight", track, "run.step=1 ms", *settings, native=native)
     resume(whole, tmp_path / "again.mcap", 0.01)
     assert digest(tmp_path / "again.mcap") == digest(whole)
-    with replay_model.opened(tmp_path / "again.mcap", "chassis", None) as again:
+    with replay_model.open_replay(tmp_path / "again.mcap", "chassis", None) as again:
         assert again.verify().equal
 
 
@@ -139,7 +139,10 @@ def test_a_branch_parts_at_the_step_after_its_checkpoint(rig, tmp_path):
         assert own[41] == pytest.approx(1.1 * held[40], rel=0.01)
         open_by = [ledger(RunData(log)).residual for log in (one, other)]
         assert open_by[1] - open_by[0] == pytest.approx(-jump, rel=0.05)
-    with pytest.raises(BadInput, match="has other numbers from step 40 on"), replay_model.opened(branch, "track", None):
+    with (
+        pytest.raises(BadInput, match="has other numbers from step 40 on"),
+        replay_model.open_replay(branch, "track", None),
+    ):
         pass
     resume(branch, tmp_path / "again.mcap", 0.06, stop=0.07)
     with Log(branch) as log, Log(tmp_path / "again.mcap") as again:

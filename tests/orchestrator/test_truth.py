@@ -447,7 +447,7 @@ def test_truth_is_built_once_and_knows_its_error(empty):
 
 def test_key_is_the_physics():
     def key(*settings):
-        return module.key(module.bare(load("hanging_chain", "flexible", settings)))
+        return module.key(module.physical_scene(load("hanging_chain", "flexible", settings)))
 
     plain = key()
     assert plain == key("run.step=2ms") == key("track.integrator=runge_kutta") == key("track.step=1e-4")
@@ -492,7 +492,7 @@ def test_both_sides_are_what_one_side_says(model, axes):
 def test_beams_have_no_truth():
     """Beams have no truth, although the key contains the element."""
     cable, beam = (load("hanging_chain", "flexible", (f"track.element={e}",)) for e in ("cable", "beam"))
-    assert module.key(module.bare(cable)) != module.key(module.bare(beam))
+    assert module.key(module.physical_scene(cable)) != module.key(module.physical_scene(beam))
     with pytest.raises(BadInput, match=r"^truth: track.element = 'beam': the monolith knows chains of cables"):
         module.truth(beam)
     assembly = assemble(beam)

@@ -13,11 +13,11 @@ import numpy as np
 
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.input_hold import Outputs
-from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, needs_states
+from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, require_states
 from orchestrator.cosim.graph import Feed, Floats, Stages
 from orchestrator.log.wire import Rule
 
-KEPT = 6  # earlier differences that the acceleration uses
+HISTORY = 6  # earlier differences that the acceleration uses
 
 
 class Iterative(Scheme):
@@ -33,14 +33,14 @@ class Iterative(Scheme):
 
     def __init__(self, stages: Stages, tolerance: float = 1e-6, iterations: int = 20, threads: bool = True) -> None:
         super().__init__(stages, threads)
-        needs_states(self, "coupling 'iterative'")
+        require_states(self, "coupling 'iterative'")
         self.tolerance, self.iterations = tolerance, iterations
         self.sweeps = 0  # total number
         feeds = [
             (member.component.name, feed)
             for member in self.members
             for feed in member.feeds
-            if feed.carries != "state" and feed.source.name not in self.stepped(member)
+            if feed.carries != "state" and feed.source.name not in self.stepped_before(member)
         ]
         ends = np.cumsum([0, *(len(feed.inputs) for _, feed in feeds)])
         self._feeds = feeds
@@ -68,18 +68,18 @@ class Iterative(Scheme):
                 history.append((z, residual))
                 if np.abs(residual / scale).max() <= self.tolerance:
                     return
-                z = scale * anderson([(guess / scale, rest / scale) for guess, rest in history[-KEPT - 1 :]])
+                z = scale * anderson([(guess / scale, rest / scale) for guess, rest in history[-HISTORY - 1 :]])
         finally:
             self.free(start)
         raise CouplingFailed(self._complaint(t, h, residual / scale))
 
-    def rule(self, feed: Feed, stepped: bool) -> Rule | None:
+    def rule(self, feed: Feed, source_stepped: bool) -> Rule | None:
         """Mean over the step if the source has stepped; None for an unknown; else the value at t."""
-        if stepped:
+        if source_stepped:
             return input_hold.interpolated(feed)
         return None if id(feed) in self._place else "start"
 
-    def made(self, feed: Feed, now: Outputs, h: float) -> Floats:
+    def computed_inputs(self, feed: Feed, now: Outputs, h: float) -> Floats:
         """Return the present guess of the unknown inputs of a feed."""
         return self._guess[self._place[id(feed)]]
 
@@ -87,9 +87,9 @@ class Iterative(Scheme):
         """Memory of the coupling, with the largest value of each connection."""
         return super().memory() | {"largest": self._largest}
 
-    def remember(self, memory: Mapping[str, Floats]) -> None:
+    def restore_memory(self, memory: Mapping[str, Floats]) -> None:
         """Restore the memory, with the largest value of each connection."""
-        super().remember(memory)
+        super().restore_memory(memory)
         self._largest[:] = memory["largest"]
 
     def _collect(self, given: Callable[[Feed], Floats]) -> Floats:

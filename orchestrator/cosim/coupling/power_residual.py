@@ -30,7 +30,7 @@ from orchestrator.cosim.graph import Connection, Feed, Floats, Member, Miswired
 WATT = (1, 2, -3, 0, 0, 0, 0, 0)  # exponents of kg, m, s, A, K, mol, cd, 10
 SAFETY = 0.8
 I_GAIN, P_GAIN = 0.15, 0.2  # the paper's 0.3 and 0.4 over the order
-LEAST, MOST = 0.2, 1.5  # bounds of the ratio of two steps
+MIN_RATIO, MAX_RATIO = 0.2, 1.5  # bounds of the ratio of two steps
 TINY = 1e-6  # of the tolerance: lower bound of the residual in the control law
 
 Dimension = tuple[float, ...]
@@ -76,7 +76,7 @@ def check(connections: Sequence[Connection], dimension: Callable[[str, str], Dim
                 raise Miswired(f"bond '{name}': {there.source}.{one} times {back.source}.{other} is not in W")
 
 
-def works(bond: Bond, now: Outputs, h: float) -> tuple[float, float]:
+def transferred_energies(bond: Bond, now: Outputs, h: float) -> tuple[float, float]:
     """Energy, J, from a to b over the last step, by the balances of a and b; ``now``: y at its start."""
     shown, felt = input_hold.mean(bond.there, now), bond.b.component.u[bond.there.inputs]
     answer, seen = input_hold.mean(bond.back, now), bond.a.component.u[bond.back.inputs]
@@ -120,7 +120,7 @@ class PowerResidual:
         *numbers, carried = self._now
         return {"pace": np.array([*numbers, self.forced]), "carried": carried}
 
-    def remember(self, scheme: Scheme, memory: Mapping[str, Floats]) -> None:
+    def restore_memory(self, scheme: Scheme, memory: Mapping[str, Floats]) -> None:
         """Restore the state of the step control; raises LookupError, ValueError if it is not one of this pace."""
         t, h, size, before, forced = memory["pace"].tolist()
         self.forced, self._start = int(forced), PowerResidualState(t, h, size, before, memory["carried"])
@@ -142,7 +142,7 @@ class PowerResidual:
             if left <= 2:  # even steps up to the end
                 h = min(h, (self.stop - t) / left)
             scheme.advance(t, h)
-            work = np.array([works(bond, scheme.past.outputs, h) for bond in found])
+            work = np.array([transferred_energies(bond, scheme.past.outputs, h) for bond in found])
             carried += work[:, 1]
             size = max(size, float(np.abs(carried).max()))
             error = float(np.abs(work[:, 0] - work[:, 1]).sum()) / (size * self.tolerance)
@@ -150,7 +150,7 @@ class PowerResidual:
             t += h
             error = max(error, TINY)
             wanted = SAFETY * error**-I_GAIN * (before / error) ** P_GAIN
-            following, before = h * min(max(wanted, LEAST), MOST), error
+            following, before = h * min(max(wanted, MIN_RATIO), MAX_RATIO), error
             self._now = PowerResidualState(t, following, size, before, carried)
             yield 1, t, h
             h = following

@@ -19,7 +19,7 @@ from orchestrator.cosim.coupling.scheme import CouplingFailed, SavedPoint, Schem
 from orchestrator.cosim.graph import Feed, Floats
 
 SAFETY = 0.9
-LEAST, MOST = 0.2, 2.0  # bounds of the ratio of two steps
+MIN_RATIO, MAX_RATIO = 0.2, 2.0  # bounds of the ratio of two steps
 Motion = tuple[str, str, int]  # source, receiver, and index of the value or -1
 
 
@@ -57,7 +57,7 @@ class VariableStep:
         pace = np.array([self._now.t, self._now.h, self.rejected, self.forced])
         return {"pace": pace, "largest": np.array([self._now.largest.get(key, 0.0) for key in _motions(scheme)])}
 
-    def remember(self, scheme: Scheme, memory: Mapping[str, Floats]) -> None:
+    def restore_memory(self, scheme: Scheme, memory: Mapping[str, Floats]) -> None:
         """Restore the state of the step control; raises LookupError, ValueError if it is not one of this pace."""
         t, h, rejected, forced = memory["pace"].tolist()
         self.rejected, self.forced = int(rejected), int(forced)
@@ -83,7 +83,7 @@ class VariableStep:
                     raise
                 error = math.inf
             wanted = SAFETY * (self.tolerance / max(error, 1e-300)) ** (1.0 / (scheme.ORDER + 1))
-            following = h * min(max(wanted, LEAST), MOST)
+            following = h * min(max(wanted, MIN_RATIO), MAX_RATIO)
             bad = error > self.tolerance
             if bad and h > self.shortest:
                 scheme.restore(start)
@@ -124,15 +124,15 @@ class VariableStep:
     def _error(self, scheme: Scheme, coarse: Outputs, largest: dict[Motion, float]) -> float:
         """Largest difference of both ways over the scale of each connection."""
         differences: dict[Motion, float] = {}
-        for key, feed in _looked_at(scheme):
+        for key, feed in _compared_feeds(scheme):
             fine = feed.source.y[feed.outputs]
-            largest[key] = max(largest.get(key, 0.0), _size(fine))
-            difference = _size(fine - coarse[feed.source.name][feed.outputs])
+            largest[key] = max(largest.get(key, 0.0), _largest_magnitude(fine))
+            difference = _largest_magnitude(fine - coarse[feed.source.name][feed.outputs])
             differences[key] = max(differences.get(key, 0.0), difference)
         return max((d / largest[key] for key, d in differences.items() if d), default=0.0)
 
 
-def _looked_at(scheme: Scheme) -> Iterator[tuple[Motion, Feed]]:
+def _compared_feeds(scheme: Scheme) -> Iterator[tuple[Motion, Feed]]:
     for member in scheme.members:
         for place, feed in enumerate(member.feeds):
             if feed.carries != "mean":
@@ -140,7 +140,7 @@ def _looked_at(scheme: Scheme) -> Iterator[tuple[Motion, Feed]]:
 
 
 def _motions(scheme: Scheme) -> list[Motion]:
-    return list(dict.fromkeys(key for key, _ in _looked_at(scheme)))
+    return list(dict.fromkeys(key for key, _ in _compared_feeds(scheme)))
 
 
 def _motion(taker: str, feed: Feed, place: int) -> Motion:
@@ -148,7 +148,7 @@ def _motion(taker: str, feed: Feed, place: int) -> Motion:
     return (feed.source.name, taker, place if feed.carries == "value" else -1)
 
 
-def _size(values: Floats) -> float:
+def _largest_magnitude(values: Floats) -> float:
     return float(np.abs(values).max(initial=0.0))
 
 
