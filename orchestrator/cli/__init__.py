@@ -73,7 +73,7 @@ def _common(
 ) -> None:
     logging.getLogger("cotrack").setLevel(logging.DEBUG if debug else logging.NOTSET)
     context.with_resource(narration)
-    narration.begin(str(context.invoked_subcommand))
+    narration.set_task(str(context.invoked_subcommand))
 
 
 def main(command: Callable[[], object] = app) -> None:

@@ -53,7 +53,7 @@ def replay(
     verdicts = {}
     for name in names:
         with replay_model.open_replay(log, name, other, log_warning, settings or ()) as again:
-            if asked and not (again.model.ran and output is None):
+            if asked and not (again.model.as_recorded and output is None):
                 path = output or log.with_name(_answer_name(log, name, other or "set"))
                 _answer(log, again, path, picture, (start, end))
                 return

@@ -75,7 +75,7 @@ def conduct(
     from orchestrator.studies.store import Store
 
     try:
-        with narration.elsewhere(), progress_bar(name, len(cases)) as done:
+        with narration.suppressed(), progress_bar(name, len(cases)) as done:
             rows = pool.run(cases, workers, scheduler, Store(output / "cases"), done)
         files = chosen.write(output, name, rows, chosen.TITLE)
     except OSError as error:

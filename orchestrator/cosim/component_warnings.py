@@ -43,7 +43,7 @@ class WarningList:
 
     def entries(self) -> list[ComponentWarning]:
         """Return all warnings in the order of their first occurrence."""
-        return [replace(one, count=max(one.count, 1)) for one in self._known.values()]
+        return [replace(warning, count=max(warning.count, 1)) for warning in self._known.values()]
 
     def save(self) -> Mapping[str, ComponentWarning]:
         """Copy of the warnings for ``restore``."""
@@ -51,4 +51,4 @@ class WarningList:
 
     def restore(self, saved: Mapping[str, ComponentWarning]) -> None:
         """Restore saved warnings; later ones get count 0."""
-        self._known = {key: saved.get(key, replace(one, count=0)) for key, one in self._known.items()}
+        self._known = {key: saved.get(key, replace(warning, count=0)) for key, warning in self._known.items()}

@@ -144,8 +144,10 @@ def wire(system: System, components: Mapping[str, Steppable]) -> Stages:
         outputs = _indices(source.outputs, connection.outputs, connection.source, "output")
         inputs = _indices(target.inputs, connection.inputs, connection.target, "input")
         rates = _indices(source.outputs, connection.rates, connection.source, "output")
-        known = rates if connection.rates else None
-        feeds[connection.target].append(Feed(source, outputs, inputs, connection.carries, known, connection.bond))
+        rate_indices = rates if connection.rates else None
+        feeds[connection.target].append(
+            Feed(source, outputs, inputs, connection.carries, rate_indices, connection.bond)
+        )
     return tuple(
         tuple(
             Member(components[instance.name], tuple(feeds[instance.name]))

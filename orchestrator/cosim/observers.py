@@ -31,19 +31,19 @@ STATS = ("wall_time",)  # last signals of /stats/<instance>, after the counters
 
 def wires(scheme: Scheme) -> dict[str, list[Wire]]:
     """Wires by topic: inputs that the coupling takes from outputs before and after a step alone."""
-    found = {}
+    by_topic = {}
     for member in scheme.members:
-        wired: dict[tuple[str, Rule], Wire] = {}  # by source and rule, as few as possible
+        by_source: dict[tuple[str, Rule], Wire] = {}  # by source and rule, as few as possible
         for feed in member.feeds:
             rule = scheme.rule(feed, feed.source.name in scheme.stepped_before(member))
             if rule is not None:
                 source = f"/{feed.source.name}/out"
-                wire = wired.get((source, rule), Wire(source, rule, (), ()))
+                wire = by_source.get((source, rule), Wire(source, rule, (), ()))
                 outputs = wire.outputs + tuple(feed.source.outputs[k] for k in feed.outputs)
                 inputs = wire.inputs + tuple(member.component.inputs[k] for k in feed.inputs)
-                wired[source, rule] = wire._replace(outputs=outputs, inputs=inputs)
-        found[f"/{member.component.name}/in"] = list(wired.values())
-    return found
+                by_source[source, rule] = wire._replace(outputs=outputs, inputs=inputs)
+        by_topic[f"/{member.component.name}/in"] = list(by_source.values())
+    return by_topic
 
 
 class Logging:
@@ -122,7 +122,7 @@ class Logging:
             for row, number, t in zip(part, numbers, times, strict=True):
                 statistics.add(row, h)
                 if self.recorder.due(self._links, number):
-                    self.recorder.write(f"/{component.name}/links/between", number, t, h, statistics.pop_counts())
+                    self.recorder.write(f"/{component.name}/links/between", number, t, h, statistics.pop())
 
 
 class ReachedPoint:
@@ -207,7 +207,7 @@ class ProgressBar:
 
     def __enter__(self) -> ProgressBar:
         if self._bar.console.is_terminal:
-            self._displayed.enter_context(self._narration.elsewhere())
+            self._displayed.enter_context(self._narration.suppressed())
             self._displayed.enter_context(self._bar)
         return self
 
@@ -226,6 +226,6 @@ class ProgressBar:
         elif now >= self._next or t >= self._stop - 1e-12:
             self._next = now + REFRESH
             factor = t / (now - self._began)
-            self._narration.note(f"{t:.4g} of {self._stop:g} s simulated, {factor:.2f} x real time")
+            self._narration.set_detail(f"{t:.4g} of {self._stop:g} s simulated, {factor:.2f} x real time")
             self._bar.update(self._task, completed=t, factor=factor)
             self._bar.refresh()

@@ -35,7 +35,7 @@ class Stage(NamedTuple):
     """Components that step in parallel, and the copies of their inputs."""
 
     components: Sequence[Component]
-    moves: Sequence[InputCopy]
+    copies: Sequence[InputCopy]
 
 
 class Program:
@@ -47,13 +47,15 @@ class Program:
     def __init__(self, stages: Sequence[Stage], threads: bool = True) -> None:
         self._components = [component for stage in stages for component in stage.components]
         self._kernels = kernels()
-        self._kept: list[NDArray[Any]] = []  # arrays whose addresses are in the plan
+        self._arrays: list[NDArray[Any]] = []  # arrays whose addresses are in the plan
         n_workers = max(len(stage.components) for stage in stages) - 1 if threads and spare_processors() else 0
         self._workers = [Worker() for _ in range(n_workers)]
-        before = self._moves([move for stage in stages for move in stage.moves if move.rule != "end"])
-        groups = self._words([self._keep(record(self._group(stage))) for stage in stages])
+        copies_before = self._copy_words([copy for stage in stages for copy in stage.copies if copy.rule != "end"])
+        groups = self._words([self._address(record(self._group(stage))) for stage in stages])
         mailboxes = self._words([worker.address for worker in self._workers])
-        self._plan = self._keep(record(StepPlan(*before, len(stages), groups, n_workers, mailboxes, WORTHWHILE)))
+        self._plan = self._address(
+            record(StepPlan(*copies_before, len(stages), groups, n_workers, mailboxes, WORTHWHILE))
+        )
 
     def close(self) -> None:
         """End the threads."""
@@ -88,22 +90,22 @@ class Program:
         return next(failure for component in self._components if (failure := component.failure()) is not None)
 
     def _group(self, stage: Stage) -> StepGroup:
-        ends, means = ([move for move in stage.moves if move.rule == rule] for rule in ("end", "middle"))
+        ends, means = ([copy for copy in stage.copies if copy.rule == rule] for rule in ("end", "middle"))
         calls = [component.step_call.ctypes.data for component in stage.components]
-        return StepGroup(*self._moves(ends), *self._moves(means), len(calls), self._words(calls))
+        return StepGroup(*self._copy_words(ends), *self._copy_words(means), len(calls), self._words(calls))
 
-    def _moves(self, moves: Sequence[InputCopy]) -> tuple[int, int, int]:
+    def _copy_words(self, copies: Sequence[InputCopy]) -> tuple[int, int, int]:
         """Return the number of values, and the addresses of the arrays of target and source addresses."""
-        to = [move.u.ctypes.data + 8 * int(k) for move in moves for k in move.inputs]
-        by = [move.y.ctypes.data + 8 * int(k) for move in moves for k in move.outputs]
-        return len(to), self._words(to), self._words(by)
+        targets = [copy.u.ctypes.data + 8 * int(k) for copy in copies for k in copy.inputs]
+        sources = [copy.y.ctypes.data + 8 * int(k) for copy in copies for k in copy.outputs]
+        return len(targets), self._words(targets), self._words(sources)
 
     def _words(self, values: Any) -> int:
-        return self._keep(np.array(values, dtype=np.int64))
+        return self._address(np.array(values, dtype=np.int64))
 
-    def _keep(self, table: NDArray[Any]) -> int:
+    def _address(self, table: NDArray[Any]) -> int:
         """Keep an array alive; return its address."""
-        self._kept.append(table)
+        self._arrays.append(table)
         return int(table.ctypes.data)
 
 

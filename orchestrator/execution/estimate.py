@@ -58,17 +58,17 @@ def companions(scene: Scene, internal: float, simulated: float, components: int)
         return Companions(None, scene.model_copy(update={"run": run, "track": track}))
 
     if scene.track.integrator == "adams":
-        looser = {name: min(10.0 * (getattr(scene.track, name) or TOLERANCE), 0.1) for name in ("rtol", "atol")}
+        tolerances = {name: min(10.0 * (getattr(scene.track, name) or TOLERANCE), 0.1) for name in ("rtol", "atol")}
         same = scene.model_copy(update={"run": run})
-        both = same.model_copy(update={"track": scene.track.model_copy(update=looser)})
+        both = same.model_copy(update={"track": scene.track.model_copy(update=tolerances)})
         return Companions(same if components > 1 else None, both)
 
     def of(internal_step: float) -> Scene:
         track = scene.track.model_copy(update={"step": internal_step})
         return scene.model_copy(update={"run": run, "track": track})
 
-    wanted = scene.track.step and scene.run.step / math.ceil(scene.run.step / scene.track.step - 1e-9)
-    stable = scene.track.integrator == "runge_kutta" and (wanted is None or internal < 0.99 * wanted)
+    longest_step = scene.track.step and scene.run.step / math.ceil(scene.run.step / scene.track.step - 1e-9)
+    stable = scene.track.integrator == "runge_kutta" and (longest_step is None or internal < 0.99 * longest_step)
     return Companions(of(internal) if components > 1 else None, of(internal if stable else 2.0 * internal))
 
 
@@ -79,55 +79,60 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun
         return without_estimate("the run is too short, or nothing in it has an internal step to double")
     count = summary["communication_steps"]
     pieces = max(1, round(max(steps) / count))  # internal steps per communication step; halved ones are few
-    wanted = companions(scene, simulated / (count * pieces), simulated, len(summary["components"]))
+    coarser_runs = companions(scene, simulated / (count * pieces), simulated, len(summary["components"]))
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         logs: dict[str, Path] = {}
-        spent = 0.0
-        for name, companion in zip(wanted._fields, wanted, strict=True):
+        wall_time = 0.0
+        for name, companion in zip(coarser_runs._fields, coarser_runs, strict=True):
             if companion is None:
                 continue
-            if name == "both" and companion == wanted.coupling:
+            if name == "both" and companion == coarser_runs.coupling:
                 logs[name] = logs["coupling"]
                 continue
-            told = record(companion, Path(folder) / f"{name}.mcap")
-            spent += told["wall_time"]
-            if told["status"] != "ok" or energy_warning(told["energy"]):
-                return without_estimate(f"the run at twice the step cannot be right: {told['message']}")
-            if wanted.coupling is None and scene.run.variable is None:
-                coarser = max(_steps(companion, told)) / told["simulated_time"]  # internal steps a second
+            coarse_summary = record(companion, Path(folder) / f"{name}.mcap")
+            wall_time += coarse_summary["wall_time"]
+            if coarse_summary["status"] != "ok" or energy_warning(coarse_summary["energy"]):
+                return without_estimate(f"the run at twice the step cannot be right: {coarse_summary['message']}")
+            if coarser_runs.coupling is None and scene.run.variable is None:
+                # Internal steps a second.
+                coarser = max(_steps(companion, coarse_summary)) / coarse_summary["simulated_time"]
                 if coarser > 0.75 * max(steps) / simulated:
                     return without_estimate("there is no coarser run: internal steps are as long as stability allows")
-            logs[name] = Path(told["log"])
+            logs[name] = Path(coarse_summary["log"])
         try:
             with (
                 Log(log, unfinished=True) as fine,
                 Log(logs["both"]) as both,
                 Log(logs.get("coupling", log), unfinished=True) as coupling,
             ):
-                runs = [RunData(each) for each in (fine, coupling, both)]
+                runs = [RunData(opened) for opened in (fine, coupling, both)]
                 total = differences(runs[2], runs[0])
-                alone = wanted.coupling is None
+                uncoupled = coarser_runs.coupling is None
                 parts = {
-                    "coupling": {} if alone else differences(runs[1], runs[0]),
-                    "integration": total if alone else differences(runs[2], runs[1]),
+                    "coupling": {} if uncoupled else differences(runs[1], runs[0]),
+                    "integration": total if uncoupled else differences(runs[2], runs[1]),
                     "total": total,
                 }
         except (Missing, LookupError) as error:
             return without_estimate(str(error))
-    known: dict[str, float | None] = {part: SHARE * worst(found) if found else 0.0 for part, found in parts.items()}
-    unseen = {"integration": None} if wanted.both == wanted.coupling else {}
+    errors: dict[str, float | None] = {
+        part: SHARE * worst(part_differences) if part_differences else 0.0 for part, part_differences in parts.items()
+    }
+    not_separable = {"integration": None} if coarser_runs.both == coarser_runs.coupling else {}
     return {
-        **(known | unseen),
+        **(errors | not_separable),
         "observables": {
             name: {
-                "unit": one.unit,
-                "absolute": SHARE * one.absolute,
-                **({part: SHARE * parts[part][name].relative if parts[part] else 0.0 for part in PARTS} | unseen),
-                "decisive": one.decisive,
+                "unit": difference.unit,
+                "absolute": SHARE * difference.absolute,
+                **(
+                    {part: SHARE * parts[part][name].relative if parts[part] else 0.0 for part in PARTS} | not_separable
+                ),
+                "decisive": difference.decisive,
             }
-            for name, one in total.items()
+            for name, difference in total.items()
         },
-        "wall_time": spent,
+        "wall_time": wall_time,
         "message": "",
     }
 

@@ -12,12 +12,12 @@ class Interrupt:
     """Signal handler: raises at once; while ``gentle`` it only records the first signal."""
 
     def __init__(self) -> None:
-        self.asked = self.gentle = False
+        self.requested = self.gentle = False
 
     def __call__(self, number: int, frame: object) -> None:
         """Handle a signal; raises KeyboardInterrupt."""
-        again, self.asked = self.asked, True
-        if again or not self.gentle:
+        repeated, self.requested = self.requested, True
+        if repeated or not self.gentle:
             raise KeyboardInterrupt
 
 

@@ -40,15 +40,15 @@ def open_log(
     components: Mapping[str, Recordable],
     scheme: Scheme,
     about: Mapping[str, str] | None = None,
-    more: Mapping[str, Mapping[str, str]] | None = None,
+    further_metadata: Mapping[str, Mapping[str, str]] | None = None,
 ) -> Recorder:
     """Open the log of a run; raises LogFailed.
 
-    ``about`` adds entries to the metadata ``run``; ``more``: further metadata.
+    ``about`` adds entries to the metadata ``run``; ``further_metadata``: metadata besides, by name.
     """
     topics, attachments, metadata = manifest(scene, graph, components)
     metadata["run"] |= about or {}
-    metadata |= {name: dict(entries) for name, entries in (more or {}).items()}
+    metadata |= {name: dict(entries) for name, entries in (further_metadata or {}).items()}
     wired = wires(scheme) if scene.run.outputs == 1 else {}
     every = _strides(scene, components)
     if scene.records_statistics:
@@ -120,14 +120,14 @@ def describe(graph: System) -> dict[str, Any]:
 
 def provenance() -> dict[str, str]:
     """Return time, system, processor, LLVM version and commit of a run, without unknown entries."""
-    found = {
+    entries = {
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "system": platform.platform(),
         "processor": _processor(),
         "llvm": ".".join(map(str, llvm_version_info)),
         "commit": _commit(),
     }
-    return {name: text for name, text in found.items() if text}
+    return {name: text for name, text in entries.items() if text}
 
 
 @cache
@@ -148,8 +148,10 @@ def _commit() -> str:
         return ""
 
     def git(*words: str) -> str:
-        told = subprocess.run(["git", "-C", str(root), *words], capture_output=True, text=True, timeout=10, check=True)
-        return told.stdout.strip()
+        completed = subprocess.run(
+            ["git", "-C", str(root), *words], capture_output=True, text=True, timeout=10, check=True
+        )
+        return completed.stdout.strip()
 
     with suppress(OSError, subprocess.SubprocessError):
         changed = git("status", "--porcelain", "--untracked-files=no", "--", "fmus", "orchestrator")

@@ -35,7 +35,7 @@ class ReplayModel(NamedTuple):
     parameters: replays.Parameters
     stage: int
     scene: Scene | None  # None for a given FMU
-    ran: bool  # True if FMU and parameters are those of the log
+    as_recorded: bool  # True if FMU and parameters are those of the log
     native: bool = False
     settings: Sequence[str] = ()  # KEY=VALUE, changes of the scene in the log
 
@@ -61,23 +61,23 @@ class Replay(NamedTuple):
         log, name, model = self.log, self.component.name, self.model
         if path.exists() and path.samefile(log.path):
             raise BadInput(f"{path} is the log itself: give another name")
-        ran = Instance(name, model.fmu, dict(self.parameters), model.stage)
+        instance = Instance(name, model.fmu, dict(self.parameters), model.stage)
         attachments = {
-            "system.json": as_json(describe(System((ran,), ()))),
+            "system.json": as_json(describe(System((instance,), ()))),
             f"{name}.modelDescription.xml": description(model.fmu),
         }
         if model.scene is not None:
             attachments["scene.json"] = as_json(model.scene.resolved())
-        of = str(log.path).encode(errors="backslashreplace").decode()  # file names may hold bytes that are not text
-        metadata = {"replay": {"of": of, "digest": log.digest(), "component": name}}
+        source = str(log.path).encode(errors="backslashreplace").decode()  # file names may hold bytes that are not text
+        metadata = {"replay": {"of": source, "digest": log.digest(), "component": name}}
         if model.settings:
             metadata["replay"]["set"] = "; ".join(model.settings)
         if model.native:
             metadata["run"] = {"fmus": NATIVE}
         links = log.topics.get(f"/{name}/links")
         every = links.every if links else model.scene.links_every if model.scene else 1
-        described = replays.LogHeader(attachments, metadata, every)
-        return replays.answer(log, self.component, self.parameters, path, described, end)
+        header = replays.LogHeader(attachments, metadata, every)
+        return replays.answer(log, self.component, self.parameters, path, header, end)
 
 
 @contextmanager
@@ -92,8 +92,8 @@ def open_replay(
     with Log(path) as log:
         notices.notice(notices.other_version(path, log.metadata.get("versions", {})))
         if about := log.metadata.get(BRANCHED):
-            step, of = about.get("step"), shown(about.get("of"))
-            raise BadInput(f"{path} has other numbers from step {step} on: replay {of}, from which it branched off")
+            step, source = about.get("step"), shown(about.get("of"))
+            raise BadInput(f"{path} has other numbers from step {step} on: replay {source}, from which it branched off")
         entry = _entry(log, name)
         if other and other not in TRACKS:
             if settings:
@@ -127,9 +127,9 @@ def _given_model(log: Log, entry: Mapping[str, Any], fmu: Path) -> ReplayModel:
     """Return the model of a given FMU, with the parameters of the recorded component; raises BadInput."""
     if not fmu.is_file():
         raise BadInput(f"no FMU '{fmu}': give {', '.join(TRACKS)} or an .fmu file")
-    ran = sha256(fmu) == entry["sha256"]
-    scene = _scene(log) if ran and "scene.json" in log.attachments else None
-    return ReplayModel(fmu, entry.get("parameters", {}), entry.get("stage", 0), scene, ran)
+    as_recorded = sha256(fmu) == entry["sha256"]
+    scene = _scene(log) if as_recorded and "scene.json" in log.attachments else None
+    return ReplayModel(fmu, entry.get("parameters", {}), entry.get("stage", 0), scene, as_recorded)
 
 
 def _built_model(log: Log, entry: Mapping[str, Any], track: str | None, settings: Sequence[str]) -> ReplayModel:
@@ -150,11 +150,11 @@ def _built_model(log: Log, entry: Mapping[str, Any], track: str | None, settings
         raise BadInput(f"--with {track}: '{name}' is no track")
     native = track is None and log.metadata.get("run", {}).get("fmus") == NATIVE
     fmu = build_parts([part], native)[0]
-    same = sha256(fmu) == entry["sha256"]
+    same_hash = sha256(fmu) == entry["sha256"]
     if track is not None or settings:
-        ran = same and part.parameters == entry.get("parameters", {})
-        return ReplayModel(fmu, part.parameters, part.stage, scene, ran, native, settings)
-    if not same:
+        as_recorded = same_hash and part.parameters == entry.get("parameters", {})
+        return ReplayModel(fmu, part.parameters, part.stage, scene, as_recorded, native, settings)
+    if not same_hash:
         raise BadInput(f"the log was made by another build of {shown(entry.get('fmu'))}: name an FMU with --with")
     return ReplayModel(fmu, entry.get("parameters", {}), part.stage, scene, True, native)
 

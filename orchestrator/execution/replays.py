@@ -41,11 +41,11 @@ class ReplayVerdict(NamedTuple):
         """Verdict as a sentence."""
         if not self.steps or not self.compared:
             return f"nothing was compared: the log holds {self.steps} steps and {self.compared} of its values"
-        inputs = f"; its inputs were altered: {' and '.join(self.altered)} has another sha256 than was recorded"
-        told = inputs if self.altered else ""
+        alteration = f"; its inputs were altered: {' and '.join(self.altered)} has another sha256 than was recorded"
+        suffix = alteration if self.altered else ""
         if self.difference is None:
-            return f"equal: {self.compared} numbers of {self.steps} steps, bit by bit{told}"
-        return f"different: {self.difference}{told}"
+            return f"equal: {self.compared} numbers of {self.steps} steps, bit by bit{suffix}"
+        return f"different: {self.difference}{suffix}"
 
 
 def check_inputs(component: Component, inputs: Series) -> None:
@@ -80,14 +80,14 @@ def verify(log: Log, component: Component, parameters: Parameters, window: tuple
     inputs = log.read(f"/{component.name}/in")
     check_inputs(component, inputs)
     out, links = (f"/{component.name}/{kind}" for kind in ("out", "links"))
-    shown = {out: (component.outputs, component.y), links: (component.links, component.y_links)}
-    recorded = {topic: log.read(topic) for topic in shown if topic in log.topics}
+    outputs = {out: (component.outputs, component.y), links: (component.links, component.y_links)}
+    recorded = {topic: log.read(topic) for topic in outputs if topic in log.topics}
     for topic, series in recorded.items():
         if not np.array_equal(log.sequence(topic), np.arange(0, len(inputs.t) + 1, log.topics[topic].every)):
             raise UnfitLog(
                 f"{topic} does not hold the steps that the inputs lead to: 'cotrack log recover' leaves whole steps"
             )
-        if series.names != shown[topic][0]:
+        if series.names != outputs[topic][0]:
             raise UnfitLog(f"{component.name}: its outputs are not those of the log")
     numbers = {
         topic: np.flatnonzero((series.t >= window[0] - 1e-9) & (series.t <= window[1] + 1e-9)) * log.topics[topic].every
@@ -105,15 +105,19 @@ def verify(log: Log, component: Component, parameters: Parameters, window: tuple
             if k in compared[topic]:
                 if topic == links:
                     component.read_links()
-                rows[topic].append(shown[topic][1].copy())
+                rows[topic].append(outputs[topic][1].copy())
     differences = []
     for topic, series in recorded.items():
         every = log.topics[topic].every
-        own = series.rows(numbers[topic] // every)
-        again = own._replace(values=np.array(rows[topic]).reshape(own.values.shape))
+        in_window = series.rows(numbers[topic] // every)
+        replayed = in_window._replace(values=np.array(rows[topic]).reshape(in_window.values.shape))
         first = int(numbers[topic][0]) if len(numbers[topic]) else 0
-        differences.append(first_difference(topic, own, again, every, first))
-    difference = min((found for found in differences if found is not None), key=lambda found: found.t, default=None)
+        differences.append(first_difference(topic, in_window, replayed, every, first))
+    difference = min(
+        (candidate for candidate in differences if candidate is not None),
+        key=lambda candidate: candidate.t,
+        default=None,
+    )
     count = sum(len(steps) * recorded[topic].values.shape[1] for topic, steps in compared.items())
     return ReplayVerdict(len(stepped), count, difference, _altered(log, f"/{component.name}/in"))
 
@@ -123,8 +127,8 @@ def _altered(log: Log, topic: str) -> tuple[str, ...]:
     if log.closing is None:
         return ()
     sources = dict.fromkeys([topic, *(wire.source for wire in log.topics[topic].wires)])
-    found, recorded = log.hashes(), log.closing["sha256"]
-    return tuple(source for source in sources if source in recorded and found[source] != recorded[source])
+    hashes, recorded = log.hashes(), log.closing["sha256"]
+    return tuple(source for source in sources if source in recorded and hashes[source] != recorded[source])
 
 
 class LogHeader(NamedTuple):
@@ -136,7 +140,7 @@ class LogHeader(NamedTuple):
 
 
 def answer(
-    log: Log, component: Component, parameters: Parameters, path: Path, described: LogHeader, end: float = EVER[1]
+    log: Log, component: Component, parameters: Parameters, path: Path, header: LogHeader, end: float = EVER[1]
 ) -> int:
     """Step another model with the inputs recorded until ``end``, s, and log its outputs to ``path``.
 
@@ -152,11 +156,11 @@ def answer(
         for kind, names in (("in", component.inputs), ("out", component.outputs), ("links", component.links))
         if names or kind == "in"
     }
-    every = {topic: described.links_every for topic in topics if topic.endswith("/links")}
+    every = {topic: header.links_every for topic in topics if topic.endswith("/links")}
     ends = dict(zip(log.sequence(f"/{name}/out").tolist(), recorded.t.tolist(), strict=True))
     steps = step_recorded(component, inputs, parameters)
     start = next(steps)  # raises before a log is opened
-    with Recorder(path, topics, described.attachments, described.metadata, every=every) as recorder:
+    with Recorder(path, topics, header.attachments, header.metadata, every=every) as recorder:
         for k, t in chain([start], steps):
             t = ends.get(k, t)
             h = float(inputs.h[max(k - 1, 0)])
@@ -166,5 +170,5 @@ def answer(
             if len(component.y_links) and recorder.due(f"/{name}/links", k):
                 component.read_links()
                 recorder.write(f"/{name}/links", k, t, h, component.y_links)
-        recorder.close("ok", "", len(inputs.t), warnings=[asdict(one) for one in component.warnings])
+        recorder.close("ok", "", len(inputs.t), warnings=[asdict(warning) for warning in component.warnings])
     return len(inputs.t)

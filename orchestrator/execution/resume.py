@@ -54,7 +54,7 @@ def resume(
         native, earlier = _ran_native(log, scene), log.metadata.get(BRANCHED)
         about = {"of": _text(source), "step": str(number)}
         metadata = {"resumed": about} | ({BRANCHED: earlier} if earlier else {})
-        begun = Continuation(
+        continuation = Continuation(
             number,
             log.attachment(f"{CHECKPOINT}{number}"),
             lambda recorder: _copy_records(log, recorder, number),
@@ -64,10 +64,14 @@ def resume(
             if native:
                 raise BadInput(f"--set: {source} was run with native FMUs, whose states contain their parameters")
             scene = branched_scene(scene, settings, f"{source}: scene.json")
-            told = about | {"set": "; ".join(settings)} | ({"before": json.dumps(earlier)} if earlier else {})
-            metadata = {"resumed": about, BRANCHED: told}
-            begun = begun._replace(metadata=metadata, made=partial(transferred_state, settings=settings))
-        return simulate(scene, path, logger, narration, native=native, begun=begun)
+            branch_metadata = (
+                about | {"set": "; ".join(settings)} | ({"before": json.dumps(earlier)} if earlier else {})
+            )
+            metadata = {"resumed": about, BRANCHED: branch_metadata}
+            continuation = continuation._replace(
+                metadata=metadata, adapt_state=partial(transferred_state, settings=settings)
+            )
+        return simulate(scene, path, logger, narration, native=native, continuation=continuation)
 
 
 def _text(path: Path) -> str:
@@ -96,10 +100,10 @@ def _last_checkpoint(log: Log, at: float | None, run: RunTable) -> tuple[int, fl
 
 def _ran_native(log: Log, scene: Scene) -> bool:
     """True if native FMUs ran; raises BadInput if they cannot be built here."""
-    ran = {entry["name"]: entry for entry in system_of(log)["instances"]}
+    entries = {entry["name"]: entry for entry in system_of(log)["instances"]}
     native = log.metadata.get("run", {}).get("fmus") == NATIVE
     for instance in system(assemble(scene), native).instances:
-        entry = ran.get(instance.name, {})
+        entry = entries.get(instance.name, {})
         if instance.fmu is None or entry.get("sha256") != sha256(instance.fmu):
             built = shown(entry.get("fmu"))
             raise BadInput(f"the log was made by another build of {built}: its states do not fit")
@@ -110,7 +114,7 @@ def _copy_records(log: Log, recorder: Recorder, number: int) -> None:
     """Copy the records up to a step, with the inputs that lead to it."""
     for piece in log.chunks():
         for messages in piece:
-            kept = messages.sequence.astype(np.int64) + messages.topic.endswith("/in") <= number
+            up_to_step = messages.sequence.astype(np.int64) + messages.topic.endswith("/in") <= number
             t, h, _, values = messages.decode()
-            for row in np.flatnonzero(kept).tolist():
+            for row in np.flatnonzero(up_to_step).tolist():
                 recorder.write(messages.topic, int(messages.sequence[row]), t[row], h[row], values[row])

@@ -73,7 +73,7 @@ def evaluate(run: RunData, scene: Scene, simulated: float) -> dict[str, Any]:
 def phase_entries(run: RunData) -> list[dict[str, Any]]:
     """Return the phases of a vehicle's run with their figures (``analyses/phases``); empty without a hull."""
     try:
-        return [one._asdict() for one in phases.of(run).phases]
+        return [phase._asdict() for phase in phases.of(run).phases]
     except (Missing, NoSuchSignal):
         return []
 
@@ -173,13 +173,13 @@ def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float
     if not run.tracks:
         return {}
     track = run.tracks[0]
-    wanted: dict[str, Callable[[], float]] = {
+    functions: dict[str, Callable[[], float]] = {
         "tension_max": lambda: run.largest([f"{track}.tension.max" for track in run.tracks]),
         "tension_mean": lambda: float(np.mean([run.mean(f"{each}.tension.mean", last) for each in run.tracks])),
     }
     if isinstance(scene, VehicleScene):
         vehicle = scene
-        wanted |= {
+        functions |= {
             "distance": lambda: run.ends("chassis.distance")[1],
             "speed": lambda: run.mean("chassis.speed", last),
             "settlement": lambda: run.mean("chassis.settlement", last),
@@ -187,36 +187,36 @@ def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float
             "weight": lambda: weight(vehicle),
         }
         if scene.driver is not None and (scene.driver.arcs or scene.driver.points):
-            wanted["path_error"] = lambda: turning.path_error(run, "", EVER)
-        wanted |= (
+            functions["path_error"] = lambda: turning.path_error(run, "", EVER)
+        functions |= (
             _turning(run, last, joined=scene.drive.steering is not None)
             if scene.turns
             else {"slip": lambda: measures.slip(run, "", last)}
         )
     elif isinstance(scene, ChainScene) and scene.chain.ends == "pinned" and scene.track.link_outputs:
-        wanted |= {
+        functions |= {
             "sag": lambda: measures.sag(run, "", last),
             "end_tension": lambda: measures.end_tension(run, "", last),
         }
     else:
-        wanted["speed"] = lambda: run.mean(f"{track}.speed", last)
-    return {name: _number_or_reason(value)[0] for name, value in wanted.items()}
+        functions["speed"] = lambda: run.mean(f"{track}.speed", last)
+    return {name: _number_or_reason(value)[0] for name, value in functions.items()}
 
 
 def _turning(run: RunData, last: Window, joined: bool) -> dict[str, Callable[[], float]]:
     """Return the functions for the observables of a steered vehicle."""
-    wanted: dict[str, Callable[[], float]] = {
+    functions: dict[str, Callable[[], float]] = {
         "yaw_rate": lambda: turning.yaw_rate(run, "", last),
         "turn_radius": lambda: turning.turn_radius(run, "", last),
         "steering_moment": lambda: turning.steering_moment(run, "", last),
     }
     for name, measure in (("slip", turning.track_slip), ("power", turning.drive_power)):
-        wanted |= {f"{name}_{side}": partial(measure, run, side, last) for side in SIDES}
+        functions |= {f"{name}_{side}": partial(measure, run, side, last) for side in SIDES}
     if joined:
         for motor in ("propulsion", "steering"):
-            wanted[f"power_{motor}"] = partial(turning.drive_power, run, motor, last)
-        wanted["power_regenerated"] = partial(turning.regenerated_power, run, "", last)
-    return wanted
+            functions[f"power_{motor}"] = partial(turning.drive_power, run, motor, last)
+        functions["power_regenerated"] = partial(turning.regenerated_power, run, "", last)
+    return functions
 
 
 def weight(scene: VehicleScene) -> float:

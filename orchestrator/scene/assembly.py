@@ -81,10 +81,10 @@ def build_parts(parts: Sequence[Part], native: bool) -> list[Path]:
 Product = tuple[str, dict[str, Any], str | None]  # kind, config, file name
 
 
-def build_all(wanted: Sequence[Product], folder: Path | None = None) -> list[Path]:
+def build_all(products: Sequence[Product], folder: Path | None = None) -> list[Path]:
     """Build ``(kind, config, name)`` in order, equal ones once, two at a time."""
-    keys = [json.dumps(item, sort_keys=True) for item in wanted]
-    distinct = dict(zip(keys, wanted, strict=True))
+    keys = [json.dumps(item, sort_keys=True) for item in products]
+    distinct = dict(zip(keys, products, strict=True))
     with ThreadPoolExecutor(2) as pool:
         built = dict(
             zip(
@@ -96,11 +96,11 @@ def build_all(wanted: Sequence[Product], folder: Path | None = None) -> list[Pat
     return [built[key] for key in keys]
 
 
-def build_native_all(wanted: Sequence[Product], folder: Path | None = None, windows: bool = False) -> list[Path]:
+def build_native_all(products: Sequence[Product], folder: Path | None = None, windows: bool = False) -> list[Path]:
     """Build native FMUs, with ``windows`` libraries too, one after another: numba compiles in one thread."""
     from fmus.native.pack import build_native
 
-    return [build_native(kind, config, folder, name, windows) for kind, config, name in wanted]
+    return [build_native(kind, config, folder, name, windows) for kind, config, name in products]
 
 
 # --- assemblies ------------------------------------------------------------------------------------

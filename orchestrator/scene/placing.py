@@ -51,8 +51,8 @@ def _scene_at_rest(scene: VehicleScene) -> VehicleScene:
         return scene
     parts = {part.name: part for part in assemble(scene.model_copy(update={"symmetric": False})).parts}
     tracks = {side: _equilibrium_track(scene, part) for side in SIDES if (part := parts.get(f"{side}_track"))}
-    found = EquilibriumTable(**_solved_equilibrium(json.dumps([parts["chassis"].config, tracks]))._asdict())
-    return scene.model_copy(update={"start": scene.start.model_copy(update={"equilibrium": found})})
+    solution = EquilibriumTable(**_solved_equilibrium(json.dumps([parts["chassis"].config, tracks]))._asdict())
+    return scene.model_copy(update={"start": scene.start.model_copy(update={"equilibrium": solution})})
 
 
 def _equilibrium_track(scene: VehicleScene, part: Part) -> tuple[dict[str, Any], Parameters]:
@@ -66,9 +66,9 @@ def _equilibrium_track(scene: VehicleScene, part: Part) -> tuple[dict[str, Any],
 
 
 @cache
-def _solved_equilibrium(asked: str) -> Any:
+def _solved_equilibrium(problem: str) -> Any:
     """Equilibrium, solved once per process."""
-    chassis, tracks = json.loads(asked)
+    chassis, tracks = json.loads(problem)
     return equilibrium(chassis, {side: Track(*track) for side, track in tracks.items()})
 
 

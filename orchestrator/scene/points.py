@@ -44,15 +44,15 @@ def _read_pairs(path: Path, key: str) -> list[list[float]]:
     except (OSError, ValueError, csv.Error) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise BadInput(f"{key} = '{path}': cannot be read: {reason}") from None
-    found = []
+    pairs = []
     for number, row in rows:
         try:
             first, second = (float(cell) for cell in row)
-            found.append([first, second])
+            pairs.append([first, second])
         except ValueError:
             if number > 1 or any(_is_number(cell) for cell in row):
                 raise BadInput(f"{key} = '{path}', line {number}: must be two numbers") from None
-    return found
+    return pairs
 
 
 def _is_number(cell: str) -> bool:

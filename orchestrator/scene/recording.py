@@ -24,8 +24,8 @@ def aliasing_warning(every: int, step: float, teeth: float) -> str:
     interval = every * step
     if NYQUIST * teeth * interval <= 1.0:
         return ""
-    shown = abs(teeth - round(teeth * interval) / interval)
+    alias = abs(teeth - round(teeth * interval) / interval)
     return (
         f"links are recorded every {1e3 * interval:.4g} ms, but up to {teeth:.4g} teeth pass a second: what they do to "
-        f"links shows at {shown:.4g} Hz; run.links = {links_every(step, teeth)} resolves it"
+        f"links shows at {alias:.4g} Hz; run.links = {links_every(step, teeth)} resolves it"
     )

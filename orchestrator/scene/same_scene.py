@@ -26,27 +26,27 @@ TOLERANCE = 1e-5  # relative tolerance
 
 
 def require_same_scene(
-    one: tuple[str, Mapping[str, Any]], other: tuple[str, Mapping[str, Any]], remedy: str = ""
+    first: tuple[str, Mapping[str, Any]], second: tuple[str, Mapping[str, Any]], remedy: str = ""
 ) -> None:
     """Raise BadInput unless two runs, each given as place and logged scene, are of one scene.
 
     The message ends with ``remedy``.
     """
-    for where, table in (one, other):
+    for where, table in (first, second):
         if not table:
             raise BadInput(f"{where} does not say of which scene it is")
-    if scene_difference(one[1], other[1]) and (
-        apart := scene_difference(_with_current_keys(one[1]), _with_current_keys(other[1]))
+    if scene_difference(first[1], second[1]) and (
+        difference := scene_difference(_with_current_keys(first[1]), _with_current_keys(second[1]))
     ):
-        named = [f"{where} ({shown(table.get('name'))})" for where, table in (one, other)]
-        raise BadInput(f"{' and '.join(named)} are runs of different scenes: {apart}{remedy}")
+        named = [f"{where} ({shown(table.get('name'))})" for where, table in (first, second)]
+        raise BadInput(f"{' and '.join(named)} are runs of different scenes: {difference}{remedy}")
 
 
 def _with_current_keys(table: Mapping[str, Any]) -> Mapping[str, Any]:
     """A logged scene with the keys of this version; a log of an older one lacks later keys."""
     try:
-        found: Mapping[str, Any] = json.loads(json.dumps(from_table(table, "scene.json").resolved()))
-        return found
+        resolved: Mapping[str, Any] = json.loads(json.dumps(from_table(table, "scene.json").resolved()))
+        return resolved
     except BadInput:
         return table
 
@@ -60,8 +60,8 @@ def scene_difference(one: Mapping[str, Any], other: Mapping[str, Any], above: st
         if isinstance(a, Mapping) and isinstance(b, Mapping) and above.count(".") < 9:
             if a and b and a.keys().isdisjoint(b):
                 return f"{key} says {', '.join(sorted(a))} and {', '.join(sorted(b))}"
-            if (found := scene_difference(a, b, f"{key}.")) is not None:
-                return found
+            if (difference := scene_difference(a, b, f"{key}.")) is not None:
+                return difference
         else:
             return f"{key} = {' and '.join('not given' if value is None else shown(value) for value in (a, b))}"
     return None

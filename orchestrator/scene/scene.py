@@ -49,14 +49,14 @@ class Scene(Table):
     planar: bool = False  # cable chains without lateral dofs: all motion is in the plane of the track
 
     @model_validator(mode="after")
-    def _is_possible(self) -> Scene:
+    def _check_ranges(self) -> Scene:
         for complaint in outside(self.model_dump(exclude={"vehicle", "expect"}), SCENE, "possible"):
             raise ValueError(complaint)
         return self
 
     @field_validator("expect")
     @classmethod
-    def _checks_have_names(cls, value: dict[str, Check]) -> dict[str, Check]:
+    def _check_names(cls, value: dict[str, Check]) -> dict[str, Check]:
         for name in value:
             if not name.isidentifier():
                 raise ValueError(f"'{name}' is no name for a check")
@@ -87,7 +87,7 @@ class Scene(Table):
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
 
     @model_validator(mode="after")
-    def _in_its_plane(self) -> Scene:
+    def _check_planar(self) -> Scene:
         if not self.planar:
             return self
         kind = self.track.kind
@@ -108,7 +108,7 @@ class Scene(Table):
         """The scene with the default axes of its cables: fixed."""
         return self
 
-    def _has_no_closure(self, ends: str) -> None:
+    def _check_no_closure(self, ends: str) -> None:
         """Raise ValueError if a chain with these ``ends``, which is no loop, has a closure."""
         if self.track.closure is not None:
             raise ValueError(f"track.closure = '{self.track.closure}' needs a loop: this chain has {ends}")
@@ -125,11 +125,11 @@ class ChainScene(Scene):
     chain: ChainTable
 
     @model_validator(mode="after")
-    def _has_no_wheels(self) -> ChainScene:
+    def _check_chain(self) -> ChainScene:
         if self.track.axes == "free":
             raise ValueError("track.axes = 'free' needs wheels, which a chain alone has not")
         if self.chain.ends != "loop":
-            self._has_no_closure(f"ends = '{self.chain.ends}'")
+            self._check_no_closure(f"ends = '{self.chain.ends}'")
         return self
 
 
@@ -141,8 +141,8 @@ class BenchScene(Scene):
     drive: DriveTable
 
     @model_validator(mode="after")
-    def _is_open(self) -> BenchScene:
-        self._has_no_closure("ends that are pulled")
+    def _check_bench(self) -> BenchScene:
+        self._check_no_closure("ends that are pulled")
         return self
 
     @property
@@ -180,23 +180,23 @@ class VehicleScene(Scene):
 
     @field_validator("tracks")
     @classmethod
-    def _a_side_once(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+    def _check_sides(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         if len(set(value)) < len(value):
             raise ValueError("names a side twice")
         return value
 
     @model_validator(mode="after")
-    def _fits_together(self) -> VehicleScene:
+    def _check_and_complete(self) -> VehicleScene:
         if self.symmetric and len(self.tracks) == 1:
             raise ValueError("symmetric = true needs both tracks or none")
-        if self.ground.bump and self.start.turned() != (self.start.heading, self.start.pitch):
+        if self.ground.bump and self.start.heading_and_pitch() != (self.start.heading, self.start.pitch):
             raise ValueError("ground.bump needs start.roll = 0: rolled over, the vehicle's start looks the other way")
         if self.planar and not self.symmetric:
             raise ValueError("planar = true needs symmetric = true: a vehicle on two tracks may roll and yaw")
         if self.turns:
-            self._may_steer()
+            self._check_steering()
         if self.driver is not None:
-            self._may_be_driven()
+            self._check_driver()
         return self.with_state().with_axes()
 
     @property
@@ -217,7 +217,7 @@ class VehicleScene(Scene):
         if self.start.state is not None:
             return self
         solved = self.start.equilibrium is not None or not self.placed  # logs of older versions hold no equilibrium
-        state = "equilibrium" if rests and solved and not self.start.moved else "drawn"
+        state = "equilibrium" if rests and solved and not self.start.is_displaced else "drawn"
         return self.model_copy(update={"start": self.start.model_copy(update={"state": state})})
 
     @property
@@ -232,7 +232,7 @@ class VehicleScene(Scene):
             return self
         return self.model_copy(update={"track": track.model_copy(update={"axes": "free"})})
 
-    def _may_steer(self) -> None:
+    def _check_steering(self) -> None:
         """Raise ValueError if the sides' drives differ and another setting forbids that."""
         if self.symmetric:
             raise ValueError("symmetric = true needs the same drive on both sides: the right half mirrors the left")
@@ -243,14 +243,14 @@ class VehicleScene(Scene):
         if self.track.axes == "fixed":
             raise ValueError("this vehicle turns: track.axes = 'fixed' keeps cables in their plane")
 
-    def _may_be_driven(self) -> None:
+    def _check_driver(self) -> None:
         """Raise ValueError if the drives cannot follow a driver."""
         for where, drive in self.drive.motors().items():
             if drive.mode == "torque":
                 raise ValueError(f"{where}.mode = 'torque': a driver needs 'speed' or 'controller'")
-            own = {"mode"} if drive.mode == "speed" else {"mode", *OF_CONTROLLERS}
+            allowed = {"mode"} if drive.mode == "speed" else {"mode", *OF_CONTROLLERS}
             for key, field in DriveTable.model_fields.items():
-                if key not in own and (value := getattr(drive, key)) != field.default:
+                if key not in allowed and (value := getattr(drive, key)) != field.default:
                     raise ValueError(
                         f"{where}.{key} = {shown(value)}: a driver says how fast sprockets turn, leave it out"
                     )
@@ -328,11 +328,11 @@ def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:
         raise BadInput(f"{where}: vehicle must be a name, a .toml file or a table with 'base'")
     if "base" not in vehicle:
         return dict(vehicle)
-    over = dict(vehicle)
-    base = over.pop("base")
+    changes = dict(vehicle)
+    base = changes.pop("base")
     if not isinstance(base, str):
         raise BadInput(f"{where}: vehicle.base = {shown(base)}: must be a name or a .toml file")
-    return merged(read_table(base)[0], over)
+    return merged(read_table(base)[0], changes)
 
 
 def _validation_sentence(error: ValidationError, where: str, model: type[Scene]) -> str:

@@ -40,8 +40,8 @@ class VehicleStartTable(StartTable):
     equilibrium: EquilibriumTable | None = None  # solved
 
     @model_validator(mode="after")
-    def _rests_in_its_place(self) -> VehicleStartTable:
-        if self.state == "equilibrium" and self.moved:
+    def _check_rest(self) -> VehicleStartTable:
+        if self.state == "equilibrium" and self.is_displaced:
             raise ValueError(
                 "state = 'equilibrium' needs height = 0, pitch = 0 and roll = 0: what is raised or turned starts as"
                 " 'drawn'"
@@ -49,19 +49,19 @@ class VehicleStartTable(StartTable):
         return self
 
     @property
-    def moved(self) -> bool:
+    def is_displaced(self) -> bool:
         """True if the vehicle is raised, pitched or rolled."""
         return (self.height, self.pitch, self.roll) != (0.0, 0.0, 0.0)
 
     @model_validator(mode="after")
-    def _upright(self) -> VehicleStartTable:
+    def _check_roll(self) -> VehicleStartTable:
         if abs(remainder(self.roll, pi)) > 1e-9:
             raise ValueError(
                 f"roll = {self.roll:g} rad must be 0 or half a turn (180 deg): a track is laid out in an upright plane"
             )
         return self
 
-    def turned(self) -> tuple[float, float]:
+    def heading_and_pitch(self) -> tuple[float, float]:
         """Heading and pitch, rad, with the roll in them: R_z(h) R_y(p) R_x(pi) = R_z(h + pi) R_y(pi - p)."""
         over = abs(remainder(self.roll, 2.0 * pi)) > 1.0
         return (self.heading + pi, pi - self.pitch) if over else (self.heading, self.pitch)

@@ -27,7 +27,7 @@ class Check(Table):
     track: TrackName | None = None  # only for this track model
 
     @model_validator(mode="after")
-    def _one_source(self) -> Check:
+    def _check_source(self) -> Check:
         if (self.signal is None) == (self.measure is None):
             raise ValueError("needs either signal or measure")
         if self.measure is not None and self.measure not in measures.NAMES:
@@ -45,7 +45,7 @@ class ChainTable(Table):
     ovalling: Annotated[float, In("rad/s")] = 0.0  # additional speed of its links, times cos(2 angle)
 
     @model_validator(mode="after")
-    def _of_its_ends(self) -> ChainTable:
+    def _check_ends(self) -> ChainTable:
         if (self.span is None) == (self.ends == "pinned"):
             raise ValueError(f"ends = '{self.ends}' {'needs' if self.span is None else 'has no'} span")
         for key in ("spin", "ovalling"):

@@ -18,14 +18,14 @@ Tolerance = Annotated[float, Field(ge=TOLERANCES.least, le=TOLERANCES.most)]
 Elasticity = Literal["small_deformation", "general", "engineering"]
 
 
-def _output_groups(asked: object) -> object:
+def _output_groups(value: object) -> object:
     """Groups of link outputs: all, the standard ones (true), none (false), or a list of names."""
-    if asked == "all":
+    if value == "all":
         return tuple(GROUPS)
-    if isinstance(asked, bool):
-        return STANDARD if asked else ()
-    if isinstance(asked, list | tuple) and all(isinstance(name, str) and name in GROUPS for name in asked):
-        return tuple(name for name in GROUPS if name in asked)
+    if isinstance(value, bool):
+        return STANDARD if value else ()
+    if isinstance(value, list | tuple) and all(isinstance(name, str) and name in GROUPS for name in value):
+        return tuple(name for name in GROUPS if name in value)
     raise ValueError(f"must be true, false, 'all' or a list of {', '.join(GROUPS)}")
 
 
@@ -35,7 +35,7 @@ LinkOutputs = Annotated[tuple[str, ...], BeforeValidator(_output_groups)]
 class FmuParameter(NamedTuple):
     """Annotation of a key of ``[track]``: the FMU parameter that it sets."""
 
-    parameter: str = ""  # parameter of the track's FMU; empty: the name of the key
+    name: str = ""  # parameter of the track's FMU; empty: the name of the key
     model: str = ""  # the only model that has it; empty: all
     method: bool = False  # True for the method of computation, False for the mechanics
 
@@ -75,15 +75,15 @@ class TrackTable(Table):
     link_outputs: LinkOutputs = STANDARD  # groups of ``fmus.link_outputs``
 
     @classmethod
-    def sets(cls) -> dict[str, FmuParameter]:
+    def fmu_parameters(cls) -> dict[str, FmuParameter]:
         """Keys that set a parameter of the track's FMU."""
-        found = ((key, one) for key, field in cls.model_fields.items() for one in field.metadata)
-        return {key: one for key, one in found if isinstance(one, FmuParameter)}
+        annotations = ((key, annotation) for key, field in cls.model_fields.items() for annotation in field.metadata)
+        return {key: annotation for key, annotation in annotations if isinstance(annotation, FmuParameter)}
 
     def parameters(self) -> dict[str, Any]:
         """Given parameters by their names in the track's FMU."""
         given = self.model_dump(exclude_none=True)
-        return {one.parameter or key: given[key] for key, one in self.sets().items() if key in given}
+        return {target.name or key: given[key] for key, target in self.fmu_parameters().items() if key in given}
 
     @property
     def kind(self) -> TrackKind:
@@ -96,15 +96,15 @@ class TrackTable(Table):
 
     def of_model(self, model: str) -> TrackTable:
         """The same track of another model, without settings of one model only and with the default integrator."""
-        own = {key: None for key, one in self.sets().items() if one.model or key == "integrator"}
-        return self.model_copy(update={**own, "model": model})
+        reset = {key: None for key, target in self.fmu_parameters().items() if target.model or key == "integrator"}
+        return self.model_copy(update={**reset, "model": model})
 
     @model_validator(mode="after")
-    def _fits(self) -> TrackTable:
-        for key, one in self.sets().items():
+    def _check_parameters(self) -> TrackTable:
+        for key, target in self.fmu_parameters().items():
             value = getattr(self, key)
-            if one.model not in ("", self.model) and value is not None:
-                raise ValueError(f"{key} = '{value}' needs model = '{one.model}': {self.kind.links} have none")
+            if target.model not in ("", self.model) and value is not None:
+                raise ValueError(f"{key} = '{value}' needs model = '{target.model}': {self.kind.links} have none")
         for key in ("rtol", "atol"):
             if getattr(self, key) is not None and self.integrator != "adams":
                 raise ValueError(f"{key} = {getattr(self, key):g} needs integrator = 'adams': others take equal steps")
@@ -113,7 +113,7 @@ class TrackTable(Table):
         return self
 
     @model_validator(mode="after")
-    def _springs_close(self) -> TrackTable:
+    def _check_closure(self) -> TrackTable:
         for key in ("closure_stiffness", "closure_damping"):
             value = getattr(self, key)
             if self.closure != "spring" and value is not None:

@@ -204,8 +204,8 @@ def test_variable_steps_land_on_the_end_and_show_every_point_as_it_was():
     outcome = run(couple("energy_corrected", stages), pace, [lambda k, t, h: seen.append((k, t, h, a.u.copy(), a.x))])
     assert outcome.status == "ok"
     assert outcome.time == pytest.approx(1.0, abs=1e-12)
-    assert pace.rejected > 0
-    assert pace.forced == 0
+    assert pace.rejected_steps > 0
+    assert pace.forced_steps == 0
     assert [k for k, *_ in seen] == list(range(len(seen)))
     assert all(after[1] == before[1] + after[2] for before, after in pairwise(seen))
     assert a.steps > len(seen), "rejected steps must count"
@@ -220,7 +220,7 @@ def test_the_shortest_step_is_kept_and_counted():
     stages, *_ = coupled("wrench", DAMPED)
     pace = VariableStep(0.2, 0.01, 1e-12, 0.01, 0.01)
     assert run(couple("tracks_first", stages), pace, []).steps == 20
-    assert (pace.rejected, pace.forced) == (0, 10)
+    assert (pace.rejected_steps, pace.forced_steps) == (0, 10)
 
 
 def test_a_failing_step_is_tried_shorter():
@@ -235,7 +235,7 @@ def test_a_failing_step_is_tried_shorter():
     a.step = fussy
     pace = VariableStep(0.3, 0.1, 1e-2, 1e-3, 0.1)
     assert run(couple("tracks_first", stages), pace, []).status == "ok"
-    assert pace.rejected > 0
+    assert pace.rejected_steps > 0
     stages, a, _ = coupled("wrench", DAMPED)
     a.step = lambda t, h: (_ for _ in ()).throw(ComponentFailed("a: never"))
     assert run(couple("tracks_first", stages), pace, [])[:3] == ("failed", "a: never", 0)

@@ -95,13 +95,13 @@ def test_it_lands_on_the_end_and_saves_nothing():
     assert a.steps == len(h), "steps were tried and rejected"
     assert h.max() <= 0.1
     assert h.max() / h.min() > 1.5
-    assert (way.rejected, way.forced) == (0, 0)
+    assert (way.rejected_steps, way.forced_steps) == (0, 0)
 
 
 def test_the_shortest_step_is_counted_where_it_is_too_long():
     way = pace(tolerance=1e-12, shortest=0.01, longest=0.01)
     assert run(couple("tracks_first", coupled("wrench", study.DAMPED)[0]), way, []).steps == 100
-    assert way.forced > 90
+    assert way.forced_steps > 90
 
 
 def test_a_tighter_tolerance_is_more_right():

@@ -95,7 +95,7 @@ def test_an_answer_holds_what_answered_and_can_be_replayed(log, tmp_path, other)
         given.write_bytes(rigid.read_bytes())
     answer = tmp_path / "answer.mcap"
     with replay_model.open_replay(log, "chain", str(given)) as again:
-        assert not again.model.ran
+        assert not again.model.as_recorded
         again.answer(answer)
     assert verify(answer).code == WHOLE
     with Log(log) as source, Log(answer) as log_of_answer:
@@ -121,7 +121,7 @@ def test_an_answer_holds_what_answered_and_can_be_replayed(log, tmp_path, other)
         with pytest.raises(BadInput, match="name its FMU with --with"), replay_model.open_replay(answer, "chain", None):
             pass
     with replay_model.open_replay(answer, "chain", None if other == "rigid" else str(given)) as again:
-        assert again.model.ran
+        assert again.model.as_recorded
         verdict = again.verify()
         assert verdict.equal, verdict.sentence
         twin = again._replace(parameters={**again.parameters, "start.position.x": 1e-12}).verify()
@@ -132,7 +132,7 @@ def test_an_fmu_file_that_is_what_ran_is_compared(log, tmp_path):
     copy = tmp_path / "copy.fmu"
     copy.write_bytes(fmu_of(log).read_bytes())
     with replay_model.open_replay(log, "chain", str(copy)) as again:
-        assert again.model.ran
+        assert again.model.as_recorded
         assert again.verify().equal
         again.answer(tmp_path / "own.mcap")
     with Log(log) as one, Log(tmp_path / "own.mcap") as two:
@@ -148,7 +148,7 @@ def test_other_numbers_answer_to_the_same_inputs(log, tmp_path):
     assert simulate(load("hanging_chain", "flexible", (*SETTINGS, heavier)), run)["status"] == "ok"
     answer = tmp_path / "answer.mcap"
     with replay_model.open_replay(log, "chain", None, settings=[heavier]) as again:
-        assert not again.model.ran
+        assert not again.model.as_recorded
         assert again.answer(answer) == 20
     assert verify(answer).code == WHOLE
     with Log(log) as source, Log(answer) as mine, Log(run) as theirs:
@@ -160,10 +160,10 @@ def test_other_numbers_answer_to_the_same_inputs(log, tmp_path):
     assert found.t[-1] == pytest.approx(0.01)
     assert found.now == pytest.approx(found.recorded * 10.0 / 9.81, rel=1e-4)
     with replay_model.open_replay(answer, "chain", None) as again:
-        assert again.model.ran
+        assert again.model.as_recorded
         assert again.verify().equal
     with replay_model.open_replay(log, "chain", None, settings=["vehicle.gravity=9.81"]) as again:
-        assert again.model.ran, "nothing was changed, so the recorded model must run"
+        assert again.model.as_recorded, "nothing was changed, so the recorded model must run"
         assert again.answer(tmp_path / "half.mcap", 0.01) == 10
 
 

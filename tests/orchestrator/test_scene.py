@@ -226,9 +226,9 @@ def test_keys_of_a_track_are_parameters_of_its_fmu(model):
     """Keys of a track are parameters of its FMU, with their choices and defaults."""
     part = assemble(load("rig", model)).parts[0]
     ports = {port.name: port for port in model_of(part.kind)(part.config).ports}
-    for key, sets in TrackTable.sets().items():
+    for key, sets in TrackTable.fmu_parameters().items():
         if sets.model in ("", model):
-            port = ports[sets.parameter or key]
+            port = ports[sets.name or key]
             asked = get_args(TrackTable.model_fields[key].annotation)
             chosen = next((get_args(one) for one in asked if get_origin(one) is Literal), ())
             assert set(chosen) <= {*(STARTS if key == "start" else port.choices)}, "an unknown start"

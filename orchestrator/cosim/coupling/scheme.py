@@ -50,8 +50,8 @@ class Scheme:
         self.past = Past({}, 0.0, 0.0)
         self._stepped_before: dict[str, frozenset[str]] = {}
         for stage in stages:
-            before = frozenset(self._stepped_before)
-            self._stepped_before |= {member.component.name: before for member in stage}
+            earlier = frozenset(self._stepped_before)
+            self._stepped_before |= {member.component.name: earlier for member in stage}
         self._threads = threads
         self._program: Program | None = None
         self.row_writer: RowWriter | None = None  # memory for the rows of a batch of steps
@@ -131,8 +131,8 @@ class Scheme:
     @cached_property
     def _all_compiled(self) -> bool:
         """True if the compiled program does a whole step without this class."""
-        own = type(self)
-        return own.advance is Scheme.advance and own.exchange is Scheme.exchange and not self._computed_feeds
+        kind = type(self)
+        return kind.advance is Scheme.advance and kind.exchange is Scheme.exchange and not self._computed_feeds
 
     def _outputs(self) -> dict[str, Floats]:
         return {member.component.name: member.component.y.copy() for member in self.members}

@@ -45,8 +45,8 @@ class VariableStep:
     def __init__(self, stop: float, step: float, tolerance: float, shortest: float, longest: float) -> None:
         self.stop, self.step, self.tolerance = stop, step, tolerance
         self.shortest, self.longest = shortest, longest
-        self.rejected = 0  # pairs of steps that were repeated
-        self.forced = 0  # pairs kept with too large an error
+        self.rejected_steps = 0  # pairs of steps that were repeated
+        self.forced_steps = 0  # pairs kept with too large an error
         self._start = VariableStepState(0.0, step, {})
         self._now: VariableStepState | None = None  # None between the steps of a pair
 
@@ -54,16 +54,16 @@ class VariableStep:
         """State of the step control at the shown point, by name; None between two steps of a pair."""
         if self._now is None:
             return None
-        pace = np.array([self._now.t, self._now.h, self.rejected, self.forced])
+        pace = np.array([self._now.t, self._now.h, self.rejected_steps, self.forced_steps])
         return {"pace": pace, "largest": np.array([self._now.largest.get(key, 0.0) for key in _motions(scheme)])}
 
     def restore_memory(self, scheme: Scheme, memory: Mapping[str, Floats]) -> None:
         """Restore the state of the step control; raises LookupError, ValueError if it is not one of this pace."""
-        t, h, rejected, forced = memory["pace"].tolist()
-        self.rejected, self.forced = int(rejected), int(forced)
+        t, h, rejected_steps, forced_steps = memory["pace"].tolist()
+        self.rejected_steps, self.forced_steps = int(rejected_steps), int(forced_steps)
         self._start = VariableStepState(t, h, dict(zip(_motions(scheme), memory["largest"].tolist(), strict=True)))
 
-    def walk(self, scheme: Scheme, most: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
+    def walk(self, scheme: Scheme, batch_limit: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
         """Step to the end in pairs; both steps of a pair are shown when both are accepted."""
         t, h, largest = self._start
         largest = dict(largest)
@@ -82,14 +82,14 @@ class VariableStep:
                 if h <= self.shortest:
                     raise
                 error = math.inf
-            wanted = SAFETY * (self.tolerance / max(error, 1e-300)) ** (1.0 / (scheme.ORDER + 1))
-            following = h * min(max(wanted, MIN_RATIO), MAX_RATIO)
-            bad = error > self.tolerance
-            if bad and h > self.shortest:
+            ratio = SAFETY * (self.tolerance / max(error, 1e-300)) ** (1.0 / (scheme.ORDER + 1))
+            next_h = h * min(max(ratio, MIN_RATIO), MAX_RATIO)
+            too_large = error > self.tolerance
+            if too_large and h > self.shortest:
                 scheme.restore(start)
-                self.rejected += 1
+                self.rejected_steps += 1
             else:
-                self.forced += bad
+                self.forced_steps += too_large
                 assert middle is not None
                 end = scheme.save()
                 scheme.restore(middle)
@@ -98,12 +98,12 @@ class VariableStep:
                 scheme.restore(end)
                 scheme.free(end)
                 t = t + h + h
-                self._now = VariableStepState(t, following, largest)
+                self._now = VariableStepState(t, next_h, largest)
                 yield 1, t, h
             for saved in (start, middle):
                 if saved is not None:
                     scheme.free(saved)
-            h = following
+            h = next_h
 
     def _pair(
         self, scheme: Scheme, start: SavedPoint, t: float, h: float, largest: dict[Motion, float]
