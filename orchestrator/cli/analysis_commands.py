@@ -26,7 +26,9 @@ To = Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")]
 
 def options() -> dict[str, Parameter]:
     """Return the options of all analyses by the names of the arguments of ``analyse``."""
-    found = {option.flag: option for one in ANALYSES.values() for option in (*one.options, *one.of_picture)}
+    options_by_flag = {
+        option.flag: option for analysis in ANALYSES.values() for option in (*analysis.options, *analysis.of_picture)
+    }
     return {
         _argument(flag): Parameter(
             _argument(flag),
@@ -37,7 +39,7 @@ def options() -> dict[str, Parameter]:
                 typer.Option(flag, metavar=option.metavar, help=option.help, min=option.least),
             ],
         )
-        for flag, option in found.items()
+        for flag, option in options_by_flag.items()
     }
 
 
@@ -67,19 +69,19 @@ def analyse(
     analysis = ANALYSES[what]
     _check_options(what, given)
     _check(start, end)
-    drawn = PICTURES if hasattr(module, "picture") else ()
+    picture_suffixes = PICTURES if hasattr(module, "picture") else ()
     if output:
-        refuse(output, (".csv", *drawn))
+        refuse(output, (".csv", *picture_suffixes))
     with Log(log) as opened:
         in_full = output and analysis.in_full
-        of = module.of if in_full else getattr(module, "summary", module.of)  # a table needs the summary only
-        found = of(RunData(opened), window=Window(start, end), **_given_options(analysis.options, given))
-    table = found.table()
-    if output and output.suffix.lower() in drawn:
-        module.picture(found, output, **_given_options(analysis.of_picture, given))
+        compute = module.of if in_full else getattr(module, "summary", module.of)  # a table needs the summary only
+        result = compute(RunData(opened), window=Window(start, end), **_given_options(analysis.options, given))
+    table = result.table()
+    if output and output.suffix.lower() in picture_suffixes:
+        module.picture(result, output, **_given_options(analysis.of_picture, given))
     elif output:
-        with fresh(output) as beside:
-            beside.write_text(getattr(found, "series", found.table)().csv(), encoding="utf-8")
+        with fresh(output) as fresh_file:
+            fresh_file.write_text(getattr(result, "series", result.table)().csv(), encoding="utf-8")
     if as_json:
         print(json.dumps(_as_json(log, what, table)))
         return
@@ -106,15 +108,15 @@ analyse.__doc__ = "\n".join(
 
 def _check_options(what: str, given: Mapping[str, Any]) -> None:
     """Raise BadInput for an option that the analysis does not have."""
-    for flag in (option for one in ANALYSES.values() for option in one.flags):
+    for flag in (option for analysis in ANALYSES.values() for option in analysis.flags):
         if given[_argument(flag)] and flag not in ANALYSES[what].flags:
-            owners = and_list([name for name, one in ANALYSES.items() if flag in one.flags])
+            owners = and_list([name for name, analysis in ANALYSES.items() if flag in analysis.flags])
             raise BadInput(f"{flag} is an option of {owners}, not of {what}")
 
 
 def _given_options(options: Sequence[Option], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the options that were given, by argument name."""
-    return {one.name: given[_argument(one.flag)] for one in options if given[_argument(one.flag)]}
+    return {option.name: given[_argument(option.flag)] for option in options if given[_argument(option.flag)]}
 
 
 def _as_json(log: Path, what: str, table: Table) -> dict[str, Any]:

@@ -90,14 +90,14 @@ def refusals() -> tuple[type[Exception], ...]:
 
 def print_notices() -> None:
     """Print every LogNotice once on stderr from now on; other warnings are shown as before."""
-    before: Callable[..., None] = warnings.showwarning
-    said: set[str] = set()
+    default_show: Callable[..., None] = warnings.showwarning
+    printed_notices: set[str] = set()
 
     def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
         if not issubclass(category, LogNotice):
-            before(message, category, *where, **more)
-        elif str(message) not in said:
-            said.add(str(message))
+            default_show(message, category, *where, **more)
+        elif str(message) not in printed_notices:
+            printed_notices.add(str(message))
             print_message(str(message), 0)
 
     warnings.showwarning = show  # type: ignore[assignment]

@@ -51,8 +51,8 @@ def run(
     from orchestrator.scene.scene import load
 
     result, status = summary.empty(scene, track), 2
-    told = (("stop", stop), ("step", step), ("coupling", coupling))
-    changes = [*(settings or ()), *(f"run.{k}={v}" for k, v in told if v is not None)]
+    overrides = (("stop", stop), ("step", step), ("coupling", coupling))
+    changes = [*(settings or ()), *(f"run.{k}={v}" for k, v in overrides if v is not None)]
     try:
         resolved = load(scene, track, changes)
         if error is not None:
@@ -140,30 +140,32 @@ def truth(
                 (f"{against}", RunData(log).scene), (f"the truth of {scene}", placed(resolved).resolved())
             )
     try:
-        found = module.truth(resolved, narration)
+        converged = module.truth(resolved, narration)
     except module.TruthFailed as failure:
         exit_with(str(failure), 1)
-    off = differences_of_logs(against, found.log) if against else {}
+    deviations = differences_of_logs(against, converged.log) if against else {}
     observables = {
-        name: {"unit": one.unit, "difference": one.absolute, "error": found.error(name)}
-        | ({"off": off[name].absolute, "off_relative": off[name].relative} if name in off else {})
-        for name, one in found.difference.items()
+        name: {"unit": difference.unit, "difference": difference.absolute, "error": converged.error(name)}
+        | ({"off": deviations[name].absolute, "off_relative": deviations[name].relative} if name in deviations else {})
+        for name, difference in converged.difference.items()
     }
     result = {
         "scene": resolved.name,
         "track": resolved.variant,
-        "log": str(found.log),
-        "coarse_log": str(found.coarse_log),
-        "built": found.built,
-        "internal_step": found.internal_step,
-        "wall_time": found.wall_time,
+        "log": str(converged.log),
+        "coarse_log": str(converged.coarse_log),
+        "built": converged.built,
+        "internal_step": converged.internal_step,
+        "wall_time": converged.wall_time,
         "observables": observables,
     }
     if as_json:
         print(json.dumps(printed.finite(result)))
         return
-    print(f"{'built' if found.built else 'found'} {found.log}")
-    print(f"  internal step {found.internal_step:.3g} s, {found.wall_time:.3g} s of wall time; RMS errors:")
-    for name, each in observables.items():
-        line = f"  {name:18} {each['error']:9.2g} {each['unit']:4}"
-        print(line + (f" {against} is off by {each['off']:.3g}, {each['off_relative']:.2%}" if "off" in each else ""))
+    print(f"{'built' if converged.built else 'found'} {converged.log}")
+    print(f"  internal step {converged.internal_step:.3g} s, {converged.wall_time:.3g} s of wall time; RMS errors:")
+    for name, entry in observables.items():
+        line = f"  {name:18} {entry['error']:9.2g} {entry['unit']:4}"
+        print(
+            line + (f" {against} is off by {entry['off']:.3g}, {entry['off_relative']:.2%}" if "off" in entry else "")
+        )

@@ -293,7 +293,7 @@ class Component(AbstractContextManager["Component"]):
         for unit in self.description.unitDefinitions:
             base = unit.baseUnit
             if unit.name == self._variables[name].unit and base is not None:
-                return (*(float(getattr(base, one)) for one in BASE_UNITS), math.log10(base.factor))
+                return (*(float(getattr(base, quantity)) for quantity in BASE_UNITS), math.log10(base.factor))
         return None
 
     @property
@@ -502,7 +502,7 @@ class Component(AbstractContextManager["Component"]):
 
     def free(self, state: ComponentState) -> None:
         """Release a saved state."""
-        self._set_states([kept for kept in self._states if kept is not state])
+        self._set_states([saved for saved in self._states if saved is not state])
         self._call(self._library.fmi2FreeFMUstate, byref(state.handle))
 
     def dump(self, state: ComponentState) -> bytes:

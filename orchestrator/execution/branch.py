@@ -31,10 +31,10 @@ def branched_scene(scene: Scene, settings: Sequence[str], where: str) -> Scene:
     return branch
 
 
-def _structural_changes(one: Mapping[str, Any], other: Mapping[str, Any], above: str = "") -> Iterator[str]:
+def _structural_changes(old: Mapping[str, Any], new: Mapping[str, Any], above: str = "") -> Iterator[str]:
     """Yield dotted keys that differ in more than a number, and keys of ``run`` that differ at all."""
-    for name in sorted({*one, *other}):
-        key, a, b = f"{above}{name}", one.get(name), other.get(name)
+    for name in sorted({*old, *new}):
+        key, a, b = f"{above}{name}", old.get(name), new.get(name)
         if isinstance(a, Mapping) and isinstance(b, Mapping):
             yield from _structural_changes(a, b, f"{key}.")
         elif a != b and not (_is_numeric(a) and _is_numeric(b) and not key.startswith("run.")):

@@ -80,12 +80,12 @@ class MonolithScheme(Scheme):
     def exchange(self, t: float, h: float, now: Outputs) -> None:
         """Advance all parts by one step; mean wrenches over the step become inputs of the parts they act on."""
         self._feed(at_start=True)
-        began = time.perf_counter()
+        start = time.perf_counter()
         try:
             self._monolith.advance(t, h)
         except RuntimeError as failure:
             raise ComponentFailed(str(failure)) from None
-        share = (time.perf_counter() - began) / len(self.members)
+        share = (time.perf_counter() - start) / len(self.members)
         for member in self.members:
             part: Any = member.component
             part.wall_time += share
@@ -160,10 +160,10 @@ def run(
             logging.continue_after(clock.done, initial_states.time, clock.step)
         if narration:
             observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop, narration)))
-        began = time.perf_counter()
+        start = time.perf_counter()
         outcome = master.run(
             scheme, clock, observers, interrupted, initial_states and (clock.done, initial_states.time)
         )
-        wall = time.perf_counter() - began
+        wall = time.perf_counter() - start
         recorder.close(outcome.status, outcome.message, outcome.steps)
     return outcome, {"internal_step": float(step), "wall_time": wall, **monolith.effort._asdict()}

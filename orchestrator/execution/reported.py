@@ -39,8 +39,8 @@ def report(
         if len(runs) > 1 and not different:
             first, second = ((f"{log}", run.scene) for log, run in zip(logs, runs, strict=True))
             require_same_scene(first, second, "; --different compares them all the same")
-        judged, *other = [(run, _judge(run)) for run in runs]
-        write(*judged, page, other[0] if other else None)
+        judged, *reference_run = [(run, _judge(run)) for run in runs]
+        write(*judged, page, reference_run[0] if reference_run else None)
 
 
 def _judge(run: RunData) -> Judged:

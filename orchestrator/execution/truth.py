@@ -124,8 +124,8 @@ def key(scene: Scene) -> str:
 def _build(scene: Scene, folder: Path, narration: Narration | None) -> dict[str, Any]:
     """Do both runs in parallel; move the complete logs into place, then the figures."""
     stop = threading.Event()
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix="fresh-", ignore_cleanup_errors=True) as fresh:
-        logs = [Path(fresh) / name for name in LOGS]
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix="fresh-", ignore_cleanup_errors=True) as scratch:
+        logs = [Path(scratch) / name for name in LOGS]
         with ThreadPoolExecutor(2) as pool:
             runs = [
                 pool.submit(monolithic.run, scene, log, refine, progress, stop.is_set)
@@ -144,7 +144,7 @@ def _build(scene: Scene, folder: Path, narration: Narration | None) -> dict[str,
             "difference": {
                 name: difference._asdict() for name, difference in differences_of_logs(logs[1], logs[0]).items()
             },
-            "sha256": _hashes(Path(fresh)),
+            "sha256": _hashes(Path(scratch)),
         }
         for log in logs:
             log.replace(folder / log.name)

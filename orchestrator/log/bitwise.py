@@ -71,11 +71,11 @@ def bit_patterns(values: Floats) -> NDArray[np.uint64]:
     return np.ascontiguousarray(values).view(np.uint64)
 
 
-def ulps(one: float, other: float) -> int | None:
+def ulps(first: float, second: float) -> int | None:
     """Distance of two numbers in representable numbers (adjacent: 1); None where one is NaN."""
-    if np.isnan(one) or np.isnan(other):
+    if np.isnan(first) or np.isnan(second):
         return None
-    places = [int(np.float64(value).view(np.uint64)) for value in (one, other)]
+    places = [int(np.float64(value).view(np.uint64)) for value in (first, second)]
     ordered = [_SIGN - place if place >= _SIGN else place for place in places]
     return abs(ordered[0] - ordered[1])
 

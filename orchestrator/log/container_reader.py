@@ -78,11 +78,11 @@ class ContainerReader:
         """Return the unpacked and checked content of the chunk at ``offset``; raises one of DAMAGE."""
         _, length = HEAD.unpack_from(self._data, offset)
         start = offset + HEAD.size
-        with memoryview(self._data) as whole, whole[start : start + length] as body:
+        with memoryview(self._data) as view, view[start : start + length] as body:
             *_, size, crc, name_length = _CHUNK.unpack_from(body)
-            kind, at = bytes(body[_CHUNK.size : _CHUNK.size + name_length]), _CHUNK.size + name_length
-            (length,) = _LENGTH.unpack_from(body, at)
-            with body[at + _LENGTH.size : at + _LENGTH.size + length] as packed:
+            kind, position = bytes(body[_CHUNK.size : _CHUNK.size + name_length]), _CHUNK.size + name_length
+            (length,) = _LENGTH.unpack_from(body, position)
+            with body[position + _LENGTH.size : position + _LENGTH.size + length] as packed:
                 if len(packed) != length:
                     raise ValueError("it is cut off")
                 content = self._unpacked(kind, packed, size)
@@ -175,7 +175,7 @@ class ContainerReader:
         crc = 0
         while start < end:
             part_end = min(start - start % PIECE + PIECE, end)
-            with memoryview(self._data) as whole, whole[start:part_end] as part:
+            with memoryview(self._data) as view, view[start:part_end] as part:
                 crc = crc32(part, crc)
             self._release(part_end - part_end % AROUND - PIECE if part_end > PIECE else 0, part_end)
             start = part_end

@@ -154,7 +154,7 @@ def export(
         if suffix in KINDS:
             names = tuple(name for topic in chosen for name in _columns(log, topic, chosen[topic]).names)
             units = tuple(unit for topic in chosen for unit in _columns(log, topic, chosen[topic]).units)
-            with open_writer(target, suffix, Columns(names, units)) as writer:
+            with open_table(target, suffix, Columns(names, units)) as writer:
                 for block in side_by_side(log, chosen, window):
                     writer.rows(block)
             return [target]
@@ -162,7 +162,7 @@ def export(
         files = _files(target, list(chosen), file_kind)
         with ExitStack() as stack:
             writers = {
-                topic: stack.enter_context(open_writer(file, file_kind, _columns(log, topic, chosen[topic])))
+                topic: stack.enter_context(open_table(file, file_kind, _columns(log, topic, chosen[topic])))
                 for topic, file in zip(chosen, files, strict=True)
             }
             for piece in log.stream(chosen, window):
@@ -187,7 +187,7 @@ def table(series: Series) -> Floats:
 
 
 @contextmanager
-def open_writer(file: Path, kind: str, columns: Columns) -> Iterator[Writer]:
+def open_table(file: Path, kind: str, columns: Columns) -> Iterator[Writer]:
     """Write to a temporary file and rename it when it is complete; raises LogFailed, NotInstalled."""
     fresh = file.with_name(f".{file.name}.{os.getpid()}")
     try:

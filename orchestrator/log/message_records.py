@@ -99,11 +99,11 @@ def runs_by_channel(content: Bytes) -> dict[int, list[range]]:
 
 def _run_length(content: Bytes, size: int) -> int:
     """Number of consecutive records of ``size`` bytes with the opcode and channel of the first one."""
-    most, count = len(content) // size, 1
-    rows = content[: most * size].reshape(most, size)[:, :IDENTITY]
-    while count < most:
-        same = (rows[count : 4 * count] == rows[0]).all(axis=1)
-        if not same.all():
-            return count + int(same.argmin())
-        count += len(same)
-    return most
+    records, count = len(content) // size, 1
+    rows = content[: records * size].reshape(records, size)[:, :IDENTITY]
+    while count < records:
+        is_equal = (rows[count : 4 * count] == rows[0]).all(axis=1)
+        if not is_equal.all():
+            return count + int(is_equal.argmin())
+        count += len(is_equal)
+    return records

@@ -130,24 +130,24 @@ class Page:
     :raises ValueError: if ``whole`` and the page lacks outputs that a wire needs.
     """
 
-    def __init__(self, inputs: Sequence[Channel], outputs: Sequence[Channel], whole: bool = True) -> None:
+    def __init__(self, inputs: Sequence[Channel], outputs: Sequence[Channel], with_wired: bool = True) -> None:
         channels = [*inputs, *outputs]
         self.topics = tuple(channel.topic for channel in channels)
         strides = {channel.about.every for channel in channels}
         self.every = strides.pop() if len(strides) == 1 and not inputs else 1
         self.size = sum(channel.size for channel in channels)  # bytes of the message records of a row
         self.capacity = CHUNK // self.size + 1
-        self.widths = [len(channel.about.names if whole else channel.columns) for channel in channels]
+        self.widths = [len(channel.about.names if with_wired else channel.columns) for channel in channels]
         self._words = HEAD + sum(self.widths)  # of a row
         self._first = dict(zip(self.topics, np.cumsum([HEAD, *self.widths]).tolist(), strict=False))
         self._parts = []
         for channel in channels:
-            columns = np.array(channel.columns, np.intp) if whole else np.arange(len(channel.columns))
+            columns = np.array(channel.columns, np.intp) if with_wired else np.arange(len(channel.columns))
             is_input = channel in inputs
             self._parts.append(
                 _RowPart(channel, is_input, self._moves(channel, is_input, self._first[channel.topic] + columns))
             )
-        self._wire_checks = self._make_wire_checks() if whole else []
+        self._wire_checks = self._make_wire_checks() if with_wired else []
         self.spare_blocks: list[Block] = []
         self.block = self._blank()
 
@@ -244,8 +244,8 @@ class Page:
         for check in self._wire_checks:
             start = np.take(before, check.outputs, axis=1)
             end = start if check.rule == "start" else np.take(now, check.outputs, axis=1)
-            given = np.take(now, check.inputs, axis=1)
-            wrong = wired_inputs(check.rule, start, end).view(np.uint64) != given.view(np.uint64)
+            recorded = np.take(now, check.inputs, axis=1)
+            wrong = wired_inputs(check.rule, start, end).view(np.uint64) != recorded.view(np.uint64)
             if wrong.any():
                 row, column = np.argwhere(wrong)[0]
                 raise WireViolated(self._sentence(float(block.t[begin - 1 + row]), int(check.inputs[column])))

@@ -70,9 +70,9 @@ class Log(AbstractContextManager["Log"]):
         self._file.walk(self._register)
         self._check_wires()
         self.complete = self.closing is not None and self._file.ended and not self.faults
-        cut = self.closing is None and bool(self.topics) and not self.being_written
+        is_cut_off = self.closing is None and bool(self.topics) and not self.being_written
         last = max((end for _, end in self._chunks.spans.values()), default=0.0)
-        self.cut_off = notices.cut_off(self.path, last) if cut else ""
+        self.cut_off = notices.cut_off(self.path, last) if is_cut_off else ""
         if not unfinished:
             notices.notice(self.cut_off)
         self._places: dict[str, tuple[str, int]] = {}
@@ -217,8 +217,8 @@ class Log(AbstractContextManager["Log"]):
             return {topic: [*range(len(about.names))] for topic, about in self.topics.items()}
         chosen: dict[str, set[int]] = {}
         for wanted in topics:
-            found = [topic for topic in self.topics if _matches(wanted, topic)]
-            for topic in found or [self.known_topic(wanted)]:
+            matches = [topic for topic in self.topics if _matches(wanted, topic)]
+            for topic in matches or [self.known_topic(wanted)]:
                 chosen.setdefault(topic, set()).update(range(len(self.topics[topic].names)))
         for wanted in signals:
             for signal in [name for name in self.signals if _matches(wanted, name)] or [wanted]:
@@ -311,12 +311,12 @@ class Log(AbstractContextManager["Log"]):
         ``hashes``: result of ``hashes()`` if known, which saves a pass. Raises LogUnreadable.
         """
         about = {topic: (*entry[:3], *([entry.wires] if entry.wires else [])) for topic, entry in self.topics.items()}
-        whole = [
+        entries = [
             [topic, *about[topic], value]
             for topic, value in sorted((hashes or self.hashes()).items())
             if not topic.startswith("/stats/")
         ]
-        return hashlib.sha256(json.dumps(whole).encode()).hexdigest()
+        return hashlib.sha256(json.dumps(entries).encode()).hexdigest()
 
     def sound(self) -> bool:
         """Whether the checksum over all data, without the indexes at the end, holds."""

@@ -69,5 +69,5 @@ def description_of(log: Log, signal: str) -> str:
         tree = ElementTree.fromstring(log.attachment(f"{instance}.modelDescription.xml"))
     except (LogUnreadable, ElementTree.ParseError, LookupError, ValueError):  # LookupError: no such attachment
         return ""
-    found = (each.get("description", "") for each in tree.iter("ScalarVariable") if each.get("name") == variable)
-    return next(found, "")
+    texts = (each.get("description", "") for each in tree.iter("ScalarVariable") if each.get("name") == variable)
+    return next(texts, "")

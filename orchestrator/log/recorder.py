@@ -68,7 +68,7 @@ class Recorder(AbstractContextManager["Recorder"]):
             names, units = tuple(name for name, _ in variables), tuple(unit for _, unit in variables)
             about = Topic(names, units, strides.get(topic, 1), tuple(wired.get(topic, ())))
             self._channels[topic] = Channel(number, channel_metadata.recorded_channel(topic, about))
-        self._pages = {topic: Page([], [channel], whole=False) for topic, channel in self._channels.items()}
+        self._pages = {topic: Page([], [channel], with_wired=False) for topic, channel in self._channels.items()}
         self._condition = threading.Condition()
         self._backlog: deque[list[tuple[Page, Block]] | tuple[str, bytes]] = deque()  # chunks and attachments
         self._bytes = 0  # message bytes in the blocks
@@ -206,12 +206,12 @@ class Recorder(AbstractContextManager["Recorder"]):
 
     def write_remaining(self) -> None:
         """Write the remaining messages; the file is then readable and lacks only its closing record."""
-        known = self._failure
+        earlier = self._failure
         with self._condition:
             self._closing = True
             self._condition.notify_all()
         self._thread.join()
-        if self._failure is not None and self._failure is not known:
+        if self._failure is not None and self._failure is not earlier:
             raise self._failure
 
     def write_events(self, events: Sequence[events_topic.Event]) -> None:
@@ -239,22 +239,22 @@ class Recorder(AbstractContextManager["Recorder"]):
         """
         if self._closed:
             return
-        known = self._failure
+        earlier = self._failure
         with suppress(LogFailed):
             self.write_remaining()
         self._closed = True
         if self._failure is not None:
             status, message = "failed", message or str(self._failure)
         try:
-            written = {topic: (channel.messages, channel.hash.hexdigest()) for topic, channel in self._channels.items()}
-            record = closing_record.texts(status, message, steps, written, results or {}, warnings)
+            totals = {topic: (channel.messages, channel.hash.hexdigest()) for topic, channel in self._channels.items()}
+            record = closing_record.texts(status, message, steps, totals, results or {}, warnings)
             self._file.metadata(closing_record.NAME, record)
             self._file.finish()
         except OSError as error:
             self._failure = self._failure or failed(self.path, error)
         finally:
             self._file.close()
-        if self._failure is not None and self._failure is not known:
+        if self._failure is not None and self._failure is not earlier:
             raise self._failure
 
     def _begin(

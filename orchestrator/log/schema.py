@@ -92,7 +92,7 @@ def places(names: Sequence[str]) -> list[str]:
         key, index = family(name)
         if index is not None:
             families.setdefault(key, []).append(index)
-    whole = {
+    first_index = {
         key: min(members)
         for key, members in families.items()
         if sorted(members) == list(range(min(members), min(members) + len(members)))
@@ -102,20 +102,20 @@ def places(names: Sequence[str]) -> list[str]:
     result = []
     for name in names:
         key, index = family(name)
-        folded = index is not None and key in whole
+        folded = index is not None and key in first_index
         label = key if folded else name
         if label not in field_of:
             field_of[label] = _unique(_identifier(label.replace("[*]", "")), taken)
         elif not folded:
             raise ValueError(f"the variable '{name}' is listed twice")
-        result.append(f"{field_of[label]}[{index - whole[key]}]" if folded else field_of[label])  # type: ignore[operator]
+        result.append(f"{field_of[label]}[{index - first_index[key]}]" if folded else field_of[label])  # type: ignore[operator]
     return result
 
 
 def family(name: str) -> tuple[str, int | None]:
     """Split ``link[3].tension`` into ("link[*].tension", 3); without exactly one index (name, None)."""
-    found = _INDEX.findall(name)
-    return (_INDEX.sub("[*]", name), int(found[0])) if len(found) == 1 else (name, None)
+    indices = _INDEX.findall(name)
+    return (_INDEX.sub("[*]", name), int(indices[0])) if len(indices) == 1 else (name, None)
 
 
 def _identifier(text: str) -> str:
@@ -144,10 +144,10 @@ def layout(where: Sequence[str]) -> MessageLayout:
         index = None if match[2] is None else int(match[2])
         if members.setdefault(match[1], {}).setdefault(index, variable) != variable:
             raise ValueError(f"two variables have the place '{place}'")
-    for name, found in members.items():
-        if set(found) not in ({None}, set(range(len(found)))):
-            raise ValueError(f"the values of the field '{name}' are not counted from 0 to {len(found) - 1}")
-    counts = {name: 0 if None in found else len(found) for name, found in members.items()}
+    for name, field_members in members.items():
+        if set(field_members) not in ({None}, set(range(len(field_members)))):
+            raise ValueError(f"the values of the field '{name}' are not counted from 0 to {len(field_members) - 1}")
+    counts = {name: 0 if None in field_members else len(field_members) for name, field_members in members.items()}
     names = sorted(members, key=counts.__getitem__)  # stable sort: singles in given order, then families by length
     if len(names) > MOST_FIELDS:
         raise ValueError(f"a message holds {MOST_FIELDS} variables and families, not {len(names)}")

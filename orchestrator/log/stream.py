@@ -112,9 +112,11 @@ class _Topic:
 
     def __init__(self, recorded: RecordedChannel, columns: Sequence[int], outputs: Mapping[str, _Outputs]) -> None:
         names = [recorded.about.names[column] for column in columns]
-        held = {column: k for k, column in enumerate(recorded.columns)}
-        self._recorded = [k for k, column in enumerate(columns) if column in held]  # selected columns that are recorded
-        self._held = [held[columns[k]] for k in self._recorded]
+        recorded_column = {column: k for k, column in enumerate(recorded.columns)}
+        self._recorded = [
+            k for k, column in enumerate(columns) if column in recorded_column
+        ]  # selected columns that are recorded
+        self._held = [recorded_column[columns[k]] for k in self._recorded]
         self._outputs = outputs
         self.parts = [
             _WiredColumns(
@@ -151,7 +153,7 @@ class _Topic:
             sequence = self._outputs[part.source].sequence
             newest = int(sequence[-1]) - part.delay if len(sequence) else -1
             decided = min(decided, int(np.searchsorted(self.steps, newest, "right")))
-        steps, whole = self.steps[:decided], self._waiting.rows(slice(decided))
+        steps, series = self.steps[:decided], self._waiting.rows(slice(decided))
         complete = np.ones(decided, bool)
         for part in self.parts:
             outputs = self._outputs[part.source]
@@ -162,11 +164,11 @@ class _Topic:
             if decided and len(outputs.sequence):
                 end = outputs.rows(last, part.outputs)
                 start = outputs.rows(first, part.outputs) if part.rule == "middle" else end
-                whole.values[:, part.places] = wired_inputs(part.rule, start, end)
+                series.values[:, part.places] = wired_inputs(part.rule, start, end)
         self.steps, self._waiting = self.steps[decided:], self._waiting.rows(slice(decided, None))
         if len(self.steps):
             self.next = int(self.steps[0])
-        return whole if complete.all() else whole.rows(complete)
+        return series if complete.all() else series.rows(complete)
 
 
 def _wired(recorded: RecordedChannel, names: Sequence[str]) -> Iterator[tuple[Wire, dict[str, str]]]:

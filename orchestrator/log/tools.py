@@ -191,7 +191,7 @@ def _replacing(target: Path) -> Iterator[Path]:
 def _rewrite(log: Log, fresh: Path, target: Path) -> LogVerdict:
     topics = {topic: list(zip(about.names, about.units, strict=True)) for topic, about in log.topics.items()}
     every = {topic: about.every for topic, about in log.topics.items()}
-    written = dict.fromkeys(log.topics, 0)
+    counts = dict.fromkeys(log.topics, 0)
     closing = log.closing or {"status": "", "steps": 0, "messages": {}, "results": {}, "warnings": []}
     steps = _whole_steps(log, closing["messages"], closing["steps"])
     untouched = log.closing is not None and log.sound() and steps is None
@@ -203,12 +203,12 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> LogVerdict:
     with Recorder(fresh, topics, attachments, log.metadata, every=every, wires=wires) as recorder:
         for messages in log.intact():
             t, h, _, values = messages.decode()
-            whole = slice(None) if steps is None else np.isin(_steps(messages), steps)
+            rows = slice(None) if steps is None else np.isin(_steps(messages), steps)
             ends = t + h if _is_input(messages.topic) else t
-            for row in np.arange(len(t))[whole].tolist():
+            for row in np.arange(len(t))[rows].tolist():
                 recorder.write(messages.topic, int(messages.sequence[row]), t[row], h[row], values[row])
-                written[messages.topic] += 1
-            reached = max([reached, *ends[whole].tolist()])
+                counts[messages.topic] += 1
+            reached = max([reached, *ends[rows].tolist()])
         if untouched:
             recorder.close(*(closing[key] for key in ("status", "message", "steps", "results", "warnings")))
             return LogVerdict(WHOLE, [f"{target} holds everything that was recorded", *log.faults])
@@ -220,9 +220,9 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> LogVerdict:
             closing["results"],
             closing["warnings"],
         )
-    sentence = f"{target} holds {sum(written.values())} messages, to t = {reached:.6g} s; the rest is lost"
-    if written == closing["messages"] and len(attachments) == len(names) and steps is None:
-        sentence = f"{target} holds all {sum(written.values())} messages, but names or metadata may be damaged"
+    sentence = f"{target} holds {sum(counts.values())} messages, to t = {reached:.6g} s; the rest is lost"
+    if counts == closing["messages"] and len(attachments) == len(names) and steps is None:
+        sentence = f"{target} holds all {sum(counts.values())} messages, but names or metadata may be damaged"
     return LogVerdict(RECOVERED, [sentence, *log.faults])
 
 
@@ -240,12 +240,12 @@ def _whole_steps(log: Log, recorded: Mapping[str, int], done: int) -> NDArray[np
     complete = {topic: sum(map(len, parts)) for topic, parts in parts_of.items()} == recorded
     if complete and not _lacks_steps(log, int(steps.max(initial=0)), done):
         return None
-    whole = np.ones(len(steps), bool)
+    is_whole = np.ones(len(steps), bool)
     for topic, topic_steps in steps_of.items():
         every, first = log.topics[topic].every, int(_is_input(topic))
         if len(topic_steps) or not len(steps) or steps[-1] < every:  # else the topic was never recorded: no loss
-            whole &= (steps < first) | ((steps - first) % every != 0) | np.isin(steps, topic_steps)
-    return steps[whole]
+            is_whole &= (steps < first) | ((steps - first) % every != 0) | np.isin(steps, topic_steps)
+    return steps[is_whole]
 
 
 def _steps(messages: Messages) -> NDArray[np.int64]:
@@ -268,13 +268,13 @@ def _attachment(log: Log, name: str) -> bytes | None:
 def info(path: str | os.PathLike[str]) -> Info:
     """Read a whole log and return its summary; raises LogUnreadable."""
     with Log(path, unfinished=True) as log:
-        tallies, known = {topic: Tally() for topic in log.topics}, len(log.faults)
+        tallies, n_faults = {topic: Tally() for topic in log.topics}, len(log.faults)
         for messages in log.intact():
             tallies[messages.topic].add(messages, None)
-        whole = len(log.faults) == known
-        digest = log.digest({topic: tally.hash.hexdigest() for topic, tally in tallies.items()}) if whole else ""
+        is_intact = len(log.faults) == n_faults
+        digest = log.digest({topic: tally.hash.hexdigest() for topic, tally in tallies.items()}) if is_intact else ""
         attachments = {name: len(_attachment(log, name) or b"") for name in log.attachments}
-        written = [tally for tally in tallies.values() if tally.messages]
-        start = min((tally.first for tally in written), default=float("nan"))
-        end = max((tally.last for tally in written), default=float("nan"))
+        recorded = [tally for tally in tallies.values() if tally.messages]
+        start = min((tally.first for tally in recorded), default=float("nan"))
+        end = max((tally.last for tally in recorded), default=float("nan"))
         return Info(log, start, end, digest, tallies, attachments)

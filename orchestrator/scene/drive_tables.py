@@ -191,9 +191,9 @@ class DriverTable(Table):
 
     @model_validator(mode="after")
     def _check_path(self) -> DriverTable:
-        given = [key for key in ("arcs", "points", "heading") if getattr(self, key) is not None]
-        if len(given) > 1:
-            raise ValueError(f"{given[0]} and {given[1]} exclude each other")
+        paths = [key for key in ("arcs", "points", "heading") if getattr(self, key) is not None]
+        if len(paths) > 1:
+            raise ValueError(f"{paths[0]} and {paths[1]} exclude each other")
         for key, least in (("arcs", 1), ("points", 2), ("speed_points", 1)):
             if (pairs := getattr(self, key)) is not None and len(pairs) < least:
                 raise ValueError(f"{key}: needs at least {least} of them, not {len(pairs)}")

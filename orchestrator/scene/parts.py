@@ -110,10 +110,10 @@ def _text(pairs: Sequence[tuple[float, float]]) -> str:
 
 def _ground_config(scene: VehicleScene) -> dict[str, Any]:
     """Config of the contacts of the chassis itself: the hull if declared, wheels without a track."""
-    bare = [side for side in SIDES if side not in scene.tracks]
-    if not bare and not scene.ground.hull:
+    trackless = [side for side in SIDES if side not in scene.tracks]
+    if not trackless and not scene.ground.hull:
         return {}
-    return {"ground": {"hull": scene.ground.hull, "bare": bare, **_bump(scene)}}
+    return {"ground": {"hull": scene.ground.hull, "bare": trackless, **_bump(scene)}}
 
 
 def _bump(scene: VehicleScene) -> dict[str, Any]:

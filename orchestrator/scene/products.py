@@ -29,7 +29,7 @@ def of_scenes(scenes: Sequence[Scene]) -> list[Product]:
 
     Variants carry the scene's name, and the component's where needed.
     """
-    seen: set[str] = set()
+    keys: set[str] = set()
     names: set[str] = set()
     products: list[Product] = []
     for scene in scenes:
@@ -39,9 +39,9 @@ def of_scenes(scenes: Sequence[Scene]) -> list[Product]:
             config = part.config | {"parameters": parameters}
             mirrored = parameters | {"start.lateral": abs(_side(part))}  # one FMU serves both sides
             key = json.dumps([part.kind, part.config, mirrored], sort_keys=True)
-            if key in seen:
+            if key in keys:
                 continue
-            seen.add(key)
+            keys.add(key)
             name = part.kind if scene.name == STANDARD else f"{part.kind}-{scene.name}"
             if name in names:
                 name = f"{part.kind}-{scene.name}-{part.name}"

@@ -51,10 +51,10 @@ def _with_current_keys(table: Mapping[str, Any]) -> Mapping[str, Any]:
         return table
 
 
-def scene_difference(one: Mapping[str, Any], other: Mapping[str, Any], above: str = "") -> str | None:
+def scene_difference(first: Mapping[str, Any], second: Mapping[str, Any], above: str = "") -> str | None:
     """First difference of two resolved, placed scenes, "key = value and value"; None for one scene."""
-    for name in sorted({*one, *other}):
-        key, a, b = f"{above}{name}", one.get(name), other.get(name)
+    for name in sorted({*first, *second}):
+        key, a, b = f"{above}{name}", first.get(name), second.get(name)
         if key in COMPUTED or a == b or (key in SEARCHED and _close(a, b)):
             continue
         if isinstance(a, Mapping) and isinstance(b, Mapping) and above.count(".") < 9:

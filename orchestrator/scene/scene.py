@@ -205,9 +205,9 @@ class VehicleScene(Scene):
         if self.driver is not None:
             radius = self.vehicle.track.pitch / (2.0 * math.sin(math.pi / self.vehicle.sprocket.teeth))
             return self._teeth_rate(OUTER_TRACK * self.driver.top_speed / radius)
-        known = [speed for side in SIDES if (speed := self.drive.of(side).top_speed) is not None]
+        speeds = [speed for side in SIDES if (speed := self.drive.of(side).top_speed) is not None]
         steering = self.drive.steering and self.drive.steering.top_speed
-        return self._teeth_rate(max(known) + 0.5 * (steering or 0.0) if known else None)
+        return self._teeth_rate(max(speeds) + 0.5 * (steering or 0.0) if speeds else None)
 
     def with_state(self) -> VehicleScene:
         """The scene with its start state, by default equilibrium where possible; raises ValueError."""
@@ -237,9 +237,9 @@ class VehicleScene(Scene):
         if self.symmetric:
             raise ValueError("symmetric = true needs the same drive on both sides: the right half mirrors the left")
         if without := [side for side in SIDES if side not in self.tracks]:
-            what = "a driver steers with both sides" if self.driver else "drive.left and drive.right differ"
-            what = "drive.steering joins both sides" if self.drive.steering else what
-            raise ValueError(f"{what}, but tracks has no '{without[0]}'")
+            reason = "a driver steers with both sides" if self.driver else "drive.left and drive.right differ"
+            reason = "drive.steering joins both sides" if self.drive.steering else reason
+            raise ValueError(f"{reason}, but tracks has no '{without[0]}'")
         if self.track.axes == "fixed":
             raise ValueError("this vehicle turns: track.axes = 'fixed' keeps cables in their plane")
 

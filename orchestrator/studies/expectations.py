@@ -47,8 +47,8 @@ def sliding(run: RunData, scene: VehicleScene) -> Expectation:
     """Deceleration with locked sprockets against friction times gravity, m/s2."""
     t, v = run.signal("chassis.speed", Window(float(scene.drive.stop or 0.0) + 0.3, scene.run.stop))
     moving = v > 0.3
-    wanted = scene.vehicle.contact.ground.friction * scene.vehicle.gravity
-    return float(-np.polyfit(t[moving], v[moving], 1)[0]), wanted, 0.1 * wanted
+    expected = scene.vehicle.contact.ground.friction * scene.vehicle.gravity
+    return float(-np.polyfit(t[moving], v[moving], 1)[0]), expected, 0.1 * expected
 
 
 def climbs(run: RunData, scene: VehicleScene) -> Expectation:

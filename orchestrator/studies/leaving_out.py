@@ -120,16 +120,16 @@ def cases(quick: bool, scene: str | None = None) -> list[Case]:
     """Pairs on four scenes, or on one; quick pairs are shorter. Raises BadInput."""
     if scene is not None and scene not in SCENES:
         raise BadInput(f"study leaving-out: scene '{scene}' must be one of {', '.join(SCENES)}")
-    found = []
-    for name, (brief, long, base, things) in SCENES.items():
+    all_cases = []
+    for name, (brief, long, base, omissions) in SCENES.items():
         if scene not in (None, name):
             continue
         stop = brief if quick else long
         common = (f"run.stop={stop} s", "run.outputs=1", *base)
-        for thing, *sides in things:
+        for omission, *sides in omissions:
             pair = tuple(side._replace(settings=(*common, *side.settings)) for side in sides)
-            found.append(Case(name, thing, compare, (name, pair, 3 if quick else PAIRS), 20.0 * stop))
-    return found
+            all_cases.append(Case(name, omission, compare, (name, pair, 3 if quick else PAIRS), 20.0 * stop))
+    return all_cases
 
 
 def compare(scene: str, sides: tuple[PairedRun, PairedRun], pairs: int) -> list[Row]:
@@ -139,12 +139,12 @@ def compare(scene: str, sides: tuple[PairedRun, PairedRun], pairs: int) -> list[
         peaks = [_run_task({"scene": scene, "sides": [side], "pairs": 0, "folder": folder})["peak"] for side in sides]
         motion, force = difference(*(Path(folder) / f"{k}.mcap" for k in (0, 1)))
     costs = np.array(timed["costs"])  # (pairs, side, (cpu, wall))
-    spent = np.median(costs, axis=0)
+    medians = np.median(costs, axis=0)
     ratios = costs[:, 1] / costs[:, 0]
     spreads = np.array([np.median(ratios, axis=0), ratios.min(axis=0), ratios.max(axis=0)])  # (statistic, (cpu, wall))
     ok = motion <= MOTION and force <= FORCE
     figures = [
-        *spent[:, 0].tolist(),
+        *medians[:, 0].tolist(),
         *spreads.T.ravel().tolist(),
         *peaks,
         *(size / 1000 for size in timed["log"]),
@@ -154,51 +154,51 @@ def compare(scene: str, sides: tuple[PairedRun, PairedRun], pairs: int) -> list[
     return [Row("", "", dict(zip(KEYS, figures, strict=True)), ok)]
 
 
-def difference(one: Path, other: Path) -> tuple[float, float]:
+def difference(first: Path, second: Path) -> tuple[float, float]:
     """Largest differences of motion and of forces between two logs, at common times.
 
     They are relative to the largest common value of the same unit or, for a speed that hardly occurs, to the fastest
     change of its position.
     """
     scale: dict[str, float] = {}
-    moved: dict[str, float] = {}
-    apart: dict[str, float] = {}
-    with Log(one) as a, Log(other) as b:
+    fastest: dict[str, float] = {}
+    largest: dict[str, float] = {}
+    with Log(first) as a, Log(second) as b:
         for topic in sorted(set(a.topics) & set(b.topics)):
             if topic.startswith("/stats"):
                 continue
             left, right = a.read(topic), b.read(topic)
             _, i, j = np.intersect1d(np.rint(left.t * 1e9), np.rint(right.t * 1e9), return_indices=True)
             for name in set(left.names) & set(right.names):
-                at = left.names.index(name)
-                x, y = left.values[i, at], right.values[j, right.names.index(name)]
-                unit = a.topics[topic].units[at]
+                column = left.names.index(name)
+                x, y = left.values[i, column], right.values[j, right.names.index(name)]
+                unit = a.topics[topic].units[column]
                 scale[unit] = max(scale.get(unit, 0.0), float(np.abs(x).max(initial=0.0)))
-                apart[unit] = max(apart.get(unit, 0.0), float(np.abs(x - y).max(initial=0.0)))
+                largest[unit] = max(largest.get(unit, 0.0), float(np.abs(x - y).max(initial=0.0)))
                 if unit in SPEED_OF:
-                    pace = np.abs(np.diff(x) / np.diff(left.t[i])).max(initial=0.0)
-                    moved[SPEED_OF[unit]] = max(moved.get(SPEED_OF[unit], 0.0), float(pace))
-    for unit, pace in moved.items():
+                    rate = np.abs(np.diff(x) / np.diff(left.t[i])).max(initial=0.0)
+                    fastest[SPEED_OF[unit]] = max(fastest.get(SPEED_OF[unit], 0.0), float(rate))
+    for unit, rate in fastest.items():
         if scale.get(unit, 0.0) < SMALLEST_SCALE:
-            scale[unit] = pace
-    relative = {unit: by / max(scale[unit], SMALLEST_SCALE) for unit, by in apart.items()}
-    soft = (by for unit, by in relative.items() if unit in SOFT)
-    return max(soft, default=0.0), max((by for unit, by in relative.items() if unit not in SOFT), default=0.0)
+            scale[unit] = rate
+    relative = {unit: value / max(scale[unit], SMALLEST_SCALE) for unit, value in largest.items()}
+    soft = (value for unit, value in relative.items() if unit in SOFT)
+    return max(soft, default=0.0), max((value for unit, value in relative.items() if unit not in SOFT), default=0.0)
 
 
 # --- runs, in a process of their own ---------------------------------------------------------------
 
 
 def _run_task(task: dict[str, Any]) -> Any:
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "orchestrator.studies.leaving_out"],
         input=json.dumps(task),
         text=True,
         capture_output=True,
     )
-    if done.returncode:
-        raise RuntimeError((done.stderr.strip() or "no message").splitlines()[-1])
-    return json.loads(done.stdout.splitlines()[-1])
+    if process.returncode:
+        raise RuntimeError((process.stderr.strip() or "no message").splitlines()[-1])
+    return json.loads(process.stdout.splitlines()[-1])
 
 
 def _main() -> None:
@@ -224,9 +224,9 @@ def run(name: str, side: PairedRun, path: Path) -> tuple[float, float]:
     scene = load(name, "flexible", side.settings)
     if side.estimated:
         cpu, wall = time.process_time(), time.perf_counter()
-        told = simulate(scene, path, estimated=True)
-        if told["status"] != "ok":
-            raise RuntimeError(told["message"])
+        summary = simulate(scene, path, estimated=True)
+        if summary["status"] != "ok":
+            raise RuntimeError(summary["message"])
         cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
         return cpu, wall
     scene = placed(scene)
@@ -286,14 +286,22 @@ def draw(rows: Sequence[Row], title: str) -> files.Picture:
     """Draw bars of the remaining cost: CPU time with its spread, log size."""
     from matplotlib.figure import Figure
 
-    shown = [row for row in rows if math.isfinite(row["cpu_ratio"])][::-1]
-    figure = Figure(figsize=(9.0, 1.2 + 0.42 * len(shown)), layout="constrained")
+    drawn_rows = [row for row in rows if math.isfinite(row["cpu_ratio"])][::-1]
+    figure = Figure(figsize=(9.0, 1.2 + 0.42 * len(drawn_rows)), layout="constrained")
     axes = figure.subplots()
-    at = np.arange(len(shown))
-    middle, low, high = (np.array([row[key] for row in shown]) for key in ("cpu_ratio", "cpu_least", "cpu_largest"))
-    axes.barh(at + 0.2, middle, 0.38, xerr=(middle - low, high - middle), color="tab:blue", label="CPU time")
-    axes.barh(at - 0.2, [row["log_without"] / row["log_with"] for row in shown], 0.38, color="tab:orange", label="log")
-    axes.set_yticks(at, [f"{row.item}: {row.case}" for row in shown], fontsize=8)
+    positions = np.arange(len(drawn_rows))
+    middle, low, high = (
+        np.array([row[key] for row in drawn_rows]) for key in ("cpu_ratio", "cpu_least", "cpu_largest")
+    )
+    axes.barh(positions + 0.2, middle, 0.38, xerr=(middle - low, high - middle), color="tab:blue", label="CPU time")
+    axes.barh(
+        positions - 0.2,
+        [row["log_without"] / row["log_with"] for row in drawn_rows],
+        0.38,
+        color="tab:orange",
+        label="log",
+    )
+    axes.set_yticks(positions, [f"{row.item}: {row.case}" for row in drawn_rows], fontsize=8)
     axes.axvline(1.0, color="0.5", linewidth=0.8)
     axes.set_xlabel("without over with")
     axes.set_title(title, fontsize=10)

@@ -52,34 +52,34 @@ def run(
 
     BadInput: the scheduler cannot be reached.
     """
-    found: dict[int, Rows] = {}
+    rows_of: dict[int, Rows] = {}
     for k, case in enumerate(cases):
-        kept = store.get(case) if store else None
-        if kept is not None:
-            found[k] = kept
+        stored = store.get(case) if store else None
+        if stored is not None:
+            rows_of[k] = stored
             done(case)
-    left = sorted(set(range(len(cases))) - set(found), key=lambda k: -cases[k].seconds)
+    remaining = sorted(set(range(len(cases))) - set(rows_of), key=lambda k: -cases[k].seconds)
     if scheduler is not None:
-        finished = _on_cluster(cases, left, scheduler)
+        finished = _on_cluster(cases, remaining, scheduler)
     elif workers > 1:
-        finished = _in_processes(cases, left, workers)
+        finished = _in_processes(cases, remaining, workers)
     else:
-        finished = ((k, attempt(cases[k]), True) for k in sorted(left))
-    for k, answer, worth in finished:
+        finished = ((k, attempt(cases[k]), True) for k in sorted(remaining))
+    for k, answer, is_final in finished:
         case = cases[k]
-        found[k] = [Row(case.item, case.name, ok=False, note=answer)] if isinstance(answer, str) else answer
-        if store and worth:
-            store.put(case, found[k])
+        rows_of[k] = [Row(case.item, case.name, ok=False, note=answer)] if isinstance(answer, str) else answer
+        if store and is_final:
+            store.put(case, rows_of[k])
         done(case)
-    return [row for k in range(len(cases)) for row in found[k]]
+    return [row for k in range(len(cases)) for row in rows_of[k]]
 
 
-def _in_processes(cases: Sequence[Case], left: Sequence[int], workers: int) -> FinishedCases:
-    workers = max(1, min(workers, len(left)))
+def _in_processes(cases: Sequence[Case], remaining: Sequence[int], workers: int) -> FinishedCases:
+    workers = max(1, min(workers, len(remaining)))
     context = multiprocessing.get_context("spawn")
     with _own_modules(), _single_threads(), ProcessPool(workers, initializer=_end_with_parent, context=context) as pool:
         waiting: dict[Future[CaseResult], int] = {
-            pool.schedule(attempt, args=(cases[k],), timeout=cases[k].limit): k for k in left
+            pool.schedule(attempt, args=(cases[k],), timeout=cases[k].limit): k for k in remaining
         }
         try:
             for future in as_completed(waiting):
@@ -116,7 +116,7 @@ def _own_modules() -> Iterator[None]:
         sys.path.remove(ROOT)
 
 
-def _on_cluster(cases: Sequence[Case], left: Sequence[int], address: str) -> FinishedCases:
+def _on_cluster(cases: Sequence[Case], remaining: Sequence[int], address: str) -> FinishedCases:
     try:
         from dask.distributed import Client
         from dask.distributed import as_completed as completed
@@ -128,7 +128,7 @@ def _on_cluster(cases: Sequence[Case], left: Sequence[int], address: str) -> Fin
         raise BadInput(f"--scheduler {address}: no Dask scheduler answers there ({error})") from None
     with client:
         waiting = {
-            client.submit(attempt, cases[k], key=f"{cases[k].name}-{os.getpid()}-{k}", pure=False): k for k in left
+            client.submit(attempt, cases[k], key=f"{cases[k].name}-{os.getpid()}-{k}", pure=False): k for k in remaining
         }
         for future in completed(list(waiting)):
             k = waiting[future]

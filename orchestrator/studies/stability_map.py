@@ -35,9 +35,9 @@ COLUMNS = (
 
 def table(rows: Sequence[Row], title: str = "") -> Table:
     """Table of the rows, with the number of cases of each verdict."""
-    shown = [_completed(row) for row in rows]
-    ends = ", ".join(f"{sum(row['verdict'] == verdict for row in shown)} {verdict}" for verdict in VERDICTS)
-    return Table.of_records(title, COLUMNS, shown, (f"{len(rows)} cases: {ends}.",))
+    cells = [_completed(row) for row in rows]
+    ends = ", ".join(f"{sum(row['verdict'] == verdict for row in cells)} {verdict}" for verdict in VERDICTS)
+    return Table.of_records(title, COLUMNS, cells, (f"{len(rows)} cases: {ends}.",))
 
 
 def _completed(row: Row) -> dict[str, Any]:

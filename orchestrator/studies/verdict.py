@@ -39,41 +39,41 @@ def with_verdict(row: Row, verdict: str, note: str) -> Row:
     if not note and verdict != RIGHT:
         verdict = MUTE
     ok = verdict == RIGHT or (verdict != MUTE and not row.figures.get("sensible", True))
-    return replace(row.having(verdict=verdict), ok=ok, note=" ".join(note.split()))
+    return replace(row.with_figures(verdict=verdict), ok=ok, note=" ".join(note.split()))
 
 
-def judged_run(scene: Scene, asked: str, row: Row | None = None) -> Row:
+def judged_run(scene: Scene, expectation: str, row: Row | None = None) -> Row:
     """Run a scene and judge it; only the row is kept, with its earlier figures."""
     began = time.perf_counter()
-    row = (row or Row("", "")).having(asked=EXPECTATIONS[asked][1])
+    row = (row or Row("", "")).with_figures(asked=EXPECTATIONS[expectation][1])
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-        row = _judged_log(scene, asked, row, Path(folder) / "run.mcap")
-    return row.having(seconds=time.perf_counter() - began)
+        row = _judged_log(scene, expectation, row, Path(folder) / "run.mcap")
+    return row.with_figures(seconds=time.perf_counter() - began)
 
 
-def _judged_log(scene: Scene, asked: str, row: Row, path: Path) -> Row:
+def _judged_log(scene: Scene, expectation: str, row: Row, path: Path) -> Row:
     try:
         run = scene.run.model_copy(update={"allow": ALLOWED})  # the question is what integrators bear
-        told = simulate(scene.model_copy(update={"expect": {}, "run": run}), path)
+        result = simulate(scene.model_copy(update={"expect": {}, "run": run}), path)
     except REFUSED as refusal:
         return with_verdict(row, CLEAN, str(refusal))
-    if told["communication_steps"]:
+    if result["communication_steps"]:
         with Log(path) as log:
             data = RunData(log)
             if not all(np.isfinite(log.read(f"/{name}/out").values).all() for name in data.instances):
-                return with_verdict(row, BLOWN, told["message"] or "a recorded output is not finite")
-            row = row.having(open=(told["energy"] or {}).get("residual_relative", math.nan))
-            if told["status"] == "ok":
+                return with_verdict(row, BLOWN, result["message"] or "a recorded output is not finite")
+            row = row.with_figures(open=(result["energy"] or {}).get("residual_relative", math.nan))
+            if result["status"] == "ok":
                 try:
-                    value, expected, tolerance = EXPECTATIONS[asked][0](data, scene)
+                    value, expected, tolerance = EXPECTATIONS[expectation][0](data, scene)
                 except Missing as missing:
                     return with_verdict(row, WRONG, str(missing))
-                row = row.having(found=value, expected=expected, tolerance=tolerance)
-    if told["status"] != "ok":
-        return with_verdict(row, CLEAN, told["message"])
+                row = row.with_figures(found=value, expected=expected, tolerance=tolerance)
+    if result["status"] != "ok":
+        return with_verdict(row, CLEAN, result["message"])
     if abs(row["open"]) > summary.LARGEST_RESIDUAL:
-        return with_verdict(row, BLOWN if abs(row["open"]) > 1.0 else WRONG, told["message"])
+        return with_verdict(row, BLOWN if abs(row["open"]) > 1.0 else WRONG, result["message"])
     if not abs(row["found"] - row["expected"]) <= row["tolerance"]:
-        apart = f"{row['found']:.4g} instead of {row['expected']:.4g} +- {row['tolerance']:.2g}"
-        return with_verdict(row, WRONG, f"{row['asked'].split(':')[0]}: {apart}")
-    return with_verdict(row, RIGHT, told["message"])
+        deviation = f"{row['found']:.4g} instead of {row['expected']:.4g} +- {row['tolerance']:.2g}"
+        return with_verdict(row, WRONG, f"{row['asked'].split(':')[0]}: {deviation}")
+    return with_verdict(row, RIGHT, result["message"])

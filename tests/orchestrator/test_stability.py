@@ -139,7 +139,7 @@ def test_cases():
     for family in extreme.FAMILIES:
         assert set(family.quick or ()) <= set(family.values), family.name
         for value in family.values:
-            asked = family.asked if isinstance(family.asked, str) else family.asked(value)
+            asked = family.expectation if isinstance(family.expectation, str) else family.expectation(value)
             assert asked in expectations.EXPECTATIONS
     for number in (0, 12, 14, 17, 19, 20, 21):  # settings that a scene takes
         family = extreme.FAMILIES[number]

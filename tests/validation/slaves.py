@@ -69,7 +69,7 @@ def coupled(cut: str, o: Oscillator, kind_of_b: type[Slave] = Slave) -> tuple[St
             bond="spring" if output in ("force", "v") else "",
         )
         for source, target, side, peer in (("b", "a", a, b), ("a", "b", b, a))
-        for output, name, kind in zip(peer.outputs, side.inputs, side.given, strict=True)
+        for output, name, kind in zip(peer.outputs, side.inputs, side.carries, strict=True)
     ]  # fmt: skip
     system = System((Instance("a", None, {}, 0), Instance("b", None, {}, 1)), tuple(connections))  # type: ignore[arg-type]
     return wire(system, {"a": one, "b": two}), one, two

@@ -68,7 +68,7 @@ class Iterative(Scheme):
                 history.append((z, residual))
                 if np.abs(residual / scale).max() <= self.tolerance:
                     return
-                z = scale * anderson([(guess / scale, rest / scale) for guess, rest in history[-HISTORY - 1 :]])
+                z = scale * anderson([(guess / scale, error / scale) for guess, error in history[-HISTORY - 1 :]])
         finally:
             self.free(start)
         raise CouplingFailed(self._complaint(t, h, residual / scale))

@@ -59,7 +59,11 @@ class Scheme:
         self._seconds = math.inf  # wall time of a step
 
     def __enter__(self) -> Scheme:
-        loaded = {each.component.name: each.component for each in self.members if isinstance(each.component, Component)}
+        loaded = {
+            member.component.name: member.component
+            for member in self.members
+            if isinstance(member.component, Component)
+        }
         if CAN_STEP and len(loaded) == len(self.members):
             stages = [
                 Stage(
@@ -112,7 +116,7 @@ class Scheme:
         """
         if self._failure is not None:
             raise self._failure
-        began = perf_counter()
+        start = perf_counter()
         done, n = 1, min(n, self.row_writer.room if self.row_writer else 1, int(LONGEST_BATCH / self._seconds))
         if n > 1 and self._program is not None and self.row_writer is not None and self._all_compiled:
             now = self._outputs()
@@ -125,7 +129,7 @@ class Scheme:
             self.past = Past(self.row_writer.outputs(done - 2) if done > 1 else now, h, older)
         else:
             self.advance(k * h, h)
-        self._seconds = (perf_counter() - began) / done
+        self._seconds = (perf_counter() - start) / done
         return done
 
     @cached_property
