@@ -136,7 +136,7 @@ import numpy as np
 from orchestrator.log import export
 columns = export.Columns(tuple(f"x{{i}}" for i in range({0} - 1)), ("m",) * ({0} - 1))
 export.GROUP = int(sys.argv[2])
-with export.written(Path(sys.argv[3]), "parquet", columns) as writer:
+with export.open_table(Path(sys.argv[3]), "parquet", columns) as writer:
     for k in range(int(sys.argv[1])):
         writer.rows(np.full((1000, {0}), float(k)))
 (most,) = (line.split()[1] for line in Path("/proc/self/status").open() if line.startswith("VmHWM"))

@@ -83,7 +83,7 @@ def test_variable_steps_go_on(tmp_path, monkeypatch, estimate):
         with Log(tmp_path / "again.mcap") as log:
             assert log.metadata["resumed"] == {"of": str(whole), "step": str(number)}
     for kind in (VariableStep, PowerResidual):
-        monkeypatch.setattr(kind, "remember", forget)
+        monkeypatch.setattr(kind, "restore_memory", forget)
     resume(whole, tmp_path / "again.mcap", 0.05)
     assert digest(tmp_path / "again.mcap") != digest(whole), "the twin, which forgets the step lengths, must differ"
 
