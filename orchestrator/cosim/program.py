@@ -71,7 +71,7 @@ class Program:
             raise self.failure()
 
     def step_batch(self, row_writer: RowWriter, k: int, n: int, h: float) -> int:
-        """Do the steps k + 1 to k + n of ``h`` s and write their rows to the tape.
+        """Do the steps k + 1 to k + n of ``h`` s and write their rows into the pages of the log.
 
         Returns the number of steps done before a component failed.
         """

@@ -9,12 +9,13 @@ from typing import Any
 
 from fmus.vehicle import BadInput, shown
 from orchestrator.scene.scene import from_table
-from orchestrator.scene.track_table import TrackTable
+from orchestrator.scene.track_table import TrackModelTable
 
 # Keys of name, computation, recording and checks: runs that differ in these alone are runs of one scene.
 COMPUTED = (
     "name", "title", "expect", "run", "planar", "symmetric", "vehicle.name", "vehicle.tensioner.travel",
-    *(f"track.{key}" for key in TrackTable.model_fields if key != "start"), "start.state", "start.equilibrium", "push",
+    *(f"track.{key}" for key in TrackModelTable.model_fields if key != "start"),
+    "start.state", "start.equilibrium", "push",
 )  # fmt: skip
 
 

@@ -25,7 +25,7 @@ from orchestrator.scene.run_tables import RunTable, short_coupling
 from orchestrator.scene.settings import keys, merged, put, setting
 from orchestrator.scene.start_tables import GroundTable, StartTable, VehicleStartTable
 from orchestrator.scene.tables import BenchTable, ChainTable, Check, RigTable
-from orchestrator.scene.track_table import TrackTable, short_track
+from orchestrator.scene.track_table import TrackModelTable, short_track
 from orchestrator.scene.values import SIDES, Side, false_as_none
 
 # Settings of a drive in mode controller that are allowed beside a driver.
@@ -43,7 +43,7 @@ class Scene(Table):
     run: RunTable
     expect: dict[str, Check] = Field(default_factory=dict)
     vehicle: Vehicle
-    track: Annotated[TrackTable, BeforeValidator(short_track)]
+    track: Annotated[TrackModelTable, BeforeValidator(short_track)]
     start: StartTable = StartTable()
     placed: bool = False  # True once the idler is where the chain carries its static tension
     planar: bool = False  # cable chains without lateral dofs: all motion is in the plane of the track

@@ -47,7 +47,7 @@ FLEXIBLE, FLEXIBLE_METHOD, METHOD = (
 )
 
 
-class TrackTable(Table):
+class TrackModelTable(Table):
     """Track model and its parameters; the model's defaults apply to the rest."""
 
     model: TrackName
@@ -94,13 +94,13 @@ class TrackTable(Table):
         """Given parameters, and the defaults of those that may exclude each other."""
         return {**self.kind.defaults, **self.parameters()}
 
-    def of_model(self, model: str) -> TrackTable:
+    def of_model(self, model: str) -> TrackModelTable:
         """The same track of another model, without settings of one model only and with the default integrator."""
         reset = {key: None for key, target in self.fmu_parameters().items() if target.model or key == "integrator"}
         return self.model_copy(update={**reset, "model": model})
 
     @model_validator(mode="after")
-    def _check_parameters(self) -> TrackTable:
+    def _check_parameters(self) -> TrackModelTable:
         for key, target in self.fmu_parameters().items():
             value = getattr(self, key)
             if target.model not in ("", self.model) and value is not None:
@@ -113,7 +113,7 @@ class TrackTable(Table):
         return self
 
     @model_validator(mode="after")
-    def _check_closure(self) -> TrackTable:
+    def _check_closure(self) -> TrackModelTable:
         for key in ("closure_stiffness", "closure_damping"):
             value = getattr(self, key)
             if self.closure != "spring" and value is not None:

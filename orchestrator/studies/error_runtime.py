@@ -34,7 +34,7 @@ QUICK = {
 }
 
 
-class Curve(NamedTuple):
+class MethodCurve(NamedTuple):
     """Curve of the study: common settings, and points with a label and settings of their own."""
 
     name: str
@@ -42,7 +42,7 @@ class Curve(NamedTuple):
     points: tuple[tuple[str, tuple[str, ...]], ...]
 
 
-def fixed(name: str, settings: tuple[str, ...], steps: tuple[tuple[float, float], ...]) -> Curve:
+def fixed(name: str, settings: tuple[str, ...], steps: tuple[tuple[float, float], ...]) -> MethodCurve:
     """Curve over (communication, internal) steps in ms; 0: stable step."""
     points = tuple(
         (f"H = {step:g} ms, h = {internal:g} ms", (f"run.step={step} ms", f"track.step={internal} ms"))
@@ -50,13 +50,13 @@ def fixed(name: str, settings: tuple[str, ...], steps: tuple[tuple[float, float]
         else (f"H = {step:g} ms, h = the stable one", (f"run.step={step} ms",))
         for step, internal in steps
     )
-    return Curve(name, settings, points)
+    return MethodCurve(name, settings, points)
 
 
-def variable(name: str, settings: tuple[str, ...], tolerances: tuple[float, ...]) -> Curve:
+def variable(name: str, settings: tuple[str, ...], tolerances: tuple[float, ...]) -> MethodCurve:
     """Curve over tolerances of variable communication steps, for scenes that have them."""
     points = tuple((f"tolerance {tolerance:g}", (f"run.variable.tolerance={tolerance}",)) for tolerance in tolerances)
-    return Curve(name, settings, points)
+    return MethodCurve(name, settings, points)
 
 
 def equal(*steps: float) -> tuple[tuple[float, float], ...]:
@@ -81,7 +81,7 @@ COUPLED = (
 )
 
 
-PACED: Sequence[Curve] = (  # for scenes with a variable step
+PACED: Sequence[MethodCurve] = (  # for scenes with a variable step
     *(method._replace(settings=("run.variable=false",)) for method in COUPLED[:3]),
     variable("power residual", ("run.variable.estimate=power",), (1e-3, 1e-4, 3e-5, 1e-5, 3e-6)),
     variable(
@@ -99,7 +99,7 @@ def cases(quick: bool, scene: str = "straight") -> list[Case]:
     base = (QUICK[loaded.assembly],) if quick else ()
     if isinstance(loaded, ChainScene) and loaded.chain.ends == "pinned" and loaded.track.start in (None, "rest"):
         base = (*base, "track.start=displaced")  # a scene at rest has no error
-    curves: Sequence[Curve] = SINGLE_COMPONENT if isinstance(loaded, ChainScene) else COUPLED
+    curves: Sequence[MethodCurve] = SINGLE_COMPONENT if isinstance(loaded, ChainScene) else COUPLED
     if loaded.run.variable is not None:
         curves = PACED
     all_cases = []

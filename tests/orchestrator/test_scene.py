@@ -20,7 +20,7 @@ from orchestrator.scene.placing import placed
 from orchestrator.scene.same_scene import require_same_scene
 from orchestrator.scene.scene import Scene, from_table, load
 from orchestrator.scene.settings import keys
-from orchestrator.scene.track_table import FmuParameter, TrackTable
+from orchestrator.scene.track_table import FmuParameter, TrackModelTable
 
 BARE = """
 title = "a chain"
@@ -226,10 +226,10 @@ def test_keys_of_a_track_are_parameters_of_its_fmu(model):
     """Keys of a track are parameters of its FMU, with their choices and defaults."""
     part = assemble(load("rig", model)).parts[0]
     ports = {port.name: port for port in model_of(part.kind)(part.config).ports}
-    for key, sets in TrackTable.fmu_parameters().items():
+    for key, sets in TrackModelTable.fmu_parameters().items():
         if sets.model in ("", model):
             port = ports[sets.name or key]
-            asked = get_args(TrackTable.model_fields[key].annotation)
+            asked = get_args(TrackModelTable.model_fields[key].annotation)
             chosen = next((get_args(one) for one in asked if get_origin(one) is Literal), ())
             assert set(chosen) <= {*(STARTS if key == "start" else port.choices)}, "an unknown start"
             assert {*port.choices} - set(chosen) <= {"planar"}, "scenes have a key of their own for this choice"
@@ -243,7 +243,7 @@ def test_a_key_of_a_track_is_declared_once(monkeypatch):
     A toy key reaches the FMU, belongs to one model, is dropped when the model changes, and is not part of the motion.
     """
 
-    class Toy(TrackTable):
+    class Toy(TrackModelTable):
         stickiness: Annotated[float | None, FmuParameter("glue.stickiness", model="rigid", method=True)] = None
 
     toy = Toy(model="rigid", stickiness=0.5)

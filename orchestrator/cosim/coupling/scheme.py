@@ -111,8 +111,8 @@ class Scheme:
         """Do the steps k + 1 to k + n of ``h`` s, or the first of them; return their number.
 
         Steps are done in one batch if kernels alone run between them, the ``row_writer`` has room, and they take a
-        short time; the tape then holds their rows. Errors are those of ``advance``; an error in a batch is raised by
-        the next call, after the completed steps have been returned.
+        short time; their rows are then in the pages of the log. Errors are those of ``advance``; an error in a batch
+        is raised by the next call, after the completed steps have been returned.
         """
         if self._failure is not None:
             raise self._failure
