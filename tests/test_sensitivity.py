@@ -27,7 +27,7 @@ from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import from_table, load
-from orchestrator.scene.settings import put
+from orchestrator.scene.settings import set_key
 
 ROUNDING = 1e3  # required effect over that of an ulp, and over the rounding of an output itself
 FACTOR = 1.02
@@ -231,7 +231,7 @@ def scene_of(case: Case, kind: str, **changes: float | int) -> Any:
     settings = [*case.settings, *(["track.element=beam"] if kind == "beam" else [])]
     table = load(case.scene, "rigid" if kind == "rigid" else "flexible", settings).resolved()
     for key, value in changes.items():
-        put(table, key, value)
+        set_key(table, key, value)
     return from_table(table, "the case")
 
 

@@ -204,9 +204,9 @@ def test_one_drive_and_two_are_named_as_what_they_are():
 
 def test_a_side_says_what_differs():
     drive = load("straight", "rigid", ["drive.left.speed=8", "drive.stop=7"]).drive
-    assert (drive.of("left").speed, drive.of("right").speed) == (8.0, 20.0)
-    assert drive.of("left").ramp_time == drive.of("right").ramp_time == 4.0
-    assert drive.of("left").stop == drive.of("right").stop == 7.0
+    assert (drive.of_side("left").speed, drive.of_side("right").speed) == (8.0, 20.0)
+    assert drive.of_side("left").ramp_time == drive.of_side("right").ramp_time == 4.0
+    assert drive.of_side("left").stop == drive.of_side("right").stop == 7.0
     again = load("turn", "rigid")
     assert type(again).model_validate(again.resolved()).resolved() == again.resolved()
 

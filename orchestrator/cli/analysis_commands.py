@@ -68,7 +68,7 @@ def analyse(
     module = module_of(what)
     analysis = ANALYSES[what]
     _check_options(what, given)
-    _check(start, end)
+    _check_window(start, end)
     picture_suffixes = PICTURES if hasattr(module, "picture") else ()
     if output:
         refuse(output, (".csv", *picture_suffixes))
@@ -125,7 +125,7 @@ def _as_json(log: Path, what: str, table: Table) -> dict[str, Any]:
     return {"log": str(log), "what": what, "title": table.title, "units": units, "rows": rows, "notes": table.notes}
 
 
-def _check(start: float, end: float) -> None:
+def _check_window(start: float, end: float) -> None:
     """Raise BadInput for an empty window."""
     if not start <= end:
         raise BadInput(f"--from {start:g} --to {end:g}: the first instant must not be after the last")
@@ -159,7 +159,7 @@ def plot(
         raise BadInput("plot needs a log: a file, or a name that ends in .mcap")
     if not signals:
         raise BadInput("plot needs a signal: 'cotrack log info --signals LOG' lists them")
-    _check(start, end)
+    _check_window(start, end)
     target = output or logs[0].with_name(f"{logs[0].stem}-plot.png")
     signal_picture.draw(
         logs, signals, target, Window(start, end), frequency=spectrum, order=order, waterfall=waterfall, place=place

@@ -46,7 +46,7 @@ def replay(
     """
     from orchestrator.execution import replay_model
 
-    names = component or replay_model.components(log)
+    names = component or replay_model.fmu_components(log)
     changes = [*([f"--with {other}"] if other else []), *(f"--set {setting}" for setting in settings or ())]
     if changes and len(names) > 1:
         raise BadInput(f"{changes[0]} is for one component: --component {' or '.join(names)}")

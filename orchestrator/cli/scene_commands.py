@@ -58,11 +58,11 @@ def build(
     changes = [*([f"vehicle={vehicle}"] if vehicle else ()), *(settings or ())]
     models = [track] if track else list(TRACKS)
     if everything:
-        requested = products.of_gallery(models, changes)
+        requested = products.gallery_products(models, changes)
     elif scene is None:
-        requested = products.of_scenes([load(products.STANDARD, model, changes) for model in models])
+        requested = products.scene_products([load(products.STANDARD, model, changes) for model in models])
     else:
-        requested = products.of_scenes([load(scene, track, changes)])
+        requested = products.scene_products([load(scene, track, changes)])
     for file in products.build_to(output, requested, native, windows):
         print(file)
 

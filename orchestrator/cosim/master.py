@@ -41,11 +41,11 @@ class Clock(NamedTuple):
 
     step: float  # H, s
     steps: int
-    done: int = 0  # steps of an earlier run
+    steps_done: int = 0  # steps of an earlier run
 
     def walk(self, scheme: Scheme, batch_limit: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
         """Step to the end, one step or one batch at a time."""
-        k = self.done
+        k = self.steps_done
         while k < self.steps:
             done = scheme.step_batch(k, min(batch_limit(k), self.steps - k), self.step)
             k += done

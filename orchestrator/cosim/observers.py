@@ -94,7 +94,7 @@ class Logging:
         if counts is None or self.row_writer is None:
             self._record(k, t, h)
         else:
-            links = self.row_writer.links(counts) if self._statistics else None
+            links = self.row_writer.link_rows(counts) if self._statistics else None
             self.recorder.commit(dict(zip(self._pages, counts, strict=False)))
             if links is not None:
                 self._add_statistics(*links, h)

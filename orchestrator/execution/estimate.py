@@ -63,13 +63,16 @@ def companions(scene: Scene, internal: float, simulated: float, components: int)
         both = same.model_copy(update={"track": scene.track.model_copy(update=tolerances)})
         return Companions(same if components > 1 else None, both)
 
-    def of(internal_step: float) -> Scene:
+    def with_internal_step(internal_step: float) -> Scene:
         track = scene.track.model_copy(update={"step": internal_step})
         return scene.model_copy(update={"run": run, "track": track})
 
     longest_step = scene.track.step and scene.run.step / math.ceil(scene.run.step / scene.track.step - 1e-9)
     stable = scene.track.integrator == "runge_kutta" and (longest_step is None or internal < 0.99 * longest_step)
-    return Companions(of(internal) if components > 1 else None, of(internal if stable else 2.0 * internal))
+    return Companions(
+        with_internal_step(internal) if components > 1 else None,
+        with_internal_step(internal if stable else 2.0 * internal),
+    )
 
 
 def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun) -> dict[str, Any]:

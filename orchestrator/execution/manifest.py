@@ -70,7 +70,7 @@ def manifest(
     topics: dict[str, list[tuple[str, str]]] = {}
     attachments = {
         "scene.json": as_json(scene.resolved()),
-        "system.json": as_json(describe(graph)),
+        "system.json": as_json(system_table(graph)),
     }
     for name, component in components.items():
         families = {"in": component.inputs, "out": component.outputs, "links": component.links}
@@ -81,7 +81,7 @@ def manifest(
         topics[f"/stats/{name}"] = counters + [(figure, "s") for figure in STATS]
     for instance in graph.instances:
         if instance.fmu is not None:
-            attachments[f"{instance.name}.modelDescription.xml"] = description(instance.fmu)
+            attachments[f"{instance.name}.modelDescription.xml"] = model_description(instance.fmu)
     metadata = {
         "run": {
             "scene": scene.name,
@@ -102,7 +102,7 @@ def manifest(
     return topics, attachments, metadata
 
 
-def describe(graph: System) -> dict[str, Any]:
+def system_table(graph: System) -> dict[str, Any]:
     """Return the system graph as plain data, with the hash of every FMU."""
     return {
         "instances": [
@@ -175,7 +175,7 @@ def _strides(scene: Scene, components: Mapping[str, Recordable]) -> dict[str, in
     return {f"/{name}/{kind}": steps for name in components for kind, steps in every.items()}
 
 
-def description(fmu: Path) -> bytes:
+def model_description(fmu: Path) -> bytes:
     """Read modelDescription.xml in an FMU."""
     with zipfile.ZipFile(fmu) as archive:
         return archive.read("modelDescription.xml")

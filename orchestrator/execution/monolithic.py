@@ -134,8 +134,8 @@ def run(
     graph = system(assembly)
     clock = master.Clock(scene.run.step, scene.run.steps)
     if initial_states is not None:
-        clock = clock._replace(done=round(initial_states.time / clock.step))
-        if clock.done >= clock.steps:
+        clock = clock._replace(steps_done=round(initial_states.time / clock.step))
+        if clock.steps_done >= clock.steps:
             raise BadInput(f"run.stop = {scene.run.stop:g} s must be after the states of {initial_states.time:g} s")
     try:
         monolith = Monolith(
@@ -157,12 +157,12 @@ def run(
         logging = Logging(recorder, list(parts.values()), stats_every)
         observers: list[master.Observer] = [logging]
         if initial_states is not None:
-            logging.continue_after(clock.done, initial_states.time, clock.step)
+            logging.continue_after(clock.steps_done, initial_states.time, clock.step)
         if narration:
             observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop, narration)))
         start = time.perf_counter()
         outcome = master.run(
-            scheme, clock, observers, interrupted, initial_states and (clock.done, initial_states.time)
+            scheme, clock, observers, interrupted, initial_states and (clock.steps_done, initial_states.time)
         )
         wall = time.perf_counter() - start
         recorder.close(outcome.status, outcome.message, outcome.steps)

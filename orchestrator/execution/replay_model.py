@@ -16,7 +16,7 @@ from fmus.vehicle import BadInput, shown
 from orchestrator.cosim.component import Component, Logger
 from orchestrator.cosim.graph import Instance, System
 from orchestrator.execution import replays
-from orchestrator.execution.manifest import NATIVE, as_json, describe, description, sha256
+from orchestrator.execution.manifest import NATIVE, as_json, model_description, sha256, system_table
 from orchestrator.log import notices
 from orchestrator.log.log_format import BRANCHED
 from orchestrator.log.reader import Log
@@ -63,8 +63,8 @@ class Replay(NamedTuple):
             raise BadInput(f"{path} is the log itself: give another name")
         instance = Instance(name, model.fmu, dict(self.parameters), model.stage)
         attachments = {
-            "system.json": as_json(describe(System((instance,), ()))),
-            f"{name}.modelDescription.xml": description(model.fmu),
+            "system.json": as_json(system_table(System((instance,), ()))),
+            f"{name}.modelDescription.xml": model_description(model.fmu),
         }
         if model.scene is not None:
             attachments["scene.json"] = as_json(model.scene.resolved())
@@ -107,7 +107,7 @@ def open_replay(
             yield Replay(log, component, parameters, model)
 
 
-def components(path: Path) -> list[str]:
+def fmu_components(path: Path) -> list[str]:
     """Names of the components that ran as FMUs; raises LogUnreadable, NoSuchSignal."""
     with Log(path) as log:
         return [entry["name"] for entry in system_of(log)["instances"] if entry.get("sha256")]

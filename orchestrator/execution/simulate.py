@@ -98,7 +98,7 @@ def _simulate(
     reached = ReachedPoint()
     with ExitStack() as stack:
         announce(f"{scene.name}: components are built and initialised")
-        run = _PreparedRun.of(*load_scene(scene, stack, logger, native), continuation)
+        run = _PreparedRun.prepare(*load_scene(scene, stack, logger, native), continuation)
         early_warnings = _early_warnings(run, logger)
         result["warnings"] = early_warnings
         log_opened = False
@@ -152,7 +152,7 @@ class _PreparedRun(NamedTuple):
     restored_point: Any  # number, time and state of the checkpoint; None at the start
 
     @classmethod
-    def of(
+    def prepare(
         cls, scene: Scene, graph: System, components: dict[str, Component], continuation: Continuation | None
     ) -> _PreparedRun:
         """Wire, warm up and, if ``continuation`` is given, restore; raises CouplingFailed, UnusableCheckpoint."""
@@ -168,7 +168,7 @@ class _PreparedRun(NamedTuple):
                 continuation.checkpoint, scheme, continuation.step, restore_memory, continuation.adapt_state
             )
             if isinstance(pace, master.Clock):
-                pace = pace._replace(done=restored_point.k)
+                pace = pace._replace(steps_done=restored_point.k)
         return cls(scene, graph, components, scheme, pace, restored_point)
 
 
@@ -339,7 +339,7 @@ def load_components(graph: System, stop: float, stack: ExitStack, logger: Logger
     for instance in graph.instances:
         component = components[instance.name]
         component.initialise(instance.parameters, 0.0, stop)
-    power_residual.check(graph.connections, lambda instance, name: components[instance].dimension(name))
+    power_residual.check_bonds(graph.connections, lambda instance, name: components[instance].dimension(name))
     return components
 
 

@@ -32,7 +32,7 @@ def recorded_channel(topic: str, about: Topic) -> RecordedChannel:
     return RecordedChannel(topic, about, columns, names, schema.layout(schema.places(names)))
 
 
-def texts(channel: RecordedChannel) -> dict[str, str]:
+def encode(channel: RecordedChannel) -> dict[str, str]:
     """Encode a channel as metadata texts; wired variables have the empty place."""
     about = channel.about
     places = dict(zip(channel.columns, schema.places(channel.names), strict=True))
@@ -45,7 +45,7 @@ def texts(channel: RecordedChannel) -> dict[str, str]:
     return entries | ({"wires": json.dumps([wire._asdict() for wire in about.wires])} if about.wires else {})
 
 
-def read(topic: str, about: Mapping[str, str], described: bytes) -> RecordedChannel:
+def decode(topic: str, about: Mapping[str, str], described: bytes) -> RecordedChannel:
     """Decode a channel from its metadata and schema data; raises LookupError, ValueError, RecursionError."""
     names, units, places = (_texts(about[key]) for key in ("names", "units", "places"))
     if not len(names) == len(set(names)) == len(units) == len(places):
@@ -62,7 +62,7 @@ def read(topic: str, about: Mapping[str, str], described: bytes) -> RecordedChan
     if wires and every != 1:
         raise ValueError("a wired topic is not recorded at every step")
     layout = schema.layout([places[column] for column in columns])
-    if not schema.describes(described, layout.fields):
+    if not schema.is_descriptor_of(described, layout.fields):
         raise ValueError("schema and places differ")
     return RecordedChannel(topic, Topic(names, units, every, wires), columns, recorded_names, layout)
 

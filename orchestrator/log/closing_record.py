@@ -1,6 +1,6 @@
 """Closing record of a log: status, results and warnings of the run, count and sha256 of each topic.
 
-A log without it was cut off. MCAP metadata hold texts only: ``texts`` encodes the record, ``read`` decodes it.
+A log without it was cut off. MCAP metadata hold texts only: ``encode`` encodes the record, ``decode`` decodes it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ NAME = "closing"  # of the metadata record
 _WARNED = {"component": str, "text": str, "time": float, "count": int}  # ``ComponentWarning``
 
 
-def texts(
+def encode(
     status: str,
     message: str,
     steps: int,
@@ -31,7 +31,7 @@ def texts(
     return record | {"warnings": json.dumps(list(warnings))}
 
 
-def read(record: Mapping[str, str]) -> dict[str, Any]:
+def decode(record: Mapping[str, str]) -> dict[str, Any]:
     """Decode a closing record: numbers as int, and one dict by topic for messages, sha256 and results.
 
     Raises ValueError, RecursionError.

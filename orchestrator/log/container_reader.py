@@ -22,7 +22,7 @@ from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, ChunkIndex, DataEnd, Footer, MetadataIndex
 from mcap.writer import MCAP0_MAGIC
 
-from orchestrator.log.container_writer import being_written, reason
+from orchestrator.log.container_writer import being_written, error_text
 
 HEAD = struct.Struct("<BQ")  # opcode and length before every record
 FOOTER = HEAD.size + 20 + len(MCAP0_MAGIC)  # bytes from the footer to the end of a file
@@ -49,7 +49,7 @@ class ContainerReader:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._data, self.being_written = _mapped(path)
+        self._data, self.being_written = _map_file(path)
         self.size = len(self._data)
         self.faults: list[str] = []  # sentences
         self.data_end: int | None = None  # offset of the record that ends the data
@@ -60,7 +60,7 @@ class ContainerReader:
         """Unmap the file."""
         self._data.close()
 
-    def fault(self, sentence: str) -> None:
+    def add_fault(self, sentence: str) -> None:
         """Add a sentence to ``faults`` unless it is there already."""
         if sentence not in self.faults:
             self.faults.append(sentence)
@@ -72,7 +72,7 @@ class ContainerReader:
 
     def record(self, kind: Any, offset: int) -> Any:
         """Parse the record at ``offset`` as a class of ``mcap.records``; raises one of DAMAGE."""
-        return parsed(kind, self.body(offset))
+        return parse_record(kind, self.body(offset))
 
     def content(self, offset: int) -> bytes:
         """Return the unpacked and checked content of the chunk at ``offset``; raises one of DAMAGE."""
@@ -85,12 +85,12 @@ class ContainerReader:
             with body[position + _LENGTH.size : position + _LENGTH.size + length] as packed:
                 if len(packed) != length:
                     raise ValueError("it is cut off")
-                content = self._unpacked(kind, packed, size)
+                content = self._decompress(kind, packed, size)
         if crc not in (0, crc32(content)):
             raise ValueError("its checksum does not hold")
         return content
 
-    def _unpacked(self, kind: bytes, packed: memoryview, size: int) -> bytes:
+    def _decompress(self, kind: bytes, packed: memoryview, size: int) -> bytes:
         if kind == b"":
             return bytes(packed)
         if kind != b"zstd":
@@ -105,15 +105,15 @@ class ContainerReader:
         while offset < self.size:
             following = self._step(offset, visit)
             if following is None:
-                following = next((indexed for indexed in self._indexed() if indexed > offset), self.size)
-                self.fault(f"{self.path}: the record at byte {offset} of {self.size} is cut off or damaged")
+                following = next((indexed for indexed in self._indexed_offsets() if indexed > offset), self.size)
+                self.add_fault(f"{self.path}: the record at byte {offset} of {self.size} is cut off or damaged")
             offset = following
         if self.data_end is None and self.being_written:
-            self.fault(f"{self.path}: the log is still being written, {self.size} bytes so far")
+            self.add_fault(f"{self.path}: the log is still being written, {self.size} bytes so far")
         elif self.data_end is None:
-            self.fault(f"{self.path}: the log was cut off at byte {self.size}")
+            self.add_fault(f"{self.path}: the log was cut off at byte {self.size}")
         elif not self.ended:
-            self.fault(f"{self.path}: the end of the file is missing or damaged")
+            self.add_fault(f"{self.path}: the end of the file is missing or damaged")
 
     def _step(self, offset: int, visit: Callable[[int, int], None]) -> int | None:
         """Visit the record at ``offset``; return the offset of the next one, or None if it is damaged."""
@@ -134,7 +134,7 @@ class ContainerReader:
             return None
         return following
 
-    def _indexed(self) -> list[int]:
+    def _indexed_offsets(self) -> list[int]:
         """Return the sorted offsets of records in the summary; empty without a readable summary."""
         offsets = []
         try:
@@ -182,12 +182,12 @@ class ContainerReader:
         return crc
 
 
-def parsed(kind: Any, body: bytes) -> Any:
+def parse_record(kind: Any, body: bytes) -> Any:
     """Parse bytes as a class of ``mcap.records``; raises one of DAMAGE."""
     return kind.read(ReadDataStream(io.BytesIO(body)))
 
 
-def _mapped(path: Path) -> tuple[mmap.mmap, bool]:
+def _map_file(path: Path) -> tuple[mmap.mmap, bool]:
     """Map a file; return it with whether a recorder has it open. Raises LogUnreadable."""
     try:
         with path.open("rb") as stream:
@@ -196,4 +196,4 @@ def _mapped(path: Path) -> tuple[mmap.mmap, bool]:
                 raise LogUnreadable(f"{path} is not a log: it does not begin as an MCAP file does")
             return mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ), being_written(stream)
     except OSError as error:
-        raise LogUnreadable(f"the log {path} cannot be read: {reason(error)}") from None
+        raise LogUnreadable(f"the log {path} cannot be read: {error_text(error)}") from None

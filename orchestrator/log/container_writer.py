@@ -252,7 +252,7 @@ def check_writable(path: Path) -> None:
                 elif being_written(stream):
                     problem = "another run is writing it"
         except OSError as error:
-            raise failed(path, error) from None
+            raise log_failed(path, error) from None
     elif not path.exists():
         parent = next(folder for folder in path.absolute().parents if folder.exists())
         if not parent.is_dir():
@@ -295,12 +295,12 @@ def _bytes(*records: McapRecord) -> bytes:
     return builder.end()
 
 
-def failed(path: Path, error: Exception) -> LogFailed:
+def log_failed(path: Path, error: Exception) -> LogFailed:
     """Return the LogFailed for a log that cannot be written."""
-    return LogFailed(f"the log {path} cannot be written: {reason(error)}")
+    return LogFailed(f"the log {path} cannot be written: {error_text(error)}")
 
 
-def reason(error: Exception) -> str:
+def error_text(error: Exception) -> str:
     """Return the reason of a file error as the end of a sentence."""
     text = (error.strerror or str(error)) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
     return text[:1].lower() + text[1:]

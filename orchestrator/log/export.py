@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from orchestrator.log.container_writer import LogFailed, reason
+from orchestrator.log.container_writer import LogFailed, error_text
 from orchestrator.log.extra import library
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.time_series import EVER, Floats, Series
@@ -202,7 +202,7 @@ def open_table(file: Path, kind: str, columns: Columns) -> Iterator[Writer]:
         if fresh != file:
             fresh.replace(file)
     except OSError as error:
-        raise LogFailed(f"{file} cannot be written: {reason(error)}") from None
+        raise LogFailed(f"{file} cannot be written: {error_text(error)}") from None
     finally:
         if fresh != file:
             _remove(fresh)

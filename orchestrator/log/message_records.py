@@ -41,7 +41,7 @@ class Messages(NamedTuple):
         """Time (m,), s."""
         return self.layout.unpack(self.rows, PREFIX, ())[0]
 
-    def digestible(self) -> memoryview:
+    def hashed_bytes(self) -> memoryview:
         """Return the bytes that enter a topic's sha256: sequence, times and data."""
         return np.ascontiguousarray(self.rows[:, IDENTITY:]).data
 

@@ -1,6 +1,6 @@
 """Reader of a log, whole or cut off: every complete message as arrays with the recorded bits.
 
-``complete`` and ``faults`` tell what is missing. Contents are checked against their CRCs when they are read. ``read``
+``complete`` and ``faults`` tell what is missing. Contents are checked against their CRCs when they are read. ``decode``
 keeps its result in memory; ``stream``, ``select``, ``ends`` and ``blocks`` keep nothing, so that a long log needs no
 more memory.
 """
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from orchestrator.log import channel_metadata, closing_record, log_format, notices
 from orchestrator.log.chunk_reader import Chunks
-from orchestrator.log.container_reader import ContainerReader, LogUnreadable, parsed
+from orchestrator.log.container_reader import ContainerReader, LogUnreadable, parse_record
 from orchestrator.log.message_records import Messages
 from orchestrator.log.stream import Stream
 from orchestrator.log.time_series import EVER, Floats, Series, Topic, empty_series, join_series
@@ -106,7 +106,7 @@ class Log(AbstractContextManager["Log"]):
         body = self._file.body(offset)
         if zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
             raise LogUnreadable(f"{self.path}: the attachment '{name}' at byte {offset} is damaged")
-        return parsed(Attachment, body).data
+        return parse_record(Attachment, body).data
 
     def table(self, name: str) -> dict[str, Any]:
         """Return the JSON object in an attached file; raises NoSuchSignal, LogUnreadable."""
@@ -296,13 +296,13 @@ class Log(AbstractContextManager["Log"]):
             try:
                 yield from self._chunks.read(offset, keep=False)
             except LogUnreadable as damage:
-                self._file.fault(str(damage))
+                self._file.add_fault(str(damage))
 
     def hashes(self) -> dict[str, str]:
         """Return topic -> sha256 over sequence, times and data of its messages; raises LogUnreadable."""
         hashes = {topic: hashlib.sha256() for topic in self.topics}
         for messages in chain.from_iterable(self.chunks()):
-            hashes[messages.topic].update(messages.digestible())
+            hashes[messages.topic].update(messages.hashed_bytes())
         return {topic: value.hexdigest() for topic, value in hashes.items()}
 
     def digest(self, hashes: Mapping[str, str] | None = None) -> str:
@@ -347,7 +347,7 @@ class Log(AbstractContextManager["Log"]):
             if record.name == log_format.NAME:
                 self._check_format(record.metadata)
             elif record.name == closing_record.NAME:
-                self.closing = closing_record.read(record.metadata)
+                self.closing = closing_record.decode(record.metadata)
             else:
                 self.metadata[record.name] = record.metadata
         elif opcode == Opcode.SCHEMA:
@@ -359,7 +359,7 @@ class Log(AbstractContextManager["Log"]):
     def _check_format(self, record: Mapping[str, str]) -> None:
         """Raise LogUnreadable for a log of a newer format."""
         try:
-            log_format.check(record)
+            log_format.check_version(record)
         except log_format.TooNew as newer:
             self.close()
             raise LogUnreadable(f"{self.path} {newer}") from None
@@ -372,7 +372,7 @@ class Log(AbstractContextManager["Log"]):
             schema = self._schemas.get(channel.schema_id)
             self.others[channel.topic] = schema.name if schema else channel.message_encoding
             return
-        recorded = channel_metadata.read(channel.topic, channel.metadata, self._schemas[channel.schema_id].data)
+        recorded = channel_metadata.decode(channel.topic, channel.metadata, self._schemas[channel.schema_id].data)
         if self.topics.setdefault(channel.topic, recorded.about) != recorded.about:
             raise ValueError(f"{channel.topic} has two different descriptions")
         self._channels[channel.id] = self._recorded[channel.topic] = recorded
@@ -384,7 +384,7 @@ class Log(AbstractContextManager["Log"]):
                 source = self._recorded.get(wire.source)
                 names = () if source is None else source.names
                 if source is None or source.about.every > 1 or not set(wire.outputs) <= set(names):
-                    self._file.fault(f"{self.path}: {topic} is wired to {wire.source}, which lacks what it needs")
+                    self._file.add_fault(f"{self.path}: {topic} is wired to {wire.source}, which lacks what it needs")
                     self.topics.pop(topic, None)
         for number in [number for number, channel in self._channels.items() if channel.topic not in self.topics]:
             del self._channels[number]

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log import channel_metadata, closing_record, events_topic, log_format, schema
-from orchestrator.log.container_writer import ContainerWriter, LogFailed, check_writable, failed
+from orchestrator.log.container_writer import ContainerWriter, LogFailed, check_writable, log_failed
 from orchestrator.log.message_records import LONGEST
 from orchestrator.log.page import CHUNK, Block, Channel, Page, WireViolated
 from orchestrator.log.time_series import Topic
@@ -85,12 +85,12 @@ class Recorder(AbstractContextManager["Recorder"]):
                 self.path.unlink()
             self._file = ContainerWriter(self.path)
         except OSError as error:
-            raise failed(self.path, error) from None
+            raise log_failed(self.path, error) from None
         try:
-            self._begin(attachments, metadata, types or {})
+            self._write_header(attachments, metadata, types or {})
         except OSError as error:
             self._file.close()
-            raise failed(self.path, error) from None
+            raise log_failed(self.path, error) from None
         self._thread = threading.Thread(target=self._write_queue, name="recorder", daemon=True)
         self._thread.start()
 
@@ -131,7 +131,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         page = self._pages[topic]
         if sequence % page.every:
             return
-        self._check(topic, t)
+        self._check_time(topic, t)
         with self._condition:
             self._raise_failure()
             page.add(sequence, t, h, values)
@@ -156,12 +156,12 @@ class Recorder(AbstractContextManager["Recorder"]):
             for topic, n in rows.items():
                 page = self._pages[topic]
                 page.commit(n)
-                self._check(topic, float(page.block.t[page.block.count - 1]))
+                self._check_time(topic, float(page.block.t[page.block.count - 1]))
                 self._bytes += n * page.size
                 last = max(last, int(page.block.sequence[page.block.count - 1]))
             self._hand_over_if_full(last, all(self._pages[topic].room for topic in rows) and not self._overdue)
 
-    def _check(self, topic: str, t: float) -> None:
+    def _check_time(self, topic: str, t: float) -> None:
         if not 0.0 <= t < LONGEST:
             raise ValueError(f"{topic} cannot be recorded at t = {t} s: a log begins at 0 and ends by {LONGEST:g}")
 
@@ -247,17 +247,17 @@ class Recorder(AbstractContextManager["Recorder"]):
             status, message = "failed", message or str(self._failure)
         try:
             totals = {topic: (channel.messages, channel.hash.hexdigest()) for topic, channel in self._channels.items()}
-            record = closing_record.texts(status, message, steps, totals, results or {}, warnings)
+            record = closing_record.encode(status, message, steps, totals, results or {}, warnings)
             self._file.metadata(closing_record.NAME, record)
             self._file.finish()
         except OSError as error:
-            self._failure = self._failure or failed(self.path, error)
+            self._failure = self._failure or log_failed(self.path, error)
         finally:
             self._file.close()
         if self._failure is not None and self._failure is not earlier:
             raise self._failure
 
-    def _begin(
+    def _write_header(
         self,
         attachments: Mapping[str, bytes],
         metadata: Mapping[str, Mapping[str, str]],
@@ -274,7 +274,7 @@ class Recorder(AbstractContextManager["Recorder"]):
             kind, fields = types.get(topic, schema.type_name(topic)), channel.layout.fields
             if described.setdefault(kind, fields) != fields:  # one kind, but different variables
                 kind = schema.type_name(topic)
-            about, description = channel_metadata.texts(channel.recorded), schema.descriptor(kind, fields)
+            about, description = channel_metadata.encode(channel.recorded), schema.descriptor(kind, fields)
             self._file.channel(channel.number, topic, kind, description, about)
 
     def _hand_over(self) -> None:
@@ -308,7 +308,7 @@ class Recorder(AbstractContextManager["Recorder"]):
             except Exception as error:  # any error must be reported to the run
                 with self._condition:
                     violated = isinstance(error, WireViolated)
-                    self._failure = LogFailed(f"{self.path}: {error}") if violated else failed(self.path, error)
+                    self._failure = LogFailed(f"{self.path}: {error}") if violated else log_failed(self.path, error)
                     self._hand_over()
                     queued = [filled, *self._backlog]
                     self._backlog.clear()

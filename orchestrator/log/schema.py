@@ -65,22 +65,22 @@ class MessageLayout(NamedTuple):
 
         ``columns``: return these variables only, which is faster for a few.
         """
-        t = _holes(rows, offset + TIME_AT, (1,), (0,))[:, 0].copy()
-        h = _holes(rows, offset + LENGTH_AT, (1,), (0,))[:, 0].copy()
+        t = _value_view(rows, offset + TIME_AT, (1,), (0,))[:, 0].copy()
+        h = _value_view(rows, offset + LENGTH_AT, (1,), (0,))[:, 0].copy()
         if columns is not None:
             values = np.empty((len(rows), len(columns)))
             for k, column in enumerate(columns):
-                values[:, k] = _holes(rows, offset + self.starts[column], (1,), (0,))[:, 0]
+                values[:, k] = _value_view(rows, offset + self.starts[column], (1,), (0,))[:, 0]
             return t, h, values
         values = np.empty((len(rows), len(self.order)))
         for group in self.groups:
             members = self.order[group.first : group.first + group.shape[0] * group.shape[1]]
-            holes = _holes(rows, offset + group.offset, group.shape, (group.stride, 8))
+            holes = _value_view(rows, offset + group.offset, group.shape, (group.stride, 8))
             values[:, members] = holes.reshape(len(rows), -1)
         return t, h, values
 
 
-def _holes(rows: Bytes, offset: int, shape: tuple[int, ...], strides: tuple[int, ...]) -> NDArray:
+def _value_view(rows: Bytes, offset: int, shape: tuple[int, ...], strides: tuple[int, ...]) -> NDArray:
     """Return the doubles in rows of bytes as an unaligned view (rows, *shape) on the same memory."""
     return np.ndarray((len(rows), *shape), "<f8", rows, offset, (rows.strides[0], *strides))
 
@@ -209,7 +209,7 @@ def descriptor(name: str, fields: Iterable[Field]) -> bytes:
     return FileDescriptorSet(file=[file]).SerializeToString(deterministic=True)
 
 
-def describes(data: bytes, fields: Iterable[Field]) -> bool:
+def is_descriptor_of(data: bytes, fields: Iterable[Field]) -> bool:
     """Whether a recorded FileDescriptorSet describes exactly these fields."""
     try:
         kind = FileDescriptorSet.FromString(data).file[0].message_type[0]

@@ -73,7 +73,7 @@ class _Outputs:
     def add(self, messages: Messages) -> None:
         """Append the rows of later messages."""
         self.sequence = np.concatenate([self.sequence, messages.sequence])
-        self.values = np.concatenate([self.values, decoded(messages, self._held).values])
+        self.values = np.concatenate([self.values, decode_columns(messages, self._held).values])
 
     def drop_before(self, number: int) -> None:
         """Drop the rows of steps before ``number``."""
@@ -133,7 +133,7 @@ class _Topic:
 
     def add(self, messages: Messages, window: tuple[float, float]) -> None:
         """Append later messages in the window."""
-        series, steps = decoded(messages, self._held), messages.sequence.astype(np.int64)
+        series, steps = decode_columns(messages, self._held), messages.sequence.astype(np.int64)
         self.next = int(steps[-1]) + 1
         if self.parts:
             values = np.empty((len(series.t), len(self._nothing.names)))
@@ -179,7 +179,7 @@ def _wired(recorded: RecordedChannel, names: Sequence[str]) -> Iterator[tuple[Wi
             yield wire, wired
 
 
-def decoded(messages: Messages, columns: Sequence[int]) -> Series:
+def decode_columns(messages: Messages, columns: Sequence[int]) -> Series:
     """Decode columns of messages; a few columns are decoded one by one, else all at once."""
     if FEW * len(columns) < len(messages.names):
         return messages.decode(columns)

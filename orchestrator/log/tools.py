@@ -62,7 +62,7 @@ class Tally:
         self.newest = int(sequence[-1])
         self.messages += len(messages.rows)
         self.bytes += messages.rows.nbytes
-        self.hash.update(messages.digestible())
+        self.hash.update(messages.hashed_bytes())
         return faults
 
 

@@ -174,7 +174,7 @@ def _vehicle(scene: VehicleScene) -> Assembly:
         if scene.drive.steering is None:
             inertia = vehicle.sprocket.spin_inertia
             mount = stands.get(f"{side}.sprocket", AXLE)
-            drives.append(drive_part(scene, f"{side}_drive", scene.drive.of(side), inertia, mount, lateral))
+            drives.append(drive_part(scene, f"{side}_drive", scene.drive.of_side(side), inertia, mount, lateral))
         drive, connector = drive_of_side(scene, side)
         wiring += wheel_connections(track, "sprocket", drive, f"{connector}sprocket")
         for roller in rollers:

@@ -146,7 +146,7 @@ class VehicleDriveTable(DriveTable):
         drives = {"drive.left": self.left, "drive.right": self.right} if self.steers else {"drive": self}
         return {key: drive for key, drive in {**drives, "drive.steering": self.steering}.items() if drive is not None}
 
-    def of(self, side: Side) -> DriveTable:
+    def of_side(self, side: Side) -> DriveTable:
         """Drive of a side."""
         return getattr(self, side) or self._common_drive()
 

@@ -18,13 +18,13 @@ from orchestrator.scene.scene import Scene, load
 STANDARD = "straight"  # its FMUs have names without suffix
 
 
-def of_gallery(models: Sequence[str] = tuple(TRACKS), settings: Sequence[str] = ()) -> list[Product]:
+def gallery_products(models: Sequence[str] = tuple(TRACKS), settings: Sequence[str] = ()) -> list[Product]:
     """Every distinct FMU of the gallery; those of the standard vehicle come first and have no suffix."""
     ordered = [STANDARD, *(name for name in gallery.names() if name != STANDARD)]
-    return of_scenes([load(name, model, settings) for name in ordered for model in models])
+    return scene_products([load(name, model, settings) for name in ordered for model in models])
 
 
-def of_scenes(scenes: Sequence[Scene]) -> list[Product]:
+def scene_products(scenes: Sequence[Scene]) -> list[Product]:
     """Every distinct FMU of some scenes, with parameters as defaults; of two sides, the left one's.
 
     Variants carry the scene's name, and the component's where needed.

@@ -22,7 +22,7 @@ from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriv
 from orchestrator.scene.ranges import SCENE
 from orchestrator.scene.recording import ASSUMED_SPEED, aliasing_warning, links_every
 from orchestrator.scene.run_tables import RunTable, short_coupling
-from orchestrator.scene.settings import keys, merged, put, setting
+from orchestrator.scene.settings import keys, merge_tables, set_key, setting
 from orchestrator.scene.start_tables import GroundTable, StartTable, VehicleStartTable
 from orchestrator.scene.tables import BenchTable, ChainTable, Check, RigTable
 from orchestrator.scene.track_table import TrackModelTable, short_track
@@ -205,7 +205,7 @@ class VehicleScene(Scene):
         if self.driver is not None:
             radius = self.vehicle.track.pitch / (2.0 * math.sin(math.pi / self.vehicle.sprocket.teeth))
             return self._teeth_rate(OUTER_TRACK * self.driver.top_speed / radius)
-        speeds = [speed for side in SIDES if (speed := self.drive.of(side).top_speed) is not None]
+        speeds = [speed for side in SIDES if (speed := self.drive.of_side(side).top_speed) is not None]
         steering = self.drive.steering and self.drive.steering.top_speed
         return self._teeth_rate(max(speeds) + 0.5 * (steering or 0.0) if speeds else None)
 
@@ -272,7 +272,7 @@ def load(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> 
     _kind(table, f"{name}.toml")
     _complete_table(table, f"{name}.toml", track, changes)
     for key, value in changes:
-        put(table, key, value)
+        set_key(table, key, value)
     points.read(table, Path(), f"{name}.toml")
     return from_table({"name": name, **table}, f"{name}.toml")
 
@@ -316,7 +316,7 @@ def changed_scene(resolved: dict[str, Any], settings: Sequence[str], where: str)
     Raises BadInput, with a message that begins with ``where``.
     """
     for key, value in map(setting, settings):
-        put(resolved, SHORT_KEYS.get(key, key), value)
+        set_key(resolved, SHORT_KEYS.get(key, key), value)
     return from_table(resolved, where)
 
 
@@ -332,7 +332,7 @@ def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:
     base = changes.pop("base")
     if not isinstance(base, str):
         raise BadInput(f"{where}: vehicle.base = {shown(base)}: must be a name or a .toml file")
-    return merged(read_table(base)[0], changes)
+    return merge_tables(read_table(base)[0], changes)
 
 
 def _validation_sentence(error: ValidationError, where: str, model: type[Scene]) -> str:

@@ -99,7 +99,7 @@ def _times(scene: Scene, native: bool, pieces: int, steps: int, log: Path) -> li
                     logging(k, k * h, h)
                     checkpoints(k, k * h, h)
                 else:
-                    row_writer.take()
+                    row_writer.pop_counts()
             recorder.flush()
             times.append(time.perf_counter() - began)
 

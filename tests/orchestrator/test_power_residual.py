@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from orchestrator.cosim.component import Component
-from orchestrator.cosim.coupling.power_residual import PowerResidual, bonds, check, transferred_energies
+from orchestrator.cosim.coupling.power_residual import PowerResidual, bonds, check_bonds, transferred_energies
 from orchestrator.cosim.graph import Connection, Miswired
 from orchestrator.cosim.master import run
 from orchestrator.execution.simulate import simulate
@@ -139,10 +139,10 @@ THERE = Connection("a", ("force",), "b", ("force",), "value", bond="joint")
 )
 def test_bonds_that_are_none_are_refused(connections, said):
     units = {"force": (1, 1, -2, 0, 0, 0, 0, 0), "v": (0, 1, -1, 0, 0, 0, 0, 0), "x": (0, 1, 0, 0, 0, 0, 0, 0)}
-    check((THERE, BACK), lambda instance, name: units[name])
-    check((THERE, BACK._replace(outputs=("x",))), lambda instance, name: None)
+    check_bonds((THERE, BACK), lambda instance, name: units[name])
+    check_bonds((THERE, BACK._replace(outputs=("x",))), lambda instance, name: None)
     with pytest.raises(Miswired) as caught:
-        check(connections, lambda instance, name: units.get(name))
+        check_bonds(connections, lambda instance, name: units.get(name))
     assert said in str(caught.value)
 
 

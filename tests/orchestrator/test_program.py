@@ -62,7 +62,7 @@ class Instance:
         call = StepCall(11, *inputs, at[1], at[2], 44, len(self.y), self.y.ctypes.data, 0.0, 0.0, 1)
         self.step_call = record(call)
 
-    def begin(self, t):
+    def prepare_step(self, t):
         self.time = t
 
     def failure(self):
@@ -221,7 +221,7 @@ class Linked(Instance):
         for name, function in zip(("get_real", "do_step"), self._more, strict=True):
             self.step_call[name] = cast(function, c_void_p).value
 
-    def show_links(self, due):
+    def read_links_when(self, due):
         for name, word in {"n_links": 2, "links": 55, "y_links": self.y_links.ctypes.data, "links_due": due}.items():
             self.step_call[name] = word
 
@@ -268,24 +268,24 @@ def test_many_steps_at_once_are_the_steps_one_by_one():
     pair, done, tape, (steps_page, links_page), rows = marched(5)
     steps = [call for call in pair[0].called if call[0] == "step"]
     assert steps == [("step", 11, k * 0.1, 0.1, 1) for k in range(4, 9)]
-    taken = tape.take()
+    taken = tape.pop_counts()
     assert (done, taken.steps, taken.links) == (5, 5, 2)
     numbers, times, lengths, values = steps_page.added(5)
     assert (numbers, times, lengths) == ([5, 6, 7, 8, 9], [k * 0.1 for k in range(5, 10)], {0.1})
     assert values.tobytes() == rows.tobytes()
     assert len(np.unique(rows[:, -1])) == 5, "outputs do not change"
-    numbers, times, links = tape.links(taken)
+    numbers, times, links = tape.link_rows(taken)
     assert (numbers, times) == ([6, 9], [6 * 0.1, 9 * 0.1])
     assert links.tolist() == [[1.0, -1.0, 1.0, -1.0], [2.0, -2.0, 2.0, -2.0]]
     assert not any(page.block.table[:2].any() for page in (steps_page, links_page)), "earlier rows were overwritten"
-    assert np.array_equal(tape.shown(3)[pair[1].name], rows[3, -4:])
-    assert tape.take() is None
+    assert np.array_equal(tape.outputs(3)[pair[1].name], rows[3, -4:])
+    assert tape.pop_counts() is None
 
 
 @pytest.mark.parametrize("failing", [1, 4])
 def test_of_many_steps_those_before_a_failure_are_kept(failing):
     pair, done, tape, (steps_page, _), rows = marched(6, failing)
-    taken = tape.take()
+    taken = tape.pop_counts()
     assert (done, taken.steps) == (failing - 1, failing - 1)
     assert steps_page.added(taken.steps)[-1].tobytes() == rows.tobytes()
     assert (pair[0].noted("failed"), pair[1].steps) == (StepCall._fields.index("do_step"), failing - 1)

@@ -55,7 +55,7 @@ def bonds(members: Sequence[Member]) -> tuple[Bond, ...]:
     return tuple(Bond(backward[0], forward[0], forward[1], backward[1]) for backward, forward in ends.values())
 
 
-def check(connections: Sequence[Connection], dimension: Callable[[str, str], Dimension | None]) -> None:
+def check_bonds(connections: Sequence[Connection], dimension: Callable[[str, str], Dimension | None]) -> None:
     """Raise Miswired unless bonds are pairs of opposite connections whose products are powers.
 
     :param dimension: (instance, variable) -> exponents as in ``WATT``, None if unknown.
