@@ -25,7 +25,7 @@ import fmus.cache
 import orchestrator.kernels.cache
 from fmus.jit import _Overloads
 from fmus.vehicle import BadInput
-from orchestrator.cosim.component import unpack
+from orchestrator.cosim.fmu_files import unpack
 from orchestrator.execution import precision
 from orchestrator.execution.precision import Setting
 from orchestrator.execution.truth import FIGURES, LOGS, _hashes, truth
@@ -372,7 +372,7 @@ def full(tmp_path, monkeypatch):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file))
         put(file, content)
 
-    for module in ("fmus.cache", "orchestrator.kernels.cache", "orchestrator.cosim.component"):
+    for module in ("fmus.cache", "orchestrator.kernels.cache", "orchestrator.cosim.fmu_files"):
         monkeypatch.setattr(f"{module}.write", write)
     return place
 

@@ -46,6 +46,10 @@ class System(NamedTuple):
     connections: tuple[Connection, ...]
 
 
+class ComponentFailed(RuntimeError):
+    """An FMU cannot be loaded or a call failed; the message is one sentence with the instance name."""
+
+
 class Steppable(Protocol):
     """Interface of a component for the master (``component.Component`` implements it).
 

@@ -7,11 +7,9 @@ more memory.
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import json
 import os
-import re
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -24,7 +22,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 from numpy.typing import NDArray
 
-from orchestrator.log import channel_metadata, closing_record, log_format, notices
+from orchestrator.log import channel_metadata, closing_record, log_format, notices, signal_names
 from orchestrator.log.chunk_reader import Chunks
 from orchestrator.log.container_reader import ContainerReader, LogUnreadable, parse_record
 from orchestrator.log.message_records import Messages
@@ -101,7 +99,7 @@ class Log(AbstractContextManager["Log"]):
     def attachment(self, name: str) -> bytes:
         """Return the content of an attached file; raises NoSuchSignal, LogUnreadable."""
         if name not in self._attachments:
-            raise NoSuchSignal(f"{self.path} has no attachment '{name}'{_near(name, self._attachments)}")
+            raise NoSuchSignal(f"{self.path} has no attachment '{name}'{signal_names.near(name, self._attachments)}")
         offset = self._attachments[name]
         body = self._file.body(offset)
         if zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
@@ -217,11 +215,11 @@ class Log(AbstractContextManager["Log"]):
             return {topic: [*range(len(about.names))] for topic, about in self.topics.items()}
         chosen: dict[str, set[int]] = {}
         for wanted in topics:
-            matches = [topic for topic in self.topics if _matches(wanted, topic)]
+            matches = [topic for topic in self.topics if signal_names.matches(wanted, topic)]
             for topic in matches or [self.known_topic(wanted)]:
                 chosen.setdefault(topic, set()).update(range(len(self.topics[topic].names)))
         for wanted in signals:
-            for signal in [name for name in self.signals if _matches(wanted, name)] or [wanted]:
+            for signal in [name for name in self.signals if signal_names.matches(wanted, name)] or [wanted]:
                 topic, column = self.find(signal)
                 chosen.setdefault(topic, set()).add(column)
         return {topic: sorted(chosen[topic]) for topic in self.topics if topic in chosen}
@@ -257,12 +255,12 @@ class Log(AbstractContextManager["Log"]):
     def known_topic(self, topic: str) -> str:
         """Return the topic if the log has it, else raise NoSuchSignal."""
         if topic not in self.topics:
-            raise NoSuchSignal(f"{self.path} has no topic '{topic}'{_near(topic, self.topics)}")
+            raise NoSuchSignal(f"{self.path} has no topic '{topic}'{signal_names.near(topic, self.topics)}")
         return topic
 
     def name(self, topic: str, column: int) -> str:
         """Return "instance.variable" of a column of a topic."""
-        return f"{_owner(topic)}.{self.topics[topic].names[column]}"
+        return f"{signal_names.owner(topic)}.{self.topics[topic].names[column]}"
 
     def __contains__(self, signal: object) -> bool:
         """Whether the log has the signal "instance.variable"."""
@@ -271,7 +269,7 @@ class Log(AbstractContextManager["Log"]):
     def find(self, signal: str) -> tuple[str, int]:
         """Return topic and column of "instance.variable"; raises NoSuchSignal."""
         if signal not in self._places:
-            raise NoSuchSignal(f"{self.path} has no signal '{signal}'{_near(signal, self._places)}")
+            raise NoSuchSignal(f"{self.path} has no signal '{signal}'{signal_names.near(signal, self._places)}")
         return self._places[signal]
 
     def signal(self, name: str) -> tuple[Floats, Floats]:
@@ -395,19 +393,3 @@ class Log(AbstractContextManager["Log"]):
 
     def _messages_of(self, topic: str) -> Iterator[Messages]:
         return (messages for messages in chain.from_iterable(self.chunks()) if messages.topic == topic)
-
-
-def _owner(topic: str) -> str:
-    """Return the instance of a topic; statistics have a prefix: "/stats/chassis" -> "stats.chassis"."""
-    words = topic.strip("/").split("/")
-    return f"stats.{words[1]}" if words[0] == "stats" and len(words) > 1 else words[0]
-
-
-def _matches(pattern: str, text: str) -> bool:
-    """Whether ``pattern`` matches ``text``; ``*`` stands for any text, brackets are literal."""
-    return re.fullmatch(".*".join(map(re.escape, pattern.split("*"))), text) is not None
-
-
-def _near(name: str, known: Mapping[str, object]) -> str:
-    close = difflib.get_close_matches(name, known, 1, 0.0 if len(known) < 4 else 0.6)
-    return f"; did you mean '{close[0]}'?" if close else ""
