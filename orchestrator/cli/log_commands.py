@@ -37,8 +37,8 @@ def info(
     lines = [
         f"{opened.path}: {opened.size / 1e6:.2f} MB, {summary.start:g} to {summary.end:g} s, {end}",
         *(f"  {sentence}" for sentence in (closing["message"], *opened.faults) if sentence),
-        *(f"  {printed.warning(each)}" for each in closing["warnings"]),
-        *(f"  {printed.validity(each)}" for each in recorded(closing.get("results", {}))),
+        *(f"  {printed.warning(entry)}" for entry in closing["warnings"]),
+        *(f"  {printed.validity(entry)}" for entry in recorded(closing.get("results", {}))),
         *(
             f"  {record}: {', '.join(f'{key} = {value}' for key, value in entries.items())}"
             for record, entries in opened.metadata.items()
@@ -62,9 +62,9 @@ def info(
     for line in lines:
         print(plain(line))
     if signals:
-        for topic, each in opened.topics.items():
+        for topic, entry in opened.topics.items():
             print(plain(f"{topic}:"))
-            for name, unit in zip(each.names, each.units, strict=True):
+            for name, unit in zip(entry.names, entry.units, strict=True):
                 print(plain(f"  {name} [{unit}]"))
 
 

@@ -171,10 +171,10 @@ def summary(result: dict[str, Any]) -> None:
         f"{r['communication_steps']} steps kept, {r['rejected_steps']} pairs of steps taken back"
         if r["rejected_steps"]
         else "",
-        *(_check(*each) for each in r["checks"].items()),
+        *(_check(*item) for item in r["checks"].items()),
         _ledger(r["energy"]) if r["energy"] else "",
         _causes(r["energy"]["causes"]) if r["energy"] and r["energy"]["causes"] else "",
-        *(_cost(*each) for each in r["components"].items()),
+        *(_cost(*item) for item in r["components"].items()),
         f"log {r['log']} ({r['log_bytes'] / 1e6:.1f} MB)" if r["log"] else "",
     ]
     print(_headline(r))

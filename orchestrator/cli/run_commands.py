@@ -65,7 +65,7 @@ def run(
 
         path = log or Path("logs") / f"{resolved.name}-{resolved.variant}.mcap"
         result = simulate(resolved, path, log_warning, narration, estimated=estimate, native=native)
-        status = 0 if summary.passed(result) else 1
+        status = 0 if summary.is_passed(result) else 1
     except KeyboardInterrupt:
         result["message"], status = "interrupted", 1
     except Exception as failure:
@@ -107,7 +107,7 @@ def resume(
         print(json.dumps(printed.finite(result)))
     else:
         printed.summary(result)
-    sys.exit(0 if summary.passed(result) else 1)
+    sys.exit(0 if summary.is_passed(result) else 1)
 
 
 def truth(

@@ -169,11 +169,11 @@ class TimedCheckpoints:
         pace: VariableStep | PowerResidual,
         period: float,
         every: int,
-        since: float,
+        start: float,
     ) -> None:
         self.recorder, self.scheme, self.pace = recorder, scheme, pace
         self.period, self.every = period, every
-        self._due = self._after(since)
+        self._due = self._after(start)
 
     def _after(self, t: float) -> float:
         return self.period * (math.floor(t / self.period + 1e-9) + 1)
@@ -193,7 +193,7 @@ class ProgressBar:
 
     def __init__(self, title: str, stop: float, narration: Narration) -> None:
         self._stop, self._narration, self._displayed = stop, narration, ExitStack()
-        self._began = self._next = 0.0
+        self._start = self._next = 0.0
         self._bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -222,10 +222,10 @@ class ProgressBar:
         """Show time t, a few times a second."""
         now = time.perf_counter()
         if not k:
-            self._began = now
+            self._start = now
         elif now >= self._next or t >= self._stop - 1e-12:
             self._next = now + REFRESH
-            factor = t / (now - self._began)
+            factor = t / (now - self._start)
             self._narration.set_detail(f"{t:.4g} of {self._stop:g} s simulated, {factor:.2f} x real time")
             self._bar.update(self._task, completed=t, factor=factor)
             self._bar.refresh()

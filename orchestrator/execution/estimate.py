@@ -36,7 +36,7 @@ class Companions(NamedTuple):
     """Scenes of the coarser runs of an estimate."""
 
     coupling: Scene | None  # None for a single component, which has no coupling
-    both: Scene
+    total: Scene
 
 
 def companions(scene: Scene, internal: float, simulated: float, components: int) -> Companions:
@@ -59,9 +59,9 @@ def companions(scene: Scene, internal: float, simulated: float, components: int)
 
     if scene.track.integrator == "adams":
         tolerances = {name: min(10.0 * (getattr(scene.track, name) or TOLERANCE), 0.1) for name in ("rtol", "atol")}
-        same = scene.model_copy(update={"run": run})
-        both = same.model_copy(update={"track": scene.track.model_copy(update=tolerances)})
-        return Companions(same if components > 1 else None, both)
+        coarser = scene.model_copy(update={"run": run})
+        doubled = coarser.model_copy(update={"track": scene.track.model_copy(update=tolerances)})
+        return Companions(coarser if components > 1 else None, doubled)
 
     def with_internal_step(internal_step: float) -> Scene:
         track = scene.track.model_copy(update={"step": internal_step})
@@ -89,7 +89,7 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun
         for name, companion in zip(coarser_runs._fields, coarser_runs, strict=True):
             if companion is None:
                 continue
-            if name == "both" and companion == coarser_runs.coupling:
+            if name == "total" and companion == coarser_runs.coupling:
                 logs[name] = logs["coupling"]
                 continue
             coarse_summary = record(companion, Path(folder) / f"{name}.mcap")
@@ -105,10 +105,10 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun
         try:
             with (
                 Log(log, unfinished=True) as fine,
-                Log(logs["both"]) as both,
+                Log(logs["total"]) as coarsest,
                 Log(logs.get("coupling", log), unfinished=True) as coupling,
             ):
-                runs = [RunData(opened) for opened in (fine, coupling, both)]
+                runs = [RunData(opened) for opened in (fine, coupling, coarsest)]
                 total = differences(runs[2], runs[0])
                 uncoupled = coarser_runs.coupling is None
                 parts = {
@@ -121,7 +121,7 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun
     errors: dict[str, float | None] = {
         part: SHARE * worst(part_differences) if part_differences else 0.0 for part, part_differences in parts.items()
     }
-    not_separable = {"integration": None} if coarser_runs.both == coarser_runs.coupling else {}
+    not_separable = {"integration": None} if coarser_runs.total == coarser_runs.coupling else {}
     return {
         **(errors | not_separable),
         "observables": {
@@ -151,13 +151,13 @@ def without_estimate(reason: str) -> dict[str, Any]:
     return {**dict.fromkeys(PARTS), "observables": {}, "wall_time": 0.0, "message": reason}
 
 
-def _doubled_tolerances(variable: VariableStepTable) -> VariableStepTable:
+def _doubled_tolerances(table: VariableStepTable) -> VariableStepTable:
     """Return the tolerances for twice the step: a power residual has order 2, the error of a step order 3."""
-    factor = 4.0 if variable.estimate == "power" else 8.0
-    return variable.model_copy(
+    factor = 4.0 if table.estimate == "power" else 8.0
+    return table.model_copy(
         update={
-            "tolerance": min(factor * variable.tolerance, 0.5),
-            "shortest": 2.0 * variable.shortest,
-            "longest": 2.0 * variable.longest,
+            "tolerance": min(factor * table.tolerance, 0.5),
+            "shortest": 2.0 * table.shortest,
+            "longest": 2.0 * table.longest,
         }
     )

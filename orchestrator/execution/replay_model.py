@@ -102,8 +102,8 @@ def open_replay(
         else:
             model = _built_model(log, entry, other, settings)
         with Component(model.fmu, name, logger) as component:
-            known = set(component.parameters)
-            parameters = {key: value for key, value in model.parameters.items() if key in known}
+            settable = set(component.parameters)
+            parameters = {key: value for key, value in model.parameters.items() if key in settable}
             yield Replay(log, component, parameters, model)
 
 

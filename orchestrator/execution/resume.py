@@ -85,16 +85,16 @@ def _scene(log: Log, stop: float | None) -> Scene:
     return from_table(table, f"{log.path}: scene.json")
 
 
-def _last_checkpoint(log: Log, at: float | None, run: RunTable) -> tuple[int, float]:
-    """Return step number and time, s, of the last checkpoint by ``at``; raises BadInput, UnusableCheckpoint."""
+def _last_checkpoint(log: Log, latest: float | None, run: RunTable) -> tuple[int, float]:
+    """Return step number and time, s, of the last checkpoint by ``latest``; raises BadInput, UnusableCheckpoint."""
     numbers = sorted(k for name in log.attachments if (k := checkpoint_step(name)) is not None)
     if not numbers:
         raise BadInput(f"{log.path} has no checkpoint to go on from")
     fixed = run.variable is None
     times = {k: k * run.step if fixed else time_of(log.attachment(f"{CHECKPOINT}{k}")) for k in numbers}
-    fitting = [number for number in numbers if at is None or times[number] <= at + 1e-9]
+    fitting = [number for number in numbers if latest is None or times[number] <= latest + 1e-9]
     if not fitting:
-        raise BadInput(f"--at {at:g}: the first checkpoint of {log.path} is at {times[numbers[0]]:g} s")
+        raise BadInput(f"--at {latest:g}: the first checkpoint of {log.path} is at {times[numbers[0]]:g} s")
     return fitting[-1], times[fitting[-1]]
 
 

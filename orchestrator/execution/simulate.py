@@ -114,7 +114,7 @@ def _simulate(
                     observers.append(stack.enter_context(ProgressBar(scene.name, stop, narration)))
                 announce(f"{scene.name}: {run.scene.run.stop:g} s are simulated")
                 result["startup_time"] = time.perf_counter() - start
-                interrupt.gentle = True
+                interrupt.deferring = True
                 outcome = _step_to_end(run, observers, interrupt, result)
                 recorder.write_remaining()
                 result["warnings"] = [*early_warnings, *warnings(run.components)]
@@ -135,7 +135,7 @@ def _simulate(
             result |= _outcome_entries(outcome, result["wall_time"]) | {
                 "warnings": [*early_warnings, *warnings(run.components)]
             }
-        interrupt.gentle = False
+        interrupt.deferring = False
     if log_opened:
         result["log"] = str(path)
     return result | {"log_bytes": path.stat().st_size if log_opened and path.exists() else 0}
@@ -272,7 +272,7 @@ def _companion_recorder(interrupt: Interrupt) -> estimate.RecordRun:
         except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed) as failure:
             reason = str(failure)
         finally:
-            interrupt.gentle = True  # the main run still has to close its log
+            interrupt.deferring = True  # the main run still has to close its log
         return {"status": "failed", "message": reason, "wall_time": 0.0}
 
     return record

@@ -113,7 +113,7 @@ def invalidity(entries: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
-def passed(result: Mapping[str, Any]) -> bool:
+def is_passed(result: Mapping[str, Any]) -> bool:
     """True if a run ended well, met its checks and closed its energy balance."""
     checked = all(check["ok"] for check in result["checks"].values())
     return result["status"] == "ok" and checked and not energy_warning(result["energy"])

@@ -87,8 +87,8 @@ def _texts(text: str) -> tuple[str, ...]:
     return _checked_texts(json.loads(text))
 
 
-def _checked_texts(found: object) -> tuple[str, ...]:
-    if not isinstance(found, list) or not all(isinstance(each, str) for each in found):
+def _checked_texts(entries: object) -> tuple[str, ...]:
+    if not isinstance(entries, list) or not all(isinstance(entry, str) for entry in entries):
         raise ValueError("not a list of texts")
-    "".join(found).encode()  # raises ValueError for half a surrogate pair, which JSON allows
-    return tuple(found)
+    "".join(entries).encode()  # raises ValueError for half a surrogate pair, which JSON allows
+    return tuple(entries)

@@ -102,13 +102,13 @@ def places(names: Sequence[str]) -> list[str]:
     result = []
     for name in names:
         key, index = family(name)
-        folded = index is not None and key in first_index
-        label = key if folded else name
+        is_member = index is not None and key in first_index
+        label = key if is_member else name
         if label not in field_of:
             field_of[label] = _unique(_identifier(label.replace("[*]", "")), taken)
-        elif not folded:
+        elif not is_member:
             raise ValueError(f"the variable '{name}' is listed twice")
-        result.append(f"{field_of[label]}[{index - first_index[key]}]" if folded else field_of[label])  # type: ignore[operator]
+        result.append(f"{field_of[label]}[{index - first_index[key]}]" if is_member else field_of[label])  # type: ignore[operator]
     return result
 
 

@@ -127,9 +127,9 @@ def test_steps_that_were_halved_do_not_spoil_the_companions(tmp_path):
     assert asked == [(0.008, 0.004), (0.008, 0.002)]
     explicit = load("straight", "flexible", ("track.integrator=runge_kutta",))
     alike = companions(explicit, 8e-6, 4.0, 5)
-    assert alike.both == alike.coupling, "its stable step cannot be doubled"
+    assert alike.total == alike.coupling, "its stable step cannot be doubled"
     soft = companions(explicit, explicit.track.step, 4.0, 5)
-    assert soft.both.track.step == 2.0 * soft.coupling.track.step, "the twin: the requested step can be doubled"
+    assert soft.total.track.step == 2.0 * soft.coupling.track.step, "the twin: the requested step can be doubled"
 
 
 @pytest.mark.parametrize(("step", "known"), [("1 ms", False), ("1 us", True)])
