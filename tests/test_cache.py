@@ -25,7 +25,7 @@ import fmus.cache
 import orchestrator.kernels.cache
 from fmus.jit import _Overloads
 from fmus.vehicle import BadInput
-from orchestrator.cosim.component import unpack
+from orchestrator.cosim.fmu_files import unpack
 from orchestrator.execution import precision
 from orchestrator.execution.precision import Setting
 from orchestrator.execution.truth import FIGURES, LOGS, _hashes, truth
@@ -212,8 +212,8 @@ def built_of(counter):
 
 
 def test_a_damaged_table_of_settings_is_left_out_and_named(fresh_cache, caplog):
-    precision.write([Setting("swing", "flexible", ("run.step=4 ms",), 0.0125, 1.0)], precision.own())
-    file = precision.own()
+    precision.write([Setting("swing", "flexible", ("run.step=4 ms",), 0.0125, 1.0)], precision.local_file())
+    file = precision.local_file()
     whole, rng = file.read_bytes(), random.Random(5)
     assert precision.cheapest("swing", "flexible", 0.1).error == 0.0125
     for how in ("flip", "cut", "empty") * 40:
@@ -372,7 +372,7 @@ def full(tmp_path, monkeypatch):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file))
         put(file, content)
 
-    for module in ("fmus.cache", "orchestrator.kernels.cache", "orchestrator.cosim.component"):
+    for module in ("fmus.cache", "orchestrator.kernels.cache", "orchestrator.cosim.fmu_files"):
         monkeypatch.setattr(f"{module}.write", write)
     return place
 

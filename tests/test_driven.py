@@ -52,7 +52,7 @@ def test_in_fmus_it_is_the_same_bits_and_replays(tmp_path):
             assert log.signal(name)[1][-1] == vehicle[member][port], name
     assert vehicle["right_drive"]["speed"] > vehicle["left_drive"]["speed"] > 0.1
     for component in ("driver", "left_drive"):
-        with replay_model.opened(path, component, None) as again:
+        with replay_model.open_replay(path, component, None) as again:
             assert again.verify().difference is None
 
 

@@ -12,7 +12,7 @@ from fmus.physics.wheels import read_states
 from fmus.ports import wheel_state
 from fmus.vehicle import BadInput
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import changed, from_table, load
+from orchestrator.scene.scene import changed_scene, from_table, load
 
 MOTION = [port.name.removeprefix("of.") for port in wheel_state("of", "output")]
 HEIGHT, LOAD = 1e-4, 5e-3  # m, and share of each wheel's load: largest motion in the first second
@@ -195,7 +195,7 @@ def test_a_log_of_old_begins_as_it_did():
 def test_a_placed_scene_keeps_its_place():
     """A placed scene keeps its place with another number, as in replays and branches of a log."""
     scene = at_rest("rigid")
-    other = changed(scene.resolved(), ["vehicle.suspension.stiffness=2e6"], "log")
+    other = changed_scene(scene.resolved(), ["vehicle.suspension.stiffness=2e6"], "log")
     assert placed(other).start.equilibrium == scene.start.equilibrium
 
 

@@ -93,7 +93,7 @@ def test_its_measures_are_those_of_its_outputs(tmp_path):
             run.mean("chassis.speed", window) / (0.242552 * run.mean("differential.propulsion.speed", window)) - 1.0,
             abs=1e-5,
         )
-    with replay_model.opened(log, "differential", None) as again:
+    with replay_model.open_replay(log, "differential", None) as again:
         assert again.verify().difference is None
 
 

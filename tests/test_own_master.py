@@ -26,7 +26,7 @@ BRIEF = ("run.stop=0.05 s", "run.outputs=1", "drive.ramp_start=0 s", "drive.ramp
 @pytest.mark.long
 @pytest.mark.parametrize(("model", "kind"), [("flexible", "TrackFlexible"), ("rigid", "TrackRigid")])
 def test_a_master_of_ones_own_does_what_cotrack_does(model, kind, environment, tmp_path):
-    products.build_to(tmp_path, products.of_scenes([load(products.STANDARD, model, BRIEF)]))
+    products.build_to(tmp_path, products.scene_products([load(products.STANDARD, model, BRIEF)]))
     alone = {key: value for key, value in environment.items() if key != "PYTHONPATH"}
     program = [sys.executable, "-c", PROGRAM, str(HERE), str(tmp_path), kind]
     done = subprocess.run(program, env=alone, cwd=tmp_path, capture_output=True, text=True)

@@ -12,7 +12,7 @@ import pytest
 from vehicle_in_process import InProcess
 
 from orchestrator.scene.scene import from_table, load
-from orchestrator.scene.settings import put
+from orchestrator.scene.settings import set_key
 
 G = 9.81
 MORE = 1.1
@@ -30,7 +30,7 @@ def of(kind):
 def scene_of(name, kind, settings=(), **changes):
     table = load(name, "rigid" if kind == "rigid" else "flexible", (*settings, *of(kind))).resolved()
     for key, value in changes.items():
-        put(table, key, value)
+        set_key(table, key, value)
     return from_table(table, name)
 
 

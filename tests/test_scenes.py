@@ -84,7 +84,7 @@ BRIEF = ("run.stop=0.3 s", "run.step=1 ms", "drive.ramp_start=0 s", "drive.ramp_
 @pytest.mark.parametrize("component", ["chassis", "left_track", "right_track", "left_drive", "right_drive"])
 def test_every_component_of_straight_replays_bit_by_bit(ran, component):
     result = ran("straight", "flexible", *BRIEF)
-    with replay_model.opened(result["log"], component, None) as again:
+    with replay_model.open_replay(result["log"], component, None) as again:
         verdict = again.verify()
     assert verdict.difference is None, verdict.sentence
     assert verdict.steps == 300
@@ -92,7 +92,7 @@ def test_every_component_of_straight_replays_bit_by_bit(ran, component):
 
 def test_replay_notices_another_parameter(ran):
     result = ran("straight", "flexible", *BRIEF)
-    with replay_model.opened(result["log"], "left_drive", None) as again:
+    with replay_model.open_replay(result["log"], "left_drive", None) as again:
         other = again._replace(parameters={**again.parameters, "speed.end": 20.0 * (1 + 1e-12)})
         verdict = other.verify()
     assert verdict.difference is not None
@@ -101,7 +101,7 @@ def test_replay_notices_another_parameter(ran):
 
 def test_rigid_links_under_the_wheels_of_flexible_ones(ran, tmp_path):
     result = ran("straight", "flexible", *BRIEF)
-    with replay_model.opened(result["log"], "left_track", "rigid") as again:
+    with replay_model.open_replay(result["log"], "left_track", "rigid") as again:
         assert again.answer(tmp_path / "answer.mcap") == 300
     with Log(tmp_path / "answer.mcap") as answer, Log(result["log"]) as log:
         assert len(answer.read("/left_track/out").t) == 301

@@ -22,12 +22,12 @@ from vehicle_in_process import InProcess, Overrides
 from orchestrator.cosim import master
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
-from orchestrator.execution.simulate import load_components, paced
+from orchestrator.execution.simulate import load_components, pace_of
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import from_table, load
-from orchestrator.scene.settings import put
+from orchestrator.scene.settings import set_key
 
 ROUNDING = 1e3  # required effect over that of an ulp, and over the rounding of an output itself
 FACTOR = 1.02
@@ -231,7 +231,7 @@ def scene_of(case: Case, kind: str, **changes: float | int) -> Any:
     settings = [*case.settings, *(["track.element=beam"] if kind == "beam" else [])]
     table = load(case.scene, "rigid" if kind == "rigid" else "flexible", settings).resolved()
     for key, value in changes.items():
-        put(table, key, value)
+        set_key(table, key, value)
     return from_table(table, "the case")
 
 
@@ -267,7 +267,7 @@ def stepped(case: Case, scene: Any) -> dict[str, float]:
         graph = system(assembly._replace(parts=tuple(parts)))
         components = load_components(graph, scene.run.stop, stack)
         run = scene.run.model_copy(update={"stop": case.duration})
-        outcome = master.run(TracksFirst(wire(graph, components)), paced(run), [])
+        outcome = master.run(TracksFirst(wire(graph, components)), pace_of(run), [])
         assert outcome.status == "ok", outcome.message
         result = {}
         for one in components.values():

@@ -19,7 +19,7 @@ from orchestrator.results.run_data import RunData, Window
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
-from orchestrator.scene.same_scene import unlike
+from orchestrator.scene.same_scene import scene_difference
 from orchestrator.scene.scene import load
 
 PADS = 1.0114  # speed of a track over that of the pitch circle, measured driving straight
@@ -198,15 +198,15 @@ def test_sides_that_are_alike_are_one_drive():
 
 def test_one_drive_and_two_are_named_as_what_they_are():
     one, two = (load(name, "rigid").resolved() for name in ("straight", "turn"))
-    assert unlike(one, two).startswith("drive says brake, mode,")
-    assert unlike(one, two).endswith("and left, right")
+    assert scene_difference(one, two).startswith("drive says brake, mode,")
+    assert scene_difference(one, two).endswith("and left, right")
 
 
 def test_a_side_says_what_differs():
     drive = load("straight", "rigid", ["drive.left.speed=8", "drive.stop=7"]).drive
-    assert (drive.of("left").speed, drive.of("right").speed) == (8.0, 20.0)
-    assert drive.of("left").ramp_time == drive.of("right").ramp_time == 4.0
-    assert drive.of("left").stop == drive.of("right").stop == 7.0
+    assert (drive.of_side("left").speed, drive.of_side("right").speed) == (8.0, 20.0)
+    assert drive.of_side("left").ramp_time == drive.of_side("right").ramp_time == 4.0
+    assert drive.of_side("left").stop == drive.of_side("right").stop == 7.0
     again = load("turn", "rigid")
     assert type(again).model_validate(again.resolved()).resolved() == again.resolved()
 
@@ -276,7 +276,7 @@ def test_show_counts_what_turning_cables_touch():
 def test_a_replay_with_cables_lets_them_turn(tmp_path):
     path = tmp_path / "turn.mcap"
     assert simulate(load("turn", "rigid", ("run.stop=0.02 s",)), path)["status"] == "ok"
-    with replay_model.opened(path, "left_track", "flexible") as again:
+    with replay_model.open_replay(path, "left_track", "flexible") as again:
         assert again.component.unit("speed") == "m/s"
         assert again.model.parameters["axes"] == "free"
 

@@ -19,7 +19,7 @@ import typer
 from orchestrator import __version__
 from orchestrator.cli import log_commands
 from orchestrator.cli.analysis_commands import analyse, plot
-from orchestrator.cli.common import ended_by, narration, noticing, tell
+from orchestrator.cli.common import message_and_status, narration, print_message, print_notices
 from orchestrator.cli.moved import bench
 from orchestrator.cli.report_commands import report
 from orchestrator.cli.result_commands import compare, replay
@@ -73,7 +73,7 @@ def _common(
 ) -> None:
     logging.getLogger("cotrack").setLevel(logging.DEBUG if debug else logging.NOTSET)
     context.with_resource(narration)
-    narration.begin(str(context.invoked_subcommand))
+    narration.set_task(str(context.invoked_subcommand))
 
 
 def main(command: Callable[[], object] = app) -> None:
@@ -85,20 +85,20 @@ def main(command: Callable[[], object] = app) -> None:
     status: Any = 0
     try:
         with warnings.catch_warnings():
-            noticing()
+            print_notices()
             command()
     except KeyboardInterrupt:
-        status = tell("interrupted", 1)
+        status = print_message("interrupted", 1)
     except SystemExit as ended:
-        status = tell("interrupted", 1) if ended.code == 130 else ended.code  # 130: typer's status for Ctrl-C
+        status = print_message("interrupted", 1) if ended.code == 130 else ended.code  # 130: typer's status for Ctrl-C
     except Exception as error:
-        status = tell(*ended_by(error))
+        status = print_message(*message_and_status(error))
     for stream in (sys.stdout, sys.stderr):
         try:
             if stream is not None:
                 stream.flush()
         except OSError as error:
-            status = tell(*ended_by(error)) if stream is sys.stdout else status
+            status = print_message(*message_and_status(error)) if stream is sys.stdout else status
             with suppress(OSError, ValueError):  # buffered data must not raise again at exit
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     sys.exit(status)

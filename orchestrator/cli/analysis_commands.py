@@ -26,7 +26,11 @@ To = Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")]
 
 def options() -> dict[str, Parameter]:
     """Return the options of all analyses by the names of the arguments of ``analyse``."""
-    found = {option.flag: option for one in ANALYSES.values() for option in (*one.options, *one.picture_options)}
+    options_by_flag = {
+        option.flag: option
+        for analysis in ANALYSES.values()
+        for option in (*analysis.options, *analysis.picture_options)
+    }
     return {
         _argument(flag): Parameter(
             _argument(flag),
@@ -37,7 +41,7 @@ def options() -> dict[str, Parameter]:
                 typer.Option(flag, metavar=option.metavar, help=option.help, min=option.least),
             ],
         )
-        for flag, option in found.items()
+        for flag, option in options_by_flag.items()
     }
 
 
@@ -65,21 +69,21 @@ def analyse(
 
     module = module_of(what)
     analysis = ANALYSES[what]
-    _belong(what, given)
-    _check(start, end)
-    drawn = PICTURES if hasattr(module, "picture") else ()
+    _check_options(what, given)
+    _check_window(start, end)
+    picture_suffixes = PICTURES if hasattr(module, "picture") else ()
     if output:
-        check_output(output, (".csv", *drawn))
+        check_output(output, (".csv", *picture_suffixes))
     with Log(log) as opened:
         full_series = output and analysis.full_series
-        of = module.of if full_series else getattr(module, "summary", module.of)  # a table needs the summary only
-        found = of(RunData(opened), window=Window(start, end), **_asked(analysis.options, given))
-    table = found.table()
-    if output and output.suffix.lower() in drawn:
-        module.picture(found, output, **_asked(analysis.picture_options, given))
+        compute = module.of if full_series else getattr(module, "summary", module.of)  # a table needs the summary only
+        result = compute(RunData(opened), window=Window(start, end), **_given_options(analysis.options, given))
+    table = result.table()
+    if output and output.suffix.lower() in picture_suffixes:
+        module.picture(result, output, **_given_options(analysis.picture_options, given))
     elif output:
         with atomic_write(output) as temporary:
-            temporary.write_text(getattr(found, "series", found.table)().csv(), encoding="utf-8")
+            temporary.write_text(getattr(result, "series", result.table)().csv(), encoding="utf-8")
     if as_json:
         print(json.dumps(_as_json(log, what, table)))
         return
@@ -104,17 +108,17 @@ analyse.__doc__ = "\n".join(
 )
 
 
-def _belong(what: str, given: Mapping[str, Any]) -> None:
+def _check_options(what: str, given: Mapping[str, Any]) -> None:
     """Raise BadInput for an option that the analysis does not have."""
-    for flag in (option for one in ANALYSES.values() for option in one.flags):
+    for flag in (option for analysis in ANALYSES.values() for option in analysis.flags):
         if given[_argument(flag)] and flag not in ANALYSES[what].flags:
-            owners = and_list([name for name, one in ANALYSES.items() if flag in one.flags])
+            owners = and_list([name for name, analysis in ANALYSES.items() if flag in analysis.flags])
             raise BadInput(f"{flag} is an option of {owners}, not of {what}")
 
 
-def _asked(options: Sequence[Option], given: Mapping[str, Any]) -> dict[str, Any]:
+def _given_options(options: Sequence[Option], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the options that were given, by argument name."""
-    return {one.name: given[_argument(one.flag)] for one in options if given[_argument(one.flag)]}
+    return {option.name: given[_argument(option.flag)] for option in options if given[_argument(option.flag)]}
 
 
 def _as_json(log: Path, what: str, table: Table) -> dict[str, Any]:
@@ -123,7 +127,7 @@ def _as_json(log: Path, what: str, table: Table) -> dict[str, Any]:
     return {"log": str(log), "what": what, "title": table.title, "units": units, "rows": rows, "notes": table.notes}
 
 
-def _check(start: float, end: float) -> None:
+def _check_window(start: float, end: float) -> None:
     """Raise BadInput for an empty window."""
     if not start <= end:
         raise BadInput(f"--from {start:g} --to {end:g}: the first instant must not be after the last")
@@ -157,7 +161,7 @@ def plot(
         raise BadInput("plot needs a log: a file, or a name that ends in .mcap")
     if not signals:
         raise BadInput("plot needs a signal: 'cotrack log info --signals LOG' lists them")
-    _check(start, end)
+    _check_window(start, end)
     target = output or logs[0].with_name(f"{logs[0].stem}-plot.png")
     signal_picture.draw(
         logs, signals, target, Window(start, end), frequency=spectrum, order=order, waterfall=waterfall, place=place

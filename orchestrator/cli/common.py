@@ -23,7 +23,8 @@ from orchestrator.cosim.narration import Narration
 from orchestrator.log.notices import LogNotice
 
 FMI_WARNING = 1
-LOST = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, errno.EDQUOT)  # errors of a stream that accepts no more data
+# Errors of a stream that accepts no more data.
+CLOSED_STREAM = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, errno.EDQUOT)
 
 
 TrackModel = StrEnum("TrackModel", [*TRACKS])  # type: ignore[misc]
@@ -36,16 +37,16 @@ Settings = Annotated[
 ]
 
 
-def narrate(line: str) -> None:
+def print_progress(line: str) -> None:
     """Print one line of progress on stderr."""
     with suppress(OSError, ValueError):  # stderr is closed
         print(f"... {printed.plain(line)}", file=sys.stderr, flush=True)
 
 
-narration = Narration(narrate)
+narration = Narration(print_progress)
 
 
-def ended_by(error: Exception) -> tuple[str, int]:
+def message_and_status(error: Exception) -> tuple[str, int]:
     """Return message and exit status for an error."""
     if logging.getLogger("cotrack").isEnabledFor(logging.DEBUG):
         traceback.print_exception(error)
@@ -53,7 +54,7 @@ def ended_by(error: Exception) -> tuple[str, int]:
         return str(error), 2
     if isinstance(error, BrokenPipeError):  # the reader of the pipe has closed it
         return "", 1
-    if isinstance(error, OSError) and error.filename is None and error.errno in LOST:
+    if isinstance(error, OSError) and error.filename is None and error.errno in CLOSED_STREAM:
         return f"the output cannot be written: {os.strerror(error.errno).lower()}", 1
     return f"internal error: {type(error).__name__}: {error}; run 'cotrack --debug ...' to see where", 1
 
@@ -61,11 +62,11 @@ def ended_by(error: Exception) -> tuple[str, int]:
 def refusals() -> tuple[type[Exception], ...]:
     """Return the exceptions that report bad input, before anything ran."""
     from fmus.build import BuildFailed
-    from orchestrator.cosim.checkpoint import Unusable
+    from orchestrator.cosim.checkpoint import UnusableCheckpoint
     from orchestrator.cosim.component import ComponentFailed
     from orchestrator.cosim.coupling.scheme import CouplingFailed
     from orchestrator.cosim.graph import Miswired
-    from orchestrator.execution.replays import Unfit
+    from orchestrator.execution.replays import UnfitLog
     from orchestrator.log.extra import NotInstalled
     from orchestrator.log.reader import LogUnreadable, NoSuchSignal
     from orchestrator.log.recorder import LogFailed
@@ -81,29 +82,29 @@ def refusals() -> tuple[type[Exception], ...]:
         LogFailed,
         NoSuchSignal,
         NotInstalled,
-        Unfit,
-        Unusable,
+        UnfitLog,
+        UnusableCheckpoint,
         Missing,
     )
 
 
-def noticing() -> None:
+def print_notices() -> None:
     """Print every LogNotice once on stderr from now on; other warnings are shown as before."""
-    before: Callable[..., None] = warnings.showwarning
-    said: set[str] = set()
+    default_show: Callable[..., None] = warnings.showwarning
+    printed_notices: set[str] = set()
 
     def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
         if not issubclass(category, LogNotice):
-            before(message, category, *where, **more)
-        elif str(message) not in said:
-            said.add(str(message))
-            tell(str(message), 0)
+            default_show(message, category, *where, **more)
+        elif str(message) not in printed_notices:
+            printed_notices.add(str(message))
+            print_message(str(message), 0)
 
     warnings.showwarning = show  # type: ignore[assignment]
     warnings.simplefilter("always", LogNotice)
 
 
-def tell(message: str, status: int) -> int:
+def print_message(message: str, status: int) -> int:
     """Print a message on stderr and return the exit status."""
     if message and sys.stderr is not None:
         with suppress(OSError):  # stderr is closed
@@ -111,12 +112,12 @@ def tell(message: str, status: int) -> int:
     return status
 
 
-def leave(message: str, status: int) -> NoReturn:
+def exit_with(message: str, status: int) -> NoReturn:
     """End the command with a message and an exit status."""
-    sys.exit(tell(message, status))
+    sys.exit(print_message(message, status))
 
 
-def warn(instance: str, status: int, message: str) -> None:
+def log_warning(instance: str, status: int, message: str) -> None:
     """Log a component's FMI warning; anything worse ends the run with its own message."""
     if status == FMI_WARNING:
         logging.getLogger("cotrack").warning("%s: %s", instance, message)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from fmus.vehicle import BadInput
-from orchestrator.log.bitwise import Difference as Bits
+from orchestrator.log.bitwise import BitDifference as Bits
 from orchestrator.results.difference import ObservableDifference
 from orchestrator.results.divergence import Divergence
 from orchestrator.results.run_data import RunData, Window
@@ -14,46 +14,53 @@ from orchestrator.results.run_data import RunData, Window
 SHOWN = 12  # largest number of printed signals that only one log has
 
 
-def limits(allowed: Sequence[str], apart: Mapping[str, ObservableDifference]) -> dict[str, float]:
+def limits(allowed: Sequence[str], differences: Mapping[str, ObservableDifference]) -> dict[str, float]:
     """Parse allowed differences, "NAME=RELATIVE" or "RELATIVE", by observable; raises BadInput."""
-    found: dict[str, float] = {}
+    limit_of: dict[str, float] = {}
     for text in allowed:
         name, _, number = text.rpartition("=")
         try:
-            most = float(number)
+            limit = float(number)
         except ValueError:
-            most = -1.0
-        if not most >= 0.0:
+            limit = -1.0
+        if not limit >= 0.0:
             raise BadInput(f"--allow {text}: must be [NAME=]RELATIVE, a number from 0 on")
-        if name and name not in apart:
-            raise BadInput(f"--allow {text}: no observable '{name}': one of {', '.join(apart)}")
-        found |= {name: most} if name else {each: most for each, one in apart.items() if one.decisive}
-    return found
+        if name and name not in differences:
+            raise BadInput(f"--allow {text}: no observable '{name}': one of {', '.join(differences)}")
+        limit_of |= (
+            {name: limit} if name else {each: limit for each, difference in differences.items() if difference.decisive}
+        )
+    return limit_of
 
 
 def table(
     run: RunData,
     reference: RunData,
     window: Window,
-    apart: Mapping[str, ObservableDifference],
-    most: Mapping[str, float],
-    parted: Divergence | None,
+    differences: Mapping[str, ObservableDifference],
+    limit_of: Mapping[str, float],
+    divergence: Divergence | None,
 ) -> dict[str, Any]:
     """Return the result of a comparison as one JSON object."""
     observables = {
-        name: {"unit": one.unit, "rms": one.absolute, "relative": one.relative, "decisive": one.decisive}
-        | ({"allowed": most[name], "ok": one.relative <= most[name]} if name in most else {})
-        for name, one in apart.items()
+        name: {
+            "unit": difference.unit,
+            "rms": difference.absolute,
+            "relative": difference.relative,
+            "decisive": difference.decisive,
+        }
+        | ({"allowed": limit_of[name], "ok": difference.relative <= limit_of[name]} if name in limit_of else {})
+        for name, difference in differences.items()
     }
     result: dict[str, Any] = {
         "run": _about(run),
         "reference": _about(reference),
         "window": {"from": window.start, "to": window.end},
         "observables": observables,
-        "bits": None if parted is None else _bits(parted),
+        "bits": None if divergence is None else _bits(divergence),
     }
-    exceeded = any(not one.get("ok", True) for one in observables.values())
-    return result | {"ok": not exceeded and (parted is None or parted.first is None)}
+    exceeded = any(not difference.get("ok", True) for difference in observables.values())
+    return result | {"ok": not exceeded and (divergence is None or divergence.first is None)}
 
 
 def _about(run: RunData) -> dict[str, Any]:
@@ -61,23 +68,23 @@ def _about(run: RunData) -> dict[str, Any]:
     return {"log": str(run.log.path), **{key: about.get(key) for key in ("scene", "track", "coupling", "step", "stop")}}
 
 
-def _bits(parted: Divergence) -> dict[str, Any]:
+def _bits(divergence: Divergence) -> dict[str, Any]:
     return {
-        "compared": parted.value_count,
-        "until": parted.end,
-        "first": None if parted.first is None else _place(parted.first),
-        "spread": [_place(found) for found in parted.spread],
+        "compared": divergence.value_count,
+        "until": divergence.end,
+        "first": None if divergence.first is None else _place(divergence.first),
+        "spread": [_place(difference) for difference in divergence.spread],
         "growth": {
             topic: {"t": growth.t.tolist(), "apart": growth.difference.tolist()}
-            for topic, growth in parted.growth.items()
+            for topic, growth in divergence.growth.items()
         },
-        "only": list(parted.unmatched),
+        "only": list(divergence.unmatched),
     }
 
 
-def _place(found: Bits) -> dict[str, Any]:
+def _place(difference: Bits) -> dict[str, Any]:
     names = {"recorded": "run", "replayed": "reference"}
-    return {names.get(key, key): value for key, value in found._asdict().items()}
+    return {names.get(key, key): value for key, value in difference._asdict().items()}
 
 
 def lines(result: Mapping[str, Any]) -> Iterator[str]:
@@ -91,26 +98,26 @@ def lines(result: Mapping[str, Any]) -> Iterator[str]:
     if (start, end) != (float("-inf"), float("inf")):
         yield f"from {start:g} to {end:g} s"
     yield f"{'observable':18} {'RMS':>10}       {'relative':>9}"
-    for name, one in result["observables"].items():
-        note = "" if one["decisive"] else "  instant by instant: sensitive"
-        if "ok" in one:
-            note += f"  {'ok' if one['ok'] else 'NOT'}, allowed {one['allowed']:g}"
-        yield f"{name:18} {one['rms']:10.3g} {one['unit']:5} {one['relative']:9.2g}{note}"
+    for name, observable in result["observables"].items():
+        note = "" if observable["decisive"] else "  instant by instant: sensitive"
+        if "ok" in observable:
+            note += f"  {'ok' if observable['ok'] else 'NOT'}, allowed {observable['allowed']:g}"
+        yield f"{name:18} {observable['rms']:10.3g} {observable['unit']:5} {observable['relative']:9.2g}{note}"
     if result["bits"] is not None:
-        yield from _parting(result["bits"])
+        yield from _bit_lines(result["bits"])
 
 
-def _parting(bits: Mapping[str, Any]) -> Iterator[str]:
-    alone = bits["only"]
-    yield from (f"not in both: {name}" for name in alone[:SHOWN])
-    if len(alone) > SHOWN:
-        yield f"not in both: {len(alone) - SHOWN} more"
+def _bit_lines(bits: Mapping[str, Any]) -> Iterator[str]:
+    only = bits["only"]
+    yield from (f"not in both: {name}" for name in only[:SHOWN])
+    if len(only) > SHOWN:
+        yield f"not in both: {len(only) - SHOWN} more"
     if bits["first"] is None:
         yield f"bit by bit equal: {bits['compared']} numbers, to t = {bits['until']:.6g} s"
         return
     first = bits["first"]
     yield f"first difference: {_sentence(first)}: {first['run']!r}, reference {first['reference']!r}"
-    yield from (f"  then {_sentence(found)}" for found in bits["spread"][1:])
+    yield from (f"  then {_sentence(difference)}" for difference in bits["spread"][1:])
     yield "largest difference, over the largest value of that unit:"
     for topic, growth in bits["growth"].items():
         points = list(zip(growth["t"], growth["apart"], strict=True))
@@ -118,6 +125,6 @@ def _parting(bits: Mapping[str, Any]) -> Iterator[str]:
         yield f"  {topic:20} " + ", ".join(f"{apart:.2g} at {t:.4g} s" for t, apart in chosen)
 
 
-def _sentence(found: Mapping[str, Any]) -> str:
-    far = "" if found["ulps"] is None else f", {found['ulps']} ULP"
-    return f"{found['instance']}.{found['variable']} at step {found['step']}, t = {found['t']:.6g} s{far}"
+def _sentence(entry: Mapping[str, Any]) -> str:
+    distance = "" if entry["ulps"] is None else f", {entry['ulps']} ULP"
+    return f"{entry['instance']}.{entry['variable']} at step {entry['step']}, t = {entry['t']:.6g} s{distance}"

@@ -55,11 +55,11 @@ def _parts(scene: Scene) -> tuple[list[str], list[str]]:
     assembly, present = assemble(scene), []
     wide = max(len(part.kind) for part in assembly.parts)
     for part in assembly.parts:
-        taken = sum(len(c.inputs) for c in assembly.connections if c.target == part.name)
-        given = sum(len(c.outputs) for c in assembly.connections if c.source == part.name)
-        size = f"{_size(scene, part)}; {taken} values in, {given} out a step"
+        n_inputs = sum(len(c.inputs) for c in assembly.connections if c.target == part.name)
+        n_outputs = sum(len(c.outputs) for c in assembly.connections if c.source == part.name)
+        size = f"{_size(scene, part)}; {n_inputs} values in, {n_outputs} out a step"
         present.append(f"{part.name:12} {part.kind:{wide}} {size}")
-    return present, _absent(scene, assembly)
+    return present, _absent_parts(scene, assembly)
 
 
 def _size(scene: Scene, part: Part) -> str:
@@ -84,7 +84,7 @@ def _size(scene: Scene, part: Part) -> str:
     return f"1 hull, {arms * sides} arms with wheels, {sides} idlers, {sides} mounts{mirrored}"
 
 
-def _absent(scene: Scene, assembly: Assembly) -> list[str]:
+def _absent_parts(scene: Scene, assembly: Assembly) -> list[str]:
     kinds = {part.kind for part in assembly.parts}
     tracks = [part.config["track"] for part in assembly.parts if part.stage == TRACK]
     wheels = max((len(track["wheels"]) for track in tracks), default=0)
@@ -108,41 +108,41 @@ def _absent(scene: Scene, assembly: Assembly) -> list[str]:
 
 
 def _evaluated(scene: Scene, assembly: Assembly) -> Iterator[str]:
-    found = contents([(part.kind, part.config, part.parameters) for part in assembly.parts])
-    touching = [f"{part.name:12} {pair}" for part in assembly.parts for pair in pairs(scene, part)]
-    yield from _section("contact pairs", touching or ["none: no contact law is loaded"])
+    loaded = contents([(part.kind, part.config, part.parameters) for part in assembly.parts])
+    contact_pairs = [f"{part.name:12} {pair}" for part in assembly.parts for pair in pairs(scene, part)]
+    yield from _section("contact pairs", contact_pairs or ["none: no contact law is loaded"])
     yield "outputs"
-    sizes = zip(assembly.parts, found.outputs, found.link_outputs, found.state, strict=True)
+    sizes = zip(assembly.parts, loaded.outputs, loaded.link_outputs, loaded.state, strict=True)
     for part, outputs, links, state in sizes:
         every = f" and {links} of links every {scene.links_every} steps" if links else ""
         yield f"  {part.name:12} {outputs} a step{every}; {state} numbers of state"
-    whole = len(found.modules) + len(found.left_out)
-    yield from _section(f"modules of fmus: {len(found.modules)} of {whole} in", _folded(found.modules))
-    yield from _section(f"modules of fmus: {len(found.left_out)} left out", _folded(found.left_out))
+    n_modules = len(loaded.modules) + len(loaded.left_out)
+    yield from _section(f"modules of fmus: {len(loaded.modules)} of {n_modules} in", _by_folder(loaded.modules))
+    yield from _section(f"modules of fmus: {len(loaded.left_out)} left out", _by_folder(loaded.left_out))
 
 
 def pairs(scene: Scene, part: Part) -> list[str]:
     """Return the contact pairs that a component evaluates."""
     if part.stage != TRACK:
-        own: dict[str, Any] = part.config.get("chassis", {}).get("ground", {})
-        points = len(part.config["vehicle"]["chassis"].get("hull", ())) if own.get("hull") else 0
-        wheels = [f"wheels of the {side} side on the ground" for side in own.get("bare", ())]
+        ground: dict[str, Any] = part.config.get("chassis", {}).get("ground", {})
+        points = len(part.config["vehicle"]["chassis"].get("hull", ())) if ground.get("hull") else 0
+        wheels = [f"wheels of the {side} side on the ground" for side in ground.get("bare", ())]
         return ([f"{points} points of the hull on the ground"] if points else []) + wheels
     track = part.config["track"]
     links, kinds = track["links"], [wheel["kind"] for wheel in track["wheels"]]
     pins, rims = links + (0 if track["closed"] else 1), kinds.count("rim")
     wide = scene.track.kind.wide(scene.track.choices())
     points = 4 if wide else 2  # two pairs of points across a link
-    found = {
+    possible_pairs = {
         f"teeth: {kinds.count('teeth')} sprocket x {pins} pins": "teeth" in kinds,
         f"rims: {rims} wheels x {links} links, {points} points where they touch": rims,
         f"guides: {rims} wheels x {links} links": rims and wide,
         f"ground: {links} links, {points} points each": track["ground"],
     }
-    return [pair for pair, is_there in found.items() if is_there]
+    return [pair for pair, is_there in possible_pairs.items() if is_there]
 
 
-def _folded(modules: Iterable[str]) -> Iterator[str]:
+def _by_folder(modules: Iterable[str]) -> Iterator[str]:
     """Yield one line per folder with its modules."""
     folders: dict[str, list[str]] = {}
     for module in modules:

@@ -29,69 +29,69 @@ def info(
     from orchestrator.log import tools
     from orchestrator.log.log_format import checkpoint_step
 
-    about = tools.info(log)
-    points = {name: size for name, size in about.attachments.items() if checkpoint_step(name) is not None}
-    held, closing = about.log, about.log.closing or {"message": "", "warnings": []}
-    cut = "still being written" if held.being_written else "cut off"
-    ended = f"{closing['status']} after {closing['steps']} steps" if held.closing else cut
+    summary = tools.info(log)
+    points = {name: size for name, size in summary.attachments.items() if checkpoint_step(name) is not None}
+    opened, closing = summary.log, summary.log.closing or {"message": "", "warnings": []}
+    cut = "still being written" if opened.being_written else "cut off"
+    end = f"{closing['status']} after {closing['steps']} steps" if opened.closing else cut
     lines = [
-        f"{held.path}: {held.size / 1e6:.2f} MB, {about.start:g} to {about.end:g} s, {ended}",
-        *(f"  {sentence}" for sentence in (closing["message"], *held.faults) if sentence),
-        *(f"  {printed.warning(each)}" for each in closing["warnings"]),
-        *(f"  {printed.validity(each)}" for each in recorded_entries(closing.get("results", {}))),
+        f"{opened.path}: {opened.size / 1e6:.2f} MB, {summary.start:g} to {summary.end:g} s, {end}",
+        *(f"  {sentence}" for sentence in (closing["message"], *opened.faults) if sentence),
+        *(f"  {printed.warning(entry)}" for entry in closing["warnings"]),
+        *(f"  {printed.validity(entry)}" for entry in recorded_entries(closing.get("results", {}))),
         *(
             f"  {record}: {', '.join(f'{key} = {value}' for key, value in entries.items())}"
-            for record, entries in held.metadata.items()
+            for record, entries in opened.metadata.items()
         ),
         *(
-            f"  {topic:22} {len(held.topics[topic].names):5} signals, {tally.messages:7} messages,"
-            f" one step in {held.topics[topic].every}, {tally.bytes / 1e6:.2f} MB"
-            for topic, tally in about.topics.items()
+            f"  {topic:22} {len(opened.topics[topic].names):5} signals, {tally.messages:7} messages,"
+            f" one step in {opened.topics[topic].every}, {tally.bytes / 1e6:.2f} MB"
+            for topic, tally in summary.topics.items()
         ),
-        *(f"  {topic:22} {kind} for other tools" for topic, kind in held.others.items()),
-        *(f"  attached: {name}, {size} bytes" for name, size in about.attachments.items() if name not in points),
+        *(f"  {topic:22} {kind} for other tools" for topic, kind in opened.others.items()),
+        *(f"  attached: {name}, {size} bytes" for name, size in summary.attachments.items() if name not in points),
         *(
             [f"  {len(points)} checkpoints, {sum(points.values())} bytes: 'cotrack resume' continues from one"]
             * bool(points)
         ),
-        f"  digest {about.digest or 'none: a part is damaged'}",
+        f"  digest {summary.digest or 'none: a part is damaged'}",
     ]
     if as_json:
-        print(json.dumps(printed.finite(_as_table(about))))
+        print(json.dumps(printed.finite(_info_as_json(summary))))
         return
     for line in lines:
         print(plain(line))
     if signals:
-        for topic, each in held.topics.items():
+        for topic, entry in opened.topics.items():
             print(plain(f"{topic}:"))
-            for name, unit in zip(each.names, each.units, strict=True):
+            for name, unit in zip(entry.names, entry.units, strict=True):
                 print(plain(f"  {name} [{unit}]"))
 
 
-def _as_table(about: Any) -> dict[str, Any]:
+def _info_as_json(summary: Any) -> dict[str, Any]:
     """Return the JSON object of an ``Info``."""
-    held = about.log
+    opened = summary.log
     return {
-        "log": str(held.path),
-        "bytes": held.size,
-        "start": about.start,
-        "end": about.end,
-        "complete": held.complete,
-        "being_written": held.being_written,
-        "faults": held.faults,
-        "closing": held.closing,
-        "metadata": held.metadata,
+        "log": str(opened.path),
+        "bytes": opened.size,
+        "start": summary.start,
+        "end": summary.end,
+        "complete": opened.complete,
+        "being_written": opened.being_written,
+        "faults": opened.faults,
+        "closing": opened.closing,
+        "metadata": opened.metadata,
         "topics": {
             topic: {
-                "signals": [list(pair) for pair in zip(each.names, each.units, strict=True)],
-                "every": each.every,
-                "messages": about.topics[topic].messages,
-                "bytes": about.topics[topic].bytes,
+                "signals": [list(pair) for pair in zip(channel.names, channel.units, strict=True)],
+                "every": channel.every,
+                "messages": summary.topics[topic].messages,
+                "bytes": summary.topics[topic].bytes,
             }
-            for topic, each in held.topics.items()
+            for topic, channel in opened.topics.items()
         },
-        "attachments": about.attachments,
-        "digest": about.digest,
+        "attachments": summary.attachments,
+        "digest": summary.digest,
     }
 
 
@@ -117,7 +117,7 @@ def recover(
     _report(tools.recover(log, output or log.with_name(f"{log.stem}-recovered.mcap")), as_json)
 
 
-class Kind(StrEnum):
+class ExportFormat(StrEnum):
     """File format of an export."""
 
     csv = "csv"
@@ -138,7 +138,9 @@ def export(
     topics: Annotated[
         list[str] | None, typer.Option("--topic", metavar="TOPIC", help="a whole topic; repeatable")
     ] = None,
-    kind: Annotated[Kind | None, typer.Option("--as", help="format of the files in a folder, default csv")] = None,
+    kind: Annotated[
+        ExportFormat | None, typer.Option("--as", help="format of the files in a folder, default csv")
+    ] = None,
     start: Annotated[float, typer.Option("--from", metavar="T", help="first instant, s")] = float("-inf"),
     end: Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")] = float("inf"),
 ) -> None:

@@ -8,18 +8,18 @@ from orchestrator.results.units import finite as finite
 from orchestrator.results.units import size
 from orchestrator.results.validity.exceedance import Exceedance
 
-MOST = 1000  # longest printed sentence, characters
+LONGEST = 1000  # longest printed sentence, characters
 OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # printed by phase instead of by the last second
 
 
 def plain(text: str) -> str:
     """Return text of any origin as one line of printable characters, shortened to MOST."""
-    shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[:MOST])
-    return shown if len(text) <= MOST else f"{shown} ..."
+    shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[:LONGEST])
+    return shown if len(text) <= LONGEST else f"{shown} ..."
 
 
 # Label of each observable: name, unit, digits.
-WORDS = {
+LABELS = {
     "distance": ("distance", "m", 5),
     "speed": ("speed", "m/s", 4),
     "settlement": ("settlement", "mm", 4),
@@ -44,18 +44,18 @@ WORDS = {
 }
 
 
-def _error(found: dict[str, Any]) -> str:
+def _error(error: dict[str, Any]) -> str:
     """Return a sentence about the error estimate of a run."""
-    if found["total"] is None:
-        return f"estimated error: not known, {found['message']}"
-    most = max(
-        (name for name, one in found["observables"].items() if one["decisive"]),
-        key=lambda name: found["observables"][name]["total"],
+    if error["total"] is None:
+        return f"estimated error: not known, {error['message']}"
+    decisive = max(
+        (name for name, observable in error["observables"].items() if observable["decisive"]),
+        key=lambda name: error["observables"][name]["total"],
     )
-    integration = "not known" if found["integration"] is None else f"{found['integration']:.2g}"
+    integration = "not known" if error["integration"] is None else f"{error['integration']:.2g}"
     return (
-        f"estimated error: {100.0 * found['total']:.2g} % ({most.replace('_', ' ')}; all other observables are smaller;"
-        f" coupling {found['coupling']:.2g}, integration {integration}; took {found['wall_time']:.3g} s more)"
+        f"estimated error: {100.0 * error['total']:.2g} % ({decisive.replace('_', ' ')}; all other observables are"
+        f" smaller; coupling {error['coupling']:.2g}, integration {integration}; took {error['wall_time']:.3g} s more)"
     )
 
 
@@ -81,40 +81,46 @@ def _observables(r: dict[str, Any]) -> list[str]:
     """Return a line per averaging window with its finite observables; OF_PHASES only without phases."""
     lines: dict[str, list[str]] = {}
     for key, value in r["observables"].items():
-        name, unit, digits = WORDS[key]
+        name, unit, digits = LABELS[key]
         if value == value and not (r["phases"] and key in OF_PHASES):
-            where = _bearer(r["phases"]) if key == "tension_max" else ""
+            where = _track_of_largest_tension(r["phases"]) if key == "tension_max" else ""
             window = _window(r["windows"].get(key, {"from": 0.0, "to": r["simulated_time"]}))
             lines.setdefault(window, []).append(f"{name} {value / size(unit):.{digits}g} {unit}{where}")
-    return [f"{window}: {', '.join(told)}" for window, told in lines.items()]
+    return [f"{window}: {', '.join(texts)}" for window, texts in lines.items()]
 
 
-def _window(of: dict[str, float]) -> str:
+def _window(window: dict[str, float]) -> str:
     """Return the averaging window in words."""
-    return f"mean of {of['from']:.6g} to {of['to']:.6g} s" if of["from"] else f"whole run, 0 to {of['to']:.6g} s"
+    return (
+        f"mean of {window['from']:.6g} to {window['to']:.6g} s"
+        if window["from"]
+        else f"whole run, 0 to {window['to']:.6g} s"
+    )
 
 
-def _phases(found: list[dict[str, Any]]) -> list[str]:
+def _phases(phases: list[dict[str, Any]]) -> list[str]:
     from orchestrator.results.analyses.phases import sentence
 
-    return [sentence(one) for one in found]
+    return [sentence(phase) for phase in phases]
 
 
-def _bearer(phases: list[dict[str, Any]]) -> str:
+def _track_of_largest_tension(phases: list[dict[str, Any]]) -> str:
     """Return track and time of the largest tension in words; empty without phases."""
-    most = max((one for one in phases if one["tension_track"]), key=lambda one: one["tension"], default=None)
-    return f" in {most['tension_track'].replace('_', ' ')} at {most['tension_t']:.4g} s" if most else ""
+    largest = max(
+        (phase for phase in phases if phase["tension_track"]), key=lambda phase: phase["tension"], default=None
+    )
+    return f" in {largest['tension_track'].replace('_', ' ')} at {largest['tension_t']:.4g} s" if largest else ""
 
 
-def warning(told: dict[str, Any]) -> str:
+def warning(entry: dict[str, Any]) -> str:
     """Return the line about a component's warning."""
-    times = f", {told['count']} times" if told["count"] > 1 else ""
-    return f"warning: {told['component']} at {told['time']:.6g} s{times}: {told['text']}"
+    times = f", {entry['count']} times" if entry["count"] > 1 else ""
+    return f"warning: {entry['component']} at {entry['time']:.6g} s{times}: {entry['text']}"
 
 
-def validity(told: dict[str, Any]) -> str:
+def validity(fields: dict[str, Any]) -> str:
     """Return the line about an entry of the validity ledger."""
-    entry = Exceedance(**told)
+    entry = Exceedance(**fields)
     return f"validity, {entry.severity}: {entry.component} from {entry.time:.6g} s on: {entry.sentence}"
 
 
@@ -122,8 +128,8 @@ def _balance(energy: dict[str, Any]) -> str:
     released = -sum(min(change, 0.0) for change in energy["stored"].values())
     parts = (("put in by the drives", energy["work"]), ("released from store", released))
     sums = [f"{value / 1e3:.4g} kJ {what}" for what, value in (*parts, ("dissipated", energy["dissipated"])) if value]
-    told = f" ({', '.join(sums)})" if sums else ""
-    return f"energy balance: {abs(energy['residual_relative']) * 100:.2g} % unaccounted for{told}"
+    terms = f" ({', '.join(sums)})" if sums else ""
+    return f"energy balance: {abs(energy['residual_relative']) * 100:.2g} % unaccounted for{terms}"
 
 
 def _ledger(energy: dict[str, Any]) -> str:
@@ -136,8 +142,8 @@ def _ledger(energy: dict[str, Any]) -> str:
 
 def _causes(causes: dict[str, float]) -> str:
     """Return the line about dissipated energy by cause, largest first."""
-    parts = sorted(causes.items(), key=lambda each: -abs(each[1]))
-    return "dissipated: " + ", ".join(f"{cause.replace('_', ' ')} {lost:.4g} J" for cause, lost in parts)
+    parts = sorted(causes.items(), key=lambda item: -abs(item[1]))
+    return "dissipated: " + ", ".join(f"{cause.replace('_', ' ')} {energy:.4g} J" for cause, energy in parts)
 
 
 def _check(name: str, check: dict[str, Any]) -> str:
@@ -160,15 +166,15 @@ def summary(result: dict[str, Any]) -> None:
         *_phases(r["phases"]),
         _error(r["error"]) if r["error"] else "",
         _balance(r["energy"]) if r["energy"] else "",
-        *(warning(told) for told in r["warnings"]),
-        *(validity(told) for told in r["validity"]),
+        *(warning(entry) for entry in r["warnings"]),
+        *(validity(entry) for entry in r["validity"]),
         f"{r['communication_steps']} steps kept, {r['rejected_steps']} pairs of steps taken back"
         if r["rejected_steps"]
         else "",
-        *(_check(*each) for each in r["checks"].items()),
+        *(_check(*item) for item in r["checks"].items()),
         _ledger(r["energy"]) if r["energy"] else "",
         _causes(r["energy"]["causes"]) if r["energy"] and r["energy"]["causes"] else "",
-        *(_cost(*each) for each in r["components"].items()),
+        *(_cost(*item) for item in r["components"].items()),
         f"log {r['log']} ({r['log_bytes'] / 1e6:.1f} MB)" if r["log"] else "",
     ]
     print(_headline(r))

@@ -13,7 +13,7 @@ import typer
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.cli import printed
-from orchestrator.cli.common import LogPath, Settings, leave, warn
+from orchestrator.cli.common import LogPath, Settings, exit_with, log_warning
 
 
 def replay(
@@ -46,31 +46,31 @@ def replay(
     """
     from orchestrator.execution import replay_model
 
-    names = component or replay_model.components(log)
-    asked = [*([f"--with {other}"] if other else []), *(f"--set {each}" for each in settings or ())]
-    if asked and len(names) > 1:
-        raise BadInput(f"{asked[0]} is for one component: --component {' or '.join(names)}")
+    names = component or replay_model.fmu_components(log)
+    changes = [*([f"--with {other}"] if other else []), *(f"--set {setting}" for setting in settings or ())]
+    if changes and len(names) > 1:
+        raise BadInput(f"{changes[0]} is for one component: --component {' or '.join(names)}")
     verdicts = {}
     for name in names:
-        with replay_model.opened(log, name, other, warn, settings or ()) as again:
-            if asked and not (again.model.ran and output is None):
+        with replay_model.open_replay(log, name, other, log_warning, settings or ()) as opened:
+            if changes and not (opened.model.as_recorded and output is None):
                 path = output or log.with_name(_answer_name(log, name, other or "set"))
-                _answer(log, again, path, picture, (start, end))
+                _answer(log, opened, path, picture, (start, end))
                 return
-            verdicts[name] = again.verify((start, end))
+            verdicts[name] = opened.verify((start, end))
     if as_json:
-        told = {name: _told(verdict) for name, verdict in verdicts.items()}
-        print(json.dumps(printed.finite(told[names[0]] if component and len(names) == 1 else told)))
+        results = {name: _verdict_as_json(verdict) for name, verdict in verdicts.items()}
+        print(json.dumps(printed.finite(results[names[0]] if component and len(names) == 1 else results)))
     else:
         for name, verdict in verdicts.items():
             print(printed.plain(verdict.sentence if len(names) == 1 else f"{name}: {verdict.sentence}"))
     sys.exit(0 if verdicts and all(verdict.equal for verdict in verdicts.values()) else 1)
 
 
-def _told(verdict: Any) -> dict[str, Any]:
-    """Return the JSON object of a ``replays.Verdict``."""
-    told = None if verdict.difference is None else verdict.difference._asdict()
-    return {**verdict._asdict(), "difference": told, "equal": verdict.equal}
+def _verdict_as_json(verdict: Any) -> dict[str, Any]:
+    """Return the JSON object of a ``replays.ReplayVerdict``."""
+    difference = None if verdict.difference is None else verdict.difference._asdict()
+    return {**verdict._asdict(), "difference": difference, "equal": verdict.equal}
 
 
 def _answer_name(log: Path, component: str, other: str) -> str:
@@ -80,23 +80,23 @@ def _answer_name(log: Path, component: str, other: str) -> str:
     return f"{log.stem}-{file_name(component)}-{Path(other).stem}.mcap"
 
 
-def _answer(log: Path, again: Any, path: Path, picture: Path | None, window: tuple[float, float]) -> None:
+def _answer(log: Path, opened: Any, path: Path, picture: Path | None, window: tuple[float, float]) -> None:
     """Log another model's outputs, print a table of the differences and draw both models."""
     from orchestrator.log.reader import Log
     from orchestrator.results import answered
 
-    name = again.component.name
-    if not again.answer(path, window[1]):
-        leave(f"{log} holds no step of '{name}': there is nothing to replay", 1)
-    with Log(log) as one, Log(path) as two:
-        found = answered.answers(one, two, name, window)
-    if not found:
-        leave(f"log {path}: nothing of '{name}' is there to be compared from {window[0]:g} to {window[1]:g} s", 1)
-    for line in answered.lines(found):
+    name = opened.component.name
+    if not opened.answer(path, window[1]):
+        exit_with(f"{log} holds no step of '{name}': there is nothing to replay", 1)
+    with Log(log) as recorded, Log(path) as answer:
+        answers = answered.answers(recorded, answer, name, window)
+    if not answers:
+        exit_with(f"log {path}: nothing of '{name}' is there to be compared from {window[0]:g} to {window[1]:g} s", 1)
+    for line in answered.lines(answers):
         print(printed.plain(line))
     print(f"log {path}")
     if picture is not None:
-        answered.draw(found, picture, f"{name} of {log.name}, and {path.name} under the same inputs")
+        answered.draw(answers, picture, f"{name} of {log.name}, and {path.name} under the same inputs")
         print(picture)
 
 
@@ -137,19 +137,23 @@ def compare(
     from orchestrator.results.divergence import divergence
     from orchestrator.results.growth_picture import draw
     from orchestrator.results.run_data import RunData, Window
-    from orchestrator.scene.same_scene import of_one_scene
+    from orchestrator.scene.same_scene import require_same_scene
 
     window = Window(start, end)
-    with Log(run) as one, Log(reference) as other:
-        a, b = RunData(one), RunData(other)
+    with Log(run) as run_log, Log(reference) as reference_log:
+        run_data, reference_data = RunData(run_log), RunData(reference_log)
         if not different:
-            of_one_scene((f"{run}", a.scene), (f"{reference}", b.scene), "; --different compares them all the same")
-        apart = differences(a, b, window, alignment(align))
-        most = limits(allowed or (), apart)
-        parted = divergence(one, other, window) if bitwise or picture else None
-        result = table(a, b, window, apart, most, parted)
-    if picture and parted is not None:
-        draw(parted, picture)
+            require_same_scene(
+                (f"{run}", run_data.scene),
+                (f"{reference}", reference_data.scene),
+                "; --different compares them all the same",
+            )
+        observables = differences(run_data, reference_data, window, alignment(align))
+        limit_of = limits(allowed or (), observables)
+        bit_divergence = divergence(run_log, reference_log, window) if bitwise or picture else None
+        result = table(run_data, reference_data, window, observables, limit_of, bit_divergence)
+    if picture and bit_divergence is not None:
+        draw(bit_divergence, picture)
     if as_json:
         print(json.dumps(printed.finite(result)))
     else:

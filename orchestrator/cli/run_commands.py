@@ -10,7 +10,17 @@ from typing import Annotated
 import typer
 
 from orchestrator.cli import printed
-from orchestrator.cli.common import LogPath, SceneName, Settings, TrackOption, ended_by, leave, narration, tell, warn
+from orchestrator.cli.common import (
+    LogPath,
+    SceneName,
+    Settings,
+    TrackOption,
+    exit_with,
+    log_warning,
+    message_and_status,
+    narration,
+    print_message,
+)
 
 
 def run(
@@ -41,8 +51,8 @@ def run(
     from orchestrator.scene.scene import load
 
     result, status = summary.empty(scene, track), 2
-    told = (("stop", stop), ("step", step), ("coupling", coupling))
-    changes = [*(settings or ()), *(f"run.{k}={v}" for k, v in told if v is not None)]
+    overrides = (("stop", stop), ("step", step), ("coupling", coupling))
+    changes = [*(settings or ()), *(f"run.{k}={v}" for k, v in overrides if v is not None)]
     try:
         resolved = load(scene, track, changes)
         if error is not None:
@@ -54,13 +64,13 @@ def run(
         from orchestrator.execution.simulate import simulate
 
         path = log or Path("logs") / f"{resolved.name}-{resolved.variant}.mcap"
-        result = simulate(resolved, path, warn, narration, estimated=estimate, native=native)
-        status = 0 if summary.passed(result) else 1
+        result = simulate(resolved, path, log_warning, narration, estimated=estimate, native=native)
+        status = 0 if summary.is_passed(result) else 1
     except KeyboardInterrupt:
         result["message"], status = "interrupted", 1
     except Exception as failure:
-        result["message"], status = ended_by(failure)
-    tell(result["message"], status)
+        result["message"], status = message_and_status(failure)
+    print_message(result["message"], status)
     if as_json:
         print(json.dumps(printed.finite(result)))
     elif status != 2:
@@ -91,13 +101,13 @@ def resume(
     from orchestrator.execution.resume import resume as go_on
 
     path = output or log.with_name(f"{log.stem}-{'branch' if settings else 'resumed'}.mcap")
-    result = go_on(log, path, at, stop, warn, narration, settings or ())
-    tell(result["message"], 0)
+    result = go_on(log, path, at, stop, log_warning, narration, settings or ())
+    print_message(result["message"], 0)
     if as_json:
         print(json.dumps(printed.finite(result)))
     else:
         printed.summary(result)
-    sys.exit(0 if summary.passed(result) else 1)
+    sys.exit(0 if summary.is_passed(result) else 1)
 
 
 def truth(
@@ -119,39 +129,43 @@ def truth(
     from orchestrator.results.difference import differences_of_logs
     from orchestrator.results.run_data import RunData
     from orchestrator.scene.placing import placed
-    from orchestrator.scene.same_scene import of_one_scene
+    from orchestrator.scene.same_scene import require_same_scene
     from orchestrator.scene.scene import load
 
     changes = [*(settings or ()), *([f"run.stop={stop}"] if stop is not None else ())]
     resolved = load(scene, track, changes)
     if against:
         with Log(against) as log:
-            of_one_scene((f"{against}", RunData(log).scene), (f"the truth of {scene}", placed(resolved).resolved()))
+            require_same_scene(
+                (f"{against}", RunData(log).scene), (f"the truth of {scene}", placed(resolved).resolved())
+            )
     try:
-        found = module.truth(resolved, narration)
+        converged = module.truth(resolved, narration)
     except module.TruthFailed as failure:
-        leave(str(failure), 1)
-    off = differences_of_logs(against, found.log) if against else {}
+        exit_with(str(failure), 1)
+    deviations = differences_of_logs(against, converged.log) if against else {}
     observables = {
-        name: {"unit": one.unit, "difference": one.absolute, "error": found.error(name)}
-        | ({"off": off[name].absolute, "off_relative": off[name].relative} if name in off else {})
-        for name, one in found.difference.items()
+        name: {"unit": difference.unit, "difference": difference.absolute, "error": converged.error(name)}
+        | ({"off": deviations[name].absolute, "off_relative": deviations[name].relative} if name in deviations else {})
+        for name, difference in converged.difference.items()
     }
     result = {
         "scene": resolved.name,
         "track": resolved.variant,
-        "log": str(found.log),
-        "coarse_log": str(found.coarse_log),
-        "built": found.built,
-        "internal_step": found.internal_step,
-        "wall_time": found.wall_time,
+        "log": str(converged.log),
+        "coarse_log": str(converged.coarse_log),
+        "built": converged.built,
+        "internal_step": converged.internal_step,
+        "wall_time": converged.wall_time,
         "observables": observables,
     }
     if as_json:
         print(json.dumps(printed.finite(result)))
         return
-    print(f"{'built' if found.built else 'found'} {found.log}")
-    print(f"  internal step {found.internal_step:.3g} s, {found.wall_time:.3g} s of wall time; RMS errors:")
-    for name, each in observables.items():
-        line = f"  {name:18} {each['error']:9.2g} {each['unit']:4}"
-        print(line + (f" {against} is off by {each['off']:.3g}, {each['off_relative']:.2%}" if "off" in each else ""))
+    print(f"{'built' if converged.built else 'found'} {converged.log}")
+    print(f"  internal step {converged.internal_step:.3g} s, {converged.wall_time:.3g} s of wall time; RMS errors:")
+    for name, entry in observables.items():
+        line = f"  {name:18} {entry['error']:9.2g} {entry['unit']:4}"
+        print(
+            line + (f" {against} is off by {entry['off']:.3g}, {entry['off_relative']:.2%}" if "off" in entry else "")
+        )

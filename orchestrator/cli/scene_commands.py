@@ -58,12 +58,12 @@ def build(
     changes = [*([f"vehicle={vehicle}"] if vehicle else ()), *(settings or ())]
     models = [track] if track else list(TRACKS)
     if everything:
-        wanted = products.of_gallery(models, changes)
+        requested = products.gallery_products(models, changes)
     elif scene is None:
-        wanted = products.of_scenes([load(products.STANDARD, model, changes) for model in models])
+        requested = products.scene_products([load(products.STANDARD, model, changes) for model in models])
     else:
-        wanted = products.of_scenes([load(scene, track, changes)])
-    for file in products.build_to(output, wanted, native, windows):
+        requested = products.scene_products([load(scene, track, changes)])
+    for file in products.build_to(output, requested, native, windows):
         print(file)
 
 
@@ -74,8 +74,8 @@ def warm(
     from orchestrator.execution.warm import variants
     from orchestrator.execution.warm import warm as begun
 
-    wanted, failed = variants(scenes or ()), 0
-    for done, (name, message, seconds) in enumerate(begun(wanted), 1):
+    pairs, failed = variants(scenes or ()), 0
+    for done, (name, message, seconds) in enumerate(begun(pairs), 1):
         failed += bool(message)
-        print(f"{done}/{len(wanted)} {name}: " + (message or f"starts after {seconds:.1f} s"))
+        print(f"{done}/{len(pairs)} {name}: " + (message or f"starts after {seconds:.1f} s"))
     sys.exit(min(failed, 1))

@@ -47,44 +47,44 @@ def study(
         for known, about in studies.STUDIES.items():
             print(f"{known:16} {about}")
         return
-    chosen = studies.find(name)
+    module = studies.find(name)
     folder = folder_of(name, output)
-    timed = hasattr(chosen, "WORKERS")  # studies of one scene measure run times, so one run at a time
+    timed = hasattr(module, "WORKERS")  # studies of one scene measure run times, so one run at a time
     if scene is not None and not timed:
         raise BadInput(f"study {name} takes no scene")
-    cases = chosen.cases(quick, scene) if scene is not None else chosen.cases(quick)
-    conduct(name, chosen, cases, folder, workers or (1 if timed else 2), scheduler)
+    cases = module.cases(quick, scene) if scene is not None else module.cases(quick)
+    conduct(name, module, cases, folder, workers or (1 if timed else 2), scheduler)
 
 
 def folder_of(name: str, output: Path | None) -> Path:
     """Create the folder of a study's results; raises BadInput."""
-    from orchestrator.scene.products import made
+    from orchestrator.scene.products import make_folder
 
     if output is None:
         raise BadInput(f"study {name}: -o DIR says where its tables and figures go")
-    made(output)
+    make_folder(output)
     return output
 
 
 def conduct(
-    name: str, chosen: ModuleType, cases: Sequence[Case], output: Path, workers: int, scheduler: str | None
+    name: str, module: ModuleType, cases: Sequence[Case], output: Path, workers: int, scheduler: str | None
 ) -> NoReturn:
     """Run the cases of a study, write its files, print its table and exit; raises BadInput."""
     from orchestrator.studies import pool
-    from orchestrator.studies.progress import watched
+    from orchestrator.studies.progress import progress_bar
     from orchestrator.studies.store import Store
 
     try:
-        with narration.elsewhere(), watched(name, len(cases)) as done:
+        with narration.suppressed(), progress_bar(name, len(cases)) as done:
             rows = pool.run(cases, workers, scheduler, Store(output / "cases"), done)
-        files = chosen.write(output, name, rows, chosen.TITLE)
+        files = module.write(output, name, rows, module.TITLE)
     except OSError as error:
         raise BadInput(f"the folder {output} cannot be written: {error}") from None
-    print(chosen.table(rows).markdown())
+    print(module.table(rows).markdown())
     for file in files:
         print(file)
-    missed = [row for row in rows if row.ok is False]
-    print(f"{len(rows)} rows, {len(missed)} not as they should be", file=sys.stderr)
-    for row in missed:
+    failures = [row for row in rows if row.ok is False]
+    print(f"{len(rows)} rows, {len(failures)} not as they should be", file=sys.stderr)
+    for row in failures:
         print(f"cotrack: {row.item}: {row.case}: {row.note or 'misses its tolerance'}", file=sys.stderr)
-    sys.exit(1 if missed else 0)
+    sys.exit(1 if failures else 0)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from fmus.vehicle import BadInput
-from orchestrator.cli.common import LogPath, leave
+from orchestrator.cli.common import LogPath, exit_with
 
 KINDS = {  # kinds of drawing that take an option, and their names in messages
     "--at": (("picture", "still"), "pictures"),
@@ -67,7 +67,7 @@ def view(
 
         (going.follow if live else rerun_scene.show)(log, output, colour)
     elif output is None:
-        leave("-o FILE says what is written; without it there is the viewer: --rerun", 2)
+        exit_with("-o FILE says what is written; without it there is the viewer: --rerun", 2)
     else:
         _write(kind, log, output, times or [], above, side or "right", colour)
     if output:

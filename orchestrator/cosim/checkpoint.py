@@ -20,20 +20,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.component_warnings import ComponentWarning
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Floats
-from orchestrator.cosim.warned import Warned
 
 _LENGTH = struct.Struct("<Q")
 _KINDS = ("<f8", "|u1")
-NOTHING: Mapping[str, Floats] = MappingProxyType({})
+NO_MEMORY: Mapping[str, Floats] = MappingProxyType({})
 
 
-class Unusable(ValueError):
+class UnusableCheckpoint(ValueError):
     """The bytes are no checkpoint of these components; the message is one sentence."""
 
 
-class Point(NamedTuple):
+class CommunicationPoint(NamedTuple):
     """Communication point of a run."""
 
     k: int  # number of steps done
@@ -41,7 +41,7 @@ class Point(NamedTuple):
     h: float  # s, length of the last step
 
 
-def possible(scheme: Scheme) -> bool:
+def can_save(scheme: Scheme) -> bool:
     """True if every component can serialise its state."""
     return all(
         isinstance(member.component, Component) and member.component.description.coSimulation.canSerializeFMUstate
@@ -49,70 +49,71 @@ def possible(scheme: Scheme) -> bool:
     )
 
 
-def save(scheme: Scheme, at: Point, pace: Mapping[str, Floats] = NOTHING) -> bytes:
+def save(scheme: Scheme, point: CommunicationPoint, pace: Mapping[str, Floats] = NO_MEMORY) -> bytes:
     """Serialise the run with the memory of its ``pace``; raises ComponentFailed."""
-    arrays = {"at": np.array(at, dtype=np.float64)} | {f"pace:{name}": values for name, values in pace.items()}
-    warned = {}
+    arrays = {"at": np.array(point, dtype=np.float64)} | {f"pace:{name}": values for name, values in pace.items()}
+    warnings = {}
     for component in _components(scheme):
         state = component.save()
         try:
             arrays[f"state:{component.name}"] = np.frombuffer(component.dump(state), np.uint8)
-            warned[component.name] = {key: asdict(one) for key, one in state.warned.items()}
+            warnings[component.name] = {key: asdict(warning) for key, warning in state.warnings.items()}
         finally:
             component.free(state)
         arrays |= {f"u:{component.name}": component.u, f"y:{component.name}": component.y}
     arrays |= {f"past:{name}": values for name, values in scheme.memory().items()}
-    arrays["warned"] = np.frombuffer(json.dumps(warned).encode(), np.uint8)
+    arrays["warned"] = np.frombuffer(json.dumps(warnings).encode(), np.uint8)
     return _bytes(arrays)
 
 
 def time_of(content: bytes) -> float:
-    """Time of a checkpoint, s; raises Unusable."""
-    with _readable(content) as arrays:
+    """Time of a checkpoint, s; raises UnusableCheckpoint."""
+    with _decoded(content) as arrays:
         return float(arrays["at"][1])
 
 
 def states(content: bytes) -> tuple[float, dict[str, bytes]]:
-    """Time of a checkpoint, s, and the serialised state of each component; raises Unusable."""
-    with _readable(content) as arrays:
-        found = {name: array.tobytes() for name, array in _named(arrays, "state:").items()}
-        return float(arrays["at"][1]), found
+    """Time of a checkpoint, s, and the serialised state of each component; raises UnusableCheckpoint."""
+    with _decoded(content) as arrays:
+        parts = {name: array.tobytes() for name, array in _named(arrays, "state:").items()}
+        return float(arrays["at"][1]), parts
 
 
 def restore(
     content: bytes,
     scheme: Scheme,
     step: int,
-    pace: Callable[[Scheme, Mapping[str, Floats]], None] | None = None,
-    made: Callable[[Component, bytes], bytes] = lambda _, state: state,
-) -> Point:
-    """Restore initialised components and their coupling from a checkpoint at ``step``; raises Unusable.
+    restore_pace: Callable[[Scheme, Mapping[str, Floats]], None] | None = None,
+    adapt_state: Callable[[Component, bytes], bytes] = lambda _, state: state,
+) -> CommunicationPoint:
+    """Restore initialised components and their coupling from a checkpoint at ``step``; raises UnusableCheckpoint.
 
-    ``pace`` restores the memory of the step control; ``made`` maps a saved state to that which its component gets.
+    ``restore_pace`` restores the memory of the step control; ``adapt_state`` maps a saved state to what its component
+    gets.
     """
-    with _readable(content) as arrays:
-        warned = json.loads(arrays["warned"].tobytes())
+    with _decoded(content) as arrays:
+        warnings = json.loads(arrays["warned"].tobytes())
         for component in _components(scheme):
-            component.free(component.load(made(component, arrays[f"state:{component.name}"].tobytes())))
+            component.free(component.load(adapt_state(component, arrays[f"state:{component.name}"].tobytes())))
             component.u[:] = arrays[f"u:{component.name}"]
             component.y[:] = arrays[f"y:{component.name}"]
-            component.warned_of(_warned(warned[component.name]))
-        scheme.remember(_named(arrays, "past:"))
-        if pace is not None:
-            pace(scheme, _named(arrays, "pace:"))
+            component.set_warnings(_warnings(warnings[component.name]))
+        scheme.restore_memory(_named(arrays, "past:"))
+        if restore_pace is not None:
+            restore_pace(scheme, _named(arrays, "pace:"))
         k, t, h = arrays["at"].tolist()
         if k != step or not 0.0 < h <= t < np.inf:
             raise ValueError(f"it is of step {k:g}, {t:g} s, not of step {step}")
-        return Point(step, t, h)
+        return CommunicationPoint(step, t, h)
 
 
 @contextmanager
-def _readable(content: bytes) -> Iterator[Mapping[str, NDArray[Any]]]:
-    """Arrays of a checkpoint; every error about them becomes Unusable."""
+def _decoded(content: bytes) -> Iterator[Mapping[str, NDArray[Any]]]:
+    """Arrays of a checkpoint; every error about them becomes UnusableCheckpoint."""
     try:
         yield _arrays(content)
     except (LookupError, ValueError, TypeError, AttributeError, OverflowError, ComponentFailed) as flaw:
-        raise Unusable(f"the checkpoint does not fit these components: {flaw}") from None
+        raise UnusableCheckpoint(f"the checkpoint does not fit these components: {flaw}") from None
 
 
 def _bytes(arrays: Mapping[str, NDArray[Any]]) -> bytes:
@@ -125,14 +126,14 @@ def _arrays(content: bytes) -> dict[str, NDArray[Any]]:
     """Decode arrays; raises ValueError, TypeError, OverflowError."""
     if len(content) < _LENGTH.size:
         raise ValueError("it is cut off")
-    at = _LENGTH.size + _LENGTH.unpack_from(content)[0]
+    offset = _LENGTH.size + _LENGTH.unpack_from(content)[0]
     arrays = {}
-    for name, kind, shape in json.loads(content[_LENGTH.size : at]):
+    for name, kind, shape in json.loads(content[_LENGTH.size : offset]):
         if kind not in _KINDS:
             raise ValueError(f"an array of {kind!r}")
         count = math.prod(shape)
-        arrays[name] = np.frombuffer(content, kind, count, at).reshape(shape)
-        at += arrays[name].nbytes
+        arrays[name] = np.frombuffer(content, kind, count, offset).reshape(shape)
+        offset += arrays[name].nbytes
     return arrays
 
 
@@ -144,5 +145,5 @@ def _components(scheme: Scheme) -> list[Component]:
     return [member.component for member in scheme.members if isinstance(member.component, Component)]
 
 
-def _warned(found: Mapping[str, Mapping[str, object]]) -> dict[str, Warned]:
-    return {key: Warned(**one) for key, one in found.items()}  # type: ignore[arg-type]
+def _warnings(entries: Mapping[str, Mapping[str, object]]) -> dict[str, ComponentWarning]:
+    return {key: ComponentWarning(**entry) for key, entry in entries.items()}  # type: ignore[arg-type]

@@ -1,15 +1,14 @@
-"""Component: a loaded FMI 2.0 co-simulation FMU, called through fmpy with preallocated arrays."""
+"""Component: a loaded FMI 2.0 co-simulation FMU, called through fmpy with preallocated arrays.
+
+The module is longer than 400 lines because all calls of an instance share its handle, arrays and phase: they are the
+methods of one class.
+"""
 
 from __future__ import annotations
 
 import atexit
 import difflib
-import hashlib
-import io
 import math
-import shutil
-import zipfile
-import zlib
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, suppress
 from ctypes import (
@@ -46,8 +45,9 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
-from orchestrator.cosim.warned import Warned, Warnings
-from orchestrator.kernels.cache import cache_folder, make, own, temporary, write
+from orchestrator.cosim.component_warnings import ComponentWarning, WarningList
+from orchestrator.cosim.fmu_files import unpack
+from orchestrator.cosim.graph import ComponentFailed as ComponentFailed
 from orchestrator.kernels.tables import Record, StepCall, record
 
 Floats = NDArray[np.float64]
@@ -65,20 +65,15 @@ SETTERS: dict[str, tuple[str, Any, Any]] = {  # FMI type: setter, C type, allowe
 }
 _WARNING, _DISCARD, _FATAL = 1, 2, 4
 CALLS = {"set_real": "fmi2SetReal", "do_step": "fmi2DoStep", "get_real": "fmi2GetReal"}
-_BYTECODE = "__pycache__"
 _WRAPPER = "Fatal py exception encountered: "  # pythonfmu: the sentence is on the last line
 
 
-class ComponentFailed(RuntimeError):
-    """An FMU cannot be loaded or a call failed; the message is one sentence with the instance name."""
-
-
-class State(NamedTuple):
+class ComponentState(NamedTuple):
     """Saved FMU state with the values of the arrays and the warnings; valid until freed."""
 
     handle: fmi2FMUstate
     arrays: tuple[NDArray[Any], ...]  # u, y, y_links, counters
-    warned: Mapping[str, Warned]
+    warnings: Mapping[str, ComponentWarning]
 
 
 # ------------------------------------------------------------------ messages
@@ -107,7 +102,7 @@ def _callbacks(environment: int) -> fmi2CallbackFunctions:
     return functions
 
 
-# ------------------------------------------------------------------ files
+# ------------------------------------------------------------------ libraries
 
 _libraries: dict[Path, Any] = {}
 
@@ -118,76 +113,6 @@ def _finalise() -> None:
     for library in _libraries.values():
         with suppress(AttributeError):  # not a pythonfmu library
             library.finalizePythonInterpreter()
-
-
-def unpack(fmu: Path) -> Path:
-    """Unpack an FMU into a cache folder named by its content; return the folder. Raises ComponentFailed.
-
-    A file that differs from the packed one is replaced; a process that has the old one open keeps it. If the cache
-    cannot be used, a temporary folder lasts until the end of the process.
-    """
-    try:
-        content = fmu.read_bytes()
-    except FileNotFoundError:
-        raise ComponentFailed(f"there is no FMU '{fmu}'") from None
-    except OSError as error:
-        raise ComponentFailed(f"cannot read the FMU '{fmu}': {error.strerror}") from None
-    place = Path("unpacked", hashlib.sha256(content).hexdigest()[:24])
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            if "modelDescription.xml" not in archive.namelist():
-                raise ComponentFailed(f"'{fmu}' is not an FMU: it has no modelDescription.xml")
-            try:
-                return _complete(archive, own(cache_folder() / place))
-            except OSError:
-                return _complete(archive, own(temporary() / place))
-    except ComponentFailed:
-        raise
-    except OSError as error:
-        raise ComponentFailed(f"cannot unpack the FMU '{fmu}': {error}") from None
-    except Exception as error:  # every compression method has its own error class
-        raise ComponentFailed(f"'{fmu}' is not an FMU: it is not a zip archive that can be read: {error}") from None
-
-
-def _complete(archive: zipfile.ZipFile, folder: Path) -> Path:
-    """Make every file of the archive in the folder equal to the packed one; other files remain.
-
-    Bytecode is not unpacked, because Python would run it unchecked; an empty file blocks its folder.
-    """
-    of_sources = set()
-    for name in dict.fromkeys(archive.namelist()):
-        entry = archive.getinfo(name)
-        parts = [part for part in name.split("/") if part not in ("", ".", "..")]
-        file = folder.joinpath(*parts)
-        if _BYTECODE in parts:
-            continue
-        if file.suffix == ".py":
-            of_sources.add(file.parent)
-        if entry.is_dir():
-            make(file)
-        elif not _as_packed(file, entry):
-            if not file.is_relative_to(folder):  # the name contains a drive
-                raise zipfile.BadZipFile(f"it holds a file called '{name}'")
-            make(file.parent)
-            write(file, archive.read(entry))
-    for each in of_sources:
-        _bar(each / _BYTECODE)
-    return folder
-
-
-def _as_packed(file: Path, entry: zipfile.ZipInfo) -> bool:
-    try:
-        content = file.read_bytes()
-    except FileNotFoundError:
-        return False
-    return len(content) == entry.file_size and zlib.crc32(content) == entry.CRC
-
-
-def _bar(bytecode: Path) -> None:
-    if bytecode.is_dir():
-        shutil.rmtree(bytecode)
-    if not bytecode.exists():
-        write(bytecode, b"")
 
 
 # ------------------------------------------------------------------ component
@@ -204,19 +129,19 @@ class Component(AbstractContextManager["Component"]):
         self.name = name
         self._logger = logger
         self._messages: list[tuple[int, str]] = []
-        self._warnings = Warnings(name)
+        self._warnings = WarningList(name)
         self._clock = np.zeros(1)  # s, beginning of the last step
-        self._states: list[State] = []
+        self._states: list[ComponentState] = []
         self._handle: Any = None
         self._step_call: Record | None = None
-        self._spent = 0.0  # s inside the FMU, without steps by ``step_call``
+        self._call_time = 0.0  # s inside the FMU, without steps by ``step_call``
         self._phase = "made"
         folder = unpack(Path(fmu))
         self.description = _description(folder, fmu)
-        self._sort()
+        self._sort_variables()
         self._load(folder, fmu)
 
-    def _sort(self) -> None:
+    def _sort_variables(self) -> None:
         variables = self.description.modelVariables
         self._variables = {v.name: v for v in variables}
 
@@ -239,12 +164,12 @@ class Component(AbstractContextManager["Component"]):
         self._y = self._group(self.outputs, self.y, c_double, self.links[:1])
         self._y_links = self._group(self.links, self.y_links, c_double)
         self._counters = self._group(self.integers, self.counters, c_int)
-        self._array = 0  # address of the FMU's array of link outputs; 0: unknown
+        self._link_address = 0  # address of the FMU's array of link outputs; 0: unknown
 
     def _group(
-        self, names: tuple[str, ...], values: NDArray[Any], kind: type, behind: tuple[str, ...] = ()
+        self, names: tuple[str, ...], values: NDArray[Any], kind: type, trailing: tuple[str, ...] = ()
     ) -> tuple[Any, int, Any]:
-        return self._references((*names, *behind)), len(names), values.ctypes.data_as(POINTER(kind))
+        return self._references((*names, *trailing)), len(names), values.ctypes.data_as(POINTER(kind))
 
     def _references(self, names: tuple[str, ...]) -> Any:
         return (c_uint * len(names))(*(self._variables[name].valueReference for name in names))
@@ -280,7 +205,7 @@ class Component(AbstractContextManager["Component"]):
         )
         if not handle:
             del _components[id(self)]
-            raise ComponentFailed(f"{self.name}: {self._complaint() or 'the FMU cannot be instantiated'}")
+            raise ComponentFailed(f"{self.name}: {self._first_error() or 'the FMU cannot be instantiated'}")
         self._handle = handle
         self._phase = "instantiated"
 
@@ -293,30 +218,30 @@ class Component(AbstractContextManager["Component"]):
         for unit in self.description.unitDefinitions:
             base = unit.baseUnit
             if unit.name == self._variables[name].unit and base is not None:
-                return (*(float(getattr(base, one)) for one in BASE_UNITS), math.log10(base.factor))
+                return (*(float(getattr(base, quantity)) for quantity in BASE_UNITS), math.log10(base.factor))
         return None
 
     @property
     def wall_time(self) -> float:
         """Time inside the FMU since it was initialised, s."""
-        return self._spent + (0.0 if self._step_call is None else float(self._step_call["total"][0]))
+        return self._call_time + (0.0 if self._step_call is None else float(self._step_call["total"][0]))
 
     @wall_time.setter
     def wall_time(self, seconds: float) -> None:
-        self._spent = seconds
+        self._call_time = seconds
         if self._step_call is not None:
             self._step_call["total"] = 0.0
 
     # -------------------------------------------------------------- messages
 
     @property
-    def warnings(self) -> list[Warned]:
+    def warnings(self) -> list[ComponentWarning]:
         """Messages that the FMU logged with status warning since its start, without steps taken back."""
-        return self._warnings.told()
+        return self._warnings.entries()
 
-    def warned_of(self, earlier: Mapping[str, Warned]) -> None:
+    def set_warnings(self, earlier: Mapping[str, ComponentWarning]) -> None:
         """Set the warnings of the earlier process whose run is continued."""
-        self._warnings = Warnings(self.name, earlier)
+        self._warnings = WarningList(self.name, earlier)
 
     def _receive(self, status: int, message: str, category: str) -> None:
         if status == _WARNING and not self._warnings.add(message, float(self._clock[0])):
@@ -326,7 +251,7 @@ class Component(AbstractContextManager["Component"]):
         if self._logger is not None:
             self._logger(self.name, status, message)
 
-    def _complaint(self) -> str:
+    def _first_error(self) -> str:
         """Return the first error message that the FMU logged in the last call, on one line."""
         if not self._messages:
             return ""
@@ -342,14 +267,14 @@ class Component(AbstractContextManager["Component"]):
             self._messages.clear()
         began = perf_counter()
         status = function(self._handle, *arguments)
-        self._spent += perf_counter() - began
+        self._call_time += perf_counter() - began
         if status > _WARNING:
             raise self._failure(function.__name__, status)
 
     def _failure(self, function: str, status: int) -> ComponentFailed:
         if status >= _FATAL:
             self._phase = "lost"
-        sentence = self._complaint() or f"{function} failed with FMI status {status}"
+        sentence = self._first_error() or f"{function} failed with FMI status {status}"
         return ComponentFailed(f"{self.name}: {sentence}")
 
     # -------------------------------------------------------------- initialisation and steps
@@ -364,7 +289,7 @@ class Component(AbstractContextManager["Component"]):
         if self._phase != "instantiated":
             self._call(self._library.fmi2Reset)
             self._phase = "instantiated"
-            self._warnings = Warnings(self.name)
+            self._warnings = WarningList(self.name)
         self._clock[0] = start
         for name, value in parameters.items():
             self._set_parameter(name, value)
@@ -374,7 +299,7 @@ class Component(AbstractContextManager["Component"]):
         self.write()
         self._call(fmu.fmi2ExitInitializationMode)
         self._phase = "running"
-        self._find_array()
+        self._find_link_array()
         self.read()
         self.read_links()
         self.read_counters()
@@ -382,9 +307,9 @@ class Component(AbstractContextManager["Component"]):
 
     def _set_parameter(self, name: str, value: float | int | str) -> None:
         if name in self.constants:
-            own = self.constants[name]
-            if value != (own if isinstance(value, str) else float(own)):
-                raise ComponentFailed(f"{self.name}: '{name}' = {value}: it is a constant of this FMU, {own}")
+            constant = self.constants[name]
+            if value != (constant if isinstance(value, str) else float(constant)):
+                raise ComponentFailed(f"{self.name}: '{name}' = {value}: it is a constant of this FMU, {constant}")
             return
         if name not in self.parameters:
             near = difflib.get_close_matches(name, self.parameters, 1)
@@ -416,24 +341,24 @@ class Component(AbstractContextManager["Component"]):
         if self._step_call is None:
             fmu = self._library
             functions = (fmu.fmi2SetReal, fmu.fmi2DoStep, fmu.fmi2GetReal)
-            write, step, read = (cast(each, c_void_p).value or 0 for each in functions)
+            write, step, read = (cast(function, c_void_p).value or 0 for function in functions)
             (u_at, n_u, _), (y_at, n_y, _) = self._u, self._y
-            at = int(self._handle)
+            instance = int(self._handle)
             inputs = write, addressof(u_at), n_u, self.u.ctypes.data
             outputs = read, addressof(y_at), n_y, self.y.ctypes.data
-            call = StepCall(at, *inputs, step, *outputs, float(self._clock[0]), 0.0, not self._states)
+            call = StepCall(instance, *inputs, step, *outputs, float(self._clock[0]), 0.0, not self._states)
             self._step_call = record(call)
             self._clock = self._step_call["t"]
         return self._step_call
 
-    def show_links(self, due: int) -> None:
+    def read_links_when(self, due: int) -> None:
         """Let steps by ``step_call`` read link outputs whenever the word at the address ``due`` is not 0."""
         links_at, n_links, _ = self._y_links
-        found = n_links, addressof(links_at), self.y_links.ctypes.data, due, self._array
-        for name, word in zip(StepCall._fields[StepCall._fields.index("n_links") :], found, strict=True):
+        words = n_links, addressof(links_at), self.y_links.ctypes.data, due, self._link_address
+        for name, word in zip(StepCall._fields[StepCall._fields.index("n_links") :], words, strict=True):
             self.step_call[name] = word
 
-    def begin(self, t: float) -> None:
+    def prepare_step(self, t: float) -> None:
         """Prepare a step by ``step_call``; raises ComponentFailed."""
         if self._handle is None:
             raise ComponentFailed(f"{self.name}: the component is closed")
@@ -443,28 +368,28 @@ class Component(AbstractContextManager["Component"]):
 
     def failure(self) -> ComponentFailed | None:
         """Return the failure of the last step by ``step_call``, or None."""
-        last = StepCall(*self.step_call[0].item())
-        if not last.failed:
+        call = StepCall(*self.step_call[0].item())
+        if not call.failed:
             return None
-        return self._failure(CALLS[StepCall._fields[last.failed]], last.status)
+        return self._failure(CALLS[StepCall._fields[call.failed]], call.status)
 
     def read_links(self) -> None:
         """Read link outputs into ``y_links``."""
-        if self._array:
-            one, _, values = self._y_links
-            self._call(self._library.fmi2GetReal, one, 1, values)  # reading one makes the FMU compute all
-            memmove(values, self._array, self.y_links.nbytes)
+        if self._link_address:
+            reference, _, values = self._y_links
+            self._call(self._library.fmi2GetReal, reference, 1, values)  # reading one makes the FMU compute all
+            memmove(values, self._link_address, self.y_links.nbytes)
         else:
             self._exchange(self._library.fmi2GetReal, self._y_links)
 
-    def _find_array(self) -> None:
+    def _find_link_array(self) -> None:
         """Ask the FMU for the address of its link outputs, from which they can be copied."""
-        there = [name for name in ARRAY if name in self._variables and self._variables[name].type == "Integer"]
-        if there == [*ARRAY] and self.links:
+        names = [name for name in ARRAY if name in self._variables and self._variables[name].type == "Integer"]
+        if names == [*ARRAY] and self.links:
             values = (c_int * len(ARRAY))()
             self._call(self._library.fmi2GetInteger, self._references(ARRAY), len(ARRAY), values)
             low, high, size = values
-            self._array = (high & 0xFFFFFFFF) << 32 | low & 0xFFFFFFFF if size == self.y_links.nbytes else 0
+            self._link_address = (high & 0xFFFFFFFF) << 32 | low & 0xFFFFFFFF if size == self.y_links.nbytes else 0
 
     def read_counters(self) -> None:
         """Read the Integer outputs into ``counters``."""
@@ -476,60 +401,60 @@ class Component(AbstractContextManager["Component"]):
 
     # -------------------------------------------------------------- state
 
-    def save(self) -> State:
+    def save(self) -> ComponentState:
         """Save the state of the FMU and the arrays; the result must be freed."""
         handle = fmi2FMUstate()
-        self._call(self._able("canGetAndSetFMUstate", "save its state").fmi2GetFMUstate, byref(handle))
+        self._call(self._library_with("canGetAndSetFMUstate", "save its state").fmi2GetFMUstate, byref(handle))
         return self._state(handle)
 
-    def _state(self, handle: fmi2FMUstate) -> State:
-        state = State(handle, tuple(array.copy() for array in self._arrays), self._warnings.save())
-        self._keep([*self._states, state])
+    def _state(self, handle: fmi2FMUstate) -> ComponentState:
+        state = ComponentState(handle, tuple(array.copy() for array in self._arrays), self._warnings.save())
+        self._set_states([*self._states, state])
         return state
 
-    def _keep(self, states: list[State]) -> None:
+    def _set_states(self, states: list[ComponentState]) -> None:
         self._states = states
         if self._step_call is not None:
             self._step_call["no_rollback"] = not states
 
-    def restore(self, state: State) -> None:
+    def restore(self, state: ComponentState) -> None:
         """Restore a saved state bit by bit; it stays valid."""
-        self._call(self._able("canGetAndSetFMUstate", "restore a state").fmi2SetFMUstate, state.handle)
+        self._call(self._library_with("canGetAndSetFMUstate", "restore a state").fmi2SetFMUstate, state.handle)
         self._phase = "running"
         for array, saved in zip(self._arrays, state.arrays, strict=True):
             array[:] = saved
-        self._warnings.restore(state.warned)
+        self._warnings.restore(state.warnings)
 
-    def free(self, state: State) -> None:
+    def free(self, state: ComponentState) -> None:
         """Release a saved state."""
-        self._keep([kept for kept in self._states if kept is not state])
+        self._set_states([saved for saved in self._states if saved is not state])
         self._call(self._library.fmi2FreeFMUstate, byref(state.handle))
 
-    def dump(self, state: State) -> bytes:
+    def dump(self, state: ComponentState) -> bytes:
         """Serialise a saved state for another process with the same FMU."""
-        fmu = self._able("canSerializeFMUstate", "write its state")
+        fmu = self._library_with("canSerializeFMUstate", "write its state")
         size = c_size_t()
         self._call(fmu.fmi2SerializedFMUstateSize, state.handle, byref(size))
         content = create_string_buffer(size.value)
         self._call(fmu.fmi2SerializeFMUstate, state.handle, content, size)
         return content.raw
 
-    def load(self, content: bytes) -> State:
+    def load(self, content: bytes) -> ComponentState:
         """Restore from the bytes of ``dump``, also into an instance that is not initialised; must be freed."""
-        fmu = self._able("canSerializeFMUstate", "read a state")
+        fmu = self._library_with("canSerializeFMUstate", "read a state")
         handle = fmi2FMUstate()
         size = len(content)
         self._call(fmu.fmi2DeSerializeFMUstate, create_string_buffer(content, size), size, byref(handle))
         self._call(fmu.fmi2SetFMUstate, handle)
         self._phase = "running"
-        self._find_array()
+        self._find_link_array()
         self._exchange(fmu.fmi2GetReal, self._u)
         self.read()
         self.read_links()
         self.read_counters()
         return self._state(handle)
 
-    def _able(self, capability: str, what: str) -> Any:
+    def _library_with(self, capability: str, what: str) -> Any:
         if not getattr(self.description.coSimulation, capability):
             raise ComponentFailed(f"{self.name}: the FMU cannot {what}")
         return self._library

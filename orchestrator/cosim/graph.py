@@ -9,13 +9,13 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.cosim.warned import Warned
+from orchestrator.cosim.component_warnings import ComponentWarning
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 # Quantity that a connection carries, which decides the input hold: "value" at the communication point; "mean" over the
 # last step; "state" at the communication point, which the receiver extrapolates with its "rate", sent beside it.
-Kind = Literal["value", "mean", "state", "rate"]
+Quantity = Literal["value", "mean", "state", "rate"]
 
 
 class Instance(NamedTuple):
@@ -34,7 +34,7 @@ class Connection(NamedTuple):
     outputs: tuple[str, ...]
     target: str
     inputs: tuple[str, ...]
-    carries: Kind = "value"
+    carries: Quantity = "value"
     rates: tuple[str, ...] = ()  # of values: outputs that are their time derivatives, if the source has them
     bond: str = ""  # name shared by two opposite connections whose products, in order, are a power, W
 
@@ -44,6 +44,10 @@ class System(NamedTuple):
 
     instances: tuple[Instance, ...]
     connections: tuple[Connection, ...]
+
+
+class ComponentFailed(RuntimeError):
+    """An FMU cannot be loaded or a call failed; the message is one sentence with the instance name."""
 
 
 class Steppable(Protocol):
@@ -77,7 +81,7 @@ class Steppable(Protocol):
         """Release a saved state."""
 
 
-class Recorded(Steppable, Protocol):
+class Recordable(Steppable, Protocol):
     """Further interface of a component for log and summary."""
 
     links: tuple[str, ...]  # outputs of every link or point
@@ -87,7 +91,7 @@ class Recorded(Steppable, Protocol):
     wall_time: float  # s inside the component
 
     @property
-    def warnings(self) -> Sequence[Warned]:
+    def warnings(self) -> Sequence[ComponentWarning]:
         """Warnings so far."""
 
     def unit(self, name: str) -> str:
@@ -106,7 +110,7 @@ class Feed(NamedTuple):
     source: Steppable
     outputs: Indices
     inputs: Indices
-    carries: Kind = "value"
+    carries: Quantity = "value"
     rates: Indices | None = None  # where the source has d/dt of the outputs
     bond: str = ""
 
@@ -144,8 +148,10 @@ def wire(system: System, components: Mapping[str, Steppable]) -> Stages:
         outputs = _indices(source.outputs, connection.outputs, connection.source, "output")
         inputs = _indices(target.inputs, connection.inputs, connection.target, "input")
         rates = _indices(source.outputs, connection.rates, connection.source, "output")
-        known = rates if connection.rates else None
-        feeds[connection.target].append(Feed(source, outputs, inputs, connection.carries, known, connection.bond))
+        rate_indices = rates if connection.rates else None
+        feeds[connection.target].append(
+            Feed(source, outputs, inputs, connection.carries, rate_indices, connection.bond)
+        )
     return tuple(
         tuple(
             Member(components[instance.name], tuple(feeds[instance.name]))

@@ -12,12 +12,14 @@ from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme
 # Called as (k, t, h): k steps are done, the time is t, the last step took h. An observer that need not see every step
 # has a method patience(k): the number of steps after the first k until it must be called.
 Observer = Callable[[int, float, float], None]
-UNHURRIED = 1 << 30  # steps: larger than any run
+NO_LIMIT = 1 << 30  # steps: larger than any run
 
 
 def patience(observers: Sequence[Observer], k: int) -> int:
     """Number of steps after the first k until an observer must be called, 1 at least."""
-    return min((one.patience(k) if hasattr(one, "patience") else 1 for one in observers), default=UNHURRIED)
+    return min(
+        (observer.patience(k) if hasattr(observer, "patience") else 1 for observer in observers), default=NO_LIMIT
+    )
 
 
 class Pace(Protocol):
@@ -27,10 +29,10 @@ class Pace(Protocol):
     def step(self) -> float:
         """Length of the first step, s."""
 
-    def walk(self, scheme: Scheme, most: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
+    def walk(self, scheme: Scheme, batch_limit: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
         """Step to the end; yields the number of further accepted steps, t, and the length of the last one.
 
-        ``most``: maps the number of steps done to the number that may be done in one batch.
+        ``batch_limit``: maps the number of steps done to the number that may be done in one batch.
         """
 
 
@@ -39,18 +41,18 @@ class Clock(NamedTuple):
 
     step: float  # H, s
     steps: int
-    done: int = 0  # steps of an earlier run
+    steps_done: int = 0  # steps of an earlier run
 
-    def walk(self, scheme: Scheme, most: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
+    def walk(self, scheme: Scheme, batch_limit: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
         """Step to the end, one step or one batch at a time."""
-        k = self.done
+        k = self.steps_done
         while k < self.steps:
-            done = scheme.march(k, min(most(k), self.steps - k), self.step)
+            done = scheme.step_batch(k, min(batch_limit(k), self.steps - k), self.step)
             k += done
             yield done, k * self.step, self.step
 
 
-class Outcome(NamedTuple):
+class RunOutcome(NamedTuple):
     """Outcome of a run."""
 
     status: str  # "ok", "failed" or "interrupted"
@@ -64,26 +66,26 @@ def run(
     pace: Pace,
     observers: Sequence[Observer],
     interrupted: Callable[[], bool] = lambda: False,
-    begun: tuple[int, float] | None = None,
-) -> Outcome:
+    continued_from: tuple[int, float] | None = None,
+) -> RunOutcome:
     """Step initialised components to the end, a failure or an interruption; observers see k = 0 too.
 
-    ``begun``: number of steps and time, s, that an earlier run has reached and its observers have seen.
+    ``continued_from``: number of steps and time, s, that an earlier run has reached and its observers have seen.
     """
-    k, t = begun or (0, 0.0)
-    h, seen = pace.step, begun is not None
+    k, t = continued_from or (0, 0.0)
+    h, observed = pace.step, continued_from is not None
     with scheme:
         steps = pace.walk(scheme, partial(patience, observers))
         while True:
-            for observer in () if seen else observers:
+            for observer in () if observed else observers:
                 observer(k, t, h)
-            seen = False
+            observed = False
             if interrupted():
-                return Outcome("interrupted", f"interrupted at t = {t:.6g} s", k, t)
+                return RunOutcome("interrupted", f"interrupted at t = {t:.6g} s", k, t)
             try:
                 done, t, h = next(steps, (0, t, 0.0))
             except (ComponentFailed, CouplingFailed) as failure:
-                return Outcome("failed", str(failure), k, t)
+                return RunOutcome("failed", str(failure), k, t)
             if not done:
-                return Outcome("ok", "", k, t)
+                return RunOutcome("ok", "", k, t)
             k += done

@@ -24,9 +24,9 @@ class Narration(logging.Handler):
     def __init__(self, write: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:
         super().__init__()
         self._write, self._clock = write, clock
-        self._what, self._detail, self._kernels, self._counted = "", "", 0, 0
-        self._since = self._said = clock()
-        self._quiet, self._over, self._speaking = False, threading.Event(), threading.RLock()
+        self._task, self._detail, self._kernels, self._counted = "", "", 0, 0
+        self._started = self._last_written = clock()
+        self._quiet, self._ended, self._lock = False, threading.Event(), threading.RLock()
         self._thread: threading.Thread | None = None
 
     def __enter__(self) -> Narration:
@@ -34,61 +34,63 @@ class Narration(logging.Handler):
         kernels.setLevel(logging.INFO)
         kernels.propagate = False
         kernels.addHandler(self)
-        self._over.clear()
+        self._ended.clear()
         self._thread = threading.Thread(target=self._watch, daemon=True)
         self._thread.start()
         return self
 
     def __exit__(self, *ended: object) -> None:
         logging.getLogger(KERNELS).removeHandler(self)
-        self._over.set()
+        self._ended.set()
         if self._thread is not None:
             self._thread.join()
 
-    def __call__(self, what: str) -> None:
+    def __call__(self, task: str) -> None:
         """Announce a task at once."""
-        with self._speaking:
-            self.begin(what)
-            self._say(what)
+        with self._lock:
+            self.set_task(task)
+            self._write_line(task)
 
-    def begin(self, what: str) -> None:
+    def set_task(self, task: str) -> None:
         """Set the task; it is announced only if it takes long."""
-        self._what, self._detail, self._since = what, "", self._clock()
-        self._said = self._since
+        self._task, self._detail, self._started = task, "", self._clock()
+        self._last_written = self._started
 
-    def note(self, detail: str) -> None:
+    def set_detail(self, detail: str) -> None:
         """Set the detail of the next reminder."""
         self._detail = detail
 
     @contextmanager
-    def elsewhere(self) -> Iterator[None]:
+    def suppressed(self) -> Iterator[None]:
         """Suppress reminders while a progress bar shows the activity."""
         self._quiet = True
         try:
             yield
         finally:
-            self._quiet, self._said = False, self._clock()
+            self._quiet, self._last_written = False, self._clock()
 
     def emit(self, record: logging.LogRecord) -> None:
         """Count a kernel that is about to be compiled."""
         self._kernels += 1
         if self._kernels == 1 and not self._quiet:
-            self._say(FIRST)
+            self._write_line(FIRST)
 
-    def _say(self, line: str) -> None:
+    def _write_line(self, line: str) -> None:
         self._write(line)
-        self._said = self._clock()
+        self._last_written = self._clock()
 
     def remind(self) -> None:
         """Write the task and the time since its beginning if the last line is older than the patience."""
-        if self._quiet or self._clock() < self._said + PATIENCE:
+        if self._quiet or self._clock() < self._last_written + PATIENCE:
             return
-        with self._speaking:
+        with self._lock:
             compiled = f"{self._kernels} kernels compiled" if self._kernels > self._counted else ""
             self._counted = self._kernels
             details = ", ".join(filter(None, (self._detail, compiled)))
-            self._say(f"{self._what}: {self._clock() - self._since:.0f} s so far" + (f", {details}" if details else ""))
+            self._write_line(
+                f"{self._task}: {self._clock() - self._started:.0f} s so far" + (f", {details}" if details else "")
+            )
 
     def _watch(self) -> None:
-        while not self._over.wait(PERIOD):
+        while not self._ended.wait(PERIOD):
             self.remind()

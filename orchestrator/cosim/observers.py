@@ -12,15 +12,15 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from orchestrator.cosim import checkpoint
-from orchestrator.cosim.between import Between
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.coupling.variable_step import VariableStep
-from orchestrator.cosim.graph import Floats, Recorded
-from orchestrator.cosim.master import UNHURRIED
+from orchestrator.cosim.graph import Floats, Recordable
+from orchestrator.cosim.interval_statistics import IntervalStatistics
+from orchestrator.cosim.master import NO_LIMIT
 from orchestrator.cosim.narration import Narration
-from orchestrator.cosim.tape import Tape
+from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.log.log_format import CHECKPOINT
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.wire import Rule, Wire
@@ -31,108 +31,108 @@ STATS = ("wall_time",)  # last signals of /stats/<instance>, after the counters
 
 def wires(scheme: Scheme) -> dict[str, list[Wire]]:
     """Wires by topic: inputs that the coupling takes from outputs before and after a step alone."""
-    found = {}
+    by_topic = {}
     for member in scheme.members:
-        wired: dict[tuple[str, Rule], Wire] = {}  # by source and rule, as few as possible
+        by_source: dict[tuple[str, Rule], Wire] = {}  # by source and rule, as few as possible
         for feed in member.feeds:
-            rule = scheme.rule(feed, feed.source.name in scheme.stepped(member))
+            rule = scheme.rule(feed, feed.source.name in scheme.stepped_before(member))
             if rule is not None:
                 source = f"/{feed.source.name}/out"
-                wire = wired.get((source, rule), Wire(source, rule, (), ()))
+                wire = by_source.get((source, rule), Wire(source, rule, (), ()))
                 outputs = wire.outputs + tuple(feed.source.outputs[k] for k in feed.outputs)
                 inputs = wire.inputs + tuple(member.component.inputs[k] for k in feed.inputs)
-                wired[source, rule] = wire._replace(outputs=outputs, inputs=inputs)
-        found[f"/{member.component.name}/in"] = list(wired.values())
-    return found
+                by_source[source, rule] = wire._replace(outputs=outputs, inputs=inputs)
+        by_topic[f"/{member.component.name}/in"] = list(by_source.values())
+    return by_topic
 
 
 class Logging:
     """Observer that records inputs at the beginning of a step, outputs and links at its end.
 
-    ``between``: links are read at every step, and their statistics go to "/<instance>/links/between". Batches of
-    steps are recorded from the ``tape``, single steps from the components.
+    ``statistics``: links are read at every step, and their statistics go to "/<instance>/links/between". Batches of
+    steps are recorded from the ``row_writer``, single steps from the components.
     """
 
     def __init__(
-        self, recorder: Recorder, components: Sequence[Recorded], stats_every: int, between: bool = False
+        self, recorder: Recorder, components: Sequence[Recordable], stats_every: int, statistics: bool = False
     ) -> None:
         self.recorder = recorder
         self.components = components
         self.stats_every = stats_every
-        self._step = recorder.together(
+        self._step = recorder.join_topics(
             [f"/{component.name}/in" for component in components],
             [f"/{component.name}/out" for component in components],
         )
         self._values = [component.u for component in components] + [component.y for component in components]
-        self._linked = [component for component in components if component.links]
-        self._written = [self._step]
-        if self._linked:
-            self._links = recorder.together([], [f"/{component.name}/links" for component in self._linked])
-            self._written.append(self._links)
-        self._stats = recorder.together([], [f"/stats/{component.name}" for component in components])
-        self._between = [Between(component.links) for component in self._linked if between]
-        self._last = np.cumsum([len(component.links) for component in self._linked])
-        self.tape = self._tape(1 if between else recorder.stride(self._links) if self._linked else 1)
+        self._with_links = [component for component in components if component.links]
+        self._pages = [self._step]
+        if self._with_links:
+            self._links = recorder.join_topics([], [f"/{component.name}/links" for component in self._with_links])
+            self._pages.append(self._links)
+        self._stats = recorder.join_topics([], [f"/stats/{component.name}" for component in components])
+        self._statistics = [IntervalStatistics(component.links) for component in self._with_links if statistics]
+        self._link_ends = np.cumsum([len(component.links) for component in self._with_links])
+        self.row_writer = self._row_writer(1 if statistics else recorder.stride(self._links) if self._with_links else 1)
 
-    def _tape(self, every: int) -> Tape | None:
+    def _row_writer(self, every: int) -> RowWriter | None:
         loaded = [component for component in self.components if isinstance(component, Component)]
         if len(loaded) < len(self.components):
             return None
-        return Tape(loaded, every, self.recorder.pages(*self._written), self.recorder.lend)
+        return RowWriter(loaded, every, self.recorder.pages(*self._pages), self.recorder.reserve)
 
     def patience(self, k: int) -> int:
         """Steps until solver counters are recorded."""
         return self.stats_every - k % self.stats_every
 
-    def begin(self, k: int, t: float, h: float) -> None:
+    def continue_after(self, k: int, t: float, h: float) -> None:
         """Continue after step k, which is recorded already."""
-        self.recorder.begin(self._step, k, t, h, *self._values)
+        self.recorder.continue_after(self._step, k, t, h, *self._values)
 
     def __call__(self, k: int, t: float, h: float) -> None:
         """Record the inputs of step k - 1 and the outputs at time t."""
-        taken = self.tape.take() if self.tape else None
-        if taken is None or self.tape is None:
+        counts = self.row_writer.pop_counts() if self.row_writer else None
+        if counts is None or self.row_writer is None:
             self._record(k, t, h)
         else:
-            links = self.tape.links(taken) if self._between else None
-            self.recorder.filled(dict(zip(self._written, taken, strict=False)))
+            links = self.row_writer.link_rows(counts) if self._statistics else None
+            self.recorder.commit(dict(zip(self._pages, counts, strict=False)))
             if links is not None:
-                self._follow(*links, h)
+                self._add_statistics(*links, h)
         if k % self.stats_every == 0:
             for component in self.components:
                 component.read_counters()
-            costs = [np.array([*one.counters.tolist(), one.wall_time]) for one in self.components]
+            costs = [np.array([*component.counters.tolist(), component.wall_time]) for component in self.components]
             self.recorder.write(self._stats, k, t, h, *costs)
 
     def _record(self, k: int, t: float, h: float) -> None:
         """Record the present values of the components."""
         self.recorder.write(self._step, k, t, h, *self._values)
-        if self._linked and (self._between or self.recorder.due(self._links, k)):
-            for component in self._linked:
+        if self._with_links and (self._statistics or self.recorder.due(self._links, k)):
+            for component in self._with_links:
                 component.read_links()
-            shown = [component.y_links for component in self._linked]
-            self.recorder.write(self._links, k, t, h, *shown)
-            if self._between:
-                self._follow([k], [t], np.concatenate(shown)[None], h)
+            links = [component.y_links for component in self._with_links]
+            self.recorder.write(self._links, k, t, h, *links)
+            if self._statistics:
+                self._add_statistics([k], [t], np.concatenate(links)[None], h)
 
-    def _follow(self, numbers: Sequence[int], times: Sequence[float], links: Floats, h: float) -> None:
+    def _add_statistics(self, numbers: Sequence[int], times: Sequence[float], links: Floats, h: float) -> None:
         """Add link outputs (m, n), one row a step, to the statistics; record these where due."""
-        parts = np.split(links, self._last[:-1], axis=1)
-        for component, between, part in zip(self._linked, self._between, parts, strict=True):
+        parts = np.split(links, self._link_ends[:-1], axis=1)
+        for component, statistics, part in zip(self._with_links, self._statistics, parts, strict=True):
             for row, number, t in zip(part, numbers, times, strict=True):
-                between.add(row, h)
+                statistics.add(row, h)
                 if self.recorder.due(self._links, number):
-                    self.recorder.write(f"/{component.name}/links/between", number, t, h, between.take())
+                    self.recorder.write(f"/{component.name}/links/between", number, t, h, statistics.pop())
 
 
-class Reached:
+class ReachedPoint:
     """Observer that keeps the state of the run: ``k`` steps done, time ``t``, s."""
 
     k, t = 0, 0.0
 
     def patience(self, k: int) -> int:
         """Return a number above any run: this observer need not see every step."""
-        return UNHURRIED
+        return NO_LIMIT
 
     def __call__(self, k: int, t: float, h: float) -> None:
         """Store k and t."""
@@ -152,7 +152,7 @@ class Checkpoints:
     def __call__(self, k: int, t: float, h: float) -> None:
         """Write a checkpoint if it is due."""
         if k and k % self.every == 0:
-            content = checkpoint.save(self.scheme, checkpoint.Point(k, t, h))
+            content = checkpoint.save(self.scheme, checkpoint.CommunicationPoint(k, t, h))
             self.recorder.attach(f"{CHECKPOINT}{k}", content)
 
 
@@ -169,11 +169,11 @@ class TimedCheckpoints:
         pace: VariableStep | PowerResidual,
         period: float,
         every: int,
-        since: float,
+        start: float,
     ) -> None:
         self.recorder, self.scheme, self.pace = recorder, scheme, pace
         self.period, self.every = period, every
-        self._due = self._after(since)
+        self._due = self._after(start)
 
     def _after(self, t: float) -> float:
         return self.period * (math.floor(t / self.period + 1e-9) + 1)
@@ -183,15 +183,17 @@ class TimedCheckpoints:
         if t < self._due - 1e-9 or k % self.every or (memory := self.pace.memory(self.scheme)) is None:
             return
         self._due = self._after(t)
-        self.recorder.attach(f"{CHECKPOINT}{k}", checkpoint.save(self.scheme, checkpoint.Point(k, t, h), memory))
+        self.recorder.attach(
+            f"{CHECKPOINT}{k}", checkpoint.save(self.scheme, checkpoint.CommunicationPoint(k, t, h), memory)
+        )
 
 
 class ProgressBar:
     """Simulated time and real-time factor: a bar if stderr is a terminal, else a detail of the narration."""
 
     def __init__(self, title: str, stop: float, narration: Narration) -> None:
-        self._stop, self._narration, self._shown = stop, narration, ExitStack()
-        self._began = self._next = 0.0
+        self._stop, self._narration, self._displayed = stop, narration, ExitStack()
+        self._start = self._next = 0.0
         self._bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -205,25 +207,25 @@ class ProgressBar:
 
     def __enter__(self) -> ProgressBar:
         if self._bar.console.is_terminal:
-            self._shown.enter_context(self._narration.elsewhere())
-            self._shown.enter_context(self._bar)
+            self._displayed.enter_context(self._narration.suppressed())
+            self._displayed.enter_context(self._bar)
         return self
 
     def __exit__(self, *ended: object) -> None:
-        self._shown.close()
+        self._displayed.close()
 
     def patience(self, k: int) -> int:
         """Return a number above any run: the bar follows the wall clock, not the steps."""
-        return UNHURRIED
+        return NO_LIMIT
 
     def __call__(self, k: int, t: float, h: float) -> None:
         """Show time t, a few times a second."""
         now = time.perf_counter()
         if not k:
-            self._began = now
+            self._start = now
         elif now >= self._next or t >= self._stop - 1e-12:
             self._next = now + REFRESH
-            factor = t / (now - self._began)
-            self._narration.note(f"{t:.4g} of {self._stop:g} s simulated, {factor:.2f} x real time")
+            factor = t / (now - self._start)
+            self._narration.set_detail(f"{t:.4g} of {self._stop:g} s simulated, {factor:.2f} x real time")
             self._bar.update(self._task, completed=t, factor=factor)
             self._bar.refresh()

@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.graph import Floats, Indices
-from orchestrator.cosim.tape import Tape
+from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.kernels.compiled import kernels
 from orchestrator.kernels.tables import ENDED, Mailbox, StepGroup, StepPlan, record
 from orchestrator.log.wire import Rule
 
 WORTHWHILE = 5e-5  # s, least step time for threads: a shorter step of our FMUs is mostly Python, which has one lock
-LOOKS = 20_000  # polls for a task before a worker sleeps, about a millisecond
+POLLS = 20_000  # polls for a task before a worker sleeps, about a millisecond
 
 
-class Move(NamedTuple):
+class InputCopy(NamedTuple):
     """Inputs that follow from outputs by one rule."""
 
     u: Floats
@@ -35,7 +35,7 @@ class Stage(NamedTuple):
     """Components that step in parallel, and the copies of their inputs."""
 
     components: Sequence[Component]
-    moves: Sequence[Move]
+    copies: Sequence[InputCopy]
 
 
 class Program:
@@ -47,13 +47,15 @@ class Program:
     def __init__(self, stages: Sequence[Stage], threads: bool = True) -> None:
         self._components = [component for stage in stages for component in stage.components]
         self._kernels = kernels()
-        self._kept: list[NDArray[Any]] = []  # arrays whose addresses are in the plan
+        self._arrays: list[NDArray[Any]] = []  # arrays whose addresses are in the plan
         n_workers = max(len(stage.components) for stage in stages) - 1 if threads and spare_processors() else 0
         self._workers = [Worker() for _ in range(n_workers)]
-        before = self._moves([move for stage in stages for move in stage.moves if move.rule != "end"])
-        groups = self._words([self._keep(record(self._group(stage))) for stage in stages])
+        copies_before = self._copy_words([copy for stage in stages for copy in stage.copies if copy.rule != "end"])
+        groups = self._words([self._address(record(self._group(stage))) for stage in stages])
         mailboxes = self._words([worker.address for worker in self._workers])
-        self._plan = self._keep(record(StepPlan(*before, len(stages), groups, n_workers, mailboxes, WORTHWHILE)))
+        self._plan = self._address(
+            record(StepPlan(*copies_before, len(stages), groups, n_workers, mailboxes, WORTHWHILE))
+        )
 
     def close(self) -> None:
         """End the threads."""
@@ -64,21 +66,23 @@ class Program:
     def run(self, t: float, h: float) -> None:
         """Step all components from t to t + h, s; raises ComponentFailed for the first one that failed."""
         for component in self._components:
-            component.begin(t)
+            component.prepare_step(t)
         if self._kernels.step_all(self._plan, t, h):
             raise self.failure()
 
-    def march(self, tape: Tape, k: int, n: int, h: float) -> int:
-        """Do the steps k + 1 to k + n of ``h`` s and write their rows to the tape.
+    def step_batch(self, row_writer: RowWriter, k: int, n: int, h: float) -> int:
+        """Do the steps k + 1 to k + n of ``h`` s and write their rows into the pages of the log.
 
         Returns the number of steps done before a component failed.
         """
         for component in self._components:
-            component.begin(k * h)
-        for component in tape.linked:
-            component.show_links(tape.due)
-        done = int(self._kernels.step_many(self._plan, *tape.addresses(h), tape.due, tape.every, k, n, h))
-        tape.hold(k, done)
+            component.prepare_step(k * h)
+        for component in row_writer.linked:
+            component.read_links_when(row_writer.due)
+        done = int(
+            self._kernels.step_many(self._plan, *row_writer.addresses(h), row_writer.due, row_writer.every, k, n, h)
+        )
+        row_writer.count_rows(k, done)
         return done
 
     def failure(self) -> ComponentFailed:
@@ -86,22 +90,22 @@ class Program:
         return next(failure for component in self._components if (failure := component.failure()) is not None)
 
     def _group(self, stage: Stage) -> StepGroup:
-        ends, means = ([move for move in stage.moves if move.rule == rule] for rule in ("end", "middle"))
+        ends, means = ([copy for copy in stage.copies if copy.rule == rule] for rule in ("end", "middle"))
         calls = [component.step_call.ctypes.data for component in stage.components]
-        return StepGroup(*self._moves(ends), *self._moves(means), len(calls), self._words(calls))
+        return StepGroup(*self._copy_words(ends), *self._copy_words(means), len(calls), self._words(calls))
 
-    def _moves(self, moves: Sequence[Move]) -> tuple[int, int, int]:
+    def _copy_words(self, copies: Sequence[InputCopy]) -> tuple[int, int, int]:
         """Return the number of values, and the addresses of the arrays of target and source addresses."""
-        to = [move.u.ctypes.data + 8 * int(k) for move in moves for k in move.inputs]
-        by = [move.y.ctypes.data + 8 * int(k) for move in moves for k in move.outputs]
-        return len(to), self._words(to), self._words(by)
+        targets = [copy.u.ctypes.data + 8 * int(k) for copy in copies for k in copy.inputs]
+        sources = [copy.y.ctypes.data + 8 * int(k) for copy in copies for k in copy.outputs]
+        return len(targets), self._words(targets), self._words(sources)
 
     def _words(self, values: Any) -> int:
-        return self._keep(np.array(values, dtype=np.int64))
+        return self._address(np.array(values, dtype=np.int64))
 
-    def _keep(self, table: NDArray[Any]) -> int:
+    def _address(self, table: NDArray[Any]) -> int:
         """Keep an array alive; return its address."""
-        self._kept.append(table)
+        self._arrays.append(table)
         return int(table.ctypes.data)
 
 
@@ -120,7 +124,7 @@ class Worker:
         self._thread.start()
 
     def _work(self) -> None:
-        kernels().work(self.address, LOOKS)
+        kernels().work(self.address, POLLS)
 
     def close(self) -> None:
         """End the thread, which must have no task."""

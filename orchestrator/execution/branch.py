@@ -13,65 +13,65 @@ from typing import Any
 from fmus.saved import Saved, from_bytes, to_bytes
 from fmus.vehicle import BadInput
 from orchestrator.cosim.component import Component
-from orchestrator.scene.scene import Scene, changed
+from orchestrator.scene.scene import Scene, changed_scene
 
 MAY_CHANGE = ("run.stop", "run.checkpoints", "run.allow")  # keys of ``run`` that a branch may change
 
 
-def branched(scene: Scene, settings: Sequence[str], where: str) -> Scene:
+def branched_scene(scene: Scene, settings: Sequence[str], where: str) -> Scene:
     """Return the scene with changed numbers; raises BadInput for a change of anything else."""
-    said = "; ".join(settings)
+    options = "; ".join(settings)
     before = scene.resolved()
-    found = changed(scene.resolved(), settings, where)
-    for key in _more_than_numbers(before, found.resolved()):
+    branch = changed_scene(scene.resolved(), settings, where)
+    for key in _structural_changes(before, branch.resolved()):
         if not key.startswith("expect") and key not in MAY_CHANGE:
             raise BadInput(
-                f"--set {said}: where a run branches off, {key} stays as it is: only numbers of parts change"
+                f"--set {options}: where a run branches off, {key} stays as it is: only numbers of parts change"
             )
-    return found
+    return branch
 
 
-def _more_than_numbers(one: Mapping[str, Any], other: Mapping[str, Any], above: str = "") -> Iterator[str]:
+def _structural_changes(old: Mapping[str, Any], new: Mapping[str, Any], above: str = "") -> Iterator[str]:
     """Yield dotted keys that differ in more than a number, and keys of ``run`` that differ at all."""
-    for name in sorted({*one, *other}):
-        key, a, b = f"{above}{name}", one.get(name), other.get(name)
+    for name in sorted({*old, *new}):
+        key, a, b = f"{above}{name}", old.get(name), new.get(name)
         if isinstance(a, Mapping) and isinstance(b, Mapping):
-            yield from _more_than_numbers(a, b, f"{key}.")
-        elif a != b and not (_numbers(a) and _numbers(b) and not key.startswith("run.")):
+            yield from _structural_changes(a, b, f"{key}.")
+        elif a != b and not (_is_numeric(a) and _is_numeric(b) and not key.startswith("run.")):
             yield key
 
 
-def _numbers(value: object) -> bool:
+def _is_numeric(value: object) -> bool:
     if isinstance(value, list):
-        return all(_numbers(each) for each in value)
+        return all(_is_numeric(item) for item in value)
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def taken_over(component: Component, content: bytes, settings: Sequence[str]) -> bytes:
+def transferred_state(component: Component, content: bytes, settings: Sequence[str]) -> bytes:
     """Return the state of an initialised component with variables and model state of a saved state.
 
     ``content``: saved state of a component with other parameters, of which only the parameters are not taken over.
     Raises ValueError if the saved state does not fit.
     """
-    own = component.save()
+    state = component.save()
     try:
-        now = from_bytes(component.dump(own))
+        new = from_bytes(component.dump(state))
     finally:
-        component.free(own)
-    before = from_bytes(content)
-    if before.flaw:
+        component.free(state)
+    old = from_bytes(content)
+    if old.flaw:
         return content
-    if _sizes(now) != _sizes(before):
+    if _sizes(new) != _sizes(old):
         raise ValueError(f"with --set {'; '.join(settings)} the state of '{component.name}' has another size")
     parameters = [
         variable.valueReference
         for variable in component.description.modelVariables
         if variable.type == "Real" and variable.causality == "parameter"
     ]
-    values, integers = before.values.copy(), now.integers.copy()
-    values[parameters] = now.values[parameters]
-    integers[0] = before.integers[0]  # the status; the integers after it are parameters
-    return to_bytes(before._replace(guid=now.guid, strings=now.strings, values=values, integers=integers))
+    values, integers = old.values.copy(), new.integers.copy()
+    values[parameters] = new.values[parameters]
+    integers[0] = old.integers[0]  # the status; the integers after it are parameters
+    return to_bytes(old._replace(guid=new.guid, strings=new.strings, values=values, integers=integers))
 
 
 def _sizes(state: Saved) -> list[int]:

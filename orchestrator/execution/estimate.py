@@ -22,20 +22,21 @@ from orchestrator.results.difference import differences, worst
 from orchestrator.results.run_data import Missing, RunData
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.parts import TRACK
-from orchestrator.scene.run_tables import Variable
+from orchestrator.scene.run_tables import VariableStepTable
 from orchestrator.scene.scene import Scene
 
 SHARE = 1.0 / math.sqrt(3.0)  # error over difference: between 1 (order 1) and 1/3 (order 2)
 PARTS = ("coupling", "integration", "total")
 
-Run = Callable[[Scene, Path], dict[str, Any]]  # records a scene, in this process or another, and returns its summary
+# Records a scene, in this process or another, and returns its summary.
+RecordRun = Callable[[Scene, Path], dict[str, Any]]
 
 
 class Companions(NamedTuple):
     """Scenes of the coarser runs of an estimate."""
 
     coupling: Scene | None  # None for a single component, which has no coupling
-    both: Scene
+    total: Scene
 
 
 def companions(scene: Scene, internal: float, simulated: float, components: int) -> Companions:
@@ -53,80 +54,88 @@ def companions(scene: Scene, internal: float, simulated: float, components: int)
         track = scene.track
         if track.step is not None:
             track = track.model_copy(update={"step": 2.0 * track.step})
-        run = run.model_copy(update={"variable": _looser(scene.run.variable)})
+        run = run.model_copy(update={"variable": _doubled_tolerances(scene.run.variable)})
         return Companions(None, scene.model_copy(update={"run": run, "track": track}))
 
     if scene.track.integrator == "adams":
-        looser = {name: min(10.0 * (getattr(scene.track, name) or TOLERANCE), 0.1) for name in ("rtol", "atol")}
-        same = scene.model_copy(update={"run": run})
-        both = same.model_copy(update={"track": scene.track.model_copy(update=looser)})
-        return Companions(same if components > 1 else None, both)
+        tolerances = {name: min(10.0 * (getattr(scene.track, name) or TOLERANCE), 0.1) for name in ("rtol", "atol")}
+        coarser = scene.model_copy(update={"run": run})
+        doubled = coarser.model_copy(update={"track": scene.track.model_copy(update=tolerances)})
+        return Companions(coarser if components > 1 else None, doubled)
 
-    def of(internal_step: float) -> Scene:
+    def with_internal_step(internal_step: float) -> Scene:
         track = scene.track.model_copy(update={"step": internal_step})
         return scene.model_copy(update={"run": run, "track": track})
 
-    wanted = scene.track.step and scene.run.step / math.ceil(scene.run.step / scene.track.step - 1e-9)
-    stable = scene.track.integrator == "runge_kutta" and (wanted is None or internal < 0.99 * wanted)
-    return Companions(of(internal) if components > 1 else None, of(internal if stable else 2.0 * internal))
+    longest_step = scene.track.step and scene.run.step / math.ceil(scene.run.step / scene.track.step - 1e-9)
+    stable = scene.track.integrator == "runge_kutta" and (longest_step is None or internal < 0.99 * longest_step)
+    return Companions(
+        with_internal_step(internal) if components > 1 else None,
+        with_internal_step(internal if stable else 2.0 * internal),
+    )
 
 
-def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: Run) -> dict[str, Any]:
+def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun) -> dict[str, Any]:
     """Estimate the relative errors of a recorded run, in total and by observable, or give the reason."""
     steps, simulated = _steps(scene, summary), summary["simulated_time"]
     if not steps or not all(steps) or simulated < 4.0 * scene.run.step:
-        return unknown("the run is too short, or nothing in it has an internal step to double")
+        return without_estimate("the run is too short, or nothing in it has an internal step to double")
     count = summary["communication_steps"]
     pieces = max(1, round(max(steps) / count))  # internal steps per communication step; halved ones are few
-    wanted = companions(scene, simulated / (count * pieces), simulated, len(summary["components"]))
+    coarser_runs = companions(scene, simulated / (count * pieces), simulated, len(summary["components"]))
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         logs: dict[str, Path] = {}
-        spent = 0.0
-        for name, companion in zip(wanted._fields, wanted, strict=True):
+        wall_time = 0.0
+        for name, companion in zip(coarser_runs._fields, coarser_runs, strict=True):
             if companion is None:
                 continue
-            if name == "both" and companion == wanted.coupling:
+            if name == "total" and companion == coarser_runs.coupling:
                 logs[name] = logs["coupling"]
                 continue
-            told = record(companion, Path(folder) / f"{name}.mcap")
-            spent += told["wall_time"]
-            if told["status"] != "ok" or energy_warning(told["energy"]):
-                return unknown(f"the run at twice the step cannot be right: {told['message']}")
-            if wanted.coupling is None and scene.run.variable is None:
-                coarser = max(_steps(companion, told)) / told["simulated_time"]  # internal steps a second
+            coarse_summary = record(companion, Path(folder) / f"{name}.mcap")
+            wall_time += coarse_summary["wall_time"]
+            if coarse_summary["status"] != "ok" or energy_warning(coarse_summary["energy"]):
+                return without_estimate(f"the run at twice the step cannot be right: {coarse_summary['message']}")
+            if coarser_runs.coupling is None and scene.run.variable is None:
+                # Internal steps a second.
+                coarser = max(_steps(companion, coarse_summary)) / coarse_summary["simulated_time"]
                 if coarser > 0.75 * max(steps) / simulated:
-                    return unknown("there is no coarser run: internal steps are as long as stability allows")
-            logs[name] = Path(told["log"])
+                    return without_estimate("there is no coarser run: internal steps are as long as stability allows")
+            logs[name] = Path(coarse_summary["log"])
         try:
             with (
                 Log(log, unfinished=True) as fine,
-                Log(logs["both"]) as both,
+                Log(logs["total"]) as coarsest,
                 Log(logs.get("coupling", log), unfinished=True) as coupling,
             ):
-                runs = [RunData(each) for each in (fine, coupling, both)]
+                runs = [RunData(opened) for opened in (fine, coupling, coarsest)]
                 total = differences(runs[2], runs[0])
-                alone = wanted.coupling is None
+                uncoupled = coarser_runs.coupling is None
                 parts = {
-                    "coupling": {} if alone else differences(runs[1], runs[0]),
-                    "integration": total if alone else differences(runs[2], runs[1]),
+                    "coupling": {} if uncoupled else differences(runs[1], runs[0]),
+                    "integration": total if uncoupled else differences(runs[2], runs[1]),
                     "total": total,
                 }
         except (Missing, LookupError) as error:
-            return unknown(str(error))
-    known: dict[str, float | None] = {part: SHARE * worst(found) if found else 0.0 for part, found in parts.items()}
-    unseen = {"integration": None} if wanted.both == wanted.coupling else {}
+            return without_estimate(str(error))
+    errors: dict[str, float | None] = {
+        part: SHARE * worst(part_differences) if part_differences else 0.0 for part, part_differences in parts.items()
+    }
+    not_separable = {"integration": None} if coarser_runs.total == coarser_runs.coupling else {}
     return {
-        **(known | unseen),
+        **(errors | not_separable),
         "observables": {
             name: {
-                "unit": one.unit,
-                "absolute": SHARE * one.absolute,
-                **({part: SHARE * parts[part][name].relative if parts[part] else 0.0 for part in PARTS} | unseen),
-                "decisive": one.decisive,
+                "unit": difference.unit,
+                "absolute": SHARE * difference.absolute,
+                **(
+                    {part: SHARE * parts[part][name].relative if parts[part] else 0.0 for part in PARTS} | not_separable
+                ),
+                "decisive": difference.decisive,
             }
-            for name, one in total.items()
+            for name, difference in total.items()
         },
-        "wall_time": spent,
+        "wall_time": wall_time,
         "message": "",
     }
 
@@ -137,18 +146,18 @@ def _steps(scene: Scene, summary: dict[str, Any]) -> list[int]:
     return [cost["steps"] for name, cost in summary["components"].items() if name in tracks]
 
 
-def unknown(reason: str) -> dict[str, Any]:
+def without_estimate(reason: str) -> dict[str, Any]:
     """Return the entry of a summary without an estimate."""
     return {**dict.fromkeys(PARTS), "observables": {}, "wall_time": 0.0, "message": reason}
 
 
-def _looser(variable: Variable) -> Variable:
+def _doubled_tolerances(table: VariableStepTable) -> VariableStepTable:
     """Return the tolerances for twice the step: a power residual has order 2, the error of a step order 3."""
-    factor = 4.0 if variable.estimate == "power" else 8.0
-    return variable.model_copy(
+    factor = 4.0 if table.estimate == "power" else 8.0
+    return table.model_copy(
         update={
-            "tolerance": min(factor * variable.tolerance, 0.5),
-            "shortest": 2.0 * variable.shortest,
-            "longest": 2.0 * variable.longest,
+            "tolerance": min(factor * table.tolerance, 0.5),
+            "shortest": 2.0 * table.shortest,
+            "longest": 2.0 * table.longest,
         }
     )

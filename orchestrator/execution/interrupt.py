@@ -9,21 +9,21 @@ from contextlib import contextmanager
 
 
 class Interrupt:
-    """Signal handler: raises at once; while ``gentle`` it only records the first signal."""
+    """Signal handler: raises at once; while ``deferring`` it only records the first signal."""
 
     def __init__(self) -> None:
-        self.asked = self.gentle = False
+        self.requested = self.deferring = False
 
     def __call__(self, number: int, frame: object) -> None:
         """Handle a signal; raises KeyboardInterrupt."""
-        again, self.asked = self.asked, True
-        if again or not self.gentle:
+        repeated, self.requested = self.requested, True
+        if repeated or not self.deferring:
             raise KeyboardInterrupt
 
 
 @contextmanager
 def interruptible() -> Iterator[Interrupt]:
-    """Install the handler; while it is gentle, the first signal lets the step end and the log be closed."""
+    """Install the handler; while it is deferring, the first signal lets the step end and the log be closed."""
     interrupt = Interrupt()
     main = threading.current_thread() is threading.main_thread()
     signals = [signal.SIGINT, signal.SIGTERM] if main else []

@@ -19,10 +19,10 @@ from typing import Any
 from llvmlite.binding import llvm_version_info
 
 from orchestrator import __version__
-from orchestrator.cosim import between
+from orchestrator.cosim import interval_statistics
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.scheme import Scheme
-from orchestrator.cosim.graph import Recorded, System
+from orchestrator.cosim.graph import Recordable, System
 from orchestrator.cosim.observers import STATS, wires
 from orchestrator.log import schema
 from orchestrator.log.recorder import Recorder
@@ -37,38 +37,40 @@ def open_log(
     path: Path,
     scene: Scene,
     graph: System,
-    components: Mapping[str, Recorded],
+    components: Mapping[str, Recordable],
     scheme: Scheme,
     about: Mapping[str, str] | None = None,
-    more: Mapping[str, Mapping[str, str]] | None = None,
+    further_metadata: Mapping[str, Mapping[str, str]] | None = None,
 ) -> Recorder:
     """Open the log of a run; raises LogFailed.
 
-    ``about`` adds entries to the metadata ``run``; ``more``: further metadata.
+    ``about`` adds entries to the metadata ``run``; ``further_metadata``: metadata besides, by name.
     """
     topics, attachments, metadata = manifest(scene, graph, components)
     metadata["run"] |= about or {}
-    metadata |= {name: dict(entries) for name, entries in (more or {}).items()}
+    metadata |= {name: dict(entries) for name, entries in (further_metadata or {}).items()}
     wired = wires(scheme) if scene.run.outputs == 1 else {}
     every = _strides(scene, components)
-    if scene.between:
+    if scene.records_statistics:
         for name, component in components.items():
             if component.links:
                 topic = f"/{name}/links/between"
                 units = [component.unit(variable) for variable in component.links]
-                topics[topic] = list(zip(between.names(component.links), units * len(between.PARTS), strict=True))
+                topics[topic] = list(
+                    zip(interval_statistics.names(component.links), units * len(interval_statistics.PARTS), strict=True)
+                )
                 every[topic] = every[f"/{name}/links"]
     return Recorder(path, topics, attachments, metadata, every=every, wires=wired, types=_types(components))
 
 
 def manifest(
-    scene: Scene, graph: System, components: Mapping[str, Recorded]
+    scene: Scene, graph: System, components: Mapping[str, Recordable]
 ) -> tuple[dict[str, list[tuple[str, str]]], dict[str, bytes], dict[str, dict[str, str]]]:
     """Return topics -> (variable, unit), attachments and metadata of a log before step 0."""
     topics: dict[str, list[tuple[str, str]]] = {}
     attachments = {
         "scene.json": as_json(scene.resolved()),
-        "system.json": as_json(describe(graph)),
+        "system.json": as_json(system_table(graph)),
     }
     for name, component in components.items():
         families = {"in": component.inputs, "out": component.outputs, "links": component.links}
@@ -79,7 +81,7 @@ def manifest(
         topics[f"/stats/{name}"] = counters + [(figure, "s") for figure in STATS]
     for instance in graph.instances:
         if instance.fmu is not None:
-            attachments[f"{instance.name}.modelDescription.xml"] = description(instance.fmu)
+            attachments[f"{instance.name}.modelDescription.xml"] = model_description(instance.fmu)
     metadata = {
         "run": {
             "scene": scene.name,
@@ -100,7 +102,7 @@ def manifest(
     return topics, attachments, metadata
 
 
-def describe(graph: System) -> dict[str, Any]:
+def system_table(graph: System) -> dict[str, Any]:
     """Return the system graph as plain data, with the hash of every FMU."""
     return {
         "instances": [
@@ -118,14 +120,14 @@ def describe(graph: System) -> dict[str, Any]:
 
 def provenance() -> dict[str, str]:
     """Return time, system, processor, LLVM version and commit of a run, without unknown entries."""
-    found = {
+    entries = {
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "system": platform.platform(),
         "processor": _processor(),
         "llvm": ".".join(map(str, llvm_version_info)),
         "commit": _commit(),
     }
-    return {name: text for name, text in found.items() if text}
+    return {name: text for name, text in entries.items() if text}
 
 
 @cache
@@ -146,8 +148,10 @@ def _commit() -> str:
         return ""
 
     def git(*words: str) -> str:
-        told = subprocess.run(["git", "-C", str(root), *words], capture_output=True, text=True, timeout=10, check=True)
-        return told.stdout.strip()
+        completed = subprocess.run(
+            ["git", "-C", str(root), *words], capture_output=True, text=True, timeout=10, check=True
+        )
+        return completed.stdout.strip()
 
     with suppress(OSError, subprocess.SubprocessError):
         changed = git("status", "--porcelain", "--untracked-files=no", "--", "fmus", "orchestrator")
@@ -155,7 +159,7 @@ def _commit() -> str:
     return ""
 
 
-def _types(components: Mapping[str, Recorded]) -> dict[str, str]:
+def _types(components: Mapping[str, Recordable]) -> dict[str, str]:
     """Return topic -> message type; instances of one kind of FMU share their types."""
     return {
         f"/{name}/{topic}": schema.type_name(f"/{component.description.modelName}/{topic}")
@@ -165,13 +169,13 @@ def _types(components: Mapping[str, Recorded]) -> dict[str, str]:
     }
 
 
-def _strides(scene: Scene, components: Mapping[str, Recorded]) -> dict[str, int]:
+def _strides(scene: Scene, components: Mapping[str, Recordable]) -> dict[str, int]:
     """Return topic -> recording interval in communication steps."""
     every = {"out": scene.run.outputs, "links": scene.links_every}
     return {f"/{name}/{kind}": steps for name in components for kind, steps in every.items()}
 
 
-def description(fmu: Path) -> bytes:
+def model_description(fmu: Path) -> bytes:
     """Read modelDescription.xml in an FMU."""
     with zipfile.ZipFile(fmu) as archive:
         return archive.read("modelDescription.xml")

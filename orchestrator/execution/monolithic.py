@@ -28,7 +28,7 @@ from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene
 
 
-class Shown:
+class MonolithComponent:
     """Part of the monolith with the interface of a loaded component for wiring, log and statistics."""
 
     def __init__(self, name: str, model: Any) -> None:
@@ -67,7 +67,7 @@ class Shown:
         self.counters[:-1] = np.minimum(self._model.counters, np.iinfo(np.int32).max)
 
 
-class Whole(Scheme):
+class MonolithScheme(Scheme):
     """Coupling scheme of the monolith: all parts advance at once."""
 
     NAME = "monolithic"
@@ -75,32 +75,32 @@ class Whole(Scheme):
     def __init__(self, stages: Stages, monolith: Monolith) -> None:
         super().__init__(stages, threads=False)
         self._monolith = monolith
-        self._feed(early=True)
+        self._feed(at_start=True)
 
     def exchange(self, t: float, h: float, now: Outputs) -> None:
         """Advance all parts by one step; mean wrenches over the step become inputs of the parts they act on."""
-        self._feed(early=True)
-        began = time.perf_counter()
+        self._feed(at_start=True)
+        start = time.perf_counter()
         try:
             self._monolith.advance(t, h)
         except RuntimeError as failure:
             raise ComponentFailed(str(failure)) from None
-        spent = (time.perf_counter() - began) / len(self.members)
+        share = (time.perf_counter() - start) / len(self.members)
         for member in self.members:
             part: Any = member.component
-            part.wall_time += spent
+            part.wall_time += share
             part.read()
-        self._feed(early=False)
+        self._feed(at_start=False)
 
-    def rule(self, feed: Feed, stepped: bool) -> Rule | None:
+    def rule(self, feed: Feed, source_stepped: bool) -> Rule | None:
         """Rule of a connection in the log: motion at the beginning of the step, means at its end."""
-        return "end" if stepped else "start"
+        return "end" if source_stepped else "start"
 
-    def _feed(self, early: bool) -> None:
-        """Copy inputs whose values belong to the beginning of the step (``early``), or to its end."""
+    def _feed(self, at_start: bool) -> None:
+        """Copy inputs whose values belong to the beginning of the step (``at_start``), or to its end."""
         for member in self.members:
             for feed in member.feeds:
-                if (feed.source.name in self.stepped(member)) != early:
+                if (feed.source.name in self.stepped_before(member)) != at_start:
                     member.component.u[feed.inputs] = feed.source.y[feed.outputs]
 
 
@@ -118,12 +118,12 @@ def run(
     integrator: str = EQUAL,
     rtol: float = TOLERANCE,
     atol: float = TOLERANCE,
-    begun: States | None = None,
-) -> tuple[master.Outcome, dict[str, float]]:
+    initial_states: States | None = None,
+) -> tuple[master.RunOutcome, dict[str, float]]:
     """Integrate a scene as a monolith into the log ``path``; return the outcome and the cost.
 
     The communication step of the scene is the interval of the outputs. ``refine`` divides the internal step; the
-    ``integrator`` "adams" chooses its steps by ``rtol`` and ``atol`` (``Monolith``). ``begun``: states of a
+    ``integrator`` "adams" chooses its steps by ``rtol`` and ``atol`` (``Monolith``). ``initial_states``: states of a
     co-simulation of the scene (``states_at``), from which the run continues to the scene's stop. ``narration``
     receives the progress. The cost holds internal step (the longest allowed) and wall time, s, and the numbers of
     steps, evaluations, rejected steps and restarts, and the mean order. Raises BadInput, BuildFailed or
@@ -133,35 +133,37 @@ def run(
     assembly = assemble(scene)
     graph = system(assembly)
     clock = master.Clock(scene.run.step, scene.run.steps)
-    if begun is not None:
-        clock = clock._replace(done=round(begun.time / clock.step))
-        if clock.done >= clock.steps:
-            raise BadInput(f"run.stop = {scene.run.stop:g} s must be after the states of {begun.time:g} s")
+    if initial_states is not None:
+        clock = clock._replace(steps_done=round(initial_states.time / clock.step))
+        if clock.steps_done >= clock.steps:
+            raise BadInput(f"run.stop = {scene.run.stop:g} s must be after the states of {initial_states.time:g} s")
     try:
         monolith = Monolith(
             parts_of(assembly), assembly.connections, refine, integrator=integrator, rtol=rtol, atol=atol
         )
-        if begun is not None:
-            monolith.begin_at(begun.time, begun.parts)
+        if initial_states is not None:
+            monolith.begin_at(initial_states.time, initial_states.parts)
     except (RuntimeError, ValueError) as failure:
         raise ComponentFailed(f"{scene.name}: {failure}") from None
-    parts: Any = {name: Shown(name, model) for name, model in monolith.models.items()}
-    whole = Whole(wire(graph, parts), monolith)
+    parts: Any = {name: MonolithComponent(name, model) for name, model in monolith.models.items()}
+    scheme = MonolithScheme(wire(graph, parts), monolith)
     step = clock.step / np.ceil(clock.step / monolith.step - 1e-9)
     about = {"coupling": "monolithic", "integrator": integrator, "internal_step": repr(float(step))}
     if integrator == ADAPTIVE:
         about |= {"rtol": repr(rtol), "atol": repr(atol)}
     with ExitStack() as stack:
-        recorder = stack.enter_context(open_log(path, scene, graph, parts, whole, about))
+        recorder = stack.enter_context(open_log(path, scene, graph, parts, scheme, about))
         stats_every = max(1, round(STATS_PERIOD / clock.step))
         logging = Logging(recorder, list(parts.values()), stats_every)
         observers: list[master.Observer] = [logging]
-        if begun is not None:
-            logging.begin(clock.done, begun.time, clock.step)
+        if initial_states is not None:
+            logging.continue_after(clock.steps_done, initial_states.time, clock.step)
         if narration:
             observers.append(stack.enter_context(ProgressBar(scene.name, scene.run.stop, narration)))
-        began = time.perf_counter()
-        outcome = master.run(whole, clock, observers, interrupted, begun and (clock.done, begun.time))
-        wall = time.perf_counter() - began
+        start = time.perf_counter()
+        outcome = master.run(
+            scheme, clock, observers, interrupted, initial_states and (clock.steps_done, initial_states.time)
+        )
+        wall = time.perf_counter() - start
         recorder.close(outcome.status, outcome.message, outcome.steps)
     return outcome, {"internal_step": float(step), "wall_time": wall, **monolith.effort._asdict()}

@@ -31,30 +31,30 @@ class Setting(NamedTuple):
     wall_time: float  # s
 
 
-def own() -> Path:
+def local_file() -> Path:
     """Return the file that studies on this machine write."""
     return cache_folder() / "precision.json"
 
 
 def read(*files: Path) -> list[Setting]:
     """Read all settings; for each scene and track the last file that has entries counts."""
-    found: list[Setting] = []
-    for file in files or (SHIPPED, own()):
+    settings: list[Setting] = []
+    for file in files or (SHIPPED, local_file()):
         rows = _rows(file)
-        found = _of_others(found, rows) + rows
-    return found
+        settings = _other_scenes(settings, rows) + rows
+    return settings
 
 
-def _of_others(settings: list[Setting], new: Iterable[Setting]) -> list[Setting]:
+def _other_scenes(settings: list[Setting], new: Iterable[Setting]) -> list[Setting]:
     """Return the settings whose scene and track do not occur among the new ones."""
-    known = {(one.scene, one.track) for one in new}
-    return [one for one in settings if (one.scene, one.track) not in known]
+    known = {(setting.scene, setting.track) for setting in new}
+    return [setting for setting in settings if (setting.scene, setting.track) not in known]
 
 
 def _rows(file: Path) -> list[Setting]:
     """Read the settings in a table; a damaged table gives a warning and an empty list."""
     try:
-        if file == own():
+        if file == local_file():
             check(file.parent)
         table = json.loads(file.read_text(encoding="utf-8"))
         if table["sha256"] != _checksum(table["rows"]):
@@ -75,26 +75,26 @@ def _checksum(rows: list[dict[str, Any]]) -> str:
     return hashlib.sha256(json.dumps(rows).encode()).hexdigest()
 
 
-def front(
-    ways: Iterable[Any],
+def pareto_front(
+    candidates: Iterable[Any],
     cost: Callable[[Any], float] = attrgetter("wall_time"),
     error: Callable[[Any], float] = attrgetter("error"),
 ) -> list[Any]:
     """Return the Pareto front in error and run time, cheapest first."""
     best: list[Any] = []
-    for one in sorted(ways, key=lambda way: (cost(way), error(way))):
-        if not best or error(one) < error(best[-1]):
-            best.append(one)
+    for setting in sorted(candidates, key=lambda candidate: (cost(candidate), error(candidate))):
+        if not best or error(setting) < error(best[-1]):
+            best.append(setting)
     return best
 
 
 def write(settings: Iterable[Setting], file: Path) -> None:
     """Write the Pareto front of each scene and track; entries of others remain. Raises OSError."""
     new: dict[tuple[str, str], list[Setting]] = {}
-    for one in settings:
-        new.setdefault((one.scene, one.track), []).append(one)
-    fronts = [one for key in sorted(new) for one in front(new[key])]
-    rows = [one._asdict() for one in _of_others(read(file), fronts) + fronts]
+    for setting in settings:
+        new.setdefault((setting.scene, setting.track), []).append(setting)
+    fronts = [setting for key in sorted(new) for setting in pareto_front(new[key])]
+    rows = [setting._asdict() for setting in _other_scenes(read(file), fronts) + fronts]
     make(file.parent)
     put(file, (json.dumps({"rows": rows, "sha256": _checksum(rows)}, indent=1) + "\n").encode())
 

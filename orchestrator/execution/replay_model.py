@@ -16,39 +16,39 @@ from fmus.vehicle import BadInput, shown
 from orchestrator.cosim.component import Component, Logger
 from orchestrator.cosim.graph import Instance, System
 from orchestrator.execution import replays
-from orchestrator.execution.manifest import NATIVE, as_json, describe, description, sha256
+from orchestrator.execution.manifest import NATIVE, as_json, model_description, sha256, system_table
 from orchestrator.log import notices
-from orchestrator.log.described import system_of
 from orchestrator.log.log_format import BRANCHED
 from orchestrator.log.reader import Log
+from orchestrator.log.recorded_system import system_of
 from orchestrator.log.time_series import EVER
 from orchestrator.scene.assembly import assemble, build_parts
 from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import Scene, changed, from_table
+from orchestrator.scene.scene import Scene, changed_scene, from_table
 
 
-class Model(NamedTuple):
+class ReplayModel(NamedTuple):
     """FMU and parameters of the component that is stepped in a replay."""
 
     fmu: Path
     parameters: replays.Parameters
     stage: int
     scene: Scene | None  # None for a given FMU
-    ran: bool  # True if FMU and parameters are those of the log
+    as_recorded: bool  # True if FMU and parameters are those of the log
     native: bool = False
     settings: Sequence[str] = ()  # KEY=VALUE, changes of the scene in the log
 
 
-class Again(NamedTuple):
+class Replay(NamedTuple):
     """Component opened for a replay, with its log."""
 
     log: Log
     component: Component
     parameters: replays.Parameters
-    model: Model
+    model: ReplayModel
 
-    def verify(self, window: tuple[float, float] = EVER) -> replays.Verdict:
+    def verify(self, window: tuple[float, float] = EVER) -> replays.ReplayVerdict:
         """Compare bit by bit with the log, in a window, s."""
         return replays.verify(self.log, self.component, self.parameters, window)
 
@@ -56,86 +56,86 @@ class Again(NamedTuple):
         """Log the component's outputs until ``end``, s; return the number of steps (0: no log is written).
 
         The new log names the replayed log and its digest, hash and parameters of the FMU, and the scene if it is
-        known, so it can be replayed itself. Raises BadInput, Unfit.
+        known, so it can be replayed itself. Raises BadInput, UnfitLog.
         """
         log, name, model = self.log, self.component.name, self.model
         if path.exists() and path.samefile(log.path):
             raise BadInput(f"{path} is the log itself: give another name")
-        ran = Instance(name, model.fmu, dict(self.parameters), model.stage)
+        instance = Instance(name, model.fmu, dict(self.parameters), model.stage)
         attachments = {
-            "system.json": as_json(describe(System((ran,), ()))),
-            f"{name}.modelDescription.xml": description(model.fmu),
+            "system.json": as_json(system_table(System((instance,), ()))),
+            f"{name}.modelDescription.xml": model_description(model.fmu),
         }
         if model.scene is not None:
             attachments["scene.json"] = as_json(model.scene.resolved())
-        of = str(log.path).encode(errors="backslashreplace").decode()  # file names may hold bytes that are not text
-        metadata = {"replay": {"of": of, "digest": log.digest(), "component": name}}
+        source = str(log.path).encode(errors="backslashreplace").decode()  # file names may hold bytes that are not text
+        metadata = {"replay": {"of": source, "digest": log.digest(), "component": name}}
         if model.settings:
             metadata["replay"]["set"] = "; ".join(model.settings)
         if model.native:
             metadata["run"] = {"fmus": NATIVE}
         links = log.topics.get(f"/{name}/links")
         every = links.every if links else model.scene.links_every if model.scene else 1
-        described = replays.Described(attachments, metadata, every)
-        return replays.answer(log, self.component, self.parameters, path, described, end)
+        header = replays.LogHeader(attachments, metadata, every)
+        return replays.answer(log, self.component, self.parameters, path, header, end)
 
 
 @contextmanager
-def opened(
+def open_replay(
     path: Path, name: str, other: str | None, logger: Logger | None = None, settings: Sequence[str] = ()
-) -> Iterator[Again]:
+) -> Iterator[Replay]:
     """Open the component ``name`` of a log, or ``other`` (a track model or an FMU file) in its place.
 
-    ``settings``, KEY=VALUE, change the scene in the log; recording and idler position stay. Raises BadInput, Unfit,
+    ``settings``, KEY=VALUE, change the scene in the log; recording and idler position stay. Raises BadInput, UnfitLog,
     BuildFailed, ComponentFailed, LogUnreadable, NoSuchSignal.
     """
     with Log(path) as log:
         notices.notice(notices.other_version(path, log.metadata.get("versions", {})))
         if about := log.metadata.get(BRANCHED):
-            step, of = about.get("step"), shown(about.get("of"))
-            raise BadInput(f"{path} has other numbers from step {step} on: replay {of}, from which it branched off")
+            step, source = about.get("step"), shown(about.get("of"))
+            raise BadInput(f"{path} has other numbers from step {step} on: replay {source}, from which it branched off")
         entry = _entry(log, name)
         if other and other not in TRACKS:
             if settings:
                 raise BadInput(f"--set changes the scene in the log, which says nothing about --with {other}")
-            model = _theirs(log, entry, Path(other))
+            model = _given_model(log, entry, Path(other))
         else:
-            model = _ours(log, entry, other, settings)
+            model = _built_model(log, entry, other, settings)
         with Component(model.fmu, name, logger) as component:
-            known = set(component.parameters)
-            parameters = {key: value for key, value in model.parameters.items() if key in known}
-            yield Again(log, component, parameters, model)
+            settable = set(component.parameters)
+            parameters = {key: value for key, value in model.parameters.items() if key in settable}
+            yield Replay(log, component, parameters, model)
 
 
-def components(path: Path) -> list[str]:
+def fmu_components(path: Path) -> list[str]:
     """Names of the components that ran as FMUs; raises LogUnreadable, NoSuchSignal."""
     with Log(path) as log:
         return [entry["name"] for entry in system_of(log)["instances"] if entry.get("sha256")]
 
 
 def _entry(log: Log, name: str) -> dict[str, Any]:
-    """Entry of a component in ``system.json``; raises Unfit, BadInput."""
+    """Entry of a component in ``system.json``; raises UnfitLog, BadInput."""
     instances = {entry["name"]: entry for entry in system_of(log)["instances"]}
     if name not in instances:
-        raise replays.Unfit(f"the log has no component '{name}': one of {', '.join(instances)}")
+        raise replays.UnfitLog(f"the log has no component '{name}': one of {', '.join(instances)}")
     if not instances[name].get("sha256"):
         raise BadInput(f"'{name}' of the log was stepped without an FMU: there is nothing to replay")
     return instances[name]
 
 
-def _theirs(log: Log, entry: Mapping[str, Any], fmu: Path) -> Model:
+def _given_model(log: Log, entry: Mapping[str, Any], fmu: Path) -> ReplayModel:
     """Return the model of a given FMU, with the parameters of the recorded component; raises BadInput."""
     if not fmu.is_file():
         raise BadInput(f"no FMU '{fmu}': give {', '.join(TRACKS)} or an .fmu file")
-    ran = sha256(fmu) == entry["sha256"]
-    scene = _scene(log) if ran and "scene.json" in log.attachments else None
-    return Model(fmu, entry.get("parameters", {}), entry.get("stage", 0), scene, ran)
+    as_recorded = sha256(fmu) == entry["sha256"]
+    scene = _scene(log) if as_recorded and "scene.json" in log.attachments else None
+    return ReplayModel(fmu, entry.get("parameters", {}), entry.get("stage", 0), scene, as_recorded)
 
 
-def _ours(log: Log, entry: Mapping[str, Any], track: str | None, settings: Sequence[str]) -> Model:
+def _built_model(log: Log, entry: Mapping[str, Any], track: str | None, settings: Sequence[str]) -> ReplayModel:
     """Build the model from the scene in the log, with its track model or ``track``, and ``settings``.
 
-    Raises BadInput, Unfit, BuildFailed.
+    Raises BadInput, UnfitLog, BuildFailed.
     """
     name = entry["name"]
     if "scene.json" not in log.attachments:
@@ -144,19 +144,19 @@ def _ours(log: Log, entry: Mapping[str, Any], track: str | None, settings: Seque
     if track is not None:
         scene = scene.model_copy(update={"planar": False, "track": scene.track.of_model(track)}).with_axes()
     if settings:
-        scene = changed(scene.resolved(), settings, f"{log.path}: scene.json")
+        scene = changed_scene(scene.resolved(), settings, f"{log.path}: scene.json")
     part = _part(scene, name)
     if track is not None and part.kind != TRACKS[track].fmu:
         raise BadInput(f"--with {track}: '{name}' is no track")
     native = track is None and log.metadata.get("run", {}).get("fmus") == NATIVE
     fmu = build_parts([part], native)[0]
-    same = sha256(fmu) == entry["sha256"]
+    same_hash = sha256(fmu) == entry["sha256"]
     if track is not None or settings:
-        ran = same and part.parameters == entry.get("parameters", {})
-        return Model(fmu, part.parameters, part.stage, scene, ran, native, settings)
-    if not same:
+        as_recorded = same_hash and part.parameters == entry.get("parameters", {})
+        return ReplayModel(fmu, part.parameters, part.stage, scene, as_recorded, native, settings)
+    if not same_hash:
         raise BadInput(f"the log was made by another build of {shown(entry.get('fmu'))}: name an FMU with --with")
-    return Model(fmu, entry.get("parameters", {}), part.stage, scene, True, native)
+    return ReplayModel(fmu, entry.get("parameters", {}), part.stage, scene, True, native)
 
 
 def _scene(log: Log) -> Scene:
@@ -166,5 +166,5 @@ def _scene(log: Log) -> Scene:
 def _part(scene: Scene, name: str) -> Part:
     parts = {part.name: part for part in assemble(placed(scene)).parts}
     if name not in parts:
-        raise replays.Unfit(f"the scene of the log has no component '{name}': one of {', '.join(parts)}")
+        raise replays.UnfitLog(f"the scene of the log has no component '{name}': one of {', '.join(parts)}")
     return parts[name]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.cosim.component import Component
-from orchestrator.log.bitwise import Difference, first_difference
+from orchestrator.log.bitwise import BitDifference, first_difference
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.time_series import EVER, Floats, Series
@@ -19,16 +19,16 @@ from orchestrator.log.time_series import EVER, Floats, Series
 Parameters = Mapping[str, float | int | str]
 
 
-class Unfit(ValueError):
+class UnfitLog(ValueError):
     """The log cannot drive this component; the message is one sentence."""
 
 
-class Verdict(NamedTuple):
+class ReplayVerdict(NamedTuple):
     """Result of a bitwise replay."""
 
     steps: int
     compared: int  # number of values compared
-    difference: Difference | None  # None: all are equal
+    difference: BitDifference | None  # None: all are equal
     altered: tuple[str, ...] = ()  # input topics that differ from the closing record
 
     @property
@@ -41,25 +41,25 @@ class Verdict(NamedTuple):
         """Verdict as a sentence."""
         if not self.steps or not self.compared:
             return f"nothing was compared: the log holds {self.steps} steps and {self.compared} of its values"
-        inputs = f"; its inputs were altered: {' and '.join(self.altered)} has another sha256 than was recorded"
-        told = inputs if self.altered else ""
+        alteration = f"; its inputs were altered: {' and '.join(self.altered)} has another sha256 than was recorded"
+        suffix = alteration if self.altered else ""
         if self.difference is None:
-            return f"equal: {self.compared} numbers of {self.steps} steps, bit by bit{told}"
-        return f"different: {self.difference}{told}"
+            return f"equal: {self.compared} numbers of {self.steps} steps, bit by bit{suffix}"
+        return f"different: {self.difference}{suffix}"
 
 
-def check(component: Component, inputs: Series) -> None:
-    """Check that recorded inputs can drive a component; raises Unfit."""
+def check_inputs(component: Component, inputs: Series) -> None:
+    """Check that recorded inputs can drive a component; raises UnfitLog."""
     if tuple(component.inputs) != tuple(inputs.names):
         missing = sorted(set(component.inputs) ^ set(inputs.names))
-        raise Unfit(f"{component.name}: its inputs are not those of the log ({', '.join(missing[:3]) or 'order'})")
+        raise UnfitLog(f"{component.name}: its inputs are not those of the log ({', '.join(missing[:3]) or 'order'})")
     if gap := inputs.gap():
-        raise Unfit(f"{component.name}: the log lacks its inputs from t = {gap[0]:.6g} to {gap[1]:.6g} s")
+        raise UnfitLog(f"{component.name}: the log lacks its inputs from t = {gap[0]:.6g} to {gap[1]:.6g} s")
 
 
-def drive(component: Component, inputs: Series, parameters: Parameters) -> Iterator[tuple[int, float]]:
-    """Step a component with recorded inputs; yields (k, t) at the start and after each step; raises Unfit."""
-    check(component, inputs)
+def step_recorded(component: Component, inputs: Series, parameters: Parameters) -> Iterator[tuple[int, float]]:
+    """Step a component with recorded inputs; yields (k, t) at the start and after each step; raises UnfitLog."""
+    check_inputs(component, inputs)
     component.initialise(parameters, 0.0)
     yield 0, 0.0
     ends = np.append(inputs.t[1:], inputs.t[-1:] + inputs.h[-1:])
@@ -71,24 +71,24 @@ def drive(component: Component, inputs: Series, parameters: Parameters) -> Itera
         yield k, float(ends[k - 1])
 
 
-def verify(log: Log, component: Component, parameters: Parameters, window: tuple[float, float] = EVER) -> Verdict:
-    """Step the component again and compare all recorded outputs, bit by bit; raises Unfit.
+def verify(log: Log, component: Component, parameters: Parameters, window: tuple[float, float] = EVER) -> ReplayVerdict:
+    """Step the component again and compare all recorded outputs, bit by bit; raises UnfitLog.
 
     Link outputs are included. With a window, a closed time interval, s, the component is stepped to its end and
     compared inside it.
     """
     inputs = log.read(f"/{component.name}/in")
-    check(component, inputs)
+    check_inputs(component, inputs)
     out, links = (f"/{component.name}/{kind}" for kind in ("out", "links"))
-    shown = {out: (component.outputs, component.y), links: (component.links, component.y_links)}
-    recorded = {topic: log.read(topic) for topic in shown if topic in log.topics}
+    outputs = {out: (component.outputs, component.y), links: (component.links, component.y_links)}
+    recorded = {topic: log.read(topic) for topic in outputs if topic in log.topics}
     for topic, series in recorded.items():
         if not np.array_equal(log.sequence(topic), np.arange(0, len(inputs.t) + 1, log.topics[topic].every)):
-            raise Unfit(
+            raise UnfitLog(
                 f"{topic} does not hold the steps that the inputs lead to: 'cotrack log recover' leaves whole steps"
             )
-        if series.names != shown[topic][0]:
-            raise Unfit(f"{component.name}: its outputs are not those of the log")
+        if series.names != outputs[topic][0]:
+            raise UnfitLog(f"{component.name}: its outputs are not those of the log")
     numbers = {
         topic: np.flatnonzero((series.t >= window[0] - 1e-9) & (series.t <= window[1] + 1e-9)) * log.topics[topic].every
         for topic, series in recorded.items()
@@ -98,24 +98,28 @@ def verify(log: Log, component: Component, parameters: Parameters, window: tuple
     stepped = np.flatnonzero((ends >= window[0] - 1e-9) & (ends <= window[1] + 1e-9)) + 1
     last = max([0, *stepped.tolist()])
     rows: dict[str, list[Floats]] = {topic: [] for topic in recorded}
-    for k, _ in drive(component, inputs, parameters):
+    for k, _ in step_recorded(component, inputs, parameters):
         if k > last:
             break
         for topic in recorded:
             if k in compared[topic]:
                 if topic == links:
                     component.read_links()
-                rows[topic].append(shown[topic][1].copy())
+                rows[topic].append(outputs[topic][1].copy())
     differences = []
     for topic, series in recorded.items():
         every = log.topics[topic].every
-        own = series.rows(numbers[topic] // every)
-        again = own._replace(values=np.array(rows[topic]).reshape(own.values.shape))
+        in_window = series.rows(numbers[topic] // every)
+        replayed = in_window._replace(values=np.array(rows[topic]).reshape(in_window.values.shape))
         first = int(numbers[topic][0]) if len(numbers[topic]) else 0
-        differences.append(first_difference(topic, own, again, every, first))
-    difference = min((found for found in differences if found is not None), key=lambda found: found.t, default=None)
+        differences.append(first_difference(topic, in_window, replayed, every, first))
+    difference = min(
+        (candidate for candidate in differences if candidate is not None),
+        key=lambda candidate: candidate.t,
+        default=None,
+    )
     count = sum(len(steps) * recorded[topic].values.shape[1] for topic, steps in compared.items())
-    return Verdict(len(stepped), count, difference, _altered(log, f"/{component.name}/in"))
+    return ReplayVerdict(len(stepped), count, difference, _altered(log, f"/{component.name}/in"))
 
 
 def _altered(log: Log, topic: str) -> tuple[str, ...]:
@@ -123,11 +127,11 @@ def _altered(log: Log, topic: str) -> tuple[str, ...]:
     if log.closing is None:
         return ()
     sources = dict.fromkeys([topic, *(wire.source for wire in log.topics[topic].wires)])
-    found, recorded = log.hashes(), log.closing["sha256"]
-    return tuple(source for source in sources if source in recorded and found[source] != recorded[source])
+    hashes, recorded = log.hashes(), log.closing["sha256"]
+    return tuple(source for source in sources if source in recorded and hashes[source] != recorded[source])
 
 
-class Described(NamedTuple):
+class LogHeader(NamedTuple):
     """Metadata and attachments for the log of a replayed model."""
 
     attachments: Mapping[str, bytes]
@@ -136,11 +140,11 @@ class Described(NamedTuple):
 
 
 def answer(
-    log: Log, component: Component, parameters: Parameters, path: Path, described: Described, end: float = EVER[1]
+    log: Log, component: Component, parameters: Parameters, path: Path, header: LogHeader, end: float = EVER[1]
 ) -> int:
     """Step another model with the inputs recorded until ``end``, s, and log its outputs to ``path``.
 
-    Returns the number of steps; without a step no log is written. Raises Unfit.
+    Returns the number of steps; without a step no log is written. Raises UnfitLog.
     """
     name = component.name
     inputs, recorded = log.read(f"/{name}/in"), log.read(f"/{name}/out")
@@ -152,11 +156,11 @@ def answer(
         for kind, names in (("in", component.inputs), ("out", component.outputs), ("links", component.links))
         if names or kind == "in"
     }
-    every = {topic: described.links_every for topic in topics if topic.endswith("/links")}
+    every = {topic: header.links_every for topic in topics if topic.endswith("/links")}
     ends = dict(zip(log.sequence(f"/{name}/out").tolist(), recorded.t.tolist(), strict=True))
-    steps = drive(component, inputs, parameters)
+    steps = step_recorded(component, inputs, parameters)
     start = next(steps)  # raises before a log is opened
-    with Recorder(path, topics, described.attachments, described.metadata, every=every) as recorder:
+    with Recorder(path, topics, header.attachments, header.metadata, every=every) as recorder:
         for k, t in chain([start], steps):
             t = ends.get(k, t)
             h = float(inputs.h[max(k - 1, 0)])
@@ -166,5 +170,5 @@ def answer(
             if len(component.y_links) and recorder.due(f"/{name}/links", k):
                 component.read_links()
                 recorder.write(f"/{name}/links", k, t, h, component.y_links)
-        recorder.close("ok", "", len(inputs.t), warnings=[asdict(one) for one in component.warnings])
+        recorder.close("ok", "", len(inputs.t), warnings=[asdict(warning) for warning in component.warnings])
     return len(inputs.t)

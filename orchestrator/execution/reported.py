@@ -7,13 +7,13 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from fmus.vehicle import BadInput
-from orchestrator.execution import again, summary
+from orchestrator.execution import repeat_command, summary
 from orchestrator.log.reader import Log
 from orchestrator.results.page.document import SUFFIXES, plotting, write
 from orchestrator.results.page.evaluation import RunSummary
 from orchestrator.results.run_data import RunData
 from orchestrator.results.whole_file import check_output
-from orchestrator.scene.same_scene import of_one_scene
+from orchestrator.scene.same_scene import require_same_scene
 from orchestrator.scene.scene import from_table
 
 
@@ -38,12 +38,12 @@ def report(
         runs = [RunData(stack.enter_context(Log(log))) for log in logs]
         if len(runs) > 1 and not different:
             first, second = ((f"{log}", run.scene) for log, run in zip(logs, runs, strict=True))
-            of_one_scene(first, second, "; --different compares them all the same")
-        own, *other = [(run, _judged(run)) for run in runs]
-        write(*own, page, other[0] if other else None)
+            require_same_scene(first, second, "; --different compares them all the same")
+        judged, *reference_run = [(run, _judge(run)) for run in runs]
+        write(*judged, page, reference_run[0] if reference_run else None)
 
 
-def _judged(run: RunData) -> RunSummary:
+def _judge(run: RunData) -> RunSummary:
     """Evaluate checks and observables by the scene in the log; without one, return the reason."""
     if not run.scene:
         return RunSummary({}, {}, "the log does not say of which scene it is")
@@ -53,5 +53,7 @@ def _judged(run: RunData) -> RunSummary:
         return RunSummary({}, {}, str(error))
     simulated = run.span[1]
     return RunSummary(
-        summary.checks(run, scene, simulated), summary.observables(run, scene, simulated), command=again.command(run)
+        summary.checks(run, scene, simulated),
+        summary.observables(run, scene, simulated),
+        command=repeat_command.command(run),
     )

@@ -14,16 +14,16 @@ from fmus.vehicle import BadInput, shown
 from orchestrator.cosim.checkpoint import time_of
 from orchestrator.cosim.component import Logger
 from orchestrator.cosim.narration import Narration
-from orchestrator.execution.branch import branched, taken_over
+from orchestrator.execution.branch import branched_scene, transferred_state
 from orchestrator.execution.manifest import NATIVE, sha256
-from orchestrator.execution.simulate import Begun, simulate
+from orchestrator.execution.simulate import Continuation, simulate
 from orchestrator.log import notices
-from orchestrator.log.described import system_of
 from orchestrator.log.log_format import BRANCHED, CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log
+from orchestrator.log.recorded_system import system_of
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.assembly import assemble, system
-from orchestrator.scene.run_tables import Run
+from orchestrator.scene.run_tables import RunTable
 from orchestrator.scene.scene import Scene, from_table
 
 
@@ -48,23 +48,30 @@ def resume(
         if path.exists() and path.samefile(source):
             raise BadInput(f"{path} is the log itself: give another name")
         scene = _scene(log, stop)
-        number, reached = _chosen(log, at, scene.run)
+        number, reached = _last_checkpoint(log, at, scene.run)
         if scene.run.stop < reached - 1e-9:
             raise BadInput(f"stop = {scene.run.stop:g} s is before the checkpoint at {reached:g} s")
-        native, earlier = _native(log, scene), log.metadata.get(BRANCHED)
+        native, earlier = _ran_native(log, scene), log.metadata.get(BRANCHED)
         about = {"of": _text(source), "step": str(number)}
         metadata = {"resumed": about} | ({BRANCHED: earlier} if earlier else {})
-        begun = Begun(
-            number, log.attachment(f"{CHECKPOINT}{number}"), lambda recorder: _copy(log, recorder, number), metadata
+        continuation = Continuation(
+            number,
+            log.attachment(f"{CHECKPOINT}{number}"),
+            lambda recorder: _copy_records(log, recorder, number),
+            metadata,
         )
         if settings:
             if native:
                 raise BadInput(f"--set: {source} was run with native FMUs, whose states contain their parameters")
-            scene = branched(scene, settings, f"{source}: scene.json")
-            told = about | {"set": "; ".join(settings)} | ({"before": json.dumps(earlier)} if earlier else {})
-            metadata = {"resumed": about, BRANCHED: told}
-            begun = begun._replace(metadata=metadata, made=partial(taken_over, settings=settings))
-        return simulate(scene, path, logger, narration, native=native, begun=begun)
+            scene = branched_scene(scene, settings, f"{source}: scene.json")
+            branch_metadata = (
+                about | {"set": "; ".join(settings)} | ({"before": json.dumps(earlier)} if earlier else {})
+            )
+            metadata = {"resumed": about, BRANCHED: branch_metadata}
+            continuation = continuation._replace(
+                metadata=metadata, adapt_state=partial(transferred_state, settings=settings)
+            )
+        return simulate(scene, path, logger, narration, native=native, continuation=continuation)
 
 
 def _text(path: Path) -> str:
@@ -78,36 +85,36 @@ def _scene(log: Log, stop: float | None) -> Scene:
     return from_table(table, f"{log.path}: scene.json")
 
 
-def _chosen(log: Log, at: float | None, run: Run) -> tuple[int, float]:
-    """Return step number and time, s, of the last checkpoint by ``at``; raises BadInput, Unusable."""
+def _last_checkpoint(log: Log, latest: float | None, run: RunTable) -> tuple[int, float]:
+    """Return step number and time, s, of the last checkpoint by ``latest``; raises BadInput, UnusableCheckpoint."""
     numbers = sorted(k for name in log.attachments if (k := checkpoint_step(name)) is not None)
     if not numbers:
         raise BadInput(f"{log.path} has no checkpoint to go on from")
     fixed = run.variable is None
     times = {k: k * run.step if fixed else time_of(log.attachment(f"{CHECKPOINT}{k}")) for k in numbers}
-    fitting = [number for number in numbers if at is None or times[number] <= at + 1e-9]
+    fitting = [number for number in numbers if latest is None or times[number] <= latest + 1e-9]
     if not fitting:
-        raise BadInput(f"--at {at:g}: the first checkpoint of {log.path} is at {times[numbers[0]]:g} s")
+        raise BadInput(f"--at {latest:g}: the first checkpoint of {log.path} is at {times[numbers[0]]:g} s")
     return fitting[-1], times[fitting[-1]]
 
 
-def _native(log: Log, scene: Scene) -> bool:
+def _ran_native(log: Log, scene: Scene) -> bool:
     """True if native FMUs ran; raises BadInput if they cannot be built here."""
-    ran = {entry["name"]: entry for entry in system_of(log)["instances"]}
+    entries = {entry["name"]: entry for entry in system_of(log)["instances"]}
     native = log.metadata.get("run", {}).get("fmus") == NATIVE
     for instance in system(assemble(scene), native).instances:
-        entry = ran.get(instance.name, {})
+        entry = entries.get(instance.name, {})
         if instance.fmu is None or entry.get("sha256") != sha256(instance.fmu):
             built = shown(entry.get("fmu"))
             raise BadInput(f"the log was made by another build of {built}: its states do not fit")
     return native
 
 
-def _copy(log: Log, recorder: Recorder, number: int) -> None:
+def _copy_records(log: Log, recorder: Recorder, number: int) -> None:
     """Copy the records up to a step, with the inputs that lead to it."""
     for piece in log.chunks():
         for messages in piece:
-            kept = messages.sequence.astype(np.int64) + messages.topic.endswith("/in") <= number
+            up_to_step = messages.sequence.astype(np.int64) + messages.topic.endswith("/in") <= number
             t, h, _, values = messages.decode()
-            for row in np.flatnonzero(kept).tolist():
+            for row in np.flatnonzero(up_to_step).tolist():
                 recorder.write(messages.topic, int(messages.sequence[row]), t[row], h[row], values[row])

@@ -19,11 +19,11 @@ from orchestrator.cosim import checkpoint, master
 from orchestrator.cosim.component import Component, ComponentFailed, Logger
 from orchestrator.cosim.coupling import SCHEMES, power_residual
 from orchestrator.cosim.coupling.power_residual import PowerResidual
-from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, gather, needs_states
+from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, copy_inputs, require_states
 from orchestrator.cosim.coupling.variable_step import VariableStep
-from orchestrator.cosim.graph import Recorded, Stages, System, wire
+from orchestrator.cosim.graph import Recordable, Stages, System, wire
 from orchestrator.cosim.narration import Narration
-from orchestrator.cosim.observers import Checkpoints, Logging, ProgressBar, Reached, TimedCheckpoints
+from orchestrator.cosim.observers import Checkpoints, Logging, ProgressBar, ReachedPoint, TimedCheckpoints
 from orchestrator.execution import estimate, summary
 from orchestrator.execution.interrupt import Interrupt, interruptible
 from orchestrator.execution.manifest import NATIVE, STATS_PERIOD, open_log
@@ -35,22 +35,23 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import contact_step
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed
-from orchestrator.scene.ranges import implausible
-from orchestrator.scene.run_tables import Run
+from orchestrator.scene.ranges import implausible_numbers
+from orchestrator.scene.run_tables import RunTable
 from orchestrator.scene.scene import Scene
 
-QUIET = 1.0  # J, reference energy of the power residual until a bond has carried more, unless the scene sets it
-LATER = 10  # niceness of compiling processes other than the longest one
+REFERENCE_ENERGY = 1.0  # J, of the power residual until a bond has carried more, unless the scene sets it
+LOW_PRIORITY = 10  # niceness of compiling processes other than the longest one
 
 
-class Begun(NamedTuple):
+class Continuation(NamedTuple):
     """Checkpoint of an earlier run, and the function that copies its log."""
 
     step: int  # number of the last step done
     checkpoint: bytes
-    copy: Callable[[Recorder], None]  # copies the records up to the step
+    copy_records: Callable[[Recorder], None]  # copies the records up to the step
     metadata: Mapping[str, Mapping[str, str]]
-    made: Callable[[Component, bytes], bytes] = lambda _, state: state  # maps a saved state to what the component gets
+    # Maps a saved state to what the component gets.
+    adapt_state: Callable[[Component, bytes], bytes] = lambda _, state: state
 
 
 def simulate(
@@ -60,13 +61,13 @@ def simulate(
     narration: Narration | None = None,
     estimated: bool = False,
     native: bool = False,
-    begun: Begun | None = None,
+    continuation: Continuation | None = None,
 ) -> dict[str, Any]:
     """Build, run, record and evaluate a scene; return the summary (``summary.empty``).
 
     ``narration`` receives the progress. ``estimated``: two additional coarser runs estimate the error; they take 1.2
     to 1.8 times the run's own time. ``native``: use native FMUs, which give the same numbers; the coarser runs use
-    Python FMUs. ``begun``: checkpoint of an earlier run (``resume``).
+    Python FMUs. ``continuation``: checkpoint of an earlier run (``resume``).
 
     Before the first step raises BadInput, BuildFailed, ComponentFailed, CouplingFailed, LogFailed or KeyboardInterrupt
     and writes no log. Later failures are reported in the summary's status and message.
@@ -74,9 +75,9 @@ def simulate(
     check_writable(path)
     with interruptible() as interrupt:
         try:
-            return _simulate(scene, path, logger, narration, estimated, interrupt, native, begun)
+            return _simulate(scene, path, logger, narration, estimated, interrupt, native, continuation)
         except (BuildFailed, ComponentFailed):
-            if interrupt.asked:  # an interruption makes a component report a failure
+            if interrupt.requested:  # an interruption makes a component report a failure
                 raise KeyboardInterrupt from None
             raise
 
@@ -89,56 +90,58 @@ def _simulate(
     estimated: bool,
     interrupt: Interrupt,
     native: bool = False,
-    begun: Begun | None = None,
+    continuation: Continuation | None = None,
 ) -> dict[str, Any]:
-    began = time.perf_counter()
+    start = time.perf_counter()
     result = summary.empty(scene.name, scene.variant)
-    say = narration or (lambda what: None)
-    reached = Reached()
+    announce = narration or (lambda line: None)
+    reached = ReachedPoint()
     with ExitStack() as stack:
-        say(f"{scene.name}: components are built and initialised")
-        run = _Prepared.of(*opened(scene, stack, logger, native), begun)
-        told = _warned_before(run, logger)
-        result["warnings"] = told
-        written = False
+        announce(f"{scene.name}: components are built and initialised")
+        run = _PreparedRun.prepare(*load_scene(scene, stack, logger, native), continuation)
+        early_warnings = _early_warnings(run, logger)
+        result["warnings"] = early_warnings
+        log_opened = False
         try:
-            about, more = {"fmus": NATIVE} if native else {}, begun.metadata if begun else {}
-            with open_log(path, run.scene, run.graph, run.components, run.scheme, about, more) as recorder:
-                written = True
-                if begun is not None:
-                    begun.copy(recorder)
+            about, further_metadata = {"fmus": NATIVE} if native else {}, continuation.metadata if continuation else {}
+            with open_log(path, run.scene, run.graph, run.components, run.scheme, about, further_metadata) as recorder:
+                log_opened = True
+                if continuation is not None:
+                    continuation.copy_records(recorder)
                 observers: list[master.Observer] = [reached, *_observers(run, recorder, reached)]
                 if narration:
                     stop = run.scene.run.stop
                     observers.append(stack.enter_context(ProgressBar(scene.name, stop, narration)))
-                say(f"{scene.name}: {run.scene.run.stop:g} s are simulated")
-                result["startup_time"] = time.perf_counter() - began
-                interrupt.gentle = True
-                outcome = _marched(run, observers, interrupt, result)
-                recorder.end()
-                result["warnings"] = [*told, *warnings(run.components)]
+                announce(f"{scene.name}: {run.scene.run.stop:g} s are simulated")
+                result["startup_time"] = time.perf_counter() - start
+                interrupt.deferring = True
+                outcome = _step_to_end(run, observers, interrupt, result)
+                recorder.write_remaining()
+                result["warnings"] = [*early_warnings, *warnings(run.components)]
                 if outcome.steps:
-                    say(f"{scene.name}: results are read from the log")
-                    found, happened = _evaluated(run.scene, path, outcome, result["warnings"])
-                    result |= found
-                    recorder.tell(happened)
+                    announce(f"{scene.name}: results are read from the log")
+                    entries, run_events = _evaluate_log(run.scene, path, outcome, result["warnings"])
+                    result |= entries
+                    recorder.write_events(run_events)
                     if estimated and result["status"] == "ok":
-                        say(f"{scene.name}: the error is estimated by up to two runs with longer steps")
-                        result["error"] = estimate.estimate(run.scene, path, result, _companion(interrupt))
+                        announce(f"{scene.name}: the error is estimated by up to two runs with longer steps")
+                        result["error"] = estimate.estimate(run.scene, path, result, _companion_recorder(interrupt))
                 status, message = outcome.status, outcome.message
-                if invalid := summary.invalid(result["validity"]):
-                    status, message = "failed", "; ".join(filter(None, (message, invalid)))
+                if invalidity := summary.invalidity(result["validity"]):
+                    status, message = "failed", "; ".join(filter(None, (message, invalidity)))
                 recorder.close(status, message, outcome.steps, _results(result), result["warnings"])
         except LogFailed as failure:
-            outcome = master.Outcome("failed", f"{failure}, at t = {reached.t:.6g} s", reached.k, reached.t)
-            result |= _how_it_ended(outcome, result["wall_time"]) | {"warnings": [*told, *warnings(run.components)]}
-        interrupt.gentle = False
-    if written:
+            outcome = master.RunOutcome("failed", f"{failure}, at t = {reached.t:.6g} s", reached.k, reached.t)
+            result |= _outcome_entries(outcome, result["wall_time"]) | {
+                "warnings": [*early_warnings, *warnings(run.components)]
+            }
+        interrupt.deferring = False
+    if log_opened:
         result["log"] = str(path)
-    return result | {"log_bytes": path.stat().st_size if written and path.exists() else 0}
+    return result | {"log_bytes": path.stat().st_size if log_opened and path.exists() else 0}
 
 
-class _Prepared(NamedTuple):
+class _PreparedRun(NamedTuple):
     """Scene with wired components at their start or at a checkpoint."""
 
     scene: Scene
@@ -146,29 +149,33 @@ class _Prepared(NamedTuple):
     components: dict[str, Component]
     scheme: Scheme
     pace: master.Clock | VariableStep | PowerResidual
-    at: Any  # number, time and state of the checkpoint; None at the start
+    restored_point: Any  # number, time and state of the checkpoint; None at the start
 
     @classmethod
-    def of(cls, scene: Scene, graph: System, components: dict[str, Component], begun: Begun | None) -> _Prepared:
-        """Wire, warm up and, if ``begun`` is given, restore; raises CouplingFailed, Unusable."""
+    def prepare(
+        cls, scene: Scene, graph: System, components: dict[str, Component], continuation: Continuation | None
+    ) -> _PreparedRun:
+        """Wire, warm up and, if ``continuation`` is given, restore; raises CouplingFailed, UnusableCheckpoint."""
         stages = wire(graph, components)
         scheme: Scheme = SCHEMES[scene.run.coupling.scheme](stages, **scene.run.coupling.options())
-        pace, at = paced(scene.run), None
+        pace, restored_point = pace_of(scene.run), None
         if isinstance(pace, VariableStep):
-            needs_states(scheme, "a variable step")
+            require_states(scheme, "a variable step")
         warm_up(stages, scene.run.step)
-        if begun is not None:
-            remember = None if isinstance(pace, master.Clock) else pace.remember
-            at = checkpoint.restore(begun.checkpoint, scheme, begun.step, remember, begun.made)
+        if continuation is not None:
+            restore_memory = None if isinstance(pace, master.Clock) else pace.restore_memory
+            restored_point = checkpoint.restore(
+                continuation.checkpoint, scheme, continuation.step, restore_memory, continuation.adapt_state
+            )
             if isinstance(pace, master.Clock):
-                pace = pace._replace(done=at.k)
-        return cls(scene, graph, components, scheme, pace, at)
+                pace = pace._replace(steps_done=restored_point.k)
+        return cls(scene, graph, components, scheme, pace, restored_point)
 
 
-def _warned_before(run: _Prepared, logger: Logger | None) -> list[dict[str, Any]]:
+def _early_warnings(run: _PreparedRun, logger: Logger | None) -> list[dict[str, Any]]:
     """Return warnings about recording and scene; the logger gets them too."""
-    aliases = run.scene.folded if any_links(run.components) else ""
-    sentences = [("log", aliases)] * bool(aliases) + _beforehand(run.scene)
+    aliases = run.scene.aliasing_warning if any_links(run.components) else ""
+    sentences = [("log", aliases)] * bool(aliases) + _implausible_numbers(run.scene)
     if logger:
         for component, text in sentences:
             logger(component, 1, text)
@@ -177,89 +184,95 @@ def _warned_before(run: _Prepared, logger: Logger | None) -> list[dict[str, Any]
     return [{"component": component, "text": text, "time": 0.0, "count": 1} for component, text in sentences]
 
 
-def _observers(run: _Prepared, recorder: Recorder, reached: Reached) -> list[master.Observer]:
+def _observers(run: _PreparedRun, recorder: Recorder, reached: ReachedPoint) -> list[master.Observer]:
     """Return the observers for log and checkpoints; they start at the checkpoint of the run, if any."""
-    scene, scheme, pace, at = run.scene, run.scheme, run.pace, run.at
+    scene, scheme, pace, restored_point = run.scene, run.scheme, run.pace, run.restored_point
     every = max(1, round(STATS_PERIOD / pace.step))
-    logging = Logging(recorder, list(run.components.values()), every, scene.between)
-    scheme.tape = logging.tape
-    if at is not None:
-        logging.begin(*at)
-        reached(*at)
+    logging = Logging(recorder, list(run.components.values()), every, scene.records_statistics)
+    scheme.row_writer = logging.row_writer
+    if restored_point is not None:
+        logging.continue_after(*restored_point)
+        reached(*restored_point)
     observers: list[master.Observer] = [logging]
-    if (period := scene.run.checkpoints) and checkpoint.possible(scheme):
-        stride = scene.links_every if scene.between else 1  # statistics between two records are not in a checkpoint
+    if (period := scene.run.checkpoints) and checkpoint.can_save(scheme):
+        stride = (
+            scene.links_every if scene.records_statistics else 1
+        )  # statistics between two records are not in a checkpoint
         if isinstance(pace, master.Clock):
             steps = stride * ceil(max(1, round(period / pace.step)) / stride)
             observers.append(Checkpoints(recorder, scheme, steps))
         else:
-            observers.append(TimedCheckpoints(recorder, scheme, pace, period, stride, at.t if at else 0.0))
+            observers.append(
+                TimedCheckpoints(recorder, scheme, pace, period, stride, restored_point.t if restored_point else 0.0)
+            )
     return observers
 
 
-def _marched(
-    run: _Prepared, observers: list[master.Observer], interrupt: Interrupt, result: dict[str, Any]
-) -> master.Outcome:
+def _step_to_end(
+    run: _PreparedRun, observers: list[master.Observer], interrupt: Interrupt, result: dict[str, Any]
+) -> master.RunOutcome:
     """Step to the end and add outcome and cost to the result, the time also after an exception."""
-    since, spent = time.perf_counter(), time.process_time()
+    wall_start, cpu_start = time.perf_counter(), time.process_time()
     try:
-        outcome = master.run(run.scheme, run.pace, observers, lambda: interrupt.asked, run.at and run.at[:2])
+        outcome = master.run(
+            run.scheme, run.pace, observers, lambda: interrupt.requested, run.restored_point and run.restored_point[:2]
+        )
     finally:
-        result["wall_time"] = time.perf_counter() - since
-    result |= _how_it_ended(outcome, result["wall_time"], run.at.t if run.at else 0.0)
+        result["wall_time"] = time.perf_counter() - wall_start
+    result |= _outcome_entries(outcome, result["wall_time"], run.restored_point.t if run.restored_point else 0.0)
     result |= {
-        "cpu_time": time.process_time() - spent,
-        "rejected_steps": 0 if isinstance(run.pace, master.Clock) else run.pace.rejected,
+        "cpu_time": time.process_time() - cpu_start,
+        "rejected_steps": 0 if isinstance(run.pace, master.Clock) else run.pace.rejected_steps,
         "components": {name: cost(component) for name, component in run.components.items()},
     }
     return outcome
 
 
-def _beforehand(scene: Scene) -> list[tuple[str, str]]:
+def _implausible_numbers(scene: Scene) -> list[tuple[str, str]]:
     """Return warnings about numbers of the scene outside the plausible range."""
-    return [("scene", sentence) for sentence in implausible(scene.resolved(), f"{scene.name}.toml")]
+    return [("scene", sentence) for sentence in implausible_numbers(scene.resolved(), f"{scene.name}.toml")]
 
 
-def _how_it_ended(outcome: master.Outcome, wall: float, since: float = 0.0) -> dict[str, Any]:
+def _outcome_entries(outcome: master.RunOutcome, wall: float, start_time: float = 0.0) -> dict[str, Any]:
     return {
         "status": "ok" if outcome.status == "ok" else "failed",
         "message": outcome.message,
         "simulated_time": outcome.time,
         "wall_time": wall,
-        "real_time_factor": (outcome.time - since) / wall if wall else 0.0,
+        "real_time_factor": (outcome.time - start_time) / wall if wall else 0.0,
         "communication_steps": outcome.steps,
     }
 
 
-def _evaluated(
-    scene: Scene, path: Path, outcome: master.Outcome, warned: Sequence[Mapping[str, Any]]
+def _evaluate_log(
+    scene: Scene, path: Path, outcome: master.RunOutcome, warnings: Sequence[Mapping[str, Any]]
 ) -> tuple[dict[str, Any], list[Event]]:
     """Evaluate energy, checks, observables and events from the log; return summary entries and events."""
     try:
         with Log(path, unfinished=True) as log:
             run = RunData(log)
-            found = summary.evaluate(run, scene, outcome.time)
-            happened = [*events.of(run, teeth=True, open_warnings=warned).events]
+            entries = summary.evaluate(run, scene, outcome.time)
+            run_events = [*events.of(run, teeth=True, open_warnings=warnings).events]
     except LogUnreadable as error:  # another process has changed the file
         return {"status": "failed", "message": str(error)}, []
-    said = (outcome.message, summary.energy_warning(found["energy"]), summary.invalid(found["validity"]))
-    message = "; ".join(filter(None, said))
-    status = {"status": "failed"} if said[2] else {}
-    return found | {"message": message} | status, happened
+    sentences = (outcome.message, summary.energy_warning(entries["energy"]), summary.invalidity(entries["validity"]))
+    message = "; ".join(filter(None, sentences))
+    status = {"status": "failed"} if sentences[2] else {}
+    return entries | {"message": message} | status, run_events
 
 
-def _companion(interrupt: Interrupt) -> estimate.Run:
+def _companion_recorder(interrupt: Interrupt) -> estimate.RecordRun:
     """Return the function that records a coarser run; Ctrl-C ends that run and the estimate."""
 
     def record(scene: Scene, path: Path) -> dict[str, Any]:
         try:
-            if not interrupt.asked:
+            if not interrupt.requested:
                 return _simulate(scene, path, None, None, False, interrupt)
             reason = "interrupted"
         except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed) as failure:
             reason = str(failure)
         finally:
-            interrupt.gentle = True  # the main run still has to close its log
+            interrupt.deferring = True  # the main run still has to close its log
         return {"status": "failed", "message": reason, "wall_time": 0.0}
 
     return record
@@ -278,32 +291,32 @@ def _results(result: Mapping[str, Any]) -> dict[str, str]:
     return {name: json.dumps(value) for name, value in chosen.items() if value is not None}
 
 
-def paced(run: Run) -> master.Clock | VariableStep | PowerResidual:
+def pace_of(run: RunTable) -> master.Clock | VariableStep | PowerResidual:
     """Return the step length control of a run, fixed or variable."""
     variable = run.variable
     if variable is None:
         return master.Clock(run.step, run.steps)
     limits = run.stop, run.step, variable.tolerance, variable.shortest, variable.longest
     if variable.estimate == "power":
-        return PowerResidual(*limits, QUIET if variable.energy is None else variable.energy)
+        return PowerResidual(*limits, REFERENCE_ENERGY if variable.energy is None else variable.energy)
     return VariableStep(*limits)
 
 
-def opened(
+def load_scene(
     scene: Scene, stack: ExitStack, logger: Logger | None, native: bool = False
 ) -> tuple[Scene, System, dict[str, Component]]:
     """Place a scene, build its graph, load its components; raises BadInput, BuildFailed, ComponentFailed."""
-    beside = _compiled_beside(scene)
+    processes = _compile_in_processes(scene)
     try:
         scene = placed(scene)
         graph = system(assemble(scene), native)
     finally:
-        for process in beside:
+        for process in processes:
             process.wait()
     return scene, graph, load_components(graph, scene.run.stop, stack, logger)
 
 
-def _compiled_beside(scene: Scene) -> list[subprocess.Popen[str]]:
+def _compile_in_processes(scene: Scene) -> list[subprocess.Popen[str]]:
     """Start processes that compile kernels while the search for the idler position compiles cables."""
     if scene.placed:
         return []
@@ -312,8 +325,8 @@ def _compiled_beside(scene: Scene) -> list[subprocess.Popen[str]]:
     kinds.pop(TRACKS["flexible"].fmu, None)
     tracks = [track.fmu for track in TRACKS.values()]
     # Longest compilation first: on two cores the others get their share when the search is done.
-    begun_now = [begun(part, 0 if kind in tracks else LATER) for kind, part in kinds.items()]
-    return [process for process in begun_now if process is not None]
+    processes = [begun(part, 0 if kind in tracks else LOW_PRIORITY) for kind, part in kinds.items()]
+    return [process for process in processes if process is not None]
 
 
 def load_components(graph: System, stop: float, stack: ExitStack, logger: Logger | None = None) -> dict[str, Component]:
@@ -326,7 +339,7 @@ def load_components(graph: System, stop: float, stack: ExitStack, logger: Logger
     for instance in graph.instances:
         component = components[instance.name]
         component.initialise(instance.parameters, 0.0, stop)
-    power_residual.check(graph.connections, lambda instance, name: components[instance].dimension(name))
+    power_residual.check_bonds(graph.connections, lambda instance, name: components[instance].dimension(name))
     return components
 
 
@@ -336,7 +349,7 @@ def warm_up(stages: Stages, h: float) -> None:
         component = member.component
         if not isinstance(component, Component) or not component.description.coSimulation.canGetAndSetFMUstate:
             continue
-        gather(member)
+        copy_inputs(member)
         state = component.save()
         with suppress(ComponentFailed):  # a step that fails here fails again in the run and is reported there
             component.write()
@@ -346,7 +359,7 @@ def warm_up(stages: Stages, h: float) -> None:
         component.wall_time = 0.0
 
 
-def cost(component: Recorded) -> dict[str, float | int]:
+def cost(component: Recordable) -> dict[str, float | int]:
     """Return wall time, s, and counters of a component."""
     component.read_counters()
     counters = {
@@ -358,12 +371,12 @@ def cost(component: Recorded) -> dict[str, float | int]:
     return {"wall_time": component.wall_time, **blank, **counters}
 
 
-def warnings(components: Mapping[str, Recorded]) -> list[dict[str, Any]]:
+def warnings(components: Mapping[str, Recordable]) -> list[dict[str, Any]]:
     """Return the warnings of all components in order of time."""
-    told = [one for component in components.values() for one in component.warnings]
-    return [asdict(one) for one in sorted(told, key=lambda one: one.time)]
+    entries = [warning for component in components.values() for warning in component.warnings]
+    return [asdict(warning) for warning in sorted(entries, key=lambda warning: warning.time)]
 
 
-def any_links(components: Mapping[str, Recorded]) -> bool:
+def any_links(components: Mapping[str, Recordable]) -> bool:
     """True if any component has per-link outputs."""
     return any(component.links for component in components.values())

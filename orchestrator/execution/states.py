@@ -48,14 +48,14 @@ def states_at(scene: Scene, time: float, narration: Narration | None = None) -> 
     steps = run.steps
     if not steps or abs(time / run.step - steps) > 1e-6:
         raise BadInput(f"states at {time:g} s: that must be a multiple of run.step = {run.step:g} s")
-    wanted = scene.model_copy(update={"run": run, "expect": {}})
-    place = own(cache_folder() / "states" / _key(wanted)) / "states.npz"
+    target = scene.model_copy(update={"run": run, "expect": {}})
+    place = own(cache_folder() / "states" / _key(target)) / "states.npz"
     content = kept(place)
     if content is None:
-        content = _made(wanted, steps, narration)
+        content = _computed_states(target, steps, narration)
         keep(place, content)
-    with np.load(io.BytesIO(content), allow_pickle=False) as found:
-        return States(time, {name: found[name] for name in found})
+    with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+        return States(time, {name: archive[name] for name in archive})
 
 
 def _key(scene: Scene) -> str:
@@ -64,13 +64,13 @@ def _key(scene: Scene) -> str:
     return hashlib.sha256(json.dumps([scene.resolved(), fmus], sort_keys=True).encode()).hexdigest()[:24]
 
 
-def _made(scene: Scene, steps: int, narration: Narration | None) -> bytes:
+def _computed_states(scene: Scene, steps: int, narration: Narration | None) -> bytes:
     """Run to the step and extract the states from its checkpoint."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-        told = simulate(scene, Path(folder) / "run.mcap", narration=narration)
-        if told["status"] != "ok":
-            raise ComponentFailed(f"{scene.name}: {told['message']}")
-        with Log(Path(told["log"])) as log:
+        summary = simulate(scene, Path(folder) / "run.mcap", narration=narration)
+        if summary["status"] != "ok":
+            raise ComponentFailed(f"{scene.name}: {summary['message']}")
+        with Log(Path(summary["log"])) as log:
             _, saved = checkpoint.states(log.attachment(f"{CHECKPOINT}{steps}"))
     states = {name: from_bytes(state).state for name, state in saved.items()}
     content = io.BytesIO()

@@ -23,7 +23,7 @@ from orchestrator.scene.values import SIDES
 LAST = 1.0  # s: observables are means over the last second of a run, except the next two groups
 OF_THE_RUN = ("tension_max", "distance", "path_error")  # largest value of the run, or difference from start to end
 TIMELESS = ("weight",)
-OPEN = 0.05  # share of the work above which an energy residual gives a warning
+LARGEST_RESIDUAL = 0.05  # share of the work above which an energy residual gives a warning
 
 
 def empty(scene: str, track: str | None) -> dict[str, Any]:
@@ -65,15 +65,15 @@ def evaluate(run: RunData, scene: Scene, simulated: float) -> dict[str, Any]:
         "checks": checks(run, scene, simulated),
         "observables": (found := observables(run, scene, simulated)),
         "windows": windows(found, simulated),
-        "phases": happened(run),
+        "phases": phase_entries(run),
         "validity": [entry._asdict() for entry in validity(run).entries],
     }
 
 
-def happened(run: RunData) -> list[dict[str, Any]]:
+def phase_entries(run: RunData) -> list[dict[str, Any]]:
     """Return the phases of a vehicle's run with their figures (``analyses/phases``); empty without a hull."""
     try:
-        return [one._asdict() for one in phases.of(run).phases]
+        return [phase._asdict() for phase in phases.of(run).phases]
     except (Missing, NoSuchSignal):
         return []
 
@@ -93,7 +93,7 @@ def energy_warning(energy: dict[str, Any] | None) -> str:
     parts = {"the energy ledger": energy["residual_relative"]}
     parts |= {f"the energy ledger of {name}": part for name, part in energy["integration_relative"].items()}
     worst = max(parts, key=lambda each: abs(parts[each]))
-    if all(abs(part) <= OPEN for part in parts.values()):  # false for a NaN
+    if all(abs(part) <= LARGEST_RESIDUAL for part in parts.values()):  # false for a NaN
         return ""
     return (
         f"{worst} leaves {abs(parts[worst]):.0%} open: the internal or the communication step is too long for what this"
@@ -101,7 +101,7 @@ def energy_warning(energy: dict[str, Any] | None) -> str:
     )
 
 
-def invalid(entries: Sequence[Mapping[str, Any]]) -> str:
+def invalidity(entries: Sequence[Mapping[str, Any]]) -> str:
     """Return a sentence if the validity ledger has a failure, else an empty text."""
     failures = [Exceedance(**entry) for entry in entries if entry["severity"] == FAILURE]
     if not failures:
@@ -113,7 +113,7 @@ def invalid(entries: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
-def passed(result: Mapping[str, Any]) -> bool:
+def is_passed(result: Mapping[str, Any]) -> bool:
     """True if a run ended well, met its checks and closed its energy balance."""
     checked = all(check["ok"] for check in result["checks"].values())
     return result["status"] == "ok" and checked and not energy_warning(result["energy"])
@@ -144,7 +144,7 @@ def checks(run: RunData, scene: Scene, simulated: float) -> dict[str, dict[str, 
 
 def _value(run: RunData, check: Check, window: Window) -> tuple[float, str]:
     """Return the value of a check and an empty note, or NaN (never ok) and the reason."""
-    return _evaluated(
+    return _number_or_reason(
         lambda: (
             measures.reduce(*run.signal(str(check.signal), window), check.reduce)
             if check.measure is None
@@ -154,7 +154,7 @@ def _value(run: RunData, check: Check, window: Window) -> tuple[float, str]:
     )
 
 
-def _evaluated(evaluate: Callable[[], float], measure: str | None = None) -> tuple[float, str]:
+def _number_or_reason(evaluate: Callable[[], float], measure: str | None = None) -> tuple[float, str]:
     """Return a number computed from a log and an empty note, or NaN and the reason."""
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -173,13 +173,13 @@ def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float
     if not run.tracks:
         return {}
     track = run.tracks[0]
-    wanted: dict[str, Callable[[], float]] = {
+    functions: dict[str, Callable[[], float]] = {
         "tension_max": lambda: run.largest([f"{track}.tension.max" for track in run.tracks]),
         "tension_mean": lambda: float(np.mean([run.mean(f"{each}.tension.mean", last) for each in run.tracks])),
     }
     if isinstance(scene, VehicleScene):
         vehicle = scene
-        wanted |= {
+        functions |= {
             "distance": lambda: run.ends("chassis.distance")[1],
             "speed": lambda: run.mean("chassis.speed", last),
             "settlement": lambda: run.mean("chassis.settlement", last),
@@ -187,36 +187,36 @@ def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float
             "weight": lambda: weight(vehicle),
         }
         if scene.driver is not None and (scene.driver.arcs or scene.driver.points):
-            wanted["path_error"] = lambda: turning.path_error(run, "", EVER)
-        wanted |= (
+            functions["path_error"] = lambda: turning.path_error(run, "", EVER)
+        functions |= (
             _turning(run, last, joined=scene.drive.steering is not None)
             if scene.turns
             else {"slip": lambda: measures.slip(run, "", last)}
         )
     elif isinstance(scene, ChainScene) and scene.chain.ends == "pinned" and scene.track.link_outputs:
-        wanted |= {
+        functions |= {
             "sag": lambda: measures.sag(run, "", last),
             "end_tension": lambda: measures.end_tension(run, "", last),
         }
     else:
-        wanted["speed"] = lambda: run.mean(f"{track}.speed", last)
-    return {name: _evaluated(value)[0] for name, value in wanted.items()}
+        functions["speed"] = lambda: run.mean(f"{track}.speed", last)
+    return {name: _number_or_reason(value)[0] for name, value in functions.items()}
 
 
 def _turning(run: RunData, last: Window, joined: bool) -> dict[str, Callable[[], float]]:
     """Return the functions for the observables of a steered vehicle."""
-    wanted: dict[str, Callable[[], float]] = {
+    functions: dict[str, Callable[[], float]] = {
         "yaw_rate": lambda: turning.yaw_rate(run, "", last),
         "turn_radius": lambda: turning.turn_radius(run, "", last),
         "steering_moment": lambda: turning.steering_moment(run, "", last),
     }
     for name, measure in (("slip", turning.track_slip), ("power", turning.drive_power)):
-        wanted |= {f"{name}_{side}": partial(measure, run, side, last) for side in SIDES}
+        functions |= {f"{name}_{side}": partial(measure, run, side, last) for side in SIDES}
     if joined:
         for motor in ("propulsion", "steering"):
-            wanted[f"power_{motor}"] = partial(turning.drive_power, run, motor, last)
-        wanted["power_regenerated"] = partial(turning.regenerated_power, run, "", last)
-    return wanted
+            functions[f"power_{motor}"] = partial(turning.drive_power, run, motor, last)
+        functions["power_regenerated"] = partial(turning.regenerated_power, run, "", last)
+    return functions
 
 
 def weight(scene: VehicleScene) -> float:

@@ -27,7 +27,7 @@ from orchestrator.execution import monolithic
 from orchestrator.results.difference import INTERVAL, ObservableDifference, differences_of_logs
 from orchestrator.scene import assembly, parts, placing
 from orchestrator.scene.placing import placed
-from orchestrator.scene.run_tables import Run
+from orchestrator.scene.run_tables import RunTable
 from orchestrator.scene.scene import Scene
 
 ORDER = 2
@@ -64,51 +64,51 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
     """
     if scene.track.element == "beam":
         raise BadInput("truth: track.element = 'beam': the monolith knows chains of cables and rigid links only")
-    scene = bare(scene)
+    scene = physical_scene(scene)
     folder = cache_folder() / "truth" / key(scene)
     try:
         own(folder)
-        found, built = _found(folder), False
-        if found is None:
-            with _alone(folder.with_suffix(".lock")):
-                found = _found(folder)
-                if found is None:
+        stored, built = _stored_figures(folder), False
+        if stored is None:
+            with _locked(folder.with_suffix(".lock")):
+                stored = _stored_figures(folder)
+                if stored is None:
                     if narration:
                         narration(f"{scene.name}: its truth is computed by two monolithic runs in short steps")
-                    found, built = _build(scene, folder, narration), True
+                    stored, built = _build(scene, folder, narration), True
     except OSError as error:
         raise BadInput(f"truth: it cannot be kept in the cache: {reason(error)}") from None
-    figures = {name: value for name, value in found.items() if name != "sha256"}
-    figures["difference"] = {name: ObservableDifference(**one) for name, one in figures["difference"].items()}
+    figures = {name: value for name, value in stored.items() if name != "sha256"}
+    figures["difference"] = {name: ObservableDifference(**fields) for name, fields in figures["difference"].items()}
     return Truth(folder / LOGS[0], folder / LOGS[1], **figures, built=built)
 
 
-def _found(folder: Path) -> dict[str, Any] | None:
+def _stored_figures(folder: Path) -> dict[str, Any] | None:
     """Return the figures of a stored truth if its files are intact, else None."""
     figures = kept(folder / FIGURES)
     if figures is None:
         return None
-    found: dict[str, Any] = json.loads(figures)
-    return found if found["sha256"] == _hashes(folder) else None
+    stored: dict[str, Any] = json.loads(figures)
+    return stored if stored["sha256"] == _hashes(folder) else None
 
 
 def _hashes(folder: Path) -> dict[str, str]:
-    found = {}
+    hashes = {}
     for name in LOGS:
         with suppress(FileNotFoundError), (folder / name).open("rb") as log:
-            found[name] = hashlib.file_digest(log, "sha256").hexdigest()
-    return found
+            hashes[name] = hashlib.file_digest(log, "sha256").hexdigest()
+    return hashes
 
 
-def bare(scene: Scene) -> Scene:
+def physical_scene(scene: Scene) -> Scene:
     """Return the placed scene without settings irrelevant for the truth, sampled at SAMPLING if possible."""
     run = scene.run
     step = SAMPLING if abs(run.stop / SAMPLING - round(run.stop / SAMPLING)) < 1e-6 else run.step
-    sampled = Run(stop=run.stop, step=step, outputs=1, links=max(1, round(INTERVAL / step)))
-    how = {key: None for key, one in scene.track.sets().items() if one.method}
-    track = scene.track.model_copy(update={**how, "link_outputs": STANDARD})
-    same = {"run": sampled, "track": track, "expect": {}, "planar": False}  # planar and spatial chains move alike
-    return placed(scene).model_copy(update=same)
+    sampled = RunTable(stop=run.stop, step=step, outputs=1, links=max(1, round(INTERVAL / step)))
+    default_method = {key: None for key, parameter in scene.track.fmu_parameters().items() if parameter.method}
+    track = scene.track.model_copy(update={**default_method, "link_outputs": STANDARD})
+    neutral = {"run": sampled, "track": track, "expect": {}, "planar": False}  # planar and spatial chains move alike
+    return placed(scene).model_copy(update=neutral)
 
 
 def key(scene: Scene) -> str:
@@ -124,15 +124,15 @@ def key(scene: Scene) -> str:
 def _build(scene: Scene, folder: Path, narration: Narration | None) -> dict[str, Any]:
     """Do both runs in parallel; move the complete logs into place, then the figures."""
     stop = threading.Event()
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix="fresh-", ignore_cleanup_errors=True) as fresh:
-        logs = [Path(fresh) / name for name in LOGS]
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix="fresh-", ignore_cleanup_errors=True) as scratch:
+        logs = [Path(scratch) / name for name in LOGS]
         with ThreadPoolExecutor(2) as pool:
             runs = [
-                pool.submit(monolithic.run, scene, log, refine, shown, stop.is_set)
-                for log, refine, shown in zip(logs, (2.0, 1.0), (None, narration), strict=True)
+                pool.submit(monolithic.run, scene, log, refine, progress, stop.is_set)
+                for log, refine, progress in zip(logs, (2.0, 1.0), (None, narration), strict=True)
             ]
             try:
-                results = [each.result() for each in runs]
+                results = [future.result() for future in runs]
             finally:
                 stop.set()
         for outcome, _ in results:
@@ -141,8 +141,10 @@ def _build(scene: Scene, folder: Path, narration: Narration | None) -> dict[str,
         figures = {
             "internal_step": results[0][1]["internal_step"],
             "wall_time": max(cost["wall_time"] for _, cost in results),
-            "difference": {name: one._asdict() for name, one in differences_of_logs(logs[1], logs[0]).items()},
-            "sha256": _hashes(Path(fresh)),
+            "difference": {
+                name: difference._asdict() for name, difference in differences_of_logs(logs[1], logs[0]).items()
+            },
+            "sha256": _hashes(Path(scratch)),
         }
         for log in logs:
             log.replace(folder / log.name)
@@ -151,7 +153,7 @@ def _build(scene: Scene, folder: Path, narration: Narration | None) -> dict[str,
 
 
 @contextmanager
-def _alone(lock: Path) -> Iterator[None]:
+def _locked(lock: Path) -> Iterator[None]:
     """Lock against other processes; without file locks several may build the same truth."""
     try:
         import fcntl

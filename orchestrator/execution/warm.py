@@ -13,7 +13,7 @@ from fmus.track_choices import TRACKS
 from orchestrator.scene import gallery
 from orchestrator.scene.scene import load
 
-SOON = "run.stop=10 ms"
+SHORT_RUN = "run.stop=10 ms"
 
 
 def variants(scenes: Sequence[str] = ()) -> list[tuple[str, str]]:
@@ -21,17 +21,21 @@ def variants(scenes: Sequence[str] = ()) -> list[tuple[str, str]]:
     return [(name, track) for name in scenes or gallery.names() for track in TRACKS if load(name, track)]
 
 
-def warm(wanted: Sequence[tuple[str, str]], workers: int | None = None) -> Iterator[tuple[str, str, float]]:
+def warm(pairs: Sequence[tuple[str, str]], workers: int | None = None) -> Iterator[tuple[str, str, float]]:
     """Run the start of each scene; yields name, error message (empty if it started) and start-up time, s."""
-    workers = min(workers or os.cpu_count() or 1, len(wanted))
+    workers = min(workers or os.cpu_count() or 1, len(pairs))
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        for done in as_completed([pool.submit(_begin, *each) for each in wanted]):
-            yield done.result()
+        for future in as_completed([pool.submit(_run_start, *pair) for pair in pairs]):
+            yield future.result()
 
 
-def _begin(name: str, track: str) -> tuple[str, str, float]:
+def _run_start(name: str, track: str) -> tuple[str, str, float]:
     from orchestrator.execution.simulate import simulate
 
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-        told = simulate(load(name, track, [SOON, "expect={}"]), Path(folder) / "run.mcap", estimated=False)
-    return f"{name}, {track}", "" if told["status"] == "ok" else str(told["message"]), float(told["startup_time"])
+        summary = simulate(load(name, track, [SHORT_RUN, "expect={}"]), Path(folder) / "run.mcap", estimated=False)
+    return (
+        f"{name}, {track}",
+        "" if summary["status"] == "ok" else str(summary["message"]),
+        float(summary["startup_time"]),
+    )

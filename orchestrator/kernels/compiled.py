@@ -44,14 +44,14 @@ def kernels() -> SimpleNamespace:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     llvm.initialize_native_asmparser()
-    content = _found_or_made(_key(), _object_file)
+    content = _cached(_key(), _object_file)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _processor())
     engine.add_object_file(llvm.ObjectFileRef.from_data(content))
     engine.finalize_object()
     functions = {
         name: function(name, engine.get_function_address(name), kinds)
-        for each in KERNELS.values()
-        for name, kinds in each.items()
+        for group in KERNELS.values()
+        for name, kinds in group.items()
     }
     return SimpleNamespace(engine=engine, **functions)
 
@@ -82,7 +82,7 @@ def _key() -> str:
     return digest.hexdigest()[:24]
 
 
-def _found_or_made(key: str, make: Callable[[], bytes]) -> bytes:
+def _cached(key: str, make: Callable[[], bytes]) -> bytes:
     """Return the cached object file, or make and cache it; an unusable cache is ignored."""
     file = cache_folder() / "kernels" / "orchestrator" / f"{key}.o"
     with suppress(OSError):
@@ -98,11 +98,11 @@ def _found_or_made(key: str, make: Callable[[], bytes]) -> bytes:
 
 def _object_file() -> bytes:
     """Compile all kernels into one object file."""
-    whole = llvm.parse_assembly("")
+    linked = llvm.parse_assembly("")
     for module, functions in KERNELS.items():
         for name, kinds in functions.items():
-            whole.link_in(compiled(getattr(import_module(f"orchestrator.kernels.{module}"), name), kinds))
-    return bytes(_processor().emit_object(whole))
+            linked.link_in(compiled(getattr(import_module(f"orchestrator.kernels.{module}"), name), kinds))
+    return bytes(_processor().emit_object(linked))
 
 
 def compiled(kernel: Callable[..., Any], kinds: Sequence[Any]) -> llvm.ModuleRef:
@@ -115,24 +115,26 @@ def compiled(kernel: Callable[..., Any], kinds: Sequence[Any]) -> llvm.ModuleRef
 
     options: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "_nrt": False}
     settings: Any = config
-    known = {WORD: types.int64, REAL: types.float64}
-    signature = types.int64(*(known[kind] for kind in kinds))
+    numba_type = {WORD: types.int64, REAL: types.float64}
+    signature = types.int64(*(numba_type[kind] for kind in kinds))
     disabled, settings.DISABLE_JIT = settings.DISABLE_JIT, 0  # Python cannot run these kernels uncompiled
     try:
-        made = cfunc(signature, **options)(kernel)
+        entry = cfunc(signature, **options)(kernel)
     finally:
         settings.DISABLE_JIT = disabled
-    module = llvm.parse_assembly(made.inspect_llvm())
-    for each in (*module.functions, *module.global_variables):
-        if not each.is_declaration:
-            each.linkage = "internal"
-    own_name = made.native_name.removeprefix("cfunc.")  # without numba's C wrapper, which handles exceptions
-    inner = module.get_function(own_name)
+    module = llvm.parse_assembly(entry.inspect_llvm())
+    for symbol in (*module.functions, *module.global_variables):
+        if not symbol.is_declaration:
+            symbol.linkage = "internal"
+    kernel_name = entry.native_name.removeprefix("cfunc.")  # without numba's C wrapper, which handles exceptions
+    inner = module.get_function(kernel_name)
     inner.linkage, inner.name = "external", kernel.__name__
     module.triple = llvm.get_process_triple()
     passes = llvm.create_pass_builder(_processor(), llvm.create_pipeline_tuning_options(speed_level=2))
     passes.getModulePassManager().run(module, passes)
-    needed = {each.name for each in module.functions if each.is_declaration and not each.name.startswith("llvm.")}
+    needed = {
+        symbol.name for symbol in module.functions if symbol.is_declaration and not symbol.name.startswith("llvm.")
+    }
     if needed - FROM_C:
         raise TypeError(f"the kernel {kernel.__name__} needs {', '.join(sorted(needed - FROM_C))}")
     return module

@@ -21,7 +21,7 @@ syscall: Any = types.ExternalFunction("syscall", types.int64(*[types.int64] * 5)
 memcpy: Any = types.ExternalFunction("memcpy", types.int64(types.int64, types.int64, types.int64))
 
 
-def _at(builder: Any, address: Any, kind: Any) -> Any:
+def _pointer(builder: Any, address: Any, kind: Any) -> Any:
     return builder.inttoptr(address, kind.as_pointer())
 
 
@@ -40,7 +40,7 @@ def load_word(typing: Any, address: Any) -> Any:
     """Return the 8-byte integer at an address, which may be unaligned."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.load(_at(builder, args[0], WORD), align=1)
+        return builder.load(_pointer(builder, args[0], WORD), align=1)
 
     return types.int64(types.int64), emit
 
@@ -50,7 +50,7 @@ def store_word(typing: Any, address: Any, value: Any) -> Any:
     """Write an 8-byte integer to an address, which may be unaligned."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        builder.store(args[1], _at(builder, args[0], WORD), align=1)
+        builder.store(args[1], _pointer(builder, args[0], WORD), align=1)
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64), emit
@@ -61,7 +61,7 @@ def load_real(typing: Any, address: Any) -> Any:
     """Return the double at an address."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.load(_at(builder, args[0], REAL))
+        return builder.load(_pointer(builder, args[0], REAL))
 
     return types.float64(types.int64), emit
 
@@ -71,7 +71,7 @@ def store_real(typing: Any, address: Any, value: Any) -> Any:
     """Write a double to an address."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        builder.store(args[1], _at(builder, args[0], REAL))
+        builder.store(args[1], _pointer(builder, args[0], REAL))
         return context.get_dummy_value()
 
     return types.void(types.int64, types.float64), emit
@@ -82,7 +82,7 @@ def atomic_load(typing: Any, address: Any) -> Any:
     """Return the word at an address that other threads write."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.load_atomic(_at(builder, args[0], WORD), ORDER, 8)
+        return builder.load_atomic(_pointer(builder, args[0], WORD), ORDER, 8)
 
     return types.int64(types.int64), emit
 
@@ -92,7 +92,7 @@ def atomic_store(typing: Any, address: Any, value: Any) -> Any:
     """Write a word that other threads read; earlier writes are visible to them as well."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        builder.store_atomic(args[1], _at(builder, args[0], WORD), ORDER, 8)
+        builder.store_atomic(args[1], _pointer(builder, args[0], WORD), ORDER, 8)
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64), emit
@@ -103,7 +103,7 @@ def compare_and_swap(typing: Any, address: Any, expected: Any, value: Any) -> An
     """Replace the word at an address if it equals ``expected``; returns the old word."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        swapped = builder.cmpxchg(_at(builder, args[0], WORD), args[1], args[2], ORDER, ORDER)
+        swapped = builder.cmpxchg(_pointer(builder, args[0], WORD), args[1], args[2], ORDER, ORDER)
         return builder.extract_value(swapped, 0)
 
     return types.int64(types.int64, types.int64, types.int64), emit
@@ -150,10 +150,10 @@ def futex_wake(address):
 def _call(builder: Any, function: Any, kinds: list[Any], values: list[Any]) -> Any:
     """Emit the call of an FMI function at an address; its status is returned as a word."""
     pointer = builder.inttoptr(function, ir.FunctionType(STATUS, kinds).as_pointer())
-    given = [
+    arguments = [
         builder.inttoptr(value, kind) if kind == ADDRESS else value for value, kind in zip(values, kinds, strict=True)
     ]
-    return builder.sext(builder.call(pointer, given), WORD)
+    return builder.sext(builder.call(pointer, arguments), WORD)
 
 
 @intrinsic

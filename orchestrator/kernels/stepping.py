@@ -55,15 +55,15 @@ MEAN = True
 @register_jitable
 def spin(address, state, limit):
     """Wait while the word at an address is ``state``, for at most ``limit`` polls; returns the word."""
-    looks = 0
-    found = atomic_load(address)
-    while found == state and looks != limit:
+    polls = 0
+    word = atomic_load(address)
+    while word == state and polls != limit:
         pause()
-        looks += 1
-        if looks & YIELD == 0:
+        polls += 1
+        if polls & YIELD == 0:
             sched_yield()
-        found = atomic_load(address)
-    return found
+        word = atomic_load(address)
+    return word
 
 
 @register_jitable
@@ -115,9 +115,9 @@ def wait(address):
 def step_component(address):
     """Write inputs, step, read outputs and due link outputs; store failure, status and wall time."""
     call = record_at(address, CALL)
-    begun = clock()
+    start = clock()
     call.failed = call_functions(call)
-    call.seconds = 1e-9 * (clock() - begun)
+    call.seconds = 1e-9 * (clock() - start)
     call.total += call.seconds
 
 

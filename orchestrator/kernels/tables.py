@@ -103,6 +103,6 @@ def record(table: NamedTuple) -> Record:
     """Return a table in memory (1,) on cache lines of its own, which no other table shares."""
     words = np.zeros(len(table) // CACHE_LINE * CACHE_LINE + 2 * CACHE_LINE, dtype=np.int64)
     first = -(words.ctypes.data // 8) % CACHE_LINE
-    made = words[first : first + len(table)].view(record_type(type(table)))
-    made[0] = tuple(table)
-    return made
+    row = words[first : first + len(table)].view(record_type(type(table)))
+    row[0] = tuple(table)
+    return row

@@ -14,38 +14,38 @@ from orchestrator.log.wire import RULES, Wire
 FIELDS = set(Wire._fields)
 
 
-class Recorded(NamedTuple):
+class RecordedChannel(NamedTuple):
     """Channel of a topic that ``recorder`` writes."""
 
     topic: str
     about: Topic
     columns: tuple[int, ...]  # indices of the variables that the messages hold (the others are wired)
     names: tuple[str, ...]  # names of these
-    layout: schema.Layout
+    layout: schema.MessageLayout
 
 
-def recorded(topic: str, about: Topic) -> Recorded:
+def recorded_channel(topic: str, about: Topic) -> RecordedChannel:
     """Return the channel of a topic; raises ValueError if its variables do not fit into a message."""
     wired = {name for wire in about.wires for name in wire.inputs}
     columns = tuple(column for column, name in enumerate(about.names) if name not in wired)
     names = tuple(about.names[column] for column in columns)
-    return Recorded(topic, about, columns, names, schema.layout(schema.places(names)))
+    return RecordedChannel(topic, about, columns, names, schema.layout(schema.places(names)))
 
 
-def texts(channel: Recorded) -> dict[str, str]:
+def encode(channel: RecordedChannel) -> dict[str, str]:
     """Encode a channel as metadata texts; wired variables have the empty place."""
     about = channel.about
     places = dict(zip(channel.columns, schema.places(channel.names), strict=True))
-    found = {
+    entries = {
         "names": json.dumps(about.names),
         "units": json.dumps(about.units),
         "places": json.dumps([places.get(column, "") for column in range(len(about.names))]),
         "every": str(about.every),
     }
-    return found | ({"wires": json.dumps([wire._asdict() for wire in about.wires])} if about.wires else {})
+    return entries | ({"wires": json.dumps([wire._asdict() for wire in about.wires])} if about.wires else {})
 
 
-def read(topic: str, about: Mapping[str, str], described: bytes) -> Recorded:
+def decode(topic: str, about: Mapping[str, str], described: bytes) -> RecordedChannel:
     """Decode a channel from its metadata and schema data; raises LookupError, ValueError, RecursionError."""
     names, units, places = (_texts(about[key]) for key in ("names", "units", "places"))
     if not len(names) == len(set(names)) == len(units) == len(places):
@@ -55,40 +55,40 @@ def read(topic: str, about: Mapping[str, str], described: bytes) -> Recorded:
         raise ValueError(f"a topic is not recorded every {every} steps")
     wires = _wires(about["wires"]) if "wires" in about else ()
     columns = tuple(column for column, place in enumerate(places) if place or not wires)
-    held = tuple(names[column] for column in columns)
+    recorded_names = tuple(names[column] for column in columns)
     wired = [name for wire in wires for name in wire.inputs]
-    if sorted(wired) != sorted(set(names) - set(held)):
+    if sorted(wired) != sorted(set(names) - set(recorded_names)):
         raise ValueError("the variables without a place are not the wired ones")
     if wires and every != 1:
         raise ValueError("a wired topic is not recorded at every step")
     layout = schema.layout([places[column] for column in columns])
-    if not schema.describes(described, layout.fields):
+    if not schema.is_descriptor_of(described, layout.fields):
         raise ValueError("schema and places differ")
-    return Recorded(topic, Topic(names, units, every, wires), columns, held, layout)
+    return RecordedChannel(topic, Topic(names, units, every, wires), columns, recorded_names, layout)
 
 
 def _wires(text: str) -> tuple[Wire, ...]:
     """Decode a JSON list of wires; raises ValueError."""
-    found = json.loads(text)
-    if not isinstance(found, list) or not all(isinstance(each, dict) and each.keys() == FIELDS for each in found):
+    tables = json.loads(text)
+    if not isinstance(tables, list) or not all(isinstance(table, dict) and table.keys() == FIELDS for table in tables):
         raise ValueError("not a list of wires")
     wires = []
-    for each in found:
-        outputs, inputs = (_all_texts(each[key]) for key in ("outputs", "inputs"))
-        if len(outputs) != len(inputs) or each["rule"] not in RULES:
+    for table in tables:
+        outputs, inputs = (_checked_texts(table[key]) for key in ("outputs", "inputs"))
+        if len(outputs) != len(inputs) or table["rule"] not in RULES:
             raise ValueError("a wire has an unknown rule or not as many outputs as inputs")
-        (source,) = _all_texts([each["source"]])
-        wires.append(Wire(source, each["rule"], outputs, inputs))
+        (source,) = _checked_texts([table["source"]])
+        wires.append(Wire(source, table["rule"], outputs, inputs))
     return tuple(wires)
 
 
 def _texts(text: str) -> tuple[str, ...]:
     """Decode a JSON list of texts; raises ValueError."""
-    return _all_texts(json.loads(text))
+    return _checked_texts(json.loads(text))
 
 
-def _all_texts(found: object) -> tuple[str, ...]:
-    if not isinstance(found, list) or not all(isinstance(each, str) for each in found):
+def _checked_texts(entries: object) -> tuple[str, ...]:
+    if not isinstance(entries, list) or not all(isinstance(entry, str) for entry in entries):
         raise ValueError("not a list of texts")
-    "".join(found).encode()  # raises ValueError for half a surrogate pair, which JSON allows
-    return tuple(found)
+    "".join(entries).encode()  # raises ValueError for half a surrogate pair, which JSON allows
+    return tuple(entries)

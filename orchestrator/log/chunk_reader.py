@@ -7,12 +7,12 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from orchestrator.log.channel_metadata import Recorded
+from orchestrator.log.channel_metadata import RecordedChannel
 from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable
 from orchestrator.log.message_records import Messages, runs_by_channel, size_of
 from orchestrator.log.schema import Bytes
 
-KEEP = 256 << 20  # bytes of unpacked chunks that an open log keeps in memory
+CACHED_BYTES = 256 << 20  # bytes of unpacked chunks that an open log keeps in memory
 _SPAN = struct.Struct("<QQ")  # begins a chunk: first and last time in it, ns
 
 
@@ -23,19 +23,19 @@ class Chunks:
     chunks in memory.
     """
 
-    def __init__(self, file: ContainerReader, channels: Mapping[int, Recorded]) -> None:
+    def __init__(self, file: ContainerReader, channels: Mapping[int, RecordedChannel]) -> None:
         self._file = file
         self._channels = channels
         self.spans: dict[int, tuple[float, float]] = {}
         self.unpacked: dict[int, list[Messages]] = {}
-        self._room = KEEP
+        self._room = CACHED_BYTES
         self._runs: dict[int, dict[int, list[range]]] = {}  # offset -> places of its messages by channel
 
     def add(self, offset: int) -> None:
         """Register the chunk at ``offset`` with the first and last time in its header."""
         first, last = _SPAN.unpack(self._file.body(offset, _SPAN.size).ljust(_SPAN.size, b"\0"))
         self.spans[offset] = 1e-9 * first, 1e-9 * last
-        self._file.let_go(offset)
+        self._file.release_record(offset)
 
     def read(self, offset: int, topics: Collection[str] | None = None, keep: bool = True) -> list[Messages]:
         """Return the message records of a chunk, one ``Messages`` per channel; raises LogUnreadable.
@@ -62,14 +62,14 @@ class Chunks:
                 f"{self._file.path}: the chunk at byte {offset} is damaged ({damage}); 'log recover' saves the rest"
             ) from None
         if not keep:
-            self._file.let_go(offset)
+            self._file.release_record(offset)
         elif len(content) <= self._room:  # topics are read one after another, so a kept chunk is unpacked once
             self._room -= len(content)
             self.unpacked[offset] = piece
         return piece
 
 
-def _messages(content: Bytes, channel: Recorded, runs: Sequence[range]) -> Messages:
+def _messages(content: Bytes, channel: RecordedChannel, runs: Sequence[range]) -> Messages:
     size = size_of(channel.layout)
     rows = [content[run.start : run.stop].reshape(-1, run.step) for run in runs]
     if any(run.step != size for run in runs):

@@ -1,6 +1,6 @@
 """Closing record of a log: status, results and warnings of the run, count and sha256 of each topic.
 
-A log without it was cut off. MCAP metadata hold texts only: ``texts`` encodes the record, ``read`` decodes it.
+A log without it was cut off. MCAP metadata hold texts only: ``encode`` encodes the record, ``decode`` decodes it.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from typing import Any
 from orchestrator.log.message_records import MOST_STEPS
 
 NAME = "closing"  # of the metadata record
-_WARNED = {"component": str, "text": str, "time": float, "count": int}  # ``warned.Warned``
+_WARNED = {"component": str, "text": str, "time": float, "count": int}  # ``ComponentWarning``
 
 
-def texts(
+def encode(
     status: str,
     message: str,
     steps: int,
@@ -31,7 +31,7 @@ def texts(
     return record | {"warnings": json.dumps(list(warnings))}
 
 
-def read(record: Mapping[str, str]) -> dict[str, Any]:
+def decode(record: Mapping[str, str]) -> dict[str, Any]:
     """Decode a closing record: numbers as int, and one dict by topic for messages, sha256 and results.
 
     Raises ValueError, RecursionError.
@@ -52,13 +52,13 @@ def read(record: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _warnings(text: str) -> list[dict[str, Any]]:
-    found = json.loads(text)
-    if not isinstance(found, list):
+    entries = json.loads(text)
+    if not isinstance(entries, list):
         raise ValueError("warnings are no list")
-    for each in found:
-        if not isinstance(each, dict) or {key: type(value) for key, value in each.items()} != _WARNED:
+    for entry in entries:
+        if not isinstance(entry, dict) or {key: type(value) for key, value in entry.items()} != _WARNED:
             raise ValueError("a warning does not consist of component, text, time and count")
-        if not 0 < each["count"] <= MOST_STEPS:
+        if not 0 < entry["count"] <= MOST_STEPS:
             raise ValueError("the count of a warning is out of range")
-        f"{each['component']}{each['text']}".encode()  # raises ValueError for half a surrogate pair, which JSON allows
-    return found
+        f"{entry['component']}{entry['text']}".encode()  # ValueError for half a surrogate pair, which JSON allows
+    return entries

@@ -22,7 +22,7 @@ from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, ChunkIndex, DataEnd, Footer, MetadataIndex
 from mcap.writer import MCAP0_MAGIC
 
-from orchestrator.log.container_writer import being_written, reason
+from orchestrator.log.container_writer import being_written, error_text
 
 HEAD = struct.Struct("<BQ")  # opcode and length before every record
 FOOTER = HEAD.size + 20 + len(MCAP0_MAGIC)  # bytes from the footer to the end of a file
@@ -49,7 +49,7 @@ class ContainerReader:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._data, self.being_written = _mapped(path)
+        self._data, self.being_written = _map_file(path)
         self.size = len(self._data)
         self.faults: list[str] = []  # sentences
         self.data_end: int | None = None  # offset of the record that ends the data
@@ -60,7 +60,7 @@ class ContainerReader:
         """Unmap the file."""
         self._data.close()
 
-    def fault(self, sentence: str) -> None:
+    def add_fault(self, sentence: str) -> None:
         """Add a sentence to ``faults`` unless it is there already."""
         if sentence not in self.faults:
             self.faults.append(sentence)
@@ -72,25 +72,25 @@ class ContainerReader:
 
     def record(self, kind: Any, offset: int) -> Any:
         """Parse the record at ``offset`` as a class of ``mcap.records``; raises one of DAMAGE."""
-        return parsed(kind, self.body(offset))
+        return parse_record(kind, self.body(offset))
 
     def content(self, offset: int) -> bytes:
         """Return the unpacked and checked content of the chunk at ``offset``; raises one of DAMAGE."""
         _, length = HEAD.unpack_from(self._data, offset)
         start = offset + HEAD.size
-        with memoryview(self._data) as whole, whole[start : start + length] as body:
-            *_, size, crc, letters = _CHUNK.unpack_from(body)
-            kind, at = bytes(body[_CHUNK.size : _CHUNK.size + letters]), _CHUNK.size + letters
-            (length,) = _LENGTH.unpack_from(body, at)
-            with body[at + _LENGTH.size : at + _LENGTH.size + length] as packed:
+        with memoryview(self._data) as view, view[start : start + length] as body:
+            *_, size, crc, name_length = _CHUNK.unpack_from(body)
+            kind, position = bytes(body[_CHUNK.size : _CHUNK.size + name_length]), _CHUNK.size + name_length
+            (length,) = _LENGTH.unpack_from(body, position)
+            with body[position + _LENGTH.size : position + _LENGTH.size + length] as packed:
                 if len(packed) != length:
                     raise ValueError("it is cut off")
-                content = self._unpacked(kind, packed, size)
+                content = self._decompress(kind, packed, size)
         if crc not in (0, crc32(content)):
             raise ValueError("its checksum does not hold")
         return content
 
-    def _unpacked(self, kind: bytes, packed: memoryview, size: int) -> bytes:
+    def _decompress(self, kind: bytes, packed: memoryview, size: int) -> bytes:
         if kind == b"":
             return bytes(packed)
         if kind != b"zstd":
@@ -99,23 +99,23 @@ class ContainerReader:
             raise ValueError("its size does not hold")
         return self._decompressor.decompress(packed, size)
 
-    def walk(self, note: Callable[[int, int], None]) -> None:
-        """Call ``note(opcode, offset)`` for every data record; ``note`` may raise one of DAMAGE."""
+    def walk(self, visit: Callable[[int, int], None]) -> None:
+        """Call ``visit(opcode, offset)`` for every data record; ``visit`` may raise one of DAMAGE."""
         offset = len(MCAP0_MAGIC)
         while offset < self.size:
-            following = self._step(offset, note)
+            following = self._step(offset, visit)
             if following is None:
-                following = next((indexed for indexed in self._indexed() if indexed > offset), self.size)
-                self.fault(f"{self.path}: the record at byte {offset} of {self.size} is cut off or damaged")
+                following = next((indexed for indexed in self._indexed_offsets() if indexed > offset), self.size)
+                self.add_fault(f"{self.path}: the record at byte {offset} of {self.size} is cut off or damaged")
             offset = following
         if self.data_end is None and self.being_written:
-            self.fault(f"{self.path}: the log is still being written, {self.size} bytes so far")
+            self.add_fault(f"{self.path}: the log is still being written, {self.size} bytes so far")
         elif self.data_end is None:
-            self.fault(f"{self.path}: the log was cut off at byte {self.size}")
+            self.add_fault(f"{self.path}: the log was cut off at byte {self.size}")
         elif not self.ended:
-            self.fault(f"{self.path}: the end of the file is missing or damaged")
+            self.add_fault(f"{self.path}: the end of the file is missing or damaged")
 
-    def _step(self, offset: int, note: Callable[[int, int], None]) -> int | None:
+    def _step(self, offset: int, visit: Callable[[int, int], None]) -> int | None:
         """Visit the record at ``offset``; return the offset of the next one, or None if it is damaged."""
         if offset + HEAD.size > self.size:
             return None
@@ -129,28 +129,28 @@ class ContainerReader:
         if opcode == Opcode.DATA_END and length == 4:
             self.data_end = offset
         try:
-            note(opcode, offset)
+            visit(opcode, offset)
         except DAMAGE:
             return None
         return following
 
-    def _indexed(self) -> list[int]:
+    def _indexed_offsets(self) -> list[int]:
         """Return the sorted offsets of records in the summary; empty without a readable summary."""
-        found = []
+        offsets = []
         try:
             offset = self.record(Footer, self.size - FOOTER).summary_start
-            found.append(offset - HEAD.size - 4)  # end of data
+            offsets.append(offset - HEAD.size - 4)  # end of data
             while offset < self.size - FOOTER:
                 opcode, length = HEAD.unpack_from(self._data, offset)
                 if opcode in INDEXES:
-                    kind, where = INDEXES[opcode]
-                    found.append(getattr(self.record(kind, offset), where))
+                    kind, field = INDEXES[opcode]
+                    offsets.append(getattr(self.record(kind, offset), field))
                 offset += HEAD.size + length
         except DAMAGE:
             return []
-        return sorted(found)
+        return sorted(offsets)
 
-    def let_go(self, offset: int) -> None:
+    def release_record(self, offset: int) -> None:
         """Release the mapped pages of the record at ``offset``, which count as memory of the process."""
         _, length = HEAD.unpack_from(self._data, offset)
         start = offset - offset % AROUND - AROUND  # includes pages read since the previous chunk
@@ -174,20 +174,20 @@ class ContainerReader:
     def _crc(self, start: int, end: int) -> int:
         crc = 0
         while start < end:
-            border = min(start - start % PIECE + PIECE, end)
-            with memoryview(self._data) as whole, whole[start:border] as part:
+            part_end = min(start - start % PIECE + PIECE, end)
+            with memoryview(self._data) as view, view[start:part_end] as part:
                 crc = crc32(part, crc)
-            self._release(border - border % AROUND - PIECE if border > PIECE else 0, border)
-            start = border
+            self._release(part_end - part_end % AROUND - PIECE if part_end > PIECE else 0, part_end)
+            start = part_end
         return crc
 
 
-def parsed(kind: Any, body: bytes) -> Any:
+def parse_record(kind: Any, body: bytes) -> Any:
     """Parse bytes as a class of ``mcap.records``; raises one of DAMAGE."""
     return kind.read(ReadDataStream(io.BytesIO(body)))
 
 
-def _mapped(path: Path) -> tuple[mmap.mmap, bool]:
+def _map_file(path: Path) -> tuple[mmap.mmap, bool]:
     """Map a file; return it with whether a recorder has it open. Raises LogUnreadable."""
     try:
         with path.open("rb") as stream:
@@ -196,4 +196,4 @@ def _mapped(path: Path) -> tuple[mmap.mmap, bool]:
                 raise LogUnreadable(f"{path} is not a log: it does not begin as an MCAP file does")
             return mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ), being_written(stream)
     except OSError as error:
-        raise LogUnreadable(f"the log {path} cannot be read: {reason(error)}") from None
+        raise LogUnreadable(f"the log {path} cannot be read: {error_text(error)}") from None

@@ -103,25 +103,27 @@ class ContainerWriter:
 
         ``kind``: name of the message type; ``about``: metadata of the channel; ``json``: JSON instead of protobuf.
         """
-        written, described_by = (
+        message_encoding, schema_encoding = (
             (MessageEncoding.JSON, SchemaEncoding.JSONSchema)
             if json
             else (MessageEncoding.Protobuf, SchemaEncoding.Protobuf)
         )
-        described = next((one for one in self._indexed[Opcode.SCHEMA] if one.data == description), None)
-        if described is None:
-            described = Schema(number, description, described_by, kind)
-            self._append(_bytes(described))
-            self._indexed[Opcode.SCHEMA].append(described)
-        channel = Channel(number, topic, written, about, schema_id=described.id)
+        schema = next((record for record in self._indexed[Opcode.SCHEMA] if record.data == description), None)
+        if schema is None:
+            schema = Schema(number, description, schema_encoding, kind)
+            self._append(_bytes(schema))
+            self._indexed[Opcode.SCHEMA].append(schema)
+        channel = Channel(number, topic, message_encoding, about, schema_id=schema.id)
         self._append(_bytes(channel))
         self._indexed[Opcode.CHANNEL].append(channel)
         self._counts[number] = 0
 
-    def chunk(self, parts: Sequence[tuple[int, NDArray[np.uint8], NDArray[np.uint64]]], last: bool = False) -> None:
+    def chunk(
+        self, parts: Sequence[tuple[int, NDArray[np.uint8], NDArray[np.uint64]]], reserve_end: bool = False
+    ) -> None:
         """Write a chunk of (channel number, message records (m, size), times (m,) in ns).
 
-        ``last``: write it only if the end of the file fits behind it, else raise OSError.
+        ``reserve_end``: write it only if the end of the file fits behind it, else raise OSError.
         """
         content = self._joined([rows for _, rows, _ in parts])
         spans = {id(times): times for _, _, times in parts}.values()  # topics share arrays of times
@@ -130,18 +132,18 @@ class ContainerWriter:
         length = _CHUNK.size - _HEAD + len(data)
         crc = crc32(content)
         head = _CHUNK.pack(Opcode.CHUNK, length, start, end, len(content), crc, len(ZSTD), ZSTD, len(data))
-        indexes, offsets, within = bytearray(), {}, 0
+        indexes, offsets, chunk_offset = bytearray(), {}, 0
         for number, rows, times in parts:
             offsets[number] = self.size + _HEAD + length + len(indexes)
             entries = np.empty((len(rows), 2), "<u8")
             entries[:, 0] = times
-            entries[:, 1] = np.arange(within, within + rows.size, rows.shape[1])
-            within += rows.size
+            entries[:, 1] = np.arange(chunk_offset, chunk_offset + rows.size, rows.shape[1])
+            chunk_offset += rows.size
             indexes += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + entries.nbytes, number, entries.nbytes)
             indexes += entries.tobytes()
         offset = self.size
-        if last:
-            self._need(len(head) + len(data) + len(indexes) + CLOSING + len(self._end()))
+        if reserve_end:
+            self._check_space(len(head) + len(data) + len(indexes) + CLOSING + len(self._end()))
         self._append(head, data, indexes)
         for number, rows, _ in parts:
             self._counts[number] += len(rows)
@@ -214,7 +216,7 @@ class ContainerWriter:
             self.size += len(part)
             self._crc = crc32(part, self._crc)
 
-    def _need(self, size: int) -> None:
+    def _check_space(self, size: int) -> None:
         """Raise OSError if ``size`` bytes do not fit on the disk; only writing them shows it."""
         try:
             self._write(bytes(size))
@@ -235,30 +237,30 @@ class ContainerWriter:
 
 def check_writable(path: Path) -> None:
     """Raise LogFailed if a log cannot be written to ``path``, as far as can be known in advance."""
-    why = ""
+    problem = ""
     if path.is_dir():
-        why = "it is a directory"
+        problem = "it is a directory"
     elif path.is_symlink() and not path.exists():
-        why = f"it is a link to {path.readlink()}, which does not exist"
+        problem = f"it is a link to {path.readlink()}, which does not exist"
     elif path.exists() and not path.is_file():
-        why = "it is a device or a pipe, which cannot be read again"
+        problem = "it is a device or a pipe, which cannot be read again"
     elif path.is_file():
         try:
             with path.open("rb") as stream:
                 if not MCAP0_MAGIC.startswith(stream.read(len(MCAP0_MAGIC))):
-                    why = "there is a file that is no log"
+                    problem = "there is a file that is no log"
                 elif being_written(stream):
-                    why = "another run is writing it"
+                    problem = "another run is writing it"
         except OSError as error:
-            raise failed(path, error) from None
+            raise log_failed(path, error) from None
     elif not path.exists():
-        above = next(folder for folder in path.absolute().parents if folder.exists())
-        if not above.is_dir():
-            why = f"{above} is no folder"
-        elif not os.access(above, os.W_OK):
-            why = f"the folder {above} is read-only"
-    if why:
-        raise LogFailed(f"the log {path} cannot be written: {why}")
+        parent = next(folder for folder in path.absolute().parents if folder.exists())
+        if not parent.is_dir():
+            problem = f"{parent} is no folder"
+        elif not os.access(parent, os.W_OK):
+            problem = f"the folder {parent} is read-only"
+    if problem:
+        raise LogFailed(f"the log {path} cannot be written: {problem}")
 
 
 def _lock(stream: IO[bytes]) -> bool:
@@ -293,12 +295,12 @@ def _bytes(*records: McapRecord) -> bytes:
     return builder.end()
 
 
-def failed(path: Path, error: Exception) -> LogFailed:
+def log_failed(path: Path, error: Exception) -> LogFailed:
     """Return the LogFailed for a log that cannot be written."""
-    return LogFailed(f"the log {path} cannot be written: {reason(error)}")
+    return LogFailed(f"the log {path} cannot be written: {error_text(error)}")
 
 
-def reason(error: Exception) -> str:
+def error_text(error: Exception) -> str:
     """Return the reason of a file error as the end of a sentence."""
     text = (error.strerror or str(error)) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
     return text[:1].lower() + text[1:]

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from orchestrator.log.container_writer import LogFailed, reason
+from orchestrator.log.container_writer import LogFailed, error_text
 from orchestrator.log.extra import library
 from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.log.time_series import EVER, Floats, Series
@@ -154,15 +154,15 @@ def export(
         if suffix in KINDS:
             names = tuple(name for topic in chosen for name in _columns(log, topic, chosen[topic]).names)
             units = tuple(unit for topic in chosen for unit in _columns(log, topic, chosen[topic]).units)
-            with written(target, suffix, Columns(names, units)) as writer:
+            with open_table(target, suffix, Columns(names, units)) as writer:
                 for block in side_by_side(log, chosen, window):
                     writer.rows(block)
             return [target]
-        made = kind or "csv"
-        files = _files(target, list(chosen), made)
+        file_kind = kind or "csv"
+        files = _files(target, list(chosen), file_kind)
         with ExitStack() as stack:
             writers = {
-                topic: stack.enter_context(written(file, made, _columns(log, topic, chosen[topic])))
+                topic: stack.enter_context(open_table(file, file_kind, _columns(log, topic, chosen[topic])))
                 for topic, file in zip(chosen, files, strict=True)
             }
             for piece in log.stream(chosen, window):
@@ -187,7 +187,7 @@ def table(series: Series) -> Floats:
 
 
 @contextmanager
-def written(file: Path, kind: str, columns: Columns) -> Iterator[Writer]:
+def open_table(file: Path, kind: str, columns: Columns) -> Iterator[Writer]:
     """Write to a temporary file and rename it when it is complete; raises LogFailed, NotInstalled."""
     fresh = file.with_name(f".{file.name}.{os.getpid()}")
     try:
@@ -202,7 +202,7 @@ def written(file: Path, kind: str, columns: Columns) -> Iterator[Writer]:
         if fresh != file:
             fresh.replace(file)
     except OSError as error:
-        raise LogFailed(f"{file} cannot be written: {reason(error)}") from None
+        raise LogFailed(f"{file} cannot be written: {error_text(error)}") from None
     finally:
         if fresh != file:
             _remove(fresh)
@@ -227,12 +227,12 @@ def file_name(name: str) -> str:
 
 def _files(folder: Path, topics: Sequence[str], suffix: str) -> list[Path]:
     """Return one path per topic in a folder, distinct also where letter case is ignored."""
-    taken: set[str] = set()
-    found = []
+    names: set[str] = set()
+    files = []
     for topic in topics:
         name, number = file_name(topic), 1
-        while (candidate := name if number == 1 else f"{name}-{number}").lower() in taken:
+        while (candidate := name if number == 1 else f"{name}-{number}").lower() in names:
             number += 1
-        taken.add(candidate.lower())
-        found.append(folder / f"{candidate}.{suffix}")
-    return found
+        names.add(candidate.lower())
+        files.append(folder / f"{candidate}.{suffix}")
+    return files

@@ -74,7 +74,7 @@ def to_xarray(log: Log, *signals: str, window: tuple[float, float] = EVER) -> An
         if 0 in members:
             arrays[key] = xarray.DataArray(columns[members[0]][1], {"t": t}, ["t"], attrs=unit)
             continue
-        of = next(iter(members.values())).partition("[")[0].rpartition(".")[2]
+        dimension = next(iter(members.values())).partition("[")[0].rpartition(".")[2]
         values = np.stack([columns[name][1] for name in members.values()], axis=1)
-        arrays[key] = xarray.DataArray(values, {"t": t, of: [*members]}, ["t", of], attrs=unit)
+        arrays[key] = xarray.DataArray(values, {"t": t, dimension: [*members]}, ["t", dimension], attrs=unit)
     return xarray.Dataset(arrays)

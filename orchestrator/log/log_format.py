@@ -23,7 +23,7 @@ class TooNew(ValueError):
     """The log has a newer format than this version reads; the message is the end of a sentence."""
 
 
-def check(record: Mapping[str, str]) -> None:
+def check_version(record: Mapping[str, str]) -> None:
     """Raise TooNew if this version cannot read the log's format, ValueError if the record is damaged."""
     version = int(record.get("version", "0"))
     if version > VERSION:

@@ -10,7 +10,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from orchestrator.log.schema import Bytes, Layout
+from orchestrator.log.schema import Bytes, MessageLayout
 from orchestrator.log.time_series import Series
 
 MOST_STEPS = 2**32 - 1  # the sequence of a message has 32 bits
@@ -28,7 +28,7 @@ class Messages(NamedTuple):
 
     topic: str
     names: tuple[str, ...]  # recorded variables
-    layout: Layout
+    layout: MessageLayout
     rows: NDArray[np.uint8]  # (m, bytes)
 
     def decode(self, columns: Sequence[int] | None = None) -> Series:
@@ -41,7 +41,7 @@ class Messages(NamedTuple):
         """Time (m,), s."""
         return self.layout.unpack(self.rows, PREFIX, ())[0]
 
-    def digestible(self) -> memoryview:
+    def hashed_bytes(self) -> memoryview:
         """Return the bytes that enter a topic's sha256: sequence, times and data."""
         return np.ascontiguousarray(self.rows[:, IDENTITY:]).data
 
@@ -64,7 +64,7 @@ class Messages(NamedTuple):
         return np.ascontiguousarray(self.rows[:, start:end]).view(kind)[:, 0]
 
 
-def size_of(layout: Layout) -> int:
+def size_of(layout: MessageLayout) -> int:
     """Return the size of a message record in bytes."""
     return PREFIX + len(layout.template)
 
@@ -80,7 +80,7 @@ def runs_by_channel(content: Bytes) -> dict[int, list[range]]:
     Returns ranges of offsets by channel. A range is a run of records of equal size, which is its step. ``recorder``
     writes the records of a channel in one run.
     """
-    found: dict[int, list[range]] = {}
+    runs: dict[int, list[range]] = {}
     offset, end = 0, len(content)
     while offset + IDENTITY <= end:
         opcode, length, channel = _IDENTITY.unpack_from(content.data, offset)
@@ -89,21 +89,21 @@ def runs_by_channel(content: Bytes) -> dict[int, list[range]]:
             break
         count = 1
         if opcode == Opcode.MESSAGE:
-            count = _alike(content[offset:], size)
-            found.setdefault(channel, []).append(range(offset, offset + count * size, size))
+            count = _run_length(content[offset:], size)
+            runs.setdefault(channel, []).append(range(offset, offset + count * size, size))
         offset += count * size
     if offset != end:
         raise ValueError("its last message is cut off")
-    return found
+    return runs
 
 
-def _alike(content: Bytes, size: int) -> int:
+def _run_length(content: Bytes, size: int) -> int:
     """Number of consecutive records of ``size`` bytes with the opcode and channel of the first one."""
-    most, count = len(content) // size, 1
-    rows = content[: most * size].reshape(most, size)[:, :IDENTITY]
-    while count < most:
-        same = (rows[count : 4 * count] == rows[0]).all(axis=1)
-        if not same.all():
-            return count + int(same.argmin())
-        count += len(same)
-    return most
+    records, count = len(content) // size, 1
+    rows = content[: records * size].reshape(records, size)[:, :IDENTITY]
+    while count < records:
+        is_equal = (rows[count : 4 * count] == rows[0]).all(axis=1)
+        if not is_equal.all():
+            return count + int(is_equal.argmin())
+        count += len(is_equal)
+    return records

@@ -23,10 +23,10 @@ def other_version(path: Path, versions: Mapping[str, str]) -> str:
 
     ``versions``: metadata of the log.
     """
-    made = versions.get("cotrack", "unknown")
-    if made == __version__:
+    version = versions.get("cotrack", "unknown")
+    if version == __version__:
         return ""
-    return f"{path} was made by cotrack {made}, and this is cotrack {__version__}, which computes other numbers"
+    return f"{path} was made by cotrack {version}, and this is cotrack {__version__}, which computes other numbers"
 
 
 def notice(sentence: str) -> None:

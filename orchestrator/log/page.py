@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from orchestrator.kernels.compiled import kernels
 from orchestrator.kernels.tables import RowHead
-from orchestrator.log.channel_metadata import Recorded
+from orchestrator.log.channel_metadata import RecordedChannel
 from orchestrator.log.message_records import IDENTITY, LOG_TIME, PREFIX, PUBLISH_TIME, SEQUENCE, prefix, size_of
 from orchestrator.log.schema import LENGTH_AT, TIME_AT
-from orchestrator.log.wire import RULES, Floats, Rule, handed_over
+from orchestrator.log.wire import RULES, Floats, Rule, wired_inputs
 
 CHUNK = 1 << 21  # bytes of messages that make a chunk
 HEAD = len(RowHead._fields)  # words of a row before its values
@@ -23,7 +23,7 @@ WORD = 8  # bytes
 Columns = NDArray[np.intp]
 
 
-class Unproven(ValueError):
+class WireViolated(ValueError):
     """An input differs from the value that its wire gives; the message is one sentence."""
 
 
@@ -40,7 +40,7 @@ class Block:
         self.values = table[:, HEAD:]
         self.count = count
 
-    def follow(self, other: Block) -> Block:
+    def continue_from(self, other: Block) -> Block:
         """Reset this block: row 0 becomes the last row of ``other``."""
         self.table[0] = other.table[other.count - 1]
         self.count = 1
@@ -55,7 +55,7 @@ class Block:
 class Channel:
     """Message layout, message count and running hash of one topic; raises ValueError for ``every`` < 1."""
 
-    def __init__(self, number: int, recorded: Recorded) -> None:
+    def __init__(self, number: int, recorded: RecordedChannel) -> None:
         self.number = number
         self.recorded = recorded
         self.topic, self.about, self.columns, _, self.layout = recorded
@@ -97,7 +97,7 @@ def copy_words(rows: Floats, chosen: NDArray[np.int64], moves: NDArray[np.int64]
     kernels().copy_words(*source, chosen.ctypes.data, len(chosen), moves.ctypes.data, len(moves), *target)
 
 
-class Packed(NamedTuple):
+class PackedMessages(NamedTuple):
     """Message records of a topic, ready to be written."""
 
     channel: Channel
@@ -105,15 +105,15 @@ class Packed(NamedTuple):
     times: NDArray[np.uint64]  # (m,) ns
 
 
-class _Part(NamedTuple):
+class _RowPart(NamedTuple):
     """Part of a row with the values of one topic."""
 
     channel: Channel
-    late: bool  # True for inputs of the step that has ended: its number and start time are in the row before
+    is_input: bool  # True for inputs of the step that has ended: its number and start time are in the row before
     moves: NDArray[np.int64]  # (n, 2), see ``copy_words``
 
 
-class _Proof(NamedTuple):
+class _WireCheck(NamedTuple):
     """Columns of a row that are compared by one wire rule."""
 
     rule: Rule
@@ -130,31 +130,33 @@ class Page:
     :raises ValueError: if ``whole`` and the page lacks outputs that a wire needs.
     """
 
-    def __init__(self, given: Sequence[Channel], shown: Sequence[Channel], whole: bool = True) -> None:
-        channels = [*given, *shown]
+    def __init__(self, inputs: Sequence[Channel], outputs: Sequence[Channel], with_wired: bool = True) -> None:
+        channels = [*inputs, *outputs]
         self.topics = tuple(channel.topic for channel in channels)
         strides = {channel.about.every for channel in channels}
-        self.every = strides.pop() if len(strides) == 1 and not given else 1
+        self.every = strides.pop() if len(strides) == 1 and not inputs else 1
         self.size = sum(channel.size for channel in channels)  # bytes of the message records of a row
         self.capacity = CHUNK // self.size + 1
-        self.widths = [len(channel.about.names if whole else channel.columns) for channel in channels]
+        self.widths = [len(channel.about.names if with_wired else channel.columns) for channel in channels]
         self._words = HEAD + sum(self.widths)  # of a row
         self._first = dict(zip(self.topics, np.cumsum([HEAD, *self.widths]).tolist(), strict=False))
         self._parts = []
         for channel in channels:
-            held = np.array(channel.columns, np.intp) if whole else np.arange(len(channel.columns))
-            late = channel in given
-            self._parts.append(_Part(channel, late, self._moves(channel, late, self._first[channel.topic] + held)))
-        self._proofs = self._all_proofs() if whole else []
-        self.spare: list[Block] = []
+            columns = np.array(channel.columns, np.intp) if with_wired else np.arange(len(channel.columns))
+            is_input = channel in inputs
+            self._parts.append(
+                _RowPart(channel, is_input, self._moves(channel, is_input, self._first[channel.topic] + columns))
+            )
+        self._wire_checks = self._make_wire_checks() if with_wired else []
+        self.spare_blocks: list[Block] = []
         self.block = self._blank()
 
     def _blank(self) -> Block:
         return Block(np.zeros((self.capacity + 1, self._words)))
 
-    def _moves(self, channel: Channel, late: bool, columns: Columns) -> NDArray[np.int64]:
+    def _moves(self, channel: Channel, is_input: bool, columns: Columns) -> NDArray[np.int64]:
         """Return the moves (n, 2) from a row with these ``columns`` into a message record of the channel."""
-        before = -self._words if late else 0  # the previous row holds number and time of the beginning of the step
+        before = -self._words if is_input else 0  # the previous row holds number and time of the beginning of the step
         head = [(before + NUMBER, SEQUENCE), (before + NS, LOG_TIME)]  # the log time overwrites the number's upper half
         head += [(before + NS, PUBLISH_TIME), (before + TIME, PREFIX + TIME_AT), (LENGTH, PREFIX + LENGTH_AT)]
         order = channel.layout.order
@@ -162,25 +164,27 @@ class Page:
         moves = np.concatenate([np.array(head), values])
         return np.ascontiguousarray(moves * [WORD, 1], np.int64)
 
-    def _all_proofs(self) -> list[_Proof]:
+    def _make_wire_checks(self) -> list[_WireCheck]:
         """Return the columns to be compared, by rule; raises ValueError where outputs are missing."""
         about = {part.channel.topic: part.channel.about for part in self._parts}
         place = {
-            (topic, name): self._first[topic] + k for topic, one in about.items() for k, name in enumerate(one.names)
+            (topic, name): self._first[topic] + k
+            for topic, topic_about in about.items()
+            for k, name in enumerate(topic_about.names)
         }
-        proofs = []
+        checks = []
         for rule in RULES:
             outputs, inputs = [], []
             for part in self._parts:
                 for wire in part.channel.about.wires:
-                    if not part.late or wire.source not in about or about[wire.source].every > 1:
+                    if not part.is_input or wire.source not in about or about[wire.source].every > 1:
                         raise ValueError(f"{part.channel.topic}: not every step of {wire.source} is recorded with it")
                     if wire.rule == rule:
                         outputs += [place[wire.source, name] for name in wire.outputs]
                         inputs += [place[part.channel.topic, name] for name in wire.inputs]
             if inputs:
-                proofs.append(_Proof(rule, np.array(outputs), np.array(inputs)))
-        return proofs
+                checks.append(_WireCheck(rule, np.array(outputs), np.array(inputs)))
+        return checks
 
     def add(self, sequence: int, t: float, h: float, values: Sequence[Floats]) -> None:
         """Append a row with copies of the values of each topic; raises ValueError for a wrong number."""
@@ -198,52 +202,53 @@ class Page:
         """Number of rows that the block can still take."""
         return self.capacity + 1 - self.block.count
 
-    def filled(self, n: int) -> None:
+    def commit(self, n: int) -> None:
         """Count n rows that were written into the block's memory behind its last row."""
         self.block.count += n
 
-    def turn(self) -> Block:
+    def exchange_block(self) -> Block:
         """Return the filled block and replace it by an empty one."""
         filled = self.block
-        self.block = (self.spare.pop() if self.spare else self._blank()).follow(filled)
+        self.block = (self.spare_blocks.pop() if self.spare_blocks else self._blank()).continue_from(filled)
         return filled
 
-    def pack(self, block: Block) -> list[Packed]:
-        """Return the message records of a block, by topic, without topics that have none; raises Unproven."""
-        self._prove(block)
+    def pack(self, block: Block) -> list[PackedMessages]:
+        """Return the message records of a block, by topic, without topics that have none; raises WireViolated."""
+        self._check_wires(block)
         block.ns[: block.count] = np.rint(block.t[: block.count] * 1e9)
         packed = []
-        found: dict[tuple[bool, int], tuple[NDArray[np.int64], NDArray[np.uint64]]] = {}  # many topics share a stride
-        for channel, late, moves in self._parts:
-            key = late, channel.about.every
-            due, times = found[key] = found.get(key) or self._due(block, *key)
+        # Many topics share a stride.
+        rows_due: dict[tuple[bool, int], tuple[NDArray[np.int64], NDArray[np.uint64]]] = {}
+        for channel, is_input, moves in self._parts:
+            key = is_input, channel.about.every
+            due, times = rows_due[key] = rows_due.get(key) or self._due(block, *key)
             if len(due):
-                packed.append(Packed(channel, channel.pack(block, due, moves), times))
+                packed.append(PackedMessages(channel, channel.pack(block, due, moves), times))
         return packed
 
-    def _due(self, block: Block, late: bool, every: int) -> tuple[NDArray[np.int64], NDArray[np.uint64]]:
+    def _due(self, block: Block, is_input: bool, every: int) -> tuple[NDArray[np.int64], NDArray[np.uint64]]:
         """Return numbers (m,) and times (m,), ns, of the rows that a topic of stride ``every`` records."""
-        steps = block.sequence[1 : block.count] - late
+        steps = block.sequence[1 : block.count] - is_input
         due = np.flatnonzero((steps % every == 0) & (steps >= 0)) + 1
-        return due, block.ns[due - late]
+        return due, block.ns[due - is_input]
 
-    def _prove(self, block: Block) -> None:
-        """Compare wired inputs with the values that their wires give, bit by bit; raises Unproven."""
-        if not self._proofs:
+    def _check_wires(self, block: Block) -> None:
+        """Compare wired inputs with the values that their wires give, bit by bit; raises WireViolated."""
+        if not self._wire_checks:
             return
         steps = block.sequence[: block.count]
         begin = 1 + int(block.count > 1 and steps[1] == 0)  # the row of the start has no step before it
         if np.any(np.diff(steps[begin - 1 :]) != 1):
-            raise Unproven("a step is missing")
+            raise WireViolated("a step is missing")
         before, now = block.table[begin - 1 : block.count - 1], block.table[begin : block.count]
-        for proof in self._proofs:
-            start = np.take(before, proof.outputs, axis=1)
-            end = start if proof.rule == "start" else np.take(now, proof.outputs, axis=1)
-            given = np.take(now, proof.inputs, axis=1)
-            wrong = handed_over(proof.rule, start, end).view(np.uint64) != given.view(np.uint64)
+        for check in self._wire_checks:
+            start = np.take(before, check.outputs, axis=1)
+            end = start if check.rule == "start" else np.take(now, check.outputs, axis=1)
+            recorded = np.take(now, check.inputs, axis=1)
+            wrong = wired_inputs(check.rule, start, end).view(np.uint64) != recorded.view(np.uint64)
             if wrong.any():
                 row, column = np.argwhere(wrong)[0]
-                raise Unproven(self._sentence(float(block.t[begin - 1 + row]), int(proof.inputs[column])))
+                raise WireViolated(self._sentence(float(block.t[begin - 1 + row]), int(check.inputs[column])))
 
     def _sentence(self, t: float, column: int) -> str:
         topic = max((first, topic) for topic, first in self._first.items() if first <= column)[1]

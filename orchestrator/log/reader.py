@@ -1,17 +1,15 @@
 """Reader of a log, whole or cut off: every complete message as arrays with the recorded bits.
 
-``complete`` and ``faults`` tell what is missing. Contents are checked against their CRCs when they are read. ``read``
+``complete`` and ``faults`` tell what is missing. Contents are checked against their CRCs when they are read. ``decode``
 keeps its result in memory; ``stream``, ``select``, ``ends`` and ``blocks`` keep nothing, so that a long log needs no
 more memory.
 """
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import json
 import os
-import re
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -24,12 +22,12 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 from numpy.typing import NDArray
 
-from orchestrator.log import channel_metadata, closing_record, log_format, notices
+from orchestrator.log import channel_metadata, closing_record, log_format, notices, signal_names
 from orchestrator.log.chunk_reader import Chunks
-from orchestrator.log.container_reader import ContainerReader, LogUnreadable, parsed
+from orchestrator.log.container_reader import ContainerReader, LogUnreadable, parse_record
 from orchestrator.log.message_records import Messages
 from orchestrator.log.stream import Stream
-from orchestrator.log.time_series import EVER, Floats, Series, Topic, joined, nothing
+from orchestrator.log.time_series import EVER, Floats, Series, Topic, empty_series, join_series
 
 
 class NoSuchSignal(LookupError):
@@ -63,16 +61,16 @@ class Log(AbstractContextManager["Log"]):
         self.closing: dict | None = None
         self._attachments: dict[str, int] = {}  # name -> offset
         self._schemas: dict[int, Schema] = {}
-        self._channels: dict[int, channel_metadata.Recorded] = {}
-        self._recorded: dict[str, channel_metadata.Recorded] = {}
+        self._channels: dict[int, channel_metadata.RecordedChannel] = {}
+        self._recorded: dict[str, channel_metadata.RecordedChannel] = {}
         self._chunks = Chunks(self._file, self._channels)
         self._series: dict[str, Series] = {}
-        self._file.walk(self._note)
+        self._file.walk(self._register)
         self._check_wires()
         self.complete = self.closing is not None and self._file.ended and not self.faults
-        cut = self.closing is None and bool(self.topics) and not self.being_written
+        is_cut_off = self.closing is None and bool(self.topics) and not self.being_written
         last = max((end for _, end in self._chunks.spans.values()), default=0.0)
-        self.cut_off = notices.cut_off(self.path, last) if cut else ""
+        self.cut_off = notices.cut_off(self.path, last) if is_cut_off else ""
         if not unfinished:
             notices.notice(self.cut_off)
         self._places: dict[str, tuple[str, int]] = {}
@@ -101,24 +99,24 @@ class Log(AbstractContextManager["Log"]):
     def attachment(self, name: str) -> bytes:
         """Return the content of an attached file; raises NoSuchSignal, LogUnreadable."""
         if name not in self._attachments:
-            raise NoSuchSignal(f"{self.path} has no attachment '{name}'{_near(name, self._attachments)}")
+            raise NoSuchSignal(f"{self.path} has no attachment '{name}'{signal_names.near(name, self._attachments)}")
         offset = self._attachments[name]
         body = self._file.body(offset)
         if zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
             raise LogUnreadable(f"{self.path}: the attachment '{name}' at byte {offset} is damaged")
-        return parsed(Attachment, body).data
+        return parse_record(Attachment, body).data
 
     def table(self, name: str) -> dict[str, Any]:
         """Return the JSON object in an attached file; raises NoSuchSignal, LogUnreadable."""
         content = self.attachment(name)
         try:
-            found = json.loads(content)
-            json.dumps(found, ensure_ascii=False).encode()  # raises ValueError for half a surrogate pair
+            table = json.loads(content)
+            json.dumps(table, ensure_ascii=False).encode()  # raises ValueError for half a surrogate pair
         except (ValueError, RecursionError) as damage:
             raise LogUnreadable(f"{self.path}: the attachment '{name}' is not readable JSON: {damage}") from None
-        if not isinstance(found, dict):
+        if not isinstance(table, dict):
             raise LogUnreadable(f"{self.path}: the attachment '{name}' is no JSON object")
-        return found
+        return table
 
     def read(self, topic: str) -> Series:
         """Return all messages of a topic; raises NoSuchSignal, LogUnreadable.
@@ -128,7 +126,7 @@ class Log(AbstractContextManager["Log"]):
         if topic not in self._series:
             every = range(len(self.topics[self.known_topic(topic)].names))
             pieces = self._stream({topic: every}, self._chunks.spans, keep=True)
-            self._series[topic] = joined([self._nothing(topic), *(piece[topic] for piece in pieces)])
+            self._series[topic] = join_series([self._empty_series(topic), *(piece[topic] for piece in pieces)])
         return self._series[topic]
 
     def stream(
@@ -153,18 +151,18 @@ class Log(AbstractContextManager["Log"]):
         stream = Stream(self._recorded, wanted, window)
         for offset in chunks:
             first, last = self._chunks.spans[offset]
-            if last >= window[0] - 1e-6 and (first <= window[1] + 1e-6 or stream.waits):
+            if last >= window[0] - 1e-6 and (first <= window[1] + 1e-6 or stream.is_waiting):
                 piece = stream.add(self._chunks.read(offset, stream.topics, keep))
                 if piece:
                     yield piece
 
     def select(self, wanted: Mapping[str, Sequence[int]], window: tuple[float, float] = EVER) -> dict[str, Series]:
         """Return columns of topics in a closed time interval, s; raises NoSuchSignal, LogUnreadable."""
-        found = {topic: [self._nothing(topic).columns(columns)] for topic, columns in wanted.items()}
+        by_topic = {topic: [self._empty_series(topic).columns(columns)] for topic, columns in wanted.items()}
         for piece in self.stream(wanted, window):
             for topic, series in piece.items():
-                found[topic].append(series)
-        return {topic: joined(parts) for topic, parts in found.items()}
+                by_topic[topic].append(series)
+        return {topic: join_series(parts) for topic, parts in by_topic.items()}
 
     def ends(self, topic: str) -> Series:
         """Return the first and the last message of a topic, empty without messages.
@@ -175,13 +173,13 @@ class Log(AbstractContextManager["Log"]):
         offsets = list(self._chunks.spans)
         first = next(self._stream(wanted, offsets), None)
         if first is None:
-            return self._nothing(topic)
+            return self._empty_series(topic)
         for number in range(1, len(offsets) + 1):  # more and more chunks from the end, until one has a message
             *_, last = [None, *self._stream(wanted, offsets[-number:])]
             if last is not None:
                 break
         assert last is not None
-        return joined([first[topic].rows(slice(1)), last[topic].rows(slice(-1, None))])
+        return join_series([first[topic].rows(slice(1)), last[topic].rows(slice(-1, None))])
 
     def blocks(
         self,
@@ -198,15 +196,15 @@ class Log(AbstractContextManager["Log"]):
         """
         whole_topics = {topic: range(len(self.topics[self.known_topic(topic)].names)) for topic in topics}
         wanted = topics if isinstance(topics, Mapping) else whole_topics
-        held = {topic: [self._nothing(topic).columns(columns)] for topic, columns in wanted.items()}
+        waiting = {topic: [self._empty_series(topic).columns(columns)] for topic, columns in wanted.items()}
         for piece in self.stream(wanted, window):
             for topic, series in piece.items():
-                held[topic].append(series)
-            while min(sum(len(part.t) for part in parts) for parts in held.values()) >= size + max(more, 1):
-                whole = {topic: joined(parts) for topic, parts in held.items()}
+                waiting[topic].append(series)
+            while min(sum(len(part.t) for part in parts) for parts in waiting.values()) >= size + max(more, 1):
+                whole = {topic: join_series(parts) for topic, parts in waiting.items()}
                 yield {topic: series.rows(slice(size + more)) for topic, series in whole.items()}
-                held = {topic: [series.rows(slice(size, None))] for topic, series in whole.items()}
-        yield {topic: joined(parts) for topic, parts in held.items()}
+                waiting = {topic: [series.rows(slice(size, None))] for topic, series in whole.items()}
+        yield {topic: join_series(parts) for topic, parts in waiting.items()}
 
     def choose(self, signals: Sequence[str] = (), topics: Sequence[str] = ()) -> dict[str, list[int]]:
         """Return topic -> columns for signals ("instance.variable") and whole topics, in the order of the log.
@@ -217,11 +215,11 @@ class Log(AbstractContextManager["Log"]):
             return {topic: [*range(len(about.names))] for topic, about in self.topics.items()}
         chosen: dict[str, set[int]] = {}
         for wanted in topics:
-            found = [topic for topic in self.topics if _matches(wanted, topic)]
-            for topic in found or [self.known_topic(wanted)]:
+            matches = [topic for topic in self.topics if signal_names.matches(wanted, topic)]
+            for topic in matches or [self.known_topic(wanted)]:
                 chosen.setdefault(topic, set()).update(range(len(self.topics[topic].names)))
         for wanted in signals:
-            for signal in [name for name in self.signals if _matches(wanted, name)] or [wanted]:
+            for signal in [name for name in self.signals if signal_names.matches(wanted, name)] or [wanted]:
                 topic, column = self.find(signal)
                 chosen.setdefault(topic, set()).add(column)
         return {topic: sorted(chosen[topic]) for topic in self.topics if topic in chosen}
@@ -236,33 +234,33 @@ class Log(AbstractContextManager["Log"]):
         wanted: dict[str, list[int]] = {}
         for topic, column in places:
             wanted.setdefault(topic, []).append(column)
-        found = self.select(wanted)
+        series = self.select(wanted)
         column_of = {(topic, column): k for topic, columns in wanted.items() for k, column in enumerate(columns)}
         return np.stack(
-            [np.interp(t, found[place[0]].t, found[place[0]].values[:, column_of[place]]) for place in places], axis=1
+            [np.interp(t, series[place[0]].t, series[place[0]].values[:, column_of[place]]) for place in places], axis=1
         )
 
     def lengths(self) -> dict[str, int]:
         """Count the messages of each topic; raises LogUnreadable."""
-        found = dict.fromkeys(self.topics, 0)
+        counts = dict.fromkeys(self.topics, 0)
         for offset in self._chunks.spans:
-            for messages in self._chunks.read(offset, found, keep=False):
-                found[messages.topic] += len(messages.rows)
-        return found
+            for messages in self._chunks.read(offset, counts, keep=False):
+                counts[messages.topic] += len(messages.rows)
+        return counts
 
     def sequence(self, topic: str) -> NDArray[np.uint32]:
         """Return the step numbers (m,) of a topic's messages; raises LogUnreadable."""
-        return np.concatenate([np.empty(0, np.uint32), *(messages.sequence for messages in self._of(topic))])
+        return np.concatenate([np.empty(0, np.uint32), *(messages.sequence for messages in self._messages_of(topic))])
 
     def known_topic(self, topic: str) -> str:
         """Return the topic if the log has it, else raise NoSuchSignal."""
         if topic not in self.topics:
-            raise NoSuchSignal(f"{self.path} has no topic '{topic}'{_near(topic, self.topics)}")
+            raise NoSuchSignal(f"{self.path} has no topic '{topic}'{signal_names.near(topic, self.topics)}")
         return topic
 
     def name(self, topic: str, column: int) -> str:
         """Return "instance.variable" of a column of a topic."""
-        return f"{_owner(topic)}.{self.topics[topic].names[column]}"
+        return f"{signal_names.owner(topic)}.{self.topics[topic].names[column]}"
 
     def __contains__(self, signal: object) -> bool:
         """Whether the log has the signal "instance.variable"."""
@@ -271,7 +269,7 @@ class Log(AbstractContextManager["Log"]):
     def find(self, signal: str) -> tuple[str, int]:
         """Return topic and column of "instance.variable"; raises NoSuchSignal."""
         if signal not in self._places:
-            raise NoSuchSignal(f"{self.path} has no signal '{signal}'{_near(signal, self._places)}")
+            raise NoSuchSignal(f"{self.path} has no signal '{signal}'{signal_names.near(signal, self._places)}")
         return self._places[signal]
 
     def signal(self, name: str) -> tuple[Floats, Floats]:
@@ -296,27 +294,27 @@ class Log(AbstractContextManager["Log"]):
             try:
                 yield from self._chunks.read(offset, keep=False)
             except LogUnreadable as damage:
-                self._file.fault(str(damage))
+                self._file.add_fault(str(damage))
 
     def hashes(self) -> dict[str, str]:
         """Return topic -> sha256 over sequence, times and data of its messages; raises LogUnreadable."""
-        found = {topic: hashlib.sha256() for topic in self.topics}
+        hashes = {topic: hashlib.sha256() for topic in self.topics}
         for messages in chain.from_iterable(self.chunks()):
-            found[messages.topic].update(messages.digestible())
-        return {topic: value.hexdigest() for topic, value in found.items()}
+            hashes[messages.topic].update(messages.hashed_bytes())
+        return {topic: value.hexdigest() for topic, value in hashes.items()}
 
     def digest(self, hashes: Mapping[str, str] | None = None) -> str:
         """Return one sha256 over names, units and messages of all topics but /stats; equal for equal runs.
 
         ``hashes``: result of ``hashes()`` if known, which saves a pass. Raises LogUnreadable.
         """
-        about = {topic: (*each[:3], *([each.wires] if each.wires else [])) for topic, each in self.topics.items()}
-        whole = [
+        about = {topic: (*entry[:3], *([entry.wires] if entry.wires else [])) for topic, entry in self.topics.items()}
+        entries = [
             [topic, *about[topic], value]
             for topic, value in sorted((hashes or self.hashes()).items())
             if not topic.startswith("/stats/")
         ]
-        return hashlib.sha256(json.dumps(whole).encode()).hexdigest()
+        return hashlib.sha256(json.dumps(entries).encode()).hexdigest()
 
     def sound(self) -> bool:
         """Whether the checksum over all data, without the indexes at the end, holds."""
@@ -324,19 +322,19 @@ class Log(AbstractContextManager["Log"]):
 
     def checksums(self) -> list[str]:
         """Check attachments and the checksums over all bytes; return faults as sentences (chunks: ``intact``)."""
-        found = []
+        faults = []
         for name in self._attachments:
             try:
                 self.attachment(name)
             except LogUnreadable as damage:
-                found.append(str(damage))
+                faults.append(str(damage))
         if self._file.data_end is not None and not self.sound():
-            found.append(f"{self.path}: the checksum over all data does not hold")
+            faults.append(f"{self.path}: the checksum over all data does not hold")
         if self._file.ended and not self._file.indexes_sound():
-            found.append(f"{self.path}: the checksum over the indexes does not hold")
-        return found
+            faults.append(f"{self.path}: the checksum over the indexes does not hold")
+        return faults
 
-    def _note(self, opcode: int, offset: int) -> None:
+    def _register(self, opcode: int, offset: int) -> None:
         """Register a record of the walk; raises one of ``container_reader.DAMAGE``."""
         if opcode == Opcode.CHUNK:
             self._chunks.add(offset)
@@ -347,32 +345,32 @@ class Log(AbstractContextManager["Log"]):
             if record.name == log_format.NAME:
                 self._check_format(record.metadata)
             elif record.name == closing_record.NAME:
-                self.closing = closing_record.read(record.metadata)
+                self.closing = closing_record.decode(record.metadata)
             else:
                 self.metadata[record.name] = record.metadata
         elif opcode == Opcode.SCHEMA:
-            described = self._file.record(Schema, offset)
-            self._schemas[described.id] = described
+            schema = self._file.record(Schema, offset)
+            self._schemas[schema.id] = schema
         elif opcode == Opcode.CHANNEL:
-            self._note_channel(self._file.record(Channel, offset))
+            self._register_channel(self._file.record(Channel, offset))
 
     def _check_format(self, record: Mapping[str, str]) -> None:
         """Raise LogUnreadable for a log of a newer format."""
         try:
-            log_format.check(record)
+            log_format.check_version(record)
         except log_format.TooNew as newer:
             self.close()
             raise LogUnreadable(f"{self.path} {newer}") from None
 
-    def _note_channel(self, channel: Channel) -> None:
+    def _register_channel(self, channel: Channel) -> None:
         """Register a channel; one that ``recorder`` did not write goes to ``others``."""
         if channel.id in self._channels:
             return
         if "places" not in channel.metadata:
-            described = self._schemas.get(channel.schema_id)
-            self.others[channel.topic] = described.name if described else channel.message_encoding
+            schema = self._schemas.get(channel.schema_id)
+            self.others[channel.topic] = schema.name if schema else channel.message_encoding
             return
-        recorded = channel_metadata.read(channel.topic, channel.metadata, self._schemas[channel.schema_id].data)
+        recorded = channel_metadata.decode(channel.topic, channel.metadata, self._schemas[channel.schema_id].data)
         if self.topics.setdefault(channel.topic, recorded.about) != recorded.about:
             raise ValueError(f"{channel.topic} has two different descriptions")
         self._channels[channel.id] = self._recorded[channel.topic] = recorded
@@ -382,32 +380,16 @@ class Log(AbstractContextManager["Log"]):
         for topic, about in list(self.topics.items()):
             for wire in about.wires:
                 source = self._recorded.get(wire.source)
-                held = () if source is None else source.names
-                if source is None or source.about.every > 1 or not set(wire.outputs) <= set(held):
-                    self._file.fault(f"{self.path}: {topic} is wired to {wire.source}, which lacks what it needs")
+                names = () if source is None else source.names
+                if source is None or source.about.every > 1 or not set(wire.outputs) <= set(names):
+                    self._file.add_fault(f"{self.path}: {topic} is wired to {wire.source}, which lacks what it needs")
                     self.topics.pop(topic, None)
-        for number in [number for number, one in self._channels.items() if one.topic not in self.topics]:
+        for number in [number for number, channel in self._channels.items() if channel.topic not in self.topics]:
             del self._channels[number]
 
-    def _nothing(self, topic: str) -> Series:
+    def _empty_series(self, topic: str) -> Series:
         """Return an empty series of a topic; raises NoSuchSignal."""
-        return nothing(self.topics[self.known_topic(topic)].names)
+        return empty_series(self.topics[self.known_topic(topic)].names)
 
-    def _of(self, topic: str) -> Iterator[Messages]:
+    def _messages_of(self, topic: str) -> Iterator[Messages]:
         return (messages for messages in chain.from_iterable(self.chunks()) if messages.topic == topic)
-
-
-def _owner(topic: str) -> str:
-    """Return the instance of a topic; statistics have a prefix: "/stats/chassis" -> "stats.chassis"."""
-    words = topic.strip("/").split("/")
-    return f"stats.{words[1]}" if words[0] == "stats" and len(words) > 1 else words[0]
-
-
-def _matches(pattern: str, text: str) -> bool:
-    """Whether ``pattern`` matches ``text``; ``*`` stands for any text, brackets are literal."""
-    return re.fullmatch(".*".join(map(re.escape, pattern.split("*"))), text) is not None
-
-
-def _near(name: str, known: Mapping[str, object]) -> str:
-    close = difflib.get_close_matches(name, known, 1, 0.0 if len(known) < 4 else 0.6)
-    return f"; did you mean '{close[0]}'?" if close else ""

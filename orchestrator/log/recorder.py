@@ -1,7 +1,7 @@
 """Writer of a log: an MCAP file with one protobuf message per topic and step, readable after a kill.
 
-``Recorder.write`` copies values into a block and returns; kernels may write into the blocks directly (``lend``,
-``filled``). A thread packs full blocks into messages, compresses them into chunks of about 2 MiB and writes a chunk at
+``Recorder.write`` copies values into a block and returns; kernels may write into the blocks directly (``reserve``,
+``commit``). A thread packs full blocks into messages, compresses them into chunks of about 2 MiB and writes a chunk at
 least about four times a second of wall time, so a killed run loses no more than that. In a chunk the messages of a
 topic are contiguous. Time in the file is simulation time, and values that depend on the wall clock are in
 ``/stats/<instance>`` only: two equal runs write equal messages. The last record, the metadata ``closing``, holds the
@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log import channel_metadata, closing_record, events_topic, log_format, schema
-from orchestrator.log.container_writer import ContainerWriter, LogFailed, check_writable, failed
+from orchestrator.log.container_writer import ContainerWriter, LogFailed, check_writable, log_failed
 from orchestrator.log.message_records import LONGEST
-from orchestrator.log.page import CHUNK, Block, Channel, Page, Unproven
+from orchestrator.log.page import CHUNK, Block, Channel, Page, WireViolated
 from orchestrator.log.time_series import Topic
 from orchestrator.log.wire import Wire
 
@@ -67,13 +67,13 @@ class Recorder(AbstractContextManager["Recorder"]):
         for number, (topic, variables) in enumerate(topics.items(), 1):
             names, units = tuple(name for name, _ in variables), tuple(unit for _, unit in variables)
             about = Topic(names, units, strides.get(topic, 1), tuple(wired.get(topic, ())))
-            self._channels[topic] = Channel(number, channel_metadata.recorded(topic, about))
-        self._pages = {topic: Page([], [channel], whole=False) for topic, channel in self._channels.items()}
-        self._turn = threading.Condition()
+            self._channels[topic] = Channel(number, channel_metadata.recorded_channel(topic, about))
+        self._pages = {topic: Page([], [channel], with_wired=False) for topic, channel in self._channels.items()}
+        self._condition = threading.Condition()
         self._backlog: deque[list[tuple[Page, Block]] | tuple[str, bytes]] = deque()  # chunks and attachments
         self._bytes = 0  # message bytes in the blocks
         self._last = 0  # number of the last step written
-        self._lent = self._overdue = False  # kernels are writing into the pages; the pages are due to be written
+        self._reserved = self._overdue = False  # kernels are writing into the pages; the pages are due to be written
         self._writing = False
         self._closing = self._closed = False
         self._failure: LogFailed | None = None
@@ -85,13 +85,13 @@ class Recorder(AbstractContextManager["Recorder"]):
                 self.path.unlink()
             self._file = ContainerWriter(self.path)
         except OSError as error:
-            raise failed(self.path, error) from None
+            raise log_failed(self.path, error) from None
         try:
-            self._begin(attachments, metadata, types or {})
+            self._write_header(attachments, metadata, types or {})
         except OSError as error:
             self._file.close()
-            raise failed(self.path, error) from None
-        self._thread = threading.Thread(target=self._drain, name="recorder", daemon=True)
+            raise log_failed(self.path, error) from None
+        self._thread = threading.Thread(target=self._write_queue, name="recorder", daemon=True)
         self._thread.start()
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
@@ -100,16 +100,16 @@ class Recorder(AbstractContextManager["Recorder"]):
             with suppress(LogFailed) if error else nullcontext():  # the first error is the one to report
                 self.close("failed", message, self._last)
 
-    def together(self, given: Sequence[str], shown: Sequence[str]) -> str:
+    def join_topics(self, inputs: Sequence[str], outputs: Sequence[str]) -> str:
         """Join topics into one page, so that one ``write`` records all; return its name for ``write``.
 
-        ``given``: topics with inputs of the step that has ended; their messages carry its number and start time.
+        ``inputs``: topics with inputs of the step that has ended; their messages carry its number and start time.
         Wired topics and their sources are joined and written at every step.
         """
-        topics = [*given, *shown]
+        topics = [*inputs, *outputs]
         name = " ".join(topics)
-        page = Page([self._channels[topic] for topic in given], [self._channels[topic] for topic in shown])
-        with self._turn:
+        page = Page([self._channels[topic] for topic in inputs], [self._channels[topic] for topic in outputs])
+        with self._condition:
             self._hand_over()
         self._pages = {topic: other for topic, other in self._pages.items() if topic not in topics} | {name: page}
         return name
@@ -131,98 +131,98 @@ class Recorder(AbstractContextManager["Recorder"]):
         page = self._pages[topic]
         if sequence % page.every:
             return
-        self._check(topic, t)
-        with self._turn:
-            self._ready()
+        self._check_time(topic, t)
+        with self._condition:
+            self._raise_failure()
             page.add(sequence, t, h, values)
             self._bytes += page.size
-            self._added(sequence, page.room > 0)
+            self._hand_over_if_full(sequence, page.room > 0)
 
     def pages(self, *names: str) -> list[Page]:
-        """Return joined pages by name, to be written directly between ``lend`` and ``filled``."""
+        """Return joined pages by name, to be written directly between ``reserve`` and ``commit``."""
         return [self._pages[name] for name in names]
 
-    def lend(self) -> None:
-        """Keep the recorder's thread away from the pages until ``filled``."""
-        with self._turn:
-            self._lent = True
+    def reserve(self) -> None:
+        """Keep the recorder's thread away from the pages until ``commit``."""
+        with self._condition:
+            self._reserved = True
 
-    def filled(self, rows: Mapping[str, int]) -> None:
+    def commit(self, rows: Mapping[str, int]) -> None:
         """Count rows written into pages: page name -> number, for consecutive steps of its stride."""
         last = 0
-        with self._turn:
-            self._lent = False
-            self._ready()
+        with self._condition:
+            self._reserved = False
+            self._raise_failure()
             for topic, n in rows.items():
                 page = self._pages[topic]
-                page.filled(n)
-                self._check(topic, float(page.block.t[page.block.count - 1]))
+                page.commit(n)
+                self._check_time(topic, float(page.block.t[page.block.count - 1]))
                 self._bytes += n * page.size
                 last = max(last, int(page.block.sequence[page.block.count - 1]))
-            self._added(last, all(self._pages[topic].room for topic in rows) and not self._overdue)
+            self._hand_over_if_full(last, all(self._pages[topic].room for topic in rows) and not self._overdue)
 
-    def _check(self, topic: str, t: float) -> None:
+    def _check_time(self, topic: str, t: float) -> None:
         if not 0.0 <= t < LONGEST:
             raise ValueError(f"{topic} cannot be recorded at t = {t} s: a log begins at 0 and ends by {LONGEST:g}")
 
-    def _ready(self) -> None:
-        """Raise the failure of the thread, if any; the caller holds the lock, as in ``_added``."""
+    def _raise_failure(self) -> None:
+        """Raise the failure of the thread, if any; the caller holds the lock, as in ``_hand_over_if_full``."""
         if self._failure is not None:
             raise self._failure
         if self._closing:
             raise ValueError(f"the log {self.path} is closed")
 
-    def _added(self, sequence: int, room: bool) -> None:
+    def _hand_over_if_full(self, sequence: int, room: bool) -> None:
         """Hand over a full chunk, or if a page has no ``room``; wait if the disk is far behind."""
         self._last = sequence
         if self._bytes >= CHUNK or not room:
             self._hand_over()
             while len(self._backlog) > BACKLOG and self._failure is None:
-                self._turn.wait()
+                self._condition.wait()
 
-    def begin(self, topic: str, sequence: int, t: float, h: float, *values: NDArray[np.float64]) -> None:
+    def continue_after(self, topic: str, sequence: int, t: float, h: float, *values: NDArray[np.float64]) -> None:
         """Continue a joined page after step ``sequence``, whose messages are recorded already."""
-        with self._turn:
+        with self._condition:
             page = self._pages[topic]
             page.add(sequence, t, h, values)
-            page.turn()  # makes it the row before the next one
+            page.exchange_block()  # makes it the row before the next one
 
     def attach(self, name: str, content: bytes) -> None:
         """Attach a file behind all messages so far."""
-        with self._turn:
+        with self._condition:
             if self._failure is not None:
                 raise self._failure
             self._hand_over()
             self._backlog.append((name, content))
-            self._turn.notify_all()
+            self._condition.notify_all()
 
     def flush(self) -> None:
         """Wait until all messages so far are in the file."""
-        with self._turn:
-            self._ready()
+        with self._condition:
+            self._raise_failure()
             self._hand_over()
-            self._turn.wait_for(lambda: not (self._backlog or self._writing) or self._failure)
-            self._ready()
+            self._condition.wait_for(lambda: not (self._backlog or self._writing) or self._failure)
+            self._raise_failure()
 
-    def end(self) -> None:
+    def write_remaining(self) -> None:
         """Write the remaining messages; the file is then readable and lacks only its closing record."""
-        known = self._failure
-        with self._turn:
+        earlier = self._failure
+        with self._condition:
             self._closing = True
-            self._turn.notify_all()
+            self._condition.notify_all()
         self._thread.join()
-        if self._failure is not None and self._failure is not known:
+        if self._failure is not None and self._failure is not earlier:
             raise self._failure
 
-    def tell(self, events: Sequence[events_topic.Event]) -> None:
-        """Write the topic /events, after ``end``; it is left out if the disk is full."""
+    def write_events(self, events: Sequence[events_topic.Event]) -> None:
+        """Write the topic /events, after ``write_remaining``; it is left out if the disk is full."""
         if self._failure is not None:
             return
         number = len(self._channels) + 1
         with suppress(OSError):
             self._file.channel(number, events_topic.TOPIC, events_topic.TYPE, events_topic.SCHEMA, {}, json=True)
             if events:
-                self._file.chunk([(number, *events_topic.records(number, events))], last=True)
+                self._file.chunk([(number, *events_topic.records(number, events))], reserve_end=True)
 
     def close(
         self,
@@ -234,30 +234,30 @@ class Recorder(AbstractContextManager["Recorder"]):
     ) -> None:
         """Write remaining messages, closing record and indexes; a second call does nothing.
 
-        ``results`` (text by name) and ``warnings`` (``warned.Warned`` as dicts) go into the closing record. After a
+        ``results`` (text by name) and ``warnings`` (``ComponentWarning`` as dicts) go into the closing record. After a
         failure that was raised already, everything that still fits is written and nothing is raised.
         """
         if self._closed:
             return
-        known = self._failure
+        earlier = self._failure
         with suppress(LogFailed):
-            self.end()
+            self.write_remaining()
         self._closed = True
         if self._failure is not None:
             status, message = "failed", message or str(self._failure)
         try:
-            written = {topic: (channel.messages, channel.hash.hexdigest()) for topic, channel in self._channels.items()}
-            record = closing_record.texts(status, message, steps, written, results or {}, warnings)
+            totals = {topic: (channel.messages, channel.hash.hexdigest()) for topic, channel in self._channels.items()}
+            record = closing_record.encode(status, message, steps, totals, results or {}, warnings)
             self._file.metadata(closing_record.NAME, record)
             self._file.finish()
         except OSError as error:
-            self._failure = self._failure or failed(self.path, error)
+            self._failure = self._failure or log_failed(self.path, error)
         finally:
             self._file.close()
-        if self._failure is not None and self._failure is not known:
+        if self._failure is not None and self._failure is not earlier:
             raise self._failure
 
-    def _begin(
+    def _write_header(
         self,
         attachments: Mapping[str, bytes],
         metadata: Mapping[str, Mapping[str, str]],
@@ -274,24 +274,24 @@ class Recorder(AbstractContextManager["Recorder"]):
             kind, fields = types.get(topic, schema.type_name(topic)), channel.layout.fields
             if described.setdefault(kind, fields) != fields:  # one kind, but different variables
                 kind = schema.type_name(topic)
-            about, description = channel_metadata.texts(channel.recorded), schema.descriptor(kind, fields)
+            about, description = channel_metadata.encode(channel.recorded), schema.descriptor(kind, fields)
             self._file.channel(channel.number, topic, kind, description, about)
 
     def _hand_over(self) -> None:
         """Queue the filled blocks as one chunk and replace them by empty ones; the caller holds the lock."""
-        filled = [(page, page.turn()) for page in self._pages.values() if page.block.count > 1]
+        filled = [(page, page.exchange_block()) for page in self._pages.values() if page.block.count > 1]
         if filled:
             self._backlog.append(filled)
         self._bytes, self._overdue = 0, False
-        self._turn.notify_all()
+        self._condition.notify_all()
 
-    def _drain(self) -> None:
+    def _write_queue(self) -> None:
         """Thread: write queued chunks; if none is queued for ``flush`` s, write what the blocks hold."""
         while True:
-            with self._turn:
-                self._turn.wait_for(lambda: self._backlog or self._closing, timeout=self._flush)
+            with self._condition:
+                self._condition.wait_for(lambda: self._backlog or self._closing, timeout=self._flush)
                 if not self._backlog:
-                    if self._lent and not self._closing:
+                    if self._reserved and not self._closing:
                         self._overdue = True
                     else:
                         self._hand_over()
@@ -306,23 +306,23 @@ class Recorder(AbstractContextManager["Recorder"]):
                 else:
                     self._write_chunk(filled)
             except Exception as error:  # any error must be reported to the run
-                with self._turn:
-                    unproven = isinstance(error, Unproven)
-                    self._failure = LogFailed(f"{self.path}: {error}") if unproven else failed(self.path, error)
+                with self._condition:
+                    violated = isinstance(error, WireViolated)
+                    self._failure = LogFailed(f"{self.path}: {error}") if violated else log_failed(self.path, error)
                     self._hand_over()
-                    left = [filled, *self._backlog]
+                    queued = [filled, *self._backlog]
                     self._backlog.clear()
-                    self._turn.notify_all()
+                    self._condition.notify_all()
                 if isinstance(error, OSError):
-                    self._save(each for each in left if not isinstance(each, tuple))
+                    self._write_first_steps(chunk for chunk in queued if not isinstance(chunk, tuple))
                 return
-            with self._turn:
+            with self._condition:
                 self._writing = False
                 for page, block in () if isinstance(filled, tuple) else filled:
-                    page.spare.append(block)
-                self._turn.notify_all()
+                    page.spare_blocks.append(block)
+                self._condition.notify_all()
 
-    def _save(self, chunks: Iterable[Sequence[tuple[Page, Block]]]) -> None:
+    def _write_first_steps(self, chunks: Iterable[Sequence[tuple[Page, Block]]]) -> None:
         """Write as many of the first steps of ``chunks`` as fit on a full disk."""
         for filled in chunks:
             numbers = np.concatenate([block.sequence[1 : block.count] for _, block in filled])
@@ -332,16 +332,16 @@ class Recorder(AbstractContextManager["Recorder"]):
                 try:
                     self._write_chunk([(page, block.steps(first, first + size)) for page, block in filled], True)
                     first += size
-                except (OSError, Unproven):
+                except (OSError, WireViolated):
                     size //= 2
             if first < end:
                 return
 
-    def _write_chunk(self, filled: Sequence[tuple[Page, Block]], last: bool = False) -> None:
+    def _write_chunk(self, filled: Sequence[tuple[Page, Block]], reserve_end: bool = False) -> None:
         packed = [part for page, block in filled for part in page.pack(block)]
         if not packed:
             return
         packed.sort(key=lambda part: part.channel.number)
-        self._file.chunk([(part.channel.number, part.rows, part.times) for part in packed], last)
+        self._file.chunk([(part.channel.number, part.rows, part.times) for part in packed], reserve_end)
         for channel, rows, _ in packed:  # only what is in the file counts
             channel.count(rows)

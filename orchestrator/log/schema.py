@@ -42,7 +42,7 @@ class Field(NamedTuple):
     length: int  # number of values of a packed repeated double; 0 for a double
 
 
-class Group(NamedTuple):
+class FieldGroup(NamedTuple):
     """Consecutive fields of one kind, whose values are evenly spaced in the message."""
 
     first: int  # index of the first value in field order
@@ -51,12 +51,12 @@ class Group(NamedTuple):
     stride: int  # bytes from the first value of a field to that of the next field
 
 
-class Layout(NamedTuple):
+class MessageLayout(NamedTuple):
     """Byte layout of a topic's messages."""
 
     fields: tuple[Field, ...]
     order: NDArray[np.intp]  # (n,) index of the variable that is value i in field order
-    groups: tuple[Group, ...]
+    groups: tuple[FieldGroup, ...]
     starts: NDArray[np.intp]  # (n,) byte offset of each variable's value in the message
     template: bytes  # message with all values, t and h zero
 
@@ -65,22 +65,22 @@ class Layout(NamedTuple):
 
         ``columns``: return these variables only, which is faster for a few.
         """
-        t = _holes(rows, offset + TIME_AT, (1,), (0,))[:, 0].copy()
-        h = _holes(rows, offset + LENGTH_AT, (1,), (0,))[:, 0].copy()
+        t = _value_view(rows, offset + TIME_AT, (1,), (0,))[:, 0].copy()
+        h = _value_view(rows, offset + LENGTH_AT, (1,), (0,))[:, 0].copy()
         if columns is not None:
             values = np.empty((len(rows), len(columns)))
             for k, column in enumerate(columns):
-                values[:, k] = _holes(rows, offset + self.starts[column], (1,), (0,))[:, 0]
+                values[:, k] = _value_view(rows, offset + self.starts[column], (1,), (0,))[:, 0]
             return t, h, values
         values = np.empty((len(rows), len(self.order)))
         for group in self.groups:
             members = self.order[group.first : group.first + group.shape[0] * group.shape[1]]
-            holes = _holes(rows, offset + group.offset, group.shape, (group.stride, 8))
+            holes = _value_view(rows, offset + group.offset, group.shape, (group.stride, 8))
             values[:, members] = holes.reshape(len(rows), -1)
         return t, h, values
 
 
-def _holes(rows: Bytes, offset: int, shape: tuple[int, ...], strides: tuple[int, ...]) -> NDArray:
+def _value_view(rows: Bytes, offset: int, shape: tuple[int, ...], strides: tuple[int, ...]) -> NDArray:
     """Return the doubles in rows of bytes as an unaligned view (rows, *shape) on the same memory."""
     return np.ndarray((len(rows), *shape), "<f8", rows, offset, (rows.strides[0], *strides))
 
@@ -92,7 +92,7 @@ def places(names: Sequence[str]) -> list[str]:
         key, index = family(name)
         if index is not None:
             families.setdefault(key, []).append(index)
-    whole = {
+    first_index = {
         key: min(members)
         for key, members in families.items()
         if sorted(members) == list(range(min(members), min(members) + len(members)))
@@ -102,20 +102,20 @@ def places(names: Sequence[str]) -> list[str]:
     result = []
     for name in names:
         key, index = family(name)
-        folded = index is not None and key in whole
-        label = key if folded else name
+        is_member = index is not None and key in first_index
+        label = key if is_member else name
         if label not in field_of:
             field_of[label] = _unique(_identifier(label.replace("[*]", "")), taken)
-        elif not folded:
+        elif not is_member:
             raise ValueError(f"the variable '{name}' is listed twice")
-        result.append(f"{field_of[label]}[{index - whole[key]}]" if folded else field_of[label])  # type: ignore[operator]
+        result.append(f"{field_of[label]}[{index - first_index[key]}]" if is_member else field_of[label])  # type: ignore[operator]
     return result
 
 
 def family(name: str) -> tuple[str, int | None]:
     """Split ``link[3].tension`` into ("link[*].tension", 3); without exactly one index (name, None)."""
-    found = _INDEX.findall(name)
-    return (_INDEX.sub("[*]", name), int(found[0])) if len(found) == 1 else (name, None)
+    indices = _INDEX.findall(name)
+    return (_INDEX.sub("[*]", name), int(indices[0])) if len(indices) == 1 else (name, None)
 
 
 def _identifier(text: str) -> str:
@@ -134,7 +134,7 @@ def _unique(word: str, taken: set[str]) -> str:
     return candidate
 
 
-def layout(where: Sequence[str]) -> Layout:
+def layout(where: Sequence[str]) -> MessageLayout:
     """Return the layout of a message whose variable i has the place ``where[i]``; raises ValueError."""
     members: dict[str, dict[int | None, int]] = {}
     for variable, place in enumerate(where):
@@ -144,10 +144,10 @@ def layout(where: Sequence[str]) -> Layout:
         index = None if match[2] is None else int(match[2])
         if members.setdefault(match[1], {}).setdefault(index, variable) != variable:
             raise ValueError(f"two variables have the place '{place}'")
-    for name, found in members.items():
-        if set(found) not in ({None}, set(range(len(found)))):
-            raise ValueError(f"the values of the field '{name}' are not counted from 0 to {len(found) - 1}")
-    counts = {name: 0 if None in found else len(found) for name, found in members.items()}
+    for name, field_members in members.items():
+        if set(field_members) not in ({None}, set(range(len(field_members)))):
+            raise ValueError(f"the values of the field '{name}' are not counted from 0 to {len(field_members) - 1}")
+    counts = {name: 0 if None in field_members else len(field_members) for name, field_members in members.items()}
     names = sorted(members, key=counts.__getitem__)  # stable sort: singles in given order, then families by length
     if len(names) > MOST_FIELDS:
         raise ValueError(f"a message holds {MOST_FIELDS} variables and families, not {len(names)}")
@@ -160,16 +160,16 @@ def layout(where: Sequence[str]) -> Layout:
         of_fields, of_values = group.stride * np.arange(group.shape[0]), 8 * np.arange(group.shape[1])
         places = order[group.first : group.first + group.shape[0] * group.shape[1]]
         starts[places] = (group.offset + of_fields[:, None] + of_values).ravel()
-    return Layout(fields, order, groups, starts, template)
+    return MessageLayout(fields, order, groups, starts, template)
 
 
-def _lay_out(fields: Sequence[Field]) -> tuple[tuple[Group, ...], bytes]:
+def _lay_out(fields: Sequence[Field]) -> tuple[tuple[FieldGroup, ...], bytes]:
     """Return groups of evenly spaced fields, and the bytes of a message of zeros."""
     body = bytearray(_header(Field("t", 1, 0)) + bytes(8) + _header(Field("h", 2, 0)) + bytes(8))
     groups, first = [], 0
     for (size, count), run in groupby(fields, lambda field: (len(_header(field)), field.length)):
         members, width = list(run), count or 1
-        groups.append(Group(first, (len(members), width), len(body) + size, size + 8 * width))
+        groups.append(FieldGroup(first, (len(members), width), len(body) + size, size + 8 * width))
         for field in members:
             body += _header(field) + bytes(8 * width)
         first += len(members) * width
@@ -209,7 +209,7 @@ def descriptor(name: str, fields: Iterable[Field]) -> bytes:
     return FileDescriptorSet(file=[file]).SerializeToString(deterministic=True)
 
 
-def describes(data: bytes, fields: Iterable[Field]) -> bool:
+def is_descriptor_of(data: bytes, fields: Iterable[Field]) -> bool:
     """Whether a recorded FileDescriptorSet describes exactly these fields."""
     try:
         kind = FileDescriptorSet.FromString(data).file[0].message_type[0]

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.log.channel_metadata import Recorded
+from orchestrator.log.channel_metadata import RecordedChannel
 from orchestrator.log.message_records import Messages
-from orchestrator.log.time_series import EVER, Series, joined, nothing
-from orchestrator.log.wire import Floats, Rule, Wire, handed_over
+from orchestrator.log.time_series import EVER, Series, empty_series, join_series
+from orchestrator.log.wire import Floats, Rule, Wire, wired_inputs
 
 FEW = 4  # fewer than one variable in four: each is decoded separately
 Steps = NDArray[np.int64]
@@ -28,7 +28,10 @@ class Stream:
     """
 
     def __init__(
-        self, recorded: Mapping[str, Recorded], wanted: Mapping[str, Sequence[int]], window: tuple[float, float] = EVER
+        self,
+        recorded: Mapping[str, RecordedChannel],
+        wanted: Mapping[str, Sequence[int]],
+        window: tuple[float, float] = EVER,
     ) -> None:
         needed: dict[str, set[str]] = {}
         for topic, columns in wanted.items():
@@ -40,7 +43,7 @@ class Stream:
         self.topics = {*self._topics, *self._outputs}  # topics whose messages ``add`` needs
 
     @property
-    def waits(self) -> bool:
+    def is_waiting(self) -> bool:
         """Whether some messages still lack outputs of a later chunk."""
         return any(len(topic.steps) for topic in self._topics.values())
 
@@ -51,17 +54,17 @@ class Stream:
                 self._outputs[messages.topic].add(messages)
             if messages.topic in self._topics:
                 self._topics[messages.topic].add(messages, self._window)
-        whole = {name: topic.take() for name, topic in self._topics.items()}
+        whole = {name: topic.pop_complete() for name, topic in self._topics.items()}
         for source, outputs in self._outputs.items():
             users = [topic for topic in self._topics.values() if any(part.source == source for part in topic.parts)]
-            outputs.forget(min(topic.next for topic in users))
+            outputs.drop_before(min(topic.next for topic in users))
         return {name: series for name, series in whole.items() if len(series.t)}
 
 
 class _Outputs:
     """Output columns that wires need from one topic; holds the rows that inputs may still need."""
 
-    def __init__(self, recorded: Recorded, names: Sequence[str]) -> None:
+    def __init__(self, recorded: RecordedChannel, names: Sequence[str]) -> None:
         self.names = list(names)
         self._held = [recorded.columns.index(recorded.about.names.index(name)) for name in names]
         self.sequence = np.empty(0, np.int64)
@@ -70,9 +73,9 @@ class _Outputs:
     def add(self, messages: Messages) -> None:
         """Append the rows of later messages."""
         self.sequence = np.concatenate([self.sequence, messages.sequence])
-        self.values = np.concatenate([self.values, decoded(messages, self._held).values])
+        self.values = np.concatenate([self.values, decode_columns(messages, self._held).values])
 
-    def forget(self, number: int) -> None:
+    def drop_before(self, number: int) -> None:
         """Drop the rows of steps before ``number``."""
         first = int(np.searchsorted(self.sequence, number))
         self.sequence, self.values = self.sequence[first:], self.values[first:]
@@ -86,11 +89,11 @@ class _Outputs:
 
     def rows(self, which: NDArray[np.intp], columns: list[int]) -> Floats:
         """Return values (m, columns) of rows and columns."""
-        together = bool((np.diff(which) == 1).all())  # the usual case: a view instead of a copy
-        return (self.values[which[0] : which[-1] + 1] if together else self.values[which])[:, columns]
+        consecutive = bool((np.diff(which) == 1).all())  # the usual case: a view instead of a copy
+        return (self.values[which[0] : which[-1] + 1] if consecutive else self.values[which])[:, columns]
 
 
-class _Part(NamedTuple):
+class _WiredColumns(NamedTuple):
     """Selected inputs of a topic that one wire defines."""
 
     source: str
@@ -99,7 +102,7 @@ class _Part(NamedTuple):
     places: list[int]  # columns among the selected ones
 
     @property
-    def later(self) -> int:
+    def delay(self) -> int:
         """Number of steps from an input to the last output that it needs: 0 or 1."""
         return int(self.rule != "start")
 
@@ -107,14 +110,16 @@ class _Part(NamedTuple):
 class _Topic:
     """Selected topic with the messages that wait for outputs."""
 
-    def __init__(self, recorded: Recorded, columns: Sequence[int], outputs: Mapping[str, _Outputs]) -> None:
+    def __init__(self, recorded: RecordedChannel, columns: Sequence[int], outputs: Mapping[str, _Outputs]) -> None:
         names = [recorded.about.names[column] for column in columns]
-        held = {column: k for k, column in enumerate(recorded.columns)}
-        self._own = [k for k, column in enumerate(columns) if column in held]  # selected columns that are recorded
-        self._held = [held[columns[k]] for k in self._own]
+        recorded_column = {column: k for k, column in enumerate(recorded.columns)}
+        self._recorded = [
+            k for k, column in enumerate(columns) if column in recorded_column
+        ]  # selected columns that are recorded
+        self._held = [recorded_column[columns[k]] for k in self._recorded]
         self._outputs = outputs
         self.parts = [
-            _Part(
+            _WiredColumns(
                 wire.source,
                 wire.rule,
                 [outputs[wire.source].names.index(name) for name in wired],
@@ -124,57 +129,57 @@ class _Topic:
         ]
         self.next = 0  # step number of the first message that is not returned yet
         self.steps = np.empty(0, np.int64)  # step numbers of the waiting messages
-        self._nothing = self._waiting = nothing(names)
+        self._nothing = self._waiting = empty_series(names)
 
     def add(self, messages: Messages, window: tuple[float, float]) -> None:
         """Append later messages in the window."""
-        own, steps = decoded(messages, self._held), messages.sequence.astype(np.int64)
+        series, steps = decode_columns(messages, self._held), messages.sequence.astype(np.int64)
         self.next = int(steps[-1]) + 1
         if self.parts:
-            values = np.empty((len(own.t), len(self._nothing.names)))
-            values[:, self._own] = own.values
-            own = own._replace(names=self._nothing.names, values=values)
-        if not (own.t[0] >= window[0] and own.t[-1] <= window[1]):
-            inside = (own.t >= window[0] - 1e-9) & (own.t <= window[1] + 1e-9)
-            own, steps = own.rows(inside), steps[inside]
+            values = np.empty((len(series.t), len(self._nothing.names)))
+            values[:, self._recorded] = series.values
+            series = series._replace(names=self._nothing.names, values=values)
+        if not (series.t[0] >= window[0] and series.t[-1] <= window[1]):
+            inside = (series.t >= window[0] - 1e-9) & (series.t <= window[1] + 1e-9)
+            series, steps = series.rows(inside), steps[inside]
         if len(self.steps):
-            own, steps = joined([self._waiting, own]), np.concatenate([self.steps, steps])
-        self._waiting, self.steps = own, steps
+            series, steps = join_series([self._waiting, series]), np.concatenate([self.steps, steps])
+        self._waiting, self.steps = series, steps
 
-    def take(self) -> Series:
+    def pop_complete(self) -> Series:
         """Return the messages whose outputs have come, without those whose outputs are missing in the log."""
         decided = len(self.steps)
         for part in self.parts:
-            came = self._outputs[part.source].sequence
-            newest = int(came[-1]) - part.later if len(came) else -1
+            sequence = self._outputs[part.source].sequence
+            newest = int(sequence[-1]) - part.delay if len(sequence) else -1
             decided = min(decided, int(np.searchsorted(self.steps, newest, "right")))
-        steps, whole = self.steps[:decided], self._waiting.rows(slice(decided))
-        there = np.ones(decided, bool)
+        steps, series = self.steps[:decided], self._waiting.rows(slice(decided))
+        complete = np.ones(decided, bool)
         for part in self.parts:
             outputs = self._outputs[part.source]
-            first, found = outputs.find(steps)
-            there &= found | (part.rule == "end")
-            last, found = outputs.find(steps + part.later)
-            there &= found
+            first, present = outputs.find(steps)
+            complete &= present | (part.rule == "end")
+            last, present = outputs.find(steps + part.delay)
+            complete &= present
             if decided and len(outputs.sequence):
                 end = outputs.rows(last, part.outputs)
                 start = outputs.rows(first, part.outputs) if part.rule == "middle" else end
-                whole.values[:, part.places] = handed_over(part.rule, start, end)
+                series.values[:, part.places] = wired_inputs(part.rule, start, end)
         self.steps, self._waiting = self.steps[decided:], self._waiting.rows(slice(decided, None))
         if len(self.steps):
             self.next = int(self.steps[0])
-        return whole if there.all() else whole.rows(there)
+        return series if complete.all() else series.rows(complete)
 
 
-def _wired(recorded: Recorded, names: Sequence[str]) -> Iterator[tuple[Wire, dict[str, str]]]:
+def _wired(recorded: RecordedChannel, names: Sequence[str]) -> Iterator[tuple[Wire, dict[str, str]]]:
     """Yield each wire of any inputs ``names`` with its pairs output -> input among them."""
     for wire in recorded.about.wires:
-        wired = {one: other for one, other in zip(wire.outputs, wire.inputs, strict=True) if other in names}
+        wired = {output: given for output, given in zip(wire.outputs, wire.inputs, strict=True) if given in names}
         if wired:
             yield wire, wired
 
 
-def decoded(messages: Messages, columns: Sequence[int]) -> Series:
+def decode_columns(messages: Messages, columns: Sequence[int]) -> Series:
     """Decode columns of messages; a few columns are decoded one by one, else all at once."""
     if FEW * len(columns) < len(messages.names):
         return messages.decode(columns)

@@ -44,12 +44,12 @@ class Series(NamedTuple):
         return (float(expected[missing[0]]), float(self.t[missing[0]])) if len(missing) else None
 
 
-def nothing(names: Sequence[str]) -> Series:
+def empty_series(names: Sequence[str]) -> Series:
     """Return an empty series of the variables ``names``."""
     return Series(np.empty(0), np.empty(0), tuple(names), np.empty((0, len(names))))
 
 
-def joined(parts: Sequence[Series]) -> Series:
+def join_series(parts: Sequence[Series]) -> Series:
     """Concatenate series of the same variables in time; needs one at least."""
     t, h, values = (np.concatenate([part[column] for part in parts]) for column in (0, 1, 3))
     return Series(t, h, parts[0].names, values)

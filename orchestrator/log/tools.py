@@ -13,16 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.container_writer import LogFailed, check_writable
-from orchestrator.log.described import system_of
 from orchestrator.log.log_format import checkpoint_step
 from orchestrator.log.message_records import Messages
 from orchestrator.log.reader import Log, LogUnreadable
+from orchestrator.log.recorded_system import system_of
 from orchestrator.log.recorder import Recorder
 
 WHOLE, BROKEN, RECOVERED = 0, 1, 3  # exit codes
 
 
-class Verdict(NamedTuple):
+class LogVerdict(NamedTuple):
     """Result of a verification or a recovery."""
 
     code: int  # WHOLE, BROKEN or RECOVERED
@@ -41,29 +41,29 @@ class Tally:
 
     def add(self, messages: Messages, stride: int | None) -> list[str]:
         """Count messages; return sentences about missing steps (stride ``stride``) and wrong times."""
-        found = []
+        faults = []
         sequence = messages.sequence.astype(np.int64)
         if stride and self.newest is None and sequence[0] >= stride:
-            found.append(f"{messages.topic}: begins with step {sequence[0]}")
+            faults.append(f"{messages.topic}: begins with step {sequence[0]}")
         if self.newest is not None:
             sequence = np.concatenate([[self.newest], sequence])
         steps = np.diff(sequence)
         wrong = np.flatnonzero(steps != stride if stride else steps <= 0)
         if len(wrong):
             before, after = sequence[wrong[0] : wrong[0] + 2]
-            found.append(f"{messages.topic}: step {after} follows step {before}")
+            faults.append(f"{messages.topic}: step {after} follows step {before}")
         t = messages.t
         with np.errstate(invalid="ignore", over="ignore"):
             times = np.rint(t * 1e9).astype(np.uint64)
         if not (np.array_equal(messages.log_time, times) and np.array_equal(messages.publish_time, times)):
-            found.append(f"{messages.topic}: times of records and messages differ near t = {t[0]:.6g} s")
+            faults.append(f"{messages.topic}: times of records and messages differ near t = {t[0]:.6g} s")
         self.first = float(t[0]) if self.messages == 0 else self.first
         self.last = float(t[-1])
         self.newest = int(sequence[-1])
         self.messages += len(messages.rows)
         self.bytes += messages.rows.nbytes
-        self.hash.update(messages.digestible())
-        return found
+        self.hash.update(messages.hashed_bytes())
+        return faults
 
 
 class Info(NamedTuple):
@@ -77,20 +77,20 @@ class Info(NamedTuple):
     attachments: dict[str, int]  # bytes by name
 
 
-def verify(path: str | os.PathLike[str]) -> Verdict:
+def verify(path: str | os.PathLike[str]) -> LogVerdict:
     """Check that a log is whole: checksums, steps, sha256, closing record, wires against connections."""
     try:
         with Log(path, unfinished=True) as log:
             faults = _faults(log)
             if faults:
-                return Verdict(BROKEN, faults)
+                return LogVerdict(BROKEN, faults)
             closing = log.closing or {}
             count = sum(closing["messages"].values())
             sentence = f"{path} is whole: {len(log.topics)} topics, {count} messages, {closing['steps']} steps"
             ending = f"the run ended with status {closing['status']}"
-            return Verdict(WHOLE, [sentence, f"{ending}: {closing['message']}" if closing["message"] else ending])
+            return LogVerdict(WHOLE, [sentence, f"{ending}: {closing['message']}" if closing["message"] else ending])
     except LogUnreadable as error:
-        return Verdict(BROKEN, [str(error)])
+        return LogVerdict(BROKEN, [str(error)])
 
 
 def _faults(log: Log) -> list[str]:
@@ -101,11 +101,11 @@ def _faults(log: Log) -> list[str]:
         for messages in log.intact()
         for fault in tallies[messages.topic].add(messages, _stride(log, messages.topic))
     ]
-    faults = [*log.faults, *log.checksums(), *faults, *_miswired(log)]
+    faults = [*log.faults, *log.checksums(), *faults, *_unconnected_wires(log)]
     if log.closing is None:
         last = max((tally.last for tally in tallies.values() if tally.messages), default=0.0)
-        ended = "has come to" if log.being_written else "was cut off after"
-        return [*faults, f"{log.path} has no closing record: the run {ended} t = {last:.6g} s"]
+        end = "has come to" if log.being_written else "was cut off after"
+        return [*faults, f"{log.path} has no closing record: the run {end} t = {last:.6g} s"]
     for topic, expected in log.closing["messages"].items():
         if topic not in tallies:
             faults.append(f"{topic} is missing")
@@ -113,19 +113,19 @@ def _faults(log: Log) -> list[str]:
             faults.append(f"{topic} has {tallies[topic].messages} messages, {expected} were recorded")
         elif tallies[topic].hash.hexdigest() != log.closing["sha256"].get(topic):
             faults.append(f"{topic} does not have the sha256 of the closing record")
-    followed = {topic: tally.newest for topic, tally in tallies.items() if _stride(log, topic)}
-    newest = [step + _is_input(topic) for topic, step in followed.items() if step is not None]
+    last_steps = {topic: tally.newest for topic, tally in tallies.items() if _stride(log, topic)}
+    newest = [step + _is_input(topic) for topic, step in last_steps.items() if step is not None]
     reached, steps = max(newest, default=0), log.closing["steps"]
-    return [*faults, f"{log.path} ends with step {reached} of {steps}"] if _short(log, reached, steps) else faults
+    return [*faults, f"{log.path} ends with step {reached} of {steps}"] if _lacks_steps(log, reached, steps) else faults
 
 
-def _short(log: Log, reached: int, steps: int) -> bool:
+def _lacks_steps(log: Log, reached: int, steps: int) -> bool:
     """Whether a log that ends with step ``reached`` lacks recorded steps of a run of ``steps`` steps."""
     strides = [every for topic in log.topics if (every := _stride(log, topic))]
     return bool(strides) and reached + min(strides) <= steps
 
 
-def _miswired(log: Log) -> list[str]:
+def _unconnected_wires(log: Log) -> list[str]:
     """Return sentences about wires without a connection in ``system.json``."""
     if "system.json" not in log.attachments:
         return []
@@ -134,16 +134,16 @@ def _miswired(log: Log) -> list[str]:
     except LogUnreadable as damage:
         return [str(damage)]
     connected = {
-        (f"/{one['source']}/out", output, f"/{one['target']}/in", given)
-        for one in connections
-        for output, given in zip(one["outputs"], one["inputs"], strict=True)
+        (f"/{connection['source']}/out", output, f"/{connection['target']}/in", input_name)
+        for connection in connections
+        for output, input_name in zip(connection["outputs"], connection["inputs"], strict=True)
     }
     return [
-        f"{log.path}: {topic} takes '{given}' from '{output}' of {wire.source}, which system.json does not connect"
+        f"{log.path}: {topic} takes '{input_name}' from '{output}' of {wire.source}, which system.json does not connect"
         for topic, about in log.topics.items()
         for wire in about.wires
-        for output, given in zip(wire.outputs, wire.inputs, strict=True)
-        if (wire.source, output, topic, given) not in connected
+        for output, input_name in zip(wire.outputs, wire.inputs, strict=True)
+        if (wire.source, output, topic, input_name) not in connected
     ]
 
 
@@ -152,7 +152,7 @@ def _stride(log: Log, topic: str) -> int | None:
     return None if topic.startswith("/stats/") else log.topics[topic].every
 
 
-def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> Verdict:
+def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> LogVerdict:
     """Write a new log with all complete steps of a broken one.
 
     Returns WHOLE if only the indexes at the end were broken, RECOVERED if something is lost or may have been changed
@@ -161,15 +161,15 @@ def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> Verdic
     """
     source, target = Path(path), Path(out)
     if target.exists() and source.exists() and target.samefile(source):
-        return Verdict(BROKEN, [f"{target} is the log itself: give another name"])
+        return LogVerdict(BROKEN, [f"{target} is the log itself: give another name"])
     try:
         with Log(source, unfinished=True) as log:
             if not log.topics:
-                return Verdict(BROKEN, [f"nothing could be saved from {source}", *log.faults])
+                return LogVerdict(BROKEN, [f"nothing could be saved from {source}", *log.faults])
             with _replacing(target) as fresh:
                 return _rewrite(log, fresh, target)
     except (LogUnreadable, LogFailed, ValueError) as error:
-        return Verdict(BROKEN, [str(error)])
+        return LogVerdict(BROKEN, [str(error)])
 
 
 @contextmanager
@@ -188,10 +188,10 @@ def _replacing(target: Path) -> Iterator[Path]:
         fresh.unlink(missing_ok=True)
 
 
-def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
+def _rewrite(log: Log, fresh: Path, target: Path) -> LogVerdict:
     topics = {topic: list(zip(about.names, about.units, strict=True)) for topic, about in log.topics.items()}
     every = {topic: about.every for topic, about in log.topics.items()}
-    saved = dict.fromkeys(log.topics, 0)
+    counts = dict.fromkeys(log.topics, 0)
     closing = log.closing or {"status": "", "steps": 0, "messages": {}, "results": {}, "warnings": []}
     steps = _whole_steps(log, closing["messages"], closing["steps"])
     untouched = log.closing is not None and log.sound() and steps is None
@@ -203,27 +203,27 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> Verdict:
     with Recorder(fresh, topics, attachments, log.metadata, every=every, wires=wires) as recorder:
         for messages in log.intact():
             t, h, _, values = messages.decode()
-            kept = slice(None) if steps is None else np.isin(_steps(messages), steps)
+            rows = slice(None) if steps is None else np.isin(_steps(messages), steps)
             ends = t + h if _is_input(messages.topic) else t
-            for row in np.arange(len(t))[kept].tolist():
+            for row in np.arange(len(t))[rows].tolist():
                 recorder.write(messages.topic, int(messages.sequence[row]), t[row], h[row], values[row])
-                saved[messages.topic] += 1
-            reached = max([reached, *ends[kept].tolist()])
+                counts[messages.topic] += 1
+            reached = max([reached, *ends[rows].tolist()])
         if untouched:
             recorder.close(*(closing[key] for key in ("status", "message", "steps", "results", "warnings")))
-            return Verdict(WHOLE, [f"{target} holds everything that was recorded", *log.faults])
-        ended = f"; the run ended with status {closing['status']}" if closing["status"] else ""
+            return LogVerdict(WHOLE, [f"{target} holds everything that was recorded", *log.faults])
+        ending = f"; the run ended with status {closing['status']}" if closing["status"] else ""
         recorder.close(
             "failed",
-            f"recovered from a broken log, readable to t = {reached:.6g} s{ended}",
+            f"recovered from a broken log, readable to t = {reached:.6g} s{ending}",
             closing["steps"] if last is None else last,
             closing["results"],
             closing["warnings"],
         )
-    sentence = f"{target} holds {sum(saved.values())} messages, to t = {reached:.6g} s; the rest is lost"
-    if saved == closing["messages"] and len(attachments) == len(names) and steps is None:
-        sentence = f"{target} holds all {sum(saved.values())} messages, but names or metadata may be damaged"
-    return Verdict(RECOVERED, [sentence, *log.faults])
+    sentence = f"{target} holds {sum(counts.values())} messages, to t = {reached:.6g} s; the rest is lost"
+    if counts == closing["messages"] and len(attachments) == len(names) and steps is None:
+        sentence = f"{target} holds all {sum(counts.values())} messages, but names or metadata may be damaged"
+    return LogVerdict(RECOVERED, [sentence, *log.faults])
 
 
 def _whole_steps(log: Log, recorded: Mapping[str, int], done: int) -> NDArray[np.int64] | None:
@@ -232,20 +232,20 @@ def _whole_steps(log: Log, recorded: Mapping[str, int], done: int) -> NDArray[np
     ``recorded``: messages by topic in the closing record. ``done``: steps of the run; a log that ends earlier has lost
     steps before they were recorded. Inputs count with the step that ends them.
     """
-    found = {topic: [np.empty(0, np.int64)] for topic in log.topics}
+    parts_of = {topic: [np.empty(0, np.int64)] for topic in log.topics}
     for messages in log.intact():
-        found[messages.topic].append(_steps(messages))
-    of = {topic: np.unique(np.concatenate(parts)) for topic, parts in found.items() if _stride(log, topic)}
-    steps = np.unique(np.concatenate([np.empty(0, np.int64), *of.values()]))
-    as_recorded = {topic: sum(map(len, parts)) for topic, parts in found.items()} == recorded
-    if as_recorded and not _short(log, int(steps.max(initial=0)), done):
+        parts_of[messages.topic].append(_steps(messages))
+    steps_of = {topic: np.unique(np.concatenate(parts)) for topic, parts in parts_of.items() if _stride(log, topic)}
+    steps = np.unique(np.concatenate([np.empty(0, np.int64), *steps_of.values()]))
+    complete = {topic: sum(map(len, parts)) for topic, parts in parts_of.items()} == recorded
+    if complete and not _lacks_steps(log, int(steps.max(initial=0)), done):
         return None
-    whole = np.ones(len(steps), bool)
-    for topic, its in of.items():
+    is_whole = np.ones(len(steps), bool)
+    for topic, topic_steps in steps_of.items():
         every, first = log.topics[topic].every, int(_is_input(topic))
-        if len(its) or not len(steps) or steps[-1] < every:  # else the topic was never recorded: no loss
-            whole &= (steps < first) | ((steps - first) % every != 0) | np.isin(steps, its)
-    return steps[whole]
+        if len(topic_steps) or not len(steps) or steps[-1] < every:  # else the topic was never recorded: no loss
+            is_whole &= (steps < first) | ((steps - first) % every != 0) | np.isin(steps, topic_steps)
+    return steps[is_whole]
 
 
 def _steps(messages: Messages) -> NDArray[np.int64]:
@@ -268,13 +268,13 @@ def _attachment(log: Log, name: str) -> bytes | None:
 def info(path: str | os.PathLike[str]) -> Info:
     """Read a whole log and return its summary; raises LogUnreadable."""
     with Log(path, unfinished=True) as log:
-        tallies, known = {topic: Tally() for topic in log.topics}, len(log.faults)
+        tallies, n_faults = {topic: Tally() for topic in log.topics}, len(log.faults)
         for messages in log.intact():
             tallies[messages.topic].add(messages, None)
-        whole = len(log.faults) == known
-        digest = log.digest({topic: tally.hash.hexdigest() for topic, tally in tallies.items()}) if whole else ""
+        is_intact = len(log.faults) == n_faults
+        digest = log.digest({topic: tally.hash.hexdigest() for topic, tally in tallies.items()}) if is_intact else ""
         attachments = {name: len(_attachment(log, name) or b"") for name in log.attachments}
-        written = [tally for tally in tallies.values() if tally.messages]
-        start = min((tally.first for tally in written), default=float("nan"))
-        end = max((tally.last for tally in written), default=float("nan"))
+        recorded = [tally for tally in tallies.values() if tally.messages]
+        start = min((tally.first for tally in recorded), default=float("nan"))
+        end = max((tally.last for tally in recorded), default=float("nan"))
         return Info(log, start, end, digest, tallies, attachments)

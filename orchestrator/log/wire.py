@@ -25,7 +25,7 @@ class Wire(NamedTuple):
     inputs: tuple[str, ...]  # as many
 
 
-def handed_over(rule: Rule, start: Floats, end: Floats) -> Floats:
+def wired_inputs(rule: Rule, start: Floats, end: Floats) -> Floats:
     """Return the inputs of a step from the outputs at its beginning and end, all of one shape."""
     if rule == "middle":
         return 0.5 * (start + end)

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchestrator.log.bitwise import Difference, bits, difference
+from orchestrator.log.bitwise import BitDifference, bit_difference, bit_patterns
 from orchestrator.log.reader import Log
-from orchestrator.log.time_series import EVER, Floats, Series, joined
+from orchestrator.log.time_series import EVER, Floats, Series, join_series
 
 POINTS = 40  # approximate number of points of a growth curve
 BIN = 32  # messages whose maximum is kept
@@ -31,8 +31,8 @@ class Divergence(NamedTuple):
 
     value_count: int  # number of values
     end: float  # s, common end
-    first: Difference | None  # None: every bit is equal
-    spread: tuple[Difference, ...]  # first difference of every instance, in order of time
+    first: BitDifference | None  # None: every bit is equal
+    spread: tuple[BitDifference, ...]  # first difference of every instance, in order of time
     growth: Mapping[str, Growth]  # by topic, if it differs
     unmatched: tuple[str, ...]  # topics and variables of one log only
 
@@ -41,7 +41,7 @@ def divergence(log: Log, reference: Log, window: tuple[float, float] = EVER) -> 
     """Compare all common values in a closed interval of time, s; raises LogUnreadable."""
     shared, unmatched = _common_columns(log, reference)
     before = {topic: _messages_before(reference, topic, window[0]) for topic in shared}
-    firsts: list[Difference] = []
+    firsts: list[BitDifference] = []
     growths = {topic: _TopicGrowth([reference.topics[topic].units[k] for k in shared[topic][1]]) for topic in shared}
     value_count, end, uneven = 0, float("nan"), set[str]()
     names = {topic: [log.topics[topic].names[column] for column in columns[0]] for topic, columns in shared.items()}
@@ -51,23 +51,23 @@ def divergence(log: Log, reference: Log, window: tuple[float, float] = EVER) -> 
         every, already = reference.topics[topic].every, before[topic]
         before[topic] += len(a.t)
         end = float(np.fmax(end, b.t[-1]))
-        moments = bits(a.t) != bits(b.t)
+        moments = bit_patterns(a.t) != bit_patterns(b.t)
         if moments.any():  # different steps: later rows do not correspond
             row = int(moments.argmax())
             uneven.add(topic)
-            firsts.append(difference(topic, "t", (already + row) * every, a.t[row], b.t[row], float(b.t[row])))
+            firsts.append(bit_difference(topic, "t", (already + row) * every, a.t[row], b.t[row], float(b.t[row])))
             a, b = a.rows(slice(row)), b.rows(slice(row))
         value_count += a.values.size
-        different = bits(a.values) != bits(b.values)
+        different = bit_patterns(a.values) != bit_patterns(b.values)
         if different.any() and not growths[topic].t:
             row = int(different.any(axis=1).argmax())
             column = int(different[row].argmax())
             values = a.values[row, column], b.values[row, column]
             name, step = names[topic][column], (already + row) * every
-            firsts.append(difference(topic, name, step, *values, float(b.t[row])))
+            firsts.append(bit_difference(topic, name, step, *values, float(b.t[row])))
         growths[topic].add(a, b, bool(different.any()))
     firsts.sort(key=lambda first: (first.t, first.variable != "t"))
-    instances: dict[str, Difference] = {}
+    instances: dict[str, BitDifference] = {}
     for first in firsts:
         instances.setdefault(first.instance, first)
     growth = {topic: topic_growth.curve() for topic, topic_growth in growths.items() if topic_growth.t}
@@ -93,7 +93,9 @@ class _TopicGrowth:
                 return
             differences = np.abs(a.values - b.values)
             differences = np.where(
-                bits(a.values) == bits(b.values), 0.0, np.where(np.isnan(differences), np.inf, differences)
+                bit_patterns(a.values) == bit_patterns(b.values),
+                0.0,
+                np.where(np.isnan(differences), np.inf, differences),
             )
         for first in range(0, len(b.t), BIN):
             most = np.zeros(len(self._size))
@@ -160,7 +162,7 @@ def _side_by_side(
             reached_time[behind] = max(reached_time[behind], float(series.t[-1]))
         for topic in piece:
             if all(queue[topic] for queue in waiting):
-                a, b = (joined(queue[topic]) for queue in waiting)
+                a, b = (join_series(queue[topic]) for queue in waiting)
                 m = min(len(a.t), len(b.t))
                 for queue, series in zip(waiting, (a, b), strict=True):
                     queue[topic] = [series.rows(slice(m, None))] if len(series.t) > m else []

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.log.described import system_of
 from orchestrator.log.reader import Log
+from orchestrator.log.recorded_system import system_of
 from orchestrator.log.time_series import Floats, Series
 from orchestrator.results import link_columns
 from orchestrator.results.link_columns import POSITION, TENSION

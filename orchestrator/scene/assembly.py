@@ -26,7 +26,7 @@ from orchestrator.scene.parts import (
     driver_parameters,
     rig_track_config,
     sprocket,
-    standing,
+    standing_track_config,
     start_parameters,
     track_config,
     track_part,
@@ -81,10 +81,10 @@ def build_parts(parts: Sequence[Part], native: bool) -> list[Path]:
 Product = tuple[str, dict[str, Any], str | None]  # kind, config, file name
 
 
-def build_all(wanted: Sequence[Product], folder: Path | None = None) -> list[Path]:
+def build_all(products: Sequence[Product], folder: Path | None = None) -> list[Path]:
     """Build ``(kind, config, name)`` in order, equal ones once, two at a time."""
-    keys = [json.dumps(item, sort_keys=True) for item in wanted]
-    distinct = dict(zip(keys, wanted, strict=True))
+    keys = [json.dumps(item, sort_keys=True) for item in products]
+    distinct = dict(zip(keys, products, strict=True))
     with ThreadPoolExecutor(2) as pool:
         built = dict(
             zip(
@@ -96,11 +96,11 @@ def build_all(wanted: Sequence[Product], folder: Path | None = None) -> list[Pat
     return [built[key] for key in keys]
 
 
-def build_native_all(wanted: Sequence[Product], folder: Path | None = None, windows: bool = False) -> list[Path]:
+def build_native_all(products: Sequence[Product], folder: Path | None = None, windows: bool = False) -> list[Path]:
     """Build native FMUs, with ``windows`` libraries too, one after another: numba compiles in one thread."""
     from fmus.native.pack import build_native
 
-    return [build_native(kind, config, folder, name, windows) for kind, config, name in wanted]
+    return [build_native(kind, config, folder, name, windows) for kind, config, name in products]
 
 
 # --- assemblies ------------------------------------------------------------------------------------
@@ -170,11 +170,11 @@ def _vehicle(scene: VehicleScene) -> Assembly:
     sides = hull["chassis"]["sides"]
     for side in (side for side in scene.tracks if side in sides):
         track, lateral = f"{side}_track", SIDES[side] * vehicle.track.lateral
-        tracks.append(track_part(scene, track, standing(scene, config, side, stands), lateral))
+        tracks.append(track_part(scene, track, standing_track_config(scene, config, side, stands), lateral))
         if scene.drive.steering is None:
             inertia = vehicle.sprocket.spin_inertia
             mount = stands.get(f"{side}.sprocket", AXLE)
-            drives.append(drive_part(scene, f"{side}_drive", scene.drive.of(side), inertia, mount, lateral))
+            drives.append(drive_part(scene, f"{side}_drive", scene.drive.of_side(side), inertia, mount, lateral))
         drive, connector = drive_of_side(scene, side)
         wiring += wheel_connections(track, "sprocket", drive, f"{connector}sprocket")
         for roller in rollers:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from fmus.vehicle import Distance, In, Table, to_si
-from orchestrator.scene.values import SIDES, Duration, Place, Side, Time, off
+from orchestrator.scene.values import SIDES, Duration, Place, Side, Time, false_as_none
 
 POINTS_OF = {  # and the modes that use them
     "speed_points": ("speed", "controller"),
@@ -19,7 +19,7 @@ POINTS_OF = {  # and the modes that use them
 }
 
 
-class Drive(Table):
+class DriveTable(Table):
     """Drive of a sprocket, or brake of an idler.
 
     ``speed`` rises from 0 to its value along half a cosine from ``ramp_start`` on for ``ramp_time`` and is then
@@ -48,7 +48,7 @@ class Drive(Table):
     gear_ratio: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None  # engine speed over sprocket speed
 
     @model_validator(mode="after")
-    def _points_fit(self) -> Drive:
+    def _check_points(self) -> DriveTable:
         for key, modes in POINTS_OF.items():
             points = getattr(self, key)
             if points is None:
@@ -78,74 +78,77 @@ class Drive(Table):
         return max(abs(speed) for _, speed in self.speed_points or ((0.0, self.speed),))
 
 
-class Steering(Drive):
+class SteeringTable(DriveTable):
     """Drive of the speed difference, right less left, of a steering differential."""
 
     mode: Literal["speed", "torque", "controller"] = "speed"
 
     @model_validator(mode="after")
-    def _acts(self) -> Steering:
+    def _check_mode(self) -> SteeringTable:
         """Raise ValueError for settings that the mode, given or default, would ignore."""
-        acting = {"torque": ("torque",), "torque_limit": ("controller",), "brake": ("torque", "controller")}
-        for key, modes in acting.items():
+        modes_of = {"torque": ("torque",), "torque_limit": ("controller",), "brake": ("torque", "controller")}
+        for key, modes in modes_of.items():
             if getattr(self, key) and self.mode not in modes:
                 raise ValueError(f"{key} needs mode = {' or '.join(map(repr, modes))}, not '{self.mode}'")
         return self
 
 
-class VehicleDrive(Drive):
+class VehicleDriveTable(DriveTable):
     """Drive of both sides of a vehicle; tables ``left`` and ``right`` override it.
 
     With ``steering`` a differential joins both sprockets, and the drive sets the mean of their speeds.
     """
 
-    left: Drive | None = None
-    right: Drive | None = None
-    steering: Annotated[Steering | None, BeforeValidator(off)] = None
+    left: DriveTable | None = None
+    right: DriveTable | None = None
+    steering: Annotated[SteeringTable | None, BeforeValidator(false_as_none)] = None
 
     @model_validator(mode="before")
     @classmethod
-    def _laid_over(cls, value: object) -> object:
+    def _merge_sides(cls, value: object) -> object:
         if not isinstance(value, Mapping):
             return value
-        both = {key: each for key, each in value.items() if key not in SIDES}
-        known = {key: each for key, each in both.items() if key in Drive.model_fields}
-        own = {side: value[side] for side in SIDES if value.get(side) is not None}
-        whole = {side: {**known, **each} if isinstance(each, Mapping) else each for side, each in own.items()}
-        modes = [each["mode"] for each in whole.values() if isinstance(each, Mapping) and "mode" in each]
-        if modes and "mode" not in both and (len(own) == len(SIDES) or known != both):
-            both["mode"] = modes[0]  # each side has its own mode, or the missing key must be another one
-        return both | whole
+        common = {key: entry for key, entry in value.items() if key not in SIDES}
+        common_drive = {key: entry for key, entry in common.items() if key in DriveTable.model_fields}
+        side_tables = {side: value[side] for side in SIDES if value.get(side) is not None}
+        merged = {
+            side: {**common_drive, **entry} if isinstance(entry, Mapping) else entry
+            for side, entry in side_tables.items()
+        }
+        modes = [entry["mode"] for entry in merged.values() if isinstance(entry, Mapping) and "mode" in entry]
+        if modes and "mode" not in common and (len(side_tables) == len(SIDES) or common_drive != common):
+            common["mode"] = modes[0]  # each side has its own mode, or the missing key must be another one
+        return common | merged
 
     @model_validator(mode="after")
-    def _named_by_side(self) -> VehicleDrive:
+    def _normalise_sides(self) -> VehicleDriveTable:
         """Name both sides if they differ, neither if they are equal (common settings then)."""
-        left, right = (getattr(self, side) or self._both() for side in SIDES)
+        left, right = (getattr(self, side) or self._common_drive() for side in SIDES)
         sides = {} if left == right else {"left": left, "right": right}
         if sides and self.steering is not None:
             raise ValueError("left and right exclude steering: a differential turns both, by their mean and difference")
         return self.model_construct(None, **left.model_dump(), **sides, steering=self.steering)
 
     @model_serializer(mode="wrap")
-    def _without_what_does_nothing(self, whole: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return {key: value for key, value in whole(self).items() if (key in SIDES) == self.steers}
+    def _serialise_sides(self, serialise: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: value for key, value in serialise(self).items() if (key in SIDES) == self.steers}
 
-    def _both(self) -> Drive:
-        return Drive.model_construct(**{key: getattr(self, key) for key in Drive.model_fields})
+    def _common_drive(self) -> DriveTable:
+        return DriveTable.model_construct(**{key: getattr(self, key) for key in DriveTable.model_fields})
 
     @property
     def steers(self) -> bool:
         """True if the drives of the sides differ."""
         return self.left is not None and self.right is not None
 
-    def motors(self) -> dict[str, Drive]:
+    def motors(self) -> dict[str, DriveTable]:
         """All drives by their keys."""
-        own = {"drive.left": self.left, "drive.right": self.right} if self.steers else {"drive": self}
-        return {key: each for key, each in {**own, "drive.steering": self.steering}.items() if each is not None}
+        drives = {"drive.left": self.left, "drive.right": self.right} if self.steers else {"drive": self}
+        return {key: drive for key, drive in {**drives, "drive.steering": self.steering}.items() if drive is not None}
 
-    def of(self, side: Side) -> Drive:
+    def of_side(self, side: Side) -> DriveTable:
         """Drive of a side."""
-        return getattr(self, side) or self._both()
+        return getattr(self, side) or self._common_drive()
 
 
 def _arc(pair: object) -> object:
@@ -162,7 +165,7 @@ def _arc(pair: object) -> object:
 Arc = Annotated[tuple[Place, Annotated[float, In("rad/m", ge=-1e3, le=1e3)]], BeforeValidator(_arc)]
 
 
-class Driver(Table):
+class DriverTable(Table):
     """Driver that follows a path or heads in a direction; the path begins below the middle road wheel.
 
     Without arcs and points the driver holds the heading of the start, turned by ``heading``. Keys that are not given
@@ -170,9 +173,9 @@ class Driver(Table):
     """
 
     # [length, curvature], left positive, a negative length backwards, [0, angle] on the spot; or a CSV file of them.
-    arcs: Annotated[tuple[Arc, ...] | None, BeforeValidator(off)] = None
+    arcs: Annotated[tuple[Arc, ...] | None, BeforeValidator(false_as_none)] = None
     # [x, y] of a smooth path, or a CSV file of them.
-    points: Annotated[tuple[tuple[Place, Place], ...] | None, BeforeValidator(off)] = None
+    points: Annotated[tuple[tuple[Place, Place], ...] | None, BeforeValidator(false_as_none)] = None
     heading: Annotated[float, In("rad")] | None = None
     speed: Annotated[float, In("m/s", ge=0, le=1e3)] = 0.0
     ramp_start: Time = 0.0
@@ -187,19 +190,19 @@ class Driver(Table):
     grip: Annotated[float, Field(ge=0.05, le=0.9)] | None = None  # share of the friction that the plan uses
 
     @model_validator(mode="after")
-    def _one_way(self) -> Driver:
-        given = [key for key in ("arcs", "points", "heading") if getattr(self, key) is not None]
-        if len(given) > 1:
-            raise ValueError(f"{given[0]} and {given[1]} exclude each other")
+    def _check_path(self) -> DriverTable:
+        paths = [key for key in ("arcs", "points", "heading") if getattr(self, key) is not None]
+        if len(paths) > 1:
+            raise ValueError(f"{paths[0]} and {paths[1]} exclude each other")
         for key, least in (("arcs", 1), ("points", 2), ("speed_points", 1)):
             if (pairs := getattr(self, key)) is not None and len(pairs) < least:
                 raise ValueError(f"{key}: needs at least {least} of them, not {len(pairs)}")
         times = [time for time, _ in self.speed_points or ()]
         if any(later <= earlier for earlier, later in pairwise(times)):
             raise ValueError("speed_points: needs times that rise")
-        for k, (one, other) in enumerate(pairwise(self.points or ())):
-            if one == other:
-                raise ValueError(f"points: number {k + 1} and {k + 2} are the same place, {list(one)}")
+        for k, (first, second) in enumerate(pairwise(self.points or ())):
+            if first == second:
+                raise ValueError(f"points: number {k + 1} and {k + 2} are the same place, {list(first)}")
         if self.speed_points is not None and self.speed:
             raise ValueError("speed and speed_points exclude each other")
         for key in ("deceleration", "reach", "preview"):

@@ -19,12 +19,12 @@ PLACE = "has no FMU and is validated in a clone of cotrack: python -m tests.vali
 def names() -> list[str]:
     """Names of the packaged scenes, from simple to complex physics."""
     folder = resources.files("orchestrator") / "gallery"
-    found = {file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml")}
+    packaged = {file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml")}
     order = [
         "hanging_chain", "sprocket_bench", "rig", "settle", "straight", "hard_stop",
         "released_chain", "folded_chain", "spinning_loop",
     ]  # fmt: skip
-    return [name for name in order if name in found] + sorted(found.difference(order))
+    return [name for name in order if name in packaged] + sorted(packaged.difference(order))
 
 
 def hint(name: str, known: Collection[str], introduction: str) -> str:

@@ -11,9 +11,9 @@ from fmus.ports import wheel_state, wrench
 from fmus.stance import Stance
 from fmus.track_choices import TRACKS
 from orchestrator.cosim.graph import Connection
-from orchestrator.scene.drive_tables import Drive, Driver
+from orchestrator.scene.drive_tables import DriverTable, DriveTable
 from orchestrator.scene.scene import RigScene, Scene, VehicleScene
-from orchestrator.scene.start_tables import VehicleStart
+from orchestrator.scene.start_tables import VehicleStartTable
 from orchestrator.scene.values import Side
 
 SIDES: dict[Side, float] = {"left": 1.0, "right": -1.0}  # sign of y
@@ -49,20 +49,22 @@ class Part(NamedTuple):
 
 def chassis_config(scene: VehicleScene) -> dict[str, Any]:
     """Config of the chassis: sides, start, contacts."""
-    at = scene.start.equilibrium
-    own: dict[str, Any] = {"sides": list(SIDES)[: 1 if scene.symmetric else 2], **_touching(scene)}
-    own |= {"start": at.model_dump(mode="json")} if at else {}
-    own |= {"push": scene.push} if scene.push and len(scene.tracks) == 1 else {}
-    return {"vehicle": scene.vehicle.model_dump(), "chassis": own}
+    equilibrium = scene.start.equilibrium
+    chassis: dict[str, Any] = {"sides": list(SIDES)[: 1 if scene.symmetric else 2], **_ground_config(scene)}
+    chassis |= {"start": equilibrium.model_dump(mode="json")} if equilibrium else {}
+    chassis |= {"push": scene.push} if scene.push and len(scene.tracks) == 1 else {}
+    return {"vehicle": scene.vehicle.model_dump(), "chassis": chassis}
 
 
-def standing(scene: VehicleScene, config: dict[str, Any], side: str, stands: Mapping[str, Stance]) -> dict[str, Any]:
+def standing_track_config(
+    scene: VehicleScene, config: dict[str, Any], side: str, stands: Mapping[str, Stance]
+) -> dict[str, Any]:
     """Config of a track whose wheels stand at their equilibrium on this side of the vehicle."""
-    at = scene.start.equilibrium
-    if at is None:
+    equilibrium = scene.start.equilibrium
+    if equilibrium is None:
         return config
-    if at.roll:
-        stands = {name: upright(place, at.pitch) for name, place in stands.items()}
+    if equilibrium.roll:
+        stands = {name: upright(stance, equilibrium.pitch) for name, stance in stands.items()}
     wheels = [{**wheel, "start": list(stands[f"{side}.{wheel['name']}"])} for wheel in config["track"]["wheels"]]
     return {**config, "track": {**config["track"], "wheels": wheels}}
 
@@ -74,10 +76,10 @@ def drive_of_side(scene: VehicleScene, side: Side) -> tuple[str, str]:
 
 def driven_connections(scene: VehicleScene) -> tuple[Connection, ...]:
     """Connections from chassis to driver and from driver to drives."""
-    shown, seen = _names(wheel_state("chassis", "output")), _names(wheel_state("chassis", "input"))
+    motion_outputs, motion_inputs = _names(wheel_state("chassis", "output")), _names(wheel_state("chassis", "input"))
     return (
-        Connection("chassis", shown[:POSE], "driver", seen[:POSE], "state"),
-        Connection("chassis", shown[POSE:], "driver", seen[POSE:], "rate"),
+        Connection("chassis", motion_outputs[:POSE], "driver", motion_inputs[:POSE], "state"),
+        Connection("chassis", motion_outputs[POSE:], "driver", motion_inputs[POSE:], "rate"),
         *(
             Connection("driver", (f"{side}.speed",), drive, (f"{connector}speed.demand",), "mean")
             for side in SIDES
@@ -86,10 +88,10 @@ def driven_connections(scene: VehicleScene) -> tuple[Connection, ...]:
     )
 
 
-def driver_parameters(driver: Driver) -> Parameters:
+def driver_parameters(driver: DriverTable) -> Parameters:
     """Driver parameters that the scene sets."""
-    same = {"heading", "deceleration", "reach", "preview", "width", "friction", "grip"}
-    own = driver.model_dump(include=same, exclude_none=True)
+    unchanged = {"heading", "deceleration", "reach", "preview", "width", "friction", "grip"}
+    parameters = driver.model_dump(include=unchanged, exclude_none=True)
     ramp = {
         "speed.end": driver.speed,
         "ramp.start": driver.ramp_start,
@@ -97,8 +99,8 @@ def driver_parameters(driver: Driver) -> Parameters:
     }
     pairs = {"path.arcs": driver.arcs, "path.points": driver.points, "speed.points": driver.speed_points}
     if driver.lateral_acceleration is not None:
-        own["acceleration.lateral"] = driver.lateral_acceleration
-    return own | ramp | {name: _text(points) for name, points in pairs.items() if points is not None}
+        parameters["acceleration.lateral"] = driver.lateral_acceleration
+    return parameters | ramp | {name: _text(points) for name, points in pairs.items() if points is not None}
 
 
 def _text(pairs: Sequence[tuple[float, float]]) -> str:
@@ -106,12 +108,12 @@ def _text(pairs: Sequence[tuple[float, float]]) -> str:
     return "; ".join(f"{first!r} {second!r}" for first, second in pairs)
 
 
-def _touching(scene: VehicleScene) -> dict[str, Any]:
+def _ground_config(scene: VehicleScene) -> dict[str, Any]:
     """Config of the contacts of the chassis itself: the hull if declared, wheels without a track."""
-    bare = [side for side in SIDES if side not in scene.tracks]
-    if not bare and not scene.ground.hull:
+    trackless = [side for side in SIDES if side not in scene.tracks]
+    if not trackless and not scene.ground.hull:
         return {}
-    return {"ground": {"hull": scene.ground.hull, "bare": bare, **_bump(scene)}}
+    return {"ground": {"hull": scene.ground.hull, "bare": trackless, **_bump(scene)}}
 
 
 def _bump(scene: VehicleScene) -> dict[str, Any]:
@@ -193,7 +195,7 @@ def track_part(scene: Scene, name: str, config: dict[str, Any], lateral: float =
 def drive_part(
     scene: Scene,
     name: str,
-    drive: Drive,
+    drive: DriveTable,
     inertia: float,
     mount: Sequence[float],
     lateral: float = 0.0,
@@ -204,21 +206,21 @@ def drive_part(
     return Part(name, "SprocketDrive", config, parameters, DRIVE)
 
 
-def differential_part(scene: VehicleScene, steering: Drive, stands: Mapping[str, Stance]) -> Part:
+def differential_part(scene: VehicleScene, steering: DriveTable, stands: Mapping[str, Stance]) -> Part:
     """Steering differential between both sprockets."""
     vehicle = scene.vehicle
-    own: dict[str, Any] = {"inertia": vehicle.sprocket.spin_inertia}
+    differential: dict[str, Any] = {"inertia": vehicle.sprocket.spin_inertia}
     for (side, sign), key in zip(SIDES.items(), ("mount", "right"), strict=True):
         x, y, *rest = stands.get(f"{side}.sprocket", AXLE)
-        own[key] = [x, y + sign * vehicle.track.lateral, *rest]
-    config = {"vehicle": vehicle.model_dump(), "drive": own}
+        differential[key] = [x, y + sign * vehicle.track.lateral, *rest]
+    config = {"vehicle": vehicle.model_dump(), "drive": differential}
     parameters = start_parameters(scene)
     for shaft, drive in (("propulsion", scene.drive), ("steering", steering)):
         parameters |= {f"{shaft}.{name}": value for name, value in _drive_parameters(drive).items()}
     return Part(DIFFERENTIAL, "SteeringDifferential", config, parameters, DRIVE)
 
 
-def _drive_parameters(drive: Drive) -> Parameters:
+def _drive_parameters(drive: DriveTable) -> Parameters:
     parameters: Parameters = {
         "mode": drive.mode,
         "speed.end": drive.speed,
@@ -244,8 +246,8 @@ def start_parameters(scene: Scene) -> Parameters:
     x, y, z = scene.start.position
     pose: Parameters = {"start.position.x": x, "start.position.y": y, "start.position.z": z}
     pose["start.heading"] = scene.start.heading
-    if isinstance(scene.start, VehicleStart):
-        heading, pitch = scene.start.turned()
+    if isinstance(scene.start, VehicleStartTable):
+        heading, pitch = scene.start.heading_and_pitch()
         pose |= {"start.heading": heading, "start.height": scene.start.height, "start.pitch": pitch}
     return pose
 
@@ -260,15 +262,18 @@ def rim(name: str, radius: float, x: float, z: float) -> dict[str, Any]:
     return {"name": name, "kind": "rim", "radius": radius, "position": [x, z]}
 
 
-def wheel_connections(giver: str, connector: str, taker: str, taken: str) -> tuple[Connection, ...]:
+def wheel_connections(giver: str, connector: str, taker: str, taker_connector: str) -> tuple[Connection, ...]:
     """Power bond of a wheel: pose and rates from taker to giver, mean wrench from giver to taker."""
-    shown, seen = _names(wheel_state(taken, "output")), _names(wheel_state(connector, "input"))
-    given, felt = _names(wrench(connector, "output")), _names(wrench(taken, "input"))
+    motion_outputs, motion_inputs = (
+        _names(wheel_state(taker_connector, "output")),
+        _names(wheel_state(connector, "input")),
+    )
+    wrench_outputs, wrench_inputs = _names(wrench(connector, "output")), _names(wrench(taker_connector, "input"))
     bond = f"{giver}.{connector}"
     return (
-        Connection(taker, shown[:POSE], giver, seen[:POSE], "state"),
-        Connection(taker, shown[POSE:], giver, seen[POSE:], "rate", bond=bond),
-        Connection(giver, given, taker, felt, "mean", bond=bond),
+        Connection(taker, motion_outputs[:POSE], giver, motion_inputs[:POSE], "state"),
+        Connection(taker, motion_outputs[POSE:], giver, motion_inputs[POSE:], "rate", bond=bond),
+        Connection(giver, wrench_outputs, taker, wrench_inputs, "mean", bond=bond),
     )
 
 

@@ -11,7 +11,7 @@ from fmus.tensioning import tension_wheel
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.parts import Parameters, Part, rig_track_config, vehicle_track_config
 from orchestrator.scene.scene import RigScene, Scene, VehicleScene
-from orchestrator.scene.start_tables import Equilibrium
+from orchestrator.scene.start_tables import EquilibriumTable
 from orchestrator.scene.values import SIDES
 
 
@@ -26,36 +26,36 @@ def placed(scene: Scene) -> Scene:
     update: dict[str, Any] = {"placed": True}
     match scene:
         case RigScene():
-            x, _ = _tensioned(rig_track_config(scene), scene.rig.tension, "rig")
+            x, _ = _idler_position(rig_track_config(scene), scene.rig.tension, "rig")
             update["rig"] = scene.rig.model_copy(update={"axle_distance": -x})
         case VehicleScene():
-            return _rested(_tight(scene).model_copy(update=update))
+            return _scene_at_rest(_tensioned_scene(scene).model_copy(update=update))
     return scene.model_copy(update=update)
 
 
-def _tight(scene: VehicleScene) -> VehicleScene:
+def _tensioned_scene(scene: VehicleScene) -> VehicleScene:
     """Vehicle with idlers where tracks as drawn carry their tension, and with the balancing preload."""
     if not scene.tracks:
         return scene
     vehicle = scene.vehicle
-    x, push = _tensioned(vehicle_track_config(scene), vehicle.track.tension, "vehicle.track")
+    x, push = _idler_position(vehicle_track_config(scene), vehicle.track.tension, "vehicle.track")
     idler = vehicle.idler.model_copy(update={"x": x})
     tensioner = vehicle.tensioner.model_copy(update={"preload": vehicle.tensioner.preload + push})
     changes = {"push": push, "vehicle": vehicle.model_copy(update={"idler": idler, "tensioner": tensioner})}
     return scene.model_copy(update=changes)
 
 
-def _rested(scene: VehicleScene) -> VehicleScene:
+def _scene_at_rest(scene: VehicleScene) -> VehicleScene:
     """Vehicle with tensioned tracks in its equilibrium, unless it starts as drawn."""
     if scene.start.state != "equilibrium":
         return scene
     parts = {part.name: part for part in assemble(scene.model_copy(update={"symmetric": False})).parts}
-    tracks = {side: _carrying(scene, part) for side in SIDES if (part := parts.get(f"{side}_track"))}
-    found = Equilibrium(**_settled(json.dumps([parts["chassis"].config, tracks]))._asdict())
-    return scene.model_copy(update={"start": scene.start.model_copy(update={"equilibrium": found})})
+    tracks = {side: _equilibrium_track(scene, part) for side in SIDES if (part := parts.get(f"{side}_track"))}
+    solution = EquilibriumTable(**_solved_equilibrium(json.dumps([parts["chassis"].config, tracks]))._asdict())
+    return scene.model_copy(update={"start": scene.start.model_copy(update={"equilibrium": solution})})
 
 
-def _carrying(scene: VehicleScene, part: Part) -> tuple[dict[str, Any], Parameters]:
+def _equilibrium_track(scene: VehicleScene, part: Part) -> tuple[dict[str, Any], Parameters]:
     """Track config and closure parameters for the search of the equilibrium.
 
     A closing spring of default stiffness changes the result by 0.3 um only, so it is left out.
@@ -66,17 +66,17 @@ def _carrying(scene: VehicleScene, part: Part) -> tuple[dict[str, Any], Paramete
 
 
 @cache
-def _settled(asked: str) -> Any:
+def _solved_equilibrium(problem: str) -> Any:
     """Equilibrium, solved once per process."""
-    chassis, tracks = json.loads(asked)
+    chassis, tracks = json.loads(problem)
     return equilibrium(chassis, {side: Track(*track) for side, track in tracks.items()})
 
 
-def _tensioned(config: dict[str, Any], tension: float, keys: str) -> tuple[float, float]:
-    return _solved(json.dumps(config, sort_keys=True), tension, keys)
+def _idler_position(config: dict[str, Any], tension: float, keys: str) -> tuple[float, float]:
+    return _solved_idler_position(json.dumps(config, sort_keys=True), tension, keys)
 
 
 @cache
-def _solved(config: str, tension: float, keys: str) -> tuple[float, float]:
+def _solved_idler_position(config: str, tension: float, keys: str) -> tuple[float, float]:
     """Idler position and push, solved once per process: scenes and track models share them."""
     return tension_wheel(json.loads(config), "idler", tension, keys)

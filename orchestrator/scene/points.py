@@ -23,7 +23,7 @@ def read(table: Tables, folder: Path, where: str) -> None:
     for name, drive in _drives(table):
         for key in POINTS:
             if isinstance(drive.get(key), str):
-                drive[key] = _of_file(folder / drive[key], f"{where}: {name}.{key}")
+                drive[key] = _read_pairs(folder / drive[key], f"{where}: {name}.{key}")
 
 
 def _drives(table: Tables) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -36,7 +36,7 @@ def _drives(table: Tables) -> Iterator[tuple[str, dict[str, Any]]]:
                     yield f"{name}.{side}", drive[side]
 
 
-def _of_file(path: Path, key: str) -> list[list[float]]:
+def _read_pairs(path: Path, key: str) -> list[list[float]]:
     """Pairs of numbers, SI, from a file with two columns; a first line of words is skipped."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
@@ -44,15 +44,15 @@ def _of_file(path: Path, key: str) -> list[list[float]]:
     except (OSError, ValueError, csv.Error) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise BadInput(f"{key} = '{path}': cannot be read: {reason}") from None
-    found = []
+    pairs = []
     for number, row in rows:
         try:
             first, second = (float(cell) for cell in row)
-            found.append([first, second])
+            pairs.append([first, second])
         except ValueError:
             if number > 1 or any(_is_number(cell) for cell in row):
                 raise BadInput(f"{key} = '{path}', line {number}: must be two numbers") from None
-    return found
+    return pairs
 
 
 def _is_number(cell: str) -> bool:

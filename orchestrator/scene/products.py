@@ -18,18 +18,18 @@ from orchestrator.scene.scene import Scene, load
 STANDARD = "straight"  # its FMUs have names without suffix
 
 
-def of_gallery(models: Sequence[str] = tuple(TRACKS), settings: Sequence[str] = ()) -> list[Product]:
+def gallery_products(models: Sequence[str] = tuple(TRACKS), settings: Sequence[str] = ()) -> list[Product]:
     """Every distinct FMU of the gallery; those of the standard vehicle come first and have no suffix."""
     ordered = [STANDARD, *(name for name in gallery.names() if name != STANDARD)]
-    return of_scenes([load(name, model, settings) for name in ordered for model in models])
+    return scene_products([load(name, model, settings) for name in ordered for model in models])
 
 
-def of_scenes(scenes: Sequence[Scene]) -> list[Product]:
+def scene_products(scenes: Sequence[Scene]) -> list[Product]:
     """Every distinct FMU of some scenes, with parameters as defaults; of two sides, the left one's.
 
     Variants carry the scene's name, and the component's where needed.
     """
-    seen: set[str] = set()
+    keys: set[str] = set()
     names: set[str] = set()
     products: list[Product] = []
     for scene in scenes:
@@ -39,9 +39,9 @@ def of_scenes(scenes: Sequence[Scene]) -> list[Product]:
             config = part.config | {"parameters": parameters}
             mirrored = parameters | {"start.lateral": abs(_side(part))}  # one FMU serves both sides
             key = json.dumps([part.kind, part.config, mirrored], sort_keys=True)
-            if key in seen:
+            if key in keys:
                 continue
-            seen.add(key)
+            keys.add(key)
             name = part.kind if scene.name == STANDARD else f"{part.kind}-{scene.name}"
             if name in names:
                 name = f"{part.kind}-{scene.name}-{part.name}"
@@ -60,11 +60,11 @@ def build_to(folder: Path, products: Sequence[Product], native: bool = False, wi
 
     Raises BadInput if the folder cannot be created.
     """
-    made(folder)
+    make_folder(folder)
     return build_native_all(products, folder, windows) if native else build_all(products, folder)
 
 
-def made(folder: Path) -> None:
+def make_folder(folder: Path) -> None:
     """Create a folder for results; raises BadInput."""
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -27,10 +27,10 @@ SCENE = (
 )
 
 
-def implausible(scene: Mapping[str, Any], where: str) -> list[str]:
+def implausible_numbers(scene: Mapping[str, Any], where: str) -> list[str]:
     """One sentence, beginning with ``where``, for each implausible number of a resolved scene."""
     vehicle = scene.get("vehicle")
-    found = [*outside(scene, SCENE, "plausible")]
+    sentences = [*outside(scene, SCENE, "plausible")]
     if isinstance(vehicle, Mapping):
-        found += outside(vehicle, VEHICLE, "plausible", "vehicle.")
-    return [f"{where}: {sentence}" for sentence in found]
+        sentences += outside(vehicle, VEHICLE, "plausible", "vehicle.")
+    return [f"{where}: {sentence}" for sentence in sentences]

@@ -5,23 +5,27 @@ from __future__ import annotations
 import math
 
 SAMPLES = 10  # records while one tooth passes
-FEWEST = 2  # below, the frequency of the teeth is aliased
-SELDOM = 10  # steps between records in scenes without teeth
-UNKNOWN = 20.0  # rad/s: assumed top speed of a sprocket driven by torque
+NYQUIST = 2  # below, the frequency of the teeth is aliased
+LONGEST_INTERVAL = 10  # steps between records in scenes without teeth
+ASSUMED_SPEED = 20.0  # rad/s: assumed top speed of a sprocket driven by torque
 
 
 def links_every(step: float, teeth: float) -> int:
     """Number of steps of length ``step``, s, between records of links at ``teeth`` per second."""
-    return SELDOM if teeth <= 0.0 else min(max(math.floor(1.0 / (SAMPLES * teeth * step) + 1e-9), 1), SELDOM)
+    return (
+        LONGEST_INTERVAL
+        if teeth <= 0.0
+        else min(max(math.floor(1.0 / (SAMPLES * teeth * step) + 1e-9), 1), LONGEST_INTERVAL)
+    )
 
 
-def folded(every: int, step: float, teeth: float) -> str:
+def aliasing_warning(every: int, step: float, teeth: float) -> str:
     """Sentence if recording every so many steps aliases the frequency of the teeth, else empty."""
     interval = every * step
-    if FEWEST * teeth * interval <= 1.0:
+    if NYQUIST * teeth * interval <= 1.0:
         return ""
-    shown = abs(teeth - round(teeth * interval) / interval)
+    alias = abs(teeth - round(teeth * interval) / interval)
     return (
         f"links are recorded every {1e3 * interval:.4g} ms, but up to {teeth:.4g} teeth pass a second: what they do to "
-        f"links shows at {shown:.4g} Hz; run.links = {links_every(step, teeth)} resolves it"
+        f"links shows at {alias:.4g} Hz; run.links = {links_every(step, teeth)} resolves it"
     )

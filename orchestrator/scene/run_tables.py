@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from fmus.vehicle import In, Table
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.results.validity.limits import ALLOWED
-from orchestrator.scene.values import Duration, Every, off
+from orchestrator.scene.values import Duration, Every, false_as_none
 
 OPTIONS = {
     "hold": ("jacobi", "gauss_seidel"),
@@ -18,7 +18,7 @@ OPTIONS = {
 }
 
 
-class Coupling(Table):
+class CouplingTable(Table):
     """Coupling scheme and its options; the scheme's defaults apply to the rest."""
 
     scheme: Literal["tracks_first", "jacobi", "gauss_seidel", "iterative", "energy_corrected"] = "tracks_first"
@@ -27,11 +27,11 @@ class Coupling(Table):
     iterations: Annotated[int, Field(ge=1)] | None = None  # most iterations in a step
 
     @model_validator(mode="after")
-    def _options_fit(self) -> Coupling:
+    def _check_options(self) -> CouplingTable:
         for option in self.options():
             if self.scheme not in OPTIONS[option]:
-                wanted = " or ".join(OPTIONS[option])
-                raise ValueError(f"{option} is an option of {wanted}, not of {self.scheme}")
+                schemes = " or ".join(OPTIONS[option])
+                raise ValueError(f"{option} is an option of {schemes}, not of {self.scheme}")
         return self
 
     def options(self) -> dict[str, Any]:
@@ -39,11 +39,11 @@ class Coupling(Table):
         return self.model_dump(exclude={"scheme"}, exclude_none=True)
 
     def __str__(self) -> str:
-        given = ", ".join(f"{key} = {value}" for key, value in self.options().items())
-        return f"{self.scheme} ({given})" if given else self.scheme
+        options = ", ".join(f"{key} = {value}" for key, value in self.options().items())
+        return f"{self.scheme} ({options})" if options else self.scheme
 
 
-class Variable(Table):
+class VariableStepTable(Table):
     """Communication step controlled by an error estimate; ``run.step`` is the first one."""
 
     # Of a step: its error over the size of what the connection carries, or its power residual over that of the bonds.
@@ -54,7 +54,7 @@ class Variable(Table):
     longest: Duration = 0.1
 
     @model_validator(mode="after")
-    def _in_order(self) -> Variable:
+    def _check_order(self) -> VariableStepTable:
         if self.shortest > self.longest:
             raise ValueError(f"shortest = {self.shortest:g} s is longer than longest = {self.longest:g} s")
         if self.energy is not None and self.estimate != "power":
@@ -71,7 +71,7 @@ def short_coupling(value: object) -> object:
     return {"scheme": value} if isinstance(value, str) else value
 
 
-def _kinds(allowed: object) -> object:
+def _allowed_kinds(allowed: object) -> object:
     """Kinds of failures of the validity ledger; a single one may be given as a string."""
     names = [allowed] if isinstance(allowed, str) else allowed
     if isinstance(names, list | tuple) and all(isinstance(name, str) and name in ALLOWED for name in names):
@@ -79,22 +79,25 @@ def _kinds(allowed: object) -> object:
     raise ValueError(f"must be a list of {', '.join(ALLOWED)}: failures that become warnings")
 
 
-class Run(Table):
+class RunTable(Table):
     """Duration, steps and recording of a run."""
 
     stop: Duration
     step: Duration  # communication step H
-    coupling: Annotated[Coupling, BeforeValidator(short_coupling)] = Coupling()
-    variable: Annotated[Variable | None, BeforeValidator(off)] = None  # None or false: all steps have length H
+    coupling: Annotated[CouplingTable, BeforeValidator(short_coupling)] = CouplingTable()
+    # None or false: all steps have length H.
+    variable: Annotated[VariableStepTable | None, BeforeValidator(false_as_none)] = None
     outputs: Every = 1  # interval of recorded outputs in communication steps
     links: Every | None = None  # interval of recorded per-link outputs; default: ``recording``
     between: bool = False  # also record mean, least and most between two records of links
     # Interval of checkpoints in the log, s; false: none.
-    checkpoints: Annotated[Duration | None, BeforeValidator(off)] = 0.5
-    allow: Annotated[tuple[str, ...], BeforeValidator(_kinds)] = ()  # kinds of ``results/validity`` that do not fail
+    checkpoints: Annotated[Duration | None, BeforeValidator(false_as_none)] = 0.5
+    allow: Annotated[
+        tuple[str, ...], BeforeValidator(_allowed_kinds)
+    ] = ()  # kinds of ``results/validity`` that do not fail
 
     @model_validator(mode="after")
-    def _whole_steps(self) -> Run:
+    def _check_steps(self) -> RunTable:
         if self.stop / self.step > MOST_STEPS:
             raise ValueError(f"stop = {self.stop:g} s is more than {MOST_STEPS} steps of {self.step:g} s")
         if abs(self.stop / self.step - round(self.stop / self.step)) > 1e-6 or self.stop < self.step:

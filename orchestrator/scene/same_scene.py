@@ -9,12 +9,13 @@ from typing import Any
 
 from fmus.vehicle import BadInput, shown
 from orchestrator.scene.scene import from_table
-from orchestrator.scene.track_table import Track
+from orchestrator.scene.track_table import TrackModelTable
 
 # Keys of name, computation, recording and checks: runs that differ in these alone are runs of one scene.
 COMPUTED = (
     "name", "title", "expect", "run", "planar", "symmetric", "vehicle.name", "vehicle.tensioner.travel",
-    *(f"track.{key}" for key in Track.model_fields if key != "start"), "start.state", "start.equilibrium", "push",
+    *(f"track.{key}" for key in TrackModelTable.model_fields if key != "start"),
+    "start.state", "start.equilibrium", "push",
 )  # fmt: skip
 
 
@@ -22,46 +23,50 @@ COMPUTED = (
 SEARCHED = ("vehicle.idler.x", "vehicle.tensioner.preload", "rig.axle_distance")
 
 
-ALIKE = 1e-5  # relative tolerance
+TOLERANCE = 1e-5  # relative tolerance
 
 
-def of_one_scene(one: tuple[str, Mapping[str, Any]], other: tuple[str, Mapping[str, Any]], remedy: str = "") -> None:
+def require_same_scene(
+    first: tuple[str, Mapping[str, Any]], second: tuple[str, Mapping[str, Any]], remedy: str = ""
+) -> None:
     """Raise BadInput unless two runs, each given as place and logged scene, are of one scene.
 
     The message ends with ``remedy``.
     """
-    for where, table in (one, other):
+    for where, table in (first, second):
         if not table:
             raise BadInput(f"{where} does not say of which scene it is")
-    if unlike(one[1], other[1]) and (apart := unlike(_as_read_now(one[1]), _as_read_now(other[1]))):
-        named = [f"{where} ({shown(table.get('name'))})" for where, table in (one, other)]
-        raise BadInput(f"{' and '.join(named)} are runs of different scenes: {apart}{remedy}")
+    if scene_difference(first[1], second[1]) and (
+        difference := scene_difference(_with_current_keys(first[1]), _with_current_keys(second[1]))
+    ):
+        named = [f"{where} ({shown(table.get('name'))})" for where, table in (first, second)]
+        raise BadInput(f"{' and '.join(named)} are runs of different scenes: {difference}{remedy}")
 
 
-def _as_read_now(table: Mapping[str, Any]) -> Mapping[str, Any]:
+def _with_current_keys(table: Mapping[str, Any]) -> Mapping[str, Any]:
     """A logged scene with the keys of this version; a log of an older one lacks later keys."""
     try:
-        found: Mapping[str, Any] = json.loads(json.dumps(from_table(table, "scene.json").resolved()))
-        return found
+        resolved: Mapping[str, Any] = json.loads(json.dumps(from_table(table, "scene.json").resolved()))
+        return resolved
     except BadInput:
         return table
 
 
-def unlike(one: Mapping[str, Any], other: Mapping[str, Any], above: str = "") -> str | None:
+def scene_difference(first: Mapping[str, Any], second: Mapping[str, Any], above: str = "") -> str | None:
     """First difference of two resolved, placed scenes, "key = value and value"; None for one scene."""
-    for name in sorted({*one, *other}):
-        key, a, b = f"{above}{name}", one.get(name), other.get(name)
-        if key in COMPUTED or a == b or (key in SEARCHED and _alike(a, b)):
+    for name in sorted({*first, *second}):
+        key, a, b = f"{above}{name}", first.get(name), second.get(name)
+        if key in COMPUTED or a == b or (key in SEARCHED and _close(a, b)):
             continue
         if isinstance(a, Mapping) and isinstance(b, Mapping) and above.count(".") < 9:
             if a and b and a.keys().isdisjoint(b):
                 return f"{key} says {', '.join(sorted(a))} and {', '.join(sorted(b))}"
-            if (found := unlike(a, b, f"{key}.")) is not None:
-                return found
+            if (difference := scene_difference(a, b, f"{key}.")) is not None:
+                return difference
         else:
             return f"{key} = {' and '.join('not given' if value is None else shown(value) for value in (a, b))}"
     return None
 
 
-def _alike(a: object, b: object) -> bool:
-    return isinstance(a, int | float) and isinstance(b, int | float) and math.isclose(a, b, rel_tol=ALIKE)
+def _close(a: object, b: object) -> bool:
+    return isinstance(a, int | float) and isinstance(b, int | float) and math.isclose(a, b, rel_tol=TOLERANCE)

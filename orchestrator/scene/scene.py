@@ -18,20 +18,20 @@ from fmus.ranges import outside
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, Table, Vehicle, read_table, sentence, shown
 from orchestrator.scene import gallery, points
-from orchestrator.scene.drive_tables import Drive, Driver, VehicleDrive
+from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriveTable
 from orchestrator.scene.ranges import SCENE
-from orchestrator.scene.recording import UNKNOWN, folded, links_every
-from orchestrator.scene.run_tables import Run, short_coupling
-from orchestrator.scene.settings import keys, merged, put, setting
-from orchestrator.scene.start_tables import Ground, Start, VehicleStart
-from orchestrator.scene.tables import Bench, Chain, Check, Rig
-from orchestrator.scene.track_table import Track, short_track
-from orchestrator.scene.values import SIDES, Side, off
+from orchestrator.scene.recording import ASSUMED_SPEED, aliasing_warning, links_every
+from orchestrator.scene.run_tables import RunTable, short_coupling
+from orchestrator.scene.settings import keys, merge_tables, set_key, setting
+from orchestrator.scene.start_tables import GroundTable, StartTable, VehicleStartTable
+from orchestrator.scene.tables import BenchTable, ChainTable, Check, RigTable
+from orchestrator.scene.track_table import TrackModelTable, short_track
+from orchestrator.scene.values import SIDES, Side, false_as_none
 
 # Settings of a drive in mode controller that are allowed beside a driver.
 OF_CONTROLLERS = ("torque_limit", "brake", "brake_points", "engine_points", "gear_ratio")
-OUTSIDE = 1.2  # speed of the outer track in a turn, relative to the vehicle
-SHORT = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys that may stand for one of their own
+OUTER_TRACK = 1.2  # speed of the outer track in a turn, relative to the vehicle
+SHORT_KEYS = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys that may stand for one of their own
 
 
 class Scene(Table):
@@ -40,23 +40,23 @@ class Scene(Table):
     name: Annotated[str, Field(pattern=r"^[^/\\\x00]+$")]  # also names the log
     title: str
     assembly: str
-    run: Run
+    run: RunTable
     expect: dict[str, Check] = Field(default_factory=dict)
     vehicle: Vehicle
-    track: Annotated[Track, BeforeValidator(short_track)]
-    start: Start = Start()
+    track: Annotated[TrackModelTable, BeforeValidator(short_track)]
+    start: StartTable = StartTable()
     placed: bool = False  # True once the idler is where the chain carries its static tension
     planar: bool = False  # cable chains without lateral dofs: all motion is in the plane of the track
 
     @model_validator(mode="after")
-    def _is_possible(self) -> Scene:
+    def _check_ranges(self) -> Scene:
         for complaint in outside(self.model_dump(exclude={"vehicle", "expect"}), SCENE, "possible"):
             raise ValueError(complaint)
         return self
 
     @field_validator("expect")
     @classmethod
-    def _checks_have_names(cls, value: dict[str, Check]) -> dict[str, Check]:
+    def _check_names(cls, value: dict[str, Check]) -> dict[str, Check]:
         for name in value:
             if not name.isidentifier():
                 raise ValueError(f"'{name}' is no name for a check")
@@ -73,21 +73,21 @@ class Scene(Table):
         return self.run.links or links_every(self.run.step, self.teeth_rate)
 
     @property
-    def between(self) -> bool:
+    def records_statistics(self) -> bool:
         """True if the log has link statistics between two records."""
-        return self.run.between or bool(self.folded)
+        return self.run.between or bool(self.aliasing_warning)
 
     @property
-    def folded(self) -> str:
+    def aliasing_warning(self) -> str:
         """Sentence if link records alias the frequency of the teeth, else empty."""
-        return folded(self.links_every, self.run.step, self.teeth_rate)
+        return aliasing_warning(self.links_every, self.run.step, self.teeth_rate)
 
     def resolved(self) -> dict[str, Any]:
         """The scene as plain SI numbers; ``from_table`` is the inverse."""
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
 
     @model_validator(mode="after")
-    def _in_its_plane(self) -> Scene:
+    def _check_planar(self) -> Scene:
         if not self.planar:
             return self
         kind = self.track.kind
@@ -108,28 +108,28 @@ class Scene(Table):
         """The scene with the default axes of its cables: fixed."""
         return self
 
-    def _has_no_closure(self, ends: str) -> None:
+    def _check_no_closure(self, ends: str) -> None:
         """Raise ValueError if a chain with these ``ends``, which is no loop, has a closure."""
         if self.track.closure is not None:
             raise ValueError(f"track.closure = '{self.track.closure}' needs a loop: this chain has {ends}")
 
     def _teeth_rate(self, speed: float | None) -> float:
         """Teeth per second at a sprocket speed, rad/s."""
-        return self.vehicle.sprocket.teeth * (UNKNOWN if speed is None else speed) / (2.0 * math.pi)
+        return self.vehicle.sprocket.teeth * (ASSUMED_SPEED if speed is None else speed) / (2.0 * math.pi)
 
 
 class ChainScene(Scene):
     """Chain without wheels."""
 
     assembly: Literal["chain"]
-    chain: Chain
+    chain: ChainTable
 
     @model_validator(mode="after")
-    def _has_no_wheels(self) -> ChainScene:
+    def _check_chain(self) -> ChainScene:
         if self.track.axes == "free":
             raise ValueError("track.axes = 'free' needs wheels, which a chain alone has not")
         if self.chain.ends != "loop":
-            self._has_no_closure(f"ends = '{self.chain.ends}'")
+            self._check_no_closure(f"ends = '{self.chain.ends}'")
         return self
 
 
@@ -137,12 +137,12 @@ class BenchScene(Scene):
     """Chain over a driven sprocket."""
 
     assembly: Literal["bench"]
-    bench: Bench
-    drive: Drive
+    bench: BenchTable
+    drive: DriveTable
 
     @model_validator(mode="after")
-    def _is_open(self) -> BenchScene:
-        self._has_no_closure("ends that are pulled")
+    def _check_bench(self) -> BenchScene:
+        self._check_no_closure("ends that are pulled")
         return self
 
     @property
@@ -155,9 +155,9 @@ class RigScene(Scene):
     """Closed chain round a driven sprocket and a braked idler."""
 
     assembly: Literal["rig"]
-    rig: Rig
-    drive: Drive
-    idler_drive: Drive
+    rig: RigTable
+    drive: DriveTable
+    idler_drive: DriveTable
 
     @property
     def teeth_rate(self) -> float:
@@ -169,33 +169,34 @@ class VehicleScene(Scene):
     """Vehicle on its ground."""
 
     assembly: Literal["vehicle"]
-    start: VehicleStart = VehicleStart()
+    start: VehicleStartTable = VehicleStartTable()
     tracks: tuple[Side, ...] = SIDES  # a side without a track has no drive either
-    ground: Ground = Ground()
-    drive: VehicleDrive
-    driver: Annotated[Driver | None, BeforeValidator(off)] = None  # None or false: the drives follow their own settings
+    ground: GroundTable = GroundTable()
+    drive: VehicleDriveTable
+    # None or false: the drives follow their own settings.
+    driver: Annotated[DriverTable | None, BeforeValidator(false_as_none)] = None
     push: float = 0.0  # N, share of the tensioners' preload that balances the tension of placed tracks
     symmetric: bool = False  # only the left half runs; the right one mirrors it
 
     @field_validator("tracks")
     @classmethod
-    def _a_side_once(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+    def _check_sides(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         if len(set(value)) < len(value):
             raise ValueError("names a side twice")
         return value
 
     @model_validator(mode="after")
-    def _fits_together(self) -> VehicleScene:
+    def _check_and_complete(self) -> VehicleScene:
         if self.symmetric and len(self.tracks) == 1:
             raise ValueError("symmetric = true needs both tracks or none")
-        if self.ground.bump and self.start.turned() != (self.start.heading, self.start.pitch):
+        if self.ground.bump and self.start.heading_and_pitch() != (self.start.heading, self.start.pitch):
             raise ValueError("ground.bump needs start.roll = 0: rolled over, the vehicle's start looks the other way")
         if self.planar and not self.symmetric:
             raise ValueError("planar = true needs symmetric = true: a vehicle on two tracks may roll and yaw")
         if self.turns:
-            self._may_steer()
+            self._check_steering()
         if self.driver is not None:
-            self._may_be_driven()
+            self._check_driver()
         return self.with_state().with_axes()
 
     @property
@@ -203,10 +204,10 @@ class VehicleScene(Scene):
         """Teeth per second on the faster side; with a driver, in a turn of about ten metres radius."""
         if self.driver is not None:
             radius = self.vehicle.track.pitch / (2.0 * math.sin(math.pi / self.vehicle.sprocket.teeth))
-            return self._teeth_rate(OUTSIDE * self.driver.top_speed / radius)
-        known = [speed for side in SIDES if (speed := self.drive.of(side).top_speed) is not None]
+            return self._teeth_rate(OUTER_TRACK * self.driver.top_speed / radius)
+        speeds = [speed for side in SIDES if (speed := self.drive.of_side(side).top_speed) is not None]
         steering = self.drive.steering and self.drive.steering.top_speed
-        return self._teeth_rate(max(known) + 0.5 * (steering or 0.0) if known else None)
+        return self._teeth_rate(max(speeds) + 0.5 * (steering or 0.0) if speeds else None)
 
     def with_state(self) -> VehicleScene:
         """The scene with its start state, by default equilibrium where possible; raises ValueError."""
@@ -216,7 +217,7 @@ class VehicleScene(Scene):
         if self.start.state is not None:
             return self
         solved = self.start.equilibrium is not None or not self.placed  # logs of older versions hold no equilibrium
-        state = "equilibrium" if rests and solved and not self.start.moved else "drawn"
+        state = "equilibrium" if rests and solved and not self.start.is_displaced else "drawn"
         return self.model_copy(update={"start": self.start.model_copy(update={"state": state})})
 
     @property
@@ -231,25 +232,25 @@ class VehicleScene(Scene):
             return self
         return self.model_copy(update={"track": track.model_copy(update={"axes": "free"})})
 
-    def _may_steer(self) -> None:
+    def _check_steering(self) -> None:
         """Raise ValueError if the sides' drives differ and another setting forbids that."""
         if self.symmetric:
             raise ValueError("symmetric = true needs the same drive on both sides: the right half mirrors the left")
         if without := [side for side in SIDES if side not in self.tracks]:
-            what = "a driver steers with both sides" if self.driver else "drive.left and drive.right differ"
-            what = "drive.steering joins both sides" if self.drive.steering else what
-            raise ValueError(f"{what}, but tracks has no '{without[0]}'")
+            reason = "a driver steers with both sides" if self.driver else "drive.left and drive.right differ"
+            reason = "drive.steering joins both sides" if self.drive.steering else reason
+            raise ValueError(f"{reason}, but tracks has no '{without[0]}'")
         if self.track.axes == "fixed":
             raise ValueError("this vehicle turns: track.axes = 'fixed' keeps cables in their plane")
 
-    def _may_be_driven(self) -> None:
+    def _check_driver(self) -> None:
         """Raise ValueError if the drives cannot follow a driver."""
         for where, drive in self.drive.motors().items():
             if drive.mode == "torque":
                 raise ValueError(f"{where}.mode = 'torque': a driver needs 'speed' or 'controller'")
-            own = {"mode"} if drive.mode == "speed" else {"mode", *OF_CONTROLLERS}
-            for key, field in Drive.model_fields.items():
-                if key not in own and (value := getattr(drive, key)) != field.default:
+            allowed = {"mode"} if drive.mode == "speed" else {"mode", *OF_CONTROLLERS}
+            for key, field in DriveTable.model_fields.items():
+                if key not in allowed and (value := getattr(drive, key)) != field.default:
                     raise ValueError(
                         f"{where}.{key} = {shown(value)}: a driver says how fast sprockets turn, leave it out"
                     )
@@ -269,9 +270,9 @@ def load(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> 
     points.read(table, Path(scene).parent, f"{name}.toml")
     changes = [setting(text) for text in settings]
     _kind(table, f"{name}.toml")
-    _complete(table, f"{name}.toml", track, changes)
+    _complete_table(table, f"{name}.toml", track, changes)
     for key, value in changes:
-        put(table, key, value)
+        set_key(table, key, value)
     points.read(table, Path(), f"{name}.toml")
     return from_table({"name": name, **table}, f"{name}.toml")
 
@@ -286,7 +287,7 @@ def _kind(table: Mapping[str, Any], where: str) -> type[Scene]:
     raise BadInput(f"{where}: assembly = {shown(assembly)}: must be one of {', '.join(KINDS)}")
 
 
-def _complete(table: dict[str, Any], where: str, track: str | None, changes: list[tuple[str, Any]]) -> None:
+def _complete_table(table: dict[str, Any], where: str, track: str | None, changes: list[tuple[str, Any]]) -> None:
     """Complete a raw table with its whole vehicle; ``changes`` gain the track model and lose the vehicle."""
     if track is not None:
         changes.insert(0, ("track.model", track))
@@ -297,7 +298,7 @@ def _complete(table: dict[str, Any], where: str, track: str | None, changes: lis
         if key == "vehicle":
             table["vehicle"] = value
     table["vehicle"] = _whole_vehicle(table.get("vehicle"), where)
-    changes[:] = [(SHORT.get(key, key), value) for key, value in changes if key != "vehicle"]
+    changes[:] = [(SHORT_KEYS.get(key, key), value) for key, value in changes if key != "vehicle"]
 
 
 def from_table(table: Mapping[str, Any], where: str) -> Scene:
@@ -306,16 +307,16 @@ def from_table(table: Mapping[str, Any], where: str) -> Scene:
     try:
         return kind.model_validate(dict(table))
     except ValidationError as error:
-        raise BadInput(_complaint(error, where, kind)) from None
+        raise BadInput(_validation_sentence(error, where, kind)) from None
 
 
-def changed(resolved: dict[str, Any], settings: Sequence[str], where: str) -> Scene:
+def changed_scene(resolved: dict[str, Any], settings: Sequence[str], where: str) -> Scene:
     """Apply ``KEY=VALUE`` settings to a resolved scene, which is modified; reads no file.
 
     Raises BadInput, with a message that begins with ``where``.
     """
     for key, value in map(setting, settings):
-        put(resolved, SHORT.get(key, key), value)
+        set_key(resolved, SHORT_KEYS.get(key, key), value)
     return from_table(resolved, where)
 
 
@@ -327,14 +328,14 @@ def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:
         raise BadInput(f"{where}: vehicle must be a name, a .toml file or a table with 'base'")
     if "base" not in vehicle:
         return dict(vehicle)
-    over = dict(vehicle)
-    base = over.pop("base")
+    changes = dict(vehicle)
+    base = changes.pop("base")
     if not isinstance(base, str):
         raise BadInput(f"{where}: vehicle.base = {shown(base)}: must be a name or a .toml file")
-    return merged(read_table(base)[0], over)
+    return merge_tables(read_table(base)[0], changes)
 
 
-def _complaint(error: ValidationError, where: str, model: type[Scene]) -> str:
+def _validation_sentence(error: ValidationError, where: str, model: type[Scene]) -> str:
     """One sentence for a validation error, with the nearest known key for an unknown one."""
     text = sentence(error, where)
     first = error.errors()[0]

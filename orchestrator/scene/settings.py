@@ -27,7 +27,7 @@ def setting(text: str) -> tuple[str, Any]:
     return key.strip(), parsed["value"] if len(parsed) == 1 else value.strip()
 
 
-def put(table: dict[str, Any], key: str, value: Any) -> None:
+def set_key(table: dict[str, Any], key: str, value: Any) -> None:
     """Set a dotted key; integers index into arrays."""
     *path, last = key.split(".")
     place: Any = table
@@ -44,12 +44,12 @@ def _index(place: list[Any], part: str, key: str) -> int:
     return int(part)
 
 
-def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+def merge_tables(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
     """Merge ``above`` over ``below``, table by table."""
     result = dict(below)
     for key, value in above.items():
-        both = isinstance(value, Mapping) and isinstance(result.get(key), Mapping)
-        result[key] = merged(result[key], value) if both else value
+        are_tables = isinstance(value, Mapping) and isinstance(result.get(key), Mapping)
+        result[key] = merge_tables(result[key], value) if are_tables else value
     return result
 
 

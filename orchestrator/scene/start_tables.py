@@ -11,14 +11,14 @@ from fmus.vehicle import Distance, In, Table
 from orchestrator.scene.values import Place
 
 
-class Start(Table):
+class StartTable(Table):
     """Place of the vehicle at the start, world frame."""
 
     position: tuple[Place, Place, Place] = (0.0, 0.0, 0.0)
     heading: Annotated[float, In("rad")] = 0.0
 
 
-class Equilibrium(Table):
+class EquilibriumTable(Table):
     """Equilibrium position of hull, arms and idlers, from the drawn position (``fmus.equilibrium``)."""
 
     height: float  # m, centre of mass of the hull
@@ -28,7 +28,7 @@ class Equilibrium(Table):
     right: tuple[float, ...]
 
 
-class VehicleStart(Start):
+class VehicleStartTable(StartTable):
     """Start of a vehicle, which may be raised, pitched, or rolled by half a turn."""
 
     height: Place = 0.0  # sprocket axle above its drawn place
@@ -37,11 +37,11 @@ class VehicleStart(Start):
     # equilibrium: at rest on springs and tracks, the default. drawn: springs without load, so the vehicle drops; the
     # default of a raised or turned vehicle.
     state: Literal["equilibrium", "drawn"] | None = None
-    equilibrium: Equilibrium | None = None  # solved
+    equilibrium: EquilibriumTable | None = None  # solved
 
     @model_validator(mode="after")
-    def _rests_in_its_place(self) -> VehicleStart:
-        if self.state == "equilibrium" and self.moved:
+    def _check_rest(self) -> VehicleStartTable:
+        if self.state == "equilibrium" and self.is_displaced:
             raise ValueError(
                 "state = 'equilibrium' needs height = 0, pitch = 0 and roll = 0: what is raised or turned starts as"
                 " 'drawn'"
@@ -49,25 +49,25 @@ class VehicleStart(Start):
         return self
 
     @property
-    def moved(self) -> bool:
+    def is_displaced(self) -> bool:
         """True if the vehicle is raised, pitched or rolled."""
         return (self.height, self.pitch, self.roll) != (0.0, 0.0, 0.0)
 
     @model_validator(mode="after")
-    def _upright(self) -> VehicleStart:
+    def _check_roll(self) -> VehicleStartTable:
         if abs(remainder(self.roll, pi)) > 1e-9:
             raise ValueError(
                 f"roll = {self.roll:g} rad must be 0 or half a turn (180 deg): a track is laid out in an upright plane"
             )
         return self
 
-    def turned(self) -> tuple[float, float]:
+    def heading_and_pitch(self) -> tuple[float, float]:
         """Heading and pitch, rad, with the roll in them: R_z(h) R_y(p) R_x(pi) = R_z(h + pi) R_y(pi - p)."""
         over = abs(remainder(self.roll, 2.0 * pi)) > 1.0
         return (self.heading + pi, pi - self.pitch) if over else (self.heading, self.pitch)
 
 
-class Bump(Table):
+class BumpTable(Table):
     """Trapezoidal obstacle across the path, with rounded edges, in the frame of the start."""
 
     start: Place  # its beginning, ahead of the sprocket axle
@@ -77,8 +77,8 @@ class Bump(Table):
     radius: Distance  # all four edges
 
 
-class Ground(Table):
+class GroundTable(Table):
     """Ground beyond its level, and contacts beyond those of the tracks."""
 
     hull: bool = False  # contact at the points vehicle.chassis.hull
-    bump: Bump | None = None
+    bump: BumpTable | None = None

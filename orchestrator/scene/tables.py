@@ -27,7 +27,7 @@ class Check(Table):
     track: TrackName | None = None  # only for this track model
 
     @model_validator(mode="after")
-    def _one_source(self) -> Check:
+    def _check_source(self) -> Check:
         if (self.signal is None) == (self.measure is None):
             raise ValueError("needs either signal or measure")
         if self.measure is not None and self.measure not in measures.NAMES:
@@ -35,7 +35,7 @@ class Check(Table):
         return self
 
 
-class Chain(Table):
+class ChainTable(Table):
     """Open chain between two pins at equal height, or fixed at the first pin only, or a free loop."""
 
     links: Annotated[int, Field(ge=2, le=4096)]
@@ -45,7 +45,7 @@ class Chain(Table):
     ovalling: Annotated[float, In("rad/s")] = 0.0  # additional speed of its links, times cos(2 angle)
 
     @model_validator(mode="after")
-    def _of_its_ends(self) -> Chain:
+    def _check_ends(self) -> ChainTable:
         if (self.span is None) == (self.ends == "pinned"):
             raise ValueError(f"ends = '{self.ends}' {'needs' if self.span is None else 'has no'} span")
         for key in ("spin", "ovalling"):
@@ -56,7 +56,7 @@ class Chain(Table):
         return self
 
 
-class Bench(Table):
+class BenchTable(Table):
     """Open chain over one sprocket, its ends pulled by constant forces."""
 
     links: Annotated[int, Field(ge=8, le=4096)]
@@ -65,7 +65,7 @@ class Bench(Table):
     transverse_damping: Annotated[float, In("N s/m", ge=0)] = 0.0
 
 
-class Rig(Table):
+class RigTable(Table):
     """Closed chain round a sprocket and a smooth idler with fixed axles."""
 
     links: Annotated[int, Field(ge=8, le=4096)]

@@ -34,6 +34,6 @@ Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
 
 
-def off(value: object) -> object:
+def false_as_none(value: object) -> object:
     """Read ``false`` as None, which TOML lacks."""
     return None if value is False else value

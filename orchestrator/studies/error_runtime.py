@@ -34,7 +34,7 @@ QUICK = {
 }
 
 
-class Method(NamedTuple):
+class MethodCurve(NamedTuple):
     """Curve of the study: common settings, and points with a label and settings of their own."""
 
     name: str
@@ -42,7 +42,7 @@ class Method(NamedTuple):
     points: tuple[tuple[str, tuple[str, ...]], ...]
 
 
-def fixed(name: str, settings: tuple[str, ...], steps: tuple[tuple[float, float], ...]) -> Method:
+def fixed(name: str, settings: tuple[str, ...], steps: tuple[tuple[float, float], ...]) -> MethodCurve:
     """Curve over (communication, internal) steps in ms; 0: stable step."""
     points = tuple(
         (f"H = {step:g} ms, h = {internal:g} ms", (f"run.step={step} ms", f"track.step={internal} ms"))
@@ -50,13 +50,13 @@ def fixed(name: str, settings: tuple[str, ...], steps: tuple[tuple[float, float]
         else (f"H = {step:g} ms, h = the stable one", (f"run.step={step} ms",))
         for step, internal in steps
     )
-    return Method(name, settings, points)
+    return MethodCurve(name, settings, points)
 
 
-def variable(name: str, settings: tuple[str, ...], tolerances: tuple[float, ...]) -> Method:
+def variable(name: str, settings: tuple[str, ...], tolerances: tuple[float, ...]) -> MethodCurve:
     """Curve over tolerances of variable communication steps, for scenes that have them."""
     points = tuple((f"tolerance {tolerance:g}", (f"run.variable.tolerance={tolerance}",)) for tolerance in tolerances)
-    return Method(name, settings, points)
+    return MethodCurve(name, settings, points)
 
 
 def equal(*steps: float) -> tuple[tuple[float, float], ...]:
@@ -64,7 +64,7 @@ def equal(*steps: float) -> tuple[tuple[float, float], ...]:
     return tuple((h, h) for h in steps)
 
 
-ALONE = (  # a component on its own
+SINGLE_COMPONENT = (  # a component on its own
     fixed("implicit", (), equal(10, 4, 2, 1, 0.5, 0.25, 0.125, 0.0625)),
     fixed("Runge-Kutta", ("track.integrator=runge_kutta",), ((1, 0.008),)),
 )
@@ -81,7 +81,7 @@ COUPLED = (
 )
 
 
-PACED: Sequence[Method] = (  # for scenes with a variable step
+PACED: Sequence[MethodCurve] = (  # for scenes with a variable step
     *(method._replace(settings=("run.variable=false",)) for method in COUPLED[:3]),
     variable("power residual", ("run.variable.estimate=power",), (1e-3, 1e-4, 3e-5, 1e-5, 3e-6)),
     variable(
@@ -95,59 +95,59 @@ PACED: Sequence[Method] = (  # for scenes with a variable step
 
 def cases(quick: bool, scene: str = "straight") -> list[Case]:
     """Cases: the truth of each track model, then all methods."""
-    found = load(scene)
-    base = (QUICK[found.assembly],) if quick else ()
-    if isinstance(found, ChainScene) and found.chain.ends == "pinned" and found.track.start in (None, "rest"):
+    loaded = load(scene)
+    base = (QUICK[loaded.assembly],) if quick else ()
+    if isinstance(loaded, ChainScene) and loaded.chain.ends == "pinned" and loaded.track.start in (None, "rest"):
         base = (*base, "track.start=displaced")  # a scene at rest has no error
-    methods: Sequence[Method] = ALONE if isinstance(found, ChainScene) else COUPLED
-    if found.run.variable is not None:
-        methods = PACED
-    wanted = []
+    curves: Sequence[MethodCurve] = SINGLE_COMPONENT if isinstance(loaded, ChainScene) else COUPLED
+    if loaded.run.variable is not None:
+        curves = PACED
+    all_cases = []
     for model in [*TRACKS][: 1 if quick else None]:
-        wanted.append(Case(scene, f"truth, {model}", own_error, (scene, model, base), 600.0, 7200.0))
-        for method in methods:
-            if quick and "Runge" in method.name and found.assembly != "chain":
+        all_cases.append(Case(scene, f"truth, {model}", truth_error, (scene, model, base), 600.0, 7200.0))
+        for curve in curves:
+            if quick and "Runge" in curve.name and loaded.assembly != "chain":
                 continue
-            for words, own in method.points[: 4 if quick else None]:
-                arguments = (scene, model, method.name, (*base, *method.settings, *own), base)
-                wanted.append(Case(scene, f"{model}, {method.name}, {words}", point, arguments, 30.0))
-    return wanted
+            for label, point_settings in curve.points[: 4 if quick else None]:
+                arguments = (scene, model, curve.name, (*base, *curve.settings, *point_settings), base)
+                all_cases.append(Case(scene, f"{model}, {curve.name}, {label}", point, arguments, 30.0))
+    return all_cases
 
 
-def own_error(scene: str, track: str, base: tuple[str, ...]) -> list[Row]:
+def truth_error(scene: str, track: str, base: tuple[str, ...]) -> list[Row]:
     """Difference of the truth from its coarser run."""
-    found = truth(load(scene, track, base))
+    converged = truth(load(scene, track, base))
     share = 1.0 / (2.0**ORDER - 1.0)
     figures = {
         "track": track,
         "method": "truth",
         "settings": base,
-        "wall_time": found.wall_time,  # s; the truth has an error estimate of its own
-        "error": share * worst(found.difference),
-        "errors": {name: share * one.relative for name, one in found.difference.items()},
-        "absolute": {name: share * one.absolute for name, one in found.difference.items()},
+        "wall_time": converged.wall_time,  # s; the truth has an error estimate of its own
+        "error": share * worst(converged.difference),
+        "errors": {name: share * difference.relative for name, difference in converged.difference.items()},
+        "absolute": {name: share * difference.absolute for name, difference in converged.difference.items()},
     }
-    return [Row("", "", figures, note=f"internal step {found.internal_step * 1e6:.3g} us")]
+    return [Row("", "", figures, note=f"internal step {converged.internal_step * 1e6:.3g} us")]
 
 
 def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: tuple[str, ...]) -> list[Row]:
     """Timed run, compared with the truth, with its own error estimate."""
     exact = truth(load(scene, track, base))
     timed = sampled(load(scene, track, settings))
-    told = record(timed)
-    way = {"track": track, "method": method, "settings": settings}  # curve, and settings of the run
-    if told["status"] != "ok":
-        return [Row("", "", way, note=told["message"])]  # a long step may fail: that is a result
-    log = Path(told["log"])
-    off = differences_of_logs(log, exact.log)
-    own = estimate(timed, log, told, record)
+    summary = record(timed)
+    curve = {"track": track, "method": method, "settings": settings}  # curve, and settings of the run
+    if summary["status"] != "ok":
+        return [Row("", "", curve, note=summary["message"])]  # a long step may fail: that is a result
+    log = Path(summary["log"])
+    differences = differences_of_logs(log, exact.log)
+    estimated = estimate(timed, log, summary, record)
     figures = {
-        "wall_time": told["wall_time"],  # s
-        "cpu_time": told["cpu_time"],  # s, all threads
-        "error": worst(off),  # largest relative error of the decisive observables
-        "estimate": math.nan if own["total"] is None else own["total"],  # the run's own estimate
-        "errors": {name: one.relative for name, one in off.items()},
-        "estimates": {name: one["total"] for name, one in own["observables"].items()},
-        "absolute": {name: one.absolute for name, one in off.items()},
+        "wall_time": summary["wall_time"],  # s
+        "cpu_time": summary["cpu_time"],  # s, all threads
+        "error": worst(differences),  # largest relative error of the decisive observables
+        "estimate": math.nan if estimated["total"] is None else estimated["total"],  # the run's own estimate
+        "errors": {name: observable.relative for name, observable in differences.items()},
+        "estimates": {name: observable["total"] for name, observable in estimated["observables"].items()},
+        "absolute": {name: observable.absolute for name, observable in differences.items()},
     }
-    return [Row("", "", way | figures, note=own["message"])]
+    return [Row("", "", curve | figures, note=estimated["message"])]

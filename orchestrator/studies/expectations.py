@@ -14,7 +14,7 @@ from orchestrator.results import measures
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.scene.scene import ChainScene, RigScene, Scene, VehicleScene
 
-Answer = tuple[float, float, float]  # value, expected, tolerance
+Expectation = tuple[float, float, float]  # value, expected, tolerance
 
 
 def _last(run: RunData, seconds: float = 1.0) -> Window:
@@ -22,36 +22,36 @@ def _last(run: RunData, seconds: float = 1.0) -> Window:
     return Window(max(0.0, end - seconds), end)
 
 
-def weight(run: RunData, scene: VehicleScene, within: float = 0.03) -> Answer:
+def weight(run: RunData, scene: VehicleScene, within: float = 0.03) -> Expectation:
     """Ground reaction: mean of the last second against the weight, N."""
     heavy = summary.weight(scene)
     return measures.ground_force(run, "", _last(run)), heavy, within * heavy
 
 
-def afloat(run: RunData, scene: Scene) -> Answer:
+def afloat(run: RunData, scene: Scene) -> Expectation:
     """Drift without gravity: largest settlement, m; the tracks push the hull slowly when they settle."""
     return float(abs(run.signal("chassis.settlement")[1]).max()), 0.0, 0.05
 
 
-def speed(run: RunData, scene: Scene) -> Answer:
+def speed(run: RunData, scene: Scene) -> Expectation:
     """Vehicle speed over teeth x pitch x omega / 2 pi, less 1, mean of the last half second."""
     return measures.speed_excess(run, "", _last(run, 0.5)), 0.02, 0.04
 
 
-def stays(run: RunData, scene: Scene) -> Answer:
+def stays(run: RunData, scene: Scene) -> Expectation:
     """Mean speed without ground friction, m/s: the vehicle only rocks in place."""
     return run.mean("chassis.speed", _last(run)), 0.0, 0.03
 
 
-def sliding(run: RunData, scene: VehicleScene) -> Answer:
+def sliding(run: RunData, scene: VehicleScene) -> Expectation:
     """Deceleration with locked sprockets against friction times gravity, m/s2."""
     t, v = run.signal("chassis.speed", Window(float(scene.drive.stop or 0.0) + 0.3, scene.run.stop))
     moving = v > 0.3
-    wanted = scene.vehicle.contact.ground.friction * scene.vehicle.gravity
-    return float(-np.polyfit(t[moving], v[moving], 1)[0]), wanted, 0.1 * wanted
+    expected = scene.vehicle.contact.ground.friction * scene.vehicle.gravity
+    return float(-np.polyfit(t[moving], v[moving], 1)[0]), expected, 0.1 * expected
 
 
-def climbs(run: RunData, scene: VehicleScene) -> Answer:
+def climbs(run: RunData, scene: VehicleScene) -> Expectation:
     """Rise of the hull over an obstacle, m, against the obstacle's height; 0 if it does not get across.
 
     The centre of mass rises by most of the height, or more if the nose rears up.
@@ -62,12 +62,12 @@ def climbs(run: RunData, scene: VehicleScene) -> Answer:
     return (float(-run.signal("chassis.settlement")[1].min()) if across else 0.0), rise, 0.35 * rise
 
 
-def at_rest(run: RunData, scene: VehicleScene) -> Answer:
+def at_rest(run: RunData, scene: VehicleScene) -> Expectation:
     """Ground reaction of a vehicle that has come to rest, but for the last oscillation of contacts, N."""
     return weight(run, scene, 0.06)
 
 
-def sag(run: RunData, scene: ChainScene) -> Answer:
+def sag(run: RunData, scene: ChainScene) -> Expectation:
     """Sag of the discrete catenary of rigid links, m: tan(angle) = weight from the middle over pull."""
     n, pitch = scene.chain.links, scene.vehicle.track.pitch
     from_middle = np.arange(n) - 0.5 * (n - 1)
@@ -78,26 +78,26 @@ def sag(run: RunData, scene: ChainScene) -> Answer:
     return measures.sag(run, "", _last(run)), float(depth), 2e-3 * float(depth)
 
 
-def hoop(run: RunData, scene: ChainScene) -> Answer:
+def hoop(run: RunData, scene: ChainScene) -> Expectation:
     """Pin force of a free loop of rigid links, N: m omega^2 Rc / (2 sin(pi/N)), Rc = p / (2 tan(pi/N))."""
     track, half = scene.vehicle.track, math.pi / scene.chain.links
     force = track.mass * scene.chain.spin**2 * track.pitch / (4.0 * math.tan(half) * math.sin(half))
     return measures.joint_force(run, "", _last(run)), force, 1e-3 * force
 
 
-def rides(run: RunData, scene: RigScene) -> Answer:
+def rides(run: RunData, scene: RigScene) -> Expectation:
     """Chain speed over teeth x pitch x omega / 2 pi, over the last ten teeth."""
     pace = scene.vehicle.sprocket.teeth * scene.vehicle.track.pitch / (2.0 * math.pi)
     window = _last(run, 2.0 * math.pi / scene.drive.speed)
     return run.mean("track.speed", window) / (pace * run.mean("drive.speed", window)), 1.0, 0.005
 
 
-def ledger(run: RunData, scene: Scene) -> Answer:
+def ledger(run: RunData, scene: Scene) -> Expectation:
     """No expectation besides the energy ledger, which closes to 5 %."""
     return 0.0, 0.0, 0.0
 
 
-ASKED: dict[str, tuple[Callable[[RunData, Any], Answer], str]] = {  # each fits scenes of its own kind
+EXPECTATIONS: dict[str, tuple[Callable[[RunData, Any], Expectation], str]] = {  # each fits scenes of its own kind
     "weight": (weight, "ground reaction, last second, N: the weight, 3 %"),
     "afloat": (afloat, "largest way up or down, m: 0 to 0.05"),
     "speed": (speed, "speed over that of the sprocket, less 1, last 0.5 s"),

@@ -17,7 +17,7 @@ class Family(NamedTuple):
     track: str
     values: tuple[float, ...]
     settings: Callable[[float], Sequence[str]]
-    asked: str | Callable[[float], str] = "weight"
+    expectation: str | Callable[[float], str] = "weight"
     sensible: tuple[float, float] = (-math.inf, math.inf)  # range of realistic values
     quick: tuple[float, ...] | None = None  # values of the quick form; None: all
     seconds: float = 15.0

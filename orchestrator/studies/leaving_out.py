@@ -27,7 +27,7 @@ from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.graph import wire
 from orchestrator.cosim.observers import Logging
 from orchestrator.execution.manifest import open_log
-from orchestrator.execution.simulate import load_components, paced, simulate, warm_up
+from orchestrator.execution.simulate import load_components, pace_of, simulate, warm_up
 from orchestrator.log.reader import Log
 from orchestrator.results.table import Column, Table
 from orchestrator.scene.assembly import Assembly, assemble, system
@@ -43,7 +43,7 @@ PAIRS = 5
 # Allowed differences. Pin forces are those of Newton's last evaluation, with corrections of up to 1e-9 m left; a link
 # of 3e9 N makes 20 N of that, and 1e-6 of the largest force is 20 mN.
 MOTION, FORCE = 3e-8, 1e-6  # 30 and 100 times the growth of one ulp of gravity in the displaced hanging chain
-LEAST = 1e-2  # of a scale: with a smaller value, in SI, a unit hardly occurs in a run
+SMALLEST_SCALE = 1e-2  # of a scale: with a smaller value, in SI, a unit hardly occurs in a run
 SPEED_OF = {"m": "m/s", "rad": "rad/s"}  # rates for units that a run hardly shows, taken from its positions
 SOFT = ("m", "m/s", "rad", "rad/s", "1")  # units of motion; others are forces, stresses and energies
 DEPTH = 1000.0  # m from a chain to a ground out of reach
@@ -72,7 +72,7 @@ COLUMNS = (
 KEYS = tuple(column.key for column in COLUMNS[2:-2])  # keys of figures
 
 
-class Side(NamedTuple):
+class PairedRun(NamedTuple):
     """One run of a pair."""
 
     settings: tuple[str, ...] = ()
@@ -85,32 +85,32 @@ ADDED: dict[str, Callable[[Scene, Assembly], Assembly]] = {
     "ground": lambda scene, a: a._replace(parts=tuple(_over_ground(part) for part in a.parts)),
 }
 
-HALF, PLANAR = Side(("symmetric=true",)), Side(("symmetric=true", "planar=true"))
-NO_LINKS = Side(("track.link_outputs=false",))
+HALF, PLANAR = PairedRun(("symmetric=true",)), PairedRun(("symmetric=true", "planar=true"))
+NO_LINKS = PairedRun(("track.link_outputs=false",))
 ALONE = (  # chains without a vehicle
-    ("lateral dofs", Side(), Side(("planar=true",))),
-    ("a chassis that nothing touches", Side(added="chassis"), Side()),
-    ("a ground out of reach", Side(added="ground"), Side()),
-    ("outputs per link every 10 steps", Side(), NO_LINKS),
+    ("lateral dofs", PairedRun(), PairedRun(("planar=true",))),
+    ("a chassis that nothing touches", PairedRun(added="chassis"), PairedRun()),
+    ("a ground out of reach", PairedRun(added="ground"), PairedRun()),
+    ("outputs per link every 10 steps", PairedRun(), NO_LINKS),
 )
 RAMP = ("drive.ramp_start=0 s",)  # without rest at the start
 # Scene: end of a quick and of a full run, s, common settings, and names of parts with both sides.
-SCENES: dict[str, tuple[float, float, tuple[str, ...], tuple[tuple[str, Side, Side], ...]]] = {
+SCENES: dict[str, tuple[float, float, tuple[str, ...], tuple[tuple[str, PairedRun, PairedRun], ...]]] = {
     "straight": (
         0.5,
         2.0,
         RAMP,
         (
-            ("the right half", Side(), HALF),
+            ("the right half", PairedRun(), HALF),
             ("lateral dofs", HALF, PLANAR),
-            ("right half and lateral dofs", Side(), PLANAR),
-            ("outputs per link every 20 ms", Side(), NO_LINKS),
-            ("outputs per link every step", Side(("run.links=1",)), NO_LINKS),
-            ("nine outputs of ten", Side(), Side(("run.outputs=10",))),
-            ("the estimate of the error", Side(estimated=True), Side()),
+            ("right half and lateral dofs", PairedRun(), PLANAR),
+            ("outputs per link every 20 ms", PairedRun(), NO_LINKS),
+            ("outputs per link every step", PairedRun(("run.links=1",)), NO_LINKS),
+            ("nine outputs of ten", PairedRun(), PairedRun(("run.outputs=10",))),
+            ("the estimate of the error", PairedRun(estimated=True), PairedRun()),
         ),
     ),
-    "settle": (0.5, 2.0, (), (("the right half", Side(), HALF), ("lateral dofs", HALF, PLANAR))),
+    "settle": (0.5, 2.0, (), (("the right half", PairedRun(), HALF), ("lateral dofs", HALF, PLANAR))),
     "rig": (1.0, 3.0, RAMP, ALONE),
     "hanging_chain": (0.5, 1.0, ("track.start=displaced",), ALONE),
 }
@@ -120,31 +120,31 @@ def cases(quick: bool, scene: str | None = None) -> list[Case]:
     """Pairs on four scenes, or on one; quick pairs are shorter. Raises BadInput."""
     if scene is not None and scene not in SCENES:
         raise BadInput(f"study leaving-out: scene '{scene}' must be one of {', '.join(SCENES)}")
-    found = []
-    for name, (brief, long, base, things) in SCENES.items():
+    all_cases = []
+    for name, (brief, long, base, omissions) in SCENES.items():
         if scene not in (None, name):
             continue
         stop = brief if quick else long
         common = (f"run.stop={stop} s", "run.outputs=1", *base)
-        for thing, *sides in things:
+        for omission, *sides in omissions:
             pair = tuple(side._replace(settings=(*common, *side.settings)) for side in sides)
-            found.append(Case(name, thing, compare, (name, pair, 3 if quick else PAIRS), 20.0 * stop))
-    return found
+            all_cases.append(Case(name, omission, compare, (name, pair, 3 if quick else PAIRS), 20.0 * stop))
+    return all_cases
 
 
-def compare(scene: str, sides: tuple[Side, Side], pairs: int) -> list[Row]:
+def compare(scene: str, sides: tuple[PairedRun, PairedRun], pairs: int) -> list[Row]:
     """Time both sides in turn, measure their memory, and compare their logs."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-        timed = _child({"scene": scene, "sides": sides, "pairs": pairs, "folder": folder})
-        peaks = [_child({"scene": scene, "sides": [side], "pairs": 0, "folder": folder})["peak"] for side in sides]
+        timed = _run_task({"scene": scene, "sides": sides, "pairs": pairs, "folder": folder})
+        peaks = [_run_task({"scene": scene, "sides": [side], "pairs": 0, "folder": folder})["peak"] for side in sides]
         motion, force = difference(*(Path(folder) / f"{k}.mcap" for k in (0, 1)))
     costs = np.array(timed["costs"])  # (pairs, side, (cpu, wall))
-    spent = np.median(costs, axis=0)
+    medians = np.median(costs, axis=0)
     ratios = costs[:, 1] / costs[:, 0]
     spreads = np.array([np.median(ratios, axis=0), ratios.min(axis=0), ratios.max(axis=0)])  # (statistic, (cpu, wall))
     ok = motion <= MOTION and force <= FORCE
     figures = [
-        *spent[:, 0].tolist(),
+        *medians[:, 0].tolist(),
         *spreads.T.ravel().tolist(),
         *peaks,
         *(size / 1000 for size in timed["log"]),
@@ -154,56 +154,56 @@ def compare(scene: str, sides: tuple[Side, Side], pairs: int) -> list[Row]:
     return [Row("", "", dict(zip(KEYS, figures, strict=True)), ok)]
 
 
-def difference(one: Path, other: Path) -> tuple[float, float]:
+def difference(first: Path, second: Path) -> tuple[float, float]:
     """Largest differences of motion and of forces between two logs, at common times.
 
     They are relative to the largest common value of the same unit or, for a speed that hardly occurs, to the fastest
     change of its position.
     """
     scale: dict[str, float] = {}
-    moved: dict[str, float] = {}
-    apart: dict[str, float] = {}
-    with Log(one) as a, Log(other) as b:
+    fastest: dict[str, float] = {}
+    largest: dict[str, float] = {}
+    with Log(first) as a, Log(second) as b:
         for topic in sorted(set(a.topics) & set(b.topics)):
             if topic.startswith("/stats"):
                 continue
             left, right = a.read(topic), b.read(topic)
             _, i, j = np.intersect1d(np.rint(left.t * 1e9), np.rint(right.t * 1e9), return_indices=True)
             for name in set(left.names) & set(right.names):
-                at = left.names.index(name)
-                x, y = left.values[i, at], right.values[j, right.names.index(name)]
-                unit = a.topics[topic].units[at]
+                column = left.names.index(name)
+                x, y = left.values[i, column], right.values[j, right.names.index(name)]
+                unit = a.topics[topic].units[column]
                 scale[unit] = max(scale.get(unit, 0.0), float(np.abs(x).max(initial=0.0)))
-                apart[unit] = max(apart.get(unit, 0.0), float(np.abs(x - y).max(initial=0.0)))
+                largest[unit] = max(largest.get(unit, 0.0), float(np.abs(x - y).max(initial=0.0)))
                 if unit in SPEED_OF:
-                    pace = np.abs(np.diff(x) / np.diff(left.t[i])).max(initial=0.0)
-                    moved[SPEED_OF[unit]] = max(moved.get(SPEED_OF[unit], 0.0), float(pace))
-    for unit, pace in moved.items():
-        if scale.get(unit, 0.0) < LEAST:
-            scale[unit] = pace
-    relative = {unit: by / max(scale[unit], LEAST) for unit, by in apart.items()}
-    soft = (by for unit, by in relative.items() if unit in SOFT)
-    return max(soft, default=0.0), max((by for unit, by in relative.items() if unit not in SOFT), default=0.0)
+                    rate = np.abs(np.diff(x) / np.diff(left.t[i])).max(initial=0.0)
+                    fastest[SPEED_OF[unit]] = max(fastest.get(SPEED_OF[unit], 0.0), float(rate))
+    for unit, rate in fastest.items():
+        if scale.get(unit, 0.0) < SMALLEST_SCALE:
+            scale[unit] = rate
+    relative = {unit: value / max(scale[unit], SMALLEST_SCALE) for unit, value in largest.items()}
+    soft = (value for unit, value in relative.items() if unit in SOFT)
+    return max(soft, default=0.0), max((value for unit, value in relative.items() if unit not in SOFT), default=0.0)
 
 
 # --- runs, in a process of their own ---------------------------------------------------------------
 
 
-def _child(task: dict[str, Any]) -> Any:
-    done = subprocess.run(
+def _run_task(task: dict[str, Any]) -> Any:
+    process = subprocess.run(
         [sys.executable, "-m", "orchestrator.studies.leaving_out"],
         input=json.dumps(task),
         text=True,
         capture_output=True,
     )
-    if done.returncode:
-        raise RuntimeError((done.stderr.strip() or "no message").splitlines()[-1])
-    return json.loads(done.stdout.splitlines()[-1])
+    if process.returncode:
+        raise RuntimeError((process.stderr.strip() or "no message").splitlines()[-1])
+    return json.loads(process.stdout.splitlines()[-1])
 
 
 def _main() -> None:
     task = json.load(sys.stdin)
-    sides = [Side(tuple(settings), *rest) for settings, *rest in task["sides"]]
+    sides = [PairedRun(tuple(settings), *rest) for settings, *rest in task["sides"]]
     paths = [Path(task["folder"]) / f"{k}.mcap" for k in range(len(sides))]
     if not task["pairs"]:
         run(task["scene"], sides[0], Path(task["folder"]) / "peak.mcap")
@@ -219,14 +219,14 @@ def _main() -> None:
     json.dump({"costs": costs, "log": [path.stat().st_size for path in paths]}, sys.stdout)
 
 
-def run(name: str, side: Side, path: Path) -> tuple[float, float]:
+def run(name: str, side: PairedRun, path: Path) -> tuple[float, float]:
     """CPU and wall time, s, of stepping and recording a scene; with an estimate, of the whole run."""
     scene = load(name, "flexible", side.settings)
     if side.estimated:
         cpu, wall = time.process_time(), time.perf_counter()
-        told = simulate(scene, path, estimated=True)
-        if told["status"] != "ok":
-            raise RuntimeError(told["message"])
+        summary = simulate(scene, path, estimated=True)
+        if summary["status"] != "ok":
+            raise RuntimeError(summary["message"])
         cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
         return cpu, wall
     scene = placed(scene)
@@ -241,7 +241,7 @@ def run(name: str, side: Side, path: Path) -> tuple[float, float]:
         warm_up(stages, scene.run.step)
         with open_log(path, scene, graph, components, scheme) as recorder:
             cpu, wall = time.process_time(), time.perf_counter()
-            outcome = master.run(scheme, paced(scene.run), [Logging(recorder, list(components.values()), 100)])
+            outcome = master.run(scheme, pace_of(scene.run), [Logging(recorder, list(components.values()), 100)])
             recorder.close(outcome.status, outcome.message, outcome.steps)
             cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     if outcome.status != "ok":
@@ -286,14 +286,22 @@ def draw(rows: Sequence[Row], title: str) -> files.Picture:
     """Draw bars of the remaining cost: CPU time with its spread, log size."""
     from matplotlib.figure import Figure
 
-    shown = [row for row in rows if math.isfinite(row["cpu_ratio"])][::-1]
-    figure = Figure(figsize=(9.0, 1.2 + 0.42 * len(shown)), layout="constrained")
+    drawn_rows = [row for row in rows if math.isfinite(row["cpu_ratio"])][::-1]
+    figure = Figure(figsize=(9.0, 1.2 + 0.42 * len(drawn_rows)), layout="constrained")
     axes = figure.subplots()
-    at = np.arange(len(shown))
-    middle, low, high = (np.array([row[key] for row in shown]) for key in ("cpu_ratio", "cpu_least", "cpu_largest"))
-    axes.barh(at + 0.2, middle, 0.38, xerr=(middle - low, high - middle), color="tab:blue", label="CPU time")
-    axes.barh(at - 0.2, [row["log_without"] / row["log_with"] for row in shown], 0.38, color="tab:orange", label="log")
-    axes.set_yticks(at, [f"{row.item}: {row.case}" for row in shown], fontsize=8)
+    positions = np.arange(len(drawn_rows))
+    middle, low, high = (
+        np.array([row[key] for row in drawn_rows]) for key in ("cpu_ratio", "cpu_least", "cpu_largest")
+    )
+    axes.barh(positions + 0.2, middle, 0.38, xerr=(middle - low, high - middle), color="tab:blue", label="CPU time")
+    axes.barh(
+        positions - 0.2,
+        [row["log_without"] / row["log_with"] for row in drawn_rows],
+        0.38,
+        color="tab:orange",
+        label="log",
+    )
+    axes.set_yticks(positions, [f"{row.item}: {row.case}" for row in drawn_rows], fontsize=8)
     axes.axvline(1.0, color="0.5", linewidth=0.8)
     axes.set_xlabel("without over with")
     axes.set_title(title, fontsize=10)

@@ -84,8 +84,8 @@ def link_frequency(scene: Scene) -> float:
     """Highest frequency of a free straight link, rad/s: an upper bound for its chain."""
     v = scene.vehicle
     E, A, I, l, mass = v.material.youngs_modulus, v.section.area, v.section.bending, v.track.pitch, v.track.mass
-    more = v.track.inertia[1] - mass * l**2 / 12.0
-    return highest_frequency(Cable(l, mass / l, E * A, E * I, 0.0, 0.0, rotary=more))
+    rotary = v.track.inertia[1] - mass * l**2 / 12.0
+    return highest_frequency(Cable(l, mass / l, E * A, E * I, 0.0, 0.0, rotary=rotary))
 
 
 def predicted(scene: Scene) -> tuple[float, str]:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from orchestrator.cosim.graph import Floats, Kind
+from orchestrator.cosim.graph import Floats, Quantity
 
 
 class Oscillator(NamedTuple):
@@ -33,7 +33,7 @@ class Oscillator(NamedTuple):
     start: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)  # x1, v1, x2, v2
 
 
-class Side(NamedTuple):
+class LinearComponent(NamedTuple):
     """Linear component: x' = A x + B u, u' = E u inside a step; y = C x (value) or its mean of C x + D u."""
 
     A: Floats
@@ -45,7 +45,7 @@ class Side(NamedTuple):
     mean: bool
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    given: tuple[Kind, ...]  # what each input carries
+    carries: tuple[Quantity, ...]  # what each input carries
 
     def map(self, h: float) -> tuple[Floats, Floats, Floats, Floats]:
         """Matrices of a step: x_after = P x + Q u, y_after = R x + S u."""
@@ -61,7 +61,7 @@ class Side(NamedTuple):
         return P, Q, self.C @ P, self.C @ Q
 
 
-def sides(cut: str, o: Oscillator) -> tuple[Side, Side]:
+def sides(cut: str, o: Oscillator) -> tuple[LinearComponent, LinearComponent]:
     """Side a, which steps first in sequential couplings, and side b."""
     x1, v1, x2, v2 = o.start
     if cut == "mass":
@@ -70,7 +70,7 @@ def sides(cut: str, o: Oscillator) -> tuple[Side, Side]:
             _joined(o, o.m2, o.k2, o.c2, x2, v2, ("x1", "v1"), ("x2", "v2")),
         )
     none = np.zeros((1, 1))
-    b = Side(
+    b = LinearComponent(
         np.array([[0.0, 1.0], [-o.k2 / o.m2, -o.c2 / o.m2]]), np.array([[0.0], [1.0 / o.m2]]), np.eye(2),
         np.array([x2, v2]), np.zeros((2, 1)), none, False,
         ("force",), ("x", "v"), ("mean",) if cut == "wrench" else ("value",),
@@ -79,8 +79,8 @@ def sides(cut: str, o: Oscillator) -> tuple[Side, Side]:
         a = _joined(o, o.m1, o.k1, o.c1, x1, v1, ("x", "v"), ("force",))
         moving = np.array([[0.0, 1.0], [0.0, 0.0]])
         force, back = np.array([[o.k, o.c]]), np.array([[-o.k, -o.c]])
-        return a._replace(C=force, D=back, E=moving, mean=True, given=("state", "rate")), b
-    a = Side(
+        return a._replace(C=force, D=back, E=moving, mean=True, carries=("state", "rate")), b
+    a = LinearComponent(
         np.array([[0.0, 1.0, 0.0], [-o.k1 / o.m1, -o.c1 / o.m1, -o.k / o.m1], [0.0, 1.0, 0.0]]),
         np.array([[0.0], [0.0], [-1.0]]), np.array([[0.0, 0.0, o.k]]), np.array([x1, v1, x1 - x2]), none, none, False,
         ("v",), ("force",), ("value",),
@@ -90,12 +90,12 @@ def sides(cut: str, o: Oscillator) -> tuple[Side, Side]:
 
 def _joined(
     o: Oscillator, m: float, k: float, c: float, x: float, v: float, inputs: tuple[str, ...], outputs: tuple[str, ...]
-) -> Side:
+) -> LinearComponent:
     """Mass on its wall spring ``k`` and damper ``c`` and the coupling spring; inputs move its other end."""
     A = np.array([[0.0, 1.0], [-(k + o.k) / m, -(c + o.c) / m]])
     B = np.array([[0.0, 0.0], [o.k / m, o.c / m]])
     zero = np.zeros((2, 2))
-    return Side(A, B, np.eye(2), np.array([x, v]), zero, zero, False, inputs, outputs, ("value", "value"))
+    return LinearComponent(A, B, np.eye(2), np.array([x, v]), zero, zero, False, inputs, outputs, ("value", "value"))
 
 
 def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> Floats:
@@ -103,12 +103,12 @@ def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> 
     a, b = sides(cut, o)
     (Pa, Qa, Ra, Sa), (Pb, Qb, Rb, Sb) = a.map(h), b.map(h)
     sizes = [len(a.x), len(b.x), len(a.C), len(b.C), len(a.C), len(b.C), len(b.C)]
-    xa, xb, ya, yb, pa, pb, missed = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
+    xa, xb, ya, yb, pa, pb, defect = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
 
-    def column(side: Side, value: float, mean: float, rate: float) -> Floats:
+    def column(side: LinearComponent, value: float, mean: float, rate: float) -> Floats:
         """Weight of each input by what it carries; 0 for a state."""
         weight = {"value": value, "mean": mean, "state": 0.0, "rate": rate}
-        return np.array([[weight[kind]] for kind in side.given])
+        return np.array([[weight[kind]] for kind in side.carries])
 
     extrapolated = hold == "linear"
     ahead = [column(side, 0.5, 1.0, 0.0 if scheme == "tracks_first" else 0.5) * extrapolated for side in (a, b)]
@@ -122,7 +122,7 @@ def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> 
 
     ua, ub = foreseen(0, yb, pb), foreseen(1, ya, pa)
     if scheme == "energy_corrected":
-        ua = ua + missed
+        ua = ua + defect
     if scheme == "iterative":  # u_a = y_b + w (y_b' - y_b), where y_b' depends on u_a through y_a'
         gain = within[0] * (Sb @ (within[1] * Sa))
         rest = yb + within[0] * (Rb @ xb + Sb @ (ya + within[1] * (Ra @ xa - ya)) - yb)
@@ -130,9 +130,9 @@ def amplification(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> 
     if scheme != "jacobi":
         ub = ya + within[1] * (Ra @ xa + Sa @ ua - ya)
     ya_after, yb_after = Ra @ xa + Sa @ ua, Rb @ xb + Sb @ ub
-    returned = np.array([[scheme == "energy_corrected" and kind == "value"] for kind in a.given])
-    missed = returned * (missed + yb + within[0] * (yb_after - yb) - ua)
-    return np.vstack([Pa @ xa + Qa @ ua, Pb @ xb + Qb @ ub, ya_after, yb_after, ya, yb, missed])
+    is_corrected = np.array([[scheme == "energy_corrected" and kind == "value"] for kind in a.carries])
+    defect = is_corrected * (defect + yb + within[0] * (yb_after - yb) - ua)
+    return np.vstack([Pa @ xa + Qa @ ua, Pb @ xb + Qb @ ub, ya_after, yb_after, ya, yb, defect])
 
 
 def radius(scheme: str, hold: str, cut: str, o: Oscillator, h: float) -> float:

@@ -25,14 +25,14 @@ from orchestrator.studies.row import Row
 from orchestrator.studies.store import Store
 
 ROOT = str(Path(__file__).resolve().parents[2])  # folder of our packages
-ANSWER = "10 s"  # timeout of a Dask scheduler
+SCHEDULER_TIMEOUT = "10 s"  # timeout of a Dask scheduler
 
 Rows = list[Row]
-Answer = Rows | str  # of a case, or the reason of a failure
-Found = Iterator[tuple[int, Answer, bool]]  # number of the case, its answer, True if it is stored
+CaseResult = Rows | str  # of a case, or the reason of a failure
+FinishedCases = Iterator[tuple[int, CaseResult, bool]]  # number of the case, its answer, True if it is stored
 
 
-def attempt(case: Case) -> Answer:
+def attempt(case: Case) -> CaseResult:
     """Rows of a case, or the reason of its failure."""
     try:
         rows = case.function(*case.arguments)
@@ -52,34 +52,34 @@ def run(
 
     BadInput: the scheduler cannot be reached.
     """
-    found: dict[int, Rows] = {}
+    rows_of: dict[int, Rows] = {}
     for k, case in enumerate(cases):
-        kept = store.get(case) if store else None
-        if kept is not None:
-            found[k] = kept
+        stored = store.get(case) if store else None
+        if stored is not None:
+            rows_of[k] = stored
             done(case)
-    left = sorted(set(range(len(cases))) - set(found), key=lambda k: -cases[k].seconds)
+    remaining = sorted(set(range(len(cases))) - set(rows_of), key=lambda k: -cases[k].seconds)
     if scheduler is not None:
-        finished = _on_cluster(cases, left, scheduler)
+        finished = _on_cluster(cases, remaining, scheduler)
     elif workers > 1:
-        finished = _in_processes(cases, left, workers)
+        finished = _in_processes(cases, remaining, workers)
     else:
-        finished = ((k, attempt(cases[k]), True) for k in sorted(left))
-    for k, answer, worth in finished:
+        finished = ((k, attempt(cases[k]), True) for k in sorted(remaining))
+    for k, answer, is_final in finished:
         case = cases[k]
-        found[k] = [Row(case.item, case.name, ok=False, note=answer)] if isinstance(answer, str) else answer
-        if store and worth:
-            store.put(case, found[k])
+        rows_of[k] = [Row(case.item, case.name, ok=False, note=answer)] if isinstance(answer, str) else answer
+        if store and is_final:
+            store.put(case, rows_of[k])
         done(case)
-    return [row for k in range(len(cases)) for row in found[k]]
+    return [row for k in range(len(cases)) for row in rows_of[k]]
 
 
-def _in_processes(cases: Sequence[Case], left: Sequence[int], workers: int) -> Found:
-    workers = max(1, min(workers, len(left)))
+def _in_processes(cases: Sequence[Case], remaining: Sequence[int], workers: int) -> FinishedCases:
+    workers = max(1, min(workers, len(remaining)))
     context = multiprocessing.get_context("spawn")
     with _own_modules(), _single_threads(), ProcessPool(workers, initializer=_end_with_parent, context=context) as pool:
-        waiting: dict[Future[Answer], int] = {
-            pool.schedule(attempt, args=(cases[k],), timeout=cases[k].limit): k for k in left
+        waiting: dict[Future[CaseResult], int] = {
+            pool.schedule(attempt, args=(cases[k],), timeout=cases[k].limit): k for k in remaining
         }
         try:
             for future in as_completed(waiting):
@@ -116,19 +116,19 @@ def _own_modules() -> Iterator[None]:
         sys.path.remove(ROOT)
 
 
-def _on_cluster(cases: Sequence[Case], left: Sequence[int], address: str) -> Found:
+def _on_cluster(cases: Sequence[Case], remaining: Sequence[int], address: str) -> FinishedCases:
     try:
         from dask.distributed import Client
         from dask.distributed import as_completed as completed
     except ImportError:
         raise BadInput(f"--scheduler {address}: needs Dask, pip install 'cotrack[dask]'") from None
     try:
-        client = Client(address, timeout=ANSWER)
+        client = Client(address, timeout=SCHEDULER_TIMEOUT)
     except (OSError, ValueError) as error:
         raise BadInput(f"--scheduler {address}: no Dask scheduler answers there ({error})") from None
     with client:
         waiting = {
-            client.submit(attempt, cases[k], key=f"{cases[k].name}-{os.getpid()}-{k}", pure=False): k for k in left
+            client.submit(attempt, cases[k], key=f"{cases[k].name}-{os.getpid()}-{k}", pure=False): k for k in remaining
         }
         for future in completed(list(waiting)):
             k = waiting[future]

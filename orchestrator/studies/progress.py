@@ -13,7 +13,7 @@ from orchestrator.studies import Case
 
 
 @contextmanager
-def watched(title: str, count: int) -> Iterator[Callable[[Case], None]]:
+def progress_bar(title: str, count: int) -> Iterator[Callable[[Case], None]]:
     """Callback for each finished case: a progress bar if stderr is a terminal, else one line each."""
     console, done = Console(stderr=True), itertools.count(1)
     columns = (

@@ -22,7 +22,7 @@ class Row:
         """Figure by key; NaN if missing."""
         return self.figures.get(key, math.nan)
 
-    def having(self, **figures: Any) -> Row:
+    def with_figures(self, **figures: Any) -> Row:
         """Copy of the row with more figures."""
         return replace(self, figures={**self.figures, **figures})
 

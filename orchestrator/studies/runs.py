@@ -24,9 +24,9 @@ def logged(scene: Scene, name: str) -> Iterator[Path]:
     """Log of a run, deleted with the context; raises RuntimeError if the run fails."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         path = Path(folder) / "run.mcap"
-        told = simulate(scene, path)
-        if told["status"] != "ok":
-            raise RuntimeError(f"{name}: {told['message']}")
+        summary = simulate(scene, path)
+        if summary["status"] != "ok":
+            raise RuntimeError(f"{name}: {summary['message']}")
         yield path
 
 
@@ -42,7 +42,7 @@ def _folder() -> tempfile.TemporaryDirectory[str]:
     return tempfile.TemporaryDirectory(prefix="cotrack-runs-")
 
 
-_known: dict[str, dict[str, Any]] = {}  # summaries by scene
+_summaries: dict[str, dict[str, Any]] = {}  # summaries by scene
 
 
 def record(scene: Scene, path: Path | None = None) -> dict[str, Any]:
@@ -51,12 +51,12 @@ def record(scene: Scene, path: Path | None = None) -> dict[str, Any]:
     Raises KeyboardInterrupt.
     """
     key = json.dumps(scene.resolved(), sort_keys=True)
-    if key not in _known:
+    if key not in _summaries:
         try:
-            told = simulate(scene, Path(_folder().name) / f"{len(_known)}.mcap")
+            summary = simulate(scene, Path(_folder().name) / f"{len(_summaries)}.mcap")
         except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed) as failure:
-            told = {"status": "failed", "message": str(failure), "wall_time": 0.0}
-        if told["message"].startswith("interrupted"):
+            summary = {"status": "failed", "message": str(failure), "wall_time": 0.0}
+        if summary["message"].startswith("interrupted"):
             raise KeyboardInterrupt
-        _known[key] = told
-    return _known[key]
+        _summaries[key] = summary
+    return _summaries[key]

@@ -10,7 +10,7 @@ from typing import Any
 from orchestrator.results.table import Column, Table
 from orchestrator.studies import files
 from orchestrator.studies.row import Row
-from orchestrator.studies.verdict import BLOWN, CLEAN, LOST, MUTE, RIGHT, VERDICTS, WRONG
+from orchestrator.studies.verdict import BLOWN, CLEAN, MUTE, RIGHT, VERDICTS, WITHOUT_VERDICT, WRONG
 
 COLOURS = {RIGHT: "#4c9f50", WRONG: "#f0c040", CLEAN: "#5b8fd0", BLOWN: "#d04040", MUTE: "#000000"}
 COLUMNS = (
@@ -35,14 +35,14 @@ COLUMNS = (
 
 def table(rows: Sequence[Row], title: str = "") -> Table:
     """Table of the rows, with the number of cases of each verdict."""
-    shown = [_completed(row) for row in rows]
-    ends = ", ".join(f"{sum(row['verdict'] == verdict for row in shown)} {verdict}" for verdict in VERDICTS)
-    return Table.of_records(title, COLUMNS, shown, (f"{len(rows)} cases: {ends}.",))
+    cells = [_completed(row) for row in rows]
+    ends = ", ".join(f"{sum(row['verdict'] == verdict for row in cells)} {verdict}" for verdict in VERDICTS)
+    return Table.of_records(title, COLUMNS, cells, (f"{len(rows)} cases: {ends}.",))
 
 
 def _completed(row: Row) -> dict[str, Any]:
     """Cells of a row, with the margin: predicted limit over used step."""
-    cells = {**LOST, **row.cells(), "margin": row["predicted"] / row["step"]}
+    cells = {**WITHOUT_VERDICT, **row.cells(), "margin": row["predicted"] / row["step"]}
     return {**cells, "sensible": "yes" if cells["sensible"] else "no"}
 
 

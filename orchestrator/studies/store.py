@@ -23,8 +23,8 @@ def sources(module: str) -> str:
     """Hash of all sources and scenes of the installed packages, and of the folder of an outside module."""
     digest = hashlib.sha256()
     root = Path(__file__).parents[2]
-    own = "/".join(module.split(".")[:2])  # tests.validation.x: tests/validation
-    for package in dict.fromkeys((*PACKAGES, own)):
+    folder = "/".join(module.split(".")[:2])  # tests.validation.x: tests/validation
+    for package in dict.fromkeys((*PACKAGES, folder)):
         for file in sorted((root / package).rglob("*")):
             if file.suffix in (".py", ".toml"):
                 digest.update(file.relative_to(root).as_posix().encode() + b"\0")
@@ -39,14 +39,14 @@ class Store:
         self._folder = folder
 
     def _file(self, case: Case) -> Path:
-        what = [
+        identity = [
             case.item,
             case.name,
             case.function.__qualname__,
             repr(case.arguments),
             sources(case.function.__module__),
         ]
-        return self._folder / f"{hashlib.sha256(json.dumps(what).encode()).hexdigest()[:24]}.json"
+        return self._folder / f"{hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:24]}.json"
 
     def get(self, case: Case) -> list[Row] | None:
         """Rows of a case; None if it is not finished or its file is unreadable."""
@@ -58,5 +58,5 @@ class Store:
     def put(self, case: Case, rows: list[Row]) -> None:
         """Store the rows of a case, whole or not at all."""
         self._folder.mkdir(parents=True, exist_ok=True)
-        kept = {"case": case.name, "rows": [asdict(row) for row in rows]}
-        write(self._file(case), json.dumps(kept, indent=1).encode())
+        content = {"case": case.name, "rows": [asdict(row) for row in rows]}
+        write(self._file(case), json.dumps(content, indent=1).encode())

@@ -25,9 +25,9 @@ def runs(rows: Iterable[Row]) -> list[Row]:
     return [row for row in rows if row["method"] != "truth" and math.isfinite(row["error"])]
 
 
-def front_of(rows: Iterable[Row], error: Callable[[Row], float] = itemgetter("error")) -> list[Row]:
+def pareto_front(rows: Iterable[Row], error: Callable[[Row], float] = itemgetter("error")) -> list[Row]:
     """Pareto front in run time and error of the runs that ended well."""
-    return precision.front(runs(rows), itemgetter("wall_time"), error)
+    return precision.pareto_front(runs(rows), itemgetter("wall_time"), error)
 
 
 def cheapest(rows: Iterable[Row], level: float) -> Row | None:
@@ -47,31 +47,31 @@ def ratios(rows: Iterable[Row]) -> list[float]:
 
 def sentences(rows: Sequence[Row]) -> list[str]:
     """Conclusions as sentences."""
-    said = []
+    texts = []
     for scene, track in dict.fromkeys((row.item, row["track"]) for row in runs(rows)):
-        of = [row for row in rows if (row.item, row["track"]) == (scene, track)]
+        scene_rows = [row for row in rows if (row.item, row["track"]) == (scene, track)]
         for level in LEVELS:
-            row = cheapest(of, level)
+            row = cheapest(scene_rows, level)
             if row is None:
-                best = min(runs(of), key=itemgetter("error"))
-                said.append(
+                best = min(runs(scene_rows), key=itemgetter("error"))
+                texts.append(
                     f"{scene}, {track}: no setting reaches {level:.2%}; the best, "
                     f"{best['error']:.2%} in {best['wall_time']:.3g} s, is {best.case}"
                 )
             else:
-                said.append(
+                texts.append(
                     f"{scene}, {track}: {level:.2%} costs {row['wall_time']:.3g} s"
                     f" (error {row['error']:.2g}): {row.case}"
                 )
-    whole = [row["estimate"] / row["error"] for row in runs(rows) if row["error"] > 0.0 and row["estimate"] > 0.0]
-    for what, found in (("of whole runs", whole), ("by observable", ratios(rows))):
-        if found:
-            right = sum(1.0 / FACTOR <= ratio <= FACTOR for ratio in found)
-            said.append(
-                f"own estimates {what} within a factor of {FACTOR:g} of the true error: {right} of {len(found)}"
-                f" ({right / len(found):.0%}); median ratio {sorted(found)[len(found) // 2]:.2f}"
+    run_ratios = [row["estimate"] / row["error"] for row in runs(rows) if row["error"] > 0.0 and row["estimate"] > 0.0]
+    for scope, values in (("of whole runs", run_ratios), ("by observable", ratios(rows))):
+        if values:
+            right = sum(1.0 / FACTOR <= ratio <= FACTOR for ratio in values)
+            texts.append(
+                f"own estimates {scope} within a factor of {FACTOR:g} of the true error: {right} of {len(values)}"
+                f" ({right / len(values):.0%}); median ratio {sorted(values)[len(values) // 2]:.2f}"
             )
-    return said
+    return texts
 
 
 # --- tables and picture ----------------------------------------------------------------------------
@@ -84,7 +84,7 @@ def _observables(rows: Iterable[Row]) -> list[str]:
 def table(rows: Sequence[Row], title: str = "") -> Table:
     """Table of relative errors by observable, with * on the Pareto front, and conclusions."""
     best = {id(row) for key in {(r.item, r["track"]) for r in rows} for row in
-             front_of(r for r in rows if (r.item, r["track"]) == key)}  # fmt: skip
+             pareto_front(r for r in rows if (r.item, r["track"]) == key)}  # fmt: skip
     columns = (
         Column("item", "scene"),
         Column("case", "case"),
@@ -95,8 +95,8 @@ def table(rows: Sequence[Row], title: str = "") -> Table:
         *(Column(f"{name} (relative)", name, ".1e") for name in _observables(rows)),
         Column("note", "note"),
     )
-    shown = [{**_figures(row), "case": row.case + (" *" if id(row) in best else "")} for row in rows]
-    return Table.of_records(title, columns, shown, tuple(f"- {said}" for said in sentences(rows)))
+    cells = [{**_figures(row), "case": row.case + (" *" if id(row) in best else "")} for row in rows]
+    return Table.of_records(title, columns, cells, tuple(f"- {sentence}" for sentence in sentences(rows)))
 
 
 def whole_table(rows: Sequence[Row]) -> Table:
@@ -127,20 +127,21 @@ def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path
     stem = f"{name}-{scenes}"
     title = f"{title}: {scenes}"
     more = {f"{stem}.csv": whole_table(rows).csv()}
-    made = files.save(folder, stem, table(rows, title), draw(rows, title), more)
+    written = files.save(folder, stem, table(rows, title), draw(rows, title), more)
     settings = [
-        precision.Setting(row.item, row["track"], means(row), row["error"], row["wall_time"]) for row in runs(rows)
+        precision.Setting(row.item, row["track"], method_settings(row), row["error"], row["wall_time"])
+        for row in runs(rows)
     ]
-    made.append(folder / "precision.json")
-    precision.write(settings, made[-1])
+    written.append(folder / "precision.json")
+    precision.write(settings, written[-1])
     if not any(setting.startswith("run.stop") for row in runs(rows) for setting in row["settings"]):
         with spared():
-            precision.write(settings, precision.own())  # only results of whole scenes
-            made.append(precision.own())
-    return made
+            precision.write(settings, precision.local_file())  # only results of whole scenes
+            written.append(precision.local_file())
+    return written
 
 
-def means(row: Row) -> tuple[str, ...]:
+def method_settings(row: Row) -> tuple[str, ...]:
     """Settings of a row that say how the scene is run, without those of the scene itself."""
     return tuple(s for s in row["settings"] if not s.startswith(("run.stop", "track.start", "chain.")))
 
@@ -152,14 +153,14 @@ def draw(rows: Sequence[Row], title: str) -> files.Picture:
     from matplotlib.lines import Line2D
     from matplotlib.ticker import LogLocator, NullFormatter
 
-    shown = runs(rows)
-    names = ["", *_observables(shown)]
+    good = runs(rows)
+    names = ["", *_observables(good)]
     across = min(3, len(names))
     down = -(-len(names) // across)
     figure = Figure(figsize=(5.2 * across, 4.2 * down + 1.4), layout="constrained")
     axes = figure.subplots(down, across, squeeze=False).ravel()
-    methods = list(dict.fromkeys(row["method"] for row in shown))
-    tracks = list(dict.fromkeys(row["track"] for row in shown))
+    methods = list(dict.fromkeys(row["method"] for row in good))
+    tracks = list(dict.fromkeys(row["track"] for row in good))
     lines: dict[str, Any] = dict(zip(tracks, ("-", "--"), strict=False))
     for pane, name in zip(axes, names, strict=False):
 
@@ -168,7 +169,7 @@ def draw(rows: Sequence[Row], title: str) -> files.Picture:
 
         for track, (k, method) in product(tracks, enumerate(methods)):
             points = [
-                (row["wall_time"], error(row)) for row in shown if (row["track"], row["method"]) == (track, method)
+                (row["wall_time"], error(row)) for row in good if (row["track"], row["method"]) == (track, method)
             ]
             if not points:
                 continue
@@ -177,15 +178,15 @@ def draw(rows: Sequence[Row], title: str) -> files.Picture:
                 linestyle=lines[track], color=colormaps["tab10"](k % 10),
             )  # fmt: skip
         for track in tracks:
-            best = front_of((row for row in shown if row["track"] == track), error)
+            best = pareto_front((row for row in good if row["track"] == track), error)
             pane.loglog(
                 [row["wall_time"] for row in best], [error(row) for row in best], linestyle="none", marker="o",
                 markersize=10, markerfacecolor="none", markeredgecolor="0.3",
             )  # fmt: skip
-        own = [error(row) for row in rows if row["method"] == "truth"]
-        if own and max(own) > 0.0:
+        truth_errors = [error(row) for row in rows if row["method"] == "truth"]
+        if truth_errors and max(truth_errors) > 0.0:
             corner = {"ha": "right", "va": "top", "transform": pane.transAxes, "fontsize": 7}
-            pane.text(0.98, 0.97, f"truth: {max(own):.0e}", **corner)
+            pane.text(0.98, 0.97, f"truth: {max(truth_errors):.0e}", **corner)
         pane.set_title(name.replace("_", " ") or "largest of the decisive ones", fontsize=9, loc="left")
         pane.set_xlabel("run time, s", fontsize=8)
         pane.set_ylabel("relative error", fontsize=8)

@@ -16,7 +16,7 @@ from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import wire
 from orchestrator.cosim.observers import Logging
 from orchestrator.execution.manifest import open_log
-from orchestrator.execution.simulate import opened
+from orchestrator.execution.simulate import load_scene
 from orchestrator.results.table import ABOUT, COST, Column
 from orchestrator.scene.scene import Scene
 from tests.benchmarks.timing import quiet
@@ -42,11 +42,11 @@ def _run(scene: Scene, path: Path) -> tuple[float, float, float]:
     h, steps, coupling = scene.run.step, scene.run.steps, scene.run.coupling
     alone: Any = partial(SCHEMES[coupling.scheme], threads=False, **coupling.options())
     with ExitStack() as stack:
-        placed, graph, components = opened(scene, stack, None)
+        placed, graph, components = load_scene(scene, stack, None)
         scheme = stack.enter_context(alone(wire(graph, components)))
         recorder = stack.enter_context(open_log(path, placed, graph, components, scheme))
         logging = Logging(recorder, list(components.values()), STATS_EVERY)
-        scheme.tape = logging.tape
+        scheme.row_writer = logging.row_writer
         logging(0, 0.0, h)
         packing = time.process_time() - time.thread_time()
         _, log = _marched(scheme, logging, 0, steps, h)
@@ -65,7 +65,7 @@ def _marched(scheme: Scheme, logging: Logging | None, first: int, steps: int, h:
     with quiet():
         while k < first + steps:
             began = clock()
-            k += scheme.march(k, min(STATS_EVERY - k % STATS_EVERY, first + steps - k), h)
+            k += scheme.step_batch(k, min(STATS_EVERY - k % STATS_EVERY, first + steps - k), h)
             done = clock()
             if logging is not None:
                 logging(k, k * h, h)

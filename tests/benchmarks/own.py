@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fmus.build import KINDS, build
-from orchestrator.cosim.component import unpack
+from orchestrator.cosim.fmu_files import unpack
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed

@@ -14,9 +14,9 @@ import numpy as np
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.graph import wire
 from orchestrator.cosim.observers import Checkpoints, Logging
-from orchestrator.cosim.tape import Tape
+from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.execution.manifest import STATS_PERIOD, open_log
-from orchestrator.execution.simulate import opened
+from orchestrator.execution.simulate import load_scene
 from orchestrator.results.table import ABOUT, COST, Column, Table
 from orchestrator.scene.scene import Scene
 from tests.benchmarks import own
@@ -78,28 +78,28 @@ def _times(scene: Scene, native: bool, pieces: int, steps: int, log: Path) -> li
     """Wall times of pieces, s; every second one is recorded, the first is not."""
     h, coupling, period = scene.run.step, scene.run.coupling, scene.run.checkpoints
     with ExitStack() as stack:
-        placed, graph, components = opened(scene, stack, None, native)
+        placed, graph, components = load_scene(scene, stack, None, native)
         scheme = stack.enter_context(SCHEMES[coupling.scheme](wire(graph, components), **coupling.options()))
         recorder = stack.enter_context(open_log(log, placed, graph, components, scheme))
         logging = Logging(recorder, list(components.values()), max(1, round(STATS_PERIOD / h)))
         checkpoints = Checkpoints(recorder, scheme, round(period / h) if period else NEVER)
-        tape = scheme.tape = logging.tape
-        assert isinstance(tape, Tape)
-        every, k, times = tape.every, 0, []
+        row_writer = scheme.row_writer = logging.row_writer
+        assert isinstance(row_writer, RowWriter)
+        every, k, times = row_writer.every, 0, []
 
         def piece(recorded: bool) -> None:
             nonlocal k
-            tape.every = every if recorded else NEVER
+            row_writer.every = every if recorded else NEVER
             if recorded:
-                logging.begin(k, k * h, h)  # skips the steps that are not in the log
+                logging.continue_after(k, k * h, h)  # skips the steps that are not in the log
             began, end = time.perf_counter(), k + steps
             while k < end:
-                k += scheme.march(k, min(end - k, logging.patience(k), checkpoints.patience(k)), h)
+                k += scheme.step_batch(k, min(end - k, logging.patience(k), checkpoints.patience(k)), h)
                 if recorded:
                     logging(k, k * h, h)
                     checkpoints(k, k * h, h)
                 else:
-                    tape.take()
+                    row_writer.pop_counts()
             recorder.flush()
             times.append(time.perf_counter() - began)
 

@@ -16,7 +16,8 @@ from fmpy.validation import validate_fmu
 
 from fmus.build import build
 from fmus.vehicle import read_table, vehicle
-from orchestrator.cosim.component import ARRAY, Component, ComponentFailed, unpack
+from orchestrator.cosim.component import ARRAY, Component, ComponentFailed
+from orchestrator.cosim.fmu_files import unpack
 
 TABLE = vehicle(*read_table("m113")).model_dump()
 H = 1e-3
@@ -363,7 +364,7 @@ def test_warning_is_told_with_its_percent_sign(toy):
 RAISES = """
 import sys
 from fmpy.fmi2 import FMU2Slave
-from orchestrator.cosim.component import unpack
+from orchestrator.cosim.fmu_files import unpack
 from pathlib import Path
 folder = unpack(Path(sys.argv[1]))
 trouble = int(sys.argv[2])

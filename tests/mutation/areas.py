@@ -58,9 +58,9 @@ KNOWN = (
     ("fmus/physics/contact/wheel.py", "4.0 * c * c / 45.0", "4.0 * c * c / 54.0"),
     ("fmus/driver/pursuit.py", "far = max(p.reach, p.preview * v)", "far = p.preview * v"),
     ("fmus/drives/motor.py", "torque != wanted and wanted * error > 0.0", "torque != wanted"),
-    ("orchestrator/log/page.py", "handed_over(proof.rule, start, end).view(np.uint64) != given.view(np.uint64)",
-     "handed_over(proof.rule, start, end) != given"),
-    ("orchestrator/log/stream.py", 'there &= found | (part.rule == "end")', "there &= found"),
+    ("orchestrator/log/page.py", "wired_inputs(check.rule, start, end).view(np.uint64) != recorded.view(np.uint64)",
+     "wired_inputs(check.rule, start, end) != recorded"),
+    ("orchestrator/log/stream.py", 'complete &= present | (part.rule == "end")', "complete &= present"),
     ("orchestrator/results/energy.py", 'stored = [f"energy.{kind}" for kind in STORED]',
      'stored = [f"energy.{kind}" for kind in STORED if kind != "kinetic"]'),
 )  # fmt: skip

@@ -327,7 +327,7 @@ def test_a_component_that_fails_ends_the_run_and_closes_the_log(cotrack, monkeyp
         run(self, t, h)
 
     monkeypatch.setattr(Program, "run", failing)
-    monkeypatch.setattr(scheme, "TOGETHER", 0.0)  # calls one by one
+    monkeypatch.setattr(scheme, "LONGEST_BATCH", 0.0)  # calls one by one
     status, out, err = cotrack(*SHORT)
     assert status == 1
     assert "link 7" in err
@@ -395,7 +395,7 @@ def test_an_answer_is_replayed_in_turn(cotrack, tmp_path):
     assert cotrack("replay", "a.mcap", "--component", "chain", "--with", "rigid", "-o", "b.mcap")[0] == 0
     status, out, _ = cotrack("replay", "b.mcap", "--component", "chain")
     assert (status, out[:7]) == (0, "equal: ")
-    with replay_model.opened(Path("a.mcap"), "chain", None) as again:
+    with replay_model.open_replay(Path("a.mcap"), "chain", None) as again:
         shutil.copy(again.model.fmu, "mine.fmu")
     status, out, _ = cotrack("replay", "a.mcap", "--component", "chain", "--with", "mine.fmu")
     assert (status, out[:7]) == (0, "equal: "), "the file is not what ran"
@@ -678,6 +678,6 @@ def test_a_killed_run_leaves_a_log_that_can_be_saved(tmp_path, environment):
     saved = tmp_path / "saved.mcap"
     assert recover(log, saved).code == RECOVERED
     assert verify(saved).code == WHOLE
-    with replay_model.opened(saved, "chain", None) as again:
+    with replay_model.open_replay(saved, "chain", None) as again:
         verdict = again.verify()
     assert verdict.equal, verdict.sentence

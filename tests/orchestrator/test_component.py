@@ -66,7 +66,7 @@ def test_links_are_copied_from_where_they_lie(toy, tmp_path):
         with Component(fmu, "toy") as component:
             for _ in range(2):  # a reset changes the address
                 component.initialise({"start.x": 0.25})
-                assert bool(component._array) == addressed
+                assert bool(component._link_address) == addressed
             for k in range(3):
                 component.step(k * H, H)
                 component.read_links()
@@ -74,7 +74,7 @@ def test_links_are_copied_from_where_they_lie(toy, tmp_path):
             if CAN_STEP:
                 due = np.ones(1, dtype=np.int64)
                 program = Program([Stage([component], [])], threads=False)
-                component.show_links(due.ctypes.data)
+                component.read_links_when(due.ctypes.data)
                 for k in range(3, 6):
                     component.y_links[:] = 0.0
                     program.run(k * H, H)

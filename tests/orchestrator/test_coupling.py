@@ -12,7 +12,7 @@ from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.coupling.iterative import Iterative, anderson
 from orchestrator.cosim.coupling.jacobi import Jacobi
-from orchestrator.cosim.coupling.scheme import CouplingFailed, needs_states
+from orchestrator.cosim.coupling.scheme import CouplingFailed, require_states
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.graph import Connection, Instance, System, wire
 from orchestrator.cosim.master import Clock, run
@@ -72,7 +72,7 @@ def test_the_code_does_what_the_matrix_says(cut, variant):
         missed = np.zeros(len(b.y))
         for feed in stages[0][0].feeds:
             if getattr(scheme, "missed", {}).get(id(feed)) is not None:
-                missed[feed.outputs] = scheme.missed[id(feed)] / h
+                missed[feed.outputs] = scheme.defects[id(feed)] / h
         return np.concatenate([a.x, b.x, a.y, b.y, past["a"], past["b"], missed])
 
     for k in range(4):
@@ -153,7 +153,7 @@ def test_components_without_states_are_refused():
     with pytest.raises(CouplingFailed, match="poor: the FMU cannot save its state, which coupling 'iterative' needs"):
         Iterative(stages)
     with pytest.raises(CouplingFailed, match="which a variable step needs"):
-        needs_states(Jacobi(stages), "a variable step")
+        require_states(Jacobi(stages), "a variable step")
 
 
 # Real FMUs ----------------------------------------------------------------------------------------------------------
@@ -204,8 +204,8 @@ def test_variable_steps_land_on_the_end_and_show_every_point_as_it_was():
     outcome = run(couple("energy_corrected", stages), pace, [lambda k, t, h: seen.append((k, t, h, a.u.copy(), a.x))])
     assert outcome.status == "ok"
     assert outcome.time == pytest.approx(1.0, abs=1e-12)
-    assert pace.rejected > 0
-    assert pace.forced == 0
+    assert pace.rejected_steps > 0
+    assert pace.forced_steps == 0
     assert [k for k, *_ in seen] == list(range(len(seen)))
     assert all(after[1] == before[1] + after[2] for before, after in pairwise(seen))
     assert a.steps > len(seen), "rejected steps must count"
@@ -220,7 +220,7 @@ def test_the_shortest_step_is_kept_and_counted():
     stages, *_ = coupled("wrench", DAMPED)
     pace = VariableStep(0.2, 0.01, 1e-12, 0.01, 0.01)
     assert run(couple("tracks_first", stages), pace, []).steps == 20
-    assert (pace.rejected, pace.forced) == (0, 10)
+    assert (pace.rejected_steps, pace.forced_steps) == (0, 10)
 
 
 def test_a_failing_step_is_tried_shorter():
@@ -235,7 +235,7 @@ def test_a_failing_step_is_tried_shorter():
     a.step = fussy
     pace = VariableStep(0.3, 0.1, 1e-2, 1e-3, 0.1)
     assert run(couple("tracks_first", stages), pace, []).status == "ok"
-    assert pace.rejected > 0
+    assert pace.rejected_steps > 0
     stages, a, _ = coupled("wrench", DAMPED)
     a.step = lambda t, h: (_ for _ in ()).throw(ComponentFailed("a: never"))
     assert run(couple("tracks_first", stages), pace, [])[:3] == ("failed", "a: never", 0)
@@ -274,7 +274,7 @@ def test_a_rig_runs_and_replays_with_every_coupling(way, tmp_path):
         assert (np.ptp(h) > 0.0) == (way in ("variable", "power"))
         assert log.read("/track/in").t + h == pytest.approx(log.read("/track/out").t[1:], abs=1e-15)
     for name in ("track", "drive"):
-        with replay_model.opened(path, name, None) as again:
+        with replay_model.open_replay(path, name, None) as again:
             verdict = again.verify()
         assert verdict.difference is None, verdict.sentence
 

@@ -12,7 +12,7 @@ from fmus.vehicle import BadInput
 from orchestrator.cli import main, printed
 from orchestrator.execution import precision
 from orchestrator.execution.estimate import companions, estimate
-from orchestrator.execution.precision import Setting, cheapest, fraction, front
+from orchestrator.execution.precision import Setting, cheapest, fraction, pareto_front
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import (
@@ -127,9 +127,9 @@ def test_steps_that_were_halved_do_not_spoil_the_companions(tmp_path):
     assert asked == [(0.008, 0.004), (0.008, 0.002)]
     explicit = load("straight", "flexible", ("track.integrator=runge_kutta",))
     alike = companions(explicit, 8e-6, 4.0, 5)
-    assert alike.both == alike.coupling, "its stable step cannot be doubled"
+    assert alike.total == alike.coupling, "its stable step cannot be doubled"
     soft = companions(explicit, explicit.track.step, 4.0, 5)
-    assert soft.both.track.step == 2.0 * soft.coupling.track.step, "the twin: the requested step can be doubled"
+    assert soft.total.track.step == 2.0 * soft.coupling.track.step, "the twin: the requested step can be doubled"
 
 
 @pytest.mark.parametrize(("step", "known"), [("1 ms", False), ("1 us", True)])
@@ -220,9 +220,9 @@ ROWS = [
 
 def test_the_cheapest_setting_within_an_error(tmp_path, monkeypatch):
     monkeypatch.setenv("COTRACK_CACHE", str(tmp_path))
-    assert [row.wall_time for row in front(ROWS[:3])] == [1.0, 2.0]
-    precision.write(ROWS, precision.own())
-    precision.write([ROWS[3]._replace(wall_time=8.0)], precision.own())
+    assert [row.wall_time for row in pareto_front(ROWS[:3])] == [1.0, 2.0]
+    precision.write(ROWS, precision.local_file())
+    precision.write([ROWS[3]._replace(wall_time=8.0)], precision.local_file())
     assert cheapest("swing", "flexible", 0.15).wall_time == 1.0
     assert cheapest("swing", "flexible", 0.05).wall_time == 2.0
     assert cheapest("swing", "rigid", 0.05).wall_time == 8.0, "the newer study of a track model counts"
@@ -262,7 +262,7 @@ def test_a_study_of_a_small_swing(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / "cache"))
     base, steps, finer = SWING, ("track.step=2 ms", "run.step=2 ms"), ("track.step=0.5 ms", "run.step=0.5 ms")
     cases = [
-        Case("hanging_chain", "truth", error_runtime.own_error, ("hanging_chain", "flexible", base)),
+        Case("hanging_chain", "truth", error_runtime.truth_error, ("hanging_chain", "flexible", base)),
         *(
             Case("hanging_chain", name, error_runtime.point,
                  ("hanging_chain", "flexible", "implicit", (*base, *settings), base))

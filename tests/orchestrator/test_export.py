@@ -12,7 +12,7 @@ import pytest
 from recorded import STEP, TOPICS, record, record_in_chunks, values
 from scipy.io import loadmat
 
-from orchestrator.cli.common import ended_by
+from orchestrator.cli.common import message_and_status
 from orchestrator.log import export as export_module
 from orchestrator.log.container_writer import LogFailed
 from orchestrator.log.export import export
@@ -136,7 +136,7 @@ import numpy as np
 from orchestrator.log import export
 columns = export.Columns(tuple(f"x{{i}}" for i in range({0} - 1)), ("m",) * ({0} - 1))
 export.GROUP = int(sys.argv[2])
-with export.written(Path(sys.argv[3]), "parquet", columns) as writer:
+with export.open_table(Path(sys.argv[3]), "parquet", columns) as writer:
     for k in range(int(sys.argv[1])):
         writer.rows(np.full((1000, {0}), float(k)))
 (most,) = (line.split()[1] for line in Path("/proc/self/status").open() if line.startswith("VmHWM"))
@@ -231,7 +231,7 @@ def test_a_library_that_is_missing_is_a_sentence_and_exit_2(small, tmp_path, mon
     sentence = rf"^{package} is not installed: pip install 'cotrack\[analysis\]'$"
     with Log(small) as log, pytest.raises(NotInstalled, match=sentence) as missing:
         ask(log, "chassis.speed")
-    assert ended_by(missing.value)[1] == 2
+    assert message_and_status(missing.value)[1] == 2
     if package == "pyarrow":
         with pytest.raises(NotInstalled, match=sentence):
             export(small, tmp_path / "a.parquet", ["chassis.speed"])

@@ -332,7 +332,7 @@ def test_a_damaged_object_file_is_made_again(fresh_cache):
         if known > len(made) > 0:
             (file,) = (fresh_cache / "kernels" / "orchestrator").iterdir()
             file.write_bytes(file.read_bytes().replace(b"object", b"subject"))
-        assert compiled_module._found_or_made("key", make) == b"an object file"
+        assert compiled_module._cached("key", make) == b"an object file"
         assert len(made) == known
 
 

@@ -11,7 +11,7 @@ from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
 from orchestrator.studies import leaving_out
-from orchestrator.studies.leaving_out import KEYS, MOTION, Side, cases, difference, run
+from orchestrator.studies.leaving_out import KEYS, MOTION, PairedRun, cases, difference, run
 from orchestrator.studies.row import Row
 
 BRIEF = ("run.stop=20 ms", "track.start=displaced", "chain.links=8")
@@ -32,19 +32,19 @@ def test_pairs_of_the_study():
 @pytest.mark.long
 def test_what_is_added_in_vain_changes_nothing(tmp_path):
     bare, kept = tmp_path / "bare.mcap", []
-    run("hanging_chain", Side(BRIEF), bare)
+    run("hanging_chain", PairedRun(BRIEF), bare)
     for added in ("chassis", "ground"):
         kept.append(tmp_path / f"{added}.mcap")
-        cpu, wall = run("hanging_chain", Side(BRIEF, added), kept[-1])
+        cpu, wall = run("hanging_chain", PairedRun(BRIEF, added), kept[-1])
         assert 0.0 < cpu < 10.0 * wall
         assert difference(bare, kept[-1]) == (0.0, 0.0)
     with Log(kept[0]) as log:
         assert "/chassis/out" in log.topics
     heavier = tmp_path / "heavier.mcap"
-    run("hanging_chain", Side((*BRIEF, "vehicle.gravity=9.9")), heavier)
+    run("hanging_chain", PairedRun((*BRIEF, "vehicle.gravity=9.9")), heavier)
     assert min(difference(bare, heavier)) > 1e-6 > MOTION
     silent = tmp_path / "silent.mcap"
-    run("hanging_chain", Side((*BRIEF, "track.link_outputs=false", "run.outputs=4")), silent)
+    run("hanging_chain", PairedRun((*BRIEF, "track.link_outputs=false", "run.outputs=4")), silent)
     with Log(silent) as log:
         assert set(log.topics) == {"/chain/in", "/chain/out", "/stats/chain"}
         assert len(log.read("/chain/out").t) == 6
@@ -61,13 +61,13 @@ def test_a_speed_that_is_hardly_shown_is_measured_by_the_motion(tmp_path):
     ulp = f"vehicle.gravity={math.nextafter(9.81, 10.0)!r}"
     logs = [tmp_path / f"{name}.mcap" for name in ("whole", "planar", "ulp", "other")]
     for log, setting in zip(logs, ("planar=false", "planar=true", ulp, "vehicle.gravity=9.9"), strict=True):
-        run("hanging_chain", Side((*BRIEF, setting)), log)
+        run("hanging_chain", PairedRun((*BRIEF, setting)), log)
     with Log(logs[0]) as log:
         speed = log.read("/chain/out")
-        assert abs(speed.values[:, speed.names.index("speed")]).max() < leaving_out.LEAST
+        assert abs(speed.values[:, speed.names.index("speed")]).max() < leaving_out.SMALLEST_SCALE
         links = log.read("/chain/links")
         heights = links.values[:, [name.endswith("position.z") for name in links.names]]
-        assert abs(np.diff(heights, axis=0) / np.diff(links.t)[:, None]).max() > 2.0 * leaving_out.LEAST
+        assert abs(np.diff(heights, axis=0) / np.diff(links.t)[:, None]).max() > 2.0 * leaving_out.SMALLEST_SCALE
     grown = difference(logs[0], logs[2])[0]
     assert 30.0 * grown < 1e-6
     assert difference(logs[0], logs[1])[0] <= 30.0 * grown < difference(logs[0], logs[3])[0]

@@ -230,7 +230,7 @@ def test_a_topic_that_was_never_recorded_takes_nothing_with_it(tmp_path):
     with Recorder(tmp_path / "a.mcap", topics, {}, {}) as recorder:
         for k in range(5):
             recorder.write("/a/out", k, k * STEP, STEP, np.zeros(1))
-        recorder.end()
+        recorder.write_remaining()
         data = (tmp_path / "a.mcap").read_bytes()
     (tmp_path / "cut.mcap").write_bytes(data)
     assert recover(tmp_path / "cut.mcap", tmp_path / "saved.mcap").code == RECOVERED
@@ -360,7 +360,7 @@ def test_recovering_does_not_overwrite_the_log(small):
 
 def test_info(small):
     about = info(small)
-    assert (about.log.complete, about.log.closing["steps"], about.start, about.end) == (True, 100, 0.0, 0.1)
+    assert (about.log.complete, about.log.closing["steps"], about.start, about.write_remaining) == (True, 100, 0.0, 0.1)
     assert about.log.size == small.stat().st_size
     links = about.topics["/left_track/links"]
     assert (links.messages, links.last) == (21, 0.1)

@@ -44,7 +44,7 @@ def watched():
 
 def test_a_task_is_announced_at_once_and_again_before_five_seconds(watched):
     watched.narration("chains are laid out")
-    watched.narration.note("3 of 4")
+    watched.narration.set_detail("3 of 4")
     assert watched.lines == ["chains are laid out"]
     assert watched.after(0.9 * PATIENCE) == []
     assert watched.after(0.2 * PATIENCE) == ["chains are laid out: 4 s so far, 3 of 4"]
@@ -56,16 +56,16 @@ def test_a_task_is_announced_at_once_and_again_before_five_seconds(watched):
 def test_the_thread_of_a_narration_reminds():
     lines, spoken, times = [], threading.Event(), iter([0.0, 0.0])
     with Narration(lambda line: (lines.append(line), spoken.set()), lambda: next(times, 2.0 * PATIENCE)) as narration:
-        narration.begin("scenes")
+        narration.set_task("scenes")
         assert spoken.wait(60.0)
     assert lines == ["scenes: 8 s so far"]
 
 
 def test_what_is_quick_or_seen_elsewhere_needs_no_word(watched):
     with watched.narration:
-        watched.narration.begin("scenes")
+        watched.narration.set_task("scenes")
         assert watched.after(0.9 * PATIENCE) == []
-        with watched.narration.elsewhere():
+        with watched.narration.suppressed():
             assert watched.after(2.0 * PATIENCE) == []
             logging.getLogger(KERNELS).info("seen in the bar")
         assert watched.after(0.9 * PATIENCE) == []
@@ -75,7 +75,7 @@ def test_what_is_quick_or_seen_elsewhere_needs_no_word(watched):
 def test_patience_begins_with_the_work(watched):
     """Not when the module was loaded."""
     watched.clock.time = 10.0 * PATIENCE
-    watched.narration.begin("scenes")
+    watched.narration.set_task("scenes")
     assert watched.after(0.9 * PATIENCE) == []
 
 

@@ -12,7 +12,7 @@ from fmus.vehicle import BadInput
 from orchestrator.execution.simulate import simulate
 from orchestrator.log import notices
 from orchestrator.log.reader import Log
-from orchestrator.scene.same_scene import of_one_scene
+from orchestrator.scene.same_scene import require_same_scene
 from orchestrator.scene.scene import load
 
 OLD = Path(__file__).with_name("logs") / "format_1.mcap"  # made by cotrack 0.1.0
@@ -150,6 +150,6 @@ def test_compare_works_across_versions(cotrack, cut, tmp_path):
 def test_keys_that_one_version_does_not_know_make_no_other_scene():
     new = load("straight", "flexible").resolved()
     old = {**new, "drive": {key: value for key, value in new["drive"].items() if key != "brake"}}
-    of_one_scene(("a", old), ("b", new))
+    require_same_scene(("a", old), ("b", new))
     with pytest.raises(BadInput, match=r"drive\.brake = 0\.0 and 5000\.0"):
-        of_one_scene(("a", old), ("b", {**new, "drive": {**new["drive"], "brake": 5e3}}))
+        require_same_scene(("a", old), ("b", {**new, "drive": {**new["drive"], "brake": 5e3}}))

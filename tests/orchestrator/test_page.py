@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from packed import unpacked
 
-from orchestrator.execution.again import command
-from orchestrator.execution.reported import _judged
+from orchestrator.execution.repeat_command import command
+from orchestrator.execution.reported import _judge
 from orchestrator.execution.simulate import simulate
-from orchestrator.log.described import said_of
 from orchestrator.log.reader import Log, LogUnreadable
+from orchestrator.log.recorded_system import description_of
 from orchestrator.log.recorder import Recorder
 from orchestrator.results import measures
 from orchestrator.results.analyses import circuit, contact, joints, link_loads, profile, wheel_loads
@@ -69,8 +69,8 @@ def page(path, reference=None):
         if reference:
             with Log(reference) as second:
                 known = RunData(second)
-                return document(evaluate(run, _judged(run)), evaluate(known, _judged(known)), PLOTS)
-        return document(evaluate(run, _judged(run)), other, PLOTS)
+                return document(evaluate(run, _judge(run)), evaluate(known, _judge(known)), PLOTS)
+        return document(evaluate(run, _judge(run)), other, PLOTS)
 
 
 def embedded(html):
@@ -296,9 +296,9 @@ def test_a_model_description_that_says_nothing_is_no_hindrance(content):
             raise LogUnreadable("it is damaged")
         return content
 
-    assert said_of(SimpleNamespace(attachment=attachment), "a.x") == ""
+    assert description_of(SimpleNamespace(attachment=attachment), "a.x") == ""
     whole = b"<a><ScalarVariable name='y' description='no'/><ScalarVariable name='x' description='this &lt;'/></a>"
-    assert said_of(SimpleNamespace(attachment=lambda name: whole), "a.x") == "this <"
+    assert description_of(SimpleNamespace(attachment=lambda name: whole), "a.x") == "this <"
 
 
 def test_bars_of_the_energy_add_up(vehicle):

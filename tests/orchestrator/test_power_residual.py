@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from orchestrator.cosim.component import Component
-from orchestrator.cosim.coupling.power_residual import PowerResidual, bonds, check, works
+from orchestrator.cosim.coupling.power_residual import PowerResidual, bonds, check_bonds, transferred_energies
 from orchestrator.cosim.graph import Connection, Miswired
 from orchestrator.cosim.master import run
 from orchestrator.execution.simulate import simulate
@@ -26,7 +26,7 @@ def one_step(o, h):
     scheme = couple("tracks_first", stages)
     scheme.advance(0.0, h)
     (bond,) = bonds(scheme.members)
-    return works(bond, scheme.past.outputs, h), a.y[0], b.x[1]
+    return transferred_energies(bond, scheme.past.outputs, h), a.y[0], b.x[1]
 
 
 @pytest.mark.parametrize(("heavier", "right"), [(1.0, True), (1.02, False)])
@@ -51,7 +51,7 @@ def test_order(variant, order):
         for k in range(round(1.0 / h)):
             scheme.advance(k * h, h)
             if k > 1:  # steps without a past have a lower order
-                sent, received = works(bonds(scheme.members)[0], scheme.past.outputs, h)
+                sent, received = transferred_energies(bonds(scheme.members)[0], scheme.past.outputs, h)
                 total += abs(sent - received)
         sums.append(total)
     assert math.log2(sums[0] / sums[1]) == pytest.approx(order, abs=0.1)
@@ -71,7 +71,7 @@ def test_it_is_the_energy_that_the_coupling_loses(stiffer, right):
     start = held(stiffer * o.k)
     for k in range(1000):
         scheme.advance(k * h, h)
-        sent, received = works(bonds(scheme.members)[0], scheme.past.outputs, h)
+        sent, received = transferred_energies(bonds(scheme.members)[0], scheme.past.outputs, h)
         lost += sent - received
     assert abs(lost) > 1e-4
     assert (start - held(stiffer * o.k) == pytest.approx(lost, rel=1e-3)) == right
@@ -95,13 +95,13 @@ def test_it_lands_on_the_end_and_saves_nothing():
     assert a.steps == len(h), "steps were tried and rejected"
     assert h.max() <= 0.1
     assert h.max() / h.min() > 1.5
-    assert (way.rejected, way.forced) == (0, 0)
+    assert (way.rejected_steps, way.forced_steps) == (0, 0)
 
 
 def test_the_shortest_step_is_counted_where_it_is_too_long():
     way = pace(tolerance=1e-12, shortest=0.01, longest=0.01)
     assert run(couple("tracks_first", coupled("wrench", study.DAMPED)[0]), way, []).steps == 100
-    assert way.forced > 90
+    assert way.forced_steps > 90
 
 
 def test_a_tighter_tolerance_is_more_right():
@@ -139,10 +139,10 @@ THERE = Connection("a", ("force",), "b", ("force",), "value", bond="joint")
 )
 def test_bonds_that_are_none_are_refused(connections, said):
     units = {"force": (1, 1, -2, 0, 0, 0, 0, 0), "v": (0, 1, -1, 0, 0, 0, 0, 0), "x": (0, 1, 0, 0, 0, 0, 0, 0)}
-    check((THERE, BACK), lambda instance, name: units[name])
-    check((THERE, BACK._replace(outputs=("x",))), lambda instance, name: None)
+    check_bonds((THERE, BACK), lambda instance, name: units[name])
+    check_bonds((THERE, BACK._replace(outputs=("x",))), lambda instance, name: None)
     with pytest.raises(Miswired) as caught:
-        check(connections, lambda instance, name: units.get(name))
+        check_bonds(connections, lambda instance, name: units.get(name))
     assert said in str(caught.value)
 
 

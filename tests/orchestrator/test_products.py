@@ -19,7 +19,7 @@ from orchestrator.execution.simulate import load_components
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed
-from orchestrator.scene.products import build_to, of_gallery, of_scenes
+from orchestrator.scene.products import build_to, gallery_products, scene_products
 from orchestrator.scene.scene import load
 
 SCENES = gallery.names()
@@ -50,7 +50,7 @@ STEERED = ("brake_turn", "pivot", "turn")  # the drives of serpentine are equal
 @pytest.mark.parametrize("name", SCENES)
 def test_every_parameter_of_a_scene_is_a_start_value(name, kind, tmp_path):
     scene = variant(name, kind)
-    found = [(product, described(*product[:2], tmp_path)) for product in of_scenes([scene])]
+    found = [(product, described(*product[:2], tmp_path)) for product in scene_products([scene])]
     for part in assemble(scene).parts:
         wanted = {key: text(value) for key, value in part.parameters.items()}
         lateral = float(wanted.pop("start.lateral", 0.0))
@@ -75,19 +75,19 @@ def test_every_parameter_of_a_scene_is_a_start_value(name, kind, tmp_path):
 
 def test_one_fmu_serves_both_sides_with_the_place_of_the_left_one():
     for tracks in ('["left", "right"]', '["right", "left"]'):
-        products = of_scenes([load("settle", "rigid", [f"tracks={tracks}"])])
+        products = scene_products([load("settle", "rigid", [f"tracks={tracks}"])])
         assert {kind for kind, _, _ in products} == {"TrackRigid", "SprocketDrive", "Chassis"}
         assert len(products) == 3
         laterals = [config["parameters"].get("start.lateral") for _, config, _ in products]
         assert laterals.count(1.0795) == 2
         assert -1.0795 not in laterals
-    products = of_scenes([load("settle", "rigid", ['tracks=["right"]'])])
+    products = scene_products([load("settle", "rigid", ['tracks=["right"]'])])
     assert [config["parameters"].get("start.lateral") for _, config, _ in products].count(-1.0795) == 2
 
 
 def test_plain_names_are_those_of_the_standard_scene():
     drive = next(part for part in assemble(load("straight")).parts if part.kind == "SprocketDrive")
-    for products in (of_gallery(), of_scenes([load("straight", model) for model in ("flexible", "rigid")])):
+    for products in (gallery_products(), scene_products([load("straight", model) for model in ("flexible", "rigid")])):
         found = {name: config for _, config, name in products}
         assert list(found)[:4] == ["TrackFlexible", "SprocketDrive", "Chassis", "TrackRigid"]
         assert found["SprocketDrive"]["parameters"] == drive.parameters

@@ -12,14 +12,14 @@ import pytest
 
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling import scheme
-from orchestrator.cosim.program import Move, Program, Stage, Worker, spare_processors
-from orchestrator.cosim.tape import Tape
+from orchestrator.cosim.program import InputCopy, Program, Stage, Worker, spare_processors
+from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.execution.simulate import simulate
 from orchestrator.kernels.compiled import CAN_STEP, kernels
 from orchestrator.kernels.tables import ASLEEP, FREE, SUBMITTED, StepCall, record
 from orchestrator.log.page import HEAD, Block
 from orchestrator.log.reader import Log
-from orchestrator.log.wire import RULES, handed_over
+from orchestrator.log.wire import RULES, wired_inputs
 from orchestrator.scene.scene import load
 
 EXCHANGE = CFUNCTYPE(c_int, c_void_p, c_void_p, c_size_t, POINTER(c_double))
@@ -62,7 +62,7 @@ class Instance:
         call = StepCall(11, *inputs, at[1], at[2], 44, len(self.y), self.y.ctypes.data, 0.0, 0.0, 1)
         self.step_call = record(call)
 
-    def begin(self, t):
+    def prepare_step(self, t):
         self.time = t
 
     def failure(self):
@@ -113,8 +113,8 @@ def test_values_are_handed_over_by_their_rules():
     first, second = Instance(inputs=4), Instance(inputs=5)
     first.y[:], second.y[:] = chance.normal(size=5), chance.normal(size=6)
     at = {rule: np.array(places) for rule, places in zip(RULES, ([3, 0], [1], [4, 2]), strict=True)}
-    moves = [Move(second.u, places, first.y, places[::-1] % 5, rule) for rule, places in at.items()]
-    back = [Move(first.u, np.arange(4), second.y, np.array([5, 1, 2, 0]), "start")]
+    moves = [InputCopy(second.u, places, first.y, places[::-1] % 5, rule) for rule, places in at.items()]
+    back = [InputCopy(first.u, np.arange(4), second.y, np.array([5, 1, 2, 0]), "start")]
     program = program_of(([first], back), ([second], moves))
     for k in range(4):
         before = first.y.copy(), second.y.copy()
@@ -122,7 +122,7 @@ def test_values_are_handed_over_by_their_rules():
         assert np.array_equal(first.given, before[1][[5, 1, 2, 0]])
         for rule, places in at.items():
             of = places[::-1] % 5
-            assert second.given[places].tobytes() == handed_over(rule, before[0][of], first.y[of]).tobytes()
+            assert second.given[places].tobytes() == wired_inputs(rule, before[0][of], first.y[of]).tobytes()
 
 
 @pytest.mark.skipif(not spare_processors(), reason="needs a second processor")
@@ -221,7 +221,7 @@ class Linked(Instance):
         for name, function in zip(("get_real", "do_step"), self._more, strict=True):
             self.step_call[name] = cast(function, c_void_p).value
 
-    def show_links(self, due):
+    def read_links_when(self, due):
         for name, word in {"n_links": 2, "links": 55, "y_links": self.y_links.ctypes.data, "links_due": due}.items():
             self.step_call[name] = word
 
@@ -246,12 +246,12 @@ def marched(n, failing=0):
     for one, other in pairs:
         one.y[:], other.y[:] = range(4), range(4, 8)
         there, back = (
-            [Move(a.u, np.arange(3), b.y, np.arange(1, 4), "start")] for a, b in ((one, other), (other, one))
+            [InputCopy(a.u, np.arange(3), b.y, np.arange(1, 4), "start")] for a, b in ((one, other), (other, one))
         )
         programs.append(program_of(([one], there), ([other], back)))
     sheets = [Sheet(sum(len(one.u) + len(one.y) for one in pairs[0])), Sheet(4)]
     lent = []
-    tape = Tape(pairs[0], 3, sheets, lambda: lent.append(True))
+    tape = RowWriter(pairs[0], 3, sheets, lambda: lent.append(True))
     rows = []
     for k in range(4, 4 + n):
         try:
@@ -259,7 +259,7 @@ def marched(n, failing=0):
         except ComponentFailed:
             break
         rows.append(np.concatenate([a for which in ("u", "y") for a in (getattr(one, which) for one in pairs[1])]))
-    done = programs[0].march(tape, 4, n, 0.1)
+    done = programs[0].step_batch(tape, 4, n, 0.1)
     assert (lent, tape.room) == ([True], 8)
     return pairs[0], done, tape, sheets, np.array(rows)
 
@@ -268,24 +268,24 @@ def test_many_steps_at_once_are_the_steps_one_by_one():
     pair, done, tape, (steps_page, links_page), rows = marched(5)
     steps = [call for call in pair[0].called if call[0] == "step"]
     assert steps == [("step", 11, k * 0.1, 0.1, 1) for k in range(4, 9)]
-    taken = tape.take()
+    taken = tape.pop_counts()
     assert (done, taken.steps, taken.links) == (5, 5, 2)
     numbers, times, lengths, values = steps_page.added(5)
     assert (numbers, times, lengths) == ([5, 6, 7, 8, 9], [k * 0.1 for k in range(5, 10)], {0.1})
     assert values.tobytes() == rows.tobytes()
     assert len(np.unique(rows[:, -1])) == 5, "outputs do not change"
-    numbers, times, links = tape.links(taken)
+    numbers, times, links = tape.link_rows(taken)
     assert (numbers, times) == ([6, 9], [6 * 0.1, 9 * 0.1])
     assert links.tolist() == [[1.0, -1.0, 1.0, -1.0], [2.0, -2.0, 2.0, -2.0]]
     assert not any(page.block.table[:2].any() for page in (steps_page, links_page)), "earlier rows were overwritten"
-    assert np.array_equal(tape.shown(3)[pair[1].name], rows[3, -4:])
-    assert tape.take() is None
+    assert np.array_equal(tape.outputs(3)[pair[1].name], rows[3, -4:])
+    assert tape.pop_counts() is None
 
 
 @pytest.mark.parametrize("failing", [1, 4])
 def test_of_many_steps_those_before_a_failure_are_kept(failing):
     pair, done, tape, (steps_page, _), rows = marched(6, failing)
-    taken = tape.take()
+    taken = tape.pop_counts()
     assert (done, taken.steps) == (failing - 1, failing - 1)
     assert steps_page.added(taken.steps)[-1].tobytes() == rows.tobytes()
     assert (pair[0].noted("failed"), pair[1].steps) == (StepCall._fields.index("do_step"), failing - 1)
@@ -299,7 +299,7 @@ def test_a_failure_among_many_steps_leaves_a_log_of_those_before(tmp_path, monke
     settings = ("run.stop=0.1", "expect={}", "drive.speed=1e5 rad/s", "drive.ramp_start=0", "drive.ramp_time=0.02")
     told = []
     for together in (0.0, 10.0):
-        monkeypatch.setattr(scheme, "TOGETHER", together)
+        monkeypatch.setattr(scheme, "LONGEST_BATCH", together)
         path = tmp_path / f"{together}.mcap"
         result = simulate(load("rig", "rigid", settings), path)
         with Log(path) as log:
@@ -317,7 +317,7 @@ def test_python_does_the_same_where_there_are_no_kernels(tmp_path, monkeypatch, 
     digests = set()
     for known, together in ((True, 0.05), (True, 0.0), (False, 0.0)):
         monkeypatch.setattr(scheme, "CAN_STEP", known)
-        monkeypatch.setattr(scheme, "TOGETHER", together)  # many steps at once, or one by one
+        monkeypatch.setattr(scheme, "LONGEST_BATCH", together)  # many steps at once, or one by one
         path = tmp_path / f"{known}{together}.mcap"
         assert simulate(load("rig", "rigid", settings), path)["status"] == "ok"
         with Log(path) as log:

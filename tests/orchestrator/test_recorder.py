@@ -405,13 +405,13 @@ def test_pages_that_are_lent_are_left_alone(tmp_path):
     with Recorder(tmp_path / "a.mcap", {"/a/out": [("x", "m")]}, {}, {}, flush=0.02) as recorder:
         (page,) = recorder.pages("/a/out")
         for k in range(1, 4):
-            recorder.lend()
+            recorder.reserve()
             before = page.block
             time.sleep(0.1)
             assert page.block is before
             row = before.count
             before.sequence[row], before.t[row], before.h[row], before.values[row] = k, k * STEP, STEP, -k
-            recorder.filled({"/a/out": 1})
+            recorder.commit({"/a/out": 1})
             assert page.block is not before
         recorder.close("ok", "", 3)
     with Log(tmp_path / "a.mcap") as log:
@@ -425,7 +425,7 @@ def test_topics_written_together_are_those_written_one_by_one(tmp_path, monkeypa
     topics["/a/out"] = [("x", "m")]
     for name in ("apart", "together"):
         with Recorder(tmp_path / name, topics, {}, {}, every={"/a/out": 2}, flush=60) as recorder:
-            page = recorder.together(["/a/in"], ["/a/out", "/b/out"]) if name == "together" else ""
+            page = recorder.join_topics(["/a/in"], ["/a/out", "/b/out"]) if name == "together" else ""
             for k in range(301):
                 a, b, u = np.array([k]), np.array([-k, 0.5 * k]), np.array([k - 1.0])
                 if page:

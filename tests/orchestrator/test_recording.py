@@ -12,7 +12,7 @@ from orchestrator.execution.resume import resume
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, verify
-from orchestrator.scene.recording import FEWEST, SAMPLES, SELDOM, folded, links_every
+from orchestrator.scene.recording import LONGEST_INTERVAL, NYQUIST, SAMPLES, aliasing_warning, links_every
 from orchestrator.scene.scene import load
 
 STEPS, RATES = st.floats(1e-5, 1e-2), st.floats(0.1, 1e3)
@@ -22,18 +22,20 @@ STEPS, RATES = st.floats(1e-5, 1e-2), st.floats(0.1, 1e3)
 def test_ten_samples_a_tooth_or_every_step(step, teeth):
     every = links_every(step, teeth)
     assert every == 1 or 1.0 / (every * step * teeth) >= SAMPLES * (1.0 - 1e-9)
-    assert every == SELDOM or 1.0 / ((every + 1) * step * teeth) < SAMPLES, "links are recorded more often than needed"
-    assert every == 1 or not folded(every, step, teeth)
+    assert every == LONGEST_INTERVAL or 1.0 / ((every + 1) * step * teeth) < SAMPLES, (
+        "links are recorded more often than needed"
+    )
+    assert every == 1 or not aliasing_warning(every, step, teeth)
 
 
 def test_without_teeth_seldom():
-    assert (links_every(1e-3, 0.0), folded(1000, 1e-3, 0.0)) == (SELDOM, "")
+    assert (links_every(1e-3, 0.0), aliasing_warning(1000, 1e-3, 0.0)) == (LONGEST_INTERVAL, "")
 
 
 @given(STEPS, RATES, st.integers(1, 1000))
 def test_the_frequency_that_shows_is_that_of_the_samples(step, teeth, every):
-    sentence = folded(every, step, teeth)
-    assert bool(sentence) == (FEWEST * teeth * every * step > 1.0)
+    sentence = aliasing_warning(every, step, teeth)
+    assert bool(sentence) == (NYQUIST * teeth * every * step > 1.0)
     if sentence and teeth * every * step < 1e3:
         shown = float(sentence.partition("shows at ")[2].split()[0])
         t = np.arange(200) * every * step
@@ -134,5 +136,5 @@ def test_they_go_on_and_are_replayed_as_others(runs, tmp_path):
     with Log(runs["rare"]) as log, Log(tmp_path / "again.mcap") as again:
         assert again.metadata["resumed"]["step"] == "40", "checkpoints do not lie on records of links"
         assert again.digest() == log.digest()
-    with replay_model.opened(runs["rare"], "track", None) as once_more:
+    with replay_model.open_replay(runs["rare"], "track", None) as once_more:
         assert once_more.verify().equal

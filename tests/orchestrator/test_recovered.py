@@ -79,7 +79,7 @@ def survey(whole, rerun_to, cuts, components, folder, seldom):
                         assert ledger(RunData(shorter)) == books
             if number % seldom == 0:
                 for name in components:
-                    with replay_model.opened(saved, name, None) as again:
+                    with replay_model.open_replay(saved, name, None) as again:
                         verdict = again.verify()
                     assert verdict.equal, verdict.sentence
                     assert verdict.steps == n

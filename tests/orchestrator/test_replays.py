@@ -70,15 +70,15 @@ def test_an_fmu_that_only_the_log_vouches_for_is_not_run(log, tmp_path):
     strange = altered(log, tmp_path / "strange.mcap", named)
     assert verify(strange).code == WHOLE
     said = "another build of 'TrackFlexible.fmu': name an FMU with --with"
-    with pytest.raises(BadInput, match=said), replay_model.opened(strange, "chain", None):
+    with pytest.raises(BadInput, match=said), replay_model.open_replay(strange, "chain", None):
         pass
-    with replay_model.opened(strange, "chain", "rigid") as again:
+    with replay_model.open_replay(strange, "chain", "rigid") as again:
         assert again.model.fmu.name == "TrackRigid.fmu"
     assert not mark.exists()
 
 
 def test_replay_builds_what_it_steps(log):
-    with replay_model.opened(log, "chain", None) as again:
+    with replay_model.open_replay(log, "chain", None) as again:
         assert again.model.fmu == fmu_of(log)
         verdict = again.verify()
     assert verdict.equal, verdict.sentence
@@ -94,8 +94,8 @@ def test_an_answer_holds_what_answered_and_can_be_replayed(log, tmp_path, other)
     if other == "fmu":
         given.write_bytes(rigid.read_bytes())
     answer = tmp_path / "answer.mcap"
-    with replay_model.opened(log, "chain", str(given)) as again:
-        assert not again.model.ran
+    with replay_model.open_replay(log, "chain", str(given)) as again:
+        assert not again.model.as_recorded
         again.answer(answer)
     assert verify(answer).code == WHOLE
     with Log(log) as source, Log(answer) as log_of_answer:
@@ -118,10 +118,10 @@ def test_an_answer_holds_what_answered_and_can_be_replayed(log, tmp_path, other)
     else:
         with pytest.raises(BadInput, match="does not say of which scene"):
             draw(answer, tmp_path / "answer.png")
-        with pytest.raises(BadInput, match="name its FMU with --with"), replay_model.opened(answer, "chain", None):
+        with pytest.raises(BadInput, match="name its FMU with --with"), replay_model.open_replay(answer, "chain", None):
             pass
-    with replay_model.opened(answer, "chain", None if other == "rigid" else str(given)) as again:
-        assert again.model.ran
+    with replay_model.open_replay(answer, "chain", None if other == "rigid" else str(given)) as again:
+        assert again.model.as_recorded
         verdict = again.verify()
         assert verdict.equal, verdict.sentence
         twin = again._replace(parameters={**again.parameters, "start.position.x": 1e-12}).verify()
@@ -131,8 +131,8 @@ def test_an_answer_holds_what_answered_and_can_be_replayed(log, tmp_path, other)
 def test_an_fmu_file_that_is_what_ran_is_compared(log, tmp_path):
     copy = tmp_path / "copy.fmu"
     copy.write_bytes(fmu_of(log).read_bytes())
-    with replay_model.opened(log, "chain", str(copy)) as again:
-        assert again.model.ran
+    with replay_model.open_replay(log, "chain", str(copy)) as again:
+        assert again.model.as_recorded
         assert again.verify().equal
         again.answer(tmp_path / "own.mcap")
     with Log(log) as one, Log(tmp_path / "own.mcap") as two:
@@ -147,8 +147,8 @@ def test_other_numbers_answer_to_the_same_inputs(log, tmp_path):
     run = tmp_path / "run.mcap"
     assert simulate(load("hanging_chain", "flexible", (*SETTINGS, heavier)), run)["status"] == "ok"
     answer = tmp_path / "answer.mcap"
-    with replay_model.opened(log, "chain", None, settings=[heavier]) as again:
-        assert not again.model.ran
+    with replay_model.open_replay(log, "chain", None, settings=[heavier]) as again:
+        assert not again.model.as_recorded
         assert again.answer(answer) == 20
     assert verify(answer).code == WHOLE
     with Log(log) as source, Log(answer) as mine, Log(run) as theirs:
@@ -159,11 +159,11 @@ def test_other_numbers_answer_to_the_same_inputs(log, tmp_path):
         (found,) = (one for one in answers(source, mine, "chain", (0.0, 0.01)) if one.signal == "tension.max")
     assert found.t[-1] == pytest.approx(0.01)
     assert found.answered == pytest.approx(found.recorded * 10.0 / 9.81, rel=1e-4)
-    with replay_model.opened(answer, "chain", None) as again:
-        assert again.model.ran
+    with replay_model.open_replay(answer, "chain", None) as again:
+        assert again.model.as_recorded
         assert again.verify().equal
-    with replay_model.opened(log, "chain", None, settings=["vehicle.gravity=9.81"]) as again:
-        assert again.model.ran, "nothing was changed, so the recorded model must run"
+    with replay_model.open_replay(log, "chain", None, settings=["vehicle.gravity=9.81"]) as again:
+        assert again.model.as_recorded, "nothing was changed, so the recorded model must run"
         assert again.answer(tmp_path / "half.mcap", 0.01) == 10
 
 
@@ -171,9 +171,9 @@ def test_other_numbers_answer_to_the_same_inputs(log, tmp_path):
 def test_an_answer_of_native_fmus_is_replayed_by_native_fmus(tmp_path):
     scene = load("rig", "rigid", ("run.stop=0.02", "expect={}", "drive.ramp_start=0"))
     assert simulate(scene, tmp_path / "run.mcap", native=True)["status"] == "ok"
-    with replay_model.opened(tmp_path / "run.mcap", "drive", None, settings=["drive.speed=1"]) as again:
+    with replay_model.open_replay(tmp_path / "run.mcap", "drive", None, settings=["drive.speed=1"]) as again:
         again.answer(tmp_path / "answer.mcap")
-    with replay_model.opened(tmp_path / "answer.mcap", "drive", None) as again:
+    with replay_model.open_replay(tmp_path / "answer.mcap", "drive", None) as again:
         assert again.model.native
         assert again.verify().equal
 
@@ -183,8 +183,8 @@ def test_a_replay_of_no_step_is_no_success(log, tmp_path):
     content.chunks = []
     empty = content.write(tmp_path / "empty.mcap")
     with (
-        replay_model.opened(empty, "chain", None) as again,
-        pytest.raises(replays.Unfit, match="does not hold the steps"),
+        replay_model.open_replay(empty, "chain", None) as again,
+        pytest.raises(replays.UnfitLog, match="does not hold the steps"),
     ):
         again.verify()
     content = Content(log)
@@ -197,7 +197,7 @@ def test_a_replay_of_no_step_is_no_success(log, tmp_path):
         ]
     ]
     start = content.write(tmp_path / "start.mcap")
-    with replay_model.opened(start, "chain", None) as again:
+    with replay_model.open_replay(start, "chain", None) as again:
         verdict = again.verify()
         assert (verdict.steps, verdict.difference, verdict.equal) == (0, None, False)
         assert verdict.sentence.startswith("nothing was compared: the log holds 0 steps")
@@ -216,10 +216,10 @@ def test_a_log_that_was_cut_off_is_replayed_as_far_as_all_of_it_goes(log, tmp_pa
     ]
     del content.metadata["closing"]
     ragged = content.write(tmp_path / "ragged.mcap")
-    with replay_model.opened(ragged, "chain", None) as again, pytest.raises(replays.Unfit, match="log recover"):
+    with replay_model.open_replay(ragged, "chain", None) as again, pytest.raises(replays.UnfitLog, match="log recover"):
         again.verify()
     assert tools.recover(ragged, tmp_path / "saved.mcap").code == tools.RECOVERED
-    with replay_model.opened(tmp_path / "saved.mcap", "chain", None) as again:
+    with replay_model.open_replay(tmp_path / "saved.mcap", "chain", None) as again:
         verdict = again.verify()
     assert (verdict.equal, verdict.steps) == (True, 7), verdict.sentence
 
@@ -246,11 +246,11 @@ def test_names_in_a_log_lead_nowhere(log, tmp_path):
     assert len(set(files)) == 4
     assert all(file.resolve().parent == (inner / "csv").resolve() for file in files)
     tools.recover(evil, inner / "saved.mcap")
-    with pytest.raises((BadInput, LogUnreadable, replays.Unfit)), replay_model.opened(evil, "../../evil", None):
+    with pytest.raises((BadInput, LogUnreadable, replays.UnfitLog)), replay_model.open_replay(evil, "../../evil", None):
         pass
     copy = tmp_path / "copy.fmu"
     copy.write_bytes(fmu_of(log).read_bytes())
-    with replay_model.opened(evil, "../../evil", str(copy)) as again:  # the user trusts this one
+    with replay_model.open_replay(evil, "../../evil", str(copy)) as again:  # the user trusts this one
         again.answer(inner / "answer.mcap")
     allowed = {inner / "csv", *files, inner / "saved.mcap", inner / "answer.mcap", copy}
     assert set(tmp_path.rglob("*")) - before <= allowed
@@ -273,8 +273,8 @@ def test_names_in_a_log_lead_nowhere(log, tmp_path):
 )
 def test_a_scene_or_system_that_cannot_be_is_refused_in_a_sentence(log, tmp_path, change, said):
     forged = altered(log, tmp_path / "forged.mcap", change)
-    refusal = (BadInput, LogUnreadable, replays.Unfit)
-    with pytest.raises(refusal) as caught, replay_model.opened(Path(forged), "chain", None):
+    refusal = (BadInput, LogUnreadable, replays.UnfitLog)
+    with pytest.raises(refusal) as caught, replay_model.open_replay(Path(forged), "chain", None):
         pass
     assert said.replace("99999", str(10**400)[:5]) in str(caught.value)
     assert len(str(caught.value)) < 400
@@ -329,9 +329,9 @@ def test_one_bit_of_an_input_is_named_where_it_is(tmp_path):
         )
     nudged = content.write(tmp_path / "nudged.mcap")
     for component, step in (("drive", 40), ("track", 41)):
-        with replay_model.opened(whole, component, None) as again:
+        with replay_model.open_replay(whole, component, None) as again:
             assert again.verify((0.03, 0.06)).equal
-        with replay_model.opened(nudged, component, None) as again:
+        with replay_model.open_replay(nudged, component, None) as again:
             verdict = again.verify()
             assert again.verify((0.0, 0.001 * (step - 1))).difference is None
             assert again.verify((0.03, 0.06)).difference == verdict.difference

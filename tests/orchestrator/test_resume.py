@@ -14,7 +14,7 @@ import pytest
 from mutated import Content
 
 from fmus.vehicle import BadInput
-from orchestrator.cosim.checkpoint import Unusable
+from orchestrator.cosim.checkpoint import UnusableCheckpoint
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.execution import replay_model
@@ -83,7 +83,7 @@ def test_variable_steps_go_on(tmp_path, monkeypatch, estimate):
         with Log(tmp_path / "again.mcap") as log:
             assert log.metadata["resumed"] == {"of": str(whole), "step": str(number)}
     for kind in (VariableStep, PowerResidual):
-        monkeypatch.setattr(kind, "remember", forget)
+        monkeypatch.setattr(kind, "restore_memory", forget)
     resume(whole, tmp_path / "again.mcap", 0.05)
     assert digest(tmp_path / "again.mcap") != digest(whole), "the twin, which forgets the step lengths, must differ"
 
@@ -97,7 +97,7 @@ def test_vehicles_go_on(tmp_path, track, native):
     whole = ran(tmp_path / "whole.mcap", "straight", track, "run.step=1 ms", *settings, native=native)
     resume(whole, tmp_path / "again.mcap", 0.01)
     assert digest(tmp_path / "again.mcap") == digest(whole)
-    with replay_model.opened(tmp_path / "again.mcap", "chassis", None) as again:
+    with replay_model.open_replay(tmp_path / "again.mcap", "chassis", None) as again:
         assert again.verify().equal
 
 
@@ -139,7 +139,10 @@ def test_a_branch_parts_at_the_step_after_its_checkpoint(rig, tmp_path):
         assert own[41] == pytest.approx(1.1 * held[40], rel=0.01)
         open_by = [ledger(RunData(log)).residual for log in (one, other)]
         assert open_by[1] - open_by[0] == pytest.approx(-jump, rel=0.05)
-    with pytest.raises(BadInput, match="has other numbers from step 40 on"), replay_model.opened(branch, "track", None):
+    with (
+        pytest.raises(BadInput, match="has other numbers from step 40 on"),
+        replay_model.open_replay(branch, "track", None),
+    ):
         pass
     resume(branch, tmp_path / "again.mcap", 0.06, stop=0.07)
     with Log(branch) as log, Log(tmp_path / "again.mcap") as again:
@@ -165,7 +168,7 @@ def test_what_does_not_branch_off_is_a_sentence(rig, cotrack, tmp_path):
     short = ("run.stop=0.02", "run.checkpoints=0.01", "chain.links=8", "expect={}")
     chain = ran(tmp_path / "chain.mcap", "hanging_chain", "rigid", *short)
     said = "with --set chain.links=9 the state of 'chain' has another size"
-    with pytest.raises(Unusable, match=said):
+    with pytest.raises(UnusableCheckpoint, match=said):
         resume(chain, tmp_path / "new.mcap", 0.01, settings=["chain.links=9"])
 
 
@@ -244,7 +247,7 @@ def test_bytes_that_are_no_checkpoint_are_a_sentence(rig, tmp_path):
         content = Content(rig)
         content.attachments[f"{CHECKPOINT}40"] = bad
         path = content.write(tmp_path / "bad.mcap")
-        with pytest.raises(Unusable, match="the checkpoint does not fit these components"):
+        with pytest.raises(UnusableCheckpoint, match="the checkpoint does not fit these components"):
             resume(path, tmp_path / "new.mcap", 0.05)
         assert not (tmp_path / "new.mcap").exists()
 

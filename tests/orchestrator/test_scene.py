@@ -13,14 +13,14 @@ from fmus.track import STARTS
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.cli.inventory import describe
-from orchestrator.execution.truth import bare
+from orchestrator.execution.truth import physical_scene
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
-from orchestrator.scene.same_scene import of_one_scene
+from orchestrator.scene.same_scene import require_same_scene
 from orchestrator.scene.scene import Scene, from_table, load
 from orchestrator.scene.settings import keys
-from orchestrator.scene.track_table import Sets, Track
+from orchestrator.scene.track_table import FmuParameter, TrackModelTable
 
 BARE = """
 title = "a chain"
@@ -226,10 +226,10 @@ def test_keys_of_a_track_are_parameters_of_its_fmu(model):
     """Keys of a track are parameters of its FMU, with their choices and defaults."""
     part = assemble(load("rig", model)).parts[0]
     ports = {port.name: port for port in model_of(part.kind)(part.config).ports}
-    for key, sets in Track.sets().items():
+    for key, sets in TrackModelTable.fmu_parameters().items():
         if sets.model in ("", model):
-            port = ports[sets.parameter or key]
-            asked = get_args(Track.model_fields[key].annotation)
+            port = ports[sets.name or key]
+            asked = get_args(TrackModelTable.model_fields[key].annotation)
             chosen = next((get_args(one) for one in asked if get_origin(one) is Literal), ())
             assert set(chosen) <= {*(STARTS if key == "start" else port.choices)}, "an unknown start"
             assert {*port.choices} - set(chosen) <= {"planar"}, "scenes have a key of their own for this choice"
@@ -243,8 +243,8 @@ def test_a_key_of_a_track_is_declared_once(monkeypatch):
     A toy key reaches the FMU, belongs to one model, is dropped when the model changes, and is not part of the motion.
     """
 
-    class Toy(Track):
-        stickiness: Annotated[float | None, Sets("glue.stickiness", model="rigid", method=True)] = None
+    class Toy(TrackModelTable):
+        stickiness: Annotated[float | None, FmuParameter("glue.stickiness", model="rigid", method=True)] = None
 
     toy = Toy(model="rigid", stickiness=0.5)
     assert toy.parameters()["glue.stickiness"] == 0.5
@@ -253,7 +253,7 @@ def test_a_key_of_a_track_is_declared_once(monkeypatch):
         Toy(model="flexible", stickiness=0.5)
     scene = load("rig", "rigid").model_copy(update={"track": toy})
     assert assemble(scene).parts[0].parameters["glue.stickiness"] == 0.5
-    assert bare(placed(scene)).track.stickiness is None
+    assert physical_scene(placed(scene)).track.stickiness is None
 
 
 def test_element_is_for_flexible_links():
@@ -406,7 +406,7 @@ def test_runs_of_one_scene():
         "track=rigid", "track.element=beam", "track.step=1 ms", "run.stop=1 s", "run.step=2 ms", "run.links=1",
         "run.coupling=jacobi", "name=other", "title=other", "symmetric=true", "expect={}",
     ):  # fmt: skip
-        of_one_scene(("a", load("straight", None, [change]).resolved()), ("b", whole))
+        require_same_scene(("a", load("straight", None, [change]).resolved()), ("b", whole))
     for change, said in (
         ("vehicle.chassis.mass=1", "vehicle.chassis.mass = 1.0 and "),
         ("drive.speed=19", "drive.speed = 19.0 and 20.0"),
@@ -415,17 +415,19 @@ def test_runs_of_one_scene():
         ("ground.hull=true", "ground.hull = True and False"),
     ):
         with pytest.raises(BadInput) as caught:
-            of_one_scene(("a", load("straight", None, [change]).resolved()), ("b", whole))
+            require_same_scene(("a", load("straight", None, [change]).resolved()), ("b", whole))
         assert str(caught.value).startswith(f"a ('straight') and b ('straight') are runs of different scenes: {said}")
     with pytest.raises(BadInput, match="b does not say of which scene it is"):
-        of_one_scene(("a", whole), ("b", {}))
+        require_same_scene(("a", whole), ("b", {}))
     for name in ("rig", "settle"):
         flexible, rigid = (placed(load(name, model)).resolved() for model in ("flexible", "rigid"))
-        of_one_scene(("a", flexible), ("b", rigid))
+        require_same_scene(("a", flexible), ("b", rigid))
     x = rigid["vehicle"]["idler"]["x"]
     for change, same in ((1e-7, True), (1e-3, False)):  # m: within the tolerance of a search; another circuit
         moved = {**rigid, "vehicle": {**rigid["vehicle"], "idler": {**rigid["vehicle"]["idler"], "x": x + change}}}
         with nullcontext() if same else pytest.raises(BadInput, match=r"vehicle\.idler\.x = "):
-            of_one_scene(("a", moved), ("b", rigid))
+            require_same_scene(("a", moved), ("b", rigid))
     with pytest.raises(BadInput, match=r"vehicle\.tensioner\.preload = "):
-        of_one_scene(("a", placed(load("settle", None, ["vehicle.tensioner.preload=1 kN"])).resolved()), ("b", rigid))
+        require_same_scene(
+            ("a", placed(load("settle", None, ["vehicle.tensioner.preload=1 kN"])).resolved()), ("b", rigid)
+        )

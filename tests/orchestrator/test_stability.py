@@ -14,7 +14,7 @@ from orchestrator.scene.scene import load
 from orchestrator.studies import expectations, extreme, limits, stability, stability_map, verdict
 from orchestrator.studies.oscillator import Oscillator, amplification
 from orchestrator.studies.row import Row
-from orchestrator.studies.verdict import BLOWN, CLEAN, MUTE, RIGHT, WRONG, ended
+from orchestrator.studies.verdict import BLOWN, CLEAN, MUTE, RIGHT, WRONG, with_verdict
 
 # --- limits ---
 
@@ -93,13 +93,13 @@ CHAIN = ("chain.links=8", "run.stop=0.05 s", "run.links=1")
 
 def test_a_right_run_and_a_wrong_one(monkeypatch):
     scene = load("hanging_chain", "rigid", CHAIN)
-    row = verdict.judged(scene, "sag")
+    row = verdict.judged_run(scene, "sag")
     assert row["verdict"] == RIGHT, row.note
     assert row["found"] == pytest.approx(row["expected"], rel=1e-4)
     shorter = load("hanging_chain", "rigid", [*CHAIN, "chain.span=0.81"])
-    expects = expectations.ASKED["sag"]
-    monkeypatch.setitem(expectations.ASKED, "sag", (lambda run, _: expects[0](run, shorter), expects[1]))
-    row = verdict.judged(scene, "sag")
+    expects = expectations.EXPECTATIONS["sag"]
+    monkeypatch.setitem(expectations.EXPECTATIONS, "sag", (lambda run, _: expects[0](run, shorter), expects[1]))
+    row = verdict.judged_run(scene, "sag")
     assert row["verdict"] == WRONG
     assert row.note.startswith("sag, m: ")
 
@@ -112,7 +112,7 @@ def told(monkeypatch, **result):
         return {"status": "failed", "message": "", "communication_steps": 0, "energy": None} | result
 
     monkeypatch.setattr(verdict, "simulate", fake)
-    return verdict.judged(load("hanging_chain", "rigid", CHAIN), "ledger")
+    return verdict.judged_run(load("hanging_chain", "rigid", CHAIN), "ledger")
 
 
 def test_ends_that_are_not_right(monkeypatch):
@@ -128,7 +128,7 @@ def test_an_explicit_step_beyond_its_limit_fails_with_a_sentence():
     settings = [*CHAIN, "track.start=displaced", "track.integrator=runge_kutta"]
     damped = load("hanging_chain", "flexible", [*settings, "vehicle.material.relaxation_time=1e-5 s"])
     assert limits.predicted(damped)[0] < 4e-6
-    row = verdict.judged(damped, "ledger")
+    row = verdict.judged_run(damped, "ledger")
     assert (row["verdict"], "take a smaller step" in row.note) == (CLEAN, True), row
 
 
@@ -139,8 +139,8 @@ def test_cases():
     for family in extreme.FAMILIES:
         assert set(family.quick or ()) <= set(family.values), family.name
         for value in family.values:
-            asked = family.asked if isinstance(family.asked, str) else family.asked(value)
-            assert asked in expectations.ASKED
+            asked = family.expectation if isinstance(family.expectation, str) else family.expectation(value)
+            assert asked in expectations.EXPECTATIONS
     for number in (0, 12, 14, 17, 19, 20, 21):  # settings that a scene takes
         family = extreme.FAMILIES[number]
         load(family.scene, family.track, family.settings(family.values[-1]))
@@ -163,9 +163,9 @@ ROWS = [
 
 
 def test_table_and_map(tmp_path):
-    graded = [ended(row, row["verdict"], row.note or "a sentence") for row in ROWS[:-1]]
+    graded = [with_verdict(row, row["verdict"], row.note or "a sentence") for row in ROWS[:-1]]
     assert [row.ok for row in graded] == [True, True, True, False, True]
-    silent = ended(graded[-1], BLOWN, "")
+    silent = with_verdict(graded[-1], BLOWN, "")
     assert (silent["verdict"], silent.ok, silent.note) == (MUTE, False, "")
     lines = stability.table(ROWS).markdown().splitlines()
     assert {line.count("|") - line.count("\\|") for line in lines[: len(ROWS) + 2]} == {len(stability_map.COLUMNS) + 1}

@@ -9,7 +9,7 @@ from orchestrator.cli.inventory import describe
 from orchestrator.cosim.graph import Connection, Instance, Miswired, System, wire
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.parts import CHASSIS, DRIVE, TRACK
-from orchestrator.scene.products import of_gallery, of_scenes
+from orchestrator.scene.products import gallery_products, scene_products
 from orchestrator.scene.scene import load
 
 
@@ -136,13 +136,13 @@ def test_drive_profile_reaches_the_parameters():
 
 
 def test_products_are_distinct_and_named():
-    products = of_gallery()
+    products = gallery_products()
     names = [name for _, _, name in products]
     assert len(set(names)) == len(names)
     assert {"TrackFlexible", "TrackRigid", "Chassis", "SprocketDrive"} <= set(names)
     contents = [json.dumps([kind, config], sort_keys=True) for kind, config, _ in products]
     assert len(set(contents)) == len(contents)
-    assert {name for _, _, name in of_scenes([load("hanging_chain")])} == {"TrackFlexible-hanging_chain"}
+    assert {name for _, _, name in scene_products([load("hanging_chain")])} == {"TrackFlexible-hanging_chain"}
 
 
 @dataclasses.dataclass

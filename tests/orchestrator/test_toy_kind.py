@@ -47,7 +47,7 @@ from fmus.native.pack import held
 from fmus.vehicle import BadInput
 from orchestrator.cli.inventory import lines
 from orchestrator.execution.monolithic import parts_of
-from orchestrator.execution.replay_model import opened
+from orchestrator.execution.replay_model import open_replay
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import assemble
@@ -60,9 +60,9 @@ for model in ("rigid", "toy"):
     simulate(scene, log, estimated=False)
     with Log(log) as read:
         found[model] = read.signal("chain.tension.max")[1][-1]
-with opened(Path("toy.mcap"), "chain", None) as again:
+with open_replay(Path("toy.mcap"), "chain", None) as again:
     found["equal"], found["steps"] = again.verify().equal, again.verify().steps
-with opened(Path("rigid.mcap"), "chain", "toy") as again:
+with open_replay(Path("rigid.mcap"), "chain", "toy") as again:
     found["swapped"] = again.model.fmu.name
 part = assemble(scene).parts[0]
 found["native"] = set(held(part.kind, part.config, part.parameters)["parameters"]) <= set(part.parameters)

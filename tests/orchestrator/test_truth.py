@@ -97,9 +97,11 @@ def test_a_monolith_goes_on_from_the_states_of_a_co_simulation(tmp_path):
     straight = Monolith(monolithic.parts_of(assembly), assembly.connections)
     for k in range(30):
         straight.advance(k * 1e-3, 1e-3)
-    outcome, cost = monolithic.run(scene, tmp_path / "a.mcap", begun=states)
+    outcome, cost = monolithic.run(scene, tmp_path / "a.mcap", initial_states=states)
     assert (outcome.status, outcome.steps, cost["steps"]) == ("ok", 30, straight.effort.steps / 3)
-    adams, _ = monolithic.run(scene, tmp_path / "b.mcap", integrator="adams", rtol=1e-9, atol=1e-9, begun=states)
+    adams, _ = monolithic.run(
+        scene, tmp_path / "b.mcap", integrator="adams", rtol=1e-9, atol=1e-9, initial_states=states
+    )
     assert adams.status == "ok"
     for name, allowed in (("a", 1e-12), ("b", 1e-7)):
         with Log(tmp_path / f"{name}.mcap") as log:
@@ -113,7 +115,7 @@ def test_a_monolith_goes_on_from_the_states_of_a_co_simulation(tmp_path):
         states_at(scene, 0.0205)
     short = load("hanging_chain", "flexible", (*settings, "run.stop=0.02"))
     with pytest.raises(BadInput, match=r"run\.stop = 0\.02 s must be after the states of 0\.02 s"):
-        monolithic.run(short, tmp_path / "c.mcap", begun=states)
+        monolithic.run(short, tmp_path / "c.mcap", initial_states=states)
     other = Monolith(monolithic.parts_of(assembly), assembly.connections)
     with pytest.raises(InvalidParameter, match="chain: the state that it is to begin with"):
         other.begin_at(0.0, {})
@@ -447,7 +449,7 @@ def test_truth_is_built_once_and_knows_its_error(empty):
 
 def test_key_is_the_physics():
     def key(*settings):
-        return module.key(module.bare(load("hanging_chain", "flexible", settings)))
+        return module.key(module.physical_scene(load("hanging_chain", "flexible", settings)))
 
     plain = key()
     assert plain == key("run.step=2ms") == key("track.integrator=runge_kutta") == key("track.step=1e-4")
@@ -492,7 +494,7 @@ def test_both_sides_are_what_one_side_says(model, axes):
 def test_beams_have_no_truth():
     """Beams have no truth, although the key contains the element."""
     cable, beam = (load("hanging_chain", "flexible", (f"track.element={e}",)) for e in ("cable", "beam"))
-    assert module.key(module.bare(cable)) != module.key(module.bare(beam))
+    assert module.key(module.physical_scene(cable)) != module.key(module.physical_scene(beam))
     with pytest.raises(BadInput, match=r"^truth: track.element = 'beam': the monolith knows chains of cables"):
         module.truth(beam)
     assembly = assemble(beam)

@@ -382,6 +382,6 @@ def test_the_implausible_is_said_everywhere(cotrack, caplog):
 
 @pytest.mark.parametrize("name", gallery.names())
 def test_the_gallery_is_plausible(name):
-    from orchestrator.scene.ranges import implausible
+    from orchestrator.scene.ranges import implausible_numbers
 
-    assert implausible(load(name).resolved(), name) == []
+    assert implausible_numbers(load(name).resolved(), name) == []

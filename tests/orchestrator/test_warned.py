@@ -11,11 +11,11 @@ from conftest import build_toy, messages
 
 from orchestrator.cli import main
 from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.component_warnings import ComponentWarning, WarningList
 from orchestrator.cosim.coupling import scheme
 from orchestrator.cosim.coupling.iterative import Iterative
 from orchestrator.cosim.graph import Connection, Instance, System, wire
 from orchestrator.cosim.program import Program
-from orchestrator.cosim.warned import Warned, Warnings
 from orchestrator.execution import replay_model, simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, recover, verify
@@ -56,7 +56,7 @@ def creaking(monkeypatch, toy):
     monkeypatch.setattr(simulate, "system", lambda assembly, native: graph)
 
 
-def told(out):
+def entries(out):
     return json.loads(out.splitlines()[-1])["warnings"]
 
 
@@ -64,32 +64,34 @@ def told(out):
 
 
 def test_texts_that_differ_in_numbers_only_are_one():
-    warnings = Warnings("track")
+    warnings = WarningList("track")
     first = [
         warnings.add("link 3 is\n  hot: -1.5e+03 K at t = 0.25 s", 0.25),
         warnings.add("link 12 is hot: 7 K at t = 0.5 s", 0.5),
         warnings.add("link 3 is cold: -1.5e+03 K at t = 0.25 s", 0.75),
     ]
     assert first == [True, False, True]
-    assert warnings.told() == [
-        Warned("track", "link 3 is hot: -1.5e+03 K at t = 0.25 s", 0.25, 2),
-        Warned("track", "link 3 is cold: -1.5e+03 K at t = 0.25 s", 0.75, 1),
+    assert warnings.entries() == [
+        ComponentWarning("track", "link 3 is hot: -1.5e+03 K at t = 0.25 s", 0.25, 2),
+        ComponentWarning("track", "link 3 is cold: -1.5e+03 K at t = 0.25 s", 0.75, 1),
     ]
 
 
 def test_steps_taken_back_take_their_warnings_with_them_but_for_what_is_said_once():
-    warnings = Warnings("track")
+    warnings = WarningList("track")
     warnings.add("hot", 0.0)
     before = warnings.save()
     for _ in range(2):  # the same step twice; the first one is rejected
         warnings.restore(before)
         assert not warnings.add("hot", 0.1)
         warnings.add("cold", 0.1)
-    assert warnings.told() == [Warned("track", "hot", 0.0, 2), Warned("track", "cold", 0.1, 1)]
+    assert warnings.entries() == [ComponentWarning("track", "hot", 0.0, 2), ComponentWarning("track", "cold", 0.1, 1)]
     warnings.restore(before)
-    assert warnings.told() == [Warned("track", "hot", 0.0, 1), Warned("track", "cold", 0.1, 1)]
+    assert warnings.entries() == [ComponentWarning("track", "hot", 0.0, 1), ComponentWarning("track", "cold", 0.1, 1)]
     warnings.add("cold", 0.3)
-    assert warnings.told()[1] == Warned("track", "cold", 0.3, 1), "the time is that of the first accepted step with it"
+    assert warnings.entries()[1] == ComponentWarning("track", "cold", 0.3, 1), (
+        "the time is that of the first accepted step with it"
+    )
 
 
 def test_a_component_that_warns_at_every_step_is_heard_once(toy):
@@ -102,7 +104,7 @@ def test_a_component_that_warns_at_every_step_is_heard_once(toy):
         saved = component.save()
         component.step(0.2, H)
         component.restore(saved)
-        assert component.warnings == [Warned("toy", CREAKS, 0.1, 5)]
+        assert component.warnings == [ComponentWarning("toy", CREAKS, 0.1, 5)]
         assert heard == [("toy", 1, CREAKS)]
         component.initialise({"trouble": "none"})
         component.step(0.0, H)
@@ -124,7 +126,7 @@ def test_what_comes_at_every_step_is_one_entry_with_a_count(cotrack, creaking, s
     Warm-up steps, rejected steps and the coarser companion runs do not count.
     """
     status, out, err = cotrack(*SHORT, *settings, "--json")
-    assert told(out) == [{"component": "chain", "text": CREAKS, "time": 0.0, "count": 20}]
+    assert entries(out) == [{"component": "chain", "text": CREAKS, "time": 0.0, "count": 20}]
     assert status == 1, "a spring fails the checks of a chain"
     assert err == [f"chain: {CREAKS}"]
 
@@ -140,7 +142,9 @@ def test_sweeps_of_an_iteration_count_once(toy):
             for k in range(5):
                 scheme.advance(k * H, H)
             assert scheme.sweeps > 5
-        assert simulate.warnings(components) == [asdict(Warned(name, CREAKS, 0.0, 5)) for name in ("one", "two")]
+        assert simulate.warnings(components) == [
+            asdict(ComponentWarning(name, CREAKS, 0.0, 5)) for name in ("one", "two")
+        ]
 
 
 def test_warnings_stand_in_summary_and_log(cotrack, creaking, tmp_path):
@@ -161,7 +165,7 @@ def test_warnings_stand_in_summary_and_log(cotrack, creaking, tmp_path):
 
 def test_a_run_that_is_quiet_has_none(cotrack):
     status, out, err = cotrack(*SHORT, "--json", "--log", "a.mcap")
-    assert (status, told(out), err) == (0, [], [])
+    assert (status, entries(out), err) == (0, [], [])
     with Log("a.mcap") as log:
         assert log.closing["warnings"] == []
 
@@ -175,10 +179,10 @@ def test_a_failed_run_tells_its_warnings(cotrack, creaking, monkeypatch):
             raise ComponentFailed("chain: the spring broke")
 
     monkeypatch.setattr(Program, "run", failing)
-    monkeypatch.setattr(scheme, "TOGETHER", 0.0)  # one by one
+    monkeypatch.setattr(scheme, "LONGEST_BATCH", 0.0)  # one by one
     status, out, _ = cotrack(*SHORT, "--json")
     assert status == 1
-    assert told(out) == [{"component": "chain", "text": CREAKS, "time": 0.0, "count": 12}]
+    assert entries(out) == [{"component": "chain", "text": CREAKS, "time": 0.0, "count": 12}]
 
 
 # ------------------------------------------------------------------ tracks
@@ -191,7 +195,7 @@ def test_a_vehicle_that_rolls_takes_its_cables_out_of_their_plane(cotrack):
     """A vehicle that rolls takes its cables out of their plane: a warning at 0.2 degrees."""
     status, out, err = cotrack(*ONE_SIDED, "--set", "track.axes=fixed", "--json")
     assert status == 0, err
-    (warning,) = told(out)
+    (warning,) = entries(out)
     assert (warning["component"], warning["count"]) == ("left_track", 1)
     assert warning["text"].startswith("a wheel's axis is 0.2")
     assert 0.05 < warning["time"] < 0.12
@@ -200,7 +204,7 @@ def test_a_vehicle_that_rolls_takes_its_cables_out_of_their_plane(cotrack):
     assert verify("a.mcap").code == WHOLE
     with Log("a.mcap") as log:
         assert log.closing["warnings"] == [warning]
-    with replay_model.opened("a.mcap", "left_track", None) as again:
+    with replay_model.open_replay("a.mcap", "left_track", None) as again:
         assert again.verify().difference is None
         assert [asdict(one) for one in again.component.warnings] == [warning]
         again.answer(again.log.path.with_name("b.mcap"))
@@ -208,7 +212,7 @@ def test_a_vehicle_that_rolls_takes_its_cables_out_of_their_plane(cotrack):
         assert log.closing["warnings"] == [warning]
     for more in ((), ("--track", "rigid")):
         status, out, _ = cotrack(*ONE_SIDED, *more, "--json")
-        assert told(out) == [], "turning cables and rigid links follow the vehicle"
+        assert entries(out) == [], "turning cables and rigid links follow the vehicle"
 
 
 def test_what_a_track_has_said_is_part_of_its_state():
@@ -230,9 +234,9 @@ def test_what_a_track_has_said_is_part_of_its_state():
                     track.write()
                     track.step(t, H)
                     track.step(t + H, H)
-            told = track.warnings
-            assert [(one.time, one.count) for one in told] == [(0.0, 1)]
-            assert told[0].text.startswith("a wheel's axis is 0.22 degrees off the pin axis at t = 0 s")
+            entries = track.warnings
+            assert [(one.time, one.count) for one in entries] == [(0.0, 1)]
+            assert entries[0].text.startswith("a wheel's axis is 0.22 degrees off the pin axis at t = 0 s")
             track.restore(upright)
             track.u[3:5] = np.cos(0.0019), np.sin(0.0019)
             track.write()

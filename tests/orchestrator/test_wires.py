@@ -15,7 +15,7 @@ from orchestrator.log.container_writer import LogFailed
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
-from orchestrator.log.wire import RULES, Wire, handed_over
+from orchestrator.log.wire import RULES, Wire, wired_inputs
 from orchestrator.scene.scene import load
 
 STEP, STEPS = 1e-3, 300
@@ -47,7 +47,7 @@ def write(path, wires=WIRES, change=lambda k, row: None, chunk=3000):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "CHUNK", chunk)
         with Recorder(path, TOPICS, {}, {}, wires=wires, flush=60) as recorder:
-            page = recorder.together(["/a/in", "/b/in"], ["/a/out", "/b/out"])
+            page = recorder.join_topics(["/a/in", "/b/in"], ["/a/out", "/b/out"])
             for k in range(STEPS + 1):
                 row = rows(k)
                 change(k, row)
@@ -115,7 +115,7 @@ def test_an_input_that_is_another_by_one_bit_ends_the_log(tmp_path, rule):
 
 def test_a_step_that_was_not_written_is_no_proof(tmp_path):
     log = Recorder(tmp_path / "a", TOPICS, {}, {}, wires=WIRES)
-    page = log.together(["/a/in", "/b/in"], ["/a/out", "/b/out"])
+    page = log.join_topics(["/a/in", "/b/in"], ["/a/out", "/b/out"])
     for k in (0, 1, 3):
         log.write(page, k, k * STEP, STEP, *rows(k))
     with pytest.raises(LogFailed, match="a step is missing"):
@@ -125,7 +125,7 @@ def test_a_step_that_was_not_written_is_no_proof(tmp_path):
 def test_outputs_that_are_not_all_recorded_make_no_wires(tmp_path):
     with Recorder(tmp_path / "a", TOPICS, {}, {}, wires=WIRES, every={"/b/out": 2}) as log:
         with pytest.raises(ValueError, match="/a/in: not every step of /b/out is recorded with it"):
-            log.together(["/a/in", "/b/in"], ["/a/out", "/b/out"])
+            log.join_topics(["/a/in", "/b/in"], ["/a/out", "/b/out"])
         log.close("ok", "", 0)
 
 
@@ -207,7 +207,7 @@ def test_wires_are_held_against_the_connections(tmp_path, output, says):
 def test_rules(rule):
     start, end = np.array([1.0, -0.0]), np.array([2.0, 4.0])
     expected = {"start": [1.0, -0.0], "end": [2.0, 4.0], "middle": [1.5, 2.0]}[rule]
-    assert np.array_equal(handed_over(rule, start, end), expected)
+    assert np.array_equal(wired_inputs(rule, start, end), expected)
 
 
 @pytest.mark.parametrize(

@@ -194,7 +194,7 @@ def steps_at_equal_error(tolerances: tuple[float, ...]) -> list[Row]:
         pace = VariableStep(STRUCK_END, 0.02, tolerance, 1e-5, 1.0)
         error, cost = run_struck("gauss_seidel linear", pace)
         equal = math.exp(np.interp(math.log(error), np.log(errors[::-1]), np.log(costs[::-1])))
-        note = f"error {error:.2g} m; {pace.rejected} pairs taken back; all tried steps are counted"
+        note = f"error {error:.2g} m; {pace.rejected_steps} pairs taken back; all tried steps are counted"
         name = f"quiet, struck, quiet: steps of a component at tolerance {tolerance:g}, against fixed at equal error"
         rows.append(checked("variable step", name, cost, equal, 0.0, max(cost / equal - 1.0, 0.0), note=note))
     return rows

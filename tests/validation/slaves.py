@@ -15,13 +15,13 @@ from scipy.linalg import expm
 
 from fmus.physics.arrays import Floats
 from orchestrator.cosim.graph import Connection, Instance, Stages, System, wire
-from orchestrator.studies.oscillator import Oscillator, Side, sides
+from orchestrator.studies.oscillator import LinearComponent, Oscillator, sides
 
 
 class Slave:
     """Side of the oscillator with the interface of a component."""
 
-    def __init__(self, name: str, side: Side, u: Floats, y: Floats) -> None:
+    def __init__(self, name: str, side: LinearComponent, u: Floats, y: Floats) -> None:
         self.name, self.side, self.inputs, self.outputs = name, side, side.inputs, side.outputs
         self.u, self.y = u.copy(), y.copy()
         self.x = side.x.copy()
@@ -69,7 +69,7 @@ def coupled(cut: str, o: Oscillator, kind_of_b: type[Slave] = Slave) -> tuple[St
             bond="spring" if output in ("force", "v") else "",
         )
         for source, target, side, peer in (("b", "a", a, b), ("a", "b", b, a))
-        for output, name, kind in zip(peer.outputs, side.inputs, side.given, strict=True)
+        for output, name, kind in zip(peer.outputs, side.inputs, side.carries, strict=True)
     ]  # fmt: skip
     system = System((Instance("a", None, {}, 0), Instance("b", None, {}, 1)), tuple(connections))  # type: ignore[arg-type]
     return wire(system, {"a": one, "b": two}), one, two

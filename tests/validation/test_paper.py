@@ -575,7 +575,7 @@ def test_statements_of_theory_need_their_equations():
     assert verdict(theory.potential, *rows) == NOT, "the chord strain has no potential"
     slower = [Row("elasticity", "", {"elasticity": "general", "links": 64, "evaluation": 2.7, "step": 1.9}, True)]
     assert verdict(theory.cheaper, *slower) == HOLDS
-    assert verdict(theory.cheaper, slower[0].having(step=0.9)) == PART
+    assert verdict(theory.cheaper, slower[0].with_figures(step=0.9)) == PART
     off = [Row("equation", "", {**row.figures}, False) if row.figures["key"] == "pin" else row for row in rows]
     assert verdict(theory.joint_equations, *off) == PART
 

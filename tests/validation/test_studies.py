@@ -186,7 +186,7 @@ def test_a_study_goes_on_where_it_was(tmp_path):
     again = pool.run([counted, once], 2, store=kept)
     assert [row.ok for row in again] == [True, True]
     assert len(list(trace.iterdir())) == 1
-    assert repr(again[0].having(series=())) == repr(first[0].having(series=()))
+    assert repr(again[0].with_figures(series=())) == repr(first[0].with_figures(series=()))
     other = Case("0", "counted", counts, (tmp_path,))
     assert kept.get(other) is None, "other arguments, another case"
 

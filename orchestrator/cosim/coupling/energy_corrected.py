@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.gauss_seidel import GaussSeidel
 from orchestrator.cosim.coupling.input_hold import Outputs
-from orchestrator.cosim.coupling.scheme import Saved
+from orchestrator.cosim.coupling.scheme import SavedPoint
 from orchestrator.cosim.graph import Feed, Floats, Stages
 
 
@@ -32,40 +32,40 @@ class EnergyCorrected(GaussSeidel):
             (member, feed)
             for member in self.members
             for feed in member.feeds
-            if feed.carries in ("value", "mean") and feed.source.name not in self.stepped(member)
+            if feed.carries in ("value", "mean") and feed.source.name not in self.stepped_before(member)
         ]
-        self.missed: dict[int, Floats] = {}  # s times the unit of the feed, by id of the feed
+        self.defects: dict[int, Floats] = {}  # s times the unit of the feed, by id of the feed
 
-    def made(self, feed: Feed, now: Outputs, h: float) -> Floats:
+    def computed_inputs(self, feed: Feed, now: Outputs, h: float) -> Floats:
         """Extrapolated inputs, corrected by the defect of the feed."""
-        given = super().made(feed, now, h)
-        return given + self.missed[id(feed)] / h if id(feed) in self.missed else given
+        inputs = super().computed_inputs(feed, now, h)
+        return inputs + self.defects[id(feed)] / h if id(feed) in self.defects else inputs
 
     def exchange(self, t: float, h: float, now: Outputs) -> None:
         """Do the step and compute the defect of each feed."""
         super().exchange(t, h, now)
-        self.missed = {
-            id(feed): self.missed.get(id(feed), 0.0)
+        self.defects = {
+            id(feed): self.defects.get(id(feed), 0.0)
             + h * (input_hold.mean(feed, now) - member.component.u[feed.inputs])
             for member, feed in self._corrected
         }
 
     def memory(self) -> dict[str, Floats]:
         """Memory of the coupling, with defects by number of the feed."""
-        missed = [(number, self.missed.get(id(feed))) for number, (_, feed) in enumerate(self._corrected)]
-        return super().memory() | {f"missed:{number}": each for number, each in missed if each is not None}
+        defects = [(number, self.defects.get(id(feed))) for number, (_, feed) in enumerate(self._corrected)]
+        return super().memory() | {f"missed:{number}": defect for number, defect in defects if defect is not None}
 
-    def remember(self, memory: Mapping[str, Floats]) -> None:
+    def restore_memory(self, memory: Mapping[str, Floats]) -> None:
         """Restore the memory, with defects."""
-        super().remember(memory)
-        missed = [(feed, memory.get(f"missed:{number}")) for number, (_, feed) in enumerate(self._corrected)]
-        self.missed = {id(feed): each for feed, each in missed if each is not None}
+        super().restore_memory(memory)
+        defects = [(feed, memory.get(f"missed:{number}")) for number, (_, feed) in enumerate(self._corrected)]
+        self.defects = {id(feed): defect for feed, defect in defects if defect is not None}
 
-    def save(self) -> Saved:
+    def save(self) -> SavedPoint:
         """Save states and defects."""
-        return super().save()._replace(more=self.missed)
+        return super().save()._replace(memory=self.defects)
 
-    def restore(self, saved: Saved) -> None:
+    def restore(self, saved: SavedPoint) -> None:
         """Restore states and defects."""
         super().restore(saved)
-        self.missed = saved.more
+        self.defects = saved.memory

@@ -18,8 +18,8 @@ class GaussSeidel(Scheme):
         self.linear = hold == "linear"
         self.ORDER = 2 if self.linear else 1
 
-    def rule(self, feed: Feed, stepped: bool) -> Rule | None:
+    def rule(self, feed: Feed, source_stepped: bool) -> Rule | None:
         """Mean or latest value of a source that has stepped; else the value at t, or extrapolation."""
-        if stepped:
+        if source_stepped:
             return input_hold.interpolated(feed) if self.linear else input_hold.at_end(feed)
         return None if self.linear and feed.carries != "state" else "start"

@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from orchestrator.cosim.graph import Feed, Floats
-from orchestrator.log.wire import Rule, handed_over
+from orchestrator.log.wire import Rule, wired_inputs
 
 Outputs = Mapping[str, Floats]  # y of every component by its name
 
@@ -62,4 +62,4 @@ def interpolated(feed: Feed) -> Rule:
 
 def mean(feed: Feed, now: Outputs) -> Floats:
     """Return the value for the middle of the step of a source that has stepped; ``now``: outputs at t."""
-    return handed_over(interpolated(feed), constant(feed, now), feed.source.y[feed.outputs])
+    return wired_inputs(interpolated(feed), constant(feed, now), feed.source.y[feed.outputs])

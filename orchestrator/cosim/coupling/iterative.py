@@ -13,11 +13,11 @@ import numpy as np
 
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.input_hold import Outputs
-from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, needs_states
+from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme, require_states
 from orchestrator.cosim.graph import Feed, Floats, Stages
 from orchestrator.log.wire import Rule
 
-KEPT = 6  # earlier differences that the acceleration uses
+HISTORY = 6  # earlier differences that the acceleration uses
 
 
 class Iterative(Scheme):
@@ -33,18 +33,18 @@ class Iterative(Scheme):
 
     def __init__(self, stages: Stages, tolerance: float = 1e-6, iterations: int = 20, threads: bool = True) -> None:
         super().__init__(stages, threads)
-        needs_states(self, "coupling 'iterative'")
+        require_states(self, "coupling 'iterative'")
         self.tolerance, self.iterations = tolerance, iterations
         self.sweeps = 0  # total number
         feeds = [
             (member.component.name, feed)
             for member in self.members
             for feed in member.feeds
-            if feed.carries != "state" and feed.source.name not in self.stepped(member)
+            if feed.carries != "state" and feed.source.name not in self.stepped_before(member)
         ]
         ends = np.cumsum([0, *(len(feed.inputs) for _, feed in feeds)])
         self._feeds = feeds
-        self._place = {id(feed): slice(a, b) for (_, feed), a, b in zip(feeds, ends[:-1], ends[1:], strict=True)}
+        self._slices = {id(feed): slice(a, b) for (_, feed), a, b in zip(feeds, ends[:-1], ends[1:], strict=True)}
         self._largest = np.zeros(len(feeds))
         self._guess = np.zeros(int(ends[-1]))
 
@@ -68,38 +68,38 @@ class Iterative(Scheme):
                 history.append((z, residual))
                 if np.abs(residual / scale).max() <= self.tolerance:
                     return
-                z = scale * anderson([(guess / scale, rest / scale) for guess, rest in history[-KEPT - 1 :]])
+                z = scale * anderson([(guess / scale, error / scale) for guess, error in history[-HISTORY - 1 :]])
         finally:
             self.free(start)
         raise CouplingFailed(self._complaint(t, h, residual / scale))
 
-    def rule(self, feed: Feed, stepped: bool) -> Rule | None:
+    def rule(self, feed: Feed, source_stepped: bool) -> Rule | None:
         """Mean over the step if the source has stepped; None for an unknown; else the value at t."""
-        if stepped:
+        if source_stepped:
             return input_hold.interpolated(feed)
-        return None if id(feed) in self._place else "start"
+        return None if id(feed) in self._slices else "start"
 
-    def made(self, feed: Feed, now: Outputs, h: float) -> Floats:
+    def computed_inputs(self, feed: Feed, now: Outputs, h: float) -> Floats:
         """Return the present guess of the unknown inputs of a feed."""
-        return self._guess[self._place[id(feed)]]
+        return self._guess[self._slices[id(feed)]]
 
     def memory(self) -> dict[str, Floats]:
         """Memory of the coupling, with the largest value of each connection."""
         return super().memory() | {"largest": self._largest}
 
-    def remember(self, memory: Mapping[str, Floats]) -> None:
+    def restore_memory(self, memory: Mapping[str, Floats]) -> None:
         """Restore the memory, with the largest value of each connection."""
-        super().remember(memory)
+        super().restore_memory(memory)
         self._largest[:] = memory["largest"]
 
-    def _collect(self, given: Callable[[Feed], Floats]) -> Floats:
-        parts = [given(feed) for _, feed in self._feeds]
+    def _collect(self, values_of: Callable[[Feed], Floats]) -> Floats:
+        parts = [values_of(feed) for _, feed in self._feeds]
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def _scale(self, z: Floats) -> Floats:
         """Scale of every unknown: the largest value of its connection so far, 1 if that is 0."""
         for k, (_, feed) in enumerate(self._feeds):
-            self._largest[k] = max(self._largest[k], float(np.abs(z[self._place[id(feed)]]).max()))
+            self._largest[k] = max(self._largest[k], float(np.abs(z[self._slices[id(feed)]]).max()))
         sizes = [len(feed.inputs) for _, feed in self._feeds]
         return np.repeat(np.where(self._largest > 0.0, self._largest, 1.0), sizes)
 
@@ -108,10 +108,10 @@ class Iterative(Scheme):
         taker, feed = next(
             (taker, feed)
             for taker, feed in self._feeds
-            if self._place[id(feed)].start <= worst < self._place[id(feed)].stop
+            if self._slices[id(feed)].start <= worst < self._slices[id(feed)].stop
         )
         member = next(member for member in self.members if member.component.name == taker)
-        name = member.component.inputs[feed.inputs[worst - self._place[id(feed)].start]]
+        name = member.component.inputs[feed.inputs[worst - self._slices[id(feed)].start]]
         return (
             f"coupling 'iterative': {taker}.{name} still changes by {abs(residual[worst]):.2g} of its size after "
             f"{self.iterations} iterations at t = {t:.6g} s, step {h:.3g} s (allowed {self.tolerance:g})"

@@ -21,10 +21,10 @@ class Jacobi(Scheme):
         """Return one group of all members."""
         return (self.members,)
 
-    def stepped(self, member: Member) -> frozenset[str]:
+    def stepped_before(self, member: Member) -> frozenset[str]:
         """Return no names, because all components step in parallel."""
         return frozenset()
 
-    def rule(self, feed: Feed, stepped: bool) -> Rule | None:
+    def rule(self, feed: Feed, source_stepped: bool) -> Rule | None:
         """Return the rule for the value at t, or None for extrapolation."""
         return None if self.linear and feed.carries != "state" else "start"

@@ -30,19 +30,19 @@ from orchestrator.cosim.graph import Connection, Feed, Floats, Member, Miswired
 WATT = (1, 2, -3, 0, 0, 0, 0, 0)  # exponents of kg, m, s, A, K, mol, cd, 10
 SAFETY = 0.8
 I_GAIN, P_GAIN = 0.15, 0.2  # the paper's 0.3 and 0.4 over the order
-LEAST, MOST = 0.2, 1.5  # bounds of the ratio of two steps
+MIN_RATIO, MAX_RATIO = 0.2, 1.5  # bounds of the ratio of two steps
 TINY = 1e-6  # of the tolerance: lower bound of the residual in the control law
 
 Dimension = tuple[float, ...]
 
 
 class Bond(NamedTuple):
-    """Pair of opposite feeds: ``there`` from a to b, ``back`` from b to a."""
+    """Pair of opposite feeds: ``forward`` from a to b, ``backward`` from b to a."""
 
     a: Member
     b: Member
-    there: Feed
-    back: Feed
+    forward: Feed
+    backward: Feed
 
 
 def bonds(members: Sequence[Member]) -> tuple[Bond, ...]:
@@ -52,10 +52,10 @@ def bonds(members: Sequence[Member]) -> tuple[Bond, ...]:
         for feed in member.feeds:
             if feed.bond:
                 ends.setdefault(feed.bond, []).append((member, feed))
-    return tuple(Bond(back[0], there[0], there[1], back[1]) for back, there in ends.values())
+    return tuple(Bond(backward[0], forward[0], forward[1], backward[1]) for backward, forward in ends.values())
 
 
-def check(connections: Sequence[Connection], dimension: Callable[[str, str], Dimension | None]) -> None:
+def check_bonds(connections: Sequence[Connection], dimension: Callable[[str, str], Dimension | None]) -> None:
     """Raise Miswired unless bonds are pairs of opposite connections whose products are powers.
 
     :param dimension: (instance, variable) -> exponents as in ``WATT``, None if unknown.
@@ -65,32 +65,34 @@ def check(connections: Sequence[Connection], dimension: Callable[[str, str], Dim
         if connection.bond:
             pairs.setdefault(connection.bond, []).append(connection)
     for name, pair in pairs.items():
-        there, back = pair[0], pair[-1]
-        if len(pair) != 2 or (there.source, there.target) != (back.target, back.source):
+        forward, backward = pair[0], pair[-1]
+        if len(pair) != 2 or (forward.source, forward.target) != (backward.target, backward.source):
             raise Miswired(f"bond '{name}' needs two connections, there and back, and has {len(pair)}")
-        if len(there.outputs) != len(back.outputs):
-            raise Miswired(f"bond '{name}' has {len(there.outputs)} values there and {len(back.outputs)} back")
-        for one, other in zip(there.outputs, back.outputs, strict=True):
-            effort, flow = dimension(there.source, one), dimension(back.source, other)
+        if len(forward.outputs) != len(backward.outputs):
+            raise Miswired(f"bond '{name}' has {len(forward.outputs)} values there and {len(backward.outputs)} back")
+        for effort_name, flow_name in zip(forward.outputs, backward.outputs, strict=True):
+            effort, flow = dimension(forward.source, effort_name), dimension(backward.source, flow_name)
             if effort is not None and flow is not None and not np.allclose(np.add(effort, flow), WATT):
-                raise Miswired(f"bond '{name}': {there.source}.{one} times {back.source}.{other} is not in W")
+                raise Miswired(
+                    f"bond '{name}': {forward.source}.{effort_name} times {backward.source}.{flow_name} is not in W"
+                )
 
 
-def works(bond: Bond, now: Outputs, h: float) -> tuple[float, float]:
+def transferred_energies(bond: Bond, now: Outputs, h: float) -> tuple[float, float]:
     """Energy, J, from a to b over the last step, by the balances of a and b; ``now``: y at its start."""
-    shown, felt = input_hold.mean(bond.there, now), bond.b.component.u[bond.there.inputs]
-    answer, seen = input_hold.mean(bond.back, now), bond.a.component.u[bond.back.inputs]
-    return h * float(shown @ seen), h * float(felt @ answer)
+    output_a, input_b = input_hold.mean(bond.forward, now), bond.b.component.u[bond.forward.inputs]
+    output_b, input_a = input_hold.mean(bond.backward, now), bond.a.component.u[bond.backward.inputs]
+    return h * float(output_a @ input_a), h * float(input_b @ output_b)
 
 
-class Remembered(NamedTuple):
+class PowerResidualState(NamedTuple):
     """State of the step control."""
 
     t: float  # s, reached
     h: float  # s, next step
-    size: float  # J, largest energy that a bond has carried
-    before: float  # residual of the last step over the allowed one
-    carried: Floats  # J, net energy of each bond
+    largest_energy: float  # J, largest energy that a bond has carried
+    last_error: float  # residual of the last step over the allowed one
+    net_energy: Floats  # J, net energy of each bond
 
 
 class PowerResidual:
@@ -105,52 +107,55 @@ class PowerResidual:
     :param energy: J, lower bound of the reference energy.
     """
 
-    rejected = 0  # steps are never repeated
+    rejected_steps = 0  # steps are never repeated
 
     def __init__(
         self, stop: float, step: float, tolerance: float, shortest: float, longest: float, energy: float
     ) -> None:
         self.stop, self.step, self.tolerance = stop, step, tolerance
         self.shortest, self.longest, self.energy = shortest, longest, energy
-        self.forced = 0  # shortest steps with too large a residual
-        self._start = self._now = Remembered(0.0, step, energy, 1.0, np.zeros(0))
+        self.forced_steps = 0  # shortest steps with too large a residual
+        self._start = self._now = PowerResidualState(0.0, step, energy, 1.0, np.zeros(0))
 
     def memory(self, scheme: Scheme) -> dict[str, Floats]:
         """State of the step control, by name."""
-        *numbers, carried = self._now
-        return {"pace": np.array([*numbers, self.forced]), "carried": carried}
+        *numbers, net_energy = self._now
+        return {"pace": np.array([*numbers, self.forced_steps]), "carried": net_energy}
 
-    def remember(self, scheme: Scheme, memory: Mapping[str, Floats]) -> None:
+    def restore_memory(self, scheme: Scheme, memory: Mapping[str, Floats]) -> None:
         """Restore the state of the step control; raises LookupError, ValueError if it is not one of this pace."""
-        t, h, size, before, forced = memory["pace"].tolist()
-        self.forced, self._start = int(forced), Remembered(t, h, size, before, memory["carried"])
-        if len(self._start.carried) != len(bonds(scheme.members)):
+        t, h, largest_energy, last_error, forced_steps = memory["pace"].tolist()
+        self.forced_steps, self._start = (
+            int(forced_steps),
+            PowerResidualState(t, h, largest_energy, last_error, memory["carried"]),
+        )
+        if len(self._start.net_energy) != len(bonds(scheme.members)):
             raise ValueError("it has another number of bonds")
 
-    def walk(self, scheme: Scheme, most: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
+    def walk(self, scheme: Scheme, batch_limit: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
         """Step to the end; raises CouplingFailed without a bond."""
-        found = bonds(scheme.members)
-        if not found:
+        bond_pairs = bonds(scheme.members)
+        if not bond_pairs:
             raise CouplingFailed("no connection has a bond, whose power residual a variable step could follow")
-        t, h, size, before, carried = self._start
-        carried = carried.copy() if len(carried) else np.zeros(len(found))
+        t, h, largest_energy, last_error, net_energy = self._start
+        net_energy = net_energy.copy() if len(net_energy) else np.zeros(len(bond_pairs))
         while True:
             h = min(max(h, self.shortest), self.longest)
-            left = math.ceil((self.stop - t) / h - 1e-9)
-            if left <= 0:
+            steps_left = math.ceil((self.stop - t) / h - 1e-9)
+            if steps_left <= 0:
                 return
-            if left <= 2:  # even steps up to the end
-                h = min(h, (self.stop - t) / left)
+            if steps_left <= 2:  # even steps up to the end
+                h = min(h, (self.stop - t) / steps_left)
             scheme.advance(t, h)
-            work = np.array([works(bond, scheme.past.outputs, h) for bond in found])
-            carried += work[:, 1]
-            size = max(size, float(np.abs(carried).max()))
-            error = float(np.abs(work[:, 0] - work[:, 1]).sum()) / (size * self.tolerance)
-            self.forced += error > 1.0 and h <= self.shortest
+            work = np.array([transferred_energies(bond, scheme.past.outputs, h) for bond in bond_pairs])
+            net_energy += work[:, 1]
+            largest_energy = max(largest_energy, float(np.abs(net_energy).max()))
+            error = float(np.abs(work[:, 0] - work[:, 1]).sum()) / (largest_energy * self.tolerance)
+            self.forced_steps += error > 1.0 and h <= self.shortest
             t += h
             error = max(error, TINY)
-            wanted = SAFETY * error**-I_GAIN * (before / error) ** P_GAIN
-            following, before = h * min(max(wanted, LEAST), MOST), error
-            self._now = Remembered(t, following, size, before, carried)
+            ratio = SAFETY * error**-I_GAIN * (last_error / error) ** P_GAIN
+            next_h, last_error = h * min(max(ratio, MIN_RATIO), MAX_RATIO), error
+            self._now = PowerResidualState(t, next_h, largest_energy, last_error, net_energy)
             yield 1, t, h
-            h = following
+            h = next_h

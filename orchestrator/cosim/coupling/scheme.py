@@ -14,24 +14,24 @@ from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.coupling import input_hold
 from orchestrator.cosim.coupling.input_hold import Outputs, Past
 from orchestrator.cosim.graph import Feed, Floats, Member, Stages
-from orchestrator.cosim.program import Move, Program, Stage
-from orchestrator.cosim.tape import Tape
+from orchestrator.cosim.program import InputCopy, Program, Stage
+from orchestrator.cosim.row_writer import RowWriter
 from orchestrator.kernels.compiled import CAN_STEP
-from orchestrator.log.wire import Rule, handed_over
+from orchestrator.log.wire import Rule, wired_inputs
 
-TOGETHER = 3e-2  # s of wall time, longest batch: observers wait no longer
+LONGEST_BATCH = 3e-2  # s of wall time, longest batch: observers wait no longer
 
 
 class CouplingFailed(RuntimeError):
     """The coupling cannot take a step; the message is one sentence."""
 
 
-class Saved(NamedTuple):
+class SavedPoint(NamedTuple):
     """Saved communication point: states in the order of the members, and the past."""
 
     states: tuple[Any, ...]
     past: Past
-    more: Any = None  # further memory of a coupling
+    memory: Any = None  # further memory of a coupling
 
 
 class Scheme:
@@ -48,25 +48,33 @@ class Scheme:
         self.stages = stages
         self.members = tuple(member for stage in stages for member in stage)
         self.past = Past({}, 0.0, 0.0)
-        self._stepped: dict[str, frozenset[str]] = {}
+        self._stepped_before: dict[str, frozenset[str]] = {}
         for stage in stages:
-            before = frozenset(self._stepped)
-            self._stepped |= {member.component.name: before for member in stage}
+            earlier = frozenset(self._stepped_before)
+            self._stepped_before |= {member.component.name: earlier for member in stage}
         self._threads = threads
         self._program: Program | None = None
-        self.tape: Tape | None = None  # memory for the rows of a batch of steps
+        self.row_writer: RowWriter | None = None  # memory for the rows of a batch of steps
         self._failure: ComponentFailed | None = None  # of the step after the last batch
         self._seconds = math.inf  # wall time of a step
 
     def __enter__(self) -> Scheme:
-        loaded = {each.component.name: each.component for each in self.members if isinstance(each.component, Component)}
+        loaded = {
+            member.component.name: member.component
+            for member in self.members
+            if isinstance(member.component, Component)
+        }
         if CAN_STEP and len(loaded) == len(self.members):
             stages = [
                 Stage(
                     [loaded[member.component.name] for member in group],
-                    [Move(u, feed.inputs, feed.source.y, feed.outputs, rule) for u, feed, rule in hands if rule],
+                    [
+                        InputCopy(u, feed.inputs, feed.source.y, feed.outputs, rule)
+                        for u, feed, rule in transfers
+                        if rule
+                    ],
                 )
-                for group, hands in self._hands
+                for group, transfers in self._transfers
             ]
             self._program = Program(stages, self._threads)
         return self
@@ -81,13 +89,13 @@ class Scheme:
         return self.stages
 
     @cached_property
-    def _hands(self) -> list[tuple[Sequence[Member], list[tuple[Floats, Feed, Rule | None]]]]:
+    def _transfers(self) -> list[tuple[Sequence[Member], list[tuple[Floats, Feed, Rule | None]]]]:
         """Members of each group with all their inputs and rules."""
         return [
             (
                 group,
                 [
-                    (member.component.u, feed, self.rule(feed, feed.source.name in self.stepped(member)))
+                    (member.component.u, feed, self.rule(feed, feed.source.name in self.stepped_before(member)))
                     for member in group
                     for feed in member.feeds
                 ],
@@ -96,39 +104,39 @@ class Scheme:
         ]
 
     @cached_property
-    def _without_rule(self) -> list[tuple[Floats, Feed]]:
-        return [(u, feed) for _, hands in self._hands for u, feed, rule in hands if rule is None]
+    def _computed_feeds(self) -> list[tuple[Floats, Feed]]:
+        return [(u, feed) for _, transfers in self._transfers for u, feed, rule in transfers if rule is None]
 
-    def march(self, k: int, n: int, h: float) -> int:
+    def step_batch(self, k: int, n: int, h: float) -> int:
         """Do the steps k + 1 to k + n of ``h`` s, or the first of them; return their number.
 
-        Steps are done in one batch if kernels alone run between them, the ``tape`` has room, and they take a
-        short time; the tape then holds their rows. Errors are those of ``advance``; an error in a batch is raised by
-        the next call, after the completed steps have been returned.
+        Steps are done in one batch if kernels alone run between them, the ``row_writer`` has room, and they take a
+        short time; their rows are then in the pages of the log. Errors are those of ``advance``; an error in a batch
+        is raised by the next call, after the completed steps have been returned.
         """
         if self._failure is not None:
             raise self._failure
-        began = perf_counter()
-        done, n = 1, min(n, self.tape.room if self.tape else 1, int(TOGETHER / self._seconds))
-        if n > 1 and self._program is not None and self.tape is not None and self._alone:
+        start = perf_counter()
+        done, n = 1, min(n, self.row_writer.room if self.row_writer else 1, int(LONGEST_BATCH / self._seconds))
+        if n > 1 and self._program is not None and self.row_writer is not None and self._all_compiled:
             now = self._outputs()
-            done = self._program.march(self.tape, k, n, h)
+            done = self._program.step_batch(self.row_writer, k, n, h)
             if done < n:
                 self._failure = self._program.failure()
             if not done:
                 raise self._failure or AssertionError
             older = h if done > 1 else self.past.last
-            self.past = Past(self.tape.shown(done - 2) if done > 1 else now, h, older)
+            self.past = Past(self.row_writer.outputs(done - 2) if done > 1 else now, h, older)
         else:
             self.advance(k * h, h)
-        self._seconds = (perf_counter() - began) / done
+        self._seconds = (perf_counter() - start) / done
         return done
 
     @cached_property
-    def _alone(self) -> bool:
+    def _all_compiled(self) -> bool:
         """True if the compiled program does a whole step without this class."""
-        own = type(self)
-        return own.advance is Scheme.advance and own.exchange is Scheme.exchange and not self._without_rule
+        kind = type(self)
+        return kind.advance is Scheme.advance and kind.exchange is Scheme.exchange and not self._computed_feeds
 
     def _outputs(self) -> dict[str, Floats]:
         return {member.component.name: member.component.y.copy() for member in self.members}
@@ -141,36 +149,36 @@ class Scheme:
 
     def exchange(self, t: float, h: float, now: Outputs) -> None:
         """Do the step; ``now``: outputs at t. Inputs that need outputs at t + h are set once these exist."""
-        for u, feed in self._without_rule:
-            u[feed.inputs] = self.made(feed, now, h)
+        for u, feed in self._computed_feeds:
+            u[feed.inputs] = self.computed_inputs(feed, now, h)
         if self._program is not None:
             self._program.run(t, h)
             return
-        for _, hands in self._hands:
-            for u, feed, rule in hands:
+        for _, transfers in self._transfers:
+            for u, feed, rule in transfers:
                 if rule in ("start", "middle"):
                     u[feed.inputs] = feed.source.y[feed.outputs]
-        for group, hands in self._hands:
-            for u, feed, rule in hands:
+        for group, transfers in self._transfers:
+            for u, feed, rule in transfers:
                 if rule in ("end", "middle"):
-                    u[feed.inputs] = handed_over(rule, u[feed.inputs], feed.source.y[feed.outputs])
+                    u[feed.inputs] = wired_inputs(rule, u[feed.inputs], feed.source.y[feed.outputs])
             for member in group:
                 member.component.write()
                 member.component.step(t, h)
                 member.component.read()
 
-    def stepped(self, member: Member) -> frozenset[str]:
+    def stepped_before(self, member: Member) -> frozenset[str]:
         """Names of the components that have stepped when a member gets its inputs: those of earlier stages."""
-        return self._stepped[member.component.name]
+        return self._stepped_before[member.component.name]
 
-    def rule(self, feed: Feed, stepped: bool) -> Rule | None:
-        """Rule by which inputs follow from outputs at t and, if the source has ``stepped``, at t + h.
+    def rule(self, feed: Feed, source_stepped: bool) -> Rule | None:
+        """Rule by which inputs follow from outputs at t and, with ``source_stepped``, at t + h.
 
-        None: the coupling computes the inputs itself (``made``).
+        None: the coupling computes the inputs itself (``computed_inputs``).
         """
         raise NotImplementedError
 
-    def made(self, feed: Feed, now: Outputs, h: float) -> Floats:
+    def computed_inputs(self, feed: Feed, now: Outputs, h: float) -> Floats:
         """Inputs of a feed without a rule: extrapolated to the middle of the step."""
         return input_hold.extrapolated(feed, now, self.past, h)
 
@@ -179,7 +187,7 @@ class Scheme:
         outputs = {f"y:{name}": y for name, y in self.past.outputs.items()}
         return outputs | {"steps": np.array([self.past.last, self.past.older])}
 
-    def remember(self, memory: Mapping[str, Floats]) -> None:
+    def restore_memory(self, memory: Mapping[str, Floats]) -> None:
         """Restore the memory; raises LookupError, ValueError if it is not one of this coupling."""
         outputs = {name.removeprefix("y:"): memory[name] for name in memory if name.startswith("y:")}
         if outputs and set(outputs) != {member.component.name for member in self.members}:
@@ -187,23 +195,23 @@ class Scheme:
         last, older = memory["steps"].tolist()
         self.past = Past(outputs, last, older)
 
-    def save(self) -> Saved:
+    def save(self) -> SavedPoint:
         """Save the communication point, to be restored or freed."""
-        return Saved(tuple(member.component.save() for member in self.members), self.past)
+        return SavedPoint(tuple(member.component.save() for member in self.members), self.past)
 
-    def restore(self, saved: Saved) -> None:
+    def restore(self, saved: SavedPoint) -> None:
         """Restore a saved point, which stays valid."""
         for member, state in zip(self.members, saved.states, strict=True):
             member.component.restore(state)
         self.past = saved.past
 
-    def free(self, saved: Saved) -> None:
+    def free(self, saved: SavedPoint) -> None:
         """Release a saved point."""
         for member, state in zip(self.members, saved.states, strict=True):
             member.component.free(state)
 
 
-def needs_states(scheme: Scheme, what: str) -> None:
+def require_states(scheme: Scheme, what: str) -> None:
     """Raise CouplingFailed unless every component can save its state."""
     for member in scheme.members:
         try:
@@ -213,7 +221,7 @@ def needs_states(scheme: Scheme, what: str) -> None:
         member.component.free(state)
 
 
-def gather(member: Member) -> None:
+def copy_inputs(member: Member) -> None:
     """Copy the present outputs of the sources into a member's inputs."""
     for feed in member.feeds:
         member.component.u[feed.inputs] = feed.source.y[feed.outputs]

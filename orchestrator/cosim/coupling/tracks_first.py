@@ -19,8 +19,8 @@ class TracksFirst(Scheme):
     NAME = "tracks_first"
     ORDER = 2
 
-    def rule(self, feed: Feed, stepped: bool) -> Rule | None:
+    def rule(self, feed: Feed, source_stepped: bool) -> Rule | None:
         """Mean of a source that has stepped; else the value at t, or None for extrapolation of values."""
-        if stepped:
+        if source_stepped:
             return input_hold.interpolated(feed)
         return None if feed.carries == "value" else "start"

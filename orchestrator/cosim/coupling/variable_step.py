@@ -15,15 +15,15 @@ import numpy as np
 
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling.input_hold import Outputs
-from orchestrator.cosim.coupling.scheme import CouplingFailed, Saved, Scheme
+from orchestrator.cosim.coupling.scheme import CouplingFailed, SavedPoint, Scheme
 from orchestrator.cosim.graph import Feed, Floats
 
 SAFETY = 0.9
-LEAST, MOST = 0.2, 2.0  # bounds of the ratio of two steps
+MIN_RATIO, MAX_RATIO = 0.2, 2.0  # bounds of the ratio of two steps
 Motion = tuple[str, str, int]  # source, receiver, and index of the value or -1
 
 
-class Remembered(NamedTuple):
+class VariableStepState(NamedTuple):
     """State of the step control."""
 
     t: float  # s, end of the last pair
@@ -45,25 +45,25 @@ class VariableStep:
     def __init__(self, stop: float, step: float, tolerance: float, shortest: float, longest: float) -> None:
         self.stop, self.step, self.tolerance = stop, step, tolerance
         self.shortest, self.longest = shortest, longest
-        self.rejected = 0  # pairs of steps that were repeated
-        self.forced = 0  # pairs kept with too large an error
-        self._start = Remembered(0.0, step, {})
-        self._now: Remembered | None = None  # None between the steps of a pair
+        self.rejected_steps = 0  # pairs of steps that were repeated
+        self.forced_steps = 0  # pairs kept with too large an error
+        self._start = VariableStepState(0.0, step, {})
+        self._now: VariableStepState | None = None  # None between the steps of a pair
 
     def memory(self, scheme: Scheme) -> dict[str, Floats] | None:
         """State of the step control at the shown point, by name; None between two steps of a pair."""
         if self._now is None:
             return None
-        pace = np.array([self._now.t, self._now.h, self.rejected, self.forced])
+        pace = np.array([self._now.t, self._now.h, self.rejected_steps, self.forced_steps])
         return {"pace": pace, "largest": np.array([self._now.largest.get(key, 0.0) for key in _motions(scheme)])}
 
-    def remember(self, scheme: Scheme, memory: Mapping[str, Floats]) -> None:
+    def restore_memory(self, scheme: Scheme, memory: Mapping[str, Floats]) -> None:
         """Restore the state of the step control; raises LookupError, ValueError if it is not one of this pace."""
-        t, h, rejected, forced = memory["pace"].tolist()
-        self.rejected, self.forced = int(rejected), int(forced)
-        self._start = Remembered(t, h, dict(zip(_motions(scheme), memory["largest"].tolist(), strict=True)))
+        t, h, rejected_steps, forced_steps = memory["pace"].tolist()
+        self.rejected_steps, self.forced_steps = int(rejected_steps), int(forced_steps)
+        self._start = VariableStepState(t, h, dict(zip(_motions(scheme), memory["largest"].tolist(), strict=True)))
 
-    def walk(self, scheme: Scheme, most: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
+    def walk(self, scheme: Scheme, batch_limit: Callable[[int], int]) -> Iterator[tuple[int, float, float]]:
         """Step to the end in pairs; both steps of a pair are shown when both are accepted."""
         t, h, largest = self._start
         largest = dict(largest)
@@ -82,14 +82,14 @@ class VariableStep:
                 if h <= self.shortest:
                     raise
                 error = math.inf
-            wanted = SAFETY * (self.tolerance / max(error, 1e-300)) ** (1.0 / (scheme.ORDER + 1))
-            following = h * min(max(wanted, LEAST), MOST)
-            bad = error > self.tolerance
-            if bad and h > self.shortest:
+            ratio = SAFETY * (self.tolerance / max(error, 1e-300)) ** (1.0 / (scheme.ORDER + 1))
+            next_h = h * min(max(ratio, MIN_RATIO), MAX_RATIO)
+            too_large = error > self.tolerance
+            if too_large and h > self.shortest:
                 scheme.restore(start)
-                self.rejected += 1
+                self.rejected_steps += 1
             else:
-                self.forced += bad
+                self.forced_steps += too_large
                 assert middle is not None
                 end = scheme.save()
                 scheme.restore(middle)
@@ -98,16 +98,16 @@ class VariableStep:
                 scheme.restore(end)
                 scheme.free(end)
                 t = t + h + h
-                self._now = Remembered(t, following, largest)
+                self._now = VariableStepState(t, next_h, largest)
                 yield 1, t, h
             for saved in (start, middle):
                 if saved is not None:
                     scheme.free(saved)
-            h = following
+            h = next_h
 
     def _pair(
-        self, scheme: Scheme, start: Saved, t: float, h: float, largest: dict[Motion, float]
-    ) -> tuple[float, Saved]:
+        self, scheme: Scheme, start: SavedPoint, t: float, h: float, largest: dict[Motion, float]
+    ) -> tuple[float, SavedPoint]:
         """Do both ways; return the error and the point in the middle of the pair, to be freed."""
         scheme.advance(t, 2.0 * h)
         coarse = _outputs(scheme)
@@ -124,15 +124,15 @@ class VariableStep:
     def _error(self, scheme: Scheme, coarse: Outputs, largest: dict[Motion, float]) -> float:
         """Largest difference of both ways over the scale of each connection."""
         differences: dict[Motion, float] = {}
-        for key, feed in _looked_at(scheme):
+        for key, feed in _compared_feeds(scheme):
             fine = feed.source.y[feed.outputs]
-            largest[key] = max(largest.get(key, 0.0), _size(fine))
-            difference = _size(fine - coarse[feed.source.name][feed.outputs])
+            largest[key] = max(largest.get(key, 0.0), _largest_magnitude(fine))
+            difference = _largest_magnitude(fine - coarse[feed.source.name][feed.outputs])
             differences[key] = max(differences.get(key, 0.0), difference)
         return max((d / largest[key] for key, d in differences.items() if d), default=0.0)
 
 
-def _looked_at(scheme: Scheme) -> Iterator[tuple[Motion, Feed]]:
+def _compared_feeds(scheme: Scheme) -> Iterator[tuple[Motion, Feed]]:
     for member in scheme.members:
         for place, feed in enumerate(member.feeds):
             if feed.carries != "mean":
@@ -140,7 +140,7 @@ def _looked_at(scheme: Scheme) -> Iterator[tuple[Motion, Feed]]:
 
 
 def _motions(scheme: Scheme) -> list[Motion]:
-    return list(dict.fromkeys(key for key, _ in _looked_at(scheme)))
+    return list(dict.fromkeys(key for key, _ in _compared_feeds(scheme)))
 
 
 def _motion(taker: str, feed: Feed, place: int) -> Motion:
@@ -148,7 +148,7 @@ def _motion(taker: str, feed: Feed, place: int) -> Motion:
     return (feed.source.name, taker, place if feed.carries == "value" else -1)
 
 
-def _size(values: Floats) -> float:
+def _largest_magnitude(values: Floats) -> float:
     return float(np.abs(values).max(initial=0.0))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from orchestrator.log.described import said_of
+from orchestrator.log.recorded_system import description_of
 from orchestrator.results.energy import CAUSE, Ledger, changes
 from orchestrator.results.page.charts import Trace, lines, waterfall
 from orchestrator.results.page.section import Content, PageSection, Pair, table
@@ -43,7 +43,7 @@ def losses(run: RunData) -> dict[str, Loss]:
             causes = {
                 part.removeprefix(CAUSE): copies * lost for part, lost in account.items() if part.startswith(CAUSE)
             }
-            parts = _causes(causes) or said_of(run.log, f"{name}.energy.dissipated")
+            parts = _causes(causes) or description_of(run.log, f"{name}.energy.dissipated")
             by_component[name] = Loss(copies * account["dissipated"], copies * account.get("covered", 0.0), parts)
     return by_component
 

@@ -44,10 +44,10 @@ def rows(name: str, numbers: tuple[int, ...]) -> list[Row]:
         except (BadInput, RuntimeError, ValueError) as failure:
             return [*found, Row("links", label, {"model": name, "links": links}, note=f"not there: {failure}")]
         with suppress(BadInput, RuntimeError, ValueError):  # this formulation has no implicit steps
-            found[-1] = found[-1].having(step=step_time(chain_of(name, links, IMPLICIT)))
+            found[-1] = found[-1].with_figures(step=step_time(chain_of(name, links, IMPLICIT)))
         if name == CLOSED.name:
             own, rigid = (chain_of(each, links, IMPLICIT) for each in (name, RIGID.name))
-            found[-1] = found[-1].having(step_over_rigid=in_turn(own, rigid, STEP))
+            found[-1] = found[-1].with_figures(step_over_rigid=in_turn(own, rigid, STEP))
     exponents = {f"exponent_{key}": exponent(found, key) for key in ("evaluation", "step", "bytes")}
     return [*found, Row("exponent", label, {"model": name, **exponents}, True)]
 

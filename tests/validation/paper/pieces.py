@@ -126,7 +126,7 @@ def stiff(stiffness: float, piece: float) -> list[Row]:
     """Row of the cost, by Adams' methods, of the rigid chain closed by a spring of this stiffness, N/m."""
     rows_of_run = rows(RIGID_SPRING.name, piece, (f"track.closure_stiffness={stiffness!r}",))
     return [
-        replace(row.having(stiffness=stiffness), item="stiffness")
+        replace(row.with_figures(stiffness=stiffness), item="stiffness")
         for row in rows_of_run
         if row.item == "cost" and row["method"] == ADAMS
     ]

@@ -10,7 +10,7 @@ NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 
 @dataclass(frozen=True)
-class Warned:
+class ComponentWarning:
     """Warning with its count."""
 
     component: str
@@ -19,14 +19,14 @@ class Warned:
     count: int
 
 
-class Warnings:
+class WarningList:
     """Warnings of one component.
 
     Restoring a state removes the warnings of the steps taken back. A warning that came in such steps only is kept
     with count 0, because an FMU may give it once and never again.
     """
 
-    def __init__(self, component: str, earlier: Mapping[str, Warned] | None = None) -> None:
+    def __init__(self, component: str, earlier: Mapping[str, ComponentWarning] | None = None) -> None:
         self._component = component
         self._known = dict(earlier or {})  # by text without numbers; count 0: in steps taken back only
 
@@ -36,19 +36,19 @@ class Warnings:
         key = NUMBER.sub("#", text)
         known = self._known.get(key)
         if known is None or not known.count:
-            self._known[key] = Warned(self._component, text, time, 1)
+            self._known[key] = ComponentWarning(self._component, text, time, 1)
         else:
             self._known[key] = replace(known, count=known.count + 1)
         return known is None
 
-    def told(self) -> list[Warned]:
+    def entries(self) -> list[ComponentWarning]:
         """Return all warnings in the order of their first occurrence."""
-        return [replace(one, count=max(one.count, 1)) for one in self._known.values()]
+        return [replace(warning, count=max(warning.count, 1)) for warning in self._known.values()]
 
-    def save(self) -> Mapping[str, Warned]:
+    def save(self) -> Mapping[str, ComponentWarning]:
         """Copy of the warnings for ``restore``."""
         return dict(self._known)
 
-    def restore(self, saved: Mapping[str, Warned]) -> None:
+    def restore(self, saved: Mapping[str, ComponentWarning]) -> None:
         """Restore saved warnings; later ones get count 0."""
-        self._known = {key: saved.get(key, replace(one, count=0)) for key, one in self._known.items()}
+        self._known = {key: saved.get(key, replace(warning, count=0)) for key, warning in self._known.items()}

@@ -13,11 +13,11 @@ from orchestrator.log.reader import Log, LogUnreadable
 Integer = Annotated[int, Field(ge=-(2**31), lt=2**31)]  # of FMI
 
 
-class _Table(BaseModel):
+class _StrictModel(BaseModel):
     model_config = ConfigDict(strict=True)
 
 
-class _Instance(_Table):
+class _Instance(_StrictModel):
     name: str
     fmu: str | None = None  # file name; without it and the hash of its content: a component without an FMU
     sha256: str | None = None
@@ -25,14 +25,14 @@ class _Instance(_Table):
     stage: Integer = 0
 
 
-class _Connection(_Table):
+class _Connection(_StrictModel):
     source: str
     outputs: list[str]
     target: str
     inputs: list[str]
 
 
-class _System(_Table):
+class _System(_StrictModel):
     instances: list[_Instance]
     connections: list[_Connection]
 
@@ -62,12 +62,12 @@ def system_of(log: Log) -> dict[str, Any]:
     return table
 
 
-def said_of(log: Log, signal: str) -> str:
+def description_of(log: Log, signal: str) -> str:
     """Return the model description's text on "instance.variable"; "" if it is missing or damaged."""
     instance, _, variable = signal.partition(".")
     try:
         tree = ElementTree.fromstring(log.attachment(f"{instance}.modelDescription.xml"))
     except (LogUnreadable, ElementTree.ParseError, LookupError, ValueError):  # LookupError: no such attachment
         return ""
-    found = (each.get("description", "") for each in tree.iter("ScalarVariable") if each.get("name") == variable)
-    return next(found, "")
+    texts = (each.get("description", "") for each in tree.iter("ScalarVariable") if each.get("name") == variable)
+    return next(texts, "")

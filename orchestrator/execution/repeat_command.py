@@ -21,7 +21,9 @@ def command(run: RunData) -> str | None:
         return None
     try:
         name, model = str(wanted["name"]), wanted.get("track", {}).get("model")
-        settings = [f"{key}={json.dumps(value)}" for key, value in _apart(_resolved(name, model, []), wanted)]
+        settings = [
+            f"{key}={json.dumps(value)}" for key, value in _changed_settings(_resolved(name, model, []), wanted)
+        ]
         if _resolved(name, model, settings) != wanted:
             return None
     except (BadInput, LookupError, TypeError, AttributeError):
@@ -29,7 +31,7 @@ def command(run: RunData) -> str | None:
     native = ["--native"] if run.log.metadata.get("run", {}).get("fmus") == "native" else []
     links = ["--track", model] if model else []
     return shlex.join(
-        ["cotrack", "run", name, *links, *native, *(part for each in settings for part in ("--set", each))]
+        ["cotrack", "run", name, *links, *native, *(part for setting in settings for part in ("--set", setting))]
     )
 
 
@@ -37,10 +39,10 @@ def _resolved(name: str, model: str | None, settings: list[str]) -> Any:
     return json.loads(json.dumps(placed(load(name, model, settings)).resolved()))
 
 
-def _apart(own: Mapping[str, Any], wanted: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield dotted keys and values of ``wanted`` that ``own`` lacks or that differ."""
+def _changed_settings(base: Mapping[str, Any], wanted: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield dotted keys and values of ``wanted`` that ``base`` lacks or that differ."""
     for key, value in wanted.items():
-        if isinstance(value, Mapping) and isinstance(own.get(key), Mapping):
-            yield from _apart(own[key], value, f"{above}{key}.")
-        elif own.get(key) != value:
+        if isinstance(value, Mapping) and isinstance(base.get(key), Mapping):
+            yield from _changed_settings(base[key], value, f"{above}{key}.")
+        elif base.get(key) != value:
             yield f"{above}{key}", value

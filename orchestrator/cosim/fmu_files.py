@@ -1,0 +1,85 @@
+"""Files of an FMU, unpacked into a cache folder named by its content."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import shutil
+import zipfile
+import zlib
+from pathlib import Path
+
+from orchestrator.cosim.graph import ComponentFailed
+from orchestrator.kernels.cache import cache_folder, make, own, temporary, write
+
+_BYTECODE = "__pycache__"
+
+
+def unpack(fmu: Path) -> Path:
+    """Unpack an FMU into a cache folder named by its content; return the folder. Raises ComponentFailed.
+
+    A file that differs from the packed one is replaced; a process that has the old one open keeps it. If the cache
+    cannot be used, a temporary folder lasts until the end of the process.
+    """
+    try:
+        content = fmu.read_bytes()
+    except FileNotFoundError:
+        raise ComponentFailed(f"there is no FMU '{fmu}'") from None
+    except OSError as error:
+        raise ComponentFailed(f"cannot read the FMU '{fmu}': {error.strerror}") from None
+    place = Path("unpacked", hashlib.sha256(content).hexdigest()[:24])
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            if "modelDescription.xml" not in archive.namelist():
+                raise ComponentFailed(f"'{fmu}' is not an FMU: it has no modelDescription.xml")
+            try:
+                return _unpack_missing(archive, own(cache_folder() / place))
+            except OSError:
+                return _unpack_missing(archive, own(temporary() / place))
+    except ComponentFailed:
+        raise
+    except OSError as error:
+        raise ComponentFailed(f"cannot unpack the FMU '{fmu}': {error}") from None
+    except Exception as error:  # every compression method has its own error class
+        raise ComponentFailed(f"'{fmu}' is not an FMU: it is not a zip archive that can be read: {error}") from None
+
+
+def _unpack_missing(archive: zipfile.ZipFile, folder: Path) -> Path:
+    """Make every file of the archive in the folder equal to the packed one; other files remain.
+
+    Bytecode is not unpacked, because Python would run it unchecked; an empty file blocks its folder.
+    """
+    source_folders = set()
+    for name in dict.fromkeys(archive.namelist()):
+        entry = archive.getinfo(name)
+        parts = [part for part in name.split("/") if part not in ("", ".", "..")]
+        file = folder.joinpath(*parts)
+        if _BYTECODE in parts:
+            continue
+        if file.suffix == ".py":
+            source_folders.add(file.parent)
+        if entry.is_dir():
+            make(file)
+        elif not _is_unpacked(file, entry):
+            if not file.is_relative_to(folder):  # the name contains a drive
+                raise zipfile.BadZipFile(f"it holds a file called '{name}'")
+            make(file.parent)
+            write(file, archive.read(entry))
+    for source_folder in source_folders:
+        _block_bytecode(source_folder / _BYTECODE)
+    return folder
+
+
+def _is_unpacked(file: Path, entry: zipfile.ZipInfo) -> bool:
+    try:
+        content = file.read_bytes()
+    except FileNotFoundError:
+        return False
+    return len(content) == entry.file_size and zlib.crc32(content) == entry.CRC
+
+
+def _block_bytecode(bytecode: Path) -> None:
+    if bytecode.is_dir():
+        shutil.rmtree(bytecode)
+    if not bytecode.exists():
+        write(bytecode, b"")
