@@ -50,5 +50,5 @@ class WarningList:
         return dict(self._known)
 
     def restore(self, saved: Mapping[str, ComponentWarning]) -> None:
-        """Restore saved warnings; later ones get count 0."""
+        """Restore saved warnings; those added since get count 0 (see the class)."""
         self._known = {key: saved.get(key, replace(warning, count=0)) for key, warning in self._known.items()}

@@ -32,7 +32,7 @@ class WrenchPort(NamedTuple):
     giver: str
     giver_connector: str  # at the giver: motion as input, wrench as output
     taker: str
-    taker_connector: str  # at the taker
+    taker_connector: str  # at the taker: motion as output, wrench as input
 
 
 class Ledger(NamedTuple):

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-POSITION, TENSION = "joint[*].position", "link[*].tension"
+POSITION, TENSION = "joint[*].position", "link[*].tension"  # *: number of the link or pin, from 1
 
 
 def columns(names: Sequence[str], signal: str) -> np.ndarray:

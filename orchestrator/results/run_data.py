@@ -266,7 +266,7 @@ def pitch_radius(vehicle: Mapping[str, Any]) -> float:
 
 
 def vectors(series: Series, instance: str, prefix: str, parts: str = "xyz") -> Floats:
-    """``prefix.{parts}`` of an instance's messages as (m, len(parts)); raises Missing."""
+    """Values of ``prefix.{part}`` for each character of ``parts``, (m, len(parts)), without times; raises Missing."""
     return series.values[:, _columns(series.names, instance, prefix, parts)]
 
 

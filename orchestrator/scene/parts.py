@@ -9,7 +9,7 @@ from fmus.equilibrium import upright
 from fmus.link_outputs import INTERVAL
 from fmus.ports import wheel_state, wrench
 from fmus.stance import Stance
-from fmus.track_choices import TRACKS
+from fmus.track_choices import HHT, TRACKS
 from orchestrator.cosim.graph import Connection
 from orchestrator.scene.drive_tables import DriverTable, DriveTable
 from orchestrator.scene.scene import RigScene, Scene, VehicleScene
@@ -28,7 +28,7 @@ DRIVER, TRACK, DRIVE, CHASSIS = -1, 0, 1, 2  # stages in stepping order: driver,
 DIFFERENTIAL = "differential"
 
 
-HHT = 0.5  # default spectral radius of hht, its strongest damping
+HHT_RADIUS = 0.5  # default spectral radius of hht, its strongest damping
 
 
 POSE = 7  # position and orientation are the first 7 of a wheel's 13 variables; rates follow
@@ -41,10 +41,10 @@ class Part(NamedTuple):
     """Component before it is built."""
 
     name: str
-    kind: str  # kind of FMU, a key of the build
+    kind: str  # kind of FMU, a key of fmus.components.KINDS
     config: dict[str, Any]  # packed into the FMU beside the model
     parameters: Parameters  # set before initialisation
-    stage: int
+    stage: int  # lower stages step first: DRIVER to CHASSIS
 
 
 def chassis_config(scene: VehicleScene) -> dict[str, Any]:
@@ -183,8 +183,8 @@ def track_config(
 def track_part(scene: Scene, name: str, config: dict[str, Any], lateral: float = 0.0) -> Part:
     """Track with its parameters, ``lateral`` m to the left of the middle."""
     parameters = {**start_parameters(scene), "start.lateral": lateral, **scene.track.parameters()}
-    if scene.track.integrator == "hht":
-        parameters.setdefault("spectral_radius", HHT)
+    if scene.track.integrator == HHT:
+        parameters.setdefault("spectral_radius", HHT_RADIUS)
     if scene.planar:
         parameters["element"] = "planar"
     if scene.track.link_outputs:
@@ -210,7 +210,7 @@ def differential_part(scene: VehicleScene, steering: DriveTable, stands: Mapping
     """Steering differential between both sprockets."""
     vehicle = scene.vehicle
     differential: dict[str, Any] = {"inertia": vehicle.sprocket.spin_inertia}
-    for (side, sign), key in zip(SIDES.items(), ("mount", "right"), strict=True):
+    for (side, sign), key in zip(SIDES.items(), ("mount", "right"), strict=True):  # keys of its config
         x, y, *rest = stands.get(f"{side}.sprocket", AXLE)
         differential[key] = [x, y + sign * vehicle.track.lateral, *rest]
     config = {"vehicle": vehicle.model_dump(), "drive": differential}

@@ -39,6 +39,7 @@ class Store:
         self._folder = folder
 
     def _file(self, case: Case) -> Path:
+        """File of a case. Limits of time do not count: a case that took too long is not repeated."""
         identity = [
             case.item,
             case.name,

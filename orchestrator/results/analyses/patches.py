@@ -36,10 +36,11 @@ class Patches(NamedTuple):
             1e3 * self.depth.max(axis=0), means(self.t, self.links),
         )  # fmt: skip
         columns = (
-            ("wheel", ""), ("length", "mm"), ("longest", "mm"), ("depth", "mm"), ("deepest", "mm"), ("links", "mean"),
+            ("wheel", ""), ("length", "mm"), ("longest", "mm"), ("depth", "mm"), ("deepest", "mm"), ("links", ""),
         )  # fmt: skip
         rows = list(zip(self.wheels, *(each.tolist() for each in values), strict=True))
-        return Table.of("Contact patches: links inside the rims of wheels", columns, rows)
+        title = "Contact patches: links inside the rims of wheels; length, depth and links are means over time"
+        return Table.of(title, columns, rows)
 
 
 def patch(pins: Floats, normals: Floats, centre: Floats, radius: float, face: float) -> tuple[Floats, Floats]:

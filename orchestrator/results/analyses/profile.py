@@ -57,7 +57,11 @@ def of(run: RunData, loads: LinkLoads, t: float) -> Profile:
 
 
 def _stretches(scene: dict[str, Any], place: Floats, middle: Floats) -> list[Stretch]:
-    """Parts of the circuit by the scene's sprocket and idler; none without them."""
+    """Parts of the circuit by the scene's sprocket and idler; none without them.
+
+    ``middle`` (links, 2) m: centres of the links ahead of and above the sprocket's axle. The idler touches the rearmost
+    link. A part of a single link is left out.
+    """
     try:
         vehicle = scene["vehicle"]
         round_sprocket = np.linalg.norm(middle, axis=1) < pitch_radius(vehicle) + NEAR
@@ -71,9 +75,9 @@ def _stretches(scene: dict[str, Any], place: Floats, middle: Floats) -> list[Str
     runs = np.where(middle[:, 1] > level, "upper run", "lower run")
     names = np.where(round_sprocket, "sprocket", np.where(round_idler, "idler", runs))
     edges = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1), len(names)]
-    half = 0.5 * float(np.median(np.diff(place))) if len(place) > 1 else 0.0
+    half_pitch = 0.5 * float(np.median(np.diff(place))) if len(place) > 1 else 0.0
     return [
-        Stretch(float(place[first] - half), float(place[last - 1] + half), str(names[first]))
+        Stretch(float(place[first] - half_pitch), float(place[last - 1] + half_pitch), str(names[first]))
         for first, last in pairwise(edges)
         if last - first > 1
     ]

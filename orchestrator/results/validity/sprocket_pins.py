@@ -83,6 +83,7 @@ def _polar(piece: Piece, track: str) -> Polar:
 
 
 def _port(run: RunData, track: str) -> WrenchPort:
+    """Port between a track and its sprocket; raises Missing."""
     port = hull.sprocket(run, track)
     if port is None:
         raise Missing(f"'{track}' runs on no sprocket")

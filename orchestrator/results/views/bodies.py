@@ -222,7 +222,10 @@ class Bodies:
         return track_body(name, links, nodes == links, self.scene["vehicle"])
 
     def _colour_name(self, colour: str | None, columns_by_track: Mapping[str, Mapping[str, Floats]]) -> str | None:
-        """Return the colouring signal: the requested one, or the first that was recorded for all links."""
+        """Return the colouring signal, a key of LINK_COLOURS: the requested one, or the first recorded for all links.
+
+        Raises BadInput.
+        """
         recorded = [
             name
             for name, about in LINK_COLOURS.items()
