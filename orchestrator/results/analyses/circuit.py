@@ -51,7 +51,9 @@ def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> I
         except ValueError as problem:
             raise Missing(f"{run.log.path}: '{track}' {problem} between {block.t[0]:g} and {block.t[-1]:g} s") from None
         centres = 0.5 * (flat + np.roll(flat, -1, axis=1))
-        yield PlacedRecords(block.t, block.since, length, links, joints, centres, block.pins, axes, block.values[1:])
+        yield PlacedRecords(
+            block.t, block.record_durations, length, links, joints, centres, block.pins, axes, block.values[1:]
+        )
 
 
 def places(pins: Floats, ray: Floats) -> tuple[Floats, Floats, Floats]:

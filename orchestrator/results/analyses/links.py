@@ -116,7 +116,7 @@ def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForc
         yield LinkForces(
             track=track,
             t=block.t,
-            since=block.since,
+            since=block.record_durations,
             joint=forces.get("joint", none),
             ground=forces.get("ground", none),
             wheels=forces.get("wheels", none),

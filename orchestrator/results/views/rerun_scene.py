@@ -43,7 +43,7 @@ def show(path: Path, output: Path | None = None, colour: str | None = None) -> N
     """
     with opened(path, output) as scene, Log(path) as log:
         run = RunData(log)
-        bodies, side_plots, run_events = Bodies(run, RATE, colour), plots(log), events.of(run).send_events
+        bodies, side_plots, run_events = Bodies(run, RATE, colour), plots(log), events.of(run).events
         scale = bodies.colour_range()
         scene.start(bodies, side_plots, scale, bool(run_events))
         scene.send_shapes(bodies, Reach().with_bodies(bodies))
