@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from fmus.link_outputs import GROUPS, STANDARD
 from fmus.ports import TOLERANCES
-from fmus.track_choices import TRACKS, TrackKind
+from fmus.track_choices import TRACKS, TrackKind, models_with
 from fmus.vehicle import In, Table
 from orchestrator.scene.values import Duration, TrackName
 
@@ -36,26 +36,28 @@ class Sets(NamedTuple):
     """Annotation of a key of ``[track]``: the FMU parameter that it sets."""
 
     parameter: str = ""  # parameter of the track's FMU; empty: the name of the key
-    model: str = ""  # the only model that has it; empty: all
     method: bool = False  # True for the method of computation, False for the mechanics
 
 
-FLEXIBLE, FLEXIBLE_METHOD, METHOD = Sets(model="flexible"), Sets(model="flexible", method=True), Sets(method=True)
+METHOD = Sets(method=True)
 
 
 class Track(Table):
-    """Track model and its parameters; the model's defaults apply to the rest."""
+    """Track model and its parameters; the model's defaults apply to the rest.
+
+    A key is allowed if the model's FMU has its parameter (``models_with``).
+    """
 
     model: TrackName
-    element: Annotated[Literal["cable", "beam"] | None, FLEXIBLE] = None
-    elasticity: Annotated[Elasticity | None, FLEXIBLE] = None  # of cables
+    element: Annotated[Literal["cable", "beam"] | None, Sets()] = None
+    elasticity: Annotated[Elasticity | None, Sets()] = None  # of cables
     # Of cables: fixed ones stay in their plane. Default: by the scene.
-    axes: Annotated[Literal["fixed", "free"] | None, FLEXIBLE] = None
-    formulation: Annotated[Literal["augmented", "recursive"] | None, Sets(model="rigid", method=True)] = None
+    axes: Annotated[Literal["fixed", "free"] | None, Sets()] = None
+    formulation: Annotated[Literal["augmented", "recursive"] | None, METHOD] = None
     # Of cables: pins by elimination, or as constraints with multipliers.
-    joints: Annotated[Literal["eliminated", "constrained"] | None, FLEXIBLE_METHOD] = None
+    joints: Annotated[Literal["eliminated", "constrained"] | None, METHOD] = None
     # Coordinates for an explicit integrator.
-    coordinates: Annotated[Literal["nodal", "cholesky"] | None, FLEXIBLE_METHOD] = None
+    coordinates: Annotated[Literal["nodal", "cholesky"] | None, METHOD] = None
     closure: Annotated[Literal["pin", "spring"] | None, Sets()] = None  # of a loop: how the last link joins the first
     closure_stiffness: Annotated[Annotated[float, In("N/m", gt=0)] | None, Sets("closure.stiffness")] = None
     closure_damping: Annotated[Annotated[float, In("N s/m", ge=0)] | None, Sets("closure.damping")] = None
@@ -72,12 +74,12 @@ class Track(Table):
     def sets(cls) -> dict[str, Sets]:
         """Keys that set a parameter of the track's FMU."""
         found = ((key, one) for key, field in cls.model_fields.items() for one in field.metadata)
-        return {key: one for key, one in found if isinstance(one, Sets)}
+        return {key: one._replace(parameter=one.parameter or key) for key, one in found if isinstance(one, Sets)}
 
     def parameters(self) -> dict[str, Any]:
         """Given parameters by their names in the track's FMU."""
         given = self.model_dump(exclude_none=True)
-        return {one.parameter or key: given[key] for key, one in self.sets().items() if key in given}
+        return {one.parameter: given[key] for key, one in self.sets().items() if key in given}
 
     @property
     def kind(self) -> TrackKind:
@@ -89,16 +91,18 @@ class Track(Table):
         return {**self.kind.defaults, **self.parameters()}
 
     def of_model(self, model: str) -> Track:
-        """The same track of another model, without settings of one model only and with the default integrator."""
-        own = {key: None for key, one in self.sets().items() if one.model or key == "integrator"}
+        """The same track of another model, with the defaults of all parameters that ``TRACKS`` lists defaults of."""
+        listed = {parameter for kind in TRACKS.values() for parameter in kind.defaults}
+        own = {key: None for key, one in self.sets().items() if one.parameter in listed}
         return self.model_copy(update={**own, "model": model})
 
     @model_validator(mode="after")
     def _fits(self) -> Track:
         for key, one in self.sets().items():
-            value = getattr(self, key)
-            if one.model not in ("", self.model) and value is not None:
-                raise ValueError(f"{key} = '{value}' needs model = '{one.model}': {self.kind.links} have none")
+            value, models = getattr(self, key), models_with(one.parameter)
+            if value is not None and self.model not in models:
+                needed = " or ".join(map(repr, models))
+                raise ValueError(f"{key} = '{value}' needs model = {needed}: {self.kind.links} have none")
         for key in ("rtol", "atol"):
             if getattr(self, key) is not None and self.integrator != "adams":
                 raise ValueError(f"{key} = {getattr(self, key):g} needs integrator = 'adams': others take equal steps")
