@@ -36,6 +36,7 @@ RUNS = (
     *(Run("straight", track, MOVING, native=native) for track in TRACKS for native in (False, True)),
     Run("straight", "flexible", (*MOVING, "track.element=beam"), 0.05),
     Run("straight", "flexible", (*MOVING, "symmetric=true", "planar=true")),
+    Run("straight", "rigid", (*MOVING, "track.start=polygon")),
     Run("turn", "flexible", ("drive.ramp_start=0", "drive.ramp_time=0.05")),
     Run("settle", "flexible", ("track.elasticity=general",), 0.02),
     Run("hard_stop", "flexible", ("run.variable.estimate=power", "run.variable.tolerance=1e-3")),
