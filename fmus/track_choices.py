@@ -18,7 +18,7 @@ class TrackKind(NamedTuple):
 
     fmu: str  # kind of component; its model and its shell are in the folder of this name, see ``components``
     links: str  # noun in sentences
-    defaults: Mapping[str, str]  # of the parameters that may exclude each other
+    defaults: Mapping[str, Any]  # of the parameters that may exclude each other, or that not every kind has
     conflict: Callable[[Mapping[str, Any]], str | None]  # reason, a sentence, why they do; None for no conflict
     size: Callable[[Mapping[str, Any], int, int], str]  # bodies and equations of so many links and pins, in words
     wide: Callable[[Mapping[str, Any]], bool]  # True for contact points beside the middle of a link, and guides
@@ -93,3 +93,8 @@ TRACKS = {  # by the name of the model in a scene
         lambda p: True,
     ),
 }
+
+
+def models_with(parameter: str) -> list[str]:
+    """Models whose FMU has a parameter: those with a default of it here; all, if none has one."""
+    return [name for name, kind in TRACKS.items() if parameter in kind.defaults] or list(TRACKS)

@@ -10,6 +10,7 @@ from vehicle_in_process import InProcess
 
 from fmus.physics.wheels import read_states
 from fmus.ports import wheel_state
+from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import changed_scene, from_table, load
@@ -162,7 +163,7 @@ def end_of_settling(model):
 
 
 @pytest.mark.study
-@pytest.mark.parametrize("model", ["rigid", "flexible"])
+@pytest.mark.parametrize("model", TRACKS)
 def test_what_drops_comes_to_rest_where_others_start(model):
     height, loads = end_of_settling(model)
     start, pushes = seen(InProcess(at_rest(model, "symmetric=true")))

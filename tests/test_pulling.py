@@ -11,6 +11,7 @@ import pytest
 from rolling_links import WHEELS, rocking
 from scipy.optimize import brentq
 
+from fmus.track_choices import TRACKS
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import Window
@@ -20,7 +21,6 @@ G, PITCH, MASS, INERTIA, FACE, WIDTH = 9.81, 0.1524, 18.02, 0.04, 0.029, 0.378
 STIFFNESS, DAMPING, SOFT, MU, CREEP, LEVEL = 2e6, 5e3, 1e-3, 0.3, 0.01, -0.578  # per link on the ground
 RADIUS, TIP = 10.0 * PITCH / (2.0 * np.pi), 0.28  # m; no tooth reaches a pin beyond the tip
 FIRST = 2.006 - 0.655  # m, first wheel forward of the hull's middle
-KINDS = ("rigid", "flexible")
 STEADY = Window(2.2, 3.0)
 SIDES = ("left", "right")
 DRIVEN = {(4, 8): STEADY, (8, 12): STEADY, (14, 18): Window(4.0, 6.0)}
@@ -223,7 +223,7 @@ def slip_of(track, rocked, speed):
     return brentq(missing, -1.0, 1.0)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", TRACKS)
 def test_forces_of_pins_turn_the_sprocket(tracks, kind):
     """Moments and momentum of the links between two cuts give the sprocket's torque."""
     for side in SIDES:

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import pytest
 from vehicle_in_process import InProcess, Overrides
 
+from fmus.track_choices import TRACKS
 from orchestrator.cosim import master
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
@@ -28,6 +29,7 @@ from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import from_table, load
 from orchestrator.scene.settings import set_key
+from orchestrator.scene.track_table import TrackModelTable
 
 ROUNDING = 1e3  # required effect over that of an ulp, and over the rounding of an output itself
 FACTOR = 1.02
@@ -104,6 +106,11 @@ CASES = {
         "bench.upper",
     ),
     "hanging": Case("hanging_chain", ("chain.links=8", "track.start=displaced")),
+    "damped": Case("hanging_chain", ("chain.links=8", "track.start=displaced", "track.spectral_radius=0.8")),
+    "adaptive": Case(
+        "hanging_chain",
+        ("chain.links=8", "track.start=displaced", "track.integrator=adams", "track.rtol=1e-8", "track.atol=1e-8"),
+    ),
     "released": Case("released_chain", ("chain.links=8",)),
     "ovalling": Case("spinning_loop", ("chain.links=16", "chain.ovalling=1"), ulp="chain.spin"),
     "sprung": Case(
@@ -129,7 +136,9 @@ CASES = {
     "two motors": Case("rig", (*RIG, "idler_drive.torque=100"), ulp="drive.speed"),
 }  # fmt: skip
 
-FLEXIBLE, ALL = ("cable", "beam"), ("cable", "beam", "rigid")
+FLEXIBLE = ("cable", "beam")
+WIDE = ("beam", *(model for model in TRACKS if model != "flexible"))
+ALL = ("cable", *WIDE)
 
 
 class Acts(NamedTuple):
@@ -146,10 +155,10 @@ KEYS: dict[str, Acts] = {
     "vehicle.chassis.hull.*": Acts("buried"),
     "vehicle.track.tension": Acts("tensioned", ALL),
     "vehicle.track.inertia.1": Acts("vehicle", ALL),
-    "vehicle.track.inertia.*": Acts("vehicle", ("beam", "rigid")),  # a cable has inertia about its pin only
+    "vehicle.track.inertia.*": Acts("vehicle", WIDE),  # a cable has inertia about its pin only
     "vehicle.track.links": Acts("vehicle", ALL, 65),
     "vehicle.track.pitch": Acts("eleven teeth", ALL, 0.1527),
-    "vehicle.track.width": Acts("vehicle", ("beam", "rigid")),  # a cable has contact on its line
+    "vehicle.track.width": Acts("vehicle", WIDE),  # a cable has contact on its line
     "vehicle.*.width": Acts("on one track"),
     "vehicle.track.*": Acts("vehicle", ALL),
     "vehicle.section.lateral_bending": Acts("vehicle", ("beam",)),  # a cable bends alike about both axes
@@ -159,7 +168,7 @@ KEYS: dict[str, Acts] = {
     "vehicle.material.shear_modulus": Acts("vehicle", ("beam",)),
     "vehicle.material.*": Acts("vehicle", FLEXIBLE),
     "vehicle.contact.*": Acts("vehicle", ALL),
-    "vehicle.guide.clearance": Acts("guided", ("beam", "rigid"), 2e-5),  # cables stay in their plane
+    "vehicle.guide.clearance": Acts("guided", WIDE, 2e-5),  # cables stay in their plane
     "vehicle.sprocket.teeth": Acts("eleven teeth", ALL),
     "vehicle.sprocket.*radius": Acts("vehicle", ALL),
     "vehicle.sprocket.seat_clearance": Acts("vehicle", ALL),
@@ -190,6 +199,8 @@ KEYS: dict[str, Acts] = {
     "driver.*": Acts("driven", ("rigid",)),
     "ground.bump.*": Acts("over a bump", ALL),
     "track.closure_*": Acts("sprung", ("rigid",)),
+    "track.spectral_radius": Acts("damped", ("cable", "rigid")),
+    "track.?tol": Acts("adaptive", ("rigid",), 1e-5),
     "track.step": Acts("released", value=5e-5),
     "run.variable.shortest": Acts("follows an error", value=1.9e-3),
     "run.variable.*": Acts("follows an error"),
@@ -210,6 +221,11 @@ KEYS: dict[str, Acts] = {
 # Duration, recording, checks and limits: they must not change any computed value.
 APART = ("run.stop", "run.outputs", "run.links", "run.checkpoints", "expect.*", "vehicle.tensioner.travel")
 
+# Keys of [track] that are no numbers: tests/regression/runs.py has runs with each choice.
+CHOICES = (
+    "element", "elasticity", "axes", "formulation", "joints", "coordinates", "closure", "integrator", "start",
+)  # fmt: skip
+
 
 def flat(value: Any, key: str = "") -> Iterator[tuple[str, float | int]]:
     """Dotted keys of all numbers in a resolved scene."""
@@ -229,7 +245,7 @@ def acts(key: str) -> Acts | None:
 def scene_of(case: Case, kind: str, **changes: float | int) -> Any:
     """Scene of the case with a kind of links and the numbers ``changes`` in its resolved form."""
     settings = [*case.settings, *(["track.element=beam"] if kind == "beam" else [])]
-    table = load(case.scene, "rigid" if kind == "rigid" else "flexible", settings).resolved()
+    table = load(case.scene, kind if kind in TRACKS else "flexible", settings).resolved()
     for key, value in changes.items():
         set_key(table, key, value)
     return from_table(table, "the case")
@@ -330,7 +346,7 @@ def asked() -> dict[str, tuple[str, ...]]:
     """All keys of all scenes of the gallery and of all cases, with the kinds of links they act on."""
     found: set[str] = set()
     for name in gallery.names():
-        for model in ("flexible", "rigid"):
+        for model in TRACKS:
             found |= {key for key, _ in flat(load(name, model).resolved())}
     for case in CASES.values():
         found |= {key for key, _ in flat(scene_of(case, "cable").resolved())}
@@ -348,6 +364,12 @@ def test_every_key_of_every_scene_is_asked():
     patterns = {next(p for p in KEYS if fnmatch.fnmatchcase(key, p)) for key in ASKED}
     assert set(KEYS) - patterns == set()  # every pattern matches a key
     assert {acts(key).case for key in ASKED} == set(CASES)
+
+
+def test_a_key_of_a_track_without_a_default_is_asked_or_a_choice():
+    """No scene shows such a key in its resolved form, unless it is set."""
+    absent = {key for key, field in TrackModelTable.model_fields.items() if field.default is None}
+    assert {key for key in absent if f"track.{key}" not in ASKED} == set(CHOICES)
 
 
 @pytest.mark.long

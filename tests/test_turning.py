@@ -9,6 +9,7 @@ import pytest
 from skid_steering import Vehicle, turn
 from vehicle_in_process import InProcess
 
+from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.cli.inventory import pairs
 from orchestrator.execution import replay_model
@@ -23,7 +24,6 @@ from orchestrator.scene.same_scene import scene_difference
 from orchestrator.scene.scene import load
 
 PADS = 1.0114  # speed of a track over that of the pitch circle, measured driving straight
-KINDS = ("rigid", "flexible")
 QUICK = ("run.stop=1.5 s", "drive.ramp_start=0.2 s", "drive.ramp_time=0.8 s")
 
 
@@ -95,7 +95,7 @@ STEADY = Window(4.0, 6.0)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", TRACKS)
 def test_a_turn_is_that_of_the_general_theory(turned, kind):
     found, theory = turned(kind, *SPEEDS, STEADY)
     assert outside(found, theory) == {}
@@ -107,7 +107,7 @@ def test_a_turn_is_that_of_the_general_theory(turned, kind):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", TRACKS)
 def test_power_goes_where_the_forces_are(turned, kind):
     """Power follows the forces: the inner sprocket brakes, the outer one drives, losses are small."""
     found, _ = turned(kind, *SPEEDS, STEADY)
@@ -120,7 +120,7 @@ def test_power_goes_where_the_forces_are(turned, kind):
 
 
 def test_rigid_and_flexible_links_turn_alike(turned):
-    rigid, flexible = (turned(kind, *SPEEDS, STEADY)[0] for kind in KINDS)
+    rigid, flexible = (turned(kind, *SPEEDS, STEADY)[0] for kind in ("rigid", "flexible"))
     assert flexible["yaw_rate"] == pytest.approx(rigid["yaw_rate"], rel=3e-3)
     assert flexible["steering_moment"] == pytest.approx(rigid["steering_moment"], rel=5e-3)
 
@@ -140,7 +140,7 @@ def test_all_kinds_of_links_turn_alike(turned, speeds_of):
 
 
 @pytest.mark.study
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", TRACKS)
 def test_a_turn_with_little_slip(turned, kind):
     """The theory is coarse in a turn with little slip (19 and 21 rad/s, below 3 %)."""
     found, theory = turned(kind, 19.0, 21.0, Window(4.0, 6.0))
@@ -167,7 +167,7 @@ def path(kind, settings, steps=1500):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", TRACKS)
 def test_swapped_sides_mirror_the_path_and_a_heading_turns_it(kind):
     there, back = path(kind, speeds(8, 12)), path(kind, speeds(12, 8))
     assert there[-1, 3] > 0.03

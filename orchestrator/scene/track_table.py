@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from fmus.link_outputs import GROUPS, STANDARD
 from fmus.ports import TOLERANCES
-from fmus.track_choices import TRACKS, TrackKind
+from fmus.track_choices import TRACKS, TrackKind, models_with
 from fmus.vehicle import In, Table
 from orchestrator.scene.values import Duration, TrackName
 
@@ -36,32 +36,31 @@ class FmuParameter(NamedTuple):
     """Annotation of a key of ``[track]``: the FMU parameter that it sets."""
 
     name: str = ""  # parameter of the track's FMU; empty: the name of the key
-    model: str = ""  # the only model that has it; empty: all
     method: bool = False  # True for the method of computation, False for the mechanics
 
 
-FLEXIBLE, FLEXIBLE_METHOD, METHOD = (
-    FmuParameter(model="flexible"),
-    FmuParameter(model="flexible", method=True),
-    FmuParameter(method=True),
-)
+METHOD = FmuParameter(method=True)
 
 
 class TrackModelTable(Table):
-    """Track model and its parameters; the model's defaults apply to the rest."""
+    """Track model and its parameters; the model's defaults apply to the rest.
+
+    A key is allowed if the model's FMU has its parameter (``models_with``).
+    """
 
     model: TrackName
-    element: Annotated[Literal["cable", "beam"] | None, FLEXIBLE] = None
-    elasticity: Annotated[Elasticity | None, FLEXIBLE] = None  # of cables
+    element: Annotated[Literal["cable", "beam"] | None, FmuParameter()] = None
+    elasticity: Annotated[Elasticity | None, FmuParameter()] = None  # of cables
     # Of cables: fixed ones stay in their plane. Default: by the scene.
-    axes: Annotated[Literal["fixed", "free"] | None, FLEXIBLE] = None
-    formulation: Annotated[Literal["augmented", "recursive"] | None, FmuParameter(model="rigid", method=True)] = None
+    axes: Annotated[Literal["fixed", "free"] | None, FmuParameter()] = None
+    formulation: Annotated[Literal["augmented", "recursive"] | None, METHOD] = None
     # Of cables: pins by elimination, or as constraints with multipliers.
-    joints: Annotated[Literal["eliminated", "constrained"] | None, FLEXIBLE_METHOD] = None
+    joints: Annotated[Literal["eliminated", "constrained"] | None, METHOD] = None
     # Coordinates for an explicit integrator.
-    coordinates: Annotated[Literal["nodal", "cholesky"] | None, FLEXIBLE_METHOD] = None
-    # Of a loop: how the last link joins the first.
-    closure: Annotated[Literal["pin", "spring"] | None, FmuParameter()] = None
+    coordinates: Annotated[Literal["nodal", "cholesky"] | None, METHOD] = None
+    closure: Annotated[Literal["pin", "spring"] | None, FmuParameter()] = (
+        None  # of a loop: how the last link joins the first
+    )
     closure_stiffness: Annotated[Annotated[float, In("N/m", gt=0)] | None, FmuParameter("closure.stiffness")] = None
     closure_damping: Annotated[Annotated[float, In("N s/m", ge=0)] | None, FmuParameter("closure.damping")] = None
     integrator: Annotated[Literal["generalized_alpha", "hht", "runge_kutta", "adams"] | None, METHOD] = None
@@ -77,13 +76,13 @@ class TrackModelTable(Table):
     @classmethod
     def fmu_parameters(cls) -> dict[str, FmuParameter]:
         """Keys that set a parameter of the track's FMU."""
-        annotations = ((key, annotation) for key, field in cls.model_fields.items() for annotation in field.metadata)
-        return {key: annotation for key, annotation in annotations if isinstance(annotation, FmuParameter)}
+        found = ((key, one) for key, field in cls.model_fields.items() for one in field.metadata)
+        return {key: one._replace(name=one.name or key) for key, one in found if isinstance(one, FmuParameter)}
 
     def parameters(self) -> dict[str, Any]:
         """Given parameters by their names in the track's FMU."""
         given = self.model_dump(exclude_none=True)
-        return {target.name or key: given[key] for key, target in self.fmu_parameters().items() if key in given}
+        return {one.name: given[key] for key, one in self.fmu_parameters().items() if key in given}
 
     @property
     def kind(self) -> TrackKind:
@@ -95,16 +94,18 @@ class TrackModelTable(Table):
         return {**self.kind.defaults, **self.parameters()}
 
     def of_model(self, model: str) -> TrackModelTable:
-        """The same track of another model, without settings of one model only and with the default integrator."""
-        reset = {key: None for key, target in self.fmu_parameters().items() if target.model or key == "integrator"}
-        return self.model_copy(update={**reset, "model": model})
+        """The same track of another model, with the defaults of all parameters that ``TRACKS`` lists defaults of."""
+        listed = {parameter for kind in TRACKS.values() for parameter in kind.defaults}
+        own = {key: None for key, one in self.fmu_parameters().items() if one.name in listed}
+        return self.model_copy(update={**own, "model": model})
 
     @model_validator(mode="after")
     def _check_parameters(self) -> TrackModelTable:
-        for key, target in self.fmu_parameters().items():
-            value = getattr(self, key)
-            if target.model not in ("", self.model) and value is not None:
-                raise ValueError(f"{key} = '{value}' needs model = '{target.model}': {self.kind.links} have none")
+        for key, one in self.fmu_parameters().items():
+            value, models = getattr(self, key), models_with(one.name)
+            if value is not None and self.model not in models:
+                needed = " or ".join(map(repr, models))
+                raise ValueError(f"{key} = '{value}' needs model = {needed}: {self.kind.links} have none")
         for key in ("rtol", "atol"):
             if getattr(self, key) is not None and self.integrator != "adams":
                 raise ValueError(f"{key} = {getattr(self, key):g} needs integrator = 'adams': others take equal steps")

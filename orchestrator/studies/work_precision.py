@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from itertools import product
+from itertools import cycle, product
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -161,7 +161,7 @@ def draw(rows: Sequence[Row], title: str) -> files.Picture:
     axes = figure.subplots(down, across, squeeze=False).ravel()
     methods = list(dict.fromkeys(row["method"] for row in good))
     tracks = list(dict.fromkeys(row["track"] for row in good))
-    lines: dict[str, Any] = dict(zip(tracks, ("-", "--"), strict=False))
+    lines: dict[str, Any] = dict(zip(tracks, cycle(("-", "--", ":", "-.")), strict=False))
     for pane, name in zip(axes, names, strict=False):
 
         def error(row: Row, name: str = name) -> float:

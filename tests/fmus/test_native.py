@@ -20,10 +20,12 @@ from fmpy.validation import validate_fmu
 from vehicle_in_process import InProcess
 
 from fmus.build import BuildFailed
+from fmus.components import KINDS
 from fmus.model import InvalidParameter, StepFailed
 from fmus.native import link, pack
 from fmus.native.pack import build_native, held
 from fmus.native.platform import LINUX, WINDOWS
+from fmus.track_choices import TRACKS
 from orchestrator.cosim.component import Component, ComponentFailed, unpack
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
@@ -324,6 +326,12 @@ OTHERS = {  # other values of all free parameters, by kind
 }  # fmt: skip
 
 
+def test_every_kind_of_component_is_among_the_cases():
+    assert set(OTHERS) == set(KINDS)
+    parts = ((case, part) for case in (*FEW, *MANY) for part in assemble(load(*case[:2], case.settings)).parts)
+    assert {part.kind for case, part in parts if part.name == case.part} == set(KINDS)
+
+
 def others(case):
     """Other values of all free parameters of a part."""
     part = ran(case).part
@@ -424,7 +432,7 @@ def test_choices_are_refused_by_what_there_is():
         component.initialise({"mode": "fast"})
 
 
-@pytest.mark.parametrize("links", ["flexible", "rigid"])
+@pytest.mark.parametrize("links", TRACKS)
 def test_one_file_serves_both_sides(links):
     """One FMU serves both sides of a vehicle: tracks differ by lateral place, drives by speed."""
     parts = {part.name: part for part in assemble(placed(load("turn", links))).parts}

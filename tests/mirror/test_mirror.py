@@ -18,51 +18,54 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from fmus.chassis.model import Model as Chassis
-from fmus.driver.model import Model as Driver
+from fmus import components
 from fmus.slave import BUILD, Slave
-from fmus.sprocket_drive.model import Model as SprocketDrive
-from fmus.steering_differential.model import Model as SteeringDifferential
 from fmus.track_choices import TRACKS
-from fmus.track_flexible.model import Model as TrackFlexible
-from fmus.track_rigid.model import Model as TrackRigid
 from mirror import chassis_checks, drive_checks, driver_checks, joined_checks, runs, track_checks
-from mirror.check import FAULTS, View
+from mirror.check import FAULTS, Check, View
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
 
-CHECKS = {
-    "TrackRigid": track_checks.CHECKS,
-    "TrackFlexible": track_checks.CHECKS,
-    "Chassis": chassis_checks.CHECKS,
-    "SprocketDrive": drive_checks.CHECKS,
-    "SteeringDifferential": joined_checks.CHECKS,
-    "Driver": driver_checks.CHECKS,
-}
-MODELS = {
-    "TrackRigid": TrackRigid, "TrackFlexible": TrackFlexible, "Chassis": Chassis, "SprocketDrive": SprocketDrive,
-    "SteeringDifferential": SteeringDifferential, "Driver": Driver,
-}  # fmt: skip
 # outputs that other tests of this module check: of tracks, of all components
 COUNTED = ("solver.steps", "solver.evaluations", "solver.iterations", "solver.rejected")
 STATUS = "status"
 BRIEF = ("rigid", "cable", "driven", "joined", "thrown", "drawn cable", "swinging rigid", "free beam")  # few kernels
-# 0 by definition: rigid links have no strain; a chain in its plane turns no wheel about an upright axis, has level pins
-# and no guides; the last pins of open chains are level; a chain that turns has no pulled ends and no damped pins
-NOTHING = {
-    "TrackRigid": r"stress\.max|link\[\d+\]\.(stress|fibre\..*)|energy\.(strain|.*\.material)|joint\[65\]\.axis\.z",
-    "beam": r"joint\[65\]\.axis\.z",
-    "cable": r"joint\[\d+\]\.axis\.z|energy\..*\.guides",
-    "planar": r".*\.torque\.z|joint\[\d+\]\.axis\.z|energy\..*\.guides",
-    "turning": r"energy\.work|energy\..*\.joints",
-}
+
+
+class Kind(NamedTuple):
+    """A kind of component; of flexible tracks, a kind of links."""
+
+    fmu: str  # kind of component
+    checks: tuple[Check, ...]
+    zero: str = "-"  # outputs that are 0 by definition
+    scene: str = "straight"  # it has such a component
+    asked: str = ".*"  # outputs in which planted faults are looked for
+
+
 # outputs that depend on the elasticity
 STRAINED = r"tension\..*|stress\.max|link\[\d+\]\.(?!wheels).*|joint\[\d+\]\.force\.[xy]|energy\.strain"
-KINDS = (
-    "TrackRigid", "cable", "turning", "planar", "beam", "general", "engineering", "Chassis", "SprocketDrive",
-    "SteeringDifferential", "Driver",
-)  # fmt: skip
+FLEXIBLE = Kind("TrackFlexible", track_checks.CHECKS)
+# 0 by definition: rigid links have no strain; a chain in its plane turns no wheel about an upright axis, has level pins
+# and no guides; the last pins of open chains are level; a chain that turns has no pulled ends and no damped pins
+KINDS = {
+    "TrackRigid": Kind(
+        "TrackRigid",
+        track_checks.CHECKS,
+        r"stress\.max|link\[\d+\]\.(stress|fibre\..*)|energy\.(strain|.*\.material)|joint\[65\]\.axis\.z",
+    ),
+    "cable": FLEXIBLE._replace(zero=r"joint\[\d+\]\.axis\.z|energy\..*\.guides"),
+    "turning": FLEXIBLE._replace(zero=r"energy\.work|energy\..*\.joints"),
+    "planar": FLEXIBLE._replace(zero=r".*\.torque\.z|joint\[\d+\]\.axis\.z|energy\..*\.guides"),
+    "beam": FLEXIBLE._replace(zero=r"joint\[65\]\.axis\.z"),
+    "general": FLEXIBLE._replace(asked=STRAINED),
+    "engineering": FLEXIBLE._replace(asked=STRAINED),
+    "Chassis": Kind("Chassis", chassis_checks.CHECKS),
+    "SprocketDrive": Kind("SprocketDrive", drive_checks.CHECKS),
+    "SteeringDifferential": Kind("SteeringDifferential", joined_checks.CHECKS, scene="differential"),
+    "Driver": Kind("Driver", driver_checks.CHECKS, scene="serpentine"),
+}
+FMUS = {kind.fmu: kind for kind in KINDS.values()}
 SOMETHING = "something where nothing is"
 SOIL = r"link\[\d+\]\.(ground|wheels)\..*"  # 0 for links without contact within a run
 
@@ -86,7 +89,7 @@ def findings_of(run: str) -> tuple[Finding, ...]:
         if part.name in runs.RUNS.get(run, runs.Run(None)).without:
             continue
         view = View(record, part.name)
-        for check in CHECKS[part.kind]:
+        for check in FMUS[part.kind].checks:
             if check.applies(view):
                 for output, (low, high) in check.bounds(view).items():
                     y = part[output]
@@ -137,8 +140,7 @@ def noticed(kind: str) -> dict[str, set[str]]:
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_planted_fault_is_noticed(kind, fault):
     """A fault planted in any output is noticed by a check of that output in one of the runs."""
-    nothing = NOTHING.get(kind, "-")
-    asked = STRAINED if kind in ("general", "engineering") else ".*"
+    nothing, asked = KINDS[kind].zero, KINDS[kind].asked
     outputs = [
         output
         for output in noticed(kind)
@@ -150,6 +152,11 @@ def test_a_planted_fault_is_noticed(kind, fault):
     off_the_ground = {output for output in missed & soil if SOMETHING in noticed(kind)[output]}
     assert not missed - off_the_ground
     assert off_the_ground != soil or not soil
+
+
+def test_every_kind_of_component_has_checks_and_a_scene():
+    found = {part.kind for name in gallery.names() for model in TRACKS for part in assemble(load(name, model)).parts}
+    assert set(FMUS) == found == set(components.KINDS)
 
 
 # --- counters --------------------------------------------------------------------------------------
@@ -181,7 +188,7 @@ def shell(kind: str, config: dict, folder: Path) -> Slave:
     folder.mkdir(parents=True)
     (folder / "config.json").write_text(json.dumps(config))
     (folder / "build.txt").write_text(BUILD)
-    return type(kind, (Slave,), {"model": MODELS[kind], "__doc__": kind})(
+    return type(kind, (Slave,), {"model": components.model_of(kind), "__doc__": kind})(
         instance_name=kind, resources=str(folder), visible=False
     )
 
@@ -214,12 +221,11 @@ class SteppedSlave:
         return self.slave.get_integer([self.where[STATUS]])[0]
 
 
-@pytest.mark.parametrize("kind", MODELS)
+@pytest.mark.parametrize("kind", FMUS)
 def test_status_says_how_the_last_step_went(kind, tmp_path):
     """The status output is 0 after a good step, 1 after a warning, 3 after a failure."""
-    name = {"Driver": "serpentine", "SteeringDifferential": "differential"}.get(kind, "straight")
-    scene = load(name, "rigid" if kind == "TrackRigid" else "flexible")
-    part = next(part for part in assemble(scene).parts if part.kind == kind)
+    model = next((name for name, track in TRACKS.items() if track.fmu == kind), "flexible")
+    part = next(part for part in assemble(load(FMUS[kind].scene, model)).parts if part.kind == kind)
     component = SteppedSlave(shell(kind, part.config, tmp_path / "resources"))
     first = component.slave.variables[0].name
     assert component.status == 0
@@ -255,12 +261,9 @@ def described() -> dict[str, set[str]]:
 @pytest.mark.long
 def test_no_output_is_without_a_check():
     """Every output has a run that shows it and a check; the test lists those without."""
-    by_kind = {"TrackRigid": ["TrackRigid"], "TrackFlexible": ["cable", "turning", "planar", "beam"],
-               "Chassis": ["Chassis"], "SprocketDrive": ["SprocketDrive"],
-               "SteeringDifferential": ["SteeringDifferential"], "Driver": ["Driver"]}  # fmt: skip
     without = []
     for fmu, outputs in described().items():
-        for kind in by_kind[fmu]:
+        for kind in (name for name, kind in KINDS.items() if kind.fmu == fmu and kind.asked != STRAINED):
             looked_at = set(noticed(kind)) | {STATUS} | (set(COUNTED) if fmu.startswith("Track") else set())
             if kind == "turning":  # runs on wheels only, so it has no last pin of an open chain
                 looked_at |= {output for output in outputs if output.startswith("joint[65].")}

@@ -431,7 +431,7 @@ def stages(view: View, names: Sequence[str]) -> Floats:
 
 def tension_known(view: View) -> bool:
     """True if tensions are known: from strain for elements, from accelerations for rigid links."""
-    return implicit(view) or (view.kind != "TrackRigid" and view.chain.excess_inertia == 0.0)
+    return implicit(view) or (not isinstance(view.chain, Rigid) and view.chain.excess_inertia == 0.0)
 
 
 def on_wheels(view: View) -> bool:
@@ -485,7 +485,7 @@ def in_one_frame(view: View) -> bool:
 
 
 def implicit_elements(view: View) -> bool:
-    return implicit_on_wheels(view) and view.kind != "TrackRigid"
+    return implicit_on_wheels(view) and not isinstance(view.chain, Rigid)
 
 
 WHEEL = r"(sprocket|road_wheel\[\d+\]|idler)"

@@ -2,6 +2,7 @@
 
 import math
 from itertools import pairwise
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from orchestrator.cosim.master import Clock, run
 from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
+from orchestrator.scene.run_tables import OPTIONS, Coupling
 from orchestrator.scene.scene import load
 from orchestrator.studies.oscillator import amplification
 from tests.validation import coupling as study
@@ -37,6 +39,12 @@ from tests.validation.slaves import coupled, whole
 
 def hold(variant):
     return VARIANTS[variant][1].get("hold", "linear")
+
+
+def test_every_coupling_is_a_variant_and_a_choice_of_scenes():
+    assert {scheme for scheme, _ in VARIANTS.values()} == set(SCHEMES)
+    assert get_args(Coupling.model_fields["scheme"].annotation) == tuple(SCHEMES)
+    assert {scheme for schemes in OPTIONS.values() for scheme in schemes} <= set(SCHEMES)
 
 
 @pytest.mark.parametrize(("cut", "variant"), MEMBERS)

@@ -288,3 +288,10 @@ def test_a_study_of_a_small_swing(tmp_path, monkeypatch, capsys):
         "run.step=2 ms", "run.step=0.5 ms",
     }  # fmt: skip
     assert len(work_precision.ratios(rows)) >= 4
+
+
+def test_a_picture_has_a_line_for_any_number_of_track_models():
+    figures = {"method": "m", "error": 0.1, "estimate": 0.1, "wall_time": 1.0, "errors": {}, "estimates": {}}
+    rows = [Row("swing", model, {**figures, "track": model}) for model in ("flexible", "rigid", "toy")]
+    legend = work_precision.draw(rows, "").legends[0]
+    assert [text.get_text() for text in legend.get_texts()] == ["m", "flexible links", "rigid links", "toy links"]

@@ -12,6 +12,7 @@ from conftest import messages
 from fmus.build import KINDS
 from fmus.jit import source_hash
 from fmus.link_outputs import INTERVAL
+from fmus.track_choices import TRACKS
 from orchestrator.cli import main
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
@@ -23,11 +24,11 @@ from orchestrator.scene.products import build_to, gallery_products, scene_produc
 from orchestrator.scene.scene import load
 
 SCENES = gallery.names()
-VARIANTS = {"flexible": (), "rigid": (), "beam": ("track.element=beam",)}
+VARIANTS = {**dict.fromkeys(TRACKS, ()), "beam": ("track.element=beam",)}
 
 
 def variant(name, kind):
-    return placed(load(name, "rigid" if kind == "rigid" else "flexible", VARIANTS[kind]))
+    return placed(load(name, kind if kind in TRACKS else "flexible", VARIANTS[kind]))
 
 
 def described(kind, config, folder):
@@ -87,7 +88,7 @@ def test_one_fmu_serves_both_sides_with_the_place_of_the_left_one():
 
 def test_plain_names_are_those_of_the_standard_scene():
     drive = next(part for part in assemble(load("straight")).parts if part.kind == "SprocketDrive")
-    for products in (gallery_products(), scene_products([load("straight", model) for model in ("flexible", "rigid")])):
+    for products in (gallery_products(), scene_products([load("straight", model) for model in TRACKS])):
         found = {name: config for _, config, name in products}
         assert list(found)[:4] == ["TrackFlexible", "SprocketDrive", "Chassis", "TrackRigid"]
         assert found["SprocketDrive"]["parameters"] == drive.parameters
@@ -124,7 +125,7 @@ def outputs(scene, parts, graph, change=lambda name, parameters: parameters):
 )
 def test_fmus_of_a_scene_do_what_the_scene_does(name, kind, settings, telling, tmp_path):
     """FMUs of a scene give its bits without any parameter set; another value of one shows."""
-    scene = placed(load(name, "rigid" if kind == "rigid" else "flexible", [*VARIANTS[kind], *settings]))
+    scene = placed(load(name, kind if kind in TRACKS else "flexible", [*VARIANTS[kind], *settings]))
     assembly = assemble(scene)
     ordinary = system(assembly)
     files = build_to(tmp_path, [(p.kind, p.config | {"parameters": p.parameters}, p.name) for p in assembly.parts])

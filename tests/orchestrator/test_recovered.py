@@ -5,6 +5,7 @@ import struct
 import numpy as np
 import pytest
 
+from fmus.track_choices import TRACKS
 from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate
 from orchestrator.log import page, recorder
@@ -123,7 +124,7 @@ def test_steps_that_are_lost_are_no_shorter_run(tmp_path):
 
 
 @pytest.mark.study
-@pytest.mark.parametrize("track", ["flexible", "rigid"])
+@pytest.mark.parametrize("track", TRACKS)
 def test_what_is_left_of_a_vehicle_is_as_good_as_a_shorter_run(tmp_path, track):
     for outputs, count in ((1, 200), (3, 40)):
 

@@ -15,6 +15,7 @@ from mutated import Content
 
 from fmus.vehicle import BadInput
 from orchestrator.cosim.checkpoint import UnusableCheckpoint
+from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.execution import replay_model
@@ -29,7 +30,6 @@ from orchestrator.results.run_data import RunData
 from orchestrator.scene.scene import load
 
 RIG = ("run.stop=0.06", "run.checkpoints=0.02", "run.links=7", "expect={}", "drive.ramp_start=0")
-COUPLINGS = ("tracks_first", "jacobi", "gauss_seidel", "iterative", "energy_corrected")
 
 
 def ran(path, scene, track, *settings, native=False):
@@ -50,7 +50,7 @@ def rig(tmp_path_factory):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("coupling", COUPLINGS)
+@pytest.mark.parametrize("coupling", SCHEMES)
 def test_every_coupling_goes_on_as_if_nothing_had_been(tmp_path, coupling):
     whole = ran(tmp_path / "whole.mcap", "rig", "rigid", *RIG, f"run.coupling={coupling}")
     for at, step in ((0.02, 20), (0.05, 40)):

@@ -10,7 +10,7 @@ from fmus import vehicle
 from fmus.components import model_of
 from fmus.start import orientation, start
 from fmus.track import STARTS
-from fmus.track_choices import TRACKS
+from fmus.track_choices import TRACKS, models_with
 from fmus.vehicle import BadInput
 from orchestrator.cli.inventory import describe
 from orchestrator.execution.truth import physical_scene
@@ -43,7 +43,7 @@ def scene_file(folder, vehicle='vehicle = "m113"', more=""):
 
 
 @pytest.mark.parametrize("name", gallery.names())
-@pytest.mark.parametrize("track", ["flexible", "rigid"])
+@pytest.mark.parametrize("track", TRACKS)
 def test_gallery_resolves_and_reads_back(name, track):
     scene = load(name, track)
     assert scene.variant == track
@@ -221,14 +221,14 @@ def test_coordinates_are_for_explicit_integrators():
             load("hanging_chain", model, settings)
 
 
-@pytest.mark.parametrize("model", ["flexible", "rigid"])
+@pytest.mark.parametrize("model", TRACKS)
 def test_keys_of_a_track_are_parameters_of_its_fmu(model):
-    """Keys of a track are parameters of its FMU, with their choices and defaults."""
+    """Keys that a track takes are parameters of its FMU, with their choices and defaults; it has no other keys."""
     part = assemble(load("rig", model)).parts[0]
     ports = {port.name: port for port in model_of(part.kind)(part.config).ports}
     for key, sets in TrackModelTable.fmu_parameters().items():
-        if sets.model in ("", model):
-            port = ports[sets.name or key]
+        assert (model in models_with(sets.parameter)) == (sets.name in ports), key
+        if port := ports.get(sets.parameter):
             asked = get_args(TrackModelTable.model_fields[key].annotation)
             chosen = next((get_args(one) for one in asked if get_origin(one) is Literal), ())
             assert set(chosen) <= {*(STARTS if key == "start" else port.choices)}, "an unknown start"
@@ -237,14 +237,17 @@ def test_keys_of_a_track_are_parameters_of_its_fmu(model):
         assert ports[name].start == value
 
 
-def test_a_key_of_a_track_is_declared_once(monkeypatch):
-    """A key of a track is declared once.
+def test_a_key_of_one_model_is_declared_in_its_table_and_with_the_model(monkeypatch):
+    """A toy key reaches the FMU, belongs to one model, is dropped when the model changes, is no part of the motion.
 
-    A toy key reaches the FMU, belongs to one model, is dropped when the model changes, and is not part of the motion.
+    A key that every model has needs no entry in ``TRACKS``.
     """
 
     class Toy(TrackModelTable):
-        stickiness: Annotated[float | None, FmuParameter("glue.stickiness", model="rigid", method=True)] = None
+        stickiness: Annotated[float | None, FmuParameter("glue.stickiness", method=True)] = None
+
+    assert Toy(model="flexible", stickiness=0.5).parameters() == {"glue.stickiness": 0.5}
+    monkeypatch.setitem(TRACKS["rigid"].defaults, "glue.stickiness", 0.0)
 
     toy = Toy(model="rigid", stickiness=0.5)
     assert toy.parameters()["glue.stickiness"] == 0.5

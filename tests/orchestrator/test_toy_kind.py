@@ -69,6 +69,13 @@ found["native"] = set(held(part.kind, part.config, part.parameters)["parameters"
 found["monolith"] = type(Monolith(parts_of(assemble(scene)), ()).models["chain"]).__module__
 found["check"] = Check(signal="chain.travel", track="toy", expected=1, tolerance=1).track
 found["shown"] = list(lines(scene))
+chosen = [*settings, "track.formulation=recursive", "track.integrator=runge_kutta"]
+found["parameters"] = assemble(load("hanging_chain", "toy", chosen)).parts[0].parameters
+for model in ("flexible", "toy"):
+    try:
+        load("hanging_chain", model, chosen[:-1])
+    except BadInput as error:
+        found[model + ", recursive"] = str(error)
 for key in ("element=beam", "model=jelly"):
     try:
         load("hanging_chain", "toy", [*settings, f"track.{{key}}"])
@@ -112,6 +119,10 @@ def test_a_toy_kind_of_track_is_known_everywhere(house):
     assert "chain        TrackToy 8 bodies, 7 pins" in shown
     assert "the rigid track model (TrackRigid)" in shown
     assert "fmus.track_toy: model, track_toy_fmu" in shown
+    assert (found["parameters"]["formulation"], found["parameters"]["integrator"]) == ("recursive", "runge_kutta")
+    assert found["toy, recursive"].endswith("integrator = 'generalized_alpha' must be 'runge_kutta' or 'adams'")
+    needs = "formulation = 'recursive' needs model = 'rigid' or 'toy': flexible links have none"
+    assert found["flexible, recursive"].endswith(needs)
     assert found["element=beam"].endswith("element = 'beam' needs model = 'flexible': toy links have none")
     assert found["model=jelly"].endswith("input should be 'flexible', 'rigid' or 'toy'")
 

@@ -15,6 +15,7 @@ from vehicle_in_process import InProcess
 from fmus.model import InvalidParameter
 from fmus.monolith.model import Monolith
 from fmus.physics.chain.report import KINETIC
+from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.cli import app
 from orchestrator.execution import monolithic
@@ -155,7 +156,7 @@ def test_the_ledger_of_a_whole_vehicle_closes(driven):
 
 
 @pytest.mark.study  # compiles a monolith with both integrators
-@pytest.mark.parametrize("links", ["flexible", "rigid"])
+@pytest.mark.parametrize("links", TRACKS)
 def test_adams_methods_drive_a_vehicle_to_their_tolerance(links, tmp_path):
     """Adams methods drive a vehicle to their tolerance.
 

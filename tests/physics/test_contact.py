@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from fmus.physics.contact.wheel import closing, creeping, reach
 from fmus.physics.contact.wheel_kinematics import collect, slide
 from fmus.physics.point import sharpen
 from fmus.physics.wheels import WIDTH, move
+from fmus.vehicle import Law
 
 LAW = Linear(2e6, 5e3, 0.3, 0.05)
 PITCH = 0.1524
@@ -179,6 +181,10 @@ def test_normal_force_pushes_and_never_pulls():
     assert force == 0.0
     assert energy == pytest.approx(25.0)
     assert_no_jump_at_first_touch(LAW)
+
+
+def test_every_law_is_a_choice_of_vehicles():
+    assert get_args(Law.model_fields["law"].annotation) == tuple(LAWS)
 
 
 @pytest.mark.parametrize("kind", LAWS)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from fmus.track_choices import TRACKS
+from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.scene import gallery
 
 
@@ -30,15 +32,15 @@ MOVING = ("drive.ramp_start=0", "drive.ramp_time=0.1", "start.height=-0.01")  # 
 SWAYING = ("track.start=displaced",)
 OVAL = ("chain.links=16", "chain.ovalling=1")
 RUNS = (
-    *(Run(scene, track) for scene in gallery.names() for track in ("flexible", "rigid")),
-    *(Run("straight", track, MOVING, native=native) for track in ("flexible", "rigid") for native in (False, True)),
+    *(Run(scene, track) for scene in gallery.names() for track in TRACKS),
+    *(Run("straight", track, MOVING, native=native) for track in TRACKS for native in (False, True)),
     Run("straight", "flexible", (*MOVING, "track.element=beam"), 0.05),
     Run("straight", "flexible", (*MOVING, "symmetric=true", "planar=true")),
+    Run("straight", "rigid", (*MOVING, "track.start=polygon")),
     Run("turn", "flexible", ("drive.ramp_start=0", "drive.ramp_time=0.05")),
     Run("settle", "flexible", ("track.elasticity=general",), 0.02),
     Run("hard_stop", "flexible", ("run.variable.estimate=power", "run.variable.tolerance=1e-3")),
-    *(Run("settle", "rigid", (f"run.coupling={scheme}",))
-      for scheme in ("jacobi", "gauss_seidel", "iterative", "energy_corrected")),
+    *(Run("settle", "rigid", (f"run.coupling={scheme}",)) for scheme in SCHEMES if scheme != "tracks_first"),
     *(Run("hanging_chain", "flexible", (*SWAYING, f"track.elasticity={elasticity}"))
       for elasticity in ("small_deformation", "general", "engineering")),
     Run("hanging_chain", "flexible", (*SWAYING, "track.element=beam")),
@@ -52,5 +54,5 @@ RUNS = (
     *(Run("hanging_chain", "rigid", (*SWAYING, f"track.formulation={formulation}", "track.integrator=runge_kutta"))
       for formulation in ("augmented", "recursive")),
     *(Run("spinning_loop", track, (*OVAL, f"track.closure={closure}"))
-      for track in ("flexible", "rigid") for closure in ("pin", "spring")),
+      for track in TRACKS for closure in ("pin", "spring")),
 )  # fmt: skip

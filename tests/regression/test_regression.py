@@ -2,11 +2,13 @@
 
 import shutil
 from pathlib import Path
+from typing import Literal, get_args, get_origin
 
 import pytest
 
 from orchestrator.scene import gallery
 from orchestrator.scene.scene import load
+from orchestrator.scene.track_table import TrackModelTable
 from tests.regression import __main__ as command
 from tests.regression.runs import RUNS, Run
 
@@ -18,6 +20,15 @@ def test_runs_are_of_all_scenes_and_have_names_of_their_own():
     assert {run.scene for run in RUNS} == set(gallery.names())
     for run in RUNS:
         assert load(run.scene, run.track, run.settings).run.stop >= run.stop
+
+
+def test_runs_have_every_choice_of_a_track():
+    tracks = [load(run.scene, run.track, run.settings).track.choices() for run in RUNS]
+    for key, about in TrackModelTable.fmu_parameters().items():
+        asked = get_args(Track.model_fields[key].annotation)
+        choices = next((get_args(one) for one in asked if get_origin(one) is Literal), ())
+        unset = {"rest"} if key == "start" else set()  # the default of most scenes
+        assert {*choices} - unset <= {track.get(about.parameter) for track in tracks}, key
 
 
 @pytest.mark.long

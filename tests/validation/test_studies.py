@@ -1,6 +1,7 @@
 """Studies: one fast case from the command to the figure, tables, what a missed tolerance and a failure do."""
 
 import csv
+import inspect
 import io
 import math
 import os
@@ -11,6 +12,7 @@ import sys
 import time
 from contextlib import suppress
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -227,6 +229,21 @@ def test_known_studies_and_bad_input(cotrack, validate, tmp_path):
             assert len(err.splitlines()) == 1
     with pytest.raises(BadInput):
         studies.find("")
+
+
+@pytest.mark.parametrize("name", [*studies.STUDIES, *STUDIES])
+def test_a_study_has_a_title_cases_a_table_and_files(name, tmp_path, fresh_cache):
+    """Every entry of both lists is a module of the same functions, which say so if all its cases are lost."""
+    chosen = studies.find(name) if name in studies.STUDIES else import_module(f"tests.validation.{name}")
+    cases = chosen.cases(True, *([tmp_path] if hasattr(chosen, "KEEPS") else []))
+    for case in cases:
+        inspect.signature(case.function).bind(*case.arguments)
+    rows = [Row(case.item, case.name, ok=False, note="nothing left") for case in cases]
+    assert rows
+    assert chosen.TITLE
+    assert chosen.table(rows).markdown()
+    files = chosen.write(tmp_path, name, rows, chosen.TITLE)
+    assert "nothing left" in "".join(file.read_text() for file in files if file.suffix in (".md", ".csv"))
 
 
 @pytest.mark.parametrize("name", studies.MOVED)

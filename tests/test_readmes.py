@@ -1,0 +1,61 @@
+"""Lists in the READMEs name what the registries of the code hold, and nothing else."""
+
+import re
+from collections.abc import Collection
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from fmus import components
+from fmus.physics.contact.laws import LAWS
+from fmus.track_choices import TRACKS
+from orchestrator.cosim.coupling import SCHEMES
+from orchestrator.results.analyses.catalogue import ANALYSES
+from orchestrator.scene import gallery
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.run_tables import Coupling
+from orchestrator.scene.scene import load
+from orchestrator.studies import STUDIES
+from tests.validation.__main__ import STUDIES as VALIDATIONS
+
+ROOT = Path(__file__).parents[1]
+ROW = r"(?m)^\| `([\w-]+)`"  # of a table, with a name in code
+STANDARD = {part.kind for model in TRACKS for part in assemble(load("straight", model)).parts}
+
+
+class Listed(NamedTuple):
+    """A list in a README, and the names that it must have."""
+
+    page: str
+    line: str  # pattern whose group contains names, in all its matches
+    known: Collection[str]
+    name: str = r"[\w-]+"  # pattern of a name
+
+    def names(self) -> set[str]:
+        """Names in the README."""
+        text = (ROOT / self.page).read_text(encoding="utf-8")
+        return {name for part in re.findall(self.line, text, re.MULTILINE) for name in re.findall(self.name, part)}
+
+
+LISTS = {
+    "scenes": Listed("README.md", r"^\| scene \| content \|\n\| --- \| --- \|\n((?:\|.*\n)+)", gallery.names(), ROW),
+    "analyses": Listed("README.md", r"^cotrack analyse LOG (\S+)$", ANALYSES),
+    "commands of studies": Listed("README.md", r"^cotrack study ([a-z-]+)", STUDIES),
+    "studies": Listed("orchestrator/README.md", r"lists the studies of a scene: (.*?)\. ", STUDIES),
+    "validations": Listed("README.md", r"^python -m tests\.validation ([a-z-]+)", VALIDATIONS),
+    "option --coupling": Listed(
+        "README.md", r"--coupling (\w+ +# or .*)$", {*SCHEMES} - {Coupling().scheme}, r"\b(?!or\b)\w+"
+    ),
+    "couplings": Listed("orchestrator/README.md", r"^\| coupling \| order \|.*\n\|.*\n((?:\|.*\n)+)", SCHEMES, ROW),
+    "components": Listed(
+        "fmus/README.md", r"^\| (.*) \| the components \|$", [components.folder(kind) for kind in components.KINDS]
+    ),
+    "standard FMUs": Listed("fmus/README.md", r"^`cotrack build -o FOLDER` writes (.*)$", STANDARD, r"(\w+)\.fmu"),
+    "laws": Listed("fmus/physics/README.md", r"^\| `contact/laws\.py` \| (.*) \|$", LAWS, r"`(\w+)\.py`"),
+}
+
+
+@pytest.mark.parametrize("name", LISTS)
+def test_a_list_names_what_there_is(name):
+    assert LISTS[name].names() == set(LISTS[name].known)
