@@ -29,7 +29,7 @@ _said: set[tuple[type, int | None]] = set()
 _unheard: list[str] = []
 
 
-class Untrusted(PermissionError):
+class UntrustedFolder(PermissionError):
     """Others can write into a folder of the cache; the message is one sentence."""
 
 
@@ -74,11 +74,11 @@ def check(*folders: Path) -> None:
         with suppress(FileNotFoundError):
             about = folder.stat()
             if not _mine(about):
-                raise Untrusted(
+                raise UntrustedFolder(
                     f"{folder} belongs to another user ({about.st_uid}); name a folder of your own in COTRACK_CACHE"
                 )
             if about.st_mode & OTHERS:
-                raise Untrusted(
+                raise UntrustedFolder(
                     f"others can write into {folder} (mode {about.st_mode & 0o777:o}); chmod -R go-w it, "
                     "or name another folder in COTRACK_CACHE"
                 )

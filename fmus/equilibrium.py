@@ -46,7 +46,7 @@ LIFTED = np.eye(WIDTH)[2] * 1e-5  # lift of all wheels, m: the loss of load give
 HEIGHT, ROLL, PITCH, LEAVES = 0, 1, 2, 3  # indices of the unknowns
 
 
-class Equilibrium(NamedTuple):
+class VehicleEquilibrium(NamedTuple):
     """Coordinates of hull and leaves at rest, from the drawn position."""
 
     height: float  # of the hull's centre of mass, m
@@ -56,14 +56,14 @@ class Equilibrium(NamedTuple):
     right: Sequence[float]  # likewise
 
 
-class Track(NamedTuple):
+class FlexibleTrack(NamedTuple):
     """Track of the vehicle, modelled with flexible links."""
 
     config: Mapping[str, Any]  # of a flexible track
     parameters: Mapping[str, Any]  # those that differ from the defaults: how the loop is closed
 
 
-def equilibrium(chassis: Mapping[str, Any], tracks: Mapping[str, Track]) -> Equilibrium:
+def equilibrium(chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack]) -> VehicleEquilibrium:
     """Static equilibrium of a chassis, given by its config, on tracks by side ("left", "right").
 
     With equal tracks on both sides and a hull that does not lean sideways, only the left half is solved. The result is
@@ -73,7 +73,7 @@ def equilibrium(chassis: Mapping[str, Any], tracks: Mapping[str, Track]) -> Equi
     file = cache_folder() / "places" / hashlib.sha256(asked).hexdigest()[:24] / "equilibrium"
     with spared():
         if (known := kept(file)) is not None:
-            return Equilibrium(*json.loads(known))
+            return VehicleEquilibrium(*json.loads(known))
     try:
         found = _solved(_Vehicle(chassis, tracks))
     except (InvalidParameter, StepFailed) as error:
@@ -113,20 +113,20 @@ def leans(chassis: Mapping[str, Any], tracks: Sequence[str]) -> bool:
 class _Vehicle:
     """Chassis and chains of a vehicle: its accelerations at given values of the unknowns."""
 
-    def __init__(self, chassis: Mapping[str, Any], tracks: Mapping[str, Track]) -> None:
+    def __init__(self, chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack]) -> None:
         self.half = not leans(chassis, tuple(tracks))
         sides = ["left"] if self.half else ["left", "right"]
         self.chassis = Chassis({**chassis, "chassis": {**chassis["chassis"], "sides": sides}})
         self.chassis.initialise({})
         self.leaves = len(self.chassis.tree.turns) // 2
-        self._chains = {sides.index(side): _Chain(track) for side, track in tracks.items() if side in sides}
+        self._chains = {sides.index(side): _ChainOnWheels(track) for side, track in tracks.items() if side in sides}
         self.free = [HEIGHT, *([] if self.half else [ROLL]), PITCH, *range(LEAVES, LEAVES + len(sides) * self.leaves)]
 
-    def place(self, guess: Floats) -> Equilibrium:
+    def place(self, guess: Floats) -> VehicleEquilibrium:
         """Equilibrium from the unknowns: height, roll, pitch of the hull, leaves left and right (half: left)."""
         height, roll, pitch, *leaves = guess.tolist()
         left = leaves[: self.leaves]
-        return Equilibrium(height, roll, pitch, left, left if self.half else leaves[self.leaves :])
+        return VehicleEquilibrium(height, roll, pitch, left, left if self.half else leaves[self.leaves :])
 
     def accelerations(self, guess: Floats) -> Floats:
         """Accelerations of the free unknowns of a vehicle at rest at ``guess``, m/s2 and rad/s2.
@@ -145,10 +145,10 @@ class _Vehicle:
         return np.array([out[9], out[10], out[11], *own])[self.free]
 
 
-class _Chain:
+class _ChainOnWheels:
     """A chain that is brought to rest on given wheels; the search begins at the last equilibrium."""
 
-    def __init__(self, track: Track) -> None:
+    def __init__(self, track: FlexibleTrack) -> None:
         self._model = Cables({**track.config, "link_outputs": False})
         self._model.initialise(track.parameters)
         self._arm = 0.25 * self._model.vehicle["track"]["width"]  # lever of the two faces of a link, m
@@ -182,7 +182,7 @@ def _motions(chassis: Any, x: Floats) -> Floats:
     return y.reshape(sides, places, STATE)
 
 
-def _solved(vehicle: _Vehicle) -> Equilibrium:
+def _solved(vehicle: _Vehicle) -> VehicleEquilibrium:
     """Equilibrium by pseudo-transient continuation; raises StepFailed where it does not converge."""
     guess = np.zeros(LEAVES + (1 if vehicle.half else 2) * vehicle.leaves)
     free, size = vehicle.free, len(vehicle.free)

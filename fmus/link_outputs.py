@@ -14,7 +14,7 @@ XYZ = tuple("xyz")
 INTERVAL = "link_outputs.interval"  # parameter: communication steps over which link outputs are averaged
 
 
-class Group(NamedTuple):
+class OutputGroup(NamedTuple):
     """Group of outputs of each link or each pin, ordered by link (or pin), then by part."""
 
     of: str  # "link" or "joint" (a pin)
@@ -27,34 +27,34 @@ class Group(NamedTuple):
 
 
 GROUPS = {
-    "tension": Group("link", "tension", ("",), "N", "pull between the two parts of {it}, mean along it"),
-    "stress": Group("link", "stress", ("",), "Pa", "largest axial stress of {it}"),
-    "position": Group("joint", "position", XYZ, "m", "{part} of {it}, world"),
-    "force": Group(
+    "tension": OutputGroup("link", "tension", ("",), "N", "pull between the two parts of {it}, mean along it"),
+    "stress": OutputGroup("link", "stress", ("",), "Pa", "largest axial stress of {it}"),
+    "position": OutputGroup("joint", "position", XYZ, "m", "{part} of {it}, world"),
+    "force": OutputGroup(
         "joint", "force", XYZ, "N", "{part} force of {it} on the link that begins there, world, mean over the interval",
         WITH_JOINT,
     ),
-    "ground": Group(
+    "ground": OutputGroup(
         "link", "ground.force", XYZ, "N", "{part} force of the ground on {it}, world, mean over the interval",
         WITH_GROUND, True,
     ),
-    "wheels": Group(
+    "wheels": OutputGroup(
         "link", "wheels.force", XYZ, "N",
         "{part} force of the wheels on {it} and on the pin where it ends, world, mean over the interval", WITH_WHEELS,
     ),
-    "sliding": Group(
+    "sliding": OutputGroup(
         "link", "ground.sliding", XYZ, "m/s",
         "{part} velocity over the ground of what of {it} lies on it, world, mean over the interval", WITH_SLIDING, True,
     ),
-    "depth": Group(
+    "depth": OutputGroup(
         "link", "ground.depth", ("",), "m", "depth of {it} in the ground, mean over the interval", WITH_SLIDING, True
     ),
-    "axis": Group("joint", "axis", XYZ, "1", "{part} of the unit vector along {it}, world"),
-    "fibres": Group(
+    "axis": OutputGroup("joint", "axis", XYZ, "1", "{part} of the unit vector along {it}, world"),
+    "fibres": OutputGroup(
         "link", "fibre", ("outer", "inner"), "Pa",
         "axial stress of {it} at its {part} fibre, mean along the link, positive where it is stretched",
     ),
-    "slopes": Group(
+    "slopes": OutputGroup(
         "link", "slope", tuple(f"{end}.{axis}" for end in ("first", "last") for axis in XYZ), "1",
         "{part} of the position gradient along {it} at a pin, world",
     ),

@@ -60,14 +60,14 @@ def no_rotation(told, t, name, u, i):
     return not 0.9 < length < 1.1
 
 
-class Free(NamedTuple):
+class FreeParameters(NamedTuple):
     """Parameters that stay settable in a native FMU: only ``starting`` is computed again when they change."""
 
     numbers: Mapping[str, str]  # place in the parts ("law.mu") -> expression of parameters ("{parameter} * 2.0")
     besides: tuple[str, ...] = ()  # parameters that only ``starting`` reads
 
 
-class Component:
+class ComponentModel:
     """Base of the components' models: ``parts`` (named tuples of arrays and numbers) and kernels on them.
 
     A model that starts calls ``begin`` with its parts. The kernels are
@@ -96,7 +96,7 @@ class Component:
     showing: Callable[..., None]
     showing_links: Callable[..., None] | None = None
 
-    def free(self, p: Mapping[str, Any]) -> Free:
+    def free(self, p: Mapping[str, Any]) -> FreeParameters:
         """Parameters that need not be constant in a native FMU with the checked parameters ``p``."""
         raise NotImplementedError
 
@@ -174,7 +174,7 @@ class Component:
         return said
 
 
-class Model(Protocol):
+class ModelProtocol(Protocol):
     """Protocol of a component without FMI.
 
     ``ports`` lists Real inputs first, then Real outputs, then Real link outputs, then Integer outputs, then

@@ -38,10 +38,10 @@ from fmus.cache import cache_folder, check, spared, unheard
 from fmus.defaults import check_names, checked, configured
 from fmus.description import document
 from fmus.jit import compiled_before, source_hash
-from fmus.model import InvalidParameter, Model, StepFailed, finite
+from fmus.model import InvalidParameter, ModelProtocol, StepFailed, finite
 from fmus.ports import LINKS_ARRAY, Port, variables
 from fmus.same_build import SameBuild
-from fmus.saved import Saved, from_bytes, to_bytes
+from fmus.saved import SlaveState, from_bytes, to_bytes
 
 BUILD = source_hash()  # hash of the fmus sources of this process
 OK, WARNING, ERROR = 0, 1, 3  # values of the output `status`, those of fmi2Status
@@ -117,7 +117,7 @@ class Slave(Fmi2Slave):
     is refused, because it would silently run the wrong code.
     """
 
-    model: type[Model]
+    model: type[ModelProtocol]
 
     def __init_subclass__(cls) -> None:
         _lend(vars(sys.modules[cls.__module__]))  # the shell runs once more before each release
@@ -394,8 +394,8 @@ class Slave(Fmi2Slave):
     # ---------------------------------------------------------------- state
 
     @_guarded
-    def _get_fmu_state(self) -> Saved:
-        return Saved(
+    def _get_fmu_state(self) -> SlaveState:
+        return SlaveState(
             str(self.guid),
             self._phase,
             (self._stale, self._links_stale),
@@ -408,8 +408,8 @@ class Slave(Fmi2Slave):
         )
 
     @_guarded
-    def _set_fmu_state(self, state: Saved) -> None:
-        if not isinstance(state, Saved) or state.flaw:
+    def _set_fmu_state(self, state: SlaveState) -> None:
+        if not isinstance(state, SlaveState) or state.flaw:
             raise Refused(getattr(state, "flaw", "this is not a state of an FMU of this build"))
         if state.guid != self.guid:
             raise Refused(f"the state belongs to another FMU ({state.guid} instead of {self.guid})")

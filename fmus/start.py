@@ -12,7 +12,7 @@ KEYS = tuple(f"start.{key}" for key in ("position.x", "position.y", "position.z"
 X, Y, Z, HEADING, HEIGHT, PITCH = range(6)
 
 
-class Start(NamedTuple):
+class StartPose(NamedTuple):
     """Values of ``KEYS``: the vehicle is pitched about its y axis, turned about z, then raised and placed."""
 
     x: float  # m
@@ -33,14 +33,14 @@ class Start(NamedTuple):
         return found
 
 
-def start(parameters: Mapping[str, Any]) -> Start:
+def start(parameters: Mapping[str, Any]) -> StartPose:
     """Start pose from the values of ``ports.start_pose``."""
-    return Start(*(float(parameters[key]) for key in KEYS))
+    return StartPose(*(float(parameters[key]) for key in KEYS))
 
 
 @kernel
 def pitched(p, x, z):
-    """See ``Start``; ``p`` begins with the values of ``KEYS``, also in the kernels below."""
+    """See ``StartPose``; ``p`` begins with the values of ``KEYS``, also in the kernels below."""
     c, s = math.cos(p[PITCH]), math.sin(p[PITCH])
     return c * x + s * z, c * z - s * x
 
@@ -63,7 +63,7 @@ def orientation(p):
 
 @kernel
 def standing(p, x, y, z):
-    """Motion (13) at rest, see ``Start``."""
+    """Motion (13) at rest, see ``StartPose``."""
     return (*place(p, x, y, z), *orientation(p), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 

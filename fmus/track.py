@@ -17,7 +17,7 @@ import fmus.track_steps as steps
 from fmus import link_outputs
 from fmus.defaults import configured, given
 from fmus.jit import plain
-from fmus.model import NO_ROTATION, TOO_MANY, Component, Floats, Free, InvalidParameter
+from fmus.model import NO_ROTATION, TOO_MANY, ComponentModel, Floats, FreeParameters, InvalidParameter
 from fmus.physics.chain import adaptive, state
 from fmus.physics.chain.environment import HELD, LOOP, PINNED, PULLED, Environment
 from fmus.physics.chain.explicit import slopes
@@ -53,7 +53,7 @@ from fmus.ports import (
 )
 from fmus.sentences import Sentence
 from fmus.stance import Stance, at_rest, stance
-from fmus.start import KEYS, Start, start
+from fmus.start import KEYS, StartPose, start
 from fmus.track_choices import ADAMS, EXPLICIT, HHT, INTEGRATORS
 
 # Outputs of a chain after the wrenches, in the order of its report (``chain.report``): name, unit, text.
@@ -179,7 +179,7 @@ def begins(wheel: Mapping[str, Any]) -> Stance:
     return stance(wheel.get("start", (x, 0.0, z)))
 
 
-class TrackModel(Component):
+class TrackModel(ComponentModel):
     """Chain of links with the ports of a track; a subclass adds the mechanics of its links.
 
     The subclass implements ``shapes``, ``prepare``, ``settle``, ``come_to_rest`` and ``move``; ``prepare`` sets
@@ -304,7 +304,7 @@ class TrackModel(Component):
             raise InvalidParameter(f"{link_outputs.INTERVAL} = {self.interval:g}: must be a whole number")
         self.contacts = self.partners(p)
         self.environment = self._environment()
-        level = Start(0.0, 0.0, 0.0, 0.0, 0.0, self.pose.pitch)
+        level = StartPose(0.0, 0.0, 0.0, 0.0, 0.0, self.pose.pitch)
         wheels = np.array([plain(at_rest)(level, begins(wheel)) for wheel in self.wheel_list]).ravel()
         plain(read_states)(wheels, np.array([0.0, 0.0, 0.0, 1.0, 0.0]), self.start_rows)
         self.counters[:] = 0
@@ -320,7 +320,7 @@ class TrackModel(Component):
         self._parameters = p
         self.run_as_set()
 
-    def free(self, p: Mapping[str, Any]) -> Free:
+    def free(self, p: Mapping[str, Any]) -> FreeParameters:
         """Pose on a level ground that moves with the vehicle, and parameters without influence on the statics."""
         numbers = {"stand.lateral": "{start.lateral}", "stand.interval": f"{{{link_outputs.INTERVAL}}}"}
         if p["integrator"] != EXPLICIT:
@@ -331,7 +331,7 @@ class TrackModel(Component):
             own["v_reg"] = f"contact.{pair}.friction_velocity"
             numbers |= {f"contacts.{field}.{key}": f"{{{name}}}" for key, name in own.items() if name in names}
         held = ("start.height", "start.pitch")  # they change the static equilibrium of the chain
-        return Free(numbers, tuple(name for name in self.placing if name not in held))
+        return FreeParameters(numbers, tuple(name for name in self.placing if name not in held))
 
     def run_as_set(self) -> None:
         """Begin with the kernel of the chosen integrator and the prepared links."""
@@ -341,7 +341,7 @@ class TrackModel(Component):
             steps.Parts(
                 *self.system(),
                 scheme=scheme,
-                stand=steps.Stand(
+                stand=steps.CommonData(
                     longest=min(self.max_step, self.stable) if self.integrator == EXPLICIT else self.max_step,
                     plane=self.plane,
                     pitch=self.pitch,
@@ -357,8 +357,8 @@ class TrackModel(Component):
                 work=self.work,
                 report=self.report,
             ),
-            steps.Shown(self.frame, self.s.mean[: len(self.rows)], self.report),
-            steps.ShownLinks(
+            steps.OutputData(self.frame, self.s.mean[: len(self.rows)], self.report),
+            steps.LinkOutputData(
                 self.frame,
                 *self.system()[::2],
                 self.s,

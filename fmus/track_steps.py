@@ -30,7 +30,7 @@ NO_WHEEL, TOO_LONG, ELSEWHERE, ASKEW, IMPLICIT, EXPLICIT = 1, 2, 3, 4, 4, 8
 HALVED, TILTED = TOLD = range(2)  # warnings, each given once: flags at the end of the state
 
 
-class Stand(NamedTuple):
+class CommonData(NamedTuple):
     """Pose of a track, its wheels and counters, for all kinds of links."""
 
     longest: float  # longest internal step, s
@@ -52,7 +52,7 @@ class Parts(NamedTuple):
     contacts: Any  # ``fmus.contacts.Contacts``, or None
     environment: Environment  # gravity, ends, carrier
     scheme: Any  # a ``Method``, the stages of the explicit integrator, or an ``Adams``
-    stand: Stand
+    stand: CommonData
     s: Any  # views of the state
     work: Any  # scratch
     report: np.ndarray
@@ -61,11 +61,11 @@ class Parts(NamedTuple):
 def alone(link, environment, scheme, longest, s, work, report, counters):
     """Parts of a chain without contacts at the origin, and the array for the numbers of its sentences."""
     none = np.zeros((0, WIDTH))
-    stand = Stand(longest, 0, 0.0, 0.0, np.zeros(5), none, none, np.zeros(len(TOLD)), counters, 1.0)
+    stand = CommonData(longest, 0, 0.0, 0.0, np.zeros(5), none, none, np.zeros(len(TOLD)), counters, 1.0)
     return Parts(link, None, environment, scheme, stand, s, work, report), np.zeros((1 + len(TOLD), NUMBERS + 1))
 
 
-class Shown(NamedTuple):
+class OutputData(NamedTuple):
     """Data behind the outputs of a track without its link outputs."""
 
     frame: np.ndarray  # (5)
@@ -73,7 +73,7 @@ class Shown(NamedTuple):
     report: np.ndarray
 
 
-class ShownLinks(NamedTuple):
+class LinkOutputData(NamedTuple):
     """Data behind the link outputs of a track."""
 
     frame: np.ndarray  # (5)
@@ -89,7 +89,7 @@ class ShownLinks(NamedTuple):
 
 @allocating
 def begin(c, told, p):
-    """See ``fmus.model.Component``; p: the start pose, then the track's lateral place, m.
+    """See ``fmus.model.ComponentModel``; p: the start pose, then the track's lateral place, m.
 
     Sets the frame only: the state is already that of the laid-out chain.
     """
@@ -99,7 +99,7 @@ def begin(c, told, p):
 
 @allocating
 def implicit(c, told, t, h, u):
-    """Implicit step, see ``fmus.model.Component``; u: motions of the wheels (13 each); empty: unchanged."""
+    """Implicit step, see ``fmus.model.ComponentModel``; u: motions of the wheels (13 each); empty: unchanged."""
     stand = c.stand
     wrong = _ready(stand, told, t, h, u)
     if wrong:
@@ -200,7 +200,7 @@ def _ready(c, told, t, h, u):
 
 @allocating
 def show(c, y):
-    """See ``fmus.model.Component``: mean wrenches on the wheels and the report, world axes; c: ``Shown``."""
+    """See ``fmus.model.ComponentModel``: mean wrenches on the wheels and the report, world axes; c: ``OutputData``."""
     n = c.mean.shape[0]
     for k in range(n):
         to_world(c.mean[k].reshape(2, 3), c.frame, y[6 * k : 6 * k + 6])
@@ -212,7 +212,7 @@ def show(c, y):
 
 @allocating
 def show_links(c, y):
-    """See ``fmus.model.Component``: the chosen groups of ``link_outputs``, in order; c: ``ShownLinks``."""
+    """See ``fmus.model.ComponentModel``: the chosen groups of ``link_outputs``, in order; c: ``LinkOutputData``."""
     n, m, shows, felt = c.links, c.nodes, c.shows, np.empty(c.s.on_links_sum.shape)
     tension, stress, place = np.empty(n), np.empty(n), np.empty((m, 3))
     links_shown(c.link, c.environment, c.s, c.work, tension, stress, place)

@@ -91,20 +91,20 @@ Stiffness = Annotated[float, In("N/m", ge=0)]
 Damping = Annotated[float, In("N s/m", ge=0)]
 
 
-class Table(BaseModel):
+class FrozenTable(BaseModel):
     """Frozen table that refuses unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class Chassis(Table):  # noqa: D101
+class ChassisTable(FrozenTable):  # noqa: D101
     mass: Mass
     inertia: tuple[Inertia, Inertia, Inertia]  # roll, pitch, yaw
     centre: tuple[Length, Length, Length]
     hull: tuple[tuple[Length, Length, Length], ...] = ()  # points that can touch the ground
 
 
-class Sprocket(Table):  # noqa: D101
+class SprocketTable(FrozenTable):  # noqa: D101
     mass: Mass
     spin_inertia: Inertia
     transverse_inertia: Inertia
@@ -116,7 +116,7 @@ class Sprocket(Table):  # noqa: D101
     tip_radius: Distance
 
 
-class Idler(Table):  # noqa: D101
+class IdlerTable(FrozenTable):  # noqa: D101
     mass: Mass
     spin_inertia: Inertia
     transverse_inertia: Inertia
@@ -126,7 +126,7 @@ class Idler(Table):  # noqa: D101
     z: Length
 
 
-class RoadWheel(Table):  # noqa: D101
+class RoadWheelTable(FrozenTable):  # noqa: D101
     mass: Mass
     spin_inertia: Inertia
     transverse_inertia: Inertia
@@ -136,14 +136,14 @@ class RoadWheel(Table):  # noqa: D101
     z: Length
 
 
-class RoadArm(Table):  # noqa: D101
+class RoadArmTable(FrozenTable):  # noqa: D101
     mass: Mass
     pin_inertia: Inertia
     long_inertia: Inertia
     pivot: tuple[Length, Length]  # (x, z) from the wheel centre
 
 
-class Suspension(Table):  # noqa: D101
+class SuspensionTable(FrozenTable):  # noqa: D101
     stiffness: Stiffness
     damping: Damping
     on_arm: tuple[Length, Length]
@@ -151,14 +151,14 @@ class Suspension(Table):  # noqa: D101
     preload: Force
 
 
-class Tensioner(Table):  # noqa: D101
+class TensionerTable(FrozenTable):  # noqa: D101
     stiffness: Stiffness
     damping: Damping
     preload: Force
     travel: Distance = 0.1  # of the idler, either way from its place at the start
 
 
-class Track(Table):  # noqa: D101
+class TrackTable(FrozenTable):  # noqa: D101
     links: Annotated[int, Field(ge=4, le=4096)]
     lateral: Length
     pitch: Distance
@@ -169,7 +169,7 @@ class Track(Table):  # noqa: D101
     tension: Force
 
 
-class Section(Table):  # noqa: D101
+class SectionTable(FrozenTable):  # noqa: D101
     area: Annotated[float, In("m^2", gt=0)]
     bending: Annotated[float, In("m^4", gt=0)]
     lateral_bending: Annotated[float, In("m^4", gt=0)]
@@ -177,13 +177,13 @@ class Section(Table):  # noqa: D101
     outer_fibre: Distance
 
 
-class Material(Table):  # noqa: D101
+class MaterialTable(FrozenTable):  # noqa: D101
     youngs_modulus: Annotated[float, In("Pa", gt=0)]
     shear_modulus: Annotated[float, In("Pa", gt=0)]
     relaxation_time: Annotated[float, In("s", ge=0)]
 
 
-class Law(Table):
+class ContactLawTable(FrozenTable):
     """Contact law: normal force with spring and damper, regularised Coulomb friction."""
 
     law: Literal["linear", "hunt_crossley"] = "linear"
@@ -193,13 +193,13 @@ class Law(Table):
     friction_velocity: Annotated[float, In("m/s", gt=0)]
 
 
-class Contact(Table):  # noqa: D101
-    sprocket: Law
-    wheel: Law
-    ground: Law
+class ContactTable(FrozenTable):  # noqa: D101
+    sprocket: ContactLawTable
+    wheel: ContactLawTable
+    ground: ContactLawTable
 
 
-class Guide(Table):  # noqa: D101
+class GuideTable(FrozenTable):  # noqa: D101
     clearance: Annotated[float, In("m", ge=0)]
 
 
@@ -222,23 +222,23 @@ def _fits(vehicle: Vehicle) -> Vehicle:
     return vehicle
 
 
-class VehicleTable(Table):
+class VehicleTable(FrozenTable):
     """All data of a vehicle, SI, in its drawn (start) position."""
 
     name: str
     gravity: Annotated[float, In("m/s^2", ge=0)]
-    chassis: Chassis
-    sprocket: Sprocket
-    idler: Idler
-    road_wheel: RoadWheel
-    road_arm: RoadArm
-    suspension: Suspension
-    tensioner: Tensioner
-    track: Track
-    section: Section
-    material: Material
-    contact: Contact
-    guide: Guide
+    chassis: ChassisTable
+    sprocket: SprocketTable
+    idler: IdlerTable
+    road_wheel: RoadWheelTable
+    road_arm: RoadArmTable
+    suspension: SuspensionTable
+    tensioner: TensionerTable
+    track: TrackTable
+    section: SectionTable
+    material: MaterialTable
+    contact: ContactTable
+    guide: GuideTable
 
     @property
     def pitch_radius(self) -> float:

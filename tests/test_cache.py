@@ -254,7 +254,7 @@ def test_what_others_can_write_or_own_is_not_trusted(fresh_cache, level, monkeyp
     for mode in (0o720, 0o702, 0o777):
         folder.chmod(mode)
         for call in (fmus.cache.own, lambda place: fmus.cache.kept(place / "file")):
-            with pytest.raises(fmus.cache.Untrusted) as caught:
+            with pytest.raises(fmus.cache.UntrustedFolder) as caught:
                 call(place)
             assert str(caught.value).startswith(f"others can write into {folder} (mode {mode:o}); chmod -R go-w it, ")
     folder.chmod(0o755)
@@ -262,7 +262,7 @@ def test_what_others_can_write_or_own_is_not_trusted(fresh_cache, level, monkeyp
     me = os.geteuid()
     monkeypatch.setattr(os, "geteuid", lambda: me + 1)
     if me:  # files of root are trusted
-        with pytest.raises(fmus.cache.Untrusted, match=rf"belongs to another user \({me}\); name a folder of your own"):
+        with pytest.raises(fmus.cache.UntrustedFolder, match=rf"belongs to another user \({me}\); name a folder of your own"):
             fmus.cache.own(place)
 
 

@@ -13,7 +13,7 @@ PRELOADS = 6  # index of the preloads in ``p``, after the start pose: of suspens
 
 @allocating
 def begin(c, told, p):
-    """See ``fmus.model.Component``; p: the start pose, then the preloads, N."""
+    """See ``fmus.model.ComponentModel``; p: the start pose, then the preloads, N."""
     tree, x, start = unpacked(c.packed), c.state, c.start
     n = tree.turns.size
     x[:] = 0.0

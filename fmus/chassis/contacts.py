@@ -22,7 +22,7 @@ from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, 
 STORED, POWER, FORCE = 0, 1, 2  # indices in the sums; the force has three numbers
 
 
-class Contacts(NamedTuple):
+class ChassisContacts(NamedTuple):
     """Contact partners, constant through a run, and scratch arrays; n leaves."""
 
     ground: Ground  # in the frame of the start
@@ -36,7 +36,7 @@ class Contacts(NamedTuple):
     memory: Memory  # of sharp friction, for ``press``; not used without a tangent
 
 
-def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: Mapping[str, Any]) -> Contacts:
+def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: Mapping[str, Any]) -> ChassisContacts:
     """Contacts from the vehicle table, the config's ``ground`` and the checked parameters.
 
     ``ground``: {"hull": bool, "bare": sides without a track, "bump"}. Raises InvalidParameter.
@@ -46,7 +46,7 @@ def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: 
     bare = [1.0 if side in ground["bare"] else 0.0 for side in ("left", "right")]
     count, z = len(wheel["x"]), np.zeros
     leaves = 2 * (count + 1)
-    return Contacts(
+    return ChassisContacts(
         ground_shape(vehicle, float(parameters["start.height"]), ground.get("bump")),
         law("ground", parameters, vehicle["contact"]["ground"]),
         np.zeros(5),

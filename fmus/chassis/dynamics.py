@@ -290,7 +290,7 @@ def advance(packed, contacts, x, u, h, steps):
 
 @allocating
 def step(c, told, t, h, u):
-    """See ``fmus.model.Component``; u: mean wrenches on the places, world."""
+    """See ``fmus.model.ComponentModel``; u: mean wrenches on the places, world."""
     if too_many(told[0], t, h, c.longest):
         return TOO_LONG
     tree, x, steps = unpacked(c.packed), c.state, max(1, int(np.ceil(h / c.longest - 1e-9)))

@@ -12,7 +12,7 @@ from fmus.chassis.dynamics import BOOKS, LEAF, ROOT, Parts, blame, step
 from fmus.chassis.observe import observe
 from fmus.chassis.tree import packed, tree, unpacked
 from fmus.defaults import given
-from fmus.model import TOO_MANY, Component, Free, InvalidParameter
+from fmus.model import TOO_MANY, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
 from fmus.ports import POSITIVE, WRENCH, Port, start_pose, wheel_state, wrench
 from fmus.sentences import TOLD, Sentence, say
@@ -63,12 +63,12 @@ def touch_ports() -> list[Port]:
     ]
 
 
-class Model(Component):
+class Model(ComponentModel):
     """Chassis, road arms, springs, wheels, idlers, sprocket masses, on the sides that have ports.
 
     ``config``: {"vehicle": vehicle table in SI, "chassis": {"sides": ["left", "right"] or ["left"], "ground"}}. With
     the left side alone the right side is computed too, with the left side's wrenches mirrored. ``ground``, where hull
-    or bare wheels touch it: see ``contacts.contacts``. ``start``: a ``fmus.equilibrium.Equilibrium`` as a mapping, by
+    or bare wheels touch it: see ``contacts.contacts``. ``start``: a ``fmus.equilibrium.VehicleEquilibrium`` as a mapping, by
     default the drawn position. ``push``, N: the part of tensioner.preload that balances a track; the tensioner of a
     side without a track lacks it.
     """
@@ -161,10 +161,10 @@ class Model(Component):
         )  # fmt: skip
         self.begin(values, parts)
 
-    def free(self, p: Mapping[str, Any]) -> Free:
+    def free(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters; with contacts of the ground all but the height."""
         besides = tuple(name for name in self.placing if not (self._ground and name == "start.height"))
-        return Free({"longest": "{step}"}, besides)
+        return FreeParameters({"longest": "{step}"}, besides)
 
     def complaint(self, t: float, code: int, state: Floats) -> str:
         """Sentence of a fault ``code`` of ``state`` at ``t``."""

@@ -75,7 +75,7 @@ def put_springs(tree, x, sides, y, i):
 
 @allocating
 def observe(c, y):
-    """See ``fmus.model.Component``."""
+    """See ``fmus.model.ComponentModel``."""
     tree, x = unpacked(c.packed), c.state
     i = put_sides(tree, x, c.sides, y, 0)
     i = put_chassis(x, c.start, y, i)

@@ -20,7 +20,7 @@ from fmus.physics.arrays import Floats
 Integers = NDArray[np.int64]
 
 
-class Tree(NamedTuple):
+class VehicleTree(NamedTuple):
     """Numbers of a vehicle without its tracks, SI, frame B; n leaves, n + 2 units on which wrenches act."""
 
     gravity: float  # m/s2, downward
@@ -51,7 +51,7 @@ class Tree(NamedTuple):
     mirror: Floats  # (n + 2,) 1, or -1 where the input is that of the other side, mirrored in the plane y = 0 of B
 
 
-def tree(vehicle: Mapping[str, Any], sides: int) -> Tree:
+def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
     """Tree of a vehicle table; with ``sides`` = 1 the right side gets the left side's wrenches, mirrored."""
     body, sprocket, idler = vehicle["chassis"], vehicle["sprocket"], vehicle["idler"]
     wheel, arm, spring = vehicle["road_wheel"], vehicle["road_arm"], vehicle["suspension"]
@@ -81,7 +81,7 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> Tree:
     per_unit = np.arange(2 * count)
     sources = np.concatenate([per_unit + per_unit // count, [count, 2 * count + 1]])  # inputs: leaves, then the mount
     right = np.concatenate([per_unit >= count, [False, True]])
-    return Tree(
+    return VehicleTree(
         gravity=float(vehicle["gravity"]),
         mass=mass,
         total_mass=mass + 2 * ((count - 1) * leaf_mass + idler["mass"]),
@@ -122,15 +122,15 @@ def _with_sprockets(
     return mass, centre, inertia
 
 
-class Packed(NamedTuple):
-    """Tree as three arrays: passing these to a kernel takes a third of the time of passing a ``Tree``."""
+class PackedTree(NamedTuple):
+    """Tree as three arrays: passing these to a kernel takes a third of the time of passing a ``VehicleTree``."""
 
     body: Floats  # (n + 23,) numbers that belong to no leaf; mirror
     leaves: Floats  # (n, 20)
     whole: Integers  # (2, n + 2) turns, filled up with 0; source
 
 
-def packed(tree: Tree) -> Packed:
+def packed(tree: VehicleTree) -> PackedTree:
     """Three arrays with the numbers of a tree, see ``unpacked``."""
     t = tree
     body = [t.gravity, t.mass, t.total_mass, *t.centre, *t.inertia.ravel(), *t.sprocket.ravel(), *t.mirror]
@@ -138,14 +138,14 @@ def packed(tree: Tree) -> Packed:
     numbers = t.fraction, t.leaf_mass, t.across, t.along, t.transverse, t.spin_inertia
     springs = t.drawn_length, t.stiffness, t.damping, t.preload, t.reach
     whole = np.array([[*t.turns, 0, 0], t.source])
-    return Packed(np.array(body), np.column_stack([*pairs, *numbers, *springs]), whole)
+    return PackedTree(np.array(body), np.column_stack([*pairs, *numbers, *springs]), whole)
 
 
 @allocating
 def unpacked(packed):
     """Tree whose arrays are views of the packed ones."""
     b, x, whole = packed.body, packed.leaves, packed.whole
-    return Tree(
+    return VehicleTree(
         gravity=b[0],
         mass=b[1],
         total_mass=b[2],

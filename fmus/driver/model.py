@@ -11,9 +11,9 @@ from fmus.course import course
 from fmus.defaults import configured, given
 from fmus.driver.path import NONE, Path, of_arcs, through
 from fmus.driver.plan import plan
-from fmus.driver.pursuit import WIDTH, Law, Parts, begin, show, step
+from fmus.driver.pursuit import WIDTH, ControlLaw, Parts, begin, show, step
 from fmus.driver.skid import footing
-from fmus.model import NO_ROTATION, Component, Free, InvalidParameter
+from fmus.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
 from fmus.ports import NOT_NEGATIVE, POSITIVE, STATE, Port, Range, start_pose, wheel_state
 from fmus.sentences import Sentence
@@ -63,7 +63,7 @@ def parameter_ports(vehicle: Mapping[str, Any]) -> list[Port]:
     ]  # fmt: skip
 
 
-class Model(Component):
+class Model(ComponentModel):
     """Driver that reads the motion of the hull and demands a speed of each sprocket.
 
     ``config``: {"vehicle": a vehicle's table}; other keys are not read. A hull whose inputs still have their start
@@ -105,7 +105,7 @@ class Model(Component):
         )
         self._unconnected = np.array([port.start for port in self.ports[:STATE]])
         self._stands = self._unconnected.copy()
-        self._law: Law
+        self._law: ControlLaw
         self._path: Path = NONE
         self.state: Floats = np.zeros(WIDTH)
         self.counters = np.zeros(1, dtype=np.int64)
@@ -133,7 +133,7 @@ class Model(Component):
             ),
         )
 
-    def free(self, p: Mapping[str, Any]) -> Free:
+    def free(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters but the path and tables of points."""
         own = dict(
             width="width", heading_gain="heading.gain", reach="reach", preview="preview", gain="yaw.gain",
@@ -143,7 +143,7 @@ class Model(Component):
             tolerance="path.tolerance",
         )  # fmt: skip
         numbers = {f"law.{field}": f"{{{name}}}" for field, name in own.items()}
-        return Free({**numbers, "law.heading": "{heading} + {start.heading}"}, self.placing)
+        return FreeParameters({**numbers, "law.heading": "{heading} + {start.heading}"}, self.placing)
 
     def _standing(self, values: Mapping[str, Any]) -> tuple[float, ...]:
         """Motion (13) of the hull when nothing moves it."""
@@ -158,12 +158,12 @@ class Model(Component):
             return of_arcs("path.arcs", arcs)
         return through("path.points", points) if points else NONE
 
-    def _checked(self, values: Mapping[str, Any]) -> Law:
+    def _checked(self, values: Mapping[str, Any]) -> ControlLaw:
         """Law from the checked parameters; raises InvalidParameter."""
         speeds = course("speed.points", str(values["speed.points"]))
         if speeds.value.min(initial=0.0) < 0.0:
             raise InvalidParameter(f"speed.points = '{str(values['speed.points'])[:80]}' must not be negative")
-        return Law(
+        return ControlLaw(
             radius=self._radius,
             width=float(values["width"]),
             ahead=self._ahead,

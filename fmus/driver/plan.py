@@ -29,7 +29,7 @@ FEWEST = 8  # intervals of a piece, at least
 ROUNDS = 8  # reductions of the speed where the vehicle cannot turn fast enough
 
 
-class Plan(NamedTuple):
+class PathPlan(NamedTuple):
     """Plan at n places along the pieces of a path; neighbouring pieces both have the place between them."""
 
     first: NDArray[np.int64]  # (m + 1) first place of each piece
@@ -55,14 +55,14 @@ class Bounds(NamedTuple):
     resists: float  # share of the grip that resists turning on the spot
 
 
-def plan(path: route.Path) -> Plan:
+def plan(path: route.Path) -> PathPlan:
     """Empty plan of a path, with allocated arrays."""
     way = np.abs(np.diff([*path.s[path.first[:-1]], path.length]))
     places = np.maximum(np.ceil(way / max(STEP, path.length / PLACES)), FEWEST).astype(np.int64) + 1
     first = np.concatenate([[0], np.cumsum(places)])
     n = int(first[-1])
     a, b, c, d, e, f, g = np.zeros((7, n))
-    return Plan(first, a, b, c, d, e, f, np.zeros((n, 4)), g)
+    return PathPlan(first, a, b, c, d, e, f, np.zeros((n, 4)), g)
 
 
 @kernel

@@ -41,7 +41,7 @@ PLANNED = 0.6  # share of the yaw acceleration that friction gives, for the plan
 FULL = 0.95  # largest share of the friction that is demanded
 
 
-class Law(NamedTuple):
+class ControlLaw(NamedTuple):
     """Parameters of a driver, SI."""
 
     radius: float  # way of the vehicle for a radian of its sprockets, m
@@ -72,11 +72,11 @@ class Law(NamedTuple):
 class Parts(NamedTuple):
     """Data of a running driver: parameters, state and counters of its kernels."""
 
-    law: Law
+    law: ControlLaw
     footing: skid.Footing
     drawn: route.Path  # in the frame of the start
     path: route.Path  # in the world
-    plan: planning.Plan
+    plan: planning.PathPlan
     centre: tuple[float, float, float]  # centre of mass of the hull in the vehicle frame, m
     unconnected: np.ndarray  # (13) start values of the inputs: a hull that has them is moved by nothing
     standing: np.ndarray  # (13) motion at rest of a hull that nothing moves
@@ -87,7 +87,7 @@ class Parts(NamedTuple):
 
 @allocating
 def begin(c, told, p):
-    """See ``fmus.model.Component``; p: the start pose."""
+    """See ``fmus.model.ComponentModel``; p: the start pose."""
     told[0, 0], heading = c.law.ramp_end, p[HEADING]
     if c.law.ramp_end < c.law.ramp_start:
         return 1
@@ -137,7 +137,7 @@ def resists(footing):
 
 @allocating
 def step(c, told, t, h, u):
-    """See ``fmus.model.Component``; u: motion (13) of the hull at t."""
+    """See ``fmus.model.ComponentModel``; u: motion (13) of the hull at t."""
     x, seen, lost = c.state, c.seen, c.state[LOST] != 0.0
     for i in range(u.size):
         seen[i] = u[i]
@@ -159,12 +159,12 @@ def step(c, told, t, h, u):
 
 @kernel
 def show(c, y):
-    """See ``fmus.model.Component``."""
+    """See ``fmus.model.ComponentModel``."""
     for i in range(LOST - LEFT):
         y[i] = c.state[LEFT + i]
 
 
-class Seen(NamedTuple):
+class SteeredPoint(NamedTuple):
     """Motion of the place that follows the path, world."""
 
     x: float  # m
@@ -175,7 +175,7 @@ class Seen(NamedTuple):
     rate: float  # rad/s
 
 
-class Wish(NamedTuple):
+class MotionTarget(NamedTuple):
     """Wanted motion of the vehicle."""
 
     speed: float  # m/s, negative backwards
@@ -194,7 +194,7 @@ def advance(c, t, h, u):
     heading = np.arctan2(A[1, 0], A[0, 0]) + half * w[2]
     x[HEADED] += turned(heading - x[HEADED])
     cos, sin = np.cos(heading), np.sin(heading)
-    seen = Seen(px, py, x[HEADED], cos * v[0] + sin * v[1], cos * v[1] - sin * v[0], w[2])
+    seen = SteeredPoint(px, py, x[HEADED], cos * v[0] + sin * v[1], cos * v[1] - sin * v[0], w[2])
     speed = at(p.speeds, t + half)[0] if given(p.speeds) else ramp(p, t + half)[0]
     before = x[SPEED]
     wish = follow(c, seen, speed, h) if c.path.s.size > 0 else hold(c, seen, speed, h)
@@ -210,7 +210,7 @@ def hold(c, seen, speed, h):
     most = bound(p, c.footing, seen.ahead)
     x[CURVATURE] = min(max(-p.heading_gain * x[ASKEW] / max(seen.ahead, SLOW), -most), most)
     rate = x[CURVATURE] * max(seen.ahead, 0.0)
-    return Wish(paced(c, seen, speed, 0.0, h), rate, -p.heading_gain * rate)
+    return MotionTarget(paced(c, seen, speed, 0.0, h), rate, -p.heading_gain * rate)
 
 
 @kernel
@@ -254,7 +254,7 @@ def spin(c, piece, seen, speed, h):
     x[ASKEW], x[CURVATURE], most = -left, 0.0, min(0.5 * turning(p, c.footing), 1.0)
     wanted = min(min(np.sqrt(2.0 * most * abs(left)), abs(left) / REST), 2.0 * speed / p.width)
     rate = min(max(wanted if left > 0.0 else -wanted, x[YAW_RATE] - most * h), x[YAW_RATE] + most * h)
-    return Wish(0.0, rate, (rate - x[YAW_RATE]) / h if h > 0.0 else 0.0)
+    return MotionTarget(0.0, rate, (rate - x[YAW_RATE]) / h if h > 0.0 else 0.0)
 
 
 @kernel
@@ -278,7 +278,7 @@ def drive(c, piece, seen, speed, h):
     fades = -2.0 * v * back / far - u * askew / (far * far)
     pace = (wanted - x[SPEED]) / h if h > 0.0 else 0.0
     leans = direction * 2.0 * c.footing.leans / limit(p, c.footing) * abs(k) * u * (u * v * slope + pace * k)
-    return Wish(wanted, u * x[CURVATURE] + leans, u * (v * slope + fades) + pace * k)
+    return MotionTarget(wanted, u * x[CURVATURE] + leans, u * (v * slope + fades) + pace * k)
 
 
 @kernel

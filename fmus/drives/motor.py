@@ -16,7 +16,7 @@ SPEED, TORQUE, CONTROLLER = 0, 1, 2  # modes
 CONTRADICTIONS = 4  # number of contradictions that ``unreasonable`` finds
 
 
-class Drive(NamedTuple):
+class DriveParameters(NamedTuple):
     """Parameters of a drive, SI."""
 
     inertia: float  # spin inertia J, kg m2

@@ -26,7 +26,7 @@ VELOCITY = 34  # velocity and angular velocity of the mount at the start of the 
 WIDTH = 40
 
 
-class Carried(NamedTuple):
+class ExtrapolatedMount(NamedTuple):
     """Extrapolated motion of a mount over a step, world, SI, and the torque of the chain about its axis."""
 
     position: tuple[float, float, float]  # at the end
@@ -77,7 +77,7 @@ def carried(accelerated, x, h, u, i):
     middle = quat_rotate(quat_advance(q, scale(0.5 * h, w_mean)), lateral)
     torque = vector(u, i + 16)
     chain = (dot(torque, a) + 4 * dot(torque, middle) + dot(torque, a_end)) / 6
-    return Carried(
+    return ExtrapolatedMount(
         add(vector(u, i), scale(h, v_mean)), q_end, v_end, w_end, w_mean, a, a_end, dot(a, w), dot(a_end, w_end), chain
     )
 

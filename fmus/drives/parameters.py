@@ -1,4 +1,4 @@
-"""Parameters of a motor on a shaft: ports, and the ``Drive`` of their values."""
+"""Parameters of a motor on a shaft: ports, and the ``DriveParameters`` of their values."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fmus.course import Course, course
-from fmus.drives.motor import Drive
+from fmus.drives.motor import DriveParameters
 from fmus.model import InvalidParameter
 from fmus.ports import NOT_NEGATIVE, POSITIVE, Port
 from fmus.sentences import Sentence
@@ -77,9 +77,9 @@ def contradictions(prefix: str = "") -> tuple[Sentence, ...]:
 
 
 def free(values: Mapping[str, Any], demanded: bool, path: str, prefix: str = "") -> dict[str, str]:
-    """Numbers of the ``Drive`` at ``path`` in a component's parts that follow from free parameters.
+    """Numbers of the ``DriveParameters`` at ``path`` in a component's parts that follow from free parameters.
 
-    Place -> expression, see ``fmus.model.Free``; ``values``: checked parameters; ``demanded``: it follows an input.
+    Place -> expression, see ``fmus.model.FreeParameters``; ``values``: checked parameters; ``demanded``: it follows an input.
     """
     own = dict(
         start_speed="speed.start", ramp_start="ramp.start", ramp_end="ramp.end", torque="torque.drive",
@@ -109,7 +109,7 @@ def _steepest(engine: Course) -> float:
     return float(np.abs(np.diff(engine.value) / np.diff(engine.time)).max(initial=0.0))
 
 
-def drive(values: Mapping[str, Any], inertia: float, demand: str = "", prefix: str = "") -> Drive:
+def drive(values: Mapping[str, Any], inertia: float, demand: str = "", prefix: str = "") -> DriveParameters:
     """Drive with the checked parameters of ``motor_ports(prefix)`` on a shaft of ``inertia`` kg m2.
 
     ``demand``: name of the input that its speed follows, where there is one. Raises InvalidParameter.
@@ -136,7 +136,7 @@ def drive(values: Mapping[str, Any], inertia: float, demand: str = "", prefix: s
                 raise no(name, f": the input {demand} says how fast it turns")
         speeds = Course(*np.zeros((3, 2)))
     gear = float(own["gear.ratio"])
-    return Drive(
+    return DriveParameters(
         inertia=inertia,
         mode=MODES.index(own["mode"]),
         start_speed=float(own["speed.start"]),

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.drives import mount as mounts
-from fmus.drives.motor import SPEED, Drive
+from fmus.drives.motor import SPEED, DriveParameters
 from fmus.model import Floats, InvalidParameter
 from fmus.monolith.chains import BOOKS, Place
 from fmus.monolith.equations import Plan
@@ -56,7 +56,7 @@ class Hull(NamedTuple):
     size: int = 0  # variables of its state
 
 
-def hull(part: Part, mirrored: bool, shafts: Sequence[Drive]) -> Hull:
+def hull(part: Part, mirrored: bool, shafts: Sequence[DriveParameters]) -> Hull:
     """Hull of a chassis, with ``mirrored`` of its left side alone, with the spin inertia of ``shafts``."""
     config = {**part.config, "chassis": {"sides": ["left"]}} if mirrored else part.config
     chassis = started(part.kind, config, part.parameters)
@@ -68,7 +68,7 @@ def hull(part: Part, mirrored: bool, shafts: Sequence[Drive]) -> Hull:
     return Hull(part.name, tree, sides, places[:-1], inputs, chassis.state.size)  # the last one is the chassis itself
 
 
-def _with_spins(tree: Any, shafts: Sequence[Drive], times: int) -> Any:
+def _with_spins(tree: Any, shafts: Sequence[DriveParameters], times: int) -> Any:
     """Add ``times`` the spin inertia of shafts with prescribed speed against the chassis to the tree. (3)"""
     inertia = tree.inertia.copy()
     inertia[1, 1] += times * sum(drive.inertia for drive in shafts if drive.mode == SPEED)

@@ -11,14 +11,14 @@ from collections.abc import Sequence
 
 import llvmlite.binding as llvm
 
-from fmus.native.entries import Entry
+from fmus.native.entries import EntryPoint
 from fmus.native.platform import Platform
 
 ANY, WIDE = "x86-64-v2", "x86-64-v3"  # processors of the last fifteen years; those with AVX2
 LEVELS = {"any_": ANY, "wide_": WIDE}  # by the prefix of the entries' names; the shell chooses
 
 
-def emit(entries: Sequence[Entry], prefix: str, platform: Platform) -> bytes:
+def emit(entries: Sequence[EntryPoint], prefix: str, platform: Platform) -> bytes:
     """Object file for a level of ``LEVELS``; raises RuntimeError if the code holds a process address."""
     machine = llvm.Target.from_triple(platform.triple).create_target_machine(
         cpu=LEVELS[prefix], features="", opt=3, reloc="pic", codemodel="small"
@@ -39,7 +39,7 @@ def emit(entries: Sequence[Entry], prefix: str, platform: Platform) -> bytes:
     return bytes(machine.emit_object(whole))
 
 
-def _alone(entry: Entry, prefix: str) -> llvm.ModuleRef:
+def _alone(entry: EntryPoint, prefix: str) -> llvm.ModuleRef:
     """LLVM module of an entry; all else in it is internal, named without numba's counters and hashes."""
     text = entry.compiled.library.get_llvm_str()
     if found := re.search(r"inttoptr \(i64 (\d{6,})", text):

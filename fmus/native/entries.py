@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import numba
 from numba import carray, types
 
-from fmus.model import Component
-from fmus.native.freeze import Following, Frozen
+from fmus.model import ComponentModel
+from fmus.native.freeze import DerivedNumber, Frozen
 from fmus.ports import Port
 
 FLOATS, WHOLE, TRUTHS = (types.CPointer(each) for each in (types.float64, types.int64, types.boolean))
@@ -48,7 +48,7 @@ def show_links(X, N, F, K, Z, P, C, Y):
 """
 
 
-class Entry(NamedTuple):
+class EntryPoint(NamedTuple):
     """Function of the library, compiled to numba's intermediate code."""
 
     name: str  # "start", "step", "show" or "show_links"
@@ -58,21 +58,21 @@ class Entry(NamedTuple):
 class Entries(NamedTuple):
     """Functions and memory blocks of a component's library."""
 
-    entries: tuple[Entry, ...]
+    entries: tuple[EntryPoint, ...]
     frozen: Frozen  # its parts as memory blocks
 
 
 def names(free: Any) -> set[str]:
-    """Names of the free parameters, see ``fmus.model.Free``."""
+    """Names of the free parameters, see ``fmus.model.FreeParameters``."""
     return {name for how in free.numbers.values() for name in re.findall(r"{([^}]+)}", how)} | set(free.besides)
 
 
 def entries(
-    model: Component, numbers: Mapping[str, str], reals: Sequence[Port], choices: Sequence[Port], outputs: int
+    model: ComponentModel, numbers: Mapping[str, str], reals: Sequence[Port], choices: Sequence[Port], outputs: int
 ) -> Entries:
     """Compile the entries of an initialised model with ``outputs`` Real outputs besides those of links.
 
-    ``numbers``: see ``fmus.model.Free``; ``reals``, ``choices``: the Real and String parameters in order, with the
+    ``numbers``: see ``fmus.model.FreeParameters``; ``reals``, ``choices``: the Real and String parameters in order, with the
     values of the model. Raises TypeError if the parts lack a number or cannot be written down.
     """
     p = [float(port.start) for port in reals]
@@ -81,7 +81,7 @@ def entries(
         port.name: f"{letter}[{i}]" for letter, row in (("p", reals), ("c", choices)) for i, port in enumerate(row)
     }
     texts = {place: re.sub(r"{([^}]+)}", lambda name: known[name[1]], how) for place, how in numbers.items()}
-    following = {place: Following(text, eval(text, {"p": p, "c": c})) for place, text in texts.items()}
+    following = {place: DerivedNumber(text, eval(text, {"p": p, "c": c})) for place, text in texts.items()}
 
     frozen = Frozen(model.state, model.counters, following)
     parts, shown, shown_links = map(frozen.text, (model.parts, model.shown, model.shown_links))
@@ -107,7 +107,7 @@ def entries(
         space[name] = getattr(model, name)
     exec(source, space)
     wanted = {"start": START, "step": STEP, "show": SHOW, **({"show_links": SHOW} if model.link_ports else {})}
-    return Entries(tuple(Entry(name, _compiled(space[name], types_)) for name, types_ in wanted.items()), frozen)
+    return Entries(tuple(EntryPoint(name, _compiled(space[name], types_)) for name, types_ in wanted.items()), frozen)
 
 
 def _compiled(function: Callable[..., int], signature: Any) -> Any:

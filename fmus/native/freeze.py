@@ -17,7 +17,7 @@ LINE = 8  # floats of a cache line: an array begins with one
 BLOCKS = {"float64": "f", "int64": "k", "bool": "z"}
 
 
-class Following(NamedTuple):
+class DerivedNumber(NamedTuple):
     """Number that follows from free parameters."""
 
     text: str  # expression in ``p`` and ``c``
@@ -30,7 +30,7 @@ class Frozen:
     ``free``: expressions of the numbers that are not constant, by their place in the parts, such as "law.mu".
     """
 
-    def __init__(self, state: NDArray[np.float64], counters: NDArray[np.int64], free: Mapping[str, Following]) -> None:
+    def __init__(self, state: NDArray[np.float64], counters: NDArray[np.int64], free: Mapping[str, DerivedNumber]) -> None:
         self._free, self._met = free, set[str]()
         self._known = {id(_root(state)): ("x", 0, _root(state)), id(_root(counters)): ("n", 0, _root(counters))}
         self._numbers: dict[str, list[float | int | bool]] = {letter: [] for letter in BLOCKS.values()}

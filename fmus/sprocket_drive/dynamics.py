@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.drives.motor import SPEED, Drive, profile, unreasonable
+from fmus.drives.motor import SPEED, DriveParameters, profile, unreasonable
 from fmus.drives.mount import MOUNT, SPEED_NOW, SPROCKET, STEP, carried, hand_over, hold, place, stand
 from fmus.drives.shaft import (
     ANGLE,
@@ -33,7 +33,7 @@ TURNED_NOT, STIFF, WILD = 1, 2, 3  # failures
 class Parts(NamedTuple):
     """Data of a running drive: parameters, state and counters of its kernels."""
 
-    drive: Drive  # motor, brake and profile
+    drive: DriveParameters  # motor, brake and profile
     mount: Stance  # of the mount as built
     unconnected: np.ndarray  # (13) start values of the mount's inputs: a mount that has them is moved by nothing
     standing: np.ndarray  # (13) motion at rest of a mount that nothing moves
@@ -44,7 +44,7 @@ class Parts(NamedTuple):
 
 @allocating
 def begin(c, told, p):
-    """See ``fmus.model.Component``; p: start pose, lateral place of the mount, m, sprocket's angle, rad."""
+    """See ``fmus.model.ComponentModel``; p: start pose, lateral place of the mount, m, sprocket's angle, rad."""
     x = c.state
     wrong = unreasonable(c.drive, told[0])
     if wrong:
@@ -59,7 +59,7 @@ def begin(c, told, p):
 
 @allocating
 def step(c, told, t, h, u):
-    """See ``fmus.model.Component``; u: mount (13) at t, mean wrench (6), demanded speed where one exists."""
+    """See ``fmus.model.ComponentModel``; u: mount (13) at t, mean wrench (6), demanded speed where one exists."""
     p, x, seen = c.drive, c.state, c.seen
     for i in range(u.size):
         seen[i] = u[i]
@@ -96,7 +96,7 @@ def advance(p, x, t, h, steps, u):
 
 @kernel
 def observe(c, y):
-    """See ``fmus.model.Component``."""
+    """See ``fmus.model.ComponentModel``."""
     x, inertia = c.state, c.drive.inertia
     for i in range(13):
         y[i] = x[SPROCKET + i]

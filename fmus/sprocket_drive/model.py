@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from fmus.defaults import configured, given
-from fmus.drives.motor import Drive
+from fmus.drives.motor import DriveParameters
 from fmus.drives.mount import WIDTH
 from fmus.drives.parameters import contradictions, drive, free, lag_port, motor_ports, mount_ports
 from fmus.jit import plain
-from fmus.model import NO_ROTATION, Component, Free, InvalidParameter
+from fmus.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
 from fmus.ports import STATE, WRENCH, Port, start_pose, wheel_state, wrench
 from fmus.sentences import Sentence
@@ -34,7 +34,7 @@ def parameter_ports(demanded: bool) -> list[Port]:
     ]
 
 
-class Model(Component):
+class Model(ComponentModel):
     """Spin of one sprocket on its mount.
 
     ``config``: {"drive": {"inertia": kg m2 of the spin, "mount": stance of the mount at the start (``fmus.stance``),
@@ -95,12 +95,12 @@ class Model(Component):
         parts = Parts(self.drive, self._mount, self._unconnected, self.standing, seen, self.state, self.counters)
         self.begin(values, parts)
 
-    def free(self, p: Mapping[str, Any]) -> Free:
+    def free(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters but tables of points."""
-        return Free(free(p, self._demanded, "drive"), self.placing)
+        return FreeParameters(free(p, self._demanded, "drive"), self.placing)
 
     @property
-    def shafts(self) -> tuple[Drive, ...]:
+    def shafts(self) -> tuple[DriveParameters, ...]:
         """The one shaft: that of the sprocket."""
         return (self.drive,)
 

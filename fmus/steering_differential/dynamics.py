@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.drives.motor import CONTRADICTIONS, SPEED, Drive, profile, unreasonable
+from fmus.drives.motor import CONTRADICTIONS, SPEED, DriveParameters, profile, unreasonable
 from fmus.drives.mount import MOUNT, SPEED_NOW, SPROCKET, STEP, WIDTH, carried, hand_over, hold, place, stand
 from fmus.drives.shaft import (
     ANGLE,
@@ -39,8 +39,8 @@ class Gearbox(NamedTuple):
     """Parameters of a steering differential, SI."""
 
     inertia: float  # spin inertia J of each sprocket, kg m2
-    propulsion: Drive  # shaft of the mean p of both speeds, inertia 2 J  (1)
-    steering: Drive  # shaft of the difference d, right less left, inertia J / 2
+    propulsion: DriveParameters  # shaft of the mean p of both speeds, inertia 2 J  (1)
+    steering: DriveParameters  # shaft of the difference d, right less left, inertia J / 2
 
 
 @kernel
@@ -88,7 +88,7 @@ class Parts(NamedTuple):
 
 @allocating
 def begin(c, told, p):
-    """See ``fmus.model.Component``; p: the start pose, then the angle of the sprockets, rad."""
+    """See ``fmus.model.ComponentModel``; p: the start pose, then the angle of the sprockets, rad."""
     g, x = c.gearbox, c.state
     wrong = unreasonable(g.propulsion, told[0])
     if wrong:
@@ -110,7 +110,7 @@ def begin(c, told, p):
 
 @allocating
 def step(c, told, t, h, u):
-    """See ``fmus.model.Component``; u: for each side mount (13) at t and mean wrench (6), then demands."""
+    """See ``fmus.model.ComponentModel``; u: for each side mount (13) at t and mean wrench (6), then demands."""
     g, x, seen = c.gearbox, c.state, c.seen
     for i in range(u.size):
         seen[i] = u[i]
@@ -159,7 +159,7 @@ def advance(g, x, t, h, one, two, u):
 
 @kernel
 def observe(c, y):
-    """See ``fmus.model.Component``."""
+    """See ``fmus.model.ComponentModel``."""
     x, inertia = c.state, c.gearbox.inertia
     kinetic = port = 0.0
     for k in range(2):

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from fmus.defaults import configured, given
-from fmus.drives.motor import Drive
+from fmus.drives.motor import DriveParameters
 from fmus.drives.parameters import contradictions, drive, free, lag_port, motor_ports, mount_ports
 from fmus.jit import plain
-from fmus.model import NO_ROTATION, Component, Free, InvalidParameter
+from fmus.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
 from fmus.ports import STATE, Port, start_pose, wheel_state, wrench
 from fmus.sentences import Sentence
@@ -90,7 +90,7 @@ def outputs() -> list[Port]:
     ]
 
 
-class Model(Component):
+class Model(ComponentModel):
     """Spins of both sprockets of a vehicle on their mounts, joined by two shafts: mean and difference.
 
     ``config``: {"drive": {"inertia": kg m2 of each spin, "mount": stance of the left mount at the start
@@ -147,13 +147,13 @@ class Model(Component):
         parts = Parts(self.gearbox, self._mounts, self._unconnected, self._stands, seen, self.state, self.counters)
         self.begin(values, parts)
 
-    def free(self, p: Mapping[str, Any]) -> Free:
+    def free(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters but tables of points."""
         shafts = (free(p, bool(self._demand), f"gearbox.{shaft}", f"{shaft}.") for shaft in ("propulsion", "steering"))
-        return Free({place: how for shaft in shafts for place, how in shaft.items()}, self.placing)
+        return FreeParameters({place: how for shaft in shafts for place, how in shaft.items()}, self.placing)
 
     @property
-    def shafts(self) -> tuple[Drive, ...]:
+    def shafts(self) -> tuple[DriveParameters, ...]:
         """The two shafts: propulsion and steering."""
         return self.gearbox.propulsion, self.gearbox.steering
 

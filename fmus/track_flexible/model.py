@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.model import Floats, Free, InvalidParameter, StepFailed
+from fmus.model import Floats, FreeParameters, InvalidParameter, StepFailed
 from fmus.physics.ancf import rotary
 from fmus.physics.ancf.element import ELASTICITIES
 from fmus.physics.chain import state
@@ -132,7 +132,7 @@ class Model(TrackModel):
         self.hold(nodal)
 
     def hold(self, state: Floats) -> bool:
-        """See ``Component``; a state of the same chain in nodal coordinates is accepted too."""
+        """See ``ComponentModel``; a state of the same chain in nodal coordinates is accepted too."""
         if self.coordinates == NODAL or state.size != self.state.size - self.s.p.size:
             return super().hold(state)
         from fmus.physics.chain.flexible.cholesky import fold
@@ -155,7 +155,7 @@ class Model(TrackModel):
         self.work = work(constrained, self.links_count, self.mesh, len(self.wheel_list), self.felt)
         self._let_go()
 
-    def free(self, p: Mapping[str, Any]) -> Free:
+    def free(self, p: Mapping[str, Any]) -> FreeParameters:
         """See ``TrackModel``; besides, the tolerance and, with an implicit integrator, the relaxation time."""
         free = super().free(p)
         if p["integrator"] in (EXPLICIT, ADAMS):

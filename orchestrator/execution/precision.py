@@ -14,7 +14,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.cache import Untrusted, cache_folder, check, make, tell
+from fmus.cache import UntrustedFolder, cache_folder, check, make, tell
 from fmus.cache import write as put
 from fmus.vehicle import BadInput
 
@@ -62,7 +62,7 @@ def _rows(file: Path) -> list[Setting]:
         return [Setting(**row) for row in table["rows"]]
     except FileNotFoundError:
         return []
-    except Untrusted as error:
+    except UntrustedFolder as error:
         tell(error)
     except (OSError, ValueError, TypeError, LookupError):
         logging.getLogger("cotrack").warning(

@@ -17,7 +17,7 @@ CHECKSUM = 64  # bytes at the end of a kept file: a sha256 in hexadecimal
 OTHERS = 0o022  # mode bits by which a group or others may write
 
 
-class Untrusted(PermissionError):
+class UntrustedFolder(PermissionError):
     """Others can write into a folder of the cache; the message is one sentence."""
 
 
@@ -59,11 +59,11 @@ def check(*folders: Path) -> None:
         with suppress(FileNotFoundError):
             about = folder.stat()
             if not _mine(about):
-                raise Untrusted(
+                raise UntrustedFolder(
                     f"{folder} belongs to another user ({about.st_uid}); name a folder of your own in COTRACK_CACHE"
                 )
             if about.st_mode & OTHERS:
-                raise Untrusted(
+                raise UntrustedFolder(
                     f"others can write into {folder} (mode {about.st_mode & 0o777:o}); chmod -R go-w it, "
                     "or name another folder in COTRACK_CACHE"
                 )

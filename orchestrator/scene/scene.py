@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 
 from fmus.ranges import outside
 from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput, Table, Vehicle, read_table, sentence, shown
+from fmus.vehicle import BadInput, FrozenTable, Vehicle, read_table, sentence, shown
 from orchestrator.scene import gallery, points
 from orchestrator.scene.drive_tables import Drive, Driver, VehicleDrive
 from orchestrator.scene.ranges import SCENE
@@ -34,7 +34,7 @@ OUTSIDE = 1.2  # speed of the outer track in a turn, relative to the vehicle
 SHORT = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys that may stand for one of their own
 
 
-class Scene(Table):
+class Scene(FrozenTable):
     """Scene of FMUs, one of them a track; subclasses add what they assemble."""
 
     name: Annotated[str, Field(pattern=r"^[^/\\\x00]+$")]  # also names the log

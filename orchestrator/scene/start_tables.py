@@ -7,18 +7,18 @@ from typing import Annotated, Literal
 
 from pydantic import model_validator
 
-from fmus.vehicle import Distance, In, Table
+from fmus.vehicle import Distance, In, FrozenTable
 from orchestrator.scene.values import Place
 
 
-class Start(Table):
+class Start(FrozenTable):
     """Place of the vehicle at the start, world frame."""
 
     position: tuple[Place, Place, Place] = (0.0, 0.0, 0.0)
     heading: Annotated[float, In("rad")] = 0.0
 
 
-class Equilibrium(Table):
+class Equilibrium(FrozenTable):
     """Equilibrium position of hull, arms and idlers, from the drawn position (``fmus.equilibrium``)."""
 
     height: float  # m, centre of mass of the hull
@@ -67,7 +67,7 @@ class VehicleStart(Start):
         return (self.heading + pi, pi - self.pitch) if over else (self.heading, self.pitch)
 
 
-class Bump(Table):
+class Bump(FrozenTable):
     """Trapezoidal obstacle across the path, with rounded edges, in the frame of the start."""
 
     start: Place  # its beginning, ahead of the sprocket axle
@@ -77,7 +77,7 @@ class Bump(Table):
     radius: Distance  # all four edges
 
 
-class Ground(Table):
+class Ground(FrozenTable):
     """Ground beyond its level, and contacts beyond those of the tracks."""
 
     hull: bool = False  # contact at the points vehicle.chassis.hull

@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from fmus.link_outputs import GROUPS, STANDARD
 from fmus.ports import TOLERANCES
 from fmus.track_choices import TRACKS, TrackKind
-from fmus.vehicle import In, Table
+from fmus.vehicle import In, FrozenTable
 from orchestrator.scene.values import Duration, TrackName
 
 Tolerance = Annotated[float, Field(ge=TOLERANCES.least, le=TOLERANCES.most)]
@@ -43,7 +43,7 @@ class Sets(NamedTuple):
 FLEXIBLE, FLEXIBLE_METHOD, METHOD = Sets(model="flexible"), Sets(model="flexible", method=True), Sets(method=True)
 
 
-class Track(Table):
+class Track(FrozenTable):
     """Track model and its parameters; the model's defaults apply to the rest."""
 
     model: TrackName

@@ -21,7 +21,7 @@ FAINT = 0.03  # rad/s
 
 
 class Planned(Seen):
-    """Driver's view as in ``Seen``, with friction."""
+    """Driver's view as in ``SteeredPoint``, with friction."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
