@@ -7,7 +7,7 @@ chassis has accelerations, which must vanish. Friction has no influence: regular
 The chains are cables for all kinds of links of the scene, so that all kinds start in the same place: rigid links, beams
 and cables of steel differ by 1.4 um in height and by 0.02 % in wheel loads. Chains stay in the upright plane in which a
 track is laid out. The wheels of a vehicle that leans tilt on them; the links resist the tilt as springs side by side
-(``_Chain.pushes``). Lateral forces of tilted wheels are left out: only friction, which creeps, balances them.
+(``_ChainOnWheels.pushes``). Lateral forces of tilted wheels are left out: only friction, which creeps, balances them.
 
 Method: Newton with an inertia term over the square of a pseudo step that grows as the accelerations fall
 (pseudo-transient continuation: Kelley and Keyes, SIAM J. Numer. Anal. 35(2), 1998, doi 10.1137/S0036142996304796); the

@@ -41,14 +41,17 @@ VEHICLE = (
     *(
         PlausibleRange(f"{part}.radius", "m", (0.01, 2.0), (1e-3, 50.0), PART) for part in ("idler", "road_wheel")
     ),
-    PlausibleRange("suspension.stiffness", "N/m", (0.0, 1e9), (0.0, 1e13), "stiffer than the contacts, a spring is rigid"),
+    PlausibleRange("suspension.stiffness", "N/m", (0.0, 1e9), (0.0, 1e13),
+                   "stiffer than the contacts, a spring is rigid"),
     PlausibleRange("suspension.damping", "N s/m", (0.0, 1e7), (0.0, 1e11), "more is a rigid strut"),
-    PlausibleRange("tensioner.stiffness", "N/m", (0.0, 1e9), (0.0, 1e13), "stiffer than the contacts, a spring is rigid"),
+    PlausibleRange("tensioner.stiffness", "N/m", (0.0, 1e9), (0.0, 1e13),
+                   "stiffer than the contacts, a spring is rigid"),
     PlausibleRange("tensioner.damping", "N s/m", (0.0, 1e7), (0.0, 1e11), "more is a rigid strut"),
     PlausibleRange("tensioner.travel", "m", (1e-3, 1.0), (1e-6, 50.0), "a tensioner takes up some links at most"),
     PlausibleRange("track.pitch", "m", (5e-3, 1.0), (1e-4, 10.0), "links of toys and of crawlers"),
     PlausibleRange("track.mass", "kg", (1e-3, 2e3), (1e-9, 1e6), "links of toys and of crawlers"),
-    PlausibleRange("track.tension", "N", (0.0, 1e6), (-1e9, 1e9), "a chain pulls, by some weights of the vehicle at most"),
+    PlausibleRange("track.tension", "N", (0.0, 1e6), (-1e9, 1e9),
+                   "a chain pulls, by some weights of the vehicle at most"),
     *(
         PlausibleRange(f"contact.{pair}.{key}", unit, plausible, possible, reason)
         for pair in ("sprocket", "wheel", "ground")
@@ -60,7 +63,8 @@ VEHICLE = (
         )
     ),
     PlausibleRange("material.youngs_modulus", "Pa", (1e5, 2e12), (1.0, 1e16), "from soft rubber to diamond"),
-    PlausibleRange("material.relaxation_time", "s", (0.0, 1e-2), (0.0, 1e3), "metals 1e-7 to 1e-5 s, rubber a millisecond"),
+    PlausibleRange("material.relaxation_time", "s", (0.0, 1e-2), (0.0, 1e3),
+                   "metals 1e-7 to 1e-5 s, rubber a millisecond"),
 )  # fmt: skip
 
 

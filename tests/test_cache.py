@@ -262,7 +262,9 @@ def test_what_others_can_write_or_own_is_not_trusted(fresh_cache, level, monkeyp
     me = os.geteuid()
     monkeypatch.setattr(os, "geteuid", lambda: me + 1)
     if me:  # files of root are trusted
-        with pytest.raises(fmus.cache.UntrustedFolder, match=rf"belongs to another user \({me}\); name a folder of your own"):
+        with pytest.raises(
+            fmus.cache.UntrustedFolder, match=rf"belongs to another user \({me}\); name a folder of your own"
+        ):
             fmus.cache.own(place)
 
 

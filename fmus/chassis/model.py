@@ -68,9 +68,9 @@ class Model(ComponentModel):
 
     ``config``: {"vehicle": vehicle table in SI, "chassis": {"sides": ["left", "right"] or ["left"], "ground"}}. With
     the left side alone the right side is computed too, with the left side's wrenches mirrored. ``ground``, where hull
-    or bare wheels touch it: see ``contacts.contacts``. ``start``: a ``fmus.equilibrium.VehicleEquilibrium`` as a mapping, by
-    default the drawn position. ``push``, N: the part of tensioner.preload that balances a track; the tensioner of a
-    side without a track lacks it.
+    or bare wheels touch it: see ``contacts.contacts``. ``start``: a ``fmus.equilibrium.VehicleEquilibrium`` as a
+    mapping, by default the drawn position. ``push``, N: the part of tensioner.preload that balances a track; the
+    tensioner of a side without a track lacks it.
     """
 
     starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(observe)

@@ -79,7 +79,8 @@ def contradictions(prefix: str = "") -> tuple[Sentence, ...]:
 def free(values: Mapping[str, Any], demanded: bool, path: str, prefix: str = "") -> dict[str, str]:
     """Numbers of the ``DriveParameters`` at ``path`` in a component's parts that follow from free parameters.
 
-    Place -> expression, see ``fmus.model.FreeParameters``; ``values``: checked parameters; ``demanded``: it follows an input.
+    Place -> expression, see ``fmus.model.FreeParameters``; ``values``: checked parameters; ``demanded``: it follows an
+    input.
     """
     own = dict(
         start_speed="speed.start", ramp_start="ramp.start", ramp_end="ramp.end", torque="torque.drive",

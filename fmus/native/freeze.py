@@ -30,7 +30,9 @@ class Frozen:
     ``free``: expressions of the numbers that are not constant, by their place in the parts, such as "law.mu".
     """
 
-    def __init__(self, state: NDArray[np.float64], counters: NDArray[np.int64], free: Mapping[str, DerivedNumber]) -> None:
+    def __init__(
+        self, state: NDArray[np.float64], counters: NDArray[np.int64], free: Mapping[str, DerivedNumber]
+    ) -> None:
         self._free, self._met = free, set[str]()
         self._known = {id(_root(state)): ("x", 0, _root(state)), id(_root(counters)): ("n", 0, _root(counters))}
         self._numbers: dict[str, list[float | int | bool]] = {letter: [] for letter in BLOCKS.values()}

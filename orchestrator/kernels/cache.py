@@ -44,7 +44,7 @@ def make(folder: Path) -> None:
 
 
 def own(place: Path) -> Path:
-    """A place of the cache, made where it is not there. Raises OSError, Untrusted."""
+    """A place of the cache, made where it is not there. Raises OSError, UntrustedFolder."""
     check(place, *place.parents[:2])
     make(place)
     check(place, *place.parents[:2])  # another user may have been faster
@@ -52,7 +52,7 @@ def own(place: Path) -> Path:
 
 
 def check(*folders: Path) -> None:
-    """Raise Untrusted where one of these folders is another user's or can be written by others."""
+    """Raise UntrustedFolder where one of these folders is another user's or can be written by others."""
     if os.name == "nt":  # no such owners and modes
         return
     for folder in folders:
@@ -98,7 +98,7 @@ def keep(file: Path, content: bytes) -> None:
 
 
 def kept(file: Path) -> bytes | None:
-    """Content that `keep` wrote; None where the file is missing or damaged. Raises OSError, Untrusted."""
+    """Content that `keep` wrote; None where the file is missing or damaged. Raises OSError, UntrustedFolder."""
     check(*file.parents[:3])
     try:
         with file.open("rb") as stream:

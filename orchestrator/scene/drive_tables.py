@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from fmus.vehicle import Distance, In, FrozenTable, to_si
+from fmus.vehicle import Distance, FrozenTable, In, to_si
 from orchestrator.scene.values import SIDES, Duration, Place, Side, Time, off
 
 POINTS_OF = {  # and the modes that use them

@@ -10,15 +10,21 @@ from fmus.ranges import VEHICLE, PlausibleRange, outside
 TURNING = "a sprocket of 0.25 m makes 180 km/h at 200 rad/s"
 SCENE = (
     PlausibleRange("run.stop", "s", (1e-4, 1e4), (1e-9, 1e9), "an hour is ten times as long as a test drive"),
-    PlausibleRange("run.step", "s", (1e-6, 0.2), (1e-12, 10.0), "vehicles need milliseconds, what bends slowly some more"),
+    PlausibleRange(
+        "run.step", "s", (1e-6, 0.2), (1e-12, 10.0), "vehicles need milliseconds, what bends slowly some more"
+    ),
     PlausibleRange("track.step", "s", (1e-7, 0.02), (1e-12, 10.0), "contacts of links need steps of milliseconds"),
     *(
         range_
         for drive in ("drive", "drive.left", "drive.right", "drive.steering", "idler_drive")
         for range_ in (
             PlausibleRange(f"{drive}.speed", "rad/s", (-200.0, 200.0), (-1e5, 1e5), TURNING),
-            PlausibleRange(f"{drive}.torque", "N m", (-2e6, 2e6), (-1e11, 1e11), "a sprocket pulls with the weight at most"),
-            PlausibleRange(f"{drive}.brake", "N m", (0.0, 2e6), (0.0, 1e11), "a sprocket pulls with the weight at most"),
+            PlausibleRange(
+                f"{drive}.torque", "N m", (-2e6, 2e6), (-1e11, 1e11), "a sprocket pulls with the weight at most"
+            ),
+            PlausibleRange(
+                f"{drive}.brake", "N m", (0.0, 2e6), (0.0, 1e11), "a sprocket pulls with the weight at most"
+            ),
         )
     ),
     PlausibleRange("driver.speed", "m/s", (0.0, 40.0), (0.0, 1e3), "tracks run 20 m/s, a few twice that"),

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from fmus.vehicle import In, FrozenTable
+from fmus.vehicle import FrozenTable, In
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.results.validity.limits import ALLOWED
 from orchestrator.scene.values import Duration, Every, off

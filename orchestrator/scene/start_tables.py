@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import model_validator
 
-from fmus.vehicle import Distance, In, FrozenTable
+from fmus.vehicle import Distance, FrozenTable, In
 from orchestrator.scene.values import Place
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from fmus.vehicle import Distance, Force, In, FrozenTable
+from fmus.vehicle import Distance, Force, FrozenTable, In
 from orchestrator.results import measures
 from orchestrator.scene.gallery import hint
 from orchestrator.scene.values import Time, TrackName

@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from fmus.link_outputs import GROUPS, STANDARD
 from fmus.ports import TOLERANCES
 from fmus.track_choices import TRACKS, TrackKind
-from fmus.vehicle import In, FrozenTable
+from fmus.vehicle import FrozenTable, In
 from orchestrator.scene.values import Duration, TrackName
 
 Tolerance = Annotated[float, Field(ge=TOLERANCES.least, le=TOLERANCES.most)]
