@@ -21,7 +21,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from fmus.cache import CHECKSUM, cache_folder, keep, kept, own, tell, temporary, write
+from fmus.cache import CHECKSUM, cache_folder, write_checked, read_checked, private_folder, report_error, temporary_folder, write
 from fmus.components import KINDS
 from fmus.jit import ROOT, source_hash, sources
 
@@ -66,33 +66,33 @@ def build_shell(
         with tempfile.TemporaryDirectory(prefix="cotrack-") as stage:
             return _pack(Path(stage), script, text, packages)
 
-    return built(key, f"{name or script.stem}.fmu", pack, folder)
+    return build_once(key, f"{name or script.stem}.fmu", pack, folder)
 
 
-def built(key: str, file: str, pack: Callable[[], bytes], folder: Path | None = None) -> Path:
+def build_once(key: str, file: str, pack: Callable[[], bytes], folder: Path | None = None) -> Path:
     """Path of the FMU ``file`` in the cache, or in ``folder``.
 
     ``pack`` returns its bytes; it is called unless the cache has the file under ``key``. Raises BuildFailed.
     """
 
-    def found(cache: Path) -> Path:
-        place = own(cache / "fmus" / key) / file
-        if kept(place) is None:
+    def cached_in(cache: Path) -> Path:
+        path = private_folder(cache / "fmus" / key) / file
+        if read_checked(path) is None:
             content = pack()
-            if kept(place) is None:  # another process may have built the same: its file stays
-                keep(place, content)
-        return place
+            if read_checked(path) is None:  # another process may have built the same: its file stays
+                write_checked(path, content)
+        return path
 
     try:
         try:
-            place = found(cache_folder())
+            path = cached_in(cache_folder())
         except OSError as error:
-            tell(error)
-            place = found(temporary())
+            report_error(error)
+            path = cached_in(temporary_folder())
         if folder is None:
-            return place
+            return path
         folder.mkdir(parents=True, exist_ok=True)
-        write(folder / file, place.read_bytes())
+        write(folder / file, path.read_bytes())
         return folder / file
     except OSError as error:
         raise BuildFailed(f"cannot build {file}: {error}") from None

@@ -25,8 +25,8 @@ CHECKSUM = 64  # bytes at the end of a kept file: a sha256 in hexadecimal
 OTHERS = 0o022  # mode bits by which a group or others may write
 
 _logger = logging.getLogger("cotrack")
-_said: set[tuple[type, int | None]] = set()
-_unheard: list[str] = []
+_reported: set[tuple[type, int | None]] = set()
+_unlogged: list[str] = []
 
 
 class UntrustedFolder(PermissionError):
@@ -50,23 +50,23 @@ def cache_folder() -> Path:
 # ------------------------------------------------------------------ folders
 
 
-def make(folder: Path) -> None:
+def make_folder(folder: Path) -> None:
     """Make a folder and what it lies in, each for this user alone. Raises OSError."""
-    for each in reversed((folder, *folder.parents)):
-        if not each.exists():
+    for level in reversed((folder, *folder.parents)):
+        if not level.exists():
             with suppress(FileExistsError):  # another process was faster
-                each.mkdir(mode=0o700)
+                level.mkdir(mode=0o700)
 
 
-def own(place: Path) -> Path:
+def private_folder(place: Path) -> Path:
     """A place of the cache, made where it is not there. Raises OSError, UntrustedFolder."""
-    check(place, *place.parents[:2])
-    make(place)
-    check(place, *place.parents[:2])  # another user may have been faster
+    check_trust(place, *place.parents[:2])
+    make_folder(place)
+    check_trust(place, *place.parents[:2])  # another user may have been faster
     return place
 
 
-def check(*folders: Path) -> None:
+def check_trust(*folders: Path) -> None:
     """Raise UntrustedFolder where one of these folders is another user's or can be written by others."""
     if os.name == "nt":  # no such owners and modes
         return
@@ -89,7 +89,7 @@ def _mine(about: os.stat_result) -> bool:
 
 
 @cache
-def temporary() -> Path:
+def temporary_folder() -> Path:
     """A folder that takes the place of the cache and is gone at the end of this process."""
     folder = Path(tempfile.mkdtemp(prefix="cotrack-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
@@ -110,14 +110,14 @@ def write(file: Path, content: bytes) -> None:
         raise
 
 
-def keep(file: Path, content: bytes) -> None:
+def write_checked(file: Path, content: bytes) -> None:
     """Write a file in a place of the cache, with its checksum. Raises OSError."""
     write(file, content + _checksum(file.name, content))
 
 
-def kept(file: Path) -> bytes | None:
+def read_checked(file: Path) -> bytes | None:
     """Content that `keep` wrote; None where the file is missing or damaged. Raises OSError, UntrustedFolder."""
-    check(*file.parents[:3])
+    check_trust(*file.parents[:3])
     try:
         with file.open("rb") as stream:
             mine, whole = _mine(os.fstat(stream.fileno())), stream.read()
@@ -137,34 +137,34 @@ def _checksum(name: str, content: bytes) -> bytes:
 
 
 @contextmanager
-def spared() -> Iterator[None]:
+def reporting_errors() -> Iterator[None]:
     """Context in which an OSError of the cache is reported and ignored: it costs time, nothing else."""
     try:
         yield
     except OSError as error:
-        tell(error)
+        report_error(error)
 
 
-def tell(error: OSError) -> None:
+def report_error(error: OSError) -> None:
     """Log why the cache is not used; each reason once a process."""
     kind = (type(error), error.errno)
-    if kind in _said:
+    if kind in _reported:
         return
-    _said.add(kind)
+    _reported.add(kind)
     sentence = (
-        f"the cache folder {cache_folder()} cannot be used, so every process compiles and builds anew: {reason(error)}"
+        f"the cache folder {cache_folder()} cannot be used, so every process compiles and builds anew: {error_text(error)}"
     )
     _logger.warning("%s", sentence)
     if not _logger.hasHandlers():
-        _unheard.append(sentence)
+        _unlogged.append(sentence)
 
 
-def reason(error: OSError) -> str:
+def error_text(error: OSError) -> str:
     """Text of an error of the cache, without the number of its errno."""
     return str(error) if error.strerror is None else f"{error.filename or 'it'}: {error.strerror}"
 
 
-def unheard() -> Iterator[str]:
+def unlogged_warnings() -> Iterator[str]:
     """Yield, and forget, the sentences that no log handler received: an FMU passes them to its host."""
-    while _unheard:
-        yield _unheard.pop(0)
+    while _unlogged:
+        yield _unlogged.pop(0)

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.cache import cache_folder, keep, kept, own, spared
+from fmus.cache import cache_folder, write_checked, read_checked, private_folder, reporting_errors
 from fmus.chassis.dynamics import ROOT, rates
 from fmus.chassis.model import Model as Chassis
 from fmus.chassis.model import stations
@@ -69,18 +69,18 @@ def equilibrium(chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack])
     With equal tracks on both sides and a hull that does not lean sideways, only the left half is solved. The result is
     cached for this build. Raises BadInput.
     """
-    asked = json.dumps([source_hash(), chassis, tracks], sort_keys=True).encode()
-    file = cache_folder() / "places" / hashlib.sha256(asked).hexdigest()[:24] / "equilibrium"
-    with spared():
-        if (known := kept(file)) is not None:
-            return VehicleEquilibrium(*json.loads(known))
+    request = json.dumps([source_hash(), chassis, tracks], sort_keys=True).encode()
+    file = cache_folder() / "places" / hashlib.sha256(request).hexdigest()[:24] / "equilibrium"
+    with reporting_errors():
+        if (cached := read_checked(file)) is not None:
+            return VehicleEquilibrium(*json.loads(cached))
     try:
-        found = _solved(_Vehicle(chassis, tracks))
+        solution = _solved(_Vehicle(chassis, tracks))
     except (InvalidParameter, StepFailed) as error:
         raise BadInput(f"the vehicle's equilibrium was not found, start.state = 'drawn' needs none: {error}") from None
-    with spared():
-        keep(own(file.parent) / file.name, json.dumps(found).encode())
-    return found
+    with reporting_errors():
+        write_checked(private_folder(file.parent) / file.name, json.dumps(solution).encode())
+    return solution
 
 
 def stances(chassis: Mapping[str, Any]) -> dict[str, Stance]:

@@ -35,7 +35,7 @@ from numba.core.serialize import dumps
 from numba.extending import overload
 
 from fmus import linking  # noqa: F401 - changes how numba links
-from fmus.cache import cache_folder, keep, kept, own, spared
+from fmus.cache import cache_folder, write_checked, read_checked, private_folder, reporting_errors
 
 COMPILED = logging.getLogger("cotrack.kernels")  # logs each kernel that has to be compiled
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])  # a kernel has the type of its Python function
@@ -147,7 +147,7 @@ class _Locator(_CacheLocator):
         return str(cache_folder() / "kernels" / f"{self._module}-{self._stamp[:20]}")
 
     def ensure_cache_path(self) -> None:
-        own(Path(self.get_cache_path()))
+        private_folder(Path(self.get_cache_path()))
 
     def get_source_stamp(self) -> str:
         return self._stamp
@@ -177,7 +177,7 @@ class _Overloads:
         return self._folder / f"{self._stem}.{name[:24]}.kernel"
 
     def load(self, key: object) -> Any:
-        content = kept(self._path(key))
+        content = read_checked(self._path(key))
         if content is not None:
             with suppress(Exception):  # of a class that is gone
                 return pickle.loads(content)
@@ -185,7 +185,7 @@ class _Overloads:
         return None
 
     def save(self, key: object, data: object) -> None:
-        keep(self._path(key), dumps(data))
+        write_checked(self._path(key), dumps(data))
 
     def flush(self) -> None:
         for path in self.files():
@@ -223,7 +223,7 @@ class _Cache(FunctionCache):
         hashes = {getattr(kind, REACHED, "") for kind in _classes(signature)}
         return (*super()._index_key(signature, codegen), sorted(hashes))
 
-    _guard_against_spurious_io_errors = staticmethod(spared)
+    _guard_against_spurious_io_errors = staticmethod(reporting_errors)
 
     def found(self) -> bool:
         """Whether there is any overload."""

@@ -34,7 +34,7 @@ from pythonfmu import Fmi2Slave
 from pythonfmu import __version__ as pythonfmu_version
 from pythonfmu.enums import Fmi2Status
 
-from fmus.cache import cache_folder, check, spared, unheard
+from fmus.cache import cache_folder, check_trust, reporting_errors, unlogged_warnings
 from fmus.defaults import check_names, checked, configured
 from fmus.description import document
 from fmus.jit import compiled_before, source_hash
@@ -127,9 +127,9 @@ class Slave(Fmi2Slave):
         self._status, self._failure, self._phase = OK, "", "instantiated"
         try:
             self._load(Path(self.resources))
-            with spared():
-                check(cache_folder())  # refuse an unsafe cache before a minute of compilation
-            if not compiled_before(type(self).model.stepping):
+            with reporting_errors():
+                check_trust(cache_folder())  # refuse an unsafe cache before a minute of compilation
+            if not compiled_before(type(self).model.step_kernel):
                 self.log("the first start on this machine compiles the kernels, which takes up to a minute")
             self._pass_on()
         except Exception as error:
@@ -454,7 +454,7 @@ class Slave(Fmi2Slave):
 
     def _pass_on(self) -> None:
         """Pass messages of the cache to the host where no log handler received them."""
-        for sentence in unheard():
+        for sentence in unlogged_warnings():
             self.log(sentence, Fmi2Status.warning)
 
     def log(self, msg: str, status: Fmi2Status = Fmi2Status.ok, category: str | None = None, debug: Any = None):

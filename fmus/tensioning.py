@@ -13,7 +13,7 @@ from typing import Any
 
 from scipy.optimize import brentq
 
-from fmus.cache import cache_folder, keep, kept, own, spared
+from fmus.cache import cache_folder, write_checked, read_checked, private_folder, reporting_errors
 from fmus.jit import source_hash
 from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.chain.report import T_MEAN
@@ -34,26 +34,26 @@ def tension_wheel(
     result is cached for this build. Raises BadInput when the chain cannot carry that tension with the wheel within
     60 mm of its drawn place.
     """
-    asked = json.dumps([source_hash(), config, name, tension], sort_keys=True).encode()
-    file = cache_folder() / "places" / hashlib.sha256(asked).hexdigest()[:24] / "place"
-    with spared():
-        if (known := kept(file)) is not None:
-            x, push = json.loads(known)
+    request = json.dumps([source_hash(), config, name, tension], sort_keys=True).encode()
+    file = cache_folder() / "places" / hashlib.sha256(request).hexdigest()[:24] / "place"
+    with reporting_errors():
+        if (cached := read_checked(file)) is not None:
+            x, push = json.loads(cached)
             return x, push
-    found = _search(config, name, tension, keys)
-    with spared():
-        keep(own(file.parent) / file.name, json.dumps(found).encode())
-    return found
+    solution = _search(config, name, tension, keys)
+    with reporting_errors():
+        write_checked(private_folder(file.parent) / file.name, json.dumps(solution).encode())
+    return solution
 
 
 def _search(config: Mapping[str, Any], name: str, tension: float, keys: str) -> tuple[float, float]:
     track = config["track"]
-    at = next(i for i, wheel in enumerate(track["wheels"]) if wheel["name"] == name)
-    drawn = float(track["wheels"][at]["position"][0])
+    index = next(i for i, wheel in enumerate(track["wheels"]) if wheel["name"] == name)
+    drawn = float(track["wheels"][index]["position"][0])
 
     def settled(x: float) -> Model:
         wheels = [dict(wheel) for wheel in track["wheels"]]
-        wheels[at]["position"] = [x, wheels[at]["position"][1]]
+        wheels[index]["position"] = [x, wheels[index]["position"][1]]
         model = Model({**config, "track": {**track, "wheels": wheels}, "link_outputs": False})
         model.initialise({port.name: port.start for port in model.ports if port.causality == "parameter"})
         return model
@@ -80,6 +80,6 @@ def _search(config: Mapping[str, Any], name: str, tension: float, keys: str) -> 
         )
     x = round(float(brentq(excess, low, high, xtol=1e-8)), 8)
     try:
-        return x, round(float(settled(x).s.mean[at, 0]), 3)
+        return x, round(float(settled(x).s.mean[index, 0]), 3)
     except StepFailed as error:
         raise BadInput(f"vehicle.track.tension = {tension:.6g} N: {error}") from None

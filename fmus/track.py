@@ -17,7 +17,7 @@ import fmus.track_steps as steps
 from fmus import link_outputs
 from fmus.defaults import configured, given
 from fmus.jit import plain
-from fmus.model import NO_ROTATION, TOO_MANY, ComponentModel, Floats, FreeParameters, InvalidParameter
+from fmus.model import NO_ROTATION, TOO_MANY_STEPS, ComponentModel, Floats, FreeParameters, InvalidParameter
 from fmus.physics.chain import adaptive, state
 from fmus.physics.chain.environment import HELD, LOOP, PINNED, PULLED, Environment
 from fmus.physics.chain.explicit import slopes
@@ -98,7 +98,7 @@ CAUSES = {  # of a failure of an implicit and of an explicit step
     APART: ("", "opened its pins"),
     TOO_SHARP: ("", "finds no step that keeps its tolerances"),
 }
-WARNED = (
+WARNING_SENTENCES = (
     Sentence(
         "the internal step was halved {0:d} times from t = {1:.4g} s on: contacts or friction are too sharp for it, and"
         " the run becomes slow"
@@ -116,7 +116,7 @@ def failures(wheels: Sequence[str]) -> tuple[Sentence, ...]:
     return (
         Sentence(""),
         Sentence(NO_ROTATION, tuple(wheels)),
-        TOO_MANY,
+        TOO_MANY_STEPS,
         Sentence(
             "at t = {0:.6g} s the {1:name} is {2:.3g} m from where the track was laid round it: start.lateral = {3:g} m"
             " must be the side's, and all start.* the vehicle's",
@@ -186,10 +186,10 @@ class TrackModel(ComponentModel):
     ``link``, ``method``, ``work`` and ``stable``.
     """
 
-    starting, stepping = staticmethod(steps.begin), staticmethod(steps.implicit)
-    showing, showing_links = staticmethod(steps.show), staticmethod(steps.show_links)
-    placing = *KEYS, "start.lateral"
-    warned = WARNED
+    start_kernel, step_kernel = staticmethod(steps.begin), staticmethod(steps.implicit)
+    output_kernel, link_output_kernel = staticmethod(steps.show), staticmethod(steps.show_links)
+    start_parameters = *KEYS, "start.lateral"
+    warning_sentences = WARNING_SENTENCES
     plane = 0  # 1: links that stay in their plane
     State: Any  # class of the state's views
     link: Any  # parameters of the links
@@ -224,9 +224,9 @@ class TrackModel(ComponentModel):
         """Allocate the zeroed state and its views; again where a parameter changes the size of the chain."""
         shapes = self.shapes()
         size = state.size(shapes)
-        self.state = np.zeros(size + REPORT + len(steps.TOLD))
+        self.state = np.zeros(size + REPORT + len(steps.WARNINGS))
         self.s = state.views(self.State, shapes, self.state[:size])
-        self.report, self.told = self.state[size : size + REPORT], self.state[size + REPORT :]
+        self.report, self.given_warnings = self.state[size : size + REPORT], self.state[size + REPORT :]
 
     def _ports(self, config: Mapping[str, Any]) -> tuple[Port, ...]:
         vehicle, ports = self.vehicle, []
@@ -320,7 +320,7 @@ class TrackModel(ComponentModel):
         self._parameters = p
         self.run_as_set()
 
-    def free(self, p: Mapping[str, Any]) -> FreeParameters:
+    def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """Pose on a level ground that moves with the vehicle, and parameters without influence on the statics."""
         numbers = {"stand.lateral": "{start.lateral}", "stand.interval": f"{{{link_outputs.INTERVAL}}}"}
         if p["integrator"] != EXPLICIT:
@@ -331,11 +331,11 @@ class TrackModel(ComponentModel):
             own["v_reg"] = f"contact.{pair}.friction_velocity"
             numbers |= {f"contacts.{field}.{key}": f"{{{name}}}" for key, name in own.items() if name in names}
         held = ("start.height", "start.pitch")  # they change the static equilibrium of the chain
-        return FreeParameters(numbers, tuple(name for name in self.placing if name not in held))
+        return FreeParameters(numbers, tuple(name for name in self.start_parameters if name not in held))
 
     def run_as_set(self) -> None:
         """Begin with the kernel of the chosen integrator and the prepared links."""
-        self.stepping, scheme = self._scheme()
+        self.step_kernel, scheme = self._scheme()
         self.begin(
             self._parameters,
             steps.Parts(
@@ -349,7 +349,7 @@ class TrackModel(ComponentModel):
                     frame=self.frame,
                     start_rows=self.start_rows,
                     rows=self.rows,
-                    given=self.told,
+                    given_warnings=self.given_warnings,
                     counters=self.counters,
                     interval=self.interval,
                 ),
@@ -449,7 +449,7 @@ class TrackModel(ComponentModel):
 
     def advance(self, t: float, h: float) -> None:
         """Do a step with the present wheels ``rows``; raises StepFailed."""
-        self._take(t, h, self._u[:0])
+        self._do_step(t, h, self._u[:0])
 
     def pins(self) -> Floats:
         """Positions of the pins (nodes, 3) in the track's frame, m."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from fmus.jit import allocating, kernel
 from fmus.link_outputs import AXIS, DEPTH, FIBRES, FORCE, GROUND, POSITION, SLIDING, SLOPES, STRESS, TENSION, WHEELS
-from fmus.model import no_rotation, too_many
+from fmus.model import no_rotation, too_many_steps
 from fmus.physics.chain import adaptive, on_links
 from fmus.physics.chain.environment import Environment
 from fmus.physics.chain.explicit import march
@@ -18,7 +18,7 @@ from fmus.physics.chain.report import GROUND as ON_GROUND
 from fmus.physics.chain.report import REJECTED, REPORT, STEPS
 from fmus.physics.wheels import WIDTH, read_states, to_world
 from fmus.ports import STATE
-from fmus.sentences import TOLD as NUMBERS
+from fmus.sentences import GAPS
 from fmus.start import lay_frame
 
 # Cosine of the angle between a wheel's axis and the pins of links that stay in their plane:
@@ -27,7 +27,7 @@ LEAVES = np.cos(np.radians(5.0))  # a larger angle is a failure, because the res
 MANY = 5  # halvings in one communication step, more of which are a warning
 # Failures; the failure of an integrator is added to the last two.
 NO_WHEEL, TOO_LONG, ELSEWHERE, ASKEW, IMPLICIT, EXPLICIT = 1, 2, 3, 4, 4, 8
-HALVED, TILTED = TOLD = range(2)  # warnings, each given once: flags at the end of the state
+HALVED, TILTED = WARNINGS = range(2)  # warnings, each given once: flags at the end of the state
 
 
 class CommonData(NamedTuple):
@@ -40,7 +40,7 @@ class CommonData(NamedTuple):
     frame: np.ndarray  # (5) of the track in the world: origin, cosine and sine of its heading
     start_rows: np.ndarray  # (wheels, 15) states of the wheels round which the chain was laid out
     rows: np.ndarray  # (wheels, 15) states of the wheels now
-    given: np.ndarray  # (TOLD) 1 for warnings that were given
+    given_warnings: np.ndarray  # (WARNINGS) 1 for warnings that were given
     counters: np.ndarray  # int
     interval: float  # communication steps over which link outputs are averaged
 
@@ -61,8 +61,8 @@ class Parts(NamedTuple):
 def alone(link, environment, scheme, longest, s, work, report, counters):
     """Parts of a chain without contacts at the origin, and the array for the numbers of its sentences."""
     none = np.zeros((0, WIDTH))
-    stand = CommonData(longest, 0, 0.0, 0.0, np.zeros(5), none, none, np.zeros(len(TOLD)), counters, 1.0)
-    return Parts(link, None, environment, scheme, stand, s, work, report), np.zeros((1 + len(TOLD), NUMBERS + 1))
+    stand = CommonData(longest, 0, 0.0, 0.0, np.zeros(5), none, none, np.zeros(len(WARNINGS)), counters, 1.0)
+    return Parts(link, None, environment, scheme, stand, s, work, report), np.zeros((1 + len(WARNINGS), GAPS + 1))
 
 
 class OutputData(NamedTuple):
@@ -88,7 +88,7 @@ class LinkOutputData(NamedTuple):
 
 
 @allocating
-def begin(c, told, p):
+def begin(c, messages, p):
     """See ``fmus.model.ComponentModel``; p: the start pose, then the track's lateral place, m.
 
     Sets the frame only: the state is already that of the laid-out chain.
@@ -98,10 +98,10 @@ def begin(c, told, p):
 
 
 @allocating
-def implicit(c, told, t, h, u):
+def implicit(c, messages, t, h, u):
     """Implicit step, see ``fmus.model.ComponentModel``; u: motions of the wheels (13 each); empty: unchanged."""
     stand = c.stand
-    wrong = _ready(stand, told, t, h, u)
+    wrong = _ready(stand, messages, t, h, u)
     if wrong:
         return wrong
     counters = stand.counters
@@ -111,66 +111,66 @@ def implicit(c, told, t, h, u):
         c.link, c.contacts, c.environment, c.scheme, stand.rows, h, stand.longest, c.s, c.work, c.report, counters
     )
     if failure:
-        told[0, 0], told[0, 1], told[0, 2] = t + done, link, residual
+        messages[0, 0], messages[0, 1], messages[0, 2] = t + done, link, residual
         return IMPLICIT + failure
     on_links.count(c.s, h)
-    tell_halved(stand.given, told, t, counters[REJECTED] - before)
+    warn_of_halvings(stand.given_warnings, messages, t, counters[REJECTED] - before)
     return 0
 
 
 @kernel
-def tell_halved(given, told, t, halved):
+def warn_of_halvings(given_warnings, messages, t, halvings):
     """Warn once of a communication step at ``t`` in which the internal step was halved too often."""
-    if halved > MANY and given[HALVED] == 0.0:
-        given[HALVED] = told[1 + HALVED, 0] = 1.0
-        told[1 + HALVED, 1], told[1 + HALVED, 2] = halved, t
+    if halvings > MANY and given_warnings[HALVED] == 0.0:
+        given_warnings[HALVED] = messages[1 + HALVED, 0] = 1.0
+        messages[1 + HALVED, 1], messages[1 + HALVED, 2] = halvings, t
 
 
 @allocating
-def explicit(c, told, t, h, u):
+def explicit(c, messages, t, h, u):
     """Explicit Runge-Kutta step; arguments and result as of ``implicit``."""
     stand = c.stand
-    wrong = _ready(stand, told, t, h, u)
+    wrong = _ready(stand, messages, t, h, u)
     if wrong:
         return wrong
     on_links.renew(c.s, stand.interval)
-    return _how(c, told, t, h, march(
+    return _how(c, messages, t, h, march(
         c.link, c.contacts, c.environment, c.scheme, stand.rows, h, stand.longest, c.s, c.work, c.report, stand.counters
     ))  # fmt: skip
 
 
 @allocating
-def adams(c, told, t, h, u):
+def adams(c, messages, t, h, u):
     """Step by Adams' methods; arguments and result as of ``implicit``."""
     stand = c.stand
-    wrong = _ready(stand, told, t, h, u)
+    wrong = _ready(stand, messages, t, h, u)
     if wrong:
         return wrong
     on_links.renew(c.s, stand.interval)
-    return _how(c, told, t, h, adaptive.march(
+    return _how(c, messages, t, h, adaptive.march(
         c.link, c.contacts, c.environment, c.scheme, stand.rows, h, stand.longest, c.s, c.work, c.report, stand.counters
     ))  # fmt: skip
 
 
 @kernel
-def _how(c, told, t, h, outcome):
+def _how(c, messages, t, h, outcome):
     """Failure of an explicit integration from its outcome; 0 for none."""
     on_links.count(c.s, h)
     failure, done, link, _ = outcome
     if failure:
-        told[0, 0], told[0, 1], told[0, 2] = t + done, link, c.stand.longest
+        messages[0, 0], messages[0, 1], messages[0, 2] = t + done, link, c.stand.longest
         return EXPLICIT + failure
     return 0
 
 
 @kernel
-def _ready(c, told, t, h, u):
+def _ready(c, messages, t, h, u):
     """Read the wheels from the inputs and check them; 0, or the failure."""
-    if too_many(told[0], t, h, c.longest):
+    if too_many_steps(messages[0], t, h, c.longest):
         return TOO_LONG
     wrong = read_states(u, c.frame, c.rows)
     if wrong >= 0:
-        no_rotation(told[0], t, wrong, u, STATE * wrong + 3)
+        no_rotation(messages[0], t, wrong, u, STATE * wrong + 3)
         return NO_WHEEL
     if c.counters[STEPS] == 0 and u.size > 0:
         farthest, where = 0.0, 0
@@ -182,7 +182,7 @@ def _ready(c, told, t, h, u):
             if off > farthest:
                 farthest, where = off, k
         if farthest > c.pitch:
-            told[0, 0], told[0, 1], told[0, 2], told[0, 3] = t, where, farthest, c.lateral
+            messages[0, 0], messages[0, 1], messages[0, 2], messages[0, 3] = t, where, farthest, c.lateral
             return ELSEWHERE
     if c.plane == 1 and u.size > 0:
         along = 1.0
@@ -190,11 +190,11 @@ def _ready(c, told, t, h, u):
             along = min(along, abs(c.rows[k, 10]))
         off = np.arccos(along) * 180.0 / np.pi
         if along < LEAVES:
-            told[0, 0], told[0, 1] = t, off
+            messages[0, 0], messages[0, 1] = t, off
             return ASKEW
-        if along < ALONG and c.given[TILTED] == 0.0:
-            c.given[TILTED] = told[1 + TILTED, 0] = 1.0
-            told[1 + TILTED, 1], told[1 + TILTED, 2] = off, t
+        if along < ALONG and c.given_warnings[TILTED] == 0.0:
+            c.given_warnings[TILTED] = messages[1 + TILTED, 0] = 1.0
+            messages[1 + TILTED, 1], messages[1 + TILTED, 2] = off, t
     return 0
 
 

@@ -12,7 +12,7 @@ PRELOADS = 6  # index of the preloads in ``p``, after the start pose: of suspens
 
 
 @allocating
-def begin(c, told, p):
+def begin(c, messages, p):
     """See ``fmus.model.ComponentModel``; p: the start pose, then the preloads, N."""
     tree, x, start = unpacked(c.packed), c.state, c.start
     n = tree.turns.size

@@ -16,7 +16,7 @@ import numpy as np
 from fmus.chassis.touch import touch
 from fmus.chassis.tree import unpacked
 from fmus.jit import allocating, kernel
-from fmus.model import too_many
+from fmus.model import too_many_steps
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import put_quat, quat_normalise, quat_to_matrix
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
@@ -289,34 +289,34 @@ def advance(packed, contacts, x, u, h, steps):
 
 
 @allocating
-def step(c, told, t, h, u):
+def step(c, messages, t, h, u):
     """See ``fmus.model.ComponentModel``; u: mean wrenches on the places, world."""
-    if too_many(told[0], t, h, c.longest):
+    if too_many_steps(messages[0], t, h, c.longest):
         return TOO_LONG
     tree, x, steps = unpacked(c.packed), c.state, max(1, int(np.ceil(h / c.longest - 1e-9)))
     done, code = advance(c.packed, c.contacts, x, u, h / steps, steps)
-    told[0, 0] = t + done * h / steps
+    messages[0, 0] = t + done * h / steps
     if code == FINE:
         c.counters[0] += steps
         c.counters[1] += len(RK4.b) * steps
-    return blame(tree, code, x, told[0])
+    return blame(tree, code, x, messages[0])
 
 
 @kernel
-def blame(tree, code, x, told):
+def blame(tree, code, x, numbers):
     """Failure of a step that led to the state ``x`` with the fault ``code``.
 
-    Writes the part (an index in the state) and its coordinate to ``told``.
+    Writes the part (an index in the state) and its coordinate to ``numbers``.
     """
     if code == NOT_FINITE:
         for i in range(x.size):
             if not np.isfinite(x[i]):
-                told[1] = i
+                numbers[1] = i
                 break
     if code < OUT_OF_REACH:
         return code
     leaf = code - OUT_OF_REACH
-    told[1], told[2] = ROOT + leaf, x[ROOT + leaf]
+    numbers[1], numbers[2] = ROOT + leaf, x[ROOT + leaf]
     return TURNED_TOO_FAR if tree.turns[leaf] else MOVED_TOO_FAR
 
 

@@ -12,10 +12,10 @@ from fmus.chassis.dynamics import BOOKS, LEAF, ROOT, Parts, blame, step
 from fmus.chassis.observe import observe
 from fmus.chassis.tree import packed, tree, unpacked
 from fmus.defaults import given
-from fmus.model import TOO_MANY, ComponentModel, FreeParameters, InvalidParameter
+from fmus.model import TOO_MANY_STEPS, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
 from fmus.ports import POSITIVE, WRENCH, Port, start_pose, wheel_state, wrench
-from fmus.sentences import TOLD, Sentence, say
+from fmus.sentences import GAPS, Sentence, format_sentence
 from fmus.stance import leaning, stance
 from fmus.start import KEYS
 
@@ -73,8 +73,8 @@ class Model(ComponentModel):
     tensioner of a side without a track lacks it.
     """
 
-    starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(observe)
-    placing = *KEYS, "suspension.preload", "tensioner.preload"
+    start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(observe)
+    start_parameters = *KEYS, "suspension.preload", "tensioner.preload"
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         vehicle, sides = config["vehicle"], list(config["chassis"]["sides"])
@@ -126,7 +126,7 @@ class Model(ComponentModel):
             ),
             Sentence("at t = {0:.6g} s the {1:name} is beyond its reach, {2:.3g} rad from its drawn position", names),
             Sentence("at t = {0:.6g} s the {1:name} is beyond its reach, {2:.3g} m from its drawn position", names),
-            TOO_MANY,
+            TOO_MANY_STEPS,
         )
 
     def begun(self, at: Mapping[str, Any] | None = None) -> Floats:
@@ -161,16 +161,16 @@ class Model(ComponentModel):
         )  # fmt: skip
         self.begin(values, parts)
 
-    def free(self, p: Mapping[str, Any]) -> FreeParameters:
+    def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters; with contacts of the ground all but the height."""
-        besides = tuple(name for name in self.placing if not (self._ground and name == "start.height"))
-        return FreeParameters({"longest": "{step}"}, besides)
+        start_only = tuple(name for name in self.start_parameters if not (self._ground and name == "start.height"))
+        return FreeParameters({"longest": "{step}"}, start_only)
 
-    def complaint(self, t: float, code: int, state: Floats) -> str:
+    def fault_sentence(self, t: float, code: int, state: Floats) -> str:
         """Sentence of a fault ``code`` of ``state`` at ``t``."""
-        told = np.zeros(TOLD)
-        told[0] = t
-        return say(self.failures[blame(self.tree, code, state, told)], told)
+        numbers = np.zeros(GAPS)
+        numbers[0] = t
+        return format_sentence(self.failures[blame(self.tree, code, state, numbers)], numbers)
 
     def _part(self, index: int) -> str:
         """Name of the part of the vehicle to which the state's entry ``index`` belongs."""

@@ -70,14 +70,14 @@ class Model(ComponentModel):
     values stands still at the start pose.
     """
 
-    starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(show)
-    placing, refused = KEYS, (Sentence(""), Sentence("ramp.end = {0:.6g} s must not be before ramp.start"))
+    start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(show)
+    start_parameters, refusals = KEYS, (Sentence(""), Sentence("ramp.end = {0:.6g} s must not be before ramp.start"))
     failures = (
         Sentence(""),
         Sentence(NO_ROTATION, ("chassis",)),
         Sentence("at t = {0:.6g} s the demands are not finite: the vehicle is lost"),
     )
-    warned = (Sentence("at t = {0:.6g} s the vehicle is {1:.3g} m beside its path"),)
+    warning_sentences = (Sentence("at t = {0:.6g} s the vehicle is {1:.3g} m beside its path"),)
     inputs = STATE
 
     def __init__(self, config: Mapping[str, Any]) -> None:
@@ -133,7 +133,7 @@ class Model(ComponentModel):
             ),
         )
 
-    def free(self, p: Mapping[str, Any]) -> FreeParameters:
+    def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters but the path and tables of points."""
         own = dict(
             width="width", heading_gain="heading.gain", reach="reach", preview="preview", gain="yaw.gain",
@@ -143,7 +143,7 @@ class Model(ComponentModel):
             tolerance="path.tolerance",
         )  # fmt: skip
         numbers = {f"law.{field}": f"{{{name}}}" for field, name in own.items()}
-        return FreeParameters({**numbers, "law.heading": "{heading} + {start.heading}"}, self.placing)
+        return FreeParameters({**numbers, "law.heading": "{heading} + {start.heading}"}, self.start_parameters)
 
     def _standing(self, values: Mapping[str, Any]) -> tuple[float, ...]:
         """Motion (13) of the hull when nothing moves it."""

@@ -86,9 +86,9 @@ class Parts(NamedTuple):
 
 
 @allocating
-def begin(c, told, p):
+def begin(c, messages, p):
     """See ``fmus.model.ComponentModel``; p: the start pose."""
-    told[0, 0], heading = c.law.ramp_end, p[HEADING]
+    messages[0, 0], heading = c.law.ramp_end, p[HEADING]
     if c.law.ramp_end < c.law.ramp_start:
         return 1
     x, y, _ = place(p, c.centre[0] + c.law.ahead, c.centre[1], 0.0)
@@ -136,23 +136,23 @@ def resists(footing):
 
 
 @allocating
-def step(c, told, t, h, u):
+def step(c, messages, t, h, u):
     """See ``fmus.model.ComponentModel``; u: motion (13) of the hull at t."""
     x, seen, lost = c.state, c.seen, c.state[LOST] != 0.0
     for i in range(u.size):
         seen[i] = u[i]
     stand(seen, 0, c.unconnected, c.standing, 0)
-    if no_rotation(told[0], t, 0, seen, 3):
+    if no_rotation(messages[0], t, 0, seen, 3):
         return TURNED_NOT
     advance(c, t, h, seen)
     for i in range(x.size):
         if not np.isfinite(x[i]):
-            told[0, 0] = t
+            messages[0, 0] = t
             return ASTRAY
     c.counters[0] += 1
     far = abs(x[OFF])
     if far > FAR and not lost:
-        told[1, 0], told[1, 1], told[1, 2] = 1.0, t, far
+        messages[1, 0], messages[1, 1], messages[1, 2] = 1.0, t, far
     x[LOST] = 1.0 if far > FAR or (lost and far > 0.5 * FAR) else 0.0
     return 0
 

@@ -44,12 +44,12 @@ class DriveParameters(NamedTuple):
 
 
 @kernel
-def unreasonable(p, told):
+def unreasonable(p, numbers):
     """Index of the contradiction between parameters (``parameters.contradictions``, from 1); 0 for none.
 
-    Writes the numbers of its sentence to ``told``.
+    Writes the numbers of its sentence to ``numbers``.
     """
-    told[0], told[1] = p.ramp_end, p.stop_start
+    numbers[0], numbers[1] = p.ramp_end, p.stop_start
     if p.ramp_end < p.ramp_start:
         return 1
     if p.stop_start >= 0.0:

@@ -76,30 +76,30 @@ def contradictions(prefix: str = "") -> tuple[Sentence, ...]:
     )
 
 
-def free(values: Mapping[str, Any], demanded: bool, path: str, prefix: str = "") -> dict[str, str]:
+def free_numbers(values: Mapping[str, Any], demanded: bool, path: str, prefix: str = "") -> dict[str, str]:
     """Numbers of the ``DriveParameters`` at ``path`` in a component's parts that follow from free parameters.
 
     Place -> expression, see ``fmus.model.FreeParameters``; ``values``: checked parameters; ``demanded``: it follows an
     input.
     """
-    own = dict(
+    names = dict(
         start_speed="speed.start", ramp_start="ramp.start", ramp_end="ramp.end", torque="torque.drive",
         brake_speed="brake.speed", proportional="controller.proportional", integral="controller.integral",
         limit="torque.limit", stop_time="stop.time", gear="gear.ratio",
     )  # fmt: skip
     if not demanded:
-        own |= {"end_speed": "speed.end", "stop_start": "stop.start", "mode": "mode"}
+        names |= {"end_speed": "speed.end", "stop_start": "stop.start", "mode": "mode"}
     if not values[f"{prefix}brake.points"]:
-        own["brake"] = "brake.torque"
-    found = {f"{path}.{field}": f"{{{prefix}{name}}}" for field, name in own.items()}
+        names["brake"] = "brake.torque"
+    numbers = {f"{path}.{field}": f"{{{prefix}{name}}}" for field, name in names.items()}
     engine = _engine(values, prefix)
     if engine.time.size:
         ratio = f"{{{prefix}gear.ratio}}"
-        found[f"{path}.steepest"] = f"{ratio} * {ratio} * {_steepest(engine)!r}"
-    found[f"{path}.accelerated"] = "{extrapolation}"
+        numbers[f"{path}.steepest"] = f"{ratio} * {ratio} * {_steepest(engine)!r}"
+    numbers[f"{path}.accelerated"] = "{extrapolation}"
     if demanded:
-        found[f"{path}.lag"] = "{demand.lag}"
-    return found
+        numbers[f"{path}.lag"] = "{demand.lag}"
+    return numbers
 
 
 def _engine(values: Mapping[str, Any], prefix: str) -> Course:

@@ -161,7 +161,7 @@ class Monolith:
         The states are of components with the same configs and parameters; raises InvalidParameter if one does not fit.
         """
         for name, model in self.models.items():
-            if name not in states or not model.hold(states[name]):
+            if name not in states or not model.copy_state(states[name]):
                 raise InvalidParameter(f"{name}: the state that it is to begin with is not one of such a component")
         self._begin()
         self._y[:] = self.x
@@ -251,7 +251,7 @@ class Monolith:
         """Error of a part of a step that failed at the time ``at``, s."""
         if failure == CHASSIS_FAILED:
             chassis = self.models[self._chassis]
-            return StepFailed(chassis.complaint(at, where, self.x[self._body : self._spin]))
+            return StepFailed(chassis.fault_sentence(at, where, self.x[self._body : self._spin]))
         if failure == TOO_SHARP:
             return StepFailed(f"at t = {at:.6g} s Adams' methods find no step that keeps their tolerances")
         if failure == CHAIN_FAILED:

@@ -1,10 +1,10 @@
 """Entries of a component's library: its kernels as functions on pointers, called by the shell.
 
-    start(x, n, f, k, z, p, c, told)    step(x, n, f, k, z, p, c, told, t, h, u)
-    show(x, n, f, k, z, p, c, y)        show_links(x, n, f, k, z, p, c, y)
+    start(x, n, f, k, z, p, c, messages)    step(x, n, f, k, z, p, c, messages, t, h, u)
+    show(x, n, f, k, z, p, c, y)            show_links(x, n, f, k, z, p, c, y)
 
 x and n are state and counters, f, k and z the blocks of ``freeze``, p the Real parameters, c the indices of String
-parameters among their choices, told the numbers of the messages, u the inputs, y the outputs. All return an integer:
+parameters among their choices, messages their numbers, u the inputs, y the outputs. All return an integer:
 0, or the index of the sentence of a failure.
 """
 
@@ -30,20 +30,20 @@ SHOW = types.int64(*BLOCKS, FLOATS)
 SOURCE = """
 def start(X, N, F, K, Z, P, C, T):
     {blocks}
-    return starting({parts}, carray(T, {told}).reshape({rows}), {placing})
+    return start_kernel({parts}, carray(T, {messages}).reshape({rows}), {start_parameters})
 
 def step(X, N, F, K, Z, P, C, T, t, h, U):
     {blocks}
-    return stepping({parts}, carray(T, {told}).reshape({rows}), t, h, carray(U, {inputs}))
+    return step_kernel({parts}, carray(T, {messages}).reshape({rows}), t, h, carray(U, {inputs}))
 
 def show(X, N, F, K, Z, P, C, Y):
     {blocks}
-    showing({shown}, carray(Y, {outputs}))
+    output_kernel({output_parts}, carray(Y, {outputs}))
     return 0
 
 def show_links(X, N, F, K, Z, P, C, Y):
     {blocks}
-    showing_links({shown_links}, carray(Y, {links}))
+    link_output_kernel({link_output_parts}, carray(Y, {links}))
     return 0
 """
 
@@ -62,9 +62,9 @@ class Entries(NamedTuple):
     frozen: Frozen  # its parts as memory blocks
 
 
-def names(free: Any) -> set[str]:
+def free_names(free: Any) -> set[str]:
     """Names of the free parameters, see ``fmus.model.FreeParameters``."""
-    return {name for how in free.numbers.values() for name in re.findall(r"{([^}]+)}", how)} | set(free.besides)
+    return {name for how in free.numbers.values() for name in re.findall(r"{([^}]+)}", how)} | set(free.start_only)
 
 
 def entries(
@@ -81,33 +81,33 @@ def entries(
         port.name: f"{letter}[{i}]" for letter, row in (("p", reals), ("c", choices)) for i, port in enumerate(row)
     }
     texts = {place: re.sub(r"{([^}]+)}", lambda name: known[name[1]], how) for place, how in numbers.items()}
-    following = {place: DerivedNumber(text, eval(text, {"p": p, "c": c})) for place, text in texts.items()}
+    derived = {place: DerivedNumber(text, eval(text, {"p": p, "c": c})) for place, text in texts.items()}
 
-    frozen = Frozen(model.state, model.counters, following)
-    parts, shown, shown_links = map(frozen.text, (model.parts, model.shown, model.shown_links))
+    frozen = Frozen(model.state, model.counters, derived)
+    parts, output_parts, link_output_parts = map(frozen.text, (model.parts, model.output_parts, model.link_output_parts))
     if frozen.missed():
         raise TypeError(f"the parts have no {', '.join(sorted(frozen.missed()))}")
-    told = model._told
+    messages = model._messages
     sizes = {"X": model.state.size, "N": model.counters.size, **{b.upper(): frozen.block(b).size for b in "fkz"}}
     sizes |= {"P": max(len(p), 1), "C": max(len(c), 1)}
     source = SOURCE.format(
         blocks=", ".join("xnfkzpc") + " = " + ", ".join(f"carray({block}, {size})" for block, size in sizes.items()),
         parts=parts,
-        shown=shown,
-        shown_links=shown_links,
-        told=told.size,
-        rows=told.shape,
-        placing=f"({', '.join(known[name] for name in model.placing)},)",
+        output_parts=output_parts,
+        link_output_parts=link_output_parts,
+        messages=messages.size,
+        rows=messages.shape,
+        start_parameters=f"({', '.join(known[name] for name in model.start_parameters)},)",
         inputs=model.inputs,
         outputs=outputs,
         links=model.link_ports,
     )
     space: dict[str, Any] = {**frozen.classes, "carray": carray}
-    for name in ("starting", "stepping", "showing", "showing_links"):
+    for name in ("start_kernel", "step_kernel", "output_kernel", "link_output_kernel"):
         space[name] = getattr(model, name)
     exec(source, space)
-    wanted = {"start": START, "step": STEP, "show": SHOW, **({"show_links": SHOW} if model.link_ports else {})}
-    return Entries(tuple(EntryPoint(name, _compiled(space[name], types_)) for name, types_ in wanted.items()), frozen)
+    signatures = {"start": START, "step": STEP, "show": SHOW, **({"show_links": SHOW} if model.link_ports else {})}
+    return Entries(tuple(EntryPoint(name, _compiled(space[name], types_)) for name, types_ in signatures.items()), frozen)
 
 
 def _compiled(function: Callable[..., int], signature: Any) -> Any:

@@ -13,7 +13,7 @@ from fmus.native.emit import ANY
 from fmus.native.freeze import Frozen
 from fmus.native.platform import Platform
 from fmus.ports import Port
-from fmus.sentences import TOLD, Sentence
+from fmus.sentences import GAPS, Sentence
 
 
 def quoted(texts: Iterable[str]) -> str:
@@ -41,12 +41,12 @@ def header(
         "INPUT": inputs, "OUTPUT": outputs, "LINK": link_ports, "REAL": len(reals), "VARIABLE": len(variables),
         "PARAMETER": len(own), "STRING": len(strings),
         "STATE": sizes["x"], "COUNTER": sizes["n"], "F": sizes["f"], "K": sizes["k"], "Z": sizes["z"],
-        "WARNING": len(warned), "TOLD": (1 + len(warned)) * (TOLD + 1),
+        "WARNING": len(warned), "MESSAGES": (1 + len(warned)) * (GAPS + 1),
     }  # fmt: skip
     lines = [
         f"#define GUID {json.dumps(guid)}",
         f"#define LINKS {int(link_ports > 0)}",
-        f"enum {{ {', '.join(f'N_{name} = {value}' for name, value in numbers.items())}, TOLD_ROW = {TOLD + 1} }};",
+        f"enum {{ {', '.join(f'N_{name} = {value}' for name, value in numbers.items())}, MESSAGE_SIZE = {GAPS + 1} }};",
         f"static const double START[] = {{ {', '.join(float(port.start).hex() for port in reals)} }};",
         f"static const char *const NAME[] = {{ {quoted(port.name for port in variables)} }};",
         f"static const Range RANGE[] = {{ {', '.join([*map(_range, own), '{ 0, 0, 0, 0 }'])} }};",

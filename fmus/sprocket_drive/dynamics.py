@@ -43,10 +43,10 @@ class Parts(NamedTuple):
 
 
 @allocating
-def begin(c, told, p):
+def begin(c, messages, p):
     """See ``fmus.model.ComponentModel``; p: start pose, lateral place of the mount, m, sprocket's angle, rad."""
     x = c.state
-    wrong = unreasonable(c.drive, told[0])
+    wrong = unreasonable(c.drive, messages[0])
     if wrong:
         return wrong
     m = c.mount
@@ -58,22 +58,22 @@ def begin(c, told, p):
 
 
 @allocating
-def step(c, told, t, h, u):
+def step(c, messages, t, h, u):
     """See ``fmus.model.ComponentModel``; u: mount (13) at t, mean wrench (6), demanded speed where one exists."""
     p, x, seen = c.drive, c.state, c.seen
     for i in range(u.size):
         seen[i] = u[i]
     stand(seen, 0, c.unconnected, c.standing, 0)
-    if no_rotation(told[0], t, 0, seen, 3):
+    if no_rotation(messages[0], t, 0, seen, 3):
         return TURNED_NOT
     steps = substeps(p, h)
     if steps > MOST_STEPS:
-        told[0, 0], told[0, 1], told[0, 2] = t, steps, h
+        messages[0, 0], messages[0, 1], messages[0, 2] = t, steps, h
         return STIFF
     advance(p, x, t, h, steps, seen)
     for i in range(x.size):
         if not np.isfinite(x[i]):
-            told[0, 0] = t
+            messages[0, 0] = t
             return WILD
     c.counters[0] += steps
     c.counters[1] += len(RK4.b) * steps if p.mode else 1

@@ -10,7 +10,7 @@ import numpy as np
 from fmus.defaults import configured, given
 from fmus.drives.motor import DriveParameters
 from fmus.drives.mount import WIDTH
-from fmus.drives.parameters import contradictions, drive, free, lag_port, motor_ports, mount_ports
+from fmus.drives.parameters import contradictions, drive, free_numbers, lag_port, motor_ports, mount_ports
 from fmus.jit import plain
 from fmus.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
@@ -42,8 +42,8 @@ class Model(ComponentModel):
     still have their start values stands still at the start pose: an unconnected drive is a fixed axle.
     """
 
-    starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(observe)
-    placing, refused = (*KEYS, "start.lateral", "start.angle"), (Sentence(""), *contradictions())
+    start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(observe)
+    start_parameters, refusals = (*KEYS, "start.lateral", "start.angle"), (Sentence(""), *contradictions())
     failures = (
         Sentence(""),
         Sentence(NO_ROTATION, ("mount",)),
@@ -95,9 +95,9 @@ class Model(ComponentModel):
         parts = Parts(self.drive, self._mount, self._unconnected, self.standing, seen, self.state, self.counters)
         self.begin(values, parts)
 
-    def free(self, p: Mapping[str, Any]) -> FreeParameters:
+    def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters but tables of points."""
-        return FreeParameters(free(p, self._demanded, "drive"), self.placing)
+        return FreeParameters(free_numbers(p, self._demanded, "drive"), self.start_parameters)
 
     @property
     def shafts(self) -> tuple[DriveParameters, ...]:

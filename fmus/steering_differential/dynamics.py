@@ -87,13 +87,13 @@ class Parts(NamedTuple):
 
 
 @allocating
-def begin(c, told, p):
+def begin(c, messages, p):
     """See ``fmus.model.ComponentModel``; p: the start pose, then the angle of the sprockets, rad."""
     g, x = c.gearbox, c.state
-    wrong = unreasonable(g.propulsion, told[0])
+    wrong = unreasonable(g.propulsion, messages[0])
     if wrong:
         return wrong
-    wrong = unreasonable(g.steering, told[0])
+    wrong = unreasonable(g.steering, messages[0])
     if wrong:
         return CONTRADICTIONS + wrong
     x[:] = 0.0
@@ -109,7 +109,7 @@ def begin(c, told, p):
 
 
 @allocating
-def step(c, told, t, h, u):
+def step(c, messages, t, h, u):
     """See ``fmus.model.ComponentModel``; u: for each side mount (13) at t and mean wrench (6), then demands."""
     g, x, seen = c.gearbox, c.state, c.seen
     for i in range(u.size):
@@ -117,16 +117,16 @@ def step(c, told, t, h, u):
     for k in range(2):
         stand(seen, k * SIDE, c.unconnected, c.standing, k * SIDE)
     for k in range(2):
-        if no_rotation(told[0], t, k, seen, k * SIDE + 3):
+        if no_rotation(messages[0], t, k, seen, k * SIDE + 3):
             return TURNED_NOT
     one, two = substeps(g.propulsion, h), substeps(g.steering, h)
     if max(one, two) > MOST_STEPS:
-        told[0, 0], told[0, 1], told[0, 2] = t, max(one, two), h
+        messages[0, 0], messages[0, 1], messages[0, 2] = t, max(one, two), h
         return STIFF if one >= two else STIFF_STEERING
     advance(g, x, t, h, one, two, seen)
     for i in range(x.size):
         if not np.isfinite(x[i]):
-            told[0, 0] = t
+            messages[0, 0] = t
             return WILD
     prescribed = int(g.propulsion.mode == SPEED) + int(g.steering.mode == SPEED)  # a step each
     c.counters[0] += one + two

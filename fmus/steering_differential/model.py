@@ -9,7 +9,7 @@ import numpy as np
 
 from fmus.defaults import configured, given
 from fmus.drives.motor import DriveParameters
-from fmus.drives.parameters import contradictions, drive, free, lag_port, motor_ports, mount_ports
+from fmus.drives.parameters import contradictions, drive, free_numbers, lag_port, motor_ports, mount_ports
 from fmus.jit import plain
 from fmus.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
@@ -99,9 +99,9 @@ class Model(ComponentModel):
     stand still at the start pose.
     """
 
-    starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(observe)
-    placing = *KEYS, "start.angle"
-    refused = Sentence(""), *contradictions("propulsion."), *contradictions("steering.")
+    start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(observe)
+    start_parameters = *KEYS, "start.angle"
+    refusals = Sentence(""), *contradictions("propulsion."), *contradictions("steering.")
     failures = (
         Sentence(""),
         Sentence(NO_ROTATION, tuple(f"{side}.mount" for side in SIDES)),
@@ -147,10 +147,10 @@ class Model(ComponentModel):
         parts = Parts(self.gearbox, self._mounts, self._unconnected, self._stands, seen, self.state, self.counters)
         self.begin(values, parts)
 
-    def free(self, p: Mapping[str, Any]) -> FreeParameters:
+    def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters but tables of points."""
-        shafts = (free(p, bool(self._demand), f"gearbox.{shaft}", f"{shaft}.") for shaft in ("propulsion", "steering"))
-        return FreeParameters({place: how for shaft in shafts for place, how in shaft.items()}, self.placing)
+        shafts = (free_numbers(p, bool(self._demand), f"gearbox.{shaft}", f"{shaft}.") for shaft in ("propulsion", "steering"))
+        return FreeParameters({place: how for shaft in shafts for place, how in shaft.items()}, self.start_parameters)
 
     @property
     def shafts(self) -> tuple[DriveParameters, ...]:

@@ -129,12 +129,12 @@ class Model(TrackModel):
         singular = cholesky.factor(self.link, self.environment, self.s, self.work)
         if singular >= 0:
             raise StepFailed(f"the chain's mass matrix is singular at the start, link {singular + 1}")
-        self.hold(nodal)
+        self.copy_state(nodal)
 
-    def hold(self, state: Floats) -> bool:
+    def copy_state(self, state: Floats) -> bool:
         """See ``ComponentModel``; a state of the same chain in nodal coordinates is accepted too."""
         if self.coordinates == NODAL or state.size != self.state.size - self.s.p.size:
-            return super().hold(state)
+            return super().copy_state(state)
         from fmus.physics.chain.flexible.cholesky import fold
 
         self.state[self.s.p.size :] = state
@@ -155,9 +155,9 @@ class Model(TrackModel):
         self.work = work(constrained, self.links_count, self.mesh, len(self.wheel_list), self.felt)
         self._let_go()
 
-    def free(self, p: Mapping[str, Any]) -> FreeParameters:
+    def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """See ``TrackModel``; besides, the tolerance and, with an implicit integrator, the relaxation time."""
-        free = super().free(p)
+        free = super().free_parameters(p)
         if p["integrator"] in (EXPLICIT, ADAMS):
             return free
         tau, numbers = "{material.relaxation_time}", {"scheme.tolerance": "{tolerance}"}

@@ -47,7 +47,7 @@ from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
 from orchestrator.cosim.warned import Warned, Warnings
-from orchestrator.kernels.cache import cache_folder, make, own, temporary, write
+from orchestrator.kernels.cache import cache_folder, make_folder, private_folder, temporary_folder, write
 from orchestrator.kernels.tables import Record, StepCall, record
 
 Floats = NDArray[np.float64]
@@ -138,9 +138,9 @@ def unpack(fmu: Path) -> Path:
             if "modelDescription.xml" not in archive.namelist():
                 raise ComponentFailed(f"'{fmu}' is not an FMU: it has no modelDescription.xml")
             try:
-                return _complete(archive, own(cache_folder() / place))
+                return _complete(archive, private_folder(cache_folder() / place))
             except OSError:
-                return _complete(archive, own(temporary() / place))
+                return _complete(archive, private_folder(temporary_folder() / place))
     except ComponentFailed:
         raise
     except OSError as error:
@@ -164,11 +164,11 @@ def _complete(archive: zipfile.ZipFile, folder: Path) -> Path:
         if file.suffix == ".py":
             of_sources.add(file.parent)
         if entry.is_dir():
-            make(file)
+            make_folder(file)
         elif not _as_packed(file, entry):
             if not file.is_relative_to(folder):  # the name contains a drive
                 raise zipfile.BadZipFile(f"it holds a file called '{name}'")
-            make(file.parent)
+            make_folder(file.parent)
             write(file, archive.read(entry))
     for each in of_sources:
         _bar(each / _BYTECODE)

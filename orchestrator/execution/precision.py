@@ -14,7 +14,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.cache import UntrustedFolder, cache_folder, check, make, tell
+from fmus.cache import UntrustedFolder, cache_folder, check_trust, make_folder, report_error
 from fmus.cache import write as put
 from fmus.vehicle import BadInput
 
@@ -55,7 +55,7 @@ def _rows(file: Path) -> list[Setting]:
     """Read the settings in a table; a damaged table gives a warning and an empty list."""
     try:
         if file == own():
-            check(file.parent)
+            check_trust(file.parent)
         table = json.loads(file.read_text(encoding="utf-8"))
         if table["sha256"] != _checksum(table["rows"]):
             raise ValueError
@@ -63,7 +63,7 @@ def _rows(file: Path) -> list[Setting]:
     except FileNotFoundError:
         return []
     except UntrustedFolder as error:
-        tell(error)
+        report_error(error)
     except (OSError, ValueError, TypeError, LookupError):
         logging.getLogger("cotrack").warning(
             "the table %s is damaged and is left out: 'cotrack study error-runtime' writes it again", file
@@ -95,7 +95,7 @@ def write(settings: Iterable[Setting], file: Path) -> None:
         new.setdefault((one.scene, one.track), []).append(one)
     fronts = [one for key in sorted(new) for one in front(new[key])]
     rows = [one._asdict() for one in _of_others(read(file), fronts) + fronts]
-    make(file.parent)
+    make_folder(file.parent)
     put(file, (json.dumps({"rows": rows, "sha256": _checksum(rows)}, indent=1) + "\n").encode())
 
 

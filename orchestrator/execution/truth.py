@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.cache import cache_folder, keep, kept, own, reason
+from fmus.cache import cache_folder, write_checked, read_checked, private_folder, error_text
 from fmus.link_outputs import STANDARD
 from fmus.monolith.model import content
 from fmus.vehicle import BadInput
@@ -67,7 +67,7 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
     scene = bare(scene)
     folder = cache_folder() / "truth" / key(scene)
     try:
-        own(folder)
+        private_folder(folder)
         found, built = _found(folder), False
         if found is None:
             with _alone(folder.with_suffix(".lock")):
@@ -77,7 +77,7 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
                         narration(f"{scene.name}: its truth is computed by two monolithic runs in short steps")
                     found, built = _build(scene, folder, narration), True
     except OSError as error:
-        raise BadInput(f"truth: it cannot be kept in the cache: {reason(error)}") from None
+        raise BadInput(f"truth: it cannot be kept in the cache: {error_text(error)}") from None
     figures = {name: value for name, value in found.items() if name != "sha256"}
     figures["difference"] = {name: Difference(**one) for name, one in figures["difference"].items()}
     return Truth(folder / LOGS[0], folder / LOGS[1], **figures, built=built)
@@ -85,7 +85,7 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
 
 def _found(folder: Path) -> dict[str, Any] | None:
     """Return the figures of a stored truth if its files are intact, else None."""
-    figures = kept(folder / FIGURES)
+    figures = read_checked(folder / FIGURES)
     if figures is None:
         return None
     found: dict[str, Any] = json.loads(figures)
@@ -146,7 +146,7 @@ def _build(scene: Scene, folder: Path, narration: Narration | None) -> dict[str,
         }
         for log in logs:
             log.replace(folder / log.name)
-        keep(folder / FIGURES, json.dumps(figures).encode())
+        write_checked(folder / FIGURES, json.dumps(figures).encode())
         return figures
 
 

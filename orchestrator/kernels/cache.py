@@ -35,23 +35,23 @@ def cache_folder() -> Path:
     return Path(base).expanduser() / "cotrack"
 
 
-def make(folder: Path) -> None:
+def make_folder(folder: Path) -> None:
     """Make a folder and what it lies in, each for this user alone. Raises OSError."""
-    for each in reversed((folder, *folder.parents)):
-        if not each.exists():
+    for level in reversed((folder, *folder.parents)):
+        if not level.exists():
             with suppress(FileExistsError):  # another process was faster
-                each.mkdir(mode=0o700)
+                level.mkdir(mode=0o700)
 
 
-def own(place: Path) -> Path:
+def private_folder(place: Path) -> Path:
     """A place of the cache, made where it is not there. Raises OSError, UntrustedFolder."""
-    check(place, *place.parents[:2])
-    make(place)
-    check(place, *place.parents[:2])  # another user may have been faster
+    check_trust(place, *place.parents[:2])
+    make_folder(place)
+    check_trust(place, *place.parents[:2])  # another user may have been faster
     return place
 
 
-def check(*folders: Path) -> None:
+def check_trust(*folders: Path) -> None:
     """Raise UntrustedFolder where one of these folders is another user's or can be written by others."""
     if os.name == "nt":  # no such owners and modes
         return
@@ -74,7 +74,7 @@ def _mine(about: os.stat_result) -> bool:
 
 
 @cache
-def temporary() -> Path:
+def temporary_folder() -> Path:
     """A folder that takes the place of the cache and is gone at the end of this process."""
     folder = Path(tempfile.mkdtemp(prefix="cotrack-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
@@ -92,14 +92,14 @@ def write(file: Path, content: bytes) -> None:
         raise
 
 
-def keep(file: Path, content: bytes) -> None:
+def write_checked(file: Path, content: bytes) -> None:
     """Write a file in a place of the cache, with its checksum. Raises OSError."""
     write(file, content + _checksum(file.name, content))
 
 
-def kept(file: Path) -> bytes | None:
+def read_checked(file: Path) -> bytes | None:
     """Content that `keep` wrote; None where the file is missing or damaged. Raises OSError, UntrustedFolder."""
-    check(*file.parents[:3])
+    check_trust(*file.parents[:3])
     try:
         with file.open("rb") as stream:
             mine, whole = _mine(os.fstat(stream.fileno())), stream.read()

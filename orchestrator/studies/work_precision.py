@@ -9,7 +9,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from fmus.cache import spared
+from fmus.cache import reporting_errors
 from orchestrator.execution import precision
 from orchestrator.results.table import Column, Table
 from orchestrator.studies import files
@@ -134,7 +134,7 @@ def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path
     made.append(folder / "precision.json")
     precision.write(settings, made[-1])
     if not any(setting.startswith("run.stop") for row in runs(rows) for setting in row["settings"]):
-        with spared():
+        with reporting_errors():
             precision.write(settings, precision.own())  # only results of whole scenes
             made.append(precision.own())
     return made

@@ -22,7 +22,7 @@ from vehicle_in_process import InProcess
 from fmus.build import BuildFailed
 from fmus.model import InvalidParameter, StepFailed
 from fmus.native import link, pack
-from fmus.native.pack import build_native, held
+from fmus.native.pack import build_native, with_constants
 from fmus.native.platform import LINUX, WINDOWS
 from orchestrator.cosim.component import Component, ComponentFailed, unpack
 from orchestrator.scene.assembly import assemble
@@ -111,7 +111,7 @@ def ran(case):
 
 def native(case):
     part = ran(case).part
-    return build_native(part.kind, held(part.kind, part.config, part.parameters))
+    return build_native(part.kind, with_constants(part.kind, part.config, part.parameters))
 
 
 def begun(case, stack=None, messages=None):
@@ -327,7 +327,7 @@ OTHERS = {  # other values of all free parameters, by kind
 def others(case):
     """Other values of all free parameters of a part."""
     part = ran(case).part
-    constant = held(part.kind, part.config, dict(part.parameters) | OTHERS[part.kind])["parameters"]
+    constant = with_constants(part.kind, part.config, dict(part.parameters) | OTHERS[part.kind])["parameters"]
     known = {port.name for port in ran(case).member.model.ports}
     return {name: value for name, value in OTHERS[part.kind].items() if name not in constant and name in known}
 
@@ -431,7 +431,7 @@ def test_one_file_serves_both_sides(links):
     for name in ("track", "drive"):
         left, right = (parts[f"{side}_{name}"] for side in ("left", "right"))
         assert left.parameters != right.parameters
-        one, other = (held(part.kind, part.config, part.parameters) for part in (left, right))
+        one, other = (with_constants(part.kind, part.config, part.parameters) for part in (left, right))
         assert one == other
 
 
@@ -445,7 +445,7 @@ def test_a_wrong_guid_is_refused():
 @pytest.mark.long
 def test_equal_sources_give_equal_bytes():
     part = ran(DRIVE).part
-    config = held(part.kind, part.config, part.parameters)
+    config = with_constants(part.kind, part.config, part.parameters)
     one, other = (pack._pack(part.kind, config, "a") for _ in range(2))
     assert one == other
     assert one != pack._pack(part.kind, {**config, "parameters": {"speed.end": 3.0}}, "a")
@@ -459,7 +459,7 @@ def test_kernels_for_any_processor_give_the_bits_of_those_for_newer_ones(case, m
     A library chooses when it is instantiated; one without a choice has the kernels for any processor.
     """
     run = ran(case)
-    config = held(run.part.kind, run.part.config, run.part.parameters)
+    config = with_constants(run.part.kind, run.part.config, run.part.parameters)
     monkeypatch.setattr(link, "FLAGS", (*link.FLAGS, "-DONLY_ANY_PROCESSOR"))
     file = tmp_path / "any.fmu"
     file.write_bytes(pack._pack(run.part.kind, config, "any"))
@@ -477,7 +477,7 @@ def test_kernels_for_any_processor_give_the_bits_of_those_for_newer_ones(case, m
 def test_a_library_for_windows_needs_what_windows_has():
     pytest.importorskip("ziglang")
     part = ran(DRIVE).part
-    content = pack._pack(part.kind, held(part.kind, part.config, part.parameters), "a", (LINUX, WINDOWS))
+    content = pack._pack(part.kind, with_constants(part.kind, part.config, part.parameters), "a", (LINUX, WINDOWS))
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         names = archive.namelist()
         library = archive.read(f"binaries/win64/{part.kind}.dll")

@@ -23,9 +23,9 @@ from fmus.physics.chain.report import (
     TRAVEL,
 )
 from fmus.physics.wheels import read_states
-from fmus.sentences import TOLD, say
+from fmus.sentences import GAPS, format_sentence
 from fmus.track_flexible.model import Model
-from fmus.track_steps import HALVED, tell_halved
+from fmus.track_steps import HALVED, warn_of_halvings
 from fmus.vehicle import read_table, vehicle
 
 TABLE = vehicle(*read_table("m113")).model_dump()
@@ -356,12 +356,12 @@ def test_soft_and_hard_chains_find_their_rest(young):
 
 @pytest.mark.parametrize(("halved", "said"), [(5, 0), (6, 1)])
 def test_a_step_halved_again_and_again_is_told_once(halved, said):
-    told, given, sentence = np.zeros((3, TOLD + 1)), np.zeros(2), Model.warned[HALVED]
-    tell_halved(given, told, 0.5, halved)
+    told, given, sentence = np.zeros((3, GAPS + 1)), np.zeros(2), Model.warning_sentences[HALVED]
+    warn_of_halvings(given, told, 0.5, halved)
     assert told[1 + HALVED, 0] == given[HALVED] == said
-    assert not said or "halved 6 times from t = 0.5 s on" in say(sentence, told[1 + HALVED, 1:])
+    assert not said or "halved 6 times from t = 0.5 s on" in format_sentence(sentence, told[1 + HALVED, 1:])
     told[1 + HALVED, 0] = 0.0
-    tell_halved(given, told, 0.6, halved)
+    warn_of_halvings(given, told, 0.6, halved)
     assert told[1 + HALVED, 0] == 0.0
 
 
