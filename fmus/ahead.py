@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.cache import cache_folder, write_checked, read_checked, private_folder
+from fmus.cache import cache_folder, private_folder, read_checked, write_checked
 from fmus.jit import COMPILED, ROOT, source_hash
 
 STEP = 1e-3  # s

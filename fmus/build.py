@@ -21,7 +21,16 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from fmus.cache import CHECKSUM, cache_folder, write_checked, read_checked, private_folder, report_error, temporary_folder, write
+from fmus.cache import (
+    CHECKSUM,
+    cache_folder,
+    private_folder,
+    read_checked,
+    report_error,
+    temporary_folder,
+    write,
+    write_checked,
+)
 from fmus.components import KINDS
 from fmus.jit import ROOT, source_hash, sources
 

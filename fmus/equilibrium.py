@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.cache import cache_folder, write_checked, read_checked, private_folder, reporting_errors
+from fmus.cache import cache_folder, private_folder, read_checked, reporting_errors, write_checked
 from fmus.chassis.dynamics import ROOT, rates
 from fmus.chassis.model import Model as Chassis
 from fmus.chassis.model import stations

@@ -61,16 +61,16 @@ GROUPS = {
 }  # fmt: skip
 TENSION, STRESS, POSITION, FORCE, GROUND, WHEELS, SLIDING, DEPTH, AXIS, FIBRES, SLOPES = range(len(GROUPS))
 STANDARD = ("tension", "stress", "position", "force", "ground")
-BEYOND = ("axis", "fibres", "slopes")  # groups with kernels of their own
+WITH_OWN_KERNELS = ("axis", "fibres", "slopes")  # groups with kernels of their own
 
 
-def chosen(asked: Any, ground: bool) -> tuple[str, ...]:
+def chosen_groups(request: Any, ground: bool) -> tuple[str, ...]:
     """Names of the groups to show, in order; ``asked``: names, True (standard groups) or False (none)."""
-    names = STANDARD if asked is True else asked or ()
+    names = STANDARD if request is True else request or ()
     return tuple(name for name, group in GROUPS.items() if name in names and (ground or not group.ground))
 
 
-def felt(groups: Sequence[str], pins: int) -> Felt:
+def on_links_shape(groups: Sequence[str], pins: int) -> Felt:
     """Shape (pins, columns) of the array of forces on links that the groups need."""
     columns = max((GROUPS[name].columns for name in groups), default=0)
     return (pins, columns) if columns else NONE
@@ -78,12 +78,12 @@ def felt(groups: Sequence[str], pins: int) -> Felt:
 
 def ports(groups: Sequence[str], links: int, pins: int) -> list[Port]:
     """Output ports of the groups, of links 1 to ``links`` and pins 1 to ``pins``."""
-    found = []
+    output_ports = []
     for group in (GROUPS[name] for name in groups):
         of_a_link = group.of == "link"
         for i in range(1, (links if of_a_link else pins) + 1):
             it = f"link {i}" if of_a_link else f"pin {i}"
             for part in group.parts:
                 name = f"{group.of}[{i}].{group.signal}" + (f".{part}" if part else "")
-                found.append(Port(name, "output", group.unit, group.text.format(part=part, it=it)))
-    return found
+                output_ports.append(Port(name, "output", group.unit, group.text.format(part=part, it=it)))
+    return output_ports

@@ -13,7 +13,7 @@ from typing import Any
 
 from scipy.optimize import brentq
 
-from fmus.cache import cache_folder, write_checked, read_checked, private_folder, reporting_errors
+from fmus.cache import cache_folder, private_folder, read_checked, reporting_errors, write_checked
 from fmus.jit import source_hash
 from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.chain.report import T_MEAN

@@ -211,8 +211,8 @@ class TrackModel(ComponentModel):
         self.rows = np.zeros((wheels, WIDTH))
         self.start_rows = np.zeros((wheels, WIDTH))
         self.frame = np.zeros(5)
-        self.link_groups = link_outputs.chosen(config.get("link_outputs", True), bool(self.config["ground"]))
-        self.felt = link_outputs.felt(self.link_groups, self.nodes)
+        self.link_groups = link_outputs.chosen_groups(config.get("link_outputs", True), bool(self.config["ground"]))
+        self.on_links_shape = link_outputs.on_links_shape(self.link_groups, self.nodes)
         self.ports = self._ports(config)
         self.link_ports = len(link_outputs.ports(self.link_groups, self.links_count, self.nodes))
         self.counters = np.zeros(COUNTERS, dtype=np.int64)
@@ -322,9 +322,9 @@ class TrackModel(ComponentModel):
 
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """Pose on a level ground that moves with the vehicle, and parameters without influence on the statics."""
-        numbers = {"stand.lateral": "{start.lateral}", "stand.interval": f"{{{link_outputs.INTERVAL}}}"}
+        numbers = {"common.lateral": "{start.lateral}", "common.interval": f"{{{link_outputs.INTERVAL}}}"}
         if p["integrator"] != EXPLICIT:
-            numbers["stand.longest"] = "{step}"
+            numbers["common.longest"] = "{step}"
         names = {port.name for port in self.ports}
         for pair, field in (("sprocket", "sprocket"), ("wheel", "wheel"), ("ground", "soil")):
             own = {"c": f"contact.{pair}.damping", "mu": f"contact.{pair}.friction"}
@@ -341,7 +341,7 @@ class TrackModel(ComponentModel):
             steps.Parts(
                 *self.system(),
                 scheme=scheme,
-                stand=steps.CommonData(
+                common=steps.CommonData(
                     longest=min(self.max_step, self.stable) if self.integrator == EXPLICIT else self.max_step,
                     plane=self.plane,
                     pitch=self.pitch,
@@ -366,7 +366,7 @@ class TrackModel(ComponentModel):
                 self.links_count,
                 self.nodes,
                 np.array([int(name in self.link_groups) for name in link_outputs.GROUPS]),
-                1 if set(self.link_groups) & set(link_outputs.BEYOND) else None,
+                1 if set(self.link_groups) & set(link_outputs.WITH_OWN_KERNELS) else None,
             ),
         )
 

@@ -22,9 +22,9 @@ from fmus.sentences import GAPS
 from fmus.start import lay_frame
 
 # Cosine of the angle between a wheel's axis and the pins of links that stay in their plane:
-ALONG = np.cos(np.radians(0.2))  # a larger angle is a warning, because the plane of the links holds the wheel back
-LEAVES = np.cos(np.radians(5.0))  # a larger angle is a failure, because the results are wrong
-MANY = 5  # halvings in one communication step, more of which are a warning
+ALIGNED = np.cos(np.radians(0.2))  # a larger angle is a warning, because the plane of the links holds the wheel back
+OUT_OF_PLANE = np.cos(np.radians(5.0))  # a larger angle is a failure, because the results are wrong
+MOST_HALVINGS = 5  # halvings in one communication step, more of which are a warning
 # Failures; the failure of an integrator is added to the last two.
 NO_WHEEL, TOO_LONG, ELSEWHERE, ASKEW, IMPLICIT, EXPLICIT = 1, 2, 3, 4, 4, 8
 HALVED, TILTED = WARNINGS = range(2)  # warnings, each given once: flags at the end of the state
@@ -52,17 +52,17 @@ class Parts(NamedTuple):
     contacts: Any  # ``fmus.contacts.Contacts``, or None
     environment: Environment  # gravity, ends, carrier
     scheme: Any  # a ``Method``, the stages of the explicit integrator, or an ``Adams``
-    stand: CommonData
+    common: CommonData
     s: Any  # views of the state
     work: Any  # scratch
     report: np.ndarray
 
 
-def alone(link, environment, scheme, longest, s, work, report, counters):
+def parts_without_contacts(link, environment, scheme, longest, s, work, report, counters):
     """Parts of a chain without contacts at the origin, and the array for the numbers of its sentences."""
     none = np.zeros((0, WIDTH))
-    stand = CommonData(longest, 0, 0.0, 0.0, np.zeros(5), none, none, np.zeros(len(WARNINGS)), counters, 1.0)
-    return Parts(link, None, environment, scheme, stand, s, work, report), np.zeros((1 + len(WARNINGS), GAPS + 1))
+    common = CommonData(longest, 0, 0.0, 0.0, np.zeros(5), none, none, np.zeros(len(WARNINGS)), counters, 1.0)
+    return Parts(link, None, environment, scheme, common, s, work, report), np.zeros((1 + len(WARNINGS), GAPS + 1))
 
 
 class OutputData(NamedTuple):
@@ -83,8 +83,8 @@ class LinkOutputData(NamedTuple):
     work: Any
     links: int
     nodes: int
-    shows: np.ndarray  # for each group of ``link_outputs``, 1: it is shown
-    beyond: int | None  # None: no group with kernels of its own is shown
+    chosen: np.ndarray  # for each group of ``link_outputs``, 1: it is shown
+    extra: int | None  # None: no group with kernels of its own is shown
 
 
 @allocating
@@ -93,35 +93,35 @@ def begin(c, messages, p):
 
     Sets the frame only: the state is already that of the laid-out chain.
     """
-    lay_frame(p, 0.0, p[6], 0.0, c.stand.frame)
+    lay_frame(p, 0.0, p[6], 0.0, c.common.frame)
     return 0
 
 
 @allocating
 def implicit(c, messages, t, h, u):
     """Implicit step, see ``fmus.model.ComponentModel``; u: motions of the wheels (13 each); empty: unchanged."""
-    stand = c.stand
-    wrong = _ready(stand, messages, t, h, u)
-    if wrong:
-        return wrong
-    counters = stand.counters
+    common = c.common
+    refusal = _read_wheels(common, messages, t, h, u)
+    if refusal:
+        return refusal
+    counters = common.counters
     before = counters[REJECTED]
-    on_links.renew(c.s, stand.interval)
+    on_links.renew(c.s, common.interval)
     failure, done, link, residual = advance(
-        c.link, c.contacts, c.environment, c.scheme, stand.rows, h, stand.longest, c.s, c.work, c.report, counters
+        c.link, c.contacts, c.environment, c.scheme, common.rows, h, common.longest, c.s, c.work, c.report, counters
     )
     if failure:
         messages[0, 0], messages[0, 1], messages[0, 2] = t + done, link, residual
         return IMPLICIT + failure
     on_links.count(c.s, h)
-    warn_of_halvings(stand.given_warnings, messages, t, counters[REJECTED] - before)
+    warn_of_halvings(common.given_warnings, messages, t, counters[REJECTED] - before)
     return 0
 
 
 @kernel
 def warn_of_halvings(given_warnings, messages, t, halvings):
     """Warn once of a communication step at ``t`` in which the internal step was halved too often."""
-    if halvings > MANY and given_warnings[HALVED] == 0.0:
+    if halvings > MOST_HALVINGS and given_warnings[HALVED] == 0.0:
         given_warnings[HALVED] = messages[1 + HALVED, 0] = 1.0
         messages[1 + HALVED, 1], messages[1 + HALVED, 2] = halvings, t
 
@@ -129,72 +129,72 @@ def warn_of_halvings(given_warnings, messages, t, halvings):
 @allocating
 def explicit(c, messages, t, h, u):
     """Explicit Runge-Kutta step; arguments and result as of ``implicit``."""
-    stand = c.stand
-    wrong = _ready(stand, messages, t, h, u)
-    if wrong:
-        return wrong
-    on_links.renew(c.s, stand.interval)
-    return _how(c, messages, t, h, march(
-        c.link, c.contacts, c.environment, c.scheme, stand.rows, h, stand.longest, c.s, c.work, c.report, stand.counters
+    common = c.common
+    refusal = _read_wheels(common, messages, t, h, u)
+    if refusal:
+        return refusal
+    on_links.renew(c.s, common.interval)
+    return _failure(c, messages, t, h, march(
+        c.link, c.contacts, c.environment, c.scheme, common.rows, h, common.longest, c.s, c.work, c.report, common.counters
     ))  # fmt: skip
 
 
 @allocating
 def adams(c, messages, t, h, u):
     """Step by Adams' methods; arguments and result as of ``implicit``."""
-    stand = c.stand
-    wrong = _ready(stand, messages, t, h, u)
-    if wrong:
-        return wrong
-    on_links.renew(c.s, stand.interval)
-    return _how(c, messages, t, h, adaptive.march(
-        c.link, c.contacts, c.environment, c.scheme, stand.rows, h, stand.longest, c.s, c.work, c.report, stand.counters
+    common = c.common
+    refusal = _read_wheels(common, messages, t, h, u)
+    if refusal:
+        return refusal
+    on_links.renew(c.s, common.interval)
+    return _failure(c, messages, t, h, adaptive.march(
+        c.link, c.contacts, c.environment, c.scheme, common.rows, h, common.longest, c.s, c.work, c.report, common.counters
     ))  # fmt: skip
 
 
 @kernel
-def _how(c, messages, t, h, outcome):
+def _failure(c, messages, t, h, outcome):
     """Failure of an explicit integration from its outcome; 0 for none."""
     on_links.count(c.s, h)
     failure, done, link, _ = outcome
     if failure:
-        messages[0, 0], messages[0, 1], messages[0, 2] = t + done, link, c.stand.longest
+        messages[0, 0], messages[0, 1], messages[0, 2] = t + done, link, c.common.longest
         return EXPLICIT + failure
     return 0
 
 
 @kernel
-def _ready(c, messages, t, h, u):
+def _read_wheels(c, messages, t, h, u):
     """Read the wheels from the inputs and check them; 0, or the failure."""
     if too_many_steps(messages[0], t, h, c.longest):
         return TOO_LONG
-    wrong = read_states(u, c.frame, c.rows)
-    if wrong >= 0:
-        no_rotation(messages[0], t, wrong, u, STATE * wrong + 3)
+    turned_wheel = read_states(u, c.frame, c.rows)
+    if turned_wheel >= 0:
+        no_rotation(messages[0], t, turned_wheel, u, STATE * turned_wheel + 3)
         return NO_WHEEL
     if c.counters[STEPS] == 0 and u.size > 0:
-        farthest, where = 0.0, 0
+        farthest, wheel = 0.0, 0
         for k in range(c.rows.shape[0]):
             square = 0.0
             for i in range(3):
                 square += (c.rows[k, i] - c.start_rows[k, i]) ** 2
-            off = np.sqrt(square)
-            if off > farthest:
-                farthest, where = off, k
+            deviation = np.sqrt(square)
+            if deviation > farthest:
+                farthest, wheel = deviation, k
         if farthest > c.pitch:
-            messages[0, 0], messages[0, 1], messages[0, 2], messages[0, 3] = t, where, farthest, c.lateral
+            messages[0, 0], messages[0, 1], messages[0, 2], messages[0, 3] = t, wheel, farthest, c.lateral
             return ELSEWHERE
     if c.plane == 1 and u.size > 0:
-        along = 1.0
+        cosine = 1.0
         for k in range(c.rows.shape[0]):
-            along = min(along, abs(c.rows[k, 10]))
-        off = np.arccos(along) * 180.0 / np.pi
-        if along < LEAVES:
-            messages[0, 0], messages[0, 1] = t, off
+            cosine = min(cosine, abs(c.rows[k, 10]))
+        deviation = np.arccos(cosine) * 180.0 / np.pi
+        if cosine < OUT_OF_PLANE:
+            messages[0, 0], messages[0, 1] = t, deviation
             return ASKEW
-        if along < ALONG and c.given_warnings[TILTED] == 0.0:
+        if cosine < ALIGNED and c.given_warnings[TILTED] == 0.0:
             c.given_warnings[TILTED] = messages[1 + TILTED, 0] = 1.0
-            messages[1 + TILTED, 1], messages[1 + TILTED, 2] = off, t
+            messages[1 + TILTED, 1], messages[1 + TILTED, 2] = deviation, t
     return 0
 
 
@@ -213,46 +213,46 @@ def show(c, y):
 @allocating
 def show_links(c, y):
     """See ``fmus.model.ComponentModel``: the chosen groups of ``link_outputs``, in order; c: ``LinkOutputData``."""
-    n, m, shows, felt = c.links, c.nodes, c.shows, np.empty(c.s.on_links_sum.shape)
+    n, m, chosen, means = c.links, c.nodes, c.chosen, np.empty(c.s.on_links_sum.shape)
     tension, stress, place = np.empty(n), np.empty(n), np.empty((m, 3))
     links_shown(c.link, c.environment, c.s, c.work, tension, stress, place)
-    on_links.average(c.s, felt)
-    at = _numbers(shows[TENSION], tension, y, 0)
-    at = _numbers(shows[STRESS], stress, y, at)
-    if shows[POSITION]:
+    on_links.average(c.s, means)
+    at = _numbers(chosen[TENSION], tension, y, 0)
+    at = _numbers(chosen[STRESS], stress, y, at)
+    if chosen[POSITION]:
         to_world(place, c.frame, y[at : at + 3 * m])
         for k in range(m):
             for i in range(3):
                 y[at + 3 * k + i] += c.frame[i]
         at += 3 * m
-    at = _vectors(shows[FORCE], felt[:, on_links.JOINT : on_links.JOINT + 3], c.frame, y, at)
-    at = _vectors(shows[GROUND], felt[:n, on_links.GROUND : on_links.GROUND + 3], c.frame, y, at)
-    at = _vectors(shows[WHEELS], felt[:n, on_links.WHEELS : on_links.WHEELS + 3], c.frame, y, at)
-    at = _vectors(shows[SLIDING], felt[:n, on_links.SLIDING : on_links.SLIDING + 3], c.frame, y, at)
-    if shows[DEPTH]:
-        at = _numbers(1, felt[:n, on_links.DEPTH], y, at)
-    _beyond(c.beyond, c, y, at)
+    at = _vectors(chosen[FORCE], means[:, on_links.JOINT : on_links.JOINT + 3], c.frame, y, at)
+    at = _vectors(chosen[GROUND], means[:n, on_links.GROUND : on_links.GROUND + 3], c.frame, y, at)
+    at = _vectors(chosen[WHEELS], means[:n, on_links.WHEELS : on_links.WHEELS + 3], c.frame, y, at)
+    at = _vectors(chosen[SLIDING], means[:n, on_links.SLIDING : on_links.SLIDING + 3], c.frame, y, at)
+    if chosen[DEPTH]:
+        at = _numbers(1, means[:n, on_links.DEPTH], y, at)
+    _extra_groups(c.extra, c, y, at)
 
 
 @allocating
-def _beyond(beyond, c, y, at):
+def _extra_groups(extra, c, y, at):
     """Write the groups with kernels of their own, which are not compiled where no such group is shown."""
-    if beyond is not None:
-        axis, found, ends = np.empty((c.nodes, 3)), np.empty((c.links, 2)), np.empty((c.links, 6))
+    if extra is not None:
+        axis, fibre_stress, ends = np.empty((c.nodes, 3)), np.empty((c.links, 2)), np.empty((c.links, 6))
         pin_axes(c.link, c.s, c.work, axis)
-        at = _vectors(c.shows[AXIS], axis, c.frame, y, at)
-        if c.shows[FIBRES]:
-            fibres(c.link, c.s, c.work, found)
-            at = _numbers(1, found.ravel(), y, at)
-        if c.shows[SLOPES]:
+        at = _vectors(c.chosen[AXIS], axis, c.frame, y, at)
+        if c.chosen[FIBRES]:
+            fibres(c.link, c.s, c.work, fibre_stress)
+            at = _numbers(1, fibre_stress.ravel(), y, at)
+        if c.chosen[SLOPES]:
             slopes(c.link, c.s, c.work, ends)
             _vectors(1, ends.reshape(2 * c.links, 3), c.frame, y, at)
 
 
 @kernel
-def _numbers(shown, a, y, at):
+def _numbers(chosen, a, y, at):
     """Copy the array ``a``, if ``shown``, to ``y[at:]``; return the index after it."""
-    if shown:
+    if chosen:
         for i in range(a.shape[0]):
             y[at + i] = a[i]
         at += a.shape[0]
@@ -260,9 +260,9 @@ def _numbers(shown, a, y, at):
 
 
 @kernel
-def _vectors(shown, a, frame, y, at):
+def _vectors(chosen, a, frame, y, at):
     """Copy vectors (k, 3) in the track's frame to ``y[at:]`` in world axes, as ``_numbers`` does."""
-    if shown:
+    if chosen:
         to_world(a, frame, y[at : at + 3 * a.shape[0]])
         at += 3 * a.shape[0]
     return at

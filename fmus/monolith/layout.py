@@ -111,7 +111,9 @@ def lay_out(
     fixed, stations = len(sprockets), len(chassis.stations)
     body = sum(sizes)
     spin = body + chassis.size
-    counts = [(len(model.wheel_list) + 1) * WRENCH + int(np.prod(model.felt)) + BOOKS for model in chains.values()]
+    counts = [
+        (len(model.wheel_list) + 1) * WRENCH + int(np.prod(model.on_links_shape)) + BOOKS for model in chains.values()
+    ]
     sums = _Views(sum(counts) + WRENCH * fixed)
     index, motion, mount = _motions(chassis, sprockets, sources)
     places, wrenches = _places(chains, sizes, index, sources, sums)
@@ -188,7 +190,7 @@ def _places(
                 wrench=block,
                 frame=model.frame,
                 impulse=sums.take(count, WRENCH),
-                on_links=sums.take(*model.felt),
+                on_links=sums.take(*model.on_links_shape),
                 books=sums.take(BOOKS),
             )
         )

@@ -84,7 +84,9 @@ def entries(
     derived = {place: DerivedNumber(text, eval(text, {"p": p, "c": c})) for place, text in texts.items()}
 
     frozen = Frozen(model.state, model.counters, derived)
-    parts, output_parts, link_output_parts = map(frozen.text, (model.parts, model.output_parts, model.link_output_parts))
+    parts, output_parts, link_output_parts = map(
+        frozen.text, (model.parts, model.output_parts, model.link_output_parts)
+    )
     if frozen.missed():
         raise TypeError(f"the parts have no {', '.join(sorted(frozen.missed()))}")
     messages = model._messages
@@ -107,7 +109,9 @@ def entries(
         space[name] = getattr(model, name)
     exec(source, space)
     signatures = {"start": START, "step": STEP, "show": SHOW, **({"show_links": SHOW} if model.link_ports else {})}
-    return Entries(tuple(EntryPoint(name, _compiled(space[name], types_)) for name, types_ in signatures.items()), frozen)
+    return Entries(
+        tuple(EntryPoint(name, _compiled(space[name], types_)) for name, types_ in signatures.items()), frozen
+    )
 
 
 def _compiled(function: Callable[..., int], signature: Any) -> Any:

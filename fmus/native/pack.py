@@ -53,10 +53,21 @@ def build_native(
     except NoCompiler as error:
         raise BuildFailed(str(error)) from None
     sources = [each.read_text(encoding="utf-8") for each in (*SOURCES, HERE / "fmi2.h")]
-    parts = ["native", version("numba"), version("llvmlite"), *compiler_parts, source_hash(), *sources, kind, config_text]
+    parts = [
+        "native",
+        version("numba"),
+        version("llvmlite"),
+        *compiler_parts,
+        source_hash(),
+        *sources,
+        kind,
+        config_text,
+    ]
     digest = hashlib.sha256("\0".join(parts).encode())
     guid = str(uuid.UUID(bytes=digest.digest()[:16]))
-    return build_once(digest.hexdigest()[:24], f"{name or kind}.fmu", lambda: _pack(kind, config, guid, platforms), folder)
+    return build_once(
+        digest.hexdigest()[:24], f"{name or kind}.fmu", lambda: _pack(kind, config, guid, platforms), folder
+    )
 
 
 def with_constants(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | int | str]) -> dict[str, Any]:
@@ -88,7 +99,11 @@ def _pack(kind: str, config: Mapping[str, Any], guid: str, platforms: Sequence[P
         port._replace(causality="local") if port.causality == "parameter" and port.name not in free_ones else port
         for port in row.row
     )
-    sizes = {"x": model.state.size, "n": model.counters.size, **{each: compiled.frozen.block(each).size for each in "fkz"}}
+    sizes = {
+        "x": model.state.size,
+        "n": model.counters.size,
+        **{each: compiled.frozen.block(each).size for each in "fkz"},
+    }
     with tempfile.TemporaryDirectory(prefix="cotrack-") as stage:
         place = Path(stage)
         (place / "model.h").write_text(

@@ -149,7 +149,9 @@ class Model(ComponentModel):
 
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters but tables of points."""
-        shafts = (free_numbers(p, bool(self._demand), f"gearbox.{shaft}", f"{shaft}.") for shaft in ("propulsion", "steering"))
+        shafts = (
+            free_numbers(p, bool(self._demand), f"gearbox.{shaft}", f"{shaft}.") for shaft in ("propulsion", "steering")
+        )
         return FreeParameters({place: how for shaft in shafts for place, how in shaft.items()}, self.start_parameters)
 
     @property

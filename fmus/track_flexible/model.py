@@ -76,7 +76,7 @@ class Model(TrackModel):
             from fmus.physics.chain.flexible.constrained import NODE as OWN
 
             width = OWN
-        return shapes(width, self.mesh, len(self.wheel_list), axes, self.felt, self.coordinates == CHOLESKY)
+        return shapes(width, self.mesh, len(self.wheel_list), axes, self.on_links_shape, self.coordinates == CHOLESKY)
 
     @property
     def mesh(self) -> int:
@@ -104,7 +104,7 @@ class Model(TrackModel):
             self.element, self.axes, self.closure, self.joints, self.coordinates = kind
             self.allocate()
         self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
-        self.work = work(self.kit, self.links_count, self.mesh, len(self.wheel_list), self.felt)
+        self.work = work(self.kit, self.links_count, self.mesh, len(self.wheel_list), self.on_links_shape)
         self._run_with = p["joints"], p["coordinates"]
         self.stable = stable(self.link)
         self.plane = int(element != "beam" and axes == "fixed")
@@ -152,7 +152,7 @@ class Model(TrackModel):
         own = places(constrained, self.s.q, rows, self.links_count)
         for now, before in ((self.s.q, whole.q), (self.s.v, whole.v)):
             now.reshape(-1)[own] = before.reshape(-1)[at]
-        self.work = work(constrained, self.links_count, self.mesh, len(self.wheel_list), self.felt)
+        self.work = work(constrained, self.links_count, self.mesh, len(self.wheel_list), self.on_links_shape)
         self._let_go()
 
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:

@@ -49,7 +49,7 @@ class Model(TrackModel):
 
     def shapes(self) -> state.Shapes:
         """Shapes of the views into the chain's state, by name."""
-        return shapes(self.links_count, self.closed, len(self.wheel_list), self.felt, self.joints)
+        return shapes(self.links_count, self.closed, len(self.wheel_list), self.on_links_shape, self.joints)
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Make the links from the vehicle table, allocate state and work; raises InvalidParameter."""
@@ -80,7 +80,7 @@ class Model(TrackModel):
 
             self.link = JointedLinks(self.rigid)
         self.stable = min(LIMIT, longest(spring, half, v["mass"], inertia[1]))
-        self.work = work(self.links_count, self.closed, len(self.wheel_list), self.felt, self.joints)
+        self.work = work(self.links_count, self.closed, len(self.wheel_list), self.on_links_shape, self.joints)
 
     def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:
         """See ``TrackModel``; a spinning regular polygon of rigid links is in relative equilibrium as it is."""

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.cache import cache_folder, write_checked, read_checked, private_folder
+from fmus.cache import cache_folder, private_folder, read_checked, write_checked
 from fmus.saved import from_bytes
 from fmus.vehicle import BadInput
 from orchestrator.cosim import checkpoint

@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.cache import cache_folder, write_checked, read_checked, private_folder, error_text
+from fmus.cache import cache_folder, error_text, private_folder, read_checked, write_checked
 from fmus.link_outputs import STANDARD
 from fmus.monolith.model import content
 from fmus.vehicle import BadInput

@@ -55,7 +55,7 @@ def checked(function):
     return wrapped
 
 
-jit.apart = checked
+jit.noalias = checked
 
 from test_track_flexible import TABLE, at_rest, make, parameters, wheels  # noqa: E402
 
