@@ -151,7 +151,10 @@ def report_error(error: OSError) -> None:
     if kind in _reported:
         return
     _reported.add(kind)
-    sentence = f"the cache folder {cache_folder()} cannot be used, so every process compiles and builds anew: {error_text(error)}"
+    sentence = (
+        f"the cache folder {cache_folder()} cannot be used, so every process compiles and builds anew: "
+        f"{error_text(error)}"
+    )
     _logger.warning("%s", sentence)
     if not _logger.hasHandlers():
         _unlogged.append(sentence)

@@ -1,8 +1,8 @@
 """Modules that components load: a child process starts their models in plain Python and lists them.
 
-Nothing is compiled: a stub of ``jit.dispatch`` imports the same modules for Python as for the compiler, so the state of the
-cache does not matter. A chain is laid out as a polygon, because its equilibrium loads no further module; a chain that
-is released or spins is shortened.
+Nothing is compiled: a stub of ``jit.dispatch`` imports the same modules for Python as for the compiler, so the state
+of the cache does not matter. A chain is laid out as a polygon, because its equilibrium loads no further module; a chain
+that is released or spins is shortened.
 """
 
 from __future__ import annotations

@@ -135,7 +135,8 @@ def explicit(c, messages, t, h, u):
         return refusal
     on_links.renew(c.s, common.interval)
     return _failure(c, messages, t, h, march(
-        c.link, c.contacts, c.environment, c.scheme, common.rows, h, common.longest, c.s, c.work, c.report, common.counters
+        c.link, c.contacts, c.environment, c.scheme, common.rows, h, common.longest, c.s, c.work, c.report,
+        common.counters,
     ))  # fmt: skip
 
 
@@ -148,7 +149,8 @@ def adams(c, messages, t, h, u):
         return refusal
     on_links.renew(c.s, common.interval)
     return _failure(c, messages, t, h, adaptive.march(
-        c.link, c.contacts, c.environment, c.scheme, common.rows, h, common.longest, c.s, c.work, c.report, common.counters
+        c.link, c.contacts, c.environment, c.scheme, common.rows, h, common.longest, c.s, c.work, c.report,
+        common.counters,
     ))  # fmt: skip
 
 

@@ -72,8 +72,8 @@ def entries(
 ) -> Entries:
     """Compile the entries of an initialised model with ``outputs`` Real outputs besides those of links.
 
-    ``numbers``: see ``fmus.model.FreeParameters``; ``reals``, ``choices``: the Real and String parameters in order, with
-    the values of the model. Raises TypeError if the parts lack a number or cannot be written down.
+    ``numbers``: see ``fmus.model.FreeParameters``; ``reals``, ``choices``: the Real and String parameters in order,
+    with the values of the model. Raises TypeError if the parts lack a number or cannot be written down.
     """
     p = [float(port.start) for port in reals]
     c = [port.choices.index(str(port.start)) if port.choices else 0 for port in choices]
