@@ -116,7 +116,7 @@ def write_checked(file: Path, content: bytes) -> None:
 
 
 def read_checked(file: Path) -> bytes | None:
-    """Content that `keep` wrote; None where the file is missing or damaged. Raises OSError, UntrustedFolder."""
+    """Content that `write_checked` wrote; None if the file is missing or damaged. Raises OSError, UntrustedFolder."""
     check_trust(*file.parents[:3])
     try:
         with file.open("rb") as stream:

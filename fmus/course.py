@@ -43,7 +43,7 @@ def course(name: str, text: str, pair: str = "time value") -> Course:
 
 
 @kernel
-def given(c):
+def has_points(c):
     """Whether the course has points."""
     return c.time.size > 0
 
@@ -62,7 +62,7 @@ def interval(grid, t):
 
 
 @kernel
-def at(c, t):
+def evaluate(c, t):
     """Value at ``t``, integral since the first point, and slope (at a point: of the part that follows)."""
     n = c.time.size
     if t < c.time[0]:
@@ -76,7 +76,7 @@ def at(c, t):
 
 
 @kernel
-def lay(c, t, h, now, then):
+def set_line(c, t, h, now, then):
     """Set a course of two points to the straight line from ``now`` at ``t`` to ``then`` at t + h."""
     c.time[0], c.time[1] = t, t + h
     c.value[0], c.value[1] = now, then

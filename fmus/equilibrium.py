@@ -33,7 +33,7 @@ from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.arrays import Floats
 from fmus.physics.wheels import WIDTH, read_states
 from fmus.ports import STATE, WRENCH
-from fmus.stance import Stance, leaning, stance
+from fmus.stance import Stance, roll_pitch_quaternion, stance
 from fmus.track_flexible.model import Model as Cables
 from fmus.vehicle import BadInput
 
@@ -102,7 +102,7 @@ def stances(chassis: Mapping[str, Any]) -> dict[str, Stance]:
 
 def upright(place: Stance, pitch: float) -> Stance:
     """Stance of a wheel for a chain that stays in its plane: no lateral offset, no roll; ``pitch``, rad."""
-    return stance((place[0], 0.0, place[2], *leaning(0.0, pitch)))
+    return stance((place[0], 0.0, place[2], *roll_pitch_quaternion(0.0, pitch)))
 
 
 def leans(chassis: Mapping[str, Any], tracks: Sequence[str]) -> bool:
@@ -157,7 +157,7 @@ class _ChainOnWheels:
     def pushes(self, motions: Floats, roll: float, pitch: float) -> Floats:
         """Wrenches (wheels, 6) on the road wheels, idler and sprocket with these motions (wheels, 13)."""
         stands = np.zeros((len(motions), STATE))
-        stands[:, [0, 2]], stands[:, 3:7] = motions[:, [0, 2]], leaning(0.0, pitch)
+        stands[:, [0, 2]], stands[:, 3:7] = motions[:, [0, 2]], roll_pitch_quaternion(0.0, pitch)
         rows = np.zeros((len(motions), WIDTH))
         level = np.array([0.0, 0.0, 0.0, 1.0, 0.0])
         plain(read_states)(np.roll(stands, 1, axis=0).ravel(), level, rows)  # a track has its sprocket first

@@ -95,9 +95,9 @@ def _imports(path: Path, package: str) -> tuple[str, ...]:
 
 @cache
 def _locate(module: str, folder: Path) -> Path | None:
-    """Source of a module, not imported: in the folder ``beside``, else in that of its loaded package.
+    """Source of a module, not imported: in ``folder``, else in that of its loaded package.
 
-    A tool may delete the folder of a freed FMU, and with it the loaded package; ``beside`` then has the source.
+    A tool may delete the folder of a freed FMU, and with it the loaded package; ``folder`` then has the source.
     """
     top, *parts = module.split(".")
     for root in (folder / top, *getattr(sys.modules.get(top), "__path__", ())):

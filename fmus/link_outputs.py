@@ -65,7 +65,7 @@ WITH_OWN_KERNELS = ("axis", "fibres", "slopes")  # groups with kernels of their 
 
 
 def chosen_groups(request: Any, ground: bool) -> tuple[str, ...]:
-    """Names of the groups to show, in order; ``asked``: names, True (standard groups) or False (none)."""
+    """Names of the groups to show, in order; ``request``: names, True (standard groups) or False (none)."""
     names = STANDARD if request is True else request or ()
     return tuple(name for name, group in GROUPS.items() if name in names and (ground or not group.ground))
 

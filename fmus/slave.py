@@ -35,7 +35,7 @@ from pythonfmu import __version__ as pythonfmu_version
 from pythonfmu.enums import Fmi2Status
 
 from fmus.cache import cache_folder, check_trust, reporting_errors, unlogged_warnings
-from fmus.defaults import check_names, checked, configured
+from fmus.defaults import check_names, check_value, configured_ports
 from fmus.description import document
 from fmus.jit import compiled_before, source_hash
 from fmus.model import InvalidParameter, ModelProtocol, StepFailed, finite
@@ -148,7 +148,7 @@ class Slave(Fmi2Slave):
         made_from = json.loads(config)
         self._model = type(self).model(made_from)
         check_names(self._model.ports, made_from)
-        self._sort_ports(configured(self._model.ports, made_from), self._model.link_ports)
+        self._sort_ports(configured_ports(self._model.ports, made_from), self._model.link_ports)
         self._stale, self._links_stale = True, False
         self._used: dict[str, float | int | str] = {}  # parameters of the last initialisation
 
@@ -322,7 +322,7 @@ class Slave(Fmi2Slave):
         ports = (*self._reals[self._parameters], *self._integer_parameters, *self._string_ports)
         reals, integers = self._values[self._parameters].tolist(), self._integer_values.tolist()
         values = (*reals, *integers, *self._string_values)
-        return {port.name: checked(port, value) for port, value in zip(ports, values, strict=True)}
+        return {port.name: check_value(port, value) for port, value in zip(ports, values, strict=True)}
 
     def _initialise(self) -> None:
         self._used = self._given()

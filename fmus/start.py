@@ -27,14 +27,14 @@ class StartPose(NamedTuple):
         found: tuple[Any, Any] = plain(pitched)(self, x, z)
         return found
 
-    def standing(self, x: float, y: float, z: float) -> tuple[float, ...]:
-        """Motion (13, as ``ports.wheel_state``) of a wheel or mount at rest at a point of the vehicle frame."""
-        found: tuple[float, ...] = plain(standing)(self, x, y, z)
+    def point_at_rest(self, x: float, y: float, z: float) -> tuple[float, ...]:
+        """Motion (13, as ``ports.motion_ports``) of a wheel or mount at rest at a point of the vehicle frame."""
+        found: tuple[float, ...] = plain(point_at_rest)(self, x, y, z)
         return found
 
 
-def start(parameters: Mapping[str, Any]) -> StartPose:
-    """Start pose from the values of ``ports.start_pose``."""
+def start_pose(parameters: Mapping[str, Any]) -> StartPose:
+    """Start pose from the values of ``ports.start_pose_ports``."""
     return StartPose(*(float(parameters[key]) for key in KEYS))
 
 
@@ -46,7 +46,7 @@ def pitched(p, x, z):
 
 
 @kernel
-def place(p, x, y, z):
+def world_position(p, x, y, z):
     """World position of a point of the vehicle frame, m."""
     x, z = pitched(p, x, z)
     c, s = math.cos(p[HEADING]), math.sin(p[HEADING])
@@ -62,21 +62,21 @@ def orientation(p):
 
 
 @kernel
-def standing(p, x, y, z):
+def point_at_rest(p, x, y, z):
     """Motion (13) at rest, see ``StartPose``."""
-    return (*place(p, x, y, z), *orientation(p), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return (*world_position(p, x, y, z), *orientation(p), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @kernel
 def lay_frame(p, x, y, z, frame):
     """Write a frame (5): world position of a point of the vehicle frame, m; cosine, sine of the heading."""
-    frame[0], frame[1], frame[2] = place(p, x, y, z)
+    frame[0], frame[1], frame[2] = world_position(p, x, y, z)
     frame[3], frame[4] = math.cos(p[HEADING]), math.sin(p[HEADING])
 
 
 @kernel
-def stay(p, x, y, z, out, i):
-    """Write the 13 numbers of ``standing`` to ``out[i:]``."""
-    values = standing(p, x, y, z)
+def put_point_at_rest(p, x, y, z, out, i):
+    """Write the 13 numbers of ``point_at_rest`` to ``out[i:]``."""
+    values = point_at_rest(p, x, y, z)
     for k in range(13):
         out[i + k] = values[k]

@@ -15,7 +15,7 @@ import numpy as np
 
 import fmus.track_steps as steps
 from fmus import link_outputs
-from fmus.defaults import configured, given
+from fmus.defaults import configured_ports, parameter_values
 from fmus.jit import plain
 from fmus.model import NO_ROTATION, TOO_MANY_STEPS, ComponentModel, Floats, FreeParameters, InvalidParameter
 from fmus.physics.chain import adaptive, state
@@ -47,13 +47,13 @@ from fmus.ports import (
     TOLERANCES,
     Port,
     Range,
-    start_pose,
-    wheel_state,
-    wrench,
+    motion_ports,
+    start_pose_ports,
+    wrench_ports,
 )
 from fmus.sentences import Sentence
-from fmus.stance import Stance, at_rest, stance
-from fmus.start import KEYS, StartPose, start
+from fmus.stance import Stance, part_at_rest, stance
+from fmus.start import KEYS, StartPose, start_pose
 from fmus.track_choices import ADAMS, EXPLICIT, HHT, INTEGRATORS
 
 # Outputs of a chain after the wrenches, in the order of its report (``chain.report``): name, unit, text.
@@ -231,14 +231,14 @@ class TrackModel(ComponentModel):
     def _ports(self, config: Mapping[str, Any]) -> tuple[Port, ...]:
         vehicle, ports = self.vehicle, []
         text = "lateral position of the track plane in the vehicle, left positive"
-        place = [*start_pose(), Port("start.lateral", "parameter", "m", text, vehicle["track"]["lateral"])]
-        drawn = {port.name: port.start for port in configured(place, config)}
-        pose, lateral = start(drawn), float(drawn["start.lateral"])
+        place = [*start_pose_ports(), Port("start.lateral", "parameter", "m", text, vehicle["track"]["lateral"])]
+        drawn = {port.name: port.start for port in configured_ports(place, config)}
+        pose, lateral = start_pose(drawn), float(drawn["start.lateral"])
         for wheel in self.wheel_list:
             x, y, *rest = begins(wheel)
-            ports += wheel_state(wheel["name"], "input", plain(at_rest)(pose, stance((x, y + lateral, *rest))))
+            ports += motion_ports(wheel["name"], "input", plain(part_at_rest)(pose, stance((x, y + lateral, *rest))))
         for wheel in self.wheel_list:
-            ports += wrench(wheel["name"], "output")
+            ports += wrench_ports(wheel["name"], "output")
         ports += [Port(name, "output", unit, text) for name, unit, text in OUTPUTS]
         ports += link_outputs.ports(self.link_groups, self.links_count, self.nodes)
         for name in ("steps", "evaluations", "iterations", "rejected"):
@@ -296,8 +296,8 @@ class TrackModel(ComponentModel):
 
         Raises InvalidParameter, StepFailed.
         """
-        p = given(self.ports, parameters)
-        self.pose = start(p)
+        p = parameter_values(self.ports, parameters)
+        self.pose = start_pose(p)
         self.lateral = p["start.lateral"]
         self.max_step, self.integrator, self.interval = p["step"], p["integrator"], p[link_outputs.INTERVAL]
         if self.interval != round(self.interval):
@@ -305,7 +305,7 @@ class TrackModel(ComponentModel):
         self.contacts = self.partners(p)
         self.environment = self._environment()
         level = StartPose(0.0, 0.0, 0.0, 0.0, 0.0, self.pose.pitch)
-        wheels = np.array([plain(at_rest)(level, begins(wheel)) for wheel in self.wheel_list]).ravel()
+        wheels = np.array([plain(part_at_rest)(level, begins(wheel)) for wheel in self.wheel_list]).ravel()
         plain(read_states)(wheels, np.array([0.0, 0.0, 0.0, 1.0, 0.0]), self.start_rows)
         self.counters[:] = 0
         self.state[:] = 0.0

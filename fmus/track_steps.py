@@ -253,7 +253,7 @@ def _extra_groups(extra, c, y, at):
 
 @kernel
 def _numbers(chosen, a, y, at):
-    """Copy the array ``a``, if ``shown``, to ``y[at:]``; return the index after it."""
+    """Copy the array ``a``, if ``chosen``, to ``y[at:]``; return the index after it."""
     if chosen:
         for i in range(a.shape[0]):
             y[at + i] = a[i]

@@ -11,12 +11,12 @@ from fmus.chassis.begin import begin
 from fmus.chassis.dynamics import BOOKS, LEAF, ROOT, Parts, blame, step
 from fmus.chassis.observe import observe
 from fmus.chassis.tree import packed, tree, unpacked
-from fmus.defaults import given
+from fmus.defaults import parameter_values
 from fmus.model import TOO_MANY_STEPS, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
-from fmus.ports import POSITIVE, WRENCH, Port, start_pose, wheel_state, wrench
+from fmus.ports import POSITIVE, WRENCH, Port, motion_ports, start_pose_ports, wrench_ports
 from fmus.sentences import GAPS, Sentence, format_sentence
-from fmus.stance import leaning, stance
+from fmus.stance import roll_pitch_quaternion, stance
 from fmus.start import KEYS
 
 
@@ -44,7 +44,7 @@ def spring_ports(side: str, wheels: int) -> list[Port]:
 def chassis_ports() -> list[Port]:
     """Pose and progress of the chassis."""
     return [
-        *wheel_state("chassis", "output"),
+        *motion_ports("chassis", "output"),
         Port("pitch", "output", "rad", "pitch of the chassis about y, nose down is positive"),
         Port("roll", "output", "rad", "roll of the chassis about x, right side down is positive"),
         Port("yaw", "output", "rad", "yaw of the chassis about z, from the world's x axis"),
@@ -89,8 +89,8 @@ class Model(ComponentModel):
         self._centre = x, y, z
         places = [f"{side}.{name}" for side in sides for name in stations(self._wheels)]
         self.ports: tuple[Port, ...] = (
-            *(port for place in places for port in wrench(place, "input")),
-            *(port for place in places for port in wheel_state(place, "output")),
+            *(port for place in places for port in wrench_ports(place, "input")),
+            *(port for place in places for port in motion_ports(place, "output")),
             *chassis_ports(),
             *(port for side in sides for port in spring_ports(side, self._wheels)),
             Port("energy.kinetic", "output", "J", "kinetic energy"),
@@ -102,7 +102,7 @@ class Model(ComponentModel):
             *(touch_ports() if self._ground else ()),
             Port("solver.steps", "output", "1", "internal steps since the start", 0),
             Port("solver.evaluations", "output", "1", "evaluations of the accelerations since the start", 0),
-            *start_pose(),
+            *start_pose_ports(),
             # friction of a loaded wheel is fast: mu N R^2 / (v_reg I) = 1e3 1/s for 10 kN
             Port("step", "parameter", "s", "largest internal step", 1e-4 if self._ground else 1e-3,
                  allowed=POSITIVE),
@@ -133,7 +133,7 @@ class Model(ComponentModel):
         """State with the start pose 0; ``at``, a mapping like the config's ``start``, replaces that."""
         if at is not None:
             x, y, z = self._centre
-            self._hull = stance((x, y, z + at["height"], *leaning(at["roll"], at["pitch"])))
+            self._hull = stance((x, y, z + at["height"], *roll_pitch_quaternion(at["roll"], at["pitch"])))
             self._leaves[:] = *at["left"], *at["right"]
         state = np.zeros_like(self.state)
         state[:7], state[ROOT : ROOT + self._leaves.size] = self._hull, self._leaves
@@ -149,7 +149,7 @@ class Model(ComponentModel):
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Start at rest at the start pose; raises InvalidParameter."""
-        values = given(self.ports, parameters)
+        values = parameter_values(self.ports, parameters)
         if self._ground:
             from fmus.chassis.contacts import contacts
 

@@ -115,7 +115,7 @@ def _along(path, k, way):
 
 
 @kernel
-def ends(path, piece):
+def piece_range(path, piece):
     """Ways s at which a piece begins and ends, m."""
     last = path.first[piece + 1]
     return path.s[path.first[piece]], path.s[last] if last < path.s.size else path.length
@@ -135,9 +135,9 @@ def _arc(path, piece, s):
 
 
 @kernel
-def at(path, piece, s):
+def point(path, piece, s):
     """Position, heading and curvature of a piece at the way ``s``; beyond its ends it is straight."""
-    begin, end = ends(path, piece)
+    begin, end = piece_range(path, piece)
     within = min(max(s, begin), end)
     low = _arc(path, piece, within)
     x, y, h = _along(path, low, within - path.s[low])
@@ -153,9 +153,9 @@ def nearest(path, piece, x, y, s):
     ``s``: initial guess. The distance of a point behind the beginning of a piece counts from the straight line that
     leads to it.
     """
-    left, begin, direction = 0.0, ends(path, piece)[0], path.direction[path.first[piece]]
+    left, begin, direction = 0.0, piece_range(path, piece)[0], path.direction[path.first[piece]]
     for _ in range(MOST):
-        px, py, h, c = at(path, piece, s)
+        px, py, h, c = point(path, piece, s)
         ahead = direction * ((x - px) * np.cos(h) + (y - py) * np.sin(h))
         left = (y - py) * np.cos(h) - (x - px) * np.sin(h)
         if abs(ahead) < CLOSE:

@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.course import NONE, Course, at, given, ramp
+from fmus.course import NONE, Course, evaluate, has_points, ramp
 from fmus.jit import kernel
 
 SPEED, TORQUE, CONTROLLER = 0, 1, 2  # modes
-CONTRADICTIONS = 4  # number of contradictions that ``unreasonable`` finds
+CONTRADICTIONS = 4  # number of contradictions that ``find_contradiction`` finds
 
 
 class DriveParameters(NamedTuple):
@@ -31,7 +31,7 @@ class DriveParameters(NamedTuple):
     proportional: float  # gain of the controller, N m s/rad
     integral: float  # gain of the controller, N m/rad
     limit: float  # largest torque of the controller, N m
-    accelerated: int  # 1: the mount's acceleration is extrapolated from its last two velocities; 0: it is 0
+    with_acceleration: int  # 1: the mount's acceleration is extrapolated from its last two velocities; 0: it is 0
     stop_start: float = -1.0  # time at which the stop begins, after the ramp, s; below 0: no stop
     stop_time: float = 1e-3  # duration of the stop, s
     speeds: Course = NONE  # replaces the ramp and the stop
@@ -44,7 +44,7 @@ class DriveParameters(NamedTuple):
 
 
 @kernel
-def unreasonable(p, numbers):
+def find_contradiction(p, numbers):
     """Index of the contradiction between parameters (``parameters.contradictions``, from 1); 0 for none.
 
     Writes the numbers of its sentence to ``numbers``.
@@ -55,9 +55,9 @@ def unreasonable(p, numbers):
     if p.stop_start >= 0.0:
         if p.stop_start < p.ramp_end:
             return 2
-        if given(p.speeds):
+        if has_points(p.speeds):
             return 3
-    if given(p.engine) and p.mode == SPEED:
+    if has_points(p.engine) and p.mode == SPEED:
         return 4
     return 0
 
@@ -65,8 +65,8 @@ def unreasonable(p, numbers):
 @kernel
 def profile(p, t):
     """Speed of the profile at t, rad/s, and angle since ramp_start, rad: half-cosine ramp, and stop. (1)"""
-    if given(p.speeds):
-        speed, angle, _ = at(p.speeds, t)
+    if has_points(p.speeds):
+        speed, angle, _ = evaluate(p.speeds, t)
         return speed, angle
     speed, angle = ramp(p, t)
     past = t - p.stop_start
@@ -82,8 +82,8 @@ def profile(p, t):
 @kernel
 def profile_slope(p, t):
     """Angular acceleration of the profile at t, rad/s2."""
-    if given(p.speeds):
-        return at(p.speeds, t)[2]
+    if has_points(p.speeds):
+        return evaluate(p.speeds, t)[2]
     rise, length, past = p.end_speed - p.start_speed, p.ramp_end - p.ramp_start, t - p.ramp_start
     if p.stop_start >= 0.0 and t > p.stop_start:
         rise, length, past = -p.end_speed, p.stop_time, t - p.stop_start
@@ -95,12 +95,12 @@ def profile_slope(p, t):
 @kernel
 def motor(p, t, speed, integral):
     """Torque of the motor on the sprocket, N m, and rate of the controller's integral, rad/s. (2)"""
-    most = p.gear * at(p.engine, p.gear * abs(speed))[0] if given(p.engine) else np.inf
+    most = p.gear * evaluate(p.engine, p.gear * abs(speed))[0] if has_points(p.engine) else np.inf
     if p.mode == TORQUE:
-        wanted = at(p.torques, t)[0] if given(p.torques) else p.torque
-        return min(most, max(-most, wanted)), 0.0
+        unlimited = evaluate(p.torques, t)[0] if has_points(p.torques) else p.torque
+        return min(most, max(-most, unlimited)), 0.0
     most = min(most, p.limit)
     error = profile(p, t)[0] - speed
-    wanted = p.proportional * error + p.integral * integral
-    torque = min(most, max(-most, wanted))
-    return torque, 0.0 if torque != wanted and wanted * error > 0.0 else error  # no wind-up at the limit
+    unlimited = p.proportional * error + p.integral * integral
+    torque = min(most, max(-most, unlimited))
+    return torque, 0.0 if torque != unlimited and unlimited * error > 0.0 else error  # no wind-up at the limit

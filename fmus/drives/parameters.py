@@ -34,10 +34,10 @@ def lag_port() -> Port:
     return Port("demand.lag", "parameter", "s", text, 0.1, allowed=POSITIVE)
 
 
-def motor_ports(prefix: str = "", what: str = "the sprocket", speed: str = "speed against the mount") -> list[Port]:
-    """Parameters of the motor of ``what``; ``prefix``: of their names; ``speed``: text of its speed."""
+def motor_ports(prefix: str = "", body: str = "the sprocket", speed: str = "speed against the mount") -> list[Port]:
+    """Parameters of the motor of a ``body``; ``prefix``: of their names; ``speed``: text of its speed."""
     ports = [
-        Port("mode", "parameter", "1", f"what turns {what}: a prescribed speed, a constant torque, or a "
+        Port("mode", "parameter", "1", f"what turns {body}: a prescribed speed, a constant torque, or a "
              "controller that follows the speed profile", "speed", MODES),
         Port("speed.start", "parameter", "rad/s", f"{speed} at the start, before the ramp"),
         Port("speed.end", "parameter", "rad/s", f"{speed} after the ramp"),
@@ -52,7 +52,7 @@ def motor_ports(prefix: str = "", what: str = "the sprocket", speed: str = "spee
         Port("brake.points", "parameter", "1", f"{POINTS} torque of the brake, N m, instead of brake.torque", ""),
         Port("engine.points", "parameter", "1", "'speed torque; speed torque; ...', straight lines between: largest "
              "torque of the engine's shaft, N m, over its speed, rad/s, not in mode speed", ""),
-        Port("gear.ratio", "parameter", "1", f"turns of the engine to one of {what}", 1.0, allowed=POSITIVE),
+        Port("gear.ratio", "parameter", "1", f"turns of the engine to one of {body}", 1.0, allowed=POSITIVE),
         Port("brake.torque", "parameter", "N.m", "torque of the brake against rotation, not in mode speed",
              allowed=NOT_NEGATIVE),
         Port("brake.speed", "parameter", "rad/s", "speed below which the brake fades", 0.1, allowed=POSITIVE),
@@ -67,7 +67,7 @@ def motor_ports(prefix: str = "", what: str = "the sprocket", speed: str = "spee
 
 
 def contradictions(prefix: str = "") -> tuple[Sentence, ...]:
-    """Sentences of what ``motor.unreasonable`` finds, in its order."""
+    """Sentences of the contradictions that ``motor.find_contradiction`` finds, in its order."""
     return (
         Sentence(f"{prefix}ramp.end = {{0:.6g}} s must not be before {prefix}ramp.start"),
         Sentence(f"{prefix}stop.start = {{1:.6g}} s must not be before {prefix}ramp.end"),
@@ -116,13 +116,13 @@ def drive(values: Mapping[str, Any], inertia: float, demand: str = "", prefix: s
     ``demand``: name of the input that its speed follows, where there is one. Raises InvalidParameter.
     """
     names = [port.name.removeprefix(prefix) for port in motor_ports(prefix)]
-    own = {name: values[prefix + name] for name in names}
+    values_of = {name: values[prefix + name] for name in names}
 
     def no(name: str, why: str) -> InvalidParameter:
-        return InvalidParameter(f"{prefix}{name} = {_short(own[name])}{why}")
+        return InvalidParameter(f"{prefix}{name} = {_short(values_of[name])}{why}")
 
     speeds, torques, brakes = (
-        course(f"{prefix}{name}.points", str(own[f"{name}.points"])) for name in ("speed", "torque", "brake")
+        course(f"{prefix}{name}.points", str(values_of[f"{name}.points"])) for name in ("speed", "torque", "brake")
     )
     engine = _engine(values, prefix)
     if min(chain(engine.value, engine.time), default=0.0) < 0.0:
@@ -130,29 +130,29 @@ def drive(values: Mapping[str, Any], inertia: float, demand: str = "", prefix: s
     if brakes.value.min(initial=0.0) < 0.0:
         raise no("brake.points", " must not be negative")
     if demand:
-        if own["mode"] == "torque":
+        if values_of["mode"] == "torque":
             raise no("mode", f": a drive with the input {demand} has a speed or a controller")
         for name, none in (("speed.points", ""), ("speed.end", 0.0), ("stop.start", -1.0)):
-            if own[name] != none:
+            if values_of[name] != none:
                 raise no(name, f": the input {demand} says how fast it turns")
         speeds = Course(*np.zeros((3, 2)))
-    gear = float(own["gear.ratio"])
+    gear = float(values_of["gear.ratio"])
     return DriveParameters(
         inertia=inertia,
-        mode=MODES.index(own["mode"]),
-        start_speed=float(own["speed.start"]),
-        end_speed=float(own["speed.end"]),
-        ramp_start=float(own["ramp.start"]),
-        ramp_end=float(own["ramp.end"]),
-        torque=float(own["torque.drive"]),
-        brake=float(brakes.value.max()) if brakes.value.size else float(own["brake.torque"]),
-        brake_speed=float(own["brake.speed"]),
-        proportional=float(own["controller.proportional"]),
-        integral=float(own["controller.integral"]),
-        limit=float(own["torque.limit"]),
-        accelerated=EXTRAPOLATIONS.index(values["extrapolation"]),
-        stop_start=float(own["stop.start"]),
-        stop_time=float(own["stop.time"]),
+        mode=MODES.index(values_of["mode"]),
+        start_speed=float(values_of["speed.start"]),
+        end_speed=float(values_of["speed.end"]),
+        ramp_start=float(values_of["ramp.start"]),
+        ramp_end=float(values_of["ramp.end"]),
+        torque=float(values_of["torque.drive"]),
+        brake=float(brakes.value.max()) if brakes.value.size else float(values_of["brake.torque"]),
+        brake_speed=float(values_of["brake.speed"]),
+        proportional=float(values_of["controller.proportional"]),
+        integral=float(values_of["controller.integral"]),
+        limit=float(values_of["torque.limit"]),
+        with_acceleration=EXTRAPOLATIONS.index(values["extrapolation"]),
+        stop_start=float(values_of["stop.start"]),
+        stop_time=float(values_of["stop.time"]),
         speeds=speeds,
         torques=torques,
         brakes=brakes,

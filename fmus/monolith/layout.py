@@ -162,7 +162,7 @@ def _motions(
     for d, sprocket in enumerate(sprockets):
         source = sources.connector(sprocket.name, f"{sprocket.prefix}mount.position.x")
         mount[d] = stations + d if source is None else index[source]
-        motion[STATE * (stations + d) : STATE * (stations + d + 1)] = sprocket.standing
+        motion[STATE * (stations + d) : STATE * (stations + d + 1)] = sprocket.rest_motion
     return index, motion, mount
 
 

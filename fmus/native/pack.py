@@ -14,7 +14,7 @@ from xml.etree.ElementTree import tostring
 
 from fmus.build import BuildFailed, archive, build_once
 from fmus.components import KINDS, model_of
-from fmus.defaults import KEY, check_names, configured, given
+from fmus.defaults import KEY, check_names, configured_ports, parameter_values
 from fmus.description import document
 from fmus.jit import source_hash
 from fmus.native.emit import LEVELS, emit
@@ -74,7 +74,7 @@ def with_constants(kind: str, config: Mapping[str, Any], parameters: Mapping[str
     """Config with the parameters that are not free, so that components alike in them share an FMU."""
     values = {**config.get(KEY, {}), **parameters}
     model = _model(kind, {**config, KEY: values})
-    free = free_names(model.free_parameters(given(model.ports, values)))
+    free = free_names(model.free_parameters(parameter_values(model.ports, values)))
     constants = {name: value for name, value in parameters.items() if name not in free}
     return {**config, KEY: {**config.get(KEY, {}), **constants}}
 
@@ -86,8 +86,8 @@ def _model(kind: str, config: Mapping[str, Any]) -> Any:
 def _pack(kind: str, config: Mapping[str, Any], guid: str, platforms: Sequence[Platform] = (LINUX,)) -> bytes:
     model = _model(kind, config)
     check_names(model.ports, config)
-    ports = configured(model.ports, config)
-    values = given(ports, {})
+    ports = configured_ports(model.ports, config)
+    values = parameter_values(ports, {})
     free = model.free_parameters(values)
     model.initialise(values)
     row = variables(ports)

@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from fmus.defaults import configured, given
+from fmus.defaults import configured_ports, parameter_values
 from fmus.drives.motor import DriveParameters
 from fmus.drives.parameters import contradictions, drive, free_numbers, lag_port, motor_ports, mount_ports
 from fmus.jit import plain
 from fmus.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
-from fmus.ports import STATE, Port, start_pose, wheel_state, wrench
+from fmus.ports import STATE, Port, motion_ports, start_pose_ports, wrench_ports
 from fmus.sentences import Sentence
-from fmus.stance import at_rest, mirrored, stance
-from fmus.start import KEYS, start
+from fmus.stance import mirrored, part_at_rest, stance
+from fmus.start import KEYS, start_pose
 from fmus.steering_differential.dynamics import (
     SIDE,
     SIZE,
@@ -40,7 +40,7 @@ def parameter_ports(demanded: bool) -> list[Port]:
     """Parameters of a differential; ``demanded``: its speeds follow inputs."""
     return [
         *([lag_port()] if demanded else []),
-        *start_pose(),
+        *start_pose_ports(),
         *mount_ports(),
         *motor_ports("propulsion.", "the mean of both sprockets", "mean of both speeds against the mounts"),
         *motor_ports("steering.", "the right sprocket less the left one", "speed of the right less the left sprocket"),
@@ -49,22 +49,22 @@ def parameter_ports(demanded: bool) -> list[Port]:
 
 def connectors(mounts: Mapping[str, tuple[float, ...]], demanded: bool) -> list[Port]:
     """Inputs, then motions and wrenches of both sides; ``mounts``: motion (13) of each at the start."""
-    found: list[Port] = []
-    for side, at in mounts.items():
-        found += [*wheel_state(f"{side}.mount", "input", at), *wrench(f"{side}.sprocket", "input")]
+    found_ports: list[Port] = []
+    for side, motion in mounts.items():
+        found_ports += [*motion_ports(f"{side}.mount", "input", motion), *wrench_ports(f"{side}.sprocket", "input")]
     for side in mounts if demanded else ():
         text = f"wanted speed of the {side} sprocket {RELATIVE}"
-        found.append(Port(f"{side}.speed.demand", "input", "rad/s", text))
-    for side, at in mounts.items():
-        found += [*wheel_state(f"{side}.sprocket", "output", at), *wrench(f"{side}.mount", "output")]
-    return found
+        found_ports.append(Port(f"{side}.speed.demand", "input", "rad/s", text))
+    for side, motion in mounts.items():
+        found_ports += [*motion_ports(f"{side}.sprocket", "output", motion), *wrench_ports(f"{side}.mount", "output")]
+    return found_ports
 
 
 def outputs() -> list[Port]:
     """Outputs of half shafts, motors and energies."""
-    found: list[Port] = []
+    side_ports: list[Port] = []
     for side in SIDES:
-        found += [
+        side_ports += [
             Port(f"{side}.speed", "output", "rad/s", f"speed of the {side} sprocket {RELATIVE}"),
             Port(f"{side}.angle", "output", "rad", f"angle of the {side} sprocket {RELATIVE}, over revolutions"),
             Port(f"{side}.torque", "output", "N.m", f"torque of the {side} half shaft on its sprocket, mean"),
@@ -72,14 +72,14 @@ def outputs() -> list[Port]:
             Port(f"{side}.work", "output", "J", f"work of the {side} half shaft on its sprocket so far"),
         ]
     for shaft, speed in (("propulsion", "mean of both speeds"), ("steering", "right less left speed")):
-        found += [
+        side_ports += [
             Port(f"{shaft}.speed", "output", "rad/s", speed),
             Port(f"{shaft}.torque", "output", "N.m", f"torque of the {shaft} motor, mean over the step"),
             Port(f"{shaft}.power", "output", "W", f"power of the {shaft} motor, mean over the step"),
             Port(f"{shaft}.work", "output", "J", f"work of the {shaft} motor since the start"),
         ]
     return [
-        *found,
+        *side_ports,
         Port("power.regenerated", "output", "W", "power that one half shaft takes and the other one gives, mean"),
         Port("energy.kinetic", "output", "J", "kinetic energy of both spins"),
         Port("energy.work", "output", "J", "work of both motors since the start"),
@@ -111,32 +111,32 @@ class Model(ComponentModel):
     )
 
     def __init__(self, config: Mapping[str, Any]) -> None:
-        own = config["drive"]
-        self.inertia, left = float(own["inertia"]), stance(own["mount"])
-        right = stance(own["right"]) if "right" in own else mirrored(left)
+        drive_config = config["drive"]
+        self.inertia, left = float(drive_config["inertia"]), stance(drive_config["mount"])
+        right = stance(drive_config["right"]) if "right" in drive_config else mirrored(left)
         self._mounts = left, right
         if not self.inertia > 0.0:
             raise InvalidParameter(f"drive.inertia = {self.inertia} kg m2 must be positive")
-        demanded = bool(own.get("demanded", False))
+        demanded = bool(drive_config.get("demanded", False))
         self._demand = DEMAND if demanded else ""
-        self._parameters = configured(parameter_ports(demanded), config)
-        shown = self._standing({port.name: port.start for port in self._parameters})
+        self._parameters = configured_ports(parameter_ports(demanded), config)
+        start_motions = self._start_motions({port.name: port.start for port in self._parameters})
         self.ports: tuple[Port, ...] = (
-            *connectors(dict(zip(SIDES, shown, strict=True)), demanded),
+            *connectors(dict(zip(SIDES, start_motions, strict=True)), demanded),
             *outputs(),
             *self._parameters,
         )
         inputs = [port.start for port in self.ports if port.causality == "input"]
         self.inputs = len(inputs)
         self._unconnected = np.array(inputs)
-        self._stands = self._unconnected.copy()
+        self._rest_motions = self._unconnected.copy()
         self.gearbox: Gearbox
         self.state: Floats = np.zeros(SIZE)
         self.counters = np.zeros(2, dtype=np.int64)
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Start both sprockets at angle and speeds of the start, on mounts at rest; raises InvalidParameter."""
-        values = given(self._parameters, parameters)
+        values = parameter_values(self._parameters, parameters)
         self.gearbox = Gearbox(
             self.inertia,
             drive(values, 2.0 * self.inertia, self._demand, "propulsion."),  # (1)
@@ -144,7 +144,9 @@ class Model(ComponentModel):
         )
         self.counters[:] = 0
         seen = np.zeros(self.inputs)
-        parts = Parts(self.gearbox, self._mounts, self._unconnected, self._stands, seen, self.state, self.counters)
+        parts = Parts(
+            self.gearbox, self._mounts, self._unconnected, self._rest_motions, seen, self.state, self.counters
+        )
         self.begin(values, parts)
 
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
@@ -160,11 +162,11 @@ class Model(ComponentModel):
         return self.gearbox.propulsion, self.gearbox.steering
 
     @property
-    def standing(self) -> Floats:
+    def rest_motion(self) -> Floats:
         """Motions (2, 13) of mounts that nothing moves."""
-        return np.stack([self._stands[at : at + STATE] for at in (0, SIDE)])
+        return np.stack([self._rest_motions[at : at + STATE] for at in (0, SIDE)])
 
-    def _standing(self, values: Mapping[str, Any]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    def _start_motions(self, values: Mapping[str, Any]) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Motions (13 each) of the left and the right mount when nothing moves them."""
-        left, right = (plain(at_rest)(start(values), mount) for mount in self._mounts)
+        left, right = (plain(part_at_rest)(start_pose(values), mount) for mount in self._mounts)
         return left, right

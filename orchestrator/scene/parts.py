@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from fmus.equilibrium import upright
 from fmus.link_outputs import INTERVAL
-from fmus.ports import wheel_state, wrench
+from fmus.ports import motion_ports, wrench_ports
 from fmus.stance import Stance
 from fmus.track_choices import TRACKS
 from orchestrator.cosim.graph import Connection
@@ -74,7 +74,7 @@ def drive_of_side(scene: VehicleScene, side: Side) -> tuple[str, str]:
 
 def driven_connections(scene: VehicleScene) -> tuple[Connection, ...]:
     """Connections from chassis to driver and from driver to drives."""
-    shown, seen = _names(wheel_state("chassis", "output")), _names(wheel_state("chassis", "input"))
+    shown, seen = _names(motion_ports("chassis", "output")), _names(motion_ports("chassis", "input"))
     return (
         Connection("chassis", shown[:POSE], "driver", seen[:POSE], "state"),
         Connection("chassis", shown[POSE:], "driver", seen[POSE:], "rate"),
@@ -262,8 +262,8 @@ def rim(name: str, radius: float, x: float, z: float) -> dict[str, Any]:
 
 def wheel_connections(giver: str, connector: str, taker: str, taken: str) -> tuple[Connection, ...]:
     """Power bond of a wheel: pose and rates from taker to giver, mean wrench from giver to taker."""
-    shown, seen = _names(wheel_state(taken, "output")), _names(wheel_state(connector, "input"))
-    given, felt = _names(wrench(connector, "output")), _names(wrench(taken, "input"))
+    shown, seen = _names(motion_ports(taken, "output")), _names(motion_ports(connector, "input"))
+    given, felt = _names(wrench_ports(connector, "output")), _names(wrench_ports(taken, "input"))
     bond = f"{giver}.{connector}"
     return (
         Connection(taker, shown[:POSE], giver, seen[:POSE], "state"),

@@ -68,7 +68,7 @@ class Unicycle:
 def test_four_quarters_of_a_circle_close_and_points_beside_it_are_found():
     quarter = 0.5 * np.pi * 5.0
     circle = path.of_arcs("path.arcs", f"{quarter} 0.2; " * 4)
-    assert np.allclose(path.at(circle, 0, circle.length)[:3], (0.0, 0.0, 2.0 * np.pi), atol=1e-12)
+    assert np.allclose(path.point(circle, 0, circle.length)[:3], (0.0, 0.0, 2.0 * np.pi), atol=1e-12)
     for angle in np.linspace(0.1, 6.0, 13):
         for off in (-2.0, 0.0, 1.5):
             at = (5.0 - off) * np.sin(angle), 5.0 - (5.0 - off) * np.cos(angle)
@@ -78,9 +78,9 @@ def test_four_quarters_of_a_circle_close_and_points_beside_it_are_found():
 
 def test_beyond_its_ends_a_path_is_straight():
     arc = path.of_arcs("path.arcs", "5 0.2")
-    x, y, heading, _ = path.at(arc, 0, 5.0)
-    assert np.allclose(path.at(arc, 0, 7.0), (x + 2 * np.cos(heading), y + 2 * np.sin(heading), 1.0, 0.0))
-    assert np.allclose(path.at(arc, 0, -2.0), (-2.0, 0.0, 0.0, 0.0))
+    x, y, heading, _ = path.point(arc, 0, 5.0)
+    assert np.allclose(path.point(arc, 0, 7.0), (x + 2 * np.cos(heading), y + 2 * np.sin(heading), 1.0, 0.0))
+    assert np.allclose(path.point(arc, 0, -2.0), (-2.0, 0.0, 0.0, 0.0))
 
 
 def test_a_path_through_points_of_a_circle_is_that_circle():
@@ -181,9 +181,9 @@ def test_a_path_goes_back_along_its_arcs_and_turns_on_the_spot():
     there = path.of_arcs("path.arcs", "5 0.2; -5 0.2; 0 0.5; -2 0")
     assert there.first.tolist() == [0, 1, 2, 3, 4]
     assert there.length == pytest.approx(12.0)
-    assert np.allclose(path.at(there, 1, 10.0)[:3], (0.0, 0.0, 0.0), atol=1e-12)
-    assert np.allclose(path.at(there, 1, 5.0), path.at(there, 0, 5.0), atol=1e-12)
-    assert np.allclose(path.at(there, 3, 12.0)[:3], (-2.0 * np.cos(0.5), -2.0 * np.sin(0.5), 0.5), atol=1e-12)
+    assert np.allclose(path.point(there, 1, 10.0)[:3], (0.0, 0.0, 0.0), atol=1e-12)
+    assert np.allclose(path.point(there, 1, 5.0), path.point(there, 0, 5.0), atol=1e-12)
+    assert np.allclose(path.point(there, 3, 12.0)[:3], (-2.0 * np.cos(0.5), -2.0 * np.sin(0.5), 0.5), atol=1e-12)
     way, left = path.nearest(there, 3, -np.cos(0.5) - np.sin(0.5), np.cos(0.5) - np.sin(0.5), 10.0)
     assert (way, left) == (pytest.approx(11.0), pytest.approx(1.0))
 

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from fmus.drives.motor import profile, profile_slope
 from fmus.drives.mount import WIDTH
-from fmus.drives.shaft import ANGLE, RATE, SPUN, spin
+from fmus.drives.shaft import ANGLE, INTEGRATED, RATE, integrate_spin
 from fmus.model import InvalidParameter, StepFailed
 from fmus.sprocket_drive.model import Model
 
@@ -215,8 +215,8 @@ def test_spin_converges_at_order_four(mode):
 
     def end(steps):
         x = np.zeros(WIDTH)
-        spin(probe.model.drive, x, 0.0, 0.4, steps, -30.0, 0.2, -0.1)
-        return x[:SPUN].copy()
+        integrate_spin(probe.model.drive, x, 0.0, 0.4, steps, -30.0, 0.2, -0.1)
+        return x[:INTEGRATED].copy()
 
     exact = end(2048)
     errors = [np.linalg.norm(end(n) - exact) for n in (32, 64, 128)]

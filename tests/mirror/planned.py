@@ -21,7 +21,7 @@ FAINT = 0.03  # rad/s
 
 
 class Planned(Seen):
-    """Driver's view as in ``SteeredPoint``, with friction."""
+    """Driver's view as in ``Seen``, with friction."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
@@ -29,8 +29,8 @@ class Planned(Seen):
         self.creep = part.config["vehicle"]["contact"]["ground"]["friction_velocity"]
         self.limit = self.p["friction"] * G
         self.grip = self.p["grip"] * self.limit
-        self.resists = self.stands.arm / self.stands.half
-        self.most = self.limit * self.stands.mass * (self.stands.half - self.stands.arm) / self.stands.inertia
+        self.resists = self.stands.arm / self.stands.half_gauge
+        self.most = self.limit * self.stands.mass * (self.stands.half_gauge - self.stands.arm) / self.stands.inertia
         self.v = np.maximum(self.forward, 0.0)
 
     def left(self, rate: Floats, across: Floats, turning: Floats) -> Floats:
@@ -146,9 +146,9 @@ class Planned(Seen):
         f = self.stands
 
         def lacks(z: Floats, creep: float) -> Floats:
-            numbers = (f.mass, f.inertia, f.height, f.half, 4.0 * f.edge, 1.0, mu, creep, 1.0)
+            numbers = (f.mass, f.inertia, f.height, f.half_gauge, 4.0 * f.edge, 1.0, mu, creep, 1.0)
             out, x = np.zeros(8), np.array([0.0, 0.0, 0.0, speed, z[2], rate, 0.0, 0.0])
-            x[6:] = speed - rate * f.half + z[0], speed + rate * f.half + z[1]
+            x[6:] = speed - rate * f.half_gauge + z[0], speed + rate * f.half_gauge + z[1]
             found = _rates(x, np.array(moves[:2]), np.zeros(2), f.wheels, f.shares, numbers, out)
             return np.array([found[0], found[1], out[RATE]]) - moves
 
@@ -178,7 +178,7 @@ class Planned(Seen):
             across = self.forward[i] * r
             z = self._slip(0.0, r, (pace[i] - r * z[2], across, bend[i]), z, self.p["friction"], self.creep)
             speed = self.paced[i] + lag * pace[i]
-            found.append([speed + z[0] - f.half * r - more, speed + z[1] + f.half * r + more])
+            found.append([speed + z[0] - f.half_gauge * r - more, speed + z[1] + f.half_gauge * r + more])
         return np.array(found) / self.radius
 
     def sprocket(self, side: float) -> Floats:
