@@ -7,7 +7,7 @@ chassis has accelerations, which must vanish. Friction has no influence: regular
 The chains are cables for all kinds of links of the scene, so that all kinds start in the same place: rigid links, beams
 and cables of steel differ by 1.4 um in height and by 0.02 % in wheel loads. Chains stay in the upright plane in which a
 track is laid out. The wheels of a vehicle that leans tilt on them; the links resist the tilt as springs side by side
-(``_ChainOnWheels.pushes``). Lateral forces of tilted wheels are left out: only friction, which creeps, balances them.
+(``_ChainOnWheels.wheel_wrenches``). Lateral forces of tilted wheels are left out: only friction, which creeps, balances them.
 
 Method: Newton with an inertia term over the square of a pseudo step that grows as the accelerations fall
 (pseudo-transient continuation: Kelley and Keyes, SIAM J. Numer. Anal. 35(2), 1998, doi 10.1137/S0036142996304796); the
@@ -42,7 +42,7 @@ FARTHEST = 0.05  # largest change of an unknown in a pseudo step, m or rad
 DIFFERENCE = 1e-6  # finite difference for the Jacobian, m or rad
 STILL = 1e-4  # largest acceleration that counts as rest, m/s2 or rad/s2: 0.04 N on an idler
 MOST = 60  # pseudo steps
-LIFTED = np.eye(WIDTH)[2] * 1e-5  # lift of all wheels, m: the loss of load gives the vertical stiffness
+LIFT = np.eye(WIDTH)[2] * 1e-5  # lift of all wheels, m: the loss of load gives the vertical stiffness
 HEIGHT, ROLL, PITCH, LEAVES = 0, 1, 2, 3  # indices of the unknowns
 
 
@@ -75,7 +75,7 @@ def equilibrium(chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack])
         if (cached := read_checked(file)) is not None:
             return VehicleEquilibrium(*json.loads(cached))
     try:
-        solution = _solved(_Vehicle(chassis, tracks))
+        solution = _solve(_Vehicle(chassis, tracks))
     except (InvalidParameter, StepFailed) as error:
         raise BadInput(f"the vehicle's equilibrium was not found, start.state = 'drawn' needs none: {error}") from None
     with reporting_errors():
@@ -89,14 +89,14 @@ def stances(chassis: Mapping[str, Any]) -> dict[str, Stance]:
     They are in the vehicle frame, but y counts from the plane of the track.
     """
     vehicle = chassis["vehicle"]
-    both = {**chassis["chassis"], "sides": ["left", "right"]}
-    model, lateral = Chassis({"vehicle": vehicle, "chassis": both}), vehicle["track"]["lateral"]
-    motions = _motions(model, model.begun())
+    whole_config = {**chassis["chassis"], "sides": ["left", "right"]}
+    model, lateral = Chassis({"vehicle": vehicle, "chassis": whole_config}), vehicle["track"]["lateral"]
+    motions = _motions(model, model.start_state())
     names = stations(len(vehicle["road_wheel"]["x"]))
     return {
         f"{side}.{name}": stance((x, y - sign * lateral, *rest[:5]))
-        for side, sign, seen in zip(("left", "right"), (1.0, -1.0), motions, strict=True)
-        for name, (x, y, *rest) in zip(names, seen.tolist(), strict=True)
+        for side, sign, side_motions in zip(("left", "right"), (1.0, -1.0), motions, strict=True)
+        for name, (x, y, *rest) in zip(names, side_motions.tolist(), strict=True)
     }
 
 
@@ -105,7 +105,7 @@ def upright(place: Stance, pitch: float) -> Stance:
     return stance((place[0], 0.0, place[2], *roll_pitch_quaternion(0.0, pitch)))
 
 
-def leans(chassis: Mapping[str, Any], tracks: Sequence[str]) -> bool:
+def is_asymmetric(chassis: Mapping[str, Any], tracks: Sequence[str]) -> bool:
     """Whether the two sides carry different loads, so that the hull rolls."""
     return len(tracks) == 1 or chassis["vehicle"]["chassis"]["centre"][1] != 0.0
 
@@ -114,13 +114,18 @@ class _Vehicle:
     """Chassis and chains of a vehicle: its accelerations at given values of the unknowns."""
 
     def __init__(self, chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack]) -> None:
-        self.half = not leans(chassis, tuple(tracks))
+        self.half = not is_asymmetric(chassis, tuple(tracks))
         sides = ["left"] if self.half else ["left", "right"]
         self.chassis = Chassis({**chassis, "chassis": {**chassis["chassis"], "sides": sides}})
         self.chassis.initialise({})
         self.leaves = len(self.chassis.tree.turns) // 2
         self._chains = {sides.index(side): _ChainOnWheels(track) for side, track in tracks.items() if side in sides}
-        self.free = [HEIGHT, *([] if self.half else [ROLL]), PITCH, *range(LEAVES, LEAVES + len(sides) * self.leaves)]
+        self.unknowns = [
+            HEIGHT,
+            *([] if self.half else [ROLL]),
+            PITCH,
+            *range(LEAVES, LEAVES + len(sides) * self.leaves),
+        ]
 
     def place(self, guess: Floats) -> VehicleEquilibrium:
         """Equilibrium from the unknowns: height, roll, pitch of the hull, leaves left and right (half: left)."""
@@ -133,16 +138,16 @@ class _Vehicle:
 
         Raises StepFailed where a chain finds no equilibrium.
         """
-        x = self.chassis.begun(self.place(guess)._asdict())
+        x = self.chassis.start_state(self.place(guess)._asdict())
         motions = _motions(self.chassis, x)
-        pushes = np.zeros((len(motions), len(motions[0]), WRENCH))
+        wrenches = np.zeros((len(motions), len(motions[0]), WRENCH))
         for side, chain in self._chains.items():
-            pushes[side] = chain.pushes(motions[side], guess[ROLL], guess[PITCH])
+            wrenches[side] = chain.wheel_wrenches(motions[side], guess[ROLL], guess[PITCH])
         out = np.zeros_like(x)
-        rates(self.chassis.tree, self.chassis.parts.contacts, x, pushes.ravel(), out)
+        rates(self.chassis.tree, self.chassis.parts.contacts, x, wrenches.ravel(), out)
         n = 2 * self.leaves
-        own = out[ROOT + 2 * n : ROOT + 3 * n][: guess.size - LEAVES]
-        return np.array([out[9], out[10], out[11], *own])[self.free]
+        leaf_accelerations = out[ROOT + 2 * n : ROOT + 3 * n][: guess.size - LEAVES]
+        return np.array([out[9], out[10], out[11], *leaf_accelerations])[self.unknowns]
 
 
 class _ChainOnWheels:
@@ -152,25 +157,25 @@ class _ChainOnWheels:
         self._model = Cables({**track.config, "link_outputs": False})
         self._model.initialise(track.parameters)
         self._arm = 0.25 * self._model.vehicle["track"]["width"]  # lever of the two faces of a link, m
-        self._known: tuple[Floats, Floats] = np.zeros((0, WIDTH)), np.zeros((0, WRENCH))  # rows, wrenches
+        self._last: tuple[Floats, Floats] = np.zeros((0, WIDTH)), np.zeros((0, WRENCH))  # rows, wrenches
 
-    def pushes(self, motions: Floats, roll: float, pitch: float) -> Floats:
+    def wheel_wrenches(self, motions: Floats, roll: float, pitch: float) -> Floats:
         """Wrenches (wheels, 6) on the road wheels, idler and sprocket with these motions (wheels, 13)."""
-        stands = np.zeros((len(motions), STATE))
-        stands[:, [0, 2]], stands[:, 3:7] = motions[:, [0, 2]], roll_pitch_quaternion(0.0, pitch)
+        rest_motions = np.zeros((len(motions), STATE))
+        rest_motions[:, [0, 2]], rest_motions[:, 3:7] = motions[:, [0, 2]], roll_pitch_quaternion(0.0, pitch)
         rows = np.zeros((len(motions), WIDTH))
         level = np.array([0.0, 0.0, 0.0, 1.0, 0.0])
-        plain(read_states)(np.roll(stands, 1, axis=0).ravel(), level, rows)  # a track has its sprocket first
-        if not np.array_equal(rows, self._known[0]):
-            pushes = self._at_rest(rows)
+        plain(read_states)(np.roll(rest_motions, 1, axis=0).ravel(), level, rows)  # a track has its sprocket first
+        if not np.array_equal(rows, self._last[0]):
+            wrenches = self._rest_wrenches(rows)
             if roll:  # each face has half of the stiffness
-                lifted = self._at_rest(rows + LIFTED)
-                pushes[:, 3] = (lifted - pushes)[:, 2] / LIFTED[2] * self._arm**2 * roll
-            self._known = rows, pushes
-        return self._known[1]
+                lifted = self._rest_wrenches(rows + LIFT)
+                wrenches[:, 3] = (lifted - wrenches)[:, 2] / LIFT[2] * self._arm**2 * roll
+            self._last = rows, wrenches
+        return self._last[1]
 
-    def _at_rest(self, rows: Floats) -> Floats:
-        self._model.come_to_rest(rows)
+    def _rest_wrenches(self, rows: Floats) -> Floats:
+        self._model.find_equilibrium(rows)
         return np.roll(self._model.s.mean[: len(rows)], -1, axis=0)
 
 
@@ -182,24 +187,24 @@ def _motions(chassis: Any, x: Floats) -> Floats:
     return y.reshape(sides, places, STATE)
 
 
-def _solved(vehicle: _Vehicle) -> VehicleEquilibrium:
+def _solve(vehicle: _Vehicle) -> VehicleEquilibrium:
     """Equilibrium by pseudo-transient continuation; raises StepFailed where it does not converge."""
     guess = np.zeros(LEAVES + (1 if vehicle.half else 2) * vehicle.leaves)
-    free, size = vehicle.free, len(vehicle.free)
-    now, step = vehicle.accelerations(guess), FIRST
+    unknowns, size = vehicle.unknowns, len(vehicle.unknowns)
+    residual, step = vehicle.accelerations(guess), FIRST
     for _ in range(MOST):
         slopes = np.empty((size, size))
-        for k, i in enumerate(free):
-            beside = guess.copy()
-            beside[i] += DIFFERENCE
-            slopes[:, k] = (vehicle.accelerations(beside) - now) / DIFFERENCE
-        moved = np.linalg.solve(np.eye(size) / step**2 - slopes, now)
-        while abs(moved).max() > FARTHEST:
+        for k, i in enumerate(unknowns):
+            shifted = guess.copy()
+            shifted[i] += DIFFERENCE
+            slopes[:, k] = (vehicle.accelerations(shifted) - residual) / DIFFERENCE
+        change = np.linalg.solve(np.eye(size) / step**2 - slopes, residual)
+        while abs(change).max() > FARTHEST:
             step *= 0.5
-            moved = np.linalg.solve(np.eye(size) / step**2 - slopes, now)
-        guess[free] += moved
-        before, now = np.linalg.norm(now), vehicle.accelerations(guess)
-        if abs(now).max() < STILL:
+            change = np.linalg.solve(np.eye(size) / step**2 - slopes, residual)
+        guess[unknowns] += change
+        before, residual = np.linalg.norm(residual), vehicle.accelerations(guess)
+        if abs(residual).max() < STILL:
             return vehicle.place(guess)
-        step = min(step * np.clip(before / np.linalg.norm(now), 1.5, 10.0), LAST)
-    raise StepFailed(f"accelerations of {abs(now).max():.3g} m/s2 are left after {MOST} steps")
+        step = min(step * np.clip(before / np.linalg.norm(residual), 1.5, 10.0), LAST)
+    raise StepFailed(f"accelerations of {abs(residual).max():.3g} m/s2 are left after {MOST} steps")

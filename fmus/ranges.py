@@ -68,17 +68,19 @@ VEHICLE = (
 )  # fmt: skip
 
 
-def outside(table: Mapping[str, Any], ranges: Sequence[PlausibleRange], which: str, above: str = "") -> Iterator[str]:
+def range_violations(
+    table: Mapping[str, Any], ranges: Sequence[PlausibleRange], which: str, above: str = ""
+) -> Iterator[str]:
     """Yield a sentence for each number of a ``table`` outside its range.
 
     ``which``: the range, "plausible" or "possible"; ``above``: prefix of the keys in the sentence.
     """
-    for each in ranges:
+    for number_range in ranges:
         value: Any = table
-        for part in each.key.split("."):
+        for part in number_range.key.split("."):
             value = value.get(part) if isinstance(value, Mapping) else None
-        low, high = getattr(each, which)
+        low, high = getattr(number_range, which)
         if isinstance(value, int | float) and not low <= value <= high:
-            unit = "" if each.unit == "1" else f" {each.unit}"
-            what = "must be" if which == "possible" else "plausible is"
-            yield f"{above}{each.key} = {value:g}{unit}: {what} {low:g} to {high:g}{unit} ({each.reason})"
+            unit = "" if number_range.unit == "1" else f" {number_range.unit}"
+            relation = "must be" if which == "possible" else "plausible is"
+            yield f"{above}{number_range.key} = {value:g}{unit}: {relation} {low:g} to {high:g}{unit} ({number_range.reason})"

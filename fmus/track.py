@@ -155,12 +155,12 @@ def alpha(p: Mapping[str, Any]) -> GeneralizedAlpha:
     """Coefficients of the implicit integrator that the parameters choose; raises InvalidParameter."""
     radius = p["spectral_radius"]
     if p["integrator"] != HHT:
-        found: GeneralizedAlpha = generalized_alpha.coefficients(radius)
+        coefficients: GeneralizedAlpha = generalized_alpha.coefficients(radius)
     elif radius < hht.LEAST:
         raise InvalidParameter(f"spectral_radius = {radius:g}: integrator = '{HHT}' has {hht.LEAST:g} to 1")
     else:
-        found = hht.coefficients(radius)
-    return found
+        coefficients = hht.coefficients(radius)
+    return coefficients
 
 
 KINDS = {"pinned": PINNED, "pulled": PULLED, "held": HELD}
@@ -173,7 +173,7 @@ STARTS = {
 }
 
 
-def begins(wheel: Mapping[str, Any]) -> Stance:
+def start_stance(wheel: Mapping[str, Any]) -> Stance:
     """Stance of a wheel of a track's config at the start, y from the track plane; as drawn by default."""
     x, z = wheel["position"]
     return stance(wheel.get("start", (x, 0.0, z)))
@@ -182,8 +182,8 @@ def begins(wheel: Mapping[str, Any]) -> Stance:
 class TrackModel(ComponentModel):
     """Chain of links with the ports of a track; a subclass adds the mechanics of its links.
 
-    The subclass implements ``shapes``, ``prepare``, ``settle``, ``come_to_rest`` and ``move``; ``prepare`` sets
-    ``link``, ``method``, ``work`` and ``stable``.
+    The subclass implements ``shapes``, ``prepare``, ``settle``, ``find_equilibrium`` and ``add_rates``; ``prepare``
+    sets ``link``, ``method``, ``work`` and ``stable_step``.
     """
 
     start_kernel, step_kernel = staticmethod(steps.begin), staticmethod(steps.implicit)
@@ -195,7 +195,7 @@ class TrackModel(ComponentModel):
     link: Any  # parameters of the links
     method: Method  # of the implicit integrator
     work: Any  # scratch arrays
-    stable: float  # longest stable step of the explicit integrator, s
+    stable_step: float  # longest stable step of the explicit integrator, s
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         """Make a track from the resolved config (keys vehicle, track, link_outputs) and allocate its arrays."""
@@ -231,11 +231,11 @@ class TrackModel(ComponentModel):
     def _ports(self, config: Mapping[str, Any]) -> tuple[Port, ...]:
         vehicle, ports = self.vehicle, []
         text = "lateral position of the track plane in the vehicle, left positive"
-        place = [*start_pose_ports(), Port("start.lateral", "parameter", "m", text, vehicle["track"]["lateral"])]
-        drawn = {port.name: port.start for port in configured_ports(place, config)}
-        pose, lateral = start_pose(drawn), float(drawn["start.lateral"])
+        pose_ports = [*start_pose_ports(), Port("start.lateral", "parameter", "m", text, vehicle["track"]["lateral"])]
+        pose_values = {port.name: port.start for port in configured_ports(pose_ports, config)}
+        pose, lateral = start_pose(pose_values), float(pose_values["start.lateral"])
         for wheel in self.wheel_list:
-            x, y, *rest = begins(wheel)
+            x, y, *rest = start_stance(wheel)
             ports += motion_ports(wheel["name"], "input", plain(part_at_rest)(pose, stance((x, y + lateral, *rest))))
         for wheel in self.wheel_list:
             ports += wrench_ports(wheel["name"], "output")
@@ -243,13 +243,13 @@ class TrackModel(ComponentModel):
         ports += link_outputs.ports(self.link_groups, self.links_count, self.nodes)
         for name in ("steps", "evaluations", "iterations", "rejected"):
             ports.append(Port(f"solver.{name}", "output", "1", f"{name} of the integrator so far", 0))
-        ports += place
+        ports += pose_ports
         starts = {PINNED: ("rest", "polygon", "displaced"), HELD: ("straight", "folded")}.get(
             self.ends_kind, ("rest", "polygon")
         )
         text = "; ".join(f"{start}: {STARTS[start]}" for start in starts)
         ports.append(Port("start", "parameter", "1", text, starts[0], starts))
-        if self._free():
+        if self._is_free_loop():
             ports.append(Port("start.spin", "parameter", "rad/s", "turning of the loop about y at the start"))
             text = "turning of links by this times cos(2 angle) at the start besides: the loop becomes oval"
             ports.append(Port("start.ovalling", "parameter", "rad/s", text))
@@ -267,8 +267,8 @@ class TrackModel(ComponentModel):
         text = "communication steps over which forces, sliding and depth of links are means, a whole number"
         ports.append(Port(link_outputs.INTERVAL, "parameter", "1", text, 1.0, allowed=INTERVALS))
         kinds = {wheel["kind"] for wheel in self.wheel_list}
-        there = {"sprocket": "teeth" in kinds, "wheel": bool(kinds), "ground": bool(self.config["ground"])}
-        for pair in (pair for pair, exists in there.items() if exists):
+        existing = {"sprocket": "teeth" in kinds, "wheel": bool(kinds), "ground": bool(self.config["ground"])}
+        for pair in (pair for pair, exists in existing.items() if exists):
             from fmus.physics.contact.laws import LAWS  # of chains that touch something
 
             law, text = vehicle["contact"][pair], f"normal law of {pair} contact"
@@ -281,13 +281,13 @@ class TrackModel(ComponentModel):
             ):
                 name, text = f"contact.{pair}.{key}", f"{text} of {pair} contact"
                 ports.append(Port(name, "parameter", unit, text, law[key], allowed=allowed))
-        return tuple(ports) + self.own_ports_of(vehicle)
+        return tuple(ports) + self.link_parameters(vehicle)
 
-    def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
+    def link_parameters(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Parameters of this kind of links alone."""
         return ()
 
-    def _free(self) -> bool:
+    def _is_free_loop(self) -> bool:
         """Whether the chain is a loop without wheels."""
         return self.closed and not self.wheel_list
 
@@ -302,10 +302,10 @@ class TrackModel(ComponentModel):
         self.max_step, self.integrator, self.interval = p["step"], p["integrator"], p[link_outputs.INTERVAL]
         if self.interval != round(self.interval):
             raise InvalidParameter(f"{link_outputs.INTERVAL} = {self.interval:g}: must be a whole number")
-        self.contacts = self.partners(p)
+        self.contacts = self.contact_partners(p)
         self.environment = self._environment()
         level = StartPose(0.0, 0.0, 0.0, 0.0, 0.0, self.pose.pitch)
-        wheels = np.array([plain(part_at_rest)(level, begins(wheel)) for wheel in self.wheel_list]).ravel()
+        wheels = np.array([plain(part_at_rest)(level, start_stance(wheel)) for wheel in self.wheel_list]).ravel()
         plain(read_states)(wheels, np.array([0.0, 0.0, 0.0, 1.0, 0.0]), self.start_rows)
         self.counters[:] = 0
         self.state[:] = 0.0
@@ -316,9 +316,9 @@ class TrackModel(ComponentModel):
         if oval:
             if self.links_count < 4:
                 raise InvalidParameter(f"start.ovalling = {oval}: a triangle of links is rigid, it must be 0")
-            self.move(*ovalling(self.pins()[:, [0, 2]], oval))
+            self.add_rates(*ovalling(self.pins()[:, [0, 2]], oval))
         self._parameters = p
-        self.run_as_set()
+        self.begin_run()
 
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """Pose on a level ground that moves with the vehicle, and parameters without influence on the statics."""
@@ -327,13 +327,13 @@ class TrackModel(ComponentModel):
             numbers["common.longest"] = "{step}"
         names = {port.name for port in self.ports}
         for pair, field in (("sprocket", "sprocket"), ("wheel", "wheel"), ("ground", "soil")):
-            own = {"c": f"contact.{pair}.damping", "mu": f"contact.{pair}.friction"}
-            own["v_reg"] = f"contact.{pair}.friction_velocity"
-            numbers |= {f"contacts.{field}.{key}": f"{{{name}}}" for key, name in own.items() if name in names}
-        held = ("start.height", "start.pitch")  # they change the static equilibrium of the chain
-        return FreeParameters(numbers, tuple(name for name in self.start_parameters if name not in held))
+            keys = {"c": f"contact.{pair}.damping", "mu": f"contact.{pair}.friction"}
+            keys["v_reg"] = f"contact.{pair}.friction_velocity"
+            numbers |= {f"contacts.{field}.{key}": f"{{{name}}}" for key, name in keys.items() if name in names}
+        fixed = ("start.height", "start.pitch")  # they change the static equilibrium of the chain
+        return FreeParameters(numbers, tuple(name for name in self.start_parameters if name not in fixed))
 
-    def run_as_set(self) -> None:
+    def begin_run(self) -> None:
         """Begin with the kernel of the chosen integrator and the prepared links."""
         self.step_kernel, scheme = self._scheme()
         self.begin(
@@ -342,7 +342,7 @@ class TrackModel(ComponentModel):
                 *self.system(),
                 scheme=scheme,
                 common=steps.CommonData(
-                    longest=min(self.max_step, self.stable) if self.integrator == EXPLICIT else self.max_step,
+                    longest=min(self.max_step, self.stable_step) if self.integrator == EXPLICIT else self.max_step,
                     plane=self.plane,
                     pitch=self.pitch,
                     lateral=self.lateral,
@@ -378,7 +378,7 @@ class TrackModel(ComponentModel):
             return steps.adams, adaptive.adams(self.s, *self.tolerances)
         return steps.implicit, self.method
 
-    def partners(self, p: Mapping[str, Any]) -> Any:
+    def contact_partners(self, p: Mapping[str, Any]) -> Any:
         """Contact partners (``fmus.contacts.Contacts``); None, without importing them, where there are none."""
         if not (self.wheel_list or self.config["ground"]):
             return None
@@ -400,7 +400,7 @@ class TrackModel(ComponentModel):
     def polygon(self, rest: bool = True) -> Floats:
         """Pins (nodes, 2) of the start layout, m; with ``rest`` near equilibrium. Raises InvalidParameter."""
         try:
-            if self._free():
+            if self._is_free_loop():
                 return regular_polygon(self.pitch, self.links_count)
             if self.closed:
                 centres = np.array([w["position"] for w in self.wheel_list], dtype=float)
@@ -453,9 +453,9 @@ class TrackModel(ComponentModel):
 
     def pins(self) -> Floats:
         """Positions of the pins (nodes, 3) in the track's frame, m."""
-        places = np.zeros((self.nodes, 3))
-        pin_places(self.link, self.s, self.work, places)
-        return places
+        positions = np.zeros((self.nodes, 3))
+        pin_places(self.link, self.s, self.work, positions)
+        return positions
 
     def system(self) -> tuple[Any, Any, Environment]:
         """First arguments of the kernels of a chain: links, contact partners, environment."""
@@ -479,14 +479,14 @@ class TrackModel(ComponentModel):
         """
         raise NotImplementedError
 
-    def come_to_rest(self, rows: Floats) -> None:
+    def find_equilibrium(self, rows: Floats) -> None:
         """Find static equilibrium on wheels at rest at ``rows`` (wheels, 15), from the present state.
 
         Raises StepFailed.
         """
         raise NotImplementedError
 
-    def move(self, turning: Floats, velocity: Floats) -> None:
+    def add_rates(self, turning: Floats, velocity: Floats) -> None:
         """Add rates of the links about y (n), rad/s, and velocities of the pins (n, 2), m/s, to a free loop's."""
         raise NotImplementedError
 

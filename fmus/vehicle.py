@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 from annotated_types import GroupedMetadata
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from fmus.ranges import VEHICLE, outside
+from fmus.ranges import VEHICLE, range_violations
 
 
 class BadInput(ValueError):
@@ -54,15 +54,15 @@ def to_si(unit: str) -> Callable[[object], float]:
         quantity = _QUANTITY.fullmatch(value)
         if quantity is None:
             raise ValueError(f"must be a number or a quantity in {unit}")
-        number, given = float(quantity[1]), quantity[2].strip()
-        if given in ("", unit):
+        number, given_unit = float(quantity[1]), quantity[2].strip()
+        if given_unit in ("", unit):
             return number
-        if (given, unit) in COMMON:
-            return number * COMMON[given, unit]
+        if (given_unit, unit) in COMMON:
+            return number * COMMON[given_unit, unit]
         import pint
 
         try:
-            return float(_registry().Quantity(number, given).to(unit).magnitude)
+            return float(_registry().Quantity(number, given_unit).to(unit).magnitude)
         except pint.errors.PintError as error:
             raise ValueError(f"must be a quantity in {unit}: {error}") from None
         except Exception:
@@ -203,14 +203,14 @@ class GuideTable(FrozenTable):  # noqa: D101
     clearance: Annotated[float, In("m", ge=0)]
 
 
-def _fits(vehicle: Vehicle) -> Vehicle:
+def _check_consistency(vehicle: Vehicle) -> Vehicle:
     pitch_radius = vehicle.pitch_radius
     if vehicle.sprocket.outer_radius <= pitch_radius:
         raise ValueError(
             f"sprocket.outer_radius = {vehicle.sprocket.outer_radius} m"
             f" must exceed the pitch radius {pitch_radius:.4f} m"
         )
-    for complaint in outside(vehicle.model_dump(), VEHICLE, "possible"):
+    for complaint in range_violations(vehicle.model_dump(), VEHICLE, "possible"):
         raise ValueError(complaint)
     section = vehicle.section
     polar = section.bending + section.lateral_bending
@@ -248,14 +248,14 @@ class VehicleTable(FrozenTable):
         return self.track.pitch / (2.0 * sin(pi / self.sprocket.teeth))
 
 
-Vehicle = Annotated[VehicleTable, AfterValidator(_fits)]
+Vehicle = Annotated[VehicleTable, AfterValidator(_check_consistency)]
 
 
 def _short(text: str) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
-def shown(value: object) -> str:
+def value_text(value: object) -> str:
     """Text of a value for a message, at most 80 characters for values of any size or depth."""
     try:
         return _short(repr(value))
@@ -272,7 +272,7 @@ def sentence(error: ValidationError, where: str) -> str:
     if first["type"] == "missing":
         return f"{where}: key '{key}' is missing"
     message = first["msg"].removeprefix("Value error, ")
-    value = "" if isinstance(first["input"], Mapping) else f" = {shown(first['input'])}"
+    value = "" if isinstance(first["input"], Mapping) else f" = {value_text(first['input'])}"
     about = f"{key}{value}: " if key else ""
     return f"{where}: {about}{message[0].lower()}{message[1:]}"
 
@@ -280,7 +280,7 @@ def sentence(error: ValidationError, where: str) -> str:
 def vehicle(data: Mapping[str, Any], where: str) -> VehicleTable:
     """Validate a vehicle table; raises BadInput with one sentence that begins with ``where``."""
     try:
-        return _fits(VehicleTable.model_validate(dict(data)))
+        return _check_consistency(VehicleTable.model_validate(dict(data)))
     except ValidationError as error:
         raise BadInput(sentence(error, where)) from None
     except ValueError as error:

@@ -18,7 +18,7 @@ def begin(c, messages, p):
     n = tree.turns.size
     x[:] = 0.0
     for k in range(n):
-        tree.preload[k] = p[PRELOADS] if tree.turns[k] == 1 else p[PRELOADS + 1] - c.missing[2 * k // n]
+        tree.preload[k] = p[PRELOADS] if tree.turns[k] == 1 else p[PRELOADS + 1] - c.missing_preload[2 * k // n]
         x[ROOT + k] = c.leaves[k]
     hull = part_at_rest(p, c.hull)
     for i in range(7):
@@ -26,11 +26,11 @@ def begin(c, messages, p):
     start[0], start[1] = x[0], x[1]
     start[2] = world_position(p, c.centre[0], c.centre[1], c.centre[2])[2]
     start[3], start[4] = p[HEADING], energies(tree, x)[1]
-    _stand(c.contacts, p)
+    _lay_contact_frame(c.contacts, p)
     return 0
 
 
 @kernel
-def _stand(contacts, p):
+def _lay_contact_frame(contacts, p):
     if contacts is not None:
         lay_frame(p, 0.0, 0.0, 0.0, contacts.frame)

@@ -60,8 +60,8 @@ def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: 
 
 
 @kernel
-def _touch(contacts, A, share, at, p, velocity, centre):
-    """Add the contact of a point to ``f[at : at + 6]``, its torque about ``centre``, and to the sums.
+def _add_contact(contacts, A, share, index, p, velocity, centre):
+    """Add the contact of a point to ``f[index : index + 6]``, its torque about ``centre``, and to the sums.
 
     p, velocity, centre: of the point, world; ``share`` scales the stiffness; A: rotation of B (3, 3).
     """
@@ -80,8 +80,8 @@ def _touch(contacts, A, share, at, p, velocity, centre):
     sums[POWER] += push.friction + push.damping
     put(sums, FORCE, add(vector(sums, FORCE), force))
     torque = cross(add(p, scale(-1.0, centre)), force)
-    put(f, at, add(vector(f, at), to_body(A, force)))
-    put(f, at + 3, add(vector(f, at + 3), to_body(A, torque)))
+    put(f, index, add(vector(f, index), to_body(A, force)))
+    put(f, index + 3, add(vector(f, index + 3), to_body(A, torque)))
 
 
 @kernel
@@ -95,7 +95,7 @@ def touch(contacts, tree, x, A, v, w):
     contacts.sums[:] = 0.0
     for i in range(contacts.points.shape[0]):
         r = vector(contacts.points[i], 0)
-        _touch(contacts, A, 1.0, 6 * n, add(O, to_world(A, r)), to_world(A, add(v, cross(w, r))), O)
+        _add_contact(contacts, A, 1.0, 6 * n, add(O, to_world(A, r)), to_world(A, add(v, cross(w, r))), O)
     axle = (A[0, 1], A[1, 1], A[2, 1])
     for k in range(n):
         if contacts.radius[k] == 0.0:
@@ -115,4 +115,4 @@ def touch(contacts, tree, x, A, v, w):
             continue
         for side in (-1.0, 1.0):
             arm = add(scale(contacts.radius[k] / length, down), scale(side * contacts.half_width[k], axle))
-            _touch(contacts, A, 0.5, 6 * k, add(centre, arm), add(velocity, cross(turning, arm)), centre)
+            _add_contact(contacts, A, 0.5, 6 * k, add(centre, arm), add(velocity, cross(turning, arm)), centre)

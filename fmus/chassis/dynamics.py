@@ -24,7 +24,7 @@ from fmus.stance import Stance
 
 ROOT = 13  # numbers of the free body in the state
 LEAF = 4  # numbers of a leaf in the state
-BOOKS = 2  # energies in the state: dissipated energy, work of the wrenches
+ENERGY_SUMS = 2  # energies in the state: dissipated energy, work of the wrenches
 
 FINE, NOT_FINITE, BROKEN_QUATERNION, OUT_OF_REACH = 0, 1, 2, 3  # faults; the number of the leaf is added to the last
 TURNED_TOO_FAR, MOVED_TOO_FAR, TOO_LONG = 3, 4, 5  # further failures of a step, after the first faults
@@ -40,7 +40,7 @@ class Parts(NamedTuple):
     centre: tuple[float, float, float]  # centre of mass of the hull in the drawn position, vehicle frame, m
     hull: Stance  # of the hull at the start
     leaves: np.ndarray  # (n) coordinates of the leaves at the start
-    missing: tuple[float, float]  # preload that the left and the right tensioner lack, N
+    missing_preload: tuple[float, float]  # preload that the left and the right tensioner lack, N
     sides: int  # sides that have ports
     state: np.ndarray
     counters: np.ndarray  # (2) int
@@ -105,8 +105,8 @@ def leaf_bias(tree, k, w, qd, r, c, lc):
     derivative by the coordinate.
     """
     y = float(tree.turns[k])
-    bend, wl = scale(-tree.fraction[k] * y * qd * qd, r), (w[0], w[1] + y * qd, w[2])
-    bias = add(add(cross(w, cross(w, c)), cross(scale(2 * qd, w), lc)), bend)
+    centripetal, wl = scale(-tree.fraction[k] * y * qd * qd, r), (w[0], w[1] + y * qd, w[2])
+    bias = add(add(cross(w, cross(w, c)), cross(scale(2 * qd, w), lc)), centripetal)
     gyro = add(leaf_inertia(tree, k, r, cross(w, (0.0, y * qd, 0.0))), cross(wl, leaf_inertia(tree, k, r, wl)))
     return scale(-tree.leaf_mass[k], bias), scale(-1.0, gyro)
 
@@ -130,14 +130,14 @@ def leaf_tensor(tree, k, r, J):
 
 
 @kernel
-def eliminate(M, b, Q, k, g, own):
-    """Eliminate leaf k from M (6, 6) and b (6); divide its row of Q (n, 6) by ``own``, its mass. (10)"""
+def eliminate(M, b, Q, k, g, generalized_mass):
+    """Eliminate leaf k from M (6, 6) and b (6); divide its row of Q (n, 6) by its ``generalized_mass``. (10)"""
     for i in range(6):
         b[i] -= Q[k, i] * g
         for j in range(i + 1):
-            M[i, j] -= Q[k, i] * Q[k, j] / own
+            M[i, j] -= Q[k, i] * Q[k, j] / generalized_mass
     for i in range(6):
-        Q[k, i] /= own
+        Q[k, i] /= generalized_mass
 
 
 @kernel
@@ -200,13 +200,13 @@ def rates(tree, contacts, x, u, out):
         dissipated += lost
 
         Jt = leaf_inertia(tree, k, r, turn)
-        own = m * dot(lc, lc) + dot(turn, Jt)
-        g[k] = (dot(dr, f) + dot(lc, f_c) + dot(turn, t_c) - slope * push) / own
+        generalized_mass = m * dot(lc, lc) + dot(turn, Jt)
+        g[k] = (dot(dr, f) + dot(lc, f_c) + dot(turn, t_c) - slope * push) / generalized_mass
         put(Q[k], 0, scale(m, lc))
         put(Q[k], 3, add(cross(c, scale(m, lc)), Jt))
         leaf_tensor(tree, k, r, J)
         add_body(M, m, c, J)
-        eliminate(M, b, Q, k, g[k], own)
+        eliminate(M, b, Q, k, g[k], generalized_mass)
 
         out[d + k], out[spin + k] = qd, x[spin_rate + k] - w[1]
         out[spin_rate + k] = torque[1] / tree.spin_inertia[k]  # (4)
@@ -263,10 +263,10 @@ def fault(tree, x):
     for k in range(len(tree.turns)):
         q = x[ROOT + k]
         if tree.turns[k] == 0:
-            beyond = abs(q) > tree.reach[k]
+            out_of_reach = abs(q) > tree.reach[k]
         else:  # past the dead point, where the spring's line runs through the pin
-            beyond = abs(q) > np.pi or compression(tree, k, q)[1] * compression(tree, k, 0.0)[1] <= 0.0
-        if beyond:
+            out_of_reach = abs(q) > np.pi or compression(tree, k, q)[1] * compression(tree, k, 0.0)[1] <= 0.0
+        if out_of_reach:
             return OUT_OF_REACH + k
     return FINE
 
@@ -299,11 +299,11 @@ def step(c, messages, t, h, u):
     if code == FINE:
         c.counters[0] += steps
         c.counters[1] += len(RK4.b) * steps
-    return blame(tree, code, x, messages[0])
+    return step_failure(tree, code, x, messages[0])
 
 
 @kernel
-def blame(tree, code, x, numbers):
+def step_failure(tree, code, x, numbers):
     """Failure of a step that led to the state ``x`` with the fault ``code``.
 
     Writes the part (an index in the state) and its coordinate to ``numbers``.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fmus.chassis.begin import begin
-from fmus.chassis.dynamics import BOOKS, LEAF, ROOT, Parts, blame, step
+from fmus.chassis.dynamics import ENERGY_SUMS, LEAF, ROOT, Parts, step, step_failure
 from fmus.chassis.observe import observe
 from fmus.chassis.tree import packed, tree, unpacked
 from fmus.defaults import parameter_values
@@ -112,10 +112,10 @@ class Model(ComponentModel):
                  " would balance a track on a side that has none",
                  float(vehicle["tensioner"]["preload"])),
         )  # fmt: skip
-        self.state: Floats = np.zeros(ROOT + LEAF * len(self.tree.turns) + BOOKS)
+        self.state: Floats = np.zeros(ROOT + LEAF * len(self.tree.turns) + ENERGY_SUMS)
         self.counters = np.zeros(2, dtype=np.int64)
         self._start = np.zeros(5)
-        self._begins(config["chassis"])
+        self._set_start(config["chassis"])
         self.inputs = WRENCH * len(places)
         names = tuple(self._part(i) for i in range(self.state.size))
         self.failures = (
@@ -129,23 +129,23 @@ class Model(ComponentModel):
             TOO_MANY_STEPS,
         )
 
-    def begun(self, at: Mapping[str, Any] | None = None) -> Floats:
-        """State with the start pose 0; ``at``, a mapping like the config's ``start``, replaces that."""
-        if at is not None:
+    def start_state(self, start: Mapping[str, Any] | None = None) -> Floats:
+        """State with the start pose 0; ``start``, a mapping as the config's, replaces that."""
+        if start is not None:
             x, y, z = self._centre
-            self._hull = stance((x, y, z + at["height"], *roll_pitch_quaternion(at["roll"], at["pitch"])))
-            self._leaves[:] = *at["left"], *at["right"]
+            self._hull = stance((x, y, z + start["height"], *roll_pitch_quaternion(start["roll"], start["pitch"])))
+            self._leaves[:] = *start["left"], *start["right"]
         state = np.zeros_like(self.state)
         state[:7], state[ROOT : ROOT + self._leaves.size] = self._hull, self._leaves
         return state
 
-    def _begins(self, config: Mapping[str, Any]) -> None:
+    def _set_start(self, config: Mapping[str, Any]) -> None:
         """Set hull, leaves and tensioners of the start."""
         self._hull, self._leaves = stance(self._centre), np.zeros(2 * (self._wheels + 1))
-        self.begun(config.get("start"))
+        self.start_state(config.get("start"))
         bare = (self._ground or {}).get("bare", ())
         left, right = (float(config.get("push", 0.0)) if side in bare else 0.0 for side in ("left", "right"))
-        self._missing = left, right
+        self._missing_preload = left, right
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Start at rest at the start pose; raises InvalidParameter."""
@@ -157,7 +157,7 @@ class Model(ComponentModel):
         self.counters[:] = 0
         parts = Parts(
             self._packed, self._contacts, values["step"], self._start, self._centre, self._hull, self._leaves,
-            self._missing, len(self.sides), self.state, self.counters,
+            self._missing_preload, len(self.sides), self.state, self.counters,
         )  # fmt: skip
         self.begin(values, parts)
 
@@ -170,7 +170,7 @@ class Model(ComponentModel):
         """Sentence of a fault ``code`` of ``state`` at ``t``."""
         numbers = np.zeros(GAPS)
         numbers[0] = t
-        return format_sentence(self.failures[blame(self.tree, code, state, numbers)], numbers)
+        return format_sentence(self.failures[step_failure(self.tree, code, state, numbers)], numbers)
 
     def _part(self, index: int) -> str:
         """Name of the part of the vehicle to which the state's entry ``index`` belongs."""

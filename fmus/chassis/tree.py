@@ -77,7 +77,7 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
     leaf_mass = wheel["mass"] + arm["mass"]
     # arm and wheel: point masses at a distance of half an arm, on the line of the arm
     reduced = 0.25 * wheel["mass"] * arm["mass"] / leaf_mass
-    square = float(pivot @ pivot)
+    length_squared = float(pivot @ pivot)
     per_unit = np.arange(2 * count)
     sources = np.concatenate([per_unit + per_unit // count, [count, 2 * count + 1]])  # inputs: leaves, then the mount
     right = np.concatenate([per_unit >= count, [False, True]])
@@ -92,8 +92,8 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
         arm=leaves(-pivot, [0.0, 0.0]),
         fraction=leaves((wheel["mass"] + 0.5 * arm["mass"]) / leaf_mass, 1.0),
         leaf_mass=leaves(leaf_mass, idler["mass"]),
-        across=leaves(arm["pin_inertia"] + reduced * square, 0.0),
-        along=leaves((arm["pin_inertia"] - arm["long_inertia"]) / square + reduced, 0.0),
+        across=leaves(arm["pin_inertia"] + reduced * length_squared, 0.0),
+        along=leaves((arm["pin_inertia"] - arm["long_inertia"]) / length_squared + reduced, 0.0),
         transverse=leaves(wheel["transverse_inertia"], idler["transverse_inertia"]),
         spin_inertia=leaves(wheel["spin_inertia"], idler["spin_inertia"]),
         on_arm=leaves(on_arm, [0.0, 0.0]),

@@ -96,7 +96,7 @@ def free_numbers(values: Mapping[str, Any], demanded: bool, path: str, prefix: s
     if engine.time.size:
         ratio = f"{{{prefix}gear.ratio}}"
         numbers[f"{path}.steepest"] = f"{ratio} * {ratio} * {_steepest(engine)!r}"
-    numbers[f"{path}.accelerated"] = "{extrapolation}"
+    numbers[f"{path}.with_acceleration"] = "{extrapolation}"
     if demanded:
         numbers[f"{path}.lag"] = "{demand.lag}"
     return numbers

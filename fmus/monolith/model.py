@@ -109,7 +109,7 @@ class Monolith:
         self._begin()
         limits = []
         if not self._adaptive:
-            limits = [self.models[name].stable for name in self._chains]
+            limits = [self.models[name].stable_step for name in self._chains]
             limits += [1.0 / shaft.substeps(drive, 1.0) for drive in self._shafts]
         self.step = min([*limits, LONGEST]) / refine
         self.effort = Effort(0, 0, 0, 0, RK4.order)

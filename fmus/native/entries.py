@@ -87,8 +87,8 @@ def entries(
     parts, output_parts, link_output_parts = map(
         frozen.text, (model.parts, model.output_parts, model.link_output_parts)
     )
-    if frozen.missed():
-        raise TypeError(f"the parts have no {', '.join(sorted(frozen.missed()))}")
+    if frozen.unmatched():
+        raise TypeError(f"the parts have no {', '.join(sorted(frozen.unmatched()))}")
     messages = model._messages
     sizes = {"X": model.state.size, "N": model.counters.size, **{b.upper(): frozen.block(b).size for b in "fkz"}}
     sizes |= {"P": max(len(p), 1), "C": max(len(c), 1)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from fmus.ranges import VEHICLE, PlausibleRange, outside
+from fmus.ranges import VEHICLE, PlausibleRange, range_violations
 
 TURNING = "a sprocket of 0.25 m makes 180 km/h at 200 rad/s"
 SCENE = (
@@ -36,7 +36,7 @@ SCENE = (
 def implausible(scene: Mapping[str, Any], where: str) -> list[str]:
     """One sentence, beginning with ``where``, for each implausible number of a resolved scene."""
     vehicle = scene.get("vehicle")
-    found = [*outside(scene, SCENE, "plausible")]
+    found = [*range_violations(scene, SCENE, "plausible")]
     if isinstance(vehicle, Mapping):
-        found += outside(vehicle, VEHICLE, "plausible", "vehicle.")
+        found += range_violations(vehicle, VEHICLE, "plausible", "vehicle.")
     return [f"{where}: {sentence}" for sentence in found]

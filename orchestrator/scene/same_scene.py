@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from fmus.vehicle import BadInput, shown
+from fmus.vehicle import BadInput, value_text
 from orchestrator.scene.scene import from_table
 from orchestrator.scene.track_table import Track
 
@@ -34,7 +34,7 @@ def of_one_scene(one: tuple[str, Mapping[str, Any]], other: tuple[str, Mapping[s
         if not table:
             raise BadInput(f"{where} does not say of which scene it is")
     if unlike(one[1], other[1]) and (apart := unlike(_as_read_now(one[1]), _as_read_now(other[1]))):
-        named = [f"{where} ({shown(table.get('name'))})" for where, table in (one, other)]
+        named = [f"{where} ({value_text(table.get('name'))})" for where, table in (one, other)]
         raise BadInput(f"{' and '.join(named)} are runs of different scenes: {apart}{remedy}")
 
 
@@ -59,7 +59,7 @@ def unlike(one: Mapping[str, Any], other: Mapping[str, Any], above: str = "") ->
             if (found := unlike(a, b, f"{key}.")) is not None:
                 return found
         else:
-            return f"{key} = {' and '.join('not given' if value is None else shown(value) for value in (a, b))}"
+            return f"{key} = {' and '.join('not given' if value is None else value_text(value) for value in (a, b))}"
     return None
 
 

@@ -14,9 +14,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
-from fmus.ranges import outside
+from fmus.ranges import range_violations
 from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput, FrozenTable, Vehicle, read_table, sentence, shown
+from fmus.vehicle import BadInput, FrozenTable, Vehicle, read_table, sentence, value_text
 from orchestrator.scene import gallery, points
 from orchestrator.scene.drive_tables import Drive, Driver, VehicleDrive
 from orchestrator.scene.ranges import SCENE
@@ -50,7 +50,7 @@ class Scene(FrozenTable):
 
     @model_validator(mode="after")
     def _is_possible(self) -> Scene:
-        for complaint in outside(self.model_dump(exclude={"vehicle", "expect"}), SCENE, "possible"):
+        for complaint in range_violations(self.model_dump(exclude={"vehicle", "expect"}), SCENE, "possible"):
             raise ValueError(complaint)
         return self
 
@@ -251,7 +251,7 @@ class VehicleScene(Scene):
             for key, field in Drive.model_fields.items():
                 if key not in own and (value := getattr(drive, key)) != field.default:
                     raise ValueError(
-                        f"{where}.{key} = {shown(value)}: a driver says how fast sprockets turn, leave it out"
+                        f"{where}.{key} = {value_text(value)}: a driver says how fast sprockets turn, leave it out"
                     )
 
 
@@ -282,8 +282,8 @@ def _kind(table: Mapping[str, Any], where: str) -> type[Scene]:
     if isinstance(assembly, str) and assembly in KINDS:
         return KINDS[assembly]
     if assembly in gallery.MOVED.values():
-        raise BadInput(f"{where}: assembly = {shown(assembly)}: {gallery.PLACE}")
-    raise BadInput(f"{where}: assembly = {shown(assembly)}: must be one of {', '.join(KINDS)}")
+        raise BadInput(f"{where}: assembly = {value_text(assembly)}: {gallery.PLACE}")
+    raise BadInput(f"{where}: assembly = {value_text(assembly)}: must be one of {', '.join(KINDS)}")
 
 
 def _complete(table: dict[str, Any], where: str, track: str | None, changes: list[tuple[str, Any]]) -> None:
@@ -330,7 +330,7 @@ def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:
     over = dict(vehicle)
     base = over.pop("base")
     if not isinstance(base, str):
-        raise BadInput(f"{where}: vehicle.base = {shown(base)}: must be a name or a .toml file")
+        raise BadInput(f"{where}: vehicle.base = {value_text(base)}: must be a name or a .toml file")
     return merged(read_table(base)[0], over)
 
 

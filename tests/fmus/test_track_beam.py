@@ -415,11 +415,11 @@ def test_energy_ledger_of_a_swing_and_the_explicit_chain():
 def test_the_explicit_step_and_the_mass():
     """The stable explicit step follows the mass: rotary inertia slows the fastest mode."""
     model = hanging(links=2, element="beam", start="polygon")
-    assert model.stable == pytest.approx(4.695e-6, rel=1e-3)
+    assert model.stable_step == pytest.approx(4.695e-6, rel=1e-3)
     x, y, z = (TABLE["track"]["mass"] * size**2 / 12.0 for size in (PITCH, *model.link.element[1:3]))
     table = TABLE | {"track": TABLE["track"] | {"inertia": (y + z, z + x, x + y)}}
     alone = hanging(links=2, element="beam", start="polygon", table=table)
-    assert alone.stable == pytest.approx(4.347e-6, rel=1e-3)
+    assert alone.stable_step == pytest.approx(4.347e-6, rel=1e-3)
     total = model.work.M[np.ix_([0, 4], [0, 4])].sum()
     assert total == pytest.approx(TABLE["track"]["mass"], rel=1e-12)
 

@@ -201,7 +201,7 @@ def swinging():
 
     def state(integrator: str, step: float, **more) -> tuple[np.ndarray, np.ndarray]:
         model = hanging(links=8, integrator=integrator, step=step, tolerance=1e-13, **soft, **more)
-        assert integrator != "runge_kutta" or model.stable > step
+        assert integrator != "runge_kutta" or model.stable_step > step
         path = []
         for k in range(10):
             model.step(k * 0.016, 0.016, np.zeros(0))
