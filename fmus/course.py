@@ -24,7 +24,7 @@ class Course(NamedTuple):
 NONE = Course(np.zeros(0), np.zeros(0), np.zeros(0))
 
 
-def course(name: str, text: str, pair: str = "time value") -> Course:
+def parse_course(name: str, text: str, pair: str = "time value") -> Course:
     """Course from the text of the parameter ``name``: "time value; ...", or other pairs (``pair``).
 
     Raises InvalidParameter.

@@ -7,7 +7,8 @@ chassis has accelerations, which must vanish. Friction has no influence: regular
 The chains are cables for all kinds of links of the scene, so that all kinds start in the same place: rigid links, beams
 and cables of steel differ by 1.4 um in height and by 0.02 % in wheel loads. Chains stay in the upright plane in which a
 track is laid out. The wheels of a vehicle that leans tilt on them; the links resist the tilt as springs side by side
-(``_ChainOnWheels.wheel_wrenches``). Lateral forces of tilted wheels are left out: only friction, which creeps, balances them.
+(``_ChainOnWheels.wheel_wrenches``). Lateral forces of tilted wheels are left out: only friction, which creeps, balances
+them.
 
 Method: Newton with an inertia term over the square of a pseudo step that grows as the accelerations fall
 (pseudo-transient continuation: Kelley and Keyes, SIAM J. Numer. Anal. 35(2), 1998, doi 10.1137/S0036142996304796); the
@@ -37,11 +38,11 @@ from fmus.stance import Stance, roll_pitch_quaternion, stance
 from fmus.track_flexible.model import Model as Cables
 from fmus.vehicle import BadInput
 
-FIRST, LAST = 0.05, 1e6  # pseudo steps, s
-FARTHEST = 0.05  # largest change of an unknown in a pseudo step, m or rad
+FIRST_STEP, LAST_STEP = 0.05, 1e6  # pseudo steps, s
+LARGEST_CHANGE = 0.05  # largest change of an unknown in a pseudo step, m or rad
 DIFFERENCE = 1e-6  # finite difference for the Jacobian, m or rad
-STILL = 1e-4  # largest acceleration that counts as rest, m/s2 or rad/s2: 0.04 N on an idler
-MOST = 60  # pseudo steps
+REST_ACCELERATION = 1e-4  # largest acceleration that counts as rest, m/s2 or rad/s2: 0.04 N on an idler
+MOST_STEPS = 60  # pseudo steps
 LIFT = np.eye(WIDTH)[2] * 1e-5  # lift of all wheels, m: the loss of load gives the vertical stiffness
 HEIGHT, ROLL, PITCH, LEAVES = 0, 1, 2, 3  # indices of the unknowns
 
@@ -100,7 +101,7 @@ def stances(chassis: Mapping[str, Any]) -> dict[str, Stance]:
     }
 
 
-def upright(place: Stance, pitch: float) -> Stance:
+def upright_stance(place: Stance, pitch: float) -> Stance:
     """Stance of a wheel for a chain that stays in its plane: no lateral offset, no roll; ``pitch``, rad."""
     return stance((place[0], 0.0, place[2], *roll_pitch_quaternion(0.0, pitch)))
 
@@ -191,20 +192,20 @@ def _solve(vehicle: _Vehicle) -> VehicleEquilibrium:
     """Equilibrium by pseudo-transient continuation; raises StepFailed where it does not converge."""
     guess = np.zeros(LEAVES + (1 if vehicle.half else 2) * vehicle.leaves)
     unknowns, size = vehicle.unknowns, len(vehicle.unknowns)
-    residual, step = vehicle.accelerations(guess), FIRST
-    for _ in range(MOST):
+    residual, step = vehicle.accelerations(guess), FIRST_STEP
+    for _ in range(MOST_STEPS):
         slopes = np.empty((size, size))
         for k, i in enumerate(unknowns):
             shifted = guess.copy()
             shifted[i] += DIFFERENCE
             slopes[:, k] = (vehicle.accelerations(shifted) - residual) / DIFFERENCE
         change = np.linalg.solve(np.eye(size) / step**2 - slopes, residual)
-        while abs(change).max() > FARTHEST:
+        while abs(change).max() > LARGEST_CHANGE:
             step *= 0.5
             change = np.linalg.solve(np.eye(size) / step**2 - slopes, residual)
         guess[unknowns] += change
         before, residual = np.linalg.norm(residual), vehicle.accelerations(guess)
-        if abs(residual).max() < STILL:
+        if abs(residual).max() < REST_ACCELERATION:
             return vehicle.place(guess)
-        step = min(step * np.clip(before / np.linalg.norm(residual), 1.5, 10.0), LAST)
-    raise StepFailed(f"accelerations of {abs(residual).max():.3g} m/s2 are left after {MOST} steps")
+        step = min(step * np.clip(before / np.linalg.norm(residual), 1.5, 10.0), LAST_STEP)
+    raise StepFailed(f"accelerations of {abs(residual).max():.3g} m/s2 are left after {MOST_STEPS} steps")

@@ -225,7 +225,7 @@ class _Cache(FunctionCache):
 
     _guard_against_spurious_io_errors = staticmethod(reporting_errors)
 
-    def found(self) -> bool:
+    def has_overloads(self) -> bool:
         """Whether there is any overload."""
         return any(self._cache_file.files())
 
@@ -242,14 +242,14 @@ def kernel(function: Kernel) -> Kernel:
     a kernel that closes over a jitted function or takes one as an argument. With ``NUMBA_DISABLE_JIT=1`` the function
     is returned unchanged; with ``NUMBA_BOUNDSCHECK=1`` it checks its indices.
     """
-    made: Kernel = _compiled(function, OPTIONS)
-    return made
+    compiled: Kernel = _compiled(function, OPTIONS)
+    return compiled
 
 
 def allocating(function: Kernel) -> Kernel:
     """Compile a kernel that makes arrays or calls one that returns them; it counts references."""
-    made: Kernel = _compiled(function, OPTIONS | {"_nrt": True})
-    return made
+    compiled: Kernel = _compiled(function, OPTIONS | {"_nrt": True})
+    return compiled
 
 
 def noalias(function: Kernel) -> Kernel:
@@ -320,8 +320,8 @@ def implemented_in(**modules: str) -> Callable[[Class], Class]:
 
     def declared(kind: Class) -> Class:
         package = kind.__module__.rpartition(".")[0]
-        found = {group: resolve_name(name, package) for group, name in modules.items()}
-        setattr(kind, IMPLEMENTED, {**getattr(kind, IMPLEMENTED, {}), **found})
+        module_names = {group: resolve_name(name, package) for group, name in modules.items()}
+        setattr(kind, IMPLEMENTED, {**getattr(kind, IMPLEMENTED, {}), **module_names})
         setattr(kind, REACHED, reachable_hash(kind.__module__, Path(str(sys.modules[kind.__module__].__file__))))
         return kind
 
@@ -387,4 +387,4 @@ def compiled_before(function: Any) -> bool:
     """Whether the cache has a kernel for some types of its arguments; otherwise its first call compiles."""
     if not isinstance(getattr(function, "_cache", None), _Cache):  # NUMBA_DISABLE_JIT
         return True
-    return function._cache.found()
+    return function._cache.has_overloads()

@@ -138,8 +138,8 @@ class ComponentModel:
         """Compiled kernel of a step."""
         if self._step is None:
             self._step = entry(self.step_kernel, self.parts, self._messages, 0.0, 0.0, self._u)
-        made: Callable[..., int] = self._step
-        return made
+        compiled: Callable[..., int] = self._step
+        return compiled
 
     def _do_step(self, t: float, h: float, u: Floats) -> None:
         before = self.state.copy(), self.counters.copy()

@@ -83,4 +83,7 @@ def range_violations(
         if isinstance(value, int | float) and not low <= value <= high:
             unit = "" if number_range.unit == "1" else f" {number_range.unit}"
             relation = "must be" if which == "possible" else "plausible is"
-            yield f"{above}{number_range.key} = {value:g}{unit}: {relation} {low:g} to {high:g}{unit} ({number_range.reason})"
+            yield (
+                f"{above}{number_range.key} = {value:g}{unit}: {relation} {low:g} to {high:g}{unit}"
+                f" ({number_range.reason})"
+            )

@@ -22,7 +22,7 @@ def stance(numbers: Sequence[float]) -> Stance:
     return x, y, z, a, b, c, d
 
 
-def mirrored(s: Stance) -> Stance:
+def mirror_stance(s: Stance) -> Stance:
     """Stance mirrored in the plane y = 0."""
     x, y, z, a, b, c, d = s
     return x, 0.0 - y, z, a, 0.0 - b, c, 0.0 - d

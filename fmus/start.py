@@ -24,13 +24,13 @@ class StartPose(NamedTuple):
 
     def pitched(self, x: Any, z: Any) -> tuple[Any, Any]:
         """Point (x, z) of the vehicle's plane y = 0 after the pitch, m, along the heading."""
-        found: tuple[Any, Any] = plain(pitched)(self, x, z)
-        return found
+        point: tuple[Any, Any] = plain(pitched)(self, x, z)
+        return point
 
     def point_at_rest(self, x: float, y: float, z: float) -> tuple[float, ...]:
         """Motion (13, as ``ports.motion_ports``) of a wheel or mount at rest at a point of the vehicle frame."""
-        found: tuple[float, ...] = plain(point_at_rest)(self, x, y, z)
-        return found
+        motion: tuple[float, ...] = plain(point_at_rest)(self, x, y, z)
+        return motion
 
 
 def start_pose(parameters: Mapping[str, Any]) -> StartPose:

@@ -20,7 +20,7 @@ from fmus.physics.chain.report import T_MEAN
 from fmus.track_flexible.model import Model
 from fmus.vehicle import BadInput
 
-SLACK, TIGHT = 0.06, 0.06  # largest distance of the wheel from its drawn place, m, forward and backward
+FORWARD, BACKWARD = 0.06, 0.06  # largest distance of the wheel from its drawn place, m, forward and backward
 
 
 def tension_wheel(
@@ -71,11 +71,11 @@ def _search(config: Mapping[str, Any], name: str, tension: float, keys: str) -> 
         raise BadInput(f"{keys}.links = {track['links']}: {error}") from None
     except StepFailed as error:
         raise BadInput(f"the chain does not come to rest on its drawn wheels: {error}") from None
-    low, high = drawn - TIGHT, drawn + SLACK
+    low, high = drawn - BACKWARD, drawn + FORWARD
     tight, slack = excess(low), excess(high)
     if not tight > 0.0 > slack:
         raise BadInput(
-            f"{keys}.tension = {tension:.6g} N: not reached with the {name} within {TIGHT * 1e3:.0f} mm of "
+            f"{keys}.tension = {tension:.6g} N: not reached with the {name} within {BACKWARD * 1e3:.0f} mm of "
             f"x = {drawn:.4g} m ({track['links']} links of {config['vehicle']['track']['pitch']} m)"
         )
     x = round(float(brentq(excess, low, high, xtol=1e-8)), 8)

@@ -177,10 +177,10 @@ def _read_wheels(c, messages, t, h, u):
     if c.counters[STEPS] == 0 and u.size > 0:
         farthest, wheel = 0.0, 0
         for k in range(c.rows.shape[0]):
-            square = 0.0
+            distance_squared = 0.0
             for i in range(3):
-                square += (c.rows[k, i] - c.start_rows[k, i]) ** 2
-            deviation = np.sqrt(square)
+                distance_squared += (c.rows[k, i] - c.start_rows[k, i]) ** 2
+            deviation = np.sqrt(distance_squared)
             if deviation > farthest:
                 farthest, wheel = deviation, k
         if farthest > c.pitch:
@@ -219,52 +219,52 @@ def show_links(c, y):
     tension, stress, place = np.empty(n), np.empty(n), np.empty((m, 3))
     links_shown(c.link, c.environment, c.s, c.work, tension, stress, place)
     on_links.average(c.s, means)
-    at = _numbers(chosen[TENSION], tension, y, 0)
-    at = _numbers(chosen[STRESS], stress, y, at)
+    index = _numbers(chosen[TENSION], tension, y, 0)
+    index = _numbers(chosen[STRESS], stress, y, index)
     if chosen[POSITION]:
-        to_world(place, c.frame, y[at : at + 3 * m])
+        to_world(place, c.frame, y[index : index + 3 * m])
         for k in range(m):
             for i in range(3):
-                y[at + 3 * k + i] += c.frame[i]
-        at += 3 * m
-    at = _vectors(chosen[FORCE], means[:, on_links.JOINT : on_links.JOINT + 3], c.frame, y, at)
-    at = _vectors(chosen[GROUND], means[:n, on_links.GROUND : on_links.GROUND + 3], c.frame, y, at)
-    at = _vectors(chosen[WHEELS], means[:n, on_links.WHEELS : on_links.WHEELS + 3], c.frame, y, at)
-    at = _vectors(chosen[SLIDING], means[:n, on_links.SLIDING : on_links.SLIDING + 3], c.frame, y, at)
+                y[index + 3 * k + i] += c.frame[i]
+        index += 3 * m
+    index = _vectors(chosen[FORCE], means[:, on_links.JOINT : on_links.JOINT + 3], c.frame, y, index)
+    index = _vectors(chosen[GROUND], means[:n, on_links.GROUND : on_links.GROUND + 3], c.frame, y, index)
+    index = _vectors(chosen[WHEELS], means[:n, on_links.WHEELS : on_links.WHEELS + 3], c.frame, y, index)
+    index = _vectors(chosen[SLIDING], means[:n, on_links.SLIDING : on_links.SLIDING + 3], c.frame, y, index)
     if chosen[DEPTH]:
-        at = _numbers(1, means[:n, on_links.DEPTH], y, at)
-    _extra_groups(c.extra, c, y, at)
+        index = _numbers(1, means[:n, on_links.DEPTH], y, index)
+    _extra_groups(c.extra, c, y, index)
 
 
 @allocating
-def _extra_groups(extra, c, y, at):
+def _extra_groups(extra, c, y, index):
     """Write the groups with kernels of their own, which are not compiled where no such group is shown."""
     if extra is not None:
         axis, fibre_stress, ends = np.empty((c.nodes, 3)), np.empty((c.links, 2)), np.empty((c.links, 6))
         pin_axes(c.link, c.s, c.work, axis)
-        at = _vectors(c.chosen[AXIS], axis, c.frame, y, at)
+        index = _vectors(c.chosen[AXIS], axis, c.frame, y, index)
         if c.chosen[FIBRES]:
             fibres(c.link, c.s, c.work, fibre_stress)
-            at = _numbers(1, fibre_stress.ravel(), y, at)
+            index = _numbers(1, fibre_stress.ravel(), y, index)
         if c.chosen[SLOPES]:
             slopes(c.link, c.s, c.work, ends)
-            _vectors(1, ends.reshape(2 * c.links, 3), c.frame, y, at)
+            _vectors(1, ends.reshape(2 * c.links, 3), c.frame, y, index)
 
 
 @kernel
-def _numbers(chosen, a, y, at):
-    """Copy the array ``a``, if ``chosen``, to ``y[at:]``; return the index after it."""
+def _numbers(chosen, a, y, index):
+    """Copy the array ``a``, if ``chosen``, to ``y[index:]``; return the index after it."""
     if chosen:
         for i in range(a.shape[0]):
-            y[at + i] = a[i]
-        at += a.shape[0]
-    return at
+            y[index + i] = a[i]
+        index += a.shape[0]
+    return index
 
 
 @kernel
-def _vectors(chosen, a, frame, y, at):
-    """Copy vectors (k, 3) in the track's frame to ``y[at:]`` in world axes, as ``_numbers`` does."""
+def _vectors(chosen, a, frame, y, index):
+    """Copy vectors (k, 3) in the track's frame to ``y[index:]`` in world axes, as ``_numbers`` does."""
     if chosen:
-        to_world(a, frame, y[at : at + 3 * a.shape[0]])
-        at += 3 * a.shape[0]
-    return at
+        to_world(a, frame, y[index : index + 3 * a.shape[0]])
+        index += 3 * a.shape[0]
+    return index

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.chassis.dynamics import ROOT, wheel_offset
-from fmus.contacts import ground_shape, law
+from fmus.contacts import contact_law, ground_shape
 from fmus.jit import kernel
 from fmus.physics.contact.face import touch as press
 from fmus.physics.contact.ground import Ground, ground_face, level
@@ -48,7 +48,7 @@ def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: 
     leaves = 2 * (count + 1)
     return ChassisContacts(
         ground_shape(vehicle, float(parameters["start.height"]), ground.get("bump")),
-        law("ground", parameters, vehicle["contact"]["ground"]),
+        contact_law("ground", parameters, vehicle["contact"]["ground"]),
         np.zeros(5),
         np.array(hull, dtype=float).reshape(-1, 3) - origin,
         np.kron(bare, [*[wheel["radius"]] * count, idler["radius"]]),

@@ -196,8 +196,8 @@ def rates(tree, contacts, x, u, out):
         T = add(T, add(add(cross(wheel, f), (torque[0], 0.0, torque[2])), add(cross(c, f_c), t_c)))
         momentum += tree.spin_inertia[k] * x[spin_rate + k]
 
-        push, slope, lost = spring(tree, k, q, qd)
-        dissipated += lost
+        push, slope, lost_power = spring(tree, k, q, qd)
+        dissipated += lost_power
 
         Jt = leaf_inertia(tree, k, r, turn)
         generalized_mass = m * dot(lc, lc) + dot(turn, Jt)

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from fmus.course import course
+from fmus.course import parse_course
 from fmus.defaults import configured_ports, parameter_values
-from fmus.driver.path import NONE, Path, of_arcs, through
+from fmus.driver.path import NONE, Path, path_of_arcs, path_through_points
 from fmus.driver.plan import empty_plan
 from fmus.driver.pursuit import WIDTH, ControlLaw, Parts, begin, show, step
 from fmus.driver.skid import footing
@@ -20,12 +20,12 @@ from fmus.sentences import Sentence
 from fmus.start import KEYS, start_pose
 
 SHARE = Range(0.05, 0.9, "between 0.05 and 0.9")
-SLIPPERY = 1.4  # width that turns alike without slip, over the tracks' distance: 0.449 / 0.3142 rad/s in `turn`
+WIDTH_FACTOR = 1.4  # width that turns alike without slip, over the tracks' distance: 0.449 / 0.3142 rad/s in `turn`
 
 
 def parameter_ports(vehicle: Mapping[str, Any]) -> list[Port]:
     """Parameters of a driver of this vehicle."""
-    width = 2.0 * SLIPPERY * float(vehicle["track"]["lateral"])
+    width = 2.0 * WIDTH_FACTOR * float(vehicle["track"]["lateral"])
     friction = float(vehicle["contact"]["ground"]["friction"])
     frame = "from where the middle of the road wheels stands at the start, in the frame of the start"
     return [
@@ -157,12 +157,12 @@ class Model(ComponentModel):
         if arcs and points:
             raise InvalidParameter("path.arcs and path.points exclude each other")
         if arcs:
-            return of_arcs("path.arcs", arcs)
-        return through("path.points", points) if points else NONE
+            return path_of_arcs("path.arcs", arcs)
+        return path_through_points("path.points", points) if points else NONE
 
     def _law_of(self, values: Mapping[str, Any]) -> ControlLaw:
         """Law from the checked parameters; raises InvalidParameter."""
-        speeds = course("speed.points", str(values["speed.points"]))
+        speeds = parse_course("speed.points", str(values["speed.points"]))
         if speeds.value.min(initial=0.0) < 0.0:
             raise InvalidParameter(f"speed.points = '{str(values['speed.points'])[:80]}' must not be negative")
         return ControlLaw(

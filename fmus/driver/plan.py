@@ -23,9 +23,12 @@ from fmus.physics.arrays import Floats
 
 STEP = 0.1  # distance of two places, m, on paths of at most PLACES of them
 PLACES = 100_000
-ALONG, LEAST = 0.8, 0.3  # shares of the grip for a change of speed: at most; at least, of what a turn leaves
-FAINT = 0.03  # yaw rate that counts as a turn, rad/s
-FEWEST = 8  # intervals of a piece, at least
+LARGEST_SHARE, LEAST_SHARE = (
+    0.8,
+    0.3,
+)  # shares of the grip for a change of speed: at most; at least, of what a turn leaves
+TURNING_RATE = 0.03  # yaw rate that counts as a turn, rad/s
+FEWEST_INTERVALS = 8  # intervals of a piece, at least
 ROUNDS = 8  # reductions of the speed where the vehicle cannot turn fast enough
 
 
@@ -58,7 +61,7 @@ class Bounds(NamedTuple):
 def empty_plan(path: route.Path) -> PathPlan:
     """Empty plan of a path, with allocated arrays."""
     way = np.abs(np.diff([*path.s[path.first[:-1]], path.length]))
-    places = np.maximum(np.ceil(way / max(STEP, path.length / PLACES)), FEWEST).astype(np.int64) + 1
+    places = np.maximum(np.ceil(way / max(STEP, path.length / PLACES)), FEWEST_INTERVALS).astype(np.int64) + 1
     first = np.concatenate([[0], np.cumsum(places)])
     n = int(first[-1])
     a, b, c, d, e, f, g = np.zeros((7, n))
@@ -145,8 +148,8 @@ def available_acceleration(grip, turn_resistance, rate, lateral, yaw_share):
     """
     if not grip < np.inf:
         return grip
-    part = min(1.0 - turn_resistance * rate * rate / (rate * rate + FAINT * FAINT), ALONG)
-    return grip * part * max(np.sqrt(max(1.0 - (lateral / grip) ** 2, 0.0)) - abs(yaw_share), LEAST)
+    part = min(1.0 - turn_resistance * rate * rate / (rate * rate + TURNING_RATE * TURNING_RATE), LARGEST_SHARE)
+    return grip * part * max(np.sqrt(max(1.0 - (lateral / grip) ** 2, 0.0)) - abs(yaw_share), LEAST_SHARE)
 
 
 @kernel

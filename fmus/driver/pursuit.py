@@ -30,15 +30,15 @@ from fmus.start import HEADING, put_point_at_rest, world_position
 RATE_INTEGRAL, LEFT, RIGHT, LATERAL_ERROR, HEADING_ERROR, PROGRESS, SPEED, YAW_RATE, CURVATURE, LOST = range(10)
 PIECE, TOTAL_HEADING, SLIPS = 10, 11, 12  # piece; heading over revolutions; slip left, right, lateral velocity
 WIDTH = 15
-SLOW = 0.1  # speed below which the vehicle is not steered, m/s
-FAR = 1.0  # distance from the path that is a warning, m
+LEAST_SPEED = 0.1  # speed below which the vehicle is not steered, m/s
+LOST_DISTANCE = 1.0  # distance from the path that is a warning, m
 BAD_QUATERNION, NOT_FINITE = 1, 2  # failures
 STOP_TIME = 0.25  # time constant with which the remaining way to a stop decays, s
 STOP_DISTANCE, STOP_ANGLE = 0.02, 0.02  # way, m, and angle, rad, that may remain of a piece, a turn on the spot
-HARD = 1.5  # largest demanded yaw acceleration over what friction gives beside the resistance to turning
-BLUNT = 4.0  # factor of the distance L over which a large error decays: v^2 e / L^3 is a yaw acceleration
-PLANNED = 0.6  # share of the yaw acceleration that friction gives, for the plan
-FULL = 0.95  # largest share of the friction that is demanded
+LARGEST_YAW_SHARE = 1.5  # largest demanded yaw acceleration over what friction gives beside the resistance to turning
+ERROR_LENGTH_FACTOR = 4.0  # factor of the distance L over which a large error decays: v^2 e / L^3 is a yaw acceleration
+PLANNED_YAW_SHARE = 0.6  # share of the yaw acceleration that friction gives, for the plan
+LARGEST_FRICTION_SHARE = 0.95  # largest share of the friction that is demanded
 
 
 class ControlLaw(NamedTuple):
@@ -117,7 +117,7 @@ def bounds(p, footing):
         p.lateral,
         grip,
         p.deceleration,
-        PLANNED * largest_yaw_acceleration(p, footing),
+        PLANNED_YAW_SHARE * largest_yaw_acceleration(p, footing),
         p.tolerance,
         turn_resistance(footing),
     )
@@ -163,9 +163,9 @@ def step(c, messages, t, h, u):
             return NOT_FINITE
     c.counters[0] += 1
     distance = abs(x[LATERAL_ERROR])
-    if distance > FAR and not was_lost:
+    if distance > LOST_DISTANCE and not was_lost:
         messages[1, 0], messages[1, 1], messages[1, 2] = 1.0, t, distance
-    x[LOST] = 1.0 if distance > FAR or (was_lost and distance > 0.5 * FAR) else 0.0
+    x[LOST] = 1.0 if distance > LOST_DISTANCE or (was_lost and distance > 0.5 * LOST_DISTANCE) else 0.0
     return 0
 
 
@@ -220,7 +220,7 @@ def hold_heading(c, point, speed, h):
     p, x = c.law, c.state
     x[HEADING_ERROR] = wrapped_angle(point.heading - p.heading)
     most = largest_curvature(p, c.footing, point.ahead)
-    x[CURVATURE] = min(max(-p.heading_gain * x[HEADING_ERROR] / max(point.ahead, SLOW), -most), most)
+    x[CURVATURE] = min(max(-p.heading_gain * x[HEADING_ERROR] / max(point.ahead, LEAST_SPEED), -most), most)
     rate = x[CURVATURE] * max(point.ahead, 0.0)
     return MotionTarget(limit_speed_change(c, point, speed, 0.0, h), rate, -p.heading_gain * rate)
 
@@ -243,7 +243,7 @@ def piece_done(path, piece, s, point):
     """Whether the vehicle has come to the end of a piece and stands."""
     if is_turn_on_the_spot(path, piece):
         return abs(remaining_angle(path, piece, point)) < STOP_ANGLE and abs(point.rate) < STOP_ANGLE
-    return route.piece_range(path, piece)[1] - s < STOP_DISTANCE and abs(point.ahead) < SLOW
+    return route.piece_range(path, piece)[1] - s < STOP_DISTANCE and abs(point.ahead) < LEAST_SPEED
 
 
 @kernel
@@ -277,12 +277,14 @@ def follow_piece(c, piece, point, speed, h):
     most = min(most, max(route.piece_range(c.path, piece)[1] - s, 0.0) / STOP_TIME)
     v = max(direction * point.ahead, 0.0)
     speed_target = limit_speed_change(c, point, direction * min(speed, most), v * v * slope, h)
-    way = direction * np.arctan2(point.left, max(v, SLOW))
+    way = direction * np.arctan2(point.left, max(v, LEAST_SPEED))
     x[HEADING_ERROR] = wrapped_angle(point.heading - route.point(c.path, piece, s)[2])
     offset, angle = x[LATERAL_ERROR] - offset, wrapped_angle(x[HEADING_ERROR] + way - angle)
     length = max(p.reach, p.preview * v)
     if p.friction > 0.0:
-        length = max(length, (BLUNT * v * v * abs(offset) / largest_yaw_acceleration(p, c.footing)) ** (1.0 / 3.0))
+        length = max(
+            length, (ERROR_LENGTH_FACTOR * v * v * abs(offset) / largest_yaw_acceleration(p, c.footing)) ** (1.0 / 3.0)
+        )
     correction = -2.0 * direction * angle / length - np.arctan(offset / (2.0 * length)) * 2.0 / length
     largest = largest_curvature(p, c.footing, v)
     x[CURVATURE] = min(max(k + correction, -largest), largest)
@@ -307,7 +309,7 @@ def limit_speed_change(c, point, speed, yaw_acceleration, h):
     if h == 0.0 or c.law.friction == 0.0:
         return speed
     grip = c.law.grip * friction_limit(c.law, c.footing)
-    yaw_acceleration /= PLANNED * largest_yaw_acceleration(c.law, c.footing)
+    yaw_acceleration /= PLANNED_YAW_SHARE * largest_yaw_acceleration(c.law, c.footing)
     most = h * planning.available_acceleration(
         grip, turn_resistance(c.footing), point.rate, point.ahead * point.rate, yaw_acceleration
     )
@@ -318,7 +320,7 @@ def limit_speed_change(c, point, speed, yaw_acceleration, h):
 def largest_curvature(p, footing, speed):
     """Largest curvature at a speed, 1/m; corrections may use half of the friction that the plan leaves."""
     across = min(1.1 * p.lateral, 0.5 * (1.0 + p.grip) * friction_limit(p, footing))
-    return min(p.sharpest, across / max(speed * speed, SLOW * SLOW))
+    return min(p.sharpest, across / max(speed * speed, LEAST_SPEED * LEAST_SPEED))
 
 
 @kernel
@@ -326,18 +328,20 @@ def set_demands(c, point, target, pace, h):
     """Set the demanded speeds of both sprockets. (5), (6)"""
     p, x, f = c.law, c.state, c.footing
     rate_error = target.rate - point.rate
-    if abs(point.ahead) > SLOW:
+    if abs(point.ahead) > LEAST_SPEED:
         most = largest_curvature(p, f, point.ahead) * abs(point.ahead)
         x[RATE_INTEGRAL] = min(max(x[RATE_INTEGRAL] + h * p.integral * rate_error, -most), most)
-    share = 1.0 if is_turn_on_the_spot(c.path, int(x[PIECE])) else abs(target.speed) / np.hypot(target.speed, SLOW)
+    share = (
+        1.0 if is_turn_on_the_spot(c.path, int(x[PIECE])) else abs(target.speed) / np.hypot(target.speed, LEAST_SPEED)
+    )
     correction = 0.5 * p.width * (p.gain * rate_error + x[RATE_INTEGRAL]) * share
     if p.friction == 0.0:
         correction += 0.5 * p.width * target.rate * share
         left, right = -correction, correction
     else:
-        largest = HARD * largest_yaw_acceleration(p, f)
+        largest = LARGEST_YAW_SHARE * largest_yaw_acceleration(p, f)
         yaw_acceleration = min(max(target.turning, -largest), largest)
-        rate, most = target.rate + (p.lag + p.yaw_lag) * yaw_acceleration, FULL * friction_limit(p, f)
+        rate, most = target.rate + (p.lag + p.yaw_lag) * yaw_acceleration, LARGEST_FRICTION_SHARE * friction_limit(p, f)
         across = min(max(point.ahead * rate, -most), most)
         most = np.sqrt(most * most - across * across)
         along = min(max(pace - rate * x[SLIPS + 2], -most), most)

@@ -24,10 +24,10 @@ from fmus.jit import kernel, plain
 from fmus.physics.arrays import Floats
 
 ITERATIONS = 20  # of Newton's method
-ENOUGH = 1e-8  # residual over the weight at which the iteration ends
+TOLERANCE = 1e-8  # residual over the weight at which the iteration ends
 HALVINGS = 8  # of a Newton correction
-LESS = 4  # halvings of accelerations that friction cannot give
-FASTEST = 0.5  # largest slip beside that of the vehicle's turn, m/s
+MOST_REDUCTIONS = 4  # halvings of accelerations that friction cannot give
+LARGEST_SLIP = 0.5  # largest slip beside that of the vehicle's turn, m/s
 
 
 class Footing(NamedTuple):
@@ -150,7 +150,7 @@ def balance(p, law, rate, ahead, left, turning, z):
 
 
 @kernel
-def _solved(A, b):
+def _solve_linear(A, b):
     """Solution of three linear equations by Cramer's rule; zeros where A is singular."""
     (a, d, g), (e, h, i), (c, f, k) = A
     first, second, third = h * k - i * f, i * c - e * k, e * f - h * c
@@ -164,7 +164,7 @@ def _solved(A, b):
 
 
 @kernel
-def _size(r):
+def _squared_norm(r):
     return r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
 
 
@@ -172,10 +172,10 @@ def _size(r):
 def slips(p, law, rate, ahead, left, turning, z):
     """Slip left and right and lateral velocity, m/s, from the guess z; and whether (5) is solved.
 
-    Arguments as of ``balance``. Accelerations that friction cannot give are halved, up to ``LESS`` times.
+    Arguments as of ``balance``. Accelerations that friction cannot give are halved, up to ``MOST_REDUCTIONS`` times.
     """
     share = 1.0
-    for _ in range(LESS):
+    for _ in range(MOST_REDUCTIONS):
         solution, solved = _newton(p, law, rate, share * ahead, left, share * turning, z)
         if not solved:
             cold = -p.arm * rate * 0.6, p.arm * rate * 0.6, -p.arm * rate * 0.6
@@ -189,20 +189,20 @@ def slips(p, law, rate, ahead, left, turning, z):
 @kernel
 def _newton(p, law, rate, ahead, left, turning, z):
     r, A = balance(p, law, rate, ahead, left, turning, z)
-    size, most = _size(r), FASTEST + 3.0 * p.half_gauge * abs(rate)
+    size, most = _squared_norm(r), LARGEST_SLIP + 3.0 * p.half_gauge * abs(rate)
     for _ in range(ITERATIONS):
-        if size < ENOUGH * ENOUGH:
+        if size < TOLERANCE * TOLERANCE:
             return z, True
-        dz, part, before = _solved(A, r), 1.0, size
+        dz, part, before = _solve_linear(A, r), 1.0, size
         for _ in range(HALVINGS):
             trial = z[0] - part * dz[0], z[1] - part * dz[1], z[2] - part * dz[2]
             if max(abs(trial[0]), abs(trial[1]), abs(trial[2])) < most:
                 r, A = balance(p, law, rate, ahead, left, turning, trial)
-                size = _size(r)
+                size = _squared_norm(r)
                 if size < before:
                     break
             part *= 0.5
         if not size < before:
             return z, False
         z = trial
-    return z, size < ENOUGH * ENOUGH
+    return z, size < TOLERANCE * TOLERANCE

@@ -42,17 +42,17 @@ class ExtrapolatedMount(NamedTuple):
 
 
 @kernel
-def rest_if_unconnected(inputs, at, unconnected, rest_motion, i):
+def rest_if_unconnected(inputs, first, unconnected, rest_motion, i):
     """Set a mount that nothing moves to its motion at rest.
 
-    A mount ``inputs[at : at + 13]`` whose inputs equal their start values, ``unconnected[i : i + 13]``, is replaced by
-    ``rest_motion[i : i + 13]``.
+    A mount ``inputs[first : first + 13]`` whose inputs equal their start values, ``unconnected[i : i + 13]``, is
+    replaced by ``rest_motion[i : i + 13]``.
     """
     for k in range(13):
-        if inputs[at + k] != unconnected[i + k]:
+        if inputs[first + k] != unconnected[i + k]:
             return
     for k in range(13):
-        inputs[at + k] = rest_motion[i + k]
+        inputs[first + k] = rest_motion[i + k]
 
 
 @allocating

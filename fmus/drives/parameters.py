@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.course import Course, course
+from fmus.course import Course, parse_course
 from fmus.drives.motor import DriveParameters
 from fmus.model import InvalidParameter
 from fmus.ports import NOT_NEGATIVE, POSITIVE, Port
@@ -103,7 +103,7 @@ def free_numbers(values: Mapping[str, Any], demanded: bool, path: str, prefix: s
 
 
 def _engine(values: Mapping[str, Any], prefix: str) -> Course:
-    return course(f"{prefix}engine.points", values[f"{prefix}engine.points"], "speed torque")
+    return parse_course(f"{prefix}engine.points", values[f"{prefix}engine.points"], "speed torque")
 
 
 def _steepest(engine: Course) -> float:
@@ -122,7 +122,8 @@ def drive(values: Mapping[str, Any], inertia: float, demand: str = "", prefix: s
         return InvalidParameter(f"{prefix}{name} = {_short(values_of[name])}{why}")
 
     speeds, torques, brakes = (
-        course(f"{prefix}{name}.points", str(values_of[f"{name}.points"])) for name in ("speed", "torque", "brake")
+        parse_course(f"{prefix}{name}.points", str(values_of[f"{name}.points"]))
+        for name in ("speed", "torque", "brake")
     )
     engine = _engine(values, prefix)
     if min(chain(engine.value, engine.time), default=0.0) < 0.0:

@@ -91,8 +91,8 @@ class Model(ComponentModel):
         values = parameter_values(self._parameters, parameters)
         self.drive = drive(values, self.inertia, DEMAND if self._demanded else "")
         self.counters[:] = 0
-        seen = np.zeros(self.inputs)
-        parts = Parts(self.drive, self._mount, self._unconnected, self.rest_motion, seen, self.state, self.counters)
+        inputs = np.zeros(self.inputs)
+        parts = Parts(self.drive, self._mount, self._unconnected, self.rest_motion, inputs, self.state, self.counters)
         self.begin(values, parts)
 
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:

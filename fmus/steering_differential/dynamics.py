@@ -204,14 +204,14 @@ def observe(c, y):
         y[o], y[o + 1], y[o + 2], y[o + 3], y[o + 4] = s[SPEED_NOW], s[ANGLE], s[TORQUE_NOW], s[POWER_NOW], s[WORK]
         kinetic += 0.5 * inertia * (s[RATE] * s[RATE])
         port += s[PORT_WORK]
-    work = lost = 0.0
+    work = brake_work = 0.0
     for k in range(2):
         s, o = x[PROPULSION + k * SHAFT : PROPULSION + (k + 1) * SHAFT], 2 * SIDE + 10 + 4 * k
         y[o] = 0.5 * (x[SPEED_NOW] + x[RIGHT + SPEED_NOW]) if k == 0 else x[RIGHT + SPEED_NOW] - x[SPEED_NOW]
         y[o + 1], y[o + 2], y[o + 3] = s[TORQUE_NOW], s[POWER_NOW], s[WORK]
         work += s[WORK]
-        lost += s[BRAKE_WORK]
+        brake_work += s[BRAKE_WORK]
     left_power, right_power = x[POWER_NOW], x[RIGHT + POWER_NOW]
     o = 2 * SIDE + 18
     y[o] = min(abs(left_power), abs(right_power)) if left_power * right_power < 0.0 else 0.0
-    y[o + 1], y[o + 2], y[o + 3], y[o + 4] = kinetic, work, lost, port
+    y[o + 1], y[o + 2], y[o + 3], y[o + 4] = kinetic, work, brake_work, port

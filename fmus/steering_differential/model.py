@@ -15,7 +15,7 @@ from fmus.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParam
 from fmus.physics.arrays import Floats
 from fmus.ports import STATE, Port, motion_ports, start_pose_ports, wrench_ports
 from fmus.sentences import Sentence
-from fmus.stance import mirrored, part_at_rest, stance
+from fmus.stance import mirror_stance, part_at_rest, stance
 from fmus.start import KEYS, start_pose
 from fmus.steering_differential.dynamics import (
     SIDE,
@@ -113,7 +113,7 @@ class Model(ComponentModel):
     def __init__(self, config: Mapping[str, Any]) -> None:
         drive_config = config["drive"]
         self.inertia, left = float(drive_config["inertia"]), stance(drive_config["mount"])
-        right = stance(drive_config["right"]) if "right" in drive_config else mirrored(left)
+        right = stance(drive_config["right"]) if "right" in drive_config else mirror_stance(left)
         self._mounts = left, right
         if not self.inertia > 0.0:
             raise InvalidParameter(f"drive.inertia = {self.inertia} kg m2 must be positive")
@@ -143,9 +143,9 @@ class Model(ComponentModel):
             drive(values, 0.5 * self.inertia, self._demand, "steering."),
         )
         self.counters[:] = 0
-        seen = np.zeros(self.inputs)
+        inputs = np.zeros(self.inputs)
         parts = Parts(
-            self.gearbox, self._mounts, self._unconnected, self._rest_motions, seen, self.state, self.counters
+            self.gearbox, self._mounts, self._unconnected, self._rest_motions, inputs, self.state, self.counters
         )
         self.begin(values, parts)
 

@@ -40,11 +40,11 @@ from fmus.track_choices import (
 from fmus.track_closure import PIN, SPRING, closure
 from fmus.track_flexible import parameters
 
-STILL = 1e-3  # residual of static equilibrium, N
-LONG = 10.0  # last pseudo step of a chain between pins, s: its slowest modes come to rest too
+REST_RESIDUAL = 1e-3  # residual of static equilibrium, N
+LAST_PSEUDO_STEP = 10.0  # last pseudo step of a chain between pins, s: its slowest modes come to rest too
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
 ELEMENTS = {"cable": NODE, "planar": PLANAR_NODE, "beam": BEAM_NODE}  # number of coordinates of a pin
-FINE = Range(POSITIVE.least, CHORD, f"greater than 0 and {CHORD} at most")
+TOLERANCE_RANGE = Range(POSITIVE.least, CHORD, f"greater than 0 and {CHORD} at most")
 
 
 class Model(TrackModel):
@@ -60,7 +60,14 @@ class Model(TrackModel):
             *parameters.material(vehicle["material"]),
             *parameters.coordinates(),
             *integration(),
-            Port("tolerance", "parameter", "m", "largest Newton correction of a converged step", 1e-9, allowed=FINE),
+            Port(
+                "tolerance",
+                "parameter",
+                "m",
+                "largest Newton correction of a converged step",
+                1e-9,
+                allowed=TOLERANCE_RANGE,
+            ),
             *(closure() if self.closed else ()),
         )
 
@@ -199,8 +206,8 @@ class Model(TrackModel):
             across = rotary.second_moments(track["inertia"])[1]
             if across <= 0.0:
                 raise self._inertia_error(1)
-            sideways, twist = young * (s["lateral_bending"] - second), self.links_count * across
-            return TurningCables(*common, 0.25 * track["width"], sideways, twist, self.closing)
+            lateral_bending, twist = young * (s["lateral_bending"] - second), self.links_count * across
+            return TurningCables(*common, 0.25 * track["width"], lateral_bending, twist, self.closing)
         return kind(*common, self.closing)
 
     def _beams(self, young: float, tau: float) -> Any:
@@ -316,7 +323,7 @@ class Model(TrackModel):
 
     def _rest_tolerance(self) -> float:
         """Largest residual of static equilibrium, N."""
-        return max(STILL, self._rounding())
+        return max(REST_RESIDUAL, self._rounding())
 
     def settle_pins(self, pins: Floats) -> None:
         """Set the state to straight links at rest between the ``pins`` (nodes, 2), m."""
@@ -361,10 +368,10 @@ class Model(TrackModel):
         motion = motion or Motion(self.s.q, self.s.v, self.s.vdot, self.s.axes)
         partners, least = self.contacts, self._rest_tolerance()
         if partners is not None:
-            from fmus.contacts import smooth as frictionless
+            from fmus.contacts import without_friction as frictionless
 
             partners = frictionless(partners)
-        longest = LONG if self.ends_kind == PINNED else 0.0
+        longest = LAST_PSEUDO_STEP if self.ends_kind == PINNED else 0.0
         outcome: Outcome = release(
             self.link, partners, *self.system()[1:], task, motion, by, fresh, self.start_rows, least, longest, self.s,
             self.work, self.report,

@@ -44,8 +44,8 @@ class Model(TrackModel):
     @property
     def joints(self) -> int:
         """Number of joint coordinates, 0 in the augmented formulation."""
-        held = self.ends_kind in (PINNED, HELD)
-        return count(self.links_count, held) if self.formulation == RECURSIVE else 0
+        pinned = self.ends_kind in (PINNED, HELD)
+        return count(self.links_count, pinned) if self.formulation == RECURSIVE else 0
 
     def shapes(self) -> state.Shapes:
         """Shapes of the views into the chain's state, by name."""

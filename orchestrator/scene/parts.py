@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from fmus.equilibrium import upright
+from fmus.equilibrium import upright_stance
 from fmus.link_outputs import INTERVAL
 from fmus.ports import motion_ports, wrench_ports
 from fmus.stance import Stance
@@ -62,7 +62,7 @@ def standing(scene: VehicleScene, config: dict[str, Any], side: str, stands: Map
     if at is None:
         return config
     if at.roll:
-        stands = {name: upright(place, at.pitch) for name, place in stands.items()}
+        stands = {name: upright_stance(place, at.pitch) for name, place in stands.items()}
     wheels = [{**wheel, "start": list(stands[f"{side}.{wheel['name']}"])} for wheel in config["track"]["wheels"]]
     return {**config, "track": {**config["track"], "wheels": wheels}}
 

@@ -20,7 +20,7 @@ BOUND = planning.Bounds(top=20.0, lateral=1e3, grip=2.0, deceleration=1.0, turni
 
 def planned(arcs, bounds):
     """Return a path and its plan."""
-    path = route.of_arcs("path.arcs", arcs)
+    path = route.path_of_arcs("path.arcs", arcs)
     plan = planning.empty_plan(path)
     planning.compute(plan, path, bounds)
     return path, plan
