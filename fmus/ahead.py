@@ -40,8 +40,8 @@ def start_compilation(part: Recipe, patience: int = 0) -> subprocess.Popen[str] 
         text=True,
     )
     assert child.stdin is not None
-    with child.stdin as orders:
-        json.dump(part, orders)
+    with child.stdin as stream:
+        json.dump(part, stream)
     return child
 
 

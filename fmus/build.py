@@ -118,14 +118,14 @@ def _pack(stage: Path, script: Path, config: str, packages: Sequence[Path]) -> b
     shutil.copyfile(script, tree / script.name)
     (tree / "config.json").write_text(config, encoding="utf-8")
     (tree / "build.txt").write_text(source_hash(tree / ROOT.name), encoding="utf-8")
-    order = {
+    child_input = {
         "script": script.name,
         "project": [ROOT.name, *(package.name for package in packages), "config.json", "build.txt"],
         "target": str(stage / "described.fmu"),
     }
     child = subprocess.run(
         [sys.executable, "-m", "fmus.build"],
-        input=json.dumps(order),
+        input=json.dumps(child_input),
         text=True,
         capture_output=True,
         cwd=tree,
@@ -134,7 +134,7 @@ def _pack(stage: Path, script: Path, config: str, packages: Sequence[Path]) -> b
     if child.returncode:
         last = (child.stderr.strip() or "no message").splitlines()[-1]
         raise BuildFailed(f"cannot build {script.stem}: {last.removeprefix('fmus.slave.Refused: ')}")
-    with zipfile.ZipFile(str(order["target"])) as described:
+    with zipfile.ZipFile(str(child_input["target"])) as described:
         return archive({name: described.read(name) for name in described.namelist()})
 
 
@@ -154,8 +154,10 @@ def archive(files: Mapping[str, bytes]) -> bytes:
 def _child() -> None:
     from pythonfmu.builder import FmuBuilder
 
-    order = json.load(sys.stdin)
-    FmuBuilder.build_FMU(Path(order["script"]).absolute(), dest=order["target"], project_files=order["project"])
+    child_input = json.load(sys.stdin)
+    FmuBuilder.build_FMU(
+        Path(child_input["script"]).absolute(), dest=child_input["target"], project_files=child_input["project"]
+    )
 
 
 if __name__ == "__main__":

@@ -50,7 +50,7 @@ def configured_ports(ports: Iterable[Port], config: Mapping[str, Any]) -> tuple[
 
 def check_names(ports: Iterable[Port], config: Mapping[str, Any]) -> None:
     """Check that a config gives values of known parameters only; raises InvalidParameter."""
-    known = {port.name for port in ports if port.causality == "parameter"}
+    names = {port.name for port in ports if port.causality == "parameter"}
     for name in config.get(KEY, {}):
-        if name not in known:
+        if name not in names:
             raise InvalidParameter(f"there is no parameter '{name}'")

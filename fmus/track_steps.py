@@ -107,11 +107,11 @@ def implicit(c, messages, t, h, u):
     counters = common.counters
     before = counters[REJECTED]
     on_links.renew(c.s, common.interval)
-    failure, done, link, residual = advance(
+    failure, elapsed, link, residual = advance(
         c.link, c.contacts, c.environment, c.scheme, common.rows, h, common.longest, c.s, c.work, c.report, counters
     )
     if failure:
-        messages[0, 0], messages[0, 1], messages[0, 2] = t + done, link, residual
+        messages[0, 0], messages[0, 1], messages[0, 2] = t + elapsed, link, residual
         return IMPLICIT + failure
     on_links.count(c.s, h)
     warn_of_halvings(common.given_warnings, messages, t, counters[REJECTED] - before)
@@ -158,9 +158,9 @@ def adams(c, messages, t, h, u):
 def _failure(c, messages, t, h, outcome):
     """Failure of an explicit integration from its outcome; 0 for none."""
     on_links.count(c.s, h)
-    failure, done, link, _ = outcome
+    failure, elapsed, link, _ = outcome
     if failure:
-        messages[0, 0], messages[0, 1], messages[0, 2] = t + done, link, c.common.longest
+        messages[0, 0], messages[0, 1], messages[0, 2] = t + elapsed, link, c.common.longest
         return EXPLICIT + failure
     return 0
 

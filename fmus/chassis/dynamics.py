@@ -276,14 +276,14 @@ def advance(packed, contacts, x, u, h, steps):
     """Integrate x in place over ``steps`` steps of h s under constant u; return steps done and fault."""
     tree = unpacked(packed)
     k, y = np.empty((len(RK4.b), len(x))), np.empty(len(x))
-    for done in range(steps):
+    for steps_done in range(steps):
         for i in range(len(RK4.b)):
             stage(RK4, i, h, x, k, y)
             rates(tree, contacts, y, u, k[i])
         finish(RK4, h, x, k)
         code = fault(tree, x)
         if code != FINE:
-            return done + 1, code
+            return steps_done + 1, code
         put_quat(x, 3, quat_normalise(x[3:7]))
     return steps, FINE
 
@@ -294,8 +294,8 @@ def step(c, messages, t, h, u):
     if too_many_steps(messages[0], t, h, c.longest):
         return TOO_LONG
     tree, x, steps = unpacked(c.packed), c.state, max(1, int(np.ceil(h / c.longest - 1e-9)))
-    done, code = advance(c.packed, c.contacts, x, u, h / steps, steps)
-    messages[0, 0] = t + done * h / steps
+    steps_done, code = advance(c.packed, c.contacts, x, u, h / steps, steps)
+    messages[0, 0] = t + steps_done * h / steps
     if code == FINE:
         c.counters[0] += steps
         c.counters[1] += len(RK4.b) * steps

@@ -188,7 +188,7 @@ class SteeredPoint(NamedTuple):
 
 
 class MotionTarget(NamedTuple):
-    """Wanted motion of the vehicle."""
+    """Target motion of the vehicle."""
 
     speed: float  # m/s, negative backwards
     rate: float  # of the heading, rad/s
@@ -216,7 +216,7 @@ def advance(c, t, h, u):
 
 @kernel
 def hold_heading(c, point, speed, h):
-    """Wish that holds the heading."""
+    """Target that holds the heading."""
     p, x = c.law, c.state
     x[HEADING_ERROR] = wrapped_angle(point.heading - p.heading)
     most = largest_curvature(p, c.footing, point.ahead)
@@ -227,7 +227,7 @@ def hold_heading(c, point, speed, h):
 
 @kernel
 def follow_path(c, point, speed, h):
-    """Wish on the present piece of the path."""
+    """Target on the present piece of the path."""
     x, path, piece = c.state, c.path, int(c.state[PIECE])
     x[PROGRESS], x[LATERAL_ERROR] = route.nearest(path, piece, point.x, point.y, x[PROGRESS])
     if piece_done(path, piece, x[PROGRESS], point) and piece + 2 < path.first.size:
@@ -240,7 +240,7 @@ def follow_path(c, point, speed, h):
 
 @kernel
 def piece_done(path, piece, s, point):
-    """Whether the vehicle has come to the end of a piece and stands."""
+    """Whether the vehicle is at rest at the end of a piece."""
     if is_turn_on_the_spot(path, piece):
         return abs(remaining_angle(path, piece, point)) < STOP_ANGLE and abs(point.rate) < STOP_ANGLE
     return route.piece_range(path, piece)[1] - s < STOP_DISTANCE and abs(point.ahead) < LEAST_SPEED
@@ -261,7 +261,7 @@ def remaining_angle(path, piece, point):
 
 @kernel
 def turn_on_the_spot(c, piece, point, speed, h):
-    """Wish on a turn on the spot; half of the friction could stop it, and no track exceeds ``speed``."""
+    """Target on a turn on the spot; half of the friction could stop it, and no track exceeds ``speed``."""
     p, x, angle = c.law, c.state, remaining_angle(c.path, piece, point)
     x[HEADING_ERROR], x[CURVATURE], most = -angle, 0.0, min(0.5 * largest_yaw_acceleration(p, c.footing), 1.0)
     rate_bound = min(min(np.sqrt(2.0 * most * abs(angle)), abs(angle) / STOP_TIME), 2.0 * speed / p.width)
@@ -271,7 +271,7 @@ def turn_on_the_spot(c, piece, point, speed, h):
 
 @kernel
 def follow_piece(c, piece, point, speed, h):
-    """Wish along a piece: the plan, and the correction of errors. (4)"""
+    """Target along a piece: the plan, and the correction of errors. (4)"""
     p, x, s, direction = c.law, c.state, c.state[PROGRESS], c.path.direction[c.path.first[piece]]
     most, k, slope, offset, angle = planning.evaluate(c.plan, c.path, piece, s)
     most = min(most, max(route.piece_range(c.path, piece)[1] - s, 0.0) / STOP_TIME)

@@ -37,17 +37,17 @@ def compiler_release() -> str:
     """Name and version of the compiler."""
     if find_spec("ziglang"):
         return f"ziglang {version('ziglang')}"
-    done = subprocess.run([*compiler(), "--version"], capture_output=True, text=True)
-    return done.stdout.partition("\n")[0]
+    process = subprocess.run([*compiler(), "--version"], capture_output=True, text=True)
+    return process.stdout.partition("\n")[0]
 
 
 def link(objects: Sequence[Path], include: Path, library: Path, platform: Platform) -> None:
     """Link ``library`` from objects and ``SOURCES``; ``include`` has ``model.h``. Raises NoCompiler."""
     command = [*compiler(platform), *FLAGS, f"-I{include}", f"-I{HERE}", "-o", str(library)]
     command += [*map(str, (*SOURCES, *objects)), *platform.flags]
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
-        errors = done.stderr.strip().splitlines()
+    process = subprocess.run(command, capture_output=True, text=True)
+    if process.returncode:
+        errors = process.stderr.strip().splitlines()
         first = next(
             (line for line in [*errors, "no message"] if "error" in line), errors[-1] if errors else "no message"
         )
