@@ -128,7 +128,7 @@ class _Vehicle:
             *range(LEAVES, LEAVES + len(sides) * self.leaves),
         ]
 
-    def place(self, guess: Floats) -> VehicleEquilibrium:
+    def as_equilibrium(self, guess: Floats) -> VehicleEquilibrium:
         """Equilibrium from the unknowns: height, roll, pitch of the hull, leaves left and right (half: left)."""
         height, roll, pitch, *leaves = guess.tolist()
         left = leaves[: self.leaves]
@@ -139,7 +139,7 @@ class _Vehicle:
 
         Raises StepFailed where a chain finds no equilibrium.
         """
-        x = self.chassis.start_state(self.place(guess)._asdict())
+        x = self.chassis.start_state(self.as_equilibrium(guess)._asdict())
         motions = _motions(self.chassis, x)
         wrenches = np.zeros((len(motions), len(motions[0]), WRENCH))
         for side, chain in self._chains.items():
@@ -206,6 +206,6 @@ def _solve(vehicle: _Vehicle) -> VehicleEquilibrium:
         guess[unknowns] += change
         before, residual = np.linalg.norm(residual), vehicle.accelerations(guess)
         if abs(residual).max() < REST_ACCELERATION:
-            return vehicle.place(guess)
+            return vehicle.as_equilibrium(guess)
         step = min(step * np.clip(before / np.linalg.norm(residual), 1.5, 10.0), LAST_STEP)
     raise StepFailed(f"accelerations of {abs(residual).max():.3g} m/s2 are left after {MOST_STEPS} steps")

@@ -17,7 +17,7 @@ INTERVAL = "link_outputs.interval"  # parameter: communication steps over which 
 class OutputGroup(NamedTuple):
     """Group of outputs of each link or each pin, ordered by link (or pin), then by part."""
 
-    of: str  # "link" or "joint" (a pin)
+    owner: str  # "link" or "joint" (a pin)
     signal: str
     parts: tuple[str, ...]  # last components of the names; "" for a scalar signal
     unit: str
@@ -80,10 +80,10 @@ def ports(groups: Sequence[str], links: int, pins: int) -> list[Port]:
     """Output ports of the groups, of links 1 to ``links`` and pins 1 to ``pins``."""
     output_ports = []
     for group in (GROUPS[name] for name in groups):
-        of_a_link = group.of == "link"
-        for i in range(1, (links if of_a_link else pins) + 1):
-            it = f"link {i}" if of_a_link else f"pin {i}"
+        of_link = group.owner == "link"
+        for i in range(1, (links if of_link else pins) + 1):
+            it = f"link {i}" if of_link else f"pin {i}"
             for part in group.parts:
-                name = f"{group.of}[{i}].{group.signal}" + (f".{part}" if part else "")
+                name = f"{group.owner}[{i}].{group.signal}" + (f".{part}" if part else "")
                 output_ports.append(Port(name, "output", group.unit, group.text.format(part=part, it=it)))
     return output_ports

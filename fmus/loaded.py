@@ -32,7 +32,7 @@ class Contents(NamedTuple):
     state: tuple[int, ...]  # size of each component's state
 
 
-def contents(parts: Sequence[Recipe]) -> Contents:
+def loaded_contents(parts: Sequence[Recipe]) -> Contents:
     """Start the parts in a child process; raises BuildFailed with the last message of the child."""
     from fmus.build import BuildFailed  # the child does not need it
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 
 from fmus.jit import kernel
-from fmus.start import orientation, world_position
+from fmus.start import vehicle_quaternion, world_position
 
 Stance = tuple[float, float, float, float, float, float, float]
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
@@ -48,7 +48,7 @@ def quaternion_product(p, q):
 @kernel
 def part_at_rest(p, s):
     """World motion (13, as ``ports.motion_ports``) of a part at rest with stance ``s``; ``p``: start pose."""
-    q = quaternion_product(orientation(p), (s[3], s[4], s[5], s[6]))
+    q = quaternion_product(vehicle_quaternion(p), (s[3], s[4], s[5], s[6]))
     return (*world_position(p, s[0], s[1], s[2]), *q, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 

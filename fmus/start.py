@@ -22,9 +22,9 @@ class StartPose(NamedTuple):
     height: float  # m
     pitch: float  # rad, nose down positive
 
-    def pitched(self, x: Any, z: Any) -> tuple[Any, Any]:
+    def pitch_point(self, x: Any, z: Any) -> tuple[Any, Any]:
         """Point (x, z) of the vehicle's plane y = 0 after the pitch, m, along the heading."""
-        point: tuple[Any, Any] = plain(pitched)(self, x, z)
+        point: tuple[Any, Any] = plain(pitch_point)(self, x, z)
         return point
 
     def point_at_rest(self, x: float, y: float, z: float) -> tuple[float, ...]:
@@ -39,7 +39,7 @@ def start_pose(parameters: Mapping[str, Any]) -> StartPose:
 
 
 @kernel
-def pitched(p, x, z):
+def pitch_point(p, x, z):
     """See ``StartPose``; ``p`` begins with the values of ``KEYS``, also in the kernels below."""
     c, s = math.cos(p[PITCH]), math.sin(p[PITCH])
     return c * x + s * z, c * z - s * x
@@ -48,13 +48,13 @@ def pitched(p, x, z):
 @kernel
 def world_position(p, x, y, z):
     """World position of a point of the vehicle frame, m."""
-    x, z = pitched(p, x, z)
+    x, z = pitch_point(p, x, z)
     c, s = math.cos(p[HEADING]), math.sin(p[HEADING])
     return p[X] + c * x - s * y, p[Y] + s * x + c * y, p[Z] + p[HEIGHT] + z
 
 
 @kernel
-def orientation(p):
+def vehicle_quaternion(p):
     """Quaternion (w, x, y, z) of the vehicle, body to world."""
     ch, sh = math.cos(0.5 * p[HEADING]), math.sin(0.5 * p[HEADING])
     cp, sp = math.cos(0.5 * p[PITCH]), math.sin(0.5 * p[PITCH])
@@ -64,7 +64,7 @@ def orientation(p):
 @kernel
 def point_at_rest(p, x, y, z):
     """Motion (13) at rest, see ``StartPose``."""
-    return (*world_position(p, x, y, z), *orientation(p), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return (*world_position(p, x, y, z), *vehicle_quaternion(p), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @kernel

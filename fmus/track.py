@@ -136,7 +136,7 @@ def failures(wheels: Sequence[str]) -> tuple[Sentence, ...]:
     )
 
 
-def integration() -> tuple[Port, ...]:
+def integrator_ports() -> tuple[Port, ...]:
     """Parameters of the integrators of links."""
     text = f"of generalised-alpha at infinite frequency, 0 to 1; of hht {hht.LEAST:g} to 1"
     return (
@@ -151,7 +151,7 @@ def integration() -> tuple[Port, ...]:
     )
 
 
-def alpha(p: Mapping[str, Any]) -> GeneralizedAlpha:
+def integrator_coefficients(p: Mapping[str, Any]) -> GeneralizedAlpha:
     """Coefficients of the implicit integrator that the parameters choose; raises InvalidParameter."""
     radius = p["spectral_radius"]
     if p["integrator"] != HHT:
@@ -187,7 +187,7 @@ class TrackModel(ComponentModel):
     """
 
     start_kernel, step_kernel = staticmethod(steps.begin), staticmethod(steps.implicit)
-    output_kernel, link_output_kernel = staticmethod(steps.show), staticmethod(steps.show_links)
+    output_kernel, link_output_kernel = staticmethod(steps.write_outputs), staticmethod(steps.write_link_outputs)
     start_parameters = *KEYS, "start.lateral"
     warning_sentences = WARNING_SENTENCES
     plane = 0  # 1: links that stay in their plane
@@ -434,7 +434,7 @@ class TrackModel(ComponentModel):
             self.tighten()
         else:
             rest = layout == "rest"
-            pins = np.stack(self.pose.pitched(*self.polygon(rest).T), axis=1)
+            pins = np.stack(self.pose.pitch_point(*self.polygon(rest).T), axis=1)
             self.settle(pins, rest, spin)
 
     def _released(self, layout: str) -> Floats:

@@ -83,7 +83,7 @@ class LinkOutputData(NamedTuple):
     work: Any
     links: int
     nodes: int
-    chosen: np.ndarray  # for each group of ``link_outputs``, 1: it is shown
+    group_flags: np.ndarray  # for each group of ``link_outputs``, 1: it is shown
     extra: int | None  # None: no group with kernels of its own is shown
 
 
@@ -201,7 +201,7 @@ def _read_wheels(c, messages, t, h, u):
 
 
 @allocating
-def show(c, y):
+def write_outputs(c, y):
     """See ``fmus.model.ComponentModel``: mean wrenches on the wheels and the report, world axes; c: ``OutputData``."""
     n = c.mean.shape[0]
     for k in range(n):
@@ -213,48 +213,48 @@ def show(c, y):
 
 
 @allocating
-def show_links(c, y):
+def write_link_outputs(c, y):
     """See ``fmus.model.ComponentModel``: the chosen groups of ``link_outputs``, in order; c: ``LinkOutputData``."""
-    n, m, chosen, means = c.links, c.nodes, c.chosen, np.empty(c.s.on_links_sum.shape)
+    n, m, group_flags, means = c.links, c.nodes, c.group_flags, np.empty(c.s.on_links_sum.shape)
     tension, stress, place = np.empty(n), np.empty(n), np.empty((m, 3))
     links_shown(c.link, c.environment, c.s, c.work, tension, stress, place)
     on_links.average(c.s, means)
-    index = _numbers(chosen[TENSION], tension, y, 0)
-    index = _numbers(chosen[STRESS], stress, y, index)
-    if chosen[POSITION]:
+    index = _copy_numbers(group_flags[TENSION], tension, y, 0)
+    index = _copy_numbers(group_flags[STRESS], stress, y, index)
+    if group_flags[POSITION]:
         to_world(place, c.frame, y[index : index + 3 * m])
         for k in range(m):
             for i in range(3):
                 y[index + 3 * k + i] += c.frame[i]
         index += 3 * m
-    index = _vectors(chosen[FORCE], means[:, on_links.JOINT : on_links.JOINT + 3], c.frame, y, index)
-    index = _vectors(chosen[GROUND], means[:n, on_links.GROUND : on_links.GROUND + 3], c.frame, y, index)
-    index = _vectors(chosen[WHEELS], means[:n, on_links.WHEELS : on_links.WHEELS + 3], c.frame, y, index)
-    index = _vectors(chosen[SLIDING], means[:n, on_links.SLIDING : on_links.SLIDING + 3], c.frame, y, index)
-    if chosen[DEPTH]:
-        index = _numbers(1, means[:n, on_links.DEPTH], y, index)
-    _extra_groups(c.extra, c, y, index)
+    index = _copy_vectors(group_flags[FORCE], means[:, on_links.JOINT : on_links.JOINT + 3], c.frame, y, index)
+    index = _copy_vectors(group_flags[GROUND], means[:n, on_links.GROUND : on_links.GROUND + 3], c.frame, y, index)
+    index = _copy_vectors(group_flags[WHEELS], means[:n, on_links.WHEELS : on_links.WHEELS + 3], c.frame, y, index)
+    index = _copy_vectors(group_flags[SLIDING], means[:n, on_links.SLIDING : on_links.SLIDING + 3], c.frame, y, index)
+    if group_flags[DEPTH]:
+        index = _copy_numbers(1, means[:n, on_links.DEPTH], y, index)
+    _write_extra_groups(c.extra, c, y, index)
 
 
 @allocating
-def _extra_groups(extra, c, y, index):
+def _write_extra_groups(extra, c, y, index):
     """Write the groups with kernels of their own, which are not compiled where no such group is shown."""
     if extra is not None:
         axis, fibre_stress, ends = np.empty((c.nodes, 3)), np.empty((c.links, 2)), np.empty((c.links, 6))
         pin_axes(c.link, c.s, c.work, axis)
-        index = _vectors(c.chosen[AXIS], axis, c.frame, y, index)
-        if c.chosen[FIBRES]:
+        index = _copy_vectors(c.group_flags[AXIS], axis, c.frame, y, index)
+        if c.group_flags[FIBRES]:
             fibres(c.link, c.s, c.work, fibre_stress)
-            index = _numbers(1, fibre_stress.ravel(), y, index)
-        if c.chosen[SLOPES]:
+            index = _copy_numbers(1, fibre_stress.ravel(), y, index)
+        if c.group_flags[SLOPES]:
             slopes(c.link, c.s, c.work, ends)
-            _vectors(1, ends.reshape(2 * c.links, 3), c.frame, y, index)
+            _copy_vectors(1, ends.reshape(2 * c.links, 3), c.frame, y, index)
 
 
 @kernel
-def _numbers(chosen, a, y, index):
-    """Copy the array ``a``, if ``chosen``, to ``y[index:]``; return the index after it."""
-    if chosen:
+def _copy_numbers(flag, a, y, index):
+    """Copy the array ``a``, if ``flag``, to ``y[index:]``; return the index after it."""
+    if flag:
         for i in range(a.shape[0]):
             y[index + i] = a[i]
         index += a.shape[0]
@@ -262,9 +262,9 @@ def _numbers(chosen, a, y, index):
 
 
 @kernel
-def _vectors(chosen, a, frame, y, index):
-    """Copy vectors (k, 3) in the track's frame to ``y[index:]`` in world axes, as ``_numbers`` does."""
-    if chosen:
+def _copy_vectors(flag, a, frame, y, index):
+    """Copy vectors (k, 3) in the track's frame to ``y[index:]`` in world axes, as ``_copy_numbers`` does."""
+    if flag:
         to_world(a, frame, y[index : index + 3 * a.shape[0]])
         index += 3 * a.shape[0]
     return index

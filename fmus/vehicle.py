@@ -263,7 +263,7 @@ def value_text(value: object) -> str:
         return f"a huge {type(value).__name__}"
 
 
-def sentence(error: ValidationError, where: str) -> str:
+def first_error(error: ValidationError, where: str) -> str:
     """First error of a validation as one sentence."""
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"])
@@ -282,7 +282,7 @@ def vehicle(data: Mapping[str, Any], where: str) -> VehicleTable:
     try:
         return _check_consistency(VehicleTable.model_validate(dict(data)))
     except ValidationError as error:
-        raise BadInput(sentence(error, where)) from None
+        raise BadInput(first_error(error, where)) from None
     except ValueError as error:
         raise BadInput(f"{where}: {error}") from None
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from fmus.chassis.begin import begin
 from fmus.chassis.dynamics import ENERGY_SUMS, LEAF, ROOT, Parts, step, step_failure
-from fmus.chassis.observe import observe
+from fmus.chassis.observe import write_outputs
 from fmus.chassis.tree import packed, tree, unpacked
 from fmus.defaults import parameter_values
 from fmus.model import TOO_MANY_STEPS, ComponentModel, FreeParameters, InvalidParameter
@@ -73,7 +73,7 @@ class Model(ComponentModel):
     tensioner of a side without a track lacks it.
     """
 
-    start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(observe)
+    start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
     start_parameters = *KEYS, "suspension.preload", "tensioner.preload"
 
     def __init__(self, config: Mapping[str, Any]) -> None:

@@ -74,7 +74,7 @@ def put_springs(tree, x, sides, y, i):
 
 
 @allocating
-def observe(c, y):
+def write_outputs(c, y):
     """See ``fmus.model.ComponentModel``."""
     tree, x = unpacked(c.packed), c.state
     i = put_sides(tree, x, c.sides, y, 0)

@@ -11,7 +11,7 @@ from fmus.course import parse_course
 from fmus.defaults import configured_ports, parameter_values
 from fmus.driver.path import NONE, Path, path_of_arcs, path_through_points
 from fmus.driver.plan import empty_plan
-from fmus.driver.pursuit import WIDTH, ControlLaw, Parts, begin, show, step
+from fmus.driver.pursuit import WIDTH, ControlLaw, Parts, begin, step, write_outputs
 from fmus.driver.skid import footing
 from fmus.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
@@ -70,7 +70,7 @@ class Model(ComponentModel):
     values stands still at the start pose.
     """
 
-    start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(show)
+    start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
     start_parameters, refusals = KEYS, (Sentence(""), Sentence("ramp.end = {0:.6g} s must not be before ramp.start"))
     failures = (
         Sentence(""),

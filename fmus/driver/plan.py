@@ -73,11 +73,11 @@ def compute(plan, path, bounds):
     """Compute the plan of a path."""
     for piece in range(plan.first.size - 1):
         if path.direction[path.first[piece]] != 0.0:
-            _piece(plan, path, bounds, piece)
+            _compute_piece(plan, path, bounds, piece)
 
 
 @kernel
-def _piece(plan, path, p, piece):
+def _compute_piece(plan, path, p, piece):
     a, b = plan.first[piece], plan.first[piece + 1]
     begin, end = route.piece_range(path, piece)
     ds, direction = (end - begin) / (b - a - 1), path.direction[path.first[piece]]

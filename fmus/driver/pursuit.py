@@ -170,7 +170,7 @@ def step(c, messages, t, h, u):
 
 
 @kernel
-def show(c, y):
+def write_outputs(c, y):
     """See ``fmus.model.ComponentModel``."""
     for i in range(LOST - LEFT):
         y[i] = c.state[LEFT + i]

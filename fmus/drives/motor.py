@@ -63,7 +63,7 @@ def find_contradiction(p, numbers):
 
 
 @kernel
-def profile(p, t):
+def speed_profile(p, t):
     """Speed of the profile at t, rad/s, and angle since ramp_start, rad: half-cosine ramp, and stop. (1)"""
     if has_points(p.speeds):
         speed, angle, _ = evaluate(p.speeds, t)
@@ -80,7 +80,7 @@ def profile(p, t):
 
 
 @kernel
-def profile_slope(p, t):
+def speed_profile_slope(p, t):
     """Angular acceleration of the profile at t, rad/s2."""
     if has_points(p.speeds):
         return evaluate(p.speeds, t)[2]
@@ -93,14 +93,14 @@ def profile_slope(p, t):
 
 
 @kernel
-def motor(p, t, speed, integral):
+def motor_torque(p, t, speed, integral):
     """Torque of the motor on the sprocket, N m, and rate of the controller's integral, rad/s. (2)"""
     most = p.gear * evaluate(p.engine, p.gear * abs(speed))[0] if has_points(p.engine) else np.inf
     if p.mode == TORQUE:
         unlimited = evaluate(p.torques, t)[0] if has_points(p.torques) else p.torque
         return min(most, max(-most, unlimited)), 0.0
     most = min(most, p.limit)
-    error = profile(p, t)[0] - speed
+    error = speed_profile(p, t)[0] - speed
     unlimited = p.proportional * error + p.integral * integral
     torque = min(most, max(-most, unlimited))
     return torque, 0.0 if torque != unlimited and unlimited * error > 0.0 else error  # no wind-up at the limit

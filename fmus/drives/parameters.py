@@ -110,7 +110,7 @@ def _steepest(engine: Course) -> float:
     return float(np.abs(np.diff(engine.value) / np.diff(engine.time)).max(initial=0.0))
 
 
-def drive(values: Mapping[str, Any], inertia: float, demand: str = "", prefix: str = "") -> DriveParameters:
+def drive_parameters(values: Mapping[str, Any], inertia: float, demand: str = "", prefix: str = "") -> DriveParameters:
     """Drive with the checked parameters of ``motor_ports(prefix)`` on a shaft of ``inertia`` kg m2.
 
     ``demand``: name of the input that its speed follows, where there is one. Raises InvalidParameter.

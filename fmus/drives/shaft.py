@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.course import evaluate, has_points, set_line
-from fmus.drives.motor import CONTROLLER, SPEED, motor, profile
+from fmus.drives.motor import CONTROLLER, SPEED, motor_torque, speed_profile
 from fmus.jit import allocating, kernel
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 
@@ -27,14 +27,14 @@ def start_shaft(p, x, angle):
     """Set a shaft's state x (SHAFT) to its start on a mount at rest; ``angle``, rad."""
     if p.lag > 0.0:
         set_line(p.speeds, 0.0, 0.0, p.start_speed, p.start_speed)
-    x[ANGLE], x[TARGET], x[RATE] = angle, p.start_speed, profile(p, 0.0)[0]
+    x[ANGLE], x[TARGET], x[RATE] = angle, p.start_speed, speed_profile(p, 0.0)[0]
 
 
 @kernel
 def rates(p, t, y, chain_torque, mount_rate, out):
     """Write the derivatives of the INTEGRATED quantities y; ``chain_torque``: about the axis, N m. (3)"""
     speed = y[RATE] - mount_rate
-    torque, growth = motor(p, t, speed, y[INTEGRAL])
+    torque, growth = motor_torque(p, t, speed, y[INTEGRAL])
     largest = evaluate(p.brakes, t)[0] if has_points(p.brakes) else p.brake
     brake = largest * speed / np.sqrt(speed * speed + p.brake_speed * p.brake_speed)
     out[ANGLE], out[RATE], out[INTEGRAL] = speed, (chain_torque + torque - brake) / p.inertia, growth
@@ -67,7 +67,7 @@ def integrate_spin(p, x, t, h, steps, chain_torque, start_rate, end_rate):
 @kernel
 def advance_prescribed(p, x, t, h, chain_torque, end_rate):
     """Advance a shaft with a prescribed speed; the impulse of the motor follows. (5)"""
-    (now, angle), (then, end) = profile(p, t), profile(p, t + h)
+    (now, angle), (then, end) = speed_profile(p, t), speed_profile(p, t + h)
     angle_change, rate = end - angle, then + end_rate
     momentum = p.inertia * (rate - x[RATE])
     x[ANGLE], x[RATE] = x[ANGLE] + angle_change, rate

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.drives.motor import SPEED, profile, profile_slope
+from fmus.drives.motor import SPEED, speed_profile, speed_profile_slope
 from fmus.drives.mount import SPROCKET, put_sprocket_motion
 from fmus.drives.shaft import ANGLE, BRAKE_WORK, IMPULSE, INTEGRAL, INTEGRATED, PORT_WORK, RATE, WORK
 from fmus.drives.shaft import rates as spin_rates
@@ -81,7 +81,7 @@ def turn(drives, p, motion, t, x):
         p.seen[d, ABOUT] = dot(axis, w)
     for d in range(p.mount.size):
         if drives[d].mode == SPEED:
-            x[p.start + SPIN * d + RATE] = profile(drives[d], t)[0] + _shaft(p, d, ABOUT, 0.5)
+            x[p.start + SPIN * d + RATE] = speed_profile(drives[d], t)[0] + _shaft(p, d, ABOUT, 0.5)
     for d in range(p.mount.size):
         spun, m = p.spun[d], 13 * p.mount[d]
         spun[ANGLE], spun[RATE] = _of(p, x, d, ANGLE), _of(p, x, d, RATE)
@@ -102,7 +102,7 @@ def react(drives, p, motion, wrench, t, x, k):
         drive, at = drives[d], p.start + SPIN * d
         out = k[at : at + SPIN]
         if drive.mode == SPEED:  # (3): the part that the chassis' inertia does not hold
-            p.pace[d], p.growth[d] = profile(drive, t)[0], profile_slope(drive, t)
+            p.pace[d], p.growth[d] = speed_profile(drive, t)[0], speed_profile_slope(drive, t)
             out[:] = 0.0
         else:  # (2)
             pull, about = _shaft(p, d, PULL, 1.0), _shaft(p, d, ABOUT, 0.5)
@@ -126,7 +126,7 @@ def book(drives, p, t, x, k):
         pull, about = _shaft(p, d, PULL, 1.0), _shaft(p, d, ABOUT, 0.5)
         relative, out = x[at + RATE] - about, k[at : at + SPIN]
         if drive.mode == SPEED:
-            p.growth[d] = profile_slope(drive, t)
+            p.growth[d] = speed_profile_slope(drive, t)
             if p.mount[d] < p.stations and (p.joined == 0 or d == 0):  # both mounts turn alike
                 p.growth[d] += k[p.body + 11]
             motor = drive.inertia * p.growth[d] - pull

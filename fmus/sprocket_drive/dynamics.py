@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.drives.motor import SPEED, DriveParameters, find_contradiction, profile
+from fmus.drives.motor import SPEED, DriveParameters, find_contradiction, speed_profile
 from fmus.drives.mount import (
     MOUNT,
     SPEED_NOW,
@@ -98,14 +98,14 @@ def advance(p, x, t, h, steps, u):
     m = extrapolate(p.with_acceleration, x, h, u, 0)
     if x[STEP] == 0.0:
         if p.mode == SPEED:
-            x[RATE] = profile(p, t)[0] + m.start_rate
+            x[RATE] = speed_profile(p, t)[0] + m.start_rate
         set_start_momentum(p.inertia, x, m)
     advance_shaft(p, x, t, h, steps, m.chain_torque, m.start_rate, m.end_rate)
     finish_step(p.inertia, x, h, u, 0, m)
 
 
 @kernel
-def observe(c, y):
+def write_outputs(c, y):
     """See ``fmus.model.ComponentModel``."""
     x, inertia = c.state, c.drive.inertia
     for i in range(13):

@@ -10,13 +10,13 @@ import numpy as np
 from fmus.defaults import configured_ports, parameter_values
 from fmus.drives.motor import DriveParameters
 from fmus.drives.mount import WIDTH
-from fmus.drives.parameters import contradictions, drive, free_numbers, lag_port, motor_ports, mount_ports
+from fmus.drives.parameters import contradictions, drive_parameters, free_numbers, lag_port, motor_ports, mount_ports
 from fmus.jit import plain
 from fmus.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
 from fmus.ports import STATE, WRENCH, Port, motion_ports, start_pose_ports, wrench_ports
 from fmus.sentences import Sentence
-from fmus.sprocket_drive.dynamics import Parts, begin, observe, step
+from fmus.sprocket_drive.dynamics import Parts, begin, step, write_outputs
 from fmus.stance import part_at_rest, stance
 from fmus.start import KEYS, start_pose
 
@@ -42,7 +42,7 @@ class Model(ComponentModel):
     still have their start values stands still at the start pose: an unconnected drive is a fixed axle.
     """
 
-    start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(observe)
+    start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
     start_parameters, refusals = (*KEYS, "start.lateral", "start.angle"), (Sentence(""), *contradictions())
     failures = (
         Sentence(""),
@@ -89,7 +89,7 @@ class Model(ComponentModel):
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Start at the start angle and speed on a mount at rest at the start pose; raises InvalidParameter."""
         values = parameter_values(self._parameters, parameters)
-        self.drive = drive(values, self.inertia, DEMAND if self._demanded else "")
+        self.drive = drive_parameters(values, self.inertia, DEMAND if self._demanded else "")
         self.counters[:] = 0
         inputs = np.zeros(self.inputs)
         parts = Parts(self.drive, self._mount, self._unconnected, self.rest_motion, inputs, self.state, self.counters)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.drives.motor import CONTRADICTIONS, SPEED, DriveParameters, find_contradiction, profile
+from fmus.drives.motor import CONTRADICTIONS, SPEED, DriveParameters, find_contradiction, speed_profile
 from fmus.drives.mount import (
     MOUNT,
     SPEED_NOW,
@@ -55,16 +55,16 @@ class Gearbox(NamedTuple):
 
 
 @kernel
-def join(x, sign, propulsion, steering):
+def set_sprocket(x, sign, propulsion, steering):
     """Set angle and rate of a side's sprocket from the two shafts; ``sign``: -1 left, 1 right. (3)"""
     x[ANGLE] = propulsion[ANGLE] + 0.5 * sign * steering[ANGLE]
     x[RATE] = propulsion[RATE] + 0.5 * sign * steering[RATE]
 
 
 @kernel
-def speed(p, x, t, mount_rate):
+def shaft_speed(p, x, t, mount_rate):
     """Speed of a shaft at t, relative to its mounts, rad/s."""
-    return profile(p, t)[0] if p.mode == SPEED else x[RATE] - mount_rate
+    return speed_profile(p, t)[0] if p.mode == SPEED else x[RATE] - mount_rate
 
 
 @allocating
@@ -76,7 +76,7 @@ def finish_side(g, x, sign, propulsion, steering, h, u, i, m, speed_before):
     A tuple of these ten would be made for this call alone.
     """
     angle, rate = x[ANGLE], x[RATE]
-    join(x, sign, propulsion, steering)
+    set_sprocket(x, sign, propulsion, steering)
     momentum, angle_change = g.inertia * (x[RATE] - rate), x[ANGLE] - angle
     work = 0.5 * momentum * (speed_before + x[RATE] - m.end_rate) - m.chain_torque * angle_change  # (4)
     x[WORK] += work
@@ -114,7 +114,7 @@ def begin(c, messages, p):
     for k in range(2):
         side, rest = x[RIGHT * k : RIGHT * k + WIDTH], c.rest_motion[SIDE * k : SIDE * k + 13]
         put_part_at_rest(p, c.mounts[k], rest, 0)
-        join(side, 2.0 * k - 1.0, propulsion, steering)
+        set_sprocket(side, 2.0 * k - 1.0, propulsion, steering)
         put_sprocket_motion(side, vector(rest, 0), rest[3:7], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     return 0
 
@@ -158,11 +158,11 @@ def advance(g, x, t, h, propulsion_steps, steering_steps, u):
         0.5 * (left_mount.start_rate + right_mount.start_rate),
         right_mount.start_rate - left_mount.start_rate,
     )  # mean and difference of the mounts' rates
-    p, d = speed(g.propulsion, propulsion, t, rate), speed(g.steering, steering, t, twist)
+    p, d = shaft_speed(g.propulsion, propulsion, t, rate), shaft_speed(g.steering, steering, t, twist)
     if left[STEP] == 0.0:
         propulsion[RATE], steering[RATE] = p + rate, d + twist
-        join(left, -1.0, propulsion, steering)
-        join(right, 1.0, propulsion, steering)
+        set_sprocket(left, -1.0, propulsion, steering)
+        set_sprocket(right, 1.0, propulsion, steering)
         set_start_momentum(g.inertia, left, left_mount)
         set_start_momentum(g.inertia, right, right_mount)
     advance_shaft(
@@ -190,7 +190,7 @@ def advance(g, x, t, h, propulsion_steps, steering_steps, u):
 
 
 @kernel
-def observe(c, y):
+def write_outputs(c, y):
     """See ``fmus.model.ComponentModel``."""
     x, inertia = c.state, c.gearbox.inertia
     kinetic = port = 0.0

@@ -9,7 +9,7 @@ import numpy as np
 
 from fmus.defaults import configured_ports, parameter_values
 from fmus.drives.motor import DriveParameters
-from fmus.drives.parameters import contradictions, drive, free_numbers, lag_port, motor_ports, mount_ports
+from fmus.drives.parameters import contradictions, drive_parameters, free_numbers, lag_port, motor_ports, mount_ports
 from fmus.jit import plain
 from fmus.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
@@ -23,8 +23,8 @@ from fmus.steering_differential.dynamics import (
     Gearbox,
     Parts,
     begin,
-    observe,
     step,
+    write_outputs,
 )
 
 SIDES = {"left": 1.0, "right": -1.0}  # sign of y
@@ -47,7 +47,7 @@ def parameter_ports(demanded: bool) -> list[Port]:
     ]
 
 
-def connectors(mounts: Mapping[str, tuple[float, ...]], demanded: bool) -> list[Port]:
+def connector_ports(mounts: Mapping[str, tuple[float, ...]], demanded: bool) -> list[Port]:
     """Inputs, then motions and wrenches of both sides; ``mounts``: motion (13) of each at the start."""
     found_ports: list[Port] = []
     for side, motion in mounts.items():
@@ -60,7 +60,7 @@ def connectors(mounts: Mapping[str, tuple[float, ...]], demanded: bool) -> list[
     return found_ports
 
 
-def outputs() -> list[Port]:
+def output_ports() -> list[Port]:
     """Outputs of half shafts, motors and energies."""
     side_ports: list[Port] = []
     for side in SIDES:
@@ -99,7 +99,7 @@ class Model(ComponentModel):
     stand still at the start pose.
     """
 
-    start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(observe)
+    start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
     start_parameters = *KEYS, "start.angle"
     refusals = Sentence(""), *contradictions("propulsion."), *contradictions("steering.")
     failures = (
@@ -122,8 +122,8 @@ class Model(ComponentModel):
         self._parameters = configured_ports(parameter_ports(demanded), config)
         start_motions = self._start_motions({port.name: port.start for port in self._parameters})
         self.ports: tuple[Port, ...] = (
-            *connectors(dict(zip(SIDES, start_motions, strict=True)), demanded),
-            *outputs(),
+            *connector_ports(dict(zip(SIDES, start_motions, strict=True)), demanded),
+            *output_ports(),
             *self._parameters,
         )
         inputs = [port.start for port in self.ports if port.causality == "input"]
@@ -139,8 +139,8 @@ class Model(ComponentModel):
         values = parameter_values(self._parameters, parameters)
         self.gearbox = Gearbox(
             self.inertia,
-            drive(values, 2.0 * self.inertia, self._demand, "propulsion."),  # (1)
-            drive(values, 0.5 * self.inertia, self._demand, "steering."),
+            drive_parameters(values, 2.0 * self.inertia, self._demand, "propulsion."),  # (1)
+            drive_parameters(values, 0.5 * self.inertia, self._demand, "steering."),
         )
         self.counters[:] = 0
         inputs = np.zeros(self.inputs)

@@ -27,7 +27,7 @@ from fmus.physics.chain.implicit import Method
 from fmus.physics.chain.outcome import DONE, SINGULAR, Outcome
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.ports import POSITIVE, Port, Range
-from fmus.track import TrackModel, alpha, integration
+from fmus.track import TrackModel, integrator_coefficients, integrator_ports
 from fmus.track_choices import (
     ADAMS,
     CHOLESKY,
@@ -37,7 +37,7 @@ from fmus.track_choices import (
     NODAL,
     conflict_of_links,
 )
-from fmus.track_closure import PIN, SPRING, closure
+from fmus.track_closure import PIN, SPRING, closure_ports
 from fmus.track_flexible import parameters
 
 REST_RESIDUAL = 1e-3  # residual of static equilibrium, N
@@ -56,10 +56,10 @@ class Model(TrackModel):
     def link_parameters(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Parameters of element, material, joints, coordinates, integration and closure."""
         return (
-            *parameters.kind_of_link(tuple(ELEMENTS)),
-            *parameters.material(vehicle["material"]),
-            *parameters.coordinates(),
-            *integration(),
+            *parameters.link_kind_ports(tuple(ELEMENTS)),
+            *parameters.material_ports(vehicle["material"]),
+            *parameters.coordinate_ports(),
+            *integrator_ports(),
             Port(
                 "tolerance",
                 "parameter",
@@ -68,7 +68,7 @@ class Model(TrackModel):
                 1e-9,
                 allowed=TOLERANCE_RANGE,
             ),
-            *(closure() if self.closed else ()),
+            *(closure_ports() if self.closed else ()),
         )
 
     def shapes(self) -> state.Shapes:
@@ -98,7 +98,7 @@ class Model(TrackModel):
         if axes == "free" and not self.wheel_list:
             raise InvalidParameter("axes = 'free' needs wheels: they turn with what carries them")
         young, tau = p["material.youngs_modulus"], p["material.relaxation_time"]
-        self.method = Method(alpha(p), p["tolerance"], True)
+        self.method = Method(integrator_coefficients(p), p["tolerance"], True)
         closed_by = p.get("closure", PIN)
         self.closing = Spring(p["closure.stiffness"], p["closure.damping"]) if closed_by == SPRING else None
         beam = element == "beam"

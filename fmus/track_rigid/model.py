@@ -22,9 +22,9 @@ from fmus.physics.chain.rigid.work import work
 from fmus.physics.integrate.generalized_alpha import BACKWARD
 from fmus.physics.rigid.augmented import PIN, Ends, Spring
 from fmus.ports import Port
-from fmus.track import TrackModel, alpha, integration
+from fmus.track import TrackModel, integrator_coefficients, integrator_ports
 from fmus.track_choices import AUGMENTED, FORMULATIONS, RECURSIVE, conflict_of_bodies
-from fmus.track_closure import SPRING, closure
+from fmus.track_closure import SPRING, closure_ports
 
 REST = Method(BACKWARD, 0.01 * FORCE, False)  # integrator towards static equilibrium
 
@@ -39,7 +39,7 @@ class Model(TrackModel):
         """Parameters of integration, formulation and closure."""
         text = "augmented: poses of all links, pins with multipliers; recursive: joint coordinates, explicitly alone"
         formulation = Port("formulation", "parameter", "1", text, AUGMENTED, FORMULATIONS)
-        return (*integration(), formulation, *(closure() if self.closed else ()))
+        return (*integrator_ports(), formulation, *(closure_ports() if self.closed else ()))
 
     @property
     def joints(self) -> int:
@@ -58,7 +58,7 @@ class Model(TrackModel):
         if p["formulation"] != self.formulation:
             self.formulation = p["formulation"]
             self.allocate()
-        self.method = Method(alpha(p), FORCE, True)
+        self.method = Method(integrator_coefficients(p), FORCE, True)
         v = self.vehicle["track"]
         ends = Ends(self.closed, self.ends_kind in (PINNED, HELD), self.ends_kind == PINNED)
         inertia = np.array(v["inertia"], dtype=float)

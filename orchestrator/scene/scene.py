@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 
 from fmus.ranges import range_violations
 from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput, FrozenTable, Vehicle, read_table, sentence, value_text
+from fmus.vehicle import BadInput, FrozenTable, Vehicle, first_error, read_table, value_text
 from orchestrator.scene import gallery, points
 from orchestrator.scene.drive_tables import Drive, Driver, VehicleDrive
 from orchestrator.scene.ranges import SCENE
@@ -336,7 +336,7 @@ def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:
 
 def _complaint(error: ValidationError, where: str, model: type[Scene]) -> str:
     """One sentence for a validation error, with the nearest known key for an unknown one."""
-    text = sentence(error, where)
+    text = first_error(error, where)
     first = error.errors()[0]
     if first["type"] != "extra_forbidden":
         return text

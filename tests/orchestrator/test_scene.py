@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from fmus import vehicle
 from fmus.components import model_of
-from fmus.start import orientation, start_pose
+from fmus.start import start_pose, vehicle_quaternion
 from fmus.track import STARTS
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
@@ -327,7 +327,7 @@ def test_half_a_turn_of_roll():
     """The parts get the pose R_z(heading) R_y(pitch) R_x(180 deg) for half a turn of roll."""
     scene = load("settle", None, ["start.heading=0.3", "start.pitch=0.2", "start.roll=180 deg"])
     for part in assemble(scene).parts:
-        w, x, y, z = orientation(start_pose(part.parameters))
+        w, x, y, z = vehicle_quaternion(start_pose(part.parameters))
         found = Rotation.from_quat([x, y, z, w])
         rolled = Rotation.from_euler("ZYX", [0.3, 0.2, np.pi])
         assert (found.inv() * rolled).magnitude() < 1e-12
