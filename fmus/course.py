@@ -18,7 +18,7 @@ class Course(NamedTuple):
 
     time: np.ndarray  # (n) s, rising
     value: np.ndarray  # (n)
-    area: np.ndarray  # (n) integral from the first point to each point
+    integral: np.ndarray  # (n) integral from the first point to each point
 
 
 NONE = Course(np.zeros(0), np.zeros(0), np.zeros(0))
@@ -38,8 +38,8 @@ def parse_course(name: str, text: str, pair: str = "time value") -> Course:
         raise InvalidParameter(f"{name} = '{text[:80]}': must be '{pair}; {pair}; ...'") from None
     if not np.isfinite(points).all() or not (np.diff(time) > 0.0).all():
         raise InvalidParameter(f"{name} = '{text[:80]}': must be finite numbers, its {pair.split()[0]}s must rise")
-    area = np.concatenate([[0.0], np.cumsum(0.5 * (value[1:] + value[:-1]) * np.diff(time))])
-    return Course(time.copy(), value.copy(), area)
+    integral = np.concatenate([[0.0], np.cumsum(0.5 * (value[1:] + value[:-1]) * np.diff(time))])
+    return Course(time.copy(), value.copy(), integral)
 
 
 @kernel
@@ -70,9 +70,9 @@ def evaluate(c, t):
     low = interval(c.time, t)
     past = t - c.time[low]
     if low == n - 1:
-        return c.value[low], c.area[low] + c.value[low] * past, 0.0
+        return c.value[low], c.integral[low] + c.value[low] * past, 0.0
     slope = (c.value[low + 1] - c.value[low]) / (c.time[low + 1] - c.time[low])
-    return c.value[low] + slope * past, c.area[low] + (c.value[low] + 0.5 * slope * past) * past, slope
+    return c.value[low] + slope * past, c.integral[low] + (c.value[low] + 0.5 * slope * past) * past, slope
 
 
 @kernel
@@ -80,7 +80,7 @@ def set_line(c, t, h, now, then):
     """Set a course of two points to the straight line from ``now`` at ``t`` to ``then`` at t + h."""
     c.time[0], c.time[1] = t, t + h
     c.value[0], c.value[1] = now, then
-    c.area[0], c.area[1] = 0.0, 0.5 * (now + then) * h
+    c.integral[0], c.integral[1] = 0.0, 0.5 * (now + then) * h
 
 
 @kernel

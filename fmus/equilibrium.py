@@ -119,7 +119,7 @@ class _Vehicle:
         sides = ["left"] if self.half else ["left", "right"]
         self.chassis = Chassis({**chassis, "chassis": {**chassis["chassis"], "sides": sides}})
         self.chassis.initialise({})
-        self.leaves = len(self.chassis.tree.turns) // 2
+        self.leaves = len(self.chassis.tree.is_arm) // 2
         self._chains = {sides.index(side): _ChainOnWheels(track) for side, track in tracks.items() if side in sides}
         self.unknowns = [
             HEIGHT,
@@ -182,7 +182,7 @@ class _ChainOnWheels:
 
 def _motions(chassis: Any, x: Floats) -> Floats:
     """Motions (sides, places, 13) of the places of a chassis in the state x."""
-    sides, places = len(chassis.sides), len(chassis.tree.turns) // 2 + 1
+    sides, places = len(chassis.sides), len(chassis.tree.is_arm) // 2 + 1
     y = np.zeros(sides * places * STATE)
     put_sides(chassis.tree, x, sides, y, 0)
     return y.reshape(sides, places, STATE)

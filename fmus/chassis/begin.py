@@ -15,10 +15,10 @@ PRELOADS = 6  # index of the preloads in ``p``, after the start pose: of suspens
 def begin(c, messages, p):
     """See ``fmus.model.ComponentModel``; p: the start pose, then the preloads, N."""
     tree, x, start = unpacked(c.packed), c.state, c.start
-    n = tree.turns.size
+    n = tree.is_arm.size
     x[:] = 0.0
     for k in range(n):
-        tree.preload[k] = p[PRELOADS] if tree.turns[k] == 1 else p[PRELOADS + 1] - c.missing_preload[2 * k // n]
+        tree.preload[k] = p[PRELOADS] if tree.is_arm[k] == 1 else p[PRELOADS + 1] - c.missing_preload[2 * k // n]
         x[ROOT + k] = c.leaves[k]
     hull = part_at_rest(p, c.hull)
     for i in range(7):

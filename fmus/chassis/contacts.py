@@ -90,7 +90,7 @@ def touch(contacts, tree, x, A, v, w):
 
     A, v, w: rotation of B (3, 3), velocity of O and angular velocity in B.
     """
-    n, O, frame = len(tree.turns), vector(x, 0), contacts.frame
+    n, O, frame = len(tree.is_arm), vector(x, 0), contacts.frame
     contacts.f[:] = 0.0
     contacts.sums[:] = 0.0
     for i in range(contacts.points.shape[0]):

@@ -49,7 +49,7 @@ class Parts(NamedTuple):
 @kernel
 def wheel_offset(tree, k, d):
     """Wheel centre of leaf k from its hinge, m, and the derivative by its coordinate d, in B. (1)"""
-    if tree.turns[k] == 0:
+    if tree.is_arm[k] == 0:
         return (d, 0.0, 0.0), (1.0, 0.0, 0.0)
     x, z, c, s = tree.arm[k, 0], tree.arm[k, 1], np.cos(d), np.sin(d)
     r = (c * x + s * z, 0.0, c * z - s * x)
@@ -59,7 +59,7 @@ def wheel_offset(tree, k, d):
 @kernel
 def compression(tree, k, d):
     """Compression of the spring of leaf k since the drawn position, m, and its derivative by d. (2)"""
-    if tree.turns[k] == 0:
+    if tree.is_arm[k] == 0:
         return d, 1.0
     x, z, c, s = tree.on_arm[k, 0], tree.on_arm[k, 1], np.cos(d), np.sin(d)
     ax, az = c * x + s * z, c * z - s * x
@@ -78,7 +78,7 @@ def leaf_inertia(tree, k, r, w):
 @kernel
 def unit_wrench(tree, k, A, u):
     """Force and torque on unit k in B, from the world wrenches u (6 for each input)."""
-    i, m = 6 * tree.source[k], tree.mirror[k]
+    i, m = 6 * tree.input_index[k], tree.mirror[k]
     f, g = to_body(A, vector(u, i)), to_body(A, vector(u, i + 3))
     return (f[0], m * f[1], f[2]), (m * g[0], g[1], m * g[2])
 
@@ -104,7 +104,7 @@ def leaf_bias(tree, k, w, qd, r, c, lc):
     w: angular velocity of B; qd: rate of the leaf; r: from the hinge to the wheel centre; c: centre of mass, and lc its
     derivative by the coordinate.
     """
-    y = float(tree.turns[k])
+    y = float(tree.is_arm[k])
     centripetal, wl = scale(-tree.fraction[k] * y * qd * qd, r), (w[0], w[1] + y * qd, w[2])
     bias = add(add(cross(w, cross(w, c)), cross(scale(2 * qd, w), lc)), centripetal)
     gyro = add(leaf_inertia(tree, k, r, cross(w, (0.0, y * qd, 0.0))), cross(wl, leaf_inertia(tree, k, r, wl)))
@@ -165,7 +165,7 @@ def rates(tree, contacts, x, u, out):
 
     u: wrenches on the units, world (6 for each input); the wrenches of the ground are added where there are contacts.
     """
-    n = len(tree.turns)
+    n = len(tree.is_arm)
     A = quat_to_matrix(x[3:7])
     v, w = to_body(A, vector(x, 7)), vector(x, 10)
     M, b, J = np.zeros((6, 6)), np.zeros(6), np.zeros((3, 3))
@@ -180,7 +180,7 @@ def rates(tree, contacts, x, u, out):
         F, T = add(F, vector(contacts.f, 6 * n)), add(T, vector(contacts.f, 6 * n + 3))
 
     for k in range(n):
-        q, qd, y = x[d + k], x[rate + k], float(tree.turns[k])
+        q, qd, y = x[d + k], x[rate + k], float(tree.is_arm[k])
         r, dr = wheel_offset(tree, k, q)
         hinge, s, m = vector(tree.hinge[k], 0), tree.fraction[k], tree.leaf_mass[k]
         c, lc, turn = add(hinge, scale(s, r)), scale(s, dr), (0.0, y, 0.0)
@@ -233,7 +233,7 @@ def free_body(tree, A, v, w, u, M):
     F = scale(-tree.mass, cross(w, cross(w, c)))
     T = add(cross(c, F), cross(to_world(tree.inertia, w), w))
     for side in range(2):
-        f, torque = unit_wrench(tree, len(tree.turns) + side, A, u)
+        f, torque = unit_wrench(tree, len(tree.is_arm) + side, A, u)
         mount = vector(tree.sprocket[side], 0)
         F, T = add(F, f), add(T, add(torque, cross(mount, f)))
         power += dot(f, add(v, cross(w, mount))) + dot(torque, w)
@@ -260,10 +260,10 @@ def fault(tree, x):
             return NOT_FINITE
     if abs(np.sqrt(x[3] ** 2 + x[4] ** 2 + x[5] ** 2 + x[6] ** 2) - 1.0) > 1e-2:
         return BROKEN_QUATERNION
-    for k in range(len(tree.turns)):
+    for k in range(len(tree.is_arm)):
         q = x[ROOT + k]
-        if tree.turns[k] == 0:
-            out_of_reach = abs(q) > tree.reach[k]
+        if tree.is_arm[k] == 0:
+            out_of_reach = abs(q) > tree.travel[k]
         else:  # past the dead point, where the spring's line runs through the pin
             out_of_reach = abs(q) > np.pi or compression(tree, k, q)[1] * compression(tree, k, 0.0)[1] <= 0.0
         if out_of_reach:
@@ -317,13 +317,13 @@ def step_failure(tree, code, x, numbers):
         return code
     leaf = code - OUT_OF_REACH
     numbers[1], numbers[2] = ROOT + leaf, x[ROOT + leaf]
-    return TURNED_TOO_FAR if tree.turns[leaf] else MOVED_TOO_FAR
+    return TURNED_TOO_FAR if tree.is_arm[leaf] else MOVED_TOO_FAR
 
 
 @allocating
 def energies(tree, x):
     """Kinetic, gravity (0 where the common centre of mass is at z = 0) and spring energy, J. (13)"""
-    n = len(tree.turns)
+    n = len(tree.is_arm)
     A = quat_to_matrix(x[3:7])
     v, w = to_body(A, vector(x, 7)), vector(x, 10)
     c = vector(tree.centre, 0)
@@ -334,7 +334,7 @@ def energies(tree, x):
         r, dr = wheel_offset(tree, k, q)
         c = add(vector(tree.hinge[k], 0), scale(tree.fraction[k], r))
         vc = add(add(v, cross(w, c)), scale(qd * tree.fraction[k], dr))
-        wl = (w[0], w[1] + tree.turns[k] * qd, w[2])
+        wl = (w[0], w[1] + tree.is_arm[k] * qd, w[2])
         kinetic += 0.5 * tree.leaf_mass[k] * dot(vc, vc) + 0.5 * dot(wl, leaf_inertia(tree, k, r, wl))
         kinetic += 0.5 * tree.spin_inertia[k] * spin * spin
         moment = add(moment, scale(tree.leaf_mass[k], c))

@@ -112,7 +112,7 @@ class Model(ComponentModel):
                  " would balance a track on a side that has none",
                  float(vehicle["tensioner"]["preload"])),
         )  # fmt: skip
-        self.state: Floats = np.zeros(ROOT + LEAF * len(self.tree.turns) + ENERGY_SUMS)
+        self.state: Floats = np.zeros(ROOT + LEAF * len(self.tree.is_arm) + ENERGY_SUMS)
         self.counters = np.zeros(2, dtype=np.int64)
         self._start = np.zeros(5)
         self._set_start(config["chassis"])
@@ -174,7 +174,7 @@ class Model(ComponentModel):
 
     def _part(self, index: int) -> str:
         """Name of the part of the vehicle to which the state's entry ``index`` belongs."""
-        leaves = len(self.tree.turns)
+        leaves = len(self.tree.is_arm)
         if not ROOT <= index < ROOT + LEAF * leaves:
             return "chassis"
         side, k = divmod((index - ROOT) % leaves, leaves // 2)

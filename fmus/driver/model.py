@@ -138,8 +138,8 @@ class Model(ComponentModel):
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters but the path and tables of points."""
         names = dict(
-            width="width", heading_gain="heading.gain", reach="reach", preview="preview", gain="yaw.gain",
-            integral="yaw.integral", sharpest="curvature.largest", lateral="acceleration.lateral",
+            width="width", heading_gain="heading.gain", reach="reach", preview="preview", rate_gain="yaw.gain",
+            integral="yaw.integral", largest_curvature="curvature.largest", lateral="acceleration.lateral",
             deceleration="deceleration", start_speed="speed.start", end_speed="speed.end", ramp_start="ramp.start",
             ramp_end="ramp.end", friction="friction", grip="grip", lag="drive.lag", yaw_lag="yaw.lag",
             tolerance="path.tolerance",
@@ -173,9 +173,9 @@ class Model(ComponentModel):
             heading_gain=float(values["heading.gain"]),
             reach=float(values["reach"]),
             preview=float(values["preview"]),
-            gain=float(values["yaw.gain"]),
+            rate_gain=float(values["yaw.gain"]),
             integral=float(values["yaw.integral"]),
-            sharpest=float(values["curvature.largest"]),
+            largest_curvature=float(values["curvature.largest"]),
             lateral=float(values["acceleration.lateral"]),
             deceleration=float(values["deceleration"]),
             start_speed=float(values["speed.start"]),

@@ -49,11 +49,11 @@ class PathPlan(NamedTuple):
 class Bounds(NamedTuple):
     """Bounds of the motion of the vehicle, SI."""
 
-    top: float  # largest speed, m/s
+    speed: float  # largest speed, m/s
     lateral: float  # largest lateral acceleration, m/s2
     grip: float  # largest acceleration, along and across together, m/s2
     deceleration: float  # m/s2
-    turning: float  # largest yaw acceleration, rad/s2
+    yaw_acceleration: float  # largest yaw acceleration, rad/s2
     tolerance: float  # distance of the line from the path where it bends, m
     turn_resistance: float  # share of the grip that resists turning on the spot
 
@@ -92,19 +92,19 @@ def _compute_piece(plan, path, p, piece):
             abs(plan.path_curvature[i]),
             abs(plan.path_curvature[min(i + 1, b - 1)]),
         )
-        plan.bound_squared[i] = min(p.top * p.top, min(p.lateral, p.grip) / max(largest_curvature, 1e-9))
+        plan.bound_squared[i] = min(p.speed * p.speed, min(p.lateral, p.grip) / max(largest_curvature, 1e-9))
         plan.curvature[i], plan.offset[i], plan.angle[i] = plan.path_curvature[i], 0.0, 0.0
     _limit_speed(plan, p, a, b, ds)
-    if not p.turning < np.inf:
+    if not p.yaw_acceleration < np.inf:
         return
     for _ in range(ROUNDS):
         _smooth(plan, p, a, b, ds)
         slower = False
         for i in range(a + 1, b - 1):
             slope = abs(plan.curvature[i + 1] - plan.curvature[i - 1]) / (2.0 * ds)
-            if plan.reached_squared[i] * slope > 1.01 * p.turning:
+            if plan.reached_squared[i] * slope > 1.01 * p.yaw_acceleration:
                 plan.bound_squared[i], slower = (
-                    plan.reached_squared[i] * (p.turning / (plan.reached_squared[i] * slope)),
+                    plan.reached_squared[i] * (p.yaw_acceleration / (plan.reached_squared[i] * slope)),
                     True,
                 )
         if not slower:
@@ -133,8 +133,8 @@ def _longitudinal_acceleration(plan, p, speed_squared, i, b, ds):
     """Acceleration along the path that the grip leaves at the place i, m/s2; ``speed_squared``: of the speed there."""
     slope = (plan.curvature[min(i + 1, b - 1)] - plan.curvature[i - 1]) / (2.0 * ds)
     rate = np.sqrt(speed_squared) * plan.curvature[i]
-    turning = speed_squared * slope / p.turning if p.turning < np.inf else 0.0
-    return available_acceleration(p.grip, p.turn_resistance, rate, speed_squared * plan.curvature[i], turning)
+    yaw_share = speed_squared * slope / p.yaw_acceleration if p.yaw_acceleration < np.inf else 0.0
+    return available_acceleration(p.grip, p.turn_resistance, rate, speed_squared * plan.curvature[i], yaw_share)
 
 
 @kernel
@@ -160,7 +160,7 @@ def _smooth(plan, p, a, b, ds):
         offset[i], band[i, 0], band[i, 1], band[i, 2], band[i, 3] = 0.0, 1.0, 0.0, 0.0, 0.0
     for i in range(a + 1, b - 2):  # third difference over i - 1 ... i + 2
         v2 = 0.5 * (plan.reached_squared[i] + plan.reached_squared[i + 1])
-        weight = (v2 * p.tolerance / p.turning) ** 2 / ds**6
+        weight = (v2 * p.tolerance / p.yaw_acceleration) ** 2 / ds**6
         jump = (plan.path_curvature[i + 1] - plan.path_curvature[i]) * ds * ds
         for j in range(4):
             offset[i - 1 + j] -= weight * _third(j) * jump

@@ -51,9 +51,9 @@ class ControlLaw(NamedTuple):
     heading_gain: float  # yaw rate for an error of the heading, 1/s
     reach: float  # least distance over which errors decay, m
     preview: float  # the same as a time, s
-    gain: float  # gain of the yaw rate's error
+    rate_gain: float  # gain of the yaw rate's error
     integral: float  # gain of its integral, 1/s
-    sharpest: float  # largest curvature, 1/m
+    largest_curvature: float  # largest curvature, 1/m
     lateral: float  # lateral acceleration that bounds speed on a curve and curvature at a speed, m/s2
     deceleration: float  # towards curves and the end of the path, m/s2
     start_speed: float  # speed before the ramp, m/s
@@ -108,12 +108,12 @@ def begin(c, messages, p):
 @kernel
 def bounds(p, footing):
     """Bounds of the plan."""
-    top = max(p.start_speed, p.end_speed)
+    speed = max(p.start_speed, p.end_speed)
     for i in range(p.speeds.value.size):
-        top = max(top, p.speeds.value[i])
+        speed = max(speed, p.speeds.value[i])
     grip = p.grip * friction_limit(p, footing)
     return planning.Bounds(
-        top,
+        speed,
         p.lateral,
         grip,
         p.deceleration,
@@ -192,7 +192,7 @@ class MotionTarget(NamedTuple):
 
     speed: float  # m/s, negative backwards
     rate: float  # of the heading, rad/s
-    turning: float  # derivative of the rate, rad/s2
+    yaw_acceleration: float  # derivative of the rate, rad/s2
 
 
 @allocating
@@ -263,9 +263,11 @@ def remaining_angle(path, piece, point):
 def turn_on_the_spot(c, piece, point, speed, h):
     """Target on a turn on the spot; half of the friction could stop it, and no track exceeds ``speed``."""
     p, x, angle = c.law, c.state, remaining_angle(c.path, piece, point)
-    x[HEADING_ERROR], x[CURVATURE], most = -angle, 0.0, min(0.5 * largest_yaw_acceleration(p, c.footing), 1.0)
-    rate_bound = min(min(np.sqrt(2.0 * most * abs(angle)), abs(angle) / STOP_TIME), 2.0 * speed / p.width)
-    rate = min(max(rate_bound if angle > 0.0 else -rate_bound, x[YAW_RATE] - most * h), x[YAW_RATE] + most * h)
+    x[HEADING_ERROR], x[CURVATURE], yaw_limit = -angle, 0.0, min(0.5 * largest_yaw_acceleration(p, c.footing), 1.0)
+    rate_bound = min(min(np.sqrt(2.0 * yaw_limit * abs(angle)), abs(angle) / STOP_TIME), 2.0 * speed / p.width)
+    rate = min(
+        max(rate_bound if angle > 0.0 else -rate_bound, x[YAW_RATE] - yaw_limit * h), x[YAW_RATE] + yaw_limit * h
+    )
     return MotionTarget(0.0, rate, (rate - x[YAW_RATE]) / h if h > 0.0 else 0.0)
 
 
@@ -273,10 +275,10 @@ def turn_on_the_spot(c, piece, point, speed, h):
 def follow_piece(c, piece, point, speed, h):
     """Target along a piece: the plan, and the correction of errors. (4)"""
     p, x, s, direction = c.law, c.state, c.state[PROGRESS], c.path.direction[c.path.first[piece]]
-    most, k, slope, offset, angle = planning.evaluate(c.plan, c.path, piece, s)
-    most = min(most, max(route.piece_range(c.path, piece)[1] - s, 0.0) / STOP_TIME)
+    speed_limit, k, slope, offset, angle = planning.evaluate(c.plan, c.path, piece, s)
+    speed_limit = min(speed_limit, max(route.piece_range(c.path, piece)[1] - s, 0.0) / STOP_TIME)
     v = max(direction * point.ahead, 0.0)
-    speed_target = limit_speed_change(c, point, direction * min(speed, most), v * v * slope, h)
+    speed_target = limit_speed_change(c, point, direction * min(speed, speed_limit), v * v * slope, h)
     way = direction * np.arctan2(point.left, max(v, LEAST_SPEED))
     x[HEADING_ERROR] = wrapped_angle(point.heading - route.point(c.path, piece, s)[2])
     offset, angle = x[LATERAL_ERROR] - offset, wrapped_angle(x[HEADING_ERROR] + way - angle)
@@ -320,7 +322,7 @@ def limit_speed_change(c, point, speed, yaw_acceleration, h):
 def largest_curvature(p, footing, speed):
     """Largest curvature at a speed, 1/m; corrections may use half of the friction that the plan leaves."""
     across = min(1.1 * p.lateral, 0.5 * (1.0 + p.grip) * friction_limit(p, footing))
-    return min(p.sharpest, across / max(speed * speed, LEAST_SPEED * LEAST_SPEED))
+    return min(p.largest_curvature, across / max(speed * speed, LEAST_SPEED * LEAST_SPEED))
 
 
 @kernel
@@ -334,13 +336,13 @@ def set_demands(c, point, target, pace, h):
     share = (
         1.0 if is_turn_on_the_spot(c.path, int(x[PIECE])) else abs(target.speed) / np.hypot(target.speed, LEAST_SPEED)
     )
-    correction = 0.5 * p.width * (p.gain * rate_error + x[RATE_INTEGRAL]) * share
+    correction = 0.5 * p.width * (p.rate_gain * rate_error + x[RATE_INTEGRAL]) * share
     if p.friction == 0.0:
         correction += 0.5 * p.width * target.rate * share
         left, right = -correction, correction
     else:
         largest = LARGEST_YAW_SHARE * largest_yaw_acceleration(p, f)
-        yaw_acceleration = min(max(target.turning, -largest), largest)
+        yaw_acceleration = min(max(target.yaw_acceleration, -largest), largest)
         rate, most = target.rate + (p.lag + p.yaw_lag) * yaw_acceleration, LARGEST_FRICTION_SHARE * friction_limit(p, f)
         across = min(max(point.ahead * rate, -most), most)
         most = np.sqrt(most * most - across * across)

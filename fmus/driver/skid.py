@@ -121,14 +121,14 @@ def _loads(p, ahead, left, k):
 
 
 @kernel
-def balance(p, law, rate, ahead, left, turning, z):
+def balance(p, law, rate, ahead, left, yaw_acceleration, z):
     """Residuals of (5) over the weight, and their Jacobian by rows, at z.
 
     z: slip left, slip right, lateral velocity, m/s; ``rate``, rad/s; accelerations ``ahead``, ``left``, m/s2, and
-    ``turning``, rad/s2; ``law``: friction, creep velocity, m/s.
+    ``yaw_acceleration``, rad/s2; ``law``: friction, creep velocity, m/s.
     """
     mu, creep = law
-    fx, fy, m = -p.mass * ahead, -p.mass * left, -p.inertia * turning
+    fx, fy, m = -p.mass * ahead, -p.mass * left, -p.inertia * yaw_acceleration
     xl, xr, xv, yl, yr, yv, ml, mr, mv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(p.wheels.size):
         x, loads = p.wheels[k], _loads(p, ahead, left, k)
@@ -169,17 +169,17 @@ def _squared_norm(r):
 
 
 @kernel
-def slips(p, law, rate, ahead, left, turning, z):
+def slips(p, law, rate, ahead, left, yaw_acceleration, z):
     """Slip left and right and lateral velocity, m/s, from the guess z; and whether (5) is solved.
 
     Arguments as of ``balance``. Accelerations that friction cannot give are halved, up to ``MOST_REDUCTIONS`` times.
     """
     share = 1.0
     for _ in range(MOST_REDUCTIONS):
-        solution, solved = _newton(p, law, rate, share * ahead, left, share * turning, z)
+        solution, solved = _newton(p, law, rate, share * ahead, left, share * yaw_acceleration, z)
         if not solved:
             cold = -p.arm * rate * 0.6, p.arm * rate * 0.6, -p.arm * rate * 0.6
-            solution, solved = _newton(p, law, rate, share * ahead, left, share * turning, cold)
+            solution, solved = _newton(p, law, rate, share * ahead, left, share * yaw_acceleration, cold)
         if solved:
             return solution, True
         share *= 0.5
@@ -187,8 +187,8 @@ def slips(p, law, rate, ahead, left, turning, z):
 
 
 @kernel
-def _newton(p, law, rate, ahead, left, turning, z):
-    r, A = balance(p, law, rate, ahead, left, turning, z)
+def _newton(p, law, rate, ahead, left, yaw_acceleration, z):
+    r, A = balance(p, law, rate, ahead, left, yaw_acceleration, z)
     size, most = _squared_norm(r), LARGEST_SLIP + 3.0 * p.half_gauge * abs(rate)
     for _ in range(ITERATIONS):
         if size < TOLERANCE * TOLERANCE:
@@ -197,7 +197,7 @@ def _newton(p, law, rate, ahead, left, turning, z):
         for _ in range(HALVINGS):
             trial = z[0] - part * dz[0], z[1] - part * dz[1], z[2] - part * dz[2]
             if max(abs(trial[0]), abs(trial[1]), abs(trial[2])) < most:
-                r, A = balance(p, law, rate, ahead, left, turning, trial)
+                r, A = balance(p, law, rate, ahead, left, yaw_acceleration, trial)
                 size = _squared_norm(r)
                 if size < before:
                     break

@@ -40,7 +40,7 @@ class DriveParameters(NamedTuple):
     lag: float = 0.0  # time constant with which the speed follows a demand, s; 0: no demand
     engine: Course = NONE  # largest torque over the speed of the engine's shaft, N m and rad/s
     gear: float = 1.0  # turns of the engine for one of the sprocket
-    steepest: float = 0.0  # steepest slope of the engine's curve at the sprocket, N m s/rad
+    steepest_slope: float = 0.0  # steepest slope of the engine's curve at the sprocket, N m s/rad
 
 
 @kernel

@@ -95,7 +95,7 @@ def free_numbers(values: Mapping[str, Any], demanded: bool, path: str, prefix: s
     engine = _engine(values, prefix)
     if engine.time.size:
         ratio = f"{{{prefix}gear.ratio}}"
-        numbers[f"{path}.steepest"] = f"{ratio} * {ratio} * {_steepest(engine)!r}"
+        numbers[f"{path}.steepest_slope"] = f"{ratio} * {ratio} * {_steepest_slope(engine)!r}"
     numbers[f"{path}.with_acceleration"] = "{extrapolation}"
     if demanded:
         numbers[f"{path}.lag"] = "{demand.lag}"
@@ -106,7 +106,7 @@ def _engine(values: Mapping[str, Any], prefix: str) -> Course:
     return parse_course(f"{prefix}engine.points", values[f"{prefix}engine.points"], "speed torque")
 
 
-def _steepest(engine: Course) -> float:
+def _steepest_slope(engine: Course) -> float:
     return float(np.abs(np.diff(engine.value) / np.diff(engine.time)).max(initial=0.0))
 
 
@@ -159,7 +159,7 @@ def drive_parameters(values: Mapping[str, Any], inertia: float, demand: str = ""
         brakes=brakes,
         engine=engine,
         gear=gear,
-        steepest=gear * gear * _steepest(engine),
+        steepest_slope=gear * gear * _steepest_slope(engine),
         lag=float(values["demand.lag"]) if demand else 0.0,
     )
 

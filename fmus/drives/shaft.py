@@ -47,7 +47,7 @@ def substeps(p, h):
     if p.mode == SPEED:
         return 1
     gains = (p.proportional / p.inertia, np.sqrt(p.integral / p.inertia)) if p.mode == CONTROLLER else (0.0, 0.0)
-    fastest = p.brake / (p.brake_speed * p.inertia) + gains[0] + gains[1] + p.steepest / p.inertia
+    fastest = p.brake / (p.brake_speed * p.inertia) + gains[0] + gains[1] + p.steepest_slope / p.inertia
     return max(1, int(np.ceil(min(2.0 * h * fastest, 1e9))))
 
 

@@ -93,7 +93,7 @@ def mirrored(parts: Sequence[Part]) -> dict[str, str]:
 
 def mirror_drive(of: Any, model: Any, chassis: Any) -> None:
     """Make ``model`` the mirror image of the drive ``of`` the other side; the chassis moves symmetrically."""
-    motions = np.zeros(STATE * (len(chassis.tree.turns) + 2))
+    motions = np.zeros(STATE * (len(chassis.tree.is_arm) + 2))
     put_sides(chassis.tree, chassis.state, 2, motions, 0)
     mount, state = motions[-STATE:], model.state
     axis = quat_rotate(mount[3:7], (0.0, 1.0, 0.0))

@@ -12,9 +12,9 @@ from fmus.driver.skid import footing, slips
 from orchestrator.scene.scene import load
 
 TABLE = load("straight").vehicle.model_dump()
-FREE = planning.Bounds(top=4.0, lateral=1e3, grip=np.inf, deceleration=0.5, turning=np.inf, tolerance=0.1,
+FREE = planning.Bounds(speed=4.0, lateral=1e3, grip=np.inf, deceleration=0.5, yaw_acceleration=np.inf, tolerance=0.1,
                        turn_resistance=0.7)  # fmt: skip
-BOUND = planning.Bounds(top=20.0, lateral=1e3, grip=2.0, deceleration=1.0, turning=0.4, tolerance=0.1,
+BOUND = planning.Bounds(speed=20.0, lateral=1e3, grip=2.0, deceleration=1.0, yaw_acceleration=0.4, tolerance=0.1,
                         turn_resistance=0.7)  # fmt: skip
 
 
@@ -69,8 +69,8 @@ def test_the_way_that_is_taken_stays_near_the_path_and_turns_as_friction_allows(
     inner = slice(5, -5)
     ds = path.length / (len(plan.speed_squared) - 1)
     turning = plan.reached_squared * np.gradient(plan.curvature, ds)
-    assert abs(turning).max() < 1.15 * BOUND.turning
-    assert abs(turning).max() > 0.7 * BOUND.turning
+    assert abs(turning).max() < 1.15 * BOUND.yaw_acceleration
+    assert abs(turning).max() > 0.7 * BOUND.yaw_acceleration
     assert 0.01 < abs(plan.offset).max() < BOUND.tolerance
     # the chosen way is a curve: the second derivative of its distance is the difference of the curvatures
     bends = np.diff(plan.offset, 2) / ds**2
@@ -84,7 +84,7 @@ def test_smoothing_is_the_solution_of_its_equations():
     n, ds = len(plan.speed_squared), 0.1
     D = np.diff(np.eye(n), 3, axis=0) / ds**3
     v2 = 0.5 * (plan.reached_squared[1:-2] + plan.reached_squared[2:-1])
-    W = np.diag((v2 * BOUND.tolerance / BOUND.turning) ** 2)
+    W = np.diag((v2 * BOUND.tolerance / BOUND.yaw_acceleration) ** 2)
     c = np.diff(plan.path_curvature)[1:-1] / ds
     dense = np.linalg.solve(np.eye(n) + D.T @ W @ D, -D.T @ W @ c)
     assert abs(dense).max() > 5e-3

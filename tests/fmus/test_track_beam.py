@@ -89,8 +89,8 @@ def test_coordinates_of_a_track():
     chain = hanging(element="beam")
     assert chain.s.q.size - 2 * 6 == 1158
     closed = make({"links": LINKS, "wheels": wheels()}, start="polygon", element="beam")
-    told = coordinates(closed, np.arange(1152.0).reshape(closed.s.q.shape))  # index of each coordinate
-    assert len(np.unique(told)) == 1152 == 64 * 24 - 64 * 6  # none is unused
+    indices = coordinates(closed, np.arange(1152.0).reshape(closed.s.q.shape))  # index of each coordinate
+    assert len(np.unique(indices)) == 1152 == 64 * 24 - 64 * 6  # none is unused
     e = coordinates(closed, np.random.default_rng(1).standard_normal(closed.s.q.shape))
     pin = joints.pin_beam(Y)
     for before, after in zip(e, np.roll(e, -1, axis=0), strict=True):

@@ -356,13 +356,13 @@ def test_soft_and_hard_chains_find_their_rest(young):
 
 @pytest.mark.parametrize(("halved", "said"), [(5, 0), (6, 1)])
 def test_a_step_halved_again_and_again_is_told_once(halved, said):
-    told, given, sentence = np.zeros((3, GAPS + 1)), np.zeros(2), Model.warning_sentences[HALVED]
-    warn_of_halvings(given, told, 0.5, halved)
-    assert told[1 + HALVED, 0] == given[HALVED] == said
-    assert not said or "halved 6 times from t = 0.5 s on" in format_sentence(sentence, told[1 + HALVED, 1:])
-    told[1 + HALVED, 0] = 0.0
-    warn_of_halvings(given, told, 0.6, halved)
-    assert told[1 + HALVED, 0] == 0.0
+    messages, given_warnings, sentence = np.zeros((3, GAPS + 1)), np.zeros(2), Model.warning_sentences[HALVED]
+    warn_of_halvings(given_warnings, messages, 0.5, halved)
+    assert messages[1 + HALVED, 0] == given_warnings[HALVED] == said
+    assert not said or "halved 6 times from t = 0.5 s on" in format_sentence(sentence, messages[1 + HALVED, 1:])
+    messages[1 + HALVED, 0] = 0.0
+    warn_of_halvings(given_warnings, messages, 0.6, halved)
+    assert messages[1 + HALVED, 0] == 0.0
 
 
 def test_a_cable_warns_once_when_it_is_turned_out_of_its_plane():
