@@ -17,19 +17,19 @@ from typing import Any
 
 import numpy as np
 
-from fmus.cache import cache_folder, keep, kept, own
+from fmus.cache import cache_folder, private_folder, read_checked, write_checked
 from fmus.jit import COMPILED, ROOT, source_hash
 
 STEP = 1e-3  # s
 Recipe = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, its config, its parameters
 
 
-def begun(part: Recipe, patience: int = 0) -> subprocess.Popen[str] | None:
+def start_compilation(part: Recipe, patience: int = 0) -> subprocess.Popen[str] | None:
     """Start a process that compiles the kernels of a part; None where they are compiled already.
 
     ``patience`` is the niceness of the process: 0, or a larger number to give way to others.
     """
-    if _done(part[0]):
+    if _is_done(part[0]):
         return None
     COMPILED.info("kernels of %s are compiled beside", part[0])
     child = subprocess.Popen(
@@ -40,8 +40,8 @@ def begun(part: Recipe, patience: int = 0) -> subprocess.Popen[str] | None:
         text=True,
     )
     assert child.stdin is not None
-    with child.stdin as orders:
-        json.dump(part, orders)
+    with child.stdin as stream:
+        json.dump(part, stream)
     return child
 
 
@@ -50,9 +50,9 @@ def _mark(kind: str) -> Path:
     return cache_folder() / "kernels" / "ahead" / f"{kind}-{source_hash()[:20]}"
 
 
-def _done(kind: str) -> bool:
+def _is_done(kind: str) -> bool:
     try:
-        return kept(_mark(kind)) is not None
+        return read_checked(_mark(kind)) is not None
     except OSError:  # the cache cannot be used: compiled kernels would not be kept
         return True
 
@@ -66,14 +66,14 @@ def _child() -> None:
     with suppress(Exception):
         model = model_of(kind)(config)
         reals = [port for port in model.ports if isinstance(port.start, float)]
-        given = {port.name: port.start for port in model.ports if port.causality == "parameter"}
-        model.initialise(given | parameters)
+        parameter_values = {port.name: port.start for port in model.ports if port.causality == "parameter"}
+        model.initialise(parameter_values | parameters)
         model.step(0.0, STEP, np.array([port.start for port in reals if port.causality == "input"]))
         model.outputs(np.zeros(sum(port.causality == "output" for port in reals) - model.link_ports))
         if model.link_ports:
             model.link_outputs(np.zeros(model.link_ports))
-        own(_mark(kind).parent)
-        keep(_mark(kind), b"")
+        private_folder(_mark(kind).parent)
+        write_checked(_mark(kind), b"")
 
 
 if __name__ == "__main__":

@@ -21,7 +21,16 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from fmus.cache import CHECKSUM, cache_folder, keep, kept, own, tell, temporary, write
+from fmus.cache import (
+    CHECKSUM,
+    cache_folder,
+    private_folder,
+    read_checked,
+    report_error,
+    temporary_folder,
+    write,
+    write_checked,
+)
 from fmus.components import KINDS
 from fmus.jit import ROOT, source_hash, sources
 
@@ -66,33 +75,33 @@ def build_shell(
         with tempfile.TemporaryDirectory(prefix="cotrack-") as stage:
             return _pack(Path(stage), script, text, packages)
 
-    return built(key, f"{name or script.stem}.fmu", pack, folder)
+    return build_once(key, f"{name or script.stem}.fmu", pack, folder)
 
 
-def built(key: str, file: str, pack: Callable[[], bytes], folder: Path | None = None) -> Path:
+def build_once(key: str, file: str, pack: Callable[[], bytes], folder: Path | None = None) -> Path:
     """Path of the FMU ``file`` in the cache, or in ``folder``.
 
     ``pack`` returns its bytes; it is called unless the cache has the file under ``key``. Raises BuildFailed.
     """
 
-    def found(cache: Path) -> Path:
-        place = own(cache / "fmus" / key) / file
-        if kept(place) is None:
+    def cached_in(cache: Path) -> Path:
+        path = private_folder(cache / "fmus" / key) / file
+        if read_checked(path) is None:
             content = pack()
-            if kept(place) is None:  # another process may have built the same: its file stays
-                keep(place, content)
-        return place
+            if read_checked(path) is None:  # another process may have built the same: its file stays
+                write_checked(path, content)
+        return path
 
     try:
         try:
-            place = found(cache_folder())
+            path = cached_in(cache_folder())
         except OSError as error:
-            tell(error)
-            place = found(temporary())
+            report_error(error)
+            path = cached_in(temporary_folder())
         if folder is None:
-            return place
+            return path
         folder.mkdir(parents=True, exist_ok=True)
-        write(folder / file, place.read_bytes())
+        write(folder / file, path.read_bytes())
         return folder / file
     except OSError as error:
         raise BuildFailed(f"cannot build {file}: {error}") from None
@@ -109,14 +118,14 @@ def _pack(stage: Path, script: Path, config: str, packages: Sequence[Path]) -> b
     shutil.copyfile(script, tree / script.name)
     (tree / "config.json").write_text(config, encoding="utf-8")
     (tree / "build.txt").write_text(source_hash(tree / ROOT.name), encoding="utf-8")
-    order = {
+    child_input = {
         "script": script.name,
         "project": [ROOT.name, *(package.name for package in packages), "config.json", "build.txt"],
         "target": str(stage / "described.fmu"),
     }
     child = subprocess.run(
         [sys.executable, "-m", "fmus.build"],
-        input=json.dumps(order),
+        input=json.dumps(child_input),
         text=True,
         capture_output=True,
         cwd=tree,
@@ -125,7 +134,7 @@ def _pack(stage: Path, script: Path, config: str, packages: Sequence[Path]) -> b
     if child.returncode:
         last = (child.stderr.strip() or "no message").splitlines()[-1]
         raise BuildFailed(f"cannot build {script.stem}: {last.removeprefix('fmus.slave.Refused: ')}")
-    with zipfile.ZipFile(str(order["target"])) as described:
+    with zipfile.ZipFile(str(child_input["target"])) as described:
         return archive({name: described.read(name) for name in described.namelist()})
 
 
@@ -145,8 +154,10 @@ def archive(files: Mapping[str, bytes]) -> bytes:
 def _child() -> None:
     from pythonfmu.builder import FmuBuilder
 
-    order = json.load(sys.stdin)
-    FmuBuilder.build_FMU(Path(order["script"]).absolute(), dest=order["target"], project_files=order["project"])
+    child_input = json.load(sys.stdin)
+    FmuBuilder.build_FMU(
+        Path(child_input["script"]).absolute(), dest=child_input["target"], project_files=child_input["project"]
+    )
 
 
 if __name__ == "__main__":

@@ -21,15 +21,15 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
-CHECKSUM = 64  # bytes at the end of a kept file: a sha256 in hexadecimal
+CHECKSUM = 64  # bytes at the end of a file of the cache: a sha256 in hexadecimal
 OTHERS = 0o022  # mode bits by which a group or others may write
 
 _logger = logging.getLogger("cotrack")
-_said: set[tuple[type, int | None]] = set()
-_unheard: list[str] = []
+_reported: set[tuple[type, int | None]] = set()
+_unlogged: list[str] = []
 
 
-class Untrusted(PermissionError):
+class UntrustedFolder(PermissionError):
     """Others can write into a folder of the cache; the message is one sentence."""
 
 
@@ -50,47 +50,47 @@ def cache_folder() -> Path:
 # ------------------------------------------------------------------ folders
 
 
-def make(folder: Path) -> None:
-    """Make a folder and what it lies in, each for this user alone. Raises OSError."""
-    for each in reversed((folder, *folder.parents)):
-        if not each.exists():
+def make_folder(folder: Path) -> None:
+    """Make a folder and its missing parents with mode 0700. Raises OSError."""
+    for level in reversed((folder, *folder.parents)):
+        if not level.exists():
             with suppress(FileExistsError):  # another process was faster
-                each.mkdir(mode=0o700)
+                level.mkdir(mode=0o700)
 
 
-def own(place: Path) -> Path:
-    """A place of the cache, made where it is not there. Raises OSError, Untrusted."""
-    check(place, *place.parents[:2])
-    make(place)
-    check(place, *place.parents[:2])  # another user may have been faster
+def private_folder(place: Path) -> Path:
+    """Make a folder of the cache, unless it is there, and check it. Raises OSError, UntrustedFolder."""
+    check_trust(place, *place.parents[:2])
+    make_folder(place)
+    check_trust(place, *place.parents[:2])  # another user may have been faster
     return place
 
 
-def check(*folders: Path) -> None:
-    """Raise Untrusted where one of these folders is another user's or can be written by others."""
+def check_trust(*folders: Path) -> None:
+    """Raise UntrustedFolder where one of these folders is another user's or can be written by others."""
     if os.name == "nt":  # no such owners and modes
         return
     for folder in folders:
         with suppress(FileNotFoundError):
-            about = folder.stat()
-            if not _mine(about):
-                raise Untrusted(
-                    f"{folder} belongs to another user ({about.st_uid}); name a folder of your own in COTRACK_CACHE"
+            status = folder.stat()
+            if not _is_trusted(status):
+                raise UntrustedFolder(
+                    f"{folder} belongs to another user ({status.st_uid}); name a folder of your own in COTRACK_CACHE"
                 )
-            if about.st_mode & OTHERS:
-                raise Untrusted(
-                    f"others can write into {folder} (mode {about.st_mode & 0o777:o}); chmod -R go-w it, "
+            if status.st_mode & OTHERS:
+                raise UntrustedFolder(
+                    f"others can write into {folder} (mode {status.st_mode & 0o777:o}); chmod -R go-w it, "
                     "or name another folder in COTRACK_CACHE"
                 )
 
 
-def _mine(about: os.stat_result) -> bool:
-    return os.name == "nt" or about.st_uid in (0, os.geteuid())
+def _is_trusted(status: os.stat_result) -> bool:
+    return os.name == "nt" or status.st_uid in (0, os.geteuid())
 
 
 @cache
-def temporary() -> Path:
-    """A folder that takes the place of the cache and is gone at the end of this process."""
+def temporary_folder() -> Path:
+    """Folder used instead of the cache, deleted at the end of this process."""
     folder = Path(tempfile.mkdtemp(prefix="cotrack-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return folder
@@ -100,31 +100,31 @@ def temporary() -> Path:
 
 
 def write(file: Path, content: bytes) -> None:
-    """Write a file at once: whoever has the old one open keeps it. Raises OSError."""
-    fresh = file.with_name(f"{file.name}.{uuid.uuid4().hex[:12]}")
+    """Replace a file as a whole; a process that has the old one open keeps it. Raises OSError."""
+    temporary = file.with_name(f"{file.name}.{uuid.uuid4().hex[:12]}")
     try:
-        fresh.write_bytes(content)
-        fresh.replace(file)
+        temporary.write_bytes(content)
+        temporary.replace(file)
     except BaseException:
-        fresh.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
 
 
-def keep(file: Path, content: bytes) -> None:
-    """Write a file in a place of the cache, with its checksum. Raises OSError."""
+def write_checked(file: Path, content: bytes) -> None:
+    """Write a file of the cache with its checksum. Raises OSError."""
     write(file, content + _checksum(file.name, content))
 
 
-def kept(file: Path) -> bytes | None:
-    """Content that `keep` wrote; None where the file is missing or damaged. Raises OSError, Untrusted."""
-    check(*file.parents[:3])
+def read_checked(file: Path) -> bytes | None:
+    """Content that `write_checked` wrote; None if the file is missing or damaged. Raises OSError, UntrustedFolder."""
+    check_trust(*file.parents[:3])
     try:
         with file.open("rb") as stream:
-            mine, whole = _mine(os.fstat(stream.fileno())), stream.read()
+            trusted, stored = _is_trusted(os.fstat(stream.fileno())), stream.read()
     except FileNotFoundError:
         return None
-    content = whole[:-CHECKSUM]
-    return content if mine and whole[-CHECKSUM:] == _checksum(file.name, content) else None
+    content = stored[:-CHECKSUM]
+    return content if trusted and stored[-CHECKSUM:] == _checksum(file.name, content) else None
 
 
 def _checksum(name: str, content: bytes) -> bytes:
@@ -137,34 +137,35 @@ def _checksum(name: str, content: bytes) -> bytes:
 
 
 @contextmanager
-def spared() -> Iterator[None]:
+def reporting_errors() -> Iterator[None]:
     """Context in which an OSError of the cache is reported and ignored: it costs time, nothing else."""
     try:
         yield
     except OSError as error:
-        tell(error)
+        report_error(error)
 
 
-def tell(error: OSError) -> None:
+def report_error(error: OSError) -> None:
     """Log why the cache is not used; each reason once a process."""
     kind = (type(error), error.errno)
-    if kind in _said:
+    if kind in _reported:
         return
-    _said.add(kind)
+    _reported.add(kind)
     sentence = (
-        f"the cache folder {cache_folder()} cannot be used, so every process compiles and builds anew: {reason(error)}"
+        f"the cache folder {cache_folder()} cannot be used, so every process compiles and builds anew: "
+        f"{error_text(error)}"
     )
     _logger.warning("%s", sentence)
     if not _logger.hasHandlers():
-        _unheard.append(sentence)
+        _unlogged.append(sentence)
 
 
-def reason(error: OSError) -> str:
+def error_text(error: OSError) -> str:
     """Text of an error of the cache, without the number of its errno."""
     return str(error) if error.strerror is None else f"{error.filename or 'it'}: {error.strerror}"
 
 
-def unheard() -> Iterator[str]:
+def unlogged_warnings() -> Iterator[str]:
     """Yield, and forget, the sentences that no log handler received: an FMU passes them to its host."""
-    while _unheard:
-        yield _unheard.pop(0)
+    while _unlogged:
+        yield _unlogged.pop(0)

@@ -16,7 +16,10 @@ def folder(kind: str) -> str:
 
 OTHERS = "Chassis", "SprocketDrive", "SteeringDifferential", "Driver"
 # kind of component -> its shell; the file names differ, because modules are global to a process
-KINDS = {each: f"{folder(each)}/{folder(each)}_fmu.py" for each in (*(kind.fmu for kind in TRACKS.values()), *OTHERS)}
+KINDS = {
+    kind_name: f"{folder(kind_name)}/{folder(kind_name)}_fmu.py"
+    for kind_name in (*(kind.fmu for kind in TRACKS.values()), *OTHERS)
+}
 
 
 def model_of(kind: str) -> Any:

@@ -41,7 +41,7 @@ def contacts(
 
     Raises InvalidParameter with the key, the value and what is allowed.
     """
-    laws = {pair: law(pair, parameters, vehicle["contact"][pair]) for pair in ("sprocket", "wheel", "ground")}
+    laws = {pair: contact_law(pair, parameters, vehicle["contact"][pair]) for pair in ("sprocket", "wheel", "ground")}
     s, track = vehicle["sprocket"], vehicle["track"]
     shape = (
         s["teeth"],
@@ -84,7 +84,7 @@ def ground_shape(vehicle: Mapping[str, Any], height: float, bump: Mapping[str, f
         raise InvalidParameter(f"ground.bump: {error}") from None
 
 
-def law(pair: str, parameters: Mapping[str, Any], table: Mapping[str, Any]) -> Any:
+def contact_law(pair: str, parameters: Mapping[str, Any], table: Mapping[str, Any]) -> Any:
     """Contact law of a pair from its FMI parameters, or from the table where there is no such partner."""
 
     def value(key: str) -> Any:
@@ -93,7 +93,7 @@ def law(pair: str, parameters: Mapping[str, Any], table: Mapping[str, Any]) -> A
     return LAWS[value("law")](*map(value, ("stiffness", "damping", "friction", "friction_velocity")))
 
 
-def smooth(partners: Contacts) -> Contacts:
+def without_friction(partners: Contacts) -> Contacts:
     """Copy of the partners without friction."""
     return partners._replace(
         sprocket=partners.sprocket._replace(mu=0.0),

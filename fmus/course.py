@@ -18,13 +18,13 @@ class Course(NamedTuple):
 
     time: np.ndarray  # (n) s, rising
     value: np.ndarray  # (n)
-    area: np.ndarray  # (n) integral from the first point to each point
+    integral: np.ndarray  # (n) integral from the first point to each point
 
 
 NONE = Course(np.zeros(0), np.zeros(0), np.zeros(0))
 
 
-def course(name: str, text: str, pair: str = "time value") -> Course:
+def parse_course(name: str, text: str, pair: str = "time value") -> Course:
     """Course from the text of the parameter ``name``: "time value; ...", or other pairs (``pair``).
 
     Raises InvalidParameter.
@@ -38,12 +38,12 @@ def course(name: str, text: str, pair: str = "time value") -> Course:
         raise InvalidParameter(f"{name} = '{text[:80]}': must be '{pair}; {pair}; ...'") from None
     if not np.isfinite(points).all() or not (np.diff(time) > 0.0).all():
         raise InvalidParameter(f"{name} = '{text[:80]}': must be finite numbers, its {pair.split()[0]}s must rise")
-    area = np.concatenate([[0.0], np.cumsum(0.5 * (value[1:] + value[:-1]) * np.diff(time))])
-    return Course(time.copy(), value.copy(), area)
+    integral = np.concatenate([[0.0], np.cumsum(0.5 * (value[1:] + value[:-1]) * np.diff(time))])
+    return Course(time.copy(), value.copy(), integral)
 
 
 @kernel
-def given(c):
+def has_points(c):
     """Whether the course has points."""
     return c.time.size > 0
 
@@ -62,7 +62,7 @@ def interval(grid, t):
 
 
 @kernel
-def at(c, t):
+def evaluate(c, t):
     """Value at ``t``, integral since the first point, and slope (at a point: of the part that follows)."""
     n = c.time.size
     if t < c.time[0]:
@@ -70,17 +70,17 @@ def at(c, t):
     low = interval(c.time, t)
     past = t - c.time[low]
     if low == n - 1:
-        return c.value[low], c.area[low] + c.value[low] * past, 0.0
+        return c.value[low], c.integral[low] + c.value[low] * past, 0.0
     slope = (c.value[low + 1] - c.value[low]) / (c.time[low + 1] - c.time[low])
-    return c.value[low] + slope * past, c.area[low] + (c.value[low] + 0.5 * slope * past) * past, slope
+    return c.value[low] + slope * past, c.integral[low] + (c.value[low] + 0.5 * slope * past) * past, slope
 
 
 @kernel
-def lay(c, t, h, now, then):
+def set_line(c, t, h, now, then):
     """Set a course of two points to the straight line from ``now`` at ``t`` to ``then`` at t + h."""
     c.time[0], c.time[1] = t, t + h
     c.value[0], c.value[1] = now, then
-    c.area[0], c.area[1] = 0.0, 0.5 * (now + then) * h
+    c.integral[0], c.integral[1] = 0.0, 0.5 * (now + then) * h
 
 
 @kernel

@@ -12,7 +12,7 @@ from fmus.ports import Port
 KEY = "parameters"  # key of a config: values by name of the parameter
 
 
-def checked(port: Port, value: object) -> float | int | str:
+def check_value(port: Port, value: object) -> float | int | str:
     """Value in the type of a parameter's port; raises InvalidParameter where it is not allowed."""
     if isinstance(port.start, str):
         if not isinstance(value, str):
@@ -28,19 +28,21 @@ def checked(port: Port, value: object) -> float | int | str:
     return float(value) if real else value
 
 
-def given(ports: Iterable[Port], values: Mapping[str, Any]) -> dict[str, Any]:
+def parameter_values(ports: Iterable[Port], values: Mapping[str, Any]) -> dict[str, Any]:
     """Checked values of all parameters by name, start values where none is given; raises InvalidParameter."""
     return {
-        port.name: checked(port, values.get(port.name, port.start)) for port in ports if port.causality == "parameter"
+        port.name: check_value(port, values.get(port.name, port.start))
+        for port in ports
+        if port.causality == "parameter"
     }
 
 
-def configured(ports: Iterable[Port], config: Mapping[str, Any]) -> tuple[Port, ...]:
+def configured_ports(ports: Iterable[Port], config: Mapping[str, Any]) -> tuple[Port, ...]:
     """Ports whose parameters have the start values given in the config; raises InvalidParameter."""
-    given = config.get(KEY, {})
+    values = config.get(KEY, {})
     return tuple(
-        port._replace(start=checked(port, given[port.name]))
-        if port.causality == "parameter" and port.name in given
+        port._replace(start=check_value(port, values[port.name]))
+        if port.causality == "parameter" and port.name in values
         else port
         for port in ports
     )
@@ -48,7 +50,7 @@ def configured(ports: Iterable[Port], config: Mapping[str, Any]) -> tuple[Port, 
 
 def check_names(ports: Iterable[Port], config: Mapping[str, Any]) -> None:
     """Check that a config gives values of known parameters only; raises InvalidParameter."""
-    known = {port.name for port in ports if port.causality == "parameter"}
+    names = {port.name for port in ports if port.causality == "parameter"}
     for name in config.get(KEY, {}):
-        if name not in known:
+        if name not in names:
             raise InvalidParameter(f"there is no parameter '{name}'")

@@ -44,9 +44,9 @@ def document(
     for category, meaning in categories.items():
         SubElement(messages, "Category", name=category, description=meaning)
     SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize="0.001")
-    listed = SubElement(root, "ModelVariables")
+    element = SubElement(root, "ModelVariables")
     for reference, port in enumerate(variables):
-        _variable(listed, reference, port, reference < reals, reference < continuous)
+        _variable(element, reference, port, reference < reals, reference < continuous)
     _structure(SubElement(root, "ModelStructure"), variables)
     return root
 
@@ -82,13 +82,13 @@ def _head(name: str, guid: str, text: str, tool: str) -> Element:
     return root
 
 
-def _variable(listed: Element, reference: int, port: Port, real: bool, continuous: bool) -> None:
+def _variable(parent: Element, reference: int, port: Port, real: bool, continuous: bool) -> None:
     """Add the ScalarVariable of a port, a Real if ``real``, else of the type of its start value."""
     parameter = port.causality == "parameter"
     constant = port.causality == "local" and not isinstance(port.start, int)
     variability = "constant" if constant else "fixed" if parameter else "continuous" if continuous else "discrete"
     variable = SubElement(
-        listed,
+        parent,
         "ScalarVariable",
         name=port.name,
         valueReference=str(reference),

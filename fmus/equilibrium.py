@@ -7,7 +7,8 @@ chassis has accelerations, which must vanish. Friction has no influence: regular
 The chains are cables for all kinds of links of the scene, so that all kinds start in the same place: rigid links, beams
 and cables of steel differ by 1.4 um in height and by 0.02 % in wheel loads. Chains stay in the upright plane in which a
 track is laid out. The wheels of a vehicle that leans tilt on them; the links resist the tilt as springs side by side
-(``_Chain.pushes``). Lateral forces of tilted wheels are left out: only friction, which creeps, balances them.
+(``_ChainOnWheels.wheel_wrenches``). Lateral forces of tilted wheels are left out: only friction, which creeps, balances
+them.
 
 Method: Newton with an inertia term over the square of a pseudo step that grows as the accelerations fall
 (pseudo-transient continuation: Kelley and Keyes, SIAM J. Numer. Anal. 35(2), 1998, doi 10.1137/S0036142996304796); the
@@ -23,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.cache import cache_folder, keep, kept, own, spared
+from fmus.cache import cache_folder, private_folder, read_checked, reporting_errors, write_checked
 from fmus.chassis.dynamics import ROOT, rates
 from fmus.chassis.model import Model as Chassis
 from fmus.chassis.model import stations
@@ -33,20 +34,20 @@ from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.arrays import Floats
 from fmus.physics.wheels import WIDTH, read_states
 from fmus.ports import STATE, WRENCH
-from fmus.stance import Stance, leaning, stance
+from fmus.stance import Stance, roll_pitch_quaternion, stance
 from fmus.track_flexible.model import Model as Cables
 from fmus.vehicle import BadInput
 
-FIRST, LAST = 0.05, 1e6  # pseudo steps, s
-FARTHEST = 0.05  # largest change of an unknown in a pseudo step, m or rad
+FIRST_STEP, LAST_STEP = 0.05, 1e6  # pseudo steps, s
+LARGEST_CHANGE = 0.05  # largest change of an unknown in a pseudo step, m or rad
 DIFFERENCE = 1e-6  # finite difference for the Jacobian, m or rad
-STILL = 1e-4  # largest acceleration that counts as rest, m/s2 or rad/s2: 0.04 N on an idler
-MOST = 60  # pseudo steps
-LIFTED = np.eye(WIDTH)[2] * 1e-5  # lift of all wheels, m: the loss of load gives the vertical stiffness
+REST_ACCELERATION = 1e-4  # largest acceleration that counts as rest, m/s2 or rad/s2: 0.04 N on an idler
+MOST_STEPS = 60  # pseudo steps
+LIFT = np.eye(WIDTH)[2] * 1e-5  # lift of all wheels, m: the loss of load gives the vertical stiffness
 HEIGHT, ROLL, PITCH, LEAVES = 0, 1, 2, 3  # indices of the unknowns
 
 
-class Equilibrium(NamedTuple):
+class VehicleEquilibrium(NamedTuple):
     """Coordinates of hull and leaves at rest, from the drawn position."""
 
     height: float  # of the hull's centre of mass, m
@@ -56,31 +57,31 @@ class Equilibrium(NamedTuple):
     right: Sequence[float]  # likewise
 
 
-class Track(NamedTuple):
+class FlexibleTrack(NamedTuple):
     """Track of the vehicle, modelled with flexible links."""
 
     config: Mapping[str, Any]  # of a flexible track
     parameters: Mapping[str, Any]  # those that differ from the defaults: how the loop is closed
 
 
-def equilibrium(chassis: Mapping[str, Any], tracks: Mapping[str, Track]) -> Equilibrium:
+def equilibrium(chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack]) -> VehicleEquilibrium:
     """Static equilibrium of a chassis, given by its config, on tracks by side ("left", "right").
 
     With equal tracks on both sides and a hull that does not lean sideways, only the left half is solved. The result is
     cached for this build. Raises BadInput.
     """
-    asked = json.dumps([source_hash(), chassis, tracks], sort_keys=True).encode()
-    file = cache_folder() / "places" / hashlib.sha256(asked).hexdigest()[:24] / "equilibrium"
-    with spared():
-        if (known := kept(file)) is not None:
-            return Equilibrium(*json.loads(known))
+    request = json.dumps([source_hash(), chassis, tracks], sort_keys=True).encode()
+    file = cache_folder() / "places" / hashlib.sha256(request).hexdigest()[:24] / "equilibrium"
+    with reporting_errors():
+        if (cached := read_checked(file)) is not None:
+            return VehicleEquilibrium(*json.loads(cached))
     try:
-        found = _solved(_Vehicle(chassis, tracks))
+        solution = _solve(_Vehicle(chassis, tracks))
     except (InvalidParameter, StepFailed) as error:
         raise BadInput(f"the vehicle's equilibrium was not found, start.state = 'drawn' needs none: {error}") from None
-    with spared():
-        keep(own(file.parent) / file.name, json.dumps(found).encode())
-    return found
+    with reporting_errors():
+        write_checked(private_folder(file.parent) / file.name, json.dumps(solution).encode())
+    return solution
 
 
 def stances(chassis: Mapping[str, Any]) -> dict[str, Stance]:
@@ -89,23 +90,23 @@ def stances(chassis: Mapping[str, Any]) -> dict[str, Stance]:
     They are in the vehicle frame, but y counts from the plane of the track.
     """
     vehicle = chassis["vehicle"]
-    both = {**chassis["chassis"], "sides": ["left", "right"]}
-    model, lateral = Chassis({"vehicle": vehicle, "chassis": both}), vehicle["track"]["lateral"]
-    motions = _motions(model, model.begun())
+    whole_config = {**chassis["chassis"], "sides": ["left", "right"]}
+    model, lateral = Chassis({"vehicle": vehicle, "chassis": whole_config}), vehicle["track"]["lateral"]
+    motions = _motions(model, model.start_state())
     names = stations(len(vehicle["road_wheel"]["x"]))
     return {
         f"{side}.{name}": stance((x, y - sign * lateral, *rest[:5]))
-        for side, sign, seen in zip(("left", "right"), (1.0, -1.0), motions, strict=True)
-        for name, (x, y, *rest) in zip(names, seen.tolist(), strict=True)
+        for side, sign, side_motions in zip(("left", "right"), (1.0, -1.0), motions, strict=True)
+        for name, (x, y, *rest) in zip(names, side_motions.tolist(), strict=True)
     }
 
 
-def upright(place: Stance, pitch: float) -> Stance:
+def upright_stance(place: Stance, pitch: float) -> Stance:
     """Stance of a wheel for a chain that stays in its plane: no lateral offset, no roll; ``pitch``, rad."""
-    return stance((place[0], 0.0, place[2], *leaning(0.0, pitch)))
+    return stance((place[0], 0.0, place[2], *roll_pitch_quaternion(0.0, pitch)))
 
 
-def leans(chassis: Mapping[str, Any], tracks: Sequence[str]) -> bool:
+def is_asymmetric(chassis: Mapping[str, Any], tracks: Sequence[str]) -> bool:
     """Whether the two sides carry different loads, so that the hull rolls."""
     return len(tracks) == 1 or chassis["vehicle"]["chassis"]["centre"][1] != 0.0
 
@@ -113,93 +114,98 @@ def leans(chassis: Mapping[str, Any], tracks: Sequence[str]) -> bool:
 class _Vehicle:
     """Chassis and chains of a vehicle: its accelerations at given values of the unknowns."""
 
-    def __init__(self, chassis: Mapping[str, Any], tracks: Mapping[str, Track]) -> None:
-        self.half = not leans(chassis, tuple(tracks))
+    def __init__(self, chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack]) -> None:
+        self.half = not is_asymmetric(chassis, tuple(tracks))
         sides = ["left"] if self.half else ["left", "right"]
         self.chassis = Chassis({**chassis, "chassis": {**chassis["chassis"], "sides": sides}})
         self.chassis.initialise({})
-        self.leaves = len(self.chassis.tree.turns) // 2
-        self._chains = {sides.index(side): _Chain(track) for side, track in tracks.items() if side in sides}
-        self.free = [HEIGHT, *([] if self.half else [ROLL]), PITCH, *range(LEAVES, LEAVES + len(sides) * self.leaves)]
+        self.leaves = len(self.chassis.tree.is_arm) // 2
+        self._chains = {sides.index(side): _ChainOnWheels(track) for side, track in tracks.items() if side in sides}
+        self.unknowns = [
+            HEIGHT,
+            *([] if self.half else [ROLL]),
+            PITCH,
+            *range(LEAVES, LEAVES + len(sides) * self.leaves),
+        ]
 
-    def place(self, guess: Floats) -> Equilibrium:
+    def as_equilibrium(self, guess: Floats) -> VehicleEquilibrium:
         """Equilibrium from the unknowns: height, roll, pitch of the hull, leaves left and right (half: left)."""
         height, roll, pitch, *leaves = guess.tolist()
         left = leaves[: self.leaves]
-        return Equilibrium(height, roll, pitch, left, left if self.half else leaves[self.leaves :])
+        return VehicleEquilibrium(height, roll, pitch, left, left if self.half else leaves[self.leaves :])
 
     def accelerations(self, guess: Floats) -> Floats:
         """Accelerations of the free unknowns of a vehicle at rest at ``guess``, m/s2 and rad/s2.
 
         Raises StepFailed where a chain finds no equilibrium.
         """
-        x = self.chassis.begun(self.place(guess)._asdict())
+        x = self.chassis.start_state(self.as_equilibrium(guess)._asdict())
         motions = _motions(self.chassis, x)
-        pushes = np.zeros((len(motions), len(motions[0]), WRENCH))
+        wrenches = np.zeros((len(motions), len(motions[0]), WRENCH))
         for side, chain in self._chains.items():
-            pushes[side] = chain.pushes(motions[side], guess[ROLL], guess[PITCH])
+            wrenches[side] = chain.wheel_wrenches(motions[side], guess[ROLL], guess[PITCH])
         out = np.zeros_like(x)
-        rates(self.chassis.tree, self.chassis.parts.contacts, x, pushes.ravel(), out)
+        rates(self.chassis.tree, self.chassis.parts.contacts, x, wrenches.ravel(), out)
         n = 2 * self.leaves
-        own = out[ROOT + 2 * n : ROOT + 3 * n][: guess.size - LEAVES]
-        return np.array([out[9], out[10], out[11], *own])[self.free]
+        leaf_accelerations = out[ROOT + 2 * n : ROOT + 3 * n][: guess.size - LEAVES]
+        return np.array([out[9], out[10], out[11], *leaf_accelerations])[self.unknowns]
 
 
-class _Chain:
+class _ChainOnWheels:
     """A chain that is brought to rest on given wheels; the search begins at the last equilibrium."""
 
-    def __init__(self, track: Track) -> None:
+    def __init__(self, track: FlexibleTrack) -> None:
         self._model = Cables({**track.config, "link_outputs": False})
         self._model.initialise(track.parameters)
         self._arm = 0.25 * self._model.vehicle["track"]["width"]  # lever of the two faces of a link, m
-        self._known: tuple[Floats, Floats] = np.zeros((0, WIDTH)), np.zeros((0, WRENCH))  # rows, wrenches
+        self._last: tuple[Floats, Floats] = np.zeros((0, WIDTH)), np.zeros((0, WRENCH))  # rows, wrenches
 
-    def pushes(self, motions: Floats, roll: float, pitch: float) -> Floats:
+    def wheel_wrenches(self, motions: Floats, roll: float, pitch: float) -> Floats:
         """Wrenches (wheels, 6) on the road wheels, idler and sprocket with these motions (wheels, 13)."""
-        stands = np.zeros((len(motions), STATE))
-        stands[:, [0, 2]], stands[:, 3:7] = motions[:, [0, 2]], leaning(0.0, pitch)
+        rest_motions = np.zeros((len(motions), STATE))
+        rest_motions[:, [0, 2]], rest_motions[:, 3:7] = motions[:, [0, 2]], roll_pitch_quaternion(0.0, pitch)
         rows = np.zeros((len(motions), WIDTH))
         level = np.array([0.0, 0.0, 0.0, 1.0, 0.0])
-        plain(read_states)(np.roll(stands, 1, axis=0).ravel(), level, rows)  # a track has its sprocket first
-        if not np.array_equal(rows, self._known[0]):
-            pushes = self._at_rest(rows)
+        plain(read_states)(np.roll(rest_motions, 1, axis=0).ravel(), level, rows)  # a track has its sprocket first
+        if not np.array_equal(rows, self._last[0]):
+            wrenches = self._rest_wrenches(rows)
             if roll:  # each face has half of the stiffness
-                lifted = self._at_rest(rows + LIFTED)
-                pushes[:, 3] = (lifted - pushes)[:, 2] / LIFTED[2] * self._arm**2 * roll
-            self._known = rows, pushes
-        return self._known[1]
+                lifted = self._rest_wrenches(rows + LIFT)
+                wrenches[:, 3] = (lifted - wrenches)[:, 2] / LIFT[2] * self._arm**2 * roll
+            self._last = rows, wrenches
+        return self._last[1]
 
-    def _at_rest(self, rows: Floats) -> Floats:
-        self._model.come_to_rest(rows)
+    def _rest_wrenches(self, rows: Floats) -> Floats:
+        self._model.find_equilibrium(rows)
         return np.roll(self._model.s.mean[: len(rows)], -1, axis=0)
 
 
 def _motions(chassis: Any, x: Floats) -> Floats:
     """Motions (sides, places, 13) of the places of a chassis in the state x."""
-    sides, places = len(chassis.sides), len(chassis.tree.turns) // 2 + 1
+    sides, places = len(chassis.sides), len(chassis.tree.is_arm) // 2 + 1
     y = np.zeros(sides * places * STATE)
     put_sides(chassis.tree, x, sides, y, 0)
     return y.reshape(sides, places, STATE)
 
 
-def _solved(vehicle: _Vehicle) -> Equilibrium:
+def _solve(vehicle: _Vehicle) -> VehicleEquilibrium:
     """Equilibrium by pseudo-transient continuation; raises StepFailed where it does not converge."""
     guess = np.zeros(LEAVES + (1 if vehicle.half else 2) * vehicle.leaves)
-    free, size = vehicle.free, len(vehicle.free)
-    now, step = vehicle.accelerations(guess), FIRST
-    for _ in range(MOST):
+    unknowns, size = vehicle.unknowns, len(vehicle.unknowns)
+    residual, step = vehicle.accelerations(guess), FIRST_STEP
+    for _ in range(MOST_STEPS):
         slopes = np.empty((size, size))
-        for k, i in enumerate(free):
-            beside = guess.copy()
-            beside[i] += DIFFERENCE
-            slopes[:, k] = (vehicle.accelerations(beside) - now) / DIFFERENCE
-        moved = np.linalg.solve(np.eye(size) / step**2 - slopes, now)
-        while abs(moved).max() > FARTHEST:
+        for k, i in enumerate(unknowns):
+            shifted = guess.copy()
+            shifted[i] += DIFFERENCE
+            slopes[:, k] = (vehicle.accelerations(shifted) - residual) / DIFFERENCE
+        change = np.linalg.solve(np.eye(size) / step**2 - slopes, residual)
+        while abs(change).max() > LARGEST_CHANGE:
             step *= 0.5
-            moved = np.linalg.solve(np.eye(size) / step**2 - slopes, now)
-        guess[free] += moved
-        before, now = np.linalg.norm(now), vehicle.accelerations(guess)
-        if abs(now).max() < STILL:
-            return vehicle.place(guess)
-        step = min(step * np.clip(before / np.linalg.norm(now), 1.5, 10.0), LAST)
-    raise StepFailed(f"accelerations of {abs(now).max():.3g} m/s2 are left after {MOST} steps")
+            change = np.linalg.solve(np.eye(size) / step**2 - slopes, residual)
+        guess[unknowns] += change
+        before, residual = np.linalg.norm(residual), vehicle.accelerations(guess)
+        if abs(residual).max() < REST_ACCELERATION:
+            return vehicle.as_equilibrium(guess)
+        step = min(step * np.clip(before / np.linalg.norm(residual), 1.5, 10.0), LAST_STEP)
+    raise StepFailed(f"accelerations of {abs(residual).max():.3g} m/s2 are left after {MOST_STEPS} steps")

@@ -35,7 +35,7 @@ from numba.core.serialize import dumps
 from numba.extending import overload
 
 from fmus import linking  # noqa: F401 - changes how numba links
-from fmus.cache import cache_folder, keep, kept, own, spared
+from fmus.cache import cache_folder, private_folder, read_checked, reporting_errors, write_checked
 
 COMPILED = logging.getLogger("cotrack.kernels")  # logs each kernel that has to be compiled
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])  # a kernel has the type of its Python function
@@ -76,31 +76,31 @@ def _imports(path: Path, package: str) -> tuple[str, ...]:
 
     The modules that a class names by ``implemented_in`` are among them.
     """
-    found: list[str] = []
+    names_found: list[str] = []
     with PARSING:
         tree = ast.parse(path.read_bytes())
     for statement in _statements(tree.body):
         if isinstance(statement, ast.Import):
-            found += [alias.name for alias in statement.names]
+            names_found += [alias.name for alias in statement.names]
         elif isinstance(statement, ast.ImportFrom):
             parents = package.split(".")[: len(package.split(".")) - statement.level + 1] if statement.level else []
             base = ".".join([*parents, *filter(None, [statement.module])])
-            found += [base, *(f"{base}.{alias.name}" for alias in statement.names)]
+            names_found += [base, *(f"{base}.{alias.name}" for alias in statement.names)]
         elif isinstance(statement, ast.ClassDef):
             calls = [each for each in statement.decorator_list if ast.unparse(each).startswith("implemented_in(")]
             names = [ast.literal_eval(keyword.value) for call in calls for keyword in call.keywords]  # type: ignore[attr-defined]
-            found += [resolve_name(name, package) for name in names]
-    return tuple(found)
+            names_found += [resolve_name(name, package) for name in names]
+    return tuple(names_found)
 
 
 @cache
-def _locate(module: str, beside: Path) -> Path | None:
-    """Source of a module, not imported: in the folder ``beside``, else in that of its loaded package.
+def _locate(module: str, folder: Path) -> Path | None:
+    """Source of a module, not imported: in ``folder``, else in that of its loaded package.
 
-    A tool may delete the folder of a freed FMU, and with it the loaded package; ``beside`` then has the source.
+    A tool may delete the folder of a freed FMU, and with it the loaded package; ``folder`` then has the source.
     """
     top, *parts = module.split(".")
-    for root in (beside / top, *getattr(sys.modules.get(top), "__path__", ())):
+    for root in (folder / top, *getattr(sys.modules.get(top), "__path__", ())):
         base = Path(root).joinpath(*parts)
         for path in (base / "__init__.py", base.with_name(f"{base.name}.py")):
             if path.is_file():
@@ -111,26 +111,26 @@ def _locate(module: str, beside: Path) -> Path | None:
 @cache
 def reachable_hash(module: str, path: Path) -> str:
     """Hash of the source at ``path`` and of all it reaches by imports within its own package and ``fmus``."""
-    ours = {module.partition(".")[0], "fmus"}
-    beside = path.parents[module.count(".") + (path.name == "__init__.py")]
-    found: dict[str, Path] = {module: path}
-    todo = [module]
-    while todo:
-        name = todo.pop()
-        source = found[name]
+    packages = {module.partition(".")[0], "fmus"}
+    folder = path.parents[module.count(".") + (path.name == "__init__.py")]
+    paths: dict[str, Path] = {module: path}
+    pending = [module]
+    while pending:
+        name = pending.pop()
+        source = paths[name]
         package = name if source.name == "__init__.py" else name.rpartition(".")[0]
         for imported in (package, *_imports(source, package)):
             parts = imported.split(".")
-            if parts[0] not in ours:
+            if parts[0] not in packages:
                 continue
             for depth in range(1, len(parts) + 1):  # importing a.b.c runs a and a.b too
-                wanted = ".".join(parts[:depth])
-                if wanted not in found and (place := _locate(wanted, beside)) is not None:
-                    found[wanted] = place
-                    todo.append(wanted)
+                parent = ".".join(parts[:depth])
+                if parent not in paths and (source_path := _locate(parent, folder)) is not None:
+                    paths[parent] = source_path
+                    pending.append(parent)
     digest = hashlib.sha256()
-    for name in sorted(found):
-        digest.update(name.encode() + b"\0" + hashlib.sha256(found[name].read_bytes()).digest())
+    for name in sorted(paths):
+        digest.update(name.encode() + b"\0" + hashlib.sha256(paths[name].read_bytes()).digest())
     return digest.hexdigest()
 
 
@@ -147,7 +147,7 @@ class _Locator(_CacheLocator):
         return str(cache_folder() / "kernels" / f"{self._module}-{self._stamp[:20]}")
 
     def ensure_cache_path(self) -> None:
-        own(Path(self.get_cache_path()))
+        private_folder(Path(self.get_cache_path()))
 
     def get_source_stamp(self) -> str:
         return self._stamp
@@ -177,7 +177,7 @@ class _Overloads:
         return self._folder / f"{self._stem}.{name[:24]}.kernel"
 
     def load(self, key: object) -> Any:
-        content = kept(self._path(key))
+        content = read_checked(self._path(key))
         if content is not None:
             with suppress(Exception):  # of a class that is gone
                 return pickle.loads(content)
@@ -185,7 +185,7 @@ class _Overloads:
         return None
 
     def save(self, key: object, data: object) -> None:
-        keep(self._path(key), dumps(data))
+        write_checked(self._path(key), dumps(data))
 
     def flush(self) -> None:
         for path in self.files():
@@ -196,20 +196,20 @@ class _Overloads:
 
 
 def _classes(types: Iterable[Any]) -> Iterator[type]:
-    """Classes of the named tuples among numba types and inside them: they choose what a ``door`` leads to."""
-    for each in types:
-        if hasattr(each, "instance_class"):
-            yield each.instance_class
-        yield from _classes(getattr(each, "types", ()))
+    """Classes of the named tuples among numba types and inside them: they choose the module of a ``dispatch``."""
+    for numba_type in types:
+        if hasattr(numba_type, "instance_class"):
+            yield numba_type.instance_class
+        yield from _classes(getattr(numba_type, "types", ()))
 
 
 class _Cache(FunctionCache):
     _impl_class = _Implementation
-    counting = False  # whether the kernel counts references to arrays
+    counts_references = False  # whether the kernel counts references to arrays
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Save an overload; raises TypeError for a kernel that returns an array without counting references."""
-        if not self.counting and "array(" in str(data.signature.return_type):
+        if not self.counts_references and "array(" in str(data.signature.return_type):
             raise TypeError(f"the kernel {self._name} returns an array: it must be ``allocating``")
         super().save_overload(sig, data)
 
@@ -219,13 +219,13 @@ class _Cache(FunctionCache):
         self._cache_file: Any = _Overloads(Path(locator.get_cache_path()), stem, locator.get_source_stamp())
 
     def _index_key(self, signature: Any, codegen: Any) -> tuple[Any, ...]:
-        """What tells overloads apart: besides numba's key the sources behind the doors for these arguments."""
+        """Key of an overload: numba's, and hashes of the sources that `dispatch` chooses for these arguments."""
         hashes = {getattr(kind, REACHED, "") for kind in _classes(signature)}
         return (*super()._index_key(signature, codegen), sorted(hashes))
 
-    _guard_against_spurious_io_errors = staticmethod(spared)
+    _guard_against_spurious_io_errors = staticmethod(reporting_errors)
 
-    def found(self) -> bool:
+    def has_overloads(self) -> bool:
         """Whether there is any overload."""
         return any(self._cache_file.files())
 
@@ -242,28 +242,28 @@ def kernel(function: Kernel) -> Kernel:
     a kernel that closes over a jitted function or takes one as an argument. With ``NUMBA_DISABLE_JIT=1`` the function
     is returned unchanged; with ``NUMBA_BOUNDSCHECK=1`` it checks its indices.
     """
-    made: Kernel = _compiled(function, OPTIONS)
-    return made
+    compiled: Kernel = _compiled(function, OPTIONS)
+    return compiled
 
 
 def allocating(function: Kernel) -> Kernel:
     """Compile a kernel that makes arrays or calls one that returns them; it counts references."""
-    made: Kernel = _compiled(function, OPTIONS | {"_nrt": True})
-    return made
+    compiled: Kernel = _compiled(function, OPTIONS | {"_nrt": True})
+    return compiled
 
 
-def apart(function: Kernel) -> Kernel:
+def noalias(function: Kernel) -> Kernel:
     """Declare, below ``kernel`` or ``allocating``, that arrays do not alias (Fortran's rule).
 
     No array argument that the kernel writes overlaps another array that it uses. The compiler then keeps entries in
     registers and does several operations at once, with the same bits in three quarters of the time; otherwise each
     store might change every entry.
     """
-    function.apart = True  # type: ignore[attr-defined]
+    function.noalias = True  # type: ignore[attr-defined]
     return function
 
 
-class _Compiler(Compiler):
+class _PlainCompiler(Compiler):
     """numba's compiler without Python's cycle collection, which would take a tenth of its time."""
 
     def compile_extra(self, function: Any) -> Any:
@@ -276,8 +276,8 @@ class _Compiler(Compiler):
                 gc.enable()
 
 
-class _Apart(_Compiler):
-    """The compiler for kernels declared ``apart``."""
+class _NoAliasCompiler(_PlainCompiler):
+    """The compiler for kernels declared ``noalias``."""
 
     def __init__(self, typing: Any, target: Any, library: Any, args: Any, result: Any, flags: Any, local: Any) -> None:
         flags.noalias = True
@@ -290,13 +290,13 @@ def _compiled(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     An entry from Python checks every array of every tuple, for a chain some fifty, and takes longer to compile than
     most kernels.
     """
-    options = options | {"pipeline_class": _Apart if getattr(function, "apart", False) else _Compiler}
+    options = options | {"pipeline_class": _NoAliasCompiler if getattr(function, "noalias", False) else _PlainCompiler}
     outer = numba.njit(**options)(function)
     if outer is not function:
         inner = numba.njit(**options | INNER)(function)
         for compiled, part in ((outer, ""), (inner, ".inner")):
             compiled._cache = _Cache(function, part)  # what numba's cache=True does, with our cache
-            compiled._cache.counting = options["_nrt"]
+            compiled._cache.counts_references = options["_nrt"]
         # otherwise each constant argument has a type of its own and is compiled separately
         outer.get_call_template = lambda args, kws: inner.get_call_template(
             tuple(map(numba.types.unliteral, args)), kws
@@ -307,21 +307,21 @@ def _compiled(function: Callable[..., Any], options: dict[str, Any]) -> Any:
 
 def plain(function: Kernel) -> Kernel:
     """Python function of a kernel, for calls that are not worth compiling."""
-    made: Kernel = getattr(function, "py_func", function)
-    return made
+    function_of: Kernel = getattr(function, "py_func", function)
+    return function_of
 
 
 def implemented_in(**modules: str) -> Callable[[Class], Class]:
     """Declare in which modules the functions on a class of parameters are, by group of functions; subclasses inherit.
 
-    A module that begins with a dot is relative to the package of the class. It is imported when a ``door`` leads there,
-    not before; the hash of a kernel that takes the class follows it.
+    A module that begins with a dot is relative to the package of the class. It is imported when a ``dispatch``
+    chooses it, not before; the hash of a kernel that takes the class follows it.
     """
 
     def declared(kind: Class) -> Class:
         package = kind.__module__.rpartition(".")[0]
-        found = {group: resolve_name(name, package) for group, name in modules.items()}
-        setattr(kind, IMPLEMENTED, {**getattr(kind, IMPLEMENTED, {}), **found})
+        module_names = {group: resolve_name(name, package) for group, name in modules.items()}
+        setattr(kind, IMPLEMENTED, {**getattr(kind, IMPLEMENTED, {}), **module_names})
         setattr(kind, REACHED, reachable_hash(kind.__module__, Path(str(sys.modules[kind.__module__].__file__))))
         return kind
 
@@ -329,7 +329,7 @@ def implemented_in(**modules: str) -> Callable[[Class], Class]:
 
 
 def implementation(group: str) -> Callable[[type], Any]:
-    """Choice of a ``door``: the module of a ``group`` of functions on a class; TypeError where it declares none."""
+    """Choice of a ``dispatch``: the module of a ``group`` of functions on a class; TypeError where it declares none."""
 
     def module_of(kind: type) -> Any:
         module = getattr(kind, IMPLEMENTED, {}).get(group)
@@ -340,10 +340,10 @@ def implementation(group: str) -> Callable[[type], Any]:
     return module_of
 
 
-def door(module_of: Callable[[type], Any], shared: bool = False) -> Callable[[Callable[..., Any]], Any]:
-    """A stub for its namesakes in several modules: the type of its first argument says in which, ``module_of`` it.
+def dispatch(module_of: Callable[[type], Any], shared: bool = False) -> Callable[[Callable[..., Any]], Any]:
+    """Make a stub call its namesake in the module that ``module_of`` returns for the type of the first argument.
 
-    Kernels call kernels by import; a door chooses when its caller is compiled, so that nothing else is imported or
+    Kernels call kernels by import; a stub chooses when its caller is compiled, so that nothing else is imported or
     compiled. ``module_of`` is an ``implementation``, or imports what it returns by name, which the hash follows too.
     A namesake becomes part of its caller; with ``shared`` it is compiled once for all of them, which is for those that
     are large or make arrays.
@@ -357,11 +357,11 @@ def door(module_of: Callable[[type], Any], shared: bool = False) -> Callable[[Ca
         def chosen(*args: Any) -> Any:
             namesake = getattr(module_of(args[0].instance_class), stub.__name__)
             if shared:
-                call = eval(f"lambda {names}: namesake({names})", {"namesake": namesake})
+                caller = eval(f"lambda {names}: namesake({names})", {"namesake": namesake})
                 # numba numbers functions as a process meets them: of two processes' kernels in one, a number and the
                 # name <lambda> may mean two functions, and the linker takes the one for the other
-                call.__name__ = call.__qualname__ = f"{namesake.__module__}.{stub.__name__}".replace(".", "_")
-                return call
+                caller.__name__ = caller.__qualname__ = f"{namesake.__module__}.{stub.__name__}".replace(".", "_")
+                return caller
             return getattr(namesake, "py_func", namesake)
 
         signature = inspect.signature(stub)
@@ -387,4 +387,4 @@ def compiled_before(function: Any) -> bool:
     """Whether the cache has a kernel for some types of its arguments; otherwise its first call compiles."""
     if not isinstance(getattr(function, "_cache", None), _Cache):  # NUMBA_DISABLE_JIT
         return True
-    return function._cache.found()
+    return function._cache.has_overloads()

@@ -31,20 +31,20 @@ def internal(library: Any) -> None:
     has other arguments. Functions that count references keep their names, by which numba removes pairs of counts.
     """
     with suppress(AttributeError):
-        functions = [each for each in library._final_module.functions if not each.is_declaration]
-        if any(OURS in each.name for each in functions):
-            for each in functions:
-                if each.linkage.name == "linkonce_odr" and not each.name.startswith("NRT_"):
-                    each.linkage = "internal"
-                    each.name = f"{each.name}{OWN}"
+        functions = [function for function in library._final_module.functions if not function.is_declaration]
+        if any(OURS in function.name for function in functions):
+            for function in functions:
+                if function.linkage.name == "linkonce_odr" and not function.name.startswith("NRT_"):
+                    function.linkage = "internal"
+                    function.name = f"{function.name}{OWN}"
 
 
 def defer() -> None:
     """Make numba optimise and emit a function when its address is requested."""
     # neighbouring operations become one, with the same bits: half of those on the matrices of links
     config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]
-    optimise, finish, point, store = (getattr(JITCodeLibrary, name) for name in PARTS)
-    bind = JITCPUCodegen.set_env
+    optimise, finish, get_pointer, store = (getattr(JITCodeLibrary, name) for name in PARTS)
+    set_environment = JITCPUCodegen.set_env
     waiting: Environments = {}  # of functions without an address, by the name of the variable for the pointer
 
     def linked(library: Any) -> None:
@@ -58,7 +58,7 @@ def defer() -> None:
     def pointer(library: Any, name: str) -> int:
         library._ensure_finalized()
         if getattr(library, "_linked_only", False):
-            defined = {each.name for each in library._final_module.functions if not each.is_declaration}
+            defined = {function.name for function in library._final_module.functions if not function.is_declaration}
             if name not in defined:
                 return 0
             library._linked_only = False
@@ -69,13 +69,13 @@ def defer() -> None:
             finish(library)
             for variable in library._final_module.global_variables:
                 if variable.name in waiting:
-                    bind(library.codegen, variable.name, waiting[variable.name])
-        address: int = point(library, name)
+                    set_environment(library.codegen, variable.name, waiting[variable.name])
+        address: int = get_pointer(library, name)
         return address
 
     def bound(codegen: Any, name: str, environment: Any) -> None:
         if codegen._engine.is_symbol_defined(name):
-            bind(codegen, name, environment)
+            set_environment(codegen, name, environment)
         else:
             waiting[name] = environment
 

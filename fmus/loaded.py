@@ -1,8 +1,8 @@
 """Modules that components load: a child process starts their models in plain Python and lists them.
 
-Nothing is compiled: a door between kernels imports the same modules for Python as for the compiler, so the state of the
-cache does not matter. A chain is laid out as a polygon, because its equilibrium loads no further module; a chain that
-is released or spins is shortened.
+Nothing is compiled: a stub of ``jit.dispatch`` imports the same modules for Python as for the compiler, so the state
+of the cache does not matter. A chain is laid out as a polygon, because its equilibrium loads no further module; a chain
+that is released or spins is shortened.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Contents(NamedTuple):
     state: tuple[int, ...]  # size of each component's state
 
 
-def contents(parts: Sequence[Recipe]) -> Contents:
+def loaded_contents(parts: Sequence[Recipe]) -> Contents:
     """Start the parts in a child process; raises BuildFailed with the last message of the child."""
     from fmus.build import BuildFailed  # the child does not need it
 
@@ -44,44 +44,44 @@ def contents(parts: Sequence[Recipe]) -> Contents:
         env={**os.environ, "PYTHONPATH": str(ROOT.parent), "NUMBA_DISABLE_JIT": "1"},
     )
     if child.returncode:
-        said = (child.stderr.strip() or "no message").splitlines()[-1]
-        raise BuildFailed(said.removeprefix("fmus.model.InvalidParameter: "))
-    found = json.loads(child.stdout)
-    loaded = tuple(sorted(found["modules"]))
+        message = (child.stderr.strip() or "no message").splitlines()[-1]
+        raise BuildFailed(message.removeprefix("fmus.model.InvalidParameter: "))
+    report = json.loads(child.stdout)
+    loaded = tuple(sorted(report["modules"]))
     everything = {".".join(("fmus", *file.relative_to(ROOT).with_suffix("").parts)) for file in sources()}
     rest = (name for name in everything if not name.endswith(".__init__") and name not in loaded)
-    return Contents(loaded, tuple(sorted(rest)), *(tuple(found[key]) for key in ("outputs", "link_outputs", "state")))
+    return Contents(loaded, tuple(sorted(rest)), *(tuple(report[key]) for key in ("outputs", "link_outputs", "state")))
 
 
 def _child() -> None:
-    found: dict[str, list[Any]] = {"outputs": [], "link_outputs": [], "state": []}
+    report: dict[str, list[Any]] = {"outputs": [], "link_outputs": [], "state": []}
     for kind, config, parameters in json.load(sys.stdin):
-        model = _started(kind, config, parameters)
+        model = _start_model(kind, config, parameters)
         reals = sum(port.causality == "output" and isinstance(port.start, float) for port in model.ports)
-        found["outputs"].append(reals - model.link_ports)
-        found["link_outputs"].append(model.link_ports)
-        found["state"].append(model.state.size)
+        report["outputs"].append(reals - model.link_ports)
+        report["link_outputs"].append(model.link_ports)
+        report["state"].append(model.state.size)
     modules = [name for name in sys.modules if name.startswith("fmus.") and name not in (__name__, "fmus.components")]
     folders = {name.rpartition(".")[0] for name in modules}
-    json.dump({**found, "modules": [name for name in modules if name not in folders]}, sys.stdout)
+    json.dump({**report, "modules": [name for name in modules if name not in folders]}, sys.stdout)
 
 
-def _started(kind: str, config: dict[str, Any], parameters: dict[str, Any]) -> Any:
+def _start_model(kind: str, config: dict[str, Any], parameters: dict[str, Any]) -> Any:
     import_module(f"fmus.{KINDS[kind].removesuffix('.py').replace('/', '.')}")
-    made_by = model_of(kind)
-    model = made_by(config)
-    given = {port.name: port.start for port in model.ports if port.causality == "parameter"} | parameters
-    start = given.get("start")
-    if start in ("displaced", "straight", "folded") or given.get("start.spin"):
+    model_class = model_of(kind)
+    model = model_class(config)
+    values = {port.name: port.start for port in model.ports if port.causality == "parameter"} | parameters
+    start = values.get("start")
+    if start in ("displaced", "straight", "folded") or values.get("start.spin"):
         track = config["track"]
         ends = dict(track["ends"] or {})
         if "last" in ends:
             ends["last"] = [x * SHORT / track["links"] for x in ends["last"]]
-        made_by({**config, "track": {**track, "links": SHORT, "ends": ends or None}}).initialise(given)
+        model_class({**config, "track": {**track, "links": SHORT, "ends": ends or None}}).initialise(values)
         model.tighten = lambda: None
     if start in ("rest", "displaced"):
-        given["start"] = "polygon"
-    model.initialise(given)
+        values["start"] = "polygon"
+    model.initialise(values)
     return model
 
 

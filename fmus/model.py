@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fmus.jit import entry, kernel, plain
 from fmus.physics.arrays import Floats
 from fmus.ports import Port
-from fmus.sentences import TOLD, Sentence, say
+from fmus.sentences import GAPS, Sentence, format_sentence
 
 
 class InvalidParameter(ValueError):
@@ -31,7 +31,7 @@ def finite(values: Floats) -> bool:
     return math.isfinite(values.dot(values)) or bool(np.isfinite(values).all())
 
 
-TOO_MANY = Sentence(
+TOO_MANY_STEPS = Sentence(
     "at t = {0:.6g} s a communication step of {1:.3g} s takes {2:.3g} internal steps of {3:.3g} s:"
     f" {MOST_STEPS} are allowed"
 )
@@ -39,87 +39,87 @@ NO_ROTATION = "at t = {0:.6g} s the input {1:name}.orientation is no rotation: i
 
 
 @kernel
-def too_many(told, t, h, longest):
+def too_many_steps(numbers, t, h, longest):
     """Whether a communication step of ``h`` s takes more internal steps of ``longest`` s than are allowed.
 
-    Writes the numbers of the sentence ``TOO_MANY`` into ``told``.
+    Writes the numbers of the sentence ``TOO_MANY_STEPS`` into ``numbers``.
     """
     steps = h / longest
-    told[0], told[1], told[2], told[3] = t, h, steps, longest
+    numbers[0], numbers[1], numbers[2], numbers[3] = t, h, steps, longest
     return not steps <= MOST_STEPS
 
 
 @kernel
-def no_rotation(told, t, name, u, i):
+def no_rotation(numbers, t, name, u, i):
     """Whether the quaternion at ``u[i]`` of the input number ``name`` is no rotation (length 0.9 to 1.1).
 
-    Writes the numbers of the sentence ``NO_ROTATION`` into ``told``.
+    Writes the numbers of the sentence ``NO_ROTATION`` into ``numbers``.
     """
     length = np.sqrt(u[i] ** 2 + u[i + 1] ** 2 + u[i + 2] ** 2 + u[i + 3] ** 2)
-    told[0], told[1], told[2] = t, name, length
+    numbers[0], numbers[1], numbers[2] = t, name, length
     return not 0.9 < length < 1.1
 
 
-class Free(NamedTuple):
-    """Parameters that stay settable in a native FMU: only ``starting`` is computed again when they change."""
+class FreeParameters(NamedTuple):
+    """Parameters that stay settable in a native FMU: only ``start_kernel`` is computed again when they change."""
 
     numbers: Mapping[str, str]  # place in the parts ("law.mu") -> expression of parameters ("{parameter} * 2.0")
-    besides: tuple[str, ...] = ()  # parameters that only ``starting`` reads
+    start_only: tuple[str, ...] = ()  # parameters that only ``start_kernel`` reads
 
 
-class Component:
+class ComponentModel:
     """Base of the components' models: ``parts`` (named tuples of arrays and numbers) and kernels on them.
 
     A model that starts calls ``begin`` with its parts. The kernels are
 
-    - ``starting(parts, told, p)``: sets the state to the start for the parameters ``p``, those of ``placing``; returns
-      0 or an index of ``refused``;
-    - ``stepping(parts, told, t, h, u)``: one communication step; returns 0 or an index of ``failures``. The numbers of
-      that sentence go to the first row of ``told``; warning k writes a 1 and its numbers to row k + 1;
-    - ``showing(parts, y)``: Real outputs without link outputs;
-    - ``showing_links(parts, y)``: link outputs, where there are any.
+    - ``start_kernel(parts, messages, p)``: sets the state to the start for the parameters ``p``, those of
+      ``start_parameters``; returns 0 or an index of ``refusals``;
+    - ``step_kernel(parts, messages, t, h, u)``: one communication step; returns 0 or an index of ``failures``. The
+      numbers of that sentence go to the first row of ``messages``; warning k writes a 1 and its numbers to row k + 1;
+    - ``output_kernel(parts, y)``: Real outputs without link outputs;
+    - ``link_output_kernel(parts, y)``: link outputs, where there are any.
 
     Kernels access nothing but their parts, so they can be compiled into a library of their own (``fmus.native``).
     """
 
     failures: tuple[Sentence, ...] = ()  # the first one is empty
-    warned: tuple[Sentence, ...] = ()
-    refused: tuple[Sentence, ...] = ()  # the first one is empty
-    placing: tuple[str, ...] = ()  # names of the parameters that ``starting`` reads
+    warning_sentences: tuple[Sentence, ...] = ()
+    refusals: tuple[Sentence, ...] = ()  # the first one is empty
+    start_parameters: tuple[str, ...] = ()  # names of the parameters that ``start_kernel`` reads
     ports: tuple[Port, ...]
     inputs: int  # number of Real inputs
     state: Floats
     counters: NDArray[np.int64]
     link_ports = 0
-    starting: Callable[..., int]
-    stepping: Callable[..., int]
-    showing: Callable[..., None]
-    showing_links: Callable[..., None] | None = None
+    start_kernel: Callable[..., int]
+    step_kernel: Callable[..., int]
+    output_kernel: Callable[..., None]
+    link_output_kernel: Callable[..., None] | None = None
 
-    def free(self, p: Mapping[str, Any]) -> Free:
+    def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """Parameters that need not be constant in a native FMU with the checked parameters ``p``."""
         raise NotImplementedError
 
-    def begin(self, p: Mapping[str, Any], parts: Any, shown: Any = None, shown_links: Any = None) -> None:
+    def begin(self, p: Mapping[str, Any], parts: Any, output_parts: Any = None, link_output_parts: Any = None) -> None:
         """Start with the checked parameters ``p`` and these parts.
 
-        ``shown`` and ``shown_links`` are the parts of the two kernels of outputs, where they are others. Raises
-        InvalidParameter with a sentence of ``refused``.
+        ``output_parts`` and ``link_output_parts``: those of the two kernels of outputs, where they are others. Raises
+        InvalidParameter with a sentence of ``refusals``.
         """
         self.parts = parts
-        self.shown = parts if shown is None else shown
-        self.shown_links = parts if shown_links is None else shown_links
-        self._told, self._u = np.zeros((1 + len(self.warned), TOLD + 1)), np.zeros(self.inputs)
+        self.output_parts = parts if output_parts is None else output_parts
+        self.link_output_parts = parts if link_output_parts is None else link_output_parts
+        self._messages, self._u = np.zeros((1 + len(self.warning_sentences), GAPS + 1)), np.zeros(self.inputs)
         self._y = np.zeros(0)  # for the type of the outputs
         self._step: Any = None  # these three are compiled at their first use
         self._show: Any = None
         self._show_links: Any = None
-        self._said: list[str] = []
-        wrong = plain(self.starting)(parts, self._told, tuple(p[name] for name in self.placing))
-        if wrong:
-            raise InvalidParameter(say(self.refused[wrong], self._told[0]))
+        self._new_warnings: list[str] = []
+        refusal = plain(self.start_kernel)(parts, self._messages, tuple(p[name] for name in self.start_parameters))
+        if refusal:
+            raise InvalidParameter(format_sentence(self.refusals[refusal], self._messages[0]))
 
-    def hold(self, state: Floats) -> bool:
+    def copy_state(self, state: Floats) -> bool:
         """Copy the flat state of an equal component into this one; False where its size differs."""
         if state.shape != self.state.shape:
             return False
@@ -132,49 +132,49 @@ class Component:
         Raises StepFailed; the state is then the one before the step.
         """
         self._u[:] = u
-        self._take(t, h, self._u)
+        self._do_step(t, h, self._u)
 
-    def ready(self) -> Callable[..., int]:
+    def compiled_step(self) -> Callable[..., int]:
         """Compiled kernel of a step."""
         if self._step is None:
-            self._step = entry(self.stepping, self.parts, self._told, 0.0, 0.0, self._u)
-        made: Callable[..., int] = self._step
-        return made
+            self._step = entry(self.step_kernel, self.parts, self._messages, 0.0, 0.0, self._u)
+        compiled: Callable[..., int] = self._step
+        return compiled
 
-    def _take(self, t: float, h: float, u: Floats) -> None:
+    def _do_step(self, t: float, h: float, u: Floats) -> None:
         before = self.state.copy(), self.counters.copy()
-        failed = (self._step or self.ready())(self.parts, self._told, t, h, u)
-        for sentence, row in zip(self.warned, self._told[1:], strict=True):
+        failure = (self._step or self.compiled_step())(self.parts, self._messages, t, h, u)
+        for sentence, row in zip(self.warning_sentences, self._messages[1:], strict=True):
             if row[0]:
                 row[0] = 0.0
-                self._said.append(say(sentence, row[1:]))
-        if failed:
+                self._new_warnings.append(format_sentence(sentence, row[1:]))
+        if failure:
             self.state[:], self.counters[:] = before
             for port, value in zip(self.ports, u.tolist(), strict=False):
                 if not math.isfinite(value):
                     raise StepFailed(f"at t = {t:.6g} s the input {port.name} is not finite")
-            raise StepFailed(say(self.failures[failed], self._told[0]))
+            raise StepFailed(format_sentence(self.failures[failure], self._messages[0]))
 
     def outputs(self, y: Floats) -> None:
         """Write the Real outputs without link outputs into ``y``, in the order of the ports."""
         if self._show is None:
-            self._show = entry(self.showing, self.shown, self._y)
-        self._show(self.shown, y)
+            self._show = entry(self.output_kernel, self.output_parts, self._y)
+        self._show(self.output_parts, y)
 
     def link_outputs(self, y: Floats) -> None:
         """Write the link outputs into ``y``, in the order of the ports."""
-        if self._show_links is None and self.showing_links is not None:
-            self._show_links = entry(self.showing_links, self.shown_links, self._y)
+        if self._show_links is None and self.link_output_kernel is not None:
+            self._show_links = entry(self.link_output_kernel, self.link_output_parts, self._y)
         if self._show_links is not None:
-            self._show_links(self.shown_links, y)
+            self._show_links(self.link_output_parts, y)
 
     def warnings(self) -> list[str]:
         """Return, and forget, the warnings since the last call."""
-        said, self._said = self._said, []
-        return said
+        new, self._new_warnings = self._new_warnings, []
+        return new
 
 
-class Model(Protocol):
+class ModelProtocol(Protocol):
     """Protocol of a component without FMI.
 
     ``ports`` lists Real inputs first, then Real outputs, then Real link outputs, then Integer outputs, then
@@ -183,7 +183,7 @@ class Model(Protocol):
     place.
     """
 
-    stepping: Any  # the kernel of a step: compiled at the first step on a machine
+    step_kernel: Any  # the kernel of a step: compiled at the first step on a machine
     ports: tuple[Port, ...]
     link_ports: int  # number of link outputs, the last of the Real outputs (computed only when read)
     state: Floats

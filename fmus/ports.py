@@ -103,7 +103,7 @@ STATE = 13  # position 3, orientation 4, velocity 3, angular velocity 3
 WRENCH = 6  # force 3, torque 3
 
 
-def wheel_state(
+def motion_ports(
     name: str, causality: str, start: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 ) -> list[Port]:
     """The 13 variables of the motion of a wheel (or mount) in the world frame, m, m/s, rad/s.
@@ -135,7 +135,7 @@ def wheel_state(
     return centre + orientation + velocity + angular
 
 
-def wrench(name: str, causality: str) -> list[Port]:
+def wrench_ports(name: str, causality: str) -> list[Port]:
     """The 6 variables of the mean wrench on a wheel (or mount) about its centre, world axes, N, N m."""
     force = [
         Port(f"{name}.force.{axis}", causality, "N", f"{axis} force on {name}, world, mean over the step")
@@ -153,7 +153,7 @@ def wrench(name: str, causality: str) -> list[Port]:
     return force + torque
 
 
-def start_pose() -> list[Port]:
+def start_pose_ports() -> list[Port]:
     """Parameters of the vehicle's pose at the start: set alike on every component that has a place."""
     return [
         *(

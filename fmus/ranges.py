@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 Bounds = tuple[float, float]
 
 
-class Range(NamedTuple):
+class PlausibleRange(NamedTuple):
     """Plausible and possible range of a number of a table, SI."""
 
     key: str  # dotted key in the table
@@ -28,29 +28,32 @@ MACHINE = "from a robot of some kilograms to the crawlers of open-cast mines"
 PART = "parts of such machines"
 CONTACT = "pads, rubber and steel under a link give way by 0.1 to 30 mm"
 VEHICLE = (
-    Range("gravity", "m/s^2", (0.0, 25.0), (0.0, 1e3), "Jupiter has 24.8 m/s^2"),
-    Range("chassis.mass", "kg", (5.0, 2e6), (1e-3, 1e8), MACHINE),
+    PlausibleRange("gravity", "m/s^2", (0.0, 25.0), (0.0, 1e3), "Jupiter has 24.8 m/s^2"),
+    PlausibleRange("chassis.mass", "kg", (5.0, 2e6), (1e-3, 1e8), MACHINE),
     *(
-        Range(f"{part}.mass", "kg", (0.01, 2e4), (1e-6, 1e7), PART)
+        PlausibleRange(f"{part}.mass", "kg", (0.01, 2e4), (1e-6, 1e7), PART)
         for part in ("sprocket", "idler", "road_wheel", "road_arm")
     ),
     *(
-        Range(f"{part}.spin_inertia", "kg m^2", (1e-6, 2e4), (1e-12, 1e8), PART)
+        PlausibleRange(f"{part}.spin_inertia", "kg m^2", (1e-6, 2e4), (1e-12, 1e8), PART)
         for part in ("sprocket", "idler", "road_wheel")
     ),
     *(
-        Range(f"{part}.radius", "m", (0.01, 2.0), (1e-3, 50.0), PART) for part in ("idler", "road_wheel")
+        PlausibleRange(f"{part}.radius", "m", (0.01, 2.0), (1e-3, 50.0), PART) for part in ("idler", "road_wheel")
     ),
-    Range("suspension.stiffness", "N/m", (0.0, 1e9), (0.0, 1e13), "stiffer than the contacts, a spring is rigid"),
-    Range("suspension.damping", "N s/m", (0.0, 1e7), (0.0, 1e11), "more is a rigid strut"),
-    Range("tensioner.stiffness", "N/m", (0.0, 1e9), (0.0, 1e13), "stiffer than the contacts, a spring is rigid"),
-    Range("tensioner.damping", "N s/m", (0.0, 1e7), (0.0, 1e11), "more is a rigid strut"),
-    Range("tensioner.travel", "m", (1e-3, 1.0), (1e-6, 50.0), "a tensioner takes up some links at most"),
-    Range("track.pitch", "m", (5e-3, 1.0), (1e-4, 10.0), "links of toys and of crawlers"),
-    Range("track.mass", "kg", (1e-3, 2e3), (1e-9, 1e6), "links of toys and of crawlers"),
-    Range("track.tension", "N", (0.0, 1e6), (-1e9, 1e9), "a chain pulls, by some weights of the vehicle at most"),
+    PlausibleRange("suspension.stiffness", "N/m", (0.0, 1e9), (0.0, 1e13),
+                   "stiffer than the contacts, a spring is rigid"),
+    PlausibleRange("suspension.damping", "N s/m", (0.0, 1e7), (0.0, 1e11), "more is a rigid strut"),
+    PlausibleRange("tensioner.stiffness", "N/m", (0.0, 1e9), (0.0, 1e13),
+                   "stiffer than the contacts, a spring is rigid"),
+    PlausibleRange("tensioner.damping", "N s/m", (0.0, 1e7), (0.0, 1e11), "more is a rigid strut"),
+    PlausibleRange("tensioner.travel", "m", (1e-3, 1.0), (1e-6, 50.0), "a tensioner takes up some links at most"),
+    PlausibleRange("track.pitch", "m", (5e-3, 1.0), (1e-4, 10.0), "links of toys and of crawlers"),
+    PlausibleRange("track.mass", "kg", (1e-3, 2e3), (1e-9, 1e6), "links of toys and of crawlers"),
+    PlausibleRange("track.tension", "N", (0.0, 1e6), (-1e9, 1e9),
+                   "a chain pulls, by some weights of the vehicle at most"),
     *(
-        Range(f"contact.{pair}.{key}", unit, plausible, possible, reason)
+        PlausibleRange(f"contact.{pair}.{key}", unit, plausible, possible, reason)
         for pair in ("sprocket", "wheel", "ground")
         for key, unit, plausible, possible, reason in (
             ("stiffness", "N/m", (1e3, 1e9), (0.0, 1e13), CONTACT),
@@ -59,22 +62,28 @@ VEHICLE = (
             ("friction_velocity", "m/s", (1e-5, 0.1), (1e-12, 1e3), "what sticks must creep slower than it drives"),
         )
     ),
-    Range("material.youngs_modulus", "Pa", (1e5, 2e12), (1.0, 1e16), "from soft rubber to diamond"),
-    Range("material.relaxation_time", "s", (0.0, 1e-2), (0.0, 1e3), "metals 1e-7 to 1e-5 s, rubber a millisecond"),
+    PlausibleRange("material.youngs_modulus", "Pa", (1e5, 2e12), (1.0, 1e16), "from soft rubber to diamond"),
+    PlausibleRange("material.relaxation_time", "s", (0.0, 1e-2), (0.0, 1e3),
+                   "metals 1e-7 to 1e-5 s, rubber a millisecond"),
 )  # fmt: skip
 
 
-def outside(table: Mapping[str, Any], ranges: Sequence[Range], which: str, above: str = "") -> Iterator[str]:
+def range_violations(
+    table: Mapping[str, Any], ranges: Sequence[PlausibleRange], which: str, above: str = ""
+) -> Iterator[str]:
     """Yield a sentence for each number of a ``table`` outside its range.
 
     ``which``: the range, "plausible" or "possible"; ``above``: prefix of the keys in the sentence.
     """
-    for each in ranges:
+    for number_range in ranges:
         value: Any = table
-        for part in each.key.split("."):
+        for part in number_range.key.split("."):
             value = value.get(part) if isinstance(value, Mapping) else None
-        low, high = getattr(each, which)
+        low, high = getattr(number_range, which)
         if isinstance(value, int | float) and not low <= value <= high:
-            unit = "" if each.unit == "1" else f" {each.unit}"
-            what = "must be" if which == "possible" else "plausible is"
-            yield f"{above}{each.key} = {value:g}{unit}: {what} {low:g} to {high:g}{unit} ({each.reason})"
+            unit = "" if number_range.unit == "1" else f" {number_range.unit}"
+            relation = "must be" if which == "possible" else "plausible is"
+            yield (
+                f"{above}{number_range.key} = {value:g}{unit}: {relation} {low:g} to {high:g}{unit}"
+                f" ({number_range.reason})"
+            )

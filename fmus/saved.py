@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class Saved(NamedTuple):
+class SlaveState(NamedTuple):
     """Everything that changes during a run; ``flaw``: why the bytes from which it was read are unusable."""
 
     guid: str  # of the FMU
@@ -25,7 +25,7 @@ class Saved(NamedTuple):
     flaw: str = ""
 
 
-def to_bytes(state: Saved) -> bytes:
+def to_bytes(state: SlaveState) -> bytes:
     """Bytes of a state: length of the head (8 bytes, little-endian), head, arrays; or its flaw, if any."""
     if state.flaw:
         return state.flaw.encode()
@@ -35,7 +35,7 @@ def to_bytes(state: Saved) -> bytes:
     return len(head).to_bytes(8, "little") + head + body
 
 
-def from_bytes(content: bytes) -> Saved:
+def from_bytes(content: bytes) -> SlaveState:
     """State from the bytes of `to_bytes`; a state with a ``flaw`` where they are damaged.
 
     Nothing is raised: pythonfmu would release references that are not its own (see ``fmus.slave``), and no instance is
@@ -50,8 +50,8 @@ def from_bytes(content: bytes) -> Saved:
         for size, kind in zip(sizes, (np.float64, np.int64, np.float64, np.int64), strict=True):
             arrays.append(np.frombuffer(content, dtype=kind, count=size, offset=end).copy())
             end += 8 * size
-        return Saved(guid, phase, (flags[0], flags[1]), failure, tuple(strings), *arrays)
+        return SlaveState(guid, phase, (flags[0], flags[1]), failure, tuple(strings), *arrays)
     except Exception as error:
         none = np.zeros(0)
         flaw = f"these bytes are not a saved state ({type(error).__name__}: {error})"
-        return Saved("", "", (True, True), "", (), none, none.astype(int), none, none.astype(int), flaw)
+        return SlaveState("", "", (True, True), "", (), none, none.astype(int), none, none.astype(int), flaw)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-TOLD = 6  # largest number of numbers of a sentence
+GAPS = 6  # largest number of gaps of a sentence
 
 
 class Sentence(NamedTuple):
@@ -30,9 +30,9 @@ class _Number(float):
         return float(self).__format__(kind)
 
 
-def say(sentence: Sentence, told: Iterable[float]) -> str:
-    """Text of the sentence with the numbers ``told`` in its gaps."""
-    numbers = [_Number(value) for value in told]
+def format_sentence(sentence: Sentence, values: Iterable[float]) -> str:
+    """Text of the sentence with the numbers ``values`` in its gaps."""
+    numbers = [_Number(value) for value in values]
     for number in numbers:
         number.names = sentence.names
     return sentence.text.format(*numbers)

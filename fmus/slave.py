@@ -6,7 +6,7 @@ in microseconds, while `get_real` makes two Python objects of each number. A val
 so that get and set are array accesses.
 
 pythonfmu 0.7.0 releases references that it does not own: one of the shell's globals at every instantiation, and one
-each of class, instance and log queue whenever an exception leaves a call. `_lend` adds as many references, so that a
+each of class, instance and log queue whenever an exception leaves a call. `_add_references` adds as many, so that a
 refusal is an ordinary FMI status, and neither a second refusal nor freeing the instance crashes the process.
 
 The module is long because pythonfmu wants all FMI calls as methods of one class, and they share its arrays.
@@ -34,18 +34,18 @@ from pythonfmu import Fmi2Slave
 from pythonfmu import __version__ as pythonfmu_version
 from pythonfmu.enums import Fmi2Status
 
-from fmus.cache import cache_folder, check, spared, unheard
-from fmus.defaults import check_names, checked, configured
+from fmus.cache import cache_folder, check_trust, reporting_errors, unlogged_warnings
+from fmus.defaults import check_names, check_value, configured_ports
 from fmus.description import document
 from fmus.jit import compiled_before, source_hash
-from fmus.model import InvalidParameter, Model, StepFailed, finite
+from fmus.model import InvalidParameter, ModelProtocol, StepFailed, finite
 from fmus.ports import LINKS_ARRAY, Port, variables
 from fmus.same_build import SameBuild
-from fmus.saved import Saved, from_bytes, to_bytes
+from fmus.saved import SlaveState, from_bytes, to_bytes
 
 BUILD = source_hash()  # hash of the fmus sources of this process
 OK, WARNING, ERROR = 0, 1, 3  # values of the output `status`, those of fmi2Status
-LONGEST = 1500  # bytes of a message: importers have buffers of 2 kB
+MOST_BYTES = 1500  # bytes of a message: importers have buffers of 2 kB
 _INT_MAX = 2**31 - 1  # fmi2Integer is 32 bits wide
 _FINALISED: set[Path] = set()
 
@@ -57,30 +57,30 @@ class Refused(RuntimeError):
         return str(self)
 
 
-def _of_another_build(packed: str, name: str = "this FMU") -> Refused:
+def _build_mismatch(packed: str, name: str = "this FMU") -> Refused:
     return Refused(
         f"{name} was built from other sources ({packed[:12]}) than the fmus package "
         f"of this process ({BUILD[:12]}): build it again, or load it in a process of its own"
     )
 
 
-sys.meta_path.append(SameBuild("fmus", BUILD, _of_another_build))
+sys.meta_path.append(SameBuild("fmus", BUILD, _build_mismatch))
 
 
 class _Access(NamedTuple):
     """Kinds of the variables in a list of Real value references."""
 
-    at: slice | NDArray[np.intp]  # their places in the values
+    places: slice | NDArray[np.intp]  # their places in the values
     inputs: bool  # all are inputs
     outputs: bool  # some is an output
     links: bool  # some is a link output
     parameters: bool  # some is a parameter
 
 
-def _lend(*objects: object) -> None:
+def _add_references(*objects: object) -> None:
     """Add a reference to each object, for pythonfmu to release; a container would keep dangling entries."""
-    for each in objects:
-        ctypes.pythonapi.Py_IncRef(ctypes.py_object(each))
+    for item in objects:
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(item))
 
 
 def _guarded(call: Callable[..., Any]) -> Callable[..., Any]:
@@ -92,7 +92,7 @@ def _guarded(call: Callable[..., Any]) -> Callable[..., Any]:
             return call(self, *args)
         except BaseException as error:  # KeyboardInterrupt too: no other exception may leave the call
             sentence = self._report(error)
-            _lend(type(self), self, self.log_queue)
+            _add_references(type(self), self, self.log_queue)
             raise Refused(sentence) from None
 
     return guarded
@@ -117,21 +117,21 @@ class Slave(Fmi2Slave):
     is refused, because it would silently run the wrong code.
     """
 
-    model: type[Model]
+    model: type[ModelProtocol]
 
     def __init_subclass__(cls) -> None:
-        _lend(vars(sys.modules[cls.__module__]))  # the shell runs once more before each release
+        _add_references(vars(sys.modules[cls.__module__]))  # the shell runs once more before each release
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
         self._status, self._failure, self._phase = OK, "", "instantiated"
         try:
             self._load(Path(self.resources))
-            with spared():
-                check(cache_folder())  # refuse an unsafe cache before a minute of compilation
-            if not compiled_before(type(self).model.stepping):
+            with reporting_errors():
+                check_trust(cache_folder())  # refuse an unsafe cache before a minute of compilation
+            if not compiled_before(type(self).model.step_kernel):
                 self.log("the first start on this machine compiles the kernels, which takes up to a minute")
-            self._pass_on()
+            self._forward_warnings()
         except Exception as error:
             raise Refused(self._sentence(error)) from None
 
@@ -142,18 +142,18 @@ class Slave(Fmi2Slave):
         _finalise_at_exit(resources.parent / "binaries" / "linux64" / f"{type(self).__name__}.so")
         packed = (resources / "build.txt").read_text().strip()
         if packed != BUILD:
-            raise _of_another_build(packed, type(self).__name__)
+            raise _build_mismatch(packed, type(self).__name__)
         config = (resources / "config.json").read_bytes()
         self.guid = str(uuid.UUID(bytes=hashlib.sha256(f"{BUILD} {type(self)}".encode() + config).digest()[:16]))
-        made_from = json.loads(config)
-        self._model = type(self).model(made_from)
-        check_names(self._model.ports, made_from)
-        self._sort_ports(configured(self._model.ports, made_from), self._model.link_ports)
+        model_config = json.loads(config)
+        self._model = type(self).model(model_config)
+        check_names(self._model.ports, model_config)
+        self._sort_ports(configured_ports(self._model.ports, model_config), self._model.link_ports)
         self._stale, self._links_stale = True, False
-        self._used: dict[str, float | int | str] = {}  # parameters of the last initialisation
+        self._start_values: dict[str, float | int | str] = {}  # parameters of the last initialisation
 
     def _sort_ports(self, ports: tuple[Port, ...], link_ports: int) -> None:
-        self._reals, self._integers, self._string_ports = every = variables(ports)
+        self._reals, self._integers, self._string_ports = sorted_variables = variables(ports)
         inputs = [p for p in ports if p.causality == "input"]
         outputs = [p for p in self._reals if p.causality == "output"]
         count = len(outputs) - link_ports
@@ -164,9 +164,9 @@ class Slave(Fmi2Slave):
         if counters != len(self._model.counters):
             raise Refused(f"{len(self._model.counters)} counters for {counters} Integer outputs")
         array = LINKS_ARRAY if link_ports else ()
-        self._every = (*every.row, *array)
+        self._variables = (*sorted_variables.row, *array)
         of_integers = [*range(len(self._reals), len(self._reals) + len(self._integers))]
-        of_array = [*range(len(every.row), len(self._every))]
+        of_array = [*range(len(sorted_variables.row), len(self._variables))]
         self._integer_places = {reference: k for k, reference in enumerate(of_integers + of_array)}
         names = [p.name for p in self.variables]
         if len(set(names)) < len(names):
@@ -189,7 +189,7 @@ class Slave(Fmi2Slave):
     @property
     def variables(self) -> tuple[Port, ...]:
         """All variables, see ``fmus.ports.Variables``."""
-        return self._every
+        return self._variables
 
     def _access(self, references: list[int]) -> _Access:
         recent = self._recent.get(len(references))  # a master repeats its lists: comparing costs less than hashing
@@ -200,11 +200,11 @@ class Slave(Fmi2Slave):
         if access is None:
             if any(not 0 <= r < len(self._reals) for r in key):
                 raise Refused(f"no Real variable has the value reference {max(key)}")
-            at: slice | NDArray[np.intp] = np.array(key, dtype=np.intp)
+            places: slice | NDArray[np.intp] = np.array(key, dtype=np.intp)
             if key and key == tuple(range(key[0], key[0] + len(key))):
-                at = slice(key[0], key[0] + len(key))
+                places = slice(key[0], key[0] + len(key))
             access = _Access(
-                at,
+                places,
                 inputs=all(r < self._inputs.stop for r in key),
                 outputs=any(self._outputs.start <= r < self._links.stop for r in key),
                 links=any(self._links.start <= r < self._links.stop for r in key),
@@ -224,7 +224,7 @@ class Slave(Fmi2Slave):
             self._initialise()
         if access.links and self._links_stale:
             self._refresh_links()
-        return self._values[access.at].tolist()
+        return self._values[access.places].tolist()
 
     @_guarded
     def set_real(self, vrs: list[int], values: list[float]) -> None:
@@ -234,7 +234,7 @@ class Slave(Fmi2Slave):
             if access.outputs:
                 raise Refused(f"an output cannot be set ({self._reals[max(vrs)].name} or one set with it)")
             self._parameter_set(self._reals[max(vrs)].name)
-        self._values[access.at] = values
+        self._values[access.places] = values
 
     def _parameter_set(self, name: str) -> None:
         if self._phase == "running":
@@ -271,7 +271,7 @@ class Slave(Fmi2Slave):
             place = self._integer_place(reference)
             offset = len(self._integers) - len(self._integer_parameters)
             if not offset <= place < len(self._integers):
-                raise Refused(f"output '{self._every[reference].name}' cannot be set")
+                raise Refused(f"output '{self._variables[reference].name}' cannot be set")
             self._parameter_set(self._integers[place].name)
             self._integer_values[place - offset] = value
 
@@ -318,17 +318,17 @@ class Slave(Fmi2Slave):
             self._initialise()
         self._phase = "running"
 
-    def _given(self) -> dict[str, float | int | str]:
+    def _parameter_values(self) -> dict[str, float | int | str]:
         ports = (*self._reals[self._parameters], *self._integer_parameters, *self._string_ports)
         reals, integers = self._values[self._parameters].tolist(), self._integer_values.tolist()
         values = (*reals, *integers, *self._string_values)
-        return {port.name: checked(port, value) for port, value in zip(ports, values, strict=True)}
+        return {port.name: check_value(port, value) for port, value in zip(ports, values, strict=True)}
 
     def _initialise(self) -> None:
-        self._used = self._given()
-        self._model.initialise(self._used)
+        self._start_values = self._parameter_values()
+        self._model.initialise(self._start_values)
         self._failure, self._status = "", OK
-        self._pass_on()
+        self._forward_warnings()
         self._refresh()
         self._stale = False
 
@@ -394,8 +394,8 @@ class Slave(Fmi2Slave):
     # ---------------------------------------------------------------- state
 
     @_guarded
-    def _get_fmu_state(self) -> Saved:
-        return Saved(
+    def _get_fmu_state(self) -> SlaveState:
+        return SlaveState(
             str(self.guid),
             self._phase,
             (self._stale, self._links_stale),
@@ -408,8 +408,8 @@ class Slave(Fmi2Slave):
         )
 
     @_guarded
-    def _set_fmu_state(self, state: Saved) -> None:
-        if not isinstance(state, Saved) or state.flaw:
+    def _set_fmu_state(self, state: SlaveState) -> None:
+        if not isinstance(state, SlaveState) or state.flaw:
             raise Refused(getattr(state, "flaw", "this is not a state of an FMU of this build"))
         if state.guid != self.guid:
             raise Refused(f"the state belongs to another FMU ({state.guid} instead of {self.guid})")
@@ -419,9 +419,9 @@ class Slave(Fmi2Slave):
         self._values[:] = state.values
         self._status = int(state.integers[0])
         self._integer_values[:] = state.integers[1:]
-        if not self._stale and self._used != self._given():  # a state of a run with other parameters
-            self._used = self._given()
-            self._model.initialise(self._used)
+        if not self._stale and self._start_values != self._parameter_values():  # a state of a run with other parameters
+            self._start_values = self._parameter_values()
+            self._model.initialise(self._start_values)
         if not self._stale:  # before a start there is no state yet, and its size may still change
             self._model.state[:] = state.state
         self._model.counters[:] = state.counters
@@ -447,19 +447,19 @@ class Slave(Fmi2Slave):
         if not isinstance(error, Refused):
             self._failure = sentence
             trace = "".join(traceback.format_exception(error))
-            self.log(trace[-LONGEST:], Fmi2Status.error, "traceback")
+            self.log(trace[-MOST_BYTES:], Fmi2Status.error, "traceback")
         return sentence
 
     log_categories = {**Fmi2Slave.log_categories, "traceback": "Where in the code an error arose."}  # noqa: RUF012
 
-    def _pass_on(self) -> None:
+    def _forward_warnings(self) -> None:
         """Pass messages of the cache to the host where no log handler received them."""
-        for sentence in unheard():
+        for sentence in unlogged_warnings():
             self.log(sentence, Fmi2Status.warning)
 
     def log(self, msg: str, status: Fmi2Status = Fmi2Status.ok, category: str | None = None, debug: Any = None):
         """Queue a message; FMI reads it as a printf format, and the wrapper crashes on invalid UTF-8."""
-        text = msg.encode("utf-8", "replace")[:LONGEST].decode("utf-8", "ignore")  # not cut inside a character
+        text = msg.encode("utf-8", "replace")[:MOST_BYTES].decode("utf-8", "ignore")  # not cut inside a character
         text = text.replace("\0", "").replace("%", "%%")
         super().log(text, status, category)
 

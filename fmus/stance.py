@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 
 from fmus.jit import kernel
-from fmus.start import orientation, place
+from fmus.start import vehicle_quaternion, world_position
 
 Stance = tuple[float, float, float, float, float, float, float]
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
@@ -22,20 +22,20 @@ def stance(numbers: Sequence[float]) -> Stance:
     return x, y, z, a, b, c, d
 
 
-def mirrored(s: Stance) -> Stance:
+def mirror_stance(s: Stance) -> Stance:
     """Stance mirrored in the plane y = 0."""
     x, y, z, a, b, c, d = s
     return x, 0.0 - y, z, a, 0.0 - b, c, 0.0 - d
 
 
-def leaning(roll: float, pitch: float) -> tuple[float, float, float, float]:
+def roll_pitch_quaternion(roll: float, pitch: float) -> tuple[float, float, float, float]:
     """Quaternion (w, x, y, z) of a body that is rolled about x, then pitched about y, rad."""
     cr, sr, cp, sp = math.cos(0.5 * roll), math.sin(0.5 * roll), math.cos(0.5 * pitch), math.sin(0.5 * pitch)
     return cp * cr, cp * sr, sp * cr, 0.0 - sp * sr
 
 
 @kernel
-def product(p, q):
+def quaternion_product(p, q):
     """Hamilton product p q of quaternions: rotation by q, then by p."""
     return (
         p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
@@ -46,15 +46,15 @@ def product(p, q):
 
 
 @kernel
-def at_rest(p, s):
-    """World motion (13, as ``ports.wheel_state``) of a part at rest with stance ``s``; ``p``: start pose."""
-    q = product(orientation(p), (s[3], s[4], s[5], s[6]))
-    return (*place(p, s[0], s[1], s[2]), *q, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+def part_at_rest(p, s):
+    """World motion (13, as ``ports.motion_ports``) of a part at rest with stance ``s``; ``p``: start pose."""
+    q = quaternion_product(vehicle_quaternion(p), (s[3], s[4], s[5], s[6]))
+    return (*world_position(p, s[0], s[1], s[2]), *q, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @kernel
-def stay_at(p, s, out, i):
-    """Write the 13 numbers of ``at_rest`` to ``out[i:]``."""
-    values = at_rest(p, s)
+def put_part_at_rest(p, s, out, i):
+    """Write the 13 numbers of ``part_at_rest`` to ``out[i:]``."""
+    values = part_at_rest(p, s)
     for k in range(13):
         out[i + k] = values[k]

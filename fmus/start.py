@@ -12,7 +12,7 @@ KEYS = tuple(f"start.{key}" for key in ("position.x", "position.y", "position.z"
 X, Y, Z, HEADING, HEIGHT, PITCH = range(6)
 
 
-class Start(NamedTuple):
+class StartPose(NamedTuple):
     """Values of ``KEYS``: the vehicle is pitched about its y axis, turned about z, then raised and placed."""
 
     x: float  # m
@@ -22,39 +22,39 @@ class Start(NamedTuple):
     height: float  # m
     pitch: float  # rad, nose down positive
 
-    def pitched(self, x: Any, z: Any) -> tuple[Any, Any]:
+    def pitch_point(self, x: Any, z: Any) -> tuple[Any, Any]:
         """Point (x, z) of the vehicle's plane y = 0 after the pitch, m, along the heading."""
-        found: tuple[Any, Any] = plain(pitched)(self, x, z)
-        return found
+        point: tuple[Any, Any] = plain(pitch_point)(self, x, z)
+        return point
 
-    def standing(self, x: float, y: float, z: float) -> tuple[float, ...]:
-        """Motion (13, as ``ports.wheel_state``) of a wheel or mount at rest at a point of the vehicle frame."""
-        found: tuple[float, ...] = plain(standing)(self, x, y, z)
-        return found
+    def point_at_rest(self, x: float, y: float, z: float) -> tuple[float, ...]:
+        """Motion (13, as ``ports.motion_ports``) of a wheel or mount at rest at a point of the vehicle frame."""
+        motion: tuple[float, ...] = plain(point_at_rest)(self, x, y, z)
+        return motion
 
 
-def start(parameters: Mapping[str, Any]) -> Start:
-    """Start pose from the values of ``ports.start_pose``."""
-    return Start(*(float(parameters[key]) for key in KEYS))
+def start_pose(parameters: Mapping[str, Any]) -> StartPose:
+    """Start pose from the values of ``ports.start_pose_ports``."""
+    return StartPose(*(float(parameters[key]) for key in KEYS))
 
 
 @kernel
-def pitched(p, x, z):
-    """See ``Start``; ``p`` begins with the values of ``KEYS``, also in the kernels below."""
+def pitch_point(p, x, z):
+    """See ``StartPose``; ``p`` begins with the values of ``KEYS``, also in the kernels below."""
     c, s = math.cos(p[PITCH]), math.sin(p[PITCH])
     return c * x + s * z, c * z - s * x
 
 
 @kernel
-def place(p, x, y, z):
+def world_position(p, x, y, z):
     """World position of a point of the vehicle frame, m."""
-    x, z = pitched(p, x, z)
+    x, z = pitch_point(p, x, z)
     c, s = math.cos(p[HEADING]), math.sin(p[HEADING])
     return p[X] + c * x - s * y, p[Y] + s * x + c * y, p[Z] + p[HEIGHT] + z
 
 
 @kernel
-def orientation(p):
+def vehicle_quaternion(p):
     """Quaternion (w, x, y, z) of the vehicle, body to world."""
     ch, sh = math.cos(0.5 * p[HEADING]), math.sin(0.5 * p[HEADING])
     cp, sp = math.cos(0.5 * p[PITCH]), math.sin(0.5 * p[PITCH])
@@ -62,21 +62,21 @@ def orientation(p):
 
 
 @kernel
-def standing(p, x, y, z):
-    """Motion (13) at rest, see ``Start``."""
-    return (*place(p, x, y, z), *orientation(p), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+def point_at_rest(p, x, y, z):
+    """Motion (13) at rest, see ``StartPose``."""
+    return (*world_position(p, x, y, z), *vehicle_quaternion(p), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @kernel
 def lay_frame(p, x, y, z, frame):
     """Write a frame (5): world position of a point of the vehicle frame, m; cosine, sine of the heading."""
-    frame[0], frame[1], frame[2] = place(p, x, y, z)
+    frame[0], frame[1], frame[2] = world_position(p, x, y, z)
     frame[3], frame[4] = math.cos(p[HEADING]), math.sin(p[HEADING])
 
 
 @kernel
-def stay(p, x, y, z, out, i):
-    """Write the 13 numbers of ``standing`` to ``out[i:]``."""
-    values = standing(p, x, y, z)
+def put_point_at_rest(p, x, y, z, out, i):
+    """Write the 13 numbers of ``point_at_rest`` to ``out[i:]``."""
+    values = point_at_rest(p, x, y, z)
     for k in range(13):
         out[i + k] = values[k]

@@ -13,14 +13,14 @@ from typing import Any
 
 from scipy.optimize import brentq
 
-from fmus.cache import cache_folder, keep, kept, own, spared
+from fmus.cache import cache_folder, private_folder, read_checked, reporting_errors, write_checked
 from fmus.jit import source_hash
 from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.chain.report import T_MEAN
 from fmus.track_flexible.model import Model
 from fmus.vehicle import BadInput
 
-SLACK, TIGHT = 0.06, 0.06  # largest distance of the wheel from its drawn place, m, forward and backward
+FORWARD, BACKWARD = 0.06, 0.06  # largest distance of the wheel from its drawn place, m, forward and backward
 
 
 def tension_wheel(
@@ -34,26 +34,26 @@ def tension_wheel(
     result is cached for this build. Raises BadInput when the chain cannot carry that tension with the wheel within
     60 mm of its drawn place.
     """
-    asked = json.dumps([source_hash(), config, name, tension], sort_keys=True).encode()
-    file = cache_folder() / "places" / hashlib.sha256(asked).hexdigest()[:24] / "place"
-    with spared():
-        if (known := kept(file)) is not None:
-            x, push = json.loads(known)
+    request = json.dumps([source_hash(), config, name, tension], sort_keys=True).encode()
+    file = cache_folder() / "places" / hashlib.sha256(request).hexdigest()[:24] / "place"
+    with reporting_errors():
+        if (cached := read_checked(file)) is not None:
+            x, push = json.loads(cached)
             return x, push
-    found = _search(config, name, tension, keys)
-    with spared():
-        keep(own(file.parent) / file.name, json.dumps(found).encode())
-    return found
+    solution = _search(config, name, tension, keys)
+    with reporting_errors():
+        write_checked(private_folder(file.parent) / file.name, json.dumps(solution).encode())
+    return solution
 
 
 def _search(config: Mapping[str, Any], name: str, tension: float, keys: str) -> tuple[float, float]:
     track = config["track"]
-    at = next(i for i, wheel in enumerate(track["wheels"]) if wheel["name"] == name)
-    drawn = float(track["wheels"][at]["position"][0])
+    index = next(i for i, wheel in enumerate(track["wheels"]) if wheel["name"] == name)
+    drawn = float(track["wheels"][index]["position"][0])
 
     def settled(x: float) -> Model:
         wheels = [dict(wheel) for wheel in track["wheels"]]
-        wheels[at]["position"] = [x, wheels[at]["position"][1]]
+        wheels[index]["position"] = [x, wheels[index]["position"][1]]
         model = Model({**config, "track": {**track, "wheels": wheels}, "link_outputs": False})
         model.initialise({port.name: port.start for port in model.ports if port.causality == "parameter"})
         return model
@@ -71,15 +71,15 @@ def _search(config: Mapping[str, Any], name: str, tension: float, keys: str) -> 
         raise BadInput(f"{keys}.links = {track['links']}: {error}") from None
     except StepFailed as error:
         raise BadInput(f"the chain does not come to rest on its drawn wheels: {error}") from None
-    low, high = drawn - TIGHT, drawn + SLACK
+    low, high = drawn - BACKWARD, drawn + FORWARD
     tight, slack = excess(low), excess(high)
     if not tight > 0.0 > slack:
         raise BadInput(
-            f"{keys}.tension = {tension:.6g} N: not reached with the {name} within {TIGHT * 1e3:.0f} mm of "
+            f"{keys}.tension = {tension:.6g} N: not reached with the {name} within {BACKWARD * 1e3:.0f} mm of "
             f"x = {drawn:.4g} m ({track['links']} links of {config['vehicle']['track']['pitch']} m)"
         )
     x = round(float(brentq(excess, low, high, xtol=1e-8)), 8)
     try:
-        return x, round(float(settled(x).s.mean[at, 0]), 3)
+        return x, round(float(settled(x).s.mean[index, 0]), 3)
     except StepFailed as error:
         raise BadInput(f"vehicle.track.tension = {tension:.6g} N: {error}") from None

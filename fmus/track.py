@@ -15,9 +15,9 @@ import numpy as np
 
 import fmus.track_steps as steps
 from fmus import link_outputs
-from fmus.defaults import configured, given
+from fmus.defaults import configured_ports, parameter_values
 from fmus.jit import plain
-from fmus.model import NO_ROTATION, TOO_MANY, Component, Floats, Free, InvalidParameter
+from fmus.model import NO_ROTATION, TOO_MANY_STEPS, ComponentModel, Floats, FreeParameters, InvalidParameter
 from fmus.physics.chain import adaptive, state
 from fmus.physics.chain.environment import HELD, LOOP, PINNED, PULLED, Environment
 from fmus.physics.chain.explicit import slopes
@@ -47,13 +47,13 @@ from fmus.ports import (
     TOLERANCES,
     Port,
     Range,
-    start_pose,
-    wheel_state,
-    wrench,
+    motion_ports,
+    start_pose_ports,
+    wrench_ports,
 )
 from fmus.sentences import Sentence
-from fmus.stance import Stance, at_rest, stance
-from fmus.start import KEYS, Start, start
+from fmus.stance import Stance, part_at_rest, stance
+from fmus.start import KEYS, StartPose, start_pose
 from fmus.track_choices import ADAMS, EXPLICIT, HHT, INTEGRATORS
 
 # Outputs of a chain after the wrenches, in the order of its report (``chain.report``): name, unit, text.
@@ -98,7 +98,7 @@ CAUSES = {  # of a failure of an implicit and of an explicit step
     APART: ("", "opened its pins"),
     TOO_SHARP: ("", "finds no step that keeps its tolerances"),
 }
-WARNED = (
+WARNING_SENTENCES = (
     Sentence(
         "the internal step was halved {0:d} times from t = {1:.4g} s on: contacts or friction are too sharp for it, and"
         " the run becomes slow"
@@ -116,7 +116,7 @@ def failures(wheels: Sequence[str]) -> tuple[Sentence, ...]:
     return (
         Sentence(""),
         Sentence(NO_ROTATION, tuple(wheels)),
-        TOO_MANY,
+        TOO_MANY_STEPS,
         Sentence(
             "at t = {0:.6g} s the {1:name} is {2:.3g} m from where the track was laid round it: start.lateral = {3:g} m"
             " must be the side's, and all start.* the vehicle's",
@@ -136,7 +136,7 @@ def failures(wheels: Sequence[str]) -> tuple[Sentence, ...]:
     )
 
 
-def integration() -> tuple[Port, ...]:
+def integrator_ports() -> tuple[Port, ...]:
     """Parameters of the integrators of links."""
     text = f"of generalised-alpha at infinite frequency, 0 to 1; of hht {hht.LEAST:g} to 1"
     return (
@@ -151,16 +151,16 @@ def integration() -> tuple[Port, ...]:
     )
 
 
-def alpha(p: Mapping[str, Any]) -> GeneralizedAlpha:
+def integrator_coefficients(p: Mapping[str, Any]) -> GeneralizedAlpha:
     """Coefficients of the implicit integrator that the parameters choose; raises InvalidParameter."""
     radius = p["spectral_radius"]
     if p["integrator"] != HHT:
-        found: GeneralizedAlpha = generalized_alpha.coefficients(radius)
+        coefficients: GeneralizedAlpha = generalized_alpha.coefficients(radius)
     elif radius < hht.LEAST:
         raise InvalidParameter(f"spectral_radius = {radius:g}: integrator = '{HHT}' has {hht.LEAST:g} to 1")
     else:
-        found = hht.coefficients(radius)
-    return found
+        coefficients = hht.coefficients(radius)
+    return coefficients
 
 
 KINDS = {"pinned": PINNED, "pulled": PULLED, "held": HELD}
@@ -173,29 +173,29 @@ STARTS = {
 }
 
 
-def begins(wheel: Mapping[str, Any]) -> Stance:
+def start_stance(wheel: Mapping[str, Any]) -> Stance:
     """Stance of a wheel of a track's config at the start, y from the track plane; as drawn by default."""
     x, z = wheel["position"]
     return stance(wheel.get("start", (x, 0.0, z)))
 
 
-class TrackModel(Component):
+class TrackModel(ComponentModel):
     """Chain of links with the ports of a track; a subclass adds the mechanics of its links.
 
-    The subclass implements ``shapes``, ``prepare``, ``settle``, ``come_to_rest`` and ``move``; ``prepare`` sets
-    ``link``, ``method``, ``work`` and ``stable``.
+    The subclass implements ``shapes``, ``prepare``, ``settle``, ``find_equilibrium`` and ``add_rates``; ``prepare``
+    sets ``link``, ``method``, ``work`` and ``stable_step``.
     """
 
-    starting, stepping = staticmethod(steps.begin), staticmethod(steps.implicit)
-    showing, showing_links = staticmethod(steps.show), staticmethod(steps.show_links)
-    placing = *KEYS, "start.lateral"
-    warned = WARNED
+    start_kernel, step_kernel = staticmethod(steps.begin), staticmethod(steps.implicit)
+    output_kernel, link_output_kernel = staticmethod(steps.write_outputs), staticmethod(steps.write_link_outputs)
+    start_parameters = *KEYS, "start.lateral"
+    warning_sentences = WARNING_SENTENCES
     plane = 0  # 1: links that stay in their plane
     State: Any  # class of the state's views
     link: Any  # parameters of the links
     method: Method  # of the implicit integrator
     work: Any  # scratch arrays
-    stable: float  # longest stable step of the explicit integrator, s
+    stable_step: float  # longest stable step of the explicit integrator, s
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         """Make a track from the resolved config (keys vehicle, track, link_outputs) and allocate its arrays."""
@@ -211,8 +211,8 @@ class TrackModel(Component):
         self.rows = np.zeros((wheels, WIDTH))
         self.start_rows = np.zeros((wheels, WIDTH))
         self.frame = np.zeros(5)
-        self.link_groups = link_outputs.chosen(config.get("link_outputs", True), bool(self.config["ground"]))
-        self.felt = link_outputs.felt(self.link_groups, self.nodes)
+        self.link_groups = link_outputs.chosen_groups(config.get("link_outputs", True), bool(self.config["ground"]))
+        self.on_links_shape = link_outputs.on_links_shape(self.link_groups, self.nodes)
         self.ports = self._ports(config)
         self.link_ports = len(link_outputs.ports(self.link_groups, self.links_count, self.nodes))
         self.counters = np.zeros(COUNTERS, dtype=np.int64)
@@ -224,32 +224,32 @@ class TrackModel(Component):
         """Allocate the zeroed state and its views; again where a parameter changes the size of the chain."""
         shapes = self.shapes()
         size = state.size(shapes)
-        self.state = np.zeros(size + REPORT + len(steps.TOLD))
+        self.state = np.zeros(size + REPORT + len(steps.WARNINGS))
         self.s = state.views(self.State, shapes, self.state[:size])
-        self.report, self.told = self.state[size : size + REPORT], self.state[size + REPORT :]
+        self.report, self.given_warnings = self.state[size : size + REPORT], self.state[size + REPORT :]
 
     def _ports(self, config: Mapping[str, Any]) -> tuple[Port, ...]:
         vehicle, ports = self.vehicle, []
         text = "lateral position of the track plane in the vehicle, left positive"
-        place = [*start_pose(), Port("start.lateral", "parameter", "m", text, vehicle["track"]["lateral"])]
-        drawn = {port.name: port.start for port in configured(place, config)}
-        pose, lateral = start(drawn), float(drawn["start.lateral"])
+        pose_ports = [*start_pose_ports(), Port("start.lateral", "parameter", "m", text, vehicle["track"]["lateral"])]
+        pose_values = {port.name: port.start for port in configured_ports(pose_ports, config)}
+        pose, lateral = start_pose(pose_values), float(pose_values["start.lateral"])
         for wheel in self.wheel_list:
-            x, y, *rest = begins(wheel)
-            ports += wheel_state(wheel["name"], "input", plain(at_rest)(pose, stance((x, y + lateral, *rest))))
+            x, y, *rest = start_stance(wheel)
+            ports += motion_ports(wheel["name"], "input", plain(part_at_rest)(pose, stance((x, y + lateral, *rest))))
         for wheel in self.wheel_list:
-            ports += wrench(wheel["name"], "output")
+            ports += wrench_ports(wheel["name"], "output")
         ports += [Port(name, "output", unit, text) for name, unit, text in OUTPUTS]
         ports += link_outputs.ports(self.link_groups, self.links_count, self.nodes)
         for name in ("steps", "evaluations", "iterations", "rejected"):
             ports.append(Port(f"solver.{name}", "output", "1", f"{name} of the integrator so far", 0))
-        ports += place
+        ports += pose_ports
         starts = {PINNED: ("rest", "polygon", "displaced"), HELD: ("straight", "folded")}.get(
             self.ends_kind, ("rest", "polygon")
         )
         text = "; ".join(f"{start}: {STARTS[start]}" for start in starts)
         ports.append(Port("start", "parameter", "1", text, starts[0], starts))
-        if self._free():
+        if self._is_free_loop():
             ports.append(Port("start.spin", "parameter", "rad/s", "turning of the loop about y at the start"))
             text = "turning of links by this times cos(2 angle) at the start besides: the loop becomes oval"
             ports.append(Port("start.ovalling", "parameter", "rad/s", text))
@@ -267,8 +267,8 @@ class TrackModel(Component):
         text = "communication steps over which forces, sliding and depth of links are means, a whole number"
         ports.append(Port(link_outputs.INTERVAL, "parameter", "1", text, 1.0, allowed=INTERVALS))
         kinds = {wheel["kind"] for wheel in self.wheel_list}
-        there = {"sprocket": "teeth" in kinds, "wheel": bool(kinds), "ground": bool(self.config["ground"])}
-        for pair in (pair for pair, exists in there.items() if exists):
+        existing = {"sprocket": "teeth" in kinds, "wheel": bool(kinds), "ground": bool(self.config["ground"])}
+        for pair in (pair for pair, exists in existing.items() if exists):
             from fmus.physics.contact.laws import LAWS  # of chains that touch something
 
             law, text = vehicle["contact"][pair], f"normal law of {pair} contact"
@@ -281,13 +281,13 @@ class TrackModel(Component):
             ):
                 name, text = f"contact.{pair}.{key}", f"{text} of {pair} contact"
                 ports.append(Port(name, "parameter", unit, text, law[key], allowed=allowed))
-        return tuple(ports) + self.own_ports_of(vehicle)
+        return tuple(ports) + self.link_parameters(vehicle)
 
-    def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
+    def link_parameters(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Parameters of this kind of links alone."""
         return ()
 
-    def _free(self) -> bool:
+    def _is_free_loop(self) -> bool:
         """Whether the chain is a loop without wheels."""
         return self.closed and not self.wheel_list
 
@@ -296,16 +296,16 @@ class TrackModel(Component):
 
         Raises InvalidParameter, StepFailed.
         """
-        p = given(self.ports, parameters)
-        self.pose = start(p)
+        p = parameter_values(self.ports, parameters)
+        self.pose = start_pose(p)
         self.lateral = p["start.lateral"]
         self.max_step, self.integrator, self.interval = p["step"], p["integrator"], p[link_outputs.INTERVAL]
         if self.interval != round(self.interval):
             raise InvalidParameter(f"{link_outputs.INTERVAL} = {self.interval:g}: must be a whole number")
-        self.contacts = self.partners(p)
+        self.contacts = self.contact_partners(p)
         self.environment = self._environment()
-        level = Start(0.0, 0.0, 0.0, 0.0, 0.0, self.pose.pitch)
-        wheels = np.array([plain(at_rest)(level, begins(wheel)) for wheel in self.wheel_list]).ravel()
+        level = StartPose(0.0, 0.0, 0.0, 0.0, 0.0, self.pose.pitch)
+        wheels = np.array([plain(part_at_rest)(level, start_stance(wheel)) for wheel in self.wheel_list]).ravel()
         plain(read_states)(wheels, np.array([0.0, 0.0, 0.0, 1.0, 0.0]), self.start_rows)
         self.counters[:] = 0
         self.state[:] = 0.0
@@ -316,40 +316,40 @@ class TrackModel(Component):
         if oval:
             if self.links_count < 4:
                 raise InvalidParameter(f"start.ovalling = {oval}: a triangle of links is rigid, it must be 0")
-            self.move(*ovalling(self.pins()[:, [0, 2]], oval))
+            self.add_rates(*ovalling(self.pins()[:, [0, 2]], oval))
         self._parameters = p
-        self.run_as_set()
+        self.begin_run()
 
-    def free(self, p: Mapping[str, Any]) -> Free:
+    def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """Pose on a level ground that moves with the vehicle, and parameters without influence on the statics."""
-        numbers = {"stand.lateral": "{start.lateral}", "stand.interval": f"{{{link_outputs.INTERVAL}}}"}
+        numbers = {"common.lateral": "{start.lateral}", "common.interval": f"{{{link_outputs.INTERVAL}}}"}
         if p["integrator"] != EXPLICIT:
-            numbers["stand.longest"] = "{step}"
+            numbers["common.longest"] = "{step}"
         names = {port.name for port in self.ports}
         for pair, field in (("sprocket", "sprocket"), ("wheel", "wheel"), ("ground", "soil")):
-            own = {"c": f"contact.{pair}.damping", "mu": f"contact.{pair}.friction"}
-            own["v_reg"] = f"contact.{pair}.friction_velocity"
-            numbers |= {f"contacts.{field}.{key}": f"{{{name}}}" for key, name in own.items() if name in names}
-        held = ("start.height", "start.pitch")  # they change the static equilibrium of the chain
-        return Free(numbers, tuple(name for name in self.placing if name not in held))
+            keys = {"c": f"contact.{pair}.damping", "mu": f"contact.{pair}.friction"}
+            keys["v_reg"] = f"contact.{pair}.friction_velocity"
+            numbers |= {f"contacts.{field}.{key}": f"{{{name}}}" for key, name in keys.items() if name in names}
+        fixed = ("start.height", "start.pitch")  # they change the static equilibrium of the chain
+        return FreeParameters(numbers, tuple(name for name in self.start_parameters if name not in fixed))
 
-    def run_as_set(self) -> None:
+    def begin_run(self) -> None:
         """Begin with the kernel of the chosen integrator and the prepared links."""
-        self.stepping, scheme = self._scheme()
+        self.step_kernel, scheme = self._scheme()
         self.begin(
             self._parameters,
             steps.Parts(
                 *self.system(),
                 scheme=scheme,
-                stand=steps.Stand(
-                    longest=min(self.max_step, self.stable) if self.integrator == EXPLICIT else self.max_step,
+                common=steps.CommonData(
+                    longest=min(self.max_step, self.stable_step) if self.integrator == EXPLICIT else self.max_step,
                     plane=self.plane,
                     pitch=self.pitch,
                     lateral=self.lateral,
                     frame=self.frame,
                     start_rows=self.start_rows,
                     rows=self.rows,
-                    given=self.told,
+                    given_warnings=self.given_warnings,
                     counters=self.counters,
                     interval=self.interval,
                 ),
@@ -357,8 +357,8 @@ class TrackModel(Component):
                 work=self.work,
                 report=self.report,
             ),
-            steps.Shown(self.frame, self.s.mean[: len(self.rows)], self.report),
-            steps.ShownLinks(
+            steps.OutputData(self.frame, self.s.mean[: len(self.rows)], self.report),
+            steps.LinkOutputData(
                 self.frame,
                 *self.system()[::2],
                 self.s,
@@ -366,7 +366,7 @@ class TrackModel(Component):
                 self.links_count,
                 self.nodes,
                 np.array([int(name in self.link_groups) for name in link_outputs.GROUPS]),
-                1 if set(self.link_groups) & set(link_outputs.BEYOND) else None,
+                1 if set(self.link_groups) & set(link_outputs.WITH_OWN_KERNELS) else None,
             ),
         )
 
@@ -378,7 +378,7 @@ class TrackModel(Component):
             return steps.adams, adaptive.adams(self.s, *self.tolerances)
         return steps.implicit, self.method
 
-    def partners(self, p: Mapping[str, Any]) -> Any:
+    def contact_partners(self, p: Mapping[str, Any]) -> Any:
         """Contact partners (``fmus.contacts.Contacts``); None, without importing them, where there are none."""
         if not (self.wheel_list or self.config["ground"]):
             return None
@@ -400,7 +400,7 @@ class TrackModel(Component):
     def polygon(self, rest: bool = True) -> Floats:
         """Pins (nodes, 2) of the start layout, m; with ``rest`` near equilibrium. Raises InvalidParameter."""
         try:
-            if self._free():
+            if self._is_free_loop():
                 return regular_polygon(self.pitch, self.links_count)
             if self.closed:
                 centres = np.array([w["position"] for w in self.wheel_list], dtype=float)
@@ -434,7 +434,7 @@ class TrackModel(Component):
             self.tighten()
         else:
             rest = layout == "rest"
-            pins = np.stack(self.pose.pitched(*self.polygon(rest).T), axis=1)
+            pins = np.stack(self.pose.pitch_point(*self.polygon(rest).T), axis=1)
             self.settle(pins, rest, spin)
 
     def _released(self, layout: str) -> Floats:
@@ -449,13 +449,13 @@ class TrackModel(Component):
 
     def advance(self, t: float, h: float) -> None:
         """Do a step with the present wheels ``rows``; raises StepFailed."""
-        self._take(t, h, self._u[:0])
+        self._do_step(t, h, self._u[:0])
 
     def pins(self) -> Floats:
         """Positions of the pins (nodes, 3) in the track's frame, m."""
-        places = np.zeros((self.nodes, 3))
-        pin_places(self.link, self.s, self.work, places)
-        return places
+        positions = np.zeros((self.nodes, 3))
+        pin_places(self.link, self.s, self.work, positions)
+        return positions
 
     def system(self) -> tuple[Any, Any, Environment]:
         """First arguments of the kernels of a chain: links, contact partners, environment."""
@@ -479,14 +479,14 @@ class TrackModel(Component):
         """
         raise NotImplementedError
 
-    def come_to_rest(self, rows: Floats) -> None:
+    def find_equilibrium(self, rows: Floats) -> None:
         """Find static equilibrium on wheels at rest at ``rows`` (wheels, 15), from the present state.
 
         Raises StepFailed.
         """
         raise NotImplementedError
 
-    def move(self, turning: Floats, velocity: Floats) -> None:
+    def add_rates(self, turning: Floats, velocity: Floats) -> None:
         """Add rates of the links about y (n), rad/s, and velocities of the pins (n, 2), m/s, to a free loop's."""
         raise NotImplementedError
 

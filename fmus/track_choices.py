@@ -60,10 +60,10 @@ def conflict_of_bodies(p: Mapping[str, Any]) -> str | None:
 
 def size_of_links(p: Mapping[str, Any], links: int, pins: int) -> str:
     """Size of a chain of flexible links, in words."""
-    own, shared = DOFS[p["element"]]
-    size = f"{links} elements, {own * links - shared * pins} dofs"
+    per_link, shared = DOFS[p["element"]]
+    size = f"{links} elements, {per_link * links - shared * pins} dofs"
     if p["joints"] == CONSTRAINED:
-        size = f"{links} elements, {own * links} dofs and {shared * pins} equations of pins"
+        size = f"{links} elements, {per_link * links} dofs and {shared * pins} equations of pins"
     size += " and 2 of their axes" if p["axes"] == "free" else ""
     return size + (", Cholesky coordinates" if p["coordinates"] == CHOLESKY else "")
 

@@ -8,7 +8,7 @@ CLOSURES = PIN, SPRING = "pin", "spring"
 STIFFNESS, DAMPING = 1e9, 1e4  # of the spring, N/m and N s/m
 
 
-def closure() -> tuple[Port, ...]:
+def closure_ports() -> tuple[Port, ...]:
     """Parameters of a closed chain."""
     text = "of the spring that closes a chain with closure = 'spring'"
     return (

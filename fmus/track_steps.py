@@ -8,7 +8,7 @@ import numpy as np
 
 from fmus.jit import allocating, kernel
 from fmus.link_outputs import AXIS, DEPTH, FIBRES, FORCE, GROUND, POSITION, SLIDING, SLOPES, STRESS, TENSION, WHEELS
-from fmus.model import no_rotation, too_many
+from fmus.model import no_rotation, too_many_steps
 from fmus.physics.chain import adaptive, on_links
 from fmus.physics.chain.environment import Environment
 from fmus.physics.chain.explicit import march
@@ -18,19 +18,19 @@ from fmus.physics.chain.report import GROUND as ON_GROUND
 from fmus.physics.chain.report import REJECTED, REPORT, STEPS
 from fmus.physics.wheels import WIDTH, read_states, to_world
 from fmus.ports import STATE
-from fmus.sentences import TOLD as NUMBERS
+from fmus.sentences import GAPS
 from fmus.start import lay_frame
 
 # Cosine of the angle between a wheel's axis and the pins of links that stay in their plane:
-ALONG = np.cos(np.radians(0.2))  # a larger angle is a warning, because the plane of the links holds the wheel back
-LEAVES = np.cos(np.radians(5.0))  # a larger angle is a failure, because the results are wrong
-MANY = 5  # halvings in one communication step, more of which are a warning
+ALIGNED = np.cos(np.radians(0.2))  # a larger angle is a warning, because the plane of the links holds the wheel back
+OUT_OF_PLANE = np.cos(np.radians(5.0))  # a larger angle is a failure, because the results are wrong
+MOST_HALVINGS = 5  # halvings in one communication step, more of which are a warning
 # Failures; the failure of an integrator is added to the last two.
 NO_WHEEL, TOO_LONG, ELSEWHERE, ASKEW, IMPLICIT, EXPLICIT = 1, 2, 3, 4, 4, 8
-HALVED, TILTED = TOLD = range(2)  # warnings, each given once: flags at the end of the state
+HALVED, TILTED = WARNINGS = range(2)  # warnings, each given once: flags at the end of the state
 
 
-class Stand(NamedTuple):
+class CommonData(NamedTuple):
     """Pose of a track, its wheels and counters, for all kinds of links."""
 
     longest: float  # longest internal step, s
@@ -40,7 +40,7 @@ class Stand(NamedTuple):
     frame: np.ndarray  # (5) of the track in the world: origin, cosine and sine of its heading
     start_rows: np.ndarray  # (wheels, 15) states of the wheels round which the chain was laid out
     rows: np.ndarray  # (wheels, 15) states of the wheels now
-    given: np.ndarray  # (TOLD) 1 for warnings that were given
+    given_warnings: np.ndarray  # (WARNINGS) 1 for warnings that were given
     counters: np.ndarray  # int
     interval: float  # communication steps over which link outputs are averaged
 
@@ -52,20 +52,20 @@ class Parts(NamedTuple):
     contacts: Any  # ``fmus.contacts.Contacts``, or None
     environment: Environment  # gravity, ends, carrier
     scheme: Any  # a ``Method``, the stages of the explicit integrator, or an ``Adams``
-    stand: Stand
+    common: CommonData
     s: Any  # views of the state
     work: Any  # scratch
     report: np.ndarray
 
 
-def alone(link, environment, scheme, longest, s, work, report, counters):
+def parts_without_contacts(link, environment, scheme, longest, s, work, report, counters):
     """Parts of a chain without contacts at the origin, and the array for the numbers of its sentences."""
     none = np.zeros((0, WIDTH))
-    stand = Stand(longest, 0, 0.0, 0.0, np.zeros(5), none, none, np.zeros(len(TOLD)), counters, 1.0)
-    return Parts(link, None, environment, scheme, stand, s, work, report), np.zeros((1 + len(TOLD), NUMBERS + 1))
+    common = CommonData(longest, 0, 0.0, 0.0, np.zeros(5), none, none, np.zeros(len(WARNINGS)), counters, 1.0)
+    return Parts(link, None, environment, scheme, common, s, work, report), np.zeros((1 + len(WARNINGS), GAPS + 1))
 
 
-class Shown(NamedTuple):
+class OutputData(NamedTuple):
     """Data behind the outputs of a track without its link outputs."""
 
     frame: np.ndarray  # (5)
@@ -73,7 +73,7 @@ class Shown(NamedTuple):
     report: np.ndarray
 
 
-class ShownLinks(NamedTuple):
+class LinkOutputData(NamedTuple):
     """Data behind the link outputs of a track."""
 
     frame: np.ndarray  # (5)
@@ -83,124 +83,126 @@ class ShownLinks(NamedTuple):
     work: Any
     links: int
     nodes: int
-    shows: np.ndarray  # for each group of ``link_outputs``, 1: it is shown
-    beyond: int | None  # None: no group with kernels of its own is shown
+    group_flags: np.ndarray  # for each group of ``link_outputs``, 1: it is shown
+    extra: int | None  # None: no group with kernels of its own is shown
 
 
 @allocating
-def begin(c, told, p):
-    """See ``fmus.model.Component``; p: the start pose, then the track's lateral place, m.
+def begin(c, messages, p):
+    """See ``fmus.model.ComponentModel``; p: the start pose, then the track's lateral place, m.
 
     Sets the frame only: the state is already that of the laid-out chain.
     """
-    lay_frame(p, 0.0, p[6], 0.0, c.stand.frame)
+    lay_frame(p, 0.0, p[6], 0.0, c.common.frame)
     return 0
 
 
 @allocating
-def implicit(c, told, t, h, u):
-    """Implicit step, see ``fmus.model.Component``; u: motions of the wheels (13 each); empty: unchanged."""
-    stand = c.stand
-    wrong = _ready(stand, told, t, h, u)
-    if wrong:
-        return wrong
-    counters = stand.counters
+def implicit(c, messages, t, h, u):
+    """Implicit step, see ``fmus.model.ComponentModel``; u: motions of the wheels (13 each); empty: unchanged."""
+    common = c.common
+    refusal = _read_wheels(common, messages, t, h, u)
+    if refusal:
+        return refusal
+    counters = common.counters
     before = counters[REJECTED]
-    on_links.renew(c.s, stand.interval)
-    failure, done, link, residual = advance(
-        c.link, c.contacts, c.environment, c.scheme, stand.rows, h, stand.longest, c.s, c.work, c.report, counters
+    on_links.renew(c.s, common.interval)
+    failure, elapsed, link, residual = advance(
+        c.link, c.contacts, c.environment, c.scheme, common.rows, h, common.longest, c.s, c.work, c.report, counters
     )
     if failure:
-        told[0, 0], told[0, 1], told[0, 2] = t + done, link, residual
+        messages[0, 0], messages[0, 1], messages[0, 2] = t + elapsed, link, residual
         return IMPLICIT + failure
     on_links.count(c.s, h)
-    tell_halved(stand.given, told, t, counters[REJECTED] - before)
+    warn_of_halvings(common.given_warnings, messages, t, counters[REJECTED] - before)
     return 0
 
 
 @kernel
-def tell_halved(given, told, t, halved):
+def warn_of_halvings(given_warnings, messages, t, halvings):
     """Warn once of a communication step at ``t`` in which the internal step was halved too often."""
-    if halved > MANY and given[HALVED] == 0.0:
-        given[HALVED] = told[1 + HALVED, 0] = 1.0
-        told[1 + HALVED, 1], told[1 + HALVED, 2] = halved, t
+    if halvings > MOST_HALVINGS and given_warnings[HALVED] == 0.0:
+        given_warnings[HALVED] = messages[1 + HALVED, 0] = 1.0
+        messages[1 + HALVED, 1], messages[1 + HALVED, 2] = halvings, t
 
 
 @allocating
-def explicit(c, told, t, h, u):
+def explicit(c, messages, t, h, u):
     """Explicit Runge-Kutta step; arguments and result as of ``implicit``."""
-    stand = c.stand
-    wrong = _ready(stand, told, t, h, u)
-    if wrong:
-        return wrong
-    on_links.renew(c.s, stand.interval)
-    return _how(c, told, t, h, march(
-        c.link, c.contacts, c.environment, c.scheme, stand.rows, h, stand.longest, c.s, c.work, c.report, stand.counters
+    common = c.common
+    refusal = _read_wheels(common, messages, t, h, u)
+    if refusal:
+        return refusal
+    on_links.renew(c.s, common.interval)
+    return _failure(c, messages, t, h, march(
+        c.link, c.contacts, c.environment, c.scheme, common.rows, h, common.longest, c.s, c.work, c.report,
+        common.counters,
     ))  # fmt: skip
 
 
 @allocating
-def adams(c, told, t, h, u):
+def adams(c, messages, t, h, u):
     """Step by Adams' methods; arguments and result as of ``implicit``."""
-    stand = c.stand
-    wrong = _ready(stand, told, t, h, u)
-    if wrong:
-        return wrong
-    on_links.renew(c.s, stand.interval)
-    return _how(c, told, t, h, adaptive.march(
-        c.link, c.contacts, c.environment, c.scheme, stand.rows, h, stand.longest, c.s, c.work, c.report, stand.counters
+    common = c.common
+    refusal = _read_wheels(common, messages, t, h, u)
+    if refusal:
+        return refusal
+    on_links.renew(c.s, common.interval)
+    return _failure(c, messages, t, h, adaptive.march(
+        c.link, c.contacts, c.environment, c.scheme, common.rows, h, common.longest, c.s, c.work, c.report,
+        common.counters,
     ))  # fmt: skip
 
 
 @kernel
-def _how(c, told, t, h, outcome):
+def _failure(c, messages, t, h, outcome):
     """Failure of an explicit integration from its outcome; 0 for none."""
     on_links.count(c.s, h)
-    failure, done, link, _ = outcome
+    failure, elapsed, link, _ = outcome
     if failure:
-        told[0, 0], told[0, 1], told[0, 2] = t + done, link, c.stand.longest
+        messages[0, 0], messages[0, 1], messages[0, 2] = t + elapsed, link, c.common.longest
         return EXPLICIT + failure
     return 0
 
 
 @kernel
-def _ready(c, told, t, h, u):
+def _read_wheels(c, messages, t, h, u):
     """Read the wheels from the inputs and check them; 0, or the failure."""
-    if too_many(told[0], t, h, c.longest):
+    if too_many_steps(messages[0], t, h, c.longest):
         return TOO_LONG
-    wrong = read_states(u, c.frame, c.rows)
-    if wrong >= 0:
-        no_rotation(told[0], t, wrong, u, STATE * wrong + 3)
+    turned_wheel = read_states(u, c.frame, c.rows)
+    if turned_wheel >= 0:
+        no_rotation(messages[0], t, turned_wheel, u, STATE * turned_wheel + 3)
         return NO_WHEEL
     if c.counters[STEPS] == 0 and u.size > 0:
-        farthest, where = 0.0, 0
+        farthest, wheel = 0.0, 0
         for k in range(c.rows.shape[0]):
-            square = 0.0
+            distance_squared = 0.0
             for i in range(3):
-                square += (c.rows[k, i] - c.start_rows[k, i]) ** 2
-            off = np.sqrt(square)
-            if off > farthest:
-                farthest, where = off, k
+                distance_squared += (c.rows[k, i] - c.start_rows[k, i]) ** 2
+            deviation = np.sqrt(distance_squared)
+            if deviation > farthest:
+                farthest, wheel = deviation, k
         if farthest > c.pitch:
-            told[0, 0], told[0, 1], told[0, 2], told[0, 3] = t, where, farthest, c.lateral
+            messages[0, 0], messages[0, 1], messages[0, 2], messages[0, 3] = t, wheel, farthest, c.lateral
             return ELSEWHERE
     if c.plane == 1 and u.size > 0:
-        along = 1.0
+        cosine = 1.0
         for k in range(c.rows.shape[0]):
-            along = min(along, abs(c.rows[k, 10]))
-        off = np.arccos(along) * 180.0 / np.pi
-        if along < LEAVES:
-            told[0, 0], told[0, 1] = t, off
+            cosine = min(cosine, abs(c.rows[k, 10]))
+        deviation = np.arccos(cosine) * 180.0 / np.pi
+        if cosine < OUT_OF_PLANE:
+            messages[0, 0], messages[0, 1] = t, deviation
             return ASKEW
-        if along < ALONG and c.given[TILTED] == 0.0:
-            c.given[TILTED] = told[1 + TILTED, 0] = 1.0
-            told[1 + TILTED, 1], told[1 + TILTED, 2] = off, t
+        if cosine < ALIGNED and c.given_warnings[TILTED] == 0.0:
+            c.given_warnings[TILTED] = messages[1 + TILTED, 0] = 1.0
+            messages[1 + TILTED, 1], messages[1 + TILTED, 2] = deviation, t
     return 0
 
 
 @allocating
-def show(c, y):
-    """See ``fmus.model.Component``: mean wrenches on the wheels and the report, world axes; c: ``Shown``."""
+def write_outputs(c, y):
+    """See ``fmus.model.ComponentModel``: mean wrenches on the wheels and the report, world axes; c: ``OutputData``."""
     n = c.mean.shape[0]
     for k in range(n):
         to_world(c.mean[k].reshape(2, 3), c.frame, y[6 * k : 6 * k + 6])
@@ -211,58 +213,58 @@ def show(c, y):
 
 
 @allocating
-def show_links(c, y):
-    """See ``fmus.model.Component``: the chosen groups of ``link_outputs``, in order; c: ``ShownLinks``."""
-    n, m, shows, felt = c.links, c.nodes, c.shows, np.empty(c.s.on_links_sum.shape)
+def write_link_outputs(c, y):
+    """See ``fmus.model.ComponentModel``: the chosen groups of ``link_outputs``, in order; c: ``LinkOutputData``."""
+    n, m, group_flags, means = c.links, c.nodes, c.group_flags, np.empty(c.s.on_links_sum.shape)
     tension, stress, place = np.empty(n), np.empty(n), np.empty((m, 3))
     links_shown(c.link, c.environment, c.s, c.work, tension, stress, place)
-    on_links.average(c.s, felt)
-    at = _numbers(shows[TENSION], tension, y, 0)
-    at = _numbers(shows[STRESS], stress, y, at)
-    if shows[POSITION]:
-        to_world(place, c.frame, y[at : at + 3 * m])
+    on_links.average(c.s, means)
+    index = _copy_numbers(group_flags[TENSION], tension, y, 0)
+    index = _copy_numbers(group_flags[STRESS], stress, y, index)
+    if group_flags[POSITION]:
+        to_world(place, c.frame, y[index : index + 3 * m])
         for k in range(m):
             for i in range(3):
-                y[at + 3 * k + i] += c.frame[i]
-        at += 3 * m
-    at = _vectors(shows[FORCE], felt[:, on_links.JOINT : on_links.JOINT + 3], c.frame, y, at)
-    at = _vectors(shows[GROUND], felt[:n, on_links.GROUND : on_links.GROUND + 3], c.frame, y, at)
-    at = _vectors(shows[WHEELS], felt[:n, on_links.WHEELS : on_links.WHEELS + 3], c.frame, y, at)
-    at = _vectors(shows[SLIDING], felt[:n, on_links.SLIDING : on_links.SLIDING + 3], c.frame, y, at)
-    if shows[DEPTH]:
-        at = _numbers(1, felt[:n, on_links.DEPTH], y, at)
-    _beyond(c.beyond, c, y, at)
+                y[index + 3 * k + i] += c.frame[i]
+        index += 3 * m
+    index = _copy_vectors(group_flags[FORCE], means[:, on_links.JOINT : on_links.JOINT + 3], c.frame, y, index)
+    index = _copy_vectors(group_flags[GROUND], means[:n, on_links.GROUND : on_links.GROUND + 3], c.frame, y, index)
+    index = _copy_vectors(group_flags[WHEELS], means[:n, on_links.WHEELS : on_links.WHEELS + 3], c.frame, y, index)
+    index = _copy_vectors(group_flags[SLIDING], means[:n, on_links.SLIDING : on_links.SLIDING + 3], c.frame, y, index)
+    if group_flags[DEPTH]:
+        index = _copy_numbers(1, means[:n, on_links.DEPTH], y, index)
+    _write_extra_groups(c.extra, c, y, index)
 
 
 @allocating
-def _beyond(beyond, c, y, at):
+def _write_extra_groups(extra, c, y, index):
     """Write the groups with kernels of their own, which are not compiled where no such group is shown."""
-    if beyond is not None:
-        axis, found, ends = np.empty((c.nodes, 3)), np.empty((c.links, 2)), np.empty((c.links, 6))
+    if extra is not None:
+        axis, fibre_stress, ends = np.empty((c.nodes, 3)), np.empty((c.links, 2)), np.empty((c.links, 6))
         pin_axes(c.link, c.s, c.work, axis)
-        at = _vectors(c.shows[AXIS], axis, c.frame, y, at)
-        if c.shows[FIBRES]:
-            fibres(c.link, c.s, c.work, found)
-            at = _numbers(1, found.ravel(), y, at)
-        if c.shows[SLOPES]:
+        index = _copy_vectors(c.group_flags[AXIS], axis, c.frame, y, index)
+        if c.group_flags[FIBRES]:
+            fibres(c.link, c.s, c.work, fibre_stress)
+            index = _copy_numbers(1, fibre_stress.ravel(), y, index)
+        if c.group_flags[SLOPES]:
             slopes(c.link, c.s, c.work, ends)
-            _vectors(1, ends.reshape(2 * c.links, 3), c.frame, y, at)
+            _copy_vectors(1, ends.reshape(2 * c.links, 3), c.frame, y, index)
 
 
 @kernel
-def _numbers(shown, a, y, at):
-    """Copy the array ``a``, if ``shown``, to ``y[at:]``; return the index after it."""
-    if shown:
+def _copy_numbers(flag, a, y, index):
+    """Copy the array ``a``, if ``flag``, to ``y[index:]``; return the index after it."""
+    if flag:
         for i in range(a.shape[0]):
-            y[at + i] = a[i]
-        at += a.shape[0]
-    return at
+            y[index + i] = a[i]
+        index += a.shape[0]
+    return index
 
 
 @kernel
-def _vectors(shown, a, frame, y, at):
-    """Copy vectors (k, 3) in the track's frame to ``y[at:]`` in world axes, as ``_numbers`` does."""
-    if shown:
-        to_world(a, frame, y[at : at + 3 * a.shape[0]])
-        at += 3 * a.shape[0]
-    return at
+def _copy_vectors(flag, a, frame, y, index):
+    """Copy vectors (k, 3) in the track's frame to ``y[index:]`` in world axes, as ``_copy_numbers`` does."""
+    if flag:
+        to_world(a, frame, y[index : index + 3 * a.shape[0]])
+        index += 3 * a.shape[0]
+    return index

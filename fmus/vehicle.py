@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 from annotated_types import GroupedMetadata
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from fmus.ranges import VEHICLE, outside
+from fmus.ranges import VEHICLE, range_violations
 
 
 class BadInput(ValueError):
@@ -54,15 +54,15 @@ def to_si(unit: str) -> Callable[[object], float]:
         quantity = _QUANTITY.fullmatch(value)
         if quantity is None:
             raise ValueError(f"must be a number or a quantity in {unit}")
-        number, given = float(quantity[1]), quantity[2].strip()
-        if given in ("", unit):
+        number, given_unit = float(quantity[1]), quantity[2].strip()
+        if given_unit in ("", unit):
             return number
-        if (given, unit) in COMMON:
-            return number * COMMON[given, unit]
+        if (given_unit, unit) in COMMON:
+            return number * COMMON[given_unit, unit]
         import pint
 
         try:
-            return float(_registry().Quantity(number, given).to(unit).magnitude)
+            return float(_registry().Quantity(number, given_unit).to(unit).magnitude)
         except pint.errors.PintError as error:
             raise ValueError(f"must be a quantity in {unit}: {error}") from None
         except Exception:
@@ -91,20 +91,20 @@ Stiffness = Annotated[float, In("N/m", ge=0)]
 Damping = Annotated[float, In("N s/m", ge=0)]
 
 
-class Table(BaseModel):
+class FrozenTable(BaseModel):
     """Frozen table that refuses unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class Chassis(Table):  # noqa: D101
+class ChassisTable(FrozenTable):  # noqa: D101
     mass: Mass
     inertia: tuple[Inertia, Inertia, Inertia]  # roll, pitch, yaw
     centre: tuple[Length, Length, Length]
     hull: tuple[tuple[Length, Length, Length], ...] = ()  # points that can touch the ground
 
 
-class Sprocket(Table):  # noqa: D101
+class SprocketTable(FrozenTable):  # noqa: D101
     mass: Mass
     spin_inertia: Inertia
     transverse_inertia: Inertia
@@ -116,7 +116,7 @@ class Sprocket(Table):  # noqa: D101
     tip_radius: Distance
 
 
-class Idler(Table):  # noqa: D101
+class IdlerTable(FrozenTable):  # noqa: D101
     mass: Mass
     spin_inertia: Inertia
     transverse_inertia: Inertia
@@ -126,7 +126,7 @@ class Idler(Table):  # noqa: D101
     z: Length
 
 
-class RoadWheel(Table):  # noqa: D101
+class RoadWheelTable(FrozenTable):  # noqa: D101
     mass: Mass
     spin_inertia: Inertia
     transverse_inertia: Inertia
@@ -136,14 +136,14 @@ class RoadWheel(Table):  # noqa: D101
     z: Length
 
 
-class RoadArm(Table):  # noqa: D101
+class RoadArmTable(FrozenTable):  # noqa: D101
     mass: Mass
     pin_inertia: Inertia
     long_inertia: Inertia
     pivot: tuple[Length, Length]  # (x, z) from the wheel centre
 
 
-class Suspension(Table):  # noqa: D101
+class SuspensionTable(FrozenTable):  # noqa: D101
     stiffness: Stiffness
     damping: Damping
     on_arm: tuple[Length, Length]
@@ -151,14 +151,14 @@ class Suspension(Table):  # noqa: D101
     preload: Force
 
 
-class Tensioner(Table):  # noqa: D101
+class TensionerTable(FrozenTable):  # noqa: D101
     stiffness: Stiffness
     damping: Damping
     preload: Force
     travel: Distance = 0.1  # of the idler, either way from its place at the start
 
 
-class Track(Table):  # noqa: D101
+class TrackTable(FrozenTable):  # noqa: D101
     links: Annotated[int, Field(ge=4, le=4096)]
     lateral: Length
     pitch: Distance
@@ -169,7 +169,7 @@ class Track(Table):  # noqa: D101
     tension: Force
 
 
-class Section(Table):  # noqa: D101
+class SectionTable(FrozenTable):  # noqa: D101
     area: Annotated[float, In("m^2", gt=0)]
     bending: Annotated[float, In("m^4", gt=0)]
     lateral_bending: Annotated[float, In("m^4", gt=0)]
@@ -177,13 +177,13 @@ class Section(Table):  # noqa: D101
     outer_fibre: Distance
 
 
-class Material(Table):  # noqa: D101
+class MaterialTable(FrozenTable):  # noqa: D101
     youngs_modulus: Annotated[float, In("Pa", gt=0)]
     shear_modulus: Annotated[float, In("Pa", gt=0)]
     relaxation_time: Annotated[float, In("s", ge=0)]
 
 
-class Law(Table):
+class ContactLawTable(FrozenTable):
     """Contact law: normal force with spring and damper, regularised Coulomb friction."""
 
     law: Literal["linear", "hunt_crossley"] = "linear"
@@ -193,24 +193,24 @@ class Law(Table):
     friction_velocity: Annotated[float, In("m/s", gt=0)]
 
 
-class Contact(Table):  # noqa: D101
-    sprocket: Law
-    wheel: Law
-    ground: Law
+class ContactTable(FrozenTable):  # noqa: D101
+    sprocket: ContactLawTable
+    wheel: ContactLawTable
+    ground: ContactLawTable
 
 
-class Guide(Table):  # noqa: D101
+class GuideTable(FrozenTable):  # noqa: D101
     clearance: Annotated[float, In("m", ge=0)]
 
 
-def _fits(vehicle: Vehicle) -> Vehicle:
+def _check_consistency(vehicle: Vehicle) -> Vehicle:
     pitch_radius = vehicle.pitch_radius
     if vehicle.sprocket.outer_radius <= pitch_radius:
         raise ValueError(
             f"sprocket.outer_radius = {vehicle.sprocket.outer_radius} m"
             f" must exceed the pitch radius {pitch_radius:.4f} m"
         )
-    for complaint in outside(vehicle.model_dump(), VEHICLE, "possible"):
+    for complaint in range_violations(vehicle.model_dump(), VEHICLE, "possible"):
         raise ValueError(complaint)
     section = vehicle.section
     polar = section.bending + section.lateral_bending
@@ -222,23 +222,23 @@ def _fits(vehicle: Vehicle) -> Vehicle:
     return vehicle
 
 
-class VehicleTable(Table):
+class VehicleTable(FrozenTable):
     """All data of a vehicle, SI, in its drawn (start) position."""
 
     name: str
     gravity: Annotated[float, In("m/s^2", ge=0)]
-    chassis: Chassis
-    sprocket: Sprocket
-    idler: Idler
-    road_wheel: RoadWheel
-    road_arm: RoadArm
-    suspension: Suspension
-    tensioner: Tensioner
-    track: Track
-    section: Section
-    material: Material
-    contact: Contact
-    guide: Guide
+    chassis: ChassisTable
+    sprocket: SprocketTable
+    idler: IdlerTable
+    road_wheel: RoadWheelTable
+    road_arm: RoadArmTable
+    suspension: SuspensionTable
+    tensioner: TensionerTable
+    track: TrackTable
+    section: SectionTable
+    material: MaterialTable
+    contact: ContactTable
+    guide: GuideTable
 
     @property
     def pitch_radius(self) -> float:
@@ -248,14 +248,14 @@ class VehicleTable(Table):
         return self.track.pitch / (2.0 * sin(pi / self.sprocket.teeth))
 
 
-Vehicle = Annotated[VehicleTable, AfterValidator(_fits)]
+Vehicle = Annotated[VehicleTable, AfterValidator(_check_consistency)]
 
 
 def _short(text: str) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
-def shown(value: object) -> str:
+def value_text(value: object) -> str:
     """Text of a value for a message, at most 80 characters for values of any size or depth."""
     try:
         return _short(repr(value))
@@ -263,7 +263,7 @@ def shown(value: object) -> str:
         return f"a huge {type(value).__name__}"
 
 
-def sentence(error: ValidationError, where: str) -> str:
+def first_error(error: ValidationError, where: str) -> str:
     """First error of a validation as one sentence."""
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"])
@@ -272,7 +272,7 @@ def sentence(error: ValidationError, where: str) -> str:
     if first["type"] == "missing":
         return f"{where}: key '{key}' is missing"
     message = first["msg"].removeprefix("Value error, ")
-    value = "" if isinstance(first["input"], Mapping) else f" = {shown(first['input'])}"
+    value = "" if isinstance(first["input"], Mapping) else f" = {value_text(first['input'])}"
     about = f"{key}{value}: " if key else ""
     return f"{where}: {about}{message[0].lower()}{message[1:]}"
 
@@ -280,9 +280,9 @@ def sentence(error: ValidationError, where: str) -> str:
 def vehicle(data: Mapping[str, Any], where: str) -> VehicleTable:
     """Validate a vehicle table; raises BadInput with one sentence that begins with ``where``."""
     try:
-        return _fits(VehicleTable.model_validate(dict(data)))
+        return _check_consistency(VehicleTable.model_validate(dict(data)))
     except ValidationError as error:
-        raise BadInput(sentence(error, where)) from None
+        raise BadInput(first_error(error, where)) from None
     except ValueError as error:
         raise BadInput(f"{where}: {error}") from None
 

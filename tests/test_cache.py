@@ -52,8 +52,8 @@ def damage(file, how, rng):
 
 @pytest.fixture(autouse=True)
 def _nothing_said_yet(monkeypatch):
-    monkeypatch.setattr(fmus.cache, "_said", set())
-    monkeypatch.setattr(fmus.cache, "_unheard", [])
+    monkeypatch.setattr(fmus.cache, "_reported", set())
+    monkeypatch.setattr(fmus.cache, "_unlogged", [])
 
 
 def test_both_packages_say_the_same():
@@ -67,25 +67,25 @@ def test_both_packages_say_the_same():
 
 
 def test_a_kept_file_is_found_whole_or_not_at_all(fresh_cache):
-    file = fmus.cache.own(fresh_cache / "kind" / "key") / "name"
-    assert fmus.cache.kept(file) is None
-    fmus.cache.keep(file, b"content")
-    assert fmus.cache.kept(file) == b"content"
+    file = fmus.cache.private_folder(fresh_cache / "kind" / "key") / "name"
+    assert fmus.cache.read_checked(file) is None
+    fmus.cache.write_checked(file, b"content")
+    assert fmus.cache.read_checked(file) == b"content"
     whole = file.read_bytes()
     for bit in range(0, 8 * len(whole), 5):
         file.write_bytes(bytes(byte ^ (1 << bit % 8) * (i == bit // 8) for i, byte in enumerate(whole)))
-        assert fmus.cache.kept(file) is None, bit
+        assert fmus.cache.read_checked(file) is None, bit
     for size in range(len(whole)):
         file.write_bytes(whole[:size])
-        assert fmus.cache.kept(file) is None, size
+        assert fmus.cache.read_checked(file) is None, size
     file.write_bytes(whole)
-    assert fmus.cache.kept(file) == b"content"
+    assert fmus.cache.read_checked(file) == b"content"
     file.rename(file.with_name("other"))
-    assert fmus.cache.kept(file.with_name("other")) is None, "the content of another file was accepted"
+    assert fmus.cache.read_checked(file.with_name("other")) is None, "the content of another file was accepted"
 
 
 def test_a_damaged_kernel_is_not_unpickled(fresh_cache, monkeypatch):
-    overloads = _Overloads(fmus.cache.own(fresh_cache / "kernels" / "module"), "kernel", "stamp")
+    overloads = _Overloads(fmus.cache.private_folder(fresh_cache / "kernels" / "module"), "kernel", "stamp")
     overloads.save("signature", list(range(2000)))
     assert overloads.load("signature") == list(range(2000))
     (file,) = (fresh_cache / "kernels" / "module").iterdir()
@@ -99,7 +99,7 @@ def test_a_damaged_kernel_is_not_unpickled(fresh_cache, monkeypatch):
 
 
 def test_a_kernel_is_that_of_its_compiler(fresh_cache, monkeypatch):
-    overloads = _Overloads(fmus.cache.own(fresh_cache / "kernels" / "module"), "kernel", "stamp")
+    overloads = _Overloads(fmus.cache.private_folder(fresh_cache / "kernels" / "module"), "kernel", "stamp")
     overloads.save("signature", 1)
     for place, value in (
         ("numba.__version__", "1"), ("llvmlite.__version__", "1"), ("numpy.__version__", "3"),
@@ -116,12 +116,12 @@ def test_a_damaged_fmu_is_built_again(fresh_cache):
     with zipfile.ZipFile(fmu) as archive:
         packed = {name: archive.read(name) for name in archive.namelist()}
     damage(fmu, "flip", random.Random(2))
-    assert fmus.cache.kept(fmu) is None
+    assert fmus.cache.read_checked(fmu) is None
     assert build_toy() == fmu
     with zipfile.ZipFile(fmu) as archive:
         again = {name: archive.read(name) for name in archive.namelist()}
     assert {name for name in packed if again[name] != packed[name]} <= {"modelDescription.xml"}, "only its date differs"
-    assert fmus.cache.kept(fmu) is not None
+    assert fmus.cache.read_checked(fmu) is not None
 
 
 def as_packed(fmu, folder):
@@ -205,7 +205,7 @@ def built_of(counter):
         for name in LOGS:
             (folder / name).write_bytes(name.encode() * 100)
         figures = {"internal_step": 1e-6, "wall_time": 1.0, "difference": {}, "sha256": _hashes(folder)}
-        fmus.cache.keep(folder / FIGURES, json.dumps(figures).encode())
+        fmus.cache.write_checked(folder / FIGURES, json.dumps(figures).encode())
         return figures
 
     return build
@@ -248,22 +248,24 @@ def test_folders_are_made_for_their_user_alone(toy, tmp_path, monkeypatch):
 @POSIX
 @pytest.mark.parametrize("level", range(3))
 def test_what_others_can_write_or_own_is_not_trusted(fresh_cache, level, monkeypatch):
-    place = fmus.cache.own(fresh_cache / "kind" / "key")
-    fmus.cache.keep(place / "file", b"content")
+    place = fmus.cache.private_folder(fresh_cache / "kind" / "key")
+    fmus.cache.write_checked(place / "file", b"content")
     folder = (place, *place.parents)[level]
     for mode in (0o720, 0o702, 0o777):
         folder.chmod(mode)
-        for call in (fmus.cache.own, lambda place: fmus.cache.kept(place / "file")):
-            with pytest.raises(fmus.cache.Untrusted) as caught:
+        for call in (fmus.cache.private_folder, lambda place: fmus.cache.read_checked(place / "file")):
+            with pytest.raises(fmus.cache.UntrustedFolder) as caught:
                 call(place)
             assert str(caught.value).startswith(f"others can write into {folder} (mode {mode:o}); chmod -R go-w it, ")
     folder.chmod(0o755)
-    assert fmus.cache.kept(place / "file") == b"content"
+    assert fmus.cache.read_checked(place / "file") == b"content"
     me = os.geteuid()
     monkeypatch.setattr(os, "geteuid", lambda: me + 1)
     if me:  # files of root are trusted
-        with pytest.raises(fmus.cache.Untrusted, match=rf"belongs to another user \({me}\); name a folder of your own"):
-            fmus.cache.own(place)
+        with pytest.raises(
+            fmus.cache.UntrustedFolder, match=rf"belongs to another user \({me}\); name a folder of your own"
+        ):
+            fmus.cache.private_folder(place)
 
 
 TOY_RUN = """
@@ -342,7 +344,7 @@ class Trap:
 def test_nothing_is_unpickled_from_a_folder_that_others_can_write(environment, warm, cache, tmp_path):
     trap = tmp_path / "trap"
     (kernel,) = cache.glob("kernels/*/*advance*.kernel")
-    fmus.cache.keep(kernel, pickle.dumps(Trap(trap)))
+    fmus.cache.write_checked(kernel, pickle.dumps(Trap(trap)))
     cache.chmod(0o777)
     told, values, hits, said = run_toy(environment, cache)
     assert (values, hits, trap.exists()) == (warm[1], 0, False)
@@ -353,7 +355,7 @@ def test_nothing_is_unpickled_from_a_folder_that_others_can_write(environment, w
     assert told == [f"1 {sentence}"], "the message for a host without Python's log"
     assert said == f"{sentence}\n"
     cache.chmod(0o700)
-    pickle.loads(fmus.cache.kept(kernel))
+    pickle.loads(fmus.cache.read_checked(kernel))
     assert trap.exists(), "the trap does not work"
 
 
@@ -461,7 +463,7 @@ def command(arguments, folder, environment):
 def test_two_hundred_flips_and_sixty_other_damages(environment, tmp_path):
     """A run is right after any damage, possibly with a message. Takes half an hour."""
     precision_table = tmp_path / "cache" / "precision.json"
-    fmus.cache.make(precision_table.parent)
+    fmus.cache.make_folder(precision_table.parent)
     swing = ("run.step=2 ms", "track.step=1 ms")
     precision.write([Setting("hanging_chain", "flexible", swing, 0.004, 0.2)], precision_table)
     for arguments in COMMANDS:

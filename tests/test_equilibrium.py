@@ -9,13 +9,13 @@ import pytest
 from vehicle_in_process import InProcess
 
 from fmus.physics.wheels import read_states
-from fmus.ports import wheel_state
+from fmus.ports import motion_ports
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import changed_scene, from_table, load
 
-MOTION = [port.name.removeprefix("of.") for port in wheel_state("of", "output")]
+MOTION = [port.name.removeprefix("of.") for port in motion_ports("of", "output")]
 HEIGHT, LOAD = 1e-4, 5e-3  # m, and share of each wheel's load: largest motion in the first second
 KINDS = {
     "rigid": ("rigid", ()),

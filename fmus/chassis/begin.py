@@ -5,32 +5,32 @@ from __future__ import annotations
 from fmus.chassis.dynamics import ROOT, energies
 from fmus.chassis.tree import unpacked
 from fmus.jit import allocating, kernel
-from fmus.stance import at_rest
-from fmus.start import HEADING, lay_frame, place
+from fmus.stance import part_at_rest
+from fmus.start import HEADING, lay_frame, world_position
 
 PRELOADS = 6  # index of the preloads in ``p``, after the start pose: of suspension springs, of tensioners
 
 
 @allocating
-def begin(c, told, p):
-    """See ``fmus.model.Component``; p: the start pose, then the preloads, N."""
+def begin(c, messages, p):
+    """See ``fmus.model.ComponentModel``; p: the start pose, then the preloads, N."""
     tree, x, start = unpacked(c.packed), c.state, c.start
-    n = tree.turns.size
+    n = tree.is_arm.size
     x[:] = 0.0
     for k in range(n):
-        tree.preload[k] = p[PRELOADS] if tree.turns[k] == 1 else p[PRELOADS + 1] - c.missing[2 * k // n]
+        tree.preload[k] = p[PRELOADS] if tree.is_arm[k] == 1 else p[PRELOADS + 1] - c.missing_preload[2 * k // n]
         x[ROOT + k] = c.leaves[k]
-    hull = at_rest(p, c.hull)
+    hull = part_at_rest(p, c.hull)
     for i in range(7):
         x[i] = hull[i]
     start[0], start[1] = x[0], x[1]
-    start[2] = place(p, c.centre[0], c.centre[1], c.centre[2])[2]
+    start[2] = world_position(p, c.centre[0], c.centre[1], c.centre[2])[2]
     start[3], start[4] = p[HEADING], energies(tree, x)[1]
-    _stand(c.contacts, p)
+    _lay_contact_frame(c.contacts, p)
     return 0
 
 
 @kernel
-def _stand(contacts, p):
+def _lay_contact_frame(contacts, p):
     if contacts is not None:
         lay_frame(p, 0.0, 0.0, 0.0, contacts.frame)

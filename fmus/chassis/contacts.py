@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.chassis.dynamics import ROOT, wheel_offset
-from fmus.contacts import ground_shape, law
+from fmus.contacts import contact_law, ground_shape
 from fmus.jit import kernel
 from fmus.physics.contact.face import touch as press
 from fmus.physics.contact.ground import Ground, ground_face, level
@@ -22,7 +22,7 @@ from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, 
 STORED, POWER, FORCE = 0, 1, 2  # indices in the sums; the force has three numbers
 
 
-class Contacts(NamedTuple):
+class ChassisContacts(NamedTuple):
     """Contact partners, constant through a run, and scratch arrays; n leaves."""
 
     ground: Ground  # in the frame of the start
@@ -36,7 +36,7 @@ class Contacts(NamedTuple):
     memory: Memory  # of sharp friction, for ``press``; not used without a tangent
 
 
-def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: Mapping[str, Any]) -> Contacts:
+def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: Mapping[str, Any]) -> ChassisContacts:
     """Contacts from the vehicle table, the config's ``ground`` and the checked parameters.
 
     ``ground``: {"hull": bool, "bare": sides without a track, "bump"}. Raises InvalidParameter.
@@ -46,9 +46,9 @@ def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: 
     bare = [1.0 if side in ground["bare"] else 0.0 for side in ("left", "right")]
     count, z = len(wheel["x"]), np.zeros
     leaves = 2 * (count + 1)
-    return Contacts(
+    return ChassisContacts(
         ground_shape(vehicle, float(parameters["start.height"]), ground.get("bump")),
-        law("ground", parameters, vehicle["contact"]["ground"]),
+        contact_law("ground", parameters, vehicle["contact"]["ground"]),
         np.zeros(5),
         np.array(hull, dtype=float).reshape(-1, 3) - origin,
         np.kron(bare, [*[wheel["radius"]] * count, idler["radius"]]),
@@ -60,8 +60,8 @@ def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: 
 
 
 @kernel
-def _touch(contacts, A, share, at, p, velocity, centre):
-    """Add the contact of a point to ``f[at : at + 6]``, its torque about ``centre``, and to the sums.
+def _add_contact(contacts, A, share, index, p, velocity, centre):
+    """Add the contact of a point to ``f[index : index + 6]``, its torque about ``centre``, and to the sums.
 
     p, velocity, centre: of the point, world; ``share`` scales the stiffness; A: rotation of B (3, 3).
     """
@@ -80,8 +80,8 @@ def _touch(contacts, A, share, at, p, velocity, centre):
     sums[POWER] += push.friction + push.damping
     put(sums, FORCE, add(vector(sums, FORCE), force))
     torque = cross(add(p, scale(-1.0, centre)), force)
-    put(f, at, add(vector(f, at), to_body(A, force)))
-    put(f, at + 3, add(vector(f, at + 3), to_body(A, torque)))
+    put(f, index, add(vector(f, index), to_body(A, force)))
+    put(f, index + 3, add(vector(f, index + 3), to_body(A, torque)))
 
 
 @kernel
@@ -90,12 +90,12 @@ def touch(contacts, tree, x, A, v, w):
 
     A, v, w: rotation of B (3, 3), velocity of O and angular velocity in B.
     """
-    n, O, frame = len(tree.turns), vector(x, 0), contacts.frame
+    n, O, frame = len(tree.is_arm), vector(x, 0), contacts.frame
     contacts.f[:] = 0.0
     contacts.sums[:] = 0.0
     for i in range(contacts.points.shape[0]):
         r = vector(contacts.points[i], 0)
-        _touch(contacts, A, 1.0, 6 * n, add(O, to_world(A, r)), to_world(A, add(v, cross(w, r))), O)
+        _add_contact(contacts, A, 1.0, 6 * n, add(O, to_world(A, r)), to_world(A, add(v, cross(w, r))), O)
     axle = (A[0, 1], A[1, 1], A[2, 1])
     for k in range(n):
         if contacts.radius[k] == 0.0:
@@ -115,4 +115,4 @@ def touch(contacts, tree, x, A, v, w):
             continue
         for side in (-1.0, 1.0):
             arm = add(scale(contacts.radius[k] / length, down), scale(side * contacts.half_width[k], axle))
-            _touch(contacts, A, 0.5, 6 * k, add(centre, arm), add(velocity, cross(turning, arm)), centre)
+            _add_contact(contacts, A, 0.5, 6 * k, add(centre, arm), add(velocity, cross(turning, arm)), centre)

@@ -16,7 +16,7 @@ import numpy as np
 from fmus.chassis.touch import touch
 from fmus.chassis.tree import unpacked
 from fmus.jit import allocating, kernel
-from fmus.model import too_many
+from fmus.model import too_many_steps
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import put_quat, quat_normalise, quat_to_matrix
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
@@ -24,7 +24,7 @@ from fmus.stance import Stance
 
 ROOT = 13  # numbers of the free body in the state
 LEAF = 4  # numbers of a leaf in the state
-BOOKS = 2  # energies in the state: dissipated energy, work of the wrenches
+ENERGY_SUMS = 2  # energies in the state: dissipated energy, work of the wrenches
 
 FINE, NOT_FINITE, BROKEN_QUATERNION, OUT_OF_REACH = 0, 1, 2, 3  # faults; the number of the leaf is added to the last
 TURNED_TOO_FAR, MOVED_TOO_FAR, TOO_LONG = 3, 4, 5  # further failures of a step, after the first faults
@@ -40,7 +40,7 @@ class Parts(NamedTuple):
     centre: tuple[float, float, float]  # centre of mass of the hull in the drawn position, vehicle frame, m
     hull: Stance  # of the hull at the start
     leaves: np.ndarray  # (n) coordinates of the leaves at the start
-    missing: tuple[float, float]  # preload that the left and the right tensioner lack, N
+    missing_preload: tuple[float, float]  # preload that the left and the right tensioner lack, N
     sides: int  # sides that have ports
     state: np.ndarray
     counters: np.ndarray  # (2) int
@@ -49,7 +49,7 @@ class Parts(NamedTuple):
 @kernel
 def wheel_offset(tree, k, d):
     """Wheel centre of leaf k from its hinge, m, and the derivative by its coordinate d, in B. (1)"""
-    if tree.turns[k] == 0:
+    if tree.is_arm[k] == 0:
         return (d, 0.0, 0.0), (1.0, 0.0, 0.0)
     x, z, c, s = tree.arm[k, 0], tree.arm[k, 1], np.cos(d), np.sin(d)
     r = (c * x + s * z, 0.0, c * z - s * x)
@@ -59,7 +59,7 @@ def wheel_offset(tree, k, d):
 @kernel
 def compression(tree, k, d):
     """Compression of the spring of leaf k since the drawn position, m, and its derivative by d. (2)"""
-    if tree.turns[k] == 0:
+    if tree.is_arm[k] == 0:
         return d, 1.0
     x, z, c, s = tree.on_arm[k, 0], tree.on_arm[k, 1], np.cos(d), np.sin(d)
     ax, az = c * x + s * z, c * z - s * x
@@ -78,7 +78,7 @@ def leaf_inertia(tree, k, r, w):
 @kernel
 def unit_wrench(tree, k, A, u):
     """Force and torque on unit k in B, from the world wrenches u (6 for each input)."""
-    i, m = 6 * tree.source[k], tree.mirror[k]
+    i, m = 6 * tree.input_index[k], tree.mirror[k]
     f, g = to_body(A, vector(u, i)), to_body(A, vector(u, i + 3))
     return (f[0], m * f[1], f[2]), (m * g[0], g[1], m * g[2])
 
@@ -104,9 +104,9 @@ def leaf_bias(tree, k, w, qd, r, c, lc):
     w: angular velocity of B; qd: rate of the leaf; r: from the hinge to the wheel centre; c: centre of mass, and lc its
     derivative by the coordinate.
     """
-    y = float(tree.turns[k])
-    bend, wl = scale(-tree.fraction[k] * y * qd * qd, r), (w[0], w[1] + y * qd, w[2])
-    bias = add(add(cross(w, cross(w, c)), cross(scale(2 * qd, w), lc)), bend)
+    y = float(tree.is_arm[k])
+    centripetal, wl = scale(-tree.fraction[k] * y * qd * qd, r), (w[0], w[1] + y * qd, w[2])
+    bias = add(add(cross(w, cross(w, c)), cross(scale(2 * qd, w), lc)), centripetal)
     gyro = add(leaf_inertia(tree, k, r, cross(w, (0.0, y * qd, 0.0))), cross(wl, leaf_inertia(tree, k, r, wl)))
     return scale(-tree.leaf_mass[k], bias), scale(-1.0, gyro)
 
@@ -130,14 +130,14 @@ def leaf_tensor(tree, k, r, J):
 
 
 @kernel
-def eliminate(M, b, Q, k, g, own):
-    """Eliminate leaf k from M (6, 6) and b (6); divide its row of Q (n, 6) by ``own``, its mass. (10)"""
+def eliminate(M, b, Q, k, g, generalized_mass):
+    """Eliminate leaf k from M (6, 6) and b (6); divide its row of Q (n, 6) by its ``generalized_mass``. (10)"""
     for i in range(6):
         b[i] -= Q[k, i] * g
         for j in range(i + 1):
-            M[i, j] -= Q[k, i] * Q[k, j] / own
+            M[i, j] -= Q[k, i] * Q[k, j] / generalized_mass
     for i in range(6):
-        Q[k, i] /= own
+        Q[k, i] /= generalized_mass
 
 
 @kernel
@@ -165,7 +165,7 @@ def rates(tree, contacts, x, u, out):
 
     u: wrenches on the units, world (6 for each input); the wrenches of the ground are added where there are contacts.
     """
-    n = len(tree.turns)
+    n = len(tree.is_arm)
     A = quat_to_matrix(x[3:7])
     v, w = to_body(A, vector(x, 7)), vector(x, 10)
     M, b, J = np.zeros((6, 6)), np.zeros(6), np.zeros((3, 3))
@@ -180,7 +180,7 @@ def rates(tree, contacts, x, u, out):
         F, T = add(F, vector(contacts.f, 6 * n)), add(T, vector(contacts.f, 6 * n + 3))
 
     for k in range(n):
-        q, qd, y = x[d + k], x[rate + k], float(tree.turns[k])
+        q, qd, y = x[d + k], x[rate + k], float(tree.is_arm[k])
         r, dr = wheel_offset(tree, k, q)
         hinge, s, m = vector(tree.hinge[k], 0), tree.fraction[k], tree.leaf_mass[k]
         c, lc, turn = add(hinge, scale(s, r)), scale(s, dr), (0.0, y, 0.0)
@@ -196,17 +196,17 @@ def rates(tree, contacts, x, u, out):
         T = add(T, add(add(cross(wheel, f), (torque[0], 0.0, torque[2])), add(cross(c, f_c), t_c)))
         momentum += tree.spin_inertia[k] * x[spin_rate + k]
 
-        push, slope, lost = spring(tree, k, q, qd)
-        dissipated += lost
+        push, slope, lost_power = spring(tree, k, q, qd)
+        dissipated += lost_power
 
         Jt = leaf_inertia(tree, k, r, turn)
-        own = m * dot(lc, lc) + dot(turn, Jt)
-        g[k] = (dot(dr, f) + dot(lc, f_c) + dot(turn, t_c) - slope * push) / own
+        generalized_mass = m * dot(lc, lc) + dot(turn, Jt)
+        g[k] = (dot(dr, f) + dot(lc, f_c) + dot(turn, t_c) - slope * push) / generalized_mass
         put(Q[k], 0, scale(m, lc))
         put(Q[k], 3, add(cross(c, scale(m, lc)), Jt))
         leaf_tensor(tree, k, r, J)
         add_body(M, m, c, J)
-        eliminate(M, b, Q, k, g[k], own)
+        eliminate(M, b, Q, k, g[k], generalized_mass)
 
         out[d + k], out[spin + k] = qd, x[spin_rate + k] - w[1]
         out[spin_rate + k] = torque[1] / tree.spin_inertia[k]  # (4)
@@ -233,7 +233,7 @@ def free_body(tree, A, v, w, u, M):
     F = scale(-tree.mass, cross(w, cross(w, c)))
     T = add(cross(c, F), cross(to_world(tree.inertia, w), w))
     for side in range(2):
-        f, torque = unit_wrench(tree, len(tree.turns) + side, A, u)
+        f, torque = unit_wrench(tree, len(tree.is_arm) + side, A, u)
         mount = vector(tree.sprocket[side], 0)
         F, T = add(F, f), add(T, add(torque, cross(mount, f)))
         power += dot(f, add(v, cross(w, mount))) + dot(torque, w)
@@ -260,13 +260,13 @@ def fault(tree, x):
             return NOT_FINITE
     if abs(np.sqrt(x[3] ** 2 + x[4] ** 2 + x[5] ** 2 + x[6] ** 2) - 1.0) > 1e-2:
         return BROKEN_QUATERNION
-    for k in range(len(tree.turns)):
+    for k in range(len(tree.is_arm)):
         q = x[ROOT + k]
-        if tree.turns[k] == 0:
-            beyond = abs(q) > tree.reach[k]
+        if tree.is_arm[k] == 0:
+            out_of_reach = abs(q) > tree.travel[k]
         else:  # past the dead point, where the spring's line runs through the pin
-            beyond = abs(q) > np.pi or compression(tree, k, q)[1] * compression(tree, k, 0.0)[1] <= 0.0
-        if beyond:
+            out_of_reach = abs(q) > np.pi or compression(tree, k, q)[1] * compression(tree, k, 0.0)[1] <= 0.0
+        if out_of_reach:
             return OUT_OF_REACH + k
     return FINE
 
@@ -276,54 +276,54 @@ def advance(packed, contacts, x, u, h, steps):
     """Integrate x in place over ``steps`` steps of h s under constant u; return steps done and fault."""
     tree = unpacked(packed)
     k, y = np.empty((len(RK4.b), len(x))), np.empty(len(x))
-    for done in range(steps):
+    for steps_done in range(steps):
         for i in range(len(RK4.b)):
             stage(RK4, i, h, x, k, y)
             rates(tree, contacts, y, u, k[i])
         finish(RK4, h, x, k)
         code = fault(tree, x)
         if code != FINE:
-            return done + 1, code
+            return steps_done + 1, code
         put_quat(x, 3, quat_normalise(x[3:7]))
     return steps, FINE
 
 
 @allocating
-def step(c, told, t, h, u):
-    """See ``fmus.model.Component``; u: mean wrenches on the places, world."""
-    if too_many(told[0], t, h, c.longest):
+def step(c, messages, t, h, u):
+    """See ``fmus.model.ComponentModel``; u: mean wrenches on the places, world."""
+    if too_many_steps(messages[0], t, h, c.longest):
         return TOO_LONG
     tree, x, steps = unpacked(c.packed), c.state, max(1, int(np.ceil(h / c.longest - 1e-9)))
-    done, code = advance(c.packed, c.contacts, x, u, h / steps, steps)
-    told[0, 0] = t + done * h / steps
+    steps_done, code = advance(c.packed, c.contacts, x, u, h / steps, steps)
+    messages[0, 0] = t + steps_done * h / steps
     if code == FINE:
         c.counters[0] += steps
         c.counters[1] += len(RK4.b) * steps
-    return blame(tree, code, x, told[0])
+    return step_failure(tree, code, x, messages[0])
 
 
 @kernel
-def blame(tree, code, x, told):
+def step_failure(tree, code, x, numbers):
     """Failure of a step that led to the state ``x`` with the fault ``code``.
 
-    Writes the part (an index in the state) and its coordinate to ``told``.
+    Writes the part (an index in the state) and its coordinate to ``numbers``.
     """
     if code == NOT_FINITE:
         for i in range(x.size):
             if not np.isfinite(x[i]):
-                told[1] = i
+                numbers[1] = i
                 break
     if code < OUT_OF_REACH:
         return code
     leaf = code - OUT_OF_REACH
-    told[1], told[2] = ROOT + leaf, x[ROOT + leaf]
-    return TURNED_TOO_FAR if tree.turns[leaf] else MOVED_TOO_FAR
+    numbers[1], numbers[2] = ROOT + leaf, x[ROOT + leaf]
+    return TURNED_TOO_FAR if tree.is_arm[leaf] else MOVED_TOO_FAR
 
 
 @allocating
 def energies(tree, x):
     """Kinetic, gravity (0 where the common centre of mass is at z = 0) and spring energy, J. (13)"""
-    n = len(tree.turns)
+    n = len(tree.is_arm)
     A = quat_to_matrix(x[3:7])
     v, w = to_body(A, vector(x, 7)), vector(x, 10)
     c = vector(tree.centre, 0)
@@ -334,7 +334,7 @@ def energies(tree, x):
         r, dr = wheel_offset(tree, k, q)
         c = add(vector(tree.hinge[k], 0), scale(tree.fraction[k], r))
         vc = add(add(v, cross(w, c)), scale(qd * tree.fraction[k], dr))
-        wl = (w[0], w[1] + tree.turns[k] * qd, w[2])
+        wl = (w[0], w[1] + tree.is_arm[k] * qd, w[2])
         kinetic += 0.5 * tree.leaf_mass[k] * dot(vc, vc) + 0.5 * dot(wl, leaf_inertia(tree, k, r, wl))
         kinetic += 0.5 * tree.spin_inertia[k] * spin * spin
         moment = add(moment, scale(tree.leaf_mass[k], c))

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 
 from fmus.chassis.begin import begin
-from fmus.chassis.dynamics import BOOKS, LEAF, ROOT, Parts, blame, step
-from fmus.chassis.observe import observe
+from fmus.chassis.dynamics import ENERGY_SUMS, LEAF, ROOT, Parts, step, step_failure
+from fmus.chassis.observe import write_outputs
 from fmus.chassis.tree import packed, tree, unpacked
-from fmus.defaults import given
-from fmus.model import TOO_MANY, Component, Free, InvalidParameter
+from fmus.defaults import parameter_values
+from fmus.model import TOO_MANY_STEPS, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
-from fmus.ports import POSITIVE, WRENCH, Port, start_pose, wheel_state, wrench
-from fmus.sentences import TOLD, Sentence, say
-from fmus.stance import leaning, stance
+from fmus.ports import POSITIVE, WRENCH, Port, motion_ports, start_pose_ports, wrench_ports
+from fmus.sentences import GAPS, Sentence, format_sentence
+from fmus.stance import roll_pitch_quaternion, stance
 from fmus.start import KEYS
 
 
@@ -44,7 +44,7 @@ def spring_ports(side: str, wheels: int) -> list[Port]:
 def chassis_ports() -> list[Port]:
     """Pose and progress of the chassis."""
     return [
-        *wheel_state("chassis", "output"),
+        *motion_ports("chassis", "output"),
         Port("pitch", "output", "rad", "pitch of the chassis about y, nose down is positive"),
         Port("roll", "output", "rad", "roll of the chassis about x, right side down is positive"),
         Port("yaw", "output", "rad", "yaw of the chassis about z, from the world's x axis"),
@@ -63,18 +63,18 @@ def touch_ports() -> list[Port]:
     ]
 
 
-class Model(Component):
+class Model(ComponentModel):
     """Chassis, road arms, springs, wheels, idlers, sprocket masses, on the sides that have ports.
 
     ``config``: {"vehicle": vehicle table in SI, "chassis": {"sides": ["left", "right"] or ["left"], "ground"}}. With
     the left side alone the right side is computed too, with the left side's wrenches mirrored. ``ground``, where hull
-    or bare wheels touch it: see ``contacts.contacts``. ``start``: a ``fmus.equilibrium.Equilibrium`` as a mapping, by
-    default the drawn position. ``push``, N: the part of tensioner.preload that balances a track; the tensioner of a
-    side without a track lacks it.
+    or bare wheels touch it: see ``contacts.contacts``. ``start``: a ``fmus.equilibrium.VehicleEquilibrium`` as a
+    mapping, by default the drawn position. ``push``, N: the part of tensioner.preload that balances a track; the
+    tensioner of a side without a track lacks it.
     """
 
-    starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(observe)
-    placing = *KEYS, "suspension.preload", "tensioner.preload"
+    start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
+    start_parameters = *KEYS, "suspension.preload", "tensioner.preload"
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         vehicle, sides = config["vehicle"], list(config["chassis"]["sides"])
@@ -89,8 +89,8 @@ class Model(Component):
         self._centre = x, y, z
         places = [f"{side}.{name}" for side in sides for name in stations(self._wheels)]
         self.ports: tuple[Port, ...] = (
-            *(port for place in places for port in wrench(place, "input")),
-            *(port for place in places for port in wheel_state(place, "output")),
+            *(port for place in places for port in wrench_ports(place, "input")),
+            *(port for place in places for port in motion_ports(place, "output")),
             *chassis_ports(),
             *(port for side in sides for port in spring_ports(side, self._wheels)),
             Port("energy.kinetic", "output", "J", "kinetic energy"),
@@ -102,7 +102,7 @@ class Model(Component):
             *(touch_ports() if self._ground else ()),
             Port("solver.steps", "output", "1", "internal steps since the start", 0),
             Port("solver.evaluations", "output", "1", "evaluations of the accelerations since the start", 0),
-            *start_pose(),
+            *start_pose_ports(),
             # friction of a loaded wheel is fast: mu N R^2 / (v_reg I) = 1e3 1/s for 10 kN
             Port("step", "parameter", "s", "largest internal step", 1e-4 if self._ground else 1e-3,
                  allowed=POSITIVE),
@@ -112,10 +112,10 @@ class Model(Component):
                  " would balance a track on a side that has none",
                  float(vehicle["tensioner"]["preload"])),
         )  # fmt: skip
-        self.state: Floats = np.zeros(ROOT + LEAF * len(self.tree.turns) + BOOKS)
+        self.state: Floats = np.zeros(ROOT + LEAF * len(self.tree.is_arm) + ENERGY_SUMS)
         self.counters = np.zeros(2, dtype=np.int64)
         self._start = np.zeros(5)
-        self._begins(config["chassis"])
+        self._set_start(config["chassis"])
         self.inputs = WRENCH * len(places)
         names = tuple(self._part(i) for i in range(self.state.size))
         self.failures = (
@@ -126,30 +126,30 @@ class Model(Component):
             ),
             Sentence("at t = {0:.6g} s the {1:name} is beyond its reach, {2:.3g} rad from its drawn position", names),
             Sentence("at t = {0:.6g} s the {1:name} is beyond its reach, {2:.3g} m from its drawn position", names),
-            TOO_MANY,
+            TOO_MANY_STEPS,
         )
 
-    def begun(self, at: Mapping[str, Any] | None = None) -> Floats:
-        """State with the start pose 0; ``at``, a mapping like the config's ``start``, replaces that."""
-        if at is not None:
+    def start_state(self, start: Mapping[str, Any] | None = None) -> Floats:
+        """State with the start pose 0; ``start``, a mapping as the config's, replaces that."""
+        if start is not None:
             x, y, z = self._centre
-            self._hull = stance((x, y, z + at["height"], *leaning(at["roll"], at["pitch"])))
-            self._leaves[:] = *at["left"], *at["right"]
+            self._hull = stance((x, y, z + start["height"], *roll_pitch_quaternion(start["roll"], start["pitch"])))
+            self._leaves[:] = *start["left"], *start["right"]
         state = np.zeros_like(self.state)
         state[:7], state[ROOT : ROOT + self._leaves.size] = self._hull, self._leaves
         return state
 
-    def _begins(self, config: Mapping[str, Any]) -> None:
+    def _set_start(self, config: Mapping[str, Any]) -> None:
         """Set hull, leaves and tensioners of the start."""
         self._hull, self._leaves = stance(self._centre), np.zeros(2 * (self._wheels + 1))
-        self.begun(config.get("start"))
+        self.start_state(config.get("start"))
         bare = (self._ground or {}).get("bare", ())
         left, right = (float(config.get("push", 0.0)) if side in bare else 0.0 for side in ("left", "right"))
-        self._missing = left, right
+        self._missing_preload = left, right
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Start at rest at the start pose; raises InvalidParameter."""
-        values = given(self.ports, parameters)
+        values = parameter_values(self.ports, parameters)
         if self._ground:
             from fmus.chassis.contacts import contacts
 
@@ -157,24 +157,24 @@ class Model(Component):
         self.counters[:] = 0
         parts = Parts(
             self._packed, self._contacts, values["step"], self._start, self._centre, self._hull, self._leaves,
-            self._missing, len(self.sides), self.state, self.counters,
+            self._missing_preload, len(self.sides), self.state, self.counters,
         )  # fmt: skip
         self.begin(values, parts)
 
-    def free(self, p: Mapping[str, Any]) -> Free:
+    def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters; with contacts of the ground all but the height."""
-        besides = tuple(name for name in self.placing if not (self._ground and name == "start.height"))
-        return Free({"longest": "{step}"}, besides)
+        start_only = tuple(name for name in self.start_parameters if not (self._ground and name == "start.height"))
+        return FreeParameters({"longest": "{step}"}, start_only)
 
-    def complaint(self, t: float, code: int, state: Floats) -> str:
+    def fault_sentence(self, t: float, code: int, state: Floats) -> str:
         """Sentence of a fault ``code`` of ``state`` at ``t``."""
-        told = np.zeros(TOLD)
-        told[0] = t
-        return say(self.failures[blame(self.tree, code, state, told)], told)
+        numbers = np.zeros(GAPS)
+        numbers[0] = t
+        return format_sentence(self.failures[step_failure(self.tree, code, state, numbers)], numbers)
 
     def _part(self, index: int) -> str:
         """Name of the part of the vehicle to which the state's entry ``index`` belongs."""
-        leaves = len(self.tree.turns)
+        leaves = len(self.tree.is_arm)
         if not ROOT <= index < ROOT + LEAF * leaves:
             return "chassis"
         side, k = divmod((index - ROOT) % leaves, leaves // 2)

@@ -29,7 +29,7 @@ def put_motion(y, i, x, A, r, dr, q, w):
 @allocating
 def put_sides(tree, x, sides, y, i):
     """Write the motions (13 each) of wheels, idler and sprocket mount of each side."""
-    n, still = len(tree.turns), (0.0, 0.0, 0.0)
+    n, still = len(tree.is_arm), (0.0, 0.0, 0.0)
     A, w = quat_to_matrix(x[3:7]), vector(x, 10)
     for side in range(sides):
         for k in range(side * n // 2, (side + 1) * n // 2):
@@ -59,12 +59,12 @@ def put_chassis(x, start, y, i):
 @kernel
 def put_springs(tree, x, sides, y, i):
     """Write arm angle, force and length of each suspension, then the tensioner's force, side by side."""
-    n = len(tree.turns)
+    n = len(tree.is_arm)
     for k in range(sides * n // 2):
         d, rate = x[ROOT + k], x[ROOT + 2 * n + k]
         e, slope = compression(tree, k, d)
         push = tree.preload[k] + tree.stiffness[k] * e + tree.damping[k] * slope * rate
-        if tree.turns[k] == 1:
+        if tree.is_arm[k] == 1:
             y[i], y[i + 1], y[i + 2] = d, push, tree.drawn_length[k] - e
             i += 3
         else:
@@ -74,8 +74,8 @@ def put_springs(tree, x, sides, y, i):
 
 
 @allocating
-def observe(c, y):
-    """See ``fmus.model.Component``."""
+def write_outputs(c, y):
+    """See ``fmus.model.ComponentModel``."""
     tree, x = unpacked(c.packed), c.state
     i = put_sides(tree, x, c.sides, y, 0)
     i = put_chassis(x, c.start, y, i)

@@ -1,4 +1,4 @@
-"""Door from the chassis to its contacts: resolved when a chassis with contacts is compiled.
+"""Dispatch from the chassis to its contacts: resolved when a chassis with contacts is compiled.
 
 Where ``contacts`` is None numba removes the call, and the contact modules are not imported.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fmus.jit import door
+from fmus.jit import dispatch
 
 
 def _kernels(contacts: type) -> Any:
@@ -16,6 +16,6 @@ def _kernels(contacts: type) -> Any:
     return kernels
 
 
-@door(_kernels, shared=True)
+@dispatch(_kernels, shared=True)
 def touch(contacts, tree, x, A, v, w):
     """See ``contacts.touch``."""

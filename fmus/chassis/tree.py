@@ -20,7 +20,7 @@ from fmus.physics.arrays import Floats
 Integers = NDArray[np.int64]
 
 
-class Tree(NamedTuple):
+class VehicleTree(NamedTuple):
     """Numbers of a vehicle without its tracks, SI, frame B; n leaves, n + 2 units on which wrenches act."""
 
     gravity: float  # m/s2, downward
@@ -28,7 +28,7 @@ class Tree(NamedTuple):
     total_mass: float  # with all leaves, kg
     centre: Floats  # (3,) centre of mass of chassis with sprockets, m
     inertia: Floats  # (3, 3) of chassis with sprockets about that centre, without the sprockets' spin, kg m2
-    turns: Integers  # (n,) 1 for a road arm, 0 for an idler
+    is_arm: Integers  # (n,) 1 for a road arm, 0 for an idler
     hinge: Floats  # (n, 3) pin of the arm, or drawn wheel centre of the idler, m
     arm: Floats  # (n, 2) x and z of the wheel centre from the pin in the drawn position, m; 0 for an idler
     fraction: Floats  # (n,) centre of mass of arm and wheel on the line from pin to wheel centre; 1 for an idler
@@ -45,13 +45,13 @@ class Tree(NamedTuple):
     stiffness: Floats  # (n,) N/m
     damping: Floats  # (n,) N s/m
     preload: Floats  # (n,) push of the spring in the drawn position, N
-    reach: Floats  # (n,) largest motion of an idler on its slide, m
+    travel: Floats  # (n,) largest motion of an idler on its slide, m
     sprocket: Floats  # (2, 3) centres of the sprocket mounts, left and right, m
-    source: Integers  # (n + 2,) index of the wrench input that acts on a unit: leaves, left mount, right mount
+    input_index: Integers  # (n + 2,) index of the wrench input that acts on a unit: leaves, left mount, right mount
     mirror: Floats  # (n + 2,) 1, or -1 where the input is that of the other side, mirrored in the plane y = 0 of B
 
 
-def tree(vehicle: Mapping[str, Any], sides: int) -> Tree:
+def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
     """Tree of a vehicle table; with ``sides`` = 1 the right side gets the left side's wrenches, mirrored."""
     body, sprocket, idler = vehicle["chassis"], vehicle["sprocket"], vehicle["idler"]
     wheel, arm, spring = vehicle["road_wheel"], vehicle["road_arm"], vehicle["suspension"]
@@ -77,23 +77,23 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> Tree:
     leaf_mass = wheel["mass"] + arm["mass"]
     # arm and wheel: point masses at a distance of half an arm, on the line of the arm
     reduced = 0.25 * wheel["mass"] * arm["mass"] / leaf_mass
-    square = float(pivot @ pivot)
+    length_squared = float(pivot @ pivot)
     per_unit = np.arange(2 * count)
     sources = np.concatenate([per_unit + per_unit // count, [count, 2 * count + 1]])  # inputs: leaves, then the mount
     right = np.concatenate([per_unit >= count, [False, True]])
-    return Tree(
+    return VehicleTree(
         gravity=float(vehicle["gravity"]),
         mass=mass,
         total_mass=mass + 2 * ((count - 1) * leaf_mass + idler["mass"]),
         centre=centre,
         inertia=inertia,
-        turns=leaves(1, 0).astype(np.int64),
+        is_arm=leaves(1, 0).astype(np.int64),
         hinge=hinge,
         arm=leaves(-pivot, [0.0, 0.0]),
         fraction=leaves((wheel["mass"] + 0.5 * arm["mass"]) / leaf_mass, 1.0),
         leaf_mass=leaves(leaf_mass, idler["mass"]),
-        across=leaves(arm["pin_inertia"] + reduced * square, 0.0),
-        along=leaves((arm["pin_inertia"] - arm["long_inertia"]) / square + reduced, 0.0),
+        across=leaves(arm["pin_inertia"] + reduced * length_squared, 0.0),
+        along=leaves((arm["pin_inertia"] - arm["long_inertia"]) / length_squared + reduced, 0.0),
         transverse=leaves(wheel["transverse_inertia"], idler["transverse_inertia"]),
         spin_inertia=leaves(wheel["spin_inertia"], idler["spin_inertia"]),
         on_arm=leaves(on_arm, [0.0, 0.0]),
@@ -102,9 +102,9 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> Tree:
         stiffness=leaves(spring["stiffness"], tensioner["stiffness"]),
         damping=leaves(spring["damping"], tensioner["damping"]),
         preload=leaves(spring["preload"], tensioner["preload"]),
-        reach=leaves(0.0, idler["radius"]),
+        travel=leaves(0.0, idler["radius"]),
         sprocket=mounts,
-        source=np.where(right & (sides == 1), sources - count - 1, sources),
+        input_index=np.where(right & (sides == 1), sources - count - 1, sources),
         mirror=np.where(right & (sides == 1), -1.0, 1.0),
     )
 
@@ -122,36 +122,36 @@ def _with_sprockets(
     return mass, centre, inertia
 
 
-class Packed(NamedTuple):
-    """Tree as three arrays: passing these to a kernel takes a third of the time of passing a ``Tree``."""
+class PackedTree(NamedTuple):
+    """Tree as three arrays: passing these to a kernel takes a third of the time of passing a ``VehicleTree``."""
 
     body: Floats  # (n + 23,) numbers that belong to no leaf; mirror
     leaves: Floats  # (n, 20)
-    whole: Integers  # (2, n + 2) turns, filled up with 0; source
+    integers: Integers  # (2, n + 2) is_arm, filled up with 0; input_index
 
 
-def packed(tree: Tree) -> Packed:
+def packed(tree: VehicleTree) -> PackedTree:
     """Three arrays with the numbers of a tree, see ``unpacked``."""
     t = tree
     body = [t.gravity, t.mass, t.total_mass, *t.centre, *t.inertia.ravel(), *t.sprocket.ravel(), *t.mirror]
     pairs = t.hinge, t.arm, t.on_arm, t.on_chassis
     numbers = t.fraction, t.leaf_mass, t.across, t.along, t.transverse, t.spin_inertia
-    springs = t.drawn_length, t.stiffness, t.damping, t.preload, t.reach
-    whole = np.array([[*t.turns, 0, 0], t.source])
-    return Packed(np.array(body), np.column_stack([*pairs, *numbers, *springs]), whole)
+    springs = t.drawn_length, t.stiffness, t.damping, t.preload, t.travel
+    integers = np.array([[*t.is_arm, 0, 0], t.input_index])
+    return PackedTree(np.array(body), np.column_stack([*pairs, *numbers, *springs]), integers)
 
 
 @allocating
 def unpacked(packed):
     """Tree whose arrays are views of the packed ones."""
-    b, x, whole = packed.body, packed.leaves, packed.whole
-    return Tree(
+    b, x, integers = packed.body, packed.leaves, packed.integers
+    return VehicleTree(
         gravity=b[0],
         mass=b[1],
         total_mass=b[2],
         centre=b[3:6],
         inertia=b[6:15].reshape(3, 3),
-        turns=whole[0, : len(x)],
+        is_arm=integers[0, : len(x)],
         hinge=x[:, 0:3],
         arm=x[:, 3:5],
         fraction=x[:, 9],
@@ -166,8 +166,8 @@ def unpacked(packed):
         stiffness=x[:, 16],
         damping=x[:, 17],
         preload=x[:, 18],
-        reach=x[:, 19],
+        travel=x[:, 19],
         sprocket=b[15:21].reshape(2, 3),
-        source=whole[1],
+        input_index=integers[1],
         mirror=b[21:],
     )

@@ -7,29 +7,29 @@ from typing import Any
 
 import numpy as np
 
-from fmus.course import course
-from fmus.defaults import configured, given
-from fmus.driver.path import NONE, Path, of_arcs, through
-from fmus.driver.plan import plan
-from fmus.driver.pursuit import WIDTH, Law, Parts, begin, show, step
+from fmus.course import parse_course
+from fmus.defaults import configured_ports, parameter_values
+from fmus.driver.path import NONE, Path, path_of_arcs, path_through_points
+from fmus.driver.plan import empty_plan
+from fmus.driver.pursuit import WIDTH, ControlLaw, Parts, begin, step, write_outputs
 from fmus.driver.skid import footing
-from fmus.model import NO_ROTATION, Component, Free, InvalidParameter
+from fmus.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
-from fmus.ports import NOT_NEGATIVE, POSITIVE, STATE, Port, Range, start_pose, wheel_state
+from fmus.ports import NOT_NEGATIVE, POSITIVE, STATE, Port, Range, motion_ports, start_pose_ports
 from fmus.sentences import Sentence
-from fmus.start import KEYS, start
+from fmus.start import KEYS, start_pose
 
 SHARE = Range(0.05, 0.9, "between 0.05 and 0.9")
-SLIPPERY = 1.4  # width that turns alike without slip, over the tracks' distance: 0.449 / 0.3142 rad/s in `turn`
+WIDTH_FACTOR = 1.4  # width that turns alike without slip, over the tracks' distance: 0.449 / 0.3142 rad/s in `turn`
 
 
 def parameter_ports(vehicle: Mapping[str, Any]) -> list[Port]:
     """Parameters of a driver of this vehicle."""
-    width = 2.0 * SLIPPERY * float(vehicle["track"]["lateral"])
+    width = 2.0 * WIDTH_FACTOR * float(vehicle["track"]["lateral"])
     friction = float(vehicle["contact"]["ground"]["friction"])
     frame = "from where the middle of the road wheels stands at the start, in the frame of the start"
     return [
-        *start_pose(),
+        *start_pose_ports(),
         Port("path.arcs", "parameter", "1", f"'length curvature; ...', m and 1/m, left is positive: arcs {frame}", ""),
         Port("path.points", "parameter", "1", f"'x y; x y; ...', m: points of a smooth path, {frame}", ""),
         Port("heading", "parameter", "rad", "heading to hold against that of the start, where there is no path"),
@@ -63,21 +63,21 @@ def parameter_ports(vehicle: Mapping[str, Any]) -> list[Port]:
     ]  # fmt: skip
 
 
-class Model(Component):
+class Model(ComponentModel):
     """Driver that reads the motion of the hull and demands a speed of each sprocket.
 
     ``config``: {"vehicle": a vehicle's table}; other keys are not read. A hull whose inputs still have their start
     values stands still at the start pose.
     """
 
-    starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(show)
-    placing, refused = KEYS, (Sentence(""), Sentence("ramp.end = {0:.6g} s must not be before ramp.start"))
+    start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
+    start_parameters, refusals = KEYS, (Sentence(""), Sentence("ramp.end = {0:.6g} s must not be before ramp.start"))
     failures = (
         Sentence(""),
         Sentence(NO_ROTATION, ("chassis",)),
         Sentence("at t = {0:.6g} s the demands are not finite: the vehicle is lost"),
     )
-    warned = (Sentence("at t = {0:.6g} s the vehicle is {1:.3g} m beside its path"),)
+    warning_sentences = (Sentence("at t = {0:.6g} s the vehicle is {1:.3g} m beside its path"),)
     inputs = STATE
 
     def __init__(self, config: Mapping[str, Any]) -> None:
@@ -88,10 +88,10 @@ class Model(Component):
         self._footing, _ = footing(vehicle)
         self._creep = float(vehicle["contact"]["ground"]["friction_velocity"])
         self._radius = vehicle["sprocket"]["teeth"] * vehicle["track"]["pitch"] / (2.0 * np.pi)
-        parameters = configured(parameter_ports(vehicle), config)
-        standing = self._standing({port.name: port.start for port in parameters})
+        parameters = configured_ports(parameter_ports(vehicle), config)
+        start_motion = self._start_motion({port.name: port.start for port in parameters})
         self.ports: tuple[Port, ...] = (
-            *wheel_state("chassis", "input", standing),
+            *motion_ports("chassis", "input", start_motion),
             Port("left.speed", "output", "rad/s", "wanted speed of the left sprocket against its mount"),
             Port("right.speed", "output", "rad/s", "wanted speed of the right sprocket against its mount"),
             Port("path.lateral_error", "output", "m", "how far left of its path the middle of the road wheels is"),
@@ -104,66 +104,68 @@ class Model(Component):
             *parameters,
         )
         self._unconnected = np.array([port.start for port in self.ports[:STATE]])
-        self._stands = self._unconnected.copy()
-        self._law: Law
+        self._rest_motion = self._unconnected.copy()
+        self._law: ControlLaw
         self._path: Path = NONE
         self.state: Floats = np.zeros(WIDTH)
         self.counters = np.zeros(1, dtype=np.int64)
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Start at the beginning of the path; raises InvalidParameter."""
-        values = given(self.ports, parameters)
-        self._law, self._path = self._checked(values), self._drawn(values)
+        values = parameter_values(self.ports, parameters)
+        self._law, self._path = self._law_of(values), self._path_of(values)
         self.counters[:] = 0
-        placed = self._path._replace(x=self._path.x.copy(), y=self._path.y.copy(), heading=self._path.heading.copy())
+        world_path = self._path._replace(
+            x=self._path.x.copy(), y=self._path.y.copy(), heading=self._path.heading.copy()
+        )
         self.begin(
             values,
             Parts(
                 self._law,
                 self._footing,
                 self._path,
-                placed,
-                plan(self._path),
+                world_path,
+                empty_plan(self._path),
                 self._centre,
                 self._unconnected,
-                self._stands,
+                self._rest_motion,
                 np.zeros(self.inputs),
                 self.state,
                 self.counters,
             ),
         )
 
-    def free(self, p: Mapping[str, Any]) -> Free:
+    def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters but the path and tables of points."""
-        own = dict(
-            width="width", heading_gain="heading.gain", reach="reach", preview="preview", gain="yaw.gain",
-            integral="yaw.integral", sharpest="curvature.largest", lateral="acceleration.lateral",
+        names = dict(
+            width="width", heading_gain="heading.gain", reach="reach", preview="preview", rate_gain="yaw.gain",
+            integral="yaw.integral", largest_curvature="curvature.largest", lateral="acceleration.lateral",
             deceleration="deceleration", start_speed="speed.start", end_speed="speed.end", ramp_start="ramp.start",
             ramp_end="ramp.end", friction="friction", grip="grip", lag="drive.lag", yaw_lag="yaw.lag",
             tolerance="path.tolerance",
         )  # fmt: skip
-        numbers = {f"law.{field}": f"{{{name}}}" for field, name in own.items()}
-        return Free({**numbers, "law.heading": "{heading} + {start.heading}"}, self.placing)
+        numbers = {f"law.{field}": f"{{{name}}}" for field, name in names.items()}
+        return FreeParameters({**numbers, "law.heading": "{heading} + {start.heading}"}, self.start_parameters)
 
-    def _standing(self, values: Mapping[str, Any]) -> tuple[float, ...]:
+    def _start_motion(self, values: Mapping[str, Any]) -> tuple[float, ...]:
         """Motion (13) of the hull when nothing moves it."""
-        return start(values).standing(*self._centre)
+        return start_pose(values).point_at_rest(*self._centre)
 
-    def _drawn(self, values: Mapping[str, Any]) -> Path:
+    def _path_of(self, values: Mapping[str, Any]) -> Path:
         """Path in the frame of the start; raises InvalidParameter."""
         arcs, points = values["path.arcs"].strip(), values["path.points"].strip()
         if arcs and points:
             raise InvalidParameter("path.arcs and path.points exclude each other")
         if arcs:
-            return of_arcs("path.arcs", arcs)
-        return through("path.points", points) if points else NONE
+            return path_of_arcs("path.arcs", arcs)
+        return path_through_points("path.points", points) if points else NONE
 
-    def _checked(self, values: Mapping[str, Any]) -> Law:
+    def _law_of(self, values: Mapping[str, Any]) -> ControlLaw:
         """Law from the checked parameters; raises InvalidParameter."""
-        speeds = course("speed.points", str(values["speed.points"]))
+        speeds = parse_course("speed.points", str(values["speed.points"]))
         if speeds.value.min(initial=0.0) < 0.0:
             raise InvalidParameter(f"speed.points = '{str(values['speed.points'])[:80]}' must not be negative")
-        return Law(
+        return ControlLaw(
             radius=self._radius,
             width=float(values["width"]),
             ahead=self._ahead,
@@ -171,9 +173,9 @@ class Model(Component):
             heading_gain=float(values["heading.gain"]),
             reach=float(values["reach"]),
             preview=float(values["preview"]),
-            gain=float(values["yaw.gain"]),
+            rate_gain=float(values["yaw.gain"]),
             integral=float(values["yaw.integral"]),
-            sharpest=float(values["curvature.largest"]),
+            largest_curvature=float(values["curvature.largest"]),
             lateral=float(values["acceleration.lateral"]),
             deceleration=float(values["deceleration"]),
             start_speed=float(values["speed.start"]),

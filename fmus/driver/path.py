@@ -17,10 +17,10 @@ from fmus.jit import kernel
 from fmus.model import InvalidParameter
 from fmus.physics.arrays import Floats
 
-FINE = 0.05  # length of the arcs of a curve through points, m
+ARC_LENGTH = 0.05  # length of the arcs of a curve through points, m
 LONGEST = 1e5  # largest length of such a curve, m
-CLOSE = 1e-9  # distance along the path at which the nearest point counts as found, m
-MOST = 20  # iterations towards the nearest point
+NEAREST_TOLERANCE = 1e-9  # distance along the path at which the nearest point counts as found, m
+MOST_ITERATIONS = 20  # iterations towards the nearest point
 
 
 class Path(NamedTuple):
@@ -40,13 +40,13 @@ NOTHING = np.zeros(0)
 NONE = Path(NOTHING, NOTHING, NOTHING, NOTHING, NOTHING, NOTHING, np.zeros(1, dtype=np.int64), 0.0)
 
 
-def of_arcs(name: str, text: str) -> Path:
+def path_of_arcs(name: str, text: str) -> Path:
     """Path from the text of the parameter ``name``, "length curvature; ...", from the origin along x.
 
     A negative length goes backwards; the length 0 turns on the spot by the second number, an angle in rad. Raises
     InvalidParameter.
     """
-    arcs = _pairs(name, text, "'length curvature; length curvature; ...'")
+    arcs = _number_pairs(name, text, "'length curvature; length curvature; ...'")
     direction = np.sign(arcs[:, 0])
     if ((direction == 0.0) & (arcs[:, 1] == 0.0)).any():
         raise InvalidParameter(
@@ -56,7 +56,7 @@ def of_arcs(name: str, text: str) -> Path:
     x, y, heading = np.zeros((3, len(arcs)))
     path = Path(s[:-1], x, y, heading, arcs[:, 1].copy(), direction, _pieces(direction), float(s[-1]))
     for k in range(1, len(arcs)):
-        x[k], y[k], heading[k] = _along(path, k - 1, abs(arcs[k - 1, 0]))
+        x[k], y[k], heading[k] = _point_on_arc(path, k - 1, abs(arcs[k - 1, 0]))
     return path
 
 
@@ -66,19 +66,19 @@ def _pieces(direction: Floats) -> NDArray[np.int64]:
     return np.concatenate([[0], 1 + np.flatnonzero(changes), [len(direction)]]).astype(np.int64)
 
 
-def through(name: str, text: str) -> Path:
+def path_through_points(name: str, text: str) -> Path:
     """Path from the text of the parameter ``name``, "x y; x y; ...": natural cubic spline through points.
 
     Raises InvalidParameter.
     """
-    points = _pairs(name, text, "'x y; x y; ...'")
+    points = _number_pairs(name, text, "'x y; x y; ...'")
     steps = np.hypot(*np.diff(points, axis=0).T)
     if len(points) < 2 or not (steps > 0.0).all():
         raise InvalidParameter(f"{name} = '{text[:80]}': must be at least two points, each apart from the next")
     if steps.sum() > LONGEST:
         raise InvalidParameter(f"{name} = '{text[:80]}': is {steps.sum():.3g} m long, {LONGEST:g} m are allowed")
     spline = CubicSpline(np.concatenate([[0.0], np.cumsum(steps)]), points, bc_type="natural")
-    fine = [np.linspace(a, b, int(np.ceil((b - a) / FINE)), endpoint=False) for a, b in pairwise(spline.x)]
+    fine = [np.linspace(a, b, int(np.ceil((b - a) / ARC_LENGTH)), endpoint=False) for a, b in pairwise(spline.x)]
     u = np.concatenate([*fine, spline.x[-1:]])
     (x, y), (dx, dy), (ddx, ddy) = (spline(u, order).T for order in range(3))
     heading, speed = np.unwrap(np.arctan2(dy, dx)), np.hypot(dx, dy)
@@ -93,7 +93,7 @@ def through(name: str, text: str) -> Path:
     )
 
 
-def _pairs(name: str, text: str, form: str) -> Floats:
+def _number_pairs(name: str, text: str, form: str) -> Floats:
     try:
         pairs = np.array([[float(number) for number in pair.split()] for pair in text.split(";") if pair.strip()])
         if pairs.shape[1] != 2 or not np.isfinite(pairs).all():
@@ -104,7 +104,7 @@ def _pairs(name: str, text: str, form: str) -> Floats:
 
 
 @kernel
-def _along(path, k, way):
+def _point_on_arc(path, k, way):
     """Position, m, and heading, rad, at ``way`` m along the arc k."""
     c, h, way = path.curvature[k], path.heading[k], path.direction[k] * way
     if path.direction[k] == 0.0:
@@ -115,7 +115,7 @@ def _along(path, k, way):
 
 
 @kernel
-def ends(path, piece):
+def piece_range(path, piece):
     """Ways s at which a piece begins and ends, m."""
     last = path.first[piece + 1]
     return path.s[path.first[piece]], path.s[last] if last < path.s.size else path.length
@@ -135,12 +135,12 @@ def _arc(path, piece, s):
 
 
 @kernel
-def at(path, piece, s):
+def point(path, piece, s):
     """Position, heading and curvature of a piece at the way ``s``; beyond its ends it is straight."""
-    begin, end = ends(path, piece)
+    begin, end = piece_range(path, piece)
     within = min(max(s, begin), end)
     low = _arc(path, piece, within)
-    x, y, h = _along(path, low, within - path.s[low])
+    x, y, h = _point_on_arc(path, low, within - path.s[low])
     beyond = (s - within) * path.direction[low]
     c = path.curvature[low] if within == s and path.direction[low] != 0.0 else 0.0
     return x + beyond * np.cos(h), y + beyond * np.sin(h), h, c
@@ -153,12 +153,12 @@ def nearest(path, piece, x, y, s):
     ``s``: initial guess. The distance of a point behind the beginning of a piece counts from the straight line that
     leads to it.
     """
-    left, begin, direction = 0.0, ends(path, piece)[0], path.direction[path.first[piece]]
-    for _ in range(MOST):
-        px, py, h, c = at(path, piece, s)
+    left, begin, direction = 0.0, piece_range(path, piece)[0], path.direction[path.first[piece]]
+    for _ in range(MOST_ITERATIONS):
+        px, py, h, c = point(path, piece, s)
         ahead = direction * ((x - px) * np.cos(h) + (y - py) * np.sin(h))
         left = (y - py) * np.cos(h) - (x - px) * np.sin(h)
-        if abs(ahead) < CLOSE:
+        if abs(ahead) < NEAREST_TOLERANCE:
             break
         if s == begin and ahead < 0.0:
             break

@@ -24,10 +24,10 @@ from fmus.jit import kernel, plain
 from fmus.physics.arrays import Floats
 
 ITERATIONS = 20  # of Newton's method
-ENOUGH = 1e-8  # residual over the weight at which the iteration ends
+TOLERANCE = 1e-8  # residual over the weight at which the iteration ends
 HALVINGS = 8  # of a Newton correction
-LESS = 4  # halvings of accelerations that friction cannot give
-FASTEST = 0.5  # largest slip beside that of the vehicle's turn, m/s
+MOST_REDUCTIONS = 4  # halvings of accelerations that friction cannot give
+LARGEST_SLIP = 0.5  # largest slip beside that of the vehicle's turn, m/s
 
 
 class Footing(NamedTuple):
@@ -37,43 +37,43 @@ class Footing(NamedTuple):
     inertia: float  # about the vertical through the centre of mass, kg m2
     gravity: float  # m/s2
     height: float  # of the centre of mass over the ground, m
-    half: float  # distance of a track's middle from that of the vehicle, m
+    half_gauge: float  # distance of a track's middle from that of the vehicle, m
     edge: float  # distance of the two contact points from the track's middle, a quarter of its width, m
     wheels: Floats  # (n) x of the road wheels, m
     shares: Floats  # (n) shares of the load of a track
     middle: float  # centroid of the shares, m
     spread: float  # variance of x, weighted by the shares, m2
     arm: float  # mean distance of the loads from the middle, the lever that resists turning on the spot, m
-    leans: float  # distance ahead of the point about which it turns, m, over the share of friction used across
+    centre_shift: float  # distance ahead of the point about which it turns, m, over the share of friction used across
 
 
 def footing(vehicle: Mapping[str, Any]) -> tuple[Footing, float]:
     """Footing from a vehicle's table, and x of its centre of mass in the vehicle frame, m."""
-    masses, x, y, z, own = np.array(list(_bodies(vehicle))).T
+    masses, x, y, z, own_inertia = np.array(list(_bodies(vehicle))).T
     mass = masses.sum()
     ahead, up = masses @ x / mass, masses @ z / mass
-    inertia = own.sum() + masses @ ((x - ahead) ** 2 + y**2)
+    inertia = own_inertia.sum() + masses @ ((x - ahead) ** 2 + y**2)
     track, wheel, gravity = vehicle["track"], vehicle["road_wheel"], float(vehicle["gravity"])
     wheels = np.array(wheel["x"], dtype=float) - ahead
     shares = _shares(vehicle, wheels, 0.5 * mass * gravity)
     middle = float(shares @ wheels)
     edge = 0.25 * track["width"]
-    stands = Footing(
+    unshifted = Footing(
         mass=float(mass),
         inertia=float(inertia),
         gravity=gravity,
         height=float(up - wheel["z"] + wheel["radius"] + 2.0 * track["face"]),
-        half=float(track["lateral"]),
+        half_gauge=float(track["lateral"]),
         edge=float(edge),
         wheels=wheels,
         shares=shares,
         middle=middle,
         spread=max(float(shares @ (wheels - middle) ** 2), 1e-6),
         arm=float(shares @ np.hypot(wheels - middle, edge)),
-        leans=0.0,
+        centre_shift=0.0,
     )
-    (_, _, v), _ = plain(slips)(stands, (1.0, 1e-3), 1.0, 0.0, 0.5 * gravity, 0.0, (0.0, 0.0, 0.0))
-    return stands._replace(leans=-v / 0.5), float(ahead)
+    (_, _, v), _ = plain(slips)(unshifted, (1.0, 1e-3), 1.0, 0.0, 0.5 * gravity, 0.0, (0.0, 0.0, 0.0))
+    return unshifted._replace(centre_shift=-v / 0.5), float(ahead)
 
 
 def _bodies(v: Mapping[str, Any]) -> Any:
@@ -103,8 +103,10 @@ def _shares(v: Mapping[str, Any], wheels: Floats, load: float) -> Floats:
         dx, dz = abs(wheel["x"][k] - x), z - wheel["z"]
         slant = np.arctan2(dz, dx) + np.arcsin(np.clip((under - radius) / np.hypot(dx, dz), -1.0, 1.0))
         lifts[k] += max(track.get("tension") or 0.0, 0.0) * max(np.sin(slant), 0.0)
-    at = wheels - wheels.mean()
-    pressed = (load + lifts.sum()) / len(wheels) + at * (lifts @ at - load * wheels.mean()) / max(at @ at, 1e-9)
+    distance = wheels - wheels.mean()
+    pressed = (load + lifts.sum()) / len(wheels) + distance * (lifts @ distance - load * wheels.mean()) / max(
+        distance @ distance, 1e-9
+    )
     ground = np.maximum(pressed - lifts, 1e-3 * load)
     return np.asarray(ground / ground.sum())
 
@@ -114,26 +116,26 @@ def _loads(p, ahead, left, k):
     """Load, N, of each of the two points under wheel k, left and right, with accelerations ahead and left."""
     tilt = (-ahead * p.height / p.gravity - p.middle) / p.spread
     share = 0.25 * p.mass * p.shares[k] * max(1.0 + tilt * (p.wheels[k] - p.middle), 0.0)
-    moved = left * p.height / p.half
-    return share * max(p.gravity - moved, 0.0), share * max(p.gravity + moved, 0.0)
+    shifted = left * p.height / p.half_gauge
+    return share * max(p.gravity - shifted, 0.0), share * max(p.gravity + shifted, 0.0)
 
 
 @kernel
-def balance(p, law, rate, ahead, left, turning, z):
+def balance(p, law, rate, ahead, left, yaw_acceleration, z):
     """Residuals of (5) over the weight, and their Jacobian by rows, at z.
 
     z: slip left, slip right, lateral velocity, m/s; ``rate``, rad/s; accelerations ``ahead``, ``left``, m/s2, and
-    ``turning``, rad/s2; ``law``: friction, creep velocity, m/s.
+    ``yaw_acceleration``, rad/s2; ``law``: friction, creep velocity, m/s.
     """
     mu, creep = law
-    fx, fy, m = -p.mass * ahead, -p.mass * left, -p.inertia * turning
+    fx, fy, m = -p.mass * ahead, -p.mass * left, -p.inertia * yaw_acceleration
     xl, xr, xv, yl, yr, yv, ml, mr, mv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(p.wheels.size):
         x, loads = p.wheels[k], _loads(p, ahead, left, k)
         for part in range(4):
             right, y = part // 2, (2 * (part % 2) - 1) * p.edge
             a, b = -(z[1] if right else z[0]) - rate * y, z[2] + rate * x
-            y += -p.half if right else p.half
+            y += -p.half_gauge if right else p.half_gauge
             n = 1.0 / np.sqrt(a * a + b * b + creep * creep)
             f = mu * (loads[1] if right else loads[0]) * n
             fx, fy, m = fx - f * a, fy - f * b, m - f * (x * b - y * a)
@@ -148,7 +150,7 @@ def balance(p, law, rate, ahead, left, turning, z):
 
 
 @kernel
-def _solved(A, b):
+def _solve_linear(A, b):
     """Solution of three linear equations by Cramer's rule; zeros where A is singular."""
     (a, d, g), (e, h, i), (c, f, k) = A
     first, second, third = h * k - i * f, i * c - e * k, e * f - h * c
@@ -162,45 +164,45 @@ def _solved(A, b):
 
 
 @kernel
-def _size(r):
+def _squared_norm(r):
     return r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
 
 
 @kernel
-def slips(p, law, rate, ahead, left, turning, z):
+def slips(p, law, rate, ahead, left, yaw_acceleration, z):
     """Slip left and right and lateral velocity, m/s, from the guess z; and whether (5) is solved.
 
-    Arguments as of ``balance``. Accelerations that friction cannot give are halved, up to ``LESS`` times.
+    Arguments as of ``balance``. Accelerations that friction cannot give are halved, up to ``MOST_REDUCTIONS`` times.
     """
     share = 1.0
-    for _ in range(LESS):
-        found, holds = _newton(p, law, rate, share * ahead, left, share * turning, z)
-        if not holds:
+    for _ in range(MOST_REDUCTIONS):
+        solution, solved = _newton(p, law, rate, share * ahead, left, share * yaw_acceleration, z)
+        if not solved:
             cold = -p.arm * rate * 0.6, p.arm * rate * 0.6, -p.arm * rate * 0.6
-            found, holds = _newton(p, law, rate, share * ahead, left, share * turning, cold)
-        if holds:
-            return found, True
+            solution, solved = _newton(p, law, rate, share * ahead, left, share * yaw_acceleration, cold)
+        if solved:
+            return solution, True
         share *= 0.5
     return z, False
 
 
 @kernel
-def _newton(p, law, rate, ahead, left, turning, z):
-    r, A = balance(p, law, rate, ahead, left, turning, z)
-    size, most = _size(r), FASTEST + 3.0 * p.half * abs(rate)
+def _newton(p, law, rate, ahead, left, yaw_acceleration, z):
+    r, A = balance(p, law, rate, ahead, left, yaw_acceleration, z)
+    size, most = _squared_norm(r), LARGEST_SLIP + 3.0 * p.half_gauge * abs(rate)
     for _ in range(ITERATIONS):
-        if size < ENOUGH * ENOUGH:
+        if size < TOLERANCE * TOLERANCE:
             return z, True
-        dz, part, before = _solved(A, r), 1.0, size
+        dz, part, before = _solve_linear(A, r), 1.0, size
         for _ in range(HALVINGS):
-            at = z[0] - part * dz[0], z[1] - part * dz[1], z[2] - part * dz[2]
-            if max(abs(at[0]), abs(at[1]), abs(at[2])) < most:
-                r, A = balance(p, law, rate, ahead, left, turning, at)
-                size = _size(r)
+            trial = z[0] - part * dz[0], z[1] - part * dz[1], z[2] - part * dz[2]
+            if max(abs(trial[0]), abs(trial[1]), abs(trial[2])) < most:
+                r, A = balance(p, law, rate, ahead, left, yaw_acceleration, trial)
+                size = _squared_norm(r)
                 if size < before:
                     break
             part *= 0.5
         if not size < before:
             return z, False
-        z = at
-    return z, size < ENOUGH * ENOUGH
+        z = trial
+    return z, size < TOLERANCE * TOLERANCE

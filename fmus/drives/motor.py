@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.course import NONE, Course, at, given, ramp
+from fmus.course import NONE, Course, evaluate, has_points, ramp
 from fmus.jit import kernel
 
 SPEED, TORQUE, CONTROLLER = 0, 1, 2  # modes
-CONTRADICTIONS = 4  # number of contradictions that ``unreasonable`` finds
+CONTRADICTIONS = 4  # number of contradictions that ``find_contradiction`` finds
 
 
-class Drive(NamedTuple):
+class DriveParameters(NamedTuple):
     """Parameters of a drive, SI."""
 
     inertia: float  # spin inertia J, kg m2
@@ -31,7 +31,7 @@ class Drive(NamedTuple):
     proportional: float  # gain of the controller, N m s/rad
     integral: float  # gain of the controller, N m/rad
     limit: float  # largest torque of the controller, N m
-    accelerated: int  # 1: the mount's acceleration is extrapolated from its last two velocities; 0: it is 0
+    with_acceleration: int  # 1: the mount's acceleration is extrapolated from its last two velocities; 0: it is 0
     stop_start: float = -1.0  # time at which the stop begins, after the ramp, s; below 0: no stop
     stop_time: float = 1e-3  # duration of the stop, s
     speeds: Course = NONE  # replaces the ramp and the stop
@@ -40,33 +40,33 @@ class Drive(NamedTuple):
     lag: float = 0.0  # time constant with which the speed follows a demand, s; 0: no demand
     engine: Course = NONE  # largest torque over the speed of the engine's shaft, N m and rad/s
     gear: float = 1.0  # turns of the engine for one of the sprocket
-    steepest: float = 0.0  # steepest slope of the engine's curve at the sprocket, N m s/rad
+    steepest_slope: float = 0.0  # steepest slope of the engine's curve at the sprocket, N m s/rad
 
 
 @kernel
-def unreasonable(p, told):
+def find_contradiction(p, numbers):
     """Index of the contradiction between parameters (``parameters.contradictions``, from 1); 0 for none.
 
-    Writes the numbers of its sentence to ``told``.
+    Writes the numbers of its sentence to ``numbers``.
     """
-    told[0], told[1] = p.ramp_end, p.stop_start
+    numbers[0], numbers[1] = p.ramp_end, p.stop_start
     if p.ramp_end < p.ramp_start:
         return 1
     if p.stop_start >= 0.0:
         if p.stop_start < p.ramp_end:
             return 2
-        if given(p.speeds):
+        if has_points(p.speeds):
             return 3
-    if given(p.engine) and p.mode == SPEED:
+    if has_points(p.engine) and p.mode == SPEED:
         return 4
     return 0
 
 
 @kernel
-def profile(p, t):
+def speed_profile(p, t):
     """Speed of the profile at t, rad/s, and angle since ramp_start, rad: half-cosine ramp, and stop. (1)"""
-    if given(p.speeds):
-        speed, angle, _ = at(p.speeds, t)
+    if has_points(p.speeds):
+        speed, angle, _ = evaluate(p.speeds, t)
         return speed, angle
     speed, angle = ramp(p, t)
     past = t - p.stop_start
@@ -80,10 +80,10 @@ def profile(p, t):
 
 
 @kernel
-def profile_slope(p, t):
+def speed_profile_slope(p, t):
     """Angular acceleration of the profile at t, rad/s2."""
-    if given(p.speeds):
-        return at(p.speeds, t)[2]
+    if has_points(p.speeds):
+        return evaluate(p.speeds, t)[2]
     rise, length, past = p.end_speed - p.start_speed, p.ramp_end - p.ramp_start, t - p.ramp_start
     if p.stop_start >= 0.0 and t > p.stop_start:
         rise, length, past = -p.end_speed, p.stop_time, t - p.stop_start
@@ -93,14 +93,14 @@ def profile_slope(p, t):
 
 
 @kernel
-def motor(p, t, speed, integral):
+def motor_torque(p, t, speed, integral):
     """Torque of the motor on the sprocket, N m, and rate of the controller's integral, rad/s. (2)"""
-    most = p.gear * at(p.engine, p.gear * abs(speed))[0] if given(p.engine) else np.inf
+    most = p.gear * evaluate(p.engine, p.gear * abs(speed))[0] if has_points(p.engine) else np.inf
     if p.mode == TORQUE:
-        wanted = at(p.torques, t)[0] if given(p.torques) else p.torque
-        return min(most, max(-most, wanted)), 0.0
+        unlimited = evaluate(p.torques, t)[0] if has_points(p.torques) else p.torque
+        return min(most, max(-most, unlimited)), 0.0
     most = min(most, p.limit)
-    error = profile(p, t)[0] - speed
-    wanted = p.proportional * error + p.integral * integral
-    torque = min(most, max(-most, wanted))
-    return torque, 0.0 if torque != wanted and wanted * error > 0.0 else error  # no wind-up at the limit
+    error = speed_profile(p, t)[0] - speed
+    unlimited = p.proportional * error + p.integral * integral
+    torque = min(most, max(-most, unlimited))
+    return torque, 0.0 if torque != unlimited and unlimited * error > 0.0 else error  # no wind-up at the limit

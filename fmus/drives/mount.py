@@ -26,46 +26,46 @@ VELOCITY = 34  # velocity and angular velocity of the mount at the start of the 
 WIDTH = 40
 
 
-class Carried(NamedTuple):
+class ExtrapolatedMount(NamedTuple):
     """Extrapolated motion of a mount over a step, world, SI, and the torque of the chain about its axis."""
 
     position: tuple[float, float, float]  # at the end
     q: np.ndarray  # (4) at the end
     velocity: tuple[float, float, float]  # at the end
-    spin: tuple[float, float, float]  # angular velocity at the end
-    middle: tuple[float, float, float]  # mean angular velocity
-    begin: tuple[float, float, float]  # lateral axis at the start
-    end: tuple[float, float, float]  # lateral axis at the end
-    before: float  # rate about the axis at the start, rad/s
-    after: float  # rate about the axis at the end, rad/s
-    chain: float  # mean torque of the chain about the axis, N m
+    angular_velocity: tuple[float, float, float]  # angular velocity at the end
+    mean_angular_velocity: tuple[float, float, float]  # mean angular velocity
+    start_axis: tuple[float, float, float]  # lateral axis at the start
+    end_axis: tuple[float, float, float]  # lateral axis at the end
+    start_rate: float  # rate about the axis at the start, rad/s
+    end_rate: float  # rate about the axis at the end, rad/s
+    chain_torque: float  # mean torque of the chain about the axis, N m
 
 
 @kernel
-def stand(seen, at, unconnected, standing, i):
+def rest_if_unconnected(inputs, first, unconnected, rest_motion, i):
     """Set a mount that nothing moves to its motion at rest.
 
-    A mount ``seen[at : at + 13]`` whose inputs equal their start values, ``unconnected[i : i + 13]``, is replaced by
-    ``standing[i : i + 13]``.
+    A mount ``inputs[first : first + 13]`` whose inputs equal their start values, ``unconnected[i : i + 13]``, is
+    replaced by ``rest_motion[i : i + 13]``.
     """
     for k in range(13):
-        if seen[at + k] != unconnected[i + k]:
+        if inputs[first + k] != unconnected[i + k]:
             return
     for k in range(13):
-        seen[at + k] = standing[i + k]
+        inputs[first + k] = rest_motion[i + k]
 
 
 @allocating
-def carried(accelerated, x, h, u, i):
+def extrapolate(with_acceleration, x, h, u, i):
     """Extrapolate the mount over a step of ``h`` s. (7)
 
-    ``u[i:]``: motion of the mount (13) at the start of the step, then mean wrench of the chain (6); ``accelerated``: 1
-    with the acceleration of the mount's last two velocities (``x``), 0 without.
+    ``u[i:]``: motion of the mount (13) at the start of the step, then mean wrench of the chain (6);
+    ``with_acceleration``: 1 with the acceleration of the mount's last two velocities (``x``), 0 without.
     """
     q = quat_normalise(u[i + 3 : i + 7])
     v, w = vector(u, i + 7), vector(u, i + 10)
     a_v, a_w = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    if accelerated == 1 and x[STEP] != 0.0:
+    if with_acceleration == 1 and x[STEP] != 0.0:
         s = 1.0 / x[STEP]
         a_v = scale(s, add(v, scale(-1.0, vector(x, VELOCITY))))
         a_w = scale(s, add(w, scale(-1.0, vector(x, VELOCITY + 3))))
@@ -77,37 +77,37 @@ def carried(accelerated, x, h, u, i):
     middle = quat_rotate(quat_advance(q, scale(0.5 * h, w_mean)), lateral)
     torque = vector(u, i + 16)
     chain = (dot(torque, a) + 4 * dot(torque, middle) + dot(torque, a_end)) / 6
-    return Carried(
+    return ExtrapolatedMount(
         add(vector(u, i), scale(h, v_mean)), q_end, v_end, w_end, w_mean, a, a_end, dot(a, w), dot(a_end, w_end), chain
     )
 
 
 @allocating
-def hold(inertia, x, m):
+def set_start_momentum(inertia, x, m):
     """Set, before the first step, the momentum J Omega a of the sprocket on its mount ``m``."""
-    put(x, MOMENTUM, scale(inertia * x[RATE], vector(m.begin, 0)))
+    put(x, MOMENTUM, scale(inertia * x[RATE], vector(m.start_axis, 0)))
 
 
 @allocating
-def hand_over(inertia, x, h, u, i, m):
+def finish_step(inertia, x, h, u, i, m):
     """Set the mean wrench on the mount: the chain's wrench less the change of the spin's momentum. (8)
 
     Also sets the motion of the sprocket and what the next step needs of this one.
     """
-    momentum = scale(inertia * x[RATE], vector(m.end, 0))
-    kept = add(momentum, scale(-1.0, vector(x, MOMENTUM)))
+    momentum = scale(inertia * x[RATE], vector(m.end_axis, 0))
+    change = add(momentum, scale(-1.0, vector(x, MOMENTUM)))
     put(x, MOUNT, vector(u, i + 13))
-    put(x, MOUNT + 3, add(vector(u, i + 16), scale(-1.0 / h, kept)))
+    put(x, MOUNT + 3, add(vector(u, i + 16), scale(-1.0 / h, change)))
     put(x, MOMENTUM, momentum)
-    x[PORT_WORK] += dot(kept, m.middle)
-    place(x, m.position, m.q, m.velocity, m.spin)
+    x[PORT_WORK] += dot(change, m.mean_angular_velocity)
+    put_sprocket_motion(x, m.position, m.q, m.velocity, m.angular_velocity)
     x[STEP] = h
     put(x, VELOCITY, vector(u, i + 7))
     put(x, VELOCITY + 3, vector(u, i + 10))
 
 
 @allocating
-def place(x, position, q, velocity, omega):
+def put_sprocket_motion(x, position, q, velocity, omega):
     """Write the sprocket's motion (13): the mount's pose turned by the angle, its rates with the spin. (6)
 
     ``omega``: angular velocity of the mount, world, rad/s.

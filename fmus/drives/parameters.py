@@ -1,4 +1,4 @@
-"""Parameters of a motor on a shaft: ports, and the ``Drive`` of their values."""
+"""Parameters of a motor on a shaft: ports, and the ``DriveParameters`` of their values."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from fmus.course import Course, course
-from fmus.drives.motor import Drive
+from fmus.course import Course, parse_course
+from fmus.drives.motor import DriveParameters
 from fmus.model import InvalidParameter
 from fmus.ports import NOT_NEGATIVE, POSITIVE, Port
 from fmus.sentences import Sentence
@@ -34,10 +34,10 @@ def lag_port() -> Port:
     return Port("demand.lag", "parameter", "s", text, 0.1, allowed=POSITIVE)
 
 
-def motor_ports(prefix: str = "", what: str = "the sprocket", speed: str = "speed against the mount") -> list[Port]:
-    """Parameters of the motor of ``what``; ``prefix``: of their names; ``speed``: text of its speed."""
+def motor_ports(prefix: str = "", body: str = "the sprocket", speed: str = "speed against the mount") -> list[Port]:
+    """Parameters of the motor of a ``body``; ``prefix``: of their names; ``speed``: text of its speed."""
     ports = [
-        Port("mode", "parameter", "1", f"what turns {what}: a prescribed speed, a constant torque, or a "
+        Port("mode", "parameter", "1", f"what turns {body}: a prescribed speed, a constant torque, or a "
              "controller that follows the speed profile", "speed", MODES),
         Port("speed.start", "parameter", "rad/s", f"{speed} at the start, before the ramp"),
         Port("speed.end", "parameter", "rad/s", f"{speed} after the ramp"),
@@ -52,7 +52,7 @@ def motor_ports(prefix: str = "", what: str = "the sprocket", speed: str = "spee
         Port("brake.points", "parameter", "1", f"{POINTS} torque of the brake, N m, instead of brake.torque", ""),
         Port("engine.points", "parameter", "1", "'speed torque; speed torque; ...', straight lines between: largest "
              "torque of the engine's shaft, N m, over its speed, rad/s, not in mode speed", ""),
-        Port("gear.ratio", "parameter", "1", f"turns of the engine to one of {what}", 1.0, allowed=POSITIVE),
+        Port("gear.ratio", "parameter", "1", f"turns of the engine to one of {body}", 1.0, allowed=POSITIVE),
         Port("brake.torque", "parameter", "N.m", "torque of the brake against rotation, not in mode speed",
              allowed=NOT_NEGATIVE),
         Port("brake.speed", "parameter", "rad/s", "speed below which the brake fades", 0.1, allowed=POSITIVE),
@@ -67,7 +67,7 @@ def motor_ports(prefix: str = "", what: str = "the sprocket", speed: str = "spee
 
 
 def contradictions(prefix: str = "") -> tuple[Sentence, ...]:
-    """Sentences of what ``motor.unreasonable`` finds, in its order."""
+    """Sentences of the contradictions that ``motor.find_contradiction`` finds, in its order."""
     return (
         Sentence(f"{prefix}ramp.end = {{0:.6g}} s must not be before {prefix}ramp.start"),
         Sentence(f"{prefix}stop.start = {{1:.6g}} s must not be before {prefix}ramp.end"),
@@ -76,52 +76,54 @@ def contradictions(prefix: str = "") -> tuple[Sentence, ...]:
     )
 
 
-def free(values: Mapping[str, Any], demanded: bool, path: str, prefix: str = "") -> dict[str, str]:
-    """Numbers of the ``Drive`` at ``path`` in a component's parts that follow from free parameters.
+def free_numbers(values: Mapping[str, Any], demanded: bool, path: str, prefix: str = "") -> dict[str, str]:
+    """Numbers of the ``DriveParameters`` at ``path`` in a component's parts that follow from free parameters.
 
-    Place -> expression, see ``fmus.model.Free``; ``values``: checked parameters; ``demanded``: it follows an input.
+    Place -> expression, see ``fmus.model.FreeParameters``; ``values``: checked parameters; ``demanded``: it follows an
+    input.
     """
-    own = dict(
+    names = dict(
         start_speed="speed.start", ramp_start="ramp.start", ramp_end="ramp.end", torque="torque.drive",
         brake_speed="brake.speed", proportional="controller.proportional", integral="controller.integral",
         limit="torque.limit", stop_time="stop.time", gear="gear.ratio",
     )  # fmt: skip
     if not demanded:
-        own |= {"end_speed": "speed.end", "stop_start": "stop.start", "mode": "mode"}
+        names |= {"end_speed": "speed.end", "stop_start": "stop.start", "mode": "mode"}
     if not values[f"{prefix}brake.points"]:
-        own["brake"] = "brake.torque"
-    found = {f"{path}.{field}": f"{{{prefix}{name}}}" for field, name in own.items()}
+        names["brake"] = "brake.torque"
+    numbers = {f"{path}.{field}": f"{{{prefix}{name}}}" for field, name in names.items()}
     engine = _engine(values, prefix)
     if engine.time.size:
         ratio = f"{{{prefix}gear.ratio}}"
-        found[f"{path}.steepest"] = f"{ratio} * {ratio} * {_steepest(engine)!r}"
-    found[f"{path}.accelerated"] = "{extrapolation}"
+        numbers[f"{path}.steepest_slope"] = f"{ratio} * {ratio} * {_steepest_slope(engine)!r}"
+    numbers[f"{path}.with_acceleration"] = "{extrapolation}"
     if demanded:
-        found[f"{path}.lag"] = "{demand.lag}"
-    return found
+        numbers[f"{path}.lag"] = "{demand.lag}"
+    return numbers
 
 
 def _engine(values: Mapping[str, Any], prefix: str) -> Course:
-    return course(f"{prefix}engine.points", values[f"{prefix}engine.points"], "speed torque")
+    return parse_course(f"{prefix}engine.points", values[f"{prefix}engine.points"], "speed torque")
 
 
-def _steepest(engine: Course) -> float:
+def _steepest_slope(engine: Course) -> float:
     return float(np.abs(np.diff(engine.value) / np.diff(engine.time)).max(initial=0.0))
 
 
-def drive(values: Mapping[str, Any], inertia: float, demand: str = "", prefix: str = "") -> Drive:
+def drive_parameters(values: Mapping[str, Any], inertia: float, demand: str = "", prefix: str = "") -> DriveParameters:
     """Drive with the checked parameters of ``motor_ports(prefix)`` on a shaft of ``inertia`` kg m2.
 
     ``demand``: name of the input that its speed follows, where there is one. Raises InvalidParameter.
     """
     names = [port.name.removeprefix(prefix) for port in motor_ports(prefix)]
-    own = {name: values[prefix + name] for name in names}
+    values_of = {name: values[prefix + name] for name in names}
 
     def no(name: str, why: str) -> InvalidParameter:
-        return InvalidParameter(f"{prefix}{name} = {_short(own[name])}{why}")
+        return InvalidParameter(f"{prefix}{name} = {_short(values_of[name])}{why}")
 
     speeds, torques, brakes = (
-        course(f"{prefix}{name}.points", str(own[f"{name}.points"])) for name in ("speed", "torque", "brake")
+        parse_course(f"{prefix}{name}.points", str(values_of[f"{name}.points"]))
+        for name in ("speed", "torque", "brake")
     )
     engine = _engine(values, prefix)
     if min(chain(engine.value, engine.time), default=0.0) < 0.0:
@@ -129,35 +131,35 @@ def drive(values: Mapping[str, Any], inertia: float, demand: str = "", prefix: s
     if brakes.value.min(initial=0.0) < 0.0:
         raise no("brake.points", " must not be negative")
     if demand:
-        if own["mode"] == "torque":
+        if values_of["mode"] == "torque":
             raise no("mode", f": a drive with the input {demand} has a speed or a controller")
         for name, none in (("speed.points", ""), ("speed.end", 0.0), ("stop.start", -1.0)):
-            if own[name] != none:
+            if values_of[name] != none:
                 raise no(name, f": the input {demand} says how fast it turns")
         speeds = Course(*np.zeros((3, 2)))
-    gear = float(own["gear.ratio"])
-    return Drive(
+    gear = float(values_of["gear.ratio"])
+    return DriveParameters(
         inertia=inertia,
-        mode=MODES.index(own["mode"]),
-        start_speed=float(own["speed.start"]),
-        end_speed=float(own["speed.end"]),
-        ramp_start=float(own["ramp.start"]),
-        ramp_end=float(own["ramp.end"]),
-        torque=float(own["torque.drive"]),
-        brake=float(brakes.value.max()) if brakes.value.size else float(own["brake.torque"]),
-        brake_speed=float(own["brake.speed"]),
-        proportional=float(own["controller.proportional"]),
-        integral=float(own["controller.integral"]),
-        limit=float(own["torque.limit"]),
-        accelerated=EXTRAPOLATIONS.index(values["extrapolation"]),
-        stop_start=float(own["stop.start"]),
-        stop_time=float(own["stop.time"]),
+        mode=MODES.index(values_of["mode"]),
+        start_speed=float(values_of["speed.start"]),
+        end_speed=float(values_of["speed.end"]),
+        ramp_start=float(values_of["ramp.start"]),
+        ramp_end=float(values_of["ramp.end"]),
+        torque=float(values_of["torque.drive"]),
+        brake=float(brakes.value.max()) if brakes.value.size else float(values_of["brake.torque"]),
+        brake_speed=float(values_of["brake.speed"]),
+        proportional=float(values_of["controller.proportional"]),
+        integral=float(values_of["controller.integral"]),
+        limit=float(values_of["torque.limit"]),
+        with_acceleration=EXTRAPOLATIONS.index(values["extrapolation"]),
+        stop_start=float(values_of["stop.start"]),
+        stop_time=float(values_of["stop.time"]),
         speeds=speeds,
         torques=torques,
         brakes=brakes,
         engine=engine,
         gear=gear,
-        steepest=gear * gear * _steepest(engine),
+        steepest_slope=gear * gear * _steepest_slope(engine),
         lag=float(values["demand.lag"]) if demand else 0.0,
     )
 

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.course import at, given, lay
-from fmus.drives.motor import CONTROLLER, SPEED, motor, profile
+from fmus.course import evaluate, has_points, set_line
+from fmus.drives.motor import CONTROLLER, SPEED, motor_torque, speed_profile
 from fmus.jit import allocating, kernel
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 
 # indices in the flat state
-ANGLE, RATE, INTEGRAL, WORK, BRAKED, IMPULSE = 0, 1, 2, 3, 4, 5  # integrated together; the rate is absolute
-SPUN = 6  # number of these
+ANGLE, RATE, INTEGRAL, WORK, BRAKE_WORK, IMPULSE = 0, 1, 2, 3, 4, 5  # integrated together; the rate is absolute
+INTEGRATED = 6  # number of these
 PORT_WORK = 6  # work of the chain and of the mount's motion
 TARGET = 7  # speed that follows the demand, where there is one
 TORQUE_NOW, POWER_NOW = 8, 9  # of the motor, means over the last step
@@ -26,19 +26,19 @@ SHAFT = 10  # numbers of a shaft
 def start_shaft(p, x, angle):
     """Set a shaft's state x (SHAFT) to its start on a mount at rest; ``angle``, rad."""
     if p.lag > 0.0:
-        lay(p.speeds, 0.0, 0.0, p.start_speed, p.start_speed)
-    x[ANGLE], x[TARGET], x[RATE] = angle, p.start_speed, profile(p, 0.0)[0]
+        set_line(p.speeds, 0.0, 0.0, p.start_speed, p.start_speed)
+    x[ANGLE], x[TARGET], x[RATE] = angle, p.start_speed, speed_profile(p, 0.0)[0]
 
 
 @kernel
-def rates(p, t, y, chain, mount_rate, out):
-    """Write the derivatives of the SPUN quantities y; ``chain``: its torque about the axis, N m. (3)"""
+def rates(p, t, y, chain_torque, mount_rate, out):
+    """Write the derivatives of the INTEGRATED quantities y; ``chain_torque``: about the axis, N m. (3)"""
     speed = y[RATE] - mount_rate
-    torque, growth = motor(p, t, speed, y[INTEGRAL])
-    largest = at(p.brakes, t)[0] if given(p.brakes) else p.brake
+    torque, growth = motor_torque(p, t, speed, y[INTEGRAL])
+    largest = evaluate(p.brakes, t)[0] if has_points(p.brakes) else p.brake
     brake = largest * speed / np.sqrt(speed * speed + p.brake_speed * p.brake_speed)
-    out[ANGLE], out[RATE], out[INTEGRAL] = speed, (chain + torque - brake) / p.inertia, growth
-    out[WORK], out[BRAKED], out[IMPULSE] = torque * speed, brake * speed, torque
+    out[ANGLE], out[RATE], out[INTEGRAL] = speed, (chain_torque + torque - brake) / p.inertia, growth
+    out[WORK], out[BRAKE_WORK], out[IMPULSE] = torque * speed, brake * speed, torque
 
 
 @kernel
@@ -47,49 +47,49 @@ def substeps(p, h):
     if p.mode == SPEED:
         return 1
     gains = (p.proportional / p.inertia, np.sqrt(p.integral / p.inertia)) if p.mode == CONTROLLER else (0.0, 0.0)
-    fastest = p.brake / (p.brake_speed * p.inertia) + gains[0] + gains[1] + p.steepest / p.inertia
+    fastest = p.brake / (p.brake_speed * p.inertia) + gains[0] + gains[1] + p.steepest_slope / p.inertia
     return max(1, int(np.ceil(min(2.0 * h * fastest, 1e9))))
 
 
 @allocating
-def spin(p, x, t, h, steps, chain, before, after):
-    """Integrate the SPUN quantities of x; ``before``, ``after``: rate of the mount at t, t + h, rad/s."""
-    y, k, d = np.empty(SPUN), np.empty((len(RK4.b), SPUN)), h / steps
+def integrate_spin(p, x, t, h, steps, chain_torque, start_rate, end_rate):
+    """Integrate the INTEGRATED quantities of x; ``start_rate``, ``end_rate``: of the mount at t, t + h, rad/s."""
+    y, k, d = np.empty(INTEGRATED), np.empty((len(RK4.b), INTEGRATED)), h / steps
     x[IMPULSE] = 0.0
     for n in range(steps):
         for i in range(len(RK4.b)):
-            stage(RK4, i, d, x[:SPUN], k, y)
+            stage(RK4, i, d, x[:INTEGRATED], k, y)
             s = (n + RK4.c[i]) / steps
-            rates(p, t + s * h, y, chain, before + s * (after - before), k[i])
-        finish(RK4, d, x[:SPUN], k)
+            rates(p, t + s * h, y, chain_torque, start_rate + s * (end_rate - start_rate), k[i])
+        finish(RK4, d, x[:INTEGRATED], k)
 
 
 @kernel
-def prescribe(p, x, t, h, chain, after):
+def advance_prescribed(p, x, t, h, chain_torque, end_rate):
     """Advance a shaft with a prescribed speed; the impulse of the motor follows. (5)"""
-    (now, angle), (then, end) = profile(p, t), profile(p, t + h)
-    turned, rate = end - angle, then + after
+    (now, angle), (then, end) = speed_profile(p, t), speed_profile(p, t + h)
+    angle_change, rate = end - angle, then + end_rate
     momentum = p.inertia * (rate - x[RATE])
-    x[ANGLE], x[RATE] = x[ANGLE] + turned, rate
-    x[IMPULSE] = momentum - chain * h
-    x[WORK] += 0.5 * momentum * (now + then) - chain * turned
+    x[ANGLE], x[RATE] = x[ANGLE] + angle_change, rate
+    x[IMPULSE] = momentum - chain_torque * h
+    x[WORK] += 0.5 * momentum * (now + then) - chain_torque * angle_change
 
 
 @allocating
-def turn(p, x, t, h, steps, chain, before, after):
+def advance_shaft(p, x, t, h, steps, chain_torque, start_rate, end_rate):
     """Advance a shaft's x by ``h`` s, and set its motor's mean torque and power and the work of its port."""
     angle, work = x[ANGLE], x[WORK]
     if p.mode == SPEED:
-        prescribe(p, x, t, h, chain, after)
+        advance_prescribed(p, x, t, h, chain_torque, end_rate)
     else:
-        spin(p, x, t, h, steps, chain, before, after)
-    x[PORT_WORK] += chain * (x[ANGLE] - angle)
+        integrate_spin(p, x, t, h, steps, chain_torque, start_rate, end_rate)
+    x[PORT_WORK] += chain_torque * (x[ANGLE] - angle)
     x[TORQUE_NOW], x[POWER_NOW] = x[IMPULSE] / h, (x[WORK] - work) / h
 
 
 @kernel
-def follow(p, x, t, h, demand):
+def follow_demand(p, x, t, h, demand):
     """Set the profile of a step from a demand, rad/s, held over the step and followed with the lag."""
     target = demand + (x[TARGET] - demand) * np.exp(-h / p.lag)
-    lay(p.speeds, t, h, x[TARGET], target)
+    set_line(p.speeds, t, h, x[TARGET], target)
     x[TARGET] = target

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.drives import mount as mounts
-from fmus.drives.motor import SPEED, Drive
+from fmus.drives.motor import SPEED, DriveParameters
 from fmus.model import Floats, InvalidParameter
 from fmus.monolith.chains import BOOKS, Place
 from fmus.monolith.equations import Plan
@@ -56,7 +56,7 @@ class Hull(NamedTuple):
     size: int = 0  # variables of its state
 
 
-def hull(part: Part, mirrored: bool, shafts: Sequence[Drive]) -> Hull:
+def hull(part: Part, mirrored: bool, shafts: Sequence[DriveParameters]) -> Hull:
     """Hull of a chassis, with ``mirrored`` of its left side alone, with the spin inertia of ``shafts``."""
     config = {**part.config, "chassis": {"sides": ["left"]}} if mirrored else part.config
     chassis = started(part.kind, config, part.parameters)
@@ -68,7 +68,7 @@ def hull(part: Part, mirrored: bool, shafts: Sequence[Drive]) -> Hull:
     return Hull(part.name, tree, sides, places[:-1], inputs, chassis.state.size)  # the last one is the chassis itself
 
 
-def _with_spins(tree: Any, shafts: Sequence[Drive], times: int) -> Any:
+def _with_spins(tree: Any, shafts: Sequence[DriveParameters], times: int) -> Any:
     """Add ``times`` the spin inertia of shafts with prescribed speed against the chassis to the tree. (3)"""
     inertia = tree.inertia.copy()
     inertia[1, 1] += times * sum(drive.inertia for drive in shafts if drive.mode == SPEED)
@@ -111,7 +111,9 @@ def lay_out(
     fixed, stations = len(sprockets), len(chassis.stations)
     body = sum(sizes)
     spin = body + chassis.size
-    counts = [(len(model.wheel_list) + 1) * WRENCH + int(np.prod(model.felt)) + BOOKS for model in chains.values()]
+    counts = [
+        (len(model.wheel_list) + 1) * WRENCH + int(np.prod(model.on_links_shape)) + BOOKS for model in chains.values()
+    ]
     sums = _Views(sum(counts) + WRENCH * fixed)
     index, motion, mount = _motions(chassis, sprockets, sources)
     places, wrenches = _places(chains, sizes, index, sources, sums)
@@ -160,7 +162,7 @@ def _motions(
     for d, sprocket in enumerate(sprockets):
         source = sources.connector(sprocket.name, f"{sprocket.prefix}mount.position.x")
         mount[d] = stations + d if source is None else index[source]
-        motion[STATE * (stations + d) : STATE * (stations + d + 1)] = sprocket.standing
+        motion[STATE * (stations + d) : STATE * (stations + d + 1)] = sprocket.rest_motion
     return index, motion, mount
 
 
@@ -188,7 +190,7 @@ def _places(
                 wrench=block,
                 frame=model.frame,
                 impulse=sums.take(count, WRENCH),
-                on_links=sums.take(*model.felt),
+                on_links=sums.take(*model.on_links_shape),
                 books=sums.take(BOOKS),
             )
         )

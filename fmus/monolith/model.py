@@ -109,7 +109,7 @@ class Monolith:
         self._begin()
         limits = []
         if not self._adaptive:
-            limits = [self.models[name].stable for name in self._chains]
+            limits = [self.models[name].stable_step for name in self._chains]
             limits += [1.0 / shaft.substeps(drive, 1.0) for drive in self._shafts]
         self.step = min([*limits, LONGEST]) / refine
         self.effort = Effort(0, 0, 0, 0, RK4.order)
@@ -161,7 +161,7 @@ class Monolith:
         The states are of components with the same configs and parameters; raises InvalidParameter if one does not fit.
         """
         for name, model in self.models.items():
-            if name not in states or not model.hold(states[name]):
+            if name not in states or not model.copy_state(states[name]):
                 raise InvalidParameter(f"{name}: the state that it is to begin with is not one of such a component")
         self._begin()
         self._y[:] = self.x
@@ -180,7 +180,7 @@ class Monolith:
     def _momentum(self, d: int) -> Floats:
         """Angular momentum J Omega a of a sprocket, N m s, world axes, with the mount as evaluated last."""
         sprocket, mount = self._sprockets[d], self._mount(d)
-        q = mount[3:7] if np.any(mount[3:7]) else sprocket.standing[3:7]
+        q = mount[3:7] if np.any(mount[3:7]) else sprocket.rest_motion[3:7]
         axis = quat_rotate(q, (0.0, 1.0, 0.0))
         return sprocket.inertia * self._of_side(d, shaft.RATE) * axis
 
@@ -251,7 +251,7 @@ class Monolith:
         """Error of a part of a step that failed at the time ``at``, s."""
         if failure == CHASSIS_FAILED:
             chassis = self.models[self._chassis]
-            return StepFailed(chassis.complaint(at, where, self.x[self._body : self._spin]))
+            return StepFailed(chassis.fault_sentence(at, where, self.x[self._body : self._spin]))
         if failure == TOO_SHARP:
             return StepFailed(f"at t = {at:.6g} s Adams' methods find no step that keeps their tolerances")
         if failure == CHAIN_FAILED:
@@ -284,7 +284,7 @@ class Monolith:
         if self._joined:
             told = [0.5 * (told[0] + told[1]), told[1] - told[0]]
         for drive, state, demand in zip(self._shafts, self._spun, told, strict=True):
-            shaft.follow(drive, state, t, h, demand)
+            shaft.follow_demand(drive, state, t, h, demand)
 
     def _take_shafts(self, before: Floats, h: float) -> None:
         """Update the state of each shaft, and the mean torque and power of its motor."""
@@ -305,7 +305,7 @@ class Monolith:
             state[shaft.TORQUE_NOW] = (impulse - before[at]) / h
             state[shaft.POWER_NOW] = (work - before[at + 1]) / h
         held = state[mounts.MOMENTUM : mounts.MOMENTUM + 3].copy()
-        mounts.place(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
+        mounts.put_sprocket_motion(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
         after = self._momentum(d)
         state[mounts.MOUNT : mounts.MOUNT + 3] = self._spins.force[d] / h
         state[mounts.MOUNT + 3 : mounts.MOUNT + 6] = (self._spins.reaction[d] - (after - held)) / h

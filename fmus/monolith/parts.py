@@ -54,12 +54,12 @@ class Sprocket(NamedTuple):
     prefix: str  # of its variables there
     inertia: float  # of its spin, kg m2
     state: Floats  # (WIDTH) view of the drive's state
-    standing: Floats  # (13) motion of its mount if that is not connected
+    rest_motion: Floats  # (13) motion of its mount if that is not connected
 
 
 def sprockets(part: Part, model: Any) -> list[Sprocket]:
     """Sprockets of a drive with its initialised model."""
-    standing = model.standing.reshape(-1, STATE)
+    standing = model.rest_motion.reshape(-1, STATE)
     return [
         Sprocket(part.name, prefix, model.inertia, model.state[at : at + mounts.WIDTH], mount)
         for (prefix, at), mount in zip(SPROCKETS[part.kind].items(), standing, strict=True)
@@ -93,12 +93,12 @@ def mirrored(parts: Sequence[Part]) -> dict[str, str]:
 
 def mirror_drive(of: Any, model: Any, chassis: Any) -> None:
     """Make ``model`` the mirror image of the drive ``of`` the other side; the chassis moves symmetrically."""
-    motions = np.zeros(STATE * (len(chassis.tree.turns) + 2))
+    motions = np.zeros(STATE * (len(chassis.tree.is_arm) + 2))
     put_sides(chassis.tree, chassis.state, 2, motions, 0)
     mount, state = motions[-STATE:], model.state
     axis = quat_rotate(mount[3:7], (0.0, 1.0, 0.0))
     state[:] = of.state
-    mounts.place(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
+    mounts.put_sprocket_motion(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
     for at, sign in ((mounts.MOUNT, 1.0), (mounts.MOUNT + 3, -1.0), (mounts.MOMENTUM, -1.0)):
         v = of.state[at : at + 3]
         state[at : at + 3] = sign * (v - 2.0 * (v @ axis) * axis)

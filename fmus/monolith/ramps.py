@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fmus.drives.motor import TORQUE, Drive
+from fmus.drives.motor import TORQUE, DriveParameters
 
 RESOLVED = 32  # internal steps in a ramp of a drive's speed, at least
 JUMP = 1e-7  # s, the shortest ramp: a shorter one is as long as this
@@ -15,12 +15,12 @@ JUMP = 1e-7  # s, the shortest ramp: a shorter one is as long as this
 Ramp = tuple[float, float]  # begin and end, s
 
 
-def without_jumps(drive: Drive) -> Drive:
+def without_jumps(drive: DriveParameters) -> DriveParameters:
     """The drive with jumps of speed replaced by ramps of JUMP s, because a jump has no slope to integrate."""
     return drive._replace(ramp_end=max(drive.ramp_end, drive.ramp_start + JUMP), stop_time=max(drive.stop_time, JUMP))
 
 
-def ramps(shafts: Sequence[Drive]) -> list[Ramp]:
+def ramps(shafts: Sequence[DriveParameters]) -> list[Ramp]:
     """Time intervals in which the right-hand side is smooth: ramps of speeds, lines of torques and brakes."""
     found = [ramp for drive in shafts if drive.mode != TORQUE for ramp in _of_speed(drive)]
     for course in (each for drive in shafts for each in (drive.torques, drive.brakes)):
@@ -28,7 +28,7 @@ def ramps(shafts: Sequence[Drive]) -> list[Ramp]:
     return found
 
 
-def _of_speed(drive: Drive) -> list[Ramp]:
+def _of_speed(drive: DriveParameters) -> list[Ramp]:
     """Ramps of a drive's speed."""
     if drive.speeds.time.size:
         return list(pairwise(drive.speeds.time.tolist()))

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.drives.motor import SPEED, profile, profile_slope
-from fmus.drives.mount import SPROCKET, place
-from fmus.drives.shaft import ANGLE, BRAKED, IMPULSE, INTEGRAL, PORT_WORK, RATE, SPUN, WORK
+from fmus.drives.motor import SPEED, speed_profile, speed_profile_slope
+from fmus.drives.mount import SPROCKET, put_sprocket_motion
+from fmus.drives.shaft import ANGLE, BRAKE_WORK, IMPULSE, INTEGRAL, INTEGRATED, PORT_WORK, RATE, WORK
 from fmus.drives.shaft import rates as spin_rates
 from fmus.jit import allocating, kernel
 from fmus.physics.rotation import quat_rotate
@@ -81,11 +81,13 @@ def turn(drives, p, motion, t, x):
         p.seen[d, ABOUT] = dot(axis, w)
     for d in range(p.mount.size):
         if drives[d].mode == SPEED:
-            x[p.start + SPIN * d + RATE] = profile(drives[d], t)[0] + _shaft(p, d, ABOUT, 0.5)
+            x[p.start + SPIN * d + RATE] = speed_profile(drives[d], t)[0] + _shaft(p, d, ABOUT, 0.5)
     for d in range(p.mount.size):
         spun, m = p.spun[d], 13 * p.mount[d]
         spun[ANGLE], spun[RATE] = _of(p, x, d, ANGLE), _of(p, x, d, RATE)
-        place(spun, vector(motion, m), motion[m + 3 : m + 7], vector(motion, m + 7), vector(motion, m + 10))
+        put_sprocket_motion(
+            spun, vector(motion, m), motion[m + 3 : m + 7], vector(motion, m + 7), vector(motion, m + 10)
+        )
         m = 13 * (p.stations + p.mount.size + d)
         motion[m : m + 13] = spun[SPROCKET : SPROCKET + 13]
 
@@ -100,11 +102,11 @@ def react(drives, p, motion, wrench, t, x, k):
         drive, at = drives[d], p.start + SPIN * d
         out = k[at : at + SPIN]
         if drive.mode == SPEED:  # (3): the part that the chassis' inertia does not hold
-            p.pace[d], p.growth[d] = profile(drive, t)[0], profile_slope(drive, t)
+            p.pace[d], p.growth[d] = speed_profile(drive, t)[0], speed_profile_slope(drive, t)
             out[:] = 0.0
         else:  # (2)
             pull, about = _shaft(p, d, PULL, 1.0), _shaft(p, d, ABOUT, 0.5)
-            spin_rates(drive, t, x[at : at + SPUN], pull, about, out)
+            spin_rates(drive, t, x[at : at + INTEGRATED], pull, about, out)
             p.pace[d], p.growth[d] = x[at + RATE], out[RATE]
     last = p.mount.size - 1
     for d in range(p.mount.size):
@@ -124,11 +126,11 @@ def book(drives, p, t, x, k):
         pull, about = _shaft(p, d, PULL, 1.0), _shaft(p, d, ABOUT, 0.5)
         relative, out = x[at + RATE] - about, k[at : at + SPIN]
         if drive.mode == SPEED:
-            p.growth[d] = profile_slope(drive, t)
+            p.growth[d] = speed_profile_slope(drive, t)
             if p.mount[d] < p.stations and (p.joined == 0 or d == 0):  # both mounts turn alike
                 p.growth[d] += k[p.body + 11]
             motor = drive.inertia * p.growth[d] - pull
-            out[ANGLE], out[INTEGRAL], out[BRAKED] = relative, 0.0, 0.0
+            out[ANGLE], out[INTEGRAL], out[BRAKE_WORK] = relative, 0.0, 0.0
             out[WORK], out[IMPULSE] = motor * relative, motor
         out[PORT_WORK] = pull * relative + drive.inertia * p.growth[d] * about
     if p.joined == 1:

@@ -11,21 +11,21 @@ from collections.abc import Sequence
 
 import llvmlite.binding as llvm
 
-from fmus.native.entries import Entry
+from fmus.native.entries import EntryPoint
 from fmus.native.platform import Platform
 
 ANY, WIDE = "x86-64-v2", "x86-64-v3"  # processors of the last fifteen years; those with AVX2
 LEVELS = {"any_": ANY, "wide_": WIDE}  # by the prefix of the entries' names; the shell chooses
 
 
-def emit(entries: Sequence[Entry], prefix: str, platform: Platform) -> bytes:
+def emit(entries: Sequence[EntryPoint], prefix: str, platform: Platform) -> bytes:
     """Object file for a level of ``LEVELS``; raises RuntimeError if the code holds a process address."""
     machine = llvm.Target.from_triple(platform.triple).create_target_machine(
         cpu=LEVELS[prefix], features="", opt=3, reloc="pic", codemodel="small"
     )
     whole = None
     for entry in entries:
-        module = _alone(entry, prefix)
+        module = _isolated_module(entry, prefix)
         if whole is None:
             whole = module
         else:
@@ -39,19 +39,19 @@ def emit(entries: Sequence[Entry], prefix: str, platform: Platform) -> bytes:
     return bytes(machine.emit_object(whole))
 
 
-def _alone(entry: Entry, prefix: str) -> llvm.ModuleRef:
+def _isolated_module(entry: EntryPoint, prefix: str) -> llvm.ModuleRef:
     """LLVM module of an entry; all else in it is internal, named without numba's counters and hashes."""
     text = entry.compiled.library.get_llvm_str()
-    if found := re.search(r"inttoptr \(i64 (\d{6,})", text):
-        raise RuntimeError(f"the code of {entry.name} holds an address of this process, {found[1]}")
-    module, own = llvm.parse_assembly(text), entry.compiled.fndesc.llvm_func_name
+    if address := re.search(r"inttoptr \(i64 (\d{6,})", text):
+        raise RuntimeError(f"the code of {entry.name} holds an address of this process, {address[1]}")
+    module, entry_name = llvm.parse_assembly(text), entry.compiled.fndesc.llvm_func_name
     count = 0
-    for each in (*module.functions, *module.global_variables):
-        if each.is_declaration:
+    for symbol in (*module.functions, *module.global_variables):
+        if symbol.is_declaration:
             continue
         count += 1
-        if each.name == own:
-            each.name, each.linkage, each.visibility = prefix + entry.name, "external", "hidden"
+        if symbol.name == entry_name:
+            symbol.name, symbol.linkage, symbol.visibility = prefix + entry.name, "external", "hidden"
         else:
-            each.name, each.linkage = f"{entry.name}.{count}", "internal"
+            symbol.name, symbol.linkage = f"{entry.name}.{count}", "internal"
     return module

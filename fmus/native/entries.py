@@ -1,10 +1,10 @@
 """Entries of a component's library: its kernels as functions on pointers, called by the shell.
 
-    start(x, n, f, k, z, p, c, told)    step(x, n, f, k, z, p, c, told, t, h, u)
-    show(x, n, f, k, z, p, c, y)        show_links(x, n, f, k, z, p, c, y)
+    start(x, n, f, k, z, p, c, messages)    step(x, n, f, k, z, p, c, messages, t, h, u)
+    show(x, n, f, k, z, p, c, y)            show_links(x, n, f, k, z, p, c, y)
 
 x and n are state and counters, f, k and z the blocks of ``freeze``, p the Real parameters, c the indices of String
-parameters among their choices, told the numbers of the messages, u the inputs, y the outputs. All return an integer:
+parameters among their choices, messages their numbers, u the inputs, y the outputs. All return an integer:
 0, or the index of the sentence of a failure.
 """
 
@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import numba
 from numba import carray, types
 
-from fmus.model import Component
-from fmus.native.freeze import Following, Frozen
+from fmus.model import ComponentModel
+from fmus.native.freeze import DerivedNumber, Frozen
 from fmus.ports import Port
 
 FLOATS, WHOLE, TRUTHS = (types.CPointer(each) for each in (types.float64, types.int64, types.boolean))
@@ -30,25 +30,25 @@ SHOW = types.int64(*BLOCKS, FLOATS)
 SOURCE = """
 def start(X, N, F, K, Z, P, C, T):
     {blocks}
-    return starting({parts}, carray(T, {told}).reshape({rows}), {placing})
+    return start_kernel({parts}, carray(T, {messages}).reshape({rows}), {start_parameters})
 
 def step(X, N, F, K, Z, P, C, T, t, h, U):
     {blocks}
-    return stepping({parts}, carray(T, {told}).reshape({rows}), t, h, carray(U, {inputs}))
+    return step_kernel({parts}, carray(T, {messages}).reshape({rows}), t, h, carray(U, {inputs}))
 
 def show(X, N, F, K, Z, P, C, Y):
     {blocks}
-    showing({shown}, carray(Y, {outputs}))
+    output_kernel({output_parts}, carray(Y, {outputs}))
     return 0
 
 def show_links(X, N, F, K, Z, P, C, Y):
     {blocks}
-    showing_links({shown_links}, carray(Y, {links}))
+    link_output_kernel({link_output_parts}, carray(Y, {links}))
     return 0
 """
 
 
-class Entry(NamedTuple):
+class EntryPoint(NamedTuple):
     """Function of the library, compiled to numba's intermediate code."""
 
     name: str  # "start", "step", "show" or "show_links"
@@ -58,22 +58,22 @@ class Entry(NamedTuple):
 class Entries(NamedTuple):
     """Functions and memory blocks of a component's library."""
 
-    entries: tuple[Entry, ...]
+    entries: tuple[EntryPoint, ...]
     frozen: Frozen  # its parts as memory blocks
 
 
-def names(free: Any) -> set[str]:
-    """Names of the free parameters, see ``fmus.model.Free``."""
-    return {name for how in free.numbers.values() for name in re.findall(r"{([^}]+)}", how)} | set(free.besides)
+def free_names(free: Any) -> set[str]:
+    """Names of the free parameters, see ``fmus.model.FreeParameters``."""
+    return {name for how in free.numbers.values() for name in re.findall(r"{([^}]+)}", how)} | set(free.start_only)
 
 
 def entries(
-    model: Component, numbers: Mapping[str, str], reals: Sequence[Port], choices: Sequence[Port], outputs: int
+    model: ComponentModel, numbers: Mapping[str, str], reals: Sequence[Port], choices: Sequence[Port], outputs: int
 ) -> Entries:
     """Compile the entries of an initialised model with ``outputs`` Real outputs besides those of links.
 
-    ``numbers``: see ``fmus.model.Free``; ``reals``, ``choices``: the Real and String parameters in order, with the
-    values of the model. Raises TypeError if the parts lack a number or cannot be written down.
+    ``numbers``: see ``fmus.model.FreeParameters``; ``reals``, ``choices``: the Real and String parameters in order,
+    with the values of the model. Raises TypeError if the parts lack a number or cannot be written down.
     """
     p = [float(port.start) for port in reals]
     c = [port.choices.index(str(port.start)) if port.choices else 0 for port in choices]
@@ -81,33 +81,37 @@ def entries(
         port.name: f"{letter}[{i}]" for letter, row in (("p", reals), ("c", choices)) for i, port in enumerate(row)
     }
     texts = {place: re.sub(r"{([^}]+)}", lambda name: known[name[1]], how) for place, how in numbers.items()}
-    following = {place: Following(text, eval(text, {"p": p, "c": c})) for place, text in texts.items()}
+    derived = {place: DerivedNumber(text, eval(text, {"p": p, "c": c})) for place, text in texts.items()}
 
-    frozen = Frozen(model.state, model.counters, following)
-    parts, shown, shown_links = map(frozen.text, (model.parts, model.shown, model.shown_links))
-    if frozen.missed():
-        raise TypeError(f"the parts have no {', '.join(sorted(frozen.missed()))}")
-    told = model._told
+    frozen = Frozen(model.state, model.counters, derived)
+    parts, output_parts, link_output_parts = map(
+        frozen.text, (model.parts, model.output_parts, model.link_output_parts)
+    )
+    if frozen.unmatched():
+        raise TypeError(f"the parts have no {', '.join(sorted(frozen.unmatched()))}")
+    messages = model._messages
     sizes = {"X": model.state.size, "N": model.counters.size, **{b.upper(): frozen.block(b).size for b in "fkz"}}
     sizes |= {"P": max(len(p), 1), "C": max(len(c), 1)}
     source = SOURCE.format(
         blocks=", ".join("xnfkzpc") + " = " + ", ".join(f"carray({block}, {size})" for block, size in sizes.items()),
         parts=parts,
-        shown=shown,
-        shown_links=shown_links,
-        told=told.size,
-        rows=told.shape,
-        placing=f"({', '.join(known[name] for name in model.placing)},)",
+        output_parts=output_parts,
+        link_output_parts=link_output_parts,
+        messages=messages.size,
+        rows=messages.shape,
+        start_parameters=f"({', '.join(known[name] for name in model.start_parameters)},)",
         inputs=model.inputs,
         outputs=outputs,
         links=model.link_ports,
     )
     space: dict[str, Any] = {**frozen.classes, "carray": carray}
-    for name in ("starting", "stepping", "showing", "showing_links"):
+    for name in ("start_kernel", "step_kernel", "output_kernel", "link_output_kernel"):
         space[name] = getattr(model, name)
     exec(source, space)
-    wanted = {"start": START, "step": STEP, "show": SHOW, **({"show_links": SHOW} if model.link_ports else {})}
-    return Entries(tuple(Entry(name, _compiled(space[name], types_)) for name, types_ in wanted.items()), frozen)
+    signatures = {"start": START, "step": STEP, "show": SHOW, **({"show_links": SHOW} if model.link_ports else {})}
+    return Entries(
+        tuple(EntryPoint(name, _compiled(space[name], types_)) for name, types_ in signatures.items()), frozen
+    )
 
 
 def _compiled(function: Callable[..., int], signature: Any) -> Any:

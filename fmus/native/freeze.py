@@ -17,7 +17,7 @@ LINE = 8  # floats of a cache line: an array begins with one
 BLOCKS = {"float64": "f", "int64": "k", "bool": "z"}
 
 
-class Following(NamedTuple):
+class DerivedNumber(NamedTuple):
     """Number that follows from free parameters."""
 
     text: str  # expression in ``p`` and ``c``
@@ -30,9 +30,11 @@ class Frozen:
     ``free``: expressions of the numbers that are not constant, by their place in the parts, such as "law.mu".
     """
 
-    def __init__(self, state: NDArray[np.float64], counters: NDArray[np.int64], free: Mapping[str, Following]) -> None:
-        self._free, self._met = free, set[str]()
-        self._known = {id(_root(state)): ("x", 0, _root(state)), id(_root(counters)): ("n", 0, _root(counters))}
+    def __init__(
+        self, state: NDArray[np.float64], counters: NDArray[np.int64], free: Mapping[str, DerivedNumber]
+    ) -> None:
+        self._free, self._matched = free, set[str]()
+        self._addresses = {id(_root(state)): ("x", 0, _root(state)), id(_root(counters)): ("n", 0, _root(counters))}
         self._numbers: dict[str, list[float | int | bool]] = {letter: [] for letter in BLOCKS.values()}
         self.classes: dict[str, type] = {}
 
@@ -47,7 +49,7 @@ class Frozen:
             text, expected = self._free[place]
             if value != expected:
                 raise TypeError(f"{place} is {value}, but {text} is {expected}")
-            self._met.add(place)
+            self._matched.add(place)
             return text
         if isinstance(value, np.ndarray):
             return self._array(value)
@@ -63,9 +65,9 @@ class Frozen:
             return f"{name}({inside})"
         return self._number(value)
 
-    def missed(self) -> set[str]:
+    def unmatched(self) -> set[str]:
         """Places of free numbers that the parts do not have."""
-        return set(self._free) - self._met
+        return set(self._free) - self._matched
 
     def block(self, letter: str) -> NDArray[Any]:
         """Initial content of the block of a type."""
@@ -81,12 +83,12 @@ class Frozen:
         root = _root(array)
         if not array.flags.c_contiguous:
             raise TypeError("an array of a component's parts must be contiguous")
-        if id(root) not in self._known:
+        if id(root) not in self._addresses:
             numbers = self._numbers[BLOCKS[root.dtype.name]]
             numbers += [0] * (-len(numbers) % LINE)
-            self._known[id(root)] = BLOCKS[root.dtype.name], len(numbers), root
+            self._addresses[id(root)] = BLOCKS[root.dtype.name], len(numbers), root
             numbers += root.ravel().tolist()
-        letter, first, _ = self._known[id(root)]
+        letter, first, _ = self._addresses[id(root)]
         first += (array.ctypes.data - root.ctypes.data) // array.itemsize if array.size else 0
         text = f"{letter}[{first}:{first + array.size}]"
         return text if array.ndim == 1 else f"{text}.reshape({array.shape})"

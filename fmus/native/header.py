@@ -13,7 +13,7 @@ from fmus.native.emit import ANY
 from fmus.native.freeze import Frozen
 from fmus.native.platform import Platform
 from fmus.ports import Port
-from fmus.sentences import TOLD, Sentence
+from fmus.sentences import GAPS, Sentence
 
 
 def quoted(texts: Iterable[str]) -> str:
@@ -35,21 +35,21 @@ def header(
     reals = [port for port in variables if isinstance(port.start, float)]
     inputs = sum(port.causality == "input" for port in reals)
     outputs = sum(port.causality == "output" for port in reals) - link_ports
-    own, strings = reals[inputs + outputs + link_ports :], [p for p in variables if isinstance(p.start, str)]
-    warned = sentences["WARNING"]
+    parameters, strings = reals[inputs + outputs + link_ports :], [p for p in variables if isinstance(p.start, str)]
+    warnings = sentences["WARNING"]
     numbers = {
         "INPUT": inputs, "OUTPUT": outputs, "LINK": link_ports, "REAL": len(reals), "VARIABLE": len(variables),
-        "PARAMETER": len(own), "STRING": len(strings),
+        "PARAMETER": len(parameters), "STRING": len(strings),
         "STATE": sizes["x"], "COUNTER": sizes["n"], "F": sizes["f"], "K": sizes["k"], "Z": sizes["z"],
-        "WARNING": len(warned), "TOLD": (1 + len(warned)) * (TOLD + 1),
+        "WARNING": len(warnings), "MESSAGES": (1 + len(warnings)) * (GAPS + 1),
     }  # fmt: skip
     lines = [
         f"#define GUID {json.dumps(guid)}",
         f"#define LINKS {int(link_ports > 0)}",
-        f"enum {{ {', '.join(f'N_{name} = {value}' for name, value in numbers.items())}, TOLD_ROW = {TOLD + 1} }};",
+        f"enum {{ {', '.join(f'N_{name} = {value}' for name, value in numbers.items())}, MESSAGE_SIZE = {GAPS + 1} }};",
         f"static const double START[] = {{ {', '.join(float(port.start).hex() for port in reals)} }};",
         f"static const char *const NAME[] = {{ {quoted(port.name for port in variables)} }};",
-        f"static const Range RANGE[] = {{ {', '.join([*map(_range, own), '{ 0, 0, 0, 0 }'])} }};",
+        f"static const Range RANGE[] = {{ {', '.join([*map(_range, parameters), '{ 0, 0, 0, 0 }'])} }};",
         *_choices(strings),
         *(f"extern const {kind} image_{name}[];" for name, kind in
           {"x": "double", "n": "int64_t", "f": "double", "k": "int64_t", "z": "char"}.items()),
@@ -80,12 +80,13 @@ def _choices(strings: Sequence[Port]) -> list[str]:
 
 def _sentences(table: str, sentences: Sequence[Sentence]) -> list[str]:
     lines = [
-        f"static const char *const {table}_{i}[] = {{ {quoted(each.names)} }};"
-        for i, each in enumerate(sentences)
-        if each.names
+        f"static const char *const {table}_{i}[] = {{ {quoted(sentence.names)} }};"
+        for i, sentence in enumerate(sentences)
+        if sentence.names
     ]
     entries = [
-        f"{{ {json.dumps(each.text)}, {f'{table}_{i}' if each.names else 0} }}" for i, each in enumerate(sentences)
+        f"{{ {json.dumps(sentence.text)}, {f'{table}_{i}' if sentence.names else 0} }}"
+        for i, sentence in enumerate(sentences)
     ]
     return [*lines, f"static const Sentence {table}[] = {{ {', '.join(entries or ['{ 0, 0 }'])} }};"]
 

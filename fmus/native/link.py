@@ -28,8 +28,8 @@ def compiler(platform: Platform = LINUX) -> list[str]:
     if platform != LINUX:
         raise NoCompiler("libraries for Windows need the compiler ziglang: pip install 'cotrack[native]' brings it")
     for name in ("cc", "gcc", "clang"):
-        if found := shutil.which(name):
-            return [found]
+        if path := shutil.which(name):
+            return [path]
     raise NoCompiler("native FMUs need a C compiler: pip install 'cotrack[native]' brings one")
 
 
@@ -37,16 +37,18 @@ def compiler_release() -> str:
     """Name and version of the compiler."""
     if find_spec("ziglang"):
         return f"ziglang {version('ziglang')}"
-    done = subprocess.run([*compiler(), "--version"], capture_output=True, text=True)
-    return done.stdout.partition("\n")[0]
+    process = subprocess.run([*compiler(), "--version"], capture_output=True, text=True)
+    return process.stdout.partition("\n")[0]
 
 
 def link(objects: Sequence[Path], include: Path, library: Path, platform: Platform) -> None:
     """Link ``library`` from objects and ``SOURCES``; ``include`` has ``model.h``. Raises NoCompiler."""
     command = [*compiler(platform), *FLAGS, f"-I{include}", f"-I{HERE}", "-o", str(library)]
     command += [*map(str, (*SOURCES, *objects)), *platform.flags]
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
-        said = done.stderr.strip().splitlines()
-        first = next((line for line in [*said, "no message"] if "error" in line), said[-1] if said else "no message")
+    process = subprocess.run(command, capture_output=True, text=True)
+    if process.returncode:
+        errors = process.stderr.strip().splitlines()
+        first = next(
+            (line for line in [*errors, "no message"] if "error" in line), errors[-1] if errors else "no message"
+        )
         raise NoCompiler(f"{library.name} could not be linked: {first}")

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import tostring
 
-from fmus.build import BuildFailed, archive, built
+from fmus.build import BuildFailed, archive, build_once
 from fmus.components import KINDS, model_of
-from fmus.defaults import KEY, check_names, configured, given
+from fmus.defaults import KEY, check_names, configured_ports, parameter_values
 from fmus.description import document
 from fmus.jit import source_hash
 from fmus.native.emit import LEVELS, emit
-from fmus.native.entries import entries, names
+from fmus.native.entries import entries, free_names
 from fmus.native.header import header, image
 from fmus.native.link import HERE, SOURCES, NoCompiler, compiler, compiler_release, link
 from fmus.native.platform import LINUX, WINDOWS, Platform
@@ -46,26 +46,37 @@ def build_native(
         raise BuildFailed(f"native FMUs are made with numba {known}, whose insides they know, not {version('numba')}")
     platforms = (LINUX, WINDOWS) if windows else (LINUX,)
     try:
-        made = json.dumps(config, sort_keys=True, allow_nan=False)
-        by = [*(part for each in platforms for part in compiler(each)[1:]), compiler_release()]
+        config_text = json.dumps(config, sort_keys=True, allow_nan=False)
+        compiler_parts = [*(part for each in platforms for part in compiler(each)[1:]), compiler_release()]
     except (TypeError, ValueError) as error:
         raise BuildFailed(f"the configuration of {kind} is not JSON: {error}") from None
     except NoCompiler as error:
         raise BuildFailed(str(error)) from None
     sources = [each.read_text(encoding="utf-8") for each in (*SOURCES, HERE / "fmi2.h")]
-    parts = ["native", version("numba"), version("llvmlite"), *by, source_hash(), *sources, kind, made]
+    parts = [
+        "native",
+        version("numba"),
+        version("llvmlite"),
+        *compiler_parts,
+        source_hash(),
+        *sources,
+        kind,
+        config_text,
+    ]
     digest = hashlib.sha256("\0".join(parts).encode())
     guid = str(uuid.UUID(bytes=digest.digest()[:16]))
-    return built(digest.hexdigest()[:24], f"{name or kind}.fmu", lambda: _pack(kind, config, guid, platforms), folder)
+    return build_once(
+        digest.hexdigest()[:24], f"{name or kind}.fmu", lambda: _pack(kind, config, guid, platforms), folder
+    )
 
 
-def held(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | int | str]) -> dict[str, Any]:
+def with_constants(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | int | str]) -> dict[str, Any]:
     """Config with the parameters that are not free, so that components alike in them share an FMU."""
-    own = {**config.get(KEY, {}), **parameters}
-    model = _model(kind, {**config, KEY: own})
-    free = names(model.free(given(model.ports, own)))
-    kept = {name: value for name, value in parameters.items() if name not in free}
-    return {**config, KEY: {**config.get(KEY, {}), **kept}}
+    values = {**config.get(KEY, {}), **parameters}
+    model = _model(kind, {**config, KEY: values})
+    free = free_names(model.free_parameters(parameter_values(model.ports, values)))
+    constants = {name: value for name, value in parameters.items() if name not in free}
+    return {**config, KEY: {**config.get(KEY, {}), **constants}}
 
 
 def _model(kind: str, config: Mapping[str, Any]) -> Any:
@@ -75,20 +86,24 @@ def _model(kind: str, config: Mapping[str, Any]) -> Any:
 def _pack(kind: str, config: Mapping[str, Any], guid: str, platforms: Sequence[Platform] = (LINUX,)) -> bytes:
     model = _model(kind, config)
     check_names(model.ports, config)
-    ports = configured(model.ports, config)
-    values = given(ports, {})
-    free = model.free(values)
+    ports = configured_ports(model.ports, config)
+    values = parameter_values(ports, {})
+    free = model.free_parameters(values)
     model.initialise(values)
     row = variables(ports)
     outputs = sum(port.causality == "output" for port in row.reals)
-    own = [port for port in row.reals if port.causality == "parameter"]
-    made = entries(model, free.numbers, own, row.strings, outputs - model.link_ports)
-    kept = names(free)
+    real_parameters = [port for port in row.reals if port.causality == "parameter"]
+    compiled = entries(model, free.numbers, real_parameters, row.strings, outputs - model.link_ports)
+    free_ones = free_names(free)
     ports = tuple(
-        port._replace(causality="local") if port.causality == "parameter" and port.name not in kept else port
+        port._replace(causality="local") if port.causality == "parameter" and port.name not in free_ones else port
         for port in row.row
     )
-    sizes = {"x": model.state.size, "n": model.counters.size, **{each: made.frozen.block(each).size for each in "fkz"}}
+    sizes = {
+        "x": model.state.size,
+        "n": model.counters.size,
+        **{each: compiled.frozen.block(each).size for each in "fkz"},
+    }
     with tempfile.TemporaryDirectory(prefix="cotrack-") as stage:
         place = Path(stage)
         (place / "model.h").write_text(
@@ -97,15 +112,15 @@ def _pack(kind: str, config: Mapping[str, Any], guid: str, platforms: Sequence[P
                 ports,
                 model.link_ports,
                 sizes,
-                {"FAILURE": model.failures, "WARNING": model.warned, "REFUSED": model.refused},
+                {"FAILURE": model.failures, "WARNING": model.warning_sentences, "REFUSED": model.refusals},
             ),
             encoding="utf-8",
         )
         libraries = {}
         for platform in platforms:
             library = place / f"{kind}{platform.suffix}"
-            parts = {"image": image(made.frozen, model.state, model.counters, platform)}
-            parts |= {prefix: emit(made.entries, prefix, platform) for prefix in LEVELS}
+            parts = {"image": image(compiled.frozen, model.state, model.counters, platform)}
+            parts |= {prefix: emit(compiled.entries, prefix, platform) for prefix in LEVELS}
             objects = [place / f"{platform.folder}.{part}.o" for part in parts]
             for path, content in zip(objects, parts.values(), strict=True):
                 path.write_bytes(content)

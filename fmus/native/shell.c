@@ -23,8 +23,8 @@ enum { LONGEST = 1500, FIRST_LINK = N_INPUT + N_OUTPUT, FIRST_PARAMETER = FIRST_
 struct raised;
 #define BLOCKS double *x, int64_t *n, double *f, int64_t *k, char *z, const double *p, const int64_t *c
 #define OF(i) (i)->d.state, (i)->d.counter, (i)->f, (i)->k, (i)->z, (i)->d.value + FIRST_PARAMETER, (i)->d.choice
-typedef int Start(int64_t *, struct raised **, BLOCKS, double *told);
-typedef int Step(int64_t *, struct raised **, BLOCKS, double *told, double t, double h, const double *u);
+typedef int Start(int64_t *, struct raised **, BLOCKS, double *messages);
+typedef int Step(int64_t *, struct raised **, BLOCKS, double *messages, double t, double h, const double *u);
 typedef int Show(int64_t *, struct raised **, BLOCKS, double *y);
 Start any_start, wide_start;
 Step any_step, wide_step;
@@ -48,8 +48,8 @@ typedef struct { /* everything that changes during a run: saving it is copying i
 
 typedef struct {
     Data d;
-    double kept[N_STATE], told[N_TOLD];
-    int64_t kept_counter[N_COUNTER + 1];
+    double state_before[N_STATE], messages[N_MESSAGES];
+    int64_t counter_before[N_COUNTER + 1];
     double started_with[N_PARAMETER + 1]; /* parameters of the last start, to which the blocks belong */
     int64_t chosen[N_STRING + 1];
     double *f;
@@ -62,14 +62,14 @@ typedef struct {
 
 /* ---- messages */
 
-static void fill(char *out, size_t room, Sentence s, const double *told) {
+static void fill(char *out, size_t room, Sentence s, const double *numbers) {
     size_t n = 0;
     for (const char *p = s.text; *p && n + 1 < room; p++) {
         if (*p != '{') {
             out[n++] = *p;
             continue;
         }
-        double number = told[p[1] - '0'];
+        double number = numbers[p[1] - '0'];
         const char *spec = p + 3, *end = strchr(p, '}');
         char format[16];
         if (!strncmp(spec, "name", 4))
@@ -140,7 +140,7 @@ static int not_finite(Instance *c, int first, const double *a, int n, const char
 static void warn(Instance *c) {
     char text[LONGEST];
     for (int k = 0; k < N_WARNING; k++) {
-        double *row = c->told + (k + 1) * TOLD_ROW;
+        double *row = c->messages + (k + 1) * MESSAGE_SIZE;
         if (row[0] == 0.0) continue;
         row[0] = 0.0;
         fill(text, sizeof text, WARNING[k], row + 1);
@@ -188,16 +188,16 @@ static int initialise(Instance *c) {
     memcpy(c->f, image_f, N_F * sizeof *c->f);
     memcpy(c->k, image_k, N_K * sizeof *c->k);
     memcpy(c->z, image_z, N_Z);
-    memset(c->told, 0, sizeof c->told);
+    memset(c->messages, 0, sizeof c->messages);
     memcpy(c->started_with, d->value + FIRST_PARAMETER, sizeof c->started_with);
     memcpy(c->chosen, d->choice, sizeof c->chosen);
     d->failed = d->status = 0;
-    if (c->run->start(&refused, &e, OF(c), c->told)) {
+    if (c->run->start(&refused, &e, OF(c), c->messages)) {
         fail(c, "the start could not be computed");
         return 1;
     }
     if (refused) {
-        fill(text, sizeof text, REFUSED[refused], c->told);
+        fill(text, sizeof text, REFUSED[refused], c->messages);
         fail(c, text);
         return 1;
     }
@@ -206,13 +206,13 @@ static int initialise(Instance *c) {
     return 0;
 }
 
-EXPORT fmi2Status fmi2DoStep(fmi2Component p, fmi2Real t, fmi2Real h, fmi2Boolean kept) {
+EXPORT fmi2Status fmi2DoStep(fmi2Component p, fmi2Real t, fmi2Real h, fmi2Boolean no_rollback) {
     Instance *c = p;
     Data *d = &c->d;
     int64_t failed = 0;
     struct raised *e = 0;
     char text[LONGEST];
-    (void)kept;
+    (void)no_rollback;
     if (d->failed) {
         refuse(c, "an earlier call failed (%s): restore a saved state or reset", d->failure);
         return fmi2Discard;
@@ -226,21 +226,21 @@ EXPORT fmi2Status fmi2DoStep(fmi2Component p, fmi2Real t, fmi2Real h, fmi2Boolea
         return fmi2Discard;
     }
     if (!finite(d->value, N_INPUT) && not_finite(c, 0, d->value, N_INPUT, "input", "@", t)) return fmi2Discard;
-    memcpy(c->kept, d->state, sizeof c->kept);
-    memcpy(c->kept_counter, d->counter, sizeof c->kept_counter);
+    memcpy(c->state_before, d->state, sizeof c->state_before);
+    memcpy(c->counter_before, d->counter, sizeof c->counter_before);
     d->status = 0;
-    if (c->run->step(&failed, &e, OF(c), c->told, t, h, d->value)) {
+    if (c->run->step(&failed, &e, OF(c), c->messages, t, h, d->value)) {
         snprintf(text, sizeof text, "at t = %g s a kernel raised an exception", t);
     } else if (failed) {
-        fill(text, sizeof text, FAILURE[failed], c->told);
+        fill(text, sizeof text, FAILURE[failed], c->messages);
     } else if (!refresh(c, "@", t + h)) {
         return fmi2OK;
     } else {
         text[0] = 0; /* already logged */
     }
     warn(c); /* a warning may explain the failure */
-    memcpy(d->state, c->kept, sizeof c->kept);
-    memcpy(d->counter, c->kept_counter, sizeof c->kept_counter);
+    memcpy(d->state, c->state_before, sizeof c->state_before);
+    memcpy(d->counter, c->counter_before, sizeof c->counter_before);
     if (text[0]) fail(c, text);
     return fmi2Discard;
 }

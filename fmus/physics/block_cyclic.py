@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import apart, kernel
+from fmus.jit import kernel, noalias
 from fmus.physics.inverse import invert
 
 
@@ -43,7 +43,7 @@ def workspace(n: int, m: int) -> Factors:
 
 
 @kernel
-@apart
+@noalias
 def _product(C, A, B, sign, size):
     """Compute C = sign A B, all (m, m)."""
     m = len(size)
@@ -57,7 +57,7 @@ def _product(C, A, B, sign, size):
 
 
 @kernel
-@apart
+@noalias
 def _subtract(C, A, B, size):
     """Compute C -= A B, all (m, m)."""
     m = len(size)
@@ -69,7 +69,7 @@ def _subtract(C, A, B, size):
 
 
 @kernel
-@apart
+@noalias
 def factor(A, U, L, work, closed):
     """Factor in place: ``A`` becomes the inverted pivots, ``U`` and ``L`` are unchanged.
 
@@ -108,7 +108,7 @@ def factor(A, U, L, work, closed):
 
 
 @kernel
-@apart
+@noalias
 def solve(A, U, work, closed, *sides):
     """Solve in place for each right-hand side of ``sides`` (n, m), all in one pass.
 

@@ -14,11 +14,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import apart, kernel
+from fmus.jit import kernel, noalias
 
 
 @kernel
-@apart
+@noalias
 def root(A, D, size):
     """Lower ``D`` with D D^T = ``A`` (m, m), lower half read; ``A`` becomes D^-1. False if not definite."""
     m = len(size)
@@ -46,7 +46,7 @@ def root(A, D, size):
 
 
 @kernel
-@apart
+@noalias
 def _times_transposed(C, B, y, size):
     """Compute C = C B^T for a lower triangular ``B``, both (m, m); ``y`` (m) is scratch."""
     m = len(size)
@@ -61,7 +61,7 @@ def _times_transposed(C, B, y, size):
 
 
 @kernel
-@apart
+@noalias
 def _subtract(C, A, B, size):
     """Compute C -= A B^T, all (m, m)."""
     m = len(size)
@@ -74,7 +74,7 @@ def _subtract(C, A, B, size):
 
 
 @kernel
-@apart
+@noalias
 def factor(A, U, L, work, closed):
     """Factor in place: ``A`` becomes D^-1, ``U`` becomes D, ``L`` becomes E; H is stored in ``work``.
 
@@ -109,7 +109,7 @@ def factor(A, U, L, work, closed):
 
 
 @kernel
-@apart
+@noalias
 def forward(A, L, work, closed, b):
     """Solve T y = b in place, b (n, m), with the results of ``factor``: A, L (n, m, m) and ``work``."""
     H, size = work.H, work.size
@@ -138,7 +138,7 @@ def forward(A, L, work, closed, b):
 
 
 @kernel
-@apart
+@noalias
 def back(A, L, work, closed, *sides):
     """Solve T^T x = b in place, for each of ``sides`` (n, m) in one pass; A, L, ``work`` from ``factor``."""
     H, size = work.H, work.size
@@ -164,7 +164,7 @@ def back(A, L, work, closed, *sides):
 
 
 @kernel
-@apart
+@noalias
 def transposed(U, L, work, closed, b):
     """Compute T^T b in place, b (n, m), with the results of ``factor``: U, L (n, m, m) and ``work``."""
     H, size = work.H, work.size

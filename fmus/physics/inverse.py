@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import apart, kernel
+from fmus.jit import kernel, noalias
 
 SMALL = 1e-3  # least ratio of a block's determinant to its products, and of 1 to P B: else rows are exchanged
 
@@ -74,7 +74,7 @@ def _by_quarters(A):
 
 
 @kernel
-@apart
+@noalias
 def invert(A, swap, size=()):
     """Invert ``A`` (m, m) in place, Gauss-Jordan with row exchanges; return False if it is singular.
 

@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from fmus.defaults import configured, given
-from fmus.drives.motor import Drive
+from fmus.defaults import configured_ports, parameter_values
+from fmus.drives.motor import DriveParameters
 from fmus.drives.mount import WIDTH
-from fmus.drives.parameters import contradictions, drive, free, lag_port, motor_ports, mount_ports
+from fmus.drives.parameters import contradictions, drive_parameters, free_numbers, lag_port, motor_ports, mount_ports
 from fmus.jit import plain
-from fmus.model import NO_ROTATION, Component, Free, InvalidParameter
+from fmus.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
-from fmus.ports import STATE, WRENCH, Port, start_pose, wheel_state, wrench
+from fmus.ports import STATE, WRENCH, Port, motion_ports, start_pose_ports, wrench_ports
 from fmus.sentences import Sentence
-from fmus.sprocket_drive.dynamics import Parts, begin, observe, step
-from fmus.stance import at_rest, stance
-from fmus.start import KEYS, start
+from fmus.sprocket_drive.dynamics import Parts, begin, step, write_outputs
+from fmus.stance import part_at_rest, stance
+from fmus.start import KEYS, start_pose
 
 DEMAND = "speed.demand"
 
@@ -27,14 +27,14 @@ def parameter_ports(demanded: bool) -> list[Port]:
     """Parameters of a drive; ``demanded``: its speed follows an input."""
     return [
         *([lag_port()] if demanded else []),
-        *start_pose(),
+        *start_pose_ports(),
         Port("start.lateral", "parameter", "m", "lateral position of the mount beside its place as built"),
         *mount_ports(),
         *motor_ports(),
     ]
 
 
-class Model(Component):
+class Model(ComponentModel):
     """Spin of one sprocket on its mount.
 
     ``config``: {"drive": {"inertia": kg m2 of the spin, "mount": stance of the mount at the start (``fmus.stance``),
@@ -42,8 +42,8 @@ class Model(Component):
     still have their start values stands still at the start pose: an unconnected drive is a fixed axle.
     """
 
-    starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(observe)
-    placing, refused = (*KEYS, "start.lateral", "start.angle"), (Sentence(""), *contradictions())
+    start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
+    start_parameters, refusals = (*KEYS, "start.lateral", "start.angle"), (Sentence(""), *contradictions())
     failures = (
         Sentence(""),
         Sentence(NO_ROTATION, ("mount",)),
@@ -55,19 +55,19 @@ class Model(Component):
     )
 
     def __init__(self, config: Mapping[str, Any]) -> None:
-        own = config["drive"]
-        self.inertia, self._mount = float(own["inertia"]), stance(own["mount"])
+        drive_config = config["drive"]
+        self.inertia, self._mount = float(drive_config["inertia"]), stance(drive_config["mount"])
         if not self.inertia > 0.0:
             raise InvalidParameter(f"drive.inertia = {self.inertia} kg m2 must be positive")
-        self._demanded = bool(own.get("demanded", False))
-        self._parameters = configured(parameter_ports(self._demanded), config)
-        mount = self._standing({port.name: port.start for port in self._parameters})
+        self._demanded = bool(drive_config.get("demanded", False))
+        self._parameters = configured_ports(parameter_ports(self._demanded), config)
+        mount = self._start_motion({port.name: port.start for port in self._parameters})
         self.ports: tuple[Port, ...] = (
-            *wheel_state("mount", "input", mount),
-            *wrench("sprocket", "input"),
+            *motion_ports("mount", "input", mount),
+            *wrench_ports("sprocket", "input"),
             *([Port(DEMAND, "input", "rad/s", "wanted speed against the mount")] if self._demanded else []),
-            *wheel_state("sprocket", "output", mount),
-            *wrench("mount", "output"),
+            *motion_ports("sprocket", "output", mount),
+            *wrench_ports("mount", "output"),
             Port("speed", "output", "rad/s", "speed of the sprocket against the mount"),
             Port("angle", "output", "rad", "angle of the sprocket against the mount, summed over revolutions"),
             Port("torque", "output", "N.m", "torque of the motor on the sprocket, mean over the step"),
@@ -81,31 +81,33 @@ class Model(Component):
             *self._parameters,
         )
         self._unconnected = np.array([port.start for port in self.ports[:STATE]])
-        self.standing = self._unconnected.copy()
+        self.rest_motion = self._unconnected.copy()
         self.inputs = STATE + WRENCH + self._demanded
         self.state: Floats = np.zeros(WIDTH)
         self.counters = np.zeros(2, dtype=np.int64)
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Start at the start angle and speed on a mount at rest at the start pose; raises InvalidParameter."""
-        values = given(self._parameters, parameters)
-        self.drive = drive(values, self.inertia, DEMAND if self._demanded else "")
+        values = parameter_values(self._parameters, parameters)
+        self.drive = drive_parameters(values, self.inertia, DEMAND if self._demanded else "")
         self.counters[:] = 0
-        seen = np.zeros(self.inputs)
-        parts = Parts(self.drive, self._mount, self._unconnected, self.standing, seen, self.state, self.counters)
+        inputs = np.zeros(self.inputs)
+        parts = Parts(self.drive, self._mount, self._unconnected, self.rest_motion, inputs, self.state, self.counters)
         self.begin(values, parts)
 
-    def free(self, p: Mapping[str, Any]) -> Free:
+    def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters but tables of points."""
-        return Free(free(p, self._demanded, "drive"), self.placing)
+        return FreeParameters(free_numbers(p, self._demanded, "drive"), self.start_parameters)
 
     @property
-    def shafts(self) -> tuple[Drive, ...]:
+    def shafts(self) -> tuple[DriveParameters, ...]:
         """The one shaft: that of the sprocket."""
         return (self.drive,)
 
-    def _standing(self, values: Mapping[str, Any]) -> tuple[float, ...]:
+    def _start_motion(self, values: Mapping[str, Any]) -> tuple[float, ...]:
         """Motion (13) of a mount that nothing moves."""
         x, y, *rest = self._mount
-        found: tuple[float, ...] = plain(at_rest)(start(values), stance((x, y + float(values["start.lateral"]), *rest)))
-        return found
+        motion: tuple[float, ...] = plain(part_at_rest)(
+            start_pose(values), stance((x, y + float(values["start.lateral"]), *rest))
+        )
+        return motion

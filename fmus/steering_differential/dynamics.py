@@ -6,29 +6,40 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.drives.motor import CONTRADICTIONS, SPEED, Drive, profile, unreasonable
-from fmus.drives.mount import MOUNT, SPEED_NOW, SPROCKET, STEP, WIDTH, carried, hand_over, hold, place, stand
+from fmus.drives.motor import CONTRADICTIONS, SPEED, DriveParameters, find_contradiction, speed_profile
+from fmus.drives.mount import (
+    MOUNT,
+    SPEED_NOW,
+    SPROCKET,
+    STEP,
+    WIDTH,
+    extrapolate,
+    finish_step,
+    put_sprocket_motion,
+    rest_if_unconnected,
+    set_start_momentum,
+)
 from fmus.drives.shaft import (
     ANGLE,
-    BRAKED,
+    BRAKE_WORK,
     PORT_WORK,
     POWER_NOW,
     RATE,
     SHAFT,
     TORQUE_NOW,
     WORK,
-    follow,
+    advance_shaft,
+    follow_demand,
     start_shaft,
     substeps,
-    turn,
 )
 from fmus.jit import allocating, kernel
 from fmus.model import MOST_STEPS, no_rotation
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.vector import vector
-from fmus.stance import Stance, stay_at
+from fmus.stance import Stance, put_part_at_rest
 
-TURNED_NOT, STIFF, STIFF_STEERING, WILD = 1, 2, 3, 4  # failures
+BAD_QUATERNION, STIFF, STIFF_STEERING, NOT_FINITE = 1, 2, 3, 4  # failures
 # indices in the flat state: a sprocket on its mount on each side, then the two shafts of the gearbox
 RIGHT, PROPULSION, STEERING = WIDTH, 2 * WIDTH, 2 * WIDTH + SHAFT
 SIZE = STEERING + SHAFT
@@ -39,39 +50,39 @@ class Gearbox(NamedTuple):
     """Parameters of a steering differential, SI."""
 
     inertia: float  # spin inertia J of each sprocket, kg m2
-    propulsion: Drive  # shaft of the mean p of both speeds, inertia 2 J  (1)
-    steering: Drive  # shaft of the difference d, right less left, inertia J / 2
+    propulsion: DriveParameters  # shaft of the mean p of both speeds, inertia 2 J  (1)
+    steering: DriveParameters  # shaft of the difference d, right less left, inertia J / 2
 
 
 @kernel
-def join(x, sign, propulsion, steering):
+def set_sprocket(x, sign, propulsion, steering):
     """Set angle and rate of a side's sprocket from the two shafts; ``sign``: -1 left, 1 right. (3)"""
     x[ANGLE] = propulsion[ANGLE] + 0.5 * sign * steering[ANGLE]
     x[RATE] = propulsion[RATE] + 0.5 * sign * steering[RATE]
 
 
 @kernel
-def speed(p, x, t, mount_rate):
+def shaft_speed(p, x, t, mount_rate):
     """Speed of a shaft at t, relative to its mounts, rad/s."""
-    return profile(p, t)[0] if p.mode == SPEED else x[RATE] - mount_rate
+    return speed_profile(p, t)[0] if p.mode == SPEED else x[RATE] - mount_rate
 
 
 @allocating
-def finish(g, x, sign, propulsion, steering, h, u, i, m, now):
+def finish_side(g, x, sign, propulsion, steering, h, u, i, m, speed_before):
     """Set a side after the step: its sprocket, torque and work of its half shaft, wrench on its mount.
 
     ``x``: state of the side; ``sign``: -1 left, 1 right; ``propulsion``, ``steering``: states of the shafts; ``h``, s;
-    ``u[i:]``: inputs of the side; ``m``: its mount, extrapolated; ``now``: speed of the side before the step, rad/s. A
-    tuple of these ten would be made for this call alone.
+    ``u[i:]``: inputs of the side; ``m``: its mount, extrapolated; ``speed_before``: of the side before the step, rad/s.
+    A tuple of these ten would be made for this call alone.
     """
     angle, rate = x[ANGLE], x[RATE]
-    join(x, sign, propulsion, steering)
-    momentum, turned = g.inertia * (x[RATE] - rate), x[ANGLE] - angle
-    work = 0.5 * momentum * (now + x[RATE] - m.after) - m.chain * turned  # (4)
+    set_sprocket(x, sign, propulsion, steering)
+    momentum, angle_change = g.inertia * (x[RATE] - rate), x[ANGLE] - angle
+    work = 0.5 * momentum * (speed_before + x[RATE] - m.end_rate) - m.chain_torque * angle_change  # (4)
     x[WORK] += work
-    x[PORT_WORK] += m.chain * turned
-    x[TORQUE_NOW], x[POWER_NOW] = momentum / h - m.chain, work / h
-    hand_over(g.inertia, x, h, u, i, m)
+    x[PORT_WORK] += m.chain_torque * angle_change
+    x[TORQUE_NOW], x[POWER_NOW] = momentum / h - m.chain_torque, work / h
+    finish_step(g.inertia, x, h, u, i, m)
 
 
 class Parts(NamedTuple):
@@ -80,86 +91,107 @@ class Parts(NamedTuple):
     gearbox: Gearbox  # both motors
     mounts: tuple[Stance, Stance]  # left and right mount as built
     unconnected: np.ndarray  # (inputs) start values: a mount that has them is moved by nothing
-    standing: np.ndarray  # (inputs) motions at rest of mounts that nothing moves
-    seen: np.ndarray  # (inputs) inputs as the step uses them
+    rest_motion: np.ndarray  # (inputs) motions at rest of mounts that nothing moves
+    inputs: np.ndarray  # (inputs) inputs as the step uses them
     state: np.ndarray  # flat, see README.md
     counters: np.ndarray  # (2) int
 
 
 @allocating
-def begin(c, told, p):
-    """See ``fmus.model.Component``; p: the start pose, then the angle of the sprockets, rad."""
+def begin(c, messages, p):
+    """See ``fmus.model.ComponentModel``; p: the start pose, then the angle of the sprockets, rad."""
     g, x = c.gearbox, c.state
-    wrong = unreasonable(g.propulsion, told[0])
-    if wrong:
-        return wrong
-    wrong = unreasonable(g.steering, told[0])
-    if wrong:
-        return CONTRADICTIONS + wrong
+    refusal = find_contradiction(g.propulsion, messages[0])
+    if refusal:
+        return refusal
+    refusal = find_contradiction(g.steering, messages[0])
+    if refusal:
+        return CONTRADICTIONS + refusal
     x[:] = 0.0
     propulsion, steering = x[PROPULSION:STEERING], x[STEERING:]
     start_shaft(g.propulsion, propulsion, p[6])
     start_shaft(g.steering, steering, 0.0)
     for k in range(2):
-        side, stands = x[RIGHT * k : RIGHT * k + WIDTH], c.standing[SIDE * k : SIDE * k + 13]
-        stay_at(p, c.mounts[k], stands, 0)
-        join(side, 2.0 * k - 1.0, propulsion, steering)
-        place(side, vector(stands, 0), stands[3:7], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        side, rest = x[RIGHT * k : RIGHT * k + WIDTH], c.rest_motion[SIDE * k : SIDE * k + 13]
+        put_part_at_rest(p, c.mounts[k], rest, 0)
+        set_sprocket(side, 2.0 * k - 1.0, propulsion, steering)
+        put_sprocket_motion(side, vector(rest, 0), rest[3:7], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     return 0
 
 
 @allocating
-def step(c, told, t, h, u):
-    """See ``fmus.model.Component``; u: for each side mount (13) at t and mean wrench (6), then demands."""
-    g, x, seen = c.gearbox, c.state, c.seen
+def step(c, messages, t, h, u):
+    """See ``fmus.model.ComponentModel``; u: for each side mount (13) at t and mean wrench (6), then demands."""
+    g, x, inputs = c.gearbox, c.state, c.inputs
     for i in range(u.size):
-        seen[i] = u[i]
+        inputs[i] = u[i]
     for k in range(2):
-        stand(seen, k * SIDE, c.unconnected, c.standing, k * SIDE)
+        rest_if_unconnected(inputs, k * SIDE, c.unconnected, c.rest_motion, k * SIDE)
     for k in range(2):
-        if no_rotation(told[0], t, k, seen, k * SIDE + 3):
-            return TURNED_NOT
-    one, two = substeps(g.propulsion, h), substeps(g.steering, h)
-    if max(one, two) > MOST_STEPS:
-        told[0, 0], told[0, 1], told[0, 2] = t, max(one, two), h
-        return STIFF if one >= two else STIFF_STEERING
-    advance(g, x, t, h, one, two, seen)
+        if no_rotation(messages[0], t, k, inputs, k * SIDE + 3):
+            return BAD_QUATERNION
+    propulsion_steps, steering_steps = substeps(g.propulsion, h), substeps(g.steering, h)
+    if max(propulsion_steps, steering_steps) > MOST_STEPS:
+        messages[0, 0], messages[0, 1], messages[0, 2] = t, max(propulsion_steps, steering_steps), h
+        return STIFF if propulsion_steps >= steering_steps else STIFF_STEERING
+    advance(g, x, t, h, propulsion_steps, steering_steps, inputs)
     for i in range(x.size):
         if not np.isfinite(x[i]):
-            told[0, 0] = t
-            return WILD
+            messages[0, 0] = t
+            return NOT_FINITE
     prescribed = int(g.propulsion.mode == SPEED) + int(g.steering.mode == SPEED)  # a step each
-    c.counters[0] += one + two
-    c.counters[1] += prescribed + len(RK4.b) * (one + two - prescribed)
+    c.counters[0] += propulsion_steps + steering_steps
+    c.counters[1] += prescribed + len(RK4.b) * (propulsion_steps + steering_steps - prescribed)
     return 0
 
 
 @allocating
-def advance(g, x, t, h, one, two, u):
-    """Advance x in place by ``h`` s; ``one``, ``two``: internal steps of the two shafts."""
+def advance(g, x, t, h, propulsion_steps, steering_steps, u):
+    """Advance x in place by ``h`` s; ``propulsion_steps``, ``steering_steps``: internal steps."""
     left, right, propulsion, steering = x[:RIGHT], x[RIGHT:PROPULSION], x[PROPULSION:STEERING], x[STEERING:]
     if g.propulsion.lag > 0.0:
-        follow(g.propulsion, propulsion, t, h, 0.5 * (u[2 * SIDE] + u[2 * SIDE + 1]))
-        follow(g.steering, steering, t, h, u[2 * SIDE + 1] - u[2 * SIDE])
-    a = carried(g.propulsion.accelerated, left, h, u, 0)
-    b = carried(g.propulsion.accelerated, right, h, u, SIDE)
-    rate, twist = 0.5 * (a.before + b.before), b.before - a.before  # mean and difference of the mounts' rates
-    p, d = speed(g.propulsion, propulsion, t, rate), speed(g.steering, steering, t, twist)
+        follow_demand(g.propulsion, propulsion, t, h, 0.5 * (u[2 * SIDE] + u[2 * SIDE + 1]))
+        follow_demand(g.steering, steering, t, h, u[2 * SIDE + 1] - u[2 * SIDE])
+    left_mount = extrapolate(g.propulsion.with_acceleration, left, h, u, 0)
+    right_mount = extrapolate(g.propulsion.with_acceleration, right, h, u, SIDE)
+    rate, twist = (
+        0.5 * (left_mount.start_rate + right_mount.start_rate),
+        right_mount.start_rate - left_mount.start_rate,
+    )  # mean and difference of the mounts' rates
+    p, d = shaft_speed(g.propulsion, propulsion, t, rate), shaft_speed(g.steering, steering, t, twist)
     if left[STEP] == 0.0:
         propulsion[RATE], steering[RATE] = p + rate, d + twist
-        join(left, -1.0, propulsion, steering)
-        join(right, 1.0, propulsion, steering)
-        hold(g.inertia, left, a)
-        hold(g.inertia, right, b)
-    turn(g.propulsion, propulsion, t, h, one, a.chain + b.chain, rate, 0.5 * (a.after + b.after))  # (2)
-    turn(g.steering, steering, t, h, two, 0.5 * (b.chain - a.chain), twist, b.after - a.after)
-    finish(g, left, -1.0, propulsion, steering, h, u, 0, a, p - 0.5 * d)
-    finish(g, right, 1.0, propulsion, steering, h, u, SIDE, b, p + 0.5 * d)
+        set_sprocket(left, -1.0, propulsion, steering)
+        set_sprocket(right, 1.0, propulsion, steering)
+        set_start_momentum(g.inertia, left, left_mount)
+        set_start_momentum(g.inertia, right, right_mount)
+    advance_shaft(
+        g.propulsion,
+        propulsion,
+        t,
+        h,
+        propulsion_steps,
+        left_mount.chain_torque + right_mount.chain_torque,
+        rate,
+        0.5 * (left_mount.end_rate + right_mount.end_rate),
+    )  # (2)
+    advance_shaft(
+        g.steering,
+        steering,
+        t,
+        h,
+        steering_steps,
+        0.5 * (right_mount.chain_torque - left_mount.chain_torque),
+        twist,
+        right_mount.end_rate - left_mount.end_rate,
+    )
+    finish_side(g, left, -1.0, propulsion, steering, h, u, 0, left_mount, p - 0.5 * d)
+    finish_side(g, right, 1.0, propulsion, steering, h, u, SIDE, right_mount, p + 0.5 * d)
 
 
 @kernel
-def observe(c, y):
-    """See ``fmus.model.Component``."""
+def write_outputs(c, y):
+    """See ``fmus.model.ComponentModel``."""
     x, inertia = c.state, c.gearbox.inertia
     kinetic = port = 0.0
     for k in range(2):
@@ -172,14 +204,14 @@ def observe(c, y):
         y[o], y[o + 1], y[o + 2], y[o + 3], y[o + 4] = s[SPEED_NOW], s[ANGLE], s[TORQUE_NOW], s[POWER_NOW], s[WORK]
         kinetic += 0.5 * inertia * (s[RATE] * s[RATE])
         port += s[PORT_WORK]
-    work = lost = 0.0
+    work = brake_work = 0.0
     for k in range(2):
         s, o = x[PROPULSION + k * SHAFT : PROPULSION + (k + 1) * SHAFT], 2 * SIDE + 10 + 4 * k
         y[o] = 0.5 * (x[SPEED_NOW] + x[RIGHT + SPEED_NOW]) if k == 0 else x[RIGHT + SPEED_NOW] - x[SPEED_NOW]
         y[o + 1], y[o + 2], y[o + 3] = s[TORQUE_NOW], s[POWER_NOW], s[WORK]
         work += s[WORK]
-        lost += s[BRAKED]
-    one, two = x[POWER_NOW], x[RIGHT + POWER_NOW]
+        brake_work += s[BRAKE_WORK]
+    left_power, right_power = x[POWER_NOW], x[RIGHT + POWER_NOW]
     o = 2 * SIDE + 18
-    y[o] = min(abs(one), abs(two)) if one * two < 0.0 else 0.0
-    y[o + 1], y[o + 2], y[o + 3], y[o + 4] = kinetic, work, lost, port
+    y[o] = min(abs(left_power), abs(right_power)) if left_power * right_power < 0.0 else 0.0
+    y[o + 1], y[o + 2], y[o + 3], y[o + 4] = kinetic, work, brake_work, port

@@ -7,24 +7,24 @@ from typing import Any
 
 import numpy as np
 
-from fmus.defaults import configured, given
-from fmus.drives.motor import Drive
-from fmus.drives.parameters import contradictions, drive, free, lag_port, motor_ports, mount_ports
+from fmus.defaults import configured_ports, parameter_values
+from fmus.drives.motor import DriveParameters
+from fmus.drives.parameters import contradictions, drive_parameters, free_numbers, lag_port, motor_ports, mount_ports
 from fmus.jit import plain
-from fmus.model import NO_ROTATION, Component, Free, InvalidParameter
+from fmus.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
-from fmus.ports import STATE, Port, start_pose, wheel_state, wrench
+from fmus.ports import STATE, Port, motion_ports, start_pose_ports, wrench_ports
 from fmus.sentences import Sentence
-from fmus.stance import at_rest, mirrored, stance
-from fmus.start import KEYS, start
+from fmus.stance import mirror_stance, part_at_rest, stance
+from fmus.start import KEYS, start_pose
 from fmus.steering_differential.dynamics import (
     SIDE,
     SIZE,
     Gearbox,
     Parts,
     begin,
-    observe,
     step,
+    write_outputs,
 )
 
 SIDES = {"left": 1.0, "right": -1.0}  # sign of y
@@ -40,31 +40,31 @@ def parameter_ports(demanded: bool) -> list[Port]:
     """Parameters of a differential; ``demanded``: its speeds follow inputs."""
     return [
         *([lag_port()] if demanded else []),
-        *start_pose(),
+        *start_pose_ports(),
         *mount_ports(),
         *motor_ports("propulsion.", "the mean of both sprockets", "mean of both speeds against the mounts"),
         *motor_ports("steering.", "the right sprocket less the left one", "speed of the right less the left sprocket"),
     ]
 
 
-def connectors(mounts: Mapping[str, tuple[float, ...]], demanded: bool) -> list[Port]:
+def connector_ports(mounts: Mapping[str, tuple[float, ...]], demanded: bool) -> list[Port]:
     """Inputs, then motions and wrenches of both sides; ``mounts``: motion (13) of each at the start."""
-    found: list[Port] = []
-    for side, at in mounts.items():
-        found += [*wheel_state(f"{side}.mount", "input", at), *wrench(f"{side}.sprocket", "input")]
+    found_ports: list[Port] = []
+    for side, motion in mounts.items():
+        found_ports += [*motion_ports(f"{side}.mount", "input", motion), *wrench_ports(f"{side}.sprocket", "input")]
     for side in mounts if demanded else ():
         text = f"wanted speed of the {side} sprocket {RELATIVE}"
-        found.append(Port(f"{side}.speed.demand", "input", "rad/s", text))
-    for side, at in mounts.items():
-        found += [*wheel_state(f"{side}.sprocket", "output", at), *wrench(f"{side}.mount", "output")]
-    return found
+        found_ports.append(Port(f"{side}.speed.demand", "input", "rad/s", text))
+    for side, motion in mounts.items():
+        found_ports += [*motion_ports(f"{side}.sprocket", "output", motion), *wrench_ports(f"{side}.mount", "output")]
+    return found_ports
 
 
-def outputs() -> list[Port]:
+def output_ports() -> list[Port]:
     """Outputs of half shafts, motors and energies."""
-    found: list[Port] = []
+    side_ports: list[Port] = []
     for side in SIDES:
-        found += [
+        side_ports += [
             Port(f"{side}.speed", "output", "rad/s", f"speed of the {side} sprocket {RELATIVE}"),
             Port(f"{side}.angle", "output", "rad", f"angle of the {side} sprocket {RELATIVE}, over revolutions"),
             Port(f"{side}.torque", "output", "N.m", f"torque of the {side} half shaft on its sprocket, mean"),
@@ -72,14 +72,14 @@ def outputs() -> list[Port]:
             Port(f"{side}.work", "output", "J", f"work of the {side} half shaft on its sprocket so far"),
         ]
     for shaft, speed in (("propulsion", "mean of both speeds"), ("steering", "right less left speed")):
-        found += [
+        side_ports += [
             Port(f"{shaft}.speed", "output", "rad/s", speed),
             Port(f"{shaft}.torque", "output", "N.m", f"torque of the {shaft} motor, mean over the step"),
             Port(f"{shaft}.power", "output", "W", f"power of the {shaft} motor, mean over the step"),
             Port(f"{shaft}.work", "output", "J", f"work of the {shaft} motor since the start"),
         ]
     return [
-        *found,
+        *side_ports,
         Port("power.regenerated", "output", "W", "power that one half shaft takes and the other one gives, mean"),
         Port("energy.kinetic", "output", "J", "kinetic energy of both spins"),
         Port("energy.work", "output", "J", "work of both motors since the start"),
@@ -90,7 +90,7 @@ def outputs() -> list[Port]:
     ]
 
 
-class Model(Component):
+class Model(ComponentModel):
     """Spins of both sprockets of a vehicle on their mounts, joined by two shafts: mean and difference.
 
     ``config``: {"drive": {"inertia": kg m2 of each spin, "mount": stance of the left mount at the start
@@ -99,9 +99,9 @@ class Model(Component):
     stand still at the start pose.
     """
 
-    starting, stepping, showing = staticmethod(begin), staticmethod(step), staticmethod(observe)
-    placing = *KEYS, "start.angle"
-    refused = Sentence(""), *contradictions("propulsion."), *contradictions("steering.")
+    start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
+    start_parameters = *KEYS, "start.angle"
+    refusals = Sentence(""), *contradictions("propulsion."), *contradictions("steering.")
     failures = (
         Sentence(""),
         Sentence(NO_ROTATION, tuple(f"{side}.mount" for side in SIDES)),
@@ -111,58 +111,62 @@ class Model(Component):
     )
 
     def __init__(self, config: Mapping[str, Any]) -> None:
-        own = config["drive"]
-        self.inertia, left = float(own["inertia"]), stance(own["mount"])
-        right = stance(own["right"]) if "right" in own else mirrored(left)
+        drive_config = config["drive"]
+        self.inertia, left = float(drive_config["inertia"]), stance(drive_config["mount"])
+        right = stance(drive_config["right"]) if "right" in drive_config else mirror_stance(left)
         self._mounts = left, right
         if not self.inertia > 0.0:
             raise InvalidParameter(f"drive.inertia = {self.inertia} kg m2 must be positive")
-        demanded = bool(own.get("demanded", False))
+        demanded = bool(drive_config.get("demanded", False))
         self._demand = DEMAND if demanded else ""
-        self._parameters = configured(parameter_ports(demanded), config)
-        shown = self._standing({port.name: port.start for port in self._parameters})
+        self._parameters = configured_ports(parameter_ports(demanded), config)
+        start_motions = self._start_motions({port.name: port.start for port in self._parameters})
         self.ports: tuple[Port, ...] = (
-            *connectors(dict(zip(SIDES, shown, strict=True)), demanded),
-            *outputs(),
+            *connector_ports(dict(zip(SIDES, start_motions, strict=True)), demanded),
+            *output_ports(),
             *self._parameters,
         )
         inputs = [port.start for port in self.ports if port.causality == "input"]
         self.inputs = len(inputs)
         self._unconnected = np.array(inputs)
-        self._stands = self._unconnected.copy()
+        self._rest_motions = self._unconnected.copy()
         self.gearbox: Gearbox
         self.state: Floats = np.zeros(SIZE)
         self.counters = np.zeros(2, dtype=np.int64)
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Start both sprockets at angle and speeds of the start, on mounts at rest; raises InvalidParameter."""
-        values = given(self._parameters, parameters)
+        values = parameter_values(self._parameters, parameters)
         self.gearbox = Gearbox(
             self.inertia,
-            drive(values, 2.0 * self.inertia, self._demand, "propulsion."),  # (1)
-            drive(values, 0.5 * self.inertia, self._demand, "steering."),
+            drive_parameters(values, 2.0 * self.inertia, self._demand, "propulsion."),  # (1)
+            drive_parameters(values, 0.5 * self.inertia, self._demand, "steering."),
         )
         self.counters[:] = 0
-        seen = np.zeros(self.inputs)
-        parts = Parts(self.gearbox, self._mounts, self._unconnected, self._stands, seen, self.state, self.counters)
+        inputs = np.zeros(self.inputs)
+        parts = Parts(
+            self.gearbox, self._mounts, self._unconnected, self._rest_motions, inputs, self.state, self.counters
+        )
         self.begin(values, parts)
 
-    def free(self, p: Mapping[str, Any]) -> Free:
+    def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """All parameters but tables of points."""
-        shafts = (free(p, bool(self._demand), f"gearbox.{shaft}", f"{shaft}.") for shaft in ("propulsion", "steering"))
-        return Free({place: how for shaft in shafts for place, how in shaft.items()}, self.placing)
+        shafts = (
+            free_numbers(p, bool(self._demand), f"gearbox.{shaft}", f"{shaft}.") for shaft in ("propulsion", "steering")
+        )
+        return FreeParameters({place: how for shaft in shafts for place, how in shaft.items()}, self.start_parameters)
 
     @property
-    def shafts(self) -> tuple[Drive, ...]:
+    def shafts(self) -> tuple[DriveParameters, ...]:
         """The two shafts: propulsion and steering."""
         return self.gearbox.propulsion, self.gearbox.steering
 
     @property
-    def standing(self) -> Floats:
+    def rest_motion(self) -> Floats:
         """Motions (2, 13) of mounts that nothing moves."""
-        return np.stack([self._stands[at : at + STATE] for at in (0, SIDE)])
+        return np.stack([self._rest_motions[at : at + STATE] for at in (0, SIDE)])
 
-    def _standing(self, values: Mapping[str, Any]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    def _start_motions(self, values: Mapping[str, Any]) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Motions (13 each) of the left and the right mount when nothing moves them."""
-        left, right = (plain(at_rest)(start(values), mount) for mount in self._mounts)
+        left, right = (plain(part_at_rest)(start_pose(values), mount) for mount in self._mounts)
         return left, right

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.model import Floats, Free, InvalidParameter, StepFailed
+from fmus.model import Floats, FreeParameters, InvalidParameter, StepFailed
 from fmus.physics.ancf import rotary
 from fmus.physics.ancf.element import ELASTICITIES
 from fmus.physics.chain import state
@@ -27,7 +27,7 @@ from fmus.physics.chain.implicit import Method
 from fmus.physics.chain.outcome import DONE, SINGULAR, Outcome
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.ports import POSITIVE, Port, Range
-from fmus.track import TrackModel, alpha, integration
+from fmus.track import TrackModel, integrator_coefficients, integrator_ports
 from fmus.track_choices import (
     ADAMS,
     CHOLESKY,
@@ -37,14 +37,14 @@ from fmus.track_choices import (
     NODAL,
     conflict_of_links,
 )
-from fmus.track_closure import PIN, SPRING, closure
+from fmus.track_closure import PIN, SPRING, closure_ports
 from fmus.track_flexible import parameters
 
-STILL = 1e-3  # residual of static equilibrium, N
-LONG = 10.0  # last pseudo step of a chain between pins, s: its slowest modes come to rest too
+REST_RESIDUAL = 1e-3  # residual of static equilibrium, N
+LAST_PSEUDO_STEP = 10.0  # last pseudo step of a chain between pins, s: its slowest modes come to rest too
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
 ELEMENTS = {"cable": NODE, "planar": PLANAR_NODE, "beam": BEAM_NODE}  # number of coordinates of a pin
-FINE = Range(POSITIVE.least, CHORD, f"greater than 0 and {CHORD} at most")
+TOLERANCE_RANGE = Range(POSITIVE.least, CHORD, f"greater than 0 and {CHORD} at most")
 
 
 class Model(TrackModel):
@@ -53,15 +53,22 @@ class Model(TrackModel):
     State = State
     element, axes, closure, joints, coordinates = "cable", "fixed", PIN, ELIMINATED, NODAL
 
-    def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
+    def link_parameters(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Parameters of element, material, joints, coordinates, integration and closure."""
         return (
-            *parameters.kind_of_link(tuple(ELEMENTS)),
-            *parameters.material(vehicle["material"]),
-            *parameters.coordinates(),
-            *integration(),
-            Port("tolerance", "parameter", "m", "largest Newton correction of a converged step", 1e-9, allowed=FINE),
-            *(closure() if self.closed else ()),
+            *parameters.link_kind_ports(tuple(ELEMENTS)),
+            *parameters.material_ports(vehicle["material"]),
+            *parameters.coordinate_ports(),
+            *integrator_ports(),
+            Port(
+                "tolerance",
+                "parameter",
+                "m",
+                "largest Newton correction of a converged step",
+                1e-9,
+                allowed=TOLERANCE_RANGE,
+            ),
+            *(closure_ports() if self.closed else ()),
         )
 
     def shapes(self) -> state.Shapes:
@@ -76,7 +83,7 @@ class Model(TrackModel):
             from fmus.physics.chain.flexible.constrained import NODE as OWN
 
             width = OWN
-        return shapes(width, self.mesh, len(self.wheel_list), axes, self.felt, self.coordinates == CHOLESKY)
+        return shapes(width, self.mesh, len(self.wheel_list), axes, self.on_links_shape, self.coordinates == CHOLESKY)
 
     @property
     def mesh(self) -> int:
@@ -91,7 +98,7 @@ class Model(TrackModel):
         if axes == "free" and not self.wheel_list:
             raise InvalidParameter("axes = 'free' needs wheels: they turn with what carries them")
         young, tau = p["material.youngs_modulus"], p["material.relaxation_time"]
-        self.method = Method(alpha(p), p["tolerance"], True)
+        self.method = Method(integrator_coefficients(p), p["tolerance"], True)
         closed_by = p.get("closure", PIN)
         self.closing = Spring(p["closure.stiffness"], p["closure.damping"]) if closed_by == SPRING else None
         beam = element == "beam"
@@ -99,42 +106,42 @@ class Model(TrackModel):
         axial = young * self.vehicle["section"]["area"]
         self.stiffness = max(axial, self.closing.stiffness * self.pitch if self.closing else 0.0)  # axial, N
         self.kit = kit(type(self.link))
-        kind = element, axes, closed_by, ELIMINATED, NODAL  # every chain starts so, see ``run_as_set``
+        kind = element, axes, closed_by, ELIMINATED, NODAL  # every chain starts so, see ``begin_run``
         if kind != (self.element, self.axes, self.closure, self.joints, self.coordinates):
             self.element, self.axes, self.closure, self.joints, self.coordinates = kind
             self.allocate()
         self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
-        self.work = work(self.kit, self.links_count, self.mesh, len(self.wheel_list), self.felt)
-        self._run_with = p["joints"], p["coordinates"]
-        self.stable = stable(self.link)
+        self.work = work(self.kit, self.links_count, self.mesh, len(self.wheel_list), self.on_links_shape)
+        self._run_formulation = p["joints"], p["coordinates"]
+        self.stable_step = stable(self.link)
         self.plane = int(element != "beam" and axes == "fixed")
 
-    def run_as_set(self) -> None:
-        """Change to the wanted joints and coordinates, then begin as ``TrackModel.run_as_set``."""
-        joints, coordinates = self._run_with
+    def begin_run(self) -> None:
+        """Change to the wanted joints and coordinates, then begin as ``TrackModel.begin_run``."""
+        joints, coordinates = self._run_formulation
         if joints == CONSTRAINED and self.joints == ELIMINATED:
             self._constrain()
         if coordinates == CHOLESKY and self.coordinates == NODAL:
             self._transform()
-        super().run_as_set()
+        super().begin_run()
 
     def _transform(self) -> None:
         """Change to Cholesky coordinates, stored before the nodal ones; raises StepFailed for a singular mass."""
         from fmus.physics.chain.flexible import cholesky
 
-        nodal, at = self.state, self.kit.LAYOUT
-        self.link = cholesky.transformed(self.link, len(at.own), (self.mesh, len(at.shared)))
+        nodal, layout = self.state, self.kit.LAYOUT
+        self.link = cholesky.transformed(self.link, len(layout.own), (self.mesh, len(layout.shared)))
         self.coordinates = CHOLESKY
         self.allocate()
         singular = cholesky.factor(self.link, self.environment, self.s, self.work)
         if singular >= 0:
             raise StepFailed(f"the chain's mass matrix is singular at the start, link {singular + 1}")
-        self.hold(nodal)
+        self.copy_state(nodal)
 
-    def hold(self, state: Floats) -> bool:
-        """See ``Component``; a state of the same chain in nodal coordinates is accepted too."""
+    def copy_state(self, state: Floats) -> bool:
+        """See ``ComponentModel``; a state of the same chain in nodal coordinates is accepted too."""
         if self.coordinates == NODAL or state.size != self.state.size - self.s.p.size:
-            return super().hold(state)
+            return super().copy_state(state)
         from fmus.physics.chain.flexible.cholesky import fold
 
         self.state[self.s.p.size :] = state
@@ -145,19 +152,19 @@ class Model(TrackModel):
         """Change to links with own coordinates and constrained joints, and evaluate their accelerations."""
         from fmus.physics.chain.flexible import constrained
 
-        whole, rows = self.s, len(self.work.M)
-        at = places(self.kit, whole.q, rows, self.links_count)
+        eliminated, rows = self.s, len(self.work.M)
+        old_places = places(self.kit, eliminated.q, rows, self.links_count)
         self.joints, self.kit, self.link = CONSTRAINED, constrained, constrained.ConstrainedCables(*self.link)
         self.allocate()
-        own = places(constrained, self.s.q, rows, self.links_count)
-        for now, before in ((self.s.q, whole.q), (self.s.v, whole.v)):
-            now.reshape(-1)[own] = before.reshape(-1)[at]
-        self.work = work(constrained, self.links_count, self.mesh, len(self.wheel_list), self.felt)
-        self._let_go()
+        new_places = places(constrained, self.s.q, rows, self.links_count)
+        for new, old in ((self.s.q, eliminated.q), (self.s.v, eliminated.v)):
+            new.reshape(-1)[new_places] = old.reshape(-1)[old_places]
+        self.work = work(constrained, self.links_count, self.mesh, len(self.wheel_list), self.on_links_shape)
+        self._evaluate_start()
 
-    def free(self, p: Mapping[str, Any]) -> Free:
+    def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """See ``TrackModel``; besides, the tolerance and, with an implicit integrator, the relaxation time."""
-        free = super().free(p)
+        free = super().free_parameters(p)
         if p["integrator"] in (EXPLICIT, ADAMS):
             return free
         tau, numbers = "{material.relaxation_time}", {"scheme.tolerance": "{tolerance}"}
@@ -198,9 +205,9 @@ class Model(TrackModel):
             track = v["track"]
             across = rotary.second_moments(track["inertia"])[1]
             if across <= 0.0:
-                raise self._more_than_a_body_has(1)
-            sideways, twist = young * (s["lateral_bending"] - second), self.links_count * across
-            return TurningCables(*common, 0.25 * track["width"], sideways, twist, self.closing)
+                raise self._inertia_error(1)
+            lateral_bending, twist = young * (s["lateral_bending"] - second), self.links_count * across
+            return TurningCables(*common, 0.25 * track["width"], lateral_bending, twist, self.closing)
         return kind(*common, self.closing)
 
     def _beams(self, young: float, tau: float) -> Any:
@@ -244,15 +251,15 @@ class Model(TrackModel):
 
     def _rotary_of_beams(self, width: float, height: float) -> tuple[float, float, float]:
         """Second moments of a link's mass less those of the beam's section, kg m2; raises InvalidParameter."""
-        mass, wanted = self.vehicle["track"]["mass"], rotary.second_moments(self.vehicle["track"]["inertia"])
-        own = tuple(float(mass * size * size / 12.0) for size in (self.pitch, width, height))
-        for axis, (found, has) in enumerate(zip(wanted, own, strict=True)):
-            if found < rotary.NONE * has:
-                raise self._more_than_a_body_has(axis)
-        x, y, z = (found - has for found, has in zip(wanted, own, strict=True))
+        mass, moments = self.vehicle["track"]["mass"], rotary.second_moments(self.vehicle["track"]["inertia"])
+        section_moments = tuple(float(mass * size * size / 12.0) for size in (self.pitch, width, height))
+        for axis, (moment, section) in enumerate(zip(moments, section_moments, strict=True)):
+            if moment < rotary.NONE * section:
+                raise self._inertia_error(axis)
+        x, y, z = (moment - section for moment, section in zip(moments, section_moments, strict=True))
         return x, y, z
 
-    def _more_than_a_body_has(self, axis: int) -> InvalidParameter:
+    def _inertia_error(self, axis: int) -> InvalidParameter:
         """Error for an inertia that no body has about the ``axis`` (0 to 2) of a link."""
         inertia = self.vehicle["track"]["inertia"]
         return InvalidParameter(
@@ -269,24 +276,27 @@ class Model(TrackModel):
                 self._stretch(spin)
             x, z = self.kit.PLANE.T
             self.s.v[:, x], self.s.v[:, z] = spin * self.s.q[:, z], -spin * self.s.q[:, x]
-        self._let_go(rest and not spin)
+        self._evaluate_start(rest and not spin)
 
-    def come_to_rest(self, rows: Floats) -> None:
+    def find_equilibrium(self, rows: Floats) -> None:
         """See ``TrackModel``."""
         self.start_rows[:] = rows
-        self._let_go(rest=True)
+        self._evaluate_start(rest=True)
 
-    def move(self, turning: Floats, velocity: Floats) -> None:
+    def add_rates(self, turning: Floats, velocity: Floats) -> None:
         """See ``TrackModel``; sets the rates of the pins and of the slopes at them."""
         place, *slopes = self.kit.PLANE
-        own = len(slopes) // 2  # slopes of each of the two links; a shared slope lies along y
+        per_link = len(slopes) // 2  # slopes of each of the two links; a shared slope lies along y
         pin = np.arange(self.mesh) % self.nodes  # index in the loop
         self.s.v[:, place] += velocity[pin]
-        for vectors, rate in ((slopes[-2 * own : -own], turning[pin - 1]), (slopes[-own:], turning[pin])):
+        for vectors, rate in (
+            (slopes[-2 * per_link : -per_link], turning[pin - 1]),
+            (slopes[-per_link:], turning[pin]),
+        ):
             for x, z in vectors:
                 self.s.v[:, x] += rate * self.s.q[:, z]
                 self.s.v[:, z] -= rate * self.s.q[:, x]
-        self._let_go()
+        self._evaluate_start()
 
     def tighten(self) -> None:
         """Deform the links to the tension of the release, so that no waves start; raises StepFailed."""
@@ -294,13 +304,13 @@ class Model(TrackModel):
 
         self.work.moved[:] = self.start_rows
         chain = Chain(self.kit, self.s.q, self.work.M, self.pitch, self.ends_kind == PINNED)
-        if not tighten(chain, self._residuals, self._least()):
+        if not tighten(chain, self._residuals, self._rest_tolerance()):
             raise StepFailed("the tension at which the chain is let go was not found: its links are too soft")
-        self._let_go()
+        self._evaluate_start()
 
     def evaluate(self, motion: Motion, by: Slopes = NOTHING, fresh: bool = False) -> None:
         """Evaluate residuals, and with ``fresh`` matrices, of a motion into ``work``; see ``assembly``."""
-        self._do(EVALUATE, motion, by, fresh)
+        self._run_release(EVALUATE, motion, by, fresh)
 
     def _residuals(self, accelerations: Floats) -> Floats:
         """Residuals of the links (links, rows, axes), N, at rest with the accelerations (nodes, width)."""
@@ -311,9 +321,9 @@ class Model(TrackModel):
         """Axial force, N, from rounding of the pins' positions: no residual is reliably smaller."""
         return 4.0 * float(np.finfo(float).eps) * self.stiffness * self.links_count
 
-    def _least(self) -> float:
+    def _rest_tolerance(self) -> float:
         """Largest residual of static equilibrium, N."""
-        return max(STILL, self._rounding())
+        return max(REST_RESIDUAL, self._rounding())
 
     def settle_pins(self, pins: Floats) -> None:
         """Set the state to straight links at rest between the ``pins`` (nodes, 2), m."""
@@ -328,22 +338,22 @@ class Model(TrackModel):
         """Set a free loop to its equilibrium relative to a rotation at ``spin`` rad/s; raises StepFailed."""
         from fmus.physics.chain.flexible.spinning import part, stretch
 
-        spun = self.kit, self.s.q, len(self.work.M), self.links_count, spin
-        found = stretch(*spun, self._residuals, self._rounding())
-        if found and self.closing:
-            found = part(*spun, self.closing.stiffness, self._residuals, self._rounding())
-        if not found:
+        loop = self.kit, self.s.q, len(self.work.M), self.links_count, spin
+        converged = stretch(*loop, self._residuals, self._rounding())
+        if converged and self.closing:
+            converged = part(*loop, self.closing.stiffness, self._residuals, self._rounding())
+        if not converged:
             raise StepFailed(
                 f"the loop that spins at {spin:g} rad/s has no relative equilibrium: its links are too soft"
             )
 
-    def _let_go(self, rest: bool = False) -> None:
+    def _evaluate_start(self, rest: bool = False) -> None:
         """Evaluate accelerations and outputs of the start, with ``rest`` after equilibrium; raises StepFailed."""
         if self.joints == CONSTRAINED:  # already at its start: equilibrium is not compiled for these links
             link = let_go(*self.system(), self.start_rows, self.s, self.work, self.report)
             failure, residual = SINGULAR if link >= 0 else DONE, 0.0
         else:
-            failure, _, link, residual = self._do(REST if rest else LET_GO)
+            failure, _, link, residual = self._run_release(REST if rest else LET_GO)
         if failure == SINGULAR:
             raise StepFailed(f"the chain's mass matrix is singular at the start, link {link + 1}")
         if failure:
@@ -351,17 +361,19 @@ class Model(TrackModel):
                 f"static equilibrium of the track was not found: link {link + 1}, residual {residual:.3g} N"
             )
 
-    def _do(self, task: int, motion: Motion | None = None, by: Slopes = NOTHING, fresh: bool = False) -> Outcome:
+    def _run_release(
+        self, task: int, motion: Motion | None = None, by: Slopes = NOTHING, fresh: bool = False
+    ) -> Outcome:
         """Do a task of ``release``, whose static equilibrium is without friction."""
         motion = motion or Motion(self.s.q, self.s.v, self.s.vdot, self.s.axes)
-        smooth, least = self.contacts, self._least()
-        if smooth is not None:
-            from fmus.contacts import smooth as frictionless
+        partners, least = self.contacts, self._rest_tolerance()
+        if partners is not None:
+            from fmus.contacts import without_friction as frictionless
 
-            smooth = frictionless(smooth)
-        longest = LONG if self.ends_kind == PINNED else 0.0
-        found: Outcome = release(
-            self.link, smooth, *self.system()[1:], task, motion, by, fresh, self.start_rows, least, longest, self.s,
+            partners = frictionless(partners)
+        longest = LAST_PSEUDO_STEP if self.ends_kind == PINNED else 0.0
+        outcome: Outcome = release(
+            self.link, partners, *self.system()[1:], task, motion, by, fresh, self.start_rows, least, longest, self.s,
             self.work, self.report,
         )  # fmt: skip
-        return found
+        return outcome

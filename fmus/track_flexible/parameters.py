@@ -14,7 +14,7 @@ def _choice(name: str, text: str, choices: Sequence[str]) -> Port:
     return Port(name, "parameter", "1", text, choices[0], tuple(choices))
 
 
-def kind_of_link(elements: Sequence[str]) -> tuple[Port, ...]:
+def link_kind_ports(elements: Sequence[str]) -> tuple[Port, ...]:
     """Element, axes and elasticity; ``elements``: names of the elements."""
     return (
         _choice(
@@ -38,7 +38,7 @@ def kind_of_link(elements: Sequence[str]) -> tuple[Port, ...]:
     )
 
 
-def material(table: Mapping[str, float]) -> tuple[Port, ...]:
+def material_ports(table: Mapping[str, float]) -> tuple[Port, ...]:
     """Material parameters; ``table``: the vehicle's material."""
     young, tau = table["youngs_modulus"], table["relaxation_time"]
     text = "damping constants over Young's modulus"
@@ -48,7 +48,7 @@ def material(table: Mapping[str, float]) -> tuple[Port, ...]:
     )
 
 
-def coordinates() -> tuple[Port, ...]:
+def coordinate_ports() -> tuple[Port, ...]:
     """Formulation of the pins, and coordinates of an explicit integrator."""
     return (
         _choice(

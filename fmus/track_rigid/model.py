@@ -22,9 +22,9 @@ from fmus.physics.chain.rigid.work import work
 from fmus.physics.integrate.generalized_alpha import BACKWARD
 from fmus.physics.rigid.augmented import PIN, Ends, Spring
 from fmus.ports import Port
-from fmus.track import TrackModel, alpha, integration
+from fmus.track import TrackModel, integrator_coefficients, integrator_ports
 from fmus.track_choices import AUGMENTED, FORMULATIONS, RECURSIVE, conflict_of_bodies
-from fmus.track_closure import SPRING, closure
+from fmus.track_closure import SPRING, closure_ports
 
 REST = Method(BACKWARD, 0.01 * FORCE, False)  # integrator towards static equilibrium
 
@@ -35,21 +35,21 @@ class Model(TrackModel):
     State = State
     formulation = AUGMENTED
 
-    def own_ports_of(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
+    def link_parameters(self, vehicle: Mapping[str, Any]) -> tuple[Port, ...]:
         """Parameters of integration, formulation and closure."""
         text = "augmented: poses of all links, pins with multipliers; recursive: joint coordinates, explicitly alone"
         formulation = Port("formulation", "parameter", "1", text, AUGMENTED, FORMULATIONS)
-        return (*integration(), formulation, *(closure() if self.closed else ()))
+        return (*integrator_ports(), formulation, *(closure_ports() if self.closed else ()))
 
     @property
     def joints(self) -> int:
         """Number of joint coordinates, 0 in the augmented formulation."""
-        held = self.ends_kind in (PINNED, HELD)
-        return count(self.links_count, held) if self.formulation == RECURSIVE else 0
+        pinned = self.ends_kind in (PINNED, HELD)
+        return count(self.links_count, pinned) if self.formulation == RECURSIVE else 0
 
     def shapes(self) -> state.Shapes:
         """Shapes of the views into the chain's state, by name."""
-        return shapes(self.links_count, self.closed, len(self.wheel_list), self.felt, self.joints)
+        return shapes(self.links_count, self.closed, len(self.wheel_list), self.on_links_shape, self.joints)
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Make the links from the vehicle table, allocate state and work; raises InvalidParameter."""
@@ -58,17 +58,17 @@ class Model(TrackModel):
         if p["formulation"] != self.formulation:
             self.formulation = p["formulation"]
             self.allocate()
-        self.method = Method(alpha(p), FORCE, True)
+        self.method = Method(integrator_coefficients(p), FORCE, True)
         v = self.vehicle["track"]
         ends = Ends(self.closed, self.ends_kind in (PINNED, HELD), self.ends_kind == PINNED)
         inertia = np.array(v["inertia"], dtype=float)
-        own = self.vehicle["contact"]
-        drawn = {
-            f"contact.{pair}.{key}": own[pair][key]
-            for pair in own
+        laws = self.vehicle["contact"]
+        table_values = {
+            f"contact.{pair}.{key}": laws[pair][key]
+            for pair in laws
             for key in ("damping", "friction", "friction_velocity")
         }
-        self._drawn = self.partners({**p, **drawn})
+        self._vehicle_partners = self.contact_partners({**p, **table_values})
         spring = PIN
         if p.get("closure") == SPRING:
             spring = Spring(p["closure.stiffness"], p["closure.damping"])
@@ -79,8 +79,8 @@ class Model(TrackModel):
             from fmus.physics.chain.rigid.jointed import JointedLinks
 
             self.link = JointedLinks(self.rigid)
-        self.stable = min(LIMIT, longest(spring, half, v["mass"], inertia[1]))
-        self.work = work(self.links_count, self.closed, len(self.wheel_list), self.felt, self.joints)
+        self.stable_step = min(LIMIT, longest(spring, half, v["mass"], inertia[1]))
+        self.work = work(self.links_count, self.closed, len(self.wheel_list), self.on_links_shape, self.joints)
 
     def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:
         """See ``TrackModel``; a spinning regular polygon of rigid links is in relative equilibrium as it is."""
@@ -88,45 +88,45 @@ class Model(TrackModel):
         s, w = self.s, self.work
         place(self.rigid, pins, s, w)
         if rest and not spin:
-            self.come_to_rest(self.start_rows)
+            self.find_equilibrium(self.start_rows)
         else:
             w.moved[:] = self.start_rows
             s.v[:, 0], s.v[:, 2], s.v[:, 4] = spin * s.q[:, 2], -spin * s.q[:, 0], spin
-            self._let_go()
+            self._evaluate_start()
 
-    def come_to_rest(self, rows: Floats) -> None:
+    def find_equilibrium(self, rows: Floats) -> None:
         """See ``TrackModel``."""
         # friction and damping of the vehicle's table, so that the equilibrium does not depend on their parameters
         links, env, s, w = self.rigid, self.environment, self.s, self.work
-        failure, _, link, residual = settle(links, self._drawn, env, REST, rows, s, w, self.counters)
+        failure, _, link, residual = settle(links, self._vehicle_partners, env, REST, rows, s, w, self.counters)
         if failure:
             raise StepFailed(
                 f"static equilibrium of the track was not found: link {link + 1}, residual {residual:.3g} N"
             )
         self.counters[:] = 0
         show(links, env, s, w, self.report)
-        self._fold()
+        self._set_joint_coordinates()
 
-    def move(self, turning: Floats, velocity: Floats) -> None:
+    def add_rates(self, turning: Floats, velocity: Floats) -> None:
         """See ``TrackModel``; sets the velocities of the links and evaluates their accelerations."""
         v = self.s.v
         v[:, [0, 2]] += 0.5 * (velocity + np.roll(velocity, -1, axis=0))
         v[:, 4] += turning
-        self._let_go()
+        self._evaluate_start()
 
-    def _let_go(self) -> None:
+    def _evaluate_start(self) -> None:
         """Evaluate accelerations and outputs of the start; raises StepFailed."""
         chain = self.contacts, self.environment, self.s, self.work
-        failed = -1
+        link = -1
         if self.rigid.spring != PIN:
-            failed = stretch(self.rigid._replace(spring=PIN), self.rigid, *chain)
-        if failed < 0:
-            failed = let_go(self.rigid, *chain, self.report)
-        if failed >= 0:
-            raise StepFailed(f"the accelerations of the start were not found: link {failed + 1}")
-        self._fold()
+            link = stretch(self.rigid._replace(spring=PIN), self.rigid, *chain)
+        if link < 0:
+            link = let_go(self.rigid, *chain, self.report)
+        if link >= 0:
+            raise StepFailed(f"the accelerations of the start were not found: link {link + 1}")
+        self._set_joint_coordinates()
 
-    def _fold(self) -> None:
+    def _set_joint_coordinates(self) -> None:
         """Set the joint coordinates to the poses of the start."""
         if self.formulation == RECURSIVE:
             fold(self.rigid, self.s)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from math import isclose
 from typing import Any
 
-from fmus.loaded import contents
+from fmus.loaded import loaded_contents
 from fmus.track_choices import TRACKS
 from orchestrator.scene.assembly import Assembly, assemble
 from orchestrator.scene.parts import DRIVE, DRIVER, TRACK, Part
@@ -108,7 +108,7 @@ def _absent_parts(scene: Scene, assembly: Assembly) -> list[str]:
 
 
 def _evaluated(scene: Scene, assembly: Assembly) -> Iterator[str]:
-    loaded = contents([(part.kind, part.config, part.parameters) for part in assembly.parts])
+    loaded = loaded_contents([(part.kind, part.config, part.parameters) for part in assembly.parts])
     contact_pairs = [f"{part.name:12} {pair}" for part in assembly.parts for pair in pairs(scene, part)]
     yield from _section("contact pairs", contact_pairs or ["none: no contact law is loaded"])
     yield "outputs"

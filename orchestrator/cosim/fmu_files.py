@@ -10,7 +10,7 @@ import zlib
 from pathlib import Path
 
 from orchestrator.cosim.graph import ComponentFailed
-from orchestrator.kernels.cache import cache_folder, make, own, temporary, write
+from orchestrator.kernels.cache import cache_folder, make_folder, private_folder, temporary_folder, write
 
 _BYTECODE = "__pycache__"
 
@@ -33,9 +33,9 @@ def unpack(fmu: Path) -> Path:
             if "modelDescription.xml" not in archive.namelist():
                 raise ComponentFailed(f"'{fmu}' is not an FMU: it has no modelDescription.xml")
             try:
-                return _unpack_missing(archive, own(cache_folder() / place))
+                return _unpack_missing(archive, private_folder(cache_folder() / place))
             except OSError:
-                return _unpack_missing(archive, own(temporary() / place))
+                return _unpack_missing(archive, private_folder(temporary_folder() / place))
     except ComponentFailed:
         raise
     except OSError as error:
@@ -59,11 +59,11 @@ def _unpack_missing(archive: zipfile.ZipFile, folder: Path) -> Path:
         if file.suffix == ".py":
             source_folders.add(file.parent)
         if entry.is_dir():
-            make(file)
+            make_folder(file)
         elif not _is_unpacked(file, entry):
             if not file.is_relative_to(folder):  # the name contains a drive
                 raise zipfile.BadZipFile(f"it holds a file called '{name}'")
-            make(file.parent)
+            make_folder(file.parent)
             write(file, archive.read(entry))
     for source_folder in source_folders:
         _block_bytecode(source_folder / _BYTECODE)

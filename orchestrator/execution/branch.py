@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from fmus.saved import Saved, from_bytes, to_bytes
+from fmus.saved import SlaveState, from_bytes, to_bytes
 from fmus.vehicle import BadInput
 from orchestrator.cosim.component import Component
 from orchestrator.scene.scene import Scene, changed_scene
@@ -74,5 +74,5 @@ def transferred_state(component: Component, content: bytes, settings: Sequence[s
     return to_bytes(old._replace(guid=new.guid, strings=new.strings, values=values, integers=integers))
 
 
-def _sizes(state: Saved) -> list[int]:
+def _sizes(state: SlaveState) -> list[int]:
     return [len(part) for part in (state.strings, state.values, state.integers, state.state, state.counters)]

@@ -14,7 +14,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.cache import Untrusted, cache_folder, check, make, tell
+from fmus.cache import UntrustedFolder, cache_folder, check_trust, make_folder, report_error
 from fmus.cache import write as put
 from fmus.vehicle import BadInput
 
@@ -55,15 +55,15 @@ def _rows(file: Path) -> list[Setting]:
     """Read the settings in a table; a damaged table gives a warning and an empty list."""
     try:
         if file == local_file():
-            check(file.parent)
+            check_trust(file.parent)
         table = json.loads(file.read_text(encoding="utf-8"))
         if table["sha256"] != _checksum(table["rows"]):
             raise ValueError
         return [Setting(**row) for row in table["rows"]]
     except FileNotFoundError:
         return []
-    except Untrusted as error:
-        tell(error)
+    except UntrustedFolder as error:
+        report_error(error)
     except (OSError, ValueError, TypeError, LookupError):
         logging.getLogger("cotrack").warning(
             "the table %s is damaged and is left out: 'cotrack study error-runtime' writes it again", file
@@ -95,7 +95,7 @@ def write(settings: Iterable[Setting], file: Path) -> None:
         new.setdefault((setting.scene, setting.track), []).append(setting)
     fronts = [setting for key in sorted(new) for setting in pareto_front(new[key])]
     rows = [setting._asdict() for setting in _other_scenes(read(file), fronts) + fronts]
-    make(file.parent)
+    make_folder(file.parent)
     put(file, (json.dumps({"rows": rows, "sha256": _checksum(rows)}, indent=1) + "\n").encode())
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput, shown
+from fmus.vehicle import BadInput, value_text
 from orchestrator.cosim.component import Component, Logger
 from orchestrator.cosim.graph import Instance, System
 from orchestrator.execution import replays
@@ -92,7 +92,7 @@ def open_replay(
     with Log(path) as log:
         notices.notice(notices.other_version(path, log.metadata.get("versions", {})))
         if about := log.metadata.get(BRANCHED):
-            step, source = about.get("step"), shown(about.get("of"))
+            step, source = about.get("step"), value_text(about.get("of"))
             raise BadInput(f"{path} has other numbers from step {step} on: replay {source}, from which it branched off")
         entry = _entry(log, name)
         if other and other not in TRACKS:
@@ -155,7 +155,7 @@ def _built_model(log: Log, entry: Mapping[str, Any], track: str | None, settings
         as_recorded = same_hash and part.parameters == entry.get("parameters", {})
         return ReplayModel(fmu, part.parameters, part.stage, scene, as_recorded, native, settings)
     if not same_hash:
-        raise BadInput(f"the log was made by another build of {shown(entry.get('fmu'))}: name an FMU with --with")
+        raise BadInput(f"the log was made by another build of {value_text(entry.get('fmu'))}: name an FMU with --with")
     return ReplayModel(fmu, entry.get("parameters", {}), part.stage, scene, True, native)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.vehicle import BadInput, shown
+from fmus.vehicle import BadInput, value_text
 from orchestrator.cosim.checkpoint import time_of
 from orchestrator.cosim.component import Logger
 from orchestrator.cosim.narration import Narration
@@ -105,7 +105,7 @@ def _ran_native(log: Log, scene: Scene) -> bool:
     for instance in system(assemble(scene), native).instances:
         entry = entries.get(instance.name, {})
         if instance.fmu is None or entry.get("sha256") != sha256(instance.fmu):
-            built = shown(entry.get("fmu"))
+            built = value_text(entry.get("fmu"))
             raise BadInput(f"the log was made by another build of {built}: its states do not fit")
     return native
 

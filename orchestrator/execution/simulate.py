@@ -12,7 +12,7 @@ from math import ceil
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.ahead import begun
+from fmus.ahead import start_compilation
 from fmus.build import BuildFailed
 from fmus.track_choices import TRACKS
 from orchestrator.cosim import checkpoint, master
@@ -325,7 +325,7 @@ def _compile_in_processes(scene: Scene) -> list[subprocess.Popen[str]]:
     kinds.pop(TRACKS["flexible"].fmu, None)
     tracks = [track.fmu for track in TRACKS.values()]
     # Longest compilation first: on two cores the others get their share when the search is done.
-    processes = [begun(part, 0 if kind in tracks else LOW_PRIORITY) for kind, part in kinds.items()]
+    processes = [start_compilation(part, 0 if kind in tracks else LOW_PRIORITY) for kind, part in kinds.items()]
     return [process for process in processes if process is not None]
 
 

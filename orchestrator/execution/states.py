@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.cache import cache_folder, keep, kept, own
+from fmus.cache import cache_folder, private_folder, read_checked, write_checked
 from fmus.saved import from_bytes
 from fmus.vehicle import BadInput
 from orchestrator.cosim import checkpoint
@@ -49,11 +49,11 @@ def states_at(scene: Scene, time: float, narration: Narration | None = None) -> 
     if not steps or abs(time / run.step - steps) > 1e-6:
         raise BadInput(f"states at {time:g} s: that must be a multiple of run.step = {run.step:g} s")
     target = scene.model_copy(update={"run": run, "expect": {}})
-    place = own(cache_folder() / "states" / _key(target)) / "states.npz"
-    content = kept(place)
+    place = private_folder(cache_folder() / "states" / _key(target)) / "states.npz"
+    content = read_checked(place)
     if content is None:
         content = _computed_states(target, steps, narration)
-        keep(place, content)
+        write_checked(place, content)
     with np.load(io.BytesIO(content), allow_pickle=False) as archive:
         return States(time, {name: archive[name] for name in archive})
 

@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.cache import cache_folder, keep, kept, own, reason
+from fmus.cache import cache_folder, error_text, private_folder, read_checked, write_checked
 from fmus.link_outputs import STANDARD
 from fmus.monolith.model import content
 from fmus.vehicle import BadInput
@@ -67,7 +67,7 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
     scene = physical_scene(scene)
     folder = cache_folder() / "truth" / key(scene)
     try:
-        own(folder)
+        private_folder(folder)
         stored, built = _stored_figures(folder), False
         if stored is None:
             with _locked(folder.with_suffix(".lock")):
@@ -77,7 +77,7 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
                         narration(f"{scene.name}: its truth is computed by two monolithic runs in short steps")
                     stored, built = _build(scene, folder, narration), True
     except OSError as error:
-        raise BadInput(f"truth: it cannot be kept in the cache: {reason(error)}") from None
+        raise BadInput(f"truth: it cannot be kept in the cache: {error_text(error)}") from None
     figures = {name: value for name, value in stored.items() if name != "sha256"}
     figures["difference"] = {name: ObservableDifference(**fields) for name, fields in figures["difference"].items()}
     return Truth(folder / LOGS[0], folder / LOGS[1], **figures, built=built)
@@ -85,7 +85,7 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
 
 def _stored_figures(folder: Path) -> dict[str, Any] | None:
     """Return the figures of a stored truth if its files are intact, else None."""
-    figures = kept(folder / FIGURES)
+    figures = read_checked(folder / FIGURES)
     if figures is None:
         return None
     stored: dict[str, Any] = json.loads(figures)
@@ -148,7 +148,7 @@ def _build(scene: Scene, folder: Path, narration: Narration | None) -> dict[str,
         }
         for log in logs:
             log.replace(folder / log.name)
-        keep(folder / FIGURES, json.dumps(figures).encode())
+        write_checked(folder / FIGURES, json.dumps(figures).encode())
         return figures
 
 

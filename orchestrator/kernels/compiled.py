@@ -22,7 +22,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
-from orchestrator.kernels.cache import cache_folder, keep, kept, own
+from orchestrator.kernels.cache import cache_folder, private_folder, read_checked, write_checked
 
 CAN_STEP = sys.platform == "linux" and platform.machine() == "x86_64"  # ``stepping`` uses futex and pause
 WORD, REAL = ctypes.c_int64, ctypes.c_double
@@ -86,13 +86,13 @@ def _cached(key: str, make: Callable[[], bytes]) -> bytes:
     """Return the cached object file, or make and cache it; an unusable cache is ignored."""
     file = cache_folder() / "kernels" / "orchestrator" / f"{key}.o"
     with suppress(OSError):
-        if content := kept(file):
+        if content := read_checked(file):
             return content
     COMPILED.info("the orchestrator's kernels are compiled")
     content = make()
     with suppress(OSError):
-        own(file.parent)
-        keep(file, content)
+        private_folder(file.parent)
+        write_checked(file, content)
     return content
 
 

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from fmus.vehicle import sentence
+from fmus.vehicle import first_error
 from orchestrator.log.reader import Log, LogUnreadable
 
 Integer = Annotated[int, Field(ge=-(2**31), lt=2**31)]  # of FMI
@@ -58,7 +58,7 @@ def system_of(log: Log) -> dict[str, Any]:
     try:
         _System.model_validate(table)
     except ValidationError as error:
-        raise LogUnreadable(sentence(error, f"{log.path}: system.json")) from None
+        raise LogUnreadable(first_error(error, f"{log.path}: system.json")) from None
     return table
 
 

@@ -73,9 +73,11 @@ def build_parts(parts: Sequence[Part], native: bool) -> list[Path]:
     """Paths of the FMUs of the parts; ``native`` as in ``system``."""
     if not native:
         return build_all([(part.kind, part.config, None) for part in parts])
-    from fmus.native.pack import held  # loads compilers, which only native builds need
+    from fmus.native.pack import with_constants  # loads compilers, which only native builds need
 
-    return build_native_all([(part.kind, held(part.kind, part.config, part.parameters), None) for part in parts])
+    return build_native_all(
+        [(part.kind, with_constants(part.kind, part.config, part.parameters), None) for part in parts]
+    )
 
 
 Product = tuple[str, dict[str, Any], str | None]  # kind, config, file name

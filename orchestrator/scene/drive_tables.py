@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from fmus.vehicle import Distance, In, Table, to_si
+from fmus.vehicle import Distance, FrozenTable, In, to_si
 from orchestrator.scene.values import SIDES, Duration, Place, Side, Time, false_as_none
 
 POINTS_OF = {  # and the modes that use them
@@ -19,7 +19,7 @@ POINTS_OF = {  # and the modes that use them
 }
 
 
-class DriveTable(Table):
+class DriveTable(FrozenTable):
     """Drive of a sprocket, or brake of an idler.
 
     ``speed`` rises from 0 to its value along half a cosine from ``ramp_start`` on for ``ramp_time`` and is then
@@ -165,7 +165,7 @@ def _arc(pair: object) -> object:
 Arc = Annotated[tuple[Place, Annotated[float, In("rad/m", ge=-1e3, le=1e3)]], BeforeValidator(_arc)]
 
 
-class DriverTable(Table):
+class DriverTable(FrozenTable):
     """Driver that follows a path or heads in a direction; the path begins below the middle road wheel.
 
     Without arcs and points the driver holds the heading of the start, turned by ``heading``. Keys that are not given

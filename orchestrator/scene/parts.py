@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from fmus.equilibrium import upright
+from fmus.equilibrium import upright_stance
 from fmus.link_outputs import INTERVAL
-from fmus.ports import wheel_state, wrench
+from fmus.ports import motion_ports, wrench_ports
 from fmus.stance import Stance
 from fmus.track_choices import HHT, TRACKS
 from orchestrator.cosim.graph import Connection
@@ -64,7 +64,7 @@ def standing_track_config(
     if equilibrium is None:
         return config
     if equilibrium.roll:
-        stands = {name: upright(stance, equilibrium.pitch) for name, stance in stands.items()}
+        stands = {name: upright_stance(stance, equilibrium.pitch) for name, stance in stands.items()}
     wheels = [{**wheel, "start": list(stands[f"{side}.{wheel['name']}"])} for wheel in config["track"]["wheels"]]
     return {**config, "track": {**config["track"], "wheels": wheels}}
 
@@ -76,7 +76,7 @@ def drive_of_side(scene: VehicleScene, side: Side) -> tuple[str, str]:
 
 def driven_connections(scene: VehicleScene) -> tuple[Connection, ...]:
     """Connections from chassis to driver and from driver to drives."""
-    motion_outputs, motion_inputs = _names(wheel_state("chassis", "output")), _names(wheel_state("chassis", "input"))
+    motion_outputs, motion_inputs = _names(motion_ports("chassis", "output")), _names(motion_ports("chassis", "input"))
     return (
         Connection("chassis", motion_outputs[:POSE], "driver", motion_inputs[:POSE], "state"),
         Connection("chassis", motion_outputs[POSE:], "driver", motion_inputs[POSE:], "rate"),
@@ -265,10 +265,13 @@ def rim(name: str, radius: float, x: float, z: float) -> dict[str, Any]:
 def wheel_connections(giver: str, connector: str, taker: str, taker_connector: str) -> tuple[Connection, ...]:
     """Power bond of a wheel: pose and rates from taker to giver, mean wrench from giver to taker."""
     motion_outputs, motion_inputs = (
-        _names(wheel_state(taker_connector, "output")),
-        _names(wheel_state(connector, "input")),
+        _names(motion_ports(taker_connector, "output")),
+        _names(motion_ports(connector, "input")),
     )
-    wrench_outputs, wrench_inputs = _names(wrench(connector, "output")), _names(wrench(taker_connector, "input"))
+    wrench_outputs, wrench_inputs = (
+        _names(wrench_ports(connector, "output")),
+        _names(wrench_ports(taker_connector, "input")),
+    )
     bond = f"{giver}.{connector}"
     return (
         Connection(taker, motion_outputs[:POSE], giver, motion_inputs[:POSE], "state"),

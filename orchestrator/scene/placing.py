@@ -6,7 +6,7 @@ import json
 from functools import cache
 from typing import Any
 
-from fmus.equilibrium import Track, equilibrium
+from fmus.equilibrium import FlexibleTrack, equilibrium
 from fmus.tensioning import tension_wheel
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.parts import Parameters, Part, rig_track_config, vehicle_track_config
@@ -69,7 +69,7 @@ def _equilibrium_track(scene: VehicleScene, part: Part) -> tuple[dict[str, Any],
 def _solved_equilibrium(problem: str) -> Any:
     """Equilibrium, solved once per process."""
     chassis, tracks = json.loads(problem)
-    return equilibrium(chassis, {side: Track(*track) for side, track in tracks.items()})
+    return equilibrium(chassis, {side: FlexibleTrack(*track) for side, track in tracks.items()})
 
 
 def _idler_position(config: dict[str, Any], tension: float, keys: str) -> tuple[float, float]:

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from fmus.vehicle import In, Table
+from fmus.vehicle import FrozenTable, In
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.results.validity.limits import ALLOWED
 from orchestrator.scene.values import Duration, Every, false_as_none
@@ -18,7 +18,7 @@ OPTIONS = {
 }
 
 
-class CouplingTable(Table):
+class CouplingTable(FrozenTable):
     """Coupling scheme and its options; the scheme's defaults apply to the rest."""
 
     scheme: Literal["tracks_first", "jacobi", "gauss_seidel", "iterative", "energy_corrected"] = "tracks_first"
@@ -43,7 +43,7 @@ class CouplingTable(Table):
         return f"{self.scheme} ({options})" if options else self.scheme
 
 
-class VariableStepTable(Table):
+class VariableStepTable(FrozenTable):
     """Communication step controlled by an error estimate; ``run.step`` is the first one."""
 
     # Of a step: its error over the size of what the connection carries, or its power residual over that of the bonds.
@@ -79,7 +79,7 @@ def _allowed_kinds(allowed: object) -> object:
     raise ValueError(f"must be a list of {', '.join(ALLOWED)}: failures that become warnings")
 
 
-class RunTable(Table):
+class RunTable(FrozenTable):
     """Duration, steps and recording of a run."""
 
     stop: Duration

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from fmus.vehicle import BadInput, shown
+from fmus.vehicle import BadInput, value_text
 from orchestrator.scene.scene import from_table
 from orchestrator.scene.track_table import TrackModelTable
 
@@ -39,7 +39,7 @@ def require_same_scene(
     if scene_difference(first[1], second[1]) and (
         difference := scene_difference(_with_current_keys(first[1]), _with_current_keys(second[1]))
     ):
-        named = [f"{where} ({shown(table.get('name'))})" for where, table in (first, second)]
+        named = [f"{where} ({value_text(table.get('name'))})" for where, table in (first, second)]
         raise BadInput(f"{' and '.join(named)} are runs of different scenes: {difference}{remedy}")
 
 
@@ -64,7 +64,7 @@ def scene_difference(first: Mapping[str, Any], second: Mapping[str, Any], above:
             if (difference := scene_difference(a, b, f"{key}.")) is not None:
                 return difference
         else:
-            return f"{key} = {' and '.join('not given' if value is None else shown(value) for value in (a, b))}"
+            return f"{key} = {' and '.join('not given' if value is None else value_text(value) for value in (a, b))}"
     return None
 
 

@@ -14,9 +14,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
-from fmus.ranges import outside
+from fmus.ranges import range_violations
 from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput, Table, Vehicle, read_table, sentence, shown
+from fmus.vehicle import BadInput, FrozenTable, Vehicle, first_error, read_table, value_text
 from orchestrator.scene import gallery, points
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriveTable
 from orchestrator.scene.ranges import SCENE
@@ -34,7 +34,7 @@ OUTER_TRACK = 1.2  # speed of the outer track in a turn, relative to the vehicle
 SHORT_KEYS = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys that may stand for one of their own
 
 
-class Scene(Table):
+class Scene(FrozenTable):
     """Scene of FMUs, one of them a track; subclasses add what they assemble."""
 
     name: Annotated[str, Field(pattern=r"^[^/\\\x00]+$")]  # also names the log
@@ -50,7 +50,7 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _check_ranges(self) -> Scene:
-        for complaint in outside(self.model_dump(exclude={"vehicle", "expect"}), SCENE, "possible"):
+        for complaint in range_violations(self.model_dump(exclude={"vehicle", "expect"}), SCENE, "possible"):
             raise ValueError(complaint)
         return self
 
@@ -252,7 +252,7 @@ class VehicleScene(Scene):
             for key, field in DriveTable.model_fields.items():
                 if key not in allowed and (value := getattr(drive, key)) != field.default:
                     raise ValueError(
-                        f"{where}.{key} = {shown(value)}: a driver says how fast sprockets turn, leave it out"
+                        f"{where}.{key} = {value_text(value)}: a driver says how fast sprockets turn, leave it out"
                     )
 
 
@@ -283,8 +283,8 @@ def _kind(table: Mapping[str, Any], where: str) -> type[Scene]:
     if isinstance(assembly, str) and assembly in KINDS:
         return KINDS[assembly]
     if assembly in gallery.MOVED.values():
-        raise BadInput(f"{where}: assembly = {shown(assembly)}: {gallery.PLACE}")
-    raise BadInput(f"{where}: assembly = {shown(assembly)}: must be one of {', '.join(KINDS)}")
+        raise BadInput(f"{where}: assembly = {value_text(assembly)}: {gallery.PLACE}")
+    raise BadInput(f"{where}: assembly = {value_text(assembly)}: must be one of {', '.join(KINDS)}")
 
 
 def _complete_table(table: dict[str, Any], where: str, track: str | None, changes: list[tuple[str, Any]]) -> None:
@@ -331,13 +331,13 @@ def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:
     changes = dict(vehicle)
     base = changes.pop("base")
     if not isinstance(base, str):
-        raise BadInput(f"{where}: vehicle.base = {shown(base)}: must be a name or a .toml file")
+        raise BadInput(f"{where}: vehicle.base = {value_text(base)}: must be a name or a .toml file")
     return merge_tables(read_table(base)[0], changes)
 
 
 def _validation_sentence(error: ValidationError, where: str, model: type[Scene]) -> str:
     """One sentence for a validation error, with the nearest known key for an unknown one."""
-    text = sentence(error, where)
+    text = first_error(error, where)
     first = error.errors()[0]
     if first["type"] != "extra_forbidden":
         return text

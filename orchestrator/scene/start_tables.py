@@ -7,18 +7,18 @@ from typing import Annotated, Literal
 
 from pydantic import model_validator
 
-from fmus.vehicle import Distance, In, Table
+from fmus.vehicle import Distance, FrozenTable, In
 from orchestrator.scene.values import Place
 
 
-class StartTable(Table):
+class StartTable(FrozenTable):
     """Place of the vehicle at the start, world frame."""
 
     position: tuple[Place, Place, Place] = (0.0, 0.0, 0.0)
     heading: Annotated[float, In("rad")] = 0.0
 
 
-class EquilibriumTable(Table):
+class EquilibriumTable(FrozenTable):
     """Equilibrium position of hull, arms and idlers, from the drawn position (``fmus.equilibrium``)."""
 
     height: float  # m, centre of mass of the hull
@@ -67,7 +67,7 @@ class VehicleStartTable(StartTable):
         return (self.heading + pi, pi - self.pitch) if over else (self.heading, self.pitch)
 
 
-class BumpTable(Table):
+class BumpTable(FrozenTable):
     """Trapezoidal obstacle across the path, with rounded edges, in the frame of the start."""
 
     start: Place  # its beginning, ahead of the sprocket axle
@@ -77,7 +77,7 @@ class BumpTable(Table):
     radius: Distance  # all four edges
 
 
-class GroundTable(Table):
+class GroundTable(FrozenTable):
     """Ground beyond its level, and contacts beyond those of the tracks."""
 
     hull: bool = False  # contact at the points vehicle.chassis.hull

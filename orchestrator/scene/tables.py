@@ -6,13 +6,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from fmus.vehicle import Distance, Force, In, Table
+from fmus.vehicle import Distance, Force, FrozenTable, In
 from orchestrator.results import measures
 from orchestrator.scene.gallery import hint
 from orchestrator.scene.values import Time, TrackName
 
 
-class Check(Table):
+class Check(FrozenTable):
     """Expected value of a signal reduced over a window, or of a named measure."""
 
     signal: str | None = None  # instance.variable
@@ -35,7 +35,7 @@ class Check(Table):
         return self
 
 
-class ChainTable(Table):
+class ChainTable(FrozenTable):
     """Open chain between two pins at equal height, or fixed at the first pin only, or a free loop."""
 
     links: Annotated[int, Field(ge=2, le=4096)]
@@ -56,7 +56,7 @@ class ChainTable(Table):
         return self
 
 
-class BenchTable(Table):
+class BenchTable(FrozenTable):
     """Open chain over one sprocket, its ends pulled by constant forces."""
 
     links: Annotated[int, Field(ge=8, le=4096)]
@@ -65,7 +65,7 @@ class BenchTable(Table):
     transverse_damping: Annotated[float, In("N s/m", ge=0)] = 0.0
 
 
-class RigTable(Table):
+class RigTable(FrozenTable):
     """Closed chain round a sprocket and a smooth idler with fixed axles."""
 
     links: Annotated[int, Field(ge=8, le=4096)]

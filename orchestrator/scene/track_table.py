@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from fmus.link_outputs import GROUPS, STANDARD
 from fmus.ports import TOLERANCES
 from fmus.track_choices import TRACKS, TrackKind, models_with
-from fmus.vehicle import In, Table
+from fmus.vehicle import FrozenTable, In
 from orchestrator.scene.values import Duration, TrackName
 
 Tolerance = Annotated[float, Field(ge=TOLERANCES.least, le=TOLERANCES.most)]
@@ -42,7 +42,7 @@ class FmuParameter(NamedTuple):
 METHOD = FmuParameter(method=True)
 
 
-class TrackModelTable(Table):
+class TrackModelTable(FrozenTable):
     """Track model and its parameters; the model's defaults apply to the rest.
 
     A key is allowed if the model's FMU has its parameter (``models_with``).

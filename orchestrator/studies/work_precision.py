@@ -9,7 +9,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from fmus.cache import spared
+from fmus.cache import reporting_errors
 from orchestrator.execution import precision
 from orchestrator.results.table import Column, Table
 from orchestrator.studies import files
@@ -135,7 +135,7 @@ def write(folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path
     written.append(folder / "precision.json")
     precision.write(settings, written[-1])
     if not any(setting.startswith("run.stop") for row in runs(rows) for setting in row["settings"]):
-        with spared():
+        with reporting_errors():
             precision.write(settings, precision.local_file())  # only results of whole scenes
             written.append(precision.local_file())
     return written

@@ -27,7 +27,7 @@ PARTS = ("matrix", "residual", "factor", "solve")
 @contextmanager
 def timed(model: Any, times: list[float]) -> Iterator[None]:
     """Append to ``times`` the CPU time, us, that each step of ``model`` spends in its kernel."""
-    own, clock, idle = model.ready(), time.thread_time, reading()
+    own, clock, idle = model.compiled_step(), time.thread_time, reading()
 
     def step(*arguments: Any) -> Any:
         began = clock()

@@ -1,4 +1,4 @@
-"""Find kernels that are declared ``apart`` and write an array that overlaps another argument.
+"""Find kernels that are declared ``noalias`` and write an array that overlaps another argument.
 
 Run with NUMBA_DISABLE_JIT=1. Prints one JSON object: for each kind of track the number of calls that were checked and a
 sentence for each violation.
@@ -60,7 +60,7 @@ def check_overlaps(function):
     return wrapped
 
 
-jit.apart = check_overlaps
+jit.noalias = check_overlaps
 
 from test_track_flexible import TABLE, at_rest, make, parameters, wheels  # noqa: E402
 

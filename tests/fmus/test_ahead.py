@@ -27,10 +27,10 @@ model.step(0.0, 1e-3, np.array([p.start for p in model.ports if p.causality == "
 def test_what_was_compiled_beside_is_not_compiled_again(environment, monkeypatch, tmp_path):
     cache = tmp_path / "cache"
     monkeypatch.setenv("COTRACK_CACHE", str(cache))
-    process = ahead.begun(DRIVE)
+    process = ahead.start_compilation(DRIVE)
     assert process is not None
     assert process.wait(timeout=120) == 0
-    assert ahead.begun(DRIVE) is None
+    assert ahead.start_compilation(DRIVE) is None
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM], input=json.dumps(DRIVE), capture_output=True, text=True, check=True,
         env={**environment, "COTRACK_CACHE": str(cache), "PYTHONPATH": str(ahead.ROOT.parent)},
@@ -45,7 +45,7 @@ def test_what_was_compiled_beside_is_not_compiled_again(environment, monkeypatch
 
 def test_parts_that_cannot_start_are_left_to_the_fmus(monkeypatch, tmp_path):
     monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / "cache"))
-    process = ahead.begun(("SprocketDrive", {"vehicle": {}, "drive": {}}, {}))
+    process = ahead.start_compilation(("SprocketDrive", {"vehicle": {}, "drive": {}}, {}))
     assert process is not None
     assert process.wait(timeout=120) == 0
-    assert ahead.begun(DRIVE) is not None
+    assert ahead.start_compilation(DRIVE) is not None

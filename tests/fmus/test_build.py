@@ -88,7 +88,7 @@ def test_without_a_folder_for_it_an_fmu_is_refused_in_one_sentence(toy, tmp_path
     with pytest.raises(BuildFailed, match=r"^cannot build toy_fmu.fmu: .*Not a directory"):
         build_toy(tmp_path / "file" / "folder")
     monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / "file"))
-    monkeypatch.setattr("fmus.build.temporary", lambda: tmp_path / "file")
+    monkeypatch.setattr("fmus.build.temporary_folder", lambda: tmp_path / "file")
     with pytest.raises(BuildFailed, match=r"^cannot build toy_fmu.fmu: .*Not a directory"):
         build_toy()
 

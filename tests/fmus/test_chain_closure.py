@@ -148,7 +148,7 @@ def test_accelerations_with_equations_are_those_without(closure):
         array.reshape(-1)[used] += size * random.standard_normal(used.size)
     own.s.q.reshape(-1)[mine], own.s.v.reshape(-1)[mine] = whole.s.q.reshape(-1)[at], whole.s.v.reshape(-1)[at]
     for model in (whole, own):
-        model._let_go()
+        model._evaluate_start()
     there, here = whole.s.vdot.reshape(-1)[at], own.s.vdot.reshape(-1)[mine]
     largest = np.abs(there).max()
     assert largest > 1e4
@@ -156,7 +156,7 @@ def test_accelerations_with_equations_are_those_without(closure):
     assert opened(own.s.vdot, closure) < 1e-11 * largest
     assert np.abs(own.work.R - whole.work.R).max() < 1e-11 * np.abs(whole.work.R).max()
     own.s.q.reshape(-1)[mine[3, 0, 0]] += 1e-6  # a pin that is open by a micrometre gives other accelerations
-    own._let_go()
+    own._evaluate_start()
     assert np.abs(own.s.vdot.reshape(-1)[mine] - there).max() > 1e-6 * largest
 
 

@@ -98,7 +98,7 @@ def test_accelerations_and_forces_are_those_of_nodal_coordinates(kind, given):
             array.reshape(-1)[at] += size * shift
     whole, own = models
     state = own.state.copy()
-    assert own.hold(state[own.s.p.size :]), "a nodal model accepted a state of Cholesky coordinates"
+    assert own.copy_state(state[own.s.p.size :]), "a nodal model accepted a state of Cholesky coordinates"
     q, v = own.s.q.copy(), own.s.v.copy()
     k = [np.zeros(2 * whole.s.q.size) for _ in models]
     for model, rates in zip(models, k, strict=True):
@@ -192,8 +192,8 @@ def test_ends_that_are_held_stay(ends):
 def test_a_saved_state_runs_on_to_the_same_bits():
     one, other = (loop(**EXPLICIT, **OVAL) for _ in range(2))
     run(one, 0.003)
-    assert other.hold(one.state)
-    assert not other.hold(one.state[1:])
+    assert other.copy_state(one.state)
+    assert not other.copy_state(one.state[1:])
     for model in (one, other):
         model.advance(0.003, 1e-3)
     assert np.array_equal(one.state, other.state)

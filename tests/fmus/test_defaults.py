@@ -8,7 +8,7 @@ from conftest import build_toy
 from toy.model import Model as Toy
 
 from fmus.build import BuildFailed
-from fmus.defaults import check_names, configured
+from fmus.defaults import check_names, configured_ports
 from fmus.model import InvalidParameter
 from fmus.sprocket_drive.model import Model as Drive
 from fmus.track_rigid.model import Model as RigidTrack
@@ -66,7 +66,7 @@ def test_what_no_parameter_can_be_is_refused(given, sentence):
 
     def refused():
         check_names(ports, config)
-        configured(ports, config)
+        configured_ports(ports, config)
 
     with pytest.raises(InvalidParameter) as caught:
         refused()

@@ -67,20 +67,20 @@ class Unicycle:
 
 def test_four_quarters_of_a_circle_close_and_points_beside_it_are_found():
     quarter = 0.5 * np.pi * 5.0
-    circle = path.of_arcs("path.arcs", f"{quarter} 0.2; " * 4)
-    assert np.allclose(path.at(circle, 0, circle.length)[:3], (0.0, 0.0, 2.0 * np.pi), atol=1e-12)
+    circle = path.path_of_arcs("path.arcs", f"{quarter} 0.2; " * 4)
+    assert np.allclose(path.point(circle, 0, circle.length)[:3], (0.0, 0.0, 2.0 * np.pi), atol=1e-12)
     for angle in np.linspace(0.1, 6.0, 13):
         for off in (-2.0, 0.0, 1.5):
             at = (5.0 - off) * np.sin(angle), 5.0 - (5.0 - off) * np.cos(angle)
             assert np.allclose(path.nearest(circle, 0, *at, 5.0 * angle - 0.8), (5.0 * angle, off), atol=1e-8)
-    assert not np.allclose(path.of_arcs("", f"{quarter} 0.204; " * 4).heading[-1], circle.heading[-1], atol=1e-2)
+    assert not np.allclose(path.path_of_arcs("", f"{quarter} 0.204; " * 4).heading[-1], circle.heading[-1], atol=1e-2)
 
 
 def test_beyond_its_ends_a_path_is_straight():
-    arc = path.of_arcs("path.arcs", "5 0.2")
-    x, y, heading, _ = path.at(arc, 0, 5.0)
-    assert np.allclose(path.at(arc, 0, 7.0), (x + 2 * np.cos(heading), y + 2 * np.sin(heading), 1.0, 0.0))
-    assert np.allclose(path.at(arc, 0, -2.0), (-2.0, 0.0, 0.0, 0.0))
+    arc = path.path_of_arcs("path.arcs", "5 0.2")
+    x, y, heading, _ = path.point(arc, 0, 5.0)
+    assert np.allclose(path.point(arc, 0, 7.0), (x + 2 * np.cos(heading), y + 2 * np.sin(heading), 1.0, 0.0))
+    assert np.allclose(path.point(arc, 0, -2.0), (-2.0, 0.0, 0.0, 0.0))
 
 
 def test_a_path_through_points_of_a_circle_is_that_circle():
@@ -92,7 +92,7 @@ def test_a_path_through_points_of_a_circle_is_that_circle():
     for n in (41, 81):
         angle = np.linspace(0.0, 3.0, n)
         text = "; ".join(f"{8 * np.sin(a)} {8 - 8 * np.cos(a)}" for a in angle)
-        curve = path.through("path.points", text)
+        curve = path.path_through_points("path.points", text)
         middle = slice(len(curve.s) // 4, 3 * len(curve.s) // 4)
         assert np.allclose(curve.curvature[middle], 0.125, atol=1e-4)
         worst.append(abs(np.hypot(curve.x, curve.y - 8.0)[middle] - 8.0).max())
@@ -168,7 +168,7 @@ def test_it_comes_back_from_afar_and_says_how_far_it_was(off):
 
 def test_a_path_is_approached_along_a_line_through_its_beginning():
     """A vehicle behind a path approaches its beginning along a line; exactly behind it the error is 0."""
-    way = path.of_arcs("path.arcs", "5 0")
+    way = path.path_of_arcs("path.arcs", "5 0")
     for left in (4.0, -4.0, 1e-17, 0.0):
         assert path.nearest(way, 0, -3.0, left, 1.0) == (0.0, left)
     settings = {**PLAIN, "yaw.gain": 1.0, "reach": 2.0}
@@ -178,12 +178,12 @@ def test_a_path_is_approached_along_a_line_through_its_beginning():
 
 
 def test_a_path_goes_back_along_its_arcs_and_turns_on_the_spot():
-    there = path.of_arcs("path.arcs", "5 0.2; -5 0.2; 0 0.5; -2 0")
+    there = path.path_of_arcs("path.arcs", "5 0.2; -5 0.2; 0 0.5; -2 0")
     assert there.first.tolist() == [0, 1, 2, 3, 4]
     assert there.length == pytest.approx(12.0)
-    assert np.allclose(path.at(there, 1, 10.0)[:3], (0.0, 0.0, 0.0), atol=1e-12)
-    assert np.allclose(path.at(there, 1, 5.0), path.at(there, 0, 5.0), atol=1e-12)
-    assert np.allclose(path.at(there, 3, 12.0)[:3], (-2.0 * np.cos(0.5), -2.0 * np.sin(0.5), 0.5), atol=1e-12)
+    assert np.allclose(path.point(there, 1, 10.0)[:3], (0.0, 0.0, 0.0), atol=1e-12)
+    assert np.allclose(path.point(there, 1, 5.0), path.point(there, 0, 5.0), atol=1e-12)
+    assert np.allclose(path.point(there, 3, 12.0)[:3], (-2.0 * np.cos(0.5), -2.0 * np.sin(0.5), 0.5), atol=1e-12)
     way, left = path.nearest(there, 3, -np.cos(0.5) - np.sin(0.5), np.cos(0.5) - np.sin(0.5), 10.0)
     assert (way, left) == (pytest.approx(11.0), pytest.approx(1.0))
 

@@ -12,22 +12,22 @@ from fmus.driver.skid import footing, slips
 from orchestrator.scene.scene import load
 
 TABLE = load("straight").vehicle.model_dump()
-FREE = planning.Bounds(top=4.0, lateral=1e3, grip=np.inf, deceleration=0.5, turning=np.inf, tolerance=0.1,
-                       resists=0.7)  # fmt: skip
-BOUND = planning.Bounds(top=20.0, lateral=1e3, grip=2.0, deceleration=1.0, turning=0.4, tolerance=0.1,
-                        resists=0.7)  # fmt: skip
+FREE = planning.Bounds(speed=4.0, lateral=1e3, grip=np.inf, deceleration=0.5, yaw_acceleration=np.inf, tolerance=0.1,
+                       turn_resistance=0.7)  # fmt: skip
+BOUND = planning.Bounds(speed=20.0, lateral=1e3, grip=2.0, deceleration=1.0, yaw_acceleration=0.4, tolerance=0.1,
+                        turn_resistance=0.7)  # fmt: skip
 
 
 def planned(arcs, bounds):
     """Return a path and its plan."""
-    path = route.of_arcs("path.arcs", arcs)
-    plan = planning.plan(path)
-    planning.make(plan, path, bounds)
+    path = route.path_of_arcs("path.arcs", arcs)
+    plan = planning.empty_plan(path)
+    planning.compute(plan, path, bounds)
     return path, plan
 
 
 def along(path, plan, places, what):
-    return np.array([planning.at(plan, path, 0, s)[what] for s in places])
+    return np.array([planning.evaluate(plan, path, 0, s)[what] for s in places])
 
 
 @pytest.mark.parametrize(("deceleration", "agrees"), [(0.5, True), (0.51, False)])
@@ -67,28 +67,28 @@ def test_the_way_that_is_taken_stays_near_the_path_and_turns_as_friction_allows(
     arcs = f"20 0; 20 {curvature}; 20 {-curvature}; 20 0"
     path, plan = planned(arcs, BOUND)
     inner = slice(5, -5)
-    ds = path.length / (len(plan.square) - 1)
-    turning = plan.taken * np.gradient(plan.curvature, ds)
-    assert abs(turning).max() < 1.15 * BOUND.turning
-    assert abs(turning).max() > 0.7 * BOUND.turning
-    assert 0.01 < abs(plan.off).max() < BOUND.tolerance
+    ds = path.length / (len(plan.speed_squared) - 1)
+    turning = plan.reached_squared * np.gradient(plan.curvature, ds)
+    assert abs(turning).max() < 1.15 * BOUND.yaw_acceleration
+    assert abs(turning).max() > 0.7 * BOUND.yaw_acceleration
+    assert 0.01 < abs(plan.offset).max() < BOUND.tolerance
     # the chosen way is a curve: the second derivative of its distance is the difference of the curvatures
-    bends = np.diff(plan.off, 2) / ds**2
-    assert np.allclose(bends[inner], (plan.curvature - plan.drawn)[1:-1][inner], atol=1e-9)
-    assert abs(plan.off[[0, -1]]).max() < 1e-3
+    bends = np.diff(plan.offset, 2) / ds**2
+    assert np.allclose(bends[inner], (plan.curvature - plan.path_curvature)[1:-1][inner], atol=1e-9)
+    assert abs(plan.offset[[0, -1]]).max() < 1e-3
 
 
 def test_smoothing_is_the_solution_of_its_equations():
     """The smoothing agrees with numpy's dense solution of the same least-squares problem."""
     _, plan = planned("6 0; 6 0.1; 6 0", BOUND)
-    n, ds = len(plan.square), 0.1
+    n, ds = len(plan.speed_squared), 0.1
     D = np.diff(np.eye(n), 3, axis=0) / ds**3
-    v2 = 0.5 * (plan.taken[1:-2] + plan.taken[2:-1])
-    W = np.diag((v2 * BOUND.tolerance / BOUND.turning) ** 2)
-    c = np.diff(plan.drawn)[1:-1] / ds
+    v2 = 0.5 * (plan.reached_squared[1:-2] + plan.reached_squared[2:-1])
+    W = np.diag((v2 * BOUND.tolerance / BOUND.yaw_acceleration) ** 2)
+    c = np.diff(plan.path_curvature)[1:-1] / ds
     dense = np.linalg.solve(np.eye(n) + D.T @ W @ D, -D.T @ W @ c)
     assert abs(dense).max() > 5e-3
-    np.testing.assert_allclose(plan.off, dense, atol=1e-6)
+    np.testing.assert_allclose(plan.offset, dense, atol=1e-6)
 
 
 def test_footing_of_the_vehicle():
@@ -141,8 +141,8 @@ def test_sprocket_speeds_of_a_steady_circle(sprockets, friction):
     steady = turn(known, sprockets)
     r = steady.rate
     z, _ = slips(stands, (friction, 0.01), r, -r * steady.left, r * steady.ahead, 0.0, (-0.4 * r, 0.4 * r, 0.0))
-    found = [(steady.ahead + sign * stands.half * r + z[k]) / known.radius for k, sign in enumerate((-1.0, 1.0))]
-    kinematic = [(steady.ahead + sign * stands.half * r) / known.radius for sign in (-1.0, 1.0)]
+    found = [(steady.ahead + sign * stands.half_gauge * r + z[k]) / known.radius for k, sign in enumerate((-1.0, 1.0))]
+    kinematic = [(steady.ahead + sign * stands.half_gauge * r) / known.radius for sign in (-1.0, 1.0)]
     fast = 0.02 * max(map(abs, sprockets))
     assert np.allclose(found, sprockets, atol=fast)
     assert not np.allclose(found, np.array(sprockets) * 1.03, atol=fast)

@@ -367,8 +367,8 @@ def test_kernels_that_make_arrays_say_so():
     assert len(found["allocating"]) > 20
 
 
-def behind_doors() -> list[tuple[str, str]]:
-    """Return pairs of a module of doors, or of classes that choose behind doors, and a module that it leads to."""
+def dispatched() -> list[tuple[str, str]]:
+    """Return pairs of a module of stubs, or of classes that stubs dispatch on, and a module that they choose."""
     found = []
     for path in jit.sources():
         tree = ast.parse(path.read_text(encoding="utf-8"))
@@ -379,7 +379,7 @@ def behind_doors() -> list[tuple[str, str]]:
             if ast.unparse(call.func) == "implemented_in":
                 package = module.rpartition(".")[0]
                 found += [(module, resolve_name(ast.literal_eval(each.value), package)) for each in call.keywords]
-        if any("door(" in ast.unparse(call) for call in calls):
+        if any("dispatch(" in ast.unparse(call) for call in calls):
             found += [
                 (module, f"{line.module}.{line.names[0].name}")
                 for opener in tree.body
@@ -391,8 +391,8 @@ def behind_doors() -> list[tuple[str, str]]:
 
 
 @pytest.mark.long
-def test_an_edit_behind_any_door_is_another_kernel(tmp_path):
-    """An edit behind a door changes the hash of every kernel that reaches the door or takes the class that chooses."""
+def test_an_edit_behind_any_stub_is_another_kernel(tmp_path):
+    """An edit of a chosen module changes the hash of every kernel that reaches the stub or takes the class."""
     tree = tmp_path / "fmus"
     shutil.copytree(jit.ROOT, tree, ignore=shutil.ignore_patterns("__pycache__", "*.md"))
 
@@ -401,26 +401,26 @@ def test_an_edit_behind_any_door_is_another_kernel(tmp_path):
         jit._imports.cache_clear()
         return jit.reachable_hash(module, tmp_path.joinpath(*module.split(".")).with_suffix(".py"))
 
-    openings = behind_doors()
-    assert len(openings) >= 30
-    for door, opened in openings:
-        path, before = tmp_path.joinpath(*opened.split(".")).with_suffix(".py"), fingerprint(door)
+    choices = dispatched()
+    assert len(choices) >= 30
+    for stub, chosen in choices:
+        path, before = tmp_path.joinpath(*chosen.split(".")).with_suffix(".py"), fingerprint(stub)
         text = path.read_text(encoding="utf-8")
         path.write_text(text + "# edited\n", encoding="utf-8")
-        assert fingerprint(door) != before, opened
+        assert fingerprint(stub) != before, chosen
         path.write_text(text, encoding="utf-8")
     jit.reachable_hash.cache_clear()
     jit._imports.cache_clear()
 
 
-DOOR = """
-from fmus.jit import allocating, door, implementation
+STUB = """
+from fmus.jit import allocating, dispatch, implementation
 
 def one(kind):
     from parts import room
     return room
 
-@door({0}, shared={1})
+@dispatch({0}, shared={1})
 def value(x):
     pass
 
@@ -447,15 +447,15 @@ class Stranger(NamedTuple):
 @pytest.mark.long
 @pytest.mark.parametrize("shared", [False, True])
 @pytest.mark.parametrize("choice", ["one", "implementation('values')"])
-def test_an_edit_behind_a_door_compiles_its_caller_again(environment, tmp_path, choice, shared):
+def test_an_edit_behind_a_stub_compiles_its_caller_again(environment, tmp_path, choice, shared):
     package = tmp_path / "parts"
     package.mkdir()
     (package / "__init__.py").touch()
-    (package / "doors.py").write_text(DOOR.format(choice, shared))
+    (package / "stubs.py").write_text(STUB.format(choice, shared))
     (package / "kinds.py").write_text(KIND)
     path = f"{tmp_path}:{jit.ROOT.parent}"
     program = "import logging; logging.basicConfig(level=logging.INFO); from parts.kinds import Heavy\n"
-    program += "from parts.doors import doubled; print(doubled(Heavy(1.5)))"
+    program += "from parts.stubs import doubled; print(doubled(Heavy(1.5)))"
 
     def told(factor: float) -> tuple[str, bool]:
         (package / "room.py").write_text(
@@ -471,14 +471,14 @@ def test_an_edit_behind_a_door_compiles_its_caller_again(environment, tmp_path, 
     assert [told(1.0), told(1.0), told(3.0)] == [("3.0", True), ("3.0", False), ("9.0", True)]
 
 
-def test_a_door_refuses_a_class_that_it_does_not_know(tmp_path, monkeypatch, clean_imports):
+def test_a_stub_refuses_a_class_that_it_does_not_know(tmp_path, monkeypatch, clean_imports):
     package = tmp_path / "parts"
     package.mkdir()
-    for name, text in (("__init__", ""), ("doors", DOOR.format("implementation('values')", False)), ("kinds", KIND)):
+    for name, text in (("__init__", ""), ("stubs", STUB.format("implementation('values')", False)), ("kinds", KIND)):
         (package / f"{name}.py").write_text(text)
     monkeypatch.syspath_prepend(str(tmp_path))
-    from parts.doors import doubled, value
     from parts.kinds import Stranger
+    from parts.stubs import doubled, value
 
     said = "Stranger does not declare in which module its values are"
     with pytest.raises(TypeError, match=said):

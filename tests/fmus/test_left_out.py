@@ -86,7 +86,7 @@ def test_a_planar_chain_loads_no_beams_and_another_chain_no_planar_one():
 @pytest.mark.long
 def test_contents_are_what_a_component_loads():
     """The list from a child that compiles nothing is the list of modules that a real step loads."""
-    from fmus.loaded import contents
+    from fmus.loaded import loaded_contents
     from fmus.vehicle import read_table, vehicle
 
     table = vehicle(*read_table("m113")).model_dump()
@@ -95,7 +95,7 @@ def test_contents_are_what_a_component_loads():
     for track, parameters in cases:
         base = {"links": 8, "closed": False, "wheels": [], "ground": False, "gravity": 9.81, "ends": HANGING}
         config = {"vehicle": table, "track": base | track}
-        found = contents([("TrackFlexible", config, parameters)])
+        found = loaded_contents([("TrackFlexible", config, parameters)])
         real = {name for name in loaded("track_flexible", track, **parameters) if name not in FOLDERS}
         assert real - {"fmus.build", "fmus.vehicle"} <= set(found.modules)
         assert set(found.left_out) >= {
@@ -111,12 +111,12 @@ def test_contents_are_what_a_component_loads():
 
 @pytest.mark.parametrize("spin", [0.0, 5.0])
 def test_a_loop_that_spins_is_stretched(spin):
-    from fmus.loaded import contents
+    from fmus.loaded import loaded_contents
     from fmus.vehicle import read_table, vehicle
 
     track = {"links": 64, "closed": True, "wheels": [], "ground": False, "gravity": 0.0, "ends": None}
     config = {"vehicle": vehicle(*read_table("m113")).model_dump(), "track": track}
-    found = contents([("TrackFlexible", config, {"start.spin": spin})])
+    found = loaded_contents([("TrackFlexible", config, {"start.spin": spin})])
     assert ("fmus.physics.chain.flexible.spinning" in found.modules) == (spin > 0.0)
 
 

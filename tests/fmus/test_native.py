@@ -23,7 +23,7 @@ from fmus.build import BuildFailed
 from fmus.components import KINDS
 from fmus.model import InvalidParameter, StepFailed
 from fmus.native import link, pack
-from fmus.native.pack import build_native, held
+from fmus.native.pack import build_native, with_constants
 from fmus.native.platform import LINUX, WINDOWS
 from fmus.track_choices import TRACKS
 from orchestrator.cosim.component import Component, ComponentFailed, unpack
@@ -113,7 +113,7 @@ def ran(case):
 
 def native(case):
     part = ran(case).part
-    return build_native(part.kind, held(part.kind, part.config, part.parameters))
+    return build_native(part.kind, with_constants(part.kind, part.config, part.parameters))
 
 
 def begun(case, stack=None, messages=None):
@@ -335,7 +335,7 @@ def test_every_kind_of_component_is_among_the_cases():
 def others(case):
     """Other values of all free parameters of a part."""
     part = ran(case).part
-    constant = held(part.kind, part.config, dict(part.parameters) | OTHERS[part.kind])["parameters"]
+    constant = with_constants(part.kind, part.config, dict(part.parameters) | OTHERS[part.kind])["parameters"]
     known = {port.name for port in ran(case).member.model.ports}
     return {name: value for name, value in OTHERS[part.kind].items() if name not in constant and name in known}
 
@@ -390,7 +390,7 @@ def still(run, model, y):
               if port.causality == "input" and port.name.endswith(".position.x")]  # fmt: skip
     if run.part.kind.startswith("Track"):
         x, z = np.array([wheel["position"] for wheel in model.wheel_list]).T
-        return np.concatenate([model.pose.standing(a, model.lateral, b) for a, b in zip(x, z, strict=True)])
+        return np.concatenate([model.pose.point_at_rest(a, model.lateral, b) for a, b in zip(x, z, strict=True)])
     u = run.u[-1].copy()
     if wheels:  # a mount or a hull: near the output position
         u[:3] = y[:3]
@@ -439,7 +439,7 @@ def test_one_file_serves_both_sides(links):
     for name in ("track", "drive"):
         left, right = (parts[f"{side}_{name}"] for side in ("left", "right"))
         assert left.parameters != right.parameters
-        one, other = (held(part.kind, part.config, part.parameters) for part in (left, right))
+        one, other = (with_constants(part.kind, part.config, part.parameters) for part in (left, right))
         assert one == other
 
 
@@ -453,7 +453,7 @@ def test_a_wrong_guid_is_refused():
 @pytest.mark.long
 def test_equal_sources_give_equal_bytes():
     part = ran(DRIVE).part
-    config = held(part.kind, part.config, part.parameters)
+    config = with_constants(part.kind, part.config, part.parameters)
     one, other = (pack._pack(part.kind, config, "a") for _ in range(2))
     assert one == other
     assert one != pack._pack(part.kind, {**config, "parameters": {"speed.end": 3.0}}, "a")
@@ -467,7 +467,7 @@ def test_kernels_for_any_processor_give_the_bits_of_those_for_newer_ones(case, m
     A library chooses when it is instantiated; one without a choice has the kernels for any processor.
     """
     run = ran(case)
-    config = held(run.part.kind, run.part.config, run.part.parameters)
+    config = with_constants(run.part.kind, run.part.config, run.part.parameters)
     monkeypatch.setattr(link, "FLAGS", (*link.FLAGS, "-DONLY_ANY_PROCESSOR"))
     file = tmp_path / "any.fmu"
     file.write_bytes(pack._pack(run.part.kind, config, "any"))
@@ -485,7 +485,7 @@ def test_kernels_for_any_processor_give_the_bits_of_those_for_newer_ones(case, m
 def test_a_library_for_windows_needs_what_windows_has():
     pytest.importorskip("ziglang")
     part = ran(DRIVE).part
-    content = pack._pack(part.kind, held(part.kind, part.config, part.parameters), "a", (LINUX, WINDOWS))
+    content = pack._pack(part.kind, with_constants(part.kind, part.config, part.parameters), "a", (LINUX, WINDOWS))
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         names = archive.namelist()
         library = archive.read(f"binaries/win64/{part.kind}.dll")

@@ -5,9 +5,9 @@ import pytest
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
-from fmus.drives.motor import profile, profile_slope
+from fmus.drives.motor import speed_profile, speed_profile_slope
 from fmus.drives.mount import WIDTH
-from fmus.drives.shaft import ANGLE, RATE, SPUN, spin
+from fmus.drives.shaft import ANGLE, INTEGRATED, RATE, integrate_spin
 from fmus.model import InvalidParameter, StepFailed
 from fmus.sprocket_drive.model import Model
 
@@ -64,11 +64,11 @@ def test_angle_speed_and_slope_of_a_profile_are_derivatives(t):
     """
     stop = {"stop.start": 7.0, "stop.time": 0.05}
     p, d = Probe(**RAMP, **stop).model.drive, 1e-5
-    (before, early), (after, late) = profile(p, t - d), profile(p, t + d)
-    assert profile(p, t)[0] == pytest.approx((late - early) / (2 * d), abs=2e-5)
-    assert profile_slope(p, t) == pytest.approx((after - before) / (2 * d), abs=2e-3)
+    (before, early), (after, late) = speed_profile(p, t - d), speed_profile(p, t + d)
+    assert speed_profile(p, t)[0] == pytest.approx((late - early) / (2 * d), abs=2e-5)
+    assert speed_profile_slope(p, t) == pytest.approx((after - before) / (2 * d), abs=2e-3)
     if 7.0 < t < 7.05:
-        assert profile_slope(p._replace(stop_time=0.0515), t) != pytest.approx(profile_slope(p, t), abs=0.5)
+        assert speed_profile_slope(p._replace(stop_time=0.0515), t) != pytest.approx(speed_profile_slope(p, t), abs=0.5)
 
 
 def turning(omega, velocity=(0.0, 0.0, 0.0), start=(0.2, -0.1, 0.4)):
@@ -215,8 +215,8 @@ def test_spin_converges_at_order_four(mode):
 
     def end(steps):
         x = np.zeros(WIDTH)
-        spin(probe.model.drive, x, 0.0, 0.4, steps, -30.0, 0.2, -0.1)
-        return x[:SPUN].copy()
+        integrate_spin(probe.model.drive, x, 0.0, 0.4, steps, -30.0, 0.2, -0.1)
+        return x[:INTEGRATED].copy()
 
     exact = end(2048)
     errors = [np.linalg.norm(end(n) - exact) for n in (32, 64, 128)]

@@ -89,8 +89,8 @@ def test_coordinates_of_a_track():
     chain = hanging(element="beam")
     assert chain.s.q.size - 2 * 6 == 1158
     closed = make({"links": LINKS, "wheels": wheels()}, start="polygon", element="beam")
-    told = coordinates(closed, np.arange(1152.0).reshape(closed.s.q.shape))  # index of each coordinate
-    assert len(np.unique(told)) == 1152 == 64 * 24 - 64 * 6  # none is unused
+    indices = coordinates(closed, np.arange(1152.0).reshape(closed.s.q.shape))  # index of each coordinate
+    assert len(np.unique(indices)) == 1152 == 64 * 24 - 64 * 6  # none is unused
     e = coordinates(closed, np.random.default_rng(1).standard_normal(closed.s.q.shape))
     pin = joints.pin_beam(Y)
     for before, after in zip(e, np.roll(e, -1, axis=0), strict=True):
@@ -415,11 +415,11 @@ def test_energy_ledger_of_a_swing_and_the_explicit_chain():
 def test_the_explicit_step_and_the_mass():
     """The stable explicit step follows the mass: rotary inertia slows the fastest mode."""
     model = hanging(links=2, element="beam", start="polygon")
-    assert model.stable == pytest.approx(4.695e-6, rel=1e-3)
+    assert model.stable_step == pytest.approx(4.695e-6, rel=1e-3)
     x, y, z = (TABLE["track"]["mass"] * size**2 / 12.0 for size in (PITCH, *model.link.element[1:3]))
     table = TABLE | {"track": TABLE["track"] | {"inertia": (y + z, z + x, x + y)}}
     alone = hanging(links=2, element="beam", start="polygon", table=table)
-    assert alone.stable == pytest.approx(4.347e-6, rel=1e-3)
+    assert alone.stable_step == pytest.approx(4.347e-6, rel=1e-3)
     total = model.work.M[np.ix_([0, 4], [0, 4])].sum()
     assert total == pytest.approx(TABLE["track"]["mass"], rel=1e-12)
 

@@ -309,7 +309,7 @@ def test_the_explicit_step_follows_the_elasticity(elasticity):
     rod = TABLE | {"track": track | {"inertia": (track["inertia"][0], track["mass"] * PITCH**2 / 12.0, 0.25)}}
     for table, average in ((TABLE, 8.045e-6), (rod, 8.012e-6)):
         model = hanging(links=2, elasticity=elasticity, start="polygon", table=table)
-        assert model.stable == pytest.approx({"small_deformation": average}.get(elasticity, 5.538e-6), rel=1e-3)
+        assert model.stable_step == pytest.approx({"small_deformation": average}.get(elasticity, 5.538e-6), rel=1e-3)
 
 
 def test_the_default_is_small_deformation():

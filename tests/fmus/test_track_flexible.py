@@ -23,9 +23,9 @@ from fmus.physics.chain.report import (
     TRAVEL,
 )
 from fmus.physics.wheels import read_states
-from fmus.sentences import TOLD, say
+from fmus.sentences import GAPS, format_sentence
 from fmus.track_flexible.model import Model
-from fmus.track_steps import HALVED, tell_halved
+from fmus.track_steps import HALVED, warn_of_halvings
 from fmus.vehicle import read_table, vehicle
 
 TABLE = vehicle(*read_table("m113")).model_dump()
@@ -201,7 +201,7 @@ def swinging():
 
     def state(integrator: str, step: float, **more) -> tuple[np.ndarray, np.ndarray]:
         model = hanging(links=8, integrator=integrator, step=step, tolerance=1e-13, **soft, **more)
-        assert integrator != "runge_kutta" or model.stable > step
+        assert integrator != "runge_kutta" or model.stable_step > step
         path = []
         for k in range(10):
             model.step(k * 0.016, 0.016, np.zeros(0))
@@ -356,13 +356,13 @@ def test_soft_and_hard_chains_find_their_rest(young):
 
 @pytest.mark.parametrize(("halved", "said"), [(5, 0), (6, 1)])
 def test_a_step_halved_again_and_again_is_told_once(halved, said):
-    told, given, sentence = np.zeros((3, TOLD + 1)), np.zeros(2), Model.warned[HALVED]
-    tell_halved(given, told, 0.5, halved)
-    assert told[1 + HALVED, 0] == given[HALVED] == said
-    assert not said or "halved 6 times from t = 0.5 s on" in say(sentence, told[1 + HALVED, 1:])
-    told[1 + HALVED, 0] = 0.0
-    tell_halved(given, told, 0.6, halved)
-    assert told[1 + HALVED, 0] == 0.0
+    messages, given_warnings, sentence = np.zeros((3, GAPS + 1)), np.zeros(2), Model.warning_sentences[HALVED]
+    warn_of_halvings(given_warnings, messages, 0.5, halved)
+    assert messages[1 + HALVED, 0] == given_warnings[HALVED] == said
+    assert not said or "halved 6 times from t = 0.5 s on" in format_sentence(sentence, messages[1 + HALVED, 1:])
+    messages[1 + HALVED, 0] = 0.0
+    warn_of_halvings(given_warnings, messages, 0.6, halved)
+    assert messages[1 + HALVED, 0] == 0.0
 
 
 def test_a_cable_warns_once_when_it_is_turned_out_of_its_plane():

@@ -151,7 +151,7 @@ def test_the_same_explicitly():
     for model in (flat, solid):
         for k in range(10):
             model.step(k * 1e-3, 1e-3, np.zeros(0))
-    assert flat.stable == pytest.approx(solid.stable, rel=1e-9)
+    assert flat.stable_step == pytest.approx(solid.stable_step, rel=1e-9)
     assert np.abs(flat.pins() - solid.pins()).max() < 1e-10
 
 

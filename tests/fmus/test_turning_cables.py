@@ -264,7 +264,7 @@ def tumbling(step, integrator=EXPLICIT, shake=0.0, **changes):
     model.s.v[:, 1] = np.cos(2.0 * angle)
     model.s.v[:, 7] = -2.0 * np.sin(2.0 * angle) * angle[1] / PITCH  # along the links
     model.s.axes[RATE], model.s.axes[RATE + 2] = 3.0, 2.0
-    model._let_go()
+    model._evaluate_start()
     start = totals(model)
     model.rows[:] = model.start_rows
     for k in range(10):

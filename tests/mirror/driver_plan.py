@@ -29,8 +29,10 @@ class PlanningDriverView(DriverView):
         self.creep = part.config["vehicle"]["contact"]["ground"]["friction_velocity"]
         self.limit = self.p["friction"] * G
         self.grip = self.p["grip"] * self.limit
-        self.yaw_resistance = self.footing.arm / self.footing.half
-        self.yaw_limit = self.limit * self.footing.mass * (self.footing.half - self.footing.arm) / self.footing.inertia
+        self.yaw_resistance = self.footing.arm / self.footing.half_gauge
+        self.yaw_limit = (
+            self.limit * self.footing.mass * (self.footing.half_gauge - self.footing.arm) / self.footing.inertia
+        )
         self.v = np.maximum(self.forward, 0.0)
 
     def available_acceleration(self, rate: Floats, across: Floats, turning: Floats) -> Floats:
@@ -146,9 +148,9 @@ class PlanningDriverView(DriverView):
         f = self.footing
 
         def lacks(z: Floats, creep: float) -> Floats:
-            numbers = (f.mass, f.inertia, f.height, f.half, 4.0 * f.edge, 1.0, mu, creep, 1.0)
+            numbers = (f.mass, f.inertia, f.height, f.half_gauge, 4.0 * f.edge, 1.0, mu, creep, 1.0)
             out, x = np.zeros(8), np.array([0.0, 0.0, 0.0, speed, z[2], rate, 0.0, 0.0])
-            x[6:] = speed - rate * f.half + z[0], speed + rate * f.half + z[1]
+            x[6:] = speed - rate * f.half_gauge + z[0], speed + rate * f.half_gauge + z[1]
             solution = _rates(x, np.array(moves[:2]), np.zeros(2), f.wheels, f.shares, numbers, out)
             return np.array([solution[0], solution[1], out[RATE]]) - moves
 
@@ -184,7 +186,7 @@ class PlanningDriverView(DriverView):
             across = self.forward[i] * r
             z = self._slip(0.0, r, (pace[i] - r * z[2], across, bend[i]), z, self.p["friction"], self.creep)
             speed = self.demanded_speed[i] + lag * pace[i]
-            speeds.append([speed + z[0] - f.half * r - more, speed + z[1] + f.half * r + more])
+            speeds.append([speed + z[0] - f.half_gauge * r - more, speed + z[1] + f.half_gauge * r + more])
         return np.array(speeds) / self.radius
 
     def sprocket(self, side: float) -> Floats:

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from fmus import vehicle
 from fmus.components import model_of
-from fmus.start import orientation, start
+from fmus.start import start_pose, vehicle_quaternion
 from fmus.track import STARTS
 from fmus.track_choices import TRACKS, models_with
 from fmus.vehicle import BadInput
@@ -226,9 +226,9 @@ def test_keys_of_a_track_are_parameters_of_its_fmu(model):
     """Keys that a track takes are parameters of its FMU, with their choices and defaults; it has no other keys."""
     part = assemble(load("rig", model)).parts[0]
     ports = {port.name: port for port in model_of(part.kind)(part.config).ports}
-    for key, sets in TrackModelTable.fmu_parameters().items():
-        assert (model in models_with(sets.parameter)) == (sets.name in ports), key
-        if port := ports.get(sets.parameter):
+    for key, target in TrackModelTable.fmu_parameters().items():
+        assert (model in models_with(target.name)) == (target.name in ports), key
+        if port := ports.get(target.name):
             asked = get_args(TrackModelTable.model_fields[key].annotation)
             chosen = next((get_args(one) for one in asked if get_origin(one) is Literal), ())
             assert set(chosen) <= {*(STARTS if key == "start" else port.choices)}, "an unknown start"
@@ -330,7 +330,7 @@ def test_half_a_turn_of_roll():
     """The parts get the pose R_z(heading) R_y(pitch) R_x(180 deg) for half a turn of roll."""
     scene = load("settle", None, ["start.heading=0.3", "start.pitch=0.2", "start.roll=180 deg"])
     for part in assemble(scene).parts:
-        w, x, y, z = orientation(start(part.parameters))
+        w, x, y, z = vehicle_quaternion(start_pose(part.parameters))
         found = Rotation.from_quat([x, y, z, w])
         rolled = Rotation.from_euler("ZYX", [0.3, 0.2, np.pi])
         assert (found.inv() * rolled).magnitude() < 1e-12

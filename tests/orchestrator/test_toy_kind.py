@@ -43,7 +43,7 @@ PROGRAM = f"""
 import json
 from pathlib import Path
 from fmus.monolith.model import Monolith
-from fmus.native.pack import held
+from fmus.native.pack import with_constants
 from fmus.vehicle import BadInput
 from orchestrator.cli.inventory import lines
 from orchestrator.execution.monolithic import parts_of
@@ -65,7 +65,7 @@ with open_replay(Path("toy.mcap"), "chain", None) as again:
 with open_replay(Path("rigid.mcap"), "chain", "toy") as again:
     found["swapped"] = again.model.fmu.name
 part = assemble(scene).parts[0]
-found["native"] = set(held(part.kind, part.config, part.parameters)["parameters"]) <= set(part.parameters)
+found["native"] = set(with_constants(part.kind, part.config, part.parameters)["parameters"]) <= set(part.parameters)
 found["monolith"] = type(Monolith(parts_of(assemble(scene)), ()).models["chain"]).__module__
 found["check"] = Check(signal="chain.travel", track="toy", expected=1, tolerance=1).track
 found["shown"] = list(lines(scene))

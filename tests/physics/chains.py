@@ -117,7 +117,7 @@ class Flexible:
             self.factor()
             step, scheme = track_steps.explicit, slopes(self.s)
         chain = self.links, self.env, scheme, h, self.s, self.w, self.report, self.counters
-        assert not step(*track_steps.alone(*chain), 0.0, time, NO_INPUTS)
+        assert not step(*track_steps.parts_without_contacts(*chain), 0.0, time, NO_INPUTS)
         return self
 
     def pins(self):

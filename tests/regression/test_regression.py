@@ -25,10 +25,10 @@ def test_runs_are_of_all_scenes_and_have_names_of_their_own():
 def test_runs_have_every_choice_of_a_track():
     tracks = [load(run.scene, run.track, run.settings).track.choices() for run in RUNS]
     for key, about in TrackModelTable.fmu_parameters().items():
-        asked = get_args(Track.model_fields[key].annotation)
+        asked = get_args(TrackModelTable.model_fields[key].annotation)
         choices = next((get_args(one) for one in asked if get_origin(one) is Literal), ())
         unset = {"rest"} if key == "start" else set()  # the default of most scenes
-        assert {*choices} - unset <= {track.get(about.parameter) for track in tracks}, key
+        assert {*choices} - unset <= {track.get(about.name) for track in tracks}, key
 
 
 @pytest.mark.long

@@ -6,7 +6,7 @@ from toy.kernels import advance
 
 
 class Model:
-    stepping = advance
+    step_kernel = advance
     link_ports = 3
 
     def __init__(self, config):

@@ -73,10 +73,10 @@ class Rods:
         explicit = integrator == EXPLICIT
         scheme = self._slopes if explicit else self.method
         chain = self.links, self.env, scheme, h, self.s, self.w, self._report, self._counters
-        parts, told = track_steps.alone(*chain)
+        parts, messages = track_steps.parts_without_contacts(*chain)
         step: Callable[..., int] = track_steps.explicit if explicit else track_steps.implicit
-        if step(parts, told, 0.0, time, NO_INPUTS):
-            raise ArithmeticError(f"the chain failed after {told[0, 0]:.3g} s, link {int(told[0, 1]) + 1}")
+        if step(parts, messages, 0.0, time, NO_INPUTS):
+            raise ArithmeticError(f"the chain failed after {messages[0, 0]:.3g} s, link {int(messages[0, 1]) + 1}")
         return self
 
     def steps(self, time: float, h: float, integrator: str) -> Iterator[None]:

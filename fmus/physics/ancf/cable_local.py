@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import allocating, door, implementation
+from fmus.jit import allocating, dispatch, implementation
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.cable import ROWS, Cable, mass, shape
 from fmus.physics.ancf.centreline import (
@@ -29,7 +29,7 @@ __all__ = ["ROWS", "damping", "end_moments", "energy", "force", "mass", "section
 _elasticity = implementation("densities")
 
 
-@door(_elasticity, shared=True)
+@dispatch(_elasticity, shared=True)
 def measures(c, a, b, g):
     """Axial strain, bending strain squared, 1/m2, and axial force over EA times strain.
 
@@ -37,7 +37,7 @@ def measures(c, a, b, g):
     """
 
 
-@door(_elasticity, shared=True)
+@dispatch(_elasticity, shared=True)
 def density(c, EA, EI, a, b, g):
     """Energy density, a ``Density``, for the stiffnesses ``EA``, N, and ``EI``, N m2.
 

@@ -8,22 +8,22 @@ only with ``tangent``; ``by_rate``, 1/s, is d velocity / d position. Vectors are
 
 from __future__ import annotations
 
-from fmus.jit import door, implementation
+from fmus.jit import dispatch, implementation
 
 _of, _guided = implementation("faces"), implementation("guides")
 
 
-@door(_guided)
+@dispatch(_guided)
 def guide(links, contacts, x, w, rows, by_rate, tangent):
     """Contact of the guide horns of all links with the discs of sprockets; see ``rolling.roll``."""
 
 
-@door(_guided)
+@dispatch(_guided)
 def overhang(links):
     """Height of a guide horn over the inner face, m; 0 without guides."""
 
 
-@door(_guided)
+@dispatch(_guided)
 def horn(links, contacts, x, w, k, row, i, a, b, off, by_rate, tangent):
     """Guide-horn contact of link ``i`` with the near disc of wheel ``k``.
 
@@ -32,57 +32,57 @@ def horn(links, contacts, x, w, k, row, i, a, b, off, by_rate, tangent):
     """
 
 
-@door(_of)
+@dispatch(_of)
 def count(links, x):
     """Number of links and number of pins."""
 
 
-@door(_of)
+@dispatch(_of)
 def across(links):
     """Number of contact points side by side across a link, and their distance from its middle, m."""
 
 
-@door(_of)
+@dispatch(_of)
 def length(links):
     """Length of a link, m."""
 
 
-@door(_of)
+@dispatch(_of)
 def lift(links, x, i):
     """Largest depth of link ``i`` below the lower of its pins, m."""
 
 
-@door(_of)
+@dispatch(_of)
 def pins(links, x, w, i):
     """Positions of the first and of the last pin of link ``i``."""
 
 
-@door(_of)
+@dispatch(_of)
 def pin_rates(links, x, w, i):
     """Velocities of the first and of the last pin of link ``i``."""
 
 
-@door(_of)
+@dispatch(_of)
 def to_ground(links, x, w, p, v):
     """Position and velocity of a point in the frame of the start, which is that of the ground."""
 
 
-@door(_of)
+@dispatch(_of)
 def from_ground(links, x, w, push, tangent):
     """Convert a ``Push`` of the ground to the axes of the chain's coordinates."""
 
 
-@door(_of)
+@dispatch(_of)
 def begin(links, x, w):
     """Prepare ``w`` for an evaluation of all contacts."""
 
 
-@door(_of)
+@dispatch(_of)
 def enter(links, x, w, i):
     """Prepare link ``i`` before contact points are located on it."""
 
 
-@door(_of)
+@dispatch(_of)
 def section(links, x, w, i, xi, z):
     """Data for ``locate`` at the fraction ``xi`` along link ``i``, ``z`` m outside the pin line.
 
@@ -90,7 +90,7 @@ def section(links, x, w, i, xi, z):
     """
 
 
-@door(_of)
+@dispatch(_of)
 def locate(links, x, w, i, at, y):
     """Position and velocity of the point of the section ``at``, ``y`` m across the link.
 
@@ -98,22 +98,22 @@ def locate(links, x, w, i, at, y):
     """
 
 
-@door(_of)
+@dispatch(_of)
 def along(links, x, w, i):
     """Change of the point's position with ``xi``, m, as a covered part moves along the link."""
 
 
-@door(_of)
+@dispatch(_of)
 def push(links, w, i, push, tangent):
     """Apply a ``Push`` at the located point of link ``i``."""
 
 
-@door(_of)
+@dispatch(_of)
 def pushed(links, w, i, tangent):
     """Complete a section after all its points."""
 
 
-@door(_of)
+@dispatch(_of)
 def resist(links, w, i, push, by_rate, foot, side):
     """Add the matrix of the rate at which a face sinks into a rim, which depends on the link's pins.
 
@@ -121,7 +121,7 @@ def resist(links, w, i, push, by_rate, foot, side):
     """
 
 
-@door(_of)
+@dispatch(_of)
 def locate_pin(links, x, w, i, y):
     """Position and velocity of the point of pin ``i`` at ``y`` m across.
 
@@ -129,6 +129,6 @@ def locate_pin(links, x, w, i, y):
     """
 
 
-@door(_of)
+@dispatch(_of)
 def push_pin(links, x, w, i, y, push, tangent):
     """Apply a ``Push`` at that point to the pin, or to the links that it joins."""

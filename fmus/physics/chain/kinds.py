@@ -7,12 +7,12 @@ The modules are ``flexible.dynamics``, ``flexible.cholesky``, ``rigid.dynamics``
 
 from __future__ import annotations
 
-from fmus.jit import door, implementation
+from fmus.jit import dispatch, implementation
 
 _of = implementation("dynamics")
 
 
-@door(_of, shared=True)
+@dispatch(_of, shared=True)
 def newton(links, contacts, env, method, h, s, w, counters):
     """Do one step of ``h`` s by the implicit ``method``, from ``s`` = ``w.before``, wheels at ``w.moved``.
 
@@ -20,7 +20,7 @@ def newton(links, contacts, env, method, h, s, w, counters):
     """
 
 
-@door(_of, shared=True)
+@dispatch(_of, shared=True)
 def derivative(links, contacts, env, s, w, k):
     """Time derivative of ``state.moving`` into ``k`` (flat), with the wheels at ``w.moved``.
 
@@ -28,7 +28,7 @@ def derivative(links, contacts, env, s, w, k):
     """
 
 
-@door(_of, shared=True)
+@dispatch(_of, shared=True)
 def close(links, s, w):
     """Project the state onto the pin equations after an explicit step.
 
@@ -36,12 +36,12 @@ def close(links, s, w):
     """
 
 
-@door(_of, shared=True)
+@dispatch(_of, shared=True)
 def accelerate(links, contacts, env, s, w):
     """Accelerations of the state after an explicit step; rigid links keep those of the last stage."""
 
 
-@door(_of, shared=True)
+@dispatch(_of, shared=True)
 def newton_joints(links, env, s, w):
     """Force of each pin on the link that begins there, N, into ``w.on_links``, after an implicit step.
 
@@ -49,47 +49,47 @@ def newton_joints(links, env, s, w):
     """
 
 
-@door(_of, shared=True)
+@dispatch(_of, shared=True)
 def stage_joints(links, env, s, w):
     """Same as ``newton_joints``, after ``derivative``."""
 
 
-@door(_of, shared=True)
+@dispatch(_of, shared=True)
 def end_work(links, env, h, s, w):
     """Work of the end loads in an implicit step of ``h`` s from ``w.before``, J."""
 
 
-@door(_of, shared=True)
+@dispatch(_of, shared=True)
 def speed(links, env, s, w):
     """Speed of the chain along itself relative to the carrier of the wheels ``w.moved``, m/s."""
 
 
-@door(_of, shared=True)
+@dispatch(_of, shared=True)
 def first_speed(links, env, s, w, report):
     """``speed`` at the start of a communication step, with the wheels ``w.moved`` of that time, m/s."""
 
 
-@door(_of, shared=True)
+@dispatch(_of, shared=True)
 def observe(links, env, s, w, report):
     """Fill the report from the state and its last evaluation, except the summed entries."""
 
 
-@door(_of, shared=True)
+@dispatch(_of, shared=True)
 def pin_places(links, s, w, place):
     """Positions of the pins, m, into ``place`` (nodes, 3), in the frame of the start."""
 
 
-@door(_of, shared=True)
+@dispatch(_of, shared=True)
 def links_shown(links, env, s, w, tension, stress, place):
     """Tension, N, and stress, Pa, of each link (n each); positions of the pins ``place`` (nodes, 3), m."""
 
 
-@door(_of, shared=True)
+@dispatch(_of, shared=True)
 def pin_axes(links, s, w, axis):
     """Unit vectors along the pins into ``axis`` (nodes, 3)."""
 
 
-@door(_of, shared=True)
+@dispatch(_of, shared=True)
 def slopes(links, s, w, found):
     """Position gradients along each link at its first and its last pin into ``found`` (n, 6).
 
@@ -97,6 +97,6 @@ def slopes(links, s, w, found):
     """
 
 
-@door(_of, shared=True)
+@dispatch(_of, shared=True)
 def fibres(links, s, w, stress):
     """Axial stress at outer and inner fibre of each link, Pa, mean along it, into ``stress`` (n, 2)."""

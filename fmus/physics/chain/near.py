@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import apart, kernel
+from fmus.jit import kernel, noalias
 from fmus.physics.chain.faces import across, count, length, pins
 from fmus.physics.vector import dot, vector
 
@@ -42,7 +42,7 @@ def survey(links, x, w):
 
 
 @kernel
-@apart
+@noalias
 def look(row, middle, off, square):
     """Offsets ``off`` and squared distances ``square`` (n) of all middles (3, n) from the wheel ``row``."""
     x, y, z = vector(row, 0)

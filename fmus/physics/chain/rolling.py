@@ -6,7 +6,7 @@ and the action of forces there. Points are at two places along a covered part (G
 
 from __future__ import annotations
 
-from fmus.jit import apart, kernel
+from fmus.jit import kernel, noalias
 from fmus.physics.chain.faces import (
     across,
     along,
@@ -56,7 +56,7 @@ from fmus.physics.vector import add, dot, scale
 
 
 @kernel
-@apart
+@noalias
 def roll(links, contacts, x, w, rows, by_rate, tangent):
     """Evaluate all contacts of a chain with the wheels ``rows`` (m, 15) and the ground.
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fmus.jit import door
+from fmus.jit import dispatch
 
 
 def _rolling(links: type) -> Any:
@@ -16,6 +16,6 @@ def _rolling(links: type) -> Any:
     return rolling
 
 
-@door(_rolling)
+@dispatch(_rolling)
 def roll(links, contacts, x, w, rows, by_rate, tangent):
     """See ``rolling.roll``."""

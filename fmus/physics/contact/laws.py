@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from fmus.jit import door
+from fmus.jit import dispatch
 from fmus.physics.contact import hunt_crossley, linear
 
 LAWS: dict[str, Any] = {"linear": linear.Linear, "hunt_crossley": hunt_crossley.HuntCrossley}
@@ -20,7 +20,7 @@ def _of(law: type) -> Any:
     return sys.modules[law.__module__]
 
 
-@door(_of)
+@dispatch(_of)
 def normal(law, share, depth, rate):
     """Force of a point that carries ``share`` of the contact at penetration ``depth`` > 0, m.
 

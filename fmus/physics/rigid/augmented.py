@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import apart, kernel
+from fmus.jit import kernel, noalias
 from fmus.physics import block_cyclic
 from fmus.physics.inverse import invert
 from fmus.physics.rigid import pin
@@ -104,7 +104,7 @@ def system(n: int, closed: bool) -> System:
 
 
 @kernel
-@apart
+@noalias
 def _complement(half, A, Kinv, WQ, WP, P, SA, SU, SL, SB):
     """Add B K^-1 B^T of a link between its first pin (as Q; rows 0-4 of P) and second (as P; rows 5-9).
 
@@ -137,7 +137,7 @@ def _complement(half, A, Kinv, WQ, WP, P, SA, SU, SL, SB):
 
 
 @kernel
-@apart
+@noalias
 def factor(half, ends, s, scale, spring=0.0):
     """Factor the system from its A, WP, WQ and K; return -1, or the index of the singular block.
 
@@ -203,7 +203,7 @@ def compliance(ends, s, lam):
 
 
 @kernel
-@apart
+@noalias
 def solve(half, ends, s):
     """Solve for dx and dl with the residuals r and C and the results of ``factor``; ``half`` in m."""
     n, p = s.K.shape[0], s.C.shape[0]

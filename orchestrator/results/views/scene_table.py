@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, ValidationError
 
-from fmus.vehicle import BadInput, sentence
+from fmus.vehicle import BadInput, first_error
 from orchestrator.results.run_data import RunData
 
 Number = Annotated[float, Field(ge=-1e6, le=1e6)]
@@ -108,4 +108,4 @@ def drawn_scene(run: RunData) -> dict[str, Any]:
     try:
         return DrawnScene.model_validate(run.scene).model_dump()
     except ValidationError as error:
-        raise BadInput(sentence(error, f"{run.log.path}: scene.json")) from None
+        raise BadInput(first_error(error, f"{run.log.path}: scene.json")) from None

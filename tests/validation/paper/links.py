@@ -104,7 +104,7 @@ def evaluation_time(chain: Any) -> float:
     """CPU time of an explicit step over its evaluations, s: least median of the repeats."""
     before = int(chain.counters[1])
     steps = STEPS // 10
-    time_of_step = _least(chain, 5.0 * chain.stable, steps)
+    time_of_step = _least(chain, 5.0 * chain.stable_step, steps)
     return time_of_step * (REPEATS * steps + 1) / (int(chain.counters[1]) - before)
 
 
@@ -115,10 +115,10 @@ def in_turn(first: Any, second: Any, step: float = 0.0) -> float:
     """
     each: list[list[float]] = [[], []]
     for chain in (first, second):
-        chain.advance(0.0, step or 5.0 * chain.stable)
+        chain.advance(0.0, step or 5.0 * chain.stable_step)
     for k in range(1, STEPS):
         for chain, times in zip((first, second), each, strict=True):
-            h, before, began = step or 5.0 * chain.stable, int(chain.counters[1]), time.thread_time()
+            h, before, began = step or 5.0 * chain.stable_step, int(chain.counters[1]), time.thread_time()
             chain.advance(k * h, h)
             times.append((time.thread_time() - began) / (1 if step else int(chain.counters[1]) - before))
     return float(np.median(np.divide(each[0], each[1])))

@@ -66,7 +66,7 @@ def _counted(coupled: Scene, explicit: Sequence[Scene], piece: float) -> list[np
 def _stepped(explicit: Scene, name: str, state: Floats, log: Log) -> np.ndarray:
     """Steps, evaluations and restarts (3,) of a track, from its state on with the logged inputs."""
     track, inputs = model(explicit, name), log.read(f"/{name}/in")
-    if not track.hold(state):
+    if not track.copy_state(state):
         raise ValueError(f"{name}: the state of implicit steps is none of Adams' methods")
     track.counters[STEPS] = 1  # the track has moved, so its initial layout is not valid any more
     driven = inputs.rows(inputs.t >= BEGIN - 1e-9)

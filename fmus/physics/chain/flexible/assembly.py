@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import apart, kernel
+from fmus.jit import kernel, noalias
 from fmus.physics.ancf.element import axes, energy, force, mass, matter, tangent, vectors
 from fmus.physics.chain.flexible.axes import (
     absolute,
@@ -29,7 +29,7 @@ from fmus.physics.chain.touch import roll
 
 
 @kernel
-@apart
+@noalias
 def evaluate(links, contacts, env, x, by, w, fresh):
     """Residual M vdot + Q - Q_ext of the chain in the motion ``x``, condensed to the pins, into ``w.b``.
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import apart, kernel
+from fmus.jit import kernel, noalias
 from fmus.physics.ancf.element import axes
 from fmus.physics.chain.environment import HELD, PINNED
 from fmus.physics.chain.flexible.closing import pull
@@ -36,7 +36,7 @@ def clear(w, tangent):
 
 
 @kernel
-@apart
+@noalias
 def eliminate(links, w, i):
     """Eliminate the own coordinates of link ``i`` from its matrix ``w.K``; the rest goes into ``w.rest``.
 
@@ -70,7 +70,7 @@ def eliminate(links, w, i):
 
 
 @kernel
-@apart
+@noalias
 def condense(links, w, link, i, j):
     """``eliminate``, then scatter the rest to the pins ``i``, ``j`` of the ``link``."""
     eliminate(links, w, link)

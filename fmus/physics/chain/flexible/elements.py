@@ -6,43 +6,43 @@ Coordinates of a link: ``w.e``, ``w.v``, ``w.dv`` (rows, axes); of the pins: ``q
 
 from __future__ import annotations
 
-from fmus.jit import door, implementation, kernel
+from fmus.jit import dispatch, implementation, kernel
 from fmus.physics.ancf.element import axes
 
 kit = implementation("elements")
 
 
-@door(kit)
+@dispatch(kit)
 def gather(links, q, i, j, e):
     """Element coordinates ``e`` (rows, axes) of the link from pin ``i`` to pin ``j``."""
 
 
-@door(kit, shared=True)
+@dispatch(kit, shared=True)
 def axial(links, w):
     """Tension, N, and largest axial stress, Pa, of the link in ``w.e``, ``w.v``, ``w.dv``."""
 
 
-@door(kit, shared=True)
+@dispatch(kit, shared=True)
 def outer_and_inner(links, w):
     """Axial stress at the outer and at the inner fibre of the link in ``w.e``, Pa, mean along it."""
 
 
-@door(kit)
+@dispatch(kit)
 def pin_axis(links, q):
     """Unit vector (3) along the pin with the coordinates ``q`` (width)."""
 
 
-@door(kit)
+@dispatch(kit)
 def flatten(links, w):
     """Wheels ``w.moved`` (m, 15) as seen by the chain, into ``w.flat`` (m, 15)."""
 
 
-@door(kit)
+@dispatch(kit)
 def layout(links):
     """Layout of a link's coordinates, see ``link_layout``."""
 
 
-@door(kit)
+@dispatch(kit)
 def lever(links):
     """Motion of the pin per unit of each shared coordinate, m: the weight of a correction."""
 

@@ -6,31 +6,31 @@ share the coordinates of their pins.
 
 from __future__ import annotations
 
-from fmus.jit import door, implementation
+from fmus.jit import dispatch, implementation
 
 _of = implementation("joints")
 
 
-@door(_of)
+@dispatch(_of)
 def factor(links, w):
     """Factor the pins' matrix ``w.A``, ``w.U``, ``w.L``; -1, or the pin or link where it is singular."""
 
 
-@door(_of)
+@dispatch(_of)
 def solve(links, w):
     """Solve for the correction of the pins in ``w.b``, from residuals there and the gap of ``misfit``."""
 
 
-@door(_of)
+@dispatch(_of)
 def misfit(links, q, w):
     """Misfit of the pin equations by the coordinates, rates or accelerations ``q`` (nodes, width)."""
 
 
-@door(_of)
+@dispatch(_of)
 def close(links, s, w):
     """Project coordinates and rates onto the pin equations, in the directions of the pin forces."""
 
 
-@door(_of)
+@dispatch(_of)
 def speed(links, carried, s, w):
     """``chain_speed``, m/s, of the pins relative to the carrier ``carried``, each pin counted once."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import allocating, apart
+from fmus.jit import allocating, noalias
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.axes import arrive, bend, foresee, resolve
 from fmus.physics.chain.flexible.condensation import correct
@@ -22,7 +22,7 @@ MOST = 20  # iterations before a step is rejected
 
 
 @allocating
-@apart
+@noalias
 def newton(links, contacts, env, method, h, s, w, counters):
     """See ``kinds``."""
     c, by, before, x = method.alpha, slopes(method.alpha, h), w.before, Motion(s.q, s.v, s.vdot, s.axes)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import apart, kernel
+from fmus.jit import kernel, noalias
 from fmus.physics.ancf.cable import shape, shape_slope
 from fmus.physics.chain.flexible.axes_state import ORIGIN, RATE, ROLL, VELOCITY, YAW, from_axes, to_axes
 from fmus.physics.chain.flexible.cable_faces import along  # noqa: F401 - reached by dispatch
@@ -181,7 +181,7 @@ def pushed(links, w, i, tangent):
 
 
 @kernel
-@apart
+@noalias
 def _stiffen(w, i, p, d):
     """Add K -= N^T g N, with N = B for the coordinates and axis x (p + y d) for the rotation of the axes.
 

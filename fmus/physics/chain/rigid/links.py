@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.jit import apart, implemented_in, kernel
+from fmus.jit import implemented_in, kernel, noalias
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.arms import act, lever, rate
@@ -156,7 +156,7 @@ def _inertia(links, gravity, s, w, by, tangent):
 
 
 @kernel
-@apart
+@noalias
 def residual(links, contacts, env, s, w, by, tangent):
     """Residuals of links and pins into the system, with ``tangent`` also its K; wrenches and sums."""
     pins(links, s, w)
@@ -168,7 +168,7 @@ def residual(links, contacts, env, s, w, by, tangent):
 
 
 @kernel
-@apart
+@noalias
 def loads(links, contacts, env, s, w, by, tangent):
     """Residuals of the links alone, with the rotations and axis rows that are in the system."""
     w.sums[:] = 0.0

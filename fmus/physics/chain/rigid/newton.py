@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmus.jit import allocating, apart, kernel
+from fmus.jit import allocating, kernel, noalias
 from fmus.physics.chain.outcome import DONE, SINGULAR, STALLED
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
 from fmus.physics.chain.rigid.links import residual
@@ -26,7 +26,7 @@ LOST = 1e15  # misfit over its tolerance beyond which the iteration has diverged
 
 
 @allocating
-@apart
+@noalias
 def newton(links, contacts, env, method, h, s, w, counters):
     """See ``kinds``."""
     n, c, by, before = s.q.shape[0], method.alpha, slopes(method.alpha, h), w.before
