@@ -8,7 +8,7 @@ from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.environment import PULLED
 from fmus.physics.chain.flexible import joints
 from fmus.physics.chain.flexible.assembly import axials, totals
-from fmus.physics.chain.flexible.axes import directed, placed
+from fmus.physics.chain.flexible.axes import start_frame_position, start_frame_vector
 from fmus.physics.chain.flexible.elements import gather, in_space, layout, outer_and_inner, pin_axis
 from fmus.physics.chain.flexible.explicit import accelerate, close, derivative, stage_joints  # noqa: F401
 from fmus.physics.chain.flexible.link_layout import ends, node
@@ -52,7 +52,7 @@ def pin_places(links, s, w, place):
     """See ``kinds``."""
     for i in range(place.shape[0]):
         at = node(layout(links), s.q.shape[0], i)
-        put(place[i], 0, placed(links, s, in_space(links, s.q[at])))
+        put(place[i], 0, start_frame_position(links, s, in_space(links, s.q[at])))
 
 
 @kernel
@@ -60,7 +60,7 @@ def pin_axes(links, s, w, axis):
     """See ``kinds``."""
     for i in range(axis.shape[0]):
         at = node(layout(links), s.q.shape[0], i)
-        put(axis[i], 0, directed(links, s, pin_axis(links, s.q[at])))
+        put(axis[i], 0, start_frame_vector(links, s, pin_axis(links, s.q[at])))
 
 
 @kernel
@@ -79,8 +79,8 @@ def slopes(links, s, w, found):
     for i in range(links.n):
         first, second = ends(layout(links), s.q.shape[0], i)
         gather(links, s.q, first, second, w.e)
-        put(found[i], 0, directed(links, s, in_space(links, w.e[1])))
-        put(found[i], 3, directed(links, s, in_space(links, w.e[rows // 2 + 1])))
+        put(found[i], 0, start_frame_vector(links, s, in_space(links, w.e[1])))
+        put(found[i], 3, start_frame_vector(links, s, in_space(links, w.e[rows // 2 + 1])))
 
 
 @kernel

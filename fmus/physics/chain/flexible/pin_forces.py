@@ -17,7 +17,7 @@ from fmus.jit import kernel
 from fmus.physics.ancf.element import axes, matter, vectors
 from fmus.physics.chain.environment import PINNED
 from fmus.physics.chain.flexible import inertia
-from fmus.physics.chain.flexible.axes import accelerated, directed, lagging, upwards
+from fmus.physics.chain.flexible.axes import absolute_accelerations, omitted_accelerations, start_frame_vector, vertical
 from fmus.physics.chain.flexible.elements import in_space, layout
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.on_links import JOINT
@@ -32,10 +32,10 @@ def newton_joints(links, env, s, w):
         return
     n, nodes, at, half, dims = links.n, s.q.shape[0], layout(links), vectors(links.element) // 2, axes(links.element)
     R, load, b, x, total = w.R, w.load, w.imbalance, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    weight, up, l = matter(links.element) * env.gravity, upwards(links, s), links.element.l
+    weight, up, l = matter(links.element) * env.gravity, vertical(links, s), links.element.l
     for i in range(n):
         first, second = ends(at, nodes, i)
-        accelerated(links, s, w, first, second)
+        absolute_accelerations(links, s, w, first, second)
         put(found[i], JOINT, x)
         total = add(total, x)
         for k in range(dims):  # (1)
@@ -57,13 +57,13 @@ def newton_joints(links, env, s, w):
         base, slope = x, (0.0, 0.0, 0.0)
     for i in range(n):
         shift = add(vector(found[i], JOINT), add(scale(1.0 * i, slope), scale(-1.0, base)))
-        put(found[i], JOINT, directed(links, s, add(in_space(links, R[i, 0]), shift)))
+        put(found[i], JOINT, start_frame_vector(links, s, add(in_space(links, R[i, 0]), shift)))
     if links.closed != 1:
         _, last = ends(at, nodes, n - 1)
         shift = add(
             add(x, scale(-1.0, base)), add(in_space(links, b[last]), scale(-1.0, in_space(links, R[n - 1, half])))
         )
-        put(found[n], JOINT, directed(links, s, shift))
+        put(found[n], JOINT, start_frame_vector(links, s, shift))
 
 
 @kernel
@@ -80,10 +80,10 @@ def stage_joints(links, env, s, w):
         return
     for i in range(n):
         first, second = ends(layout(links), s.q.shape[0], i)
-        lagging(links, s, w, first, second)
-        put(found[i], JOINT, directed(links, s, _end(links, w, i, 0)))
+        omitted_accelerations(links, s, w, first, second)
+        put(found[i], JOINT, start_frame_vector(links, s, _end(links, w, i, 0)))
         if i == n - 1 and links.closed != 1:
-            put(found[n], JOINT, directed(links, s, scale(-1.0, _end(links, w, i, half))))
+            put(found[n], JOINT, start_frame_vector(links, s, scale(-1.0, _end(links, w, i, half))))
 
 
 @kernel

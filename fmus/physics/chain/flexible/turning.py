@@ -38,8 +38,8 @@ class TurningCables(NamedTuple):
     area: float  # area of the section, m2
     second_moment: float  # second moment of area about the pin, m4
     lateral: float  # distance of the contact points from the middle, m
-    sideways: float  # excess of the bending stiffness about the normal over that about the pin, N m2
-    twist: float  # second moment of mass of all links along their pins, kg m2
+    excess_EI: float  # excess of the bending stiffness about the normal over that about the pin, N m2
+    rotary_inertia: float  # second moment of mass of all links along their pins, kg m2
     closing: Spring | None = None  # spring of a loop whose mesh is open
 
 
@@ -57,7 +57,7 @@ def layout(links):
 
 @kernel
 def flatten(links, w):
-    """See ``elements``: done by ``axes.outside``."""
+    """See ``elements``: done by ``axes.wheels_to_axes``."""
 
 
 @kernel

@@ -12,7 +12,7 @@ import numpy as np
 
 from fmus.jit import apart, kernel
 from fmus.physics.ancf.cable import shape, shape_slope
-from fmus.physics.chain.flexible.axes_state import ORIGIN, RATE, ROLL, VELOCITY, YAW, from_axes, to_axes
+from fmus.physics.chain.flexible.axes_state import OMEGA, ORIGIN, ROLL, VELOCITY, YAW, from_axes, to_axes
 from fmus.physics.chain.flexible.cable_faces import along  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
     begin,
@@ -47,7 +47,7 @@ def lift(links, x, i):
 def to_ground(links, x, w, p, v):
     """See ``faces``."""
     f = x.axes
-    v = add(v, cross(vector(f, RATE), p))
+    v = add(v, cross(vector(f, OMEGA), p))
     return add(vector(f, ORIGIN), from_axes(f, p)), add(vector(f, VELOCITY), from_axes(f, v))
 
 
@@ -89,8 +89,8 @@ def section(links, x, w, i, xi, z):
     turn = per * z * (t0 * db - t2 * da)
     w.axes.sums[:] = 0.0
     at, sideways = (p[0] - z * t2, p[1], p[2] + z * t0), (-per * yaw * t0, 1.0, -per * yaw * t2)
-    put(w.axes.place, 0, at)
-    put(w.axes.place, 3, sideways)
+    put(w.axes.section, 0, at)
+    put(w.axes.section, 3, sideways)
     return at, (v[0] - turn * t0, v[1], v[2] - turn * t2), sideways, per * sway
 
 
@@ -173,7 +173,7 @@ def pushed(links, w, i, tangent):
     for k in range(4):
         for j in range(3):
             R[k, j] -= S[k] * f[j] - C[k] * l[j]
-    p, d = vector(w.axes.place, 0), vector(w.axes.place, 3)
+    p, d = vector(w.axes.section, 0), vector(w.axes.section, 3)
     moment[0] -= dot(about_x(p), f) + dot(about_x(d), f_y)
     moment[1] -= dot(about_z(p), f) + dot(about_z(d), f_y)
     if tangent:
@@ -189,7 +189,7 @@ def _stiffen(w, i, p, d):
     balance. The rotation of forces with the axes is left out.
     """
     S, C, s, K, e, (m0, y, m2), t0, t2 = w.S, w.C, w.axes.sums, w.stiffening[i], w.e, w.axes.lever, w.t[0], w.t[2]
-    f, f_y, carried = w.axes.given[0], w.axes.given[1], w.axes.carried
+    f, f_y, carried = w.axes.section_tangent[0], w.axes.section_tangent[1], w.axes.lever_tangent
     g, g_y, t = _rows(s, MATRIX), _rows(s, MATRIX + 9), (t0, 0.0, t2)
     pull, pull_y = _times(g, t), _times(g_y, t)
     for a in range(3):
@@ -258,7 +258,7 @@ def locate_pin(links, x, w, i, y):
 @kernel
 def push_pin(links, x, w, i, y, push, tangent):
     """Add a force to ``w.b``, ``w.A`` of the pin, and its coupling with the axes' rotation to the border."""
-    p, f, g, edge, corner = vector(w.axes.point, 0), push.f, push.g, w.axes.edge[i], w.axes.corner
+    p, f, g, edge, corner = vector(w.axes.point, 0), push.f, push.g, w.axes.border[i], w.axes.corner
     for a in range(3):
         w.b[i, a] -= f[a]
     roll, yaw = about_x(p), about_z(p)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.physics.block_cyclic import Factors, workspace
-from fmus.physics.chain.flexible.axes_state import Axes, axes
+from fmus.physics.chain.flexible.axes_state import AxesArrays, axes_arrays
 from fmus.physics.chain.flexible.state import State, shapes, views
 from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.on_links import NONE, Felt
@@ -55,7 +55,7 @@ class Work(NamedTuple):
     sums: np.ndarray  # (SUMS) see ``sums``
     contact: Memory  # memory of sharp friction
     near: Near  # distances of links from a wheel
-    axes: Axes | None  # arrays of turning axes, else None
+    axes: AxesArrays | None  # arrays of turning axes, else None
     joints: Any  # ``Joints`` of links that share no pins, else None
     still: np.ndarray  # (nodes, width) zeros
     change: np.ndarray  # (2, nodes, width) accelerations; unused by-products
@@ -82,7 +82,7 @@ def work(kit: Any, links: int, nodes: int, wheels: int, felt: Felt = NONE) -> Wo
         wrench=z((wheels + 1, 6)), on_links=z(felt), imbalance=z((nodes, dims)), sums=z(SUMS),
         contact=memory(points(wheels, nodes)),
         near=near(links),
-        axes=axes(nodes, m, whole) if kit.FREE else None,
+        axes=axes_arrays(nodes, m, whole) if kit.FREE else None,
         joints=_joints(links, m) if len(at.pins) == 2 else None,
         still=z((nodes, kit.NODE)), change=z((2, nodes, kit.NODE)),
     )  # fmt: skip
