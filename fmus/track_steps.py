@@ -106,14 +106,14 @@ def implicit(c, told, t, h, u):
         return wrong
     counters = stand.counters
     before = counters[REJECTED]
-    on_links.renew(c.s, stand.interval)
+    on_links.begin_interval(c.s, stand.interval)
     failure, done, link, residual = advance(
         c.link, c.contacts, c.environment, c.scheme, stand.rows, h, stand.longest, c.s, c.work, c.report, counters
     )
     if failure:
         told[0, 0], told[0, 1], told[0, 2] = t + done, link, residual
         return IMPLICIT + failure
-    on_links.count(c.s, h)
+    on_links.count_step(c.s, h)
     tell_halved(stand.given, told, t, counters[REJECTED] - before)
     return 0
 
@@ -133,7 +133,7 @@ def explicit(c, told, t, h, u):
     wrong = _ready(stand, told, t, h, u)
     if wrong:
         return wrong
-    on_links.renew(c.s, stand.interval)
+    on_links.begin_interval(c.s, stand.interval)
     return _how(c, told, t, h, march(
         c.link, c.contacts, c.environment, c.scheme, stand.rows, h, stand.longest, c.s, c.work, c.report, stand.counters
     ))  # fmt: skip
@@ -146,7 +146,7 @@ def adams(c, told, t, h, u):
     wrong = _ready(stand, told, t, h, u)
     if wrong:
         return wrong
-    on_links.renew(c.s, stand.interval)
+    on_links.begin_interval(c.s, stand.interval)
     return _how(c, told, t, h, adaptive.march(
         c.link, c.contacts, c.environment, c.scheme, stand.rows, h, stand.longest, c.s, c.work, c.report, stand.counters
     ))  # fmt: skip
@@ -155,7 +155,7 @@ def adams(c, told, t, h, u):
 @kernel
 def _how(c, told, t, h, outcome):
     """Failure of an explicit integration from its outcome; 0 for none."""
-    on_links.count(c.s, h)
+    on_links.count_step(c.s, h)
     failure, done, link, _ = outcome
     if failure:
         told[0, 0], told[0, 1], told[0, 2] = t + done, link, c.stand.longest
@@ -216,7 +216,7 @@ def show_links(c, y):
     n, m, shows, felt = c.links, c.nodes, c.shows, np.empty(c.s.on_links_sum.shape)
     tension, stress, place = np.empty(n), np.empty(n), np.empty((m, 3))
     links_shown(c.link, c.environment, c.s, c.work, tension, stress, place)
-    on_links.average(c.s, felt)
+    on_links.interval_means(c.s, felt)
     at = _numbers(shows[TENSION], tension, y, 0)
     at = _numbers(shows[STRESS], stress, y, at)
     if shows[POSITION]:

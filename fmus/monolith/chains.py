@@ -10,7 +10,7 @@ from fmus.model import Floats, InvalidParameter
 from fmus.physics.chain.flexible import cholesky
 from fmus.physics.chain.flexible.state import State as Flexible
 from fmus.physics.chain.kinds import accelerate, observe
-from fmus.physics.chain.on_links import MIRRORED, count, renew
+from fmus.physics.chain.on_links import MIRRORED, begin_interval, count_step
 from fmus.physics.chain.report import GROUND, REPORT, SUMMED
 from fmus.physics.chain.rigid.joints import fold
 from fmus.physics.chain.rigid.state import State as Rigid
@@ -85,10 +85,10 @@ def give(model: TrackModel, x: Floats) -> None:
 def take(model: TrackModel, place: Place, x: Floats, h: float) -> None:
     """Set state, mean wrenches and report of the model after a step of length ``h``, s, and evaluate it."""
     model.s.flat[: x.size] = x
-    renew(model.s, model.interval)
+    begin_interval(model.s, model.interval)
     model.s.mean[:] = place.impulse / h
     model.s.on_links_sum[:] += place.on_links
-    count(model.s, h)
+    count_step(model.s, h)
     accelerate(*model.system(), model.s, model.work)
     take_evaluated(model.s, model.work)
     observe(model.link, model.environment, model.s, model.work, model.report)

@@ -9,7 +9,7 @@ import test_track_rigid
 
 from fmus.physics.chain.flexible.elements import flatten
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.rolling import roll
+from fmus.physics.chain.rolling import evaluate_contacts
 from fmus.physics.chain.sums import CONTACT, LOSSES, PATCH_POWER
 from fmus.physics.rigid import body
 from fmus.physics.wheels import move
@@ -35,7 +35,7 @@ def flexible(element: str):
             seen = w.flat
             flatten(model.link, w)
         motion = Motion(model.s.q, model.s.v, model.s.v)
-        roll(model.link, model.contacts, motion, w, seen, 0.0, False)
+        evaluate_contacts(model.link, model.contacts, motion, w, seen, 0.0, False)
         into = 0.0
         for i in np.flatnonzero(w.touched):
             model.kit.coordinates(model.s.v, i, (i + 1) % model.nodes, w.v)
@@ -66,7 +66,7 @@ def rigid():
             turn[:] = t * s.v[i]
             body.advance(q[i], turn, s.q[i])
             body.rotation(s.q[i], w.system.A[i])
-        roll(model.link, model.contacts, s, w, w.moved, 0.0, False)
+        evaluate_contacts(model.link, model.contacts, s, w, w.moved, 0.0, False)
         into = np.sum(w.system.r * s.v) - np.sum(w.wrench[:-1] * rows[:, 3:9])
         return w.sums[CONTACT], w.sums[LOSSES:].sum(), w.sums[PATCH_POWER], into
 

@@ -17,8 +17,8 @@ from fmus.physics.chain.flexible.explicit import NOTHING
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.kinds import observe
 from fmus.physics.chain.report import DISSIPATED, GRAVITY, KINETIC, STRAIN
-from fmus.physics.chain.rolling import roll
-from fmus.physics.contact.ground import bumpy
+from fmus.physics.chain.rolling import evaluate_contacts
+from fmus.physics.contact.ground import bumpy_ground
 from fmus.physics.integrate.generalized_alpha import Slopes
 from orchestrator.cosim.component import Component
 from tests.validation.ancf import joints, loads, mesh, statics, torsion
@@ -26,7 +26,7 @@ from tests.validation.ancf import joints, loads, mesh, statics, torsion
 
 def rolled(model, q, v, by_rate: float, tangent: bool, contacts) -> None:
     w = model.work
-    roll(model.link, contacts, Motion(q, v, v), w, w.moved, by_rate, tangent)
+    evaluate_contacts(model.link, contacts, Motion(q, v, v), w, w.moved, by_rate, tangent)
 
 
 SOFT = {"material.youngs_modulus": 2e7, "material.relaxation_time": 0.0}
@@ -257,7 +257,7 @@ def test_the_matrices_of_contacts_are_their_derivatives(rise):
     model.s.q[:, 2] -= 2e-3
     model.s.v[:] = 0.1 * rng.standard_normal(model.s.v.shape)
     if rise:
-        bump = bumpy(model.contacts.shape.height, -3.0, rise, 0.05, 0.5, 0.1)
+        bump = bumpy_ground(model.contacts.shape.height, -3.0, rise, 0.05, 0.5, 0.1)
         model.contacts = model.contacts._replace(shape=bump)
     w, q, v = model.work, model.s.q.copy(), model.s.v.copy()
     w.moved[:] = model.start_rows

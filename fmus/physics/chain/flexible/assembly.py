@@ -25,7 +25,7 @@ from fmus.physics.chain.flexible.elements import axial, gather, layout
 from fmus.physics.chain.flexible.inertia import add_kinetic, add_mass
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.sums import MATERIAL
-from fmus.physics.chain.touch import roll
+from fmus.physics.chain.touch import evaluate_contacts
 
 
 @kernel
@@ -43,7 +43,7 @@ def evaluate(links, contacts, env, x, by, w, fresh):
     mass(c, w.M)
     if contacts is not None:
         wheels_to_axes(links, x, w, fresh)
-        roll(links, contacts, x, w, w.flat, by.v, fresh)
+        evaluate_contacts(links, contacts, x, w, w.flat, by.v, fresh)
         wrenches_from_axes(links, x, w)
     for i in range(n):
         first, second = ends(at, x.q.shape[0], i)

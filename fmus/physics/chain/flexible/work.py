@@ -10,7 +10,7 @@ from fmus.physics.block_cyclic import Factors, workspace
 from fmus.physics.chain.flexible.axes_state import AxesArrays, axes_arrays
 from fmus.physics.chain.flexible.state import State, shapes, views
 from fmus.physics.chain.near import Near, near
-from fmus.physics.chain.on_links import NONE, Felt
+from fmus.physics.chain.on_links import NONE, LinkForcesShape
 from fmus.physics.chain.state import size
 from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
@@ -61,12 +61,12 @@ class Work(NamedTuple):
     change: np.ndarray  # (2, nodes, width) accelerations; unused by-products
 
 
-def work(kit: Any, links: int, nodes: int, wheels: int, felt: Felt = NONE) -> Work:
-    """Return zeroed arrays; ``kit``: module of the links; ``felt``: shape of the forces on each link."""
+def work(kit: Any, links: int, nodes: int, wheels: int, forces: LinkForcesShape = NONE) -> Work:
+    """Return zeroed arrays; ``kit``: module of the links; ``forces``: shape of the forces on each link."""
     rows, dims = kit.ELEMENT
     at = kit.LAYOUT
     m, n, outer, whole = len(at.shared), len(at.own), len(at.outer), rows * dims + len(at.common)
-    sizes = shapes(kit.NODE, nodes, wheels, kit.FREE, felt)
+    sizes = shapes(kit.NODE, nodes, wheels, kit.FREE, forces)
     block, vectors, z = (nodes, m, m), (rows, dims), np.zeros
     moved = z((wheels, 15))
     return Work(
@@ -79,7 +79,7 @@ def work(kit: Any, links: int, nodes: int, wheels: int, felt: Felt = NONE) -> Wo
         S=z(rows), C=z(rows), t=z(3),
         moved=moved, flat=moved if dims == 3 and not kit.FREE else z((wheels, 15)),
         touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
-        wrench=z((wheels + 1, 6)), on_links=z(felt), imbalance=z((nodes, dims)), sums=z(SUMS),
+        wrench=z((wheels + 1, 6)), on_links=z(forces), imbalance=z((nodes, dims)), sums=z(SUMS),
         contact=memory(points(wheels, nodes)),
         near=near(links),
         axes=axes_arrays(nodes, m, whole) if kit.FREE else None,

@@ -14,11 +14,11 @@ import numpy as np
 from fmus.jit import apart, implemented_in, kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.rigid import closing
-from fmus.physics.chain.rigid.arms import act, lever, rate
+from fmus.physics.chain.rigid.arms import add_force, lever, rate
 from fmus.physics.chain.rigid.state import State
 from fmus.physics.chain.rigid.work import Work
 from fmus.physics.chain.sums import END_POWER, JOINTS
-from fmus.physics.chain.touch import roll
+from fmus.physics.chain.touch import evaluate_contacts
 from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import PIN, Ends, Spring
 from fmus.physics.vector import add, dot, scale, vector
@@ -77,7 +77,7 @@ def _across(links, damping, s, w, by_v, tangent):
             for a in range(3):
                 s.load[j, a] += share * f[a]
             w.sums[JOINTS] -= share * dot(f, u)
-            act(A[i], lever(A[i], end, 0.0, 0.0), share, f, g, tangent, w.N, r[i], K[i])
+            add_force(A[i], lever(A[i], end, 0.0, 0.0), share, f, g, tangent, w.N, r[i], K[i])
 
 
 @kernel
@@ -90,7 +90,7 @@ def _pull(links, env, s, w):
         i, at, f = end * (n - 1), (2.0 * end - 1.0) * links.half, vector(env.pull[end], 0)
         A = w.system.A[i]
         w.sums[END_POWER] += dot(f, rate(A, s.v[i], at, 0.0, 0.0))
-        act(A, lever(A, at, 0.0, 0.0), 1.0, f, NONE, False, w.N, w.system.r[i], w.system.K[i])
+        add_force(A, lever(A, at, 0.0, 0.0), 1.0, f, NONE, False, w.N, w.system.r[i], w.system.K[i])
 
 
 @kernel
@@ -177,7 +177,7 @@ def loads(links, contacts, env, s, w, by, tangent):
     w.along[:] = 0.0
     _inertia(links, env.gravity, s, w, by, tangent)
     if contacts is not None:
-        roll(links, contacts, s, w, w.moved, by.v, tangent)
+        evaluate_contacts(links, contacts, s, w, w.moved, by.v, tangent)
     if env.transverse > 0.0:
         _across(links, env.transverse, s, w, by.v, tangent)
     if not links.ends.closed:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.physics.chain.near import Near, near
-from fmus.physics.chain.on_links import NONE, Felt
+from fmus.physics.chain.on_links import NONE, LinkForcesShape
 from fmus.physics.chain.rigid.state import State, shapes, views
 from fmus.physics.chain.state import size
 from fmus.physics.chain.sums import SUMS
@@ -39,13 +39,13 @@ class Work(NamedTuple):
     still: np.ndarray  # (3, 3) rotation matrix of the supports, the identity
 
 
-def work(links: int, closed: bool, wheels: int, felt: Felt = NONE, joints: int = 0) -> Work:
+def work(links: int, closed: bool, wheels: int, forces: LinkForcesShape = NONE, joints: int = 0) -> Work:
     """Return zeroed arrays.
 
-    ``felt``: shape of the forces on each link; ``joints``: number of joint coordinates with rates.
+    ``forces``: shape of the forces on each link; ``joints``: number of joint coordinates with rates.
     """
     z, pins = np.zeros, links if closed else links + 1
-    sizes, ground = shapes(links, closed, wheels, felt, joints), z((2, 7))
+    sizes, ground = shapes(links, closed, wheels, forces, joints), z((2, 7))
     ground[:, 3] = 1.0
     return Work(
         before=views(z(size(sizes)), sizes),
@@ -56,7 +56,7 @@ def work(links: int, closed: bool, wheels: int, felt: Felt = NONE, joints: int =
         x=z((links, 6)),
         moved=z((wheels, WIDTH)),
         wrench=z((wheels + 1, 6)),
-        on_links=z(felt),
+        on_links=z(forces),
         along=z((links, 1)),
         sums=z(SUMS),
         pins=z((2, pins, 3)),
