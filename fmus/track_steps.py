@@ -51,7 +51,7 @@ class Parts(NamedTuple):
     link: Any  # parameters of the links; their class selects the kernels
     contacts: Any  # ``fmus.contacts.Contacts``, or None
     environment: Environment  # gravity, ends, carrier
-    scheme: Any  # a ``Method``, the stages of the explicit integrator, or an ``Adams``
+    scheme: Any  # an ``ImplicitMethod``, the stages of the explicit integrator, or an ``Adams``
     stand: Stand
     s: Any  # views of the state
     work: Any  # scratch

@@ -15,7 +15,7 @@ from fmus.chassis.dynamics import ROOT, wheel_offset
 from fmus.contacts import ground_shape, law
 from fmus.jit import kernel
 from fmus.physics.contact.face import point_contact_force
-from fmus.physics.contact.ground import GroundProfile, ground_face, surface_depth
+from fmus.physics.contact.ground import GroundShape, ground_face, surface_depth
 from fmus.physics.point import Memory, memory
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 
@@ -25,7 +25,7 @@ STORED, POWER, FORCE = 0, 1, 2  # indices in the sums; the force has three numbe
 class Contacts(NamedTuple):
     """Contact partners, constant through a run, and scratch arrays; n leaves."""
 
-    ground: GroundProfile  # in the frame of the start
+    ground: GroundShape  # in the frame of the start
     law: Any  # a law of ``physics.contact.laws``
     frame: np.ndarray  # (5) origin of that frame in the world, m; cosine and sine of its heading
     points: np.ndarray  # (m, 3) points of the hull, frame B, m

@@ -18,18 +18,18 @@ from fmus.drives import shaft
 from fmus.jit import ROOT, reachable_hash
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.monolith import chains as chain_parts
-from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, TOO_SHARP, march, rates
+from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, STEP_TOO_SHORT, march, rates
 from fmus.monolith.layout import Hull, Sources, hull, lay_out
 from fmus.monolith.parts import (
     CHAINS,
-    JOINED,
+    DIFFERENTIAL,
     SPROCKETS,
-    Part,
+    MonolithPart,
+    initialised_model,
     mirror_drive,
     mirrored,
     shaft_states,
     sprockets,
-    started,
 )
 from fmus.monolith.ramps import intervals, ramps, without_jumps
 from fmus.monolith.spins import HALF, SPIN, side
@@ -75,7 +75,7 @@ class Monolith:
 
     def __init__(
         self,
-        parts: Sequence[Part],
+        parts: Sequence[MonolithPart],
         connections: Sequence[Any],
         refine: float = 1.0,
         halved: bool = True,
@@ -88,12 +88,12 @@ class Monolith:
         for name, tolerance in (("rtol", rtol), ("atol", atol)):
             if not TOLERANCES.least <= tolerance <= TOLERANCES.most:
                 raise InvalidParameter(f"{name} = {tolerance:g}: must be {TOLERANCES.text}")
-        self.models = {part.name: started(part.kind, part.config, part.parameters) for part in parts}
+        self.models = {part.name: initialised_model(part.kind, part.config, part.parameters) for part in parts}
         self._kinds = {part.name: part.kind for part in parts}
         self._mirrored = mirrored(parts) if halved else {}
         own = [part for part in parts if part.name not in self._mirrored]
         self._chains = [part.name for part in own if part.kind in CHAINS]
-        self._joined = any(part.kind == JOINED for part in own)
+        self._joined = any(part.kind == DIFFERENTIAL for part in own)
         drives = [(part, self.models[part.name]) for part in own if part.kind in SPROCKETS]
         self._sprockets = [sprocket for drive in drives for sprocket in sprockets(*drive)]
         self._spun = [state for drive in drives for state in shaft_states(*drive)]
@@ -117,17 +117,17 @@ class Monolith:
 
     # ---------------------------------------------------------------- start
 
-    def _lay_out(self, part: Part | None) -> None:
+    def _lay_out(self, part: MonolithPart | None) -> None:
         """Allocate state and sums, and collect the arguments of the kernels; ``part``: the chassis, if any."""
         chains = {name: self.models[name] for name in self._chains}
         sizes = [chain_parts.size(model) for model in chains.values()]
         turned = self._shafts[:1] if self._joined else self._shafts  # the chassis does not turn a difference of sides
         chassis = hull(part, bool(self._mirrored), turned) if part else Hull()
         self._chassis, self._tree = chassis.name, chassis.tree
-        size, self._sums, self._places, self._plan = lay_out(
+        size, self._sums, self._slots, self._ports = lay_out(
             chains, sizes, chassis, self._sprockets, self._joined, self._sources
         )
-        self._body, self._spin, self._spins = self._plan.body, self._plan.spin, self._plan.spins
+        self._body, self._spin, self._spins = self._ports.body, self._ports.shafts, self._ports.spins
         if self._adaptive:
             self._adams = adams(size, self._sums.size, *self._adaptive)
             self.x, self._y = self._adams.x[:size], self._adams.y[:size]
@@ -135,18 +135,18 @@ class Monolith:
             self.x, self._y, self._k = np.zeros(size), np.zeros(size), np.zeros((len(RK4.b), size))
         self._system = (
             tuple(
-                chain_parts.chain(model, place, self._y[place.start : place.end])
-                for model, place in zip(chains.values(), self._places, strict=True)
+                chain_parts.chain_system(model, slot, self._y[slot.start : slot.end])
+                for model, slot in zip(chains.values(), self._slots, strict=True)
             ),
             tuple(self._shafts) or None,
             self._tree,
-            self._plan,
+            self._ports,
         )
 
     def _begin(self) -> None:
         """Copy the models' states into x."""
-        for name, place in zip(self._chains, self._places, strict=True):
-            chain_parts.give(self.models[name], self.x[place.start : place.end])
+        for name, slot in zip(self._chains, self._slots, strict=True):
+            chain_parts.copy_state(self.models[name], self.x[slot.start : slot.end])
         if self._chassis:
             self.x[self._body : self._spin] = self.models[self._chassis].state
             self.x[self._spin - 1] += self._held() * self.x[self._body + 11] ** 2
@@ -186,7 +186,7 @@ class Monolith:
 
     def _mount(self, d: int) -> Floats:
         at = 13 * self._spins.mount[d]
-        return self._plan.motion[at : at + 13]
+        return self._ports.motion[at : at + 13]
 
     # ---------------------------------------------------------------- time
 
@@ -203,8 +203,8 @@ class Monolith:
             self._go_adaptively(t, h)
         else:
             self._go_equally(t, h)
-        for name, place in zip(self._chains, self._places, strict=True):
-            chain_parts.take(self.models[name], place, self.x[place.start : place.end], h)
+        for name, slot in zip(self._chains, self._slots, strict=True):
+            chain_parts.set_state(self.models[name], slot, self.x[slot.start : slot.end], h)
         if self._chassis:
             self._take_chassis()
         self._take_shafts(before, h)
@@ -252,7 +252,7 @@ class Monolith:
         if failure == CHASSIS_FAILED:
             chassis = self.models[self._chassis]
             return StepFailed(chassis.complaint(at, where, self.x[self._body : self._spin]))
-        if failure == TOO_SHARP:
+        if failure == STEP_TOO_SHORT:
             return StepFailed(f"at t = {at:.6g} s Adams' methods find no step that keeps their tolerances")
         if failure == CHAIN_FAILED:
             return StepFailed(f"at t = {at:.6g} s the equations of the chain have no solution, link {where + 1}")

@@ -36,12 +36,12 @@ def _of_speed(drive: Drive) -> list[Ramp]:
     return [ramp, (drive.stop_start, drive.stop_start + drive.stop_time)] if drive.stop_start >= 0.0 else [ramp]
 
 
-def intervals(known: Sequence[Ramp], t: float, h: float, longest: float) -> Iterator[tuple[float, float, int]]:
+def intervals(ramps: Sequence[Ramp], t: float, h: float, longest: float) -> Iterator[tuple[float, float, int]]:
     """Begin, length (s) and number of steps of the parts of a step from t to t + h. (7)
 
     A part ends where a ramp begins or ends; internal steps take ``longest`` s at most.
     """
-    inside = {end for ramp in known for end in ramp if t + 1e-9 * h < end < t + (1.0 - 1e-9) * h}
+    inside = {end for ramp in ramps for end in ramp if t + 1e-9 * h < end < t + (1.0 - 1e-9) * h}
     for begin, end in pairwise([t, *sorted(inside), t + h]):
-        within = [(b - a) / RESOLVED for a, b in known if a < 0.5 * (begin + end) < b]
+        within = [(b - a) / RESOLVED for a, b in ramps if a < 0.5 * (begin + end) < b]
         yield begin, end - begin, max(1, int(np.ceil((end - begin) / min([longest, *within]) - 1e-9)))

@@ -14,7 +14,7 @@ from fmus.physics.chain import state
 from fmus.physics.chain.environment import PINNED
 from fmus.physics.chain.flexible.beam_nodes import NODE as BEAM_NODE
 from fmus.physics.chain.flexible.cable_nodes import NODE
-from fmus.physics.chain.flexible.closing import Spring
+from fmus.physics.chain.flexible.closing import ClosingSpring
 from fmus.physics.chain.flexible.elements import kit
 from fmus.physics.chain.flexible.explicit import NOTHING, stable
 from fmus.physics.chain.flexible.newton import CHORD
@@ -23,8 +23,8 @@ from fmus.physics.chain.flexible.planar_nodes import NODE as PLANAR_NODE
 from fmus.physics.chain.flexible.release import EVALUATE, LET_GO, REST, let_go, release
 from fmus.physics.chain.flexible.state import Motion, State, shapes
 from fmus.physics.chain.flexible.work import work
-from fmus.physics.chain.implicit import Method
-from fmus.physics.chain.outcome import DONE, SINGULAR, Outcome
+from fmus.physics.chain.implicit import ImplicitMethod
+from fmus.physics.chain.outcome import DONE, SINGULAR, IntegrationOutcome
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.ports import POSITIVE, Port, Range
 from fmus.track import TrackModel, alpha, integration
@@ -91,9 +91,9 @@ class Model(TrackModel):
         if axes == "free" and not self.wheel_list:
             raise InvalidParameter("axes = 'free' needs wheels: they turn with what carries them")
         young, tau = p["material.youngs_modulus"], p["material.relaxation_time"]
-        self.method = Method(alpha(p), p["tolerance"], True)
+        self.method = ImplicitMethod(alpha(p), p["tolerance"], True)
         closed_by = p.get("closure", PIN)
-        self.closing = Spring(p["closure.stiffness"], p["closure.damping"]) if closed_by == SPRING else None
+        self.closing = ClosingSpring(p["closure.stiffness"], p["closure.damping"]) if closed_by == SPRING else None
         beam = element == "beam"
         self.link = self._beams(young, tau) if beam else self._cables(element, elasticity, axes, young, tau)
         axial = young * self.vehicle["section"]["area"]
@@ -290,10 +290,10 @@ class Model(TrackModel):
 
     def tighten(self) -> None:
         """Deform the links to the tension of the release, so that no waves start; raises StepFailed."""
-        from fmus.physics.chain.flexible.consistent_start import Chain, tighten
+        from fmus.physics.chain.flexible.consistent_start import OpenChain, tighten
 
         self.work.moved[:] = self.start_rows
-        chain = Chain(self.kit, self.s.q, self.work.M, self.pitch, self.ends_kind == PINNED)
+        chain = OpenChain(self.kit, self.s.q, self.work.M, self.pitch, self.ends_kind == PINNED)
         if not tighten(chain, self._residuals, self._least()):
             raise StepFailed("the tension at which the chain is let go was not found: its links are too soft")
         self._let_go()
@@ -351,7 +351,9 @@ class Model(TrackModel):
                 f"static equilibrium of the track was not found: link {link + 1}, residual {residual:.3g} N"
             )
 
-    def _do(self, task: int, motion: Motion | None = None, by: Slopes = NOTHING, fresh: bool = False) -> Outcome:
+    def _do(
+        self, task: int, motion: Motion | None = None, by: Slopes = NOTHING, fresh: bool = False
+    ) -> IntegrationOutcome:
         """Do a task of ``release``, whose static equilibrium is without friction."""
         motion = motion or Motion(self.s.q, self.s.v, self.s.vdot, self.s.axes)
         smooth, least = self.contacts, self._least()
@@ -360,7 +362,7 @@ class Model(TrackModel):
 
             smooth = frictionless(smooth)
         longest = LONG if self.ends_kind == PINNED else 0.0
-        found: Outcome = release(
+        found: IntegrationOutcome = release(
             self.link, smooth, *self.system()[1:], task, motion, by, fresh, self.start_rows, least, longest, self.s,
             self.work, self.report,
         )  # fmt: skip

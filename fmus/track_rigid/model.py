@@ -10,7 +10,7 @@ import numpy as np
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.chain import state
 from fmus.physics.chain.environment import HELD, PINNED
-from fmus.physics.chain.implicit import Method
+from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.rigid.equilibrium import settle
 from fmus.physics.chain.rigid.explicit import LIMIT, longest
 from fmus.physics.chain.rigid.joints import count, fold
@@ -20,13 +20,13 @@ from fmus.physics.chain.rigid.release import let_go, show, stretch
 from fmus.physics.chain.rigid.state import State, shapes
 from fmus.physics.chain.rigid.work import work
 from fmus.physics.integrate.generalized_alpha import BACKWARD
-from fmus.physics.rigid.augmented import PIN, Ends, Spring
+from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
 from fmus.ports import Port
 from fmus.track import TrackModel, alpha, integration
 from fmus.track_choices import AUGMENTED, FORMULATIONS, RECURSIVE, conflict_of_bodies
 from fmus.track_closure import SPRING, closure
 
-REST = Method(BACKWARD, 0.01 * FORCE, False)  # integrator towards static equilibrium
+REST = ImplicitMethod(BACKWARD, 0.01 * FORCE, False)  # integrator towards static equilibrium
 
 
 class Model(TrackModel):
@@ -58,7 +58,7 @@ class Model(TrackModel):
         if p["formulation"] != self.formulation:
             self.formulation = p["formulation"]
             self.allocate()
-        self.method = Method(alpha(p), FORCE, True)
+        self.method = ImplicitMethod(alpha(p), FORCE, True)
         v = self.vehicle["track"]
         ends = Ends(self.closed, self.ends_kind in (PINNED, HELD), self.ends_kind == PINNED)
         inertia = np.array(v["inertia"], dtype=float)
@@ -71,7 +71,7 @@ class Model(TrackModel):
         self._drawn = self.partners({**p, **drawn})
         spring = PIN
         if p.get("closure") == SPRING:
-            spring = Spring(p["closure.stiffness"], p["closure.damping"])
+            spring = ClosingSpring(p["closure.stiffness"], p["closure.damping"])
         half = 0.5 * self.pitch
         self.rigid = RigidLinks(half, v["face"], 0.25 * v["width"], v["mass"], inertia, ends, spring)
         self.link: Any = self.rigid

@@ -10,7 +10,7 @@ from fmus import track_steps
 from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.chain.environment import LOOP, Environment
 from fmus.physics.chain.explicit import slopes
-from fmus.physics.chain.implicit import Method
+from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.layout import close_exactly
 from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.chain.rigid.dynamics import pin_motion
@@ -40,7 +40,7 @@ class Chain:
         n = len(pins) if ends.closed else len(pins) - 1
         inertia = np.array(inertia, float)
         self.link = RigidLinks(0.5 * pitch, TRACK["face"], 0.25 * TRACK["width"], mass, inertia, ends)
-        self.method = Method(coefficients(radius), FORCE, True)
+        self.method = ImplicitMethod(coefficients(radius), FORCE, True)
         self.env = Environment(gravity, LOOP, np.zeros((2, 3)), 0.0, -1)
         sizes = shapes(n, ends.closed, 0)
         self.s, self.work = views(np.zeros(size(sizes)), sizes), work(n, ends.closed, 0)

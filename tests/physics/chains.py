@@ -20,7 +20,7 @@ from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.flexible.state import shapes as flexible_shapes
 from fmus.physics.chain.flexible.state import views as flexible_views
 from fmus.physics.chain.flexible.work import work as flexible_work
-from fmus.physics.chain.implicit import Method
+from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.kinds import observe
 from fmus.physics.chain.report import COUNTERS, GRAVITY, KINETIC, REPORT
 from fmus.physics.chain.state import begin, size
@@ -74,7 +74,7 @@ class Flexible:
         self.report, self.counters = np.zeros(REPORT), np.zeros(COUNTERS, np.int64)
         n, nodes = (len(pins) if closed else len(pins) - 1), len(pins)
         self.links = cables.Cables(n, int(closed), cable, 0.029, 0.02, AREA, SECOND)
-        self.method = Method(coefficients(radius), 1e-12, True)
+        self.method = ImplicitMethod(coefficients(radius), 1e-12, True)
         sizes = flexible_shapes(cables.NODE, nodes, 0)
         self.s, self.w = flexible_views(np.zeros(size(sizes)), sizes), flexible_work(cables, n, nodes, 0)
         self.place(np.asarray(pins, float))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pressed import Pressed, guide, rim, soil, tooth
 
-from fmus.physics.contact.ground import GroundProfile, bumpy_ground, surface_depth
+from fmus.physics.contact.ground import GroundShape, bumpy_ground, surface_depth
 from fmus.physics.contact.laws import LAWS, normal
 from fmus.physics.contact.linear import Linear
 from fmus.physics.contact.teeth import teeth
@@ -33,7 +33,7 @@ def wheel_row(tilt: float = 0.0) -> np.ndarray:
 
 
 def on_ground(x, v, s):
-    return soil(LAW, 0.5, GroundProfile(0.01), x, v, s)
+    return soil(LAW, 0.5, GroundShape(0.01), x, v, s)
 
 
 BUMP = bumpy_ground(0.01, 0.4, 0.5, 0.6, 0.8, 0.3)  # from x = 0.4
@@ -121,7 +121,7 @@ def guided(x, v, row, s):
 
 
 PASSES = {
-    "ground": (lambda x, v, row, s: soil(LAW, 0.5, GroundProfile(0.01), x, v, s), [0.1, 0.2, 0.01], False),
+    "ground": (lambda x, v, row, s: soil(LAW, 0.5, GroundShape(0.01), x, v, s), [0.1, 0.2, 0.01], False),
     "bump": (lambda x, v, row, s: soil(LAW, 0.5, BUMP, x, v, s), [0.9, 0.2, 0.2885], False),
     "rim": (lambda x, v, row, s: rim(LAW, 0.5, 0.305, row, x, v, 0.2, s), [0.32, 0.03, -0.401], True),
     "teeth": (lambda x, v, row, s: tooth(LAW, 1.0, TEETH, row, x, v, s), at(0.02, 0.249), True),
@@ -423,11 +423,11 @@ def stopped(v_reg: float, sharp: bool, most: int = 40) -> tuple[np.ndarray, list
     if sharp:
         sharpen(s.memory)
     while len(sizes) < most and (not sizes or sizes[-1] > 1e-12):
-        soil(law, 1.0, GroundProfile(0.0), x, v, s)
+        soil(law, 1.0, GroundShape(0.0), x, v, s)
         dv = np.linalg.solve(mass / h * np.eye(3) - s.f_v, mass / h * (v - before) - s.f)
         v -= dv
         sizes.append(float(abs(dv).max()))
-    soil(law, 1.0, GroundProfile(0.0), x, v, s)
+    soil(law, 1.0, GroundShape(0.0), x, v, s)
     assert len(sizes) == most or mass / h * (v - before) == pytest.approx(s.f, abs=1e-5)
     return v, sizes
 

@@ -18,7 +18,7 @@ from fmus.physics.chain.rigid.state import shapes, views
 from fmus.physics.chain.rigid.work import work
 from fmus.physics.chain.state import size
 from fmus.physics.rigid import pin, recursive
-from fmus.physics.rigid.augmented import PIN, Ends, Spring
+from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
 
 P, MASS, G = 0.1524, 18.0, 9.81
 ROD = (0.25, MASS * P**2 / 12.0, MASS * P**2 / 12.0)
@@ -27,7 +27,7 @@ HANGS = Ends(False, True, False)
 FLOATS = Ends(False, False, False)
 LOOPED = Ends(True, False, False)
 BETWEEN = Ends(False, True, True)
-LOOPS = {"pin": PIN, "spring": Spring(1e9, 1e4)}
+LOOPS = {"pin": PIN, "spring": ClosingSpring(1e9, 1e4)}
 
 
 class Chain:
@@ -251,7 +251,7 @@ def test_closing_pin_has_five_equations_of_rank_two():
     assert np.linalg.matrix_rank(mobility, tol=1e-12) == 2
     chain.recursive()
     plane = A[0][:, [0, 2]]
-    assert np.abs(chain.w.tree.mobility - plane.T @ mobility[:3, :3] @ plane).max() < 1e-12
+    assert np.abs(chain.w.articulated.mobility - plane.T @ mobility[:3, :3] @ plane).max() < 1e-12
 
 
 def test_thrown_loop_keeps_momentum_and_energy():
@@ -266,7 +266,7 @@ def test_thrown_loop_keeps_momentum_and_energy():
         before = np.array([*chain.momenta(), chain.energy()])
         chain.run(0.5, h)
         errors.append(np.abs(np.array([*chain.momenta(), chain.energy()]) - before))
-        assert chain.w.tree.mobility.any()
+        assert chain.w.articulated.mobility.any()
     orders = np.log2(errors[0] / errors[1])
     assert np.abs(orders - 4.0).max() < 0.3
     assert errors[1].max() < 1e-9
@@ -290,7 +290,7 @@ def test_cost_grows_with_the_number_of_links():
     """The cost grows with the number of links: a fixed number of entries is touched per link."""
 
     def touched(n):
-        tree = recursive.Tree(*(part.view(Counted) for part in recursive.tree(n)))
+        tree = recursive.ArticulatedBodies(*(part.view(Counted) for part in recursive.articulated_bodies(n)))
         rng = np.random.default_rng(n)
         angle = rng.uniform(-1.0, 1.0, n)
         tree.turn[:] = np.column_stack([np.cos(angle), np.sin(angle)])

@@ -9,7 +9,7 @@ from __future__ import annotations
 from fmus.jit import allocating
 from fmus.physics.chain.explicit import FAR
 from fmus.physics.chain.kinds import accelerate, close, derivative, observe, speed, stage_joints
-from fmus.physics.chain.outcome import APART, DONE, SINGULAR, TOO_SHARP, UNSTABLE, Outcome
+from fmus.physics.chain.outcome import DONE, PINS_OPEN, SINGULAR, STEP_TOO_SHORT, UNSTABLE, IntegrationOutcome
 from fmus.physics.chain.report import DISSIPATED, EVALUATIONS, LOST, PATCH_DEFECT, REJECTED, STEPS, TRAVEL, WORK
 from fmus.physics.chain.state import copy, moving, take
 from fmus.physics.chain.sums import END_POWER, LOSSES, PATCH_POWER, SUMS
@@ -32,7 +32,8 @@ def march(links, contacts, env, m, rows, h, longest, s, w, report, counters):
     """Integrate over ``h`` s, the wheels starting at ``rows`` (m, 15), in steps of at most ``longest`` s.
 
     ``m`` from ``adams``; flexible links require their factored mass in ``w`` (``flexible.release``); ``report`` and
-    ``counters`` as in ``report``. Returns an Outcome; after a failure ``s`` is invalid. Many arguments: ``implicit``.
+    ``counters`` as in ``report``.
+    Returns an IntegrationOutcome; after a failure ``s`` is invalid. Many arguments: ``implicit``.
     """
     n, counts, done = m.controlled, m.counts, 0.0
     x, y, first = s.flat[:n], m.y[:n], m.counts.copy()
@@ -44,7 +45,7 @@ def march(links, contacts, env, m, rows, h, longest, s, w, report, counters):
     while failed < 0 and done < h * (1.0 - 1e-12):
         dt = length(m, h - done, longest)
         if dt < LEAST:
-            return Outcome(TOO_SHARP, done, 0, 0.0)
+            return IntegrationOutcome(STEP_TOO_SHORT, done, 0, 0.0)
         predict(m, dt)
         failed = _evaluate(links, contacts, env, m, rows, done + dt, s, w)
         if failed >= 0 or not accurate(m, dt):
@@ -53,16 +54,16 @@ def march(links, contacts, env, m, rows, h, longest, s, w, report, counters):
         copy(y, x)
         apart = close(links, s, w)
         if apart >= 0:
-            return Outcome(APART, done, apart, 0.0)
+            return IntegrationOutcome(PINS_OPEN, done, apart, 0.0)
         copy(x, y)
         failed = _evaluate(links, contacts, env, m, rows, done + dt, s, w)
         accept(m, dt)
         done += dt
     if failed >= 0:
-        return Outcome(SINGULAR, done, failed, 0.0)
+        return IntegrationOutcome(SINGULAR, done, failed, 0.0)
     for i in range(n):
         if not abs(x[i]) < FAR:
-            return Outcome(UNSTABLE, done, 0, 0.0)
+            return IntegrationOutcome(UNSTABLE, done, 0, 0.0)
     counters[STEPS] += counts[methods.STEPS] - first[methods.STEPS]
     counters[EVALUATIONS] += counts[methods.EVALUATIONS] - first[methods.EVALUATIONS]
     counters[REJECTED] += counts[methods.REJECTED] - first[methods.REJECTED]
@@ -83,7 +84,7 @@ def march(links, contacts, env, m, rows, h, longest, s, w, report, counters):
     accelerate(links, contacts, env, s, w)
     take(s, w)
     observe(links, env, s, w, report)
-    return Outcome(DONE, h, 0, 0.0)
+    return IntegrationOutcome(DONE, h, 0, 0.0)
 
 
 @allocating

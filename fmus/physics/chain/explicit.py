@@ -11,8 +11,8 @@ import numpy as np
 from fmus.jit import allocating
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.kinds import accelerate, close, derivative, first_speed, observe, speed, stage_joints
-from fmus.physics.chain.outcome import APART, DONE, SINGULAR, UNSTABLE, Outcome
-from fmus.physics.chain.report import EVALUATIONS, STEPS, TRAVEL, WORK, book
+from fmus.physics.chain.outcome import DONE, PINS_OPEN, SINGULAR, UNSTABLE, IntegrationOutcome
+from fmus.physics.chain.report import EVALUATIONS, STEPS, TRAVEL, WORK, accumulate
 from fmus.physics.chain.state import add_share, copy, moving, take
 from fmus.physics.chain.sums import END_POWER
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
@@ -31,7 +31,8 @@ def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
     """Integrate over ``h`` s, the wheels starting at ``rows`` (m, 15), in equal steps up to ``longest`` s.
 
     ``k`` from ``slopes``; flexible links require their factored mass in ``w`` (``flexible.release``). Mean wrenches and
-    impulses have the weights of the momentum. Returns an Outcome; after a failure ``s`` is invalid. Many arguments: see
+    impulses have the weights of the momentum.
+    Returns an IntegrationOutcome; after a failure ``s`` is invalid. Many arguments: see
     ``implicit``.
     """
     steps = max(int(np.ceil(h / longest - 1e-9)), 1)
@@ -48,26 +49,26 @@ def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
             move(rows, (step + RK4.c[i]) * dt, w.moved)
             failed = derivative(links, contacts, env, s, w, k[i])
             if failed >= 0:
-                return Outcome(SINGULAR, (step + RK4.c[i]) * dt, failed, 0.0)
+                return IntegrationOutcome(SINGULAR, (step + RK4.c[i]) * dt, failed, 0.0)
             share = dt * RK4.b[i]
             stage_joints(links, env, s, w)
             add_share(share / h, w.wrench, s.mean)
             add_share(share, w.on_links, s.on_links_sum)
-            book(report, share, w.sums)
+            accumulate(report, share, w.sums)
             report[WORK] += share * w.sums[END_POWER]
         finish(RK4, dt, x0, k)
         copy(x0, x)
         counters[EVALUATIONS] += stages
         for i in range(x.size):
             if not abs(x[i]) < FAR:
-                return Outcome(UNSTABLE, (step + 1) * dt, 0, 0.0)
+                return IntegrationOutcome(UNSTABLE, (step + 1) * dt, 0, 0.0)
         failed = close(links, s, w)
         if failed >= 0:
-            return Outcome(APART, (step + 1) * dt, failed, 0.0)
+            return IntegrationOutcome(PINS_OPEN, (step + 1) * dt, failed, 0.0)
         counters[STEPS] += 1
         before, along = along, speed(links, env, s, w)
         report[TRAVEL] += 0.5 * dt * (before + along)
     accelerate(links, contacts, env, s, w)
     take(s, w)
     observe(links, env, s, w, report)
-    return Outcome(DONE, h, 0, 0.0)
+    return IntegrationOutcome(DONE, h, 0, 0.0)

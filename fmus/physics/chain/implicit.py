@@ -13,8 +13,8 @@ import numpy as np
 
 from fmus.jit import allocating, kernel
 from fmus.physics.chain.kinds import end_work, first_speed, newton, newton_joints, observe, speed
-from fmus.physics.chain.outcome import DONE, Outcome
-from fmus.physics.chain.report import REJECTED, STEPS, TRAVEL, WORK, book
+from fmus.physics.chain.outcome import DONE, IntegrationOutcome
+from fmus.physics.chain.report import REJECTED, STEPS, TRAVEL, WORK, accumulate
 from fmus.physics.chain.state import copy, take
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha, auxiliary
 from fmus.physics.wheels import move
@@ -22,7 +22,7 @@ from fmus.physics.wheels import move
 LEAST = 1e-4  # smallest part of a step that is tried
 
 
-class Method(NamedTuple):
+class ImplicitMethod(NamedTuple):
     """Parameters of the implicit steps."""
 
     alpha: GeneralizedAlpha  # coefficients of the method
@@ -48,7 +48,8 @@ def advance(links, contacts, env, method, rows, h, longest, s, w, report, counte
     """Integrate over ``h`` s, the wheels starting at ``rows`` (m, 15), in steps of at most ``longest`` s.
 
     A step in which Newton's iteration fails is halved. ``s.mean`` receives the mean wrenches and ``s.on_links_sum`` the
-    impulses, by the same recursion as the momentum of the chain. Returns an Outcome; after a failure ``s`` is the last
+    impulses, by the same recursion as the momentum of the chain.
+    Returns an IntegrationOutcome; after a failure ``s`` is the last
     state that was reached.
     """
     c = method.alpha
@@ -75,11 +76,11 @@ def advance(links, contacts, env, method, rows, h, longest, s, w, report, counte
         newton_joints(links, env, s, w)
         gather(c, dt / h, s.wrench, w.wrench, s.aux, s.mean)
         gather(c, dt, s.on_links, w.on_links, s.on_links_aux, s.on_links_sum)
-        book(report, 0.5 * dt, s.sums)
-        book(report, 0.5 * dt, w.sums)
+        accumulate(report, 0.5 * dt, s.sums)
+        accumulate(report, 0.5 * dt, w.sums)
         report[WORK] += end_work(links, env, dt, s, w)
         take(s, w)
         before, along = along, speed(links, env, s, w)
         report[TRAVEL] += 0.5 * dt * (before + along)
     observe(links, env, s, w, report)
-    return Outcome(failure, done, link, residual)
+    return IntegrationOutcome(failure, done, link, residual)

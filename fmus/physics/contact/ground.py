@@ -16,7 +16,7 @@ from fmus.jit import kernel
 from fmus.physics.contact.face import NOTHING, Face
 
 
-class GroundProfile(NamedTuple):
+class GroundShape(NamedTuple):
     """Shape of the ground in its own frame: x ahead, z up; the same at every y."""
 
     height: float  # z of the level part, m
@@ -29,8 +29,8 @@ class GroundProfile(NamedTuple):
     cosine: float = 1.0  # cosine of the ramp angle
 
 
-def bumpy_ground(height: float, start: float, rise: float, slope: float, length: float, radius: float) -> GroundProfile:
-    """Return a Ground with a bump that starts at x = ``start``; lengths in m.
+def bumpy_ground(height: float, start: float, rise: float, slope: float, length: float, radius: float) -> GroundShape:
+    """Return a GroundShape with a bump that starts at x = ``start``; lengths in m.
 
     It rises by ``rise`` at the angle ``slope``, rad, is flat over ``length``, and has edges of ``radius``. Raises
     ValueError if the edges are too round for the bump's height.
@@ -39,7 +39,7 @@ def bumpy_ground(height: float, start: float, rise: float, slope: float, length:
     if straight < 0.0:
         raise ValueError(f"edges of radius {radius:g} m alone rise more than {rise:g} m at {slope:g} rad")
     foot = 0.5 * length + 2.0 * radius * sin(slope) + straight / tan(slope)
-    return GroundProfile(height, rise, start + foot, 0.5 * length, foot, radius, sin(slope), cos(slope))
+    return GroundShape(height, rise, start + foot, 0.5 * length, foot, radius, sin(slope), cos(slope))
 
 
 @kernel

@@ -84,8 +84,8 @@ def end_rates(height, length, offset, part, first, last):
 
     ``height``, m: of the face over the wheel's centre, negative where a link is so askew that its face is turned away;
     ``length`` of the link and ``offset`` of the face, m; ``part``: low, high and foot of ``covered_part``; ``first``
-    and ``last``: velocities (normal, along), m/s, of the link's pins relative to the wheel's material. An end of the part
-    at an end of the link stays there.
+    and ``last``: velocities (normal, along), m/s, of the link's pins relative to the wheel's material. An end of the
+    part at an end of the link stays there.
     """
     low, high, foot = part
     if low <= 0.0 and high >= 1.0:

@@ -12,8 +12,8 @@ last hold it to the ground or are absent (their blocks are then identities). Par
 equations too many (320 of rank 317 for 64 links). Therefore the closing pin, 0 of a closed chain and the last of an
 open one held at both ends, is compliant along its axis and in tilting. The other pins close the chain in these
 directions too, so this spring stays unloaded.
-Paper 8.1 closes a chain by a stiff spring instead (``Spring``): the closing pin is then compliant in its three position
-rows and has no others, or it is left out of the system where the spring is an explicit force.
+Paper 8.1 closes a chain by a stiff spring instead (``ClosingSpring``): the closing pin is then compliant in its three
+position rows and has no others, or it is left out of the system where the spring is an explicit force.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ REGULAR = 1e7  # 1/s2: the compliance is then 0.01 1/kg, near that of a link
 SIX = (0,) * 6  # size of a link's block, for the inversion
 
 
-class System(NamedTuple):
+class AugmentedSystem(NamedTuple):
     """Arrays of one chain's linear system; p pins, n links."""
 
     A: np.ndarray  # (n, 3, 3) rotation matrices of the links
@@ -58,14 +58,14 @@ class Ends(NamedTuple):
     cut: bool = False  # the closing pin is left out of the system
 
 
-class Spring(NamedTuple):
+class ClosingSpring(NamedTuple):
     """Spring and damper in place of the closing pin, without moments; stiffness 0 means a pin."""
 
     stiffness: float  # N/m
     damping: float  # N s/m
 
 
-PIN = Spring(0.0, 0.0)
+PIN = ClosingSpring(0.0, 0.0)
 
 
 @kernel
@@ -85,10 +85,10 @@ def give(spring, by_v):
     return 1.0 / (spring.stiffness + by_v * spring.damping) if spring.stiffness > 0.0 else 0.0
 
 
-def system(n: int, closed: bool) -> System:
+def system(n: int, closed: bool) -> AugmentedSystem:
     """Return zeroed arrays for ``n`` links."""
     p = n if closed else n + 1
-    return System(
+    return AugmentedSystem(
         A=np.zeros((n, 3, 3)),
         WP=np.zeros((p, 2, 3)),
         WQ=np.zeros((p, 2, 3)),

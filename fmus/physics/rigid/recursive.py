@@ -24,7 +24,7 @@ from fmus.jit import kernel
 from fmus.physics.inverse import invert
 
 
-class Tree(NamedTuple):
+class ArticulatedBodies(NamedTuple):
     """Arrays of a chain of n links; angles and axes are set before ``factor``."""
 
     turn: np.ndarray  # (n, 2) cosine and sine of the angle between a link and the previous one
@@ -39,10 +39,10 @@ class Tree(NamedTuple):
     scratch: np.ndarray  # (3) for the inversion
 
 
-def tree(n: int) -> Tree:
+def articulated_bodies(n: int) -> ArticulatedBodies:
     """Return zeroed arrays for ``n`` links."""
     z = np.zeros
-    return Tree(
+    return ArticulatedBodies(
         turn=z((n, 2)),
         bias=z((n, 6)),
         pivot=z((n, 3)),

@@ -19,11 +19,11 @@ from fmus.physics.ancf.element import section_force
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 from fmus.physics.chain.flexible.beam_nodes import BEGIN, END, NODE
 from fmus.physics.chain.flexible.beam_nodes import gather as coordinates
-from fmus.physics.chain.flexible.closing import Spring
-from fmus.physics.chain.flexible.link_layout import arranged
+from fmus.physics.chain.flexible.closing import ClosingSpring
+from fmus.physics.chain.flexible.link_layout import layout_of_halves
 from fmus.physics.vector import dot, scale, vector
 
-LAYOUT = arranged(
+LAYOUT = layout_of_halves(
     begin=[BEGIN[a] + k for a in range(4) for k in range(3)],
     end=[END[a] + k for a in range(4) for k in range(3)],
     outer=[0, 1, 2, 6, 7, 8, 12, 13, 14, 18, 19, 20],
@@ -51,7 +51,7 @@ class Beams(NamedTuple):
     outer_fibre: float  # distance of the outer fibre from the axis, m
     area: float  # area of the section, m2
     young: float  # Young's modulus, Pa
-    closing: Spring | None = None  # spring of a loop whose mesh is open
+    closing: ClosingSpring | None = None  # spring of a loop whose mesh is open
 
 
 @kernel

@@ -29,7 +29,7 @@ ROUNDS = 50
 Residuals = Callable[[Floats], Floats]
 
 
-class Chain:
+class OpenChain:
     """Open chain of equal links at rest; changes the coordinates ``q`` (nodes, width) in place.
 
     ``kit``: module of its links; ``mass`` (rows, rows): mass matrix of one, kg; ``pitch``, m; ``pinned``: at both ends,
@@ -156,7 +156,7 @@ class Chain:
         self.lay(self.lengths)
 
 
-def tighten(chain: Chain, residuals: Residuals, tolerance: float) -> bool:
+def tighten(chain: OpenChain, residuals: Residuals, tolerance: float) -> bool:
     """Deform the links until their imbalance is below ``tolerance``, N; False if that fails."""
     numbers = chain.numbers()
     there, size = numbers >= 0, int(numbers.max()) + 1

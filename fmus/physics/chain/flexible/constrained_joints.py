@@ -32,7 +32,7 @@ from fmus.physics.inverse import invert
 AS_THEY_ARE = Slopes(0.0, 0.0, 0.0)  # corrections that change no rates
 
 
-class Joints(NamedTuple):
+class ConstrainedJoints(NamedTuple):
     """Arrays for n links with m coordinates a pin.
 
     Pin j joins link j - 1 to link j, pin 0 the last link to link 0.
@@ -49,10 +49,10 @@ class Joints(NamedTuple):
     rates: np.ndarray  # (n + 1, 3) their velocities, m/s
 
 
-def joints(links: int, m: int) -> Joints:
+def joints(links: int, m: int) -> ConstrainedJoints:
     """Return zeroed arrays for ``links`` links with ``m`` coordinates a pin."""
     z = np.zeros
-    return Joints(
+    return ConstrainedJoints(
         z((links, 2 * m, 2 * m)), z((3, links, m, m)), workspace(links, m), z((links, m)), z((links, m)), z(2 * m),
         (0,) * (2 * m), z((links + 1, 3)), z((links + 1, 3)),
     )  # fmt: skip

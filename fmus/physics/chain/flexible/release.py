@@ -15,7 +15,7 @@ from fmus.physics.chain.flexible.joints import factor
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.pins import pin_loads
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.outcome import DONE, SINGULAR, Outcome
+from fmus.physics.chain.outcome import DONE, SINGULAR, IntegrationOutcome
 from fmus.physics.chain.report import SUMMED
 from fmus.physics.chain.state import begin, put
 
@@ -71,14 +71,16 @@ def release(links, smooth, contacts, env, task, x, by, fresh, rows, tolerance, l
     """Do one ``task`` on a chain before it runs, all in one kernel: its elements are compiled once.
 
     LET_GO: ``let_go``; REST: the same after ``settle`` on the contacts ``smooth``; EVALUATE: ``evaluate`` the motion x.
-    Returns an Outcome, SINGULAR if the mass is. It has the arguments of all three tasks, so that one kernel has all.
+
+    Returns an IntegrationOutcome, SINGULAR if the mass is. It has the
+    arguments of all three tasks, so that one kernel has all.
     """
     if task == EVALUATE:
         worst, where = evaluate(links, contacts, env, x, by, w, fresh)
-        return Outcome(DONE, 0.0, where, worst)
+        return IntegrationOutcome(DONE, 0.0, where, worst)
     if task == REST:
         settled = settle(links, smooth, env, rows, tolerance, longest, s, w)
         if settled.failure != DONE:
             return settled
     failed = let_go(links, contacts, env, rows, s, w, report)
-    return Outcome(SINGULAR if failed >= 0 else DONE, 0.0, max(failed, 0), 0.0)
+    return IntegrationOutcome(SINGULAR if failed >= 0 else DONE, 0.0, max(failed, 0), 0.0)

@@ -53,13 +53,13 @@ def shapes(
 ) -> state.Shapes:
     """Shapes of the views; ``width``: coordinates of a pin.
 
-    ``axes``: size of the axes' state; ``forces``: shape of the forces on each link; ``cholesky``: with Cholesky coordinates.
+    ``axes``: size of the axes' state; ``forces``: shape of the forces on each link; ``cholesky``: with its coordinates.
     """
     pins, on = (nodes, width), (wheels + 1, 6)
     return {
         "p": (2 * cholesky, *pins), "q": pins, "v": pins, "axes": (axes,), "a": pins, "vdot": pins,
-        "wrench": on, "aux": on, "mean": on, "on_links": forces, "on_links_aux": forces, "on_links_sum": forces, "span": (2,),
-        "sums": (SUMS,),
+        "wrench": on, "aux": on, "mean": on, "on_links": forces, "on_links_aux": forces, "on_links_sum": forces,
+        "span": (2,), "sums": (SUMS,),
     }  # fmt: skip
 
 

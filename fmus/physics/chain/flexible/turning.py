@@ -16,10 +16,10 @@ from fmus.physics.chain.flexible.axes_state import SIZE
 from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - interface
 from fmus.physics.chain.flexible.cable_nodes import gather as coordinates
 from fmus.physics.chain.flexible.cables import AXES, ELEMENT, PIN_AXIS, PLANE, lever, pin_axis  # noqa: F401 - interface
-from fmus.physics.chain.flexible.closing import Spring
-from fmus.physics.chain.flexible.link_layout import joined
+from fmus.physics.chain.flexible.closing import ClosingSpring
+from fmus.physics.chain.flexible.link_layout import with_common_unknowns
 
-LAYOUT = joined(cables.LAYOUT, 2)  # roll and yaw of the axes
+LAYOUT = with_common_unknowns(cables.LAYOUT, 2)  # roll and yaw of the axes
 FREE = SIZE  # size of the state of the axes
 
 
@@ -40,7 +40,7 @@ class TurningCables(NamedTuple):
     lateral: float  # distance of the contact points from the middle, m
     excess_EI: float  # excess of the bending stiffness about the normal over that about the pin, N m2
     rotary_inertia: float  # second moment of mass of all links along their pins, kg m2
-    closing: Spring | None = None  # spring of a loop whose mesh is open
+    closing: ClosingSpring | None = None  # spring of a loop whose mesh is open
 
 
 @kernel

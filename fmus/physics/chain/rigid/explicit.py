@@ -17,7 +17,7 @@ from fmus.physics.chain.rigid.newton import GAP
 from fmus.physics.chain.state import add_share, copy, put
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.rigid import augmented, body, pin
-from fmus.physics.rigid.augmented import Spring
+from fmus.physics.rigid.augmented import ClosingSpring
 
 LIMIT = 5e-5  # largest step, s
 CORRECTIONS = 4  # most corrections of the projection
@@ -26,7 +26,7 @@ STABLE = 2.4  # step times the highest rate of a closing spring
 ANY = Slopes(0.0, 0.0, 0.0)  # for evaluations without a matrix
 
 
-def longest(spring: Spring, half: float, mass: float, inertia: float) -> float:
+def longest(spring: ClosingSpring, half: float, mass: float, inertia: float) -> float:
     """Longest stable step of a closing ``spring``, s; infinite for a pin.
 
     The bound is that of two free links normal to the spring. ``half``, m; ``mass``, kg; ``inertia``, kg m2.

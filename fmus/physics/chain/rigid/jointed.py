@@ -46,7 +46,7 @@ def accelerations(links, contacts, env, s, w):
 
     Returns -1, or the link where an inertia is singular.
     """
-    half, ends, t = links.half, links.ends, w.tree
+    half, ends, t = links.half, links.ends, w.articulated
     pin = augmented.closing(ends, s.q.shape[0])
     spring = pin >= 0 and links.spring.stiffness > 0.0
     s.vdot[:] = 0.0
@@ -71,7 +71,7 @@ def accelerations(links, contacts, env, s, w):
 @kernel
 def _gather(links, s, w):
     """Collect the loads at the first pins of the links from residuals without accelerations."""
-    half, m, A, r, p = links.half, links.mass, w.system.A, w.system.r, w.tree.load[0]
+    half, m, A, r, p = links.half, links.mass, w.system.A, w.system.r, w.articulated.load[0]
     for i in range(s.q.shape[0]):
         ox, oy, oz = s.v[i, 3], s.v[i, 4], s.v[i, 5]
         f = r[i, 0], r[i, 1], r[i, 2]
@@ -110,7 +110,7 @@ def _opens(half, ends, x, axes, w):
 @kernel
 def _hold(links, pin, s, w):
     """Add the two forces of the closing pin that give both its sides the same acceleration."""
-    half, ends, t, n = links.half, links.ends, w.tree, s.q.shape[0]
+    half, ends, t, n = links.half, links.ends, w.articulated, s.q.shape[0]
     axes = _axes(ends, w)
     for k in range(2):
         p, (fx, fz) = t.load[1 + k], axes[k]
@@ -157,7 +157,7 @@ def _centre(half, A, x):
 @kernel
 def _show(links, s, w):
     """Accelerations of the links' centres and, from the last link to the first, the forces in the pins."""
-    half, m, n, p, x = links.half, links.mass, s.q.shape[0], s.lam.shape[0], w.tree.answer[0]
+    half, m, n, p, x = links.half, links.mass, s.q.shape[0], s.lam.shape[0], w.articulated.answer[0]
     for i in range(n):
         A, ox, oy, oz = w.system.A[i], s.v[i, 3], s.v[i, 4], s.v[i, 5]
         whirl = -half * (oy * oy + oz * oz), half * ox * oy, half * ox * oz
@@ -212,11 +212,11 @@ def close(links, s, w):
         most = max(abs(a), abs(b))
         if most <= GAP:
             break
-        _move(one, _against(w.tree.mobility, a, b), s, w)
+        _move(one, _against(w.articulated.mobility, a, b), s, w)
         unfold(one, s, w)
     _, opens = closing.opening(one, s, w)
     a, b = _in_plane(one.ends, opens, w)
-    _push(one, _against(w.tree.mobility, a, b), s, w)
+    _push(one, _against(w.articulated.mobility, a, b), s, w)
     unfold(one, s, w)
     return -1 if most <= OPEN else pin
 
@@ -237,7 +237,7 @@ def _answer(f, t, i, k):
 @kernel
 def _base(links, f, w):
     """Response of the centre of link 0 to the two impulses, into w.x[0] (6)."""
-    t, x = w.tree, w.x[0]
+    t, x = w.articulated, w.x[0]
     for k in range(6):
         x[k] = _answer(f, t, 0, k)
     centre = _centre(links.half, w.system.A[0], x)
@@ -249,7 +249,7 @@ def _base(links, f, w):
 @kernel
 def _move(links, f, s, w):
     """Change the joint coordinates by the two impulses ``f``."""
-    n, held, x, t = s.q.shape[0], links.ends.first, s.joints, w.tree
+    n, held, x, t = s.q.shape[0], links.ends.first, s.joints, w.articulated
     angle, _, _ = places(held, n)
     if not held:
         _base(links, f, w)
@@ -261,7 +261,7 @@ def _move(links, f, s, w):
 @kernel
 def _push(links, f, s, w):
     """Change the rates of the joint coordinates by the two impulses ``f``."""
-    n, held, x, t = s.q.shape[0], links.ends.first, s.joints, w.tree
+    n, held, x, t = s.q.shape[0], links.ends.first, s.joints, w.articulated
     _, rates, rate = places(held, n)
     if not held:
         _base(links, f, w)

@@ -49,7 +49,7 @@ def fold(links, s):
 @kernel
 def unfold(links, s, w):
     """Poses, velocities, rotation matrices and terms of the recursive formulation from ``s.joints``."""
-    n, half, held, x, t = s.q.shape[0], links.half, links.ends.first, s.joints, w.tree
+    n, half, held, x, t = s.q.shape[0], links.half, links.ends.first, s.joints, w.articulated
     angle, rates, rate = places(held, n)
     q, v = s.q, s.v
     if not held:

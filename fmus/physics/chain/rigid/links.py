@@ -20,7 +20,7 @@ from fmus.physics.chain.rigid.work import Work
 from fmus.physics.chain.sums import END_POWER, JOINTS
 from fmus.physics.chain.touch import evaluate_contacts
 from fmus.physics.rigid import augmented, body, pin
-from fmus.physics.rigid.augmented import PIN, Ends, Spring
+from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
 from fmus.physics.vector import add, dot, scale, vector
 
 NONE = (0.0,) * 9  # the matrix of a constant force
@@ -36,7 +36,7 @@ class RigidLinks(NamedTuple):
     mass: float  # mass of a link, kg
     inertia: np.ndarray  # (3) principal inertias about a link's own axes, kg m2
     ends: Ends  # connections of the ends
-    spring: Spring = PIN  # closing spring, or PIN
+    spring: ClosingSpring = PIN  # closing spring, or PIN
 
 
 def place(links: RigidLinks, pins: Floats, s: State, w: Work) -> None:

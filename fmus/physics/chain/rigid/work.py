@@ -13,8 +13,8 @@ from fmus.physics.chain.state import size
 from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
 from fmus.physics.rigid import augmented, recursive
-from fmus.physics.rigid.augmented import System
-from fmus.physics.rigid.recursive import Tree
+from fmus.physics.rigid.augmented import AugmentedSystem
+from fmus.physics.rigid.recursive import ArticulatedBodies
 from fmus.physics.wheels import WIDTH
 
 
@@ -22,8 +22,8 @@ class Work(NamedTuple):
     """Arrays for n links, p pins, m wheels."""
 
     before: State  # state at the beginning of a step
-    system: System  # linear system
-    tree: Tree  # arrays of the recursive formulation; without links in the augmented one
+    system: AugmentedSystem  # linear system
+    articulated: ArticulatedBodies  # arrays of the recursive formulation; without links in the augmented one
     contact: Memory  # memory of sharp friction
     near: Near  # distances of links from a wheel
     x: np.ndarray  # (n, 6) increments over the step, m and rad
@@ -50,7 +50,7 @@ def work(links: int, closed: bool, wheels: int, forces: LinkForcesShape = NONE, 
     return Work(
         before=views(z(size(sizes)), sizes),
         system=augmented.system(links, closed),
-        tree=recursive.tree(links if joints else 0),
+        articulated=recursive.articulated_bodies(links if joints else 0),
         contact=memory(points(wheels, pins)),
         near=near(links),
         x=z((links, 6)),
