@@ -13,7 +13,7 @@ from fmus.physics.chain import adaptive, on_links
 from fmus.physics.chain.environment import Environment
 from fmus.physics.chain.explicit import march
 from fmus.physics.chain.implicit import advance
-from fmus.physics.chain.kinds import fibres, links_shown, pin_axes, slopes
+from fmus.physics.chain.kinds import fibres, observe_links, pin_axes, slopes
 from fmus.physics.chain.report import GROUND as ON_GROUND
 from fmus.physics.chain.report import REJECTED, REPORT, STEPS
 from fmus.physics.wheels import WIDTH, read_states, to_world
@@ -215,7 +215,7 @@ def show_links(c, y):
     """See ``fmus.model.Component``: the chosen groups of ``link_outputs``, in order; c: ``ShownLinks``."""
     n, m, shows, felt = c.links, c.nodes, c.shows, np.empty(c.s.on_links_sum.shape)
     tension, stress, place = np.empty(n), np.empty(n), np.empty((m, 3))
-    links_shown(c.link, c.environment, c.s, c.work, tension, stress, place)
+    observe_links(c.link, c.environment, c.s, c.work, tension, stress, place)
     on_links.interval_means(c.s, felt)
     at = _numbers(shows[TENSION], tension, y, 0)
     at = _numbers(shows[STRESS], stress, y, at)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fmus.chassis.dynamics import FINE, fault
 from fmus.jit import allocating
 from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, NOT_FINITE, STEP_TOO_SHORT, accumulate, rates
-from fmus.physics.chain.kinds import close, speed
+from fmus.physics.chain.kinds import project, speed
 from fmus.physics.chain.report import TRAVEL
 from fmus.physics.chain.state import copy
 from fmus.physics.integrate.adams import LEAST, accept, accurate, correct, length, predict, restart
@@ -41,7 +41,7 @@ def march(chains, drives, tree, ports, m, sums, t, h, longest, fresh):
             continue
         correct(m, dt)
         for c in chains:
-            failed = close(c.links, c.s, c.w)
+            failed = project(c.links, c.s, c.w)
             if failed >= 0:
                 return CHAIN_FAILED, done, failed
         if tree is not None:

@@ -12,10 +12,10 @@ from fmus.physics.chain.flexible.state import State as Flexible
 from fmus.physics.chain.kinds import accelerate, observe
 from fmus.physics.chain.on_links import MIRRORED, begin_interval, count_step
 from fmus.physics.chain.report import GROUND, REPORT, SUMMED
-from fmus.physics.chain.rigid.joints import fold
+from fmus.physics.chain.rigid.joints import to_joint_coordinates
 from fmus.physics.chain.rigid.state import State as Rigid
-from fmus.physics.chain.state import moving
-from fmus.physics.chain.state import take as take_evaluated
+from fmus.physics.chain.state import integrated_views
+from fmus.physics.chain.state import store_evaluation as store_evaluation
 from fmus.track import TrackModel
 
 # signs under reflection in the plane of the track:
@@ -65,13 +65,13 @@ def size(model: TrackModel) -> int:
         raise InvalidParameter(f"element = '{element}': the monolith knows chains of cables only")
     if type(model.s) not in MIRRORS:
         raise InvalidParameter(f"the monolith knows no mirror image of the state of {type(model.link).__name__}")
-    return sum(part.size for part in moving(model.s).values())
+    return sum(part.size for part in integrated_views(model.s).values())
 
 
 def chain_system(model: TrackModel, slot: ChainSlot, y: Floats) -> ChainSystem:
     """Chain of an initialised model, whose state is a view of the part ``y`` of the stage's argument."""
     views, start = {}, 0
-    for name, part in moving(model.s).items():
+    for name, part in integrated_views(model.s).items():
         views[name] = y[start : start + part.size].reshape(part.shape)
         start += part.size
     return ChainSystem(slot, *model.system(), model.s._replace(**views), model.work)
@@ -90,7 +90,7 @@ def set_state(model: TrackModel, slot: ChainSlot, x: Floats, h: float) -> None:
     model.s.on_links_sum[:] += slot.on_links
     count_step(model.s, h)
     accelerate(*model.system(), model.s, model.work)
-    take_evaluated(model.s, model.work)
+    store_evaluation(model.s, model.work)
     observe(model.link, model.environment, model.s, model.work, model.report)
     model.report[[*SUMMED]] += slot.report_sums[[*SUMMED]]
 
@@ -104,10 +104,10 @@ def mirror(original: TrackModel, model: TrackModel) -> None:
             signs = CABLE_END
         size = min(signs.size, original_view.shape[-1])
         view[..., :size] = original_view[..., :size] * signs[:size]
-    if "joints" in moving(s):
-        fold(model.link.rigid, s)
-    if "p" in moving(s):
-        cholesky.fold(model.link, s, model.work)
+    if "joints" in integrated_views(s):
+        to_joint_coordinates(model.link.rigid, s)
+    if "p" in integrated_views(s):
+        cholesky.to_cholesky(model.link, s, model.work)
     s.on_links_sum[:], s.span[:] = (
         original_state.on_links_sum * MIRRORED[: original_state.on_links_sum.shape[1]],
         original_state.span,

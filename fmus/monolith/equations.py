@@ -16,7 +16,7 @@ from fmus.chassis.observe import put_sides
 from fmus.jit import allocating
 from fmus.monolith.spins import Spins, write_motions, write_powers, write_reactions
 from fmus.monolith.spins import accumulate as accumulate_spins
-from fmus.physics.chain.kinds import close, derivative, speed, stage_joints
+from fmus.physics.chain.kinds import derivative, project, speed, stage_joints
 from fmus.physics.chain.report import TRAVEL, WORK
 from fmus.physics.chain.report import accumulate as accumulate_report
 from fmus.physics.chain.state import add_share
@@ -108,7 +108,7 @@ def march(chains, drives, tree, ports, t, h, steps, x, y, k):
         finish(RK4, dt, x, k)
         y[:] = x
         for n, c in enumerate(chains):
-            failed = close(c.links, c.s, c.w)
+            failed = project(c.links, c.s, c.w)
             if failed >= 0:
                 return CHAIN_FAILED, step, failed
             now = speed(c.links, c.env, c.s, c.w)

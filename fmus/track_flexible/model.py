@@ -18,9 +18,9 @@ from fmus.physics.chain.flexible.closing import ClosingSpring
 from fmus.physics.chain.flexible.elements import kit
 from fmus.physics.chain.flexible.explicit import NOTHING, stable
 from fmus.physics.chain.flexible.newton import CHORD
-from fmus.physics.chain.flexible.places import places, straight
+from fmus.physics.chain.flexible.places import coordinate_indices, straight
 from fmus.physics.chain.flexible.planar_nodes import NODE as PLANAR_NODE
-from fmus.physics.chain.flexible.release import EVALUATE, LET_GO, REST, let_go, release
+from fmus.physics.chain.flexible.release import EVALUATE, RELEASED, REST, release, start_released
 from fmus.physics.chain.flexible.state import Motion, State, shapes
 from fmus.physics.chain.flexible.work import work
 from fmus.physics.chain.implicit import ImplicitMethod
@@ -123,7 +123,7 @@ class Model(TrackModel):
         from fmus.physics.chain.flexible import cholesky
 
         nodal, at = self.state, self.kit.LAYOUT
-        self.link = cholesky.transformed(self.link, len(at.own), (self.mesh, len(at.shared)))
+        self.link = cholesky.cholesky_links(self.link, len(at.own), (self.mesh, len(at.shared)))
         self.coordinates = CHOLESKY
         self.allocate()
         singular = cholesky.factor(self.link, self.environment, self.s, self.work)
@@ -135,10 +135,10 @@ class Model(TrackModel):
         """See ``Component``; a state of the same chain in nodal coordinates is accepted too."""
         if self.coordinates == NODAL or state.size != self.state.size - self.s.p.size:
             return super().hold(state)
-        from fmus.physics.chain.flexible.cholesky import fold
+        from fmus.physics.chain.flexible.cholesky import to_cholesky
 
         self.state[self.s.p.size :] = state
-        fold(self.link, self.s, self.work)
+        to_cholesky(self.link, self.s, self.work)
         return True
 
     def _constrain(self) -> None:
@@ -146,10 +146,10 @@ class Model(TrackModel):
         from fmus.physics.chain.flexible import constrained
 
         whole, rows = self.s, len(self.work.M)
-        at = places(self.kit, whole.q, rows, self.links_count)
+        at = coordinate_indices(self.kit, whole.q, rows, self.links_count)
         self.joints, self.kit, self.link = CONSTRAINED, constrained, constrained.ConstrainedCables(*self.link)
         self.allocate()
-        own = places(constrained, self.s.q, rows, self.links_count)
+        own = coordinate_indices(constrained, self.s.q, rows, self.links_count)
         for now, before in ((self.s.q, whole.q), (self.s.v, whole.v)):
             now.reshape(-1)[own] = before.reshape(-1)[at]
         self.work = work(constrained, self.links_count, self.mesh, len(self.wheel_list), self.felt)
@@ -290,11 +290,11 @@ class Model(TrackModel):
 
     def tighten(self) -> None:
         """Deform the links to the tension of the release, so that no waves start; raises StepFailed."""
-        from fmus.physics.chain.flexible.consistent_start import OpenChain, tighten
+        from fmus.physics.chain.flexible.consistent_start import OpenChain, balance_links
 
         self.work.moved[:] = self.start_rows
         chain = OpenChain(self.kit, self.s.q, self.work.M, self.pitch, self.ends_kind == PINNED)
-        if not tighten(chain, self._residuals, self._least()):
+        if not balance_links(chain, self._residuals, self._least()):
             raise StepFailed("the tension at which the chain is let go was not found: its links are too soft")
         self._let_go()
 
@@ -326,12 +326,12 @@ class Model(TrackModel):
 
     def _stretch(self, spin: float) -> None:
         """Set a free loop to its equilibrium relative to a rotation at ``spin`` rad/s; raises StepFailed."""
-        from fmus.physics.chain.flexible.spinning import part, stretch
+        from fmus.physics.chain.flexible.spinning import deform_open_mesh, deform_polygon
 
         spun = self.kit, self.s.q, len(self.work.M), self.links_count, spin
-        found = stretch(*spun, self._residuals, self._rounding())
+        found = deform_polygon(*spun, self._residuals, self._rounding())
         if found and self.closing:
-            found = part(*spun, self.closing.stiffness, self._residuals, self._rounding())
+            found = deform_open_mesh(*spun, self.closing.stiffness, self._residuals, self._rounding())
         if not found:
             raise StepFailed(
                 f"the loop that spins at {spin:g} rad/s has no relative equilibrium: its links are too soft"
@@ -340,10 +340,10 @@ class Model(TrackModel):
     def _let_go(self, rest: bool = False) -> None:
         """Evaluate accelerations and outputs of the start, with ``rest`` after equilibrium; raises StepFailed."""
         if self.joints == CONSTRAINED:  # already at its start: equilibrium is not compiled for these links
-            link = let_go(*self.system(), self.start_rows, self.s, self.work, self.report)
+            link = start_released(*self.system(), self.start_rows, self.s, self.work, self.report)
             failure, residual = SINGULAR if link >= 0 else DONE, 0.0
         else:
-            failure, _, link, residual = self._do(REST if rest else LET_GO)
+            failure, _, link, residual = self._do(REST if rest else RELEASED)
         if failure == SINGULAR:
             raise StepFailed(f"the chain's mass matrix is singular at the start, link {link + 1}")
         if failure:

@@ -13,10 +13,10 @@ from fmus.physics.chain.environment import HELD, PINNED
 from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.rigid.equilibrium import settle
 from fmus.physics.chain.rigid.explicit import LIMIT, longest
-from fmus.physics.chain.rigid.joints import count, fold
+from fmus.physics.chain.rigid.joints import count, to_joint_coordinates
 from fmus.physics.chain.rigid.links import RigidLinks, place
 from fmus.physics.chain.rigid.newton import FORCE
-from fmus.physics.chain.rigid.release import let_go, show, stretch
+from fmus.physics.chain.rigid.release import open_closing_pin, start_released, write_outputs
 from fmus.physics.chain.rigid.state import State, shapes
 from fmus.physics.chain.rigid.work import work
 from fmus.physics.integrate.generalized_alpha import BACKWARD
@@ -104,7 +104,7 @@ class Model(TrackModel):
                 f"static equilibrium of the track was not found: link {link + 1}, residual {residual:.3g} N"
             )
         self.counters[:] = 0
-        show(links, env, s, w, self.report)
+        write_outputs(links, env, s, w, self.report)
         self._fold()
 
     def move(self, turning: Floats, velocity: Floats) -> None:
@@ -119,9 +119,9 @@ class Model(TrackModel):
         chain = self.contacts, self.environment, self.s, self.work
         failed = -1
         if self.rigid.spring != PIN:
-            failed = stretch(self.rigid._replace(spring=PIN), self.rigid, *chain)
+            failed = open_closing_pin(self.rigid._replace(spring=PIN), self.rigid, *chain)
         if failed < 0:
-            failed = let_go(self.rigid, *chain, self.report)
+            failed = start_released(self.rigid, *chain, self.report)
         if failed >= 0:
             raise StepFailed(f"the accelerations of the start were not found: link {failed + 1}")
         self._fold()
@@ -129,4 +129,4 @@ class Model(TrackModel):
     def _fold(self) -> None:
         """Set the joint coordinates to the poses of the start."""
         if self.formulation == RECURSIVE:
-            fold(self.rigid, self.s)
+            to_joint_coordinates(self.rigid, self.s)

@@ -19,7 +19,7 @@ from fmus.physics.chain.rigid.links import RigidLinks, pins, place
 from fmus.physics.chain.rigid.newton import FORCE
 from fmus.physics.chain.rigid.state import shapes, views
 from fmus.physics.chain.rigid.work import work
-from fmus.physics.chain.state import begin, size
+from fmus.physics.chain.state import size, store_first_evaluation
 from fmus.physics.integrate import hht
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.physics.rigid.augmented import Ends
@@ -52,7 +52,7 @@ class Chain:
 
     def release(self):
         assert accelerations(*self.parts(), self.s, self.work) == -1
-        begin(self.s, self.work)
+        store_first_evaluation(self.s, self.work)
         return self
 
     def run(self, time, h, step=track_steps.implicit, scheme=None):

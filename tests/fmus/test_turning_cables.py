@@ -10,7 +10,7 @@ from test_track_flexible import TABLE, make, parameters, wheels
 
 from fmus.model import InvalidParameter
 from fmus.physics.chain.flexible.axes_state import OMEGA, OMEGA_RATE, ORIGIN
-from fmus.physics.chain.flexible.places import places
+from fmus.physics.chain.flexible.places import coordinate_indices
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.report import KINETIC, STRAIN
 from fmus.physics.integrate.generalized_alpha import Slopes
@@ -85,7 +85,7 @@ def test_the_border_is_what_a_turn_of_the_axes_does(by):
     step = 1e-9
     columns, rows, corner = border_of(model)
     assert model.work.touched.sum() > 20
-    at = places(model.kit, model.s.q, 4, model.links_count).reshape(model.links_count, -1)
+    at = coordinate_indices(model.kit, model.s.q, 4, model.links_count).reshape(model.links_count, -1)
     found = [differences(lambda d, e=e: residual(model, d * np.array(e), by), step) for e in ((1, 0, 0), (0, 0, 1))]
     for c, (residuals, moments) in enumerate(found):
         at_pins = np.zeros_like(model.s.q)

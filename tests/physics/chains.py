@@ -23,7 +23,7 @@ from fmus.physics.chain.flexible.work import work as flexible_work
 from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.kinds import observe
 from fmus.physics.chain.report import COUNTERS, GRAVITY, KINETIC, REPORT
-from fmus.physics.chain.state import begin, size
+from fmus.physics.chain.state import size, store_first_evaluation
 from fmus.physics.integrate import adams, generalized_alpha, hht, runge_kutta
 from fmus.physics.integrate.generalized_alpha import Slopes, coefficients
 from tests.validation.rods import EXPLICIT, IMPLICIT, P, Rods, of_angles  # noqa: F401 - for tests
@@ -103,7 +103,7 @@ class Flexible:
         self.factor()
         accelerations(*system)
         self.s.vdot[:] = self.s.a[:] = self.w.change[0]
-        begin(self.s, self.w)
+        store_first_evaluation(self.s, self.w)
         return self
 
     def factor(self):

@@ -12,7 +12,7 @@ from fmus.physics.chain.environment import HELD, LOOP, Environment
 from fmus.physics.chain.explicit import march, slopes
 from fmus.physics.chain.rigid import jointed
 from fmus.physics.chain.rigid.explicit import accelerations
-from fmus.physics.chain.rigid.joints import count, fold, unfold
+from fmus.physics.chain.rigid.joints import count, to_joint_coordinates, to_poses
 from fmus.physics.chain.rigid.links import RigidLinks, place
 from fmus.physics.chain.rigid.state import shapes, views
 from fmus.physics.chain.rigid.work import work
@@ -43,8 +43,8 @@ class Chain:
         self.s, self.w = views(np.zeros(size(sizes)), sizes), work(n, ends.closed, 0, joints=joints)
         self.report, self.counters = np.zeros(18), np.zeros(4, np.int64)
         place(self.rigid, np.asarray(pins, float), self.s, self.w)
-        fold(self.rigid, self.s)
-        unfold(self.rigid, self.s, self.w)
+        to_joint_coordinates(self.rigid, self.s)
+        to_poses(self.rigid, self.s, self.w)
         self.n, self.speeds = n, joints // 2 if ends.first else n + 5
 
     def moving(self, rng, speed=3.0):
@@ -55,7 +55,7 @@ class Chain:
             x[:3] = rng.normal(size=3)
             turned = Rotation.from_rotvec(rng.normal(size=3)).as_quat()
             x[3:7] = turned[[3, 0, 1, 2]]
-        unfold(self.rigid, self.s, self.w)
+        to_poses(self.rigid, self.s, self.w)
         return self
 
     def recursive(self):
@@ -74,10 +74,10 @@ class Chain:
         for k in range(self.speeds):
             x[-self.speeds :] = 0.0
             x[len(x) - self.speeds + k] = 1.0
-            unfold(self.rigid, self.s, self.w)
+            to_poses(self.rigid, self.s, self.w)
             columns.append(self.s.v.ravel().copy())
         x[:] = before
-        unfold(self.rigid, self.s, self.w)
+        to_poses(self.rigid, self.s, self.w)
         return np.stack(columns, axis=1)
 
     def run(self, time, h):
@@ -116,7 +116,7 @@ def loop(n, spring=PIN, seed=4, speed=2.0):
     s.joints[-chain.speeds : len(s.joints) - chain.speeds + 6] = speed * rng.normal(size=6)
     sway = np.linalg.svd(_closing(chain))[2][2:]  # rates that leave the gap constant
     s.joints[len(s.joints) - chain.speeds :] += speed * sway.T @ rng.normal(size=len(sway)) / np.sqrt(n)
-    unfold(chain.rigid, s, chain.w)
+    to_poses(chain.rigid, s, chain.w)
     return chain
 
 
@@ -208,7 +208,7 @@ def test_moving_chain_has_the_accelerations_of_the_augmented_formulation(ends):
     assert np.abs(found - expected).max() < 1e-11 * np.abs(expected).max()
     assert np.abs(force - pull).max() < 1e-11 * np.abs(pull).max()
     chain.s.joints[-chain.speeds :] *= 1.01
-    unfold(chain.rigid, chain.s, chain.w)
+    to_poses(chain.rigid, chain.s, chain.w)
     assert np.abs(chain.recursive()[0] - expected).max() > 1e-4 * np.abs(expected).max()
 
 
@@ -296,7 +296,7 @@ def test_cost_grows_with_the_number_of_links():
         tree.turn[:] = np.column_stack([np.cos(angle), np.sin(angle)])
         Counted.touched = 0
         assert plain(recursive.factor)(0.5 * P, MASS, np.array(BODY), True, tree) == -1
-        plain(recursive.solve)(0.5 * P, True, True, tree, tree.load[0], tree.answer[0])
+        plain(recursive.solve)(0.5 * P, True, True, tree, tree.load[0], tree.response[0])
         return Counted.touched
 
     counts = np.array([touched(n) for n in (8, 16, 24, 48)])

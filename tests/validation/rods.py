@@ -18,7 +18,7 @@ from fmus.physics.chain.rigid.links import RigidLinks, place
 from fmus.physics.chain.rigid.newton import FORCE
 from fmus.physics.chain.rigid.state import shapes, views
 from fmus.physics.chain.rigid.work import work
-from fmus.physics.chain.state import begin, size
+from fmus.physics.chain.state import size, store_first_evaluation
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.physics.rigid.augmented import Ends
 
@@ -65,7 +65,7 @@ class Rods:
         """Accelerations (n, 6) of the present state; also sets the pin forces ``s.lam``."""
         if accelerations(self.links, None, self.env, self.s, self.w) >= 0:
             raise ArithmeticError("the chain is singular")
-        begin(self.s, self.w)
+        store_first_evaluation(self.s, self.w)
         return self.s.vdot
 
     def run(self, time: float, h: float, integrator: str = EXPLICIT) -> Rods:

@@ -23,40 +23,40 @@ ELASTICITIES: dict[str, type[Cable]] = {
 }
 
 
-_of, _whatever_the_elasticity = implementation("forces"), implementation("masses")
+_forces, _masses = implementation("forces"), implementation("masses")
 
 
-@door(_whatever_the_elasticity)
+@door(_masses)
 def vectors(c):
     """Number of coordinate vectors, rows."""
 
 
-@door(_whatever_the_elasticity)
+@door(_masses)
 def axes(c):
     """Number of components of a vector."""
 
 
-@door(_whatever_the_elasticity)
-def matter(c):
+@door(_masses)
+def total_mass(c):
     """Mass, kg."""
 
 
-@door(_whatever_the_elasticity, shared=True)
+@door(_masses, shared=True)
 def mass(c, M):
     """Constant mass matrix into ``M`` (rows, rows), kg, as factors of the identity of space."""
 
 
-@door(_whatever_the_elasticity)
+@door(_masses)
 def straight(c):
     """Coordinates (rows, axes) of the element at rest along x from the origin; not for kernels."""
 
 
-@door(_of, shared=True)
+@door(_forces, shared=True)
 def energy(c, e):
     """Strain energy at the coordinates ``e`` (rows, axes), J."""
 
 
-@door(_of, shared=True)
+@door(_forces, shared=True)
 def force(c, e, v, Q):
     """Add elastic and damping force at rates ``v`` to ``Q`` (rows, axes); it acts as -Q.
 
@@ -64,12 +64,12 @@ def force(c, e, v, Q):
     """
 
 
-@door(_of, shared=True)
+@door(_forces, shared=True)
 def damping(c, e, v, Q):
     """Add the damping force alone to ``Q`` (rows, axes); return its power, W."""
 
 
-@door(_of, shared=True)
+@door(_forces, shared=True)
 def tangent(c, e, v, by_rate, K):
     """Write the derivative of ``force`` to ``K`` (rows axes, rows axes).
 
@@ -78,7 +78,7 @@ def tangent(c, e, v, by_rate, K):
     """
 
 
-@door(_of, shared=True)
+@door(_forces, shared=True)
 def section_force(c, e, v, a):
     """Force between the two parts of the element along the line of its ends, mean along it, N.
 
@@ -87,17 +87,17 @@ def section_force(c, e, v, a):
     """
 
 
-@door(_of, shared=True)
+@door(_forces, shared=True)
 def tension(c, e):
     """Axial force of a cable by its elastic strain, mean along it, N."""
 
 
-@door(_of, shared=True)
+@door(_forces, shared=True)
 def end_moments(c, e):
     """Bending moments of a cable at both ends, N m."""
 
 
-@door(_whatever_the_elasticity, shared=True)
+@door(_masses, shared=True)
 def mean_curvature(c, e):
     """Mean curvature of a cable in its plane, 1/m, positive if it bends towards its outer side."""
 

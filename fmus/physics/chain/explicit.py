@@ -10,10 +10,10 @@ import numpy as np
 
 from fmus.jit import allocating
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.kinds import accelerate, close, derivative, first_speed, observe, speed, stage_joints
+from fmus.physics.chain.kinds import accelerate, derivative, first_speed, observe, project, speed, stage_joints
 from fmus.physics.chain.outcome import DONE, PINS_OPEN, SINGULAR, UNSTABLE, IntegrationOutcome
 from fmus.physics.chain.report import EVALUATIONS, STEPS, TRAVEL, WORK, accumulate
-from fmus.physics.chain.state import add_share, copy, moving, take
+from fmus.physics.chain.state import add_share, copy, integrated_views, store_evaluation
 from fmus.physics.chain.sums import END_POWER
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.wheels import move
@@ -23,7 +23,7 @@ FAR = 1e9  # m and m/s: a motion beyond counts as unstable
 
 def slopes(s) -> Floats:
     """Return zeroed scratch (stages + 1, N) of ``march``: rates of all stages, and the initial state."""
-    return np.zeros((RK4.b.size + 1, sum(part.size for part in moving(s).values())))
+    return np.zeros((RK4.b.size + 1, sum(part.size for part in integrated_views(s).values())))
 
 
 @allocating
@@ -62,13 +62,13 @@ def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
         for i in range(x.size):
             if not abs(x[i]) < FAR:
                 return IntegrationOutcome(UNSTABLE, (step + 1) * dt, 0, 0.0)
-        failed = close(links, s, w)
+        failed = project(links, s, w)
         if failed >= 0:
             return IntegrationOutcome(PINS_OPEN, (step + 1) * dt, failed, 0.0)
         counters[STEPS] += 1
         before, along = along, speed(links, env, s, w)
         report[TRAVEL] += 0.5 * dt * (before + along)
     accelerate(links, contacts, env, s, w)
-    take(s, w)
+    store_evaluation(s, w)
     observe(links, env, s, w, report)
     return IntegrationOutcome(DONE, h, 0, 0.0)

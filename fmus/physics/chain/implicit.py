@@ -15,7 +15,7 @@ from fmus.jit import allocating, kernel
 from fmus.physics.chain.kinds import end_work, first_speed, newton, newton_joints, observe, speed
 from fmus.physics.chain.outcome import DONE, IntegrationOutcome
 from fmus.physics.chain.report import REJECTED, STEPS, TRAVEL, WORK, accumulate
-from fmus.physics.chain.state import copy, take
+from fmus.physics.chain.state import copy, store_evaluation
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha, auxiliary
 from fmus.physics.wheels import move
 
@@ -27,11 +27,11 @@ class ImplicitMethod(NamedTuple):
 
     alpha: GeneralizedAlpha  # coefficients of the method
     tolerance: float  # of Newton's iteration: flexible links: correction, m; rigid links: relative residual
-    moves: bool  # friction may become sharp; not on the way to equilibrium
+    sharp_friction: bool  # friction may become sharp; not on the way to equilibrium
 
 
 @kernel
-def gather(c, share, before, now, aux, total):
+def add_step_mean(c, share, before, now, aux, total):
     """Add ``share`` times the step mean of rows ``before`` to ``now`` to ``total``.
 
     The mean follows the recursion of the momentum, with the auxiliary rows ``aux``; all (k, c).
@@ -74,12 +74,12 @@ def advance(links, contacts, env, method, rows, h, longest, s, w, report, counte
         done += dt
         counters[STEPS] += 1
         newton_joints(links, env, s, w)
-        gather(c, dt / h, s.wrench, w.wrench, s.aux, s.mean)
-        gather(c, dt, s.on_links, w.on_links, s.on_links_aux, s.on_links_sum)
+        add_step_mean(c, dt / h, s.wrench, w.wrench, s.aux, s.mean)
+        add_step_mean(c, dt, s.on_links, w.on_links, s.on_links_aux, s.on_links_sum)
         accumulate(report, 0.5 * dt, s.sums)
         accumulate(report, 0.5 * dt, w.sums)
         report[WORK] += end_work(links, env, dt, s, w)
-        take(s, w)
+        store_evaluation(s, w)
         before, along = along, speed(links, env, s, w)
         report[TRAVEL] += 0.5 * dt * (before + along)
     observe(links, env, s, w, report)

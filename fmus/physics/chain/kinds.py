@@ -22,14 +22,14 @@ def newton(links, contacts, env, method, h, s, w, counters):
 
 @door(_of, shared=True)
 def derivative(links, contacts, env, s, w, k):
-    """Time derivative of ``state.moving`` into ``k`` (flat), with the wheels at ``w.moved``.
+    """Time derivative of ``state.integrated_views`` into ``k`` (flat), with the wheels at ``w.moved``.
 
     Returns -1, or the link where it failed.
     """
 
 
 @door(_of, shared=True)
-def close(links, s, w):
+def project(links, s, w):
     """Project the state onto the pin equations after an explicit step.
 
     Returns -1, or the pin that stays open.
@@ -80,7 +80,7 @@ def pin_places(links, s, w, place):
 
 
 @door(_of, shared=True)
-def links_shown(links, env, s, w, tension, stress, place):
+def observe_links(links, env, s, w, tension, stress, place):
     """Tension, N, and stress, Pa, of each link (n each); positions of the pins ``place`` (nodes, 3), m."""
 
 
@@ -90,8 +90,8 @@ def pin_axes(links, s, w, axis):
 
 
 @door(_of, shared=True)
-def slopes(links, s, w, found):
-    """Position gradients along each link at its first and its last pin into ``found`` (n, 6).
+def slopes(links, s, w, slope):
+    """Position gradients along each link at its first and its last pin into ``slope`` (n, 6).
 
     For rigid links both are the unit vector along the link.
     """

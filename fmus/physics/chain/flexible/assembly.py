@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import apart, kernel
-from fmus.physics.ancf.element import axes, energy, force, mass, matter, tangent, vectors
+from fmus.physics.ancf.element import axes, energy, force, mass, tangent, total_mass, vectors
 from fmus.physics.chain.flexible.axes import (
     absolute_accelerations,
     absolute_rates,
@@ -19,7 +19,7 @@ from fmus.physics.chain.flexible.axes import (
     wheels_to_axes,
     wrenches_from_axes,
 )
-from fmus.physics.chain.flexible.closing import stored
+from fmus.physics.chain.flexible.closing import spring_energy
 from fmus.physics.chain.flexible.condensation import clear, condense, reduce
 from fmus.physics.chain.flexible.elements import axial, gather, layout
 from fmus.physics.chain.flexible.inertia import add_kinetic, add_mass
@@ -37,8 +37,8 @@ def evaluate(links, contacts, env, x, by, w, fresh):
     derivatives of rates and accelerations. Contact sums, and wrenches on the wheels at ``w.moved``, go to ``w``.
     Returns the largest entry of the residual, N, and its link.
     """
-    n, c, rows, dims, at = links.n, links.element, vectors(links.element), axes(links.element), layout(links)
-    weight, whole = matter(c) * env.gravity, rows * dims + len(at.common)
+    n, c, rows, dims, indices = links.n, links.element, vectors(links.element), axes(links.element), layout(links)
+    weight, whole = total_mass(c) * env.gravity, rows * dims + len(indices.common)
     clear(w, fresh)
     mass(c, w.M)
     if contacts is not None:
@@ -46,7 +46,7 @@ def evaluate(links, contacts, env, x, by, w, fresh):
         evaluate_contacts(links, contacts, x, w, w.flat, by.v, fresh)
         wrenches_from_axes(links, x, w)
     for i in range(n):
-        first, second = ends(at, x.q.shape[0], i)
+        first, second = ends(indices, x.q.shape[0], i)
         gather(links, x.q, first, second, w.e)
         gather(links, x.v, first, second, w.v)
         gather(links, x.vdot, first, second, w.dv)
@@ -77,9 +77,9 @@ def evaluate(links, contacts, env, x, by, w, fresh):
 def totals(links, env, x, w):
     """Least, mean and largest tension, N, and largest stress, Pa; kinetic, strain and gravity energy, J."""
     n, c, q = links.n, links.element, x.q
-    weight = matter(c) * env.gravity
+    weight = total_mass(c) * env.gravity
     kinetic, gravity = rotary_energy(links, x), 0.0
-    strain_energy = stored(links.closing, axes(c), q)
+    strain_energy = spring_energy(links.closing, axes(c), q)
     low, high, mean, stress = np.inf, -np.inf, 0.0, 0.0
     for i in range(n):
         first, second = ends(layout(links), q.shape[0], i)

@@ -74,17 +74,19 @@ def flatten(links, w):
 def axial(links, w):
     """See ``elements``."""
     first, second = end_moments(links.element, w.e)
-    bend = max(first, second) * links.outer_fibre / links.second_moment
-    at = tension(links.element, w.e) / links.area
-    return section_force(links.element, w.e, w.v, w.dv), max(abs(at + bend), abs(at - bend))
+    bending_stress = max(first, second) * links.outer_fibre / links.second_moment
+    axial_stress = tension(links.element, w.e) / links.area
+    return section_force(links.element, w.e, w.v, w.dv), max(
+        abs(axial_stress + bending_stress), abs(axial_stress - bending_stress)
+    )
 
 
 @kernel
 def outer_and_inner(links, w):
     """See ``elements``; a cable's curvature is linear, so its mean is that at the middle."""
-    at = tension(links.element, w.e) / links.area
-    bend = links.element.EI * mean_curvature(links.element, w.e) * links.outer_fibre / links.second_moment
-    return at - bend, at + bend
+    axial_stress = tension(links.element, w.e) / links.area
+    bending_stress = links.element.EI * mean_curvature(links.element, w.e) * links.outer_fibre / links.second_moment
+    return axial_stress - bending_stress, axial_stress + bending_stress
 
 
 @kernel

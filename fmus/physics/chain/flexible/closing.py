@@ -27,11 +27,11 @@ class ClosingSpring(NamedTuple):
 
 
 @kernel
-def pull(spring, at, dims, x, w, by_rate, tangent):
+def add_spring(spring, layout, dims, x, w, by_rate, tangent):
     """Add the ``spring``, or None, to the residuals ``w.b`` of the two pins; with ``tangent`` the matrix.
 
-    ``at``: the links' LinkLayout; ``dims``: components of a position, the first coordinates of a pin. Adds the damper's
-    power to ``w.sums``. For links that share no pins the matrix has the corners only, see ``constrained_joints``.
+    ``layout``: the links' LinkLayout; ``dims``: components of a position, the first coordinates of a pin. Adds the
+    damper's power to ``w.sums``. For links that share no pins the matrix has corners only, see ``constrained_joints``.
     """
     if spring is not None:
         last = x.q.shape[0] - 1
@@ -43,7 +43,7 @@ def pull(spring, at, dims, x, w, by_rate, tangent):
             w.sums[JOINTS] += spring.damping * rate * rate
             if tangent:
                 stiff = spring.stiffness + by_rate * spring.damping
-                if len(at.pins) == 1:
+                if len(layout.pins) == 1:
                     w.A[0, k, k] += stiff
                     w.A[last, k, k] += stiff
                 w.L[0, k, k] -= stiff
@@ -51,7 +51,7 @@ def pull(spring, at, dims, x, w, by_rate, tangent):
 
 
 @kernel
-def stored(spring, dims, q):
+def spring_energy(spring, dims, q):
     """Energy of the ``spring``, or None, J; ``q`` (nodes, width)."""
     energy = 0.0
     if spring is not None:

@@ -19,7 +19,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.flexible.places import across, in_plane, places
+from fmus.physics.chain.flexible.places import across, coordinate_indices, in_plane
 
 PROBE = 1e-7  # deformation of a link in the difference quotients
 LONGEST = 0.05  # largest deformation in a step of Newton's iteration
@@ -39,7 +39,7 @@ class OpenChain:
     def __init__(self, kit: Any, q: Floats, mass: Floats, pitch: float, pinned: bool) -> None:
         self.q, self.flat, self.mass, self.pitch, self.pinned = q, q.reshape(-1), mass, pitch, pinned
         n, axes, m = len(q) - 1, len(kit.AXES), len(kit.LAYOUT.shared)
-        at = places(kit, q, len(mass), n)
+        at = coordinate_indices(kit, q, len(mass), n)
         parts = kit.LAYOUT.inner, kit.LAYOUT.outer[axes:m], kit.LAYOUT.outer[m + axes :]
         self.order = np.concatenate(parts)
         self.own, *self.shared = (at.reshape(n, -1)[:, part] for part in parts)  # shared coordinates at each pin
@@ -115,13 +115,13 @@ class OpenChain:
 
         All links are probed at once; for a coordinate that links share, every other pin at a time.
         """
-        kept, now = self.flat.copy(), self.balance(residuals(a), beyond)
+        saved, now = self.flat.copy(), self.balance(residuals(a), beyond)
         n, size = now.shape
         K, own, s = np.zeros((n, size, size)), self.own.shape[1], self.free.shape[1]
 
         def answer() -> Floats:
             change = (self.balance(residuals(a), beyond) - now) / PROBE
-            self.flat[:] = kept
+            self.flat[:] = saved
             return change
 
         for k in range(own):
@@ -156,7 +156,7 @@ class OpenChain:
         self.lay(self.lengths)
 
 
-def tighten(chain: OpenChain, residuals: Residuals, tolerance: float) -> bool:
+def balance_links(chain: OpenChain, residuals: Residuals, tolerance: float) -> bool:
     """Deform the links until their imbalance is below ``tolerance``, N; False if that fails."""
     numbers = chain.numbers()
     there, size = numbers >= 0, int(numbers.max()) + 1
@@ -166,13 +166,13 @@ def tighten(chain: OpenChain, residuals: Residuals, tolerance: float) -> bool:
         a, last = chain.rigid(residuals)
         R = residuals(a)
         beyond = chain.beyond(in_plane(R), last)
-        lacks = np.bincount(numbers[there], chain.balance(R, beyond)[there], size)
-        if np.abs(lacks).max() < tolerance:
+        imbalance = np.bincount(numbers[there], chain.balance(R, beyond)[there], size)
+        if np.abs(imbalance).max() < tolerance:
             if chain.pinned:
                 chain.flat[chain.plane[-1, chain.second]] = chain.ends[1]
             return True
         K = chain.response(residuals, a, beyond)
-        step = spsolve(coo_array((K[both], (rows[both], columns[both])), shape=(size, size)).tocsc(), -lacks)
+        step = spsolve(coo_array((K[both], (rows[both], columns[both])), shape=(size, size)).tocsc(), -imbalance)
         largest = float(np.abs(step).max())
         if not largest < np.inf:
             return False

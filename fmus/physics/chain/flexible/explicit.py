@@ -22,10 +22,10 @@ from fmus.physics.chain.flexible.axes import (
 )
 from fmus.physics.chain.flexible.closing import square_of_frequency
 from fmus.physics.chain.flexible.condensation import correct
-from fmus.physics.chain.flexible.joints import close as join
 from fmus.physics.chain.flexible.joints import misfit
+from fmus.physics.chain.flexible.joints import project as project_joints
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.state import put
+from fmus.physics.chain.state import copy_rows
 from fmus.physics.integrate.generalized_alpha import Slopes
 
 # step times highest frequency, within the stability region of the method for lightly damped modes
@@ -68,19 +68,19 @@ def derivative(links, contacts, env, s, w, k):
 def accelerate(links, contacts, env, s, w):
     """See ``kinds``."""
     accelerations(links, contacts, env, s, w)
-    put(w.change[0], s.vdot)
+    copy_rows(w.change[0], s.vdot)
 
 
 @kernel
 def stage_joints(links, env, s, w):
     """See ``kinds``."""
-    put(w.change[0], s.vdot)
+    copy_rows(w.change[0], s.vdot)
     pin_forces.stage_joints(links, env, s, w)
 
 
 @kernel
-def close(links, s, w):
+def project(links, s, w):
     """See ``kinds``."""
     orthogonalise(links, s)
-    join(links, s, w)
+    project_joints(links, s, w)
     return -1

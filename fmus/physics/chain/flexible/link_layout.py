@@ -45,13 +45,13 @@ def with_common_unknowns(layout: LinkLayout, common: int) -> LinkLayout:
 
 
 @kernel
-def ends(at, nodes, i):
-    """Indices of the pins, of ``nodes`` in the mesh, where link ``i`` begins and ends; ``at``: its LinkLayout."""
-    first = len(at.pins) * i
+def ends(layout, nodes, i):
+    """Indices of the pins, of ``nodes`` in the mesh, where link ``i`` begins and ends; ``layout``: its LinkLayout."""
+    first = len(layout.pins) * i
     return first, first + 1 if first + 1 < nodes else 0
 
 
 @kernel
-def node(at, nodes, i):
+def node(layout, nodes, i):
     """Index of the node of the mesh for pin ``i`` of the chain."""
-    return min(len(at.pins) * i, nodes - 1)
+    return min(len(layout.pins) * i, nodes - 1)

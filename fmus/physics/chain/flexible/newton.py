@@ -45,8 +45,8 @@ def newton(links, contacts, env, method, h, s, w, counters):
         misfit(links, x.q, w)
         solve_pins(links, w, fresh)
         counters[ITERATIONS] += 1
-        bent = correct_axes(links, x, w, by)
-        last, size = size, max(correct(links, w, x, by, 0.5 * links.element.l), bent)
+        rotation_size = correct_axes(links, x, w, by)
+        last, size = size, max(correct(links, w, x, by, 0.5 * links.element.l), rotation_size)
         if not size < FASTEST:
             break
         if size < method.tolerance:

@@ -65,5 +65,5 @@ def shapes(
 
 def views(flat: Floats, sizes: state.Shapes) -> State:
     """State of views into the array ``flat``; ``sizes`` from ``shapes``."""
-    found: State = state.views(State, sizes, flat)
-    return found
+    state_views: State = state.views(State, sizes, flat)
+    return state_views

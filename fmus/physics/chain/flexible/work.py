@@ -56,7 +56,7 @@ class Work(NamedTuple):
     contact: Memory  # memory of sharp friction
     near: Near  # distances of links from a wheel
     axes: AxesArrays | None  # arrays of turning axes, else None
-    joints: Any  # ``Joints`` of links that share no pins, else None
+    joints: Any  # ``ConstrainedJoints`` of links that share no pins, else None
     still: np.ndarray  # (nodes, width) zeros
     change: np.ndarray  # (2, nodes, width) accelerations; unused by-products
 

@@ -111,7 +111,7 @@ def pins(links, s, w):
             pin.equations(links.half, s.q[n - 1], y.A[n - 1], w.ground[1], w.still, y.C[n])
             pin.axis_rows(y.A[n - 1], w.still, y.WP[n], y.WQ[n])
     if links.spring.stiffness > 0.0:
-        closing.untilted(links, y)
+        closing.zero_tilting(links, y)
 
 
 @kernel
@@ -162,7 +162,7 @@ def residual(links, contacts, env, s, w, by, tangent):
     pins(links, s, w)
     loads(links, contacts, env, s, w, by, tangent)
     if links.spring.stiffness > 0.0:
-        closing.stretch(links, s, w, by.v)
+        closing.spring_equations(links, s, w, by.v)
     else:
         augmented.compliance(links.ends, w.system, s.lam)
 

@@ -51,5 +51,5 @@ def shapes(links: int, closed: bool, wheels: int, forces: LinkForcesShape = NONE
 
 def views(flat: Floats, sizes: state.Shapes) -> State:
     """State of views into the array ``flat``; ``sizes`` from ``shapes``."""
-    found: State = state.views(State, sizes, flat)
-    return found
+    state_views: State = state.views(State, sizes, flat)
+    return state_views
