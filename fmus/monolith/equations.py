@@ -56,7 +56,7 @@ def rates(chains, drives, tree, ports, t, x, k):
         m = p.motions.size
         for j in range(m):
             u[13 * j : 13 * j + 13] = motion[13 * p.motions[j] : 13 * p.motions[j] + 13]
-        read_states(u, p.frame, c.w.moved)
+        read_states(u, p.frame, c.w.wheels)
         where = derivative(c.links, c.contacts, c.env, c.s, c.w, k[p.start : p.end])
         failed = max(failed, where)
         to_world(c.w.wrench.reshape(2 * m + 2, 3), p.frame, wrench[6 * p.wrench :])

@@ -174,8 +174,8 @@ class Monolith:
     def _of_side(self, d: int, i: int) -> float:
         """Value at side ``d`` of the number ``i`` of the shafts' state."""
         last = self._spin + SPIN * (len(self._spun) - 1) + i
-        found: float = side(self._spins, d, self.x[self._spin + i], self.x[last])
-        return found
+        value: float = side(self._spins, d, self.x[self._spin + i], self.x[last])
+        return value
 
     def _momentum(self, d: int) -> Floats:
         """Angular momentum J Omega a of a sprocket, N m s, world axes, with the mount as evaluated last."""
@@ -185,8 +185,8 @@ class Monolith:
         return sprocket.inertia * self._of_side(d, shaft.RATE) * axis
 
     def _mount(self, d: int) -> Floats:
-        at = 13 * self._spins.mount[d]
-        return self._ports.motion[at : at + 13]
+        start = 13 * self._spins.mount[d]
+        return self._ports.motion[start : start + 13]
 
     # ---------------------------------------------------------------- time
 
@@ -215,11 +215,11 @@ class Monolith:
             if name != self._driver:
                 model.counters[:2] += (steps, evaluations)
                 model.counters[3:] += rejected
-        for name, of in self._mirrored.items():
+        for name, original in self._mirrored.items():
             if self._kinds[name] in CHAINS:
-                chain_parts.mirror(self.models[of], self.models[name])
+                chain_parts.mirror(self.models[original], self.models[name])
             else:
-                mirror_drive(self.models[of], self.models[name], self.models[self._chassis])
+                mirror_drive(self.models[original], self.models[name], self.models[self._chassis])
 
     def _go_equally(self, t: float, h: float) -> None:
         """Integrate by the classical Runge-Kutta method; raises StepFailed."""
@@ -247,16 +247,16 @@ class Monolith:
         steps, evaluations, rejected, restarts = (counts[i] for i in (STEPS, EVALUATIONS, REJECTED, RESTARTS))
         self.effort = Effort(steps, evaluations, rejected, restarts, counts[ORDERS] / steps)
 
-    def _failed(self, failure: int, where: int, at: float) -> StepFailed:
-        """Error of a part of a step that failed at the time ``at``, s."""
+    def _failed(self, failure: int, where: int, time: float) -> StepFailed:
+        """Error of a part of a step that failed at ``time``, s."""
         if failure == CHASSIS_FAILED:
             chassis = self.models[self._chassis]
-            return StepFailed(chassis.complaint(at, where, self.x[self._body : self._spin]))
+            return StepFailed(chassis.complaint(time, where, self.x[self._body : self._spin]))
         if failure == STEP_TOO_SHORT:
-            return StepFailed(f"at t = {at:.6g} s Adams' methods find no step that keeps their tolerances")
+            return StepFailed(f"at t = {time:.6g} s Adams' methods find no step that keeps their tolerances")
         if failure == CHAIN_FAILED:
-            return StepFailed(f"at t = {at:.6g} s the equations of the chain have no solution, link {where + 1}")
-        return StepFailed(f"the explicit integration of the whole blew up before t = {at:.6g} s")
+            return StepFailed(f"at t = {time:.6g} s the equations of the chain have no solution, link {where + 1}")
+        return StepFailed(f"the explicit integration of the whole blew up before t = {time:.6g} s")
 
     def _take_chassis(self) -> None:
         """Update the chassis; its ports' work leaves out the sprockets' part of its inertia. (5)"""
@@ -275,15 +275,17 @@ class Monolith:
         names = [port.name for port in chassis.ports if port.causality == "output"]
         y = np.zeros(len(names))
         chassis.outputs(y[: len(names) - len(chassis.counters)])
-        wanted = [port.name for port in driver.ports if port.causality == "input"]
-        driver.step(t, h, np.array([y[names.index(self._sources.output(self._driver, name))] for name in wanted]))
-        shown = [port.name for port in driver.ports if port.causality == "output"]
-        demands = np.zeros(len(shown) - len(driver.counters))
+        inputs = [port.name for port in driver.ports if port.causality == "input"]
+        driver.step(t, h, np.array([y[names.index(self._sources.output(self._driver, name))] for name in inputs]))
+        outputs = [port.name for port in driver.ports if port.causality == "output"]
+        demands = np.zeros(len(outputs) - len(driver.counters))
         driver.outputs(demands)
-        told = [demands[shown.index(self._sources.output(s.name, f"{s.prefix}speed.demand"))] for s in self._sprockets]
+        speeds = [
+            demands[outputs.index(self._sources.output(s.name, f"{s.prefix}speed.demand"))] for s in self._sprockets
+        ]
         if self._joined:
-            told = [0.5 * (told[0] + told[1]), told[1] - told[0]]
-        for drive, state, demand in zip(self._shafts, self._spun, told, strict=True):
+            speeds = [0.5 * (speeds[0] + speeds[1]), speeds[1] - speeds[0]]
+        for drive, state, demand in zip(self._shafts, self._spun, speeds, strict=True):
             shaft.follow(drive, state, t, h, demand)
 
     def _take_shafts(self, before: Floats, h: float) -> None:
@@ -298,16 +300,16 @@ class Monolith:
         """Update a sprocket, the mean wrench on its mount and, with a differential, its half shaft. (6)"""
         state, mount = self._sprockets[d].state, self._mount(d)
         if self._joined:
-            at = len(self._spun) * SPIN + HALF * d
-            impulse, work, port = self.x[self._spin + at : self._spin + at + HALF]
+            start = len(self._spun) * SPIN + HALF * d
+            impulse, work, port = self.x[self._spin + start : self._spin + start + HALF]
             state[shaft.ANGLE], state[shaft.RATE] = self._of_side(d, shaft.ANGLE), self._of_side(d, shaft.RATE)
             state[shaft.WORK], state[shaft.PORT_WORK] = work, port
-            state[shaft.TORQUE_NOW] = (impulse - before[at]) / h
-            state[shaft.POWER_NOW] = (work - before[at + 1]) / h
-        held = state[mounts.MOMENTUM : mounts.MOMENTUM + 3].copy()
+            state[shaft.TORQUE_NOW] = (impulse - before[start]) / h
+            state[shaft.POWER_NOW] = (work - before[start + 1]) / h
+        before_momentum = state[mounts.MOMENTUM : mounts.MOMENTUM + 3].copy()
         mounts.place(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
         after = self._momentum(d)
         state[mounts.MOUNT : mounts.MOUNT + 3] = self._spins.force[d] / h
-        state[mounts.MOUNT + 3 : mounts.MOUNT + 6] = (self._spins.reaction[d] - (after - held)) / h
+        state[mounts.MOUNT + 3 : mounts.MOUNT + 6] = (self._spins.reaction[d] - (after - before_momentum)) / h
         state[mounts.MOMENTUM : mounts.MOMENTUM + 3] = after
         state[mounts.STEP] = h

@@ -23,7 +23,7 @@ def without_jumps(drive: Drive) -> Drive:
 def ramps(shafts: Sequence[Drive]) -> list[Ramp]:
     """Time intervals in which the right-hand side is smooth: ramps of speeds, lines of torques and brakes."""
     found = [ramp for drive in shafts if drive.mode != TORQUE for ramp in _of_speed(drive)]
-    for course in (each for drive in shafts for each in (drive.torques, drive.brakes)):
+    for course in (points for drive in shafts for points in (drive.torques, drive.brakes)):
         found += pairwise(course.time.tolist())
     return found
 

@@ -292,7 +292,7 @@ class Model(TrackModel):
         """Deform the links to the tension of the release, so that no waves start; raises StepFailed."""
         from fmus.physics.chain.flexible.consistent_start import OpenChain, balance_links
 
-        self.work.moved[:] = self.start_rows
+        self.work.wheels[:] = self.start_rows
         chain = OpenChain(self.kit, self.s.q, self.work.M, self.pitch, self.ends_kind == PINNED)
         if not balance_links(chain, self._residuals, self._least()):
             raise StepFailed("the tension at which the chain is let go was not found: its links are too soft")

@@ -90,7 +90,7 @@ class Model(TrackModel):
         if rest and not spin:
             self.come_to_rest(self.start_rows)
         else:
-            w.moved[:] = self.start_rows
+            w.wheels[:] = self.start_rows
             s.v[:, 0], s.v[:, 2], s.v[:, 4] = spin * s.q[:, 2], -spin * s.q[:, 0], spin
             self._let_go()
 

@@ -102,7 +102,7 @@ def test_accelerations_and_forces_are_those_of_nodal_coordinates(kind, given):
     q, v = own.s.q.copy(), own.s.v.copy()
     k = [np.zeros(2 * whole.s.q.size) for _ in models]
     for model, rates in zip(models, k, strict=True):
-        model.work.moved[:] = model.start_rows
+        model.work.wheels[:] = model.start_rows
         derivative(*model.system(), model.s, model.work, rates)
         stage_joints(model.link, model.environment, model.s, model.work)
     assert np.abs(own.s.q - q).max() < 1e-14 * np.abs(q).max()

@@ -66,7 +66,7 @@ def lifted(model) -> tuple:
         getattr(solid.s, name)[:] = 0.0
         getattr(solid.s, name)[:, LIFT] = getattr(model.s, name)
     solid.rows[:] = model.rows
-    solid.work.moved[:] = model.rows
+    solid.work.wheels[:] = model.rows
     return solid
 
 
@@ -81,7 +81,7 @@ def test_a_moving_chain_has_the_same_residual_and_matrix():
         u[13 * k + 7 : 13 * k + 10], u[13 * k + 11] = (0.5, 0.0, -0.2), 3.0
     model.step(0.0, 1e-3, u)
     model.s.v[:] += 0.05 * RANDOM.standard_normal(model.s.v.shape)
-    model.work.moved[:] = model.rows
+    model.work.wheels[:] = model.rows
     solid = lifted(model)
     for m in (model, solid):
         evaluate(m)

@@ -29,8 +29,8 @@ def shaken(model, size=1e-3):
     """Put a chain on its wheels into contact, out of its plane, with no two links alike."""
     rng = np.random.default_rng(2)
     model.s.q[:] += size * rng.standard_normal(model.s.q.shape) * [1.0, 1.0, 1.0, 0.1, 0.1, 0.1, 0.1, 0.1]
-    model.work.moved[:] = model.start_rows
-    model.work.moved[:, :3] += [2e-3, 3e-3, -1e-3]
+    model.work.wheels[:] = model.start_rows
+    model.work.wheels[:, :3] += [2e-3, 3e-3, -1e-3]
     return model
 
 
@@ -116,7 +116,7 @@ def test_the_balance_is_the_work_of_a_rotation():
     model.contacts = model.contacts._replace(soil=model.contacts.soil._replace(k=0.0, mu=0.0))
     _, without_ground = residual(model, fresh=True)
     w, m = model.work, len(model.wheel_list)
-    arms = np.cross(w.moved[:, :3], w.wrench[:m, :3])  # on the wheels, about the origin
+    arms = np.cross(w.wheels[:, :3], w.wrench[:m, :3])  # on the wheels, about the origin
     from_wheels = (w.wrench[:m, 3:] + arms).sum(axis=0)
     q, mass = model.s.q, TABLE["track"]["mass"]
     weight = mass * 9.81
@@ -138,11 +138,11 @@ def test_what_turns_as_a_whole_is_not_loaded_by_turning():
     model = carrier()
     rate, axes, w = np.array([0.0, 0.0, 2.0]), model.s.axes.copy(), model.work
     model.contacts = model.contacts._replace(ground=0)
-    w.moved[:] = model.start_rows
+    w.wheels[:] = model.start_rows
     still = residual(model)[0]
     axes[OMEGA : OMEGA + 3] = rate
-    w.moved[:, 3:6] += np.cross(rate, w.moved[:, :3])
-    w.moved[:, 6:9] += rate
+    w.wheels[:, 3:6] += np.cross(rate, w.wheels[:, :3])
+    w.wheels[:, 6:9] += rate
     model.evaluate(Motion(model.s.q, w.still, w.still, axes), BY)
     found = w.R.reshape(len(w.R), -1) - still
     for i in range(model.links_count):

@@ -344,11 +344,11 @@ def tension(c, e):
 @kernel
 def end_moments(c, e):
     """Bending moments EI |r_xx| at both ends, N m, at ``e`` (4, axes)."""
-    one, two = 0.0, 0.0
+    first_squared, second_squared = 0.0, 0.0
     for i in range(len(c.axes)):
         first, second = end_curvatures(c, parts(e, i))
-        one, two = one + first * first, two + second * second
-    return c.EI * np.sqrt(one), c.EI * np.sqrt(two)
+        first_squared, second_squared = first_squared + first * first, second_squared + second * second
+    return c.EI * np.sqrt(first_squared), c.EI * np.sqrt(second_squared)
 
 
 @kernel

@@ -95,7 +95,7 @@ def _evaluate(links, contacts, env, m, rows, t, s, w):
     """Rates of ``m.y`` and of all quadratures at ``t`` s into ``m.k``; returns as ``derivative`` does."""
     n = m.controlled
     copy(m.y[:n], s.flat[:n])
-    move(rows, t, w.moved)
+    move(rows, t, w.wheels)
     failed = derivative(links, contacts, env, s, w, m.k[:n])
     stage_joints(links, env, s, w)
     index = n

@@ -40,13 +40,13 @@ def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
     stages = RK4.b.size
     x, x0 = s.flat[: k.shape[1]], k[stages]
     s.mean[:] = 0.0
-    move(rows, 0.0, w.moved)
+    move(rows, 0.0, w.wheels)
     along = first_speed(links, env, s, w, report)
     for step in range(steps):
         copy(x, x0)
         for i in range(stages):
             stage(RK4, i, dt, x0, k, x)
-            move(rows, (step + RK4.c[i]) * dt, w.moved)
+            move(rows, (step + RK4.c[i]) * dt, w.wheels)
             failed = derivative(links, contacts, env, s, w, k[i])
             if failed >= 0:
                 return IntegrationOutcome(SINGULAR, (step + RK4.c[i]) * dt, failed, 0.0)

@@ -54,7 +54,7 @@ def advance(links, contacts, env, method, rows, h, longest, s, w, report, counte
     """
     c = method.alpha
     s.mean[:] = 0.0
-    move(rows, 0.0, w.moved)
+    move(rows, 0.0, w.wheels)
     along = first_speed(links, env, s, w, report)
     done, failure, link, residual = 0.0, DONE, 0, 0.0
     dt = h / max(np.ceil(h / longest - 1e-9), 1.0)
@@ -62,7 +62,7 @@ def advance(links, contacts, env, method, rows, h, longest, s, w, report, counte
         if done + dt > h * (1.0 - 1e-9):
             dt = h - done
         copy(s.flat, w.before.flat)
-        move(rows, done + dt, w.moved)
+        move(rows, done + dt, w.wheels)
         failure, link, residual = newton(links, contacts, env, method, dt, s, w, counters)
         if failure:
             copy(w.before.flat, s.flat)

@@ -14,7 +14,7 @@ _of = implementation("dynamics")
 
 @door(_of, shared=True)
 def newton(links, contacts, env, method, h, s, w, counters):
-    """Do one step of ``h`` s by the implicit ``method``, from ``s`` = ``w.before``, wheels at ``w.moved``.
+    """Do one step of ``h`` s by the implicit ``method``, from ``s`` = ``w.before``, wheels at ``w.wheels``.
 
     Returns DONE or the failure, the link and its residual, N; after a failure ``s`` is invalid.
     """
@@ -22,7 +22,7 @@ def newton(links, contacts, env, method, h, s, w, counters):
 
 @door(_of, shared=True)
 def derivative(links, contacts, env, s, w, k):
-    """Time derivative of ``state.integrated_views`` into ``k`` (flat), with the wheels at ``w.moved``.
+    """Time derivative of ``state.integrated_views`` into ``k`` (flat), with the wheels at ``w.wheels``.
 
     Returns -1, or the link where it failed.
     """
@@ -61,12 +61,12 @@ def end_work(links, env, h, s, w):
 
 @door(_of, shared=True)
 def speed(links, env, s, w):
-    """Speed of the chain along itself relative to the carrier of the wheels ``w.moved``, m/s."""
+    """Speed of the chain along itself relative to the carrier of the wheels ``w.wheels``, m/s."""
 
 
 @door(_of, shared=True)
 def first_speed(links, env, s, w, report):
-    """``speed`` at the start of a communication step, with the wheels ``w.moved`` of that time, m/s."""
+    """``speed`` at the start of a communication step, with the wheels ``w.wheels`` of that time, m/s."""
 
 
 @door(_of, shared=True)

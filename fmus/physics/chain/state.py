@@ -10,7 +10,7 @@ Every kind of link has its own State and Work (arrays allocated once). Both have
             the communication step; on_links, on_links_aux, on_links_sum (k, c): likewise the forces on each link,
             the last summed over an interval, k pins, or k = 0 without a request (``on_links``); span (2): of the
             interval; sums: of the last evaluation (``sums``)
-    Work    before: the State at the beginning of a step; moved (m, 15): the wheels at the time of evaluation;
+    Work    before: the State at the beginning of a step; wheels (m, 15): at the time of evaluation;
             wrench, on_links, sums: of the evaluation; contact: a ``Memory``
 """
 

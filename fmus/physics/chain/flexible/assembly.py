@@ -34,7 +34,7 @@ def evaluate(links, contacts, env, x, by, w, fresh):
     """Residual M vdot + Q - Q_ext of the chain in the motion ``x``, condensed to the pins, into ``w.b``.
 
     With ``fresh`` also the condensed iteration matrix into ``w.A``, ``w.U``, ``w.L``; ``by`` (Slopes) are the
-    derivatives of rates and accelerations. Contact sums, and wrenches on the wheels at ``w.moved``, go to ``w``.
+    derivatives of rates and accelerations. Contact sums, and wrenches on the wheels at ``w.wheels``, go to ``w``.
     Returns the largest entry of the residual, N, and its link.
     """
     n, c, rows, dims, indices = links.n, links.element, vectors(links.element), axes(links.element), layout(links)

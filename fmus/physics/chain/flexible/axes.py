@@ -14,7 +14,7 @@ _of = implementation("axes")
 
 @door(_of)
 def wheels_to_axes(links, x, w, tangent):
-    """Prepare an evaluation: the wheels ``w.moved`` relative to the axes into ``w.flat``; zero the border."""
+    """Prepare an evaluation: the wheels ``w.wheels`` relative to the axes into ``w.flat``; zero the border."""
 
 
 @door(_of)

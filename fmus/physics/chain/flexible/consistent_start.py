@@ -70,21 +70,21 @@ class OpenChain:
         """Accelerations (nodes, width) of links moving as rigid bodies; force on the last pin (2), N."""
         r = self.vectors()
         turning = across(r)
-        n, chord, swing = len(r), r[:, self.second], turning[:, self.second]
+        n, chord, chord_turning = len(r), r[:, self.second], turning[:, self.second]
         after = float(self.shift @ self.mass @ self.shift) * np.arange(n - 1, -1, -1.0)[:, None]
         moment = np.einsum("v,vw,iwk->ik", self.shift, self.mass, r) + after * chord
         coupling = np.triu(chord @ moment.T, 1)
         about = np.einsum("ivk,vw,iwk->i", r, self.mass, r) + after[:, 0] * np.sum(chord**2, axis=1)
         R = in_plane(residuals(np.zeros_like(self.q)))
-        torque = -np.einsum("ivk,ivk->i", turning, R) - np.sum(swing * self.beyond(R), axis=1)
-        closing = swing if self.pinned else np.zeros((n, 0))
+        torque = -np.einsum("ivk,ivk->i", turning, R) - np.sum(chord_turning * self.beyond(R), axis=1)
+        closing = chord_turning if self.pinned else np.zeros((n, 0))
         none = np.zeros(2 * (closing.shape[1],))
         system = np.block([[coupling + coupling.T + np.diag(about), -closing], [closing.T, none]])
         x = np.linalg.solve(system, np.concatenate([torque, none[:, :1].ravel()]))
-        moved = x[:n, None, None] * turning
-        carried = np.cumsum(moved[:, self.second], axis=0) - moved[:, self.second]
+        turned = x[:n, None, None] * turning
+        carried = np.cumsum(turned[:, self.second], axis=0) - turned[:, self.second]
         a = np.zeros_like(self.q)
-        a.reshape(-1)[self.plane] = moved + self.shift[:, None] * carried[:, None]
+        a.reshape(-1)[self.plane] = turned + self.shift[:, None] * carried[:, None]
         return a, x[n:] if self.pinned else np.zeros(2)
 
     def beyond(self, R: Floats, last: Floats | float = 0.0) -> Floats:
@@ -159,22 +159,24 @@ class OpenChain:
 def balance_links(chain: OpenChain, residuals: Residuals, tolerance: float) -> bool:
     """Deform the links until their imbalance is below ``tolerance``, N; False if that fails."""
     numbers = chain.numbers()
-    there, size = numbers >= 0, int(numbers.max()) + 1
+    free, size = numbers >= 0, int(numbers.max()) + 1
     rows, columns = np.broadcast_arrays(numbers[:, :, None], numbers[:, None])
-    both = (rows >= 0) & (columns >= 0)
+    free_pairs = (rows >= 0) & (columns >= 0)
     for _ in range(ROUNDS):
         a, last = chain.rigid(residuals)
         R = residuals(a)
         beyond = chain.beyond(in_plane(R), last)
-        imbalance = np.bincount(numbers[there], chain.balance(R, beyond)[there], size)
+        imbalance = np.bincount(numbers[free], chain.balance(R, beyond)[free], size)
         if np.abs(imbalance).max() < tolerance:
             if chain.pinned:
                 chain.flat[chain.plane[-1, chain.second]] = chain.ends[1]
             return True
         K = chain.response(residuals, a, beyond)
-        step = spsolve(coo_array((K[both], (rows[both], columns[both])), shape=(size, size)).tocsc(), -imbalance)
+        step = spsolve(
+            coo_array((K[free_pairs], (rows[free_pairs], columns[free_pairs])), shape=(size, size)).tocsc(), -imbalance
+        )
         largest = float(np.abs(step).max())
         if not largest < np.inf:
             return False
-        chain.deform(np.where(there, step[numbers], 0.0) * min(1.0, LONGEST / max(largest, LONGEST)))
+        chain.deform(np.where(free, step[numbers], 0.0) * min(1.0, LONGEST / max(largest, LONGEST)))
     return False

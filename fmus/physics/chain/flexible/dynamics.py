@@ -44,7 +44,7 @@ def first_speed(links, env, s, w, report):
 def observe(links, env, s, w, report):
     """See ``kinds``."""
     tension, energy = totals(links, env, s, w)
-    write(report, w, s.mean, speed(links, env, s, w), carrier(w.moved, env.mount)[3], tension, energy)
+    write(report, w, s.mean, speed(links, env, s, w), carrier(w.wheels, env.mount)[3], tension, energy)
 
 
 @kernel

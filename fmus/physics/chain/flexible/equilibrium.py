@@ -24,7 +24,7 @@ def settle(links, contacts, env, rows, tolerance, longest, s, w):
     Returns an IntegrationOutcome.
     """
     x = Motion(s.q, w.still, w.change[0], s.axes)
-    move(rows, 0.0, w.moved)
+    move(rows, 0.0, w.wheels)
     pseudo, worst, where, rest = 2e-3, 0.0, 0, np.inf
     for _ in range(400):
         copy(s.flat, w.before.flat)

@@ -46,11 +46,11 @@ ROTATION_LEVER = 2.0  # motion of the pins per radian of the axes, m: the weight
 
 @kernel
 def wheels_to_axes(links, x, w, tangent):
-    """See ``axes``: wheels ``w.moved`` relative to the axes into ``w.flat``."""
+    """See ``axes``: wheels ``w.wheels`` relative to the axes into ``w.flat``."""
     f, a = x.axes, w.axes
     o, ov, rate = vector(f, ORIGIN), vector(f, VELOCITY), vector(f, OMEGA)
-    for k in range(w.moved.shape[0]):
-        row, relative = w.moved[k], w.flat[k]
+    for k in range(w.wheels.shape[0]):
+        row, relative = w.wheels[k], w.flat[k]
         position = to_axes(f, add(vector(row, 0), scale(-1.0, o)))
         put(relative, 0, position)
         put(relative, 3, add(to_axes(f, add(vector(row, 3), scale(-1.0, ov))), scale(-1.0, cross(rate, position))))
@@ -226,11 +226,11 @@ def predict_axes(links, method, h, s, w):
 @kernel
 def _origin_acceleration(f, w, o, v):
     """Acceleration (3) of the origin at ``o`` with the velocity ``v`` (3), critically damped, m/s2."""
-    wheels, m0 = w.moved.shape[0], vector(f, MIDDLE)
+    wheels, m0 = w.wheels.shape[0], vector(f, MIDDLE)
     offset, relative_velocity = add(o, from_axes(f, m0)), add(v, from_axes(f, cross(vector(f, OMEGA), m0)))
     for k in range(wheels):
-        offset = add(offset, scale(-1.0 / wheels, vector(w.moved[k], 0)))
-        relative_velocity = add(relative_velocity, scale(-1.0 / wheels, vector(w.moved[k], 3)))
+        offset = add(offset, scale(-1.0 / wheels, vector(w.wheels[k], 0)))
+        relative_velocity = add(relative_velocity, scale(-1.0 / wheels, vector(w.wheels[k], 3)))
     return add(scale(-FOLLOWING_RATE * FOLLOWING_RATE, offset), scale(-2.0 * FOLLOWING_RATE, relative_velocity))
 
 

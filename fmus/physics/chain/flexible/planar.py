@@ -51,7 +51,7 @@ def lever(links):
 @kernel
 def flatten(links, w):
     """See ``elements``: centre and axis of a wheel are projected onto the plane."""
-    rows, flat = w.moved, w.flat
+    rows, flat = w.wheels, w.flat
     for k in range(rows.shape[0]):
         for i in range(rows.shape[1]):
             flat[k, i] = rows[k, i]

@@ -52,7 +52,7 @@ def start_released(links, contacts, env, rows, s, w, report):
     failed = factor_mass(links, env, s, w)
     if failed >= 0:
         return failed
-    copy_rows(rows, w.moved)
+    copy_rows(rows, w.wheels)
     accelerations(links, contacts, env, s, w)
     for i in range(s.vdot.shape[0]):
         for k in range(s.vdot.shape[1]):

@@ -93,7 +93,7 @@ def deform_open_mesh(
     at, flat, plane = coordinate_indices(kit, q, rows, links), q.reshape(-1), kit.PLANE
     width, place, pins = q.shape[1], plane[0], np.arange(links + 1)
     ends = np.stack([place, links * width + place])  # of the spring, indices into ``flat``
-    there = np.intersect1d(at, (width * pins[:, None] + plane.ravel()))
+    used = np.intersect1d(at, (width * pins[:, None] + plane.ravel()))
     spring = coo_array(
         (np.tile([stiffness, -stiffness, -stiffness, stiffness], 2),
          (ends[[0, 0, 1, 1]].T.ravel(), ends[[0, 1, 0, 1]].T.ravel())),
@@ -109,7 +109,7 @@ def deform_open_mesh(
     for _ in range(ROUNDS):
         now = of_links()
         lacks = np.bincount(at.ravel(), now.ravel(), q.size) + spring @ flat
-        if np.abs(lacks[there]).max() < tolerance:
+        if np.abs(lacks[used]).max() < tolerance:
             return True
         entries = []
         for coordinate in plane.ravel():
@@ -121,17 +121,17 @@ def deform_open_mesh(
                     answers.append(of_links())
                 flat[moved] = here
                 answer = (answers[0] - answers[1]) / (2.0 * STRIDE)
-                of = np.arange(links)  # a link has one of these pins, or none
-                pin = np.where(of % 3 == first, of, of + 1)
-                has = pin % 3 == first
+                link = np.arange(links)  # a link has one of these pins, or none
+                pin = np.where(link % 3 == first, link, link + 1)
+                touched = pin % 3 == first
                 columns = np.broadcast_to((width * pin + coordinate)[:, None, None], at.shape)
-                entries.append((answer[has], at[has], columns[has]))
+                entries.append((answer[touched], at[touched], columns[touched]))
         values, one, other = (np.concatenate([entry[k].ravel() for entry in entries]) for k in range(3))
-        K = (coo_array((values, (one, other)), shape=(q.size, q.size)) + spring).tocsr()[there][:, there]
+        K = (coo_array((values, (one, other)), shape=(q.size, q.size)) + spring).tocsr()[used][:, used]
         turned = np.zeros_like(q)
         turned[:, plane] = across(q[:, plane])
-        turn = turned.reshape(-1)[there]
+        turn = turned.reshape(-1)[used]
         bordered = bmat([[K, turn[:, None]], [turn[None], None]]).tocsc()
-        change = spsolve(bordered, -np.append(lacks[there], 0.0))[:-1]
-        flat[there] += change * min(1.0, LONGEST / max(np.abs(change).max(), LONGEST))
+        change = spsolve(bordered, -np.append(lacks[used], 0.0))[:-1]
+        flat[used] += change * min(1.0, LONGEST / max(np.abs(change).max(), LONGEST))
     return False

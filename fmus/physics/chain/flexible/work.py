@@ -44,7 +44,7 @@ class Work(NamedTuple):
     S: np.ndarray  # (rows) shape functions
     C: np.ndarray  # (rows) their slopes
     t: np.ndarray  # (3) tangent at a contact point
-    moved: np.ndarray  # (wheels, 15) wheels at the time of evaluation
+    wheels: np.ndarray  # (wheels, 15) wheels at the time of evaluation
     flat: np.ndarray  # (wheels, 15) wheels as the chain sees them: in its plane or axes
     touched: np.ndarray  # (links) bool: the link touches a wheel or the ground
     load: np.ndarray  # (links, rows, axes) residual of a link's contacts, if touched
@@ -68,7 +68,7 @@ def work(kit: Any, links: int, nodes: int, wheels: int, forces: LinkForcesShape 
     m, n, outer, whole = len(at.shared), len(at.own), len(at.outer), rows * dims + len(at.common)
     sizes = shapes(kit.NODE, nodes, wheels, kit.FREE, forces)
     block, vectors, z = (nodes, m, m), (rows, dims), np.zeros
-    moved = z((wheels, 15))
+    wheel_rows = z((wheels, 15))
     return Work(
         before=views(z(size(sizes)), sizes),
         A=z(block), U=z(block), L=z(block), factors=workspace(nodes, m), b=z((nodes, m)),
@@ -77,7 +77,7 @@ def work(kit: Any, links: int, nodes: int, wheels: int, forces: LinkForcesShape 
         coupling=z((n, outer)), rest=z((outer, outer)), own=z((links, n)), swap=z(n),
         e=z(vectors), v=z(vectors), dv=z(vectors), M=z((rows, rows)),
         S=z(rows), C=z(rows), t=z(3),
-        moved=moved, flat=moved if dims == 3 and not kit.FREE else z((wheels, 15)),
+        wheels=wheel_rows, flat=wheel_rows if dims == 3 and not kit.FREE else z((wheels, 15)),
         touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
         wrench=z((wheels + 1, 6)), on_links=z(forces), imbalance=z((nodes, dims)), sums=z(SUMS),
         contact=memory(points(wheels, nodes)),

@@ -27,7 +27,7 @@ def end_work(links, env, h, s, w):
 def speed(links, env, s, w):
     """See ``kinds``."""
     pin_motion(links, s, w)
-    return chain_speed(w.pins[0], w.pins[1], links.ends.closed, carrier(w.moved, env.mount))
+    return chain_speed(w.pins[0], w.pins[1], links.ends.closed, carrier(w.wheels, env.mount))
 
 
 @kernel
@@ -48,7 +48,7 @@ def observe(links, env, s, w, report):
         kinetic += body.kinetic(links.mass, links.inertia, s.v[i])
         height += s.q[i, 2]
     energy = kinetic, strain_energy(links, s, w), links.mass * env.gravity * height
-    write(report, w, s.mean, speed(links, env, s, w), carrier(w.moved, env.mount)[3], (low, mean, high, 0.0), energy)
+    write(report, w, s.mean, speed(links, env, s, w), carrier(w.wheels, env.mount)[3], (low, mean, high, 0.0), energy)
 
 
 @kernel

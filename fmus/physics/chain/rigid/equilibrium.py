@@ -22,8 +22,8 @@ def settle(links, contacts, env, method, rows, s, w, counters):
     inertia over the step squared keeps motions without stiffness (an unloaded link's roll, a loop that could slide) in
     place. Friction is viscous at rest and fades. Returns an IntegrationOutcome.
     """
-    move(rows, 0.0, w.moved)
-    w.moved[:, 3:9] = 0.0
+    move(rows, 0.0, w.wheels)
+    w.wheels[:, 3:9] = 0.0
     h, failure, link, worst = 1e-3, DONE, 0, 0.0
     for _ in range(400):
         s.v[:] = 0.0
@@ -37,11 +37,11 @@ def settle(links, contacts, env, method, rows, s, w, counters):
             if h < 1e-7:
                 return IntegrationOutcome(STALLED, 0.0, link, worst)
             continue
-        moved = 0.0
+        movement = 0.0
         for i in range(s.q.shape[0]):
             for k in range(6):
-                moved = max(moved, abs(w.x[i, k]))
-        if h >= LONG and moved < STILL:
+                movement = max(movement, abs(w.x[i, k]))
+        if h >= LONG and movement < STILL:
             break
         h = min(2.0 * h, LONG)
     s.v[:] = 0.0

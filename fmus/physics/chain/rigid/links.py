@@ -177,7 +177,7 @@ def loads(links, contacts, env, s, w, by, tangent):
     w.along[:] = 0.0
     _inertia(links, env.gravity, s, w, by, tangent)
     if contacts is not None:
-        evaluate_contacts(links, contacts, s, w, w.moved, by.v, tangent)
+        evaluate_contacts(links, contacts, s, w, w.wheels, by.v, tangent)
     if env.transverse > 0.0:
         _across(links, env.transverse, s, w, by.v, tangent)
     if not links.ends.closed:

@@ -51,7 +51,7 @@ def open_closing_pin(pinned, links, contacts, env, s, w):
 
 @allocating
 def start_released(links, contacts, env, s, w, report):
-    """Initial accelerations and outputs, wheels at ``w.moved``; returns -1, or the link where it failed."""
+    """Initial accelerations and outputs, wheels at ``w.wheels``; returns -1, or the link where it failed."""
     failed = accelerations(links, contacts, env, s, w)
     if failed >= 0:
         return failed

@@ -27,7 +27,7 @@ class Work(NamedTuple):
     contact: Memory  # memory of sharp friction
     near: Near  # distances of links from a wheel
     x: np.ndarray  # (n, 6) increments over the step, m and rad
-    moved: np.ndarray  # (m, 15) wheels at the time of evaluation
+    wheels: np.ndarray  # (m, 15) wheels at the time of evaluation
     wrench: np.ndarray  # (m + 1, 6) wrenches on the wheels and, last, on the ground, N and N m
     on_links: np.ndarray  # (k, c) forces on each link, see ``on_links``
     along: np.ndarray  # (n, 1) tension of a link due to contacts between its pins, N
@@ -54,7 +54,7 @@ def work(links: int, closed: bool, wheels: int, forces: LinkForcesShape = NONE, 
         contact=memory(points(wheels, pins)),
         near=near(links),
         x=z((links, 6)),
-        moved=z((wheels, WIDTH)),
+        wheels=z((wheels, WIDTH)),
         wrench=z((wheels + 1, 6)),
         on_links=z(forces),
         along=z((links, 1)),
