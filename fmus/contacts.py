@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.model import InvalidParameter
-from fmus.physics.contact.ground import Ground, bumpy
+from fmus.physics.contact.ground import GroundShape, bumpy_ground
 from fmus.physics.contact.laws import LAWS
 from fmus.physics.contact.teeth import Teeth, teeth
 
@@ -24,7 +24,7 @@ class Contacts(NamedTuple):
     profile: Teeth  # outline of the teeth
     clearance: float  # lateral play of the guides on each side, m
     ground: int  # 1 where there is a ground
-    shape: Ground  # shape of the ground in the track's frame
+    shape: GroundShape  # shape of the ground in the track's frame
     sprocket: Any  # contact law (``physics.contact.laws``) of pins with teeth,
     wheel: Any  # of links with rims
     soil: Any  # and of links with the ground
@@ -70,16 +70,16 @@ def contacts(
     )
 
 
-def ground_shape(vehicle: Mapping[str, Any], height: float, bump: Mapping[str, float] | None) -> Ground:
+def ground_shape(vehicle: Mapping[str, Any], height: float, bump: Mapping[str, float] | None) -> GroundShape:
     """Ground in the frame of a vehicle that starts ``height`` m above its drawn place.
 
-    With height 0 the pads just touch it under the road wheels of the drawn position; ``bump`` as in ``bumpy``. Raises
-    InvalidParameter.
+    With height 0 the pads just touch it under the road wheels of the drawn position; ``bump`` as in ``bumpy_ground``.
+    Raises InvalidParameter.
     """
     wheel, face = vehicle["road_wheel"], vehicle["track"]["face"]
     level = wheel["z"] - wheel["radius"] - 2.0 * face - height
     try:
-        return bumpy(level, **bump) if bump else Ground(level)
+        return bumpy_ground(level, **bump) if bump else GroundShape(level)
     except ValueError as error:
         raise InvalidParameter(f"ground.bump: {error}") from None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from fmus.physics.chain.on_links import NONE, WITH_GROUND, WITH_JOINT, WITH_SLIDING, WITH_WHEELS, Felt
+from fmus.physics.chain.on_links import NONE, WITH_GROUND, WITH_JOINT, WITH_SLIDING, WITH_WHEELS, LinkForcesShape
 from fmus.ports import Port
 
 XYZ = tuple("xyz")
@@ -70,7 +70,7 @@ def chosen_groups(request: Any, ground: bool) -> tuple[str, ...]:
     return tuple(name for name, group in GROUPS.items() if name in names and (ground or not group.ground))
 
 
-def on_links_shape(groups: Sequence[str], pins: int) -> Felt:
+def on_links_shape(groups: Sequence[str], pins: int) -> LinkForcesShape:
     """Shape (pins, columns) of the array of forces on links that the groups need."""
     columns = max((GROUPS[name].columns for name in groups), default=0)
     return (pins, columns) if columns else NONE

@@ -21,7 +21,7 @@ from fmus.model import NO_ROTATION, TOO_MANY_STEPS, ComponentModel, Floats, Free
 from fmus.physics.chain import adaptive, state
 from fmus.physics.chain.environment import HELD, LOOP, PINNED, PULLED, Environment
 from fmus.physics.chain.explicit import slopes
-from fmus.physics.chain.implicit import Method
+from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.kinds import pin_places
 from fmus.physics.chain.layout import (
     catenary,
@@ -34,7 +34,7 @@ from fmus.physics.chain.layout import (
     regular_polygon,
     rescaled,
 )
-from fmus.physics.chain.outcome import APART, SINGULAR, STALLED, TOO_SHARP, UNSTABLE
+from fmus.physics.chain.outcome import PINS_OPEN, SINGULAR, STALLED, STEP_TOO_SHORT, UNSTABLE
 from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.integrate import generalized_alpha, hht
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha
@@ -95,8 +95,8 @@ CAUSES = {  # of a failure of an implicit and of an explicit step
     STALLED: ("Newton's iteration of the chain did not converge", ""),
     SINGULAR: ("the chain's matrix is singular", "the chain's matrix is singular"),
     UNSTABLE: ("", "blew up"),
-    APART: ("", "opened its pins"),
-    TOO_SHARP: ("", "finds no step that keeps its tolerances"),
+    PINS_OPEN: ("", "opened its pins"),
+    STEP_TOO_SHORT: ("", "finds no step that keeps its tolerances"),
 }
 WARNING_SENTENCES = (
     Sentence(
@@ -193,7 +193,7 @@ class TrackModel(ComponentModel):
     plane = 0  # 1: links that stay in their plane
     State: Any  # class of the state's views
     link: Any  # parameters of the links
-    method: Method  # of the implicit integrator
+    method: ImplicitMethod  # of the implicit integrator
     work: Any  # scratch arrays
     stable_step: float  # longest stable step of the explicit integrator, s
 

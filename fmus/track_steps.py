@@ -13,7 +13,7 @@ from fmus.physics.chain import adaptive, on_links
 from fmus.physics.chain.environment import Environment
 from fmus.physics.chain.explicit import march
 from fmus.physics.chain.implicit import advance
-from fmus.physics.chain.kinds import fibres, links_shown, pin_axes, slopes
+from fmus.physics.chain.kinds import fibres, observe_links, pin_axes, slopes
 from fmus.physics.chain.report import GROUND as ON_GROUND
 from fmus.physics.chain.report import REJECTED, REPORT, STEPS
 from fmus.physics.wheels import WIDTH, read_states, to_world
@@ -51,7 +51,7 @@ class Parts(NamedTuple):
     link: Any  # parameters of the links; their class selects the kernels
     contacts: Any  # ``fmus.contacts.Contacts``, or None
     environment: Environment  # gravity, ends, carrier
-    scheme: Any  # a ``Method``, the stages of the explicit integrator, or an ``Adams``
+    scheme: Any  # an ``ImplicitMethod``, the stages of the explicit integrator, or an ``Adams``
     common: CommonData
     s: Any  # views of the state
     work: Any  # scratch
@@ -106,14 +106,14 @@ def implicit(c, messages, t, h, u):
         return refusal
     counters = common.counters
     before = counters[REJECTED]
-    on_links.renew(c.s, common.interval)
+    on_links.begin_interval(c.s, common.interval)
     failure, elapsed, link, residual = advance(
         c.link, c.contacts, c.environment, c.scheme, common.rows, h, common.longest, c.s, c.work, c.report, counters
     )
     if failure:
         messages[0, 0], messages[0, 1], messages[0, 2] = t + elapsed, link, residual
         return IMPLICIT + failure
-    on_links.count(c.s, h)
+    on_links.count_step(c.s, h)
     warn_of_halvings(common.given_warnings, messages, t, counters[REJECTED] - before)
     return 0
 
@@ -133,7 +133,7 @@ def explicit(c, messages, t, h, u):
     refusal = _read_wheels(common, messages, t, h, u)
     if refusal:
         return refusal
-    on_links.renew(c.s, common.interval)
+    on_links.begin_interval(c.s, common.interval)
     return _failure(c, messages, t, h, march(
         c.link, c.contacts, c.environment, c.scheme, common.rows, h, common.longest, c.s, c.work, c.report,
         common.counters,
@@ -147,7 +147,7 @@ def adams(c, messages, t, h, u):
     refusal = _read_wheels(common, messages, t, h, u)
     if refusal:
         return refusal
-    on_links.renew(c.s, common.interval)
+    on_links.begin_interval(c.s, common.interval)
     return _failure(c, messages, t, h, adaptive.march(
         c.link, c.contacts, c.environment, c.scheme, common.rows, h, common.longest, c.s, c.work, c.report,
         common.counters,
@@ -157,7 +157,7 @@ def adams(c, messages, t, h, u):
 @kernel
 def _failure(c, messages, t, h, outcome):
     """Failure of an explicit integration from its outcome; 0 for none."""
-    on_links.count(c.s, h)
+    on_links.count_step(c.s, h)
     failure, elapsed, link, _ = outcome
     if failure:
         messages[0, 0], messages[0, 1], messages[0, 2] = t + elapsed, link, c.common.longest
@@ -217,8 +217,8 @@ def write_link_outputs(c, y):
     """See ``fmus.model.ComponentModel``: the chosen groups of ``link_outputs``, in order; c: ``LinkOutputData``."""
     n, m, group_flags, means = c.links, c.nodes, c.group_flags, np.empty(c.s.on_links_sum.shape)
     tension, stress, place = np.empty(n), np.empty(n), np.empty((m, 3))
-    links_shown(c.link, c.environment, c.s, c.work, tension, stress, place)
-    on_links.average(c.s, means)
+    observe_links(c.link, c.environment, c.s, c.work, tension, stress, place)
+    on_links.interval_means(c.s, means)
     index = _copy_numbers(group_flags[TENSION], tension, y, 0)
     index = _copy_numbers(group_flags[STRESS], stress, y, index)
     if group_flags[POSITION]:

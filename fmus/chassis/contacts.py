@@ -14,8 +14,8 @@ import numpy as np
 from fmus.chassis.dynamics import ROOT, wheel_offset
 from fmus.contacts import contact_law, ground_shape
 from fmus.jit import kernel
-from fmus.physics.contact.face import touch as press
-from fmus.physics.contact.ground import Ground, ground_face, level
+from fmus.physics.contact.face import point_contact_force
+from fmus.physics.contact.ground import GroundShape, ground_face, surface_depth
 from fmus.physics.point import Memory, memory
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 
@@ -25,7 +25,7 @@ STORED, POWER, FORCE = 0, 1, 2  # indices in the sums; the force has three numbe
 class ChassisContacts(NamedTuple):
     """Contact partners, constant through a run, and scratch arrays; n leaves."""
 
-    ground: Ground  # in the frame of the start
+    ground: GroundShape  # in the frame of the start
     law: Any  # a law of ``physics.contact.laws``
     frame: np.ndarray  # (5) origin of that frame in the world, m; cosine and sine of its heading
     points: np.ndarray  # (m, 3) points of the hull, frame B, m
@@ -33,7 +33,7 @@ class ChassisContacts(NamedTuple):
     half_width: np.ndarray  # (n) half the width of their rims, m
     f: np.ndarray  # (6 n + 6) force and torque, in B: on wheels about their centres, then on the hull about O
     sums: np.ndarray  # (5) stored energy, J; dissipated power, W; force of the ground, N, world
-    memory: Memory  # of sharp friction, for ``press``; not used without a tangent
+    memory: Memory  # of sharp friction, for ``point_contact_force``; not used without a tangent
 
 
 def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: Mapping[str, Any]) -> ChassisContacts:
@@ -73,11 +73,11 @@ def _add_contact(contacts, A, share, index, p, velocity, centre):
     depth, face = ground_face(contacts.ground, x, v)
     if depth <= 0.0:
         return
-    push = press(contacts.law, share, depth, face, 0.0, False, contacts.memory, 0)
-    g = push.f
+    contact = point_contact_force(contacts.law, share, depth, face, 0.0, False, contacts.memory, 0)
+    g = contact.f
     force = (c * g[0] - s * g[1], s * g[0] + c * g[1], g[2])
-    sums[STORED] += push.energy
-    sums[POWER] += push.friction + push.damping
+    sums[STORED] += contact.energy
+    sums[POWER] += contact.friction + contact.damping
     put(sums, FORCE, add(vector(sums, FORCE), force))
     torque = cross(add(p, scale(-1.0, centre)), force)
     put(f, index, add(vector(f, index), to_body(A, force)))
@@ -107,7 +107,7 @@ def touch(contacts, tree, x, A, v, w):
         turning = to_world(A, (w[0], x[ROOT + 3 * n + k], w[2]))
         # the deepest point of the rim lies along the ground's normal under the centre
         ahead = frame[3] * (centre[0] - frame[0]) + frame[4] * (centre[1] - frame[1])
-        _, n0, n2, _ = level(contacts.ground, ahead, centre[2] - frame[2])
+        _, n0, n2, _ = surface_depth(contacts.ground, ahead, centre[2] - frame[2])
         down = (-n0 * frame[3], -n0 * frame[4], -n2)
         down = add(down, scale(-dot(down, axle), axle))
         length = np.sqrt(dot(down, down))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from fmus.chassis.dynamics import FINE, fault
 from fmus.jit import allocating
-from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, NOT_FINITE, TOO_SHARP, gather, rates
-from fmus.physics.chain.kinds import close, speed
+from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, NOT_FINITE, STEP_TOO_SHORT, accumulate, rates
+from fmus.physics.chain.kinds import project, speed
 from fmus.physics.chain.report import TRAVEL
 from fmus.physics.chain.state import copy
 from fmus.physics.integrate.adams import LEAST, accept, accurate, correct, length, predict, restart
@@ -13,41 +13,41 @@ from fmus.physics.rotation import quat_normalise
 
 
 @allocating
-def march(chains, drives, tree, plan, m, sums, t, h, longest, fresh):
+def march(chains, drives, tree, ports, m, sums, t, h, longest, fresh):
     """Integrate ``m.x`` from t to t + h, s, in steps of ``longest`` at most.
 
     The chains' states are views of ``m.y``. ``fresh`` restarts the method at order 1. The flat ``sums``, of which the
     impulses and energies of chains and sprockets are views, are continued from their values at t. All parts are left
     evaluated at t + h. Returns the failure code (DONE: none), the time integrated, s, and the failed link of a chain or
-    the fault of the chassis. ``chains`` to ``plan`` are separate arguments, because None leaves out what a scene lacks.
+    the fault of the chassis. ``chains`` to ``ports`` are separate arguments, because None leaves out absent parts.
     """
     copy(sums, m.x[m.controlled :])
     done = 0.0
     if fresh:
         copy(m.x, m.y)
-        failed = _evaluate(chains, drives, tree, plan, m, sums, t)
+        failed = _evaluate(chains, drives, tree, ports, m, sums, t)
         if failed >= 0:
             return CHAIN_FAILED, done, failed
         restart(m, longest)
     while done < h * (1.0 - 1e-12):
         dt = length(m, h - done, longest)
         if dt < LEAST:
-            return TOO_SHARP, done, 0
+            return STEP_TOO_SHORT, done, 0
         predict(m, dt)
-        failed = _evaluate(chains, drives, tree, plan, m, sums, t + done + dt)
+        failed = _evaluate(chains, drives, tree, ports, m, sums, t + done + dt)
         if failed >= 0:
             return CHAIN_FAILED, done, failed
         if not accurate(m, dt):
             continue
         correct(m, dt)
         for c in chains:
-            failed = close(c.links, c.s, c.w)
+            failed = project(c.links, c.s, c.w)
             if failed >= 0:
                 return CHAIN_FAILED, done, failed
         if tree is not None:
-            at = plan.body + 3
-            m.y[at : at + 4] = quat_normalise(m.y[at : at + 4])
-        failed = _evaluate(chains, drives, tree, plan, m, sums, t + done + dt)
+            quaternion = ports.body + 3
+            m.y[quaternion : quaternion + 4] = quat_normalise(m.y[quaternion : quaternion + 4])
+        failed = _evaluate(chains, drives, tree, ports, m, sums, t + done + dt)
         if failed >= 0:
             return CHAIN_FAILED, done, failed
         accept(m, dt)
@@ -56,7 +56,7 @@ def march(chains, drives, tree, plan, m, sums, t, h, longest, fresh):
         if not abs(m.x[i]) < 1e9:
             return NOT_FINITE, done, 0
     if tree is not None:
-        code = fault(tree, m.x[plan.body : plan.spin])
+        code = fault(tree, m.x[ports.body : ports.shafts])
         if code != FINE:
             return CHASSIS_FAILED, done, code
     copy(m.x[m.controlled :], sums)
@@ -64,13 +64,13 @@ def march(chains, drives, tree, plan, m, sums, t, h, longest, fresh):
 
 
 @allocating
-def _evaluate(chains, drives, tree, plan, m, sums, t):
+def _evaluate(chains, drives, tree, ports, m, sums, t):
     """Write the rates of ``m.y`` and of the sums at t into ``m.k``; result as of ``rates``."""
     n = m.controlled
-    failed = rates(chains, drives, tree, plan, t, m.y[:n], m.k[:n])
+    failed = rates(chains, drives, tree, ports, t, m.y[:n], m.k[:n])
     sums[:] = 0.0
-    gather(chains, drives, plan, 1.0)
+    accumulate(chains, drives, ports, 1.0)
     for c in chains:
-        c.place.books[TRAVEL] = speed(c.links, c.env, c.s, c.w)
+        c.slot.report_sums[TRAVEL] = speed(c.links, c.env, c.s, c.w)
     copy(sums, m.k[n:])
     return failed

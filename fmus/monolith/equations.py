@@ -14,21 +14,21 @@ from fmus.chassis.dynamics import FINE, fault
 from fmus.chassis.dynamics import rates as chassis_rates
 from fmus.chassis.observe import put_sides
 from fmus.jit import allocating
-from fmus.monolith.spins import Spins, book, react, turn
-from fmus.monolith.spins import gather as gather_spins
-from fmus.physics.chain.kinds import close, derivative, speed, stage_joints
+from fmus.monolith.spins import Spins, write_motions, write_powers, write_reactions
+from fmus.monolith.spins import accumulate as accumulate_spins
+from fmus.physics.chain.kinds import derivative, project, speed, stage_joints
 from fmus.physics.chain.report import TRAVEL, WORK
-from fmus.physics.chain.report import book as book_chain
+from fmus.physics.chain.report import accumulate as accumulate_report
 from fmus.physics.chain.state import add_share
 from fmus.physics.chain.sums import END_POWER
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import quat_normalise
 from fmus.physics.wheels import read_states, to_world
 
-DONE, CHAIN_FAILED, CHASSIS_FAILED, NOT_FINITE, TOO_SHARP = range(5)
+DONE, CHAIN_FAILED, CHASSIS_FAILED, NOT_FINITE, STEP_TOO_SHORT = range(5)
 
 
-class Plan(NamedTuple):
+class PortMap(NamedTuple):
     """Connections between the parts: motions in blocks of 13, wrenches of 6, world axes, SI; D sprockets."""
 
     motion: np.ndarray  # flat: stations of the chassis, fixed mounts (D), sprockets (D)
@@ -38,54 +38,54 @@ class Plan(NamedTuple):
     sides: int  # number of sides of the chassis with stations
     inputs: np.ndarray  # index in ``wrench`` of each wrench input of the chassis
     body: int  # index in the state where the chassis begins
-    spin: int  # index in the state where the shafts begin
+    shafts: int  # index in the state where the shafts begin
     spins: Spins  # sprockets and shafts
 
 
 @allocating
-def rates(chains, drives, tree, plan, t, x, k):
+def rates(chains, drives, tree, ports, t, x, k):
     """Write dx/dt into ``k``. Returns -1, or the link of a chain whose accelerations do not exist."""
-    motion, wrench, u = plan.motion, plan.wrench, plan.u
+    motion, wrench, u = ports.motion, ports.wrench, ports.u
     failed = -1
     if tree is not None:
-        put_sides(tree, x[plan.body : plan.spin], plan.sides, motion, 0)
+        put_sides(tree, x[ports.body : ports.shafts], ports.sides, motion, 0)
     if drives is not None:
-        turn(drives, plan.spins, motion, t, x)
+        write_motions(drives, ports.spins, motion, t, x)
     for c in chains:
-        p = c.place
-        m = p.seen.size
+        p = c.slot
+        m = p.motions.size
         for j in range(m):
-            u[13 * j : 13 * j + 13] = motion[13 * p.seen[j] : 13 * p.seen[j] + 13]
-        read_states(u, p.frame, c.w.moved)
+            u[13 * j : 13 * j + 13] = motion[13 * p.motions[j] : 13 * p.motions[j] + 13]
+        read_states(u, p.frame, c.w.wheels)
         where = derivative(c.links, c.contacts, c.env, c.s, c.w, k[p.start : p.end])
         failed = max(failed, where)
         to_world(c.w.wrench.reshape(2 * m + 2, 3), p.frame, wrench[6 * p.wrench :])
     if drives is not None:
-        react(drives, plan.spins, motion, wrench, t, x, k)
+        write_reactions(drives, ports.spins, motion, wrench, t, x, k)
     if tree is not None:
-        for j in range(plan.inputs.size):
-            u[6 * j : 6 * j + 6] = wrench[6 * plan.inputs[j] : 6 * plan.inputs[j] + 6]
-        chassis_rates(tree, None, x[plan.body : plan.spin], u, k[plan.body : plan.spin])
+        for j in range(ports.inputs.size):
+            u[6 * j : 6 * j + 6] = wrench[6 * ports.inputs[j] : 6 * ports.inputs[j] + 6]
+        chassis_rates(tree, None, x[ports.body : ports.shafts], u, k[ports.body : ports.shafts])
     if drives is not None:
-        book(drives, plan.spins, t, x, k)
+        write_powers(drives, ports.spins, t, x, k)
     return failed
 
 
 @allocating
-def gather(chains, drives, plan, share):
+def accumulate(chains, drives, ports, share):
     """Add ``share`` s of the wrenches and powers of the last evaluation to the sums of the step."""
     for c in chains:
-        add_share(share, c.w.wrench, c.place.impulse)
+        add_share(share, c.w.wrench, c.slot.impulse)
         stage_joints(c.links, c.env, c.s, c.w)
-        add_share(share, c.w.on_links, c.place.on_links)
-        book_chain(c.place.books, share, c.w.sums)
-        c.place.books[WORK] += share * c.w.sums[END_POWER]
+        add_share(share, c.w.on_links, c.slot.on_links)
+        accumulate_report(c.slot.report_sums, share, c.w.sums)
+        c.slot.report_sums[WORK] += share * c.w.sums[END_POWER]
     if drives is not None:
-        gather_spins(plan.spins, plan.wrench, share)
+        accumulate_spins(ports.spins, ports.wrench, share)
 
 
 @allocating
-def march(chains, drives, tree, plan, t, h, steps, x, y, k):
+def march(chains, drives, tree, ports, t, h, steps, x, y, k):
     """Integrate x from t to t + h, s, in equal ``steps``.
 
     The chains' states are views of y, the argument of the stages. Adds impulses and energies to the sums of chains and
@@ -101,30 +101,30 @@ def march(chains, drives, tree, plan, t, h, steps, x, y, k):
     for step in range(steps):
         for i in range(RK4.b.size):
             stage(RK4, i, dt, x, k, y)
-            failed = rates(chains, drives, tree, plan, t + (step + RK4.c[i]) * dt, y, k[i])
+            failed = rates(chains, drives, tree, ports, t + (step + RK4.c[i]) * dt, y, k[i])
             if failed >= 0:
                 return CHAIN_FAILED, step, failed
-            gather(chains, drives, plan, dt * RK4.b[i])
+            accumulate(chains, drives, ports, dt * RK4.b[i])
         finish(RK4, dt, x, k)
         y[:] = x
         for n, c in enumerate(chains):
-            failed = close(c.links, c.s, c.w)
+            failed = project(c.links, c.s, c.w)
             if failed >= 0:
                 return CHAIN_FAILED, step, failed
             now = speed(c.links, c.env, c.s, c.w)
-            c.place.books[TRAVEL] += 0.5 * dt * (before[n] + now)
+            c.slot.report_sums[TRAVEL] += 0.5 * dt * (before[n] + now)
             before[n] = now
         if tree is not None:
-            at = plan.body + 3
-            y[at : at + 4] = quat_normalise(y[at : at + 4])
+            quaternion = ports.body + 3
+            y[quaternion : quaternion + 4] = quat_normalise(y[quaternion : quaternion + 4])
         x[:] = y
     for i in range(x.size):
         if not abs(x[i]) < 1e9:
             return NOT_FINITE, steps, 0
     if tree is not None:
-        code = fault(tree, x[plan.body : plan.spin])
+        code = fault(tree, x[ports.body : ports.shafts])
         if code != FINE:
             return CHASSIS_FAILED, steps, code
-    failed = rates(chains, drives, tree, plan, t + h, y, k[0])
+    failed = rates(chains, drives, tree, ports, t + h, y, k[0])
     x[:] = y
     return (DONE if failed < 0 else CHAIN_FAILED), steps, failed

@@ -10,9 +10,9 @@ import numpy as np
 from fmus.drives import mount as mounts
 from fmus.drives.motor import SPEED, DriveParameters
 from fmus.model import Floats, InvalidParameter
-from fmus.monolith.chains import BOOKS, Place
-from fmus.monolith.equations import Plan
-from fmus.monolith.parts import Part, Sprocket, started
+from fmus.monolith.chains import REPORT_SUMS, ChainSlot
+from fmus.monolith.equations import PortMap
+from fmus.monolith.parts import DriveSprocket, MonolithPart, initialised_model
 from fmus.monolith.spins import HALF, SPIN, Spins
 from fmus.ports import STATE, WRENCH
 from fmus.track import TrackModel
@@ -34,8 +34,8 @@ class Sources:
 
     def connector(self, target: str, variable: str) -> Connector | None:
         """Connector that an input comes from; None if it is not connected."""
-        found = self._outputs.get((target, variable))
-        return found and (found[0], found[1].rsplit(".", 2)[0])
+        source = self._outputs.get((target, variable))
+        return source and (source[0], source[1].rsplit(".", 2)[0])
 
     def needed(self, target: str, variable: str) -> Connector:
         """As ``connector``; raises InvalidParameter if the input is not connected."""
@@ -56,16 +56,16 @@ class Hull(NamedTuple):
     size: int = 0  # variables of its state
 
 
-def hull(part: Part, mirrored: bool, shafts: Sequence[DriveParameters]) -> Hull:
+def hull(part: MonolithPart, mirrored: bool, shafts: Sequence[DriveParameters]) -> Hull:
     """Hull of a chassis, with ``mirrored`` of its left side alone, with the spin inertia of ``shafts``."""
     config = {**part.config, "chassis": {"sides": ["left"]}} if mirrored else part.config
-    chassis = started(part.kind, config, part.parameters)
+    chassis = initialised_model(part.kind, config, part.parameters)
     sides = len(config["chassis"]["sides"])
     outputs = [port.name for port in chassis.ports if port.causality == "output"]
-    places = [name.removesuffix(".position.x") for name in outputs if name.endswith(".position.x")]
+    stations = [name.removesuffix(".position.x") for name in outputs if name.endswith(".position.x")]
     inputs = [port.name for port in chassis.ports if port.causality == "input" and port.name.endswith(".force.x")]
     tree = _with_spins(chassis.tree, shafts, 2 // sides)
-    return Hull(part.name, tree, sides, places[:-1], inputs, chassis.state.size)  # the last one is the chassis itself
+    return Hull(part.name, tree, sides, stations[:-1], inputs, chassis.state.size)  # the last one is the chassis itself
 
 
 def _with_spins(tree: Any, shafts: Sequence[DriveParameters], times: int) -> Any:
@@ -75,13 +75,13 @@ def _with_spins(tree: Any, shafts: Sequence[DriveParameters], times: int) -> Any
     return tree._replace(inertia=inertia)
 
 
-class Layout(NamedTuple):
+class MonolithLayout(NamedTuple):
     """Flat arrays of a monolith, and indices into them."""
 
     size: int  # variables of the state
     sums: Floats  # flat: all that is summed over a step
-    places: Sequence[Place]  # of the chains
-    plan: Plan  # connections; has the places of chassis and shafts in the state
+    slots: Sequence[ChainSlot]  # of the chains
+    ports: PortMap  # connections; has the indices of chassis and shafts in the state
 
 
 class _Views:
@@ -100,29 +100,29 @@ def lay_out(
     chains: Mapping[str, TrackModel],
     sizes: Sequence[int],
     chassis: Hull,
-    sprockets: Sequence[Sprocket],
-    joined: bool,
+    sprockets: Sequence[DriveSprocket],
+    differential: bool,
     sources: Sources,
-) -> Layout:
+) -> MonolithLayout:
     """Layout of ``chains`` by name with ``sizes`` integrated variables, a chassis and sprockets.
 
-    ``joined``: a steering differential joins both sprockets. Raises InvalidParameter for an input without a source.
+    ``differential``: one joins both sprockets. Raises InvalidParameter for an input without a source.
     """
     fixed, stations = len(sprockets), len(chassis.stations)
     body = sum(sizes)
     spin = body + chassis.size
     counts = [
-        (len(model.wheel_list) + 1) * WRENCH + int(np.prod(model.on_links_shape)) + BOOKS for model in chains.values()
+        (len(model.wheel_list) + 1) * WRENCH + int(np.prod(model.on_links_shape)) + REPORT_SUMS for model in chains.values()
     ]
     sums = _Views(sum(counts) + WRENCH * fixed)
     index, motion, mount = _motions(chassis, sprockets, sources)
-    places, wrenches = _places(chains, sizes, index, sources, sums)
+    slots, wrenches = _slots(chains, sizes, index, sources, sums)
     block = len(wrenches) + len(chains)  # each chain has the ground's besides
     chain = [wrenches[sources.needed(s.name, f"{s.prefix}sprocket.force.x")] for s in sprockets]
     wrenches |= {(s.name, f"{s.prefix}mount"): block + d for d, s in enumerate(sprockets)}
-    acting = [wrenches[sources.needed(chassis.name, name)] for name in chassis.inputs]
+    chassis_inputs = [wrenches[sources.needed(chassis.name, name)] for name in chassis.inputs]
     spins = Spins(
-        joined=int(joined),
+        differential=int(differential),
         start=spin,
         body=body,
         inertia=np.array([sprocket.inertia for sprocket in sprockets]),
@@ -130,29 +130,29 @@ def lay_out(
         mount=mount,
         chain=np.array(chain, dtype=np.int64),
         mounts=block,
-        spun=np.zeros((fixed, mounts.WIDTH)),
-        seen=np.zeros((fixed, 2)),
-        growth=np.zeros(fixed),
-        pace=np.zeros(fixed),
+        drive_states=np.zeros((fixed, mounts.WIDTH)),
+        about_axis=np.zeros((fixed, 2)),
+        acceleration=np.zeros(fixed),
+        own_rate=np.zeros(fixed),
         reaction=sums.take(fixed, 3),
         force=sums.take(fixed, 3),
     )
-    plan = Plan(
+    ports = PortMap(
         motion=motion,
         wrench=np.zeros(WRENCH * (block + fixed)),
-        u=np.zeros(max([len(acting) * WRENCH, *(STATE * len(place.seen) for place in places)])),
+        u=np.zeros(max([len(chassis_inputs) * WRENCH, *(STATE * len(slot.motions) for slot in slots)])),
         stations=stations,
         sides=chassis.sides,
-        inputs=np.array(acting, dtype=np.int64),
+        inputs=np.array(chassis_inputs, dtype=np.int64),
         body=body,
-        spin=spin,
+        shafts=spin,
         spins=spins,
     )
-    return Layout(spin + SPIN * fixed + (2 * HALF if joined else 0), sums.flat, places, plan)
+    return MonolithLayout(spin + SPIN * fixed + (2 * HALF if differential else 0), sums.flat, slots, ports)
 
 
 def _motions(
-    chassis: Hull, sprockets: Sequence[Sprocket], sources: Sources
+    chassis: Hull, sprockets: Sequence[DriveSprocket], sources: Sources
 ) -> tuple[dict[Connector, int], Floats, Any]:
     """Indices of the motions by connector, motions with the fixed mounts, index of each sprocket's mount."""
     stations, fixed = len(chassis.stations), len(sprockets)
@@ -166,33 +166,33 @@ def _motions(
     return index, motion, mount
 
 
-def _places(
+def _slots(
     chains: Mapping[str, TrackModel],
     sizes: Sequence[int],
     motions: Mapping[Connector, int],
     sources: Sources,
     sums: _Views,
-) -> tuple[list[Place], dict[Connector, int]]:
+) -> tuple[list[ChainSlot], dict[Connector, int]]:
     """Places of the chains, one after the other, and indices of the wrenches on their wheels by connector."""
-    places: list[Place] = []
+    slots: list[ChainSlot] = []
     wrenches: dict[Connector, int] = {}
     start, block = 0, 0
     for (name, model), size in zip(chains.items(), sizes, strict=True):
         wheels = [wheel["name"] for wheel in model.wheel_list]
-        seen = [motions[sources.needed(name, f"{wheel}.position.x")] for wheel in wheels]
+        indices = [motions[sources.needed(name, f"{wheel}.position.x")] for wheel in wheels]
         wrenches |= {(name, wheel): block + i for i, wheel in enumerate(wheels)}
         count = len(wheels) + 1
-        places.append(
-            Place(
+        slots.append(
+            ChainSlot(
                 start=start,
                 end=start + size,
-                seen=np.array(seen, dtype=np.int64),
+                motions=np.array(indices, dtype=np.int64),
                 wrench=block,
                 frame=model.frame,
                 impulse=sums.take(count, WRENCH),
                 on_links=sums.take(*model.on_links_shape),
-                books=sums.take(BOOKS),
+                report_sums=sums.take(REPORT_SUMS),
             )
         )
         start, block = start + size, block + count
-    return places, wrenches
+    return slots, wrenches

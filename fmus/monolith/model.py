@@ -18,18 +18,18 @@ from fmus.drives import shaft
 from fmus.jit import ROOT, reachable_hash
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.monolith import chains as chain_parts
-from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, TOO_SHARP, march, rates
+from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, STEP_TOO_SHORT, march, rates
 from fmus.monolith.layout import Hull, Sources, hull, lay_out
 from fmus.monolith.parts import (
     CHAINS,
-    JOINED,
+    DIFFERENTIAL,
     SPROCKETS,
-    Part,
+    MonolithPart,
+    initialised_model,
     mirror_drive,
     mirrored,
     shaft_states,
     sprockets,
-    started,
 )
 from fmus.monolith.ramps import intervals, ramps, without_jumps
 from fmus.monolith.spins import HALF, SPIN, side
@@ -75,7 +75,7 @@ class Monolith:
 
     def __init__(
         self,
-        parts: Sequence[Part],
+        parts: Sequence[MonolithPart],
         connections: Sequence[Any],
         refine: float = 1.0,
         halved: bool = True,
@@ -88,12 +88,12 @@ class Monolith:
         for name, tolerance in (("rtol", rtol), ("atol", atol)):
             if not TOLERANCES.least <= tolerance <= TOLERANCES.most:
                 raise InvalidParameter(f"{name} = {tolerance:g}: must be {TOLERANCES.text}")
-        self.models = {part.name: started(part.kind, part.config, part.parameters) for part in parts}
+        self.models = {part.name: initialised_model(part.kind, part.config, part.parameters) for part in parts}
         self._kinds = {part.name: part.kind for part in parts}
         self._mirrored = mirrored(parts) if halved else {}
         own = [part for part in parts if part.name not in self._mirrored]
         self._chains = [part.name for part in own if part.kind in CHAINS]
-        self._joined = any(part.kind == JOINED for part in own)
+        self._joined = any(part.kind == DIFFERENTIAL for part in own)
         drives = [(part, self.models[part.name]) for part in own if part.kind in SPROCKETS]
         self._sprockets = [sprocket for drive in drives for sprocket in sprockets(*drive)]
         self._spun = [state for drive in drives for state in shaft_states(*drive)]
@@ -117,17 +117,17 @@ class Monolith:
 
     # ---------------------------------------------------------------- start
 
-    def _lay_out(self, part: Part | None) -> None:
+    def _lay_out(self, part: MonolithPart | None) -> None:
         """Allocate state and sums, and collect the arguments of the kernels; ``part``: the chassis, if any."""
         chains = {name: self.models[name] for name in self._chains}
         sizes = [chain_parts.size(model) for model in chains.values()]
         turned = self._shafts[:1] if self._joined else self._shafts  # the chassis does not turn a difference of sides
         chassis = hull(part, bool(self._mirrored), turned) if part else Hull()
         self._chassis, self._tree = chassis.name, chassis.tree
-        size, self._sums, self._places, self._plan = lay_out(
+        size, self._sums, self._slots, self._ports = lay_out(
             chains, sizes, chassis, self._sprockets, self._joined, self._sources
         )
-        self._body, self._spin, self._spins = self._plan.body, self._plan.spin, self._plan.spins
+        self._body, self._spin, self._spins = self._ports.body, self._ports.shafts, self._ports.spins
         if self._adaptive:
             self._adams = adams(size, self._sums.size, *self._adaptive)
             self.x, self._y = self._adams.x[:size], self._adams.y[:size]
@@ -135,18 +135,18 @@ class Monolith:
             self.x, self._y, self._k = np.zeros(size), np.zeros(size), np.zeros((len(RK4.b), size))
         self._system = (
             tuple(
-                chain_parts.chain(model, place, self._y[place.start : place.end])
-                for model, place in zip(chains.values(), self._places, strict=True)
+                chain_parts.chain_system(model, slot, self._y[slot.start : slot.end])
+                for model, slot in zip(chains.values(), self._slots, strict=True)
             ),
             tuple(self._shafts) or None,
             self._tree,
-            self._plan,
+            self._ports,
         )
 
     def _begin(self) -> None:
         """Copy the models' states into x."""
-        for name, place in zip(self._chains, self._places, strict=True):
-            chain_parts.give(self.models[name], self.x[place.start : place.end])
+        for name, slot in zip(self._chains, self._slots, strict=True):
+            chain_parts.copy_state(self.models[name], self.x[slot.start : slot.end])
         if self._chassis:
             self.x[self._body : self._spin] = self.models[self._chassis].state
             self.x[self._spin - 1] += self._held() * self.x[self._body + 11] ** 2
@@ -174,8 +174,8 @@ class Monolith:
     def _of_side(self, d: int, i: int) -> float:
         """Value at side ``d`` of the number ``i`` of the shafts' state."""
         last = self._spin + SPIN * (len(self._spun) - 1) + i
-        found: float = side(self._spins, d, self.x[self._spin + i], self.x[last])
-        return found
+        value: float = side(self._spins, d, self.x[self._spin + i], self.x[last])
+        return value
 
     def _momentum(self, d: int) -> Floats:
         """Angular momentum J Omega a of a sprocket, N m s, world axes, with the mount as evaluated last."""
@@ -185,8 +185,8 @@ class Monolith:
         return sprocket.inertia * self._of_side(d, shaft.RATE) * axis
 
     def _mount(self, d: int) -> Floats:
-        at = 13 * self._spins.mount[d]
-        return self._plan.motion[at : at + 13]
+        start = 13 * self._spins.mount[d]
+        return self._ports.motion[start : start + 13]
 
     # ---------------------------------------------------------------- time
 
@@ -203,8 +203,8 @@ class Monolith:
             self._go_adaptively(t, h)
         else:
             self._go_equally(t, h)
-        for name, place in zip(self._chains, self._places, strict=True):
-            chain_parts.take(self.models[name], place, self.x[place.start : place.end], h)
+        for name, slot in zip(self._chains, self._slots, strict=True):
+            chain_parts.set_state(self.models[name], slot, self.x[slot.start : slot.end], h)
         if self._chassis:
             self._take_chassis()
         self._take_shafts(before, h)
@@ -215,11 +215,11 @@ class Monolith:
             if name != self._driver:
                 model.counters[:2] += (steps, evaluations)
                 model.counters[3:] += rejected
-        for name, of in self._mirrored.items():
+        for name, original in self._mirrored.items():
             if self._kinds[name] in CHAINS:
-                chain_parts.mirror(self.models[of], self.models[name])
+                chain_parts.mirror(self.models[original], self.models[name])
             else:
-                mirror_drive(self.models[of], self.models[name], self.models[self._chassis])
+                mirror_drive(self.models[original], self.models[name], self.models[self._chassis])
 
     def _go_equally(self, t: float, h: float) -> None:
         """Integrate by the classical Runge-Kutta method; raises StepFailed."""
@@ -247,16 +247,16 @@ class Monolith:
         steps, evaluations, rejected, restarts = (counts[i] for i in (STEPS, EVALUATIONS, REJECTED, RESTARTS))
         self.effort = Effort(steps, evaluations, rejected, restarts, counts[ORDERS] / steps)
 
-    def _failed(self, failure: int, where: int, at: float) -> StepFailed:
-        """Error of a part of a step that failed at the time ``at``, s."""
+    def _failed(self, failure: int, where: int, time: float) -> StepFailed:
+        """Error of a part of a step that failed at ``time``, s."""
         if failure == CHASSIS_FAILED:
             chassis = self.models[self._chassis]
-            return StepFailed(chassis.fault_sentence(at, where, self.x[self._body : self._spin]))
-        if failure == TOO_SHARP:
-            return StepFailed(f"at t = {at:.6g} s Adams' methods find no step that keeps their tolerances")
+            return StepFailed(chassis.fault_sentence(time, where, self.x[self._body : self._spin]))
+        if failure == STEP_TOO_SHORT:
+            return StepFailed(f"at t = {time:.6g} s Adams' methods find no step that keeps their tolerances")
         if failure == CHAIN_FAILED:
-            return StepFailed(f"at t = {at:.6g} s the equations of the chain have no solution, link {where + 1}")
-        return StepFailed(f"the explicit integration of the whole blew up before t = {at:.6g} s")
+            return StepFailed(f"at t = {time:.6g} s the equations of the chain have no solution, link {where + 1}")
+        return StepFailed(f"the explicit integration of the whole blew up before t = {time:.6g} s")
 
     def _take_chassis(self) -> None:
         """Update the chassis; its ports' work leaves out the sprockets' part of its inertia. (5)"""
@@ -275,15 +275,17 @@ class Monolith:
         names = [port.name for port in chassis.ports if port.causality == "output"]
         y = np.zeros(len(names))
         chassis.outputs(y[: len(names) - len(chassis.counters)])
-        wanted = [port.name for port in driver.ports if port.causality == "input"]
-        driver.step(t, h, np.array([y[names.index(self._sources.output(self._driver, name))] for name in wanted]))
-        shown = [port.name for port in driver.ports if port.causality == "output"]
-        demands = np.zeros(len(shown) - len(driver.counters))
+        inputs = [port.name for port in driver.ports if port.causality == "input"]
+        driver.step(t, h, np.array([y[names.index(self._sources.output(self._driver, name))] for name in inputs]))
+        outputs = [port.name for port in driver.ports if port.causality == "output"]
+        demands = np.zeros(len(outputs) - len(driver.counters))
         driver.outputs(demands)
-        told = [demands[shown.index(self._sources.output(s.name, f"{s.prefix}speed.demand"))] for s in self._sprockets]
+        speeds = [
+            demands[outputs.index(self._sources.output(s.name, f"{s.prefix}speed.demand"))] for s in self._sprockets
+        ]
         if self._joined:
-            told = [0.5 * (told[0] + told[1]), told[1] - told[0]]
-        for drive, state, demand in zip(self._shafts, self._spun, told, strict=True):
+            speeds = [0.5 * (speeds[0] + speeds[1]), speeds[1] - speeds[0]]
+        for drive, state, demand in zip(self._shafts, self._spun, speeds, strict=True):
             shaft.follow_demand(drive, state, t, h, demand)
 
     def _take_shafts(self, before: Floats, h: float) -> None:
@@ -298,16 +300,16 @@ class Monolith:
         """Update a sprocket, the mean wrench on its mount and, with a differential, its half shaft. (6)"""
         state, mount = self._sprockets[d].state, self._mount(d)
         if self._joined:
-            at = len(self._spun) * SPIN + HALF * d
-            impulse, work, port = self.x[self._spin + at : self._spin + at + HALF]
+            start = len(self._spun) * SPIN + HALF * d
+            impulse, work, port = self.x[self._spin + start : self._spin + start + HALF]
             state[shaft.ANGLE], state[shaft.RATE] = self._of_side(d, shaft.ANGLE), self._of_side(d, shaft.RATE)
             state[shaft.WORK], state[shaft.PORT_WORK] = work, port
-            state[shaft.TORQUE_NOW] = (impulse - before[at]) / h
-            state[shaft.POWER_NOW] = (work - before[at + 1]) / h
-        held = state[mounts.MOMENTUM : mounts.MOMENTUM + 3].copy()
+            state[shaft.TORQUE_NOW] = (impulse - before[start]) / h
+            state[shaft.POWER_NOW] = (work - before[start + 1]) / h
+        before_momentum = state[mounts.MOMENTUM : mounts.MOMENTUM + 3].copy()
         mounts.put_sprocket_motion(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
         after = self._momentum(d)
         state[mounts.MOUNT : mounts.MOUNT + 3] = self._spins.force[d] / h
-        state[mounts.MOUNT + 3 : mounts.MOUNT + 6] = (self._spins.reaction[d] - (after - held)) / h
+        state[mounts.MOUNT + 3 : mounts.MOUNT + 6] = (self._spins.reaction[d] - (after - before_momentum)) / h
         state[mounts.MOMENTUM : mounts.MOMENTUM + 3] = after
         state[mounts.STEP] = h

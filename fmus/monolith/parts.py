@@ -18,14 +18,14 @@ from fmus.ports import STATE
 from fmus.track_choices import TRACKS
 
 CHAINS = tuple(track.fmu for track in TRACKS.values())  # kinds of parts that are chains
-JOINED = "SteeringDifferential"
+DIFFERENTIAL = "SteeringDifferential"
 # prefixes of the sprockets of a kind of drive, and where each begins in its state
-SPROCKETS = {"SprocketDrive": {"": 0}, JOINED: {"left.": 0, "right.": mounts.WIDTH}}
+SPROCKETS = {"SprocketDrive": {"": 0}, DIFFERENTIAL: {"left.": 0, "right.": mounts.WIDTH}}
 # where each shaft begins in its state
-SHAFTS = {"SprocketDrive": (0,), JOINED: (2 * mounts.WIDTH, 2 * mounts.WIDTH + shaft.SHAFT)}
+SHAFTS = {"SprocketDrive": (0,), DIFFERENTIAL: (2 * mounts.WIDTH, 2 * mounts.WIDTH + shaft.SHAFT)}
 
 
-class Part(NamedTuple):
+class MonolithPart(NamedTuple):
     """Component of a scene before it is initialised."""
 
     name: str  # of the instance
@@ -34,20 +34,20 @@ class Part(NamedTuple):
     parameters: Mapping[str, float | int | str]  # set before initialisation
 
 
-def started(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | int | str]) -> Any:
+def initialised_model(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | int | str]) -> Any:
     """Initialised model of a component; raises InvalidParameter or StepFailed."""
     if kind not in KINDS:
         raise InvalidParameter(f"a monolith has no part of kind '{kind}'")
     model = model_of(kind)(config)
-    known = {port.name: port.start for port in model.ports if port.causality == "parameter"}
-    unknown = [name for name in parameters if name not in known]
+    defaults = {port.name: port.start for port in model.ports if port.causality == "parameter"}
+    unknown = [name for name in parameters if name not in defaults]
     if unknown:
         raise InvalidParameter(f"there is no parameter '{unknown[0]}'")
-    model.initialise({**known, **parameters})
+    model.initialise({**defaults, **parameters})
     return model
 
 
-class Sprocket(NamedTuple):
+class DriveSprocket(NamedTuple):
     """Sprocket of a drive."""
 
     name: str  # of the drive
@@ -57,21 +57,21 @@ class Sprocket(NamedTuple):
     rest_motion: Floats  # (13) motion of its mount if that is not connected
 
 
-def sprockets(part: Part, model: Any) -> list[Sprocket]:
+def sprockets(part: MonolithPart, model: Any) -> list[DriveSprocket]:
     """Sprockets of a drive with its initialised model."""
     standing = model.rest_motion.reshape(-1, STATE)
     return [
-        Sprocket(part.name, prefix, model.inertia, model.state[at : at + mounts.WIDTH], mount)
+        DriveSprocket(part.name, prefix, model.inertia, model.state[at : at + mounts.WIDTH], mount)
         for (prefix, at), mount in zip(SPROCKETS[part.kind].items(), standing, strict=True)
     ]
 
 
-def shaft_states(part: Part, model: Any) -> list[Floats]:
+def shaft_states(part: MonolithPart, model: Any) -> list[Floats]:
     """State (SHAFT) of each shaft of a drive, views of its initialised model's."""
     return [model.state[at : at + shaft.SHAFT] for at in SHAFTS[part.kind]]
 
 
-def mirrored(parts: Sequence[Part]) -> dict[str, str]:
+def mirrored(parts: Sequence[MonolithPart]) -> dict[str, str]:
     """Left part of each right part that mirrors it, by name; empty if the sides differ in anything."""
     named = {part.name: part for part in parts}
     pairs = {name: name.replace("right", "left", 1) for name in named if name.startswith("right")}
@@ -91,14 +91,14 @@ def mirrored(parts: Sequence[Part]) -> dict[str, str]:
     return pairs if len(parts) == 2 * len(pairs) + 1 else {}
 
 
-def mirror_drive(of: Any, model: Any, chassis: Any) -> None:
-    """Make ``model`` the mirror image of the drive ``of`` the other side; the chassis moves symmetrically."""
+def mirror_drive(original: Any, model: Any, chassis: Any) -> None:
+    """Make ``model`` the mirror image of the drive ``original`` the other side; the chassis moves symmetrically."""
     motions = np.zeros(STATE * (len(chassis.tree.is_arm) + 2))
     put_sides(chassis.tree, chassis.state, 2, motions, 0)
     mount, state = motions[-STATE:], model.state
     axis = quat_rotate(mount[3:7], (0.0, 1.0, 0.0))
-    state[:] = of.state
+    state[:] = original.state
     mounts.put_sprocket_motion(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
-    for at, sign in ((mounts.MOUNT, 1.0), (mounts.MOUNT + 3, -1.0), (mounts.MOMENTUM, -1.0)):
-        v = of.state[at : at + 3]
-        state[at : at + 3] = sign * (v - 2.0 * (v @ axis) * axis)
+    for first, sign in ((mounts.MOUNT, 1.0), (mounts.MOUNT + 3, -1.0), (mounts.MOMENTUM, -1.0)):
+        v = original.state[first : first + 3]
+        state[first : first + 3] = sign * (v - 2.0 * (v @ axis) * axis)

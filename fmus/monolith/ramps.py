@@ -23,7 +23,7 @@ def without_jumps(drive: DriveParameters) -> DriveParameters:
 def ramps(shafts: Sequence[DriveParameters]) -> list[Ramp]:
     """Time intervals in which the right-hand side is smooth: ramps of speeds, lines of torques and brakes."""
     found = [ramp for drive in shafts if drive.mode != TORQUE for ramp in _of_speed(drive)]
-    for course in (each for drive in shafts for each in (drive.torques, drive.brakes)):
+    for course in (points for drive in shafts for points in (drive.torques, drive.brakes)):
         found += pairwise(course.time.tolist())
     return found
 
@@ -36,12 +36,12 @@ def _of_speed(drive: DriveParameters) -> list[Ramp]:
     return [ramp, (drive.stop_start, drive.stop_start + drive.stop_time)] if drive.stop_start >= 0.0 else [ramp]
 
 
-def intervals(known: Sequence[Ramp], t: float, h: float, longest: float) -> Iterator[tuple[float, float, int]]:
+def intervals(ramps: Sequence[Ramp], t: float, h: float, longest: float) -> Iterator[tuple[float, float, int]]:
     """Begin, length (s) and number of steps of the parts of a step from t to t + h. (7)
 
     A part ends where a ramp begins or ends; internal steps take ``longest`` s at most.
     """
-    inside = {end for ramp in known for end in ramp if t + 1e-9 * h < end < t + (1.0 - 1e-9) * h}
+    inside = {end for ramp in ramps for end in ramp if t + 1e-9 * h < end < t + (1.0 - 1e-9) * h}
     for begin, end in pairwise([t, *sorted(inside), t + h]):
-        within = [(b - a) / RESOLVED for a, b in known if a < 0.5 * (begin + end) < b]
+        within = [(b - a) / RESOLVED for a, b in ramps if a < 0.5 * (begin + end) < b]
         yield begin, end - begin, max(1, int(np.ceil((end - begin) / min([longest, *within]) - 1e-9)))

@@ -14,17 +14,17 @@ from fmus.physics.chain import state
 from fmus.physics.chain.environment import PINNED
 from fmus.physics.chain.flexible.beam_nodes import NODE as BEAM_NODE
 from fmus.physics.chain.flexible.cable_nodes import NODE
-from fmus.physics.chain.flexible.closing import Spring
+from fmus.physics.chain.flexible.closing import ClosingSpring
 from fmus.physics.chain.flexible.elements import kit
 from fmus.physics.chain.flexible.explicit import NOTHING, stable
 from fmus.physics.chain.flexible.newton import CHORD
-from fmus.physics.chain.flexible.places import places, straight
+from fmus.physics.chain.flexible.places import coordinate_indices, straight
 from fmus.physics.chain.flexible.planar_nodes import NODE as PLANAR_NODE
-from fmus.physics.chain.flexible.release import EVALUATE, LET_GO, REST, let_go, release
+from fmus.physics.chain.flexible.release import EVALUATE, RELEASED, REST, release, start_released
 from fmus.physics.chain.flexible.state import Motion, State, shapes
 from fmus.physics.chain.flexible.work import work
-from fmus.physics.chain.implicit import Method
-from fmus.physics.chain.outcome import DONE, SINGULAR, Outcome
+from fmus.physics.chain.implicit import ImplicitMethod
+from fmus.physics.chain.outcome import DONE, SINGULAR, IntegrationOutcome
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.ports import POSITIVE, Port, Range
 from fmus.track import TrackModel, integrator_coefficients, integrator_ports
@@ -98,9 +98,9 @@ class Model(TrackModel):
         if axes == "free" and not self.wheel_list:
             raise InvalidParameter("axes = 'free' needs wheels: they turn with what carries them")
         young, tau = p["material.youngs_modulus"], p["material.relaxation_time"]
-        self.method = Method(integrator_coefficients(p), p["tolerance"], True)
+        self.method = ImplicitMethod(integrator_coefficients(p), p["tolerance"], True)
         closed_by = p.get("closure", PIN)
-        self.closing = Spring(p["closure.stiffness"], p["closure.damping"]) if closed_by == SPRING else None
+        self.closing = ClosingSpring(p["closure.stiffness"], p["closure.damping"]) if closed_by == SPRING else None
         beam = element == "beam"
         self.link = self._beams(young, tau) if beam else self._cables(element, elasticity, axes, young, tau)
         axial = young * self.vehicle["section"]["area"]
@@ -130,7 +130,7 @@ class Model(TrackModel):
         from fmus.physics.chain.flexible import cholesky
 
         nodal, layout = self.state, self.kit.LAYOUT
-        self.link = cholesky.transformed(self.link, len(layout.own), (self.mesh, len(layout.shared)))
+        self.link = cholesky.cholesky_links(self.link, len(layout.own), (self.mesh, len(layout.shared)))
         self.coordinates = CHOLESKY
         self.allocate()
         singular = cholesky.factor(self.link, self.environment, self.s, self.work)
@@ -142,10 +142,10 @@ class Model(TrackModel):
         """See ``ComponentModel``; a state of the same chain in nodal coordinates is accepted too."""
         if self.coordinates == NODAL or state.size != self.state.size - self.s.p.size:
             return super().copy_state(state)
-        from fmus.physics.chain.flexible.cholesky import fold
+        from fmus.physics.chain.flexible.cholesky import to_cholesky
 
         self.state[self.s.p.size :] = state
-        fold(self.link, self.s, self.work)
+        to_cholesky(self.link, self.s, self.work)
         return True
 
     def _constrain(self) -> None:
@@ -153,10 +153,10 @@ class Model(TrackModel):
         from fmus.physics.chain.flexible import constrained
 
         eliminated, rows = self.s, len(self.work.M)
-        old_places = places(self.kit, eliminated.q, rows, self.links_count)
+        old_places = coordinate_indices(self.kit, eliminated.q, rows, self.links_count)
         self.joints, self.kit, self.link = CONSTRAINED, constrained, constrained.ConstrainedCables(*self.link)
         self.allocate()
-        new_places = places(constrained, self.s.q, rows, self.links_count)
+        new_places = coordinate_indices(constrained, self.s.q, rows, self.links_count)
         for new, old in ((self.s.q, eliminated.q), (self.s.v, eliminated.v)):
             new.reshape(-1)[new_places] = old.reshape(-1)[old_places]
         self.work = work(constrained, self.links_count, self.mesh, len(self.wheel_list), self.on_links_shape)
@@ -300,11 +300,11 @@ class Model(TrackModel):
 
     def tighten(self) -> None:
         """Deform the links to the tension of the release, so that no waves start; raises StepFailed."""
-        from fmus.physics.chain.flexible.consistent_start import Chain, tighten
+        from fmus.physics.chain.flexible.consistent_start import OpenChain, balance_links
 
-        self.work.moved[:] = self.start_rows
-        chain = Chain(self.kit, self.s.q, self.work.M, self.pitch, self.ends_kind == PINNED)
-        if not tighten(chain, self._residuals, self._rest_tolerance()):
+        self.work.wheels[:] = self.start_rows
+        chain = OpenChain(self.kit, self.s.q, self.work.M, self.pitch, self.ends_kind == PINNED)
+        if not balance_links(chain, self._residuals, self._rest_tolerance()):
             raise StepFailed("the tension at which the chain is let go was not found: its links are too soft")
         self._evaluate_start()
 
@@ -336,12 +336,12 @@ class Model(TrackModel):
 
     def _stretch(self, spin: float) -> None:
         """Set a free loop to its equilibrium relative to a rotation at ``spin`` rad/s; raises StepFailed."""
-        from fmus.physics.chain.flexible.spinning import part, stretch
+        from fmus.physics.chain.flexible.spinning import deform_open_mesh, deform_polygon
 
         loop = self.kit, self.s.q, len(self.work.M), self.links_count, spin
-        converged = stretch(*loop, self._residuals, self._rounding())
+        converged = deform_polygon(*loop, self._residuals, self._rounding())
         if converged and self.closing:
-            converged = part(*loop, self.closing.stiffness, self._residuals, self._rounding())
+            converged = deform_open_mesh(*loop, self.closing.stiffness, self._residuals, self._rounding())
         if not converged:
             raise StepFailed(
                 f"the loop that spins at {spin:g} rad/s has no relative equilibrium: its links are too soft"
@@ -350,10 +350,10 @@ class Model(TrackModel):
     def _evaluate_start(self, rest: bool = False) -> None:
         """Evaluate accelerations and outputs of the start, with ``rest`` after equilibrium; raises StepFailed."""
         if self.joints == CONSTRAINED:  # already at its start: equilibrium is not compiled for these links
-            link = let_go(*self.system(), self.start_rows, self.s, self.work, self.report)
+            link = start_released(*self.system(), self.start_rows, self.s, self.work, self.report)
             failure, residual = SINGULAR if link >= 0 else DONE, 0.0
         else:
-            failure, _, link, residual = self._run_release(REST if rest else LET_GO)
+            failure, _, link, residual = self._run_release(REST if rest else RELEASED)
         if failure == SINGULAR:
             raise StepFailed(f"the chain's mass matrix is singular at the start, link {link + 1}")
         if failure:
@@ -363,7 +363,7 @@ class Model(TrackModel):
 
     def _run_release(
         self, task: int, motion: Motion | None = None, by: Slopes = NOTHING, fresh: bool = False
-    ) -> Outcome:
+    ) -> IntegrationOutcome:
         """Do a task of ``release``, whose static equilibrium is without friction."""
         motion = motion or Motion(self.s.q, self.s.v, self.s.vdot, self.s.axes)
         partners, least = self.contacts, self._rest_tolerance()
@@ -372,7 +372,7 @@ class Model(TrackModel):
 
             partners = frictionless(partners)
         longest = LAST_PSEUDO_STEP if self.ends_kind == PINNED else 0.0
-        outcome: Outcome = release(
+        outcome: IntegrationOutcome = release(
             self.link, partners, *self.system()[1:], task, motion, by, fresh, self.start_rows, least, longest, self.s,
             self.work, self.report,
         )  # fmt: skip

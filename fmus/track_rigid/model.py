@@ -10,23 +10,23 @@ import numpy as np
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.physics.chain import state
 from fmus.physics.chain.environment import HELD, PINNED
-from fmus.physics.chain.implicit import Method
+from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.rigid.equilibrium import settle
 from fmus.physics.chain.rigid.explicit import LIMIT, longest
-from fmus.physics.chain.rigid.joints import count, fold
+from fmus.physics.chain.rigid.joints import count, to_joint_coordinates
 from fmus.physics.chain.rigid.links import RigidLinks, place
 from fmus.physics.chain.rigid.newton import FORCE
-from fmus.physics.chain.rigid.release import let_go, show, stretch
+from fmus.physics.chain.rigid.release import open_closing_pin, start_released, write_outputs
 from fmus.physics.chain.rigid.state import State, shapes
 from fmus.physics.chain.rigid.work import work
 from fmus.physics.integrate.generalized_alpha import BACKWARD
-from fmus.physics.rigid.augmented import PIN, Ends, Spring
+from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
 from fmus.ports import Port
 from fmus.track import TrackModel, integrator_coefficients, integrator_ports
 from fmus.track_choices import AUGMENTED, FORMULATIONS, RECURSIVE, conflict_of_bodies
 from fmus.track_closure import SPRING, closure_ports
 
-REST = Method(BACKWARD, 0.01 * FORCE, False)  # integrator towards static equilibrium
+REST = ImplicitMethod(BACKWARD, 0.01 * FORCE, False)  # integrator towards static equilibrium
 
 
 class Model(TrackModel):
@@ -58,7 +58,7 @@ class Model(TrackModel):
         if p["formulation"] != self.formulation:
             self.formulation = p["formulation"]
             self.allocate()
-        self.method = Method(integrator_coefficients(p), FORCE, True)
+        self.method = ImplicitMethod(integrator_coefficients(p), FORCE, True)
         v = self.vehicle["track"]
         ends = Ends(self.closed, self.ends_kind in (PINNED, HELD), self.ends_kind == PINNED)
         inertia = np.array(v["inertia"], dtype=float)
@@ -71,7 +71,7 @@ class Model(TrackModel):
         self._vehicle_partners = self.contact_partners({**p, **table_values})
         spring = PIN
         if p.get("closure") == SPRING:
-            spring = Spring(p["closure.stiffness"], p["closure.damping"])
+            spring = ClosingSpring(p["closure.stiffness"], p["closure.damping"])
         half = 0.5 * self.pitch
         self.rigid = RigidLinks(half, v["face"], 0.25 * v["width"], v["mass"], inertia, ends, spring)
         self.link: Any = self.rigid
@@ -90,7 +90,7 @@ class Model(TrackModel):
         if rest and not spin:
             self.find_equilibrium(self.start_rows)
         else:
-            w.moved[:] = self.start_rows
+            w.wheels[:] = self.start_rows
             s.v[:, 0], s.v[:, 2], s.v[:, 4] = spin * s.q[:, 2], -spin * s.q[:, 0], spin
             self._evaluate_start()
 
@@ -104,7 +104,7 @@ class Model(TrackModel):
                 f"static equilibrium of the track was not found: link {link + 1}, residual {residual:.3g} N"
             )
         self.counters[:] = 0
-        show(links, env, s, w, self.report)
+        write_outputs(links, env, s, w, self.report)
         self._set_joint_coordinates()
 
     def add_rates(self, turning: Floats, velocity: Floats) -> None:
@@ -119,9 +119,9 @@ class Model(TrackModel):
         chain = self.contacts, self.environment, self.s, self.work
         link = -1
         if self.rigid.spring != PIN:
-            link = stretch(self.rigid._replace(spring=PIN), self.rigid, *chain)
+            link = open_closing_pin(self.rigid._replace(spring=PIN), self.rigid, *chain)
         if link < 0:
-            link = let_go(self.rigid, *chain, self.report)
+            link = start_released(self.rigid, *chain, self.report)
         if link >= 0:
             raise StepFailed(f"the accelerations of the start were not found: link {link + 1}")
         self._set_joint_coordinates()
@@ -129,4 +129,4 @@ class Model(TrackModel):
     def _set_joint_coordinates(self) -> None:
         """Set the joint coordinates to the poses of the start."""
         if self.formulation == RECURSIVE:
-            fold(self.rigid, self.s)
+            to_joint_coordinates(self.rigid, self.s)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.monolith.model import ADAPTIVE, EQUAL, Monolith, Part
+from fmus.monolith.model import ADAPTIVE, EQUAL, Monolith, MonolithPart
 from fmus.ports import TOLERANCE, Port
 from fmus.vehicle import BadInput
 from orchestrator.cosim import master
@@ -104,9 +104,9 @@ class MonolithScheme(Scheme):
                     member.component.u[feed.inputs] = feed.source.y[feed.outputs]
 
 
-def parts_of(assembly: Assembly) -> list[Part]:
+def parts_of(assembly: Assembly) -> list[MonolithPart]:
     """Return the parts of an assembly as parts of a ``Monolith``."""
-    return [Part(part.name, part.kind, part.config, part.parameters) for part in assembly.parts]
+    return [MonolithPart(part.name, part.kind, part.config, part.parameters) for part in assembly.parts]
 
 
 def run(

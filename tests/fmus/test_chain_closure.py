@@ -8,7 +8,7 @@ import pytest
 from test_free_chains import TABLE, Flexible, P, made, per_link
 
 from fmus.model import InvalidParameter
-from fmus.physics.chain.flexible.places import places
+from fmus.physics.chain.flexible.places import coordinate_indices
 from fmus.physics.chain.report import DISSIPATED, KINETIC, STRAIN
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
@@ -36,7 +36,7 @@ def run(model, time, h=1e-3):
 
 
 def dofs(model):
-    return np.unique(places(model.kit, model.s.q, 4, model.links_count)).size
+    return np.unique(coordinate_indices(model.kit, model.s.q, 4, model.links_count)).size
 
 
 # --- closed by a spring ------------------------------------------------------------------------------------
@@ -90,7 +90,7 @@ def test_a_loop_that_a_spring_closes_moves_like_a_closed_one_as_the_spring_stiff
 
 def momentum(model):
     """Linear momentum (x, z) and angular momentum about y of the mesh, summed link by link."""
-    at = places(model.kit, model.s.q, 4, model.links_count)
+    at = coordinate_indices(model.kit, model.s.q, 4, model.links_count)
     e, v, M = model.s.q.reshape(-1)[at], model.s.v.reshape(-1)[at], model.work.M
     p = np.einsum("ab,ibk->iak", M, v)
     turned = e[..., 2] * p[..., 0] - e[..., 0] * p[..., 2]
@@ -128,7 +128,7 @@ def test_energy_and_momentum_of_a_loop_that_a_spring_closes(damping):
 def both(**changes):
     """Return loops with eliminated and with constrained pins, and the places of their coordinates."""
     models = [loop(joints=joints, **changes) for joints in ("eliminated", "constrained")]
-    return models, [places(model.kit, model.s.q, 4, model.links_count) for model in models]
+    return models, [coordinate_indices(model.kit, model.s.q, 4, model.links_count) for model in models]
 
 
 def opened(vectors, closure):

@@ -7,7 +7,7 @@ from test_free_chains import Beams, PlanarCables, made, per_link
 
 from fmus.model import InvalidParameter
 from fmus.physics.chain.flexible import cholesky
-from fmus.physics.chain.flexible.places import places
+from fmus.physics.chain.flexible.places import coordinate_indices
 from fmus.physics.chain.kinds import derivative, stage_joints
 from fmus.physics.chain.report import DISSIPATED, GRAVITY, KINETIC, STRAIN, WORK
 from fmus.track_flexible.model import Model as Flexible
@@ -29,18 +29,18 @@ def pair(build):
 
 def used(model):
     """Indices of the flat nodal coordinates that belong to a link."""
-    return np.unique(places(model.kit, model.s.q, len(model.work.M), model.links_count))
+    return np.unique(coordinate_indices(model.kit, model.s.q, len(model.work.M), model.links_count))
 
 
 def matrix(model):
-    """B^T as a dense matrix on the used coordinates, from ``fold`` applied to each unit vector."""
+    """B^T as a dense matrix on the used coordinates, from ``to_cholesky`` applied to each unit vector."""
     s, at = model.s, used(model)
     before = s.flat.copy()
     columns = []
     for place in at:
         s.q[:] = s.v[:] = 0.0
         s.q.reshape(-1)[place] = 1.0
-        cholesky.fold(model.link, s, model.work)
+        cholesky.to_cholesky(model.link, s, model.work)
         columns.append(s.p[0].reshape(-1)[at].copy())
     s.flat[:] = before
     return np.array(columns).T
@@ -48,7 +48,7 @@ def matrix(model):
 
 def mass(model):
     """Mass matrix of the mesh on the used coordinates, assembled link by link."""
-    at, M = places(model.kit, model.s.q, len(model.work.M), model.links_count), model.work.M
+    at, M = coordinate_indices(model.kit, model.s.q, len(model.work.M), model.links_count), model.work.M
     whole = np.zeros((model.s.q.size, model.s.q.size))
     for link in at:
         for k in range(link.shape[1]):
@@ -102,7 +102,7 @@ def test_accelerations_and_forces_are_those_of_nodal_coordinates(kind, given):
     q, v = own.s.q.copy(), own.s.v.copy()
     k = [np.zeros(2 * whole.s.q.size) for _ in models]
     for model, rates in zip(models, k, strict=True):
-        model.work.moved[:] = model.start_rows
+        model.work.wheels[:] = model.start_rows
         derivative(*model.system(), model.s, model.work, rates)
         stage_joints(model.link, model.environment, model.s, model.work)
     assert np.abs(own.s.q - q).max() < 1e-14 * np.abs(q).max()

@@ -9,7 +9,7 @@ import test_track_rigid
 
 from fmus.physics.chain.flexible.elements import flatten
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.rolling import roll
+from fmus.physics.chain.rolling import evaluate_contacts
 from fmus.physics.chain.sums import CONTACT, LOSSES, PATCH_POWER
 from fmus.physics.rigid import body
 from fmus.physics.wheels import move
@@ -28,14 +28,14 @@ def flexible(element: str):
 
     def at(t: float):
         w.b[:], w.sums[:], w.wrench[:] = 0.0, 0.0, 0.0
-        move(rows, t, w.moved)
+        move(rows, t, w.wheels)
         model.s.q[:] = q + t * model.s.v
-        seen = w.moved
+        seen = w.wheels
         if element == "planar":
             seen = w.flat
             flatten(model.link, w)
         motion = Motion(model.s.q, model.s.v, model.s.v)
-        roll(model.link, model.contacts, motion, w, seen, 0.0, False)
+        evaluate_contacts(model.link, model.contacts, motion, w, seen, 0.0, False)
         into = 0.0
         for i in np.flatnonzero(w.touched):
             model.kit.coordinates(model.s.v, i, (i + 1) % model.nodes, w.v)
@@ -61,12 +61,12 @@ def rigid():
 
     def at(t: float):
         w.system.r[:], w.wrench[:], w.sums[:] = 0.0, 0.0, 0.0
-        move(rows, t, w.moved)
+        move(rows, t, w.wheels)
         for i in range(len(q)):
             turn[:] = t * s.v[i]
             body.advance(q[i], turn, s.q[i])
             body.rotation(s.q[i], w.system.A[i])
-        roll(model.link, model.contacts, s, w, w.moved, 0.0, False)
+        evaluate_contacts(model.link, model.contacts, s, w, w.wheels, 0.0, False)
         into = np.sum(w.system.r * s.v) - np.sum(w.wrench[:-1] * rows[:, 3:9])
         return w.sums[CONTACT], w.sums[LOSSES:].sum(), w.sums[PATCH_POWER], into
 

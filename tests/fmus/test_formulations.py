@@ -10,7 +10,7 @@ from vehicle_in_process import InProcess
 from fmus.model import InvalidParameter
 from fmus.monolith.model import Monolith
 from fmus.physics.chain.report import CONTACT, COUNTERS, DISSIPATED, KINETIC, STRAIN
-from fmus.physics.chain.rigid.closing import opening
+from fmus.physics.chain.rigid.closing import gap_and_rate
 from fmus.physics.chain.rigid.explicit import LIMIT
 from fmus.vehicle import BadInput
 from orchestrator.execution import monolithic
@@ -27,7 +27,7 @@ PINNED = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.8 * 8 * P, 0.0]}
 
 
 def gap(model) -> float:
-    return float(np.linalg.norm(opening(model.rigid, model.s, model.work)[0]))
+    return float(np.linalg.norm(gap_and_rate(model.rigid, model.s, model.work)[0]))
 
 
 def energy(model) -> float:

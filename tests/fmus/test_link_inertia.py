@@ -10,7 +10,7 @@ from test_free_chains import HOLD, TABLE, Beams, Flexible, P, PlanarCables, Rigi
 from fmus.model import InvalidParameter
 from fmus.physics.ancf import rotary
 from fmus.physics.ancf.element import mass, straight
-from fmus.physics.chain.flexible.places import places
+from fmus.physics.chain.flexible.places import coordinate_indices
 from fmus.physics.chain.report import KINETIC
 
 MASS, INERTIA = TABLE["track"]["mass"], tuple(TABLE["track"]["inertia"])
@@ -35,7 +35,7 @@ def turning_energy(model, axis):
         model.s.v[0] = np.concatenate([np.cross(w, [0.5 * P, 0.0, 0.0]), w])
         model._evaluate_start()
     else:
-        at, across = places(model.kit, model.s.q, len(model.work.M), 1)[0], model.kit.AXES
+        at, across = coordinate_indices(model.kit, model.s.q, len(model.work.M), 1)[0], model.kit.AXES
         e = np.zeros((len(at), 3))
         e[:, across] = model.s.q.reshape(-1)[at]
         e[[0, len(at) // 2]] -= e[0]

@@ -17,8 +17,8 @@ from fmus.physics.chain.flexible.explicit import NOTHING
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.kinds import observe
 from fmus.physics.chain.report import DISSIPATED, GRAVITY, KINETIC, STRAIN
-from fmus.physics.chain.rolling import roll
-from fmus.physics.contact.ground import bumpy
+from fmus.physics.chain.rolling import evaluate_contacts
+from fmus.physics.contact.ground import bumpy_ground
 from fmus.physics.integrate.generalized_alpha import Slopes
 from orchestrator.cosim.component import Component
 from tests.validation.ancf import joints, loads, mesh, statics, torsion
@@ -26,7 +26,7 @@ from tests.validation.ancf import joints, loads, mesh, statics, torsion
 
 def rolled(model, q, v, by_rate: float, tangent: bool, contacts) -> None:
     w = model.work
-    roll(model.link, contacts, Motion(q, v, v), w, w.moved, by_rate, tangent)
+    evaluate_contacts(model.link, contacts, Motion(q, v, v), w, w.wheels, by_rate, tangent)
 
 
 SOFT = {"material.youngs_modulus": 2e7, "material.relaxation_time": 0.0}
@@ -55,7 +55,7 @@ def spun(element: str, rate):
     """A free loop, released as a regular polygon that turns at ``rate`` (3) about its middle."""
     model = make({"wheels": wheels(), "gravity": 0.0}, start="polygon", element=element)
     model.contacts, model.environment = None, model.environment._replace(mount=-1)
-    model.rows, model.work = np.zeros((0, 15)), model.work._replace(moved=np.zeros((0, 15)), flat=np.zeros((0, 15)))
+    model.rows, model.work = np.zeros((0, 15)), model.work._replace(wheels=np.zeros((0, 15)), flat=np.zeros((0, 15)))
     angle = 2 * np.pi * np.arange(LINKS) / LINKS
     radius = PITCH / (2 * np.sin(np.pi / LINKS))
     model.settle_pins(radius * np.stack([np.cos(angle), -np.sin(angle)], axis=1))
@@ -231,7 +231,7 @@ def test_contacts_give_the_chain_what_the_wheels_get(yaw):
         assert abs(moments[1][:, 1]).max() > 1.0  # and the part of the pins' ends
         return force, sum(moment.sum((0, 1)) for moment in moments)
 
-    w.moved[:] = rows
+    w.wheels[:] = rows
     for ground in (0, 1):
         w.b[:], w.sums[:], w.wrench[:] = 0.0, 0.0, 0.0
         force, moment = given(ground)
@@ -257,11 +257,11 @@ def test_the_matrices_of_contacts_are_their_derivatives(rise):
     model.s.q[:, 2] -= 2e-3
     model.s.v[:] = 0.1 * rng.standard_normal(model.s.v.shape)
     if rise:
-        bump = bumpy(model.contacts.shape.height, -3.0, rise, 0.05, 0.5, 0.1)
+        bump = bumpy_ground(model.contacts.shape.height, -3.0, rise, 0.05, 0.5, 0.1)
         model.contacts = model.contacts._replace(shape=bump)
     w, q, v = model.work, model.s.q.copy(), model.s.v.copy()
-    w.moved[:] = model.start_rows
-    w.moved[1:, 2] += 5.0  # road wheels and idler without contact
+    w.wheels[:] = model.start_rows
+    w.wheels[1:, 2] += 5.0  # road wheels and idler without contact
 
     def load(d: np.ndarray) -> np.ndarray:
         w.b[:], w.sums[:], w.wrench[:], w.A[:] = 0.0, 0.0, 0.0, 0.0

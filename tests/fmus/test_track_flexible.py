@@ -78,7 +78,7 @@ def spinning(links: int = 64, omega: float = 5.0) -> Model:
     model = make({"links": links, "wheels": wheels(), "gravity": 0.0}, start="polygon")
     model.contacts = model.contacts._replace(radius=np.zeros(0), teeth=np.zeros(0, dtype=np.int64))
     model.rows, model.environment = np.zeros((0, 15)), model.environment._replace(mount=-1)
-    model.work = model.work._replace(moved=np.zeros((0, 15)), flat=np.zeros((0, 15)))
+    model.work = model.work._replace(wheels=np.zeros((0, 15)), flat=np.zeros((0, 15)))
     angle = 2 * pi * np.arange(links) / links
     radius = PITCH / (2 * sin(pi / links))
     model.settle_pins(radius * np.stack([np.cos(angle), -np.sin(angle)], axis=1))

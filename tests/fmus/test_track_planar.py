@@ -9,7 +9,7 @@ from fmus.model import InvalidParameter
 from fmus.physics.ancf import cable
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.kinds import observe
-from fmus.physics.contact.ground import bumpy, level
+from fmus.physics.contact.ground import bumpy_ground, surface_depth
 from fmus.physics.integrate.generalized_alpha import Slopes
 from tests.fmus.test_track_flexible import PITCH, at_rest, carrier, hanging, make
 
@@ -66,7 +66,7 @@ def lifted(model) -> tuple:
         getattr(solid.s, name)[:] = 0.0
         getattr(solid.s, name)[:, LIFT] = getattr(model.s, name)
     solid.rows[:] = model.rows
-    solid.work.moved[:] = model.rows
+    solid.work.wheels[:] = model.rows
     return solid
 
 
@@ -81,7 +81,7 @@ def test_a_moving_chain_has_the_same_residual_and_matrix():
         u[13 * k + 7 : 13 * k + 10], u[13 * k + 11] = (0.5, 0.0, -0.2), 3.0
     model.step(0.0, 1e-3, u)
     model.s.v[:] += 0.05 * RANDOM.standard_normal(model.s.v.shape)
-    model.work.moved[:] = model.rows
+    model.work.wheels[:] = model.rows
     solid = lifted(model)
     for m in (model, solid):
         evaluate(m)
@@ -161,10 +161,10 @@ def test_only_small_deformations_are_planar():
 
 
 def test_a_bump_has_the_normal_of_the_plane():
-    """The normal of a bump turns by the curvature of ``level`` along t (``bend`` in ``plane.Face``)."""
-    ground = bumpy(0.0, 0.0, 0.2, 0.5, 0.4, 0.3)
+    """The normal of a bump turns by the curvature of ``surface_depth`` along t (``curvature`` in ``face.Face``)."""
+    ground = bumpy_ground(0.0, 0.0, 0.2, 0.5, 0.4, 0.3)
     for x, z in ((0.1, 0.02), (0.5, 0.15)):
-        _, n0, n2, bend = level(ground, x, z)
+        _, n0, n2, bend = surface_depth(ground, x, z)
         step = 1e-7
-        _, m0, m2, _ = level(ground, x - step * n2, z + step * n0)
+        _, m0, m2, _ = surface_depth(ground, x - step * n2, z + step * n0)
         assert ((m0 - n0) / step, (m2 - n2) / step) == pytest.approx((-bend * n2, bend * n0), abs=1e-5)

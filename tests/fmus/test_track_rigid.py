@@ -10,7 +10,7 @@ from fmus import track_steps
 from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.chain.environment import LOOP, Environment
 from fmus.physics.chain.explicit import slopes
-from fmus.physics.chain.implicit import Method
+from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.layout import close_exactly
 from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.chain.rigid.dynamics import pin_motion
@@ -19,7 +19,7 @@ from fmus.physics.chain.rigid.links import RigidLinks, pins, place
 from fmus.physics.chain.rigid.newton import FORCE
 from fmus.physics.chain.rigid.state import shapes, views
 from fmus.physics.chain.rigid.work import work
-from fmus.physics.chain.state import begin, size
+from fmus.physics.chain.state import size, store_first_evaluation
 from fmus.physics.integrate import hht
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.physics.rigid.augmented import Ends
@@ -40,7 +40,7 @@ class Chain:
         n = len(pins) if ends.closed else len(pins) - 1
         inertia = np.array(inertia, float)
         self.link = RigidLinks(0.5 * pitch, TRACK["face"], 0.25 * TRACK["width"], mass, inertia, ends)
-        self.method = Method(coefficients(radius), FORCE, True)
+        self.method = ImplicitMethod(coefficients(radius), FORCE, True)
         self.env = Environment(gravity, LOOP, np.zeros((2, 3)), 0.0, -1)
         sizes = shapes(n, ends.closed, 0)
         self.s, self.work = views(np.zeros(size(sizes)), sizes), work(n, ends.closed, 0)
@@ -52,7 +52,7 @@ class Chain:
 
     def release(self):
         assert accelerations(*self.parts(), self.s, self.work) == -1
-        begin(self.s, self.work)
+        store_first_evaluation(self.s, self.work)
         return self
 
     def run(self, time, h, step=track_steps.implicit, scheme=None):

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from test_track_flexible import TABLE, make, parameters, wheels
 
 from fmus.model import InvalidParameter
-from fmus.physics.chain.flexible.axes_state import GROWTH, ORIGIN, RATE
-from fmus.physics.chain.flexible.places import places
+from fmus.physics.chain.flexible.axes_state import OMEGA, OMEGA_RATE, ORIGIN
+from fmus.physics.chain.flexible.places import coordinate_indices
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.report import KINETIC, STRAIN
 from fmus.physics.integrate.generalized_alpha import Slopes
@@ -29,8 +29,8 @@ def shaken(model, size=1e-3):
     """Put a chain on its wheels into contact, out of its plane, with no two links alike."""
     rng = np.random.default_rng(2)
     model.s.q[:] += size * rng.standard_normal(model.s.q.shape) * [1.0, 1.0, 1.0, 0.1, 0.1, 0.1, 0.1, 0.1]
-    model.work.moved[:] = model.start_rows
-    model.work.moved[:, :3] += [2e-3, 3e-3, -1e-3]
+    model.work.wheels[:] = model.start_rows
+    model.work.wheels[:, :3] += [2e-3, 3e-3, -1e-3]
     return model
 
 
@@ -41,8 +41,8 @@ def residual(model, turn=(0.0, 0.0, 0.0), by=BY, moved=None, fresh=False):
     """
     axes, w, still = model.s.axes.copy(), model.work, model.work.still
     axes[:ORIGIN] = (Rotation.from_rotvec(turn).as_matrix()).ravel()
-    axes[RATE : RATE + 3] += by.v * np.asarray(turn)
-    axes[GROWTH : GROWTH + 3] += by.vdot * np.asarray(turn)
+    axes[OMEGA : OMEGA + 3] += by.v * np.asarray(turn)
+    axes[OMEGA_RATE : OMEGA_RATE + 3] += by.vdot * np.asarray(turn)
     change = still if moved is None else moved
     motion = Motion(model.s.q + change, by.v * change, by.vdot * change, axes)
     model.evaluate(motion, by, fresh)
@@ -58,7 +58,7 @@ def border_of(model):
     """Columns (nodes, 8, 2), rows and corner (2, 2) of the axes' rotation before condensation."""
     w, a, at, n = model.work, model.work.axes, model.kit.LAYOUT, model.links_count
     columns, rows = np.zeros((model.nodes, 8, 2)), np.zeros((model.nodes, 8, 2))
-    columns[:, at.pin], rows[:, at.pin] = a.edge[..., :2], a.edge[..., 2:]
+    columns[:, at.pin], rows[:, at.pin] = a.border[..., :2], a.border[..., 2:]
     corner = a.corner.copy()
     for i in range(n):
         inside, own = w.left[i, 8:], w.right[i, :, 8:]
@@ -85,7 +85,7 @@ def test_the_border_is_what_a_turn_of_the_axes_does(by):
     step = 1e-9
     columns, rows, corner = border_of(model)
     assert model.work.touched.sum() > 20
-    at = places(model.kit, model.s.q, 4, model.links_count).reshape(model.links_count, -1)
+    at = coordinate_indices(model.kit, model.s.q, 4, model.links_count).reshape(model.links_count, -1)
     found = [differences(lambda d, e=e: residual(model, d * np.array(e), by), step) for e in ((1, 0, 0), (0, 0, 1))]
     for c, (residuals, moments) in enumerate(found):
         at_pins = np.zeros_like(model.s.q)
@@ -116,7 +116,7 @@ def test_the_balance_is_the_work_of_a_rotation():
     model.contacts = model.contacts._replace(soil=model.contacts.soil._replace(k=0.0, mu=0.0))
     _, without_ground = residual(model, fresh=True)
     w, m = model.work, len(model.wheel_list)
-    arms = np.cross(w.moved[:, :3], w.wrench[:m, :3])  # on the wheels, about the origin
+    arms = np.cross(w.wheels[:, :3], w.wrench[:m, :3])  # on the wheels, about the origin
     from_wheels = (w.wrench[:m, 3:] + arms).sum(axis=0)
     q, mass = model.s.q, TABLE["track"]["mass"]
     weight = mass * 9.81
@@ -138,11 +138,11 @@ def test_what_turns_as_a_whole_is_not_loaded_by_turning():
     model = carrier()
     rate, axes, w = np.array([0.0, 0.0, 2.0]), model.s.axes.copy(), model.work
     model.contacts = model.contacts._replace(ground=0)
-    w.moved[:] = model.start_rows
+    w.wheels[:] = model.start_rows
     still = residual(model)[0]
-    axes[RATE : RATE + 3] = rate
-    w.moved[:, 3:6] += np.cross(rate, w.moved[:, :3])
-    w.moved[:, 6:9] += rate
+    axes[OMEGA : OMEGA + 3] = rate
+    w.wheels[:, 3:6] += np.cross(rate, w.wheels[:, :3])
+    w.wheels[:, 6:9] += rate
     model.evaluate(Motion(model.s.q, w.still, w.still, axes), BY)
     found = w.R.reshape(len(w.R), -1) - still
     for i in range(model.links_count):
@@ -191,7 +191,7 @@ def momenta(model):
     for i in range(model.links_count):
         for q, out in ((model.s.q, w.e), (model.s.v, w.v)):
             model.kit.coordinates(q, i, (i + 1) % model.nodes, out)
-        e, v = w.e @ R.T, (w.v + np.cross(f[RATE : RATE + 3], w.e)) @ R.T
+        e, v = w.e @ R.T, (w.v + np.cross(f[OMEGA : OMEGA + 3], w.e)) @ R.T
         e[::2] += o
         v[::2] += ov
         p = w.M @ v
@@ -210,7 +210,7 @@ def test_momentum_is_that_of_the_wheels_and_of_second_order():
     for h in (5e-4, 2.5e-4):
         model = make(ALONE, axes="free")
         given, turned, (p0, l0), (p1, l1) = driven(model, h, 3.0, round(2.0 / h))
-        twist = model.link.twist * model.s.axes[RATE + 2]
+        twist = model.link.rotary_inertia * model.s.axes[OMEGA + 2]
         assert l1[2] == pytest.approx(6422.0, rel=1e-3)  # kg m2/s, of the same chain as one body at 3 rad/s
         assert np.abs(p1 - p0 - given).max() < 1e-4 * l1[2]
         assert twist == pytest.approx(41.30, rel=1e-3)
@@ -227,10 +227,10 @@ def test_energy_over_the_ground_is_what_moves():
     for i in range(model.links_count):
         for q, out in ((model.s.q, w.e), (model.s.v, w.v)):
             model.kit.coordinates(q, i, (i + 1) % model.nodes, out)
-        v = (w.v + np.cross(f[RATE : RATE + 3], w.e)) @ R.T
+        v = (w.v + np.cross(f[OMEGA : OMEGA + 3], w.e)) @ R.T
         v[::2] += ov
         kinetic += 0.5 * np.einsum("ak,ab,bk->", v, w.M, v)
-    kinetic += 0.5 * model.link.twist * f[RATE : RATE + 3] @ f[RATE : RATE + 3]
+    kinetic += 0.5 * model.link.rotary_inertia * f[OMEGA : OMEGA + 3] @ f[OMEGA : OMEGA + 3]
     assert model.report[KINETIC] == pytest.approx(kinetic, rel=1e-9)
 
 
@@ -263,7 +263,7 @@ def tumbling(step, integrator=EXPLICIT, shake=0.0, **changes):
         model.s.v[:, x], model.s.v[:, z] = 3.0 * model.s.q[:, z], -3.0 * model.s.q[:, x]
     model.s.v[:, 1] = np.cos(2.0 * angle)
     model.s.v[:, 7] = -2.0 * np.sin(2.0 * angle) * angle[1] / PITCH  # along the links
-    model.s.axes[RATE], model.s.axes[RATE + 2] = 3.0, 2.0
+    model.s.axes[OMEGA], model.s.axes[OMEGA + 2] = 3.0, 2.0
     model._evaluate_start()
     start = totals(model)
     model.rows[:] = model.start_rows
@@ -275,11 +275,11 @@ def tumbling(step, integrator=EXPLICIT, shake=0.0, **changes):
 
 
 def totals(model, twist=1.0):
-    """Linear and angular momentum and energy, with ``twist`` times the links' own rotation."""
+    """Linear and angular momentum and energy, with ``rotary_inertia`` times the links' own rotation."""
     linear, angular = momenta(model)
-    R, rate = model.s.axes[:9].reshape(3, 3), model.s.axes[RATE : RATE + 3]
-    inertia = twist * model.link.twist
-    energy = model.report[KINETIC] + model.report[STRAIN] + 0.5 * (inertia - model.link.twist) * rate @ rate
+    R, rate = model.s.axes[:9].reshape(3, 3), model.s.axes[OMEGA : OMEGA + 3]
+    inertia = twist * model.link.rotary_inertia
+    energy = model.report[KINETIC] + model.report[STRAIN] + 0.5 * (inertia - model.link.rotary_inertia) * rate @ rate
     return linear, angular + inertia * R @ rate, energy
 
 
@@ -288,7 +288,7 @@ def test_a_loop_that_tumbles_keeps_momentum_and_energy():
     """A tumbling loop keeps momentum and energy about all axes with the explicit integrator."""
     model, (p0, l0, e0), (p1, l1, e1) = tumbling(1e-4)
     assert np.abs(l0).min() > 2e3
-    assert np.abs(model.s.axes[[RATE, RATE + 2]] - [3.0, 2.0]).min() > 0.05
+    assert np.abs(model.s.axes[[OMEGA, OMEGA + 2]] - [3.0, 2.0]).min() > 0.05
     assert np.abs(p1 - p0).max() < 1e-9
     assert np.abs(l1 - l0).max() < 1e-9
     assert abs(e1 - e0) < 1e-8
@@ -344,7 +344,7 @@ def test_both_integrators_turn_a_chain_on_its_wheels_alike():
         model = make(ALONE, axes="free", **given)
         driven(model, 1e-3, 3.0, 20)
         pins[step, young] = model.pins()
-    assert model.s.axes[RATE + 2] > 5.0
+    assert model.s.axes[OMEGA + 2] > 5.0
     truth, coarse, fine = pins[1.0, 2e9], pins[1e-4, 2e9], pins[5e-5, 2e9]
     assert np.abs(coarse - truth).max() / np.abs(fine - truth).max() == pytest.approx(2.0, abs=0.2)
     assert np.abs(2.0 * fine - coarse - truth).max() < 2e-5

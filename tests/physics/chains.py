@@ -20,10 +20,10 @@ from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.flexible.state import shapes as flexible_shapes
 from fmus.physics.chain.flexible.state import views as flexible_views
 from fmus.physics.chain.flexible.work import work as flexible_work
-from fmus.physics.chain.implicit import Method
+from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.kinds import observe
 from fmus.physics.chain.report import COUNTERS, GRAVITY, KINETIC, REPORT
-from fmus.physics.chain.state import begin, size
+from fmus.physics.chain.state import size, store_first_evaluation
 from fmus.physics.integrate import adams, generalized_alpha, hht, runge_kutta
 from fmus.physics.integrate.generalized_alpha import Slopes, coefficients
 from tests.validation.rods import EXPLICIT, IMPLICIT, P, Rods, of_angles  # noqa: F401 - for tests
@@ -74,7 +74,7 @@ class Flexible:
         self.report, self.counters = np.zeros(REPORT), np.zeros(COUNTERS, np.int64)
         n, nodes = (len(pins) if closed else len(pins) - 1), len(pins)
         self.links = cables.Cables(n, int(closed), cable, 0.029, 0.02, AREA, SECOND)
-        self.method = Method(coefficients(radius), 1e-12, True)
+        self.method = ImplicitMethod(coefficients(radius), 1e-12, True)
         sizes = flexible_shapes(cables.NODE, nodes, 0)
         self.s, self.w = flexible_views(np.zeros(size(sizes)), sizes), flexible_work(cables, n, nodes, 0)
         self.place(np.asarray(pins, float))
@@ -103,7 +103,7 @@ class Flexible:
         self.factor()
         accelerations(*system)
         self.s.vdot[:] = self.s.a[:] = self.w.change[0]
-        begin(self.s, self.w)
+        store_first_evaluation(self.s, self.w)
         return self
 
     def factor(self):

@@ -16,7 +16,7 @@ from fmus.physics.integrate.adams import (
     ORDERS,
     REJECTED,
     RESTARTS,
-    RISING,
+    STARTING,
     STEPS,
     accept,
     accurate,
@@ -81,7 +81,7 @@ def in_equal_steps(k, steps, off=1.0):
     m.psi[0] = h * np.arange(1, m.psi.shape[1] + 1)
     m.x[:] = on_circle(0.0)
     for _ in range(round(end / h)):
-        m.at[ORDER], m.at[RISING] = k, 0
+        m.order_control[ORDER], m.order_control[STARTING] = k, 0
         predict(m, h)
         m.k[:] = circle(0.0, m.y)
         assert accurate(m, h)
@@ -108,8 +108,8 @@ def test_unequal_steps_of_order_k_are_exact_for_polynomials_of_degree_k():
     restart(m, 1.0)
     for _ in range(12):
         h = rng.uniform(0.05, 0.2)
-        m.at[ORDER] = min(m.at[ORDER], k)
-        order, before = int(m.at[ORDER]), m.x.copy()
+        m.order_control[ORDER] = min(m.order_control[ORDER], k)
+        order, before = int(m.order_control[ORDER]), m.x.copy()
         for phase in (predict, correct):
             phase(m, h)
             m.k[:] = (t + h) ** power
@@ -188,6 +188,6 @@ def test_a_kink_costs_rejected_steps_unless_the_past_is_forgotten_there():
 
 def test_orders_and_steps_stay_where_they_are_allowed():
     m = run(oscillators, START, END, 1e-13)
-    assert 1 <= m.at[ORDER] <= module.order
-    assert m.size[ERROR] < 1.0
-    assert m.size[NEXT] > 0.0
+    assert 1 <= m.order_control[ORDER] <= module.order
+    assert m.step_control[ERROR] < 1.0
+    assert m.step_control[NEXT] > 0.0

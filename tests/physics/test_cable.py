@@ -114,7 +114,7 @@ def test_matrices_match_their_products():
     """The matrices of unit tension and of bending along an axis give the same as their products."""
     e = rng.standard_normal((4, 1))
     stretch, bend = cable.linear(LINK._replace(EI=0.0), 1.0, 0.0), cable.linear(LINK._replace(EI=1.0), 0.0, 0.0)
-    for rows, product in ((stretch, cable.averaged), (bend, cable.bent)):
+    for rows, product in ((stretch, cable.strain_gradient), (bend, cable.bending_force)):
         P = np.zeros((4, 1))
         cable.add(product(LINK, cable.parts(e, 0)), 0, P)
         np.testing.assert_allclose(np.array(rows) @ e, P, rtol=1e-11, atol=1e-11 * abs(P).max())

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from pressed import PointContact, guide, rim, soil, tooth
 
-from fmus.physics.contact.ground import Ground, bumpy, level
+from fmus.physics.contact.ground import GroundShape, bumpy_ground, surface_depth
 from fmus.physics.contact.laws import LAWS, normal
 from fmus.physics.contact.linear import Linear
 from fmus.physics.contact.teeth import teeth
-from fmus.physics.contact.wheel import closing, creeping, reach
-from fmus.physics.contact.wheel_kinematics import collect, slide
+from fmus.physics.contact.wheel import covered_part, end_rates_in_space, sink_rate
+from fmus.physics.contact.wheel_kinematics import add_reaction, slip_velocity
 from fmus.physics.point import sharpen
 from fmus.physics.wheels import WIDTH, move
 from fmus.vehicle import Law
@@ -35,10 +35,10 @@ def wheel_row(tilt: float = 0.0) -> np.ndarray:
 
 
 def on_ground(x, v, s):
-    return soil(LAW, 0.5, Ground(0.01), x, v, s)
+    return soil(LAW, 0.5, GroundShape(0.01), x, v, s)
 
 
-BUMP = bumpy(0.01, 0.4, 0.5, 0.6, 0.8, 0.3)  # from x = 0.4
+BUMP = bumpy_ground(0.01, 0.4, 0.5, 0.6, 0.8, 0.3)  # from x = 0.4
 
 
 def on_bump(x, v, s):
@@ -97,7 +97,7 @@ def test_power_of_the_force_is_dissipation_and_storage(contact, x):
     """The power of the force, relative to the face, is dissipation + growth of the stored energy."""
     s, v, h = PointContact(), np.array([0.3, -0.2, 0.4]), 1e-7
     _, _, _, power = contact(x, v, s)
-    seen = slide(wheel_row(0.05 if contact is on_rim else 0.0), x, v)
+    seen = slip_velocity(wheel_row(0.05 if contact is on_rim else 0.0), x, v)
     w = v if contact in (on_ground, on_bump) else np.array(seen)
     taken = -s.f @ w
     grown = (contact(x + h * w, v, s)[2] - contact(x - h * w, v, s)[2]) / (2.0 * h)
@@ -123,7 +123,7 @@ def guided(x, v, row, s):
 
 
 PASSES = {
-    "ground": (lambda x, v, row, s: soil(LAW, 0.5, Ground(0.01), x, v, s), [0.1, 0.2, 0.01], False),
+    "ground": (lambda x, v, row, s: soil(LAW, 0.5, GroundShape(0.01), x, v, s), [0.1, 0.2, 0.01], False),
     "bump": (lambda x, v, row, s: soil(LAW, 0.5, BUMP, x, v, s), [0.9, 0.2, 0.2885], False),
     "rim": (lambda x, v, row, s: rim(LAW, 0.5, 0.305, row, x, v, 0.2, s), [0.32, 0.03, -0.401], True),
     "teeth": (lambda x, v, row, s: tooth(LAW, 1.0, TEETH, row, x, v, s), at(0.02, 0.249), True),
@@ -148,7 +148,7 @@ def test_work_on_a_contact_is_stored_and_dissipated(law):
         s.f[:] = 0.0
         _, _, stored[i], lost[i] = contact(x, v, row[0], s)
         if wheel:
-            v = np.array(slide(row[0], x, v))
+            v = np.array(slip_velocity(row[0], x, v))
         work[i] = -s.f @ v
     weights = np.full(steps + 1, 2.0)
     weights[1::2], weights[[0, -1]] = 4.0, 1.0
@@ -244,9 +244,9 @@ def test_a_wheel_that_rolls_on_a_flat_feels_no_damper():
     row, s = wheel_row(), PointContact()
     row[3:6], row[6:9] = (2.0, 0.0, 0.0), (0.0, 2.0 / 0.305, 0.0)
     side, still = np.array([0.0, 0.0, -1.0]), np.zeros(3)
-    assert closing(row, still, side) == 0.0
+    assert sink_rate(row, still, side) == 0.0
     row[5] = -0.3
-    assert closing(row, still, side) == pytest.approx(0.3)
+    assert sink_rate(row, still, side) == pytest.approx(0.3)
     x, v = np.array([0.32, 0.03, -0.4]), np.array([0.3, -0.2, 0.4])
     pair = []
     for rate in (0.3 + 1e-6, 0.3 - 1e-6):
@@ -256,7 +256,7 @@ def test_a_wheel_that_rolls_on_a_flat_feels_no_damper():
 
 
 def test_ends_of_a_covered_part_creep_as_links_and_wheels_move():
-    """Rates of the ends of a covered part are the derivatives of ``reach``, for links at all angles.
+    """Rates of the ends of a covered part are the derivatives of ``covered_part``, for links at all angles.
 
     The centre may be beyond their inner face.
     """
@@ -271,14 +271,14 @@ def test_ends_of_a_covered_part_creep_as_links_and_wheels_move():
         def part(tau, a=a, b=b, u=u, v=v):
             moved = np.zeros((1, WIDTH))
             move(row[None], tau, moved)
-            return np.array(reach(moved[0], radius, a + tau * u, b + tau * v, face)[0][:2])
+            return np.array(covered_part(moved[0], radius, a + tau * u, b + tau * v, face)[0][:2])
 
-        ends, side = reach(row, radius, a, b, face)
+        ends, side = covered_part(row, radius, a, b, face)
         if not 0.05 < ends[1] - ends[0] < 1.0:
             continue
         beyond = bool(np.array(side) @ (a - row[:3]) - face < 0.0)
         numeric = (part(h) - part(-h)) / (2.0 * h)
-        found = np.array(creeping(row, a, b, u, v, face, side, ends))
+        found = np.array(end_rates_in_space(row, a, b, u, v, face, side, ends))
         assert abs(found - numeric).max() < 1e-5 * max(1.0, abs(numeric).max())
         assert abs(1.03 * found - numeric).max() > 1e-5 * max(1.0, abs(numeric).max())
         seen[beyond] += 1
@@ -292,7 +292,7 @@ def test_shares_of_a_contact_add_up():
     a, b = b, a  # rearwards: outward is down
     s, v, offset, radius = PointContact(), np.zeros(3), 0.029, 0.305
     law = Linear(2e6, 0.0, 0.0, 0.05)
-    (low, high, foot), side = reach(row, radius, a, b, offset)
+    (low, high, foot), side = covered_part(row, radius, a, b, offset)
     t = (b - a) / np.linalg.norm(b - a)
     n = np.cross(t, row[9:12])
 
@@ -382,7 +382,7 @@ def test_wheels_turn_rigidly():
 
 def test_reaction_on_the_wheel():
     wrench, row, x, f = np.zeros(6), wheel_row(), np.array([0.4, 0.1, -0.3]), np.array([1.0, 2.0, 3.0])
-    collect(row, x, f, wrench)
+    add_reaction(row, x, f, wrench)
     np.testing.assert_allclose(wrench[:3], -f)
     np.testing.assert_allclose(wrench[3:], np.cross(x - row[:3], -f))
 
@@ -403,7 +403,7 @@ def test_depth_below_a_bump_is_the_true_distance():
     assert BUMP.middle - foot == pytest.approx(0.4)
     rng, checked = np.random.default_rng(3), 0
     for x, z in zip(rng.uniform(0.0, 2.8, 200), rng.uniform(-0.1, 0.7, 200), strict=True):
-        depth, n0, n2, _ = level(BUMP, x, z)
+        depth, n0, n2, _ = surface_depth(BUMP, x, z)
         if abs(depth) < 0.1:
             gap = np.hypot(*(profile - [x, z]).T)
             assert abs(depth) == pytest.approx(gap.min(), abs=2e-6)
@@ -411,14 +411,14 @@ def test_depth_below_a_bump_is_the_true_distance():
             assert np.array([n0, n2]) * depth == pytest.approx(nearest, abs=1e-3)
             checked += 1
     assert checked > 30
-    assert level(BUMP, 1.0, 0.0)[0] != pytest.approx(
-        level(bumpy(0.01, 0.4, 0.5, 0.63, 0.8, 0.3), 1.0, 0.0)[0], abs=1e-3
+    assert surface_depth(BUMP, 1.0, 0.0)[0] != pytest.approx(
+        surface_depth(bumpy_ground(0.01, 0.4, 0.5, 0.63, 0.8, 0.3), 1.0, 0.0)[0], abs=1e-3
     )
 
 
 def test_edges_too_round_for_their_bump_are_refused():
     with pytest.raises(ValueError, match="alone rise more than"):
-        bumpy(0.0, 1.0, 0.1, 1.0, 1.0, 0.5)
+        bumpy_ground(0.0, 1.0, 0.1, 1.0, 1.0, 0.5)
 
 
 def stopped(v_reg: float, sharp: bool, most: int = 40) -> tuple[np.ndarray, list[float]]:
@@ -429,11 +429,11 @@ def stopped(v_reg: float, sharp: bool, most: int = 40) -> tuple[np.ndarray, list
     if sharp:
         sharpen(s.memory)
     while len(sizes) < most and (not sizes or sizes[-1] > 1e-12):
-        soil(law, 1.0, Ground(0.0), x, v, s)
+        soil(law, 1.0, GroundShape(0.0), x, v, s)
         dv = np.linalg.solve(mass / h * np.eye(3) - s.f_v, mass / h * (v - before) - s.f)
         v -= dv
         sizes.append(float(abs(dv).max()))
-    soil(law, 1.0, Ground(0.0), x, v, s)
+    soil(law, 1.0, GroundShape(0.0), x, v, s)
     assert len(sizes) == most or mass / h * (v - before) == pytest.approx(s.f, abs=1e-5)
     return v, sizes
 

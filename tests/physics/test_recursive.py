@@ -12,13 +12,13 @@ from fmus.physics.chain.environment import HELD, LOOP, Environment
 from fmus.physics.chain.explicit import march, slopes
 from fmus.physics.chain.rigid import jointed
 from fmus.physics.chain.rigid.explicit import accelerations
-from fmus.physics.chain.rigid.joints import count, fold, unfold
+from fmus.physics.chain.rigid.joints import count, to_joint_coordinates, to_poses
 from fmus.physics.chain.rigid.links import RigidLinks, place
 from fmus.physics.chain.rigid.state import shapes, views
 from fmus.physics.chain.rigid.work import work
 from fmus.physics.chain.state import size
 from fmus.physics.rigid import pin, recursive
-from fmus.physics.rigid.augmented import PIN, Ends, Spring
+from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
 
 P, MASS, G = 0.1524, 18.0, 9.81
 ROD = (0.25, MASS * P**2 / 12.0, MASS * P**2 / 12.0)
@@ -27,7 +27,7 @@ HANGS = Ends(False, True, False)
 FLOATS = Ends(False, False, False)
 LOOPED = Ends(True, False, False)
 BETWEEN = Ends(False, True, True)
-LOOPS = {"pin": PIN, "spring": Spring(1e9, 1e4)}
+LOOPS = {"pin": PIN, "spring": ClosingSpring(1e9, 1e4)}
 
 
 class Chain:
@@ -43,8 +43,8 @@ class Chain:
         self.s, self.w = views(np.zeros(size(sizes)), sizes), work(n, ends.closed, 0, joints=joints)
         self.report, self.counters = np.zeros(18), np.zeros(4, np.int64)
         place(self.rigid, np.asarray(pins, float), self.s, self.w)
-        fold(self.rigid, self.s)
-        unfold(self.rigid, self.s, self.w)
+        to_joint_coordinates(self.rigid, self.s)
+        to_poses(self.rigid, self.s, self.w)
         self.n, self.speeds = n, joints // 2 if ends.first else n + 5
 
     def moving(self, rng, speed=3.0):
@@ -55,7 +55,7 @@ class Chain:
             x[:3] = rng.normal(size=3)
             turned = Rotation.from_rotvec(rng.normal(size=3)).as_quat()
             x[3:7] = turned[[3, 0, 1, 2]]
-        unfold(self.rigid, self.s, self.w)
+        to_poses(self.rigid, self.s, self.w)
         return self
 
     def recursive(self):
@@ -74,10 +74,10 @@ class Chain:
         for k in range(self.speeds):
             x[-self.speeds :] = 0.0
             x[len(x) - self.speeds + k] = 1.0
-            unfold(self.rigid, self.s, self.w)
+            to_poses(self.rigid, self.s, self.w)
             columns.append(self.s.v.ravel().copy())
         x[:] = before
-        unfold(self.rigid, self.s, self.w)
+        to_poses(self.rigid, self.s, self.w)
         return np.stack(columns, axis=1)
 
     def run(self, time, h):
@@ -116,7 +116,7 @@ def loop(n, spring=PIN, seed=4, speed=2.0):
     s.joints[-chain.speeds : len(s.joints) - chain.speeds + 6] = speed * rng.normal(size=6)
     sway = np.linalg.svd(_closing(chain))[2][2:]  # rates that leave the gap constant
     s.joints[len(s.joints) - chain.speeds :] += speed * sway.T @ rng.normal(size=len(sway)) / np.sqrt(n)
-    unfold(chain.rigid, s, chain.w)
+    to_poses(chain.rigid, s, chain.w)
     return chain
 
 
@@ -208,7 +208,7 @@ def test_moving_chain_has_the_accelerations_of_the_augmented_formulation(ends):
     assert np.abs(found - expected).max() < 1e-11 * np.abs(expected).max()
     assert np.abs(force - pull).max() < 1e-11 * np.abs(pull).max()
     chain.s.joints[-chain.speeds :] *= 1.01
-    unfold(chain.rigid, chain.s, chain.w)
+    to_poses(chain.rigid, chain.s, chain.w)
     assert np.abs(chain.recursive()[0] - expected).max() > 1e-4 * np.abs(expected).max()
 
 
@@ -251,7 +251,7 @@ def test_closing_pin_has_five_equations_of_rank_two():
     assert np.linalg.matrix_rank(mobility, tol=1e-12) == 2
     chain.recursive()
     plane = A[0][:, [0, 2]]
-    assert np.abs(chain.w.tree.mobility - plane.T @ mobility[:3, :3] @ plane).max() < 1e-12
+    assert np.abs(chain.w.articulated.mobility - plane.T @ mobility[:3, :3] @ plane).max() < 1e-12
 
 
 def test_thrown_loop_keeps_momentum_and_energy():
@@ -266,7 +266,7 @@ def test_thrown_loop_keeps_momentum_and_energy():
         before = np.array([*chain.momenta(), chain.energy()])
         chain.run(0.5, h)
         errors.append(np.abs(np.array([*chain.momenta(), chain.energy()]) - before))
-        assert chain.w.tree.mobility.any()
+        assert chain.w.articulated.mobility.any()
     orders = np.log2(errors[0] / errors[1])
     assert np.abs(orders - 4.0).max() < 0.3
     assert errors[1].max() < 1e-9
@@ -290,13 +290,13 @@ def test_cost_grows_with_the_number_of_links():
     """The cost grows with the number of links: a fixed number of entries is touched per link."""
 
     def touched(n):
-        tree = recursive.Tree(*(part.view(Counted) for part in recursive.tree(n)))
+        tree = recursive.ArticulatedBodies(*(part.view(Counted) for part in recursive.articulated_bodies(n)))
         rng = np.random.default_rng(n)
         angle = rng.uniform(-1.0, 1.0, n)
         tree.turn[:] = np.column_stack([np.cos(angle), np.sin(angle)])
         Counted.touched = 0
         assert plain(recursive.factor)(0.5 * P, MASS, np.array(BODY), True, tree) == -1
-        plain(recursive.solve)(0.5 * P, True, True, tree, tree.load[0], tree.answer[0])
+        plain(recursive.solve)(0.5 * P, True, True, tree, tree.load[0], tree.response[0])
         return Counted.touched
 
     counts = np.array([touched(n) for n in (8, 16, 24, 48)])

@@ -10,7 +10,7 @@ from fmus import track_steps
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.environment import HELD, LOOP, Environment
 from fmus.physics.chain.explicit import slopes
-from fmus.physics.chain.implicit import Method
+from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.chain.rigid.dynamics import pin_motion
 from fmus.physics.chain.rigid.explicit import accelerations
@@ -18,7 +18,7 @@ from fmus.physics.chain.rigid.links import RigidLinks, place
 from fmus.physics.chain.rigid.newton import FORCE
 from fmus.physics.chain.rigid.state import shapes, views
 from fmus.physics.chain.rigid.work import work
-from fmus.physics.chain.state import begin, size
+from fmus.physics.chain.state import size, store_first_evaluation
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.physics.rigid.augmented import Ends
 
@@ -56,7 +56,7 @@ class Rods:
         ends, sizes = Ends(closed, held, False), shapes(n, closed, 0)
         self.links = RigidLinks(0.5 * pitch, FACE, LATERAL, mass, thin, ends)
         self.env = Environment(gravity, HELD if held else LOOP, np.zeros((2, 3)), 0.0, -1)
-        self.method = Method(coefficients(radius), FORCE, True)
+        self.method = ImplicitMethod(coefficients(radius), FORCE, True)
         self.s, self.w = views(np.zeros(size(sizes)), sizes), work(n, closed, 0)
         self._slopes, self._report, self._counters = slopes(self.s), np.zeros(REPORT), np.zeros(COUNTERS, np.int64)
         place(self.links, np.asarray(pins, dtype=float), self.s, self.w)
@@ -65,7 +65,7 @@ class Rods:
         """Accelerations (n, 6) of the present state; also sets the pin forces ``s.lam``."""
         if accelerations(self.links, None, self.env, self.s, self.w) >= 0:
             raise ArithmeticError("the chain is singular")
-        begin(self.s, self.w)
+        store_first_evaluation(self.s, self.w)
         return self.s.vdot
 
     def run(self, time: float, h: float, integrator: str = EXPLICIT) -> Rods:

@@ -37,7 +37,7 @@ from fmus.physics.arrays import Floats
 
 ROWS = 8  # coordinate vectors of an element: position and three gradients at two nodes
 GAUSS = 4  # Gauss points along the element
-SEES = np.array(
+SECTION_VECTORS = np.array(
     [[0, 1], [0, 1], [1, 3], [2, 4]] * 2
 )  # section vectors that a vector of the element changes; where the first is 0, r_x, there is no second
 
@@ -79,7 +79,7 @@ def axes(c):
 
 
 @kernel
-def matter(c):
+def total_mass(c):
     """See ``element``."""
     return c.rho * c.width * c.height * c.l
 
@@ -107,7 +107,7 @@ def shape(c, xi, y, z, S):
 @allocating
 def mass(c, M):
     """Constant mass matrix into ``M`` (8, 8), kg, as factors of the 3 x 3 identity."""
-    S, whole, slope, (y, z) = np.empty(8), matter(c), cable.mean_slope(c), radii(c)
+    S, whole, slope, (y, z) = np.empty(8), total_mass(c), cable.mean_slope(c), radii(c)
     y, z = np.sqrt(y * y + c.rotary[1] / whole), np.sqrt(z * z + c.rotary[2] / whole)  # of gyration: exact moments
     M[:] = 0.0
     for p in range(4):  # four points integrate the sixth degree of the axis exactly
@@ -141,7 +141,7 @@ def moduli(c, axis):
 
 
 @kernel
-def law(c, C):
+def section_law(c, C):
     """Hooke's law of a section into ``C`` (2, 5, 5), Pa: ``C[0]`` for squares, ``C[1]`` for products.
 
     They are those of the five section vectors. The strain xx at y, z is that of the axis, plus half the square of y G1
@@ -185,7 +185,7 @@ def basis(c, xi, N):
 
 
 @kernel
-def seen(N, e, G):
+def section_vectors(N, e, G):
     """Section vectors ``G`` (5, 3) = N e by position differences, exact far from the origin too."""
     for i in range(3):
         G[0, i] = N[0, 4] * (e[4, i] - e[0, i]) + N[0, 1] * e[1, i] + N[0, 5] * e[5, i]
@@ -229,7 +229,7 @@ def hooke(C, E, T):
 
 
 @kernel
-def twice(E, T):
+def twice_energy_density(E, T):
     """Twice the energy density of the stresses ``T`` at the strains ``E`` (5, 5 each), J/m3."""
     total = 0.0
     for i in range(5):
@@ -243,18 +243,18 @@ def energy(c, e):
     """Strain energy at the coordinates ``e`` (8, 3), J."""
     N, G, C, E, T = np.empty((5, 8)), np.empty((5, 3)), np.empty((2, 5, 5)), np.empty((5, 5)), np.empty((5, 5))
     volume, U = c.l * c.width * c.height, 0.0
-    law(c, C)
+    section_law(c, C)
     for p in range(GAUSS):
         basis(c, POINTS[GAUSS, p], N)
-        seen(N, e, G)
+        section_vectors(N, e, G)
         strain(G, E)
         hooke(C, E, T)
-        U += 0.5 * volume * WEIGHTS[GAUSS, p] * twice(E, T)
+        U += 0.5 * volume * WEIGHTS[GAUSS, p] * twice_energy_density(E, T)
     return U
 
 
 @allocating
-def react(c, e, v, elastic, Q):
+def internal_force(c, e, v, elastic, Q):
     """Add ``elastic`` times the elastic force and the damping force at rates ``v`` (8, 3) to ``Q`` (8, 3).
 
     The damping stress is tau times the rate of the elastic one. Returns the power of the damping, W. The paper damps
@@ -264,17 +264,17 @@ def react(c, e, v, elastic, Q):
     G, H, P = seen_now[0], seen_now[1], seen_now[2]
     E, T, R, D, C = square[0], square[1], square[2], square[3], square[4:]
     volume, tau, power = c.l * c.width * c.height, c.tau, 0.0
-    law(c, C)
+    section_law(c, C)
     for p in range(GAUSS):
         w = volume * WEIGHTS[GAUSS, p]
         basis(c, POINTS[GAUSS, p], N)
-        seen(N, e, G)
-        seen(N, v, H)
+        section_vectors(N, e, G)
+        section_vectors(N, v, H)
         strain(G, E)
         hooke(C, E, T)
         rates(G, H, R)
         hooke(C, R, D)
-        power += tau * w * twice(R, D)
+        power += tau * w * twice_energy_density(R, D)
         P[:] = 0.0
         for i in range(5):
             for j in range(i, 5):
@@ -284,7 +284,7 @@ def react(c, e, v, elastic, Q):
                     if i != j:
                         P[j, n] += s * G[i, n]
         for a in range(8):
-            first, other = SEES[a, 0], SEES[a, 1]
+            first, other = SECTION_VECTORS[a, 0], SECTION_VECTORS[a, 1]
             for i in range(3):
                 Q[a, i] += N[first, a] * P[first, i] + N[other, a] * P[other, i]
     return power
@@ -296,7 +296,7 @@ def section_force(c, e, v, a):
     N, G, H, C = np.empty((5, 8)), np.empty((5, 3)), np.empty((5, 3)), np.empty((2, 5, 5))
     E, R, T, pull, square, turning = np.empty((5, 5)), np.empty((5, 5)), np.empty((5, 5)), 0.0, 0.0, 0.0
     slope = cable.mean_slope(c)
-    law(c, C)
+    section_law(c, C)
     for n in range(3):
         d = e[4, n] - e[0, n]
         square += d * d
@@ -304,8 +304,8 @@ def section_force(c, e, v, a):
             turning += d * slope[k] * a[k + k // 2 * 2, n]
     for p in range(GAUSS):
         basis(c, POINTS[GAUSS, p], N)
-        seen(N, e, G)
-        seen(N, v, H)
+        section_vectors(N, e, G)
+        section_vectors(N, v, H)
         strain(G, E)
         rates(G, H, R)
         for i in range(5):
@@ -321,13 +321,13 @@ def section_force(c, e, v, a):
 @kernel
 def force(c, e, v, Q):
     """Add elastic and damping force to ``Q`` (8, 3); return the power of the damping, W."""
-    return react(c, e, v, 1.0, Q)
+    return internal_force(c, e, v, 1.0, Q)
 
 
 @kernel
 def damping(c, e, v, Q):
     """Add the damping force alone to ``Q`` (8, 3); return its power, W."""
-    return react(c, e, v, 0.0, Q)
+    return internal_force(c, e, v, 0.0, Q)
 
 
 @kernel
@@ -363,12 +363,12 @@ def tangent(c, e, v, by_rate, K):
     G, B, Z = section[0], section[1], section[2]
     E, R, T, C = square[0], square[1], square[2], square[3:]
     volume, tau = c.l * c.width * c.height, c.tau
-    law(c, C)
+    section_law(c, C)
     K[:] = 0.0
     for p in range(GAUSS):
         basis(c, POINTS[GAUSS, p], N)
-        seen(N, e, G)
-        seen(N, v, Z)
+        section_vectors(N, e, G)
+        section_vectors(N, v, Z)
         strain(G, E)
         rates(G, Z, R)
         for i in range(5):
@@ -379,7 +379,7 @@ def tangent(c, e, v, by_rate, K):
         hooke(C, E, T)
         slope(volume * WEIGHTS[GAUSS, p], C, T, G, B, H)
         for b in range(8):
-            first, other = SEES[b, 0], SEES[b, 1]
+            first, other = SECTION_VECTORS[b, 0], SECTION_VECTORS[b, 1]
             one, two = N[first, b], N[other, b]
             for m in range(15):
                 for j in range(3):
@@ -387,7 +387,7 @@ def tangent(c, e, v, by_rate, K):
                     if first:
                         Y[m, 3 * b + j] += two * H[m, 3 * other + j]
         for a in range(8):
-            first, other = SEES[a, 0], SEES[a, 1]
+            first, other = SECTION_VECTORS[a, 0], SECTION_VECTORS[a, 1]
             one, two = N[first, a], N[other, a]
             for i in range(3):
                 if first:

@@ -68,7 +68,7 @@ def axes(c):
 
 
 @kernel
-def matter(c):
+def total_mass(c):
     """See ``element``."""
     return c.rhoA * c.l
 
@@ -143,7 +143,7 @@ def dot(a, b):
 
 
 @kernel
-def averaged(c, x):
+def strain_gradient(c, x):
     """Product of int S_x^T S_x dx of (12) and the parts ``x`` (3) along an axis, (3)."""
     d, p, r = x
     l = c.l / 30.0
@@ -151,7 +151,7 @@ def averaged(c, x):
 
 
 @kernel
-def curved(c, x):
+def end_curvatures(c, x):
     """Second derivative r_xx at both ends, 1/m, from the parts ``x`` (3) along an axis."""
     s, p, r = 6.0 * (x[0] / c.l), x[1], x[2]
     per = 1.0 / c.l  # one division for all axes
@@ -159,12 +159,12 @@ def curved(c, x):
 
 
 @kernel
-def bent(c, x):
+def bending_force(c, x):
     """Product of int S_xx^T S_xx dx of (14) and the parts ``x`` (3) along an axis, (3).
 
     These are unit bending moments and their couple.
     """
-    first, second = curved(c, x)
+    first, second = end_curvatures(c, x)
     return 1.0 / c.l * (first - second), -first, second
 
 
@@ -174,7 +174,7 @@ def strain(c, e):
     s = 0.0
     for i in range(len(c.axes)):
         x = parts(e, i)
-        s += dot(x, averaged(c, x))
+        s += dot(x, strain_gradient(c, x))
     return 0.5 * (s / c.l - 1.0)
 
 
@@ -183,7 +183,7 @@ def strain_rate(c, e, v):
     """Rate of the average strain, 1/s, at ``e`` and the rates ``v`` (4, axes)."""
     s = 0.0
     for i in range(len(c.axes)):
-        s += dot(parts(v, i), averaged(c, parts(e, i)))
+        s += dot(parts(v, i), strain_gradient(c, parts(e, i)))
     return s / c.l
 
 
@@ -192,24 +192,26 @@ def energy(c, e):
     """Strain energy at the coordinates ``e`` (4, axes), J."""
     eps, square = strain(c, e), 0.0
     for i in range(len(c.axes)):
-        first, second = curved(c, parts(e, i))  # linear in between; a sum of squares keeps its digits near zero
+        first, second = end_curvatures(c, parts(e, i))  # linear in between; a sum of squares keeps its digits near zero
         square += first * first + first * second + second * second
     return 0.5 * c.EA * c.l * eps * eps + c.EI * c.l / 6.0 * square
 
 
 @kernel
-def react(c, e, v, elastic, Q):
+def internal_force(c, e, v, elastic, Q):
     """Add ``elastic`` times the elastic force (15) and the damping force (21) to ``Q`` (4, axes).
 
     Returns the power of the damping, W.
     """
     eps, rate = strain(c, e), strain_rate(c, e, v)
     drag = c.nuA * rate / (1.0 + 2.0 * eps)  # paper (19)
-    axial, bend = elastic * c.EA * eps + drag, elastic * c.EI  # paper (12)
+    axial, bending = elastic * c.EA * eps + drag, elastic * c.EI  # paper (12)
     for i in range(len(c.axes)):
         x = parts(e, i)
-        a, b = averaged(c, x), bent(c, x)
-        add((axial * a[0] + bend * b[0], axial * a[1] + bend * b[1], axial * a[2] + bend * b[2]), i, Q)  # paper (14)
+        a, b = strain_gradient(c, x), bending_force(c, x)
+        add(
+            (axial * a[0] + bending * b[0], axial * a[1] + bending * b[1], axial * a[2] + bending * b[2]), i, Q
+        )  # paper (14)
     power = drag * rate * c.l
     if c.nuI > 0.0:
         power += bending_damping(c, e, v, Q)
@@ -222,13 +224,13 @@ def force(c, e, v, Q):
 
     Returns the dissipated power, W.
     """
-    return react(c, e, v, 1.0, Q)
+    return internal_force(c, e, v, 1.0, Q)
 
 
 @kernel
 def damping(c, e, v, Q):
     """Add the damping force (21) alone to ``Q`` (4, axes); return its power, W."""
-    return react(c, e, v, 0.0, Q)
+    return internal_force(c, e, v, 0.0, Q)
 
 
 @kernel
@@ -245,13 +247,13 @@ def bending_damping(c, e, v, Q):
     for i in range(len(c.axes)):
         x = parts(e, i)
         y = from_chord(x, parts(v, i), along, turn)
-        f = bent(c, y)
+        f = bending_force(c, y)
         power += c.nuI * dot(f, y)
         fd, fp, fr = fd + f[0] * x[0], fp + f[1] * x[0], fr + f[2] * x[0]
     back = (per * fd, per * fp, per * fr)
     for i in range(len(c.axes)):
         x = parts(e, i)
-        f = bent(c, from_chord(x, parts(v, i), along, turn))
+        f = bending_force(c, from_chord(x, parts(v, i), along, turn))
         couple = dot(f, along) - dot(x, back)  # on the ends of the chord: the moment that P^T removes
         add((c.nuI * (f[0] - couple), c.nuI * f[1], c.nuI * f[2]), i, Q)
     return power
@@ -278,16 +280,16 @@ def linear(c, tension, by_rate):
 
     The entries are factors of the identity of space; ``by_rate``, 1/s, weights the damping.
     """
-    axial, bend, l = tension / (30.0 * c.l), (c.EI + by_rate * c.nuI) / c.l**3, c.l
-    ends = 36.0 * axial + 12.0 * bend
-    mixed = (3.0 * axial + 6.0 * bend) * l
-    own = (4.0 * axial + 4.0 * bend) * l * l
-    other = (-axial + 2.0 * bend) * l * l
+    axial, bending, l = tension / (30.0 * c.l), (c.EI + by_rate * c.nuI) / c.l**3, c.l
+    ends = 36.0 * axial + 12.0 * bending
+    mixed = (3.0 * axial + 6.0 * bending) * l
+    same_end = (4.0 * axial + 4.0 * bending) * l * l
+    other_end = (-axial + 2.0 * bending) * l * l
     return (
         (ends, mixed, -ends, mixed),
-        (mixed, own, -mixed, other),
+        (mixed, same_end, -mixed, other_end),
         (-ends, -mixed, ends, -mixed),
-        (mixed, other, -mixed, own),
+        (mixed, other_end, -mixed, same_end),
     )
 
 
@@ -304,11 +306,11 @@ def tangent(c, e, v, by_rate, K):
     ww = (c.EA + by_rate * c.nuA * stretch - 2.0 * drag * stretch) / c.l
     wv = c.nuA * stretch / c.l
     for j in range(n):
-        x, y = averaged(c, parts(e, j)), averaged(c, parts(v, j))
+        x, y = strain_gradient(c, parts(e, j)), strain_gradient(c, parts(v, j))
         d, p, r = ww * x[0] + wv * y[0], ww * x[1] + wv * y[1], ww * x[2] + wv * y[2]
         change = (-d, p, d, r)
         for i in range(n):
-            d, p, r = averaged(c, parts(e, i))
+            d, p, r = strain_gradient(c, parts(e, i))
             gradient = (-d, p, d, r)
             for a in range(4):
                 for b in range(4):
@@ -342,11 +344,11 @@ def tension(c, e):
 @kernel
 def end_moments(c, e):
     """Bending moments EI |r_xx| at both ends, N m, at ``e`` (4, axes)."""
-    one, two = 0.0, 0.0
+    first_squared, second_squared = 0.0, 0.0
     for i in range(len(c.axes)):
-        first, second = curved(c, parts(e, i))
-        one, two = one + first * first, two + second * second
-    return c.EI * np.sqrt(one), c.EI * np.sqrt(two)
+        first, second = end_curvatures(c, parts(e, i))
+        first_squared, second_squared = first_squared + first * first, second_squared + second * second
+    return c.EI * np.sqrt(first_squared), c.EI * np.sqrt(second_squared)
 
 
 @kernel

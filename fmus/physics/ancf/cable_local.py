@@ -57,7 +57,7 @@ def energy(c, e):
 
 
 @allocating
-def react(c, e, v, elastic, Q):
+def internal_force(c, e, v, elastic, Q):
     """Add ``elastic`` times the elastic force and the damping force (18) to ``Q`` (4, 3).
 
     The curvature part of the damping acts in the frame of the chord. Returns the power of the damping, W.
@@ -77,13 +77,13 @@ def react(c, e, v, elastic, Q):
 @allocating
 def force(c, e, v, Q):
     """Add elastic and damping force to ``Q`` (4, 3); return the power of the damping, W."""
-    return react(c, e, v, 1.0, Q)
+    return internal_force(c, e, v, 1.0, Q)
 
 
 @allocating
 def damping(c, e, v, Q):
     """Add the damping force alone to ``Q`` (4, 3); return its power, W."""
-    return react(c, e, v, 0.0, Q)
+    return internal_force(c, e, v, 0.0, Q)
 
 
 @allocating

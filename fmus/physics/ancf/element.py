@@ -23,40 +23,40 @@ ELASTICITIES: dict[str, type[Cable]] = {
 }
 
 
-_of, _whatever_the_elasticity = implementation("forces"), implementation("masses")
+_forces, _masses = implementation("forces"), implementation("masses")
 
 
-@dispatch(_whatever_the_elasticity)
+@dispatch(_masses)
 def vectors(c):
     """Number of coordinate vectors, rows."""
 
 
-@dispatch(_whatever_the_elasticity)
+@dispatch(_masses)
 def axes(c):
     """Number of components of a vector."""
 
 
-@dispatch(_whatever_the_elasticity)
-def matter(c):
+@dispatch(_masses)
+def total_mass(c):
     """Mass, kg."""
 
 
-@dispatch(_whatever_the_elasticity, shared=True)
+@dispatch(_masses, shared=True)
 def mass(c, M):
     """Constant mass matrix into ``M`` (rows, rows), kg, as factors of the identity of space."""
 
 
-@dispatch(_whatever_the_elasticity)
+@dispatch(_masses)
 def straight(c):
     """Coordinates (rows, axes) of the element at rest along x from the origin; not for kernels."""
 
 
-@dispatch(_of, shared=True)
+@dispatch(_forces, shared=True)
 def energy(c, e):
     """Strain energy at the coordinates ``e`` (rows, axes), J."""
 
 
-@dispatch(_of, shared=True)
+@dispatch(_forces, shared=True)
 def force(c, e, v, Q):
     """Add elastic and damping force at rates ``v`` to ``Q`` (rows, axes); it acts as -Q.
 
@@ -64,12 +64,12 @@ def force(c, e, v, Q):
     """
 
 
-@dispatch(_of, shared=True)
+@dispatch(_forces, shared=True)
 def damping(c, e, v, Q):
     """Add the damping force alone to ``Q`` (rows, axes); return its power, W."""
 
 
-@dispatch(_of, shared=True)
+@dispatch(_forces, shared=True)
 def tangent(c, e, v, by_rate, K):
     """Write the derivative of ``force`` to ``K`` (rows axes, rows axes).
 
@@ -78,7 +78,7 @@ def tangent(c, e, v, by_rate, K):
     """
 
 
-@dispatch(_of, shared=True)
+@dispatch(_forces, shared=True)
 def section_force(c, e, v, a):
     """Force between the two parts of the element along the line of its ends, mean along it, N.
 
@@ -87,17 +87,17 @@ def section_force(c, e, v, a):
     """
 
 
-@dispatch(_of, shared=True)
+@dispatch(_forces, shared=True)
 def tension(c, e):
     """Axial force of a cable by its elastic strain, mean along it, N."""
 
 
-@dispatch(_of, shared=True)
+@dispatch(_forces, shared=True)
 def end_moments(c, e):
     """Bending moments of a cable at both ends, N m."""
 
 
-@dispatch(_whatever_the_elasticity, shared=True)
+@dispatch(_masses, shared=True)
 def mean_curvature(c, e):
     """Mean curvature of a cable in its plane, 1/m, positive if it bends towards its outer side."""
 

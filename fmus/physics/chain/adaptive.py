@@ -8,22 +8,25 @@ from __future__ import annotations
 
 from fmus.jit import allocating
 from fmus.physics.chain.explicit import FAR
-from fmus.physics.chain.kinds import accelerate, close, derivative, observe, speed, stage_joints
-from fmus.physics.chain.outcome import APART, DONE, SINGULAR, TOO_SHARP, UNSTABLE, Outcome
+from fmus.physics.chain.kinds import accelerate, derivative, observe, project, speed, stage_joints
+from fmus.physics.chain.outcome import DONE, PINS_OPEN, SINGULAR, STEP_TOO_SHORT, UNSTABLE, IntegrationOutcome
 from fmus.physics.chain.report import DISSIPATED, EVALUATIONS, LOST, PATCH_DEFECT, REJECTED, STEPS, TRAVEL, WORK
-from fmus.physics.chain.state import copy, moving, take
+from fmus.physics.chain.state import copy, integrated_views, store_evaluation
 from fmus.physics.chain.sums import END_POWER, LOSSES, PATCH_POWER, SUMS
 from fmus.physics.integrate import adams as methods
 from fmus.physics.integrate.adams import LEAST, Adams, accept, accurate, correct, length, predict, restart
 from fmus.physics.wheels import move
 
-BOOKS = SUMS - LOSSES + 3  # summed entries of the report: losses by cause, and three more
+SUMMED_ENTRIES = SUMS - LOSSES + 3  # summed entries of the report: losses by cause, and three more
 
 
 def adams(s, rtol: float, atol: float) -> Adams:
     """Return a zeroed ``Adams`` for the State ``s``, relative tolerance ``rtol``, absolute ``atol``."""
     return methods.adams(
-        sum(part.size for part in moving(s).values()), s.mean.size + s.on_links_sum.size + BOOKS, rtol, atol
+        sum(part.size for part in integrated_views(s).values()),
+        s.mean.size + s.on_links_sum.size + SUMMED_ENTRIES,
+        rtol,
+        atol,
     )
 
 
@@ -32,7 +35,8 @@ def march(links, contacts, env, m, rows, h, longest, s, w, report, counters):
     """Integrate over ``h`` s, the wheels starting at ``rows`` (m, 15), in steps of at most ``longest`` s.
 
     ``m`` from ``adams``; flexible links require their factored mass in ``w`` (``flexible.release``); ``report`` and
-    ``counters`` as in ``report``. Returns an Outcome; after a failure ``s`` is invalid. Many arguments: ``implicit``.
+    ``counters`` as in ``report``.
+    Returns an IntegrationOutcome; after a failure ``s`` is invalid. Many arguments: ``implicit``.
     """
     n, counts, done = m.controlled, m.counts, 0.0
     x, y, first = s.flat[:n], m.y[:n], m.counts.copy()
@@ -44,46 +48,46 @@ def march(links, contacts, env, m, rows, h, longest, s, w, report, counters):
     while failed < 0 and done < h * (1.0 - 1e-12):
         dt = length(m, h - done, longest)
         if dt < LEAST:
-            return Outcome(TOO_SHARP, done, 0, 0.0)
+            return IntegrationOutcome(STEP_TOO_SHORT, done, 0, 0.0)
         predict(m, dt)
         failed = _evaluate(links, contacts, env, m, rows, done + dt, s, w)
         if failed >= 0 or not accurate(m, dt):
             continue
         correct(m, dt)
         copy(y, x)
-        apart = close(links, s, w)
-        if apart >= 0:
-            return Outcome(APART, done, apart, 0.0)
+        open_pin = project(links, s, w)
+        if open_pin >= 0:
+            return IntegrationOutcome(PINS_OPEN, done, open_pin, 0.0)
         copy(x, y)
         failed = _evaluate(links, contacts, env, m, rows, done + dt, s, w)
         accept(m, dt)
         done += dt
     if failed >= 0:
-        return Outcome(SINGULAR, done, failed, 0.0)
+        return IntegrationOutcome(SINGULAR, done, failed, 0.0)
     for i in range(n):
         if not abs(x[i]) < FAR:
-            return Outcome(UNSTABLE, done, 0, 0.0)
+            return IntegrationOutcome(UNSTABLE, done, 0, 0.0)
     counters[STEPS] += counts[methods.STEPS] - first[methods.STEPS]
     counters[EVALUATIONS] += counts[methods.EVALUATIONS] - first[methods.EVALUATIONS]
     counters[REJECTED] += counts[methods.REJECTED] - first[methods.REJECTED]
-    at = n
+    index = n
     s.mean[:] = 0.0
     for total, per in ((s.mean, 1.0 / h), (s.on_links_sum, 1.0)):
         for i in range(total.shape[0]):
             for k in range(total.shape[1]):
-                total[i, k] += per * m.x[at]
-                at += 1
+                total[i, k] += per * m.x[index]
+                index += 1
     for k in range(SUMS - LOSSES):
-        report[LOST + k] += m.x[at]
-        report[DISSIPATED] += m.x[at]
-        at += 1
-    report[PATCH_DEFECT] += m.x[at]
-    report[WORK] += m.x[at + 1]
-    report[TRAVEL] += m.x[at + 2]
+        report[LOST + k] += m.x[index]
+        report[DISSIPATED] += m.x[index]
+        index += 1
+    report[PATCH_DEFECT] += m.x[index]
+    report[WORK] += m.x[index + 1]
+    report[TRAVEL] += m.x[index + 2]
     accelerate(links, contacts, env, s, w)
-    take(s, w)
+    store_evaluation(s, w)
     observe(links, env, s, w, report)
-    return Outcome(DONE, h, 0, 0.0)
+    return IntegrationOutcome(DONE, h, 0, 0.0)
 
 
 @allocating
@@ -91,17 +95,17 @@ def _evaluate(links, contacts, env, m, rows, t, s, w):
     """Rates of ``m.y`` and of all quadratures at ``t`` s into ``m.k``; returns as ``derivative`` does."""
     n = m.controlled
     copy(m.y[:n], s.flat[:n])
-    move(rows, t, w.moved)
+    move(rows, t, w.wheels)
     failed = derivative(links, contacts, env, s, w, m.k[:n])
     stage_joints(links, env, s, w)
-    at = n
+    index = n
     for now in (w.wrench, w.on_links):
         for i in range(now.shape[0]):
             for k in range(now.shape[1]):
-                m.k[at] = now[i, k]
-                at += 1
+                m.k[index] = now[i, k]
+                index += 1
     for k in range(LOSSES, SUMS):
-        m.k[at] = w.sums[k]
-        at += 1
-    m.k[at], m.k[at + 1], m.k[at + 2] = w.sums[PATCH_POWER], w.sums[END_POWER], speed(links, env, s, w)
+        m.k[index] = w.sums[k]
+        index += 1
+    m.k[index], m.k[index + 1], m.k[index + 2] = w.sums[PATCH_POWER], w.sums[END_POWER], speed(links, env, s, w)
     return failed

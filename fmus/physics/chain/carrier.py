@@ -29,10 +29,10 @@ def carrier(rows, mount):
     far, d0, d1, d2, v0, v1, v2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(rows.shape[0]):
         e0, e1, e2 = rows[k, 0] - s[0], rows[k, 1] - s[1], rows[k, 2] - s[2]
-        off = e0 * a0 + e1 * a1 + e2 * a2
-        square = e0 * e0 + e1 * e1 + e2 * e2 - off * off
-        if square > far:
-            far, d0, d1, d2 = square, e0, e1, e2
+        offset = e0 * a0 + e1 * a1 + e2 * a2
+        distance_squared = e0 * e0 + e1 * e1 + e2 * e2 - offset * offset
+        if distance_squared > far:
+            far, d0, d1, d2 = distance_squared, e0, e1, e2
             v0, v1, v2 = rows[k, 3] - s[3], rows[k, 4] - s[4], rows[k, 5] - s[5]
     turn = -(s[6] * a0 + s[7] * a1 + s[8] * a2)  # removes the wheel's own spin about its axis
     if far > 0.0:

@@ -10,10 +10,10 @@ import numpy as np
 
 from fmus.jit import allocating
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.kinds import accelerate, close, derivative, first_speed, observe, speed, stage_joints
-from fmus.physics.chain.outcome import APART, DONE, SINGULAR, UNSTABLE, Outcome
-from fmus.physics.chain.report import EVALUATIONS, STEPS, TRAVEL, WORK, book
-from fmus.physics.chain.state import add_share, copy, moving, take
+from fmus.physics.chain.kinds import accelerate, derivative, first_speed, observe, project, speed, stage_joints
+from fmus.physics.chain.outcome import DONE, PINS_OPEN, SINGULAR, UNSTABLE, IntegrationOutcome
+from fmus.physics.chain.report import EVALUATIONS, STEPS, TRAVEL, WORK, accumulate
+from fmus.physics.chain.state import add_share, copy, integrated_views, store_evaluation
 from fmus.physics.chain.sums import END_POWER
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.wheels import move
@@ -23,7 +23,7 @@ FAR = 1e9  # m and m/s: a motion beyond counts as unstable
 
 def slopes(s) -> Floats:
     """Return zeroed scratch (stages + 1, N) of ``march``: rates of all stages, and the initial state."""
-    return np.zeros((RK4.b.size + 1, sum(part.size for part in moving(s).values())))
+    return np.zeros((RK4.b.size + 1, sum(part.size for part in integrated_views(s).values())))
 
 
 @allocating
@@ -31,7 +31,8 @@ def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
     """Integrate over ``h`` s, the wheels starting at ``rows`` (m, 15), in equal steps up to ``longest`` s.
 
     ``k`` from ``slopes``; flexible links require their factored mass in ``w`` (``flexible.release``). Mean wrenches and
-    impulses have the weights of the momentum. Returns an Outcome; after a failure ``s`` is invalid. Many arguments: see
+    impulses have the weights of the momentum.
+    Returns an IntegrationOutcome; after a failure ``s`` is invalid. Many arguments: see
     ``implicit``.
     """
     steps = max(int(np.ceil(h / longest - 1e-9)), 1)
@@ -39,35 +40,35 @@ def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
     stages = RK4.b.size
     x, x0 = s.flat[: k.shape[1]], k[stages]
     s.mean[:] = 0.0
-    move(rows, 0.0, w.moved)
+    move(rows, 0.0, w.wheels)
     along = first_speed(links, env, s, w, report)
     for step in range(steps):
         copy(x, x0)
         for i in range(stages):
             stage(RK4, i, dt, x0, k, x)
-            move(rows, (step + RK4.c[i]) * dt, w.moved)
+            move(rows, (step + RK4.c[i]) * dt, w.wheels)
             failed = derivative(links, contacts, env, s, w, k[i])
             if failed >= 0:
-                return Outcome(SINGULAR, (step + RK4.c[i]) * dt, failed, 0.0)
+                return IntegrationOutcome(SINGULAR, (step + RK4.c[i]) * dt, failed, 0.0)
             share = dt * RK4.b[i]
             stage_joints(links, env, s, w)
             add_share(share / h, w.wrench, s.mean)
             add_share(share, w.on_links, s.on_links_sum)
-            book(report, share, w.sums)
+            accumulate(report, share, w.sums)
             report[WORK] += share * w.sums[END_POWER]
         finish(RK4, dt, x0, k)
         copy(x0, x)
         counters[EVALUATIONS] += stages
         for i in range(x.size):
             if not abs(x[i]) < FAR:
-                return Outcome(UNSTABLE, (step + 1) * dt, 0, 0.0)
-        failed = close(links, s, w)
+                return IntegrationOutcome(UNSTABLE, (step + 1) * dt, 0, 0.0)
+        failed = project(links, s, w)
         if failed >= 0:
-            return Outcome(APART, (step + 1) * dt, failed, 0.0)
+            return IntegrationOutcome(PINS_OPEN, (step + 1) * dt, failed, 0.0)
         counters[STEPS] += 1
         before, along = along, speed(links, env, s, w)
         report[TRAVEL] += 0.5 * dt * (before + along)
     accelerate(links, contacts, env, s, w)
-    take(s, w)
+    store_evaluation(s, w)
     observe(links, env, s, w, report)
-    return Outcome(DONE, h, 0, 0.0)
+    return IntegrationOutcome(DONE, h, 0, 0.0)

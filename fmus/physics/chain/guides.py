@@ -3,72 +3,82 @@
 from __future__ import annotations
 
 from fmus.jit import kernel
-from fmus.physics.chain.faces import along, count, enter, locate, pin_rates, pins, push, pushed, section
-from fmus.physics.chain.near import look, reached
-from fmus.physics.chain.on_links import WHEELS, feel
-from fmus.physics.chain.sums import GUIDES as LOST
-from fmus.physics.chain.sums import PATCH_POWER, note
-from fmus.physics.contact.face import touch
+from fmus.physics.chain.faces import (
+    apply_force,
+    begin_link,
+    count,
+    finish_section,
+    locate,
+    locate_section,
+    pin_positions,
+    pin_velocities,
+    position_slope,
+)
+from fmus.physics.chain.near import contact_distance_squared, wheel_distances
+from fmus.physics.chain.on_links import WHEELS, add_link_force
+from fmus.physics.chain.sums import GUIDES as GUIDE_LOSSES
+from fmus.physics.chain.sums import PATCH_POWER, add_contact
+from fmus.physics.contact.face import point_contact_force
 from fmus.physics.contact.guide import HORN, guide_face
-from fmus.physics.contact.wheel import GAUSS, creeping, patch_defect, reach
-from fmus.physics.contact.wheel_kinematics import collect
+from fmus.physics.contact.wheel import GAUSS, covered_part, end_rates_in_space, patch_defect
+from fmus.physics.contact.wheel_kinematics import add_reaction
 from fmus.physics.point import GUIDES, POINTS
 from fmus.physics.vector import dot, vector
 
 
 @kernel
-def overhang(links):
+def horn_height(links):
     """See ``faces``."""
     return HORN
 
 
 @kernel
-def guide(links, contacts, x, w, rows, by_rate, tangent):
+def evaluate_guides(links, contacts, x, w, rows, by_rate, tangent):
     """See ``faces``."""
     for k in range(rows.shape[0]):
         if contacts.teeth[k] != 0:
-            disc = reached(links, contacts.radius[k])
-            look(rows[k], w.near.middle, w.near.off, w.near.square)
+            disc = contact_distance_squared(links, contacts.radius[k])
+            wheel_distances(rows[k], w.near.middle, w.near.offset, w.near.distance_squared)
             for i in range(count(links, x)[0]):
-                if w.near.square[i] <= disc:
-                    a, b = pins(links, x, w, i)
-                    horn(links, contacts, x, w, k, rows[k], i, a, b, w.near.off[i], by_rate, tangent)
+                if w.near.distance_squared[i] <= disc:
+                    a, b = pin_positions(links, x, w, i)
+                    evaluate_horn(links, contacts, x, w, k, rows[k], i, a, b, w.near.offset[i], by_rate, tangent)
 
 
 @kernel
-def horn(links, contacts, x, w, k, row, i, a, b, off, by_rate, tangent):
+def evaluate_horn(links, contacts, x, w, k, row, i, a, b, offset, by_rate, tangent):
     """See ``faces``; its many arguments are what the loops over wheels and links have computed already."""
     disc = contacts.radius[k] + (0.0 if contacts.teeth[k] != 0 else HORN)
-    lean = 0.5 * (dot(b, vector(row, 9)) - dot(a, vector(row, 9)))
-    if abs(off) + abs(lean) > contacts.clearance:
-        _hold(links, contacts, x, w, k, row, i, a, b, disc, by_rate, tangent)
+    inclination = 0.5 * (dot(b, vector(row, 9)) - dot(a, vector(row, 9)))
+    if abs(offset) + abs(inclination) > contacts.clearance:
+        _touch_disc(links, contacts, x, w, k, row, i, a, b, disc, by_rate, tangent)
 
 
 @kernel
-def _hold(links, contacts, x, w, k, row, i, a, b, disc, by_rate, tangent):
-    """Contact of the horn of link ``i`` with the disc of wheel ``k``, of radius ``disc``, m; see ``horn``."""
+def _touch_disc(links, contacts, x, w, k, row, i, a, b, disc, by_rate, tangent):
+    """Contact of the horn of link ``i`` with the disc of wheel ``k``, of radius ``disc``, m; see ``evaluate_horn``."""
     nodes, law, play = count(links, x)[1], contacts.wheel, contacts.clearance
-    part, side = reach(row, disc, a, b, links.face)
+    part, normal = covered_part(row, disc, a, b, links.face)
     low, high, _ = part
     if high <= low:
         return
-    enter(links, x, w, i)
-    va, vb = pin_rates(links, x, w, i)
-    ends = creeping(row, a, b, va, vb, links.face, side, part)
+    begin_link(links, x, w, i)
+    va, vb = pin_velocities(links, x, w, i)
+    ends = end_rates_in_space(row, a, b, va, vb, links.face, normal, part)
     share = 0.5 * (high - low)
     for g in range(2):
         half = 2.0 * g - 1.0
-        at = section(links, x, w, i, 0.5 * (low + high) + half * GAUSS * (high - low), -links.face)
-        p, v = locate(links, x, w, i, at, 0.0)
+        section = locate_section(links, x, w, i, 0.5 * (low + high) + half * GAUSS * (high - low), -links.face)
+        p, v = locate(links, x, w, i, section, 0.0)
         depth, face = guide_face(row, play, p, v)
         if depth <= 0.0:
             continue
         point = POINTS * (k * nodes + i) + GUIDES + g
-        f = touch(law, share, depth, face, by_rate, tangent, w.contact, point)
-        note(w.sums, LOST, LOST, depth, f)
-        slope = -dot(face.n, along(links, x, w, i))
+        force = point_contact_force(law, share, depth, face, by_rate, tangent, w.contact, point)
+        add_contact(w.sums, GUIDE_LOSSES, GUIDE_LOSSES, depth, force)
+        slope = -dot(face.n, position_slope(links, x, w, i))
         w.sums[PATCH_POWER] += patch_defect(law, share, depth, slope, part, ends, half)
-        collect(row, p, f.f, w.wrench[k])
-        feel(w.on_links, i, WHEELS, f.f)
-        push(links, w, i, f, tangent)
-        pushed(links, w, i, tangent)
+        add_reaction(row, p, force.f, w.wrench[k])
+        add_link_force(w.on_links, i, WHEELS, force.f)
+        apply_force(links, w, i, force, tangent)
+        finish_section(links, w, i, tangent)

@@ -13,25 +13,25 @@ import numpy as np
 
 from fmus.jit import allocating, kernel
 from fmus.physics.chain.kinds import end_work, first_speed, newton, newton_joints, observe, speed
-from fmus.physics.chain.outcome import DONE, Outcome
-from fmus.physics.chain.report import REJECTED, STEPS, TRAVEL, WORK, book
-from fmus.physics.chain.state import copy, take
+from fmus.physics.chain.outcome import DONE, IntegrationOutcome
+from fmus.physics.chain.report import REJECTED, STEPS, TRAVEL, WORK, accumulate
+from fmus.physics.chain.state import copy, store_evaluation
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha, auxiliary
 from fmus.physics.wheels import move
 
 LEAST = 1e-4  # smallest part of a step that is tried
 
 
-class Method(NamedTuple):
+class ImplicitMethod(NamedTuple):
     """Parameters of the implicit steps."""
 
     alpha: GeneralizedAlpha  # coefficients of the method
     tolerance: float  # of Newton's iteration: flexible links: correction, m; rigid links: relative residual
-    moves: bool  # friction may become sharp; not on the way to equilibrium
+    sharp_friction: bool  # friction may become sharp; not on the way to equilibrium
 
 
 @kernel
-def gather(c, share, before, now, aux, total):
+def add_step_mean(c, share, before, now, aux, total):
     """Add ``share`` times the step mean of rows ``before`` to ``now`` to ``total``.
 
     The mean follows the recursion of the momentum, with the auxiliary rows ``aux``; all (k, c).
@@ -48,12 +48,13 @@ def advance(links, contacts, env, method, rows, h, longest, s, w, report, counte
     """Integrate over ``h`` s, the wheels starting at ``rows`` (m, 15), in steps of at most ``longest`` s.
 
     A step in which Newton's iteration fails is halved. ``s.mean`` receives the mean wrenches and ``s.on_links_sum`` the
-    impulses, by the same recursion as the momentum of the chain. Returns an Outcome; after a failure ``s`` is the last
+    impulses, by the same recursion as the momentum of the chain.
+    Returns an IntegrationOutcome; after a failure ``s`` is the last
     state that was reached.
     """
     c = method.alpha
     s.mean[:] = 0.0
-    move(rows, 0.0, w.moved)
+    move(rows, 0.0, w.wheels)
     along = first_speed(links, env, s, w, report)
     done, failure, link, residual = 0.0, DONE, 0, 0.0
     dt = h / max(np.ceil(h / longest - 1e-9), 1.0)
@@ -61,7 +62,7 @@ def advance(links, contacts, env, method, rows, h, longest, s, w, report, counte
         if done + dt > h * (1.0 - 1e-9):
             dt = h - done
         copy(s.flat, w.before.flat)
-        move(rows, done + dt, w.moved)
+        move(rows, done + dt, w.wheels)
         failure, link, residual = newton(links, contacts, env, method, dt, s, w, counters)
         if failure:
             copy(w.before.flat, s.flat)
@@ -73,13 +74,13 @@ def advance(links, contacts, env, method, rows, h, longest, s, w, report, counte
         done += dt
         counters[STEPS] += 1
         newton_joints(links, env, s, w)
-        gather(c, dt / h, s.wrench, w.wrench, s.aux, s.mean)
-        gather(c, dt, s.on_links, w.on_links, s.on_links_aux, s.on_links_sum)
-        book(report, 0.5 * dt, s.sums)
-        book(report, 0.5 * dt, w.sums)
+        add_step_mean(c, dt / h, s.wrench, w.wrench, s.aux, s.mean)
+        add_step_mean(c, dt, s.on_links, w.on_links, s.on_links_aux, s.on_links_sum)
+        accumulate(report, 0.5 * dt, s.sums)
+        accumulate(report, 0.5 * dt, w.sums)
         report[WORK] += end_work(links, env, dt, s, w)
-        take(s, w)
+        store_evaluation(s, w)
         before, along = along, speed(links, env, s, w)
         report[TRAVEL] += 0.5 * dt * (before + along)
     observe(links, env, s, w, report)
-    return Outcome(failure, done, link, residual)
+    return IntegrationOutcome(failure, done, link, residual)

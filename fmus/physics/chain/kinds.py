@@ -14,7 +14,7 @@ _of = implementation("dynamics")
 
 @dispatch(_of, shared=True)
 def newton(links, contacts, env, method, h, s, w, counters):
-    """Do one step of ``h`` s by the implicit ``method``, from ``s`` = ``w.before``, wheels at ``w.moved``.
+    """Do one step of ``h`` s by the implicit ``method``, from ``s`` = ``w.before``, wheels at ``w.wheels``.
 
     Returns DONE or the failure, the link and its residual, N; after a failure ``s`` is invalid.
     """
@@ -22,14 +22,14 @@ def newton(links, contacts, env, method, h, s, w, counters):
 
 @dispatch(_of, shared=True)
 def derivative(links, contacts, env, s, w, k):
-    """Time derivative of ``state.moving`` into ``k`` (flat), with the wheels at ``w.moved``.
+    """Time derivative of ``state.integrated_views`` into ``k`` (flat), with the wheels at ``w.wheels``.
 
     Returns -1, or the link where it failed.
     """
 
 
 @dispatch(_of, shared=True)
-def close(links, s, w):
+def project(links, s, w):
     """Project the state onto the pin equations after an explicit step.
 
     Returns -1, or the pin that stays open.
@@ -61,12 +61,12 @@ def end_work(links, env, h, s, w):
 
 @dispatch(_of, shared=True)
 def speed(links, env, s, w):
-    """Speed of the chain along itself relative to the carrier of the wheels ``w.moved``, m/s."""
+    """Speed of the chain along itself relative to the carrier of the wheels ``w.wheels``, m/s."""
 
 
 @dispatch(_of, shared=True)
 def first_speed(links, env, s, w, report):
-    """``speed`` at the start of a communication step, with the wheels ``w.moved`` of that time, m/s."""
+    """``speed`` at the start of a communication step, with the wheels ``w.wheels`` of that time, m/s."""
 
 
 @dispatch(_of, shared=True)
@@ -80,7 +80,7 @@ def pin_places(links, s, w, place):
 
 
 @dispatch(_of, shared=True)
-def links_shown(links, env, s, w, tension, stress, place):
+def observe_links(links, env, s, w, tension, stress, place):
     """Tension, N, and stress, Pa, of each link (n each); positions of the pins ``place`` (nodes, 3), m."""
 
 
@@ -90,8 +90,8 @@ def pin_axes(links, s, w, axis):
 
 
 @dispatch(_of, shared=True)
-def slopes(links, s, w, found):
-    """Position gradients along each link at its first and its last pin into ``found`` (n, 6).
+def slopes(links, s, w, slope):
+    """Position gradients along each link at its first and its last pin into ``slope`` (n, 6).
 
     For rigid links both are the unit vector along the link.
     """

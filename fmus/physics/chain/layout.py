@@ -96,9 +96,9 @@ def close_exactly(pins: Floats, pitch: float, closed: bool) -> Floats:
         if abs(misfit).max() < rounding:
             break
         # the shortest change dp with J dp = -misfit is J^T x, J J^T x = -misfit
-        one, other = np.arange(last), (np.arange(last) + 1) % n
-        entries = np.concatenate([-chord * free[one, None], chord * free[other, None]])
-        pairs = np.tile(one, 2), np.concatenate([one, other])
+        link, next_link = np.arange(last), (np.arange(last) + 1) % n
+        entries = np.concatenate([-chord * free[link, None], chord * free[next_link, None]])
+        pairs = np.tile(link, 2), np.concatenate([link, next_link])
         jacobian = [coo_array((part, pairs), shape=(last, n)).tocsr() for part in entries.T]
         x = spsolve(sum(J @ J.T for J in jacobian).tocsc(), -misfit)
         pins += np.stack([J.T @ x for J in jacobian], axis=1)
@@ -139,10 +139,10 @@ def catenary(first: Floats, last: Floats, pitch: float, links: int) -> Floats:
     level = np.sqrt(length**2 - span[1] ** 2)
     ratio = brentq(lambda u: np.sinh(u) / u - level / abs(span[0]), 1e-9, 20.0)
     pull = abs(span[0]) / (2.0 * ratio * pitch)
-    found = root(missing, [np.log(pull), pull * span[1] / level], tol=1e-15)
-    if np.abs(missing(found.x)).max() > 1e-9 * links:
+    solution = root(missing, [np.log(pull), pull * span[1] / level], tol=1e-15)
+    if np.abs(missing(solution.x)).max() > 1e-9 * links:
         return arc
-    angles = np.arctan((found.x[1] + number) / np.exp(found.x[0]))
+    angles = np.arctan((solution.x[1] + number) / np.exp(solution.x[0]))
     return chain_of_angles(np.asarray(first, float), angles if span[0] > 0.0 else np.pi - angles, pitch)
 
 
@@ -199,10 +199,10 @@ def over_sprocket(centre: Floats, pitch: float, teeth: int, links: int) -> Float
     radius = pitch / (2.0 * np.sin(np.pi / teeth))
     foremost = (5 * links) // 8
     step = 2.0 * np.pi / teeth
-    bend = np.zeros(links)  # angle of each link below the x axis
+    inclination = np.zeros(links)  # angle of each link below the x axis
     for i in range(links):
         turn = (i - foremost + 0.5) * step + np.pi / 2.0
-        bend[i] = min(max(turn, 0.0), np.pi)
-    angles = -bend
+        inclination[i] = min(max(turn, 0.0), np.pi)
+    angles = -inclination
     pins = chain_of_angles(np.zeros(2), angles, pitch)
     return pins - pins[foremost] + np.asarray(centre, float) + np.array([radius, 0.0])

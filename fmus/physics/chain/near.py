@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import kernel, noalias
-from fmus.physics.chain.faces import across, count, length, pins
+from fmus.physics.chain.faces import count, lateral_points, length, pin_positions
 from fmus.physics.vector import dot, vector
 
 
@@ -15,8 +15,8 @@ class Near(NamedTuple):
     """Arrays for a chain of n links."""
 
     middle: np.ndarray  # (3, n) position of each link's middle, m
-    off: np.ndarray  # (n) offset from a wheel's centre along its axis, m
-    square: np.ndarray  # (n) squared distance from that axis, m2
+    offset: np.ndarray  # (n) offset from a wheel's centre along its axis, m
+    distance_squared: np.ndarray  # (n) squared distance from that axis, m2
 
 
 def near(links: int) -> Near:
@@ -25,38 +25,38 @@ def near(links: int) -> Near:
 
 
 @kernel
-def reached(links, radius):
+def contact_distance_squared(links, radius):
     """Squared distance from a wheel's axis, m2, beyond which a link's middle is too far for contact."""
-    side = across(links)[1]
-    return (radius + links.face + 0.6 * length(links)) ** 2 + 4.0 * side * side
+    lateral = lateral_points(links)[1]
+    return (radius + links.face + 0.6 * length(links)) ** 2 + 4.0 * lateral * lateral
 
 
 @kernel
-def survey(links, x, w):
+def compute_middles(links, x, w):
     """Compute the middles of all links."""
     middle = w.near.middle
     for i in range(count(links, x)[0]):
-        a, b = pins(links, x, w, i)
+        a, b = pin_positions(links, x, w, i)
         for k in range(3):
             middle[k, i] = 0.5 * (a[k] + b[k])
 
 
 @kernel
 @noalias
-def look(row, middle, off, square):
-    """Offsets ``off`` and squared distances ``square`` (n) of all middles (3, n) from the wheel ``row``."""
+def wheel_distances(row, middle, offset, distance_squared):
+    """``offset`` and ``distance_squared`` (n) of all middles (3, n) from the wheel ``row``."""
     x, y, z = vector(row, 0)
     a, b, c = vector(row, 9)
-    for i in range(square.size):
+    for i in range(distance_squared.size):
         dx, dy, dz = middle[0, i] - x, middle[1, i] - y, middle[2, i] - z
         along = dx * a + dy * b + dz * c
-        off[i] = along
-        square[i] = dx * dx + dy * dy + dz * dz - along * along
+        offset[i] = along
+        distance_squared[i] = dx * dx + dy * dy + dz * dz - along * along
 
 
 @kernel
-def beyond(row, p):
+def axis_distance_squared(row, p):
     """Squared distance of the point ``p`` (3) from the axis of the wheel ``row``, m2."""
     d = p[0] - row[0], p[1] - row[1], p[2] - row[2]
-    off = dot(d, vector(row, 9))
-    return dot(d, d) - off * off
+    offset = dot(d, vector(row, 9))
+    return dot(d, d) - offset * offset

@@ -16,8 +16,8 @@ JOINT, GROUND, WHEELS, SLIDING, DEPTH = 0, 3, 6, 9, 12  # first column of each q
 WITH_JOINT, WITH_GROUND, WITH_WHEELS, WITH_SLIDING = 3, 6, 9, 13  # number of columns up to and including each
 MIRRORED = np.array([1.0, -1, 1] * 4 + [1.0])  # signs of a row mirrored in the plane of the track
 SPAN, LEFT = range(2)  # indices into ``span``
-Felt = tuple[int, int]  # shape (k, c): pins, columns
-NONE: Felt = (0, 0)
+LinkForcesShape = tuple[int, int]  # shape (k, c): pins, columns
+NONE: LinkForcesShape = (0, 0)
 
 
 @kernel
@@ -29,7 +29,7 @@ def clear(on_links):
 
 
 @kernel
-def feel(on_links, i, column, f):
+def add_link_force(on_links, i, column, f):
     """Add the vector ``f`` (3) to link ``i`` from ``column`` on, if that column exists."""
     if column < on_links.shape[1]:
         for k in range(3):
@@ -37,7 +37,7 @@ def feel(on_links, i, column, f):
 
 
 @kernel
-def slide(on_links, i, v, depth):
+def add_sliding(on_links, i, v, depth):
     """Add a point of link ``i`` that is ``depth``, m, in the ground and moves at ``v`` (3), m/s, over it."""
     if on_links.shape[1] > SLIDING:
         for k in range(3):
@@ -46,15 +46,15 @@ def slide(on_links, i, v, depth):
 
 
 @kernel
-def rest(on_links, i, points):
-    """Divide by the number of ``points`` of link ``i`` on the ground, after the last ``slide``."""
+def average_sliding(on_links, i, points):
+    """Divide by the number of ``points`` of link ``i`` on the ground, after the last ``add_sliding``."""
     if on_links.shape[1] > SLIDING and points > 1:
         for k in range(3):
             on_links[i, SLIDING + k] /= points
 
 
 @kernel
-def renew(s, interval):
+def begin_interval(s, interval):
     """Start an interval of ``interval`` steps before a communication step, if the last one is complete."""
     if s.span[LEFT] <= 0.0:
         clear(s.on_links_sum)
@@ -62,14 +62,14 @@ def renew(s, interval):
 
 
 @kernel
-def count(s, h):
+def count_step(s, h):
     """Count a communication step of ``h`` s."""
     s.span[SPAN] += h
     s.span[LEFT] -= 1.0
 
 
 @kernel
-def average(s, mean):
+def interval_means(s, mean):
     """Means over the interval so far into ``mean`` (k, c)."""
     for i in range(mean.shape[0]):
         for k in range(mean.shape[1]):

@@ -44,7 +44,7 @@ def write(report, w, mean, speed, heading, tension, energy):
 
 
 @kernel
-def book(report, share, sums_now):
+def accumulate(report, share, sums_now):
     """Add the powers ``sums_now`` (SUMS) of an evaluation over ``share`` s."""
     for k in range(REPORT - LOST):
         energy = share * sums_now[sums.LOSSES + k]

@@ -8,30 +8,30 @@ from __future__ import annotations
 
 from fmus.jit import kernel, noalias
 from fmus.physics.chain.faces import (
-    across,
-    along,
-    begin,
+    add_rate_matrix,
+    apply_force,
+    apply_pin_force,
+    begin_contacts,
+    begin_link,
     count,
-    enter,
+    depth_below_pins,
+    evaluate_guides,
+    evaluate_horn,
+    finish_section,
     from_ground,
-    guide,
-    horn,
+    horn_height,
+    lateral_points,
     length,
-    lift,
     locate,
     locate_pin,
-    overhang,
-    pin_rates,
-    pins,
-    push,
-    push_pin,
-    pushed,
-    resist,
-    section,
+    locate_section,
+    pin_positions,
+    pin_velocities,
+    position_slope,
     to_ground,
 )
-from fmus.physics.chain.near import beyond, look, reached, survey
-from fmus.physics.chain.on_links import GROUND, WHEELS, clear, feel, rest, slide
+from fmus.physics.chain.near import axis_distance_squared, compute_middles, contact_distance_squared, wheel_distances
+from fmus.physics.chain.on_links import GROUND, WHEELS, add_link_force, add_sliding, average_sliding, clear
 from fmus.physics.chain.sums import (
     CONTACT,
     GROUND_DAMPING,
@@ -44,138 +44,153 @@ from fmus.physics.chain.sums import (
     TOOTH_FRICTION,
     WHEEL_DAMPING,
     WHEEL_FRICTION,
-    note,
+    add_contact,
 )
-from fmus.physics.contact.face import press, touch
+from fmus.physics.contact.face import contact_force, point_contact_force
 from fmus.physics.contact.ground import ground_face
 from fmus.physics.contact.teeth import tooth_face
-from fmus.physics.contact.wheel import GAUSS, bulge, closing, creeping, patch_defect, reach, rim_face
-from fmus.physics.contact.wheel_kinematics import collect
+from fmus.physics.contact.wheel import (
+    GAUSS,
+    covered_part,
+    end_rates_in_space,
+    gauss_excess,
+    patch_defect,
+    rim_face,
+    sink_rate,
+)
+from fmus.physics.contact.wheel_kinematics import add_reaction
 from fmus.physics.point import PINS, POINTS
 from fmus.physics.vector import add, dot, scale
 
 
 @kernel
 @noalias
-def roll(links, contacts, x, w, rows, by_rate, tangent):
+def evaluate_contacts(links, contacts, x, w, rows, by_rate, tangent):
     """Evaluate all contacts of a chain with the wheels ``rows`` (m, 15) and the ground.
 
     ``x``: motion of the chain. Residuals, reactions, energies and powers, with ``tangent`` also iteration matrices, go
     to the arrays ``w``; ``by_rate``, 1/s, is d velocity / d position.
     """
-    begin(links, x, w)
+    begin_contacts(links, x, w)
     clear(w.on_links)
-    survey(links, x, w)
+    compute_middles(links, x, w)
     for k in range(rows.shape[0]):
         if contacts.teeth[k] == 0:
             _rim(links, contacts, x, w, k, rows[k], by_rate, tangent)
         if contacts.teeth[k] != 0:
             _teeth(links, contacts, x, w, k, rows[k], by_rate, tangent)
-    guide(links, contacts, x, w, rows, by_rate, tangent)
+    evaluate_guides(links, contacts, x, w, rows, by_rate, tangent)
     if contacts.ground != 0:
-        _soil(links, contacts, x, w, by_rate, tangent)
+        _ground(links, contacts, x, w, by_rate, tangent)
 
 
 @kernel
 def _rim(links, contacts, x, w, k, row, by_rate, tangent):
     """Contact of the rim of wheel ``k`` with the inner faces, and of its disc with the guides."""
-    (n, nodes), (places, side_by), law, radius = count(links, x), across(links), contacts.wheel, contacts.radius[k]
-    far, disc = reached(links, radius), reached(links, radius + overhang(links))
-    look(row, w.near.middle, w.near.off, w.near.square)
+    (n, nodes), (points_across, lateral), law, radius = (
+        count(links, x),
+        lateral_points(links),
+        contacts.wheel,
+        contacts.radius[k],
+    )
+    far, disc = contact_distance_squared(links, radius), contact_distance_squared(links, radius + horn_height(links))
+    wheel_distances(row, w.near.middle, w.near.offset, w.near.distance_squared)
     for i in range(n):
-        square = w.near.square[i]
-        if square > disc:
+        distance_squared = w.near.distance_squared[i]
+        if distance_squared > disc:
             continue
-        a, b = pins(links, x, w, i)
-        horn(links, contacts, x, w, k, row, i, a, b, w.near.off[i], by_rate, tangent)
-        if square > far:
+        a, b = pin_positions(links, x, w, i)
+        evaluate_horn(links, contacts, x, w, k, row, i, a, b, w.near.offset[i], by_rate, tangent)
+        if distance_squared > far:
             continue
-        part, side = reach(row, radius, a, b, links.face)
+        part, normal = covered_part(row, radius, a, b, links.face)
         low, high, foot = part
         if high <= low:
             continue
-        enter(links, x, w, i)
-        va, vb = pin_rates(links, x, w, i)
-        rate = closing(row, add(scale(1.0 - foot, va), scale(foot, vb)), side)
-        ends = creeping(row, a, b, va, vb, links.face, side, part)
-        share = 0.5 * (high - low) / places
+        begin_link(links, x, w, i)
+        va, vb = pin_velocities(links, x, w, i)
+        rate = sink_rate(row, add(scale(1.0 - foot, va), scale(foot, vb)), normal)
+        ends = end_rates_in_space(row, a, b, va, vb, links.face, normal, part)
+        share = 0.5 * (high - low) / points_across
         for g in range(2):
             half = 2.0 * g - 1.0
-            at = section(links, x, w, i, 0.5 * (low + high) + half * GAUSS * (high - low), -links.face)
-            for m in range(places):
-                p, v = locate(links, x, w, i, at, (2.0 * m - 1.0) * side_by)
+            section = locate_section(links, x, w, i, 0.5 * (low + high) + half * GAUSS * (high - low), -links.face)
+            for m in range(points_across):
+                p, v = locate(links, x, w, i, section, (2.0 * m - 1.0) * lateral)
                 depth, face = rim_face(row, radius, p, v)
                 if depth <= 0.0:
                     continue
-                point = POINTS * (k * nodes + i) + places * g + m
-                f = press(law, share, depth, rate, 0.0, face, by_rate, tangent, w.contact, point)
-                note(w.sums, WHEEL_FRICTION, WHEEL_DAMPING, depth, f)
-                slope = -dot(face.n, along(links, x, w, i))
+                point = POINTS * (k * nodes + i) + points_across * g + m
+                force = contact_force(law, share, depth, rate, 0.0, face, by_rate, tangent, w.contact, point)
+                add_contact(w.sums, WHEEL_FRICTION, WHEEL_DAMPING, depth, force)
+                slope = -dot(face.n, position_slope(links, x, w, i))
                 w.sums[PATCH_POWER] += patch_defect(law, share, depth, slope, part, ends, half)
-                collect(row, p, f.f, w.wrench[k])
-                feel(w.on_links, i, WHEELS, f.f)
-                push(links, w, i, f, tangent)
+                add_reaction(row, p, force.f, w.wrench[k])
+                add_link_force(w.on_links, i, WHEELS, force.f)
+                apply_force(links, w, i, force, tangent)
                 if tangent:
-                    resist(links, w, i, f, by_rate, foot, side)
-            pushed(links, w, i, tangent)
-        stored, power = bulge(law, radius, length(links), low, high, ends)
-        w.sums[CONTACT] += stored
+                    add_rate_matrix(links, w, i, force, by_rate, foot, normal)
+            finish_section(links, w, i, tangent)
+        energy, power = gauss_excess(law, radius, length(links), low, high, ends)
+        w.sums[CONTACT] += energy
         w.sums[PATCH_POWER] += power
 
 
 @kernel
 def _teeth(links, contacts, x, w, k, row, by_rate, tangent):
     """Contact of the teeth of sprocket ``k`` with the pins."""
-    (n, nodes), (places, side_by) = count(links, x), across(links)
-    far = (contacts.profile.top + 2.0 * side_by) ** 2
+    (n, nodes), (points_across, lateral) = count(links, x), lateral_points(links)
+    far = (contacts.profile.top + 2.0 * lateral) ** 2
     for i in range(nodes):
-        for m in range(places):
-            y = (2.0 * m - 1.0) * side_by
+        for m in range(points_across):
+            y = (2.0 * m - 1.0) * lateral
             p, v = locate_pin(links, x, w, i, y)
-            if beyond(row, p) > far:  # then its other end does not touch either
+            if axis_distance_squared(row, p) > far:  # then its other end does not touch either
                 break
             depth, face = tooth_face(contacts.profile, row, p, v)
             if depth <= 0.0:
                 continue
             point = POINTS * (k * nodes + i) + PINS + m
-            f = touch(contacts.sprocket, 1.0 / places, depth, face, by_rate, tangent, w.contact, point)
-            note(w.sums, TOOTH_FRICTION, TOOTH_DAMPING, depth, f)
-            collect(row, p, f.f, w.wrench[k])
-            feel(w.on_links, i - 1 if i > 0 else (n - 1 if nodes == n else 0), WHEELS, f.f)
-            push_pin(links, x, w, i, y, f, tangent)
+            force = point_contact_force(
+                contacts.sprocket, 1.0 / points_across, depth, face, by_rate, tangent, w.contact, point
+            )
+            add_contact(w.sums, TOOTH_FRICTION, TOOTH_DAMPING, depth, force)
+            add_reaction(row, p, force.f, w.wrench[k])
+            add_link_force(w.on_links, i - 1 if i > 0 else (n - 1 if nodes == n else 0), WHEELS, force.f)
+            apply_pin_force(links, x, w, i, y, force, tangent)
 
 
 @kernel
-def _soil(links, contacts, x, w, by_rate, tangent):
+def _ground(links, contacts, x, w, by_rate, tangent):
     """Contact of the ground with the outer faces."""
-    (n, nodes), (places, side_by), law = count(links, x), across(links), contacts.soil
+    (n, nodes), (points_across, lateral), law = count(links, x), lateral_points(links), contacts.soil
     summit, first = contacts.shape.height + contacts.shape.rise, POINTS * len(contacts.teeth) * nodes
     for i in range(n):
-        a, b = pins(links, x, w, i)
-        (_, _, one), _ = to_ground(links, x, w, a, a)
-        (_, _, other), _ = to_ground(links, x, w, b, b)
-        if min(one, other) - lift(links, x, i) > summit:
+        a, b = pin_positions(links, x, w, i)
+        (_, _, first_height), _ = to_ground(links, x, w, a, a)
+        (_, _, last_height), _ = to_ground(links, x, w, b, b)
+        if min(first_height, last_height) - depth_below_pins(links, x, i) > summit:
             continue
-        enter(links, x, w, i)
+        begin_link(links, x, w, i)
         hits = 0
         for g in range(2):
-            at = section(links, x, w, i, 0.5 + (2.0 * g - 1.0) * GAUSS, links.face)
-            for m in range(places):
-                p, v = to_ground(links, x, w, *locate(links, x, w, i, at, (2.0 * m - 1.0) * side_by))
+            section = locate_section(links, x, w, i, 0.5 + (2.0 * g - 1.0) * GAUSS, links.face)
+            for m in range(points_across):
+                p, v = to_ground(links, x, w, *locate(links, x, w, i, section, (2.0 * m - 1.0) * lateral))
                 depth, face = ground_face(contacts.shape, p, v)
                 if depth <= 0.0:
                     continue
-                point = first + POINTS * i + places * g + m
-                f = touch(law, 0.5 / places, depth, face, by_rate, tangent, w.contact, point)
-                note(w.sums, GROUND_FRICTION, GROUND_DAMPING, depth, f)
-                w.sums[LOAD] += f.normal
-                w.sums[SLIP] -= f.normal * v[0]
-                w.sums[SIDESLIP] -= f.normal * v[1]
+                point = first + POINTS * i + points_across * g + m
+                force = point_contact_force(law, 0.5 / points_across, depth, face, by_rate, tangent, w.contact, point)
+                add_contact(w.sums, GROUND_FRICTION, GROUND_DAMPING, depth, force)
+                w.sums[LOAD] += force.normal
+                w.sums[SLIP] -= force.normal * v[0]
+                w.sums[SIDESLIP] -= force.normal * v[1]
                 for j in range(3):
-                    w.wrench[-1, j] -= f.f[j]
-                feel(w.on_links, i, GROUND, f.f)
-                slide(w.on_links, i, v, depth)
+                    w.wrench[-1, j] -= force.f[j]
+                add_link_force(w.on_links, i, GROUND, force.f)
+                add_sliding(w.on_links, i, v, depth)
                 hits += 1
-                push(links, w, i, from_ground(links, x, w, f, tangent), tangent)
-            pushed(links, w, i, tangent)
-        rest(w.on_links, i, hits)
+                apply_force(links, w, i, from_ground(links, x, w, force, tangent), tangent)
+            finish_section(links, w, i, tangent)
+        average_sliding(w.on_links, i, hits)

@@ -45,8 +45,8 @@ def chain_speed(x, v, closed, carrier):
             size += here * here
             speed += 0.5 * (v[i, k] + v[j, k]) * here
         cosine = dot / np.sqrt(size_before * size_after)
-        bend2 = max(2.0 * (1.0 - cosine), 0.0) / (BEND * BEND)
-        share = 1.0 / (1.0 + bend2 * bend2)
+        angle_squared = max(2.0 * (1.0 - cosine), 0.0) / (BEND * BEND)
+        share = 1.0 / (1.0 + angle_squared * angle_squared)
         # the carrier's velocity at the middle of the link, along the link
         h0, h1, h2 = x[j, 0] - x[i, 0], 0.0, x[j, -1] - x[i, -1]
         r0, r1, r2 = 0.5 * (x[i, 0] + x[j, 0]) - p0, -p1, 0.5 * (x[i, -1] + x[j, -1]) - p2

@@ -10,7 +10,7 @@ Every kind of link has its own State and Work (arrays allocated once). Both have
             the communication step; on_links, on_links_aux, on_links_sum (k, c): likewise the forces on each link,
             the last summed over an interval, k pins, or k = 0 without a request (``on_links``); span (2): of the
             interval; sums: of the last evaluation (``sums``)
-    Work    before: the State at the beginning of a step; moved (m, 15): the wheels at the time of evaluation;
+    Work    before: the State at the beginning of a step; wheels (m, 15): at the time of evaluation;
             wrench, on_links, sums: of the evaluation; contact: a ``Memory``
 """
 
@@ -38,7 +38,7 @@ def views(kind: Any, shapes: Shapes, flat: np.ndarray) -> Any:
     )
 
 
-def moving(s: Any) -> dict[str, np.ndarray]:
+def integrated_views(s: Any) -> dict[str, np.ndarray]:
     """Views that an explicit integrator advances, in order from the start of ``flat``."""
     others = [name for name in ("joints", "p") if name in s._fields and getattr(s, name).size > 0]
     return {name: getattr(s, name) for name in others or ["q", "v", "axes"] if name in s._fields}
@@ -52,7 +52,7 @@ def copy(source, target):
 
 
 @kernel
-def put(source, target):
+def copy_rows(source, target):
     """Copy rows to rows of the same shape."""
     for k in range(target.shape[0]):
         for i in range(target.shape[1]):
@@ -68,20 +68,20 @@ def add_share(share, source, target):
 
 
 @kernel
-def take(s, w):
+def store_evaluation(s, w):
     """Copy wrenches, forces on links and sums of the last evaluation from ``w`` to the state."""
-    put(w.wrench, s.wrench)
-    put(w.on_links, s.on_links)
+    copy_rows(w.wrench, s.wrench)
+    copy_rows(w.on_links, s.on_links)
     for i in range(s.sums.shape[0]):
         s.sums[i] = w.sums[i]
 
 
 @kernel
-def begin(s, w):
-    """``take`` for a new state: its means are the present values."""
-    take(s, w)
+def store_first_evaluation(s, w):
+    """``store_evaluation`` for a new state: its means are the present values."""
+    store_evaluation(s, w)
     s.span[0], s.span[1] = 1.0, 0.0
-    put(w.wrench, s.aux)
-    put(w.wrench, s.mean)
-    put(w.on_links, s.on_links_aux)
-    put(w.on_links, s.on_links_sum)
+    copy_rows(w.wrench, s.aux)
+    copy_rows(w.wrench, s.mean)
+    copy_rows(w.on_links, s.on_links_aux)
+    copy_rows(w.on_links, s.on_links_sum)

@@ -17,9 +17,9 @@ SUMS = LOSSES + 9
 
 
 @kernel
-def note(sums, friction, damping, depth, push):
+def add_contact(sums, friction, damping, depth, force):
     """Add a contact's energy, its losses under ``friction`` and ``damping``, and its ``depth``, m."""
-    sums[CONTACT] += push.energy
-    sums[friction] += push.friction
-    sums[damping] += push.damping
+    sums[CONTACT] += force.energy
+    sums[friction] += force.friction
+    sums[damping] += force.damping
     sums[DEPTH] = max(sums[DEPTH], depth)

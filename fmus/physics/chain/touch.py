@@ -17,5 +17,5 @@ def _rolling(links: type) -> Any:
 
 
 @dispatch(_rolling)
-def roll(links, contacts, x, w, rows, by_rate, tangent):
-    """See ``rolling.roll``."""
+def evaluate_contacts(links, contacts, x, w, rows, by_rate, tangent):
+    """See ``rolling.evaluate_contacts``."""

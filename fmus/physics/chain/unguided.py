@@ -6,16 +6,16 @@ from fmus.jit import kernel
 
 
 @kernel
-def guide(links, contacts, x, w, rows, by_rate, tangent):
+def evaluate_guides(links, contacts, x, w, rows, by_rate, tangent):
     """See ``faces``."""
 
 
 @kernel
-def overhang(links):
+def horn_height(links):
     """See ``faces``."""
     return 0.0
 
 
 @kernel
-def horn(links, contacts, x, w, k, row, i, a, b, off, by_rate, tangent):
+def evaluate_horn(links, contacts, x, w, k, row, i, a, b, offset, by_rate, tangent):
     """See ``faces``."""

@@ -18,7 +18,7 @@ from fmus.jit import kernel
 
 
 @kernel
-def followed(memory, point, g, s):
+def tangent_slip(memory, point, g, s):
     """Return g p (3), which replaces the slip ``s`` (3), m/s, in the tangent; p starts at 0.
 
     ``memory`` (``fmus.physics.point``) holds slip, direction and ``g``, m/s, of this ``point`` in the last iteration.

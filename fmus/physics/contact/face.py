@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.contact.dual import followed
+from fmus.physics.contact.dual import tangent_slip
 from fmus.physics.contact.laws import normal
 from fmus.physics.vector import add, cross, dot, scale
 
@@ -26,12 +26,12 @@ class Face(NamedTuple):
 
     n: Vector  # unit normal, from the face to the point
     u: Vector  # unit tangent along which the face is curved
-    bend: float  # curvature: turn of the normal per length along u, 1/m
+    curvature: float  # curvature: turn of the normal per length along u, 1/m
     w: Vector  # velocity of the point relative to the face's material, m/s
     omega: Vector  # angular velocity of the face, rad/s
 
 
-class Push(NamedTuple):
+class ContactForce(NamedTuple):
     """Contact force on a point, and its derivatives."""
 
     f: Vector  # force on the point, N
@@ -44,21 +44,21 @@ class Push(NamedTuple):
 
 
 @kernel
-def touch(law, share, depth, face, by_rate, tangent, memory, point):
-    """``press`` with a damper driven by the point's own approach to the face."""
-    return press(law, share, depth, -dot(face.n, face.w), 1.0, face, by_rate, tangent, memory, point)
+def point_contact_force(law, share, depth, face, by_rate, tangent, memory, point):
+    """``contact_force`` with a damper driven by the point's own approach to the face."""
+    return contact_force(law, share, depth, -dot(face.n, face.w), 1.0, face, by_rate, tangent, memory, point)
 
 
 @kernel
-def press(law, share, depth, rate, own, face, by_rate, tangent, memory, point):
-    """Return the ``Push`` of a ``face`` on a point with ``share`` of the contact; g only if ``tangent``.
+def contact_force(law, share, depth, rate, own_rate, face, by_rate, tangent, memory, point):
+    """Return the ``ContactForce`` of a ``face`` on a point with ``share`` of the contact; g only if ``tangent``.
 
-    ``depth``, m; ``rate``, m/s: growth of the penetration in the damper; ``own`` is 1 where it is -n.w and changes with
-    the point, 0 where it belongs to the contact as a whole; ``by_rate``, 1/s: d velocity / d position. ``memory``
+    ``depth``, m; ``rate``, m/s: growth of the penetration in the damper; ``own_rate`` is 1 where it is -n.w and changes
+    with the point, 0 where it belongs to the contact as a whole; ``by_rate``, 1/s: d velocity / d position. ``memory``
     (``fmus.physics.point``) keeps the sharp friction of this ``point`` of the chain. Ten scalars and tuples instead of
     one tuple of them: each caller computes most of them for this call alone.
     """
-    n, u, w, omega, bend = face.n, face.u, face.w, face.omega, face.bend
+    n, u, w, omega, curvature = face.n, face.u, face.w, face.omega, face.curvature
     w_n = dot(n, w)
     force, by_depth, slope, energy = normal(law, share, depth, rate)
     s = add(w, scale(-w_n, n))
@@ -67,28 +67,28 @@ def press(law, share, depth, rate, own, face, by_rate, tangent, memory, point):
     phi = law.mu / g
     drag = phi * force
     f = add(scale(force, n), scale(-drag, s))
-    rubbed, damped = drag * slip2, -(force - share * law.k * depth) * w_n
+    friction_power, damping_power = drag * slip2, -(force - share * law.k * depth) * w_n
     if not tangent:
-        return Push(f, NO_MATRIX, NOTHING, force, energy, rubbed, damped)
-    seen = followed(memory, point, g, s) if memory.sharp[0] == 1 else s
-    felt, inverse = slope * own, 1.0 / (g * g)
+        return ContactForce(f, NO_MATRIX, NOTHING, force, energy, friction_power, damping_power)
+    direction = tangent_slip(memory, point, g, s) if memory.sharp[0] == 1 else s
+    own_slope, inverse = slope * own_rate, 1.0 / (g * g)
     d = add(n, scale(-phi, s))
     # minus d rate / d position: omega x n, as the material velocity varies along the face, then the turn of n
-    m = add(cross(omega, n), scale(bend * dot(w, u), u))
-    p = add(scale(-(by_depth + by_rate * felt), n), scale(-felt, m))
+    m = add(cross(omega, n), scale(curvature * dot(w, u), u))
+    p = add(scale(-(by_depth + by_rate * own_slope), n), scale(-own_slope, m))
     # x: derivative of |s|^2 / 2 by the position; that of the slip itself is W_x - n m^T - w_n n_x
-    x = add(cross(omega, s), add(scale(-w_n * bend * dot(s, u), u), scale(by_rate, s)))
+    x = add(cross(omega, s), add(scale(-w_n * curvature * dot(s, u), u), scale(by_rate, s)))
     y, e = scale(drag * inverse, x), add(scale(drag, m), scale(drag * by_rate, n))
-    c, b, o = bend * (force + drag * w_n), drag * by_rate, scale(drag, omega)
+    c, b, o = curvature * (force + drag * w_n), drag * by_rate, scale(drag, omega)
     matrix = (
-        d[0] * p[0] + c * u[0] * u[0] + n[0] * e[0] + seen[0] * y[0] - b,
-        d[0] * p[1] + c * u[0] * u[1] + n[0] * e[1] + seen[0] * y[1] - o[2],
-        d[0] * p[2] + c * u[0] * u[2] + n[0] * e[2] + seen[0] * y[2] + o[1],
-        d[1] * p[0] + c * u[1] * u[0] + n[1] * e[0] + seen[1] * y[0] + o[2],
-        d[1] * p[1] + c * u[1] * u[1] + n[1] * e[1] + seen[1] * y[1] - b,
-        d[1] * p[2] + c * u[1] * u[2] + n[1] * e[2] + seen[1] * y[2] - o[0],
-        d[2] * p[0] + c * u[2] * u[0] + n[2] * e[0] + seen[2] * y[0] - o[1],
-        d[2] * p[1] + c * u[2] * u[1] + n[2] * e[1] + seen[2] * y[1] + o[0],
-        d[2] * p[2] + c * u[2] * u[2] + n[2] * e[2] + seen[2] * y[2] - b,
+        d[0] * p[0] + c * u[0] * u[0] + n[0] * e[0] + direction[0] * y[0] - b,
+        d[0] * p[1] + c * u[0] * u[1] + n[0] * e[1] + direction[0] * y[1] - o[2],
+        d[0] * p[2] + c * u[0] * u[2] + n[0] * e[2] + direction[0] * y[2] + o[1],
+        d[1] * p[0] + c * u[1] * u[0] + n[1] * e[0] + direction[1] * y[0] + o[2],
+        d[1] * p[1] + c * u[1] * u[1] + n[1] * e[1] + direction[1] * y[1] - b,
+        d[1] * p[2] + c * u[1] * u[2] + n[1] * e[2] + direction[1] * y[2] - o[0],
+        d[2] * p[0] + c * u[2] * u[0] + n[2] * e[0] + direction[2] * y[0] - o[1],
+        d[2] * p[1] + c * u[2] * u[1] + n[2] * e[1] + direction[2] * y[1] + o[0],
+        d[2] * p[2] + c * u[2] * u[2] + n[2] * e[2] + direction[2] * y[2] - b,
     )
-    return Push(f, matrix, scale(slope, d), force, energy, rubbed, damped)
+    return ContactForce(f, matrix, scale(slope, d), force, energy, friction_power, damping_power)

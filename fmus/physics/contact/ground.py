@@ -16,7 +16,7 @@ from fmus.jit import kernel
 from fmus.physics.contact.face import NOTHING, Face
 
 
-class Ground(NamedTuple):
+class GroundShape(NamedTuple):
     """Shape of the ground in its own frame: x ahead, z up; the same at every y."""
 
     height: float  # z of the level part, m
@@ -29,8 +29,8 @@ class Ground(NamedTuple):
     cosine: float = 1.0  # cosine of the ramp angle
 
 
-def bumpy(height: float, start: float, rise: float, slope: float, length: float, radius: float) -> Ground:
-    """Return a Ground with a bump that starts at x = ``start``; lengths in m.
+def bumpy_ground(height: float, start: float, rise: float, slope: float, length: float, radius: float) -> GroundShape:
+    """Return a GroundShape with a bump that starts at x = ``start``; lengths in m.
 
     It rises by ``rise`` at the angle ``slope``, rad, is flat over ``length``, and has edges of ``radius``. Raises
     ValueError if the edges are too round for the bump's height.
@@ -39,11 +39,11 @@ def bumpy(height: float, start: float, rise: float, slope: float, length: float,
     if straight < 0.0:
         raise ValueError(f"edges of radius {radius:g} m alone rise more than {rise:g} m at {slope:g} rad")
     foot = 0.5 * length + 2.0 * radius * sin(slope) + straight / tan(slope)
-    return Ground(height, rise, start + foot, 0.5 * length, foot, radius, sin(slope), cos(slope))
+    return GroundShape(height, rise, start + foot, 0.5 * length, foot, radius, sin(slope), cos(slope))
 
 
 @kernel
-def level(ground, x, z):
+def surface_depth(ground, x, z):
     """Depth of (x, z), m, below the surface (negative above), normal (x, z) and curvature there.
 
     The curvature, 1/m, is positive where the surface is convex.
@@ -71,5 +71,5 @@ def level(ground, x, z):
 @kernel
 def ground_face(ground, x, v):
     """Depth, m, of a point at ``x`` (3) with velocity ``v`` (3) in the ``ground``, and the Face there."""
-    depth, n0, n2, bend = level(ground, x[0], x[2])
-    return depth, Face((n0, 0.0, n2), (n2, 0.0, -n0), bend, v, NOTHING)
+    depth, n0, n2, curvature = surface_depth(ground, x[0], x[2])
+    return depth, Face((n0, 0.0, n2), (n2, 0.0, -n0), curvature, v, NOTHING)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from fmus.jit import kernel
 from fmus.physics.contact.face import NOTHING, Face
-from fmus.physics.contact.wheel_kinematics import slide
+from fmus.physics.contact.wheel_kinematics import slip_velocity
 from fmus.physics.vector import add, dot, scale, vector
 
 HORN = 0.05  # height of a guide horn over the inner face, m
@@ -23,4 +23,4 @@ def guide_face(row, play, x, v):
     axis = vector(row, 9)
     along = dot(add(x, scale(-1.0, vector(row, 0))), axis)
     n = scale(-1.0 if along > 0.0 else 1.0, axis)
-    return abs(along) - play, Face(n, NOTHING, 0.0, slide(row, x, v), vector(row, 6))
+    return abs(along) - play, Face(n, NOTHING, 0.0, slip_velocity(row, x, v), vector(row, 6))

@@ -1,8 +1,8 @@
 """Dispatch of the normal contact laws by the class of ``law``.
 
 Every law has a linear spring k, which the spread contacts require for their stored and lost energies
-(``wheel.bulge``, ``wheel.patch_defect``), the friction of ``face``, and its own damper. A new law needs a file with a
-class of these fields and ``normal``, and its name here and in ``fmus.vehicle``.
+(``wheel.gauss_excess``, ``wheel.patch_defect``), the friction of ``face``, and its own damper. A new law needs a file
+with a class of these fields and ``normal``, and its name here and in ``fmus.vehicle``.
 """
 
 from __future__ import annotations

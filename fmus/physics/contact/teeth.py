@@ -16,7 +16,7 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.contact.face import NOTHING, Face
-from fmus.physics.contact.wheel_kinematics import slide
+from fmus.physics.contact.wheel_kinematics import slip_velocity
 from fmus.physics.vector import add, cross, dot, scale, vector
 
 
@@ -81,13 +81,13 @@ def outline(t, a, b, rho):
             distance = np.sqrt(pa * pa + pb * pb)
             depth = distance - t.clearance
             na, nb = (-pa / distance, -pb / distance) if distance > 0.0 else (1.0, 0.0)
-            bend = -1.0 / distance if distance > 0.0 else 0.0
+            curvature = -1.0 / distance if distance > 0.0 else 0.0
         else:  # flank: straight
             na, nb = t.flank_b, -t.flank_a
             depth = -(pa * na + pb * nb) - t.clearance
-            bend = 0.0
+            curvature = 0.0
         if depth <= t.top - rho:  # deeper than that, the land is nearer
-            return depth, na, nb, bend
+            return depth, na, nb, curvature
     elif np.arctan2(b, a) < t.tip_angle:  # rounding: convex arc
         qa, qb = a - t.tip_a, b - t.tip_b
         distance = np.sqrt(qa * qa + qb * qb)
@@ -117,6 +117,6 @@ def tooth_face(t, row, x, v):
     a, b = dot(d, A), dot(d, B)
     if b < 0.0:
         b, B = -b, scale(-1.0, B)
-    depth, na, nb, bend = outline(t, a, b, rho)
+    depth, na, nb, curvature = outline(t, a, b, rho)
     n, u = add(scale(na, A), scale(nb, B)), add(scale(nb, A), scale(-na, B))
-    return depth, Face(n, u, bend, slide(row, x, v), vector(row, 6))
+    return depth, Face(n, u, curvature, slip_velocity(row, x, v), vector(row, 6))

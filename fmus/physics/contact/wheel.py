@@ -13,14 +13,14 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.contact.face import Face
-from fmus.physics.contact.wheel_kinematics import slide
+from fmus.physics.contact.wheel_kinematics import slip_velocity
 from fmus.physics.vector import add, cross, dot, scale, vector
 
 GAUSS = 0.5 / np.sqrt(3.0)  # two-point abscissae 1/2 -+ GAUSS on the unit interval
 
 
 @kernel
-def reach(row, radius, a, b, offset):
+def covered_part(row, radius, a, b, offset):
     """Part of the straight face from pin ``a`` to pin ``b`` (3) that lies inside the rim of ``radius``, m.
 
     The face is the pin line moved inwards by ``offset``, m; all is computed in the plane of the wheel ``row`` (15).
@@ -33,22 +33,22 @@ def reach(row, radius, a, b, offset):
     d = add(vector(row, 0), scale(-1.0, a))
     length2 = dot(t, t)
     foot, length = dot(d, t) / length2, np.sqrt(length2)
-    side = scale(1.0 / length, cross(t, axis))
-    height = -dot(d, side) - offset  # height of the face over the wheel's centre
+    normal = scale(1.0 / length, cross(t, axis))
+    height = -dot(d, normal) - offset  # height of the face over the wheel's centre
     inside = radius * radius - height * height
     half = np.sqrt(max(inside, 0.0)) / length
     low = max(foot - half, 0.0)
     high = max(min(foot + half, 1.0), low) if inside > 0.0 else low
-    return (low, high, foot), side
+    return (low, high, foot), normal
 
 
 @kernel
-def closing(row, u, side):
-    """Rate, m/s, at which the rim of wheel ``row`` sinks into a face with the normal ``side`` (3).
+def sink_rate(row, u, normal):
+    """Rate, m/s, at which the rim of wheel ``row`` sinks into a face with the normal ``normal`` (3).
 
     ``u`` (3) is the velocity of the face at the foot, m/s.
     """
-    return dot(side, add(vector(row, 3), scale(-1.0, u)))
+    return dot(normal, add(vector(row, 3), scale(-1.0, u)))
 
 
 @kernel
@@ -58,14 +58,14 @@ def rim_face(row, radius, x, v):
     d = add(x, scale(-1.0, vector(row, 0)))
     d = add(d, scale(-dot(d, axis), axis))
     rho = np.sqrt(dot(d, d))
-    bend = 1.0 / rho if rho > 0.0 else 0.0
-    n = scale(bend, d)
+    curvature = 1.0 / rho if rho > 0.0 else 0.0
+    n = scale(curvature, d)
     depth = radius - rho if rho > 0.0 else 0.0
-    return depth, Face(n, cross(axis, n), bend, slide(row, x, v), vector(row, 6))
+    return depth, Face(n, cross(axis, n), curvature, slip_velocity(row, x, v), vector(row, 6))
 
 
 @kernel
-def bulge(law, radius, length, low, high, rates):
+def gauss_excess(law, radius, length, low, high, rates):
     """Energy, J, of the parabola of penetration from ``low`` to ``high`` beyond its two Gauss points.
 
     With the depth m + g eta - c (eta^2 - 1/3) over eta from -1 to 1, the mean of its square is m^2 + g^2 / 3 + 4 c^2 /
@@ -79,20 +79,20 @@ def bulge(law, radius, length, low, high, rates):
 
 
 @kernel
-def creep(height, length, offset, part, first, last):
+def end_rates(height, length, offset, part, first, last):
     """Rates, 1/s, at which the ends of the part of a face inside the rim move along the link.
 
     ``height``, m: of the face over the wheel's centre, negative where a link is so askew that its face is turned away;
-    ``length`` of the link and ``offset`` of the face, m; ``part``: low, high and foot of ``reach``; ``first`` and
-    ``last``: velocities (normal, along), m/s, of the link's pins relative to the wheel's material. An end of the part
-    at an end of the link stays there.
+    ``length`` of the link and ``offset`` of the face, m; ``part``: low, high and foot of ``covered_part``; ``first``
+    and ``last``: velocities (normal, along), m/s, of the link's pins relative to the wheel's material. An end of the
+    part at an end of the link stays there.
     """
     low, high, foot = part
     if low <= 0.0 and high >= 1.0:
         return 0.0, 0.0
     half = max(foot - low, high - foot) * length
-    swing = offset * (last[0] - first[0]) / length  # of the face, by the rotation of the pin line
-    n0, t0, n, t = first[0], first[1] + swing, last[0] - first[0], last[1] - first[1]
+    rotation = offset * (last[0] - first[0]) / length  # of the face, by the rotation of the pin line
+    n0, t0, n, t = first[0], first[1] + rotation, last[0] - first[0], last[1] - first[1]
     at_low = at_high = 0.0
     if low > 0.0:  # the end stays on the rim, at constant radius
         at_low = (height * (n0 + low * n) - half * (t0 + low * t)) / (half * length)
@@ -102,16 +102,16 @@ def creep(height, length, offset, part, first, last):
 
 
 @kernel
-def creeping(row, a, b, va, vb, offset, side, part):
-    """``creep`` in space: positions, velocities (3) of the pins, ``side`` (3) and ``part`` of ``reach``."""
+def end_rates_in_space(row, a, b, va, vb, offset, normal, part):
+    """``end_rates`` in space: positions, velocities (3) of the pins; ``normal``, ``part`` of ``covered_part``."""
     if part[0] <= 0.0 and part[1] >= 1.0:
         return 0.0, 0.0
-    along = cross(vector(row, 9), side)
+    along = cross(vector(row, 9), normal)
     length = dot(along, b) - dot(along, a)
-    height = dot(side, a) - dot(side, vector(row, 0)) - offset
-    first, last = slide(row, a, va), slide(row, b, vb)
-    return creep(
-        height, length, offset, part, (dot(side, first), dot(along, first)), (dot(side, last), dot(along, last))
+    height = dot(normal, a) - dot(normal, vector(row, 0)) - offset
+    first, last = slip_velocity(row, a, va), slip_velocity(row, b, vb)
+    return end_rates(
+        height, length, offset, part, (dot(normal, first), dot(along, first)), (dot(normal, last), dot(along, last))
     )
 
 

@@ -7,7 +7,7 @@ from fmus.physics.vector import add, cross, scale, vector
 
 
 @kernel
-def collect(row, x, f, wrench):
+def add_reaction(row, x, f, wrench):
     """Add the reaction of a force ``f`` (3), N, on a point at ``x`` (3) to a wheel's ``wrench`` (6).
 
     The wrench is force, N, and torque, N m, about the centre of the wheel ``row`` (15).
@@ -19,7 +19,7 @@ def collect(row, x, f, wrench):
 
 
 @kernel
-def slide(row, x, v):
+def slip_velocity(row, x, v):
     """Velocity (3), m/s, of a point at ``x`` with velocity ``v`` relative to the wheel's material there."""
     d = add(x, scale(-1.0, vector(row, 0)))
     return add(v, scale(-1.0, add(vector(row, 3), cross(vector(row, 6), d))))

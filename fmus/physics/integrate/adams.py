@@ -41,8 +41,8 @@ order = 12  # the highest order of the predictor; a start has order 1
 LEAST = 1e-13  # shortest step, s
 CAUTION = 0.5  # part of the allowed error that the next step aims at
 
-ORDER, SAME, RISING, FAILED = range(4)  # indices into ``at``
-NEXT, LAST, RTOL, ATOL, ERROR, LOWER, LOWEST = range(7)  # indices into ``size``
+ORDER, EQUAL_STEPS, STARTING, FAILED = range(4)  # indices into ``order_control``
+NEXT, LAST, RTOL, ATOL, ERROR, LOWER, LOWEST = range(7)  # indices into ``step_control``
 STEPS, EVALUATIONS, REJECTED, RESTARTS, ORDERS = range(5)  # indices into ``counts``
 
 # Adams-Moulton's error constants |gamma*_k|, k = 0 to 13 (Hairer, Norsett, Wanner, III.1): the factors of an error
@@ -64,14 +64,16 @@ class Adams(NamedTuple):
     g: np.ndarray  # (order + 1) coefficients of the predictor
     sigma: np.ndarray  # (order + 1) factors of the error for unequal steps
     c: np.ndarray  # (order + 2) scratch
-    at: np.ndarray  # (4) int: order of the next step; steps of equal length; 1 during start-up; failures in a row
-    size: np.ndarray  # (7) next and last step, s; tolerances; errors at this order, and at one and two less
+    order_control: (
+        np.ndarray
+    )  # (4) int: order of the next step; steps of equal length; 1 during start-up; failures in a row
+    step_control: np.ndarray  # (7) next and last step, s; tolerances; errors at this order, and at one and two less
     counts: np.ndarray  # (5) int: steps, evaluations, rejected steps, restarts, sum of the orders of all steps
 
 
-def adams(controlled: int, besides: int, rtol: float, atol: float) -> Adams:
-    """Return a zeroed state for ``controlled`` variables with an error and ``besides`` quadratures."""
-    n, k, z = controlled + besides, order + 1, np.zeros
+def adams(controlled: int, quadratures: int, rtol: float, atol: float) -> Adams:
+    """Return a zeroed state for ``controlled`` variables with an error and further ``quadratures``."""
+    n, k, z = controlled + quadratures, order + 1, np.zeros
     return Adams(
         controlled, z(n), z(n), z(n), z((k + 1, n)), z((2, k)), z(k), z(k), z(k), z(k + 1),
         z(4, dtype=np.int64), np.array([0.0, 0.0, rtol, atol, 0.0, 0.0, 0.0]), z(5, dtype=np.int64),
@@ -86,14 +88,19 @@ def restart(m, longest):
         m.phi[0, l] = m.k[l]
         m.phi[1, l] = m.phi[2, l] = 0.0
     for l in range(m.controlled):
-        e = m.k[l] / (m.size[RTOL] * abs(m.x[l]) + m.size[ATOL])
+        e = m.k[l] / (m.step_control[RTOL] * abs(m.x[l]) + m.step_control[ATOL])
         total += e * e
     rate = np.sqrt(total / m.controlled)  # a first step that is too long is rejected, and its error gives the length
-    m.size[NEXT] = min(longest, 0.25 / np.sqrt(rate)) if rate > 0.0 else longest
-    m.size[LAST] = 0.0
-    m.at[ORDER], m.at[SAME], m.at[RISING], m.at[FAILED] = 1, 0, 1, 0
+    m.step_control[NEXT] = min(longest, 0.25 / np.sqrt(rate)) if rate > 0.0 else longest
+    m.step_control[LAST] = 0.0
+    m.order_control[ORDER], m.order_control[EQUAL_STEPS], m.order_control[STARTING], m.order_control[FAILED] = (
+        1,
+        0,
+        1,
+        0,
+    )
     for i in range(m.psi.shape[1]):
-        m.psi[0, i] = (i + 1.0) * m.size[NEXT]
+        m.psi[0, i] = (i + 1.0) * m.step_control[NEXT]
     m.counts[RESTARTS] += 1
     m.counts[EVALUATIONS] += 1
 
@@ -104,7 +111,7 @@ def length(m, left, longest):
 
     The last two steps before the end share the remaining time ``left``, s, so that neither is very short.
     """
-    h = min(m.size[NEXT], longest)
+    h = min(m.step_control[NEXT], longest)
     if h >= left:
         return left
     return 0.5 * left if 2.0 * h > left else h
@@ -113,7 +120,7 @@ def length(m, left, longest):
 @kernel
 def _coefficients(m, h):
     """Compute beta, g and sigma of a step of ``h`` s from the previous steps."""
-    k, past, now = m.at[ORDER], m.psi[0], m.psi[1]
+    k, past, now = m.order_control[ORDER], m.psi[0], m.psi[1]
     m.beta[0] = m.sigma[0] = m.g[0] = 1.0
     now[0] = h
     for i in range(1, k + 1):
@@ -135,17 +142,17 @@ def predict(m, h):
     _coefficients(m, h)
     for l in range(m.x.size):
         m.y[l] = m.x[l]
-    for i in range(m.at[ORDER]):
+    for i in range(m.order_control[ORDER]):
         share = h * m.g[i] * m.beta[i]
         for l in range(m.x.size):
             m.y[l] += share * m.phi[i, l]
 
 
 @kernel
-def _surprise(m, l):
+def _prediction_error(m, l):
     """Difference between the rate of variable ``l`` and its prediction, f_p - sum phi*."""
     d = m.k[l]
-    for i in range(m.at[ORDER]):
+    for i in range(m.order_control[ORDER]):
         d -= m.beta[i] * m.phi[i, l]
     return d
 
@@ -153,12 +160,12 @@ def _surprise(m, l):
 @kernel
 def accurate(m, h):
     """Whether the step of ``h`` s meets the tolerances; if not, shorten the next attempt."""
-    k, n = m.at[ORDER], m.controlled
+    k, n = m.order_control[ORDER], m.controlled
     m.counts[EVALUATIONS] += 1
     same = less = least = 0.0
     for l in range(n):
-        per = 1.0 / (m.size[RTOL] * abs(m.x[l]) + m.size[ATOL])
-        e = _surprise(m, l)
+        per = 1.0 / (m.step_control[RTOL] * abs(m.x[l]) + m.step_control[ATOL])
+        e = _prediction_error(m, l)
         same += (per * e) * (per * e)
         if k > 1:
             e += m.beta[k - 1] * m.phi[k - 1, l]
@@ -167,39 +174,39 @@ def accurate(m, h):
             e += m.beta[k - 2] * m.phi[k - 2, l]
             least += (per * e) * (per * e)
     same = h * np.sqrt(same / n)
-    m.size[ERROR] = GAMMA[k] * m.sigma[k] * same
-    m.size[LOWER] = h * GAMMA[k - 1] * m.sigma[k - 1] * np.sqrt(less / n) if k > 1 else 0.0
-    m.size[LOWEST] = h * GAMMA[k - 2] * m.sigma[k - 2] * np.sqrt(least / n) if k > 2 else 0.0
+    m.step_control[ERROR] = GAMMA[k] * m.sigma[k] * same
+    m.step_control[LOWER] = h * GAMMA[k - 1] * m.sigma[k - 1] * np.sqrt(less / n) if k > 1 else 0.0
+    m.step_control[LOWEST] = h * GAMMA[k - 2] * m.sigma[k - 2] * np.sqrt(least / n) if k > 2 else 0.0
     if (m.g[k - 1] - m.g[k]) * same <= 1.0:
-        m.at[FAILED] = 0
+        m.order_control[FAILED] = 0
         return True
     m.counts[REJECTED] += 1
-    m.at[RISING] = 0
-    m.at[FAILED] += 1
-    m.size[NEXT] = 0.5 * h
+    m.order_control[STARTING] = 0
+    m.order_control[FAILED] += 1
+    m.step_control[NEXT] = 0.5 * h
     if _lower(m):
-        m.at[ORDER] -= 1
-    if m.at[FAILED] > 2:  # the history is useless
-        m.at[ORDER] = 1
-    if m.at[ORDER] == 1 and m.size[ERROR] < np.inf:
-        m.size[NEXT] = h * min(0.5, np.sqrt(CAUTION / m.size[ERROR]))
+        m.order_control[ORDER] -= 1
+    if m.order_control[FAILED] > 2:  # the history is useless
+        m.order_control[ORDER] = 1
+    if m.order_control[ORDER] == 1 and m.step_control[ERROR] < np.inf:
+        m.step_control[NEXT] = h * min(0.5, np.sqrt(CAUTION / m.step_control[ERROR]))
     return False
 
 
 @kernel
 def _lower(m):
     """Whether one order less would have been better for this step."""
-    if m.at[ORDER] == 2:
-        return m.size[LOWER] <= 0.5 * m.size[ERROR]
-    return m.at[ORDER] > 2 and max(m.size[LOWER], m.size[LOWEST]) <= m.size[ERROR]
+    if m.order_control[ORDER] == 2:
+        return m.step_control[LOWER] <= 0.5 * m.step_control[ERROR]
+    return m.order_control[ORDER] > 2 and max(m.step_control[LOWER], m.step_control[LOWEST]) <= m.step_control[ERROR]
 
 
 @kernel
 def correct(m, h):
     """Correct ``m.y``, the end of the step of ``h`` s and argument of the second evaluation."""
-    k = m.at[ORDER]
+    k = m.order_control[ORDER]
     for l in range(m.x.size):
-        step = m.g[k] * _surprise(m, l)
+        step = m.g[k] * _prediction_error(m, l)
         for i in range(k):
             step += m.g[i] * m.beta[i] * m.phi[i, l]
         m.y[l] = m.x[l] + h * step
@@ -208,7 +215,7 @@ def correct(m, h):
 @kernel
 def accept(m, h):
     """Accept the step of ``h`` s, with the rates of ``m.y`` in ``m.k``; choose the next order and length."""
-    k = m.at[ORDER]
+    k = m.order_control[ORDER]
     for l in range(m.x.size):
         m.x[l] = m.y[l]
         new = m.k[l]
@@ -222,39 +229,41 @@ def accept(m, h):
     m.counts[STEPS] += 1
     m.counts[EVALUATIONS] += 1
     m.counts[ORDERS] += k
-    m.at[SAME] = min(m.at[SAME] + 1, k + 1) if h == m.size[LAST] else 1
-    m.size[LAST] = h
+    m.order_control[EQUAL_STEPS] = min(m.order_control[EQUAL_STEPS] + 1, k + 1) if h == m.step_control[LAST] else 1
+    m.step_control[LAST] = h
     error = _choose(m, h)
-    if m.at[RISING] == 1 or error * 2.0 ** (m.at[ORDER] + 1) <= CAUTION:
-        m.size[NEXT] = 2.0 * h
+    if m.order_control[STARTING] == 1 or error * 2.0 ** (m.order_control[ORDER] + 1) <= CAUTION:
+        m.step_control[NEXT] = 2.0 * h
     elif error <= CAUTION:
-        m.size[NEXT] = h
+        m.step_control[NEXT] = h
     else:
-        m.size[NEXT] = h * max(0.5, min(0.9, (CAUTION / error) ** (1.0 / (m.at[ORDER] + 1))))
+        m.step_control[NEXT] = h * max(0.5, min(0.9, (CAUTION / error) ** (1.0 / (m.order_control[ORDER] + 1))))
 
 
 @kernel
 def _choose(m, h):
     """Choose the order of the next step; return the error that it would have had in this one."""
-    k, error = m.at[ORDER], m.size[ERROR]
+    k, error = m.order_control[ORDER], m.step_control[ERROR]
     down = _lower(m)
     if down or k == order:
-        m.at[RISING] = 0
-    if m.at[RISING] == 1:
-        m.at[ORDER] = k + 1
+        m.order_control[STARTING] = 0
+    if m.order_control[STARTING] == 1:
+        m.order_control[ORDER] = k + 1
         return 0.0
-    if not down and k < order and m.at[SAME] > k:  # after k + 1 equal steps the next difference is known
+    if (
+        not down and k < order and m.order_control[EQUAL_STEPS] > k
+    ):  # after k + 1 equal steps the next difference is known
         total = 0.0
         for l in range(m.controlled):
-            e = m.phi[k + 1, l] / (m.size[RTOL] * abs(m.x[l]) + m.size[ATOL])
+            e = m.phi[k + 1, l] / (m.step_control[RTOL] * abs(m.x[l]) + m.step_control[ATOL])
             total += e * e
         higher = h * GAMMA[k + 1] * np.sqrt(total / m.controlled)
-        if k > 1 and m.size[LOWER] <= min(error, higher):
+        if k > 1 and m.step_control[LOWER] <= min(error, higher):
             down = True
         elif higher < (error if k > 1 else 0.5 * error):
-            m.at[ORDER] = k + 1
+            m.order_control[ORDER] = k + 1
             return higher
     if down:
-        m.at[ORDER] = k - 1
-        return m.size[LOWER]
+        m.order_control[ORDER] = k - 1
+        return m.step_control[LOWER]
     return error

@@ -12,8 +12,8 @@ last hold it to the ground or are absent (their blocks are then identities). Par
 equations too many (320 of rank 317 for 64 links). Therefore the closing pin, 0 of a closed chain and the last of an
 open one held at both ends, is compliant along its axis and in tilting. The other pins close the chain in these
 directions too, so this spring stays unloaded.
-Paper 8.1 closes a chain by a stiff spring instead (``Spring``): the closing pin is then compliant in its three position
-rows and has no others, or it is left out of the system where the spring is an explicit force.
+Paper 8.1 closes a chain by a stiff spring instead (``ClosingSpring``): the closing pin is then compliant in its three
+position rows and has no others, or it is left out of the system where the spring is an explicit force.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ REGULAR = 1e7  # 1/s2: the compliance is then 0.01 1/kg, near that of a link
 SIX = (0,) * 6  # size of a link's block, for the inversion
 
 
-class System(NamedTuple):
+class AugmentedSystem(NamedTuple):
     """Arrays of one chain's linear system; p pins, n links."""
 
     A: np.ndarray  # (n, 3, 3) rotation matrices of the links
@@ -58,18 +58,18 @@ class Ends(NamedTuple):
     cut: bool = False  # the closing pin is left out of the system
 
 
-class Spring(NamedTuple):
+class ClosingSpring(NamedTuple):
     """Spring and damper in place of the closing pin, without moments; stiffness 0 means a pin."""
 
     stiffness: float  # N/m
     damping: float  # N s/m
 
 
-PIN = Spring(0.0, 0.0)
+PIN = ClosingSpring(0.0, 0.0)
 
 
 @kernel
-def closing(ends, n):
+def closing_pin(ends, n):
     """Index of the closing pin of ``n`` links; -1 if an open chain has a free end."""
     if ends.closed:
         return 0
@@ -77,7 +77,7 @@ def closing(ends, n):
 
 
 @kernel
-def give(spring, by_v):
+def spring_compliance(spring, by_v):
     """Compliance of the ``spring`` over a step, m/N; 0 for a pin.
 
     ``by_v``, 1/s, is d velocity / d position, with which the damper contributes.
@@ -85,10 +85,10 @@ def give(spring, by_v):
     return 1.0 / (spring.stiffness + by_v * spring.damping) if spring.stiffness > 0.0 else 0.0
 
 
-def system(n: int, closed: bool) -> System:
+def system(n: int, closed: bool) -> AugmentedSystem:
     """Return zeroed arrays for ``n`` links."""
     p = n if closed else n + 1
-    return System(
+    return AugmentedSystem(
         A=np.zeros((n, 3, 3)),
         WP=np.zeros((p, 2, 3)),
         WQ=np.zeros((p, 2, 3)),
@@ -143,7 +143,7 @@ def factor(half, ends, s, scale, spring=0.0):
 
     ``half``: half the pitch, m. ``scale`` multiplies the compliance of the closing pin: 1 where dl are forces of a
     spring; where K is the bare mass, ``REGULAR`` makes it as large as the links' own compliance, so that the unloaded
-    spring has little effect. ``spring`` is the compliance of a spring instead of the pin (``give``), 0 for a pin.
+    spring has little effect. ``spring``: ``spring_compliance``, 0 for a pin.
     """
     n, p = s.K.shape[0], s.C.shape[0]
     SA, SU, SL = s.S[0], s.S[1], s.S[2]
@@ -155,14 +155,14 @@ def factor(half, ends, s, scale, spring=0.0):
         _complement(half, s.A[i], s.K[i], s.WQ[i], s.WP[j], s.P, SA[i], SU[i], SL[j], SA[j])
     if not ends.closed:
         if not ends.first:
-            _absent(0, SA, SU, SL)
+            _remove_pin(0, SA, SU, SL)
         if not ends.last:
-            _absent(n, SA, SU, SL)
-    close = closing(ends, n)
+            _remove_pin(n, SA, SU, SL)
+    close = closing_pin(ends, n)
     if close >= 0:
         link = 0 if ends.closed else n - 1
         if ends.cut:
-            _absent(close, SA, SU, SL)
+            _remove_pin(close, SA, SU, SL)
         elif spring > 0.0:
             for k in range(5):
                 SA[close, k, k] += spring if k < 3 else 1.0  # the tilting rows are empty
@@ -176,7 +176,7 @@ def factor(half, ends, s, scale, spring=0.0):
 
 
 @kernel
-def _absent(j, SA, SU, SL):
+def _remove_pin(j, SA, SU, SL):
     """Remove pin ``j`` from the blocks: identity on its diagonal, no coupling."""
     p = SA.shape[0]
     SA[j] = 0.0
@@ -217,8 +217,8 @@ def solve(half, ends, s):
             for c in range(6):
                 y += s.K[i, a, c] * s.r[i, c]
             dx[i, a] = y
-        _apply(half, s.A[i], s.WQ[i], s.WP[(i + 1) % p], dx[i], dl[i], dl[(i + 1) % p])
-    _nothing(ends, n, dl)
+        _add_jacobian_product(half, s.A[i], s.WQ[i], s.WP[(i + 1) % p], dx[i], dl[i], dl[(i + 1) % p])
+    _zero_absent_pins(ends, n, dl)
     block_cyclic.solve(s.S[0], s.S[1], s.factors, ends.closed, dl)
     f = s.P[0]
     for i in range(n):
@@ -233,7 +233,7 @@ def solve(half, ends, s):
 
 
 @kernel
-def _apply(half, A, WQ, WP, x, before, after):
+def _add_jacobian_product(half, A, WQ, WP, x, before, after):
     """Add a link's B x, ``x`` (6), to the rows of the pins ``before`` and ``after`` it (5 each)."""
     for k in range(3):
         turning = half * (A[k, 1] * x[5] - A[k, 2] * x[4])
@@ -252,14 +252,14 @@ def rates(half, ends, s, v):
         for k in range(5):
             s.C[j, k] = 0.0
     for i in range(n):
-        _apply(half, s.A[i], s.WQ[i], s.WP[(i + 1) % p], v[i], s.C[i], s.C[(i + 1) % p])
-    _nothing(ends, n, s.C)
+        _add_jacobian_product(half, s.A[i], s.WQ[i], s.WP[(i + 1) % p], v[i], s.C[i], s.C[(i + 1) % p])
+    _zero_absent_pins(ends, n, s.C)
 
 
 @kernel
-def _nothing(ends, n, rows):
+def _zero_absent_pins(ends, n, rows):
     """Zero the rows (p, 5) of absent pins."""
-    close = closing(ends, n)
+    close = closing_pin(ends, n)
     for k in range(5):
         if not (ends.closed or ends.first):
             rows[0, k] = 0.0

@@ -24,7 +24,7 @@ from fmus.jit import kernel
 from fmus.physics.inverse import invert
 
 
-class Tree(NamedTuple):
+class ArticulatedBodies(NamedTuple):
     """Arrays of a chain of n links; angles and axes are set before ``factor``."""
 
     turn: np.ndarray  # (n, 2) cosine and sine of the angle between a link and the previous one
@@ -34,15 +34,15 @@ class Tree(NamedTuple):
     side: np.ndarray  # (n, 6) I^A across the plane: xx, xz, zz of alpha, alpha_x and alpha_z with a_y, a_y
     root: np.ndarray  # (2, 3, 3) inverse I^A of a floating link 0: in the plane, across it
     load: np.ndarray  # (3, n, 6) p: of all loads; of a unit force in the closing pin along x; along z
-    answer: np.ndarray  # (3, n, 6) accelerations due to these loads
+    response: np.ndarray  # (3, n, 6) accelerations due to these loads
     mobility: np.ndarray  # (2, 2) relative acceleration of the closing pin's sides due to these unit forces, 1/kg
     scratch: np.ndarray  # (3) for the inversion
 
 
-def tree(n: int) -> Tree:
+def articulated_bodies(n: int) -> ArticulatedBodies:
     """Return zeroed arrays for ``n`` links."""
     z = np.zeros
-    return Tree(
+    return ArticulatedBodies(
         turn=z((n, 2)),
         bias=z((n, 6)),
         pivot=z((n, 3)),
@@ -50,7 +50,7 @@ def tree(n: int) -> Tree:
         side=z((n, 6)),
         root=z((2, 3, 3)),
         load=z((3, n, 6)),
-        answer=z((3, n, 6)),
+        response=z((3, n, 6)),
         mobility=z((2, 2)),
         scratch=z(3),
     )

@@ -36,6 +36,6 @@ def strains(c: Any, e: Floats, xi: float, y: float, z: float) -> Floats:
     """Green-Lagrange strain (3, 3) of a beam ``e`` (8, 3) at the fraction ``xi`` and ``y``, ``z``, m."""
     N, G, (across, up) = np.empty((5, 8)), np.empty((5, 3)), beam.radii(c)
     beam.basis(c, xi, N)
-    beam.seen(N, e, G)
+    beam.section_vectors(N, e, G)
     F = np.array([G[0] + y / across * G[1] + z / up * G[2], G[3], G[4]])  # gradients, row by row
     return np.asarray(0.5 * (F @ F.T - np.eye(3)))

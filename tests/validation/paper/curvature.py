@@ -43,7 +43,7 @@ def pinned(n: int) -> Floats:
     mesh = mesh.loaded(loads.gravity(mesh, [0.0, 0.0, -LOAD / (link.rhoA * meshes.PITCH)]))
     q = statics.equilibrium(mesh, mesh.start(), steps=1, tolerance=1e-14)
     e = mesh.coordinates(q).reshape(n, 4, 3)
-    return np.array([cable.curved(link, cable.parts(each, 2)) for each in e]).ravel()
+    return np.array([cable.end_curvatures(link, cable.parts(each, 2)) for each in e]).ravel()
 
 
 def of_links(deformation: Deformation) -> tuple[float, float]:

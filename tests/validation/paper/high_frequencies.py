@@ -18,7 +18,7 @@ import numpy as np
 
 from fmus.physics.ancf.element import highest_frequency
 from fmus.physics.chain import on_links
-from fmus.physics.chain.kinds import links_shown
+from fmus.physics.chain.kinds import observe_links
 from fmus.vehicle import BadInput, VehicleTable
 from orchestrator.execution.states import states_at
 from orchestrator.log.reader import Log
@@ -83,7 +83,7 @@ def forces(vehicle: Any, t: float, samples: int) -> tuple[Floats, Floats]:
         mean = chain.s.on_links_sum[FIRST - 1, force] / chain.s.span[on_links.SPAN]
         found[k] = (mean @ matrices(chassis.state[3:7]))[[0, 2]]
     tension, stress, place = np.zeros(n), np.zeros(n), np.zeros((chain.nodes, 3))
-    links_shown(chain.link, chain.environment, chain.s, chain.work, tension, stress, place)
+    observe_links(chain.link, chain.environment, chain.s, chain.work, tension, stress, place)
     return found, tension
 
 

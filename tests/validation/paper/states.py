@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from fmus.monolith.model import LONGEST, Monolith, started
+from fmus.monolith.model import LONGEST, Monolith, initialised_model
 from fmus.saved import from_bytes
 from orchestrator.cosim import checkpoint
 from orchestrator.execution.monolithic import parts_of
@@ -30,7 +30,7 @@ def saved(log: Log) -> Iterator[tuple[float, dict[str, Floats]]]:
 def model(scene: Scene, name: str) -> Any:
     """Model of a component of a scene, at its start; raises InvalidParameter or StepFailed."""
     part = next(part for part in assemble(placed(scene)).parts if part.name == name)
-    return started(part.kind, part.config, part.parameters)
+    return initialised_model(part.kind, part.config, part.parameters)
 
 
 def whole(scene: Scene, **integration: Any) -> Monolith:

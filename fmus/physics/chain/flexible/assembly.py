@@ -5,27 +5,27 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import kernel, noalias
-from fmus.physics.ancf.element import axes, energy, force, mass, matter, tangent, vectors
+from fmus.physics.ancf.element import axes, energy, force, mass, tangent, total_mass, vectors
 from fmus.physics.chain.flexible.axes import (
-    absolute,
-    accelerated,
-    border,
-    burden,
-    homeward,
-    lean,
-    outside,
-    risen,
-    sideways,
-    sideways_energy,
-    turning_energy,
+    absolute_accelerations,
+    absolute_rates,
+    add_lateral_bending,
+    assemble_border,
+    centre_height,
+    couple_inertia,
+    inertia_and_weight,
+    lateral_bending_energy,
+    rotary_energy,
+    wheels_to_axes,
+    wrenches_from_axes,
 )
-from fmus.physics.chain.flexible.closing import stored
+from fmus.physics.chain.flexible.closing import spring_energy
 from fmus.physics.chain.flexible.condensation import clear, condense, reduce
 from fmus.physics.chain.flexible.elements import axial, gather, layout
 from fmus.physics.chain.flexible.inertia import add_kinetic, add_mass
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.sums import MATERIAL
-from fmus.physics.chain.touch import roll
+from fmus.physics.chain.touch import evaluate_contacts
 
 
 @kernel
@@ -34,29 +34,29 @@ def evaluate(links, contacts, env, x, by, w, fresh):
     """Residual M vdot + Q - Q_ext of the chain in the motion ``x``, condensed to the pins, into ``w.b``.
 
     With ``fresh`` also the condensed iteration matrix into ``w.A``, ``w.U``, ``w.L``; ``by`` (Slopes) are the
-    derivatives of rates and accelerations. Contact sums, and wrenches on the wheels at ``w.moved``, go to ``w``.
+    derivatives of rates and accelerations. Contact sums, and wrenches on the wheels at ``w.wheels``, go to ``w``.
     Returns the largest entry of the residual, N, and its link.
     """
-    n, c, rows, dims, at = links.n, links.element, vectors(links.element), axes(links.element), layout(links)
-    weight, whole = matter(c) * env.gravity, rows * dims + len(at.common)
+    n, c, rows, dims, indices = links.n, links.element, vectors(links.element), axes(links.element), layout(links)
+    weight, whole = total_mass(c) * env.gravity, rows * dims + len(indices.common)
     clear(w, fresh)
     mass(c, w.M)
     if contacts is not None:
-        outside(links, x, w, fresh)
-        roll(links, contacts, x, w, w.flat, by.v, fresh)
-        homeward(links, x, w)
+        wheels_to_axes(links, x, w, fresh)
+        evaluate_contacts(links, contacts, x, w, w.flat, by.v, fresh)
+        wrenches_from_axes(links, x, w)
     for i in range(n):
-        first, second = ends(at, x.q.shape[0], i)
+        first, second = ends(indices, x.q.shape[0], i)
         gather(links, x.q, first, second, w.e)
         gather(links, x.v, first, second, w.v)
         gather(links, x.vdot, first, second, w.dv)
         r = w.R[i]
-        burden(links, x, w, weight, r)
+        inertia_and_weight(links, x, w, weight, r)
         if fresh:
             tangent(c, w.e, w.v, by.v, w.K)
             add_mass(rows, dims, w.M, by.vdot, w.K)
-            lean(links, w, by.vdot)
-        sideways(links, w, r, fresh)
+            couple_inertia(links, w, by.vdot)
+        add_lateral_bending(links, w, r, fresh)
         w.sums[MATERIAL] += force(c, w.e, w.v, r)
         if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
             if w.touched[i]:
@@ -69,7 +69,7 @@ def evaluate(links, contacts, env, x, by, w, fresh):
                             w.K[a, k] += w.stiffening[i, a, k]
         if fresh:
             condense(links, w, i, first, second)
-            border(links, w, first, second)
+            assemble_border(links, w, first, second)
     return reduce(links, env, x, w, by.v, fresh)
 
 
@@ -77,19 +77,19 @@ def evaluate(links, contacts, env, x, by, w, fresh):
 def totals(links, env, x, w):
     """Least, mean and largest tension, N, and largest stress, Pa; kinetic, strain and gravity energy, J."""
     n, c, q = links.n, links.element, x.q
-    weight = matter(c) * env.gravity
-    kinetic, gravity = turning_energy(links, x), 0.0
-    strain_energy = stored(links.closing, axes(c), q)
+    weight = total_mass(c) * env.gravity
+    kinetic, gravity = rotary_energy(links, x), 0.0
+    strain_energy = spring_energy(links.closing, axes(c), q)
     low, high, mean, stress = np.inf, -np.inf, 0.0, 0.0
     for i in range(n):
         first, second = ends(layout(links), q.shape[0], i)
-        accelerated(links, x, w, first, second)
+        absolute_accelerations(links, x, w, first, second)
         gather(links, q, first, second, w.e)
         gather(links, x.v, first, second, w.v)
-        absolute(links, x, w)
+        absolute_rates(links, x, w)
         kinetic = add_kinetic(kinetic, w.M, w.v)
-        strain_energy += energy(c, w.e) + sideways_energy(links, w)
-        gravity += weight * risen(links, x, w)
+        strain_energy += energy(c, w.e) + lateral_bending_energy(links, w)
+        gravity += weight * centre_height(links, x, w)
         pull, fibre = axial(links, w)
         low, high, mean = min(low, pull), max(high, pull), mean + pull / n
         stress = max(stress, fibre)
@@ -101,7 +101,7 @@ def axials(links, x, w, tension, stress):
     """Tension, N, and largest axial stress, Pa, of all links into ``tension`` and ``stress`` (n)."""
     for i in range(links.n):
         first, second = ends(layout(links), x.q.shape[0], i)
-        accelerated(links, x, w, first, second)
+        absolute_accelerations(links, x, w, first, second)
         gather(links, x.q, first, second, w.e)
         gather(links, x.v, first, second, w.v)
         tension[i], stress[i] = axial(links, w)

@@ -13,47 +13,47 @@ _of = implementation("axes")
 
 
 @dispatch(_of)
-def outside(links, x, w, tangent):
-    """Prepare an evaluation: the wheels ``w.moved`` relative to the axes into ``w.flat``; zero the border."""
+def wheels_to_axes(links, x, w, tangent):
+    """Prepare an evaluation: the wheels ``w.wheels`` relative to the axes into ``w.flat``; zero the border."""
 
 
 @dispatch(_of)
-def homeward(links, x, w):
+def wrenches_from_axes(links, x, w):
     """Transform the wrenches on the wheels from the axes to the frame of the start, after the contacts."""
 
 
 @dispatch(_of)
-def burden(links, x, w, weight, r):
+def inertia_and_weight(links, x, w, weight, r):
     """Write inertia forces and ``weight``, N, of the link to ``r`` (rows, axes)."""
 
 
 @dispatch(_of)
-def sideways(links, w, r, tangent):
-    """Add the bending of the link about the normal, as far as its element lacks it, to ``r`` and ``w.K``."""
+def add_lateral_bending(links, w, r, tangent):
+    """Add the link's bending about its normal, as far as the element lacks it, to ``r`` and ``w.K``."""
 
 
 @dispatch(_of)
-def lean(links, w, by_acceleration):
+def couple_inertia(links, w, by_acceleration):
     """Write the rows and columns of ``w.K`` that couple the link's inertia with the rotation of the axes."""
 
 
 @dispatch(_of)
-def border(links, w, i, j):
+def assemble_border(links, w, i, j):
     """Add the condensed coupling of the pins ``i``, ``j`` with the rotation of the axes to the border."""
 
 
 @dispatch(_of)
-def foresee(links, method, h, s, w):
+def predict_axes(links, method, h, s, w):
     """Predict the axes at the end of a step of ``h`` s."""
 
 
 @dispatch(_of)
-def resolve(links, w, fresh):
+def solve_pins(links, w, fresh):
     """Solve for the pins, ``w.b``; with ``fresh`` factors also for their response to the axes' rotation."""
 
 
 @dispatch(_of)
-def bend(links, x, w, by):
+def correct_axes(links, x, w, by):
     """Take the Newton step of the axes and correct the solutions of pins and links for it.
 
     Returns the size of the step, m.
@@ -61,42 +61,42 @@ def bend(links, x, w, by):
 
 
 @dispatch(_of)
-def arrive(links, method, s, w):
+def finish_axes(links, method, s, w):
     """Update the axes at the end of a converged step."""
 
 
 @dispatch(_of)
-def follow(links, x, w):
+def accelerate_origin(links, x, w):
     """Acceleration of the axes' origin before an explicit evaluation; zero their angular acceleration."""
 
 
 @dispatch(_of)
-def swing(links, x, w):
+def solve_accelerations(links, x, w):
     """Accelerations of pins, axes and links after an evaluation with the mass factored."""
 
 
 @dispatch(_of)
-def rates(links, x, k, at):
-    """Time derivative of the axes into ``k`` from ``at`` on."""
+def axes_rates(links, x, k, first):
+    """Time derivative of the axes into ``k`` from ``first`` on."""
 
 
 @dispatch(_of)
-def square(links, s):
+def orthogonalise(links, s):
     """Orthogonalise the axes after an explicit step."""
 
 
 @dispatch(_of)
-def sideways_frequency(links):
-    """Highest frequency of the chain in the bending of ``sideways``, rad/s; not for kernels."""
+def lateral_bending_frequency(links):
+    """Highest frequency of the chain in lateral bending, rad/s; not for kernels."""
 
 
 @dispatch(_of)
-def absolute(links, x, w):
+def absolute_rates(links, x, w):
     """Convert the rates ``w.v`` of the link to those relative to the ground."""
 
 
 @dispatch(_of)
-def accelerated(links, s, w, i, j):
+def absolute_accelerations(links, s, w, i, j):
     """Accelerations of the link between pins ``i`` and ``j`` relative to the ground into ``w.dv``.
 
     They are components along the axes.
@@ -104,35 +104,35 @@ def accelerated(links, s, w, i, j):
 
 
 @dispatch(_of)
-def lagging(links, s, w, i, j):
-    """Part of ``accelerated`` that an evaluation without accelerations leaves out."""
+def omitted_accelerations(links, s, w, i, j):
+    """Part of ``absolute_accelerations`` that an evaluation without accelerations leaves out."""
 
 
 @dispatch(_of)
-def upwards(links, s):
+def vertical(links, s):
     """Unit vector of the vertical along the axes."""
 
 
 @dispatch(_of)
-def risen(links, x, w):
+def centre_height(links, x, w):
     """Height of the centre of mass of the link, m."""
 
 
 @dispatch(_of)
-def placed(links, s, p):
+def start_frame_position(links, s, p):
     """Position in the frame of the start of the position ``p`` along the axes, m."""
 
 
 @dispatch(_of)
-def directed(links, s, v):
+def start_frame_vector(links, s, v):
     """Components in the frame of the start of the vector ``v`` along the axes."""
 
 
 @dispatch(_of)
-def sideways_energy(links, w):
-    """Strain energy of ``sideways``, J."""
+def lateral_bending_energy(links, w):
+    """Strain energy of the lateral bending, J."""
 
 
 @dispatch(_of)
-def turning_energy(links, x):
+def rotary_energy(links, x):
     """Kinetic energy of the links' mass beside their centrelines, J."""

@@ -13,12 +13,22 @@ import numpy as np
 
 from fmus.jit import kernel
 
-ROTATION, ORIGIN, VELOCITY, ACCELERATION, RATE, GROWTH, AUXILIARY, CARRIED, MIDDLE = 0, 9, 12, 15, 18, 21, 24, 26, 29
+ROTATION, ORIGIN, VELOCITY, ACCELERATION, OMEGA, OMEGA_RATE, AUXILIARY, AUXILIARY_ORIGIN, MIDDLE = (
+    0,
+    9,
+    12,
+    15,
+    18,
+    21,
+    24,
+    26,
+    29,
+)
 SIZE = 32
 ROLL, YAW = 12, 13  # their rotations among a link's unknowns, after its coordinates
 
 
-class Axes(NamedTuple):
+class AxesArrays(NamedTuple):
     """Work arrays of free axes, for m shared coordinates a pin.
 
     ``whole``: number of unknowns of a link and of the axes. The border has columns and rows for roll and yaw, the
@@ -26,23 +36,23 @@ class Axes(NamedTuple):
     """
 
     psi: np.ndarray  # (2) rotation of the axes over the step so far, rad
-    edge: np.ndarray  # (nodes, m, 4) condensed border of the pins: two columns, two rows
-    answer: np.ndarray  # (2, nodes, m) response of the pins to roll and yaw
+    border: np.ndarray  # (nodes, m, 4) condensed border of the pins: two columns, two rows
+    response: np.ndarray  # (2, nodes, m) response of the pins to roll and yaw
     corner: np.ndarray  # (2, 2) derivative of the moment balance by roll and yaw, N m
     moment: np.ndarray  # (2) residual of the moment balance, N m
     point: np.ndarray  # (3) contact point of a pin, along the axes, m
-    place: np.ndarray  # (6) of a section of a face: p and d of its points p + y d, m and 1
+    section: np.ndarray  # (6) of a section of a face: p and d of its points p + y d, m and 1
     lever: np.ndarray  # (3) from the pin line to a contact point, m
     sums: np.ndarray  # (36) sums over the contact points of a section, see ``turning_faces``
-    given: np.ndarray  # (2, 3, whole) change of the section's force, weighted by y to 0 and 1, by the unknowns
-    carried: np.ndarray  # (3, whole) part of it by the leverage
-    drift: np.ndarray  # (3) acceleration of the origin, along the axes, m/s2
+    section_tangent: np.ndarray  # (2, 3, whole) its force by the unknowns, weighted by y to 0 and 1
+    lever_tangent: np.ndarray  # (3, whole) part of it by the leverage
+    origin_acceleration: np.ndarray  # (3) acceleration of the origin, along the axes, m/s2
 
 
-def axes(nodes: int, shared: int, whole: int) -> Axes:
+def axes_arrays(nodes: int, shared: int, whole: int) -> AxesArrays:
     """Return zeroed arrays; ``shared`` coordinates a pin, ``whole`` unknowns of a link and of the axes."""
     z = np.zeros
-    return Axes(
+    return AxesArrays(
         z(2), z((nodes, shared, 4)), z((2, nodes, shared)), z((2, 2)), z(2), z(3), z(6), z(3), z(36),
         z((2, 3, whole)), z((3, whole)), z(3),
     )  # fmt: skip

@@ -11,44 +11,44 @@ from fmus.physics.ancf.beam import shape
 from fmus.physics.chain.flexible.elements import layout
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
-    begin,
+    begin_contacts,
+    begin_link,
     count,
-    enter,
+    finish_section,
     from_ground,
     length,
-    pin_rates,
-    pins,
-    pushed,
+    pin_positions,
+    pin_velocities,
     to_ground,
 )
 from fmus.physics.vector import add, scale, vector
 
 
 @kernel
-def across(links):
+def lateral_points(links):
     """See ``faces``."""
     return 2, links.lateral
 
 
 @kernel
-def lift(links, x, i):
+def depth_below_pins(links, x, i):
     """See ``faces``; the ends of a pin hang by the inclination of its axis."""
     first, second = ends(layout(links), x.q.shape[0], i)
-    lean = links.lateral * max(abs(x.q[first, 5]), abs(x.q[second, 5]))
-    return lean + 1.1 * links.face + 0.1 * links.element.l
+    inclination = links.lateral * max(abs(x.q[first, 5]), abs(x.q[second, 5]))
+    return inclination + 1.1 * links.face + 0.1 * links.element.l
 
 
 @kernel
-def section(links, x, w, i, xi, z):
+def locate_section(links, x, w, i, xi, z):
     """See ``faces``."""
     return xi, z
 
 
 @kernel
-def locate(links, x, w, i, at, y):
+def locate(links, x, w, i, section, y):
     """See ``faces``; leaves shape functions in ``w.S``."""
     S, e, de = w.S, w.e, w.v
-    shape(links.element, at[0], y, at[1], S)
+    shape(links.element, section[0], y, section[1], S)
     p0 = p1 = p2 = v0 = v1 = v2 = 0.0
     for a in range(8):
         p0 += S[a] * e[a, 0]
@@ -61,16 +61,16 @@ def locate(links, x, w, i, at, y):
 
 
 @kernel
-def along(links, x, w, i):
+def position_slope(links, x, w, i):
     """See ``faces``; by the pins, without the link's bending."""
-    first, last = pins(links, x, w, i)
+    first, last = pin_positions(links, x, w, i)
     return add(last, scale(-1.0, first))
 
 
 @kernel
-def push(links, w, i, push, tangent):
+def apply_force(links, w, i, force, tangent):
     """Add a force to residual and matrix of the link: R -= S^T f, K -= S^T g S."""
-    S, R, K, f, g = w.S, w.load[i], w.stiffening[i], push.f, push.g
+    S, R, K, f, g = w.S, w.load[i], w.stiffening[i], force.f, force.g
     for a in range(8):
         R[a, 0] -= S[a] * f[0]
         R[a, 1] -= S[a] * f[1]
@@ -92,15 +92,15 @@ def push(links, w, i, push, tangent):
 
 
 @kernel
-def resist(links, w, i, push, by_rate, foot, side):
+def add_rate_matrix(links, w, i, force, by_rate, foot, normal):
     """Add K -= S^T r (d rate / d pins), r = df / d rate; the rate falls with motion along the normal."""
-    S, K, r = w.S, w.stiffening[i], push.by_rate
+    S, K, r = w.S, w.stiffening[i], force.by_rate
     for a in range(8):
         for k in range(3):
             g = by_rate * S[a] * r[k]
             for j in range(3):
-                K[3 * a + k, j] += g * (1.0 - foot) * side[j]
-                K[3 * a + k, 12 + j] += g * foot * side[j]
+                K[3 * a + k, j] += g * (1.0 - foot) * normal[j]
+                K[3 * a + k, 12 + j] += g * foot * normal[j]
 
 
 @kernel
@@ -111,9 +111,9 @@ def locate_pin(links, x, w, i, y):
 
 
 @kernel
-def push_pin(links, x, w, i, y, push, tangent):
+def apply_pin_force(links, x, w, i, y, force, tangent):
     """Add a force to residual ``w.b`` and matrix ``w.A`` of the pin."""
-    f, g = push.f, push.g
+    f, g = force.f, force.g
     for a in range(3):
         w.b[i, a] -= f[a]
         w.b[i, 3 + a] -= y * f[a]

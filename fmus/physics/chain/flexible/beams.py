@@ -14,16 +14,16 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import allocating, implemented_in, kernel
-from fmus.physics.ancf.beam import GAUSS, Beam, basis, radii, seen
+from fmus.physics.ancf.beam import GAUSS, Beam, basis, radii, section_vectors
 from fmus.physics.ancf.element import section_force
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
 from fmus.physics.chain.flexible.beam_nodes import BEGIN, END, NODE
 from fmus.physics.chain.flexible.beam_nodes import gather as coordinates
-from fmus.physics.chain.flexible.closing import Spring
-from fmus.physics.chain.flexible.link_layout import arranged
+from fmus.physics.chain.flexible.closing import ClosingSpring
+from fmus.physics.chain.flexible.link_layout import layout_of_halves
 from fmus.physics.vector import dot, scale, vector
 
-LAYOUT = arranged(
+LAYOUT = layout_of_halves(
     begin=[BEGIN[a] + k for a in range(4) for k in range(3)],
     end=[END[a] + k for a in range(4) for k in range(3)],
     outer=[0, 1, 2, 6, 7, 8, 12, 13, 14, 18, 19, 20],
@@ -51,7 +51,7 @@ class Beams(NamedTuple):
     outer_fibre: float  # distance of the outer fibre from the axis, m
     area: float  # area of the section, m2
     young: float  # Young's modulus, Pa
-    closing: Spring | None = None  # spring of a loop whose mesh is open
+    closing: ClosingSpring | None = None  # spring of a loop whose mesh is open
 
 
 @kernel
@@ -86,7 +86,7 @@ def axial(links, w):
     stress = 0.0
     for p in range(GAUSS):
         basis(links.element, POINTS[GAUSS, p], N)
-        seen(N, w.e, G)
+        section_vectors(N, w.e, G)
         for corner in range(4):
             a, b = y if corner < 2 else -y, z if corner % 2 else -z
             square = 0.0
@@ -103,13 +103,13 @@ def outer_and_inner(links, w):
     outer = inner = 0.0
     for p in range(GAUSS):
         basis(links.element, POINTS[GAUSS, p], N)
-        seen(N, w.e, G)
-        one = other = 0.0
+        section_vectors(N, w.e, G)
+        outer_stretch = inner_stretch = 0.0
         for k in range(3):
-            one += (G[0, k] + up * G[2, k]) ** 2
-            other += (G[0, k] - up * G[2, k]) ** 2
-        outer += WEIGHTS[GAUSS, p] * links.young * 0.5 * (one - 1.0)
-        inner += WEIGHTS[GAUSS, p] * links.young * 0.5 * (other - 1.0)
+            outer_stretch += (G[0, k] + up * G[2, k]) ** 2
+            inner_stretch += (G[0, k] - up * G[2, k]) ** 2
+        outer += WEIGHTS[GAUSS, p] * links.young * 0.5 * (outer_stretch - 1.0)
+        inner += WEIGHTS[GAUSS, p] * links.young * 0.5 * (inner_stretch - 1.0)
     return outer, inner
 
 

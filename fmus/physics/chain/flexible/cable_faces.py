@@ -14,32 +14,32 @@ from fmus.physics.ancf.cable import axes, shape, shape_slope
 from fmus.physics.chain.flexible.elements import in_space, layout
 from fmus.physics.chain.flexible.link_layout import node
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
-    begin,
+    begin_contacts,
+    begin_link,
     count,
-    enter,
+    finish_section,
     from_ground,
     length,
-    pin_rates,
-    pins,
-    pushed,
+    pin_positions,
+    pin_velocities,
     to_ground,
 )
 
 
 @kernel
-def across(links):
+def lateral_points(links):
     """See ``faces``."""
     return 1, 0.0
 
 
 @kernel
-def lift(links, x, i):
+def depth_below_pins(links, x, i):
     """See ``faces``."""
     return 1.1 * links.face + 0.1 * links.element.l
 
 
 @kernel
-def section(links, x, w, i, xi, z):
+def locate_section(links, x, w, i, xi, z):
     """See ``faces``; leaves shapes in ``w.S``, z x slopes / |r_x| in ``w.C``, tangent (x, z) in ``w.t``."""
     S, C, e, de, up = w.S, w.C, w.e, w.v, axes(links.element) - 1
     shape(links.element, xi, S)
@@ -67,23 +67,23 @@ def section(links, x, w, i, xi, z):
 
 
 @kernel
-def locate(links, x, w, i, at, y):
+def locate(links, x, w, i, section, y):
     """See ``faces``; a cable has one point, in its middle."""
-    return at
+    return section
 
 
 @kernel
-def along(links, x, w, i):
+def position_slope(links, x, w, i):
     """See ``faces``."""
     l = links.element.l
     return l * w.t[0], 0.0, l * w.t[2]
 
 
 @kernel
-def push(links, w, i, push, tangent):
+def apply_force(links, w, i, force, tangent):
     """Add a force to residual and matrix of the link: R -= B^T f, K -= B^T g B with B = S - C t n^T."""
     S, C, R, K, dims = w.S, w.C, w.load[i], w.stiffening[i], axes(links.element)
-    t0, t2, f, up = w.t[0], w.t[2], push.f, dims - 1
+    t0, t2, f, up = w.t[0], w.t[2], force.f, dims - 1
     a = f[0] * t0 + f[2] * t2
     for k in range(4):
         R[k, 0] -= S[k] * f[0] + C[k] * a * t2
@@ -92,7 +92,7 @@ def push(links, w, i, push, tangent):
             R[k, 1] -= S[k] * f[1]
     if not tangent:
         return
-    g00, g01, g02, g10, g11, g12, g20, g21, g22 = push.g
+    g00, g01, g02, g10, g11, g12, g20, g21, g22 = force.g
     # g t, t g and t g t; n = (-t2, 0, t0)
     p0, p1, p2 = g00 * t0 + g02 * t2, g10 * t0 + g12 * t2, g20 * t0 + g22 * t2
     o0, o1, o2 = g00 * t0 + g20 * t2, g01 * t0 + g21 * t2, g02 * t0 + g22 * t2
@@ -119,17 +119,17 @@ def push(links, w, i, push, tangent):
 
 
 @kernel
-def resist(links, w, i, push, by_rate, foot, side):
+def add_rate_matrix(links, w, i, force, by_rate, foot, normal):
     """Add K -= B^T r (d rate / d pins), r = df / d rate; the rate falls with motion along the normal."""
-    S, C, K, t0, t2, r, dims = w.S, w.C, w.stiffening[i], w.t[0], w.t[2], push.by_rate, axes(links.element)
+    S, C, K, t0, t2, r, dims = w.S, w.C, w.stiffening[i], w.t[0], w.t[2], force.by_rate, axes(links.element)
     a = r[0] * t0 + r[2] * t2
     for k in range(4):
         p = S[k] * r[0] + C[k] * a * t2, S[k] * r[1], S[k] * r[2] - C[k] * a * t0
         for m in range(dims):
             for j in range(dims):
-                turned = p[_axis(m, dims)] * by_rate * side[_axis(j, dims)]
-                K[dims * k + m, j] += turned * (1.0 - foot)
-                K[dims * k + m, 2 * dims + j] += turned * foot
+                entry = p[_axis(m, dims)] * by_rate * normal[_axis(j, dims)]
+                K[dims * k + m, j] += entry * (1.0 - foot)
+                K[dims * k + m, 2 * dims + j] += entry * foot
 
 
 @kernel
@@ -146,9 +146,9 @@ def locate_pin(links, x, w, i, y):
 
 
 @kernel
-def push_pin(links, x, w, i, y, push, tangent):
+def apply_pin_force(links, x, w, i, y, force, tangent):
     """Add a force to residual ``w.b`` and matrix ``w.A`` of the pin."""
-    f, g, dims, i = push.f, push.g, axes(links.element), node(layout(links), x.q.shape[0], i)
+    f, g, dims, i = force.f, force.g, axes(links.element), node(layout(links), x.q.shape[0], i)
     for a in range(dims):
         w.b[i, a] -= f[_axis(a, dims)]
     if tangent:

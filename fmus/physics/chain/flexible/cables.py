@@ -19,10 +19,10 @@ from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import end_moments, mean_curvature, section_force, tension
 from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - interface
 from fmus.physics.chain.flexible.cable_nodes import gather as coordinates
-from fmus.physics.chain.flexible.closing import Spring
-from fmus.physics.chain.flexible.link_layout import arranged
+from fmus.physics.chain.flexible.closing import ClosingSpring
+from fmus.physics.chain.flexible.link_layout import layout_of_halves
 
-LAYOUT = arranged(begin=[0, 1, 2, 5, 7, 6], end=[0, 1, 2, 3, 7, 4], outer=[0, 1, 2, 4, 6, 7, 8, 10], fixed=3)
+LAYOUT = layout_of_halves(begin=[0, 1, 2, 5, 7, 6], end=[0, 1, 2, 3, 7, 4], outer=[0, 1, 2, 4, 6, 7, 8, 10], fixed=3)
 ELEMENT = (4, 3)  # (rows, axes): vectors of a link, components of a vector
 AXES = np.arange(3)  # axes of space that a vector of this chain has
 FREE = 0  # size of the state of the axes: fixed
@@ -44,7 +44,7 @@ class Cables(NamedTuple):
     outer_fibre: float  # distance of the outer fibre from the axis, m
     area: float  # area of the section, m2
     second_moment: float  # second moment of area about the pin, m4
-    closing: Spring | None = None  # spring of a loop whose mesh is open
+    closing: ClosingSpring | None = None  # spring of a loop whose mesh is open
 
 
 @kernel
@@ -74,17 +74,19 @@ def flatten(links, w):
 def axial(links, w):
     """See ``elements``."""
     first, second = end_moments(links.element, w.e)
-    bend = max(first, second) * links.outer_fibre / links.second_moment
-    at = tension(links.element, w.e) / links.area
-    return section_force(links.element, w.e, w.v, w.dv), max(abs(at + bend), abs(at - bend))
+    bending_stress = max(first, second) * links.outer_fibre / links.second_moment
+    axial_stress = tension(links.element, w.e) / links.area
+    return section_force(links.element, w.e, w.v, w.dv), max(
+        abs(axial_stress + bending_stress), abs(axial_stress - bending_stress)
+    )
 
 
 @kernel
 def outer_and_inner(links, w):
     """See ``elements``; a cable's curvature is linear, so its mean is that at the middle."""
-    at = tension(links.element, w.e) / links.area
-    bend = links.element.EI * mean_curvature(links.element, w.e) * links.outer_fibre / links.second_moment
-    return at - bend, at + bend
+    axial_stress = tension(links.element, w.e) / links.area
+    bending_stress = links.element.EI * mean_curvature(links.element, w.e) * links.outer_fibre / links.second_moment
+    return axial_stress - bending_stress, axial_stress + bending_stress
 
 
 @kernel

@@ -43,7 +43,7 @@ class CholeskyLinks(NamedTuple):
     side: np.ndarray  # (nodes, m) scratch: rates of the pins
 
 
-def transformed(links: Any, own: int, shared: tuple[int, int]) -> CholeskyLinks:
+def cholesky_links(links: Any, own: int, shared: tuple[int, int]) -> CholeskyLinks:
     """Return ``links`` with zeroed factors of ``own`` and ``shared`` (nodes, m) sizes; then ``factor``."""
     return CholeskyLinks(links, np.zeros((own, own)), np.zeros((own, own)), np.zeros(shared))
 
@@ -51,46 +51,46 @@ def transformed(links: Any, own: int, shared: tuple[int, int]) -> CholeskyLinks:
 @kernel
 def factor(links, env, s, w):
     """Factor the mass into ``w`` and ``links``; return -1, or the pin or link where it is singular."""
-    one = links.links
-    condense_mass(one, env, s, w)
-    keep_symmetric(one, env, w)
-    at = layout(one)
-    for a in range(len(at.own)):
-        for b in range(len(at.own)):
-            links.inverse[a, b] = w.K[at.inner[a], at.inner[b]]
-    if not cholesky_cyclic.root(links.inverse, links.root, at.own):
+    nodal = links.links
+    condense_mass(nodal, env, s, w)
+    keep_symmetric(nodal, env, w)
+    indices = layout(nodal)
+    for a in range(len(indices.own)):
+        for b in range(len(indices.own)):
+            links.inverse[a, b] = w.K[indices.inner[a], indices.inner[b]]
+    if not cholesky_cyclic.root(links.inverse, links.root, indices.own):
         return 0
-    return cholesky_cyclic.factor(w.A, w.U, w.L, w.factors, one.closed == 1)
+    return cholesky_cyclic.factor(w.A, w.U, w.L, w.factors, nodal.closed == 1)
 
 
 @kernel
-def fold(links, s, w):
+def to_cholesky(links, s, w):
     """Cholesky coordinates and rates ``s.p`` (2, nodes, width) from the nodal ones."""
-    one = links.links
-    at, right, side = layout(one), w.right[0], links.side
-    m, n = len(at.shared), len(at.own)
+    nodal = links.links
+    indices, right, side = layout(nodal), w.right[0], links.side
+    m, n = len(indices.shared), len(indices.own)
     for part in range(2):
         q, p = s.q if part == 0 else s.v, s.p[part]
         p[:] = 0.0
-        for link in range(one.n):
-            i, j = ends(at, q.shape[0], link)
+        for link in range(nodal.n):
+            i, j = ends(indices, q.shape[0], link)
             for k in range(n):
-                x = q[i if 2 * k < n else j, at.slope[k]]
+                x = q[i if 2 * k < n else j, indices.slope[k]]
                 for a in range(m):
-                    x += right[k, a] * q[i, at.pin[a]] + right[k, m + a] * q[j, at.pin[a]]
+                    x += right[k, a] * q[i, indices.pin[a]] + right[k, m + a] * q[j, indices.pin[a]]
                 for l in range(k + 1):
-                    p[i if 2 * l < n else j, at.slope[l]] += links.root[k, l] * x
+                    p[i if 2 * l < n else j, indices.slope[l]] += links.root[k, l] * x
         for i in range(q.shape[0]):
             for k in range(m):
-                side[i, k] = q[i, at.pin[k]]
-        cholesky_cyclic.transposed(w.U, w.L, w.factors, one.closed == 1, side)
+                side[i, k] = q[i, indices.pin[k]]
+        cholesky_cyclic.transposed(w.U, w.L, w.factors, nodal.closed == 1, side)
         for i in range(q.shape[0]):
             for k in range(m):
-                p[i, at.pin[k]] = side[i, k]
+                p[i, indices.pin[k]] = side[i, k]
 
 
 @kernel
-def unfold(links, s, w):
+def to_nodal(links, s, w):
     """Nodal coordinates and rates from ``s.p``."""
     _nodal(links, s.p[0], s.p[1], s.q, s.v, w)
 
@@ -98,56 +98,56 @@ def unfold(links, s, w):
 @kernel
 def _nodal(links, p, rates, q, v, w):
     """Write B^-T ``p`` to ``q`` and B^-T ``rates`` to ``v``, all (nodes, width)."""
-    one = links.links
-    at, right, inverse, b, side = layout(one), w.right[0], links.inverse, w.b, links.side
-    m, n = len(at.shared), len(at.own)
+    nodal = links.links
+    indices, right, inverse, b, side = layout(nodal), w.right[0], links.inverse, w.b, links.side
+    m, n = len(indices.shared), len(indices.own)
     for i in range(b.shape[0]):
         for k in range(m):
-            b[i, k], side[i, k] = p[i, at.pin[k]], rates[i, at.pin[k]]
-    cholesky_cyclic.back(w.A, w.L, w.factors, one.closed == 1, b, side)
+            b[i, k], side[i, k] = p[i, indices.pin[k]], rates[i, indices.pin[k]]
+    cholesky_cyclic.back(w.A, w.L, w.factors, nodal.closed == 1, b, side)
     for i in range(b.shape[0]):
         for k in range(m):
-            q[i, at.pin[k]], v[i, at.pin[k]] = b[i, k], side[i, k]
-    for link in range(one.n):
-        i, j = ends(at, b.shape[0], link)
+            q[i, indices.pin[k]], v[i, indices.pin[k]] = b[i, k], side[i, k]
+    for link in range(nodal.n):
+        i, j = ends(indices, b.shape[0], link)
         for k in range(n):
             x = y = 0.0
             for l in range(k, n):
                 node = i if 2 * l < n else j
-                x += inverse[l, k] * p[node, at.slope[l]]
-                y += inverse[l, k] * rates[node, at.slope[l]]
+                x += inverse[l, k] * p[node, indices.slope[l]]
+                y += inverse[l, k] * rates[node, indices.slope[l]]
             for a in range(m):
                 x -= right[k, a] * b[i, a] + right[k, m + a] * b[j, a]
                 y -= right[k, a] * side[i, a] + right[k, m + a] * side[j, a]
             node = i if 2 * k < n else j
-            q[node, at.slope[k]], v[node, at.slope[k]] = x, y
+            q[node, indices.slope[k]], v[node, indices.slope[k]] = x, y
 
 
 @kernel
 def accelerations(links, contacts, env, s, w):
     """Accelerations of p (nodes, width) from nodal coordinates and rates into ``w.change[1]``."""
-    one = links.links
-    evaluate(one, contacts, env, Motion(s.q, s.v, w.still, s.axes), NOTHING, w, False)
-    cholesky_cyclic.forward(w.A, w.L, w.factors, one.closed == 1, w.b)
-    at, root, own, a = layout(one), links.root, w.own, w.change[1]
-    n = len(at.own)
+    nodal = links.links
+    evaluate(nodal, contacts, env, Motion(s.q, s.v, w.still, s.axes), NOTHING, w, False)
+    cholesky_cyclic.forward(w.A, w.L, w.factors, nodal.closed == 1, w.b)
+    indices, root, own, a = layout(nodal), links.root, w.own, w.change[1]
+    n = len(indices.own)
     a[:] = 0.0
-    for link in range(one.n):
-        i, j = ends(at, w.b.shape[0], link)
+    for link in range(nodal.n):
+        i, j = ends(indices, w.b.shape[0], link)
         for k in range(n):
             x = 0.0
             for l in range(k, n):
                 x += root[l, k] * own[link, l]
-            a[i if 2 * k < n else j, at.slope[k]] = -x
+            a[i if 2 * k < n else j, indices.slope[k]] = -x
     for i in range(w.b.shape[0]):
-        for k in range(len(at.shared)):
-            a[i, at.pin[k]] = -w.b[i, k]
+        for k in range(len(indices.shared)):
+            a[i, indices.pin[k]] = -w.b[i, k]
 
 
 @kernel
 def derivative(links, contacts, env, s, w, k):
     """See ``kinds``."""
-    unfold(links, s, w)
+    to_nodal(links, s, w)
     accelerations(links, contacts, env, s, w)
     n, width = s.q.size, s.q.shape[1]
     for i in range(s.q.shape[0]):
@@ -173,9 +173,9 @@ def stage_joints(links, env, s, w):
 
 
 @kernel
-def close(links, s, w):
+def project(links, s, w):
     """See ``kinds``: no equation is open; updates the nodal coordinates to the end of the step."""
-    unfold(links, s, w)
+    to_nodal(links, s, w)
     return -1
 
 
@@ -210,9 +210,9 @@ def pin_axes(links, s, w, axis):
 
 
 @kernel
-def slopes(links, s, w, found):
+def slopes(links, s, w, slope):
     """See ``kinds``."""
-    dynamics.slopes(links.links, s, w, found)
+    dynamics.slopes(links.links, s, w, slope)
 
 
 @kernel
@@ -222,6 +222,6 @@ def fibres(links, s, w, stress):
 
 
 @kernel
-def links_shown(links, env, s, w, tension, stress, place):
+def observe_links(links, env, s, w, tension, stress, place):
     """See ``kinds``."""
-    dynamics.links_shown(links.links, env, s, w, tension, stress, place)
+    dynamics.observe_links(links.links, env, s, w, tension, stress, place)

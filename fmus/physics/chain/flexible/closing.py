@@ -19,7 +19,7 @@ from fmus.physics.ancf.element import mass, vectors
 from fmus.physics.chain.sums import JOINTS
 
 
-class Spring(NamedTuple):
+class ClosingSpring(NamedTuple):
     """Spring and damper that close a loop."""
 
     stiffness: float  # stiffness, N/m
@@ -27,11 +27,11 @@ class Spring(NamedTuple):
 
 
 @kernel
-def pull(spring, at, dims, x, w, by_rate, tangent):
+def add_spring(spring, layout, dims, x, w, by_rate, tangent):
     """Add the ``spring``, or None, to the residuals ``w.b`` of the two pins; with ``tangent`` the matrix.
 
-    ``at``: the links' Layout; ``dims``: components of a position, the first coordinates of a pin. Adds the damper's
-    power to ``w.sums``. For links that share no pins the matrix has the corners only, see ``constrained_joints``.
+    ``layout``: the links' LinkLayout; ``dims``: components of a position, the first coordinates of a pin. Adds the
+    damper's power to ``w.sums``. For links that share no pins the matrix has corners only, see ``constrained_joints``.
     """
     if spring is not None:
         last = x.q.shape[0] - 1
@@ -43,7 +43,7 @@ def pull(spring, at, dims, x, w, by_rate, tangent):
             w.sums[JOINTS] += spring.damping * rate * rate
             if tangent:
                 stiff = spring.stiffness + by_rate * spring.damping
-                if len(at.pins) == 1:
+                if len(layout.pins) == 1:
                     w.A[0, k, k] += stiff
                     w.A[last, k, k] += stiff
                 w.L[0, k, k] -= stiff
@@ -51,7 +51,7 @@ def pull(spring, at, dims, x, w, by_rate, tangent):
 
 
 @kernel
-def stored(spring, dims, q):
+def spring_energy(spring, dims, q):
     """Energy of the ``spring``, or None, J; ``q`` (nodes, width)."""
     energy = 0.0
     if spring is not None:
@@ -61,7 +61,7 @@ def stored(spring, dims, q):
     return energy
 
 
-def square_of_frequency(spring: Spring | None, element: Any) -> float:
+def square_of_frequency(spring: ClosingSpring | None, element: Any) -> float:
     """Bound of the spring's effect on the square of a chain's highest frequency, 1/s2; not for kernels.
 
     By Weyl's inequality the bounds of two stiffnesses add up; that of the spring alone is k (1/m + 1/m') with the

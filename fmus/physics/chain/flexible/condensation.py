@@ -16,7 +16,7 @@ import numpy as np
 from fmus.jit import kernel, noalias
 from fmus.physics.ancf.element import axes
 from fmus.physics.chain.environment import HELD, PINNED
-from fmus.physics.chain.flexible.closing import pull
+from fmus.physics.chain.flexible.closing import add_spring
 from fmus.physics.chain.flexible.elements import layout, lever
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.pins import pin_loads
@@ -43,16 +43,16 @@ def eliminate(links, w, i):
     Leaves the inverse of its own part in ``w.inner``, that times the coupling in ``w.right``, and the coupling in
     ``w.left``.
     """
-    at = layout(links)
-    n, outer = len(at.own), 2 * len(at.shared) + len(at.common)
+    indices = layout(links)
+    n, outer = len(indices.own), 2 * len(indices.shared) + len(indices.common)
     K, inner, right, left, coupling, rest = w.K, w.inner[i], w.right[i], w.left[i], w.coupling, w.rest
     for a in range(n):
         for b in range(n):
-            inner[a, b] = K[at.inner[a], at.inner[b]]
+            inner[a, b] = K[indices.inner[a], indices.inner[b]]
         for b in range(outer):
-            left[b, a] = K[at.outer[b], at.inner[a]]
-            coupling[a, b] = K[at.inner[a], at.outer[b]]
-    invert(inner, w.swap, at.own)
+            left[b, a] = K[indices.outer[b], indices.inner[a]]
+            coupling[a, b] = K[indices.inner[a], indices.outer[b]]
+    invert(inner, w.swap, indices.own)
     for a in range(n):
         for b in range(outer):
             right[a, b] = 0.0
@@ -62,7 +62,7 @@ def eliminate(links, w, i):
                 right[a, b] += s * coupling[k, b]
     for a in range(outer):
         for b in range(outer):
-            rest[a, b] = K[at.outer[a], at.outer[b]]
+            rest[a, b] = K[indices.outer[a], indices.outer[b]]
         for k in range(n):
             s = left[a, k]
             for b in range(outer):
@@ -84,19 +84,19 @@ def condense(links, w, link, i, j):
 
 
 @kernel
-def _spread(at, R, inner, own, b, x):
+def _spread(indices, R, inner, own, b, x):
     """Add the residuals ``R`` (links, rows, axes) to the pins ``b``; solve the own parts into ``own``.
 
     Returns the largest entry of the own parts, N, and its link; ``x`` is scratch.
     """
-    links, nodes, m, n = R.shape[0], b.shape[0], len(at.shared), len(at.own)
+    links, nodes, m, n = R.shape[0], b.shape[0], len(indices.shared), len(indices.own)
     flat = R.reshape(links, R.shape[1] * R.shape[2])
     worst, where = 0.0, 0
     for i in range(links):
-        first, second = ends(at, nodes, i)
+        first, second = ends(indices, nodes, i)
         r = flat[i]
         for k in range(n):
-            x[k] = r[at.inner[k]]
+            x[k] = r[indices.inner[k]]
             worst, where = (abs(x[k]), i) if abs(x[k]) > worst else (worst, where)
         for k in range(n):
             s = 0.0
@@ -104,24 +104,24 @@ def _spread(at, R, inner, own, b, x):
                 s += inner[i, k, a] * x[a]
             own[i, k] = s
         for k in range(m):
-            b[first, k] += r[at.outer[k]]
-            b[second, k] += r[at.outer[m + k]]
+            b[first, k] += r[indices.outer[k]]
+            b[second, k] += r[indices.outer[m + k]]
     return worst, where
 
 
 @kernel
-def _reduce(at, env, left, own, b, worst, where):
+def _reduce(indices, env, left, own, b, worst, where):
     """Condense the residual ``b`` of the pins; entries that the ground supports at pinned ends are zeroed.
 
     Returns the largest entry, N, before that and of ``worst``, and its link.
     """
-    links, nodes, m, n = left.shape[0], b.shape[0], len(at.shared), len(at.own)
+    links, nodes, m, n = left.shape[0], b.shape[0], len(indices.shared), len(indices.own)
     for i in range(nodes):
         for k in range(m):
             if abs(b[i, k]) > worst:
-                worst, where = abs(b[i, k]), min(i // len(at.pins), links - 1)
+                worst, where = abs(b[i, k]), min(i // len(indices.pins), links - 1)
     for link in range(links):
-        i, j = ends(at, nodes, link)
+        i, j = ends(indices, nodes, link)
         for k in range(m):
             first, second = b[i, k], b[j, k]
             for a in range(n):
@@ -129,24 +129,24 @@ def _reduce(at, env, left, own, b, worst, where):
                 second -= left[link, m + k, a] * own[link, a]
             b[i, k], b[j, k] = first, second
     if env.ends == PINNED or env.ends == HELD:
-        b[0, : at.fixed] = 0.0
+        b[0, : indices.fixed] = 0.0
     if env.ends == PINNED:
-        b[nodes - 1, : at.fixed] = 0.0
+        b[nodes - 1, : indices.fixed] = 0.0
     return worst, where
 
 
 @kernel
 def reduce(links, env, x, w, by_rate, tangent):
     """Condense the residuals of all links and pin loads; return the largest entry, N, and its link."""
-    at = layout(links)
-    worst, where = _spread(at, w.R, w.inner, w.own, w.b, w.swap)
+    indices = layout(links)
+    worst, where = _spread(indices, w.R, w.inner, w.own, w.b, w.swap)
     pin_loads(links, env, x, w, by_rate, tangent)
-    pull(links.closing, at, axes(links.element), x, w, by_rate, tangent)
+    add_spring(links.closing, indices, axes(links.element), x, w, by_rate, tangent)
     if w.on_links.shape[0] > 0:
         for i in range(w.b.shape[0]):
             for k in range(axes(links.element)):
                 w.imbalance[i, k] = w.b[i, k]
-    return _reduce(at, env, w.left, w.own, w.b, worst, where)
+    return _reduce(indices, env, w.left, w.own, w.b, worst, where)
 
 
 @kernel
@@ -155,8 +155,8 @@ def correct(links, w, x, by, longest):
 
     A change of a shared coordinate counts by its lever, m. The step is scaled down to ``longest``, m.
     """
-    at, levers, right, own, b = layout(links), lever(links), w.right, w.own, w.b
-    links, nodes, m, n = own.shape[0], b.shape[0], len(at.shared), len(at.own)
+    indices, levers, right, own, b = layout(links), lever(links), w.right, w.own, w.b
+    links, nodes, m, n = own.shape[0], b.shape[0], len(indices.shared), len(indices.own)
     q, v, vdot, size = x.q, x.v, x.vdot, 0.0
     for i in range(nodes):
         for k in range(m):
@@ -166,19 +166,19 @@ def correct(links, w, x, by, longest):
             size = max(size, change)
     scale = -1.0 if size <= longest else -longest / size
     for link in range(links):
-        i, j = ends(at, nodes, link)
+        i, j = ends(indices, nodes, link)
         for k in range(n):
             s = own[link, k]
             for a in range(m):
                 s -= right[link, k, a] * b[i, a] + right[link, k, m + a] * b[j, a]
-            node, place = (i if 2 * k < n else j), at.slope[k]
+            node, place = (i if 2 * k < n else j), indices.slope[k]
             q[node, place] += scale * s
             v[node, place] += scale * by.v * s
             vdot[node, place] += scale * by.vdot * s
     for i in range(nodes):
         for k in range(m):
             s = scale * b[i, k]
-            place = at.pin[k]
+            place = indices.pin[k]
             q[i, place] += s
             v[i, place] += by.v * s
             vdot[i, place] += by.vdot * s

@@ -19,7 +19,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.flexible.places import across, in_plane, places
+from fmus.physics.chain.flexible.places import across, coordinate_indices, in_plane
 
 PROBE = 1e-7  # deformation of a link in the difference quotients
 LONGEST = 0.05  # largest deformation in a step of Newton's iteration
@@ -29,7 +29,7 @@ ROUNDS = 50
 Residuals = Callable[[Floats], Floats]
 
 
-class Chain:
+class OpenChain:
     """Open chain of equal links at rest; changes the coordinates ``q`` (nodes, width) in place.
 
     ``kit``: module of its links; ``mass`` (rows, rows): mass matrix of one, kg; ``pitch``, m; ``pinned``: at both ends,
@@ -39,7 +39,7 @@ class Chain:
     def __init__(self, kit: Any, q: Floats, mass: Floats, pitch: float, pinned: bool) -> None:
         self.q, self.flat, self.mass, self.pitch, self.pinned = q, q.reshape(-1), mass, pitch, pinned
         n, axes, m = len(q) - 1, len(kit.AXES), len(kit.LAYOUT.shared)
-        at = places(kit, q, len(mass), n)
+        at = coordinate_indices(kit, q, len(mass), n)
         parts = kit.LAYOUT.inner, kit.LAYOUT.outer[axes:m], kit.LAYOUT.outer[m + axes :]
         self.order = np.concatenate(parts)
         self.own, *self.shared = (at.reshape(n, -1)[:, part] for part in parts)  # shared coordinates at each pin
@@ -70,21 +70,21 @@ class Chain:
         """Accelerations (nodes, width) of links moving as rigid bodies; force on the last pin (2), N."""
         r = self.vectors()
         turning = across(r)
-        n, chord, swing = len(r), r[:, self.second], turning[:, self.second]
+        n, chord, chord_turning = len(r), r[:, self.second], turning[:, self.second]
         after = float(self.shift @ self.mass @ self.shift) * np.arange(n - 1, -1, -1.0)[:, None]
         moment = np.einsum("v,vw,iwk->ik", self.shift, self.mass, r) + after * chord
         coupling = np.triu(chord @ moment.T, 1)
         about = np.einsum("ivk,vw,iwk->i", r, self.mass, r) + after[:, 0] * np.sum(chord**2, axis=1)
         R = in_plane(residuals(np.zeros_like(self.q)))
-        torque = -np.einsum("ivk,ivk->i", turning, R) - np.sum(swing * self.beyond(R), axis=1)
-        closing = swing if self.pinned else np.zeros((n, 0))
+        torque = -np.einsum("ivk,ivk->i", turning, R) - np.sum(chord_turning * self.beyond(R), axis=1)
+        closing = chord_turning if self.pinned else np.zeros((n, 0))
         none = np.zeros(2 * (closing.shape[1],))
         system = np.block([[coupling + coupling.T + np.diag(about), -closing], [closing.T, none]])
         x = np.linalg.solve(system, np.concatenate([torque, none[:, :1].ravel()]))
-        moved = x[:n, None, None] * turning
-        carried = np.cumsum(moved[:, self.second], axis=0) - moved[:, self.second]
+        turned = x[:n, None, None] * turning
+        carried = np.cumsum(turned[:, self.second], axis=0) - turned[:, self.second]
         a = np.zeros_like(self.q)
-        a.reshape(-1)[self.plane] = moved + self.shift[:, None] * carried[:, None]
+        a.reshape(-1)[self.plane] = turned + self.shift[:, None] * carried[:, None]
         return a, x[n:] if self.pinned else np.zeros(2)
 
     def beyond(self, R: Floats, last: Floats | float = 0.0) -> Floats:
@@ -115,13 +115,13 @@ class Chain:
 
         All links are probed at once; for a coordinate that links share, every other pin at a time.
         """
-        kept, now = self.flat.copy(), self.balance(residuals(a), beyond)
+        saved, now = self.flat.copy(), self.balance(residuals(a), beyond)
         n, size = now.shape
         K, own, s = np.zeros((n, size, size)), self.own.shape[1], self.free.shape[1]
 
         def answer() -> Floats:
             change = (self.balance(residuals(a), beyond) - now) / PROBE
-            self.flat[:] = kept
+            self.flat[:] = saved
             return change
 
         for k in range(own):
@@ -156,25 +156,27 @@ class Chain:
         self.lay(self.lengths)
 
 
-def tighten(chain: Chain, residuals: Residuals, tolerance: float) -> bool:
+def balance_links(chain: OpenChain, residuals: Residuals, tolerance: float) -> bool:
     """Deform the links until their imbalance is below ``tolerance``, N; False if that fails."""
     numbers = chain.numbers()
-    there, size = numbers >= 0, int(numbers.max()) + 1
+    free, size = numbers >= 0, int(numbers.max()) + 1
     rows, columns = np.broadcast_arrays(numbers[:, :, None], numbers[:, None])
-    both = (rows >= 0) & (columns >= 0)
+    free_pairs = (rows >= 0) & (columns >= 0)
     for _ in range(ROUNDS):
         a, last = chain.rigid(residuals)
         R = residuals(a)
         beyond = chain.beyond(in_plane(R), last)
-        lacks = np.bincount(numbers[there], chain.balance(R, beyond)[there], size)
-        if np.abs(lacks).max() < tolerance:
+        imbalance = np.bincount(numbers[free], chain.balance(R, beyond)[free], size)
+        if np.abs(imbalance).max() < tolerance:
             if chain.pinned:
                 chain.flat[chain.plane[-1, chain.second]] = chain.ends[1]
             return True
         K = chain.response(residuals, a, beyond)
-        step = spsolve(coo_array((K[both], (rows[both], columns[both])), shape=(size, size)).tocsc(), -lacks)
+        step = spsolve(
+            coo_array((K[free_pairs], (rows[free_pairs], columns[free_pairs])), shape=(size, size)).tocsc(), -imbalance
+        )
         largest = float(np.abs(step).max())
         if not largest < np.inf:
             return False
-        chain.deform(np.where(there, step[numbers], 0.0) * min(1.0, LONGEST / max(largest, LONGEST)))
+        chain.deform(np.where(free, step[numbers], 0.0) * min(1.0, LONGEST / max(largest, LONGEST)))
     return False

@@ -23,10 +23,10 @@ from fmus.physics.chain.flexible.cables import (  # noqa: F401 - interface
     outer_and_inner,
     pin_axis,
 )
-from fmus.physics.chain.flexible.link_layout import arranged
+from fmus.physics.chain.flexible.link_layout import layout_of_halves
 
 NODE = 6  # coordinates of a node: position (3), slope (3)
-LAYOUT = arranged([0, 1, 2, 3, 4, 5], [0, 1, 2, 3, 4, 5], cables.LAYOUT.outer.tolist(), 3, pins=2)
+LAYOUT = layout_of_halves([0, 1, 2, 3, 4, 5], [0, 1, 2, 3, 4, 5], cables.LAYOUT.outer.tolist(), 3, pins=2)
 PLANE = np.array([[0, 2], [3, 5]])  # indices in a node of the x and z components of each of its vectors
 
 

@@ -32,7 +32,7 @@ from fmus.physics.inverse import invert
 AS_THEY_ARE = Slopes(0.0, 0.0, 0.0)  # corrections that change no rates
 
 
-class Joints(NamedTuple):
+class ConstrainedJoints(NamedTuple):
     """Arrays for n links with m coordinates a pin.
 
     Pin j joins link j - 1 to link j, pin 0 the last link to link 0.
@@ -49,10 +49,10 @@ class Joints(NamedTuple):
     rates: np.ndarray  # (n + 1, 3) their velocities, m/s
 
 
-def joints(links: int, m: int) -> Joints:
+def joints(links: int, m: int) -> ConstrainedJoints:
     """Return zeroed arrays for ``links`` links with ``m`` coordinates a pin."""
     z = np.zeros
-    return Joints(
+    return ConstrainedJoints(
         z((links, 2 * m, 2 * m)), z((3, links, m, m)), workspace(links, m), z((links, m)), z((links, m)), z(2 * m),
         (0,) * (2 * m), z((links + 1, 3)), z((links + 1, 3)),
     )  # fmt: skip
@@ -67,8 +67,8 @@ def _first(links):
 @kernel
 def factor(links, w):
     """See ``joints``."""
-    at, D, U, L, n = layout(links), w.joints.S[0], w.joints.S[1], w.joints.S[2], links.n
-    m, last = len(at.shared), 2 * n - 1
+    indices, D, U, L, n = layout(links), w.joints.S[0], w.joints.S[1], w.joints.S[2], links.n
+    m, last = len(indices.shared), 2 * n - 1
     for i in range(n):
         W, a, b = w.joints.W[i], 2 * i, 2 * i + 1
         for r in range(m):
@@ -134,14 +134,14 @@ def solve(links, w):
 @kernel
 def misfit(links, q, w):
     """See ``joints``."""
-    gap, at = w.joints.gap, layout(links)
+    gap, indices = w.joints.gap, layout(links)
     for j in range(links.n):
-        for k in range(len(at.shared)):
-            gap[j, k] = q[2 * j, at.pin[k]] - q[2 * j - 1, at.pin[k]] if j >= _first(links) else 0.0
+        for k in range(len(indices.shared)):
+            gap[j, k] = q[2 * j, indices.pin[k]] - q[2 * j - 1, indices.pin[k]] if j >= _first(links) else 0.0
 
 
 @kernel
-def close(links, s, w):
+def project(links, s, w):
     """See ``joints``."""
     for q in (s.q, s.v):
         w.b[:] = 0.0
@@ -152,11 +152,11 @@ def close(links, s, w):
 
 
 @kernel
-def speed(links, carried, s, w):
+def speed(links, carrier, s, w):
     """See ``joints``."""
     places, rates, pins = w.joints.places, w.joints.rates, links.n if links.closed == 1 else links.n + 1
     for j in range(pins):
         i = node(layout(links), 2 * links.n, j)
         for k in range(3):
             places[j, k], rates[j, k] = s.q[i, k], s.v[i, k]
-    return chain_speed(places[:pins], rates[:pins], links.closed == 1, carried)
+    return chain_speed(places[:pins], rates[:pins], links.closed == 1, carrier)

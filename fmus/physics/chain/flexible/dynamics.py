@@ -8,9 +8,9 @@ from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.environment import PULLED
 from fmus.physics.chain.flexible import joints
 from fmus.physics.chain.flexible.assembly import axials, totals
-from fmus.physics.chain.flexible.axes import directed, placed
+from fmus.physics.chain.flexible.axes import start_frame_position, start_frame_vector
 from fmus.physics.chain.flexible.elements import gather, in_space, layout, outer_and_inner, pin_axis
-from fmus.physics.chain.flexible.explicit import accelerate, close, derivative, stage_joints  # noqa: F401
+from fmus.physics.chain.flexible.explicit import accelerate, derivative, project, stage_joints  # noqa: F401
 from fmus.physics.chain.flexible.link_layout import ends, node
 from fmus.physics.chain.flexible.newton import newton  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.flexible.pin_forces import newton_joints  # noqa: F401 - reached by dispatch
@@ -44,23 +44,23 @@ def first_speed(links, env, s, w, report):
 def observe(links, env, s, w, report):
     """See ``kinds``."""
     tension, energy = totals(links, env, s, w)
-    write(report, w, s.mean, speed(links, env, s, w), carrier(w.moved, env.mount)[3], tension, energy)
+    write(report, w, s.mean, speed(links, env, s, w), carrier(w.wheels, env.mount)[3], tension, energy)
 
 
 @kernel
 def pin_places(links, s, w, place):
     """See ``kinds``."""
     for i in range(place.shape[0]):
-        at = node(layout(links), s.q.shape[0], i)
-        put(place[i], 0, placed(links, s, in_space(links, s.q[at])))
+        node_index = node(layout(links), s.q.shape[0], i)
+        put(place[i], 0, start_frame_position(links, s, in_space(links, s.q[node_index])))
 
 
 @kernel
 def pin_axes(links, s, w, axis):
     """See ``kinds``."""
     for i in range(axis.shape[0]):
-        at = node(layout(links), s.q.shape[0], i)
-        put(axis[i], 0, directed(links, s, pin_axis(links, s.q[at])))
+        node_index = node(layout(links), s.q.shape[0], i)
+        put(axis[i], 0, start_frame_vector(links, s, pin_axis(links, s.q[node_index])))
 
 
 @kernel
@@ -73,18 +73,18 @@ def fibres(links, s, w, stress):
 
 
 @kernel
-def slopes(links, s, w, found):
+def slopes(links, s, w, slope):
     """See ``kinds``."""
     rows = vectors(links.element)
     for i in range(links.n):
         first, second = ends(layout(links), s.q.shape[0], i)
         gather(links, s.q, first, second, w.e)
-        put(found[i], 0, directed(links, s, in_space(links, w.e[1])))
-        put(found[i], 3, directed(links, s, in_space(links, w.e[rows // 2 + 1])))
+        put(slope[i], 0, start_frame_vector(links, s, in_space(links, w.e[1])))
+        put(slope[i], 3, start_frame_vector(links, s, in_space(links, w.e[rows // 2 + 1])))
 
 
 @kernel
-def links_shown(links, env, s, w, tension, stress, place):
+def observe_links(links, env, s, w, tension, stress, place):
     """See ``kinds``."""
     axials(links, s, w, tension, stress)
     pin_places(links, s, w, place)

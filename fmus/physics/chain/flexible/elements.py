@@ -34,7 +34,7 @@ def pin_axis(links, q):
 
 @dispatch(kit)
 def flatten(links, w):
-    """Wheels ``w.moved`` (m, 15) as seen by the chain, into ``w.flat`` (m, 15)."""
+    """Wheels ``w.wheels`` (m, 15) as seen by the chain, into ``w.flat`` (m, 15)."""
 
 
 @dispatch(kit)

@@ -26,12 +26,12 @@ def misfit(links, q, w):
 
 
 @kernel
-def close(links, s, w):
+def project(links, s, w):
     """See ``joints``."""
 
 
 @kernel
-def speed(links, carried, s, w):
+def speed(links, carrier, s, w):
     """See ``joints``."""
     n, pins = axes(links.element), links.n if links.closed == 1 else links.n + 1
-    return chain_speed(s.q[:pins, :n], s.v[:pins, :n], links.closed == 1, carried)
+    return chain_speed(s.q[:pins, :n], s.v[:pins, :n], links.closed == 1, carrier)

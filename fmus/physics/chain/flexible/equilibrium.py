@@ -9,7 +9,7 @@ from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.joints import factor, solve
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.outcome import DONE, STALLED, Outcome
+from fmus.physics.chain.outcome import DONE, STALLED, IntegrationOutcome
 from fmus.physics.chain.state import copy
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.wheels import move
@@ -20,10 +20,11 @@ def settle(links, contacts, env, rows, tolerance, longest, s, w):
     """Bring ``s.q`` to static equilibrium on the wheels ``rows`` (m, 15) by growing pseudo-time steps.
 
     Friction and damping are left out. The iteration ends with a residual below ``tolerance``, N, after a step of
-    ``longest`` s where possible, so that motions of little stiffness have come to rest too. Returns an Outcome.
+    ``longest`` s where possible, so that motions of little stiffness have come to rest too.
+    Returns an IntegrationOutcome.
     """
     x = Motion(s.q, w.still, w.change[0], s.axes)
-    move(rows, 0.0, w.moved)
+    move(rows, 0.0, w.wheels)
     pseudo, worst, where, rest = 2e-3, 0.0, 0, np.inf
     for _ in range(400):
         copy(s.flat, w.before.flat)
@@ -44,14 +45,14 @@ def settle(links, contacts, env, rows, tolerance, longest, s, w):
         if not converged:
             copy(w.before.flat, s.flat)
             if rest < tolerance:
-                return Outcome(DONE, 0.0, where, rest)
+                return IntegrationOutcome(DONE, 0.0, where, rest)
             pseudo *= 0.25
             if pseudo < 1e-7:
-                return Outcome(STALLED, 0.0, where, worst)
+                return IntegrationOutcome(STALLED, 0.0, where, worst)
             continue
         x.vdot[:] = 0.0
         rest, where = evaluate(links, contacts, env, x, by, w, False)
         if rest < tolerance and pseudo >= longest:
-            return Outcome(DONE, 0.0, where, rest)
+            return IntegrationOutcome(DONE, 0.0, where, rest)
         pseudo = min(2.0 * pseudo, 1e3)
-    return Outcome(STALLED, 0.0, where, rest)
+    return IntegrationOutcome(STALLED, 0.0, where, rest)

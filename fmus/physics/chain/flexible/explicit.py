@@ -13,13 +13,19 @@ from fmus.jit import kernel
 from fmus.physics.ancf.element import highest_frequency
 from fmus.physics.chain.flexible import pin_forces
 from fmus.physics.chain.flexible.assembly import evaluate
-from fmus.physics.chain.flexible.axes import follow, rates, sideways_frequency, square, swing
+from fmus.physics.chain.flexible.axes import (
+    accelerate_origin,
+    axes_rates,
+    lateral_bending_frequency,
+    orthogonalise,
+    solve_accelerations,
+)
 from fmus.physics.chain.flexible.closing import square_of_frequency
 from fmus.physics.chain.flexible.condensation import correct
-from fmus.physics.chain.flexible.joints import close as join
 from fmus.physics.chain.flexible.joints import misfit
+from fmus.physics.chain.flexible.joints import project as project_joints
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.state import put
+from fmus.physics.chain.state import copy_rows
 from fmus.physics.integrate.generalized_alpha import Slopes
 
 # step times highest frequency, within the stability region of the method for lightly damped modes
@@ -29,7 +35,7 @@ NOTHING = Slopes(0.0, 0.0, 0.0)  # for evaluations without a matrix
 
 def stable(links: Any) -> float:
     """Longest stable step of the explicit method, s, contacts apart."""
-    fastest = max(highest_frequency(links.element), float(sideways_frequency(links)))
+    fastest = max(highest_frequency(links.element), float(lateral_bending_frequency(links)))
     return LIMIT / float(np.hypot(fastest, np.sqrt(square_of_frequency(links.closing, links.element))))
 
 
@@ -37,11 +43,11 @@ def stable(links: Any) -> float:
 def accelerations(links, contacts, env, s, w):
     """Accelerations (nodes, width) into ``w.change[0]``; ``w`` has the factored mass and the wheels."""
     change, x = w.change[0], Motion(s.q, s.v, w.still, s.axes)
-    follow(links, x, w)
+    accelerate_origin(links, x, w)
     evaluate(links, contacts, env, x, NOTHING, w, False)
     change[:] = 0.0
     misfit(links, change, w)
-    swing(links, x, w)
+    solve_accelerations(links, x, w)
     correct(links, w, Motion(change, w.change[1], w.change[1], s.axes), NOTHING, np.inf)
 
 
@@ -54,7 +60,7 @@ def derivative(links, contacts, env, s, w, k):
         for j in range(width):
             k[i * width + j] = s.v[i, j]
             k[n + i * width + j] = w.change[0, i, j]
-    rates(links, s, k, 2 * n)
+    axes_rates(links, s, k, 2 * n)
     return -1
 
 
@@ -62,19 +68,19 @@ def derivative(links, contacts, env, s, w, k):
 def accelerate(links, contacts, env, s, w):
     """See ``kinds``."""
     accelerations(links, contacts, env, s, w)
-    put(w.change[0], s.vdot)
+    copy_rows(w.change[0], s.vdot)
 
 
 @kernel
 def stage_joints(links, env, s, w):
     """See ``kinds``."""
-    put(w.change[0], s.vdot)
+    copy_rows(w.change[0], s.vdot)
     pin_forces.stage_joints(links, env, s, w)
 
 
 @kernel
-def close(links, s, w):
+def project(links, s, w):
     """See ``kinds``."""
-    square(links, s)
-    join(links, s, w)
+    orthogonalise(links, s)
+    project_joints(links, s, w)
     return -1

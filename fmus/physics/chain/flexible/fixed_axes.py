@@ -10,18 +10,18 @@ from fmus.physics.chain.flexible.joints import solve
 
 
 @kernel
-def outside(links, x, w, tangent):
+def wheels_to_axes(links, x, w, tangent):
     """See ``axes``."""
     flatten(links, w)
 
 
 @kernel
-def homeward(links, x, w):
+def wrenches_from_axes(links, x, w):
     """See ``axes``."""
 
 
 @kernel
-def burden(links, x, w, weight, r):
+def inertia_and_weight(links, x, w, weight, r):
     """See ``axes``."""
     rows, dims = vectors(links.element), axes(links.element)
     inertia.inertia(rows, dims, w.M, w.dv, r)
@@ -29,117 +29,117 @@ def burden(links, x, w, weight, r):
 
 
 @kernel
-def sideways(links, w, r, tangent):
+def add_lateral_bending(links, w, r, tangent):
     """See ``axes``."""
 
 
 @kernel
-def lean(links, w, by_acceleration):
+def couple_inertia(links, w, by_acceleration):
     """See ``axes``."""
 
 
 @kernel
-def border(links, w, i, j):
+def assemble_border(links, w, i, j):
     """See ``axes``."""
 
 
 @kernel
-def foresee(links, method, h, s, w):
+def predict_axes(links, method, h, s, w):
     """See ``axes``."""
 
 
 @kernel
-def resolve(links, w, fresh):
+def solve_pins(links, w, fresh):
     """See ``axes``."""
     solve(links, w)
 
 
 @kernel
-def bend(links, x, w, by):
+def correct_axes(links, x, w, by):
     """See ``axes``."""
     return 0.0
 
 
 @kernel
-def arrive(links, method, s, w):
+def finish_axes(links, method, s, w):
     """See ``axes``."""
 
 
 @kernel
-def follow(links, x, w):
+def accelerate_origin(links, x, w):
     """See ``axes``."""
 
 
 @kernel
-def swing(links, x, w):
+def solve_accelerations(links, x, w):
     """See ``axes``."""
-    resolve(links, w, False)
+    solve_pins(links, w, False)
 
 
 @kernel
-def rates(links, x, k, at):
+def axes_rates(links, x, k, first):
     """See ``axes``."""
 
 
 @kernel
-def square(links, s):
+def orthogonalise(links, s):
     """See ``axes``."""
 
 
-def sideways_frequency(links):
+def lateral_bending_frequency(links):
     """See ``axes``."""
     return 0.0
 
 
 @kernel
-def absolute(links, x, w):
+def absolute_rates(links, x, w):
     """See ``axes``."""
 
 
 @kernel
-def accelerated(links, s, w, i, j):
-    """See ``axes``."""
-    gather(links, s.vdot, i, j, w.dv)
-
-
-@kernel
-def lagging(links, s, w, i, j):
+def absolute_accelerations(links, s, w, i, j):
     """See ``axes``."""
     gather(links, s.vdot, i, j, w.dv)
 
 
 @kernel
-def upwards(links, s):
+def omitted_accelerations(links, s, w, i, j):
+    """See ``axes``."""
+    gather(links, s.vdot, i, j, w.dv)
+
+
+@kernel
+def vertical(links, s):
     """See ``axes``."""
     return (0.0, 0.0, 1.0) if axes(links.element) == 3 else (0.0, 1.0, 0.0)
 
 
 @kernel
-def risen(links, x, w):
+def centre_height(links, x, w):
     """See ``axes``."""
     rows, dims = vectors(links.element), axes(links.element)
     return inertia.height(links.element.l, rows // 2, dims - 1, w.e)
 
 
 @kernel
-def placed(links, s, p):
+def start_frame_position(links, s, p):
     """See ``axes``."""
     return p
 
 
 @kernel
-def directed(links, s, v):
+def start_frame_vector(links, s, v):
     """See ``axes``."""
     return v
 
 
 @kernel
-def sideways_energy(links, w):
+def lateral_bending_energy(links, w):
     """See ``axes``."""
     return 0.0
 
 
 @kernel
-def turning_energy(links, x):
+def rotary_energy(links, x):
     """See ``axes``: zero, the elements contain it."""
     return 0.0

@@ -23,11 +23,11 @@ from fmus.physics.chain.flexible import inertia
 from fmus.physics.chain.flexible.axes_state import (
     ACCELERATION,
     AUXILIARY,
-    CARRIED,
-    GROWTH,
+    AUXILIARY_ORIGIN,
     MIDDLE,
+    OMEGA,
+    OMEGA_RATE,
     ORIGIN,
-    RATE,
     ROLL,
     VELOCITY,
     YAW,
@@ -40,32 +40,32 @@ from fmus.physics.chain.on_links import WHEELS
 from fmus.physics.integrate.generalized_alpha import auxiliary
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 
-FOLLOW = 200.0  # rate at which the origin follows the wheels, critically damped, 1/s
-ARM = 2.0  # motion of the pins per radian of the axes, m: the weight of a correction
+FOLLOWING_RATE = 200.0  # rate at which the origin follows the wheels, critically damped, 1/s
+ROTATION_LEVER = 2.0  # motion of the pins per radian of the axes, m: the weight of a correction
 
 
 @kernel
-def outside(links, x, w, tangent):
-    """See ``axes``: wheels ``w.moved`` relative to the axes into ``w.flat``."""
+def wheels_to_axes(links, x, w, tangent):
+    """See ``axes``: wheels ``w.wheels`` relative to the axes into ``w.flat``."""
     f, a = x.axes, w.axes
-    o, ov, rate = vector(f, ORIGIN), vector(f, VELOCITY), vector(f, RATE)
-    for k in range(w.moved.shape[0]):
-        row, seen = w.moved[k], w.flat[k]
-        place = to_axes(f, add(vector(row, 0), scale(-1.0, o)))
-        put(seen, 0, place)
-        put(seen, 3, add(to_axes(f, add(vector(row, 3), scale(-1.0, ov))), scale(-1.0, cross(rate, place))))
-        put(seen, 6, add(to_axes(f, vector(row, 6)), scale(-1.0, rate)))
-        put(seen, 9, to_axes(f, vector(row, 9)))
-        put(seen, 12, to_axes(f, vector(row, 12)))
-    put(a.drift, 0, to_axes(f, vector(f, ACCELERATION)))
+    o, ov, rate = vector(f, ORIGIN), vector(f, VELOCITY), vector(f, OMEGA)
+    for k in range(w.wheels.shape[0]):
+        row, relative = w.wheels[k], w.flat[k]
+        position = to_axes(f, add(vector(row, 0), scale(-1.0, o)))
+        put(relative, 0, position)
+        put(relative, 3, add(to_axes(f, add(vector(row, 3), scale(-1.0, ov))), scale(-1.0, cross(rate, position))))
+        put(relative, 6, add(to_axes(f, vector(row, 6)), scale(-1.0, rate)))
+        put(relative, 9, to_axes(f, vector(row, 9)))
+        put(relative, 12, to_axes(f, vector(row, 12)))
+    put(a.origin_acceleration, 0, to_axes(f, vector(f, ACCELERATION)))
     a.moment[:] = 0.0
     if tangent:
-        a.edge[:] = 0.0
+        a.border[:] = 0.0
         a.corner[:] = 0.0
 
 
 @kernel
-def homeward(links, x, w):
+def wrenches_from_axes(links, x, w):
     """See ``axes``: the wrenches on the wheels; those of the ground already are in that frame."""
     for k in range(w.wrench.shape[0] - 1):
         put(w.wrench[k], 0, from_axes(x.axes, vector(w.wrench[k], 0)))
@@ -76,10 +76,10 @@ def homeward(links, x, w):
 
 
 @kernel
-def burden(links, x, w, weight, r):
+def inertia_and_weight(links, x, w, weight, r):
     """See ``axes``; adds their moment to the balance."""
     f, a, l = x.axes, w.axes, links.element.l
-    _whirl(f, w)
+    _add_frame_accelerations(f, w)
     inertia.inertia(4, 3, w.M, w.dv, r)
     about_x = about_z = 0.0
     for k in range(3):
@@ -93,51 +93,57 @@ def burden(links, x, w, weight, r):
 
 
 @kernel
-def _whirl(f, w):
+def _add_frame_accelerations(f, w):
     """Add the accelerations due to the motion of the axes to ``w.dv`` of the link in ``w.e``, ``w.v``."""
-    drift, roll, yaw, d_roll, d_yaw = vector(w.axes.drift, 0), f[RATE], f[RATE + 2], f[GROWTH], f[GROWTH + 2]
-    square = roll * roll + yaw * yaw
+    origin, roll, yaw, d_roll, d_yaw = (
+        vector(w.axes.origin_acceleration, 0),
+        f[OMEGA],
+        f[OMEGA + 2],
+        f[OMEGA_RATE],
+        f[OMEGA_RATE + 2],
+    )
+    rate_squared = roll * roll + yaw * yaw
     for n in range(4):
         x0, y0, z0 = vector(w.e[n], 0)
         dx, dy, dz = vector(w.v[n], 0)
         along = roll * x0 + yaw * z0
-        more = (  # rate' x e + 2 rate x e' + rate x (rate x e)
-            roll * along - square * x0 - d_yaw * y0 - 2.0 * yaw * dy,
-            d_yaw * x0 - d_roll * z0 - square * y0 + 2.0 * (yaw * dx - roll * dz),
-            yaw * along - square * z0 + d_roll * y0 + 2.0 * roll * dy,
+        due_to_axes = (  # rate' x e + 2 rate x e' + rate x (rate x e)
+            roll * along - rate_squared * x0 - d_yaw * y0 - 2.0 * yaw * dy,
+            d_yaw * x0 - d_roll * z0 - rate_squared * y0 + 2.0 * (yaw * dx - roll * dz),
+            yaw * along - rate_squared * z0 + d_roll * y0 + 2.0 * roll * dy,
         )
         for k in range(3):
-            w.dv[n, k] += more[k] + (drift[k] if n % 2 == 0 else 0.0)
+            w.dv[n, k] += due_to_axes[k] + (origin[k] if n % 2 == 0 else 0.0)
 
 
 @kernel
-def accelerated(links, s, w, i, j):
+def absolute_accelerations(links, s, w, i, j):
     """See ``axes``."""
     gather(links, s.q, i, j, w.e)
     gather(links, s.v, i, j, w.v)
     gather(links, s.vdot, i, j, w.dv)
-    _whirl(s.axes, w)
+    _add_frame_accelerations(s.axes, w)
 
 
 @kernel
-def lagging(links, s, w, i, j):
+def omitted_accelerations(links, s, w, i, j):
     """See ``axes``: accelerations of the coordinates, and those by the axes' angular acceleration."""
     gather(links, s.q, i, j, w.e)
     gather(links, s.vdot, i, j, w.dv)
     for n in range(4):
-        put(w.dv[n], 0, add(vector(w.dv[n], 0), cross(vector(s.axes, GROWTH), vector(w.e[n], 0))))
+        put(w.dv[n], 0, add(vector(w.dv[n], 0), cross(vector(s.axes, OMEGA_RATE), vector(w.e[n], 0))))
 
 
 @kernel
-def upwards(links, s):
+def vertical(links, s):
     """See ``axes``."""
     return vector(s.axes, 6)
 
 
 @kernel
-def sideways(links, w, r, tangent):
+def add_lateral_bending(links, w, r, tangent):
     """See ``axes``: the bending about the normal, of the y components alone."""
-    e, l, s = w.e, links.element.l, links.sideways / links.element.l
+    e, l, s = w.e, links.element.l, links.excess_EI / links.element.l
     d = (e[2, 1] - e[0, 1]) / l
     end = s * (6.0 * (e[1, 1] + e[3, 1]) - 12.0 * d) / l
     r[0, 1] += end
@@ -145,13 +151,13 @@ def sideways(links, w, r, tangent):
     r[2, 1] -= end
     r[3, 1] += s * (2.0 * e[1, 1] + 4.0 * e[3, 1] - 6.0 * d)
     if tangent:
-        near, far, mixed = 4.0 * s, 2.0 * s, 6.0 * s / l
+        own_end, other_end, mixed = 4.0 * s, 2.0 * s, 6.0 * s / l
         ends = 2.0 * mixed / l
         rows = (
             (ends, mixed, -ends, mixed),
-            (mixed, near, -mixed, far),
+            (mixed, own_end, -mixed, other_end),
             (-ends, -mixed, ends, -mixed),
-            (mixed, far, -mixed, near),
+            (mixed, other_end, -mixed, own_end),
         )
         for a in range(4):
             for b in range(4):
@@ -159,7 +165,7 @@ def sideways(links, w, r, tangent):
 
 
 @kernel
-def lean(links, w, by_acceleration):
+def couple_inertia(links, w, by_acceleration):
     """See ``axes``: M (axis x e)."""
     K, M = w.K, w.M
     e = vector(w.e[0], 0), vector(w.e[1], 0), vector(w.e[2], 0), vector(w.e[3], 0)
@@ -178,58 +184,58 @@ def lean(links, w, by_acceleration):
 
 
 @kernel
-def border(links, w, i, j):
+def assemble_border(links, w, i, j):
     """See ``axes``."""
-    edge, corner, rest = w.axes.edge, w.axes.corner, w.rest
+    border, corner, rest = w.axes.border, w.axes.corner, w.rest
     for n in range(8):
         pin, place = (i, n) if n < 4 else (j, n - 4)
         for k in range(2):
-            edge[pin, place, k] += rest[n, 8 + k]
-            edge[pin, place, 2 + k] += rest[8 + k, n]
+            border[pin, place, k] += rest[n, 8 + k]
+            border[pin, place, 2 + k] += rest[8 + k, n]
     for k in range(2):
         for l in range(2):
             corner[k, l] += rest[8 + k, 8 + l]
 
 
 @kernel
-def foresee(links, method, h, s, w):
+def predict_axes(links, method, h, s, w):
     """See ``axes``."""
     f, c = s.axes, method.alpha
-    rate, growth = vector(f, RATE), vector(f, GROWTH)
+    rate, acceleration = vector(f, OMEGA), vector(f, OMEGA_RATE)
     for k in range(2):
         a0 = f[AUXILIARY + k]
-        a1 = auxiliary(c, a0, growth[2 * k], growth[2 * k])
+        a1 = auxiliary(c, a0, acceleration[2 * k], acceleration[2 * k])
         w.axes.psi[k] = h * rate[2 * k] + h * h * ((0.5 - c.beta) * a0 + c.beta * a1)
-        f[RATE + 2 * k] += h * ((1.0 - c.gamma) * a0 + c.gamma * a1)
-    _turn(f, w.before.axes, w.axes.psi)
+        f[OMEGA + 2 * k] += h * ((1.0 - c.gamma) * a0 + c.gamma * a1)
+    _rotate(f, w.before.axes, w.axes.psi)
     # the origin by the same method, so that forces balance the chain's momentum; implicit: stable at any step
-    o, v, a, a0 = vector(f, ORIGIN), vector(f, VELOCITY), vector(f, ACCELERATION), vector(f, CARRIED)
+    o, v, a, a0 = vector(f, ORIGIN), vector(f, VELOCITY), vector(f, ACCELERATION), vector(f, AUXILIARY_ORIGIN)
     a1 = auxiliary(c, a0[0], a[0], 0.0), auxiliary(c, a0[1], a[1], 0.0), auxiliary(c, a0[2], a[2], 0.0)
-    more = auxiliary(c, 0.0, 0.0, 1.0)  # derivative of a1 by the acceleration at the end
-    there = add(o, add(scale(h, v), scale(h * h, add(scale(0.5 - c.beta, a0), scale(c.beta, a1)))))
-    going = add(v, scale(h, add(scale(1.0 - c.gamma, a0), scale(c.gamma, a1))))
-    by_place, by_rate = more * c.beta * h * h, more * c.gamma * h
-    stiff = 1.0 + by_place * FOLLOW * FOLLOW + 2.0 * by_rate * FOLLOW
-    after = scale(1.0 / stiff, _after_wheels(f, w, there, going))
-    put(f, ORIGIN, add(there, scale(by_place, after)))
-    put(f, VELOCITY, add(going, scale(by_rate, after)))
-    put(f, ACCELERATION, after)
-    put(f, CARRIED, add(a1, scale(more, after)))
+    a1_slope = auxiliary(c, 0.0, 0.0, 1.0)  # derivative of a1 by the acceleration at the end
+    position = add(o, add(scale(h, v), scale(h * h, add(scale(0.5 - c.beta, a0), scale(c.beta, a1)))))
+    velocity = add(v, scale(h, add(scale(1.0 - c.gamma, a0), scale(c.gamma, a1))))
+    by_place, by_rate = a1_slope * c.beta * h * h, a1_slope * c.gamma * h
+    stiff = 1.0 + by_place * FOLLOWING_RATE * FOLLOWING_RATE + 2.0 * by_rate * FOLLOWING_RATE
+    corrected = scale(1.0 / stiff, _origin_acceleration(f, w, position, velocity))
+    put(f, ORIGIN, add(position, scale(by_place, corrected)))
+    put(f, VELOCITY, add(velocity, scale(by_rate, corrected)))
+    put(f, ACCELERATION, corrected)
+    put(f, AUXILIARY_ORIGIN, add(a1, scale(a1_slope, corrected)))
 
 
 @kernel
-def _after_wheels(f, w, o, v):
+def _origin_acceleration(f, w, o, v):
     """Acceleration (3) of the origin at ``o`` with the velocity ``v`` (3), critically damped, m/s2."""
-    wheels, m0 = w.moved.shape[0], vector(f, MIDDLE)
-    off, slow = add(o, from_axes(f, m0)), add(v, from_axes(f, cross(vector(f, RATE), m0)))
+    wheels, m0 = w.wheels.shape[0], vector(f, MIDDLE)
+    offset, relative_velocity = add(o, from_axes(f, m0)), add(v, from_axes(f, cross(vector(f, OMEGA), m0)))
     for k in range(wheels):
-        off = add(off, scale(-1.0 / wheels, vector(w.moved[k], 0)))
-        slow = add(slow, scale(-1.0 / wheels, vector(w.moved[k], 3)))
-    return add(scale(-FOLLOW * FOLLOW, off), scale(-2.0 * FOLLOW, slow))
+        offset = add(offset, scale(-1.0 / wheels, vector(w.wheels[k], 0)))
+        relative_velocity = add(relative_velocity, scale(-1.0 / wheels, vector(w.wheels[k], 3)))
+    return add(scale(-FOLLOWING_RATE * FOLLOWING_RATE, offset), scale(-2.0 * FOLLOWING_RATE, relative_velocity))
 
 
 @kernel
-def _turn(f, before, psi):
+def _rotate(f, before, psi):
     """Write R = R(before) exp(psi) to ``f``, Rodrigues' formula; ``psi`` (2) rad about x and z."""
     x, z = psi[0], psi[1]
     square = x * x + z * z
@@ -246,36 +252,42 @@ def _turn(f, before, psi):
 
 
 @kernel
-def resolve(links, w, fresh):
+def solve_pins(links, w, fresh):
     """See ``axes``."""
     if not fresh:
         solve(w.A, w.U, w.factors, links.closed == 1, w.b)
         return
-    corner, edge, b, d = w.axes.corner, w.axes.edge, w.axes.answer[0], w.axes.answer[1]
+    corner, border, b, d = w.axes.corner, w.axes.border, w.axes.response[0], w.axes.response[1]
     for i in range(b.shape[0]):
         for k in range(b.shape[1]):
-            b[i, k], d[i, k] = edge[i, k, 0], edge[i, k, 1]
+            b[i, k], d[i, k] = border[i, k, 0], border[i, k, 1]
     solve(w.A, w.U, w.factors, links.closed == 1, w.b, b, d)
     for i in range(b.shape[0]):
         for k in range(b.shape[1]):
-            p, q = edge[i, k, 2], edge[i, k, 3]
+            p, q = border[i, k, 2], border[i, k, 3]
             corner[0, 0], corner[0, 1] = corner[0, 0] - p * b[i, k], corner[0, 1] - p * d[i, k]
             corner[1, 0], corner[1, 1] = corner[1, 0] - q * b[i, k], corner[1, 1] - q * d[i, k]
 
 
 @kernel
-def _bent(links, x, w, by_acceleration):
+def _solve_rotation(links, x, w, by_acceleration):
     """Solve for the step of roll and yaw, rad, and correct the solutions of the pins and of the links."""
-    a, y, own, edge, Z = w.axes, w.b, w.own, w.axes.edge, w.axes.answer
-    t0, t1 = a.moment[0] + links.twist * x.axes[GROWTH], a.moment[1] + links.twist * x.axes[GROWTH + 2]
-    s00, s11 = a.corner[0, 0] + links.twist * by_acceleration, a.corner[1, 1] + links.twist * by_acceleration
+    a, y, own, border, Z = w.axes, w.b, w.own, w.axes.border, w.axes.response
+    t0, t1 = (
+        a.moment[0] + links.rotary_inertia * x.axes[OMEGA_RATE],
+        a.moment[1] + links.rotary_inertia * x.axes[OMEGA_RATE + 2],
+    )
+    s00, s11 = (
+        a.corner[0, 0] + links.rotary_inertia * by_acceleration,
+        a.corner[1, 1] + links.rotary_inertia * by_acceleration,
+    )
     s01, s10 = a.corner[0, 1], a.corner[1, 0]
     for i in range(links.n):
         for n in range(4):
             t0, t1 = t0 - w.left[i, 8, n] * own[i, n], t1 - w.left[i, 9, n] * own[i, n]
     for i in range(y.shape[0]):
         for k in range(y.shape[1]):
-            t0, t1 = t0 - edge[i, k, 2] * y[i, k], t1 - edge[i, k, 3] * y[i, k]
+            t0, t1 = t0 - border[i, k, 2] * y[i, k], t1 - border[i, k, 3] * y[i, k]
     per = 1.0 / (s00 * s11 - s01 * s10)
     roll, yaw = per * (s11 * t0 - s01 * t1), per * (s00 * t1 - s10 * t0)
     for i in range(y.shape[0]):
@@ -288,69 +300,73 @@ def _bent(links, x, w, by_acceleration):
 
 
 @kernel
-def bend(links, x, w, by):
+def correct_axes(links, x, w, by):
     """See ``axes``."""
     a, f = w.axes, x.axes
-    roll, yaw = _bent(links, x, w, by.vdot)
+    roll, yaw = _solve_rotation(links, x, w, by.vdot)
     a.psi[0] -= roll
     a.psi[1] -= yaw
-    f[RATE] -= by.v * roll
-    f[RATE + 2] -= by.v * yaw
-    f[GROWTH] -= by.vdot * roll
-    f[GROWTH + 2] -= by.vdot * yaw
-    _turn(f, w.before.axes, a.psi)
-    return ARM * max(abs(roll), abs(yaw))
+    f[OMEGA] -= by.v * roll
+    f[OMEGA + 2] -= by.v * yaw
+    f[OMEGA_RATE] -= by.vdot * roll
+    f[OMEGA_RATE + 2] -= by.vdot * yaw
+    _rotate(f, w.before.axes, a.psi)
+    return ROTATION_LEVER * max(abs(roll), abs(yaw))
 
 
 @kernel
-def arrive(links, method, s, w):
+def finish_axes(links, method, s, w):
     """See ``axes``: the auxiliary accelerations."""
     c, f, before = method.alpha, s.axes, w.before.axes
     for k in range(2):
-        f[AUXILIARY + k] = auxiliary(c, before[AUXILIARY + k], before[GROWTH + 2 * k], f[GROWTH + 2 * k])
+        f[AUXILIARY + k] = auxiliary(c, before[AUXILIARY + k], before[OMEGA_RATE + 2 * k], f[OMEGA_RATE + 2 * k])
 
 
 @kernel
-def follow(links, x, w):
+def accelerate_origin(links, x, w):
     """See ``axes``."""
     f = x.axes
-    put(f, ACCELERATION, _after_wheels(f, w, vector(f, ORIGIN), vector(f, VELOCITY)))
-    f[GROWTH] = f[GROWTH + 2] = 0.0
+    put(f, ACCELERATION, _origin_acceleration(f, w, vector(f, ORIGIN), vector(f, VELOCITY)))
+    f[OMEGA_RATE] = f[OMEGA_RATE + 2] = 0.0
 
 
 @kernel
-def swing(links, x, w):
+def solve_accelerations(links, x, w):
     """See ``axes``: the border of the mass depends on the coordinates."""
     f, nodes = x.axes, x.q.shape[0]
-    w.axes.edge[:] = 0.0
+    w.axes.border[:] = 0.0
     w.axes.corner[:] = 0.0
     for i in range(links.n):
         j = i + 1 if i + 1 < nodes else 0
         gather(links, x.q, i, j, w.e)
         w.K[:] = 0.0
         inertia.add_mass(4, 3, w.M, 1.0, w.K)
-        lean(links, w, 1.0)
+        couple_inertia(links, w, 1.0)
         eliminate(links, w, i)
-        border(links, w, i, j)
-    resolve(links, w, True)
-    roll, yaw = _bent(links, x, w, 1.0)
-    f[GROWTH], f[GROWTH + 2] = -roll, -yaw
+        assemble_border(links, w, i, j)
+    solve_pins(links, w, True)
+    roll, yaw = _solve_rotation(links, x, w, 1.0)
+    f[OMEGA_RATE], f[OMEGA_RATE + 2] = -roll, -yaw
 
 
 @kernel
-def rates(links, x, k, at):
+def axes_rates(links, x, k, first):
     """See ``axes``: R' = R (rate x)."""
-    f, rate = x.axes, vector(x.axes, RATE)
+    f, rate = x.axes, vector(x.axes, OMEGA)
     for i in range(3):
-        put(k, at + 3 * i, cross(vector(f, 3 * i), rate))
-        k[at + ORIGIN + i], k[at + VELOCITY + i], k[at + RATE + i] = f[VELOCITY + i], f[ACCELERATION + i], f[GROWTH + i]
+        put(k, first + 3 * i, cross(vector(f, 3 * i), rate))
+        k[first + ORIGIN + i], k[first + VELOCITY + i], k[first + OMEGA + i] = (
+            f[VELOCITY + i],
+            f[ACCELERATION + i],
+            f[OMEGA_RATE + i],
+        )
     for i in range(f.size):
-        if ACCELERATION <= i < RATE or i >= GROWTH:
-            k[at + i] = 0.0
+        if ACCELERATION <= i < OMEGA or i >= OMEGA_RATE:
+            k[first + i] = 0.0
 
 
 @kernel
-def square(links, s):
+def orthogonalise(links, s):
     """See ``axes``: one step of Newton's iteration for the polar factor, R (3 - R^T R) / 2."""
     f = s.axes
     rows = vector(f, 0), vector(f, 3), vector(f, 6)
@@ -361,29 +377,29 @@ def square(links, s):
         put(f, 3 * i, row)
 
 
-def sideways_frequency(links):
+def lateral_bending_frequency(links):
     """See ``axes``: of elements with shared slopes, all in phase; a single one (the ends) is stiffer."""
     c, M = links.element, np.zeros((4, 4))
     mass(c, M)
-    K = np.array(linear(c._replace(EI=c.EI + links.sideways), 0.0, 0.0))
+    K = np.array(linear(c._replace(EI=c.EI + links.excess_EI), 0.0, 0.0))
     if links.closed and links.closing is None:
-        both = np.vstack([np.eye(2), np.eye(2)])
-        K, M = both.T @ K @ both, both.T @ M @ both
+        shared = np.vstack([np.eye(2), np.eye(2)])
+        K, M = shared.T @ K @ shared, shared.T @ M @ shared
     return np.sqrt(eigh(K, M, eigvals_only=True)[-1])
 
 
 @kernel
-def absolute(links, x, w):
+def absolute_rates(links, x, w):
     """See ``axes``; components along the axes."""
     f = x.axes
-    rate, drift = vector(f, RATE), to_axes(f, vector(f, VELOCITY))
+    rate, origin_velocity = vector(f, OMEGA), to_axes(f, vector(f, VELOCITY))
     for n in range(4):
         v = add(vector(w.v[n], 0), cross(rate, vector(w.e[n], 0)))
-        put(w.v[n], 0, add(v, drift) if n % 2 == 0 else v)
+        put(w.v[n], 0, add(v, origin_velocity) if n % 2 == 0 else v)
 
 
 @kernel
-def risen(links, x, w):
+def centre_height(links, x, w):
     """See ``axes``."""
     f, l, e, z = x.axes, links.element.l, w.e, x.axes[ORIGIN + 2]
     for k in range(3):
@@ -392,27 +408,27 @@ def risen(links, x, w):
 
 
 @kernel
-def placed(links, s, p):
+def start_frame_position(links, s, p):
     """See ``axes``."""
     return add(vector(s.axes, ORIGIN), from_axes(s.axes, p))
 
 
 @kernel
-def directed(links, s, v):
+def start_frame_vector(links, s, v):
     """See ``axes``."""
     return from_axes(s.axes, v)
 
 
 @kernel
-def sideways_energy(links, w):
+def lateral_bending_energy(links, w):
     """See ``axes``."""
-    e, s = w.e, links.sideways / links.element.l
+    e, s = w.e, links.excess_EI / links.element.l
     d = (e[2, 1] - e[0, 1]) / links.element.l
     first, second = 4.0 * e[1, 1] + 2.0 * e[3, 1] - 6.0 * d, 6.0 * d - 2.0 * e[1, 1] - 4.0 * e[3, 1]
     return s / 6.0 * (first * first + first * second + second * second)
 
 
 @kernel
-def turning_energy(links, x):
+def rotary_energy(links, x):
     """See ``axes``."""
-    return 0.5 * links.twist * (x.axes[RATE] ** 2 + x.axes[RATE + 2] ** 2)
+    return 0.5 * links.rotary_inertia * (x.axes[OMEGA] ** 2 + x.axes[OMEGA + 2] ** 2)

@@ -27,10 +27,10 @@ def misfit(links, q, w):
 
 
 @dispatch(_of)
-def close(links, s, w):
+def project(links, s, w):
     """Project coordinates and rates onto the pin equations, in the directions of the pin forces."""
 
 
 @dispatch(_of)
-def speed(links, carried, s, w):
-    """``chain_speed``, m/s, of the pins relative to the carrier ``carried``, each pin counted once."""
+def speed(links, carrier, s, w):
+    """``chain_speed``, m/s, of the pins relative to the ``carrier``, each pin counted once."""

@@ -9,7 +9,7 @@ import numpy as np
 from fmus.jit import kernel
 
 
-class Layout(NamedTuple):
+class LinkLayout(NamedTuple):
     """Indices of an element's coordinates, in its own order and in its pins'; m shared a pin, n own."""
 
     outer: np.ndarray  # (2 m + c) indices in an element: shared ones of first and second pin, then ``common``
@@ -23,8 +23,8 @@ class Layout(NamedTuple):
     pins: tuple[int, ...]  # length: nodes of the mesh that a link adds, 1 shared one, or its own 2
 
 
-def arranged(begin: list[int], end: list[int], outer: list[int], fixed: int, pins: int = 1) -> Layout:
-    """Return the Layout of an element from the indices of its halves in its first and second pin.
+def layout_of_halves(begin: list[int], end: list[int], outer: list[int], fixed: int, pins: int = 1) -> LinkLayout:
+    """Return the LinkLayout of an element from the indices of its halves in its first and second pin.
 
     The first half is in the first pin at ``begin``, the second in the other pin at ``end``. Coordinates not in
     ``outer`` are its own; the first ``fixed`` shared ones are held at a pinned end; ``pins``: 2 for links that share
@@ -35,23 +35,23 @@ def arranged(begin: list[int], end: list[int], outer: list[int], fixed: int, pin
     m = len(outer) // 2
     # unsigned: an index that may be negative costs a tenth of the time of ``correct``
     pin, slope = (np.array([places[k] for k in part], dtype=np.uintp) for part in (outer[:m], inner))
-    return Layout(np.array(outer), np.array(inner), pin, slope, (0,) * m, (0,) * len(inner), (), fixed, (0,) * pins)
+    return LinkLayout(np.array(outer), np.array(inner), pin, slope, (0,) * m, (0,) * len(inner), (), fixed, (0,) * pins)
 
 
-def joined(layout: Layout, common: int) -> Layout:
-    """Return the Layout of links that have ``common`` additional unknowns in common."""
+def with_common_unknowns(layout: LinkLayout, common: int) -> LinkLayout:
+    """Return the LinkLayout of links that have ``common`` additional unknowns in common."""
     first = len(layout.outer) + len(layout.inner)
     return layout._replace(outer=np.append(layout.outer, first + np.arange(common)), common=(0,) * common)
 
 
 @kernel
-def ends(at, nodes, i):
-    """Indices of the pins, of ``nodes`` in the mesh, where link ``i`` begins and ends; ``at``: its Layout."""
-    first = len(at.pins) * i
+def ends(layout, nodes, i):
+    """Indices of the pins, of ``nodes`` in the mesh, where link ``i`` begins and ends; ``layout``: its LinkLayout."""
+    first = len(layout.pins) * i
     return first, first + 1 if first + 1 < nodes else 0
 
 
 @kernel
-def node(at, nodes, i):
+def node(layout, nodes, i):
     """Index of the node of the mesh for pin ``i`` of the chain."""
-    return min(len(at.pins) * i, nodes - 1)
+    return min(len(layout.pins) * i, nodes - 1)

@@ -6,7 +6,7 @@ import numpy as np
 
 from fmus.jit import allocating, noalias
 from fmus.physics.chain.flexible.assembly import evaluate
-from fmus.physics.chain.flexible.axes import arrive, bend, foresee, resolve
+from fmus.physics.chain.flexible.axes import correct_axes, finish_axes, predict_axes, solve_pins
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.joints import factor, misfit
 from fmus.physics.chain.flexible.state import Motion
@@ -32,7 +32,7 @@ def newton(links, contacts, env, method, h, s, w, counters):
             a1 = auxiliary(c, a0, before.vdot[i, k], before.vdot[i, k])
             s.q[i, k] += h * before.v[i, k] + h * h * ((0.5 - c.beta) * a0 + c.beta * a1)
             s.v[i, k] += h * ((1.0 - c.gamma) * a0 + c.gamma * a1)
-    foresee(links, method, h, s, w)
+    predict_axes(links, method, h, s, w)
     size, worst, where = np.inf, 0.0, 0
     sharp = w.contact.sharp
     sharp[0] = 0
@@ -43,17 +43,17 @@ def newton(links, contacts, env, method, h, s, w, counters):
         if fresh and factor(links, w) >= 0:
             return SINGULAR, where, worst
         misfit(links, x.q, w)
-        resolve(links, w, fresh)
+        solve_pins(links, w, fresh)
         counters[ITERATIONS] += 1
-        bent = bend(links, x, w, by)
-        last, size = size, max(correct(links, w, x, by, 0.5 * links.element.l), bent)
+        rotation_size = correct_axes(links, x, w, by)
+        last, size = size, max(correct(links, w, x, by, 0.5 * links.element.l), rotation_size)
         if not size < FASTEST:
             break
         if size < method.tolerance:
             for i in range(s.q.shape[0]):
                 for k in range(s.q.shape[1]):
                     s.a[i, k] = auxiliary(c, before.a[i, k], before.vdot[i, k], s.vdot[i, k])
-            arrive(links, method, s, w)
+            finish_axes(links, method, s, w)
             return DONE, where, worst
         if size > SLOW * last and not sharp[0]:
             sharpen(w.contact)

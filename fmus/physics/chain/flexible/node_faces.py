@@ -14,14 +14,14 @@ def count(links, x):
 
 
 @kernel
-def pins(links, x, w, i):
+def pin_positions(links, x, w, i):
     """See ``faces``."""
     first, second = ends(layout(links), x.q.shape[0], i)
     return in_space(links, x.q[first]), in_space(links, x.q[second])
 
 
 @kernel
-def pin_rates(links, x, w, i):
+def pin_velocities(links, x, w, i):
     """See ``faces``."""
     first, second = ends(layout(links), x.q.shape[0], i)
     return in_space(links, x.v[first]), in_space(links, x.v[second])
@@ -34,13 +34,13 @@ def length(links):
 
 
 @kernel
-def begin(links, x, w):
+def begin_contacts(links, x, w):
     """See ``faces``."""
     w.touched[:] = False
 
 
 @kernel
-def enter(links, x, w, i):
+def begin_link(links, x, w, i):
     """See ``faces``: coordinates, rates into ``w.e``, ``w.v``; zeroes the loads at the first contact."""
     first, second = ends(layout(links), x.q.shape[0], i)
     gather(links, x.q, first, second, w.e)
@@ -58,11 +58,11 @@ def to_ground(links, x, w, p, v):
 
 
 @kernel
-def from_ground(links, x, w, push, tangent):
+def from_ground(links, x, w, force, tangent):
     """See ``faces``."""
-    return push
+    return force
 
 
 @kernel
-def pushed(links, w, i, tangent):
+def finish_section(links, w, i, tangent):
     """See ``faces``."""

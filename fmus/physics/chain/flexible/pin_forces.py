@@ -14,10 +14,10 @@ zero mean (a uniform tension has no mean either), and the closure error is sprea
 from __future__ import annotations
 
 from fmus.jit import kernel
-from fmus.physics.ancf.element import axes, matter, vectors
+from fmus.physics.ancf.element import axes, total_mass, vectors
 from fmus.physics.chain.environment import PINNED
 from fmus.physics.chain.flexible import inertia
-from fmus.physics.chain.flexible.axes import accelerated, directed, lagging, upwards
+from fmus.physics.chain.flexible.axes import absolute_accelerations, omitted_accelerations, start_frame_vector, vertical
 from fmus.physics.chain.flexible.elements import in_space, layout
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.on_links import JOINT
@@ -27,28 +27,37 @@ from fmus.physics.vector import add, put, scale, vector
 @kernel
 def newton_joints(links, env, s, w):
     """See ``kinds``; at a last pin, the force on its support."""
-    found = w.on_links
-    if found.shape[1] <= JOINT:
+    forces = w.on_links
+    if forces.shape[1] <= JOINT:
         return
-    n, nodes, at, half, dims = links.n, s.q.shape[0], layout(links), vectors(links.element) // 2, axes(links.element)
+    n, nodes, indices, half, dims = (
+        links.n,
+        s.q.shape[0],
+        layout(links),
+        vectors(links.element) // 2,
+        axes(links.element),
+    )
     R, load, b, x, total = w.R, w.load, w.imbalance, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    weight, up, l = matter(links.element) * env.gravity, upwards(links, s), links.element.l
+    weight, up, l = total_mass(links.element) * env.gravity, vertical(links, s), links.element.l
     for i in range(n):
-        first, second = ends(at, nodes, i)
-        accelerated(links, s, w, first, second)
-        put(found[i], JOINT, x)
+        first, second = ends(indices, nodes, i)
+        absolute_accelerations(links, s, w, first, second)
+        put(forces[i], JOINT, x)
         total = add(total, x)
         for k in range(dims):  # (1)
             more = (
-                matter(links.element) * inertia.height(l, half, k, w.dv) + weight * up[k] - R[i, 0, k] - R[i, half, k]
+                total_mass(links.element) * inertia.height(l, half, k, w.dv)
+                + weight * up[k]
+                - R[i, 0, k]
+                - R[i, half, k]
             )
             if w.touched[i]:
                 more += load[i, 0, k] + load[i, half, k]
             w.t[k] = more + b[second, k]
-            after = ends(at, nodes, i + 1)[0] if i + 1 < n else (0 if links.closed == 1 else second)
+            after = ends(indices, nodes, i + 1)[0] if i + 1 < n else (0 if links.closed == 1 else second)
             if after != second:  # the pin has two nodes
                 w.t[k] += b[after, k]
-        x = add(x, scale(-1.0, _taken(w.t, dims)))
+        x = add(x, scale(-1.0, _in_space(w.t, dims)))
     if links.closed == 1:
         base, slope = scale(1.0 / n, add(total, scale(-0.5 * (n - 1.0), x))), scale(-1.0 / n, x)
     elif env.ends == PINNED:
@@ -56,18 +65,18 @@ def newton_joints(links, env, s, w):
     else:
         base, slope = x, (0.0, 0.0, 0.0)
     for i in range(n):
-        shift = add(vector(found[i], JOINT), add(scale(1.0 * i, slope), scale(-1.0, base)))
-        put(found[i], JOINT, directed(links, s, add(in_space(links, R[i, 0]), shift)))
+        shift = add(vector(forces[i], JOINT), add(scale(1.0 * i, slope), scale(-1.0, base)))
+        put(forces[i], JOINT, start_frame_vector(links, s, add(in_space(links, R[i, 0]), shift)))
     if links.closed != 1:
-        _, last = ends(at, nodes, n - 1)
+        _, last = ends(indices, nodes, n - 1)
         shift = add(
             add(x, scale(-1.0, base)), add(in_space(links, b[last]), scale(-1.0, in_space(links, R[n - 1, half])))
         )
-        put(found[n], JOINT, directed(links, s, shift))
+        put(forces[n], JOINT, start_frame_vector(links, s, shift))
 
 
 @kernel
-def _taken(t, dims):
+def _in_space(t, dims):
     """Vector (3) in space of the ``dims`` components in ``t``."""
     return (t[0], t[1], t[2]) if dims == 3 else (t[0], 0.0, t[1])
 
@@ -75,15 +84,15 @@ def _taken(t, dims):
 @kernel
 def stage_joints(links, env, s, w):
     """See ``kinds``: residuals of an evaluation without accelerations, plus the inertia forces."""
-    found, n, half = w.on_links, links.n, vectors(links.element) // 2
-    if found.shape[1] <= JOINT:
+    forces, n, half = w.on_links, links.n, vectors(links.element) // 2
+    if forces.shape[1] <= JOINT:
         return
     for i in range(n):
         first, second = ends(layout(links), s.q.shape[0], i)
-        lagging(links, s, w, first, second)
-        put(found[i], JOINT, directed(links, s, _end(links, w, i, 0)))
+        omitted_accelerations(links, s, w, first, second)
+        put(forces[i], JOINT, start_frame_vector(links, s, _end(links, w, i, 0)))
         if i == n - 1 and links.closed != 1:
-            put(found[n], JOINT, directed(links, s, scale(-1.0, _end(links, w, i, half))))
+            put(forces[n], JOINT, start_frame_vector(links, s, scale(-1.0, _end(links, w, i, half))))
 
 
 @kernel
@@ -93,4 +102,4 @@ def _end(links, w, i, row):
         w.t[k] = w.R[i, row, k]
         for a in range(vectors(links.element)):
             w.t[k] += w.M[row, a] * w.dv[a, k]
-    return _taken(w.t, axes(links.element))
+    return _in_space(w.t, axes(links.element))

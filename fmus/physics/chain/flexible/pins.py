@@ -17,15 +17,15 @@ def pin_loads(links, env, x, w, by_rate, tangent):
 
     A pin whose position has two coordinates moves in the plane x, z, else in space; ``by_rate``, 1/s.
     """
-    at, q, v, nodes = layout(links), x.q, x.v, x.q.shape[0]
-    held, pins = at.fixed, links.n if links.closed == 1 else links.n + 1
+    indices, q, v, nodes = layout(links), x.q, x.v, x.q.shape[0]
+    held, pins = indices.fixed, links.n if links.closed == 1 else links.n + 1
     z = 1 if held == 2 else 2
     if env.transverse > 0.0:
         for pin in range(pins):
             before, after = max(pin - 1, 0), min(pin + 1, pins - 1)
             if links.closed == 1:
                 before, after = (pin - 1) % pins, (pin + 1) % pins
-            i, before, after = node(at, nodes, pin), node(at, nodes, before), node(at, nodes, after)
+            i, before, after = node(indices, nodes, pin), node(indices, nodes, before), node(indices, nodes, after)
             t0, t2 = q[after, 0] - q[before, 0], q[after, z] - q[before, z]
             size = np.sqrt(t0 * t0 + t2 * t2)
             n0, n2 = -t2 / size, t0 / size

@@ -12,7 +12,7 @@ from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.link_layout import ends
 
 
-def places(kit: Any, q: Floats, rows: int, links: int) -> NDArray[np.int64]:
+def coordinate_indices(kit: Any, q: Floats, rows: int, links: int) -> NDArray[np.int64]:
     """Indices in the flat ``q`` (nodes, width) of the coordinates of all links (links, rows, axes).
 
     ``kit`` is the module of the links, ``rows`` the number of their vectors.

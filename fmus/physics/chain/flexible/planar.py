@@ -12,11 +12,11 @@ import numpy as np
 
 from fmus.jit import implemented_in, kernel
 from fmus.physics.chain.flexible.cables import PIN_AXIS, Cables, axial, outer_and_inner, pin_axis  # noqa: F401 - interface
-from fmus.physics.chain.flexible.link_layout import arranged
+from fmus.physics.chain.flexible.link_layout import layout_of_halves
 from fmus.physics.chain.flexible.planar_nodes import NODE  # noqa: F401 - interface
 from fmus.physics.chain.flexible.planar_nodes import gather as coordinates
 
-LAYOUT = arranged(begin=[0, 1, 4, 5], end=[0, 1, 2, 3], outer=[0, 1, 4, 5], fixed=2)
+LAYOUT = layout_of_halves(begin=[0, 1, 4, 5], end=[0, 1, 2, 3], outer=[0, 1, 4, 5], fixed=2)
 ELEMENT = (4, 2)  # (rows, axes): vectors of a link, components of a vector
 AXES = np.array([0, 2])  # axes of space that a vector of this chain has
 FREE = 0  # size of the state of the axes: fixed
@@ -51,7 +51,7 @@ def lever(links):
 @kernel
 def flatten(links, w):
     """See ``elements``: centre and axis of a wheel are projected onto the plane."""
-    rows, flat = w.moved, w.flat
+    rows, flat = w.wheels, w.flat
     for k in range(rows.shape[0]):
         for i in range(rows.shape[1]):
             flat[k, i] = rows[k, i]

@@ -15,11 +15,11 @@ from fmus.physics.chain.flexible.joints import factor
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.pins import pin_loads
 from fmus.physics.chain.flexible.state import Motion
-from fmus.physics.chain.outcome import DONE, SINGULAR, Outcome
+from fmus.physics.chain.outcome import DONE, SINGULAR, IntegrationOutcome
 from fmus.physics.chain.report import SUMMED
-from fmus.physics.chain.state import begin, put
+from fmus.physics.chain.state import copy_rows, store_first_evaluation
 
-LET_GO, REST, EVALUATE = range(3)  # tasks of ``release``
+RELEASED, REST, EVALUATE = range(3)  # tasks of ``release``
 
 
 @kernel
@@ -43,7 +43,7 @@ def factor_mass(links, env, s, w):
 
 
 @kernel
-def let_go(links, contacts, env, rows, s, w, report):
+def start_released(links, contacts, env, rows, s, w, report):
     """Initial accelerations, wrenches, pin forces and report of the present state.
 
     The integrator's order depends on these accelerations. ``rows`` (m, 15): the wheels. Returns -1, or the link where
@@ -52,14 +52,14 @@ def let_go(links, contacts, env, rows, s, w, report):
     failed = factor_mass(links, env, s, w)
     if failed >= 0:
         return failed
-    put(rows, w.moved)
+    copy_rows(rows, w.wheels)
     accelerations(links, contacts, env, s, w)
     for i in range(s.vdot.shape[0]):
         for k in range(s.vdot.shape[1]):
             s.vdot[i, k] = s.a[i, k] = w.change[0, i, k]
     evaluate(links, contacts, env, Motion(s.q, s.v, s.vdot, s.axes), NOTHING, w, False)
     newton_joints(links, env, s, w)
-    begin(s, w)
+    store_first_evaluation(s, w)
     observe(links, env, s, w, report)
     for k in SUMMED:
         report[k] = 0.0
@@ -70,15 +70,17 @@ def let_go(links, contacts, env, rows, s, w, report):
 def release(links, smooth, contacts, env, task, x, by, fresh, rows, tolerance, longest, s, w, report):
     """Do one ``task`` on a chain before it runs, all in one kernel: its elements are compiled once.
 
-    LET_GO: ``let_go``; REST: the same after ``settle`` on the contacts ``smooth``; EVALUATE: ``evaluate`` the motion x.
-    Returns an Outcome, SINGULAR if the mass is. It has the arguments of all three tasks, so that one kernel has all.
+    RELEASED: ``start_released``; REST: the same after ``settle`` on the contacts ``smooth``; EVALUATE: ``evaluate`` x.
+
+    Returns an IntegrationOutcome, SINGULAR if the mass is. It has the
+    arguments of all three tasks, so that one kernel has all.
     """
     if task == EVALUATE:
         worst, where = evaluate(links, contacts, env, x, by, w, fresh)
-        return Outcome(DONE, 0.0, where, worst)
+        return IntegrationOutcome(DONE, 0.0, where, worst)
     if task == REST:
         settled = settle(links, smooth, env, rows, tolerance, longest, s, w)
         if settled.failure != DONE:
             return settled
-    failed = let_go(links, contacts, env, rows, s, w, report)
-    return Outcome(SINGULAR if failed >= 0 else DONE, 0.0, max(failed, 0), 0.0)
+    failed = start_released(links, contacts, env, rows, s, w, report)
+    return IntegrationOutcome(SINGULAR if failed >= 0 else DONE, 0.0, max(failed, 0), 0.0)

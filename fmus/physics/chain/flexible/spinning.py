@@ -16,7 +16,7 @@ from scipy.sparse import bmat, coo_array
 from scipy.sparse.linalg import spsolve
 
 from fmus.physics.arrays import Floats
-from fmus.physics.chain.flexible.places import across, in_plane, places
+from fmus.physics.chain.flexible.places import across, coordinate_indices, in_plane
 
 PROBE = 1e-7  # change of an unknown in the difference quotients
 # Change of a coordinate to either side, m. The quotient has to resolve the stiffness of a slow loop, spin^2 m: rounding
@@ -28,16 +28,18 @@ ROUNDS = 60
 Residuals = Callable[[Floats], Floats]  # residuals of the loop (links, rows, axes) by its accelerations (nodes, width)
 
 
-def stretch(kit: Any, q: Floats, rows: int, links: int, spin: float, residuals: Residuals, tolerance: float) -> bool:
+def deform_polygon(
+    kit: Any, q: Floats, rows: int, links: int, spin: float, residuals: Residuals, tolerance: float
+) -> bool:
     """Deform a regular polygon of straight links ``q`` (nodes, width) about the origin to Q = spin^2 M q.
 
     ``kit``: module of the links; ``rows``: number of their vectors; ``spin``, rad/s; ``tolerance``, N. Returns False if
     the iteration fails.
     """
-    at, flat, plane = places(kit, q, rows, links), q.reshape(-1), kit.PLANE.ravel()
+    at, flat, plane = coordinate_indices(kit, q, rows, links), q.reshape(-1), kit.PLANE.ravel()
     axes, m, second = len(kit.AXES), len(kit.LAYOUT.shared), rows // 2
     turn = -2.0 * np.pi * np.arange(links)[:, None, None] / links
-    own, shared, beside = kit.LAYOUT.inner, kit.LAYOUT.outer[axes:m], kit.LAYOUT.outer[m + axes :]
+    own, shared, shared_last = kit.LAYOUT.inner, kit.LAYOUT.outer[axes:m], kit.LAYOUT.outer[m + axes :]
 
     def deformed(link: Floats, change: Floats) -> Floats:
         """The first link (rows, axes) after a change of its own coordinates, the shared ones and the radius."""
@@ -45,7 +47,7 @@ def stretch(kit: Any, q: Floats, rows: int, links: int, spin: float, residuals: 
         e = link.reshape(-1)
         e[own] += change[: own.size]
         e[shared] += change[own.size : -1]
-        e[beside] = e[shared]
+        e[shared_last] = e[shared]
         link[[0, second]] *= 1.0 + change[-1]
         return link
 
@@ -59,7 +61,7 @@ def stretch(kit: Any, q: Floats, rows: int, links: int, spin: float, residuals: 
         outwards = in_plane(link[0]) / np.linalg.norm(in_plane(link[0]))
         pull = outwards @ in_plane(R[0, 0] + R[-1, second])
         first, last = R[0].reshape(-1), R[-1].reshape(-1)
-        return np.concatenate([first[own], first[shared] + last[beside], [pull]])
+        return np.concatenate([first[own], first[shared] + last[shared_last], [pull]])
 
     link, size = flat[at[0]], own.size + shared.size + 1
     for _ in range(ROUNDS):
@@ -73,7 +75,7 @@ def stretch(kit: Any, q: Floats, rows: int, links: int, spin: float, residuals: 
     return False
 
 
-def part(
+def deform_open_mesh(
     kit: Any,
     q: Floats,
     rows: int,
@@ -85,13 +87,13 @@ def part(
 ) -> bool:
     """Same for a loop whose first and last pin a spring of ``stiffness``, N/m, joins.
 
-    It starts from the result of ``stretch``. The responses of the links are found by probing every third pin at a time.
-    No rotation about the origin is taken.
+    It starts from the result of ``deform_polygon``. Every third pin is probed at a time to find the responses. No
+    rotation about the origin is taken.
     """
-    at, flat, plane = places(kit, q, rows, links), q.reshape(-1), kit.PLANE
+    at, flat, plane = coordinate_indices(kit, q, rows, links), q.reshape(-1), kit.PLANE
     width, place, pins = q.shape[1], plane[0], np.arange(links + 1)
     ends = np.stack([place, links * width + place])  # of the spring, indices into ``flat``
-    there = np.intersect1d(at, (width * pins[:, None] + plane.ravel()))
+    used = np.intersect1d(at, (width * pins[:, None] + plane.ravel()))
     spring = coo_array(
         (np.tile([stiffness, -stiffness, -stiffness, stiffness], 2),
          (ends[[0, 0, 1, 1]].T.ravel(), ends[[0, 1, 0, 1]].T.ravel())),
@@ -107,7 +109,7 @@ def part(
     for _ in range(ROUNDS):
         now = of_links()
         lacks = np.bincount(at.ravel(), now.ravel(), q.size) + spring @ flat
-        if np.abs(lacks[there]).max() < tolerance:
+        if np.abs(lacks[used]).max() < tolerance:
             return True
         entries = []
         for coordinate in plane.ravel():
@@ -119,17 +121,17 @@ def part(
                     answers.append(of_links())
                 flat[moved] = here
                 answer = (answers[0] - answers[1]) / (2.0 * STRIDE)
-                of = np.arange(links)  # a link has one of these pins, or none
-                pin = np.where(of % 3 == first, of, of + 1)
-                has = pin % 3 == first
+                link = np.arange(links)  # a link has one of these pins, or none
+                pin = np.where(link % 3 == first, link, link + 1)
+                touched = pin % 3 == first
                 columns = np.broadcast_to((width * pin + coordinate)[:, None, None], at.shape)
-                entries.append((answer[has], at[has], columns[has]))
+                entries.append((answer[touched], at[touched], columns[touched]))
         values, one, other = (np.concatenate([entry[k].ravel() for entry in entries]) for k in range(3))
-        K = (coo_array((values, (one, other)), shape=(q.size, q.size)) + spring).tocsr()[there][:, there]
+        K = (coo_array((values, (one, other)), shape=(q.size, q.size)) + spring).tocsr()[used][:, used]
         turned = np.zeros_like(q)
         turned[:, plane] = across(q[:, plane])
-        turn = turned.reshape(-1)[there]
+        turn = turned.reshape(-1)[used]
         bordered = bmat([[K, turn[:, None]], [turn[None], None]]).tocsc()
-        change = spsolve(bordered, -np.append(lacks[there], 0.0))[:-1]
-        flat[there] += change * min(1.0, LONGEST / max(np.abs(change).max(), LONGEST))
+        change = spsolve(bordered, -np.append(lacks[used], 0.0))[:-1]
+        flat[used] += change * min(1.0, LONGEST / max(np.abs(change).max(), LONGEST))
     return False

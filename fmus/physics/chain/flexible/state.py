@@ -8,7 +8,7 @@ import numpy as np
 
 from fmus.physics.arrays import Floats
 from fmus.physics.chain import state
-from fmus.physics.chain.on_links import NONE, Felt
+from fmus.physics.chain.on_links import NONE, LinkForcesShape
 from fmus.physics.chain.sums import SUMS
 
 FIXED = np.zeros(0)  # state of axes that do not turn
@@ -48,22 +48,22 @@ def shapes(
     nodes: int,
     wheels: int,
     axes: int = 0,
-    felt: Felt = NONE,
+    forces: LinkForcesShape = NONE,
     cholesky: bool = False,
 ) -> state.Shapes:
     """Shapes of the views; ``width``: coordinates of a pin.
 
-    ``axes``: size of the axes' state; ``felt``: shape of the forces on each link; ``cholesky``: Cholesky coordinates.
+    ``axes``: size of the axes' state; ``forces``: shape of the forces on each link; ``cholesky``: with its coordinates.
     """
     pins, on = (nodes, width), (wheels + 1, 6)
     return {
         "p": (2 * cholesky, *pins), "q": pins, "v": pins, "axes": (axes,), "a": pins, "vdot": pins,
-        "wrench": on, "aux": on, "mean": on, "on_links": felt, "on_links_aux": felt, "on_links_sum": felt, "span": (2,),
-        "sums": (SUMS,),
+        "wrench": on, "aux": on, "mean": on, "on_links": forces, "on_links_aux": forces, "on_links_sum": forces,
+        "span": (2,), "sums": (SUMS,),
     }  # fmt: skip
 
 
 def views(flat: Floats, sizes: state.Shapes) -> State:
     """State of views into the array ``flat``; ``sizes`` from ``shapes``."""
-    found: State = state.views(State, sizes, flat)
-    return found
+    state_views: State = state.views(State, sizes, flat)
+    return state_views

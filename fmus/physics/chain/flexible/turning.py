@@ -16,10 +16,10 @@ from fmus.physics.chain.flexible.axes_state import SIZE
 from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - interface
 from fmus.physics.chain.flexible.cable_nodes import gather as coordinates
 from fmus.physics.chain.flexible.cables import AXES, ELEMENT, PIN_AXIS, PLANE, lever, pin_axis  # noqa: F401 - interface
-from fmus.physics.chain.flexible.closing import Spring
-from fmus.physics.chain.flexible.link_layout import joined
+from fmus.physics.chain.flexible.closing import ClosingSpring
+from fmus.physics.chain.flexible.link_layout import with_common_unknowns
 
-LAYOUT = joined(cables.LAYOUT, 2)  # roll and yaw of the axes
+LAYOUT = with_common_unknowns(cables.LAYOUT, 2)  # roll and yaw of the axes
 FREE = SIZE  # size of the state of the axes
 
 
@@ -38,9 +38,9 @@ class TurningCables(NamedTuple):
     area: float  # area of the section, m2
     second_moment: float  # second moment of area about the pin, m4
     lateral: float  # distance of the contact points from the middle, m
-    sideways: float  # excess of the bending stiffness about the normal over that about the pin, N m2
-    twist: float  # second moment of mass of all links along their pins, kg m2
-    closing: Spring | None = None  # spring of a loop whose mesh is open
+    excess_EI: float  # excess of the bending stiffness about the normal over that about the pin, N m2
+    rotary_inertia: float  # second moment of mass of all links along their pins, kg m2
+    closing: ClosingSpring | None = None  # spring of a loop whose mesh is open
 
 
 @kernel
@@ -57,7 +57,7 @@ def layout(links):
 
 @kernel
 def flatten(links, w):
-    """See ``elements``: done by ``axes.outside``."""
+    """See ``elements``: done by ``axes.wheels_to_axes``."""
 
 
 @kernel

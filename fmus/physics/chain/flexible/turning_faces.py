@@ -12,33 +12,33 @@ import numpy as np
 
 from fmus.jit import kernel, noalias
 from fmus.physics.ancf.cable import shape, shape_slope
-from fmus.physics.chain.flexible.axes_state import ORIGIN, RATE, ROLL, VELOCITY, YAW, from_axes, to_axes
-from fmus.physics.chain.flexible.cable_faces import along  # noqa: F401 - reached by dispatch
+from fmus.physics.chain.flexible.axes_state import OMEGA, ORIGIN, ROLL, VELOCITY, YAW, from_axes, to_axes
+from fmus.physics.chain.flexible.cable_faces import position_slope  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
-    begin,
+    begin_contacts,
+    begin_link,
     count,
-    enter,
     length,
-    pin_rates,
-    pins,
+    pin_positions,
+    pin_velocities,
 )
-from fmus.physics.contact.face import Push
+from fmus.physics.contact.face import ContactForce
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 
 # sums over the points of a section, each times y to 0 and 1: number, f, g = df / d position + by_rate df / d rate
-HITS, FORCE, MATRIX = 0, 1, 7
+COUNT, FORCE, MATRIX = 0, 1, 7
 # the damper's df / d rate; by_rate of that rate, its place along the link as a fraction, the outward normal there
-RATES, HEARD, FOOT, OUTWARDS = 25, 31, 32, 33
+RATES, BY_RATE, FOOT, NORMAL = 25, 31, 32, 33
 
 
 @kernel
-def across(links):
+def lateral_points(links):
     """See ``faces``."""
     return 2, links.lateral
 
 
 @kernel
-def lift(links, x, i):
+def depth_below_pins(links, x, i):
     """See ``faces``."""
     return 1.1 * links.face + 0.1 * links.element.l + links.lateral * abs(x.axes[7])
 
@@ -47,26 +47,26 @@ def lift(links, x, i):
 def to_ground(links, x, w, p, v):
     """See ``faces``."""
     f = x.axes
-    v = add(v, cross(vector(f, RATE), p))
+    v = add(v, cross(vector(f, OMEGA), p))
     return add(vector(f, ORIGIN), from_axes(f, p)), add(vector(f, VELOCITY), from_axes(f, v))
 
 
 @kernel
-def from_ground(links, x, w, push, tangent):
+def from_ground(links, x, w, force, tangent):
     """See ``faces``; the turn of the point's velocity with the axes is left out of the matrix."""
     f = x.axes
-    energies = push.energy, push.friction, push.damping
+    energies = force.energy, force.friction, force.damping
     if not tangent:
-        return Push(to_axes(f, push.f), push.g, push.by_rate, push.normal, *energies)
-    g = push.g
+        return ContactForce(to_axes(f, force.f), force.g, force.by_rate, force.normal, *energies)
+    g = force.g
     a, b, c = to_axes(f, (g[0], g[1], g[2])), to_axes(f, (g[3], g[4], g[5])), to_axes(f, (g[6], g[7], g[8]))
     p, q, r = to_axes(f, (a[0], b[0], c[0])), to_axes(f, (a[1], b[1], c[1])), to_axes(f, (a[2], b[2], c[2]))
-    turned = (p[0], q[0], r[0], p[1], q[1], r[1], p[2], q[2], r[2])
-    return Push(to_axes(f, push.f), turned, to_axes(f, push.by_rate), push.normal, *energies)
+    matrix = (p[0], q[0], r[0], p[1], q[1], r[1], p[2], q[2], r[2])
+    return ContactForce(to_axes(f, force.f), matrix, to_axes(f, force.by_rate), force.normal, *energies)
 
 
 @kernel
-def section(links, x, w, i, xi, z):
+def locate_section(links, x, w, i, xi, z):
     """See ``faces``; leaves shape functions in ``w.S``, c in ``w.C``, t in ``w.t``.
 
     ``w.axes`` receives m without y, the position and j - b t.
@@ -74,11 +74,11 @@ def section(links, x, w, i, xi, z):
     S, C, e, de, lever = w.S, w.C, w.e, w.v, w.axes.lever
     shape(links.element, xi, S)
     shape_slope(links.element, xi, C)
-    a = b = yaw = da = db = sway = 0.0
+    a = b = yaw = da = db = yaw_rate = 0.0
     p = v = (0.0, 0.0, 0.0)
     for k in range(4):
         a, yaw, b = a + C[k] * e[k, 0], yaw + C[k] * e[k, 1], b + C[k] * e[k, 2]
-        da, sway, db = da + C[k] * de[k, 0], sway + C[k] * de[k, 1], db + C[k] * de[k, 2]
+        da, yaw_rate, db = da + C[k] * de[k, 0], yaw_rate + C[k] * de[k, 1], db + C[k] * de[k, 2]
         p, v = add(p, scale(S[k], vector(e[k], 0))), add(v, scale(S[k], vector(de[k], 0)))
     per = 1.0 / np.sqrt(a * a + b * b)
     for k in range(4):
@@ -88,25 +88,25 @@ def section(links, x, w, i, xi, z):
     lever[0], lever[2] = -z * t2, z * t0
     turn = per * z * (t0 * db - t2 * da)
     w.axes.sums[:] = 0.0
-    at, sideways = (p[0] - z * t2, p[1], p[2] + z * t0), (-per * yaw * t0, 1.0, -per * yaw * t2)
-    put(w.axes.place, 0, at)
-    put(w.axes.place, 3, sideways)
-    return at, (v[0] - turn * t0, v[1], v[2] - turn * t2), sideways, per * sway
+    middle, lateral = (p[0] - z * t2, p[1], p[2] + z * t0), (-per * yaw * t0, 1.0, -per * yaw * t2)
+    put(w.axes.section, 0, middle)
+    put(w.axes.section, 3, lateral)
+    return middle, (v[0] - turn * t0, v[1], v[2] - turn * t2), lateral, per * yaw_rate
 
 
 @kernel
-def locate(links, x, w, i, at, y):
+def locate(links, x, w, i, section, y):
     """See ``faces``; leaves y in ``w.axes``."""
-    p, v, sideways, sway = at
+    p, v, lateral, yaw_rate = section
     w.axes.lever[1] = y
-    return add(p, scale(y, sideways)), (v[0] - y * sway * w.t[0], v[1], v[2] - y * sway * w.t[2])
+    return add(p, scale(y, lateral)), (v[0] - y * yaw_rate * w.t[0], v[1], v[2] - y * yaw_rate * w.t[2])
 
 
 @kernel
-def push(links, w, i, push, tangent):
-    """Sum the forces on the points of a section, weighted by powers of y, for ``pushed``."""
-    s, y, f, g = w.axes.sums, w.axes.lever[1], push.f, push.g
-    s[HITS] += 1.0
+def apply_force(links, w, i, force, tangent):
+    """Sum the forces on the points of a section, weighted by powers of y, for ``finish_section``."""
+    s, y, f, g = w.axes.sums, w.axes.lever[1], force.f, force.g
+    s[COUNT] += 1.0
     for j in range(3):
         s[FORCE + j] += f[j]
         s[FORCE + 3 + j] += y * f[j]
@@ -117,14 +117,14 @@ def push(links, w, i, push, tangent):
 
 
 @kernel
-def resist(links, w, i, push, by_rate, foot, side):
-    """Sum df / d rate for ``pushed``; the rate falls as a face moves outwards."""
-    s, r, y = w.axes.sums, push.by_rate, w.axes.lever[1]
-    s[HEARD], s[FOOT] = by_rate, foot
+def add_rate_matrix(links, w, i, force, by_rate, foot, normal):
+    """Sum df / d rate for ``finish_section``; the rate falls as a face moves outwards."""
+    s, r, y = w.axes.sums, force.by_rate, w.axes.lever[1]
+    s[BY_RATE], s[FOOT] = by_rate, foot
     for j in range(3):
         s[RATES + j] += r[j]
         s[RATES + 3 + j] += y * r[j]
-        s[OUTWARDS + j] = side[j]
+        s[NORMAL + j] = normal[j]
 
 
 @kernel
@@ -152,7 +152,7 @@ def about_z(a):
 
 
 @kernel
-def _carried(w, h, h_y):
+def _lever_part(w, h, h_y):
     """Part of B^T h by the leverage, for a force ``h`` whose moment arm y makes ``h_y``.
 
     Components along the normal, the pin axis and the tangent.
@@ -163,77 +163,77 @@ def _carried(w, h, h_y):
 
 
 @kernel
-def pushed(links, w, i, tangent):
+def finish_section(links, w, i, tangent):
     """Add the section's forces, R -= B^T f, K -= B^T g B with B = S - c t m^T; moment balance; border."""
     S, C, R, s, moment = w.S, w.C, w.load[i], w.axes.sums, w.axes.moment
-    if s[HITS] == 0.0:
+    if s[COUNT] == 0.0:
         return
     f, f_y = vector(s, FORCE), vector(s, FORCE + 3)
-    l = _carried(w, f, f_y)
+    l = _lever_part(w, f, f_y)
     for k in range(4):
         for j in range(3):
             R[k, j] -= S[k] * f[j] - C[k] * l[j]
-    p, d = vector(w.axes.place, 0), vector(w.axes.place, 3)
+    p, d = vector(w.axes.section, 0), vector(w.axes.section, 3)
     moment[0] -= dot(about_x(p), f) + dot(about_x(d), f_y)
     moment[1] -= dot(about_z(p), f) + dot(about_z(d), f_y)
     if tangent:
-        _stiffen(w, i, p, d)
+        _add_matrix(w, i, p, d)
 
 
 @kernel
 @noalias
-def _stiffen(w, i, p, d):
+def _add_matrix(w, i, p, d):
     """Add K -= N^T g N, with N = B for the coordinates and axis x (p + y d) for the rotation of the axes.
 
     So roll and yaw have columns, their effect on the residual, and rows, the effect of the coordinates on their
     balance. The rotation of forces with the axes is left out.
     """
     S, C, s, K, e, (m0, y, m2), t0, t2 = w.S, w.C, w.axes.sums, w.stiffening[i], w.e, w.axes.lever, w.t[0], w.t[2]
-    f, f_y, carried = w.axes.given[0], w.axes.given[1], w.axes.carried
+    f, f_y, lever_tangent = w.axes.section_tangent[0], w.axes.section_tangent[1], w.axes.lever_tangent
     g, g_y, t = _rows(s, MATRIX), _rows(s, MATRIX + 9), (t0, 0.0, t2)
     pull, pull_y = _times(g, t), _times(g_y, t)
     for a in range(3):
-        one, two, three, four = m0 * pull[a], pull_y[a], m2 * pull[a], m0 * pull_y[a]
-        five, six = y * y * pull[a], m2 * pull_y[a]
+        c0, c1, c2, cy0 = m0 * pull[a], pull_y[a], m2 * pull[a], m0 * pull_y[a]
+        cy1, cy2 = y * y * pull[a], m2 * pull_y[a]
         for b in range(4):
-            f[a, 3 * b] = S[b] * g[a][0] - C[b] * one
-            f[a, 3 * b + 1] = S[b] * g[a][1] - C[b] * two
-            f[a, 3 * b + 2] = S[b] * g[a][2] - C[b] * three
-            f_y[a, 3 * b] = S[b] * g_y[a][0] - C[b] * four
-            f_y[a, 3 * b + 1] = S[b] * g_y[a][1] - C[b] * five
-            f_y[a, 3 * b + 2] = S[b] * g_y[a][2] - C[b] * six
-    for k, at, side in ((ROLL, about_x(p), about_x(d)), (YAW, about_z(p), about_z(d))):
-        h, h_y = _answer(g, g_y, y * y, at, side)
+            f[a, 3 * b] = S[b] * g[a][0] - C[b] * c0
+            f[a, 3 * b + 1] = S[b] * g[a][1] - C[b] * c1
+            f[a, 3 * b + 2] = S[b] * g[a][2] - C[b] * c2
+            f_y[a, 3 * b] = S[b] * g_y[a][0] - C[b] * cy0
+            f_y[a, 3 * b + 1] = S[b] * g_y[a][1] - C[b] * cy1
+            f_y[a, 3 * b + 2] = S[b] * g_y[a][2] - C[b] * cy2
+    for k, motion, motion_y in ((ROLL, about_x(p), about_x(d)), (YAW, about_z(p), about_z(d))):
+        h, h_y = _motion_response(g, g_y, y * y, motion, motion_y)
         for a in range(3):
             f[a, k], f_y[a, k] = h[a], h_y[a]
-    if s[HEARD] != 0.0:
-        _hear(s, f, f_y, e)
+    if s[BY_RATE] != 0.0:
+        _add_rate_damping(s, f, f_y, e)
     for n in range(14):
-        pulled = t0 * f[0, n] + t2 * f[2, n]
-        carried[0, n], carried[2, n] = m0 * pulled, m2 * pulled
-        carried[1, n] = t0 * f_y[0, n] + t2 * f_y[2, n]
+        pull_change = t0 * f[0, n] + t2 * f[2, n]
+        lever_tangent[0, n], lever_tangent[2, n] = m0 * pull_change, m2 * pull_change
+        lever_tangent[1, n] = t0 * f_y[0, n] + t2 * f_y[2, n]
     for k in range(4):
         for a in range(3):
             for n in range(14):
-                K[3 * k + a, n] -= S[k] * f[a, n] - C[k] * carried[a, n]
+                K[3 * k + a, n] -= S[k] * f[a, n] - C[k] * lever_tangent[a, n]
     for n in range(14):
         K[ROLL, n] -= p[1] * f[2, n] - p[2] * f[1, n] + d[1] * f_y[2, n] - d[2] * f_y[1, n]
         K[YAW, n] -= p[0] * f[1, n] - p[1] * f[0, n] + d[0] * f_y[1, n] - d[1] * f_y[0, n]
 
 
 @kernel
-def _hear(s, f, f_y, e):
+def _add_rate_damping(s, f, f_y, e):
     """Add the damper's force by the rate of the face, which depends on the pins and the axes' rotation."""
-    side, rate, rate_y = vector(s, OUTWARDS), vector(s, RATES), vector(s, RATES + 3)
-    one, other = s[HEARD] * (1.0 - s[FOOT]), s[HEARD] * s[FOOT]
-    place = add(scale(one, vector(e[0], 0)), scale(other, vector(e[2], 0)))
-    roll, yaw = dot(side, about_x(place)), dot(side, about_z(place))
+    normal, rate, rate_y = vector(s, NORMAL), vector(s, RATES), vector(s, RATES + 3)
+    share_first, share_last = s[BY_RATE] * (1.0 - s[FOOT]), s[BY_RATE] * s[FOOT]
+    foot = add(scale(share_first, vector(e[0], 0)), scale(share_last, vector(e[2], 0)))
+    roll, yaw = dot(normal, about_x(foot)), dot(normal, about_z(foot))
     for a in range(3):
         for j in range(3):
-            f[a, j] -= one * rate[a] * side[j]
-            f[a, 6 + j] -= other * rate[a] * side[j]
-            f_y[a, j] -= one * rate_y[a] * side[j]
-            f_y[a, 6 + j] -= other * rate_y[a] * side[j]
+            f[a, j] -= share_first * rate[a] * normal[j]
+            f[a, 6 + j] -= share_last * rate[a] * normal[j]
+            f_y[a, j] -= share_first * rate_y[a] * normal[j]
+            f_y[a, 6 + j] -= share_last * rate_y[a] * normal[j]
         f[a, ROLL] -= roll * rate[a]
         f[a, YAW] -= yaw * rate[a]
         f_y[a, ROLL] -= roll * rate_y[a]
@@ -241,7 +241,7 @@ def _hear(s, f, f_y, e):
 
 
 @kernel
-def _answer(g, g_y, y2, a, a_y):
+def _motion_response(g, g_y, y2, a, a_y):
     """Sums over points p + y d of g (a + y a_y), and of y times that, for a motion a + y a_y."""
     return add(_times(g, a), _times(g_y, a_y)), add(_times(g_y, a), scale(y2, _times(g, a_y)))
 
@@ -256,9 +256,9 @@ def locate_pin(links, x, w, i, y):
 
 
 @kernel
-def push_pin(links, x, w, i, y, push, tangent):
+def apply_pin_force(links, x, w, i, y, force, tangent):
     """Add a force to ``w.b``, ``w.A`` of the pin, and its coupling with the axes' rotation to the border."""
-    p, f, g, edge, corner = vector(w.axes.point, 0), push.f, push.g, w.axes.edge[i], w.axes.corner
+    p, f, g, edge, corner = vector(w.axes.point, 0), force.f, force.g, w.axes.border[i], w.axes.corner
     for a in range(3):
         w.b[i, a] -= f[a]
     roll, yaw = about_x(p), about_z(p)
@@ -270,12 +270,12 @@ def push_pin(links, x, w, i, y, push, tangent):
         for b in range(3):
             w.A[i, a, b] -= g[3 * a + b]
     rows, columns = (g[:3], g[3:6], g[6:]), (g[::3], g[1::3], g[2::3])
-    h, k, balance, other = _times(rows, roll), _times(rows, yaw), _times(columns, roll), _times(columns, yaw)
+    h, k, roll_row, yaw_row = _times(rows, roll), _times(rows, yaw), _times(columns, roll), _times(columns, yaw)
     for a in range(3):
         edge[a, 0] -= h[a]
         edge[a, 1] -= k[a]
-        edge[a, 2] -= balance[a]
-        edge[a, 3] -= other[a]
+        edge[a, 2] -= roll_row[a]
+        edge[a, 3] -= yaw_row[a]
     corner[0, 0] -= dot(roll, h)
     corner[0, 1] -= dot(roll, k)
     corner[1, 0] -= dot(yaw, h)

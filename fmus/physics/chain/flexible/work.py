@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.physics.block_cyclic import Factors, workspace
-from fmus.physics.chain.flexible.axes_state import Axes, axes
+from fmus.physics.chain.flexible.axes_state import AxesArrays, axes_arrays
 from fmus.physics.chain.flexible.state import State, shapes, views
 from fmus.physics.chain.near import Near, near
-from fmus.physics.chain.on_links import NONE, Felt
+from fmus.physics.chain.on_links import NONE, LinkForcesShape
 from fmus.physics.chain.state import size
 from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
@@ -44,7 +44,7 @@ class Work(NamedTuple):
     S: np.ndarray  # (rows) shape functions
     C: np.ndarray  # (rows) their slopes
     t: np.ndarray  # (3) tangent at a contact point
-    moved: np.ndarray  # (wheels, 15) wheels at the time of evaluation
+    wheels: np.ndarray  # (wheels, 15) wheels at the time of evaluation
     flat: np.ndarray  # (wheels, 15) wheels as the chain sees them: in its plane or axes
     touched: np.ndarray  # (links) bool: the link touches a wheel or the ground
     load: np.ndarray  # (links, rows, axes) residual of a link's contacts, if touched
@@ -55,20 +55,20 @@ class Work(NamedTuple):
     sums: np.ndarray  # (SUMS) see ``sums``
     contact: Memory  # memory of sharp friction
     near: Near  # distances of links from a wheel
-    axes: Axes | None  # arrays of turning axes, else None
-    joints: Any  # ``Joints`` of links that share no pins, else None
+    axes: AxesArrays | None  # arrays of turning axes, else None
+    joints: Any  # ``ConstrainedJoints`` of links that share no pins, else None
     still: np.ndarray  # (nodes, width) zeros
     change: np.ndarray  # (2, nodes, width) accelerations; unused by-products
 
 
-def work(kit: Any, links: int, nodes: int, wheels: int, felt: Felt = NONE) -> Work:
-    """Return zeroed arrays; ``kit``: module of the links; ``felt``: shape of the forces on each link."""
+def work(kit: Any, links: int, nodes: int, wheels: int, forces: LinkForcesShape = NONE) -> Work:
+    """Return zeroed arrays; ``kit``: module of the links; ``forces``: shape of the forces on each link."""
     rows, dims = kit.ELEMENT
     at = kit.LAYOUT
     m, n, outer, whole = len(at.shared), len(at.own), len(at.outer), rows * dims + len(at.common)
-    sizes = shapes(kit.NODE, nodes, wheels, kit.FREE, felt)
+    sizes = shapes(kit.NODE, nodes, wheels, kit.FREE, forces)
     block, vectors, z = (nodes, m, m), (rows, dims), np.zeros
-    moved = z((wheels, 15))
+    wheel_rows = z((wheels, 15))
     return Work(
         before=views(z(size(sizes)), sizes),
         A=z(block), U=z(block), L=z(block), factors=workspace(nodes, m), b=z((nodes, m)),
@@ -77,12 +77,12 @@ def work(kit: Any, links: int, nodes: int, wheels: int, felt: Felt = NONE) -> Wo
         coupling=z((n, outer)), rest=z((outer, outer)), own=z((links, n)), swap=z(n),
         e=z(vectors), v=z(vectors), dv=z(vectors), M=z((rows, rows)),
         S=z(rows), C=z(rows), t=z(3),
-        moved=moved, flat=moved if dims == 3 and not kit.FREE else z((wheels, 15)),
+        wheels=wheel_rows, flat=wheel_rows if dims == 3 and not kit.FREE else z((wheels, 15)),
         touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
-        wrench=z((wheels + 1, 6)), on_links=z(felt), imbalance=z((nodes, dims)), sums=z(SUMS),
+        wrench=z((wheels + 1, 6)), on_links=z(forces), imbalance=z((nodes, dims)), sums=z(SUMS),
         contact=memory(points(wheels, nodes)),
         near=near(links),
-        axes=axes(nodes, m, whole) if kit.FREE else None,
+        axes=axes_arrays(nodes, m, whole) if kit.FREE else None,
         joints=_joints(links, m) if len(at.pins) == 2 else None,
         still=z((nodes, kit.NODE)), change=z((2, nodes, kit.NODE)),
     )  # fmt: skip

@@ -31,7 +31,7 @@ def rate(A, v, lx, ly, lz):
 
 
 @kernel
-def act(A, l, share, f, g, tangent, N, r, K):
+def add_force(A, l, share, f, g, tangent, N, r, K):
     """Apply ``share`` of a force ``f`` (3) with its matrix ``g`` (9) to a link at the lever ``l`` (3).
 
     Adds to the residual r (6) and, with ``tangent``, to the matrix K (6, 6); leaves N (3, 3).

@@ -11,12 +11,12 @@ from fmus.jit import kernel
 from fmus.physics.chain.rigid.arms import axis, rate
 from fmus.physics.chain.sums import JOINTS
 from fmus.physics.rigid import body
-from fmus.physics.rigid.augmented import Ends, closing
+from fmus.physics.rigid.augmented import Ends, closing_pin
 from fmus.physics.vector import add, dot, scale, vector
 
 
 @kernel
-def opening(links, s, w):
+def gap_and_rate(links, s, w):
     """Gap of the closing pin, m, and its rate, m/s (3 each)."""
     n = s.q.shape[0]
     A, half, last = w.system.A, links.half, n - 1
@@ -33,9 +33,9 @@ def opening(links, s, w):
 
 
 @kernel
-def untilted(links, y):
+def zero_tilting(links, y):
     """Zero the tilting rows of the closing pin in the system ``y``: a spring carries no moments."""
-    j = closing(links.ends, y.K.shape[0])
+    j = closing_pin(links.ends, y.K.shape[0])
     for k in range(2):
         y.C[j, 3 + k] = 0.0
         for i in range(3):
@@ -43,26 +43,26 @@ def untilted(links, y):
 
 
 @kernel
-def stretch(links, s, w, by_v):
+def spring_equations(links, s, w, by_v):
     """Replace the position equations of the closing pin in C by those of the spring, over its stiffness.
 
     ``by_v``, 1/s, is d velocity / d position. Adds the power of the damper.
     """
     y, (k, c) = w.system, links.spring
-    j = closing(links.ends, y.K.shape[0])
-    _, opens = opening(links, s, w)
+    j = closing_pin(links.ends, y.K.shape[0])
+    _, opens = gap_and_rate(links, s, w)
     for i in range(3):
         y.C[j, i] = (k * y.C[j, i] + c * opens[i] + s.lam[j, i]) / (k + by_v * c)
     w.sums[JOINTS] += c * dot(opens, opens)
 
 
 @kernel
-def load(links, s, w):
+def spring_force(links, s, w):
     """Force of the spring on P (3), N, also written to the multiplier of the closing pin.
 
     ``links.loads`` then applies it as that of a pin.
     """
-    j, (gap, opens) = closing(links.ends, s.q.shape[0]), opening(links, s, w)
+    j, (gap, opens) = closing_pin(links.ends, s.q.shape[0]), gap_and_rate(links, s, w)
     f = scale(-links.spring.stiffness, gap)
     f = add(f, scale(-links.spring.damping, opens))
     s.lam[j, 0], s.lam[j, 1], s.lam[j, 2] = f
@@ -70,16 +70,16 @@ def load(links, s, w):
 
 
 @kernel
-def strain(links, s, w):
+def strain_energy(links, s, w):
     """Energy of the spring, J."""
     if links.spring.stiffness == 0.0:
         return 0.0
-    gap, _ = opening(links, s, w)
+    gap, _ = gap_and_rate(links, s, w)
     return 0.5 * links.spring.stiffness * dot(gap, gap)
 
 
 @kernel
-def unclosed(links):
+def ends_without_pin(links):
     """Ends of the chain for a system in which the spring is a load."""
     e = links.ends
     return Ends(e.closed, e.first, e.last, links.spring.stiffness > 0.0)

@@ -8,11 +8,11 @@ from fmus.jit import kernel
 from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.on_links import JOINT
 from fmus.physics.chain.report import write
-from fmus.physics.chain.rigid.closing import strain
-from fmus.physics.chain.rigid.explicit import accelerate, close, derivative  # noqa: F401 - reached by dispatch
+from fmus.physics.chain.rigid.closing import strain_energy
+from fmus.physics.chain.rigid.explicit import accelerate, derivative, project  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.rigid.newton import newton  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.speed import chain_speed
-from fmus.physics.chain.state import put
+from fmus.physics.chain.state import copy_rows
 from fmus.physics.chain.sums import END_POWER
 from fmus.physics.rigid import body
 
@@ -27,7 +27,7 @@ def end_work(links, env, h, s, w):
 def speed(links, env, s, w):
     """See ``kinds``."""
     pin_motion(links, s, w)
-    return chain_speed(w.pins[0], w.pins[1], links.ends.closed, carrier(w.moved, env.mount))
+    return chain_speed(w.pins[0], w.pins[1], links.ends.closed, carrier(w.wheels, env.mount))
 
 
 @kernel
@@ -40,15 +40,15 @@ def first_speed(links, env, s, w, report):
 def observe(links, env, s, w, report):
     """See ``kinds``."""
     n = s.q.shape[0]
-    put(w.along, s.along)
+    copy_rows(w.along, s.along)
     low, high, mean, kinetic, height = np.inf, -np.inf, 0.0, 0.0, 0.0
     for i in range(n):
         pull = tension(links, env, s, w, i)
         low, high, mean = min(low, pull), max(high, pull), mean + pull / n
         kinetic += body.kinetic(links.mass, links.inertia, s.v[i])
         height += s.q[i, 2]
-    energy = kinetic, strain(links, s, w), links.mass * env.gravity * height
-    write(report, w, s.mean, speed(links, env, s, w), carrier(w.moved, env.mount)[3], (low, mean, high, 0.0), energy)
+    energy = kinetic, strain_energy(links, s, w), links.mass * env.gravity * height
+    write(report, w, s.mean, speed(links, env, s, w), carrier(w.wheels, env.mount)[3], (low, mean, high, 0.0), energy)
 
 
 @kernel
@@ -129,13 +129,13 @@ def pin_axes(links, s, w, axis):
 
 
 @kernel
-def slopes(links, s, w, found):
+def slopes(links, s, w, slope):
     """See ``kinds``."""
-    for i in range(found.shape[0]):
+    for i in range(slope.shape[0]):
         A = w.system.A[i]
         body.rotation(s.q[i], A)
         for k in range(3):
-            found[i, k] = found[i, 3 + k] = A[k, 0]
+            slope[i, k] = slope[i, 3 + k] = A[k, 0]
 
 
 @kernel
@@ -156,7 +156,7 @@ def pin_places(links, s, w, place):
 
 
 @kernel
-def links_shown(links, env, s, w, tension, stress, place):
+def observe_links(links, env, s, w, tension, stress, place):
     """See ``kinds``."""
     tensions(links, env, s, w, tension)
     for i in range(stress.size):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fmus.jit import allocating
-from fmus.physics.chain.outcome import DONE, STALLED, Outcome
+from fmus.physics.chain.outcome import DONE, STALLED, IntegrationOutcome
 from fmus.physics.chain.rigid.links import residual
 from fmus.physics.chain.rigid.newton import newton, settle_rates
 from fmus.physics.chain.state import copy
@@ -20,10 +20,10 @@ def settle(links, contacts, env, method, rows, s, w, counters):
 
     Each step starts at rest. Long steps of backward Euler (``method``) are Newton's method on the static equations; the
     inertia over the step squared keeps motions without stiffness (an unloaded link's roll, a loop that could slide) in
-    place. Friction is viscous at rest and fades. Returns an Outcome.
+    place. Friction is viscous at rest and fades. Returns an IntegrationOutcome.
     """
-    move(rows, 0.0, w.moved)
-    w.moved[:, 3:9] = 0.0
+    move(rows, 0.0, w.wheels)
+    w.wheels[:, 3:9] = 0.0
     h, failure, link, worst = 1e-3, DONE, 0, 0.0
     for _ in range(400):
         s.v[:] = 0.0
@@ -35,13 +35,13 @@ def settle(links, contacts, env, method, rows, s, w, counters):
             copy(w.before.flat, s.flat)
             h *= 0.25
             if h < 1e-7:
-                return Outcome(STALLED, 0.0, link, worst)
+                return IntegrationOutcome(STALLED, 0.0, link, worst)
             continue
-        moved = 0.0
+        movement = 0.0
         for i in range(s.q.shape[0]):
             for k in range(6):
-                moved = max(moved, abs(w.x[i, k]))
-        if h >= LONG and moved < STILL:
+                movement = max(movement, abs(w.x[i, k]))
+        if h >= LONG and movement < STILL:
             break
         h = min(2.0 * h, LONG)
     s.v[:] = 0.0
@@ -54,4 +54,4 @@ def settle(links, contacts, env, method, rows, s, w, counters):
     for i in range(s.q.shape[0]):
         for k in range(6):
             s.a[i, k] = s.vdot[i, k]
-    return Outcome(DONE, 0.0, 0, 0.0)
+    return IntegrationOutcome(DONE, 0.0, 0, 0.0)

@@ -14,10 +14,10 @@ from fmus.jit import allocating, kernel
 from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.links import pins, residual
 from fmus.physics.chain.rigid.newton import GAP
-from fmus.physics.chain.state import add_share, copy, put
+from fmus.physics.chain.state import add_share, copy, copy_rows
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.rigid import augmented, body, pin
-from fmus.physics.rigid.augmented import Spring
+from fmus.physics.rigid.augmented import ClosingSpring
 
 LIMIT = 5e-5  # largest step, s
 CORRECTIONS = 4  # most corrections of the projection
@@ -26,7 +26,7 @@ STABLE = 2.4  # step times the highest rate of a closing spring
 ANY = Slopes(0.0, 0.0, 0.0)  # for evaluations without a matrix
 
 
-def longest(spring: Spring, half: float, mass: float, inertia: float) -> float:
+def longest(spring: ClosingSpring, half: float, mass: float, inertia: float) -> float:
     """Longest stable step of a closing ``spring``, s; infinite for a pin.
 
     The bound is that of two free links normal to the spring. ``half``, m; ``mass``, kg; ``inertia``, kg m2.
@@ -43,10 +43,10 @@ def accelerations(links, contacts, env, s, w):
 
     Returns -1, or the link where the system is singular.
     """
-    n, y, ends = s.q.shape[0], w.system, closing.unclosed(links)
+    n, y, ends = s.q.shape[0], w.system, closing.ends_without_pin(links)
     s.vdot[:] = 0.0
     s.lam[:] = 0.0
-    spring = closing.load(links, s, w) if ends.cut else (0.0, 0.0, 0.0)
+    spring = closing.spring_force(links, s, w) if ends.cut else (0.0, 0.0, 0.0)
     w.x[:] = 0.0
     residual(links, contacts, env, s, w, ANY, False)
     y.K[:] = 0.0
@@ -67,11 +67,11 @@ def accelerations(links, contacts, env, s, w):
     if failed >= 0:
         return failed
     augmented.solve(links.half, ends, y)
-    put(y.dx, s.vdot)
-    put(y.dx, s.a)
-    put(y.dl, s.lam)
+    copy_rows(y.dx, s.vdot)
+    copy_rows(y.dx, s.a)
+    copy_rows(y.dl, s.lam)
     if ends.cut:
-        j = augmented.closing(ends, n)
+        j = augmented.closing_pin(ends, n)
         s.lam[j, 0], s.lam[j, 1], s.lam[j, 2] = spring
     return -1
 
@@ -118,15 +118,15 @@ def displace(s, w):
 
 
 @allocating
-def close(links, s, w):
+def project(links, s, w):
     """Close the pins in position, then in velocity, with the factors of the last stage; see ``kinds``."""
-    y, ends, gap, worst = w.system, closing.unclosed(links), np.inf, 0
+    y, ends, gap, worst = w.system, closing.ends_without_pin(links), np.inf, 0
     normalise(s)
     y.r[:] = 0.0
     for _ in range(CORRECTIONS):
         pins(links, s, w)
         if ends.cut:
-            y.C[augmented.closing(ends, s.q.shape[0])] = 0.0
+            y.C[augmented.closing_pin(ends, s.q.shape[0])] = 0.0
         gap = 0.0
         for j in range(y.C.shape[0]):
             for k in range(5):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fmus.jit import kernel
-from fmus.physics.chain.rigid.arms import act, axis, lever, rate
+from fmus.physics.chain.rigid.arms import add_force, axis, lever, rate
 from fmus.physics.vector import add, dot, scale, vector
 
 
@@ -14,7 +14,7 @@ def count(links, x):
 
 
 @kernel
-def across(links):
+def lateral_points(links):
     """See ``faces``."""
     return 2, links.lateral
 
@@ -26,20 +26,20 @@ def length(links):
 
 
 @kernel
-def lift(links, x, i):
+def depth_below_pins(links, x, i):
     """See ``faces``."""
     return links.face + 2.0 * links.half
 
 
 @kernel
-def pins(links, x, w, i):
+def pin_positions(links, x, w, i):
     """See ``faces``."""
     r, l = vector(x.q[i], 0), scale(links.half, axis(w.system.A[i], 0))
     return add(r, scale(-1.0, l)), add(r, l)
 
 
 @kernel
-def pin_rates(links, x, w, i):
+def pin_velocities(links, x, w, i):
     """See ``faces``."""
     A, v = w.system.A[i], x.v[i]
     return rate(A, v, -links.half, 0.0, 0.0), rate(A, v, links.half, 0.0, 0.0)
@@ -52,70 +52,70 @@ def to_ground(links, x, w, p, v):
 
 
 @kernel
-def from_ground(links, x, w, push, tangent):
+def from_ground(links, x, w, force, tangent):
     """See ``faces``."""
-    return push
+    return force
 
 
 @kernel
-def begin(links, x, w):
-    """See ``faces``."""
-
-
-@kernel
-def enter(links, x, w, i):
+def begin_contacts(links, x, w):
     """See ``faces``."""
 
 
 @kernel
-def section(links, x, w, i, xi, z):
+def begin_link(links, x, w, i):
+    """See ``faces``."""
+
+
+@kernel
+def locate_section(links, x, w, i, xi, z):
     """See ``faces``."""
     return (2.0 * xi - 1.0) * links.half, z
 
 
 @kernel
-def locate(links, x, w, i, at, y):
+def locate(links, x, w, i, section, y):
     """See ``faces``; leaves the lever (3) in ``w.lever``."""
-    A, (lx, z) = w.system.A[i], at
+    A, (lx, z) = w.system.A[i], section
     l = lever(A, lx, y, z)
     w.lever[0], w.lever[1], w.lever[2] = l
     return add(vector(x.q[i], 0), l), rate(A, x.v[i], lx, y, z)
 
 
 @kernel
-def pushed(links, w, i, tangent):
+def finish_section(links, w, i, tangent):
     """See ``faces``."""
 
 
 @kernel
-def along(links, x, w, i):
+def position_slope(links, x, w, i):
     """See ``faces``."""
     return scale(2.0 * links.half, axis(w.system.A[i], 0))
 
 
 @kernel
-def push(links, w, i, push, tangent):
+def apply_force(links, w, i, force, tangent):
     """Add a force to residual and matrix of the link, and its part in the mean tension to ``w.along``."""
     y, l = w.system, vector(w.lever, 0)
     along = axis(y.A[i], 0)
-    w.along[i, 0] += dot(push.f, along) * dot(l, along) / (2.0 * links.half)
-    act(y.A[i], l, 1.0, push.f, push.g, tangent, w.N, y.r[i], y.K[i])
+    w.along[i, 0] += dot(force.f, along) * dot(l, along) / (2.0 * links.half)
+    add_force(y.A[i], l, 1.0, force.f, force.g, tangent, w.N, y.r[i], y.K[i])
 
 
 @kernel
-def resist(links, w, i, push, by_rate, foot, side):
+def add_rate_matrix(links, w, i, force, by_rate, foot, normal):
     """Add K -= (r, N^T r) (d rate / d link), r = df / d rate, with N of the last pushed point."""
-    A, K, N, r = w.system.A[i], w.system.K[i], w.N, push.by_rate
-    at = (2.0 * foot - 1.0) * links.half
+    A, K, N, r = w.system.A[i], w.system.K[i], w.N, force.by_rate
+    place = (2.0 * foot - 1.0) * links.half
     for j in range(6):
         # d rate / d velocity = -side . (1, axis cross lever), the lever along the link's x axis
         if j < 3:
-            by = -side[j]
+            by = -normal[j]
         elif j == 3:
             by = 0.0
         else:
-            other, sign = (2, -1.0) if j == 4 else (1, 1.0)
-            by = -sign * at * (side[0] * A[0, other] + side[1] * A[1, other] + side[2] * A[2, other])
+            column, sign = (2, -1.0) if j == 4 else (1, 1.0)
+            by = -sign * place * (normal[0] * A[0, column] + normal[1] * A[1, column] + normal[2] * A[2, column])
         for k in range(3):
             K[k, j] -= by_rate * by * r[k]
             K[3 + k, j] -= by_rate * by * (N[0, k] * r[0] + N[1, k] * r[1] + N[2, k] * r[2])
@@ -138,13 +138,13 @@ def locate_pin(links, x, w, i, y):
 
 
 @kernel
-def push_pin(links, x, w, i, y, push, tangent):
+def apply_pin_force(links, x, w, i, y, force, tangent):
     """Apply half of the force to each link of the pin; all of it at an end."""
     before, after = _joined(x, i)
     share = 1.0 if before < 0 or after < 0 else 0.5
     for a in range(3):
-        x.load[i, a] += push.f[a]
+        x.load[i, a] += force.f[a]
     for k, end in ((after, -links.half), (before, links.half)):
         if k >= 0:
             A, r, K = w.system.A[k], w.system.r[k], w.system.K[k]
-            act(A, lever(A, end, y, 0.0), share, push.f, push.g, tangent, w.N, r, K)
+            add_force(A, lever(A, end, y, 0.0), share, force.f, force.g, tangent, w.N, r, K)

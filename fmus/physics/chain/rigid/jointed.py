@@ -15,7 +15,7 @@ from fmus.jit import implemented_in, kernel
 from fmus.physics.chain.rigid import closing, dynamics
 from fmus.physics.chain.rigid.arms import axis
 from fmus.physics.chain.rigid.explicit import ANY, CORRECTIONS, OPEN
-from fmus.physics.chain.rigid.joints import places, unfold
+from fmus.physics.chain.rigid.joints import joint_indices, to_poses
 from fmus.physics.chain.rigid.links import RigidLinks, loads
 from fmus.physics.chain.rigid.newton import GAP
 from fmus.physics.chain.sums import JOINTS
@@ -33,10 +33,10 @@ class JointedLinks(NamedTuple):
 @kernel
 def derivative(links, contacts, env, s, w, k):
     """See ``kinds``."""
-    one = links.rigid
-    unfold(one, s, w)
-    failed = accelerations(one, contacts, env, s, w)
-    _rates(one, s, w, k)
+    rigid = links.rigid
+    to_poses(rigid, s, w)
+    failed = accelerations(rigid, contacts, env, s, w)
+    _rates(rigid, s, w, k)
     return failed
 
 
@@ -46,32 +46,32 @@ def accelerations(links, contacts, env, s, w):
 
     Returns -1, or the link where an inertia is singular.
     """
-    half, ends, t = links.half, links.ends, w.tree
-    pin = augmented.closing(ends, s.q.shape[0])
+    half, ends, t = links.half, links.ends, w.articulated
+    pin = augmented.closing_pin(ends, s.q.shape[0])
     spring = pin >= 0 and links.spring.stiffness > 0.0
     s.vdot[:] = 0.0
     s.lam[:] = 0.0
     if spring:
-        closing.load(links, s, w)
+        closing.spring_force(links, s, w)
     loads(links, contacts, env, s, w, ANY, False)
     if spring:
-        _, opens = closing.opening(links, s, w)
+        _, opens = closing.gap_and_rate(links, s, w)
         w.sums[JOINTS] += links.spring.damping * dot(opens, opens)
-    _gather(links, s, w)
+    _pin_loads(links, s, w)
     failed = recursive.factor(half, links.mass, links.inertia, ends.first, t)
     if failed >= 0:
         return failed
-    recursive.solve(half, ends.first, True, t, t.load[0], t.answer[0])
+    recursive.solve(half, ends.first, True, t, t.load[0], t.response[0])
     if pin >= 0 and not spring:
-        _hold(links, pin, s, w)
-    _show(links, s, w)
+        _close(links, pin, s, w)
+    _write_accelerations(links, s, w)
     return -1
 
 
 @kernel
-def _gather(links, s, w):
+def _pin_loads(links, s, w):
     """Collect the loads at the first pins of the links from residuals without accelerations."""
-    half, m, A, r, p = links.half, links.mass, w.system.A, w.system.r, w.tree.load[0]
+    half, m, A, r, p = links.half, links.mass, w.system.A, w.system.r, w.articulated.load[0]
     for i in range(s.q.shape[0]):
         ox, oy, oz = s.v[i, 3], s.v[i, 4], s.v[i, 5]
         f = r[i, 0], r[i, 1], r[i, 2]
@@ -97,7 +97,7 @@ def _axes(ends, w):
 
 
 @kernel
-def _opens(half, ends, x, axes, w):
+def _relative_acceleration(half, ends, x, axes, w):
     """Relative acceleration of the closing pin along its two ``axes``, by the accelerations ``x`` (n, 6)."""
     last = x[x.shape[0] - 1]
     e0, e2 = last[3], last[5] - 2.0 * half * last[1]
@@ -108,9 +108,9 @@ def _opens(half, ends, x, axes, w):
 
 
 @kernel
-def _hold(links, pin, s, w):
+def _close(links, pin, s, w):
     """Add the two forces of the closing pin that give both its sides the same acceleration."""
-    half, ends, t, n = links.half, links.ends, w.tree, s.q.shape[0]
+    half, ends, t, n = links.half, links.ends, w.articulated, s.q.shape[0]
     axes = _axes(ends, w)
     for k in range(2):
         p, (fx, fz) = t.load[1 + k], axes[k]
@@ -118,13 +118,13 @@ def _hold(links, pin, s, w):
         p[n - 1, 1], p[n - 1, 3], p[n - 1, 5] = 2.0 * half * fz, -fx, -fz
         if ends.closed:
             p[0, 3 + 2 * k] += 1.0
-        recursive.solve(half, ends.first, False, t, p, t.answer[1 + k])
-        t.mobility[0, k], t.mobility[1, k] = _opens(half, ends, t.answer[1 + k], axes, w)
-    a, b = _opens(half, ends, t.answer[0], axes, w)
+        recursive.solve(half, ends.first, False, t, p, t.response[1 + k])
+        t.mobility[0, k], t.mobility[1, k] = _relative_acceleration(half, ends, t.response[1 + k], axes, w)
+    a, b = _relative_acceleration(half, ends, t.response[0], axes, w)
     # centripetal acceleration of the last link's end
     ox, oy, oz = s.v[n - 1, 3], s.v[n - 1, 4], s.v[n - 1, 5]
     e0, e2 = -2.0 * half * (oy * oy + oz * oz), 2.0 * half * ox * oz
-    f = _against(t.mobility, a + axes[0][0] * e0 + axes[0][1] * e2, b + axes[1][0] * e0 + axes[1][1] * e2)
+    f = _cancelling_forces(t.mobility, a + axes[0][0] * e0 + axes[0][1] * e2, b + axes[1][0] * e0 + axes[1][1] * e2)
     _add(f, t)
     for i in range(3):
         x, z = (w.system.A[0, i, 0], w.system.A[0, i, 2]) if ends.closed else (w.still[i, 0], w.still[i, 2])
@@ -132,7 +132,7 @@ def _hold(links, pin, s, w):
 
 
 @kernel
-def _against(mobility, a, b):
+def _cancelling_forces(mobility, a, b):
     """Two forces (or impulses) that cancel the relative motion (a, b)."""
     det = mobility[0, 0] * mobility[1, 1] - mobility[0, 1] * mobility[1, 0]
     return (mobility[0, 1] * b - mobility[1, 1] * a) / det, (mobility[1, 0] * a - mobility[0, 0] * b) / det
@@ -141,7 +141,7 @@ def _against(mobility, a, b):
 @kernel
 def _add(f, t):
     """Add the accelerations by the two forces ``f``."""
-    x, a, b = t.answer[0], t.answer[1], t.answer[2]
+    x, a, b = t.response[0], t.response[1], t.response[2]
     for i in range(x.shape[0]):
         for k in range(6):
             x[i, k] += f[0] * a[i, k] + f[1] * b[i, k]
@@ -155,9 +155,9 @@ def _centre(half, A, x):
 
 
 @kernel
-def _show(links, s, w):
+def _write_accelerations(links, s, w):
     """Accelerations of the links' centres and, from the last link to the first, the forces in the pins."""
-    half, m, n, p, x = links.half, links.mass, s.q.shape[0], s.lam.shape[0], w.tree.answer[0]
+    half, m, n, p, x = links.half, links.mass, s.q.shape[0], s.lam.shape[0], w.articulated.response[0]
     for i in range(n):
         A, ox, oy, oz = w.system.A[i], s.v[i, 3], s.v[i, 4], s.v[i, 5]
         whirl = -half * (oy * oy + oz * oz), half * ox * oy, half * ox * oz
@@ -184,7 +184,7 @@ def _show(links, s, w):
 def _rates(links, s, w, k):
     """Time derivative of the joint coordinates and their rates into ``k``."""
     n, held, x = s.q.shape[0], links.ends.first, s.joints
-    angle, rates, rate = places(held, n)
+    angle, rates, rate = joint_indices(held, n)
     if not held:
         body.pose_rate(s.q[0], s.v[0], k)
         for i in range(6):
@@ -195,29 +195,29 @@ def _rates(links, s, w, k):
 
 
 @kernel
-def close(links, s, w):
+def project(links, s, w):
     """Close the loop in position, then in velocity, by impulses in its pin; see ``kinds``.
 
     They use the mobility of the last stage. Joint coordinates keep all other pins closed.
     """
-    one = links.rigid
-    unfold(one, s, w)
-    pin = augmented.closing(one.ends, s.q.shape[0])
-    if pin < 0 or one.spring.stiffness > 0.0:
+    rigid = links.rigid
+    to_poses(rigid, s, w)
+    pin = augmented.closing_pin(rigid.ends, s.q.shape[0])
+    if pin < 0 or rigid.spring.stiffness > 0.0:
         return -1
     most = np.inf
     for _ in range(CORRECTIONS):
-        gap, _ = closing.opening(one, s, w)
-        a, b = _in_plane(one.ends, gap, w)
+        gap, _ = closing.gap_and_rate(rigid, s, w)
+        a, b = _in_plane(rigid.ends, gap, w)
         most = max(abs(a), abs(b))
         if most <= GAP:
             break
-        _move(one, _against(w.tree.mobility, a, b), s, w)
-        unfold(one, s, w)
-    _, opens = closing.opening(one, s, w)
-    a, b = _in_plane(one.ends, opens, w)
-    _push(one, _against(w.tree.mobility, a, b), s, w)
-    unfold(one, s, w)
+        _move(rigid, _cancelling_forces(w.articulated.mobility, a, b), s, w)
+        to_poses(rigid, s, w)
+    _, opens = closing.gap_and_rate(rigid, s, w)
+    a, b = _in_plane(rigid.ends, opens, w)
+    _push(rigid, _cancelling_forces(w.articulated.mobility, a, b), s, w)
+    to_poses(rigid, s, w)
     return -1 if most <= OPEN else pin
 
 
@@ -229,17 +229,17 @@ def _in_plane(ends, g, w):
 
 
 @kernel
-def _answer(f, t, i, k):
+def _response(f, t, i, k):
     """Response of entry ``k`` of link ``i`` to the two impulses ``f``."""
-    return f[0] * t.answer[1, i, k] + f[1] * t.answer[2, i, k]
+    return f[0] * t.response[1, i, k] + f[1] * t.response[2, i, k]
 
 
 @kernel
 def _base(links, f, w):
     """Response of the centre of link 0 to the two impulses, into w.x[0] (6)."""
-    t, x = w.tree, w.x[0]
+    t, x = w.articulated, w.x[0]
     for k in range(6):
-        x[k] = _answer(f, t, 0, k)
+        x[k] = _response(f, t, 0, k)
     centre = _centre(links.half, w.system.A[0], x)
     for k in range(3):
         x[3 + k] = x[k]
@@ -249,26 +249,26 @@ def _base(links, f, w):
 @kernel
 def _move(links, f, s, w):
     """Change the joint coordinates by the two impulses ``f``."""
-    n, held, x, t = s.q.shape[0], links.ends.first, s.joints, w.tree
-    angle, _, _ = places(held, n)
+    n, held, x, t = s.q.shape[0], links.ends.first, s.joints, w.articulated
+    angle, _, _ = joint_indices(held, n)
     if not held:
         _base(links, f, w)
         body.advance(s.q[0], w.x[0], x)
     for i in range(0 if held else 1, n):
-        x[angle + i] += _answer(f, t, i, 1) - (_answer(f, t, i - 1, 1) if i > 0 else 0.0)
+        x[angle + i] += _response(f, t, i, 1) - (_response(f, t, i - 1, 1) if i > 0 else 0.0)
 
 
 @kernel
 def _push(links, f, s, w):
     """Change the rates of the joint coordinates by the two impulses ``f``."""
-    n, held, x, t = s.q.shape[0], links.ends.first, s.joints, w.tree
-    _, rates, rate = places(held, n)
+    n, held, x, t = s.q.shape[0], links.ends.first, s.joints, w.articulated
+    _, rates, rate = joint_indices(held, n)
     if not held:
         _base(links, f, w)
         for k in range(6):
             x[rates + k] += w.x[0, k]
     for i in range(0 if held else 1, n):
-        x[rate + i] += _answer(f, t, i, 1) - (_answer(f, t, i - 1, 1) if i > 0 else 0.0)
+        x[rate + i] += _response(f, t, i, 1) - (_response(f, t, i - 1, 1) if i > 0 else 0.0)
 
 
 @kernel
@@ -313,9 +313,9 @@ def pin_axes(links, s, w, axis):
 
 
 @kernel
-def slopes(links, s, w, found):
+def slopes(links, s, w, slope):
     """See ``kinds``."""
-    dynamics.slopes(links.rigid, s, w, found)
+    dynamics.slopes(links.rigid, s, w, slope)
 
 
 @kernel
@@ -325,6 +325,6 @@ def fibres(links, s, w, stress):
 
 
 @kernel
-def links_shown(links, env, s, w, tension, stress, place):
+def observe_links(links, env, s, w, tension, stress, place):
     """See ``kinds``."""
-    dynamics.links_shown(links.rigid, env, s, w, tension, stress, place)
+    dynamics.observe_links(links.rigid, env, s, w, tension, stress, place)

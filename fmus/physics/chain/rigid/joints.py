@@ -20,16 +20,16 @@ def count(links: int, held: bool) -> int:
 
 
 @kernel
-def places(held, n):
+def joint_indices(held, n):
     """Indices of the angle of link 0 (real or fictitious), of the first rate, and of that angle's rate."""
     return (0, n, n) if held else (6, n + 6, n + 11)
 
 
 @kernel
-def fold(links, s):
+def to_joint_coordinates(links, s):
     """Joint coordinates and rates ``s.joints`` from poses and velocities whose pins are closed."""
     n, held, x = s.q.shape[0], links.ends.first, s.joints
-    angle, rates, rate = places(held, n)
+    angle, rates, rate = joint_indices(held, n)
     if not held:
         for k in range(7):
             x[k] = s.q[0, k]
@@ -47,10 +47,10 @@ def fold(links, s):
 
 
 @kernel
-def unfold(links, s, w):
+def to_poses(links, s, w):
     """Poses, velocities, rotation matrices and terms of the recursive formulation from ``s.joints``."""
-    n, half, held, x, t = s.q.shape[0], links.half, links.ends.first, s.joints, w.tree
-    angle, rates, rate = places(held, n)
+    n, half, held, x, t = s.q.shape[0], links.half, links.ends.first, s.joints, w.articulated
+    angle, rates, rate = joint_indices(held, n)
     q, v = s.q, s.v
     if not held:
         norm = np.sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5] + x[6] * x[6])
@@ -78,12 +78,12 @@ def unfold(links, s, w):
         body.rotation(q[i], A)
         for k in range(3):
             # from the centre of the previous link, or the ground's pin, to the pin and on
-            at, by = w.ground[0, k] + (half if k == 0 else 0.0), 0.0
+            position, velocity = w.ground[0, k] + (half if k == 0 else 0.0), 0.0
             if i > 0:
                 B = w.system.A[i - 1]
-                at, by = q[i - 1, k] + half * B[k, 0], v[i - 1, k] + half * (B[k, 1] * wz - B[k, 2] * wy)
-            q[i, k] = at + half * A[k, 0]
-            v[i, k] = by + half * (A[k, 1] * uz - A[k, 2] * v[i, 4])
+                position, velocity = q[i - 1, k] + half * B[k, 0], v[i - 1, k] + half * (B[k, 1] * wz - B[k, 2] * wy)
+            q[i, k] = position + half * A[k, 0]
+            v[i, k] = velocity + half * (A[k, 1] * uz - A[k, 2] * v[i, 4])
         # acceleration terms of the velocities: turning axes, and the end of the previous link
         e, g = -2.0 * half * (wy * wy + wz * wz), 2.0 * half * wx * wz
         t.bias[i, 0], t.bias[i, 1], t.bias[i, 2] = -uz * spin, 0.0, ux * spin

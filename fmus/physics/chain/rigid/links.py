@@ -14,13 +14,13 @@ import numpy as np
 from fmus.jit import implemented_in, kernel, noalias
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.rigid import closing
-from fmus.physics.chain.rigid.arms import act, lever, rate
+from fmus.physics.chain.rigid.arms import add_force, lever, rate
 from fmus.physics.chain.rigid.state import State
 from fmus.physics.chain.rigid.work import Work
 from fmus.physics.chain.sums import END_POWER, JOINTS
-from fmus.physics.chain.touch import roll
+from fmus.physics.chain.touch import evaluate_contacts
 from fmus.physics.rigid import augmented, body, pin
-from fmus.physics.rigid.augmented import PIN, Ends, Spring
+from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
 from fmus.physics.vector import add, dot, scale, vector
 
 NONE = (0.0,) * 9  # the matrix of a constant force
@@ -36,7 +36,7 @@ class RigidLinks(NamedTuple):
     mass: float  # mass of a link, kg
     inertia: np.ndarray  # (3) principal inertias about a link's own axes, kg m2
     ends: Ends  # connections of the ends
-    spring: Spring = PIN  # closing spring, or PIN
+    spring: ClosingSpring = PIN  # closing spring, or PIN
 
 
 def place(links: RigidLinks, pins: Floats, s: State, w: Work) -> None:
@@ -77,7 +77,7 @@ def _across(links, damping, s, w, by_v, tangent):
             for a in range(3):
                 s.load[j, a] += share * f[a]
             w.sums[JOINTS] -= share * dot(f, u)
-            act(A[i], lever(A[i], end, 0.0, 0.0), share, f, g, tangent, w.N, r[i], K[i])
+            add_force(A[i], lever(A[i], end, 0.0, 0.0), share, f, g, tangent, w.N, r[i], K[i])
 
 
 @kernel
@@ -90,7 +90,7 @@ def _pull(links, env, s, w):
         i, at, f = end * (n - 1), (2.0 * end - 1.0) * links.half, vector(env.pull[end], 0)
         A = w.system.A[i]
         w.sums[END_POWER] += dot(f, rate(A, s.v[i], at, 0.0, 0.0))
-        act(A, lever(A, at, 0.0, 0.0), 1.0, f, NONE, False, w.N, w.system.r[i], w.system.K[i])
+        add_force(A, lever(A, at, 0.0, 0.0), 1.0, f, NONE, False, w.N, w.system.r[i], w.system.K[i])
 
 
 @kernel
@@ -111,7 +111,7 @@ def pins(links, s, w):
             pin.equations(links.half, s.q[n - 1], y.A[n - 1], w.ground[1], w.still, y.C[n])
             pin.axis_rows(y.A[n - 1], w.still, y.WP[n], y.WQ[n])
     if links.spring.stiffness > 0.0:
-        closing.untilted(links, y)
+        closing.zero_tilting(links, y)
 
 
 @kernel
@@ -162,7 +162,7 @@ def residual(links, contacts, env, s, w, by, tangent):
     pins(links, s, w)
     loads(links, contacts, env, s, w, by, tangent)
     if links.spring.stiffness > 0.0:
-        closing.stretch(links, s, w, by.v)
+        closing.spring_equations(links, s, w, by.v)
     else:
         augmented.compliance(links.ends, w.system, s.lam)
 
@@ -177,7 +177,7 @@ def loads(links, contacts, env, s, w, by, tangent):
     w.along[:] = 0.0
     _inertia(links, env.gravity, s, w, by, tangent)
     if contacts is not None:
-        roll(links, contacts, s, w, w.moved, by.v, tangent)
+        evaluate_contacts(links, contacts, s, w, w.wheels, by.v, tangent)
     if env.transverse > 0.0:
         _across(links, env.transverse, s, w, by.v, tangent)
     if not links.ends.closed:

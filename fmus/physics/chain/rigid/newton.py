@@ -51,13 +51,13 @@ def newton(links, contacts, env, method, h, s, w, counters):
         if not error < LOST:
             break
         if not fresh and error > REUSE * last:
-            if method.moves and renewed and error > SLOW * last:
+            if method.sharp_friction and renewed and error > SLOW * last:
                 sharpen(w.contact)
             fresh = True
             residual(links, contacts, env, s, w, by, fresh)
             counters[EVALUATIONS] += 1
         if fresh:
-            failed = augmented.factor(links.half, links.ends, y, 1.0, augmented.give(links.spring, by.v))
+            failed = augmented.factor(links.half, links.ends, y, 1.0, augmented.spring_compliance(links.spring, by.v))
             if failed >= 0:
                 return SINGULAR, failed, _largest(y.r)
         augmented.solve(links.half, links.ends, y)

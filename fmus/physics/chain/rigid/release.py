@@ -5,34 +5,34 @@ from __future__ import annotations
 from fmus.jit import allocating, kernel
 from fmus.physics.chain.report import SUMMED
 from fmus.physics.chain.rigid.dynamics import newton_joints, observe
-from fmus.physics.chain.rigid.explicit import CORRECTIONS, accelerations, close, displace
+from fmus.physics.chain.rigid.explicit import CORRECTIONS, accelerations, displace, project
 from fmus.physics.chain.rigid.links import pins
-from fmus.physics.chain.state import begin
+from fmus.physics.chain.state import store_first_evaluation
 from fmus.physics.rigid import augmented
 
 
 @kernel
-def show(links, env, s, w, report):
+def write_outputs(links, env, s, w, report):
     """Write wrenches and report of the state from its last evaluation."""
     newton_joints(links, env, s, w)
-    begin(s, w)
+    store_first_evaluation(s, w)
     observe(links, env, s, w, report)
     for k in SUMMED:
         report[k] = 0.0
 
 
 @allocating
-def stretch(pinned, links, contacts, env, s, w):
+def open_closing_pin(pinned, links, contacts, env, s, w):
     """Open the closing pin by its force over the stiffness of the spring that replaces it.
 
     ``pinned``: the ``links`` with the pin. The spring then starts with the force of the pin and does not ring. Returns
-    as ``let_go`` does.
+    as ``start_released`` does.
     """
     failed = accelerations(pinned, contacts, env, s, w)
     if failed >= 0:
         return failed
     y = w.system
-    j = augmented.closing(pinned.ends, s.q.shape[0])
+    j = augmented.closing_pin(pinned.ends, s.q.shape[0])
     y.r[:] = 0.0
     for _ in range(CORRECTIONS):
         pins(pinned, s, w)
@@ -43,17 +43,17 @@ def stretch(pinned, links, contacts, env, s, w):
     for _ in range(2):  # the second time with the factors of the moved state
         failed = accelerations(links, contacts, env, s, w)
         if failed < 0:
-            failed = close(links, s, w)
+            failed = project(links, s, w)
         if failed >= 0:
             break
     return failed
 
 
 @allocating
-def let_go(links, contacts, env, s, w, report):
-    """Initial accelerations and outputs, wheels at ``w.moved``; returns -1, or the link where it failed."""
+def start_released(links, contacts, env, s, w, report):
+    """Initial accelerations and outputs, wheels at ``w.wheels``; returns -1, or the link where it failed."""
     failed = accelerations(links, contacts, env, s, w)
     if failed >= 0:
         return failed
-    show(links, env, s, w, report)
+    write_outputs(links, env, s, w, report)
     return -1

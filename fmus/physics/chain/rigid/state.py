@@ -8,7 +8,7 @@ import numpy as np
 
 from fmus.physics.arrays import Floats
 from fmus.physics.chain import state
-from fmus.physics.chain.on_links import NONE, Felt
+from fmus.physics.chain.on_links import NONE, LinkForcesShape
 from fmus.physics.chain.sums import SUMS
 
 
@@ -34,22 +34,22 @@ class State(NamedTuple):
     along: np.ndarray  # (n, 1) tension of a link due to contacts between its pins, N
 
 
-def shapes(links: int, closed: bool, wheels: int, felt: Felt = NONE, joints: int = 0) -> state.Shapes:
+def shapes(links: int, closed: bool, wheels: int, forces: LinkForcesShape = NONE, joints: int = 0) -> state.Shapes:
     """Shapes of the views.
 
-    ``felt``: shape of the forces on each link; ``joints``: number of joint coordinates with rates.
+    ``forces``: shape of the forces on each link; ``joints``: number of joint coordinates with rates.
     """
     pins, on = (links if closed else links + 1), (wheels + 1, 6)
     motion = links, 6
     return {
         "joints": (joints,),
         "q": (links, 7), "v": motion, "a": motion, "vdot": motion, "wrench": on, "aux": on, "mean": on,
-        "on_links": felt, "on_links_aux": felt, "on_links_sum": felt, "span": (2,), "sums": (SUMS,),
+        "on_links": forces, "on_links_aux": forces, "on_links_sum": forces, "span": (2,), "sums": (SUMS,),
         "lam": (pins, 5), "load": (pins, 3), "along": (links, 1),
     }  # fmt: skip
 
 
 def views(flat: Floats, sizes: state.Shapes) -> State:
     """State of views into the array ``flat``; ``sizes`` from ``shapes``."""
-    found: State = state.views(State, sizes, flat)
-    return found
+    state_views: State = state.views(State, sizes, flat)
+    return state_views

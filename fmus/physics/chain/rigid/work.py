@@ -7,14 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.physics.chain.near import Near, near
-from fmus.physics.chain.on_links import NONE, Felt
+from fmus.physics.chain.on_links import NONE, LinkForcesShape
 from fmus.physics.chain.rigid.state import State, shapes, views
 from fmus.physics.chain.state import size
 from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
 from fmus.physics.rigid import augmented, recursive
-from fmus.physics.rigid.augmented import System
-from fmus.physics.rigid.recursive import Tree
+from fmus.physics.rigid.augmented import AugmentedSystem
+from fmus.physics.rigid.recursive import ArticulatedBodies
 from fmus.physics.wheels import WIDTH
 
 
@@ -22,12 +22,12 @@ class Work(NamedTuple):
     """Arrays for n links, p pins, m wheels."""
 
     before: State  # state at the beginning of a step
-    system: System  # linear system
-    tree: Tree  # arrays of the recursive formulation; without links in the augmented one
+    system: AugmentedSystem  # linear system
+    articulated: ArticulatedBodies  # arrays of the recursive formulation; without links in the augmented one
     contact: Memory  # memory of sharp friction
     near: Near  # distances of links from a wheel
     x: np.ndarray  # (n, 6) increments over the step, m and rad
-    moved: np.ndarray  # (m, 15) wheels at the time of evaluation
+    wheels: np.ndarray  # (m, 15) wheels at the time of evaluation
     wrench: np.ndarray  # (m + 1, 6) wrenches on the wheels and, last, on the ground, N and N m
     on_links: np.ndarray  # (k, c) forces on each link, see ``on_links``
     along: np.ndarray  # (n, 1) tension of a link due to contacts between its pins, N
@@ -39,24 +39,24 @@ class Work(NamedTuple):
     still: np.ndarray  # (3, 3) rotation matrix of the supports, the identity
 
 
-def work(links: int, closed: bool, wheels: int, felt: Felt = NONE, joints: int = 0) -> Work:
+def work(links: int, closed: bool, wheels: int, forces: LinkForcesShape = NONE, joints: int = 0) -> Work:
     """Return zeroed arrays.
 
-    ``felt``: shape of the forces on each link; ``joints``: number of joint coordinates with rates.
+    ``forces``: shape of the forces on each link; ``joints``: number of joint coordinates with rates.
     """
     z, pins = np.zeros, links if closed else links + 1
-    sizes, ground = shapes(links, closed, wheels, felt, joints), z((2, 7))
+    sizes, ground = shapes(links, closed, wheels, forces, joints), z((2, 7))
     ground[:, 3] = 1.0
     return Work(
         before=views(z(size(sizes)), sizes),
         system=augmented.system(links, closed),
-        tree=recursive.tree(links if joints else 0),
+        articulated=recursive.articulated_bodies(links if joints else 0),
         contact=memory(points(wheels, pins)),
         near=near(links),
         x=z((links, 6)),
-        moved=z((wheels, WIDTH)),
+        wheels=z((wheels, WIDTH)),
         wrench=z((wheels + 1, 6)),
-        on_links=z(felt),
+        on_links=z(forces),
         along=z((links, 1)),
         sums=z(SUMS),
         pins=z((2, pins, 3)),
