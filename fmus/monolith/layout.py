@@ -112,7 +112,8 @@ def lay_out(
     body = sum(sizes)
     spin = body + chassis.size
     counts = [
-        (len(model.wheel_list) + 1) * WRENCH + int(np.prod(model.on_links_shape)) + REPORT_SUMS for model in chains.values()
+        (len(model.wheel_list) + 1) * WRENCH + int(np.prod(model.on_links_shape)) + REPORT_SUMS
+        for model in chains.values()
     ]
     sums = _Views(sum(counts) + WRENCH * fixed)
     index, motion, mount = _motions(chassis, sprockets, sources)

@@ -89,7 +89,8 @@ def write_motions(drives, p, motion, t, x):
     for d in range(p.mount.size):
         state, m = p.drive_states[d], 13 * p.mount[d]
         state[ANGLE], state[RATE] = _of(p, x, d, ANGLE), _of(p, x, d, RATE)
-        put_sprocket_motion(state, vector(motion, m), motion[m + 3 : m + 7], vector(motion, m + 7), vector(motion, m + 10)
+        put_sprocket_motion(
+            state, vector(motion, m), motion[m + 3 : m + 7], vector(motion, m + 7), vector(motion, m + 10)
         )
         m = 13 * (p.stations + p.mount.size + d)
         motion[m : m + 13] = state[SPROCKET : SPROCKET + 13]

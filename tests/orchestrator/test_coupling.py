@@ -79,7 +79,7 @@ def test_the_code_does_what_the_matrix_says(cut, variant):
         past = scheme.past.outputs
         missed = np.zeros(len(b.y))
         for feed in stages[0][0].feeds:
-            if getattr(scheme, "missed", {}).get(id(feed)) is not None:
+            if getattr(scheme, "defects", {}).get(id(feed)) is not None:
                 missed[feed.outputs] = scheme.defects[id(feed)] / h
         return np.concatenate([a.x, b.x, a.y, b.y, past["a"], past["b"], missed])
 

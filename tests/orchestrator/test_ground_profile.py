@@ -19,7 +19,9 @@ def test_points_of_the_line_lie_on_the_ground(settings):
     bump = scene.ground.bump and scene.ground.bump.model_dump()
     shape = ground_shape(scene.vehicle.model_dump(), 0.0, bump)
     along = np.concatenate([np.linspace(-1.0, 6.0, 300), found.along])
-    depths = [surface_depth(shape, x, z - found.start[2])[0] for x, z in zip(along, found.height_at(along), strict=True)]
+    depths = [
+        surface_depth(shape, x, z - found.start[2])[0] for x, z in zip(along, found.height_at(along), strict=True)
+    ]
     # a straight line between two points of an arc is below it by less than this
     assert np.abs(depths).max() < 0.15 * (0.35 / 8) ** 2 / 8 * 1.1
     assert len(found.along) == (36 if bump else 0)

@@ -360,7 +360,7 @@ def test_recovering_does_not_overwrite_the_log(small):
 
 def test_info(small):
     about = info(small)
-    assert (about.log.complete, about.log.closing["steps"], about.start, about.write_remaining) == (True, 100, 0.0, 0.1)
+    assert (about.log.complete, about.log.closing["steps"], about.start, about.end) == (True, 100, 0.0, 0.1)
     assert about.log.size == small.stat().st_size
     links = about.topics["/left_track/links"]
     assert (links.messages, links.last) == (21, 0.1)

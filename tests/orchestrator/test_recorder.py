@@ -273,7 +273,7 @@ def test_a_full_disk_is_one_sentence_and_leaves_all_that_fits(tmp_path, room):
         widths = {{"/a/in": 3, "/a/out": 300, "/a/links": 100}}
         topics = {{topic: [(f"x{{i}}", "m") for i in range(width)] for topic, width in widths.items()}}
         recorder = Recorder({str(path)!r}, topics, {{}}, {{}}, every={{"/a/links": 5}}, flush=60)
-        together = recorder.together(["/a/in"], ["/a/out"])
+        together = recorder.join_topics(["/a/in"], ["/a/out"])
         k = 0
         try:
             for k in range(100_000):
