@@ -385,7 +385,7 @@ def test_without_a_cache_fmus_are_built_and_unpacked_for_this_process(full, capl
     folder = unpack(fmu)
     assert as_packed(fmu, folder) == []
     for place, module in ((fmu, fmus.cache), (folder, orchestrator.kernels.cache)):
-        assert place.is_relative_to(module.temporary())
+        assert place.is_relative_to(module.temporary_folder())
     (record,) = caplog.records
     assert record.levelno == logging.WARNING
     assert record.getMessage().startswith(

@@ -14,7 +14,7 @@ from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.results.analyses.catalogue import ANALYSES
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble
-from orchestrator.scene.run_tables import Coupling
+from orchestrator.scene.run_tables import CouplingTable
 from orchestrator.scene.scene import load
 from orchestrator.studies import STUDIES
 from tests.validation.__main__ import STUDIES as VALIDATIONS
@@ -45,7 +45,7 @@ LISTS = {
     "studies": Listed("orchestrator/README.md", r"lists the studies of a scene: (.*?)\. ", STUDIES),
     "validations": Listed("README.md", r"^python -m tests\.validation ([a-z-]+)", VALIDATIONS),
     "option --coupling": Listed(
-        "README.md", r"--coupling (\w+ +# or .*)$", {*SCHEMES} - {Coupling().scheme}, r"\b(?!or\b)\w+"
+        "README.md", r"--coupling (\w+ +# or .*)$", {*SCHEMES} - {CouplingTable().scheme}, r"\b(?!or\b)\w+"
     ),
     "couplings": Listed("orchestrator/README.md", r"^\| coupling \| order \|.*\n\|.*\n((?:\|.*\n)+)", SCHEMES, ROW),
     "components": Listed(

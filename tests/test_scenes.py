@@ -21,13 +21,17 @@ from orchestrator.scene.scene import load
 
 MODELS = tuple(TRACKS)
 STEERED = "pivot", "serpentine", "brake_turn", "differential"  # in full only as studies: ``turn`` represents them
+
+
+def marks(name, model):
+    """By default each scene runs in full with one track model; kernels of cables whose axes turn take a minute."""
+    if name in STEERED:
+        return [pytest.mark.study]
+    return [] if model == ("rigid" if name == "turn" else "flexible") else [pytest.mark.long]
+
+
 CASES = [
-    pytest.param(
-        name,
-        model,
-        id=f"{name}-{model}",
-        marks=[pytest.mark.study] if name in STEERED else [],
-    )
+    pytest.param(name, model, id=f"{name}-{model}", marks=marks(name, model))
     for name in gallery.names()
     for model in MODELS
 ]
@@ -65,7 +69,6 @@ def test_scene_comes_out_as_expected(ran, name, model):
     assert abs(result["energy"]["residual_relative"]) < CLOSES
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("name", STEERED)
 def test_scenes_that_steer_begin(ran, name):
     """Scenes that steer begin on rigid links: paired forces, closed energy, a vehicle that moves."""
@@ -153,6 +156,7 @@ def test_rig_turns_backwards_alike(ran, model):
     assert result["observables"]["speed"] < -0.7
 
 
+@pytest.mark.long
 def test_models_settle_alike(ran):
     first, *others = (ran("settle", model)["observables"] for model in MODELS)
     for found in others:
@@ -160,6 +164,7 @@ def test_models_settle_alike(ran):
         assert found["ground_force"] == pytest.approx(first["ground_force"], rel=1e-3)
 
 
+@pytest.mark.long
 def test_models_drive_alike(ran):
     first, *others = (ran("straight", model)["observables"] for model in MODELS)
     for found in others:

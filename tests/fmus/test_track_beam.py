@@ -95,8 +95,8 @@ def test_coordinates_of_a_track():
     pin = joints.pin_beam(Y)
     for before, after in zip(e, np.roll(e, -1, axis=0), strict=True):
         one, other = before[4:].ravel(), after[:4].ravel()
-        rest = other - pin.follow @ one  # the motion that joint (3) leaves free
-        assert abs(rest - pin.own @ (pin.own.T @ rest)).max() < 1e-14
+        rest = other - pin.transfer @ one  # the motion that joint (3) leaves free
+        assert abs(rest - pin.free_directions @ (pin.free_directions.T @ rest)).max() < 1e-14
     assert pin.equations == 6
 
 
@@ -152,7 +152,7 @@ def test_a_hanging_chain_finds_the_equilibrium_of_the_library():
     assert abs(coordinates(steel) - coordinates(model)).max() > 1e-3
     part = mesh.Member(library, model.link.element, coordinates(steel))
     ties = [mesh.Tie((k, 1), (k + 1, 0), joints.pin_beam(Y)) for k in range(n - 1)]
-    free = joints.pin_beam(Y).own  # r and r_y are fixed to the ground
+    free = joints.pin_beam(Y).free_directions  # r and r_y are fixed to the ground
     whole = mesh.Mesh([part], ties, [mesh.Support((0, 0), free), mesh.Support((n - 1, 1), free)])
     assert whole.start().size == n * 24 - (n + 1) * 6
     whole = whole.loaded(loads.gravity(whole, [0, 0, -9.81]))

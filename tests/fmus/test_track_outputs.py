@@ -21,7 +21,7 @@ def described() -> list[str]:
 def shown() -> set[str]:
     vector = re.compile(r"\.[xyz]$")
     links = {
-        f"{group.of}[i].{group.signal}" + (f".{part}" if part else "")
+        f"{group.owner}[i].{group.signal}" + (f".{part}" if part else "")
         for group in GROUPS.values()
         for part in group.parts
     }

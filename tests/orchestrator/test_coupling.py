@@ -20,7 +20,7 @@ from orchestrator.cosim.master import Clock, run
 from orchestrator.execution import replay_model
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
-from orchestrator.scene.run_tables import OPTIONS, Coupling
+from orchestrator.scene.run_tables import OPTIONS, CouplingTable
 from orchestrator.scene.scene import load
 from orchestrator.studies.oscillator import amplification
 from tests.validation import coupling as study
@@ -43,7 +43,7 @@ def hold(variant):
 
 def test_every_coupling_is_a_variant_and_a_choice_of_scenes():
     assert {scheme for scheme, _ in VARIANTS.values()} == set(SCHEMES)
-    assert get_args(Coupling.model_fields["scheme"].annotation) == tuple(SCHEMES)
+    assert get_args(CouplingTable.model_fields["scheme"].annotation) == tuple(SCHEMES)
     assert {scheme for schemes in OPTIONS.values() for scheme in schemes} <= set(SCHEMES)
 
 

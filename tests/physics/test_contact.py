@@ -17,7 +17,7 @@ from fmus.physics.contact.wheel import covered_part, end_rates_in_space, sink_ra
 from fmus.physics.contact.wheel_kinematics import add_reaction, slip_velocity
 from fmus.physics.point import sharpen
 from fmus.physics.wheels import WIDTH, move
-from fmus.vehicle import Law
+from fmus.vehicle import ContactLawTable
 
 LAW = Linear(2e6, 5e3, 0.3, 0.05)
 PITCH = 0.1524
@@ -184,7 +184,7 @@ def test_normal_force_pushes_and_never_pulls():
 
 
 def test_every_law_is_a_choice_of_vehicles():
-    assert get_args(Law.model_fields["law"].annotation) == tuple(LAWS)
+    assert get_args(ContactLawTable.model_fields["law"].annotation) == tuple(LAWS)
 
 
 @pytest.mark.parametrize("kind", LAWS)

@@ -434,7 +434,7 @@ def test_evaluations_are_timed_in_turn(monkeypatch):
         def vehicle(self, method, setting):
             return self.track
 
-        def each(self, vehicle):
+        def evaluation_time(self, vehicle):
             timed.append(vehicle)
             return {"flexible": 1.0, "rigid": 2.0 if len(timed) > 2 else 4.0}[vehicle]  # the first run is slow
 
