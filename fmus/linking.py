@@ -19,7 +19,7 @@ from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 TESTED = "0.68."  # prefix of the versions of numba whose internals are known; pyproject.toml allows no later ones
 OURS, OWN = "_ZN4fmus", ".own"  # prefix of mangled names of this package's functions; suffix of a kernel's copies
 PARTS = ("_optimize_final_module", "_finalize_final_module", "get_pointer_to_function", "serialize_using_object_code")
-Environments = dict[str, Any]
+Environments = dict[str, Any]  # of numba, by the name of their variable
 
 
 def internal(library: Any) -> None:
@@ -74,6 +74,7 @@ def defer() -> None:
         return address
 
     def bound(codegen: Any, name: str, environment: Any) -> None:
+        """``set_env``: set now if the engine has the variable, else in ``pointer``."""
         if codegen._engine.is_symbol_defined(name):
             set_environment(codegen, name, environment)
         else:

@@ -43,7 +43,7 @@ class Parts(NamedTuple):
     missing_preload: tuple[float, float]  # preload that the left and the right tensioner lack, N
     sides: int  # sides that have ports
     state: np.ndarray
-    counters: np.ndarray  # (2) int
+    counters: np.ndarray  # (2) int: solver.steps, solver.evaluations
 
 
 @kernel

@@ -113,7 +113,10 @@ def _shares(v: Mapping[str, Any], wheels: Floats, load: float) -> Floats:
 
 @kernel
 def _loads(p, ahead, left, k):
-    """Load, N, of each of the two points under wheel k, left and right, with accelerations ahead and left."""
+    """Load, N, of a contact point under wheel k of the left and of the right track, which have two points each.
+
+    ``ahead``, ``left``: accelerations of the vehicle, m/s2.
+    """
     tilt = (-ahead * p.height / p.gravity - p.middle) / p.spread
     share = 0.25 * p.mass * p.shares[k] * max(1.0 + tilt * (p.wheels[k] - p.middle), 0.0)
     shifted = left * p.height / p.half_gauge

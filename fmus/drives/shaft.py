@@ -53,7 +53,10 @@ def substeps(p, h):
 
 @allocating
 def integrate_spin(p, x, t, h, steps, chain_torque, start_rate, end_rate):
-    """Integrate the INTEGRATED quantities of x; ``start_rate``, ``end_rate``: of the mount at t, t + h, rad/s."""
+    """Integrate the INTEGRATED quantities of x (SHAFT) over h s in ``steps`` Runge-Kutta steps.
+
+    ``chain_torque``: mean torque of the chain, N m; ``start_rate``, ``end_rate``: of the mount at t, t + h, rad/s.
+    """
     y, k, d = np.empty(INTEGRATED), np.empty((len(RK4.b), INTEGRATED)), h / steps
     x[IMPULSE] = 0.0
     for n in range(steps):

@@ -49,7 +49,7 @@ class Parts(NamedTuple):
     rest_motion: np.ndarray  # (13) motion at rest of a mount that nothing moves
     inputs: np.ndarray  # (inputs) inputs as the step uses them
     state: np.ndarray  # flat, see README.md
-    counters: np.ndarray  # (2) int
+    counters: np.ndarray  # (2) int: solver.steps, solver.evaluations
 
 
 @allocating

@@ -94,7 +94,7 @@ class Parts(NamedTuple):
     rest_motion: np.ndarray  # (inputs) motions at rest of mounts that nothing moves
     inputs: np.ndarray  # (inputs) inputs as the step uses them
     state: np.ndarray  # flat, see README.md
-    counters: np.ndarray  # (2) int
+    counters: np.ndarray  # (2) int: solver.steps, solver.evaluations
 
 
 @allocating
@@ -139,7 +139,7 @@ def step(c, messages, t, h, u):
         if not np.isfinite(x[i]):
             messages[0, 0] = t
             return NOT_FINITE
-    prescribed = int(g.propulsion.mode == SPEED) + int(g.steering.mode == SPEED)  # a step each
+    prescribed = int(g.propulsion.mode == SPEED) + int(g.steering.mode == SPEED)  # one step each, no Runge-Kutta
     c.counters[0] += propulsion_steps + steering_steps
     c.counters[1] += prescribed + len(RK4.b) * (propulsion_steps + steering_steps - prescribed)
     return 0

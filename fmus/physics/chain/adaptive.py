@@ -34,9 +34,10 @@ def adams(s, rtol: float, atol: float) -> Adams:
 def march(links, contacts, env, m, rows, h, longest, s, w, report, counters):
     """Integrate over ``h`` s, the wheels starting at ``rows`` (m, 15), in steps of at most ``longest`` s.
 
-    ``m`` from ``adams``; flexible links require their factored mass in ``w`` (``flexible.release``); ``report`` and
-    ``counters`` as in ``report``.
-    Returns an IntegrationOutcome; after a failure ``s`` is invalid. Many arguments: ``implicit``.
+    ``m`` from ``adams``: ``m.x`` the state at the start of a step, ``m.y`` its argument, ``m.k`` rates; the first
+    entries of ``s.flat`` are the coordinates at ``m.y``. Flexible links require their factored mass in ``w``
+    (``flexible.release``); ``report`` and ``counters`` as in ``report``.
+    Returns an IntegrationOutcome; after a failure ``s`` is invalid. For the separate arguments see ``implicit``.
     """
     n, counts, done = m.controlled, m.counts, 0.0
     x, y, first = s.flat[:n], m.y[:n], m.counts.copy()
@@ -50,7 +51,7 @@ def march(links, contacts, env, m, rows, h, longest, s, w, report, counters):
         if dt < LEAST:
             return IntegrationOutcome(STEP_TOO_SHORT, done, 0, 0.0)
         predict(m, dt)
-        failed = _evaluate(links, contacts, env, m, rows, done + dt, s, w)
+        failed = _evaluate(links, contacts, env, m, rows, done + dt, s, w)  # at the prediction
         if failed >= 0 or not accurate(m, dt):
             continue
         correct(m, dt)
@@ -92,7 +93,7 @@ def march(links, contacts, env, m, rows, h, longest, s, w, report, counters):
 
 @allocating
 def _evaluate(links, contacts, env, m, rows, t, s, w):
-    """Rates of ``m.y`` and of all quadratures at ``t`` s into ``m.k``; returns as ``derivative`` does."""
+    """Rates of ``m.y`` and of all quadratures at ``t`` s into ``m.k``; return -1, or the link where it failed."""
     n = m.controlled
     copy(m.y[:n], s.flat[:n])
     move(rows, t, w.wheels)

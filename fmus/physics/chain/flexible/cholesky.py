@@ -75,11 +75,11 @@ def to_cholesky(links, s, w):
         for link in range(nodal.n):
             i, j = ends(indices, q.shape[0], link)
             for k in range(n):
-                x = q[i if 2 * k < n else j, indices.slope[k]]
+                x = q[i if 2 * k < n else j, indices.own_place[k]]
                 for a in range(m):
                     x += right[k, a] * q[i, indices.pin[a]] + right[k, m + a] * q[j, indices.pin[a]]
                 for l in range(k + 1):
-                    p[i if 2 * l < n else j, indices.slope[l]] += links.root[k, l] * x
+                    p[i if 2 * l < n else j, indices.own_place[l]] += links.root[k, l] * x
         for i in range(q.shape[0]):
             for k in range(m):
                 side[i, k] = q[i, indices.pin[k]]
@@ -114,13 +114,13 @@ def _nodal(links, p, rates, q, v, w):
             x = y = 0.0
             for l in range(k, n):
                 node = i if 2 * l < n else j
-                x += inverse[l, k] * p[node, indices.slope[l]]
-                y += inverse[l, k] * rates[node, indices.slope[l]]
+                x += inverse[l, k] * p[node, indices.own_place[l]]
+                y += inverse[l, k] * rates[node, indices.own_place[l]]
             for a in range(m):
                 x -= right[k, a] * b[i, a] + right[k, m + a] * b[j, a]
                 y -= right[k, a] * side[i, a] + right[k, m + a] * side[j, a]
             node = i if 2 * k < n else j
-            q[node, indices.slope[k]], v[node, indices.slope[k]] = x, y
+            q[node, indices.own_place[k]], v[node, indices.own_place[k]] = x, y
 
 
 @kernel
@@ -138,7 +138,7 @@ def accelerations(links, contacts, env, s, w):
             x = 0.0
             for l in range(k, n):
                 x += root[l, k] * own[link, l]
-            a[i if 2 * k < n else j, indices.slope[k]] = -x
+            a[i if 2 * k < n else j, indices.own_place[k]] = -x
     for i in range(w.b.shape[0]):
         for k in range(len(indices.shared)):
             a[i, indices.pin[k]] = -w.b[i, k]

@@ -5,8 +5,8 @@ Of an element's coordinates its own, x, couple with no other link; those shared,
     K_xx x + K_xy y = r_x,   K_yx x + K_yy y = r_y   =>   (K_yy - K_yx K_xx^-1 K_xy) y = r_y - K_yx K_xx^-1 r_x
 
 The remaining system of the pins is cyclic and block tridiagonal with m x m blocks. Unknowns common to all links, as the
-rotation of their axes, are shared too and form a border of it. ``cables``, ``planar`` and ``beams`` differ in their
-``link_layout``; its sizes are lengths of tuples, as in ``block_cyclic``.
+rotation of their axes, are shared too and give it border rows and columns (``free_axes``). Elements (``elements``)
+differ in their ``link_layout``; its sizes m and n are lengths of tuples, so that loops over them unroll.
 """
 
 from __future__ import annotations
@@ -151,12 +151,14 @@ def reduce(links, env, x, w, by_rate, tangent):
 
 @kernel
 def correct(links, w, x, by, longest):
-    """Take the Newton step from the solution ``w.b``; return the largest change of a pin, m.
+    """Subtract the Newton step, the solution ``w.b`` of pins and ``w.own`` of links, from ``x``; rates follow ``by``.
 
-    A change of a shared coordinate counts by its lever, m. The step is scaled down to ``longest``, m.
+    Returns the largest change of a pin, m, before scaling, by which callers judge convergence; a change of a shared
+    coordinate counts by its lever, m. A step above ``longest``, m, is scaled down to it. Where a change is not finite,
+    ``x`` stays and inf is returned. ``by``: factors of rates and accelerations (``generalized_alpha.Slopes``).
     """
     indices, levers, right, own, b = layout(links), lever(links), w.right, w.own, w.b
-    links, nodes, m, n = own.shape[0], b.shape[0], len(indices.shared), len(indices.own)
+    count, nodes, m, n = own.shape[0], b.shape[0], len(indices.shared), len(indices.own)
     q, v, vdot, size = x.q, x.v, x.vdot, 0.0
     for i in range(nodes):
         for k in range(m):
@@ -164,14 +166,14 @@ def correct(links, w, x, by, longest):
             if not change < np.inf:
                 return np.inf
             size = max(size, change)
-    scale = -1.0 if size <= longest else -longest / size
-    for link in range(links):
+    scale = -1.0 if size <= longest else -longest / size  # minus: Newton
+    for link in range(count):
         i, j = ends(indices, nodes, link)
         for k in range(n):
             s = own[link, k]
             for a in range(m):
                 s -= right[link, k, a] * b[i, a] + right[link, k, m + a] * b[j, a]
-            node, place = (i if 2 * k < n else j), indices.slope[k]
+            node, place = (i if 2 * k < n else j), indices.own_place[k]  # first half: first pin
             q[node, place] += scale * s
             v[node, place] += scale * by.v * s
             vdot[node, place] += scale * by.vdot * s

@@ -15,7 +15,7 @@ class LinkLayout(NamedTuple):
     outer: np.ndarray  # (2 m + c) indices in an element: shared ones of first and second pin, then ``common``
     inner: np.ndarray  # (n) indices in an element: its own
     pin: np.ndarray  # (m) indices in a pin: the shared ones
-    slope: np.ndarray  # (n) indices in a pin: those of one link; first pin, second pin
+    own_place: np.ndarray  # (n) indices in a pin: its own; the first half in its first pin, the rest in its second
     shared: tuple[int, ...]  # length m
     own: tuple[int, ...]  # length n
     common: tuple[int, ...]  # length c, the number of unknowns common to all links, after an element's coordinates
@@ -34,8 +34,10 @@ def layout_of_halves(begin: list[int], end: list[int], outer: list[int], fixed: 
     inner = [k for k in range(len(places)) if k not in outer]
     m = len(outer) // 2
     # unsigned: an index that may be negative costs a tenth of the time of ``correct``
-    pin, slope = (np.array([places[k] for k in part], dtype=np.uintp) for part in (outer[:m], inner))
-    return LinkLayout(np.array(outer), np.array(inner), pin, slope, (0,) * m, (0,) * len(inner), (), fixed, (0,) * pins)
+    pin, own_place = (np.array([places[k] for k in part], dtype=np.uintp) for part in (outer[:m], inner))
+    return LinkLayout(
+        np.array(outer), np.array(inner), pin, own_place, (0,) * m, (0,) * len(inner), (), fixed, (0,) * pins
+    )
 
 
 def with_common_unknowns(layout: LinkLayout, common: int) -> LinkLayout:
