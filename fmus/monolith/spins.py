@@ -69,7 +69,7 @@ def _shaft(p, d, c, both):
     )
 
 
-@kernel
+@allocating
 def _axis(p, motion, d):
     """Lateral axis of a mount and its angular velocity, rad/s, both in world axes."""
     m = 13 * p.mount[d]

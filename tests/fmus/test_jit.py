@@ -367,6 +367,43 @@ def test_kernels_that_make_arrays_say_so():
     assert len(found["allocating"]) > 20
 
 
+def test_kernels_count_the_arrays_that_they_receive():
+    """A kernel that receives a new array from a kernel is declared as allocating, or nothing would free the array."""
+    functions: dict[tuple[str, str], ast.FunctionDef] = {}
+    names: dict[str, dict[str, tuple[str | None, str]]] = {}
+    for file in jit.sources():
+        module = ".".join(("fmus", *file.relative_to(jit.ROOT).with_suffix("").parts))
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        functions |= {(module, node.name): node for node in tree.body if isinstance(node, ast.FunctionDef)}
+        names[module] = {
+            alias.asname or alias.name: (line.module, alias.name)
+            for line in ast.walk(tree)
+            if isinstance(line, ast.ImportFrom)
+            for alias in line.names
+        }
+
+    def is_new(value: ast.expr | None, node: ast.FunctionDef) -> bool:
+        made = [ast.unparse(line.targets[0]) for line in ast.walk(node) if isinstance(line, ast.Assign)
+                and ast.unparse(line.value).startswith(MAKING)]  # fmt: skip
+        return value is not None and (ast.unparse(value) in made or ast.unparse(value).startswith(MAKING))
+
+    def returns_array(node: ast.FunctionDef) -> bool:
+        return any(is_new(line.value, node) for line in ast.walk(node) if isinstance(line, ast.Return))
+
+    makers = {place for place, node in functions.items() if returns_array(node)}
+    leaking = [
+        f"{module}.{name} calls {call.func.id}"
+        for (module, name), node in functions.items()
+        if "kernel" in map(ast.unparse, node.decorator_list)
+        for call in ast.walk(node)
+        if isinstance(call, ast.Call)
+        and isinstance(call.func, ast.Name)
+        and names[module].get(call.func.id, (module, call.func.id)) in makers
+    ]
+    assert len(makers) > 5
+    assert not leaking
+
+
 def dispatched() -> list[tuple[str, str]]:
     """Return pairs of a module of stubs, or of classes that stubs dispatch on, and a module that they choose."""
     found = []
