@@ -68,8 +68,8 @@ def border_of(model):
             columns[pin, at.pin] += (w.left[i, :8] @ own)[half]
             rows[pin, at.pin] += (inside @ w.right[i, :, :8]).T[half]
             slopes = slice(2 * part, 2 * part + 2)
-            columns[pin, at.slope[slopes]] += from_own[slopes]
-            rows[pin, at.slope[slopes]] += inside.T[slopes]
+            columns[pin, at.own_place[slopes]] += from_own[slopes]
+            rows[pin, at.own_place[slopes]] += inside.T[slopes]
     return columns, rows, corner
 
 
