@@ -58,9 +58,8 @@ class TrackModelTable(FrozenTable):
     joints: Annotated[Literal["eliminated", "constrained"] | None, METHOD] = None
     # Coordinates for an explicit integrator.
     coordinates: Annotated[Literal["nodal", "cholesky"] | None, METHOD] = None
-    closure: Annotated[Literal["pin", "spring"] | None, FmuParameter()] = (
-        None  # of a loop: how the last link joins the first
-    )
+    # Of a loop: how the last link joins the first.
+    closure: Annotated[Literal["pin", "spring"] | None, FmuParameter()] = None
     closure_stiffness: Annotated[Annotated[float, In("N/m", gt=0)] | None, FmuParameter("closure.stiffness")] = None
     closure_damping: Annotated[Annotated[float, In("N s/m", ge=0)] | None, FmuParameter("closure.damping")] = None
     integrator: Annotated[Literal["generalized_alpha", "hht", "runge_kutta", "adams"] | None, METHOD] = None

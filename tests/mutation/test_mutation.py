@@ -73,6 +73,13 @@ def test_a_failing_test_notices_a_fault(tmp_path, monkeypatch, new, found):
     assert "a + b" in (tmp_path / "sums.py").read_text(), "the fault was not removed"
 
 
+def test_a_file_without_tests_notices_nothing(tmp_path):
+    (tmp_path / "test_none.py").write_text("x = 1\n")
+    assert not command._fails(tmp_path, ["test_none.py"])
+    (tmp_path / "test_none.py").write_text("x = 1 / 0\n")
+    assert command._fails(tmp_path, ["test_none.py"])
+
+
 def test_what_is_done_stays_done(call, tmp_path, monkeypatch):
     asked = []
 
