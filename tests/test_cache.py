@@ -111,6 +111,7 @@ def test_a_kernel_is_that_of_its_compiler(fresh_cache, monkeypatch):
     assert overloads.load("signature") == 1
 
 
+@pytest.mark.long
 def test_a_damaged_fmu_is_built_again(fresh_cache):
     fmu = build_toy()
     with zipfile.ZipFile(fmu) as archive:
@@ -379,6 +380,7 @@ def full(tmp_path, monkeypatch):
     return place
 
 
+@pytest.mark.long
 def test_without_a_cache_fmus_are_built_and_unpacked_for_this_process(full, caplog):
     fmu = build_toy()
     assert build_toy() == fmu

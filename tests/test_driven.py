@@ -27,6 +27,7 @@ def way(*settings, steps=1200):
     return np.array(places)
 
 
+@pytest.mark.long
 def test_a_mirrored_path_is_driven_in_mirror_and_a_heading_turns_it():
     arcs = "driver.arcs=[[0.5, 0], [9, {}]]"
     there, back = way(arcs.format(0.1)), way(arcs.format(-0.1))

@@ -17,6 +17,7 @@ from orchestrator.scene.scene import changed_scene, from_table, load
 
 MOTION = [port.name.removeprefix("of.") for port in motion_ports("of", "output")]
 HEIGHT, LOAD = 1e-4, 5e-3  # m, and share of each wheel's load: largest motion in the first second
+LONG = ("planar", "beam")  # compile kernels of their own
 KINDS = {
     "rigid": ("rigid", ()),
     "rigid, spring": ("rigid", ("track.closure=spring",)),
@@ -60,7 +61,7 @@ def moved(scene, duration):
     return far, share
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [pytest.param(k, marks=[pytest.mark.long] if k in LONG else []) for k in KINDS])
 def test_a_vehicle_stays_where_it_starts(kind):
     model, settings = KINDS[kind]
     scene = at_rest(model, "symmetric=true", *settings)

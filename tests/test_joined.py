@@ -41,6 +41,7 @@ def to_the_left():
     return path("differential", JOINED, 1200)
 
 
+@pytest.mark.long
 def test_with_prescribed_speeds_it_drives_as_two_drives_do(to_the_left):
     there, _ = to_the_left
     two, _ = path("turn", (*QUICK, "drive.left.speed=2", "drive.right.speed=10"), 1200)
@@ -104,6 +105,7 @@ def test_only_a_differential_regenerates(tmp_path):
         turning.regenerated_power(RunData(opened), "", Window(0.0, 0.01))
 
 
+@pytest.mark.long
 def test_a_driver_steers_by_it_as_by_two_drives():
     brief = ("run.stop=1 s", "driver.ramp_start=0", "driver.ramp_time=0.4 s", "track.link_outputs=false",
              "driver.arcs=[[0.1, 0], [9, 0.2]]")  # fmt: skip

@@ -223,6 +223,7 @@ def slip_of(track, rocked, speed):
     return brentq(missing, -1.0, 1.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", TRACKS)
 def test_forces_of_pins_turn_the_sprocket(tracks, kind):
     """Moments and momentum of the links between two cuts give the sprocket's torque."""

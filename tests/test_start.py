@@ -61,6 +61,7 @@ def test_a_side_without_a_track_stands_on_its_wheels(tmp_path):
     assert abs(result["energy"]["residual_relative"]) < 0.02
 
 
+@pytest.mark.long
 def test_a_vehicle_falls_as_a_whole_until_it_touches(tmp_path):
     """A vehicle falls as a whole by g t^2 / 2 until it touches the ground, also upside down."""
     settings = ("start.height=2.5", "start.pitch=180 deg", "ground.hull=true", "run.step=1 ms", "track.step=1 ms")

@@ -119,6 +119,7 @@ def test_power_goes_where_the_forces_are(turned, kind):
     assert found["drive_power_left"] < 0.0 < found["drive_power_right"]
 
 
+@pytest.mark.long
 def test_rigid_and_flexible_links_turn_alike(turned):
     rigid, flexible = (turned(kind, *SPEEDS, STEADY)[0] for kind in ("rigid", "flexible"))
     assert flexible["yaw_rate"] == pytest.approx(rigid["yaw_rate"], rel=3e-3)
@@ -180,6 +181,7 @@ def test_swapped_sides_mirror_the_path_and_a_heading_turns_it(kind):
     np.testing.assert_allclose(turned_by[:, 3] - heading, there[:, 3], atol=1e-9)
 
 
+@pytest.mark.long
 def test_free_axes_go_straight_as_fixed_ones_do():
     """Free axes drive straight as fixed ones do, to 1e-5; only roll and yaw by rounding may differ."""
     settings = ("drive.left.speed=8", "drive.right.speed=8", "track.element=cable")
@@ -235,6 +237,7 @@ def test_sides_that_cannot_be_are_a_sentence(settings, sentence):
     assert sentence in str(refused.value)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("step", [2e-3, 4e-3, 8e-3])
 def test_free_axes_hold_at_long_steps(step):
     """Free axes are stable at long steps: the origin follows the wheels, and no error grows."""

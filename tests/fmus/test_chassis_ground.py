@@ -98,6 +98,7 @@ def test_a_hull_slides_as_far_as_friction_says():
     assert way(friction=1.04 * mu) != pytest.approx(v * v / (2 * mu * G), rel=0.02)
 
 
+@pytest.mark.long
 def test_sliding_wheels_spin_up_to_rolling():
     """Sliding wheels spin up to rolling at v = v0 / (1 + sum I / (m R^2)).
 

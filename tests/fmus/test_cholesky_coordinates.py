@@ -173,6 +173,7 @@ def test_the_ledger_closes(closure, integrator):
     assert dissipated > 1e-3 * kinetic
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ends", [SPAN, {"kind": "held", "first": [1.0, 2.0]}], ids=["pinned", "held"])
 def test_ends_that_are_held_stay(ends):
     """A fixed coordinate stays and acts on no other."""
@@ -189,6 +190,7 @@ def test_ends_that_are_held_stay(ends):
     assert np.ptp(balance) < 1e-3 * own.report[KINETIC]
 
 
+@pytest.mark.long
 def test_a_saved_state_runs_on_to_the_same_bits():
     one, other = (loop(**EXPLICIT, **OVAL) for _ in range(2))
     run(one, 0.003)

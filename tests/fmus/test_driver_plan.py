@@ -155,6 +155,7 @@ UNSTEADY = [  # friction, speed, yaw rate and its derivative, acceleration of th
 ]  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("friction", "speed", "rate", "turning", "ahead", "left"), UNSTEADY)
 def test_slip_of_any_motion_is_that_of_a_planar_vehicle(friction, speed, rate, turning, ahead, left):
     """Slip in any motion balances the forces of an independent planar vehicle.

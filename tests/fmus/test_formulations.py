@@ -67,6 +67,7 @@ def test_two_seconds_are_the_same_to_rounding(links, ends, start, grown):
         assert np.abs(coarse.pins() - one).max() > grown, "a twin with gravity off by 1e-9 agrees"
 
 
+@pytest.mark.long
 def test_a_loop_of_joint_coordinates_stays_closed_and_keeps_its_energy():
     model = made(Rigid, 16, **RECURSIVE, **OVAL)
     assert model.s.joints.size == 2 * 16 + 11
@@ -97,6 +98,7 @@ def test_scenes_say_the_formulation_of_rigid_links_alone():
     assert "formulation" not in assemble(load("hanging_chain", "rigid")).parts[0].parameters
 
 
+@pytest.mark.long
 def test_a_chain_at_rest_stays_there_in_joint_coordinates():
     model = made(Rigid, 8, PINNED, **RECURSIVE)
     before = model.pins()
@@ -132,6 +134,7 @@ def test_a_spring_goes_to_the_pin_as_its_stiffness_grows(given):
     assert np.abs(orders - 1.0).max() < 0.02
 
 
+@pytest.mark.long
 def test_a_soft_spring_swings_and_loses_what_its_damper_takes():
     """A soft spring closure converges at the orders of both integrators, and the energy balance closes."""
     soft = {**OVAL, **SPRING, "closure.stiffness": 1e3, "closure.damping": 50.0}

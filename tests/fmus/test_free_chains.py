@@ -41,10 +41,11 @@ class Engineering(Beams):
     given: ClassVar = {"elasticity": "engineering"}
 
 
-BOTH = pytest.mark.parametrize("kind", [Rigid, Flexible, Beams])
+LONG = [pytest.param(kind, marks=pytest.mark.long) for kind in (Beams, PlanarCables)]  # kernels of their own
+BOTH = pytest.mark.parametrize("kind", [Rigid, Flexible, LONG[0]])
 # cables with other strain measures are studies here; ``test_track_elasticity`` has them
 SELDOM = [pytest.param(kind, marks=pytest.mark.study) for kind in (General, Engineering)]
-EACH = pytest.mark.parametrize("kind", [Rigid, Flexible, PlanarCables, *SELDOM, Beams])
+EACH = pytest.mark.parametrize("kind", [Rigid, Flexible, *SELDOM, *LONG])
 HOLD = {"kind": "held", "first": [1.0, 2.0]}
 
 
@@ -344,7 +345,7 @@ def test_loops_of_any_length_and_spin(kind, links, spin, young):
 
 
 @pytest.mark.parametrize("span", [0.8, 0.1])
-@pytest.mark.parametrize("kind", [Rigid, Flexible, PlanarCables, SELDOM[1]])
+@pytest.mark.parametrize("kind", [Rigid, Flexible, LONG[1], SELDOM[1]])
 def test_a_hanging_chain_of_many_links_is_the_continuum(kind, span):
     """A hanging chain of many links is a catenary: S = 2 a sinh(D / 2 a), sag a (cosh(D / 2 a) - 1).
 
@@ -361,7 +362,7 @@ def test_a_hanging_chain_of_many_links_is_the_continuum(kind, span):
     assert model.pins()[:, 2].min() / (links * P) == pytest.approx(sag, rel=1e-4)
 
 
-@pytest.mark.parametrize("kind", [Rigid, Flexible, Beams])
+@BOTH
 def test_a_chain_of_many_links_is_let_go(kind):
     """A long chain that is released from its displaced shape starts no wave of tension."""
     ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.8 * 256 * P, 0.0]}

@@ -236,6 +236,7 @@ print(*events, sep="|")
 """
 
 
+@pytest.mark.long
 def test_an_fmu_says_before_it_compiles(toy, environment, tmp_path):
     """An FMU announces once per machine that it compiles, and logs each kernel."""
     env = {**environment, "COTRACK_CACHE": str(tmp_path / "cache")}

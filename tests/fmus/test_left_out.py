@@ -44,6 +44,7 @@ def test_a_hanging_chain_loads_no_contact_code(kind):
     assert bool([name for name in names if "rigid" in name]) == (kind == "track_rigid")
 
 
+@pytest.mark.long
 def test_a_chain_over_the_ground_does():
     names = loaded("track_rigid", {"ground": True})
     assert {"fmus.contacts", "fmus.physics.chain.rigid.faces"} <= names
@@ -132,6 +133,7 @@ ELEMENT = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("element", "other"), [("cable", "beam"), ("beam", "cable")])
 def test_a_chain_loads_its_own_element_only(element, other):
     names = loaded("track_flexible", {}, element=element)

@@ -31,7 +31,10 @@ LAW = {
     "general": lambda s: 0.5 * s * (s * s - 1.0),
     "engineering": lambda s: s - 1.0,
 }
-each = pytest.mark.parametrize("elasticity", ELASTICITIES)
+# kernels of a chain with another elasticity than the default take half a minute
+each = pytest.mark.parametrize(
+    "elasticity", [pytest.param(e, marks=[pytest.mark.long] if e != "small_deformation" else []) for e in ELASTICITIES]
+)
 
 
 def coordinates(model) -> np.ndarray:

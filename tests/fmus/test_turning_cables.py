@@ -325,12 +325,14 @@ def test_adams_methods_keep_a_tumble_to_their_tolerance():
     assert 1e-5 < off[0] / 1e-6 < 1e-1
 
 
+@pytest.mark.long
 def test_the_origin_goes_where_it_will():
     still, shaken_by_wheels = (tumbling(2.5e-4, shake=shake)[0] for shake in (0.0, 2.0))
     assert np.abs(shaken_by_wheels.s.axes[ORIGIN : ORIGIN + 3]).min() > 1e-3
     np.testing.assert_allclose(shaken_by_wheels.pins(), still.pins(), atol=2e-10)
 
 
+@pytest.mark.long
 def test_both_integrators_turn_a_chain_on_its_wheels_alike():
     """Both integrators turn a chain on its wheels alike, to order 1; 2 % more stiffness shows.
 

@@ -22,7 +22,7 @@ RUNS = {
     "explicit cable": partial(runs.swinging, *runs.SOFT_LINKS["cable"], *runs.EXPLICIT, *runs.UNDAMPED, duration=0.016),
     "beam": partial(runs.vehicle, "flexible", "track.element=beam", *BOTH, duration=0.016),
 }
-STUDIES = ("beam",)  # a minute of compilation of its contacts
+MARKS = {"beam": [pytest.mark.study], "explicit rigid": [pytest.mark.long]}  # compile kernels of their own
 
 
 @cache
@@ -54,7 +54,7 @@ def missing(part: Part, stride: int, mass: float = 1.0) -> float:
 
 
 @pytest.mark.parametrize("stride", [1, 2, 8])
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.study) if n in STUDIES else n for n in RUNS])
+@pytest.mark.parametrize("name", [pytest.param(name, marks=MARKS.get(name, [])) for name in RUNS])
 def test_impulses_are_changes_of_momentum(name, stride):
     part = track(name, stride)
     assert missing(part, stride) < 1e-6

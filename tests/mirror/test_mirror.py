@@ -162,6 +162,7 @@ def test_every_kind_of_component_has_checks_and_a_scene():
 # --- counters --------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_counters_of_a_track_count_what_is_called(environment):
     """The counters of a track equal the calls in uncompiled integrators.
 

@@ -390,6 +390,7 @@ def test_replay_with_other_numbers(cotrack, tmp_path):
         assert said in err
 
 
+@pytest.mark.long
 def test_an_answer_is_replayed_in_turn(cotrack, tmp_path):
     assert cotrack(*SHORT, "--log", "a.mcap")[0] == 0
     assert cotrack("replay", "a.mcap", "--component", "chain", "--with", "rigid", "-o", "b.mcap")[0] == 0

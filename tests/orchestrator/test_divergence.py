@@ -59,6 +59,7 @@ def test_equal_runs_are_equal(reference, tmp_path):
     assert (found.value_count, found.end) == (numbers, pytest.approx(STEPS * STEP))
 
 
+@pytest.mark.long
 @settings(max_examples=12, deadline=None)
 @given(st.integers(1, STEPS), st.sampled_from([2_000, 9_000, 40_000]), st.sampled_from([-3, 1, 17]))
 def test_one_bit_is_found_where_it_is(reference, tmp_path_factory, step, size, off):

@@ -95,6 +95,7 @@ def test_a_chain_at_rest_has_no_work(tmp_path):
     assert energy["port"] == 0.0
 
 
+@pytest.mark.long
 def test_what_the_ledger_leaves_open_falls_with_the_step(tmp_path):
     """The ledger's residual falls with the step at order one, that of the dampers' rates in a track.
 

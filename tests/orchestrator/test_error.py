@@ -132,6 +132,7 @@ def test_steps_that_were_halved_do_not_spoil_the_companions(tmp_path):
     assert soft.total.track.step == 2.0 * soft.coupling.track.step, "the twin: the requested step can be doubled"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("step", "known"), [("1 ms", False), ("1 us", True)])
 def test_a_chain_at_its_stable_step_has_nothing_coarser_beside_it(tmp_path, step, known):
     """A chain at its stable step has no coarser companion.

@@ -62,6 +62,7 @@ def held(file):
     return sorted(links), sorted(curve)
 
 
+@pytest.mark.long
 def test_a_run_that_goes_on_is_shown_as_far_as_it_came(rig, tmp_path, monkeypatch):
     monkeypatch.setattr(live, "PERIOD", 0.05)
     monkeypatch.setattr(rerun_scene, "RATE", 1e4)

@@ -198,6 +198,7 @@ def ragged(path, steps=60, results=None):
     return path
 
 
+@pytest.mark.long
 def test_a_recovered_log_ends_with_a_step_that_all_topics_have(tmp_path):
     """A log that was cut anywhere ends, recovered, with a step that all topics have."""
     data = ragged(tmp_path / "whole.mcap").read_bytes()

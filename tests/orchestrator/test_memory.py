@@ -20,6 +20,7 @@ def test_a_long_run_needs_no_more_memory_than_a_short_one():
     assert long < short + 30.0
 
 
+@pytest.mark.long
 def test_what_is_read_for_a_summary_or_a_difference_is_not_kept(tmp_path):
     path = tmp_path / "log.mcap"
     assert simulate(load("straight", "rigid", ["run.stop=0.1 s", "run.links=1", "expect={}"]), path)["status"] == "ok"

@@ -102,6 +102,7 @@ def test_a_run_that_nobody_watches_says_how_far_it_is(watched, monkeypatch):
         assert "0.5 of 2 s simulated" in watched.after(PATIENCE)[0]
 
 
+@pytest.mark.long
 def test_a_run_speaks_within_the_first_second(environment, tmp_path):
     """The command as a process: lines on stderr, one object on stdout."""
     command = [sys.executable, "-m", "orchestrator", "run", "hanging_chain", "--stop", "0.1", "--json"]

@@ -109,6 +109,7 @@ def written(path, columns, t, scene=None, closed="ok", warnings=(), metadata=Non
 # --- figures ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_key_figures_are_those_of_the_log(vehicle, scaled):
     def compared():
         found = embedded(page(vehicle))["figures"]

@@ -104,6 +104,7 @@ def test_the_shortest_step_is_counted_where_it_is_too_long():
     assert way.forced_steps > 90
 
 
+@pytest.mark.long
 def test_a_tighter_tolerance_is_more_right():
     """A tighter tolerance gives smaller errors: a hundredth of it, a tenth of the step, order 2."""
     truth, errors, steps = expm(whole(study.FREE) * 3.0) @ study.FREE.start, [], []

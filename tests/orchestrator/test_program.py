@@ -291,6 +291,7 @@ def test_of_many_steps_those_before_a_failure_are_kept(failing):
     assert (pair[0].noted("failed"), pair[1].steps) == (StepCall._fields.index("do_step"), failing - 1)
 
 
+@pytest.mark.long
 def test_a_failure_among_many_steps_leaves_a_log_of_those_before(tmp_path, monkeypatch):
     """A failure among many steps leaves a log of the steps before it, with the same end and message.
 

@@ -66,6 +66,7 @@ def forget(pace, scheme, memory):
     pace._start = pace._start._replace(t=float(memory["pace"][0]))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("estimate", ["doubling", "power"])
 def test_variable_steps_go_on(tmp_path, monkeypatch, estimate):
     """A run with variable steps resumes with the same steps, from checkpoints where they allow it."""
@@ -231,6 +232,7 @@ def test_what_does_not_go_on_is_a_sentence(rig, cotrack, tmp_path):
     assert "made by another build of 'TrackRigid" in refused(content.write(tmp_path / "other.mcap"))
 
 
+@pytest.mark.long
 def test_bytes_that_are_no_checkpoint_are_a_sentence(rig, tmp_path):
     good = Content(rig).attachments[f"{CHECKPOINT}40"]
     other = Content(rig).attachments[f"{CHECKPOINT}20"]

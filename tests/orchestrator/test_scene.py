@@ -90,6 +90,7 @@ def test_settings_reach_scene_vehicle_and_track():
     assert load("straight").vehicle.contact.ground.friction == 0.3, "the file's value must be back"
 
 
+@pytest.mark.long
 def test_integrators_reach_the_tracks():
     def parameters(*settings):
         scene = load("straight", "rigid", settings)
@@ -374,6 +375,7 @@ def test_no_value_ends_otherwise_than_in_a_sentence():
                 load("hanging_chain", None, [f"{key}={value}"])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("replaced", "said"),
     [

@@ -75,6 +75,7 @@ def test_explicit_limit_is_where_the_method_begins_to_grow(frequency, relaxation
     assert radius(0.99 * limit) < 1.0 < radius(1.01 * limit)
 
 
+@pytest.mark.long
 def test_margins_fall_with_stiffness_and_friction():
     calm = limits.predicted(load("settle"))
     assert calm[1] == "idler in its bend"

@@ -127,6 +127,7 @@ def test_a_toy_kind_of_track_is_known_everywhere(house):
     assert found["model=jelly"].endswith("input should be 'flexible', 'rigid' or 'toy'")
 
 
+@pytest.mark.long
 def test_the_command_line_offers_a_toy_kind(house):
     assert "--track <flexible|rigid|toy>" in called(house, "-m", "orchestrator", "show", "--help")
     assert "TrackToy" in called(house, "-m", "orchestrator", "show", "hanging_chain", "--track", "toy")

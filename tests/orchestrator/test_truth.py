@@ -458,6 +458,7 @@ def test_key_is_the_physics():
     assert len({plain, key("vehicle.gravity=9.82"), key("track.start=displaced"), key("run.stop=2")}) == 4
 
 
+@pytest.mark.long
 def test_command_says_where_and_how_good(empty, tmp_path):
     arguments = ["truth", "hanging_chain", "--stop", "0.02"]
     for setting in SOFT:

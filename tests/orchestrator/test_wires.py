@@ -130,6 +130,7 @@ def test_outputs_that_are_not_all_recorded_make_no_wires(tmp_path):
         log.close("ok", "", 0)
 
 
+@pytest.mark.long
 @settings(max_examples=60)
 @given(st.floats(0.0, 1.0))
 def test_a_cut_log_gives_what_it_has(wired, fraction):

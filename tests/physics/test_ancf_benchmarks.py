@@ -274,12 +274,14 @@ def test_integrators_keep_their_orders():
         assert abs(rates - order).max() < 0.2, (order, rates)
 
 
+@pytest.mark.long
 def test_generalised_alpha_reaches_the_same_tip():
     mesh, q, v = rotating(cable_general)
     found = mesh.end(last(dynamics.generalized_alpha(mesh, q, v, 1e-3, 200, radius=1.0))[1], (3, 1))[0]
     np.testing.assert_allclose(found, TIPS[cable_general][0][0], atol=3e-4)
 
 
+@pytest.mark.long
 def test_damping_takes_energy_only():
     mesh, q, v = rotating(cable, damping=1.6e4)
     free = rotating(cable)[0].loaded()

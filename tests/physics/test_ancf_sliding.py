@@ -315,6 +315,7 @@ def test_momentum_of_free_bodies():
     assert 1.6 < np.log2(drift[0] / drift[1]) < 2.6, drift
 
 
+@pytest.mark.long
 def test_nodes_are_impacts_for_a_cable_on_a_rail_that_is_not_smooth():
     """Nodes of a rail that is not smooth are impacts for a cable: its rate of rotation jumps there."""
     worst = []

@@ -113,6 +113,7 @@ def exact_rod(length, stiff, bend, F, arm):
     return end(M, F)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("b", "h", "L", "load", "arm", "twins"),
     [

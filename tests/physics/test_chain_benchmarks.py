@@ -136,6 +136,7 @@ def test_joint_force_of_a_spinning_loop(loop):
         np.testing.assert_allclose(joint_forces(later), 7112.513, rtol=1e-6)
 
 
+@pytest.mark.long
 def test_hoop_strain_of_the_steel_loop():
     """The hoop strain of the steel loop is T / EA to 1/2400, the effect of the polygon."""
     loop = steel_loop()
@@ -311,6 +312,7 @@ def test_drift_of_a_free_chain_over_ten_seconds(kind, cable, integrator, steps, 
     assert turned[-1] < 1e-5
 
 
+@pytest.mark.long
 def test_cables_keep_the_component_about_the_pin_alone():
     """Cables keep the angular momentum about the pins' axis alone (order 2) in a lateral motion."""
     turned = np.array(
@@ -322,6 +324,7 @@ def test_cables_keep_the_component_about_the_pin_alone():
     np.testing.assert_allclose(turned[1:, [0, 2]], turned[:-1, [0, 2]], rtol=0.05)
 
 
+@pytest.mark.long
 def test_damped_cables_lose_energy_but_not_angular_momentum():
     """Damped cables lose energy at any step (relaxation time 0.1 ms), but no angular momentum (twin)."""
     tau = 1e-4

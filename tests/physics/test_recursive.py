@@ -221,6 +221,7 @@ def test_moving_loop_has_them_too(closure):
     assert np.abs(force - pull).max() < 1e-10 * np.abs(pull).max()
 
 
+@pytest.mark.long
 def test_chain_between_two_pins():
     shape = of_angles(np.array([-0.9, -0.5, -0.1, 0.3, 0.5, 0.8]))
     chain = Chain(shape, BETWEEN)

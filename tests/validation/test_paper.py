@@ -279,6 +279,7 @@ def test_a_known_signal_has_its_spectrum():
     assert high_frequencies.peak(signal, 1e3) == pytest.approx(48e3)
 
 
+@pytest.mark.long
 def test_forces_of_a_loop_that_spins():
     """m omega^2 Rc / (2 sin(pi / N)) in each joint, and along a link m l omega^2 / 12 more than its ends pull."""
     n, omega, mass, pitch, turned = 16, links.SPIN * links.AT / 16, 18.0, 0.1524, 0.4

@@ -119,6 +119,7 @@ def test_processes_give_the_same_rows():
     assert repr(alone) == repr(side_by_side)  # NaN is not itself
 
 
+@pytest.mark.long
 def test_processes_take_our_modules_not_those_of_an_fmu_that_ran_here(tmp_path, monkeypatch):
     (tmp_path / "fmus").mkdir()
     (tmp_path / "fmus" / "__init__.py").write_text("raise ImportError('these are the modules of an FMU')")
