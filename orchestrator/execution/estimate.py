@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from fmus.ports import TOLERANCE
 from orchestrator.execution.summary import energy_warning
 from orchestrator.log.reader import Log
-from orchestrator.results.difference import differences, worst
+from orchestrator.results.difference import ObservableDifference, differences, worst
 from orchestrator.results.run_data import Missing, RunData
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.parts import TRACK
@@ -28,6 +28,7 @@ from orchestrator.scene.scene import Scene
 SHARE = 1.0 / math.sqrt(3.0)  # error over difference: between 1 (order 1) and 1/3 (order 2)
 PARTS = ("coupling", "integration", "total")
 
+Differences = dict[str, ObservableDifference]  # by observable
 # Records a scene, in this process or another, and returns its summary.
 RecordRun = Callable[[Scene, Path], dict[str, Any]]
 
@@ -75,69 +76,85 @@ def companions(scene: Scene, internal: float, simulated: float, components: int)
     )
 
 
+class _NoEstimate(Exception):
+    """The reason why a run has no estimate."""
+
+
 def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun) -> dict[str, Any]:
     """Estimate the relative errors of a recorded run, in total and by observable, or give the reason."""
-    steps, simulated = _steps(scene, summary), summary["simulated_time"]
-    if not steps or not all(steps) or simulated < 4.0 * scene.run.step:
-        return without_estimate("the run is too short, or nothing in it has an internal step to double")
-    count = summary["communication_steps"]
-    pieces = max(1, round(max(steps) / count))  # internal steps per communication step; halved ones are few
-    coarser_runs = companions(scene, simulated / (count * pieces), simulated, len(summary["components"]))
-    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-        logs: dict[str, Path] = {}
-        wall_time = 0.0
-        for name, companion in zip(coarser_runs._fields, coarser_runs, strict=True):
-            if companion is None:
-                continue
-            if name == "total" and companion == coarser_runs.coupling:
-                logs[name] = logs["coupling"]
-                continue
-            coarse_summary = record(companion, Path(folder) / f"{name}.mcap")
-            wall_time += coarse_summary["wall_time"]
-            if coarse_summary["status"] != "ok" or energy_warning(coarse_summary["energy"]):
-                return without_estimate(f"the run at twice the step cannot be right: {coarse_summary['message']}")
-            if coarser_runs.coupling is None and scene.run.variable is None:
-                # Internal steps a second.
-                coarser = max(_steps(companion, coarse_summary)) / coarse_summary["simulated_time"]
-                if coarser > 0.75 * max(steps) / simulated:
-                    return without_estimate("there is no coarser run: internal steps are as long as stability allows")
-            logs[name] = Path(coarse_summary["log"])
-        try:
-            with (
-                Log(log, unfinished=True) as fine,
-                Log(logs["total"]) as coarsest,
-                Log(logs.get("coupling", log), unfinished=True) as coupling,
-            ):
-                runs = [RunData(opened) for opened in (fine, coupling, coarsest)]
-                total = differences(runs[2], runs[0])
-                uncoupled = coarser_runs.coupling is None
-                parts = {
-                    "coupling": {} if uncoupled else differences(runs[1], runs[0]),
-                    "integration": total if uncoupled else differences(runs[2], runs[1]),
-                    "total": total,
-                }
-        except (Missing, LookupError) as error:
-            return without_estimate(str(error))
-    errors: dict[str, float | None] = {
-        part: SHARE * worst(part_differences) if part_differences else 0.0 for part, part_differences in parts.items()
-    }
+    try:
+        coarser_runs = _coarser_runs(scene, summary)
+        with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
+            logs, wall_time = _record_coarser(scene, summary, coarser_runs, record, Path(folder))
+            parts = _differences(log, logs, coarser_runs)
+    except _NoEstimate as reason:
+        return without_estimate(str(reason))
+    errors: dict[str, float | None] = {part: SHARE * worst(found) if found else 0.0 for part, found in parts.items()}
     not_separable = {"integration": None} if coarser_runs.total == coarser_runs.coupling else {}
-    return {
-        **(errors | not_separable),
-        "observables": {
-            name: {
-                "unit": difference.unit,
-                "absolute": SHARE * difference.absolute,
-                **(
-                    {part: SHARE * parts[part][name].relative if parts[part] else 0.0 for part in PARTS} | not_separable
-                ),
-                "decisive": difference.decisive,
-            }
-            for name, difference in total.items()
-        },
-        "wall_time": wall_time,
-        "message": "",
+    observables = {
+        name: {
+            "unit": difference.unit,
+            "absolute": SHARE * difference.absolute,
+            **{part: SHARE * parts[part][name].relative if parts[part] else 0.0 for part in PARTS},
+            **not_separable,
+            "decisive": difference.decisive,
+        }
+        for name, difference in parts["total"].items()
     }
+    return {**(errors | not_separable), "observables": observables, "wall_time": wall_time, "message": ""}
+
+
+def _coarser_runs(scene: Scene, summary: dict[str, Any]) -> Companions:
+    steps, simulated, count = _steps(scene, summary), summary["simulated_time"], summary["communication_steps"]
+    if not steps or not all(steps) or simulated < 4.0 * scene.run.step:
+        raise _NoEstimate("the run is too short, or nothing in it has an internal step to double")
+    pieces = max(1, round(max(steps) / count))  # internal steps per communication step; halved ones are few
+    return companions(scene, simulated / (count * pieces), simulated, len(summary["components"]))
+
+
+def _record_coarser(
+    scene: Scene, summary: dict[str, Any], coarser_runs: Companions, record: RecordRun, folder: Path
+) -> tuple[dict[str, Path], float]:
+    """Record the coarser runs; return their logs by name, and their run time, s."""
+    logs: dict[str, Path] = {}
+    wall_time = 0.0
+    for name, companion in zip(coarser_runs._fields, coarser_runs, strict=True):
+        if companion is None:
+            continue
+        if name == "total" and companion == coarser_runs.coupling:
+            logs[name] = logs["coupling"]
+            continue
+        coarser = record(companion, folder / f"{name}.mcap")
+        wall_time += coarser["wall_time"]
+        if coarser["status"] != "ok" or energy_warning(coarser["energy"]):
+            raise _NoEstimate(f"the run at twice the step cannot be right: {coarser['message']}")
+        if coarser_runs.coupling is None and scene.run.variable is None:
+            most = max(_steps(scene, summary)) / summary["simulated_time"]  # internal steps a second
+            if max(_steps(companion, coarser)) / coarser["simulated_time"] > 0.75 * most:
+                raise _NoEstimate("there is no coarser run: internal steps are as long as stability allows")
+        logs[name] = Path(coarser["log"])
+    return logs, wall_time
+
+
+def _differences(log: Path, logs: dict[str, Path], coarser_runs: Companions) -> dict[str, Differences]:
+    """Differences by part; parts that a run does not have are empty."""
+    try:
+        with (
+            Log(log, unfinished=True) as fine_log,
+            Log(logs["total"]) as coarsest_log,
+            Log(logs.get("coupling", log), unfinished=True) as coupling_log,
+        ):
+            fine, coupling, coarsest = (RunData(opened) for opened in (fine_log, coupling_log, coarsest_log))
+            total = differences(coarsest, fine)
+            if coarser_runs.coupling is None:
+                return {"coupling": {}, "integration": total, "total": total}
+            return {
+                "coupling": differences(coupling, fine),
+                "integration": differences(coarsest, coupling),
+                "total": total,
+            }
+    except (Missing, LookupError) as error:
+        raise _NoEstimate(str(error)) from error
 
 
 def _steps(scene: Scene, summary: dict[str, Any]) -> list[int]:

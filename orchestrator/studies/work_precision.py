@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from itertools import cycle, product
 from operator import itemgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from fmus.cache import reporting_errors
 from orchestrator.execution import precision
@@ -148,10 +148,7 @@ def method_settings(row: Row) -> tuple[str, ...]:
 
 def draw(rows: Sequence[Row], title: str) -> files.Picture:
     """Draw one pane for the whole error and one per observable; a curve per method, Pareto front shaded."""
-    from matplotlib import colormaps
     from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-    from matplotlib.ticker import LogLocator, NullFormatter
 
     good = runs(rows)
     names = ["", *_observables(good)]
@@ -159,53 +156,79 @@ def draw(rows: Sequence[Row], title: str) -> files.Picture:
     down = -(-len(names) // across)
     figure = Figure(figsize=(5.2 * across, 4.2 * down + 1.4), layout="constrained")
     axes = figure.subplots(down, across, squeeze=False).ravel()
-    methods = list(dict.fromkeys(row["method"] for row in good))
-    tracks = list(dict.fromkeys(row["track"] for row in good))
-    lines: dict[str, Any] = dict(zip(tracks, cycle(("-", "--", ":", "-.")), strict=False))
+    curves = _curve_styles(good)
     for pane, name in zip(axes, names, strict=False):
-
-        def error(row: Row, name: str = name) -> float:
-            return row["errors"].get(name, math.nan) if name else row["error"]
-
-        for track, (k, method) in product(tracks, enumerate(methods)):
-            points = [
-                (row["wall_time"], error(row)) for row in good if (row["track"], row["method"]) == (track, method)
-            ]
-            if not points:
-                continue
-            pane.loglog(
-                *zip(*points, strict=True), marker=MARKERS[k % len(MARKERS)], markersize=4, linewidth=1,
-                linestyle=lines[track], color=colormaps["tab10"](k % 10),
-            )  # fmt: skip
-        for track in tracks:
-            best = pareto_front((row for row in good if row["track"] == track), error)
-            pane.loglog(
-                [row["wall_time"] for row in best], [error(row) for row in best], linestyle="none", marker="o",
-                markersize=10, markerfacecolor="none", markeredgecolor="0.3",
-            )  # fmt: skip
-        truth_errors = [error(row) for row in rows if row["method"] == "truth"]
-        if truth_errors and max(truth_errors) > 0.0:
-            corner = {"ha": "right", "va": "top", "transform": pane.transAxes, "fontsize": 7}
-            pane.text(0.98, 0.97, f"truth: {max(truth_errors):.0e}", **corner)
-        pane.set_title(name.replace("_", " ") or "largest of the decisive ones", fontsize=9, loc="left")
-        pane.set_xlabel("run time, s", fontsize=8)
-        pane.set_ylabel("relative error", fontsize=8)
-        low, high = pane.get_xlim()
-        if high < 100.0 * low:  # decades alone would give one or two labels
-            pane.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            pane.xaxis.set_major_formatter("{x:g}")
-        pane.xaxis.set_minor_formatter(NullFormatter())
-        pane.yaxis.set_minor_formatter(NullFormatter())
-        pane.grid(True, which="both", color="0.93")
+        _draw_pane(pane, rows, good, name, curves)
     for pane in axes[len(names) :]:
         pane.set_axis_off()
-    keys = [
-        *(
-            Line2D([], [], color=colormaps["tab10"](k % 10), marker=MARKERS[k % len(MARKERS)], label=method)
-            for k, method in enumerate(methods)
-        ),
-        *(Line2D([], [], color="0.3", linestyle=line, label=f"{track} links") for track, line in lines.items()),
-    ]
-    figure.legend(handles=keys, loc="outside lower center", ncols=min(4, len(keys)), fontsize=10)
+    _draw_legend(figure, curves)
     figure.suptitle(f"{title} (rings: Pareto front of a track model)", fontsize=12)
     return figure
+
+
+class _CurveStyles(NamedTuple):
+    """How the curves of a picture are drawn."""
+
+    methods: dict[str, dict[str, Any]]  # colour and marker
+    tracks: dict[str, Any]  # line style
+
+
+def _curve_styles(good: Sequence[Row]) -> _CurveStyles:
+    from matplotlib import colormaps
+
+    methods = dict.fromkeys(row["method"] for row in good)
+    tracks = dict.fromkeys(row["track"] for row in good)
+    styles = {
+        method: {"color": colormaps["tab10"](k % 10), "marker": MARKERS[k % len(MARKERS)]}
+        for k, method in enumerate(methods)
+    }
+    return _CurveStyles(styles, dict(zip(tracks, cycle(("-", "--", ":", "-.")), strict=False)))
+
+
+def _draw_pane(pane: Any, rows: Sequence[Row], good: Sequence[Row], name: str, curves: _CurveStyles) -> None:
+    """Draw the curves and Pareto fronts of an observable; ``name`` is empty for the whole error."""
+
+    def error(row: Row) -> float:
+        return row["errors"].get(name, math.nan) if name else row["error"]
+
+    for track, method in product(curves.tracks, curves.methods):
+        points = [(row["wall_time"], error(row)) for row in good if (row["track"], row["method"]) == (track, method)]
+        if points:
+            style = {"markersize": 4, "linewidth": 1, "linestyle": curves.tracks[track], **curves.methods[method]}
+            pane.loglog(*zip(*points, strict=True), **style)
+    for track in curves.tracks:
+        best = pareto_front((row for row in good if row["track"] == track), error)
+        pane.loglog(
+            [row["wall_time"] for row in best], [error(row) for row in best], linestyle="none", marker="o",
+            markersize=10, markerfacecolor="none", markeredgecolor="0.3",
+        )  # fmt: skip
+    truth_errors = [error(row) for row in rows if row["method"] == "truth"]
+    if truth_errors and max(truth_errors) > 0.0:
+        corner = {"ha": "right", "va": "top", "transform": pane.transAxes, "fontsize": 7}
+        pane.text(0.98, 0.97, f"truth: {max(truth_errors):.0e}", **corner)
+    pane.set_title(name.replace("_", " ") or "largest of the decisive ones", fontsize=9, loc="left")
+    _draw_axes(pane)
+
+
+def _draw_axes(pane: Any) -> None:
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    pane.set_xlabel("run time, s", fontsize=8)
+    pane.set_ylabel("relative error", fontsize=8)
+    low, high = pane.get_xlim()
+    if high < 100.0 * low:  # decades alone would give one or two labels
+        pane.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        pane.xaxis.set_major_formatter("{x:g}")
+    pane.xaxis.set_minor_formatter(NullFormatter())
+    pane.yaxis.set_minor_formatter(NullFormatter())
+    pane.grid(True, which="both", color="0.93")
+
+
+def _draw_legend(figure: Any, curves: _CurveStyles) -> None:
+    from matplotlib.lines import Line2D
+
+    keys = [
+        *(Line2D([], [], label=method, **style) for method, style in curves.methods.items()),
+        *(Line2D([], [], color="0.3", linestyle=line, label=f"{track} links") for track, line in curves.tracks.items()),
+    ]
+    figure.legend(handles=keys, loc="outside lower center", ncols=min(4, len(keys)), fontsize=10)
