@@ -8,13 +8,24 @@ their accelerations, and generalised forces (N on positions, N m on gradients).
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import eigh
 
 from fmus.jit import dispatch, implementation
 from fmus.physics.ancf.cable import Cable, EngineeringCable, GeneralCable
+
+if TYPE_CHECKING:
+    from typing import Protocol
+
+    class Element(Protocol):
+        """Parameters of an element: ``Cable`` or ``Beam``; a protocol, so that no kernel of one follows the other."""
+
+        @property
+        def l(self) -> float:  # noqa: E743 - the letter of the formulas
+            """Length, m."""
+
 
 ELASTICITIES: dict[str, type[Cable]] = {
     "small_deformation": Cable,
@@ -102,7 +113,7 @@ def mean_curvature(c, e):
     """Mean curvature of a cable in its plane, 1/m, positive if it bends towards its outer side."""
 
 
-def highest_frequency(c: Any) -> float:
+def highest_frequency(c: Element) -> float:
     """Highest frequency of one straight free element, rad/s.
 
     By Rayleigh's bound no mode of a chain of such elements is higher, contacts apart.

@@ -8,10 +8,13 @@ with a class of these fields and ``normal``, and its name here and in ``fmus.veh
 from __future__ import annotations
 
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fmus.jit import dispatch
 from fmus.physics.contact import hunt_crossley, linear
+
+if TYPE_CHECKING:
+    Law = linear.Linear | hunt_crossley.HuntCrossley  # constants of a contact pair
 
 LAWS: dict[str, Any] = {"linear": linear.Linear, "hunt_crossley": hunt_crossley.HuntCrossley}
 
