@@ -40,14 +40,12 @@ class AugmentedSystem(NamedTuple):
     A: np.ndarray  # (n, 3, 3) rotation matrices of the links
     WP: np.ndarray  # (p, 2, 3) axis rows of the link before each pin
     WQ: np.ndarray  # (p, 2, 3) axis rows of the link after each pin
-    K: (
-        np.ndarray
-    )  # (n, 6, 6) diagonal blocks, N and N m per m and rad, or kg and kg m2; inverted in place by ``factor``
+    K: np.ndarray  # (n, 6, 6) diagonal blocks, units of r over dx; inverted in place by ``factor``
     r: np.ndarray  # (n, 6) residual of the links, N and N m
     C: np.ndarray  # (p, 5) residual of the pins, m and rad
     dx: np.ndarray  # (n, 6) increments of the links, m and rad
     dl: np.ndarray  # (p, 5) increments of the multipliers, N and N m
-    S: np.ndarray  # (3, p, 5, 5) Schur complement in the units of 1/K: diagonal, upper, lower
+    S: np.ndarray  # (3, p, 5, 5) Schur complement, units of dx over r: diagonal, upper, lower
     factors: block_cyclic.Factors  # factors of the Schur complement
     P: np.ndarray  # (10, 6) scratch, also for the inversion
 
