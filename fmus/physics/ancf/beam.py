@@ -67,19 +67,19 @@ Section = Beam
 
 
 @kernel
-def vectors(c):
+def vectors(c: Beam) -> int:
     """See ``element``."""
     return ROWS
 
 
 @kernel
-def axes(c):
+def axes(c: Beam) -> int:
     """See ``element``."""
     return 3
 
 
 @kernel
-def total_mass(c):
+def total_mass(c: Beam) -> float:
     """See ``element``."""
     return c.rho * c.width * c.height * c.l
 

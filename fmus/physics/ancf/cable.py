@@ -60,19 +60,19 @@ Section = Cable
 
 
 @kernel
-def vectors(c):
+def vectors(c: Cable) -> int:
     """See ``element``."""
     return ROWS
 
 
 @kernel
-def axes(c):
+def axes(c: Cable) -> int:
     """See ``element``."""
     return len(c.axes)
 
 
 @kernel
-def total_mass(c):
+def total_mass(c: Cable) -> float:
     """See ``element``."""
     return c.rhoA * c.l
 

@@ -5,7 +5,12 @@ class of ``c``, so that neither elasticity loads the other. Coordinates ``e`` (4
 in ``centreline``.
 """
 
+# the stubs of ``dispatch`` have no bodies
+# mypy: disable-error-code="empty-body"
+
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +29,10 @@ from fmus.physics.ancf.centreline import (
 )
 from fmus.physics.arrays import Floats
 
+if TYPE_CHECKING:
+    from fmus.physics.ancf.centreline import Density
+
+
 __all__ = ["ROWS", "damping", "end_moments", "energy", "force", "mass", "section_force", "shape", "tangent", "tension"]
 
 
@@ -31,7 +40,7 @@ _elasticity = implementation("densities")
 
 
 @dispatch(_elasticity, shared=True)
-def measures(c, a, b, g):
+def measures(c: Cable, a: float, b: float, g: float) -> tuple[float, float, float]:
     """Axial strain, bending strain squared, 1/m2, and axial force over EA times strain.
 
     All from the invariants ``a``, ``b`` (1/m2), ``g`` (1/m) of ``centreline``.
@@ -39,7 +48,7 @@ def measures(c, a, b, g):
 
 
 @dispatch(_elasticity, shared=True)
-def density(c, EA, EI, a, b, g):
+def density(c: Cable, EA: float, EI: float, a: float, b: float, g: float) -> Density:
     """Energy density, a ``Density``, for the stiffnesses ``EA``, N, and ``EI``, N m2.
 
     The invariants ``a``, ``b``, ``g`` are those of ``centreline``.
