@@ -32,9 +32,7 @@ class ArticulatedBodies(NamedTuple):
     bias: np.ndarray  # (n, 6) accelerations of a link at P due to velocities, rad/s2 and m/s2
     pivot: np.ndarray  # (n, 3) I^A of alpha_y with alpha_y, kg m2, with a_x and a_z, kg m
     slide: np.ndarray  # (n, 3) xx, xz, zz of I^a, kg, passed on by the joint, which transmits no moment about y
-    side: (
-        np.ndarray
-    )  # (n, 6) I^A across the plane: xx, xz, zz of alpha, kg m2; alpha_x, alpha_z with a_y, kg m; a_y, kg
+    side: np.ndarray  # (n, 6) I^A across the plane: alpha xx, xz, zz, kg m2; alpha_x, alpha_z with a_y, kg m; a_y, kg
     root: np.ndarray  # (2, 3, 3) inverse I^A of a floating link 0: in the plane, across it
     load: np.ndarray  # (3, n, 6) p: of all loads; of a unit force in the closing pin along x; along z
     response: np.ndarray  # (3, n, 6) accelerations due to these loads
