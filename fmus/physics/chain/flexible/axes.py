@@ -52,7 +52,7 @@ def add_lateral_bending(links: FlexibleLinks, w: Work, r: Floats, tangent: bool)
 def couple_inertia(links: FlexibleLinks, w: Work, by_acceleration: float) -> None:
     """Write the rows and columns of ``w.K`` that couple the link's inertia with the rotation of the axes.
 
-    ``by_acceleration``, 1/s2, is d acceleration / d position.
+    ``by_acceleration``, 1/s2, is d acceleration / d position; 1 makes the matrix a mass.
     """
 
 

@@ -20,7 +20,7 @@ from fmus.physics.arrays import Floats
 from fmus.physics.chain.sums import JOINTS
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.flexible.elements import Element
+    from fmus.physics.ancf.element import Element
     from fmus.physics.chain.flexible.link_layout import LinkLayout
     from fmus.physics.chain.flexible.state import Motion
     from fmus.physics.chain.flexible.work import Work

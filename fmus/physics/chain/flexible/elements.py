@@ -17,16 +17,10 @@ from fmus.physics.ancf.element import axes
 from fmus.physics.arrays import Floats, Vector
 
 if TYPE_CHECKING:
+    from fmus.physics.ancf.element import Element
     from fmus.physics.chain.flexible.closing import ClosingSpring
     from fmus.physics.chain.flexible.link_layout import LinkLayout
     from fmus.physics.chain.flexible.work import Work
-
-    class Element(Protocol):
-        """Parameters of an element of any kind, see ``ancf.element``."""
-
-        @property
-        def l(self) -> float:  # noqa: E743 - the letter of mechanics
-            """Length, m."""
 
     class FlexibleLinks(Protocol):
         """Parameters of a chain of equal links of any element."""
