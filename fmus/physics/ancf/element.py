@@ -6,9 +6,6 @@ Shapes: ``e``, ``v``, ``a``, ``Q`` (rows, axes) are element coordinates (positio
 their accelerations, and generalised forces (N on positions, N m on gradients).
 """
 
-# the stubs of ``dispatch`` have no bodies
-# mypy: disable-error-code="empty-body"
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -18,7 +15,6 @@ from scipy.linalg import eigh
 
 from fmus.jit import dispatch, implementation
 from fmus.physics.ancf.cable import Cable, EngineeringCable, GeneralCable
-from fmus.physics.arrays import Floats
 
 if TYPE_CHECKING:
     from typing import Protocol
@@ -42,37 +38,37 @@ _forces, _masses = implementation("forces"), implementation("masses")
 
 
 @dispatch(_masses)
-def vectors(c: Element) -> int:
+def vectors(c):
     """Number of coordinate vectors, rows."""
 
 
 @dispatch(_masses)
-def axes(c: Element) -> int:
+def axes(c):
     """Number of components of a vector."""
 
 
 @dispatch(_masses)
-def total_mass(c: Element) -> float:
+def total_mass(c):
     """Mass, kg."""
 
 
 @dispatch(_masses, shared=True)
-def mass(c: Element, M: Floats) -> None:
+def mass(c, M):
     """Constant mass matrix into ``M`` (rows, rows), kg, as factors of the identity of space."""
 
 
 @dispatch(_masses)
-def straight(c: Element) -> Floats:
+def straight(c):
     """Coordinates (rows, axes) of the element at rest along x from the origin; not for kernels."""
 
 
 @dispatch(_forces, shared=True)
-def energy(c: Element, e: Floats) -> float:
+def energy(c, e):
     """Strain energy at the coordinates ``e`` (rows, axes), J."""
 
 
 @dispatch(_forces, shared=True)
-def force(c: Element, e: Floats, v: Floats, Q: Floats) -> float:
+def force(c, e, v, Q):
     """Add elastic and damping force at rates ``v`` to ``Q`` (rows, axes); it acts as -Q.
 
     At rest it is the gradient of the energy. Returns the power of the damping, W.
@@ -80,12 +76,12 @@ def force(c: Element, e: Floats, v: Floats, Q: Floats) -> float:
 
 
 @dispatch(_forces, shared=True)
-def damping(c: Element, e: Floats, v: Floats, Q: Floats) -> float:
+def damping(c, e, v, Q):
     """Add the damping force alone to ``Q`` (rows, axes); return its power, W."""
 
 
 @dispatch(_forces, shared=True)
-def tangent(c: Element, e: Floats, v: Floats, by_rate: float, K: Floats) -> None:
+def tangent(c, e, v, by_rate, K):
     """Write the derivative of ``force`` to ``K`` (rows axes, rows axes).
 
     It is the derivative by coordinates plus ``by_rate``, 1/s, times that by rates; exact, but for the change of the
@@ -94,7 +90,7 @@ def tangent(c: Element, e: Floats, v: Floats, by_rate: float, K: Floats) -> None
 
 
 @dispatch(_forces, shared=True)
-def section_force(c: Element, e: Floats, v: Floats, a: Floats) -> float:
+def section_force(c, e, v, a):
     """Force between the two parts of the element along the line of its ends, mean along it, N.
 
     By equilibrium, at coordinates ``e``, rates ``v`` and accelerations ``a``: elastic force, damping, and the rotary
@@ -103,17 +99,17 @@ def section_force(c: Element, e: Floats, v: Floats, a: Floats) -> float:
 
 
 @dispatch(_forces, shared=True)
-def tension(c: Cable, e: Floats) -> float:
+def tension(c, e):
     """Axial force of a cable by its elastic strain, mean along it, N."""
 
 
 @dispatch(_forces, shared=True)
-def end_moments(c: Cable, e: Floats) -> tuple[float, float]:
+def end_moments(c, e):
     """Bending moments of a cable at both ends, N m."""
 
 
 @dispatch(_masses, shared=True)
-def mean_curvature(c: Cable, e: Floats) -> float:
+def mean_curvature(c, e):
     """Mean curvature of a cable in its plane, 1/m, positive if it bends towards its outer side."""
 
 
