@@ -367,7 +367,8 @@ def dispatch(module_of: Callable[[type], Any], shared: bool = False) -> Callable
         signature = inspect.signature(stub)
         names = ", ".join(signature.parameters)
         chosen.__signature__ = signature  # type: ignore[attr-defined]
-        overload(plain, jit_options=OPTIONS | INNER)(chosen)  # type: ignore[arg-type]
+        # not strict: numba compares annotations too, and those of a stub and of its namesakes differ
+        overload(plain, jit_options=OPTIONS | INNER, strict=False)(chosen)  # type: ignore[arg-type]
         return plain
 
     return decorate

@@ -34,8 +34,8 @@ class ExtrapolatedMount(NamedTuple):
     velocity: tuple[float, float, float]  # at the end
     angular_velocity: tuple[float, float, float]  # angular velocity at the end
     mean_angular_velocity: tuple[float, float, float]  # mean angular velocity
-    start_axis: tuple[float, float, float]  # lateral axis at the start
-    end_axis: tuple[float, float, float]  # lateral axis at the end
+    start_axis: np.ndarray  # (3) lateral axis at the start
+    end_axis: np.ndarray  # (3) lateral axis at the end
     start_rate: float  # rate about the axis at the start, rad/s
     end_rate: float  # rate about the axis at the end, rad/s
     chain_torque: float  # mean torque of the chain about the axis, N m

@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import kernel, noalias
+from fmus.physics.arrays import Floats, Size
 from fmus.physics.inverse import invert
 
 
@@ -44,7 +45,7 @@ def workspace(n: int, m: int) -> Factors:
 
 @kernel
 @noalias
-def _product(C, A, B, sign, size):
+def _product(C: Floats, A: Floats, B: Floats, sign: float, size: Size) -> None:
     """Compute C = sign A B, all (m, m)."""
     m = len(size)
     for r in range(m):
@@ -58,7 +59,7 @@ def _product(C, A, B, sign, size):
 
 @kernel
 @noalias
-def _subtract(C, A, B, size):
+def _subtract(C: Floats, A: Floats, B: Floats, size: Size) -> None:
     """Compute C -= A B, all (m, m)."""
     m = len(size)
     for r in range(m):
@@ -70,7 +71,7 @@ def _subtract(C, A, B, size):
 
 @kernel
 @noalias
-def factor(A, U, L, work, closed):
+def factor(A: Floats, U: Floats, L: Floats, work: Factors, closed: bool) -> int:
     """Factor in place: ``A`` becomes the inverted pivots, ``U`` and ``L`` are unchanged.
 
     A, U, L (n, m, m); work from ``workspace``. Returns -1, or the index of the first singular pivot block.
@@ -109,7 +110,7 @@ def factor(A, U, L, work, closed):
 
 @kernel
 @noalias
-def solve(A, U, work, closed, *sides):
+def solve(A: Floats, U: Floats, work: Factors, closed: bool, *sides: Floats) -> None:
     """Solve in place for each right-hand side of ``sides`` (n, m), all in one pass.
 
     A (inverted pivots), U (n, m, m) and ``work`` as ``factor`` leaves them.

@@ -12,15 +12,21 @@ Golub, Van Loan, Matrix Computations, 4.2 and 4.5. With the inverses of D it tak
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fmus.jit import kernel, noalias
+from fmus.physics.arrays import Floats, Size
+
+if TYPE_CHECKING:
+    from fmus.physics.block_cyclic import Factors
 
 
 @kernel
 @noalias
-def root(A, D, size):
-    """Lower ``D`` with D D^T = ``A`` (m, m), lower half read; ``A`` becomes D^-1. False if not definite."""
+def root(A: Floats, D: Floats, size: Size) -> bool:
+    """Lower ``D`` with D D^T = ``A``, both (m, m), lower half read; ``A`` becomes D^-1. False if not definite."""
     m = len(size)
     for c in range(m):
         for r in range(c):
@@ -47,7 +53,7 @@ def root(A, D, size):
 
 @kernel
 @noalias
-def _times_transposed(C, B, y, size):
+def _times_transposed(C: Floats, B: Floats, y: Floats, size: Size) -> None:
     """Compute C = C B^T for a lower triangular ``B``, both (m, m); ``y`` (m) is scratch."""
     m = len(size)
     for r in range(m):
@@ -62,7 +68,7 @@ def _times_transposed(C, B, y, size):
 
 @kernel
 @noalias
-def _subtract(C, A, B, size):
+def _subtract(C: Floats, A: Floats, B: Floats, size: Size) -> None:
     """Compute C -= A B^T, all (m, m)."""
     m = len(size)
     for r in range(m):
@@ -75,7 +81,7 @@ def _subtract(C, A, B, size):
 
 @kernel
 @noalias
-def factor(A, U, L, work, closed):
+def factor(A: Floats, U: Floats, L: Floats, work: Factors, closed: bool) -> int:
     """Factor in place: ``A`` becomes D^-1, ``U`` becomes D, ``L`` becomes E; H is stored in ``work``.
 
     A, U, L (n, m, m); work from ``block_cyclic.workspace``. Returns -1, or the first block that is not definite.
@@ -110,7 +116,7 @@ def factor(A, U, L, work, closed):
 
 @kernel
 @noalias
-def forward(A, L, work, closed, b):
+def forward(A: Floats, L: Floats, work: Factors, closed: bool, b: Floats) -> None:
     """Solve T y = b in place, b (n, m), with the results of ``factor``: A, L (n, m, m) and ``work``."""
     H, size = work.H, work.size
     n, m = A.shape[0], len(size)
@@ -139,7 +145,7 @@ def forward(A, L, work, closed, b):
 
 @kernel
 @noalias
-def back(A, L, work, closed, *sides):
+def back(A: Floats, L: Floats, work: Factors, closed: bool, *sides: Floats) -> None:
     """Solve T^T x = b in place, for each of ``sides`` (n, m) in one pass; A, L, ``work`` from ``factor``."""
     H, size = work.H, work.size
     n, m = A.shape[0], len(size)
@@ -165,7 +171,7 @@ def back(A, L, work, closed, *sides):
 
 @kernel
 @noalias
-def transposed(U, L, work, closed, b):
+def transposed(U: Floats, L: Floats, work: Factors, closed: bool, b: Floats) -> None:
     """Compute T^T b in place, b (n, m), with the results of ``factor``: U, L (n, m, m) and ``work``."""
     H, size = work.H, work.size
     n, m = U.shape[0], len(size)

@@ -14,13 +14,14 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import kernel, noalias
+from fmus.physics.arrays import Floats, Four, Size
 
 SMALL = 1e-3  # least ratio of a block's determinant to its products, and of 1 to P B: else rows are exchanged
 
 
 @kernel
-def _quarter(a, b, c, d):
-    """Inverse of ((a, b), (c, d)) by rows, (4), and whether its determinant keeps enough digits."""
+def _quarter(a: float, b: float, c: float, d: float) -> tuple[Four, bool]:
+    """Inverse of ((a, b), (c, d)) by rows, and whether its determinant keeps enough digits."""
     det = a * d - b * c
     if not (abs(det) > SMALL * (abs(a * d) + abs(b * c)) and abs(det) < np.inf):
         return (a, b, c, d), False
@@ -29,8 +30,8 @@ def _quarter(a, b, c, d):
 
 
 @kernel
-def _times(x, y):
-    """Product of two 2 x 2 blocks, by rows (4)."""
+def _times(x: Four, y: Four) -> Four:
+    """Product of two 2 x 2 blocks, by rows."""
     return (
         x[0] * y[0] + x[1] * y[2],
         x[0] * y[1] + x[1] * y[3],
@@ -40,19 +41,19 @@ def _times(x, y):
 
 
 @kernel
-def _sum(x, y):
-    """Sum of two 2 x 2 blocks, by rows (4)."""
+def _sum(x: Four, y: Four) -> Four:
+    """Sum of two 2 x 2 blocks, by rows."""
     return x[0] + y[0], x[1] + y[1], x[2] + y[2], x[3] + y[3]
 
 
 @kernel
-def _put(A, r, c, x, sign):
-    """Write ``sign`` times the 2 x 2 block ``x`` (4) into ``A`` from row ``r``, column ``c``."""
+def _put(A: Floats, r: int, c: int, x: Four, sign: float) -> None:
+    """Write ``sign`` times the 2 x 2 block ``x`` into ``A`` (4, 4) from row ``r``, column ``c``."""
     A[r, c], A[r, c + 1], A[r + 1, c], A[r + 1, c + 1] = sign * x[0], sign * x[1], sign * x[2], sign * x[3]
 
 
 @kernel
-def _by_quarters(A):
+def _by_quarters(A: Floats) -> bool:
     """Invert ``A`` (4, 4) in place by blocks; False, with ``A`` unchanged, if that would lose digits."""
     B, C = (A[0, 2], A[0, 3], A[1, 2], A[1, 3]), (A[2, 0], A[2, 1], A[3, 0], A[3, 1])
     P, done = _quarter(A[0, 0], A[0, 1], A[1, 0], A[1, 1])
@@ -75,7 +76,7 @@ def _by_quarters(A):
 
 @kernel
 @noalias
-def invert(A, swap, size=()):
+def invert(A: Floats, swap: Floats, size: Size = ()) -> bool:
     """Invert ``A`` (m, m) in place, Gauss-Jordan with row exchanges; return False if it is singular.
 
     ``swap`` (m) is scratch. A tuple ``size`` of length m makes it twice as fast, of length 4 five times.

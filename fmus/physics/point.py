@@ -30,7 +30,7 @@ def points(wheels: int, nodes: int) -> int:
 
 
 @kernel
-def sharpen(s):
+def sharpen(s: Memory) -> None:
     """Let the friction tangent follow the corrections from now on, and clear the stored directions."""
     s.sharp[0] = 1
     s.dual[:, 6] = 0.0

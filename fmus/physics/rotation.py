@@ -11,11 +11,12 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import allocating, kernel
+from fmus.physics.arrays import Floats, Four, Matrix, Quaternion, VectorLike
 
 
 @allocating
-def quat_multiply(p, q):
-    """Hamilton product p q, (4,): rotate by q, then by p (both in world axes)."""
+def quat_multiply(p: Quaternion | Four, q: Quaternion | Four) -> Quaternion:
+    """Hamilton product p q: rotate by q, then by p (both in world axes)."""
     r = np.empty(4)
     r[0] = p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3]
     r[1] = p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2]
@@ -25,27 +26,27 @@ def quat_multiply(p, q):
 
 
 @allocating
-def quat_conjugate(q):
-    """Inverse rotation of a unit quaternion, (4,)."""
+def quat_conjugate(q: Quaternion | Four) -> Quaternion:
+    """Inverse rotation of a unit quaternion."""
     return np.array([q[0], -q[1], -q[2], -q[3]])
 
 
 @allocating
-def quat_normalise(q):
-    """Unit quaternion along q, (4,)."""
+def quat_normalise(q: Quaternion | Four) -> Quaternion:
+    """Unit quaternion along q."""
     s = 1.0 / np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return np.array([s * q[0], s * q[1], s * q[2], s * q[3]])
 
 
 @kernel
-def put_quat(out, i, q):
-    """Write q (4) into the array ``out`` from index ``i``."""
+def put_quat(out: Floats, i: int, q: Quaternion | Four) -> None:
+    """Write q into the array ``out`` (n) from index ``i``."""
     out[i], out[i + 1], out[i + 2], out[i + 3] = q[0], q[1], q[2], q[3]
 
 
 @allocating
-def quat_to_matrix(q):
-    """Rotation matrix A, (3, 3): world components = A @ body components, columns are the body axes."""
+def quat_to_matrix(q: Quaternion | Four) -> Matrix:
+    """Rotation matrix A: world components = A @ body components, columns are the body axes."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     A = np.empty((3, 3))
     A[0, 0], A[0, 1], A[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
@@ -55,8 +56,8 @@ def quat_to_matrix(q):
 
 
 @allocating
-def quat_from_matrix(A):
-    """Unit quaternion of a rotation matrix A (3, 3), (4,); the sign makes its largest part positive.
+def quat_from_matrix(A: Matrix) -> Quaternion:
+    """Unit quaternion of a rotation matrix A; the sign makes its largest part positive.
 
     Divides by the largest of the four parts, so it is exact at every angle (Shepperd, 1978).
     """
@@ -80,8 +81,8 @@ def quat_from_matrix(A):
 
 
 @allocating
-def quat_rotate(q, v):
-    """World components (3,) of a vector with body components v (3)."""
+def quat_rotate(q: Quaternion | Four, v: VectorLike) -> Floats:
+    """World components (3) of a vector with body components v."""
     # t = 2 (q x v); v + w t + q x t
     a = 2 * (q[2] * v[2] - q[3] * v[1])
     b = 2 * (q[3] * v[0] - q[1] * v[2])
@@ -94,8 +95,8 @@ def quat_rotate(q, v):
 
 
 @allocating
-def quat_from_rotation_vector(r):
-    """Unit quaternion (4,) of the rotation vector r (3), rad; smooth through r = 0."""
+def quat_from_rotation_vector(r: VectorLike) -> Quaternion:
+    """Unit quaternion of the rotation vector r, rad; smooth through r = 0."""
     square = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
     half = 0.5 * np.sqrt(square)
     # sin(half) / (2 half); below 1e-4 rad the next term of the series is under 1e-18
@@ -104,8 +105,8 @@ def quat_from_rotation_vector(r):
 
 
 @allocating
-def rotation_vector(q):
-    """Rotation vector (3,) of a unit quaternion, rad, at most pi long; exact near 0."""
+def rotation_vector(q: Quaternion | Four) -> Floats:
+    """Rotation vector (3) of a unit quaternion, rad, at most pi long; exact near 0."""
     sine = np.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     sign = 1.0 if q[0] >= 0 else -1.0
     s = 2 * sign * (np.arctan2(sine, sign * q[0]) / sine if sine > 1e-9 else 1.0)
@@ -113,6 +114,6 @@ def rotation_vector(q):
 
 
 @allocating
-def quat_advance(q, r):
-    """Rotate q by the rotation vector r (3), rad, in WORLD axes (w h at constant rate); normalised (4,)."""
+def quat_advance(q: Quaternion | Four, r: VectorLike) -> Quaternion:
+    """Rotate q by the rotation vector r, rad, in WORLD axes (w h at constant rate); normalised."""
     return quat_normalise(quat_multiply(quat_from_rotation_vector(r), q))

@@ -9,14 +9,15 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats, VectorLike
 
 WIDTH = 15
 UNIT = 0.1  # largest deviation of a quaternion's length from 1
 
 
 @kernel
-def turn(omega, tau, a, out):
-    """Rotate ``a`` (3) at ``omega`` (3), rad/s, for ``tau`` s into ``out`` (3); Rodrigues' formula."""
+def turn(omega: VectorLike, tau: float, a: VectorLike, out: Floats) -> None:
+    """Rotate ``a`` at ``omega``, rad/s, for ``tau`` s into ``out`` (3); Rodrigues' formula."""
     rate = np.sqrt(omega[0] ** 2 + omega[1] ** 2 + omega[2] ** 2)
     angle = rate * tau
     if angle == 0.0:
@@ -35,7 +36,7 @@ def turn(omega, tau, a, out):
 
 
 @kernel
-def move(rows, tau, out):
+def move(rows: Floats, tau: float, out: Floats) -> None:
     """Extrapolate the wheels ``rows`` (m, 15) by ``tau`` s at constant rates into ``out`` (m, 15)."""
     for k in range(rows.shape[0]):
         for i in range(3):
@@ -47,7 +48,7 @@ def move(rows, tau, out):
 
 
 @kernel
-def read_states(u, frame, rows):
+def read_states(u: Floats, frame: Floats, rows: Floats) -> int:
     """Convert wheel states ``u`` (13 m) to ``rows`` (m, 15) in the track's frame.
 
     ``u``: position m, quaternion, velocity m/s, angular velocity rad/s, in the world. ``frame`` (5): origin of the
@@ -76,8 +77,11 @@ def read_states(u, frame, rows):
 
 
 @kernel
-def to_world(vectors, frame, y):
-    """Convert ``vectors`` (k, 3) from the track's frame to world axes, flat into ``y`` (3 k)."""
+def to_world(vectors: Floats, frame: Floats, y: Floats) -> None:
+    """Convert ``vectors`` (k, 3) from the track's frame to world axes, flat into ``y`` (3 k).
+
+    ``frame`` as in ``read_states``.
+    """
     c, s = frame[3], frame[4]
     for k in range(vectors.shape[0]):
         y[3 * k] = c * vectors[k, 0] - s * vectors[k, 1]

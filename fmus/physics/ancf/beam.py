@@ -33,7 +33,7 @@ import numpy as np
 from fmus.jit import allocating, implemented_in, kernel
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
-from fmus.physics.arrays import Floats
+from fmus.physics.arrays import Floats, Four
 
 ROWS = 8  # coordinate vectors of an element: position and three gradients at two nodes
 GAUSS = 4  # Gauss points along the element
@@ -67,19 +67,19 @@ Section = Beam
 
 
 @kernel
-def vectors(c):
+def vectors(c: Beam) -> int:
     """See ``element``."""
     return ROWS
 
 
 @kernel
-def axes(c):
+def axes(c: Beam) -> int:
     """See ``element``."""
     return 3
 
 
 @kernel
-def total_mass(c):
+def total_mass(c: Beam) -> float:
     """See ``element``."""
     return c.rho * c.width * c.height * c.l
 
@@ -90,13 +90,13 @@ def straight(c: Beam) -> Floats:
 
 
 @kernel
-def radii(c):
+def radii(c: Beam) -> tuple[float, float]:
     """Radii of gyration of the section by y and by z, m: the places of two Gauss points across it."""
     return c.width / np.sqrt(12.0), c.height / np.sqrt(12.0)
 
 
 @allocating
-def shape(c, xi, y, z, S):
+def shape(c: Beam, xi: float, y: float, z: float, S: Floats) -> None:
     """Shape functions at the fraction ``xi`` of the length and ``y``, ``z``, m, into ``S`` (8)."""
     ends = np.empty(4)
     cable.shape(c, xi, ends)
@@ -105,7 +105,7 @@ def shape(c, xi, y, z, S):
 
 
 @allocating
-def mass(c, M):
+def mass(c: Beam, M: Floats) -> None:
     """Constant mass matrix into ``M`` (8, 8), kg, as factors of the 3 x 3 identity."""
     S, whole, slope, (y, z) = np.empty(8), total_mass(c), cable.mean_slope(c), radii(c)
     y, z = np.sqrt(y * y + c.rotary[1] / whole), np.sqrt(z * z + c.rotary[2] / whole)  # of gyration: exact moments
@@ -123,7 +123,7 @@ def mass(c, M):
 
 
 @kernel
-def moduli(c, axis):
+def moduli(c: Beam, axis: bool) -> Four:
     """Moduli, Pa: direct and lateral of the normal strains, shear with the axis, shear within the section.
 
     They are those of the volume, or with ``axis`` those left to the axis: mean shear, and lateral coupling if split.
@@ -141,7 +141,7 @@ def moduli(c, axis):
 
 
 @kernel
-def section_law(c, C):
+def section_law(c: Beam, C: Floats) -> None:
     """Hooke's law of a section into ``C`` (2, 5, 5), Pa: ``C[0]`` for squares, ``C[1]`` for products.
 
     They are those of the five section vectors. The strain xx at y, z is that of the axis, plus half the square of y G1
@@ -167,7 +167,7 @@ def section_law(c, C):
 
 
 @kernel
-def basis(c, xi, N):
+def basis(c: Beam, xi: float, N: Floats) -> None:
     """Matrix ``N`` (5, 8) of the section vectors at the fraction ``xi`` of the length, G = N e.
 
     G: r_x on the axis, its slopes by y and z times the radii of gyration, r_y, r_z. All strains of the section follow
@@ -185,7 +185,7 @@ def basis(c, xi, N):
 
 
 @kernel
-def section_vectors(N, e, G):
+def section_vectors(N: Floats, e: Floats, G: Floats) -> None:
     """Section vectors ``G`` (5, 3) = N e by position differences, exact far from the origin too."""
     for i in range(3):
         G[0, i] = N[0, 4] * (e[4, i] - e[0, i]) + N[0, 1] * e[1, i] + N[0, 5] * e[5, i]
@@ -196,7 +196,7 @@ def section_vectors(N, e, G):
 
 
 @kernel
-def strain(G, E):
+def strain(G: Floats, E: Floats) -> None:
     """Green-Lagrange strains of a section into the upper half of ``E`` (5, 5).
 
     They are half squares (diagonal) and products of the section vectors ``G`` (5, 3).
@@ -208,7 +208,7 @@ def strain(G, E):
 
 
 @kernel
-def rates(G, H, E):
+def rates(G: Floats, H: Floats, E: Floats) -> None:
     """Rates of the strains, 1/s, into ``E`` (5, 5), for ``G`` (5, 3) changing at ``H`` (5, 3), 1/s."""
     for i in range(5):
         for j in range(i, 5):
@@ -218,8 +218,8 @@ def rates(G, H, E):
 
 
 @kernel
-def hooke(C, E, T):
-    """Mean stresses of the section, Pa, into the upper half of ``T`` (5, 5), by ``C`` and strains ``E``."""
+def hooke(C: Floats, E: Floats, T: Floats) -> None:
+    """Mean stresses of the section, Pa, into the upper half of ``T``, by ``C`` and strains ``E`` (5, 5 both)."""
     for i in range(5):
         T[i, i] = 0.0
         for j in range(5):
@@ -229,7 +229,7 @@ def hooke(C, E, T):
 
 
 @kernel
-def twice_energy_density(E, T):
+def twice_energy_density(E: Floats, T: Floats) -> float:
     """Twice the energy density of the stresses ``T`` at the strains ``E`` (5, 5 each), J/m3."""
     total = 0.0
     for i in range(5):
@@ -239,7 +239,7 @@ def twice_energy_density(E, T):
 
 
 @allocating
-def energy(c, e):
+def energy(c: Beam, e: Floats) -> float:
     """Strain energy at the coordinates ``e`` (8, 3), J."""
     N, G, C, E, T = np.empty((5, 8)), np.empty((5, 3)), np.empty((2, 5, 5)), np.empty((5, 5)), np.empty((5, 5))
     volume, U = c.l * c.width * c.height, 0.0
@@ -254,7 +254,7 @@ def energy(c, e):
 
 
 @allocating
-def internal_force(c, e, v, elastic, Q):
+def internal_force(c: Beam, e: Floats, v: Floats, elastic: float, Q: Floats) -> float:
     """Add ``elastic`` times the elastic force and the damping force at rates ``v`` (8, 3) to ``Q`` (8, 3).
 
     The damping stress is tau times the rate of the elastic one. Returns the power of the damping, W. The paper damps
@@ -291,7 +291,7 @@ def internal_force(c, e, v, elastic, Q):
 
 
 @allocating
-def section_force(c, e, v, a):
+def section_force(c: Beam, e: Floats, v: Floats, a: Floats) -> float:
     """See ``element``: the work of the stresses on r_x of the axis, along the line of the ends."""
     N, G, H, C = np.empty((5, 8)), np.empty((5, 3)), np.empty((5, 3)), np.empty((2, 5, 5))
     E, R, T, pull, square, turning = np.empty((5, 5)), np.empty((5, 5)), np.empty((5, 5)), 0.0, 0.0, 0.0
@@ -319,23 +319,23 @@ def section_force(c, e, v, a):
 
 
 @kernel
-def force(c, e, v, Q):
+def force(c: Beam, e: Floats, v: Floats, Q: Floats) -> float:
     """Add elastic and damping force to ``Q`` (8, 3); return the power of the damping, W."""
     return internal_force(c, e, v, 1.0, Q)
 
 
 @kernel
-def damping(c, e, v, Q):
+def damping(c: Beam, e: Floats, v: Floats, Q: Floats) -> float:
     """Add the damping force alone to ``Q`` (8, 3); return its power, W."""
     return internal_force(c, e, v, 0.0, Q)
 
 
 @kernel
-def slope(w, C, T, G, B, H):
+def slope(w: float, C: Floats, T: Floats, G: Floats, B: Floats, H: Floats) -> None:
     """Derivative of the section forces P_i = T_ij G_j by the section vectors into ``H`` (15, 15).
 
-    It is weighted by ``w``. ``T`` (5, 5) are the stresses; they change with the section vectors by ``B`` (5, 3), which
-    is ``G`` for elastic stress.
+    It is weighted by ``w``, m3. ``T`` (5, 5) are the stresses, Pa; they change with the section vectors by ``B``
+    (5, 3), which is ``G`` for elastic stress.
     """
     for i in range(5):
         for j in range(5):
@@ -353,7 +353,7 @@ def slope(w, C, T, G, B, H):
 
 
 @allocating
-def tangent(c, e, v, by_rate, K):
+def tangent(c: Beam, e: Floats, v: Floats, by_rate: float, K: Floats) -> None:
     """Write the exact derivative of ``force`` to ``K`` (24, 24).
 
     It is the derivative by coordinates plus ``by_rate``, 1/s, times that by rates.

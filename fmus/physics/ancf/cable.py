@@ -14,12 +14,16 @@ All internal forces act as -Q on the right-hand side.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from fmus.jit import implemented_in, kernel
-from fmus.physics.arrays import Floats
+from fmus.physics.arrays import Floats, Four, Vector
+
+if TYPE_CHECKING:
+    from fmus.physics.ancf.element import Element
+
 
 ROWS = 4  # coordinate vectors of an element: position and slope at two nodes
 
@@ -56,19 +60,19 @@ Section = Cable
 
 
 @kernel
-def vectors(c):
+def vectors(c: Cable) -> int:
     """See ``element``."""
     return ROWS
 
 
 @kernel
-def axes(c):
+def axes(c: Cable) -> int:
     """See ``element``."""
     return len(c.axes)
 
 
 @kernel
-def total_mass(c):
+def total_mass(c: Cable) -> float:
     """See ``element``."""
     return c.rhoA * c.l
 
@@ -81,7 +85,7 @@ def straight(c: Cable) -> Floats:
 
 
 @kernel
-def shape(c, xi, S):
+def shape(c: Element, xi: float, S: Floats) -> None:
     """Shape functions at the fraction ``xi`` of the length into ``S`` (4)."""
     x2, x3 = xi * xi, xi * xi * xi
     S[0] = 1.0 - 3.0 * x2 + 2.0 * x3
@@ -91,7 +95,7 @@ def shape(c, xi, S):
 
 
 @kernel
-def shape_slope(c, xi, S):
+def shape_slope(c: Element, xi: float, S: Floats) -> None:
     """Derivatives of the shape functions by x at the fraction ``xi`` into ``S`` (4)."""
     S[0] = 6.0 * (xi * xi - xi) / c.l
     S[1] = 1.0 - 4.0 * xi + 3.0 * xi * xi
@@ -100,7 +104,7 @@ def shape_slope(c, xi, S):
 
 
 @kernel
-def mass(c, M):
+def mass(c: Cable, M: Floats) -> None:
     """Constant mass matrix into ``M`` (4, 4), kg, as factors of the identity of space."""
     m, l = c.rhoA * c.l / 420.0, c.l
     rows = (
@@ -116,20 +120,20 @@ def mass(c, M):
 
 
 @kernel
-def mean_slope(c):
-    """Mean slope of the line as factors (4) of the coordinates: ``rotary`` (1)."""
+def mean_slope(c: Element) -> Four:
+    """Mean slope of the line as factors of the coordinates: ``rotary`` (1)."""
     return -1.2 / c.l, -0.1, 1.2 / c.l, -0.1
 
 
 @kernel
-def parts(e, i):
-    """Parts (3) of ``e`` (4, axes) along axis ``i``: difference of positions, first and second slope."""
+def parts(e: Floats, i: int) -> Vector:
+    """Parts of ``e`` (4, axes) along axis ``i``: difference of positions, m, first and second slope."""
     return e[2, i] - e[0, i], e[1, i], e[3, i]
 
 
 @kernel
-def add(f, i, Q):
-    """Add a force ``f`` (3) on the ``parts`` along axis ``i`` to ``Q`` (4, axes)."""
+def add(f: Vector, i: int, Q: Floats) -> None:
+    """Add a force ``f``, N and N m, on the ``parts`` along axis ``i`` to ``Q`` (4, axes)."""
     Q[0, i] -= f[0]
     Q[1, i] += f[1]
     Q[2, i] += f[0]
@@ -137,39 +141,39 @@ def add(f, i, Q):
 
 
 @kernel
-def dot(a, b):
+def dot(a: Vector, b: Vector) -> float:
     """Scalar product of two triples."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel
-def strain_gradient(c, x):
-    """Product of int S_x^T S_x dx of (12) and the parts ``x`` (3) along an axis, (3)."""
+def strain_gradient(c: Cable, x: Vector) -> Vector:
+    """Product of int S_x^T S_x dx of (12) and the parts ``x`` along an axis: a number and two lengths, m."""
     d, p, r = x
     l = c.l / 30.0
     return 1.2 * (d / c.l) - 0.1 * (p + r), l * (4.0 * p - r) - 0.1 * d, l * (4.0 * r - p) - 0.1 * d
 
 
 @kernel
-def end_curvatures(c, x):
-    """Second derivative r_xx at both ends, 1/m, from the parts ``x`` (3) along an axis."""
+def end_curvatures(c: Cable, x: Vector) -> tuple[float, float]:
+    """Second derivative r_xx at both ends, 1/m, from the parts ``x`` along an axis."""
     s, p, r = 6.0 * (x[0] / c.l), x[1], x[2]
     per = 1.0 / c.l  # one division for all axes
     return per * (s - 4.0 * p - 2.0 * r), per * (2.0 * p + 4.0 * r - s)
 
 
 @kernel
-def bending_force(c, x):
-    """Product of int S_xx^T S_xx dx of (14) and the parts ``x`` (3) along an axis, (3).
+def bending_force(c: Cable, x: Vector) -> Vector:
+    """Product of int S_xx^T S_xx dx of (14) and the parts ``x`` along an axis.
 
-    These are unit bending moments and their couple.
+    These are the couple, 1/m2, of unit bending moments, and these moments, 1/m.
     """
     first, second = end_curvatures(c, x)
     return 1.0 / c.l * (first - second), -first, second
 
 
 @kernel
-def strain(c, e):
+def strain(c: Cable, e: Floats) -> float:
     """Average Green strain of the centreline at ``e`` (4, axes)."""
     s = 0.0
     for i in range(len(c.axes)):
@@ -179,7 +183,7 @@ def strain(c, e):
 
 
 @kernel
-def strain_rate(c, e, v):
+def strain_rate(c: Cable, e: Floats, v: Floats) -> float:
     """Rate of the average strain, 1/s, at ``e`` and the rates ``v`` (4, axes)."""
     s = 0.0
     for i in range(len(c.axes)):
@@ -188,7 +192,7 @@ def strain_rate(c, e, v):
 
 
 @kernel
-def energy(c, e):
+def energy(c: Cable, e: Floats) -> float:
     """Strain energy at the coordinates ``e`` (4, axes), J."""
     eps, square = strain(c, e), 0.0
     for i in range(len(c.axes)):
@@ -198,7 +202,7 @@ def energy(c, e):
 
 
 @kernel
-def internal_force(c, e, v, elastic, Q):
+def internal_force(c: Cable, e: Floats, v: Floats, elastic: float, Q: Floats) -> float:
     """Add ``elastic`` times the elastic force (15) and the damping force (21) to ``Q`` (4, axes).
 
     Returns the power of the damping, W.
@@ -219,7 +223,7 @@ def internal_force(c, e, v, elastic, Q):
 
 
 @kernel
-def force(c, e, v, Q):
+def force(c: Cable, e: Floats, v: Floats, Q: Floats) -> float:
     """Add the internal force (15) + (21) at ``e`` and ``v`` to ``Q``, all (4, axes).
 
     Returns the dissipated power, W.
@@ -228,13 +232,13 @@ def force(c, e, v, Q):
 
 
 @kernel
-def damping(c, e, v, Q):
+def damping(c: Cable, e: Floats, v: Floats, Q: Floats) -> float:
     """Add the damping force (21) alone to ``Q`` (4, axes); return its power, W."""
     return internal_force(c, e, v, 0.0, Q)
 
 
 @kernel
-def bending_damping(c, e, v, Q):
+def bending_damping(c: Cable, e: Floats, v: Floats, Q: Floats) -> float:
     """Add the curvature damping in the frame of the chord to ``Q`` (4, axes); return its power, W."""
     d2 = du = pd = pu = rd = ru = 0.0  # products of the parts d, p, r with d and with its rate u
     for i in range(len(c.axes)):
@@ -260,7 +264,7 @@ def bending_damping(c, e, v, Q):
 
 
 @kernel
-def from_chord(x, y, along, turn):
+def from_chord(x: Vector, y: Vector, along: Vector, turn: Vector) -> Vector:
     """Rates ``y`` of the parts ``x`` along an axis relative to the rotating chord d.
 
     They are ``y`` less (d x u) x x / d.d = (u (d.x) - d (u.x)) / d.d of each part, with u the rate of d: ``along`` is
@@ -275,8 +279,8 @@ def from_chord(x, y, along, turn):
 
 
 @kernel
-def linear(c, tension, by_rate):
-    """Isotropic part of the tangent, rows (4, 4): of the ``tension``, N, of (12), and of bending.
+def linear(c: Cable, tension: float, by_rate: float) -> tuple[Four, Four, Four, Four]:
+    """Isotropic part of the tangent, by rows: of the ``tension``, N, of (12), and of bending.
 
     The entries are factors of the identity of space; ``by_rate``, 1/s, weights the damping.
     """
@@ -294,7 +298,7 @@ def linear(c, tension, by_rate):
 
 
 @kernel
-def tangent(c, e, v, by_rate, K):
+def tangent(c: Cable, e: Floats, v: Floats, by_rate: float, K: Floats) -> None:
     """Write the derivative of ``force`` to ``K`` (4 axes, 4 axes).
 
     It is the derivative by coordinates plus ``by_rate``, 1/s, times that by rates; exact but for the change of the
@@ -323,7 +327,7 @@ def tangent(c, e, v, by_rate, K):
 
 
 @kernel
-def section_force(c, e, v, a):
+def section_force(c: Cable, e: Floats, v: Floats, a: Floats) -> float:
     """See ``element``: (12), (19) and the rotary inertia of the mean slope; bending does not contribute."""
     eps, slope = strain(c, e), mean_slope(c)
     axial, square, turning = c.EA * eps + c.nuA * strain_rate(c, e, v) / (1.0 + 2.0 * eps), 0.0, 0.0
@@ -336,13 +340,13 @@ def section_force(c, e, v, a):
 
 
 @kernel
-def tension(c, e):
+def tension(c: Cable, e: Floats) -> float:
     """Axial force EA eps of (12) at ``e`` (4, axes), N."""
     return c.EA * strain(c, e)
 
 
 @kernel
-def end_moments(c, e):
+def end_moments(c: Cable, e: Floats) -> tuple[float, float]:
     """Bending moments EI |r_xx| at both ends, N m, at ``e`` (4, axes)."""
     first_squared, second_squared = 0.0, 0.0
     for i in range(len(c.axes)):
@@ -352,7 +356,7 @@ def end_moments(c, e):
 
 
 @kernel
-def mean_curvature(c, e):
+def mean_curvature(c: Cable, e: Floats) -> float:
     """See ``element``: component of r_xx along the normal (-z, x) of r_x, both at the middle."""
     up = len(c.axes) - 1
     x = 1.5 * (e[2, 0] - e[0, 0]) / c.l - 0.25 * (e[1, 0] + e[3, 0])

@@ -19,13 +19,13 @@ __all__ = ["ROWS", "Section", "damping", "energy", "force", "mass", "section_for
 
 
 @kernel
-def measures(c, a, b, g):
+def measures(c: Section, a: float, b: float, g: float) -> tuple[float, float, float]:
     """See ``cable_local``."""
     return 0.5 * (a - 1.0), max(a * b - g * g, 0.0) / (a * a * a), np.sqrt(a)
 
 
 @kernel
-def density(c, EA, EI, a, b, g):
+def density(c: Section, EA: float, EI: float, a: float, b: float, g: float) -> Density:
     """See ``cable_local``; paper (8)."""
     n, m = 0.25 * EA, 0.5 * EI / a**2
     return Density(

@@ -5,7 +5,12 @@ class of ``c``, so that neither elasticity loads the other. Coordinates ``e`` (4
 in ``centreline``.
 """
 
+# the stubs of ``dispatch`` have no bodies
+# mypy: disable-error-code="empty-body"
+
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +27,11 @@ from fmus.physics.ancf.centreline import (
     lines,
     point,
 )
+from fmus.physics.arrays import Floats
+
+if TYPE_CHECKING:
+    from fmus.physics.ancf.centreline import Density
+
 
 __all__ = ["ROWS", "damping", "end_moments", "energy", "force", "mass", "section_force", "shape", "tangent", "tension"]
 
@@ -30,7 +40,7 @@ _elasticity = implementation("densities")
 
 
 @dispatch(_elasticity, shared=True)
-def measures(c, a, b, g):
+def measures(c: Cable, a: float, b: float, g: float) -> tuple[float, float, float]:
     """Axial strain, bending strain squared, 1/m2, and axial force over EA times strain.
 
     All from the invariants ``a``, ``b`` (1/m2), ``g`` (1/m) of ``centreline``.
@@ -38,7 +48,7 @@ def measures(c, a, b, g):
 
 
 @dispatch(_elasticity, shared=True)
-def density(c, EA, EI, a, b, g):
+def density(c: Cable, EA: float, EI: float, a: float, b: float, g: float) -> Density:
     """Energy density, a ``Density``, for the stiffnesses ``EA``, N, and ``EI``, N m2.
 
     The invariants ``a``, ``b``, ``g`` are those of ``centreline``.
@@ -46,7 +56,7 @@ def density(c, EA, EI, a, b, g):
 
 
 @allocating
-def energy(c, e):
+def energy(c: Cable, e: Floats) -> float:
     """Strain energy at the coordinates ``e`` (4, 3), J."""
     D, r, U = np.empty((2, 4)), np.empty((2, 3)), 0.0
     for p in range(COUNT):
@@ -57,7 +67,7 @@ def energy(c, e):
 
 
 @allocating
-def internal_force(c, e, v, elastic, Q):
+def internal_force(c: Cable, e: Floats, v: Floats, elastic: float, Q: Floats) -> float:
     """Add ``elastic`` times the elastic force and the damping force (18) to ``Q`` (4, 3).
 
     The curvature part of the damping acts in the frame of the chord. Returns the power of the damping, W.
@@ -75,19 +85,19 @@ def internal_force(c, e, v, elastic, Q):
 
 
 @allocating
-def force(c, e, v, Q):
+def force(c: Cable, e: Floats, v: Floats, Q: Floats) -> float:
     """Add elastic and damping force to ``Q`` (4, 3); return the power of the damping, W."""
     return internal_force(c, e, v, 1.0, Q)
 
 
 @allocating
-def damping(c, e, v, Q):
+def damping(c: Cable, e: Floats, v: Floats, Q: Floats) -> float:
     """Add the damping force alone to ``Q`` (4, 3); return its power, W."""
     return internal_force(c, e, v, 0.0, Q)
 
 
 @allocating
-def tangent(c, e, v, by_rate, K):
+def tangent(c: Cable, e: Floats, v: Floats, by_rate: float, K: Floats) -> None:
     """Write the derivative of ``force`` to ``K`` (12, 12).
 
     It is the derivative by coordinates plus ``by_rate``, 1/s, times that by rates; exact but for the change of the
@@ -119,7 +129,7 @@ def tangent(c, e, v, by_rate, K):
 
 
 @allocating
-def section_force(c, e, v, a):
+def section_force(c: Cable, e: Floats, v: Floats, a: Floats) -> float:
     """See ``element``: the gradients by r_x of all energies and of the damping, along the chord."""
     D, r, N, square = np.empty((2, 4)), np.empty((2, 3)), 0.0, 0.0
     slope = cable.mean_slope(c)
@@ -141,7 +151,7 @@ def section_force(c, e, v, a):
 
 
 @allocating
-def tension(c, e):
+def tension(c: Cable, e: Floats) -> float:
     """See ``element``."""
     D, r, N = np.empty((2, 4)), np.empty((2, 3)), 0.0
     for p in range(AXIAL):
@@ -153,7 +163,7 @@ def tension(c, e):
 
 
 @allocating
-def end_moments(c, e):
+def end_moments(c: Cable, e: Floats) -> tuple[float, float]:
     """Bending moments at both ends, N m: EI times the bending strain."""
     D, r = np.empty((2, 4)), np.empty((2, 3))
     a, b, g = lines(c, e, 0.0, D, r)

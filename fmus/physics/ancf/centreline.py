@@ -11,11 +11,16 @@ An elasticity defines f and its derivatives (``Density``); force and tangent fol
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from fmus.jit import kernel
 from fmus.physics.ancf import cable
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
+from fmus.physics.arrays import Floats, Four
+
+if TYPE_CHECKING:
+    from fmus.physics.ancf.cable import Cable
+
 
 AXIAL, BENDING = 5, 3  # Gauss points: exact for the stretch; and for the bending of nearly inextensible cables
 COUNT = AXIAL + BENDING
@@ -35,7 +40,7 @@ class Density(NamedTuple):
 
 
 @kernel
-def shape_curvature(c, xi, S):
+def shape_curvature(c: Cable, xi: float, S: Floats) -> None:
     """Second derivatives of the shape functions by x, 1/m2 and 1/m, at ``xi`` into ``S`` (4)."""
     S[0] = (12.0 * xi - 6.0) / (c.l * c.l)
     S[1] = (6.0 * xi - 4.0) / c.l
@@ -44,7 +49,7 @@ def shape_curvature(c, xi, S):
 
 
 @kernel
-def point(c, p):
+def point(c: Cable, p: int) -> Four:
     """Integration point ``p``: fraction of the length, weight, m, and its stiffnesses EA, N, and EI, N m2."""
     if p < AXIAL:
         return POINTS[AXIAL, p], c.l * WEIGHTS[AXIAL, p], c.EA, 0.0
@@ -52,7 +57,7 @@ def point(c, p):
 
 
 @kernel
-def lines(c, e, xi, D, r):
+def lines(c: Cable, e: Floats, xi: float, D: Floats, r: Floats) -> tuple[float, float, float]:
     """First and second derivatives at ``xi``: shape functions into ``D`` (2, 4), line into ``r`` (2, 3).
 
     Returns the invariants a, b, g of the line.
@@ -70,8 +75,8 @@ def lines(c, e, xi, D, r):
 
 
 @kernel
-def add_force(w, d, D, r, Q):
-    """Add the gradient of the energy of a point of weight ``w``, m, to ``Q`` (4, 3)."""
+def add_force(w: float, d: Density, D: Floats, r: Floats, Q: Floats) -> None:
+    """Add the gradient of the energy ``d`` of a point of weight ``w``, m, to ``Q`` (4, 3)."""
     for k in range(4):
         for i in range(3):
             by_slope = 2.0 * d.a * r[0, i] + d.g * r[1, i]
@@ -80,8 +85,10 @@ def add_force(w, d, D, r, Q):
 
 
 @kernel
-def add_stretching(w, d, drag, by_rate, v, D, r, H, E):
-    """Add the tangent of a point's axial energy ``d`` (a Density) and axial damping (18) to ``E`` (9, 9).
+def add_stretching(
+    w: float, d: Density, drag: float, by_rate: float, v: Floats, D: Floats, r: Floats, H: Floats, E: Floats
+) -> None:
+    """Add the tangent of a point's axial energy ``d`` and axial damping (18) to ``E`` (9, 9).
 
     ``w``: weight, m; ``drag`` = nu1 A, N s; ``v`` (4, 3): rates; ``D``, ``r`` as in ``lines``; ``H`` (3, 3, 3) is
     scratch.
@@ -110,8 +117,8 @@ def add_stretching(w, d, drag, by_rate, v, D, r, H, E):
 
 
 @kernel
-def add_bending(w, d, D, r, H, E):
-    """Add the tangent of a point's bending energy ``d`` (a Density) to ``E`` (9, 9).
+def add_bending(w: float, d: Density, D: Floats, r: Floats, H: Floats, E: Floats) -> None:
+    """Add the tangent of a point's bending energy ``d`` to ``E`` (9, 9).
 
     ``w``: weight, m; ``H`` (3, 3, 3) receives the derivatives by r_x twice, by r_x and r_xx, by r_xx twice.
     """
@@ -135,7 +142,7 @@ def add_bending(w, d, D, r, H, E):
 
 
 @kernel
-def add_damping(c, w, e, v, D, r, Q):
+def add_damping(c: Cable, w: float, e: Floats, v: Floats, D: Floats, r: Floats, Q: Floats) -> float:
     """Add the axial damping (18) of a point of weight ``w``, m, to ``Q`` (4, 3); return its power, W."""
     stretch2, rate = 0.0, 0.0
     for i in range(3):

@@ -6,15 +6,41 @@ Shapes: ``e``, ``v``, ``a``, ``Q`` (rows, axes) are element coordinates (positio
 their accelerations, and generalised forces (N on positions, N m on gradients).
 """
 
+# the stubs of ``dispatch`` have no bodies
+# mypy: disable-error-code="empty-body"
+
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import eigh
 
 from fmus.jit import dispatch, implementation
 from fmus.physics.ancf.cable import Cable, EngineeringCable, GeneralCable
+from fmus.physics.arrays import Floats
+
+if TYPE_CHECKING:
+    from typing import Protocol
+
+    class Element(Protocol):
+        """Parameters of an element: ``Cable`` or ``Beam``; a protocol, so that no kernel of one follows the other."""
+
+        @property
+        def l(self) -> float:  # noqa: E743 - the letter of the formulas
+            """Length, m."""
+
+
+if TYPE_CHECKING:
+    from typing import Protocol
+
+    class Element(Protocol):
+        """Parameters of an element: ``Cable`` or ``Beam``; a protocol, so that no kernel of one follows the other."""
+
+        @property
+        def l(self) -> float:  # noqa: E743 - the letter of the formulas
+            """Length, m."""
+
 
 ELASTICITIES: dict[str, type[Cable]] = {
     "small_deformation": Cable,
@@ -27,37 +53,37 @@ _forces, _masses = implementation("forces"), implementation("masses")
 
 
 @dispatch(_masses)
-def vectors(c):
+def vectors(c: Element) -> int:
     """Number of coordinate vectors, rows."""
 
 
 @dispatch(_masses)
-def axes(c):
+def axes(c: Element) -> int:
     """Number of components of a vector."""
 
 
 @dispatch(_masses)
-def total_mass(c):
+def total_mass(c: Element) -> float:
     """Mass, kg."""
 
 
 @dispatch(_masses, shared=True)
-def mass(c, M):
+def mass(c: Element, M: Floats) -> None:
     """Constant mass matrix into ``M`` (rows, rows), kg, as factors of the identity of space."""
 
 
 @dispatch(_masses)
-def straight(c):
+def straight(c: Element) -> Floats:
     """Coordinates (rows, axes) of the element at rest along x from the origin; not for kernels."""
 
 
 @dispatch(_forces, shared=True)
-def energy(c, e):
+def energy(c: Element, e: Floats) -> float:
     """Strain energy at the coordinates ``e`` (rows, axes), J."""
 
 
 @dispatch(_forces, shared=True)
-def force(c, e, v, Q):
+def force(c: Element, e: Floats, v: Floats, Q: Floats) -> float:
     """Add elastic and damping force at rates ``v`` to ``Q`` (rows, axes); it acts as -Q.
 
     At rest it is the gradient of the energy. Returns the power of the damping, W.
@@ -65,12 +91,12 @@ def force(c, e, v, Q):
 
 
 @dispatch(_forces, shared=True)
-def damping(c, e, v, Q):
+def damping(c: Element, e: Floats, v: Floats, Q: Floats) -> float:
     """Add the damping force alone to ``Q`` (rows, axes); return its power, W."""
 
 
 @dispatch(_forces, shared=True)
-def tangent(c, e, v, by_rate, K):
+def tangent(c: Element, e: Floats, v: Floats, by_rate: float, K: Floats) -> None:
     """Write the derivative of ``force`` to ``K`` (rows axes, rows axes).
 
     It is the derivative by coordinates plus ``by_rate``, 1/s, times that by rates; exact, but for the change of the
@@ -79,7 +105,7 @@ def tangent(c, e, v, by_rate, K):
 
 
 @dispatch(_forces, shared=True)
-def section_force(c, e, v, a):
+def section_force(c: Element, e: Floats, v: Floats, a: Floats) -> float:
     """Force between the two parts of the element along the line of its ends, mean along it, N.
 
     By equilibrium, at coordinates ``e``, rates ``v`` and accelerations ``a``: elastic force, damping, and the rotary
@@ -88,21 +114,21 @@ def section_force(c, e, v, a):
 
 
 @dispatch(_forces, shared=True)
-def tension(c, e):
+def tension(c: Cable, e: Floats) -> float:
     """Axial force of a cable by its elastic strain, mean along it, N."""
 
 
 @dispatch(_forces, shared=True)
-def end_moments(c, e):
+def end_moments(c: Cable, e: Floats) -> tuple[float, float]:
     """Bending moments of a cable at both ends, N m."""
 
 
 @dispatch(_masses, shared=True)
-def mean_curvature(c, e):
+def mean_curvature(c: Cable, e: Floats) -> float:
     """Mean curvature of a cable in its plane, 1/m, positive if it bends towards its outer side."""
 
 
-def highest_frequency(c: Any) -> float:
+def highest_frequency(c: Element) -> float:
     """Highest frequency of one straight free element, rad/s.
 
     By Rayleigh's bound no mode of a chain of such elements is higher, contacts apart.

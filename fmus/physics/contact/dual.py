@@ -12,14 +12,20 @@ Scientific Computing 20(6), 1999, doi 10.1137/S1064827596299767. Deviation: p is
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Vector
+
+if TYPE_CHECKING:
+    from fmus.physics.point import Memory
 
 
 @kernel
-def tangent_slip(memory, point, g, s):
-    """Return g p (3), which replaces the slip ``s`` (3), m/s, in the tangent; p starts at 0.
+def tangent_slip(memory: Memory, point: int, g: float, s: Vector) -> Vector:
+    """Return g p, m/s, which replaces the slip ``s``, m/s, in the tangent; p starts at 0.
 
     ``memory`` (``fmus.physics.point``) holds slip, direction and ``g``, m/s, of this ``point`` in the last iteration.
     """

@@ -7,7 +7,7 @@ tuples, so nothing is written to memory between the position of a point and the 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,11 @@ from fmus.jit import kernel
 from fmus.physics.contact.dual import tangent_slip
 from fmus.physics.contact.laws import normal
 from fmus.physics.vector import add, cross, dot, scale
+
+if TYPE_CHECKING:
+    from fmus.physics.contact.laws import Law
+    from fmus.physics.point import Memory
+
 
 Vector = tuple[float, float, float]
 NOTHING = (0.0, 0.0, 0.0)
@@ -44,13 +49,26 @@ class ContactForce(NamedTuple):
 
 
 @kernel
-def point_contact_force(law, share, depth, face, by_rate, tangent, memory, point):
+def point_contact_force(
+    law: Law, share: float, depth: float, face: Face, by_rate: float, tangent: bool, memory: Memory, point: int
+) -> ContactForce:
     """``contact_force`` with a damper driven by the point's own approach to the face."""
     return contact_force(law, share, depth, -dot(face.n, face.w), 1.0, face, by_rate, tangent, memory, point)
 
 
 @kernel
-def contact_force(law, share, depth, rate, own_rate, face, by_rate, tangent, memory, point):
+def contact_force(
+    law: Law,
+    share: float,
+    depth: float,
+    rate: float,
+    own_rate: float,
+    face: Face,
+    by_rate: float,
+    tangent: bool,
+    memory: Memory,
+    point: int,
+) -> ContactForce:
     """Return the ``ContactForce`` of a ``face`` on a point with ``share`` of the contact; g only if ``tangent``.
 
     ``depth``, m; ``rate``, m/s: growth of the penetration in the damper; ``own_rate`` is 1 where it is -n.w and changes

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Four, Vector, VectorLike
 from fmus.physics.contact.face import NOTHING, Face
 
 
@@ -43,7 +44,7 @@ def bumpy_ground(height: float, start: float, rise: float, slope: float, length:
 
 
 @kernel
-def surface_depth(ground, x, z):
+def surface_depth(ground: GroundShape, x: float, z: float) -> Four:
     """Depth of (x, z), m, below the surface (negative above), normal (x, z) and curvature there.
 
     The curvature, 1/m, is positive where the surface is convex.
@@ -69,7 +70,7 @@ def surface_depth(ground, x, z):
 
 
 @kernel
-def ground_face(ground, x, v):
-    """Depth, m, of a point at ``x`` (3) with velocity ``v`` (3) in the ``ground``, and the Face there."""
+def ground_face(ground: GroundShape, x: VectorLike, v: Vector) -> tuple[float, Face]:
+    """Depth, m, of a point at ``x``, m, with velocity ``v``, m/s, in the ``ground``, and the Face there."""
     depth, n0, n2, curvature = surface_depth(ground, x[0], x[2])
     return depth, Face((n0, 0.0, n2), (n2, 0.0, -n0), curvature, v, NOTHING)

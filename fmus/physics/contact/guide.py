@@ -7,6 +7,7 @@ along the wheel's axis, with the laws of the other contacts (friction in the pla
 from __future__ import annotations
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Row, VectorLike
 from fmus.physics.contact.face import NOTHING, Face
 from fmus.physics.contact.wheel_kinematics import slip_velocity
 from fmus.physics.vector import add, dot, scale, vector
@@ -15,10 +16,10 @@ HORN = 0.05  # height of a guide horn over the inner face, m
 
 
 @kernel
-def guide_face(row, play, x, v):
+def guide_face(row: Row, play: float, x: VectorLike, v: VectorLike) -> tuple[float, Face]:
     """Penetration, m, of a guide horn into the disc of a wheel, and the Face there.
 
-    ``row`` (15): the wheel; ``play``, m, on each side; the horn is at ``x`` (3) with velocity ``v`` (3).
+    ``play``, m, is that on each side; the horn is at ``x``, m, with velocity ``v``, m/s.
     """
     axis = vector(row, 9)
     along = dot(add(x, scale(-1.0, vector(row, 0))), axis)

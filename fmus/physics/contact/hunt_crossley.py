@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Four
 
 
 class HuntCrossley(NamedTuple):
@@ -23,7 +24,7 @@ class HuntCrossley(NamedTuple):
 
 
 @kernel
-def normal(law, share, depth, rate):
+def normal(law: HuntCrossley, share: float, depth: float, rate: float) -> Four:
     """See ``laws``."""
     k, c = share * law.k, share * law.c / law.deep
     energy = 0.5 * k * depth * depth

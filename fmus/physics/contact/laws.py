@@ -5,13 +5,20 @@ Every law has a linear spring k, which the spread contacts require for their sto
 with a class of these fields and ``normal``, and its name here and in ``fmus.vehicle``.
 """
 
+# the stubs of ``dispatch`` have no bodies
+# mypy: disable-error-code="empty-body"
+
 from __future__ import annotations
 
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fmus.jit import dispatch
+from fmus.physics.arrays import Four
 from fmus.physics.contact import hunt_crossley, linear
+
+if TYPE_CHECKING:
+    Law = linear.Linear | hunt_crossley.HuntCrossley  # constants of a contact pair
 
 LAWS: dict[str, Any] = {"linear": linear.Linear, "hunt_crossley": hunt_crossley.HuntCrossley}
 
@@ -21,7 +28,7 @@ def _of(law: type) -> Any:
 
 
 @dispatch(_of)
-def normal(law, share, depth, rate):
+def normal(law: Law, share: float, depth: float, rate: float) -> Four:
     """Force of a point that carries ``share`` of the contact at penetration ``depth`` > 0, m.
 
     ``rate``, m/s, is the growth of the penetration. Returns the force, N, its derivatives by depth, N/m, and by rate,

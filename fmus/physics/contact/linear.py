@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Four
 
 
 class Linear(NamedTuple):
@@ -22,7 +23,7 @@ class Linear(NamedTuple):
 
 
 @kernel
-def normal(law, share, depth, rate):
+def normal(law: Linear, share: float, depth: float, rate: float) -> Four:
     """See ``laws``."""
     k = share * law.k
     if depth < law.ramp:

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Four, Row, VectorLike
 from fmus.physics.contact.face import NOTHING, Face
 from fmus.physics.contact.wheel_kinematics import slip_velocity
 from fmus.physics.vector import add, cross, dot, scale, vector
@@ -68,7 +69,7 @@ def teeth(
 
 
 @kernel
-def outline(t, a, b, rho):
+def outline(t: Teeth, a: float, b: float, rho: float) -> Four:
     """Contact of a pin's centre at (``a``, ``b`` >= 0) of its gap, ``rho`` from the axle, with the teeth.
 
     All in m. Returns the penetration (no contact unless positive), the normal in a and b, and its curvature, 1/m,
@@ -97,10 +98,10 @@ def outline(t, a, b, rho):
 
 
 @kernel
-def tooth_face(t, row, x, v):
+def tooth_face(t: Teeth, row: Row, x: VectorLike, v: VectorLike) -> tuple[float, Face]:
     """Penetration, m, of a pin into the teeth ``t`` of a sprocket, and the Face there.
 
-    ``row`` (15): the sprocket; the pin's centre is at ``x`` (3) with velocity ``v`` (3).
+    ``row`` is that of the sprocket; the pin's centre is at ``x``, m, with velocity ``v``, m/s.
     """
     axis = vector(row, 9)
     d = add(x, scale(-1.0, vector(row, 0)))

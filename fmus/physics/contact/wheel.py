@@ -9,22 +9,31 @@ a flat loses nothing to it. (With each point's own approach the rolling resistan
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Row, Vector, VectorLike
 from fmus.physics.contact.face import Face
 from fmus.physics.contact.wheel_kinematics import slip_velocity
 from fmus.physics.vector import add, cross, dot, scale, vector
+
+if TYPE_CHECKING:
+    from fmus.physics.contact.laws import Law
+
 
 GAUSS = 0.5 / np.sqrt(3.0)  # two-point abscissae 1/2 -+ GAUSS on the unit interval
 
 
 @kernel
-def covered_part(row, radius, a, b, offset):
-    """Part of the straight face from pin ``a`` to pin ``b`` (3) that lies inside the rim of ``radius``, m.
+def covered_part(
+    row: Row, radius: float, a: VectorLike, b: VectorLike, offset: float
+) -> tuple[tuple[float, float, float], Vector]:
+    """Part of the straight face from pin ``a`` to pin ``b``, m, that lies inside the rim of ``radius``, m.
 
-    The face is the pin line moved inwards by ``offset``, m; all is computed in the plane of the wheel ``row`` (15).
-    Returns (low, high, foot) and the outward unit normal of the face (3): the ends of the part as fractions of the
+    The face is the pin line moved inwards by ``offset``, m; all is computed in the plane of the wheel ``row``.
+    Returns (low, high, foot) and the outward unit normal of the face: the ends of the part as fractions of the
     link, equal if there is none, and the foot of the perpendicular from the wheel's centre.
     """
     axis = vector(row, 9)
@@ -43,17 +52,17 @@ def covered_part(row, radius, a, b, offset):
 
 
 @kernel
-def sink_rate(row, u, normal):
-    """Rate, m/s, at which the rim of wheel ``row`` sinks into a face with the normal ``normal`` (3).
+def sink_rate(row: Row, u: VectorLike, normal: VectorLike) -> float:
+    """Rate, m/s, at which the rim of wheel ``row`` sinks into a face with the normal ``normal``.
 
-    ``u`` (3) is the velocity of the face at the foot, m/s.
+    ``u`` is the velocity of the face at the foot, m/s.
     """
     return dot(normal, add(vector(row, 3), scale(-1.0, u)))
 
 
 @kernel
-def rim_face(row, radius, x, v):
-    """Penetration, m, of a point at ``x`` (3) with velocity ``v`` (3) into the rim, and the Face there."""
+def rim_face(row: Row, radius: float, x: VectorLike, v: VectorLike) -> tuple[float, Face]:
+    """Penetration, m, of a point at ``x`` with velocity ``v`` into the rim, and the Face there; m and m/s."""
     axis = vector(row, 9)
     d = add(x, scale(-1.0, vector(row, 0)))
     d = add(d, scale(-dot(d, axis), axis))
@@ -65,12 +74,14 @@ def rim_face(row, radius, x, v):
 
 
 @kernel
-def gauss_excess(law, radius, length, low, high, rates):
+def gauss_excess(
+    law: Law, radius: float, length: float, low: float, high: float, rates: tuple[float, float]
+) -> tuple[float, float]:
     """Energy, J, of the parabola of penetration from ``low`` to ``high`` beyond its two Gauss points.
 
     With the depth m + g eta - c (eta^2 - 1/3) over eta from -1 to 1, the mean of its square is m^2 + g^2 / 3 + 4 c^2 /
     45; the Gauss points hold the first two terms. The rest grows with the fifth power of the part. Also returns the
-    power, W, that it loses as the ends of the part move at ``rates`` (2), 1/s. ``radius`` and ``length`` in m.
+    power, W, that it loses as the ends of the part move at ``rates``, 1/s. ``radius`` and ``length`` in m.
     """
     half = 0.5 * (high - low) * length
     c = half * half / (2.0 * radius)
@@ -79,7 +90,14 @@ def gauss_excess(law, radius, length, low, high, rates):
 
 
 @kernel
-def end_rates(height, length, offset, part, first, last):
+def end_rates(
+    height: float,
+    length: float,
+    offset: float,
+    part: tuple[float, float, float],
+    first: tuple[float, float],
+    last: tuple[float, float],
+) -> tuple[float, float]:
     """Rates, 1/s, at which the ends of the part of a face inside the rim move along the link.
 
     ``height``, m: of the face over the wheel's centre, negative where a link is so askew that its face is turned away;
@@ -102,8 +120,17 @@ def end_rates(height, length, offset, part, first, last):
 
 
 @kernel
-def end_rates_in_space(row, a, b, va, vb, offset, normal, part):
-    """``end_rates`` in space: positions, velocities (3) of the pins; ``normal``, ``part`` of ``covered_part``."""
+def end_rates_in_space(
+    row: Row,
+    a: VectorLike,
+    b: VectorLike,
+    va: VectorLike,
+    vb: VectorLike,
+    offset: float,
+    normal: VectorLike,
+    part: tuple[float, float, float],
+) -> tuple[float, float]:
+    """``end_rates`` in space, from positions, m, and velocities, m/s, of the pins; the rest as in ``covered_part``."""
     if part[0] <= 0.0 and part[1] >= 1.0:
         return 0.0, 0.0
     along = cross(vector(row, 9), normal)
@@ -116,8 +143,16 @@ def end_rates_in_space(row, a, b, va, vb, offset, normal, part):
 
 
 @kernel
-def patch_defect(law, share, depth, slope, part, rates, side):
-    """Power, W, that a Gauss point loses as the ends of its part move at ``rates`` (2), 1/s.
+def patch_defect(
+    law: Law,
+    share: float,
+    depth: float,
+    slope: float,
+    part: tuple[float, float, float],
+    rates: tuple[float, float],
+    side: float,
+) -> float:
+    """Power, W, that a Gauss point loses as the ends of its part move at ``rates``, 1/s.
 
     ``side`` is -1 or 1: which of the two points. Its share changes, and so does its position on the link, along which
     the ``depth``, m, changes by ``slope``, m: its energy share k depth^2 / 2 changes although no force does work.

@@ -81,7 +81,7 @@ def adams(controlled: int, quadratures: int, rtol: float, atol: float) -> Adams:
 
 
 @kernel
-def restart(m, longest):
+def restart(m: Adams, longest: float) -> None:
     """Start at order 1 without history; ``m.k`` holds the rates of ``m.x``; steps up to ``longest`` s."""
     total = 0.0
     for l in range(m.x.size):
@@ -106,7 +106,7 @@ def restart(m, longest):
 
 
 @kernel
-def length(m, left, longest):
+def length(m: Adams, left: float, longest: float) -> float:
     """Length of the next step, s, at most ``longest``.
 
     The last two steps before the end share the remaining time ``left``, s, so that neither is very short.
@@ -118,7 +118,7 @@ def length(m, left, longest):
 
 
 @kernel
-def _coefficients(m, h):
+def _coefficients(m: Adams, h: float) -> None:
     """Compute beta, g and sigma of a step of ``h`` s from the previous steps."""
     k, past, now = m.order_control[ORDER], m.psi[0], m.psi[1]
     m.beta[0] = m.sigma[0] = m.g[0] = 1.0
@@ -137,7 +137,7 @@ def _coefficients(m, h):
 
 
 @kernel
-def predict(m, h):
+def predict(m: Adams, h: float) -> None:
     """Predict ``m.y``, the argument of the first evaluation of a step of ``h`` s."""
     _coefficients(m, h)
     for l in range(m.x.size):
@@ -149,8 +149,8 @@ def predict(m, h):
 
 
 @kernel
-def _prediction_error(m, l):
-    """Difference between the rate of variable ``l`` and its prediction, f_p - sum phi*."""
+def _prediction_error(m: Adams, l: int) -> float:
+    """Difference between the rate of variable ``l`` and its prediction, f_p - sum phi*, 1/s."""
     d = m.k[l]
     for i in range(m.order_control[ORDER]):
         d -= m.beta[i] * m.phi[i, l]
@@ -158,7 +158,7 @@ def _prediction_error(m, l):
 
 
 @kernel
-def accurate(m, h):
+def accurate(m: Adams, h: float) -> bool:
     """Whether the step of ``h`` s meets the tolerances; if not, shorten the next attempt."""
     k, n = m.order_control[ORDER], m.controlled
     m.counts[EVALUATIONS] += 1
@@ -194,7 +194,7 @@ def accurate(m, h):
 
 
 @kernel
-def _lower(m):
+def _lower(m: Adams) -> bool:
     """Whether one order less would have been better for this step."""
     if m.order_control[ORDER] == 2:
         return m.step_control[LOWER] <= 0.5 * m.step_control[ERROR]
@@ -202,7 +202,7 @@ def _lower(m):
 
 
 @kernel
-def correct(m, h):
+def correct(m: Adams, h: float) -> None:
     """Correct ``m.y``, the end of the step of ``h`` s and argument of the second evaluation."""
     k = m.order_control[ORDER]
     for l in range(m.x.size):
@@ -213,7 +213,7 @@ def correct(m, h):
 
 
 @kernel
-def accept(m, h):
+def accept(m: Adams, h: float) -> None:
     """Accept the step of ``h`` s, with the rates of ``m.y`` in ``m.k``; choose the next order and length."""
     k = m.order_control[ORDER]
     for l in range(m.x.size):
@@ -241,8 +241,8 @@ def accept(m, h):
 
 
 @kernel
-def _choose(m, h):
-    """Choose the order of the next step; return the error that it would have had in this one."""
+def _choose(m: Adams, h: float) -> float:
+    """Choose the order of the next step; return the error, over the allowed one, that it would have had in this one."""
     k, error = m.order_control[ORDER], m.step_control[ERROR]
     down = _lower(m)
     if down or k == order:

@@ -16,9 +16,17 @@ h ((1 - gamma) W0 + gamma W1), so the impulses of all forces add up to the chang
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from fmus.jit import allocating, kernel
+
+if TYPE_CHECKING:
+    from typing import TypeVar
+
+    from fmus.physics.arrays import Floats
+
+    Quantity = TypeVar("Quantity", float, Floats)  # of one coordinate, or of many in an array of any shape
+
 
 order = 2
 
@@ -44,7 +52,7 @@ BACKWARD = GeneralizedAlpha(0.0, 0.0, 1.0, 1.0)  # backward Euler, order 1: for 
 
 
 @kernel
-def coefficients(radius):
+def coefficients(radius: float) -> GeneralizedAlpha:
     """Second-order method with spectral ``radius`` at infinite frequency: 0 (most damping) to 1 (none)."""
     alpha_m = (2.0 * radius - 1.0) / (radius + 1.0)
     alpha_f = radius / (radius + 1.0)
@@ -54,14 +62,14 @@ def coefficients(radius):
 
 
 @kernel
-def slopes(c, h):
+def slopes(c: GeneralizedAlpha, h: float) -> Slopes:
     """Slopes of the coefficients ``c`` for a step of ``h`` s."""
     a = 1.0 / (c.beta * h * h)
     return Slopes(a, c.gamma / (c.beta * h), a * (1.0 - c.alpha_m) / (1.0 - c.alpha_f))
 
 
 @allocating
-def auxiliary(c, a0, vdot0, vdot1):
-    """Auxiliary acceleration a1 (or impulse rate W1) from a0 and the true values at both ends."""
+def auxiliary(c: GeneralizedAlpha, a0: Quantity, vdot0: Quantity, vdot1: Quantity) -> Quantity:
+    """Auxiliary acceleration a1 (or impulse rate W1) from a0 and the true values at both ends, in their unit."""
     per = 1.0 / (1.0 - c.alpha_m)  # one division for all coordinates
     return per * ((1.0 - c.alpha_f) * vdot1 + c.alpha_f * vdot0 - c.alpha_m * a0)

@@ -16,7 +16,7 @@ LEAST = 0.5  # spectral radius at infinite frequency: alpha = -1/3
 
 
 @kernel
-def coefficients(radius):
+def coefficients(radius: float) -> GeneralizedAlpha:
     """Method with spectral ``radius`` at infinite frequency, from LEAST to 1 (trapezoidal rule)."""
     alpha_f = (1.0 - radius) / (1.0 + radius)
     return GeneralizedAlpha(0.0, alpha_f, 0.25 * (1.0 + alpha_f) ** 2, 0.5 + alpha_f)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats
 
 
 class Tableau(NamedTuple):
@@ -38,7 +39,7 @@ RK4 = Tableau(
 
 
 @kernel
-def stage(method, i, h, x, k, y):
+def stage(method: Tableau, i: int, h: float, x: Floats, k: Floats, y: Floats) -> None:
     """Write the argument of stage i, x + h sum_j a_ij k_j, into y; x, y (n,), k (s, n), h in s."""
     for n in range(x.size):
         y[n] = x[n]
@@ -49,7 +50,7 @@ def stage(method, i, h, x, k, y):
 
 
 @kernel
-def finish(method, h, x, k):
+def finish(method: Tableau, h: float, x: Floats, k: Floats) -> None:
     """Advance x (n,) in place by the step h, s, with the stage rates k (s, n)."""
     for i in range(len(method.b)):
         for n in range(x.size):

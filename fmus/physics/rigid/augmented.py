@@ -24,6 +24,7 @@ import numpy as np
 
 from fmus.jit import kernel, noalias
 from fmus.physics import block_cyclic
+from fmus.physics.arrays import Floats, Matrix
 from fmus.physics.inverse import invert
 from fmus.physics.rigid import pin
 
@@ -39,12 +40,12 @@ class AugmentedSystem(NamedTuple):
     A: np.ndarray  # (n, 3, 3) rotation matrices of the links
     WP: np.ndarray  # (p, 2, 3) axis rows of the link before each pin
     WQ: np.ndarray  # (p, 2, 3) axis rows of the link after each pin
-    K: np.ndarray  # (n, 6, 6) diagonal blocks, inverted in place by ``factor``
+    K: np.ndarray  # (n, 6, 6) diagonal blocks, units of r over dx; inverted in place by ``factor``
     r: np.ndarray  # (n, 6) residual of the links, N and N m
     C: np.ndarray  # (p, 5) residual of the pins, m and rad
     dx: np.ndarray  # (n, 6) increments of the links, m and rad
     dl: np.ndarray  # (p, 5) increments of the multipliers, N and N m
-    S: np.ndarray  # (3, p, 5, 5) Schur complement: diagonal, upper, lower
+    S: np.ndarray  # (3, p, 5, 5) Schur complement, units of dx over r: diagonal, upper, lower
     factors: block_cyclic.Factors  # factors of the Schur complement
     P: np.ndarray  # (10, 6) scratch, also for the inversion
 
@@ -69,7 +70,7 @@ PIN = ClosingSpring(0.0, 0.0)
 
 
 @kernel
-def closing_pin(ends, n):
+def closing_pin(ends: Ends, n: int) -> int:
     """Index of the closing pin of ``n`` links; -1 if an open chain has a free end."""
     if ends.closed:
         return 0
@@ -77,7 +78,7 @@ def closing_pin(ends, n):
 
 
 @kernel
-def spring_compliance(spring, by_v):
+def spring_compliance(spring: ClosingSpring, by_v: float) -> float:
     """Compliance of the ``spring`` over a step, m/N; 0 for a pin.
 
     ``by_v``, 1/s, is d velocity / d position, with which the damper contributes.
@@ -105,10 +106,22 @@ def system(n: int, closed: bool) -> AugmentedSystem:
 
 @kernel
 @noalias
-def _complement(half, A, Kinv, WQ, WP, P, SA, SU, SL, SB):
+def _complement(
+    half: float,
+    A: Matrix,
+    Kinv: Floats,
+    WQ: Floats,
+    WP: Floats,
+    P: Floats,
+    SA: Floats,
+    SU: Floats,
+    SL: Floats,
+    SB: Floats,
+) -> None:
     """Add B K^-1 B^T of a link between its first pin (as Q; rows 0-4 of P) and second (as P; rows 5-9).
 
-    The arguments are the blocks of one link and its pins: slices of the system's arrays, picked by the caller.
+    The arguments are the blocks of one link and its pins: slices of the system's arrays, picked by the caller; Kinv is
+    the inverse of K. ``half``, m: half the pitch.
     """
     for k in range(3):
         y, z = -half * A[k, 2], half * A[k, 1]
@@ -138,7 +151,7 @@ def _complement(half, A, Kinv, WQ, WP, P, SA, SU, SL, SB):
 
 @kernel
 @noalias
-def factor(half, ends, s, scale, spring=0.0):
+def factor(half: float, ends: Ends, s: AugmentedSystem, scale: float, spring: float = 0.0) -> int:
     """Factor the system from its A, WP, WQ and K; return -1, or the index of the singular block.
 
     ``half``: half the pitch, m. ``scale`` multiplies the compliance of the closing pin: 1 where dl are forces of a
@@ -176,8 +189,8 @@ def factor(half, ends, s, scale, spring=0.0):
 
 
 @kernel
-def _remove_pin(j, SA, SU, SL):
-    """Remove pin ``j`` from the blocks: identity on its diagonal, no coupling."""
+def _remove_pin(j: int, SA: Floats, SU: Floats, SL: Floats) -> None:
+    """Remove pin ``j`` from the blocks (p, 5, 5): identity on its diagonal, no coupling."""
     p = SA.shape[0]
     SA[j] = 0.0
     for k in range(5):
@@ -189,8 +202,8 @@ def _remove_pin(j, SA, SU, SL):
 
 
 @kernel
-def compliance(ends, s, lam):
-    """Add the compliance of the closing pin under its multipliers ``lam`` (p, 5) to the residual C."""
+def compliance(ends: Ends, s: AugmentedSystem, lam: Floats) -> None:
+    """Add the compliance of the closing pin under its multipliers ``lam`` (p, 5), N and N m, to the residual C."""
     n = s.K.shape[0]
     if ends.closed or (ends.first and ends.last):
         link = 0 if ends.closed else n - 1
@@ -204,7 +217,7 @@ def compliance(ends, s, lam):
 
 @kernel
 @noalias
-def solve(half, ends, s):
+def solve(half: float, ends: Ends, s: AugmentedSystem) -> None:
     """Solve for dx and dl with the residuals r and C and the results of ``factor``; ``half`` in m."""
     n, p = s.K.shape[0], s.C.shape[0]
     dx, dl = s.dx, s.dl
@@ -233,7 +246,9 @@ def solve(half, ends, s):
 
 
 @kernel
-def _add_jacobian_product(half, A, WQ, WP, x, before, after):
+def _add_jacobian_product(
+    half: float, A: Matrix, WQ: Floats, WP: Floats, x: Floats, before: Floats, after: Floats
+) -> None:
     """Add a link's B x, ``x`` (6), to the rows of the pins ``before`` and ``after`` it (5 each)."""
     for k in range(3):
         turning = half * (A[k, 1] * x[5] - A[k, 2] * x[4])
@@ -245,8 +260,8 @@ def _add_jacobian_product(half, A, WQ, WP, x, before, after):
 
 
 @kernel
-def rates(half, ends, s, v):
-    """Rates of the pin equations, m/s and rad/s, for the link velocities ``v`` (n, 6), into C."""
+def rates(half: float, ends: Ends, s: AugmentedSystem, v: Floats) -> None:
+    """Rates of the pin equations, m/s and rad/s, for the link velocities ``v`` (n, 6), into C; ``half`` in m."""
     n, p = s.K.shape[0], s.C.shape[0]
     for j in range(p):
         for k in range(5):
@@ -257,7 +272,7 @@ def rates(half, ends, s, v):
 
 
 @kernel
-def _zero_absent_pins(ends, n, rows):
+def _zero_absent_pins(ends: Ends, n: int, rows: Floats) -> None:
     """Zero the rows (p, 5) of absent pins."""
     close = closing_pin(ends, n)
     for k in range(5):

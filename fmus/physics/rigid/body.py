@@ -11,11 +11,12 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats, Matrix, VectorLike
 
 
 @kernel
-def rotation(q, A):
-    """Rotation matrix of the pose ``q`` (7) into ``A`` (3, 3); columns are the body axes in the world."""
+def rotation(q: Floats, A: Matrix) -> None:
+    """Rotation matrix of the pose ``q`` (7) into ``A``; columns are the body axes in the world."""
     w, x, y, z = q[3], q[4], q[5], q[6]
     A[0, 0], A[0, 1], A[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
     A[1, 0], A[1, 1], A[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
@@ -23,7 +24,7 @@ def rotation(q, A):
 
 
 @kernel
-def advance(q0, x, q1):
+def advance(q0: Floats, x: Floats, q1: Floats) -> None:
     """Move the pose ``q0`` (7) by the increment ``x`` (6) into ``q1`` (7), normalised."""
     for i in range(3):
         q1[i] = q0[i] + x[i]
@@ -46,7 +47,7 @@ def advance(q0, x, q1):
 
 
 @kernel
-def pose_rate(q, v, k):
+def pose_rate(q: Floats, v: Floats, k: Floats) -> None:
     """Time derivative of the pose ``q`` (7) at the velocity ``v`` (6) into ``k`` (7)."""
     w, x, y, z = q[3], q[4], q[5], q[6]
     a, b, c = 0.5 * v[3], 0.5 * v[4], 0.5 * v[5]
@@ -59,7 +60,7 @@ def pose_rate(q, v, k):
 
 
 @kernel
-def turn_rate(x, d, out):
+def turn_rate(x: VectorLike, d: VectorLike, out: Floats) -> None:
     """Change ``out`` (3) = T^-1(x) d of the rotation vector ``x`` that rotates its end by ``d``, rad.
 
     T is the right tangent of the exponential, T^-1 d = d + x cross d / 2 + x cross (x cross d) / 12 + ...; the next
@@ -72,16 +73,16 @@ def turn_rate(x, d, out):
 
 
 @kernel
-def gyroscopic(J, w, torque):
-    """Gyroscopic torque w cross J w (3), N m, in body axes; principal inertias ``J`` (3), ``w`` (3) rad/s."""
+def gyroscopic(J: VectorLike, w: VectorLike, torque: Floats) -> None:
+    """Gyroscopic torque w cross J w into ``torque`` (3), N m, in body axes; ``J``, kg m2: principal inertias."""
     torque[0] = (J[2] - J[1]) * w[1] * w[2]
     torque[1] = (J[0] - J[2]) * w[2] * w[0]
     torque[2] = (J[1] - J[0]) * w[0] * w[1]
 
 
 @kernel
-def kinetic(m, J, v):
-    """Kinetic energy, J, of a body of mass ``m``, inertias ``J`` (3), velocity ``v`` (6)."""
+def kinetic(m: float, J: VectorLike, v: Floats) -> float:
+    """Kinetic energy, J, of a body of mass ``m``, kg, inertias ``J``, kg m2, velocity ``v`` (6)."""
     return 0.5 * (
         m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) + J[0] * v[3] * v[3] + J[1] * v[4] * v[4] + J[2] * v[5] * v[5]
     )

@@ -16,11 +16,12 @@ N m. The Jacobian by the increments of the two bodies (rigid/body.py) is, row by
 from __future__ import annotations
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats, Matrix, Vector, VectorLike
 
 
 @kernel
-def equations(half, qP, AP, qQ, AQ, C):
-    """Five equations of a pin into ``C`` (5), from poses (7) and rotation matrices (3, 3) of P and Q."""
+def equations(half: float, qP: Floats, AP: Matrix, qQ: Floats, AQ: Matrix, C: Floats) -> None:
+    """Five equations of a pin into ``C`` (5), from poses (7) and rotation matrices of P and Q."""
     C[3] = 0.0
     C[4] = 0.0
     for i in range(3):
@@ -30,7 +31,7 @@ def equations(half, qP, AP, qQ, AQ, C):
 
 
 @kernel
-def axis_rows(AP, AQ, WP, WQ):
+def axis_rows(AP: Matrix, AQ: Matrix, WP: Floats, WQ: Floats) -> None:
     """Derivatives of C[3:5] by the rotations of P and of Q into ``WP``, ``WQ`` (2, 3)."""
     y0, y1, y2 = AQ[0, 1], AQ[1, 1], AQ[2, 1]
     a = AP[0, 0] * y0 + AP[1, 0] * y1 + AP[2, 0] * y2  # the axis of Q in body axes of P
@@ -46,7 +47,7 @@ def axis_rows(AP, AQ, WP, WQ):
 
 
 @kernel
-def jacobian(half, AP, AQ, BP, BQ):
+def jacobian(half: float, AP: Matrix, AQ: Matrix, BP: Floats, BQ: Floats) -> None:
     """Dense Jacobian into ``BP``, ``BQ`` (5, 6), for tests and ranks; the solver uses its structure."""
     BP[:] = 0.0
     BQ[:] = 0.0
@@ -58,8 +59,8 @@ def jacobian(half, AP, AQ, BP, BQ):
 
 
 @kernel
-def velocity_terms(half, AP, wP, AQ, wQ, g):
-    """Part ``g`` (5) of the second derivative of C that is quadratic in the velocities wP, wQ (3), rad/s."""
+def velocity_terms(half: float, AP: Matrix, wP: VectorLike, AQ: Matrix, wQ: VectorLike, g: Floats) -> None:
+    """Part ``g`` (5), m/s2 and 1/s2, of the second derivative of C that is quadratic in wP, wQ, rad/s."""
     x, xx = _whirl(AP, wP, 0)
     z, zz = _whirl(AP, wP, 2)
     y, yy = _whirl(AQ, wQ, 1)
@@ -73,8 +74,8 @@ def velocity_terms(half, AP, wP, AQ, wQ, g):
 
 
 @kernel
-def _whirl(A, w, k):
-    """World vectors w cross e and w cross (w cross e) of body axis ``k``; ``w`` (3) in body axes."""
+def _whirl(A: Matrix, w: VectorLike, k: int) -> tuple[Vector, Vector]:
+    """World vectors w cross e and w cross (w cross e) of body axis ``k``; ``w``, rad/s, in body axes."""
     a, b = (k + 1) % 3, (k + 2) % 3
     u, v = w[b], -w[a]  # w cross e_k = w_b e_a - w_a e_b
     down = w[a] * w[a] + w[b] * w[b]
@@ -89,7 +90,7 @@ def _whirl(A, w, k):
 
 
 @kernel
-def reaction(half, A, before, after, WQ, WP, f):
+def reaction(half: float, A: Matrix, before: Floats, after: Floats, WQ: Floats, WP: Floats, f: Floats) -> None:
     """Add the force on a link from its two pins to ``f`` (6): world force, N, body torque, N m.
 
     It is the transposed Jacobian times the multipliers (5) of the pin ``before`` (the link is Q) and ``after`` (it is
@@ -104,8 +105,8 @@ def reaction(half, A, before, after, WQ, WP, f):
 
 
 @kernel
-def stiffness(half, A, before, after, K):
-    """Add the geometric stiffness of a link by its pin forces, -d(torque)/d(rotation), to ``K`` (3, 3).
+def stiffness(half: float, A: Matrix, before: Floats, after: Floats, K: Matrix) -> None:
+    """Add the geometric stiffness of a link by its pin forces, -d(torque)/d(rotation), N m/rad, to ``K``.
 
     torque = half x cross A^T (lambda_before + lambda_after); the small part of the axis multipliers is left out.
     """

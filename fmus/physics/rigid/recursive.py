@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats, Vector, VectorLike
 from fmus.physics.inverse import invert
 
 
@@ -29,9 +30,9 @@ class ArticulatedBodies(NamedTuple):
 
     turn: np.ndarray  # (n, 2) cosine and sine of the angle between a link and the previous one
     bias: np.ndarray  # (n, 6) accelerations of a link at P due to velocities, rad/s2 and m/s2
-    pivot: np.ndarray  # (n, 3) I^A of alpha_y with alpha_y, a_x, a_z
-    slide: np.ndarray  # (n, 3) xx, xz, zz of I^a, passed on by the joint, which transmits no moment about y
-    side: np.ndarray  # (n, 6) I^A across the plane: xx, xz, zz of alpha, alpha_x and alpha_z with a_y, a_y
+    pivot: np.ndarray  # (n, 3) I^A of alpha_y with alpha_y, kg m2, with a_x and a_z, kg m
+    slide: np.ndarray  # (n, 3) xx, xz, zz of I^a, kg, passed on by the joint, which transmits no moment about y
+    side: np.ndarray  # (n, 6) I^A across the plane: alpha xx, xz, zz, kg m2; alpha_x, alpha_z with a_y, kg m; a_y, kg
     root: np.ndarray  # (2, 3, 3) inverse I^A of a floating link 0: in the plane, across it
     load: np.ndarray  # (3, n, 6) p: of all loads; of a unit force in the closing pin along x; along z
     response: np.ndarray  # (3, n, 6) accelerations due to these loads
@@ -57,10 +58,10 @@ def articulated_bodies(n: int) -> ArticulatedBodies:
 
 
 @kernel
-def factor(half, mass, J, held, t):
+def factor(half: float, mass: float, J: VectorLike, held: bool, t: ArticulatedBodies) -> int:
     """Articulated inertias of all links, from the last to the first; -1, or 0 if link 0 is singular.
 
-    ``half``: half the pitch, m; ``mass``, kg; ``J`` (3), kg m2; ``held``: link 0 turns about a pin of the ground.
+    ``half``: half the pitch, m; ``mass``, kg; ``J``, kg m2; ``held``: link 0 turns about a pin of the ground.
     """
     n, d, first = t.pivot.shape[0], 2.0 * half, mass * half
     second = first * half
@@ -98,7 +99,7 @@ def factor(half, mass, J, held, t):
 
 
 @kernel
-def _turned(c, s, xx, xz, zz):
+def _turned(c: float, s: float, xx: float, xz: float, zz: float) -> Vector:
     """Transform a symmetric matrix xx, xz, zz to the axes of the previous link."""
     a, b = c * xx + s * xz, c * xz + s * zz
     e, f = c * xz - s * xx, c * zz - s * xz
@@ -106,10 +107,10 @@ def _turned(c, s, xx, xz, zz):
 
 
 @kernel
-def solve(half, held, moving, t, p, acc):
-    """Accelerations ``acc`` (n, 6) by the loads ``p`` (n, 6), which are overwritten.
+def solve(half: float, held: bool, moving: bool, t: ArticulatedBodies, p: Floats, acc: Floats) -> None:
+    """Accelerations ``acc`` (n, 6), rad/s2 and m/s2, by the loads ``p`` (n, 6), N m and N, which are overwritten.
 
-    ``p`` are the reversed forces at P. ``moving`` adds the velocity terms ``t.bias``.
+    ``p`` are the reversed forces at P. ``half``, m: half the pitch; ``moving`` adds the velocity terms ``t.bias``.
     """
     n, d = p.shape[0], 2.0 * half
     for i in range(n - 1, 0, -1):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fmus.jit import kernel, noalias
 from fmus.physics.ancf.element import axes, energy, force, mass, tangent, total_mass, vectors
+from fmus.physics.arrays import Floats, Four, Vector
 from fmus.physics.chain.flexible.axes import (
     absolute_accelerations,
     absolute_rates,
@@ -27,13 +30,23 @@ from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.sums import MATERIAL
 from fmus.physics.chain.touch import evaluate_contacts
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.state import Motion, State
+    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.protocols import Contacts
+    from fmus.physics.integrate.generalized_alpha import Slopes
+
 
 @kernel
 @noalias
-def evaluate(links, contacts, env, x, by, w, fresh):
+def evaluate(
+    links: FlexibleLinks, contacts: Contacts | None, env: Environment, x: Motion, by: Slopes, w: Work, fresh: bool
+) -> tuple[float, int]:
     """Residual M vdot + Q - Q_ext of the chain in the motion ``x``, condensed to the pins, into ``w.b``.
 
-    With ``fresh`` also the condensed iteration matrix into ``w.A``, ``w.U``, ``w.L``; ``by`` (Slopes) are the
+    With ``fresh`` also the condensed iteration matrix into ``w.A``, ``w.U``, ``w.L``; ``by`` holds the
     derivatives of rates and accelerations. Contact sums, and wrenches on the wheels at ``w.wheels``, go to ``w``.
     Returns the largest entry of the residual, N, and its link.
     """
@@ -74,7 +87,7 @@ def evaluate(links, contacts, env, x, by, w, fresh):
 
 
 @kernel
-def totals(links, env, x, w):
+def totals(links: FlexibleLinks, env: Environment, x: State, w: Work) -> tuple[Four, Vector]:
     """Least, mean and largest tension, N, and largest stress, Pa; kinetic, strain and gravity energy, J."""
     n, c, q = links.n, links.element, x.q
     weight = total_mass(c) * env.gravity
@@ -97,7 +110,7 @@ def totals(links, env, x, w):
 
 
 @kernel
-def axials(links, x, w, tension, stress):
+def axials(links: FlexibleLinks, x: State, w: Work, tension: Floats, stress: Floats) -> None:
     """Tension, N, and largest axial stress, Pa, of all links into ``tension`` and ``stress`` (n)."""
     for i in range(links.n):
         first, second = ends(layout(links), x.q.shape[0], i)

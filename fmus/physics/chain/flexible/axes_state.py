@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats, Vector, VectorLike
 
 ROTATION, ORIGIN, VELOCITY, ACCELERATION, OMEGA, OMEGA_RATE, AUXILIARY, AUXILIARY_ORIGIN, MIDDLE = (
     0,
@@ -66,8 +67,8 @@ def begin(f: np.ndarray, middle: np.ndarray) -> None:
 
 
 @kernel
-def from_axes(f, v):
-    """Vector R v (3) in the frame of the start."""
+def from_axes(f: Floats, v: VectorLike) -> Vector:
+    """Vector R v in the frame of the start, with the axes ``f`` (SIZE)."""
     return (
         f[0] * v[0] + f[1] * v[1] + f[2] * v[2],
         f[3] * v[0] + f[4] * v[1] + f[5] * v[2],
@@ -76,8 +77,8 @@ def from_axes(f, v):
 
 
 @kernel
-def to_axes(f, v):
-    """Vector R^T v (3) along the axes."""
+def to_axes(f: Floats, v: VectorLike) -> Vector:
+    """Vector R^T v along the axes ``f`` (SIZE)."""
     return (
         f[0] * v[0] + f[3] * v[1] + f[6] * v[2],
         f[1] * v[0] + f[4] * v[1] + f[7] * v[2],

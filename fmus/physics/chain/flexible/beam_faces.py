@@ -6,8 +6,11 @@ derivatives as S^T g S, without any moment left out, at any rotation. The points
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fmus.jit import kernel
 from fmus.physics.ancf.beam import shape
+from fmus.physics.arrays import Vector
 from fmus.physics.chain.flexible.elements import layout
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
@@ -23,15 +26,21 @@ from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by 
 )
 from fmus.physics.vector import add, scale, vector
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.flexible.beams import Beams
+    from fmus.physics.chain.flexible.state import Motion
+    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.contact.face import ContactForce
+
 
 @kernel
-def lateral_points(links):
+def lateral_points(links: Beams) -> tuple[int, float]:
     """See ``faces``."""
     return 2, links.lateral
 
 
 @kernel
-def depth_below_pins(links, x, i):
+def depth_below_pins(links: Beams, x: Motion, i: int) -> float:
     """See ``faces``; the ends of a pin hang by the inclination of its axis."""
     first, second = ends(layout(links), x.q.shape[0], i)
     inclination = links.lateral * max(abs(x.q[first, 5]), abs(x.q[second, 5]))
@@ -39,13 +48,13 @@ def depth_below_pins(links, x, i):
 
 
 @kernel
-def locate_section(links, x, w, i, xi, z):
+def locate_section(links: Beams, x: Motion, w: Work, i: int, xi: float, z: float) -> tuple[float, float]:
     """See ``faces``."""
     return xi, z
 
 
 @kernel
-def locate(links, x, w, i, section, y):
+def locate(links: Beams, x: Motion, w: Work, i: int, section: tuple[float, float], y: float) -> tuple[Vector, Vector]:
     """See ``faces``; leaves shape functions in ``w.S``."""
     S, e, de = w.S, w.e, w.v
     shape(links.element, section[0], y, section[1], S)
@@ -61,14 +70,14 @@ def locate(links, x, w, i, section, y):
 
 
 @kernel
-def position_slope(links, x, w, i):
+def position_slope(links: Beams, x: Motion, w: Work, i: int) -> Vector:
     """See ``faces``; by the pins, without the link's bending."""
     first, last = pin_positions(links, x, w, i)
     return add(last, scale(-1.0, first))
 
 
 @kernel
-def apply_force(links, w, i, force, tangent):
+def apply_force(links: Beams, w: Work, i: int, force: ContactForce, tangent: bool) -> None:
     """Add a force to residual and matrix of the link: R -= S^T f, K -= S^T g S."""
     S, R, K, f, g = w.S, w.load[i], w.stiffening[i], force.f, force.g
     for a in range(8):
@@ -92,7 +101,9 @@ def apply_force(links, w, i, force, tangent):
 
 
 @kernel
-def add_rate_matrix(links, w, i, force, by_rate, foot, normal):
+def add_rate_matrix(
+    links: Beams, w: Work, i: int, force: ContactForce, by_rate: float, foot: float, normal: Vector
+) -> None:
     """Add K -= S^T r (d rate / d pins), r = df / d rate; the rate falls with motion along the normal."""
     S, K, r = w.S, w.stiffening[i], force.by_rate
     for a in range(8):
@@ -104,14 +115,14 @@ def add_rate_matrix(links, w, i, force, by_rate, foot, normal):
 
 
 @kernel
-def locate_pin(links, x, w, i, y):
+def locate_pin(links: Beams, x: Motion, w: Work, i: int, y: float) -> tuple[Vector, Vector]:
     """See ``faces``."""
     q, v = x.q[i], x.v[i]
     return add(vector(q, 0), scale(y, vector(q, 3))), add(vector(v, 0), scale(y, vector(v, 3)))
 
 
 @kernel
-def apply_pin_force(links, x, w, i, y, force, tangent):
+def apply_pin_force(links: Beams, x: Motion, w: Work, i: int, y: float, force: ContactForce, tangent: bool) -> None:
     """Add a force to residual ``w.b`` and matrix ``w.A`` of the pin."""
     f, g = force.f, force.g
     for a in range(3):

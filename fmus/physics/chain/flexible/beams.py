@@ -9,7 +9,7 @@ Sibling with the same names: ``cables``; dispatched by ``elements``.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -17,11 +17,16 @@ from fmus.jit import allocating, implemented_in, kernel
 from fmus.physics.ancf.beam import GAUSS, Beam, basis, radii, section_vectors
 from fmus.physics.ancf.element import section_force
 from fmus.physics.ancf.gauss import POINTS, WEIGHTS
+from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.flexible.beam_nodes import BEGIN, END, NODE
 from fmus.physics.chain.flexible.beam_nodes import gather as coordinates
 from fmus.physics.chain.flexible.closing import ClosingSpring
 from fmus.physics.chain.flexible.link_layout import layout_of_halves
 from fmus.physics.vector import dot, scale, vector
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.flexible.link_layout import LinkLayout
+    from fmus.physics.chain.flexible.work import Work
 
 LAYOUT = layout_of_halves(
     begin=[BEGIN[a] + k for a in range(4) for k in range(3)],
@@ -55,31 +60,31 @@ class Beams(NamedTuple):
 
 
 @kernel
-def gather(links, q, i, j, e):
+def gather(links: Beams, q: Floats, i: int, j: int, e: Floats) -> None:
     """See ``elements``."""
     coordinates(q, i, j, e)
 
 
 @kernel
-def layout(links):
+def layout(links: Beams) -> LinkLayout:
     """See ``elements``."""
     return LAYOUT
 
 
 @kernel
-def lever(links):
+def lever(links: Beams) -> tuple[float, float, float, float, float, float]:
     """See ``elements``: by the pin's middle, or by its ends as they rotate and stretch."""
     half = 0.5 * links.element.width
     return 1.0, 1.0, 1.0, half, half, half
 
 
 @kernel
-def flatten(links, w):
+def flatten(links: Beams, w: Work) -> None:
     """See ``elements``: unchanged."""
 
 
 @allocating
-def axial(links, w):
+def axial(links: Beams, w: Work) -> tuple[float, float]:
     """See ``elements``; stress from Green's strains at the axis' Gauss points and the section's corners."""
     N, G, (across, up) = np.empty((5, 8)), np.empty((5, 3)), radii(links.element)
     y, z = 0.5 * links.element.width / across, links.outer_fibre / up
@@ -97,7 +102,7 @@ def axial(links, w):
 
 
 @allocating
-def outer_and_inner(links, w):
+def outer_and_inner(links: Beams, w: Work) -> tuple[float, float]:
     """See ``elements``; at the middle of the width."""
     N, G, up = np.empty((5, 8)), np.empty((5, 3)), links.outer_fibre / radii(links.element)[1]
     outer = inner = 0.0
@@ -114,7 +119,7 @@ def outer_and_inner(links, w):
 
 
 @kernel
-def pin_axis(links, q):
+def pin_axis(links: Beams, q: Floats) -> Vector:
     """See ``elements``."""
     along = vector(q, 3)
     return scale(1.0 / np.sqrt(dot(along, along)), along)

@@ -7,10 +7,13 @@ that normal with the slopes is part of the virtual work: with B = S - C t n^T a 
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.ancf.cable import axes, shape, shape_slope
+from fmus.physics.arrays import Vector
 from fmus.physics.chain.flexible.elements import in_space, layout
 from fmus.physics.chain.flexible.link_layout import node
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
@@ -25,21 +28,27 @@ from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by 
     to_ground,
 )
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.flexible.cables import CableLinks, Cables
+    from fmus.physics.chain.flexible.state import Motion
+    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.contact.face import ContactForce
+
 
 @kernel
-def lateral_points(links):
+def lateral_points(links: Cables) -> tuple[int, float]:
     """See ``faces``."""
     return 1, 0.0
 
 
 @kernel
-def depth_below_pins(links, x, i):
+def depth_below_pins(links: Cables, x: Motion, i: int) -> float:
     """See ``faces``."""
     return 1.1 * links.face + 0.1 * links.element.l
 
 
 @kernel
-def locate_section(links, x, w, i, xi, z):
+def locate_section(links: Cables, x: Motion, w: Work, i: int, xi: float, z: float) -> tuple[Vector, Vector]:
     """See ``faces``; leaves shapes in ``w.S``, z x slopes / |r_x| in ``w.C``, tangent (x, z) in ``w.t``."""
     S, C, e, de, up = w.S, w.C, w.e, w.v, axes(links.element) - 1
     shape(links.element, xi, S)
@@ -67,20 +76,22 @@ def locate_section(links, x, w, i, xi, z):
 
 
 @kernel
-def locate(links, x, w, i, section, y):
+def locate(
+    links: Cables, x: Motion, w: Work, i: int, section: tuple[Vector, Vector], y: float
+) -> tuple[Vector, Vector]:
     """See ``faces``; a cable has one point, in its middle."""
     return section
 
 
 @kernel
-def position_slope(links, x, w, i):
+def position_slope(links: CableLinks, x: Motion, w: Work, i: int) -> Vector:
     """See ``faces``."""
     l = links.element.l
     return l * w.t[0], 0.0, l * w.t[2]
 
 
 @kernel
-def apply_force(links, w, i, force, tangent):
+def apply_force(links: Cables, w: Work, i: int, force: ContactForce, tangent: bool) -> None:
     """Add a force to residual and matrix of the link: R -= B^T f, K -= B^T g B with B = S - C t n^T."""
     S, C, R, K, dims = w.S, w.C, w.load[i], w.stiffening[i], axes(links.element)
     t0, t2, f, up = w.t[0], w.t[2], force.f, dims - 1
@@ -119,7 +130,9 @@ def apply_force(links, w, i, force, tangent):
 
 
 @kernel
-def add_rate_matrix(links, w, i, force, by_rate, foot, normal):
+def add_rate_matrix(
+    links: Cables, w: Work, i: int, force: ContactForce, by_rate: float, foot: float, normal: Vector
+) -> None:
     """Add K -= B^T r (d rate / d pins), r = df / d rate; the rate falls with motion along the normal."""
     S, C, K, t0, t2, r, dims = w.S, w.C, w.stiffening[i], w.t[0], w.t[2], force.by_rate, axes(links.element)
     a = r[0] * t0 + r[2] * t2
@@ -133,20 +146,20 @@ def add_rate_matrix(links, w, i, force, by_rate, foot, normal):
 
 
 @kernel
-def _axis(k, dims):
+def _axis(k: int, dims: int) -> int:
     """Axis of space of a vector's component ``k``: x or z in the plane."""
     return k if dims == 3 else 2 * k
 
 
 @kernel
-def locate_pin(links, x, w, i, y):
+def locate_pin(links: Cables, x: Motion, w: Work, i: int, y: float) -> tuple[Vector, Vector]:
     """See ``faces``."""
     i = node(layout(links), x.q.shape[0], i)
     return in_space(links, x.q[i]), in_space(links, x.v[i])
 
 
 @kernel
-def apply_pin_force(links, x, w, i, y, force, tangent):
+def apply_pin_force(links: Cables, x: Motion, w: Work, i: int, y: float, force: ContactForce, tangent: bool) -> None:
     """Add a force to residual ``w.b`` and matrix ``w.A`` of the pin."""
     f, g, dims, i = force.f, force.g, axes(links.element), node(layout(links), x.q.shape[0], i)
     for a in range(dims):

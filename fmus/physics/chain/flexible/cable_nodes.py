@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats
 
 NODE = 8  # position 3, slope of the ending link (x, z), slope of the beginning link (x, z), shared slope along y
 
 
 @kernel
-def gather(q, i, j, e):
+def gather(q: Floats, i: int, j: int, e: Floats) -> None:
     """Element coordinates ``e`` (4, 3) of the link from pin ``i`` to pin ``j`` of ``q`` (nodes, 8)."""
     for k in range(3):
         e[0, k] = q[i, k]

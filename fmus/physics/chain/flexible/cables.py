@@ -10,17 +10,43 @@ a cyclic block tridiagonal system of 4 x 4 blocks (x, y, z and the shared slope 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
 from fmus.jit import implemented_in, kernel
 from fmus.physics.ancf.cable import Cable
 from fmus.physics.ancf.element import end_moments, mean_curvature, section_force, tension
+from fmus.physics.arrays import Floats, Four, Vector
 from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - interface
 from fmus.physics.chain.flexible.cable_nodes import gather as coordinates
 from fmus.physics.chain.flexible.closing import ClosingSpring
 from fmus.physics.chain.flexible.link_layout import layout_of_halves
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.link_layout import LinkLayout
+    from fmus.physics.chain.flexible.work import Work
+
+    class CableLinks(FlexibleLinks, Protocol):
+        """Parameters of a chain of cables, whether its axes are fixed or turn: ``Cables``, ``TurningCables``."""
+
+        @property
+        def element(self) -> Cable:
+            """Parameters of an element."""
+
+        @property
+        def outer_fibre(self) -> float:
+            """Distance of the outer fibre from the axis, m."""
+
+        @property
+        def area(self) -> float:
+            """Area of the section, m2."""
+
+        @property
+        def second_moment(self) -> float:
+            """Second moment of area about the pin, m4."""
+
 
 LAYOUT = layout_of_halves(begin=[0, 1, 2, 5, 7, 6], end=[0, 1, 2, 3, 7, 4], outer=[0, 1, 2, 4, 6, 7, 8, 10], fixed=3)
 ELEMENT = (4, 3)  # (rows, axes): vectors of a link, components of a vector
@@ -48,30 +74,30 @@ class Cables(NamedTuple):
 
 
 @kernel
-def gather(links, q, i, j, e):
+def gather(links: Cables, q: Floats, i: int, j: int, e: Floats) -> None:
     """See ``elements``."""
     coordinates(q, i, j, e)
 
 
 @kernel
-def layout(links):
+def layout(links: Cables) -> LinkLayout:
     """See ``elements``."""
     return LAYOUT
 
 
 @kernel
-def lever(links):
+def lever(links: CableLinks) -> Four:
     """See ``elements``: the size of a correction is the motion of the pin."""
     return 1.0, 1.0, 1.0, 0.0
 
 
 @kernel
-def flatten(links, w):
+def flatten(links: Cables, w: Work) -> None:
     """See ``elements``: unchanged."""
 
 
 @kernel
-def axial(links, w):
+def axial(links: CableLinks, w: Work) -> tuple[float, float]:
     """See ``elements``."""
     first, second = end_moments(links.element, w.e)
     bending_stress = max(first, second) * links.outer_fibre / links.second_moment
@@ -82,7 +108,7 @@ def axial(links, w):
 
 
 @kernel
-def outer_and_inner(links, w):
+def outer_and_inner(links: CableLinks, w: Work) -> tuple[float, float]:
     """See ``elements``; a cable's curvature is linear, so its mean is that at the middle."""
     axial_stress = tension(links.element, w.e) / links.area
     bending_stress = links.element.EI * mean_curvature(links.element, w.e) * links.outer_fibre / links.second_moment
@@ -90,6 +116,6 @@ def outer_and_inner(links, w):
 
 
 @kernel
-def pin_axis(links, q):
+def pin_axis(links: CableLinks, q: Floats) -> Vector:
     """See ``elements``."""
     return 0.0, 1.0, 0.0

@@ -16,12 +16,13 @@ so all is O(n), and B is lower triangular in this order. Nodal coordinates and r
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from fmus.jit import implemented_in, kernel
 from fmus.physics import cholesky_cyclic
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible import dynamics, pin_forces
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.elements import layout
@@ -31,6 +32,13 @@ from fmus.physics.chain.flexible.pins import keep_symmetric
 from fmus.physics.chain.flexible.release import condense_mass
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.on_links import JOINT
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.state import State
+    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.protocols import Contacts
 
 
 @implemented_in(dynamics=".cholesky")
@@ -43,13 +51,13 @@ class CholeskyLinks(NamedTuple):
     side: np.ndarray  # (nodes, m) scratch: rates of the pins
 
 
-def cholesky_links(links: Any, own: int, shared: tuple[int, int]) -> CholeskyLinks:
+def cholesky_links(links: FlexibleLinks, own: int, shared: tuple[int, int]) -> CholeskyLinks:
     """Return ``links`` with zeroed factors of ``own`` and ``shared`` (nodes, m) sizes; then ``factor``."""
     return CholeskyLinks(links, np.zeros((own, own)), np.zeros((own, own)), np.zeros(shared))
 
 
 @kernel
-def factor(links, env, s, w):
+def factor(links: CholeskyLinks, env: Environment, s: State, w: Work) -> int:
     """Factor the mass into ``w`` and ``links``; return -1, or the pin or link where it is singular."""
     nodal = links.links
     condense_mass(nodal, env, s, w)
@@ -64,7 +72,7 @@ def factor(links, env, s, w):
 
 
 @kernel
-def to_cholesky(links, s, w):
+def to_cholesky(links: CholeskyLinks, s: State, w: Work) -> None:
     """Cholesky coordinates and rates ``s.p`` (2, nodes, width) from the nodal ones."""
     nodal = links.links
     indices, right, side = layout(nodal), w.right[0], links.side
@@ -90,13 +98,13 @@ def to_cholesky(links, s, w):
 
 
 @kernel
-def to_nodal(links, s, w):
+def to_nodal(links: CholeskyLinks, s: State, w: Work) -> None:
     """Nodal coordinates and rates from ``s.p``."""
     _nodal(links, s.p[0], s.p[1], s.q, s.v, w)
 
 
 @kernel
-def _nodal(links, p, rates, q, v, w):
+def _nodal(links: CholeskyLinks, p: Floats, rates: Floats, q: Floats, v: Floats, w: Work) -> None:
     """Write B^-T ``p`` to ``q`` and B^-T ``rates`` to ``v``, all (nodes, width)."""
     nodal = links.links
     indices, right, inverse, b, side = layout(nodal), w.right[0], links.inverse, w.b, links.side
@@ -124,7 +132,7 @@ def _nodal(links, p, rates, q, v, w):
 
 
 @kernel
-def accelerations(links, contacts, env, s, w):
+def accelerations(links: CholeskyLinks, contacts: Contacts | None, env: Environment, s: State, w: Work) -> None:
     """Accelerations of p (nodes, width) from nodal coordinates and rates into ``w.change[1]``."""
     nodal = links.links
     evaluate(nodal, contacts, env, Motion(s.q, s.v, w.still, s.axes), NOTHING, w, False)
@@ -145,7 +153,7 @@ def accelerations(links, contacts, env, s, w):
 
 
 @kernel
-def derivative(links, contacts, env, s, w, k):
+def derivative(links: CholeskyLinks, contacts: Contacts | None, env: Environment, s: State, w: Work, k: Floats) -> int:
     """See ``kinds``."""
     to_nodal(links, s, w)
     accelerations(links, contacts, env, s, w)
@@ -158,14 +166,14 @@ def derivative(links, contacts, env, s, w, k):
 
 
 @kernel
-def accelerate(links, contacts, env, s, w):
+def accelerate(links: CholeskyLinks, contacts: Contacts | None, env: Environment, s: State, w: Work) -> None:
     """See ``kinds``."""
     accelerations(links, contacts, env, s, w)
     _nodal(links, w.change[1], s.p[1], s.vdot, s.v, w)
 
 
 @kernel
-def stage_joints(links, env, s, w):
+def stage_joints(links: CholeskyLinks, env: Environment, s: State, w: Work) -> None:
     """See ``kinds``."""
     if w.on_links.shape[1] > JOINT:
         _nodal(links, w.change[1], s.p[1], s.vdot, s.v, w)
@@ -173,55 +181,57 @@ def stage_joints(links, env, s, w):
 
 
 @kernel
-def project(links, s, w):
+def project(links: CholeskyLinks, s: State, w: Work) -> int:
     """See ``kinds``: no equation is open; updates the nodal coordinates to the end of the step."""
     to_nodal(links, s, w)
     return -1
 
 
 @kernel
-def speed(links, env, s, w):
+def speed(links: CholeskyLinks, env: Environment, s: State, w: Work) -> float:
     """See ``kinds``."""
     return dynamics.speed(links.links, env, s, w)
 
 
 @kernel
-def first_speed(links, env, s, w, report):
+def first_speed(links: CholeskyLinks, env: Environment, s: State, w: Work, report: Floats) -> float:
     """See ``kinds``."""
     return dynamics.first_speed(links.links, env, s, w, report)
 
 
 @kernel
-def observe(links, env, s, w, report):
+def observe(links: CholeskyLinks, env: Environment, s: State, w: Work, report: Floats) -> None:
     """See ``kinds``."""
     dynamics.observe(links.links, env, s, w, report)
 
 
 @kernel
-def pin_places(links, s, w, place):
+def pin_places(links: CholeskyLinks, s: State, w: Work, place: Floats) -> None:
     """See ``kinds``."""
     dynamics.pin_places(links.links, s, w, place)
 
 
 @kernel
-def pin_axes(links, s, w, axis):
+def pin_axes(links: CholeskyLinks, s: State, w: Work, axis: Floats) -> None:
     """See ``kinds``."""
     dynamics.pin_axes(links.links, s, w, axis)
 
 
 @kernel
-def slopes(links, s, w, slope):
+def slopes(links: CholeskyLinks, s: State, w: Work, slope: Floats) -> None:
     """See ``kinds``."""
     dynamics.slopes(links.links, s, w, slope)
 
 
 @kernel
-def fibres(links, s, w, stress):
+def fibres(links: CholeskyLinks, s: State, w: Work, stress: Floats) -> None:
     """See ``kinds``."""
     dynamics.fibres(links.links, s, w, stress)
 
 
 @kernel
-def observe_links(links, env, s, w, tension, stress, place):
+def observe_links(
+    links: CholeskyLinks, env: Environment, s: State, w: Work, tension: Floats, stress: Floats, place: Floats
+) -> None:
     """See ``kinds``."""
     dynamics.observe_links(links.links, env, s, w, tension, stress, place)

@@ -10,13 +10,20 @@ the spring transmits them.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.ancf.element import mass, vectors
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.sums import JOINTS
+
+if TYPE_CHECKING:
+    from fmus.physics.ancf.element import Element
+    from fmus.physics.chain.flexible.link_layout import LinkLayout
+    from fmus.physics.chain.flexible.state import Motion
+    from fmus.physics.chain.flexible.work import Work
 
 
 class ClosingSpring(NamedTuple):
@@ -27,11 +34,14 @@ class ClosingSpring(NamedTuple):
 
 
 @kernel
-def add_spring(spring, layout, dims, x, w, by_rate, tangent):
+def add_spring(
+    spring: ClosingSpring | None, layout: LinkLayout, dims: int, x: Motion, w: Work, by_rate: float, tangent: bool
+) -> None:
     """Add the ``spring``, or None, to the residuals ``w.b`` of the two pins; with ``tangent`` the matrix.
 
-    ``layout``: the links' LinkLayout; ``dims``: components of a position, the first coordinates of a pin. Adds the
-    damper's power to ``w.sums``. For links that share no pins the matrix has corners only, see ``constrained_joints``.
+    ``dims``: components of a position, the first coordinates of a pin; ``by_rate``, 1/s, is d velocity / d position.
+    Adds the damper's power to ``w.sums``. For links that share no pins the matrix has corners only, see
+    ``constrained_joints``.
     """
     if spring is not None:
         last = x.q.shape[0] - 1
@@ -51,8 +61,8 @@ def add_spring(spring, layout, dims, x, w, by_rate, tangent):
 
 
 @kernel
-def spring_energy(spring, dims, q):
-    """Energy of the ``spring``, or None, J; ``q`` (nodes, width)."""
+def spring_energy(spring: ClosingSpring | None, dims: int, q: Floats) -> float:
+    """Energy of the ``spring``, J, 0 without one; ``dims`` as in ``add_spring``; ``q`` (nodes, width)."""
     energy = 0.0
     if spring is not None:
         for k in range(dims):
@@ -61,7 +71,7 @@ def spring_energy(spring, dims, q):
     return energy
 
 
-def square_of_frequency(spring: ClosingSpring | None, element: Any) -> float:
+def square_of_frequency(spring: ClosingSpring | None, element: Element) -> float:
     """Bound of the spring's effect on the square of a chain's highest frequency, 1/s2; not for kernels.
 
     By Weyl's inequality the bounds of two stiffnesses add up; that of the spring alone is k (1/m + 1/m') with the

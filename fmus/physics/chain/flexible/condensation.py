@@ -11,10 +11,13 @@ differ in their ``link_layout``; its sizes m and n are lengths of tuples, so tha
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fmus.jit import kernel, noalias
 from fmus.physics.ancf.element import axes
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.environment import HELD, PINNED
 from fmus.physics.chain.flexible.closing import add_spring
 from fmus.physics.chain.flexible.elements import layout, lever
@@ -22,9 +25,17 @@ from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.pins import pin_loads
 from fmus.physics.inverse import invert
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.link_layout import LinkLayout
+    from fmus.physics.chain.flexible.state import Motion
+    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.integrate.generalized_alpha import Slopes
+
 
 @kernel
-def clear(w, tangent):
+def clear(w: Work, tangent: bool) -> None:
     """Zero the sums of an evaluation."""
     w.b[:] = 0.0
     w.sums[:] = 0.0
@@ -37,7 +48,7 @@ def clear(w, tangent):
 
 @kernel
 @noalias
-def eliminate(links, w, i):
+def eliminate(links: FlexibleLinks, w: Work, i: int) -> None:
     """Eliminate the own coordinates of link ``i`` from its matrix ``w.K``; the rest goes into ``w.rest``.
 
     Leaves the inverse of its own part in ``w.inner``, that times the coupling in ``w.right``, and the coupling in
@@ -71,7 +82,7 @@ def eliminate(links, w, i):
 
 @kernel
 @noalias
-def condense(links, w, link, i, j):
+def condense(links: FlexibleLinks, w: Work, link: int, i: int, j: int) -> None:
     """``eliminate``, then scatter the rest to the pins ``i``, ``j`` of the ``link``."""
     eliminate(links, w, link)
     m, rest = len(layout(links).shared), w.rest
@@ -84,10 +95,11 @@ def condense(links, w, link, i, j):
 
 
 @kernel
-def _spread(indices, R, inner, own, b, x):
-    """Add the residuals ``R`` (links, rows, axes) to the pins ``b``; solve the own parts into ``own``.
+def _spread(indices: LinkLayout, R: Floats, inner: Floats, own: Floats, b: Floats, x: Floats) -> tuple[float, int]:
+    """Add the residuals ``R`` (links, rows, axes) to the pins ``b`` (nodes, m); solve the own parts into ``own``.
 
-    Returns the largest entry of the own parts, N, and its link; ``x`` is scratch.
+    ``inner`` (links, n, n), ``own`` (links, n). Returns the largest entry of the own parts, N, and its link; ``x`` (n)
+    is scratch.
     """
     links, nodes, m, n = R.shape[0], b.shape[0], len(indices.shared), len(indices.own)
     flat = R.reshape(links, R.shape[1] * R.shape[2])
@@ -110,10 +122,13 @@ def _spread(indices, R, inner, own, b, x):
 
 
 @kernel
-def _reduce(indices, env, left, own, b, worst, where):
-    """Condense the residual ``b`` of the pins; entries that the ground supports at pinned ends are zeroed.
+def _reduce(
+    indices: LinkLayout, env: Environment, left: Floats, own: Floats, b: Floats, worst: float, where: int
+) -> tuple[float, int]:
+    """Condense the residual ``b`` (nodes, m) of the pins; entries that the ground supports at pinned ends are zeroed.
 
-    Returns the largest entry, N, before that and of ``worst``, and its link.
+    ``left`` (links, 2 m + c, n), ``own`` (links, n). Returns the largest entry, N, before that and of ``worst``, N, and
+    its link; ``where`` is that of ``worst``.
     """
     links, nodes, m, n = left.shape[0], b.shape[0], len(indices.shared), len(indices.own)
     for i in range(nodes):
@@ -136,8 +151,13 @@ def _reduce(indices, env, left, own, b, worst, where):
 
 
 @kernel
-def reduce(links, env, x, w, by_rate, tangent):
-    """Condense the residuals of all links and pin loads; return the largest entry, N, and its link."""
+def reduce(
+    links: FlexibleLinks, env: Environment, x: Motion, w: Work, by_rate: float, tangent: bool
+) -> tuple[float, int]:
+    """Condense the residuals of all links and pin loads; return the largest entry, N, and its link.
+
+    ``by_rate``, 1/s, is d velocity / d position.
+    """
     indices = layout(links)
     worst, where = _spread(indices, w.R, w.inner, w.own, w.b, w.swap)
     pin_loads(links, env, x, w, by_rate, tangent)
@@ -150,12 +170,12 @@ def reduce(links, env, x, w, by_rate, tangent):
 
 
 @kernel
-def correct(links, w, x, by, longest):
+def correct(links: FlexibleLinks, w: Work, x: Motion, by: Slopes, longest: float) -> float:
     """Subtract the Newton step, the solution ``w.b`` of pins and ``w.own`` of links, from ``x``; rates follow ``by``.
 
     Returns the largest change of a pin, m, before scaling, by which callers judge convergence; a change of a shared
     coordinate counts by its lever, m. A step above ``longest``, m, is scaled down to it. Where a change is not finite,
-    ``x`` stays and inf is returned. ``by``: factors of rates and accelerations (``generalized_alpha.Slopes``).
+    ``x`` stays and inf is returned. ``by``: factors of rates and accelerations.
     """
     indices, levers, right, own, b = layout(links), lever(links), w.right, w.own, w.b
     count, nodes, m, n = own.shape[0], b.shape[0], len(indices.shared), len(indices.own)

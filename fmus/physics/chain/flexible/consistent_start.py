@@ -10,16 +10,18 @@ enter by their residuals alone.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 
-from fmus.physics.arrays import Floats
+from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.flexible.places import across, coordinate_indices, in_plane
+
+if TYPE_CHECKING:
+    from types import ModuleType
 
 PROBE = 1e-7  # deformation of a link in the difference quotients
 LONGEST = 0.05  # largest deformation in a step of Newton's iteration
@@ -36,7 +38,7 @@ class OpenChain:
     else at the first.
     """
 
-    def __init__(self, kit: Any, q: Floats, mass: Floats, pitch: float, pinned: bool) -> None:
+    def __init__(self, kit: ModuleType, q: Floats, mass: Floats, pitch: float, pinned: bool) -> None:
         self.q, self.flat, self.mass, self.pitch, self.pinned = q, q.reshape(-1), mass, pitch, pinned
         n, axes, m = len(q) - 1, len(kit.AXES), len(kit.LAYOUT.shared)
         at = coordinate_indices(kit, q, len(mass), n)
@@ -103,7 +105,7 @@ class OpenChain:
         pull = np.sum((in_plane(R)[:, self.second] + beyond) * self.along(), axis=1)
         return np.hstack([R.reshape(len(R), -1)[:, self.order], pull[:, None]])
 
-    def numbers(self) -> NDArray[np.int64]:
+    def numbers(self) -> Integers:
         """Index of the chain's unknown for each entry of ``balance`` (links, size); -1: held."""
         n, own = self.own.shape
         links = np.arange(n * (own + 1)).reshape(n, own + 1)

@@ -14,12 +14,13 @@ is a compliant equation, B y - mu / k = 0.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics import block_cyclic
+from fmus.physics.arrays import Floats
 from fmus.physics.block_cyclic import Factors, workspace
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.elements import layout
@@ -28,6 +29,12 @@ from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.speed import chain_speed
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.inverse import invert
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.state import State
+    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.protocols import Carrier
 
 AS_THEY_ARE = Slopes(0.0, 0.0, 0.0)  # corrections that change no rates
 
@@ -59,13 +66,13 @@ def joints(links: int, m: int) -> ConstrainedJoints:
 
 
 @kernel
-def _first(links):
+def _first(links: FlexibleLinks) -> int:
     """Index of the first pin with equations."""
     return 0 if links.closed == 1 and links.closing is None else 1
 
 
 @kernel
-def factor(links, w):
+def factor(links: FlexibleLinks, w: Work) -> int:
     """See ``joints``."""
     indices, D, U, L, n = layout(links), w.joints.S[0], w.joints.S[1], w.joints.S[2], links.n
     m, last = len(indices.shared), 2 * n - 1
@@ -95,7 +102,7 @@ def factor(links, w):
 
 
 @kernel
-def solve(links, w):
+def solve(links: FlexibleLinks, w: Work) -> None:
     """See ``joints``."""
     W, multipliers, y, n, b = w.joints.W, w.joints.multipliers, w.joints.y, links.n, w.b
     m, last = len(layout(links).shared), 2 * n - 1
@@ -132,7 +139,7 @@ def solve(links, w):
 
 
 @kernel
-def misfit(links, q, w):
+def misfit(links: FlexibleLinks, q: Floats, w: Work) -> None:
     """See ``joints``."""
     gap, indices = w.joints.gap, layout(links)
     for j in range(links.n):
@@ -141,7 +148,7 @@ def misfit(links, q, w):
 
 
 @kernel
-def project(links, s, w):
+def project(links: FlexibleLinks, s: State, w: Work) -> None:
     """See ``joints``."""
     for q in (s.q, s.v):
         w.b[:] = 0.0
@@ -152,7 +159,7 @@ def project(links, s, w):
 
 
 @kernel
-def speed(links, carrier, s, w):
+def speed(links: FlexibleLinks, carrier: Carrier, s: State, w: Work) -> float:
     """See ``joints``."""
     places, rates, pins = w.joints.places, w.joints.rates, links.n if links.closed == 1 else links.n + 1
     for j in range(pins):

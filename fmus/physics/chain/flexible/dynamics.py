@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fmus.jit import kernel
 from fmus.physics.ancf.element import vectors
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.environment import PULLED
 from fmus.physics.chain.flexible import joints
@@ -17,9 +20,15 @@ from fmus.physics.chain.flexible.pin_forces import newton_joints  # noqa: F401 -
 from fmus.physics.chain.report import SPEED, write
 from fmus.physics.vector import put
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.state import State
+    from fmus.physics.chain.flexible.work import Work
+
 
 @kernel
-def end_work(links, env, h, s, w):
+def end_work(links: FlexibleLinks, env: Environment, h: float, s: State, w: Work) -> float:
     """See ``kinds``; by the displacements of the ends."""
     work, q, q0 = 0.0, s.q, w.before.q
     if env.ends == PULLED:
@@ -29,26 +38,26 @@ def end_work(links, env, h, s, w):
 
 
 @kernel
-def speed(links, env, s, w):
+def speed(links: FlexibleLinks, env: Environment, s: State, w: Work) -> float:
     """See ``kinds``."""
     return joints.speed(links, carrier(w.flat, env.mount), s, w)
 
 
 @kernel
-def first_speed(links, env, s, w, report):
+def first_speed(links: FlexibleLinks, env: Environment, s: State, w: Work, report: Floats) -> float:
     """See ``kinds``; as reported, so relative to the carrier as it was extrapolated to the present time."""
     return report[SPEED]
 
 
 @kernel
-def observe(links, env, s, w, report):
+def observe(links: FlexibleLinks, env: Environment, s: State, w: Work, report: Floats) -> None:
     """See ``kinds``."""
     tension, energy = totals(links, env, s, w)
     write(report, w, s.mean, speed(links, env, s, w), carrier(w.wheels, env.mount)[3], tension, energy)
 
 
 @kernel
-def pin_places(links, s, w, place):
+def pin_places(links: FlexibleLinks, s: State, w: Work, place: Floats) -> None:
     """See ``kinds``."""
     for i in range(place.shape[0]):
         node_index = node(layout(links), s.q.shape[0], i)
@@ -56,7 +65,7 @@ def pin_places(links, s, w, place):
 
 
 @kernel
-def pin_axes(links, s, w, axis):
+def pin_axes(links: FlexibleLinks, s: State, w: Work, axis: Floats) -> None:
     """See ``kinds``."""
     for i in range(axis.shape[0]):
         node_index = node(layout(links), s.q.shape[0], i)
@@ -64,7 +73,7 @@ def pin_axes(links, s, w, axis):
 
 
 @kernel
-def fibres(links, s, w, stress):
+def fibres(links: FlexibleLinks, s: State, w: Work, stress: Floats) -> None:
     """See ``kinds``."""
     for i in range(links.n):
         first, second = ends(layout(links), s.q.shape[0], i)
@@ -73,7 +82,7 @@ def fibres(links, s, w, stress):
 
 
 @kernel
-def slopes(links, s, w, slope):
+def slopes(links: FlexibleLinks, s: State, w: Work, slope: Floats) -> None:
     """See ``kinds``."""
     rows = vectors(links.element)
     for i in range(links.n):
@@ -84,7 +93,9 @@ def slopes(links, s, w, slope):
 
 
 @kernel
-def observe_links(links, env, s, w, tension, stress, place):
+def observe_links(
+    links: FlexibleLinks, env: Environment, s: State, w: Work, tension: Floats, stress: Floats, place: Floats
+) -> None:
     """See ``kinds``."""
     axials(links, s, w, tension, stress)
     pin_places(links, s, w, place)

@@ -2,36 +2,45 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fmus.jit import kernel
 from fmus.physics import block_cyclic
 from fmus.physics.ancf.element import axes
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.speed import chain_speed
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.state import State
+    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.protocols import Carrier
 
 
 @kernel
-def factor(links, w):
+def factor(links: FlexibleLinks, w: Work) -> int:
     """See ``joints``."""
     return block_cyclic.factor(w.A, w.U, w.L, w.factors, links.closed == 1)
 
 
 @kernel
-def solve(links, w):
+def solve(links: FlexibleLinks, w: Work) -> None:
     """See ``joints``."""
     block_cyclic.solve(w.A, w.U, w.factors, links.closed == 1, w.b)
 
 
 @kernel
-def misfit(links, q, w):
+def misfit(links: FlexibleLinks, q: Floats, w: Work) -> None:
     """See ``joints``."""
 
 
 @kernel
-def project(links, s, w):
+def project(links: FlexibleLinks, s: State, w: Work) -> None:
     """See ``joints``."""
 
 
 @kernel
-def speed(links, carrier, s, w):
+def speed(links: FlexibleLinks, carrier: Carrier, s: State, w: Work) -> float:
     """See ``joints``."""
     n, pins = axes(links.element), links.n if links.closed == 1 else links.n + 1
     return chain_speed(s.q[:pins, :n], s.v[:pins, :n], links.closed == 1, carrier)

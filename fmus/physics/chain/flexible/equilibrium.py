@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fmus.jit import allocating
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.condensation import correct
 from fmus.physics.chain.flexible.joints import factor, solve
@@ -14,14 +17,29 @@ from fmus.physics.chain.state import copy
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.wheels import move
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.state import State
+    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.protocols import Contacts
+
 
 @allocating
-def settle(links, contacts, env, rows, tolerance, longest, s, w):
+def settle(
+    links: FlexibleLinks,
+    contacts: Contacts | None,
+    env: Environment,
+    rows: Floats,
+    tolerance: float,
+    longest: float,
+    s: State,
+    w: Work,
+) -> IntegrationOutcome:
     """Bring ``s.q`` to static equilibrium on the wheels ``rows`` (m, 15) by growing pseudo-time steps.
 
     Friction and damping are left out. The iteration ends with a residual below ``tolerance``, N, after a step of
     ``longest`` s where possible, so that motions of little stiffness have come to rest too.
-    Returns an IntegrationOutcome.
     """
     x = Motion(s.q, w.still, w.change[0], s.axes)
     move(rows, 0.0, w.wheels)

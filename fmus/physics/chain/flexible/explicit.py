@@ -5,12 +5,13 @@ Where the axes of the coordinates turn, it has a border for their accelerations,
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.ancf.element import highest_frequency
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible import pin_forces
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.axes import (
@@ -28,19 +29,26 @@ from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.state import copy_rows
 from fmus.physics.integrate.generalized_alpha import Slopes
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.state import State
+    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.protocols import Contacts
+
 # step times highest frequency, within the stability region of the method for lightly damped modes
 LIMIT = 2.4
 NOTHING = Slopes(0.0, 0.0, 0.0)  # for evaluations without a matrix
 
 
-def stable(links: Any) -> float:
+def stable(links: FlexibleLinks) -> float:
     """Longest stable step of the explicit method, s, contacts apart."""
     fastest = max(highest_frequency(links.element), float(lateral_bending_frequency(links)))
     return LIMIT / float(np.hypot(fastest, np.sqrt(square_of_frequency(links.closing, links.element))))
 
 
 @kernel
-def accelerations(links, contacts, env, s, w):
+def accelerations(links: FlexibleLinks, contacts: Contacts | None, env: Environment, s: State, w: Work) -> None:
     """Accelerations (nodes, width) into ``w.change[0]``; ``w`` has the factored mass and the wheels."""
     change, x = w.change[0], Motion(s.q, s.v, w.still, s.axes)
     accelerate_origin(links, x, w)
@@ -52,7 +60,7 @@ def accelerations(links, contacts, env, s, w):
 
 
 @kernel
-def derivative(links, contacts, env, s, w, k):
+def derivative(links: FlexibleLinks, contacts: Contacts | None, env: Environment, s: State, w: Work, k: Floats) -> int:
     """See ``kinds``."""
     accelerations(links, contacts, env, s, w)
     n, width = s.q.size, s.q.shape[1]
@@ -65,21 +73,21 @@ def derivative(links, contacts, env, s, w, k):
 
 
 @kernel
-def accelerate(links, contacts, env, s, w):
+def accelerate(links: FlexibleLinks, contacts: Contacts | None, env: Environment, s: State, w: Work) -> None:
     """See ``kinds``."""
     accelerations(links, contacts, env, s, w)
     copy_rows(w.change[0], s.vdot)
 
 
 @kernel
-def stage_joints(links, env, s, w):
+def stage_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> None:
     """See ``kinds``."""
     copy_rows(w.change[0], s.vdot)
     pin_forces.stage_joints(links, env, s, w)
 
 
 @kernel
-def project(links, s, w):
+def project(links: FlexibleLinks, s: State, w: Work) -> int:
     """See ``kinds``."""
     orthogonalise(links, s)
     project_joints(links, s, w)

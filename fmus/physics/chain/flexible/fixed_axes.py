@@ -2,26 +2,36 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fmus.jit import kernel
 from fmus.physics.ancf.element import axes, vectors
+from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.flexible import inertia
 from fmus.physics.chain.flexible.elements import flatten, gather
 from fmus.physics.chain.flexible.joints import solve
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.state import Motion, State
+    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.implicit import ImplicitMethod
+    from fmus.physics.integrate.generalized_alpha import Slopes
+
 
 @kernel
-def wheels_to_axes(links, x, w, tangent):
+def wheels_to_axes(links: FlexibleLinks, x: Motion, w: Work, tangent: bool) -> None:
     """See ``axes``."""
     flatten(links, w)
 
 
 @kernel
-def wrenches_from_axes(links, x, w):
+def wrenches_from_axes(links: FlexibleLinks, x: Motion, w: Work) -> None:
     """See ``axes``."""
 
 
 @kernel
-def inertia_and_weight(links, x, w, weight, r):
+def inertia_and_weight(links: FlexibleLinks, x: Motion, w: Work, weight: float, r: Floats) -> None:
     """See ``axes``."""
     rows, dims = vectors(links.element), axes(links.element)
     inertia.inertia(rows, dims, w.M, w.dv, r)
@@ -29,117 +39,117 @@ def inertia_and_weight(links, x, w, weight, r):
 
 
 @kernel
-def add_lateral_bending(links, w, r, tangent):
+def add_lateral_bending(links: FlexibleLinks, w: Work, r: Floats, tangent: bool) -> None:
     """See ``axes``."""
 
 
 @kernel
-def couple_inertia(links, w, by_acceleration):
+def couple_inertia(links: FlexibleLinks, w: Work, by_acceleration: float) -> None:
     """See ``axes``."""
 
 
 @kernel
-def assemble_border(links, w, i, j):
+def assemble_border(links: FlexibleLinks, w: Work, i: int, j: int) -> None:
     """See ``axes``."""
 
 
 @kernel
-def predict_axes(links, method, h, s, w):
+def predict_axes(links: FlexibleLinks, method: ImplicitMethod, h: float, s: State, w: Work) -> None:
     """See ``axes``."""
 
 
 @kernel
-def solve_pins(links, w, fresh):
+def solve_pins(links: FlexibleLinks, w: Work, fresh: bool) -> None:
     """See ``axes``."""
     solve(links, w)
 
 
 @kernel
-def correct_axes(links, x, w, by):
+def correct_axes(links: FlexibleLinks, x: Motion, w: Work, by: Slopes) -> float:
     """See ``axes``."""
     return 0.0
 
 
 @kernel
-def finish_axes(links, method, s, w):
+def finish_axes(links: FlexibleLinks, method: ImplicitMethod, s: State, w: Work) -> None:
     """See ``axes``."""
 
 
 @kernel
-def accelerate_origin(links, x, w):
+def accelerate_origin(links: FlexibleLinks, x: Motion, w: Work) -> None:
     """See ``axes``."""
 
 
 @kernel
-def solve_accelerations(links, x, w):
+def solve_accelerations(links: FlexibleLinks, x: Motion, w: Work) -> None:
     """See ``axes``."""
     solve_pins(links, w, False)
 
 
 @kernel
-def axes_rates(links, x, k, first):
+def axes_rates(links: FlexibleLinks, x: State, k: Floats, first: int) -> None:
     """See ``axes``."""
 
 
 @kernel
-def orthogonalise(links, s):
+def orthogonalise(links: FlexibleLinks, s: State) -> None:
     """See ``axes``."""
 
 
-def lateral_bending_frequency(links):
+def lateral_bending_frequency(links: FlexibleLinks) -> float:
     """See ``axes``."""
     return 0.0
 
 
 @kernel
-def absolute_rates(links, x, w):
+def absolute_rates(links: FlexibleLinks, x: State, w: Work) -> None:
     """See ``axes``."""
 
 
 @kernel
-def absolute_accelerations(links, s, w, i, j):
-    """See ``axes``."""
-    gather(links, s.vdot, i, j, w.dv)
-
-
-@kernel
-def omitted_accelerations(links, s, w, i, j):
+def absolute_accelerations(links: FlexibleLinks, s: State, w: Work, i: int, j: int) -> None:
     """See ``axes``."""
     gather(links, s.vdot, i, j, w.dv)
 
 
 @kernel
-def vertical(links, s):
+def omitted_accelerations(links: FlexibleLinks, s: State, w: Work, i: int, j: int) -> None:
+    """See ``axes``."""
+    gather(links, s.vdot, i, j, w.dv)
+
+
+@kernel
+def vertical(links: FlexibleLinks, s: State) -> Vector:
     """See ``axes``."""
     return (0.0, 0.0, 1.0) if axes(links.element) == 3 else (0.0, 1.0, 0.0)
 
 
 @kernel
-def centre_height(links, x, w):
+def centre_height(links: FlexibleLinks, x: State, w: Work) -> float:
     """See ``axes``."""
     rows, dims = vectors(links.element), axes(links.element)
     return inertia.height(links.element.l, rows // 2, dims - 1, w.e)
 
 
 @kernel
-def start_frame_position(links, s, p):
+def start_frame_position(links: FlexibleLinks, s: State, p: Vector) -> Vector:
     """See ``axes``."""
     return p
 
 
 @kernel
-def start_frame_vector(links, s, v):
+def start_frame_vector(links: FlexibleLinks, s: State, v: Vector) -> Vector:
     """See ``axes``."""
     return v
 
 
 @kernel
-def lateral_bending_energy(links, w):
+def lateral_bending_energy(links: FlexibleLinks, w: Work) -> float:
     """See ``axes``."""
     return 0.0
 
 
 @kernel
-def rotary_energy(links, x):
+def rotary_energy(links: FlexibleLinks, x: State) -> float:
     """See ``axes``: zero, the elements contain it."""
     return 0.0

@@ -13,11 +13,14 @@ The module is long because ``axes`` dispatches all its functions to one module.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from scipy.linalg import eigh
 
 from fmus.jit import kernel
 from fmus.physics.ancf.cable import linear, mass
+from fmus.physics.arrays import Floats, Vector
 from fmus.physics.block_cyclic import solve
 from fmus.physics.chain.flexible import inertia
 from fmus.physics.chain.flexible.axes_state import (
@@ -40,12 +43,19 @@ from fmus.physics.chain.on_links import WHEELS
 from fmus.physics.integrate.generalized_alpha import auxiliary
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.flexible.state import Motion, State
+    from fmus.physics.chain.flexible.turning import TurningCables
+    from fmus.physics.chain.flexible.work import TurningWork
+    from fmus.physics.chain.implicit import ImplicitMethod
+    from fmus.physics.integrate.generalized_alpha import Slopes
+
 FOLLOWING_RATE = 200.0  # rate at which the origin follows the wheels, critically damped, 1/s
 ROTATION_LEVER = 2.0  # motion of the pins per radian of the axes, m: the weight of a correction
 
 
 @kernel
-def wheels_to_axes(links, x, w, tangent):
+def wheels_to_axes(links: TurningCables, x: Motion, w: TurningWork, tangent: bool) -> None:
     """See ``axes``: wheels ``w.wheels`` relative to the axes into ``w.flat``."""
     f, a = x.axes, w.axes
     o, ov, rate = vector(f, ORIGIN), vector(f, VELOCITY), vector(f, OMEGA)
@@ -65,7 +75,7 @@ def wheels_to_axes(links, x, w, tangent):
 
 
 @kernel
-def wrenches_from_axes(links, x, w):
+def wrenches_from_axes(links: TurningCables, x: Motion, w: TurningWork) -> None:
     """See ``axes``: the wrenches on the wheels; those of the ground already are in that frame."""
     for k in range(w.wrench.shape[0] - 1):
         put(w.wrench[k], 0, from_axes(x.axes, vector(w.wrench[k], 0)))
@@ -76,7 +86,7 @@ def wrenches_from_axes(links, x, w):
 
 
 @kernel
-def inertia_and_weight(links, x, w, weight, r):
+def inertia_and_weight(links: TurningCables, x: Motion, w: TurningWork, weight: float, r: Floats) -> None:
     """See ``axes``; adds their moment to the balance."""
     f, a, l = x.axes, w.axes, links.element.l
     _add_frame_accelerations(f, w)
@@ -93,8 +103,8 @@ def inertia_and_weight(links, x, w, weight, r):
 
 
 @kernel
-def _add_frame_accelerations(f, w):
-    """Add the accelerations due to the motion of the axes to ``w.dv`` of the link in ``w.e``, ``w.v``."""
+def _add_frame_accelerations(f: Floats, w: TurningWork) -> None:
+    """Add the accelerations due to the motion of the axes ``f`` (SIZE) to ``w.dv`` of the link in ``w.e``, ``w.v``."""
     origin, roll, yaw, d_roll, d_yaw = (
         vector(w.axes.origin_acceleration, 0),
         f[OMEGA],
@@ -117,7 +127,7 @@ def _add_frame_accelerations(f, w):
 
 
 @kernel
-def absolute_accelerations(links, s, w, i, j):
+def absolute_accelerations(links: TurningCables, s: State, w: TurningWork, i: int, j: int) -> None:
     """See ``axes``."""
     gather(links, s.q, i, j, w.e)
     gather(links, s.v, i, j, w.v)
@@ -126,7 +136,7 @@ def absolute_accelerations(links, s, w, i, j):
 
 
 @kernel
-def omitted_accelerations(links, s, w, i, j):
+def omitted_accelerations(links: TurningCables, s: State, w: TurningWork, i: int, j: int) -> None:
     """See ``axes``: accelerations of the coordinates, and those by the axes' angular acceleration."""
     gather(links, s.q, i, j, w.e)
     gather(links, s.vdot, i, j, w.dv)
@@ -135,13 +145,13 @@ def omitted_accelerations(links, s, w, i, j):
 
 
 @kernel
-def vertical(links, s):
+def vertical(links: TurningCables, s: State) -> Vector:
     """See ``axes``."""
     return vector(s.axes, 6)
 
 
 @kernel
-def add_lateral_bending(links, w, r, tangent):
+def add_lateral_bending(links: TurningCables, w: TurningWork, r: Floats, tangent: bool) -> None:
     """See ``axes``: the bending about the normal, of the y components alone."""
     e, l, s = w.e, links.element.l, links.excess_EI / links.element.l
     d = (e[2, 1] - e[0, 1]) / l
@@ -165,7 +175,7 @@ def add_lateral_bending(links, w, r, tangent):
 
 
 @kernel
-def couple_inertia(links, w, by_acceleration):
+def couple_inertia(links: TurningCables, w: TurningWork, by_acceleration: float) -> None:
     """See ``axes``: M (axis x e)."""
     K, M = w.K, w.M
     e = vector(w.e[0], 0), vector(w.e[1], 0), vector(w.e[2], 0), vector(w.e[3], 0)
@@ -184,7 +194,7 @@ def couple_inertia(links, w, by_acceleration):
 
 
 @kernel
-def assemble_border(links, w, i, j):
+def assemble_border(links: TurningCables, w: TurningWork, i: int, j: int) -> None:
     """See ``axes``."""
     border, corner, rest = w.axes.border, w.axes.corner, w.rest
     for n in range(8):
@@ -198,7 +208,7 @@ def assemble_border(links, w, i, j):
 
 
 @kernel
-def predict_axes(links, method, h, s, w):
+def predict_axes(links: TurningCables, method: ImplicitMethod, h: float, s: State, w: TurningWork) -> None:
     """See ``axes``."""
     f, c = s.axes, method.alpha
     rate, acceleration = vector(f, OMEGA), vector(f, OMEGA_RATE)
@@ -224,8 +234,8 @@ def predict_axes(links, method, h, s, w):
 
 
 @kernel
-def _origin_acceleration(f, w, o, v):
-    """Acceleration (3) of the origin at ``o`` with the velocity ``v`` (3), critically damped, m/s2."""
+def _origin_acceleration(f: Floats, w: TurningWork, o: Vector, v: Vector) -> Vector:
+    """Acceleration of the origin at ``o``, m, with the velocity ``v``, m/s, critically damped, m/s2; ``f`` (SIZE)."""
     wheels, m0 = w.wheels.shape[0], vector(f, MIDDLE)
     offset, relative_velocity = add(o, from_axes(f, m0)), add(v, from_axes(f, cross(vector(f, OMEGA), m0)))
     for k in range(wheels):
@@ -235,8 +245,8 @@ def _origin_acceleration(f, w, o, v):
 
 
 @kernel
-def _rotate(f, before, psi):
-    """Write R = R(before) exp(psi) to ``f``, Rodrigues' formula; ``psi`` (2) rad about x and z."""
+def _rotate(f: Floats, before: Floats, psi: Floats) -> None:
+    """Write R = R(before) exp(psi) to ``f`` (SIZE), Rodrigues' formula; ``psi`` (2), rad, about x and z."""
     x, z = psi[0], psi[1]
     square = x * x + z * z
     s, c = 1.0 - square / 6.0, 0.5 - square / 24.0  # sin(a)/a, (1 - cos a)/a^2; a step turns by milliradians
@@ -252,7 +262,7 @@ def _rotate(f, before, psi):
 
 
 @kernel
-def solve_pins(links, w, fresh):
+def solve_pins(links: TurningCables, w: TurningWork, fresh: bool) -> None:
     """See ``axes``."""
     if not fresh:
         solve(w.A, w.U, w.factors, links.closed == 1, w.b)
@@ -270,8 +280,11 @@ def solve_pins(links, w, fresh):
 
 
 @kernel
-def _solve_rotation(links, x, w, by_acceleration):
-    """Solve for the step of roll and yaw, rad, and correct the solutions of the pins and of the links."""
+def _solve_rotation(links: TurningCables, x: Motion, w: TurningWork, by_acceleration: float) -> tuple[float, float]:
+    """Solve for the step of roll and yaw, rad, and correct the solutions of the pins and of the links.
+
+    ``by_acceleration`` as in ``axes.couple_inertia``; with 1, of a mass matrix, the steps are accelerations, rad/s2.
+    """
     a, y, own, border, Z = w.axes, w.b, w.own, w.axes.border, w.axes.response
     t0, t1 = (
         a.moment[0] + links.rotary_inertia * x.axes[OMEGA_RATE],
@@ -300,7 +313,7 @@ def _solve_rotation(links, x, w, by_acceleration):
 
 
 @kernel
-def correct_axes(links, x, w, by):
+def correct_axes(links: TurningCables, x: Motion, w: TurningWork, by: Slopes) -> float:
     """See ``axes``."""
     a, f = w.axes, x.axes
     roll, yaw = _solve_rotation(links, x, w, by.vdot)
@@ -315,7 +328,7 @@ def correct_axes(links, x, w, by):
 
 
 @kernel
-def finish_axes(links, method, s, w):
+def finish_axes(links: TurningCables, method: ImplicitMethod, s: State, w: TurningWork) -> None:
     """See ``axes``: the auxiliary accelerations."""
     c, f, before = method.alpha, s.axes, w.before.axes
     for k in range(2):
@@ -323,7 +336,7 @@ def finish_axes(links, method, s, w):
 
 
 @kernel
-def accelerate_origin(links, x, w):
+def accelerate_origin(links: TurningCables, x: Motion, w: TurningWork) -> None:
     """See ``axes``."""
     f = x.axes
     put(f, ACCELERATION, _origin_acceleration(f, w, vector(f, ORIGIN), vector(f, VELOCITY)))
@@ -331,7 +344,7 @@ def accelerate_origin(links, x, w):
 
 
 @kernel
-def solve_accelerations(links, x, w):
+def solve_accelerations(links: TurningCables, x: Motion, w: TurningWork) -> None:
     """See ``axes``: the border of the mass depends on the coordinates."""
     f, nodes = x.axes, x.q.shape[0]
     w.axes.border[:] = 0.0
@@ -350,7 +363,7 @@ def solve_accelerations(links, x, w):
 
 
 @kernel
-def axes_rates(links, x, k, first):
+def axes_rates(links: TurningCables, x: State, k: Floats, first: int) -> None:
     """See ``axes``: R' = R (rate x)."""
     f, rate = x.axes, vector(x.axes, OMEGA)
     for i in range(3):
@@ -366,7 +379,7 @@ def axes_rates(links, x, k, first):
 
 
 @kernel
-def orthogonalise(links, s):
+def orthogonalise(links: TurningCables, s: State) -> None:
     """See ``axes``: one step of Newton's iteration for the polar factor, R (3 - R^T R) / 2."""
     f = s.axes
     rows = vector(f, 0), vector(f, 3), vector(f, 6)
@@ -377,7 +390,7 @@ def orthogonalise(links, s):
         put(f, 3 * i, row)
 
 
-def lateral_bending_frequency(links):
+def lateral_bending_frequency(links: TurningCables) -> float:
     """See ``axes``: of elements with shared slopes, all in phase; a single one (the ends) is stiffer."""
     c, M = links.element, np.zeros((4, 4))
     mass(c, M)
@@ -389,7 +402,7 @@ def lateral_bending_frequency(links):
 
 
 @kernel
-def absolute_rates(links, x, w):
+def absolute_rates(links: TurningCables, x: State, w: TurningWork) -> None:
     """See ``axes``; components along the axes."""
     f = x.axes
     rate, origin_velocity = vector(f, OMEGA), to_axes(f, vector(f, VELOCITY))
@@ -399,7 +412,7 @@ def absolute_rates(links, x, w):
 
 
 @kernel
-def centre_height(links, x, w):
+def centre_height(links: TurningCables, x: State, w: TurningWork) -> float:
     """See ``axes``."""
     f, l, e, z = x.axes, links.element.l, w.e, x.axes[ORIGIN + 2]
     for k in range(3):
@@ -408,19 +421,19 @@ def centre_height(links, x, w):
 
 
 @kernel
-def start_frame_position(links, s, p):
+def start_frame_position(links: TurningCables, s: State, p: Vector) -> Vector:
     """See ``axes``."""
     return add(vector(s.axes, ORIGIN), from_axes(s.axes, p))
 
 
 @kernel
-def start_frame_vector(links, s, v):
+def start_frame_vector(links: TurningCables, s: State, v: Vector) -> Vector:
     """See ``axes``."""
     return from_axes(s.axes, v)
 
 
 @kernel
-def lateral_bending_energy(links, w):
+def lateral_bending_energy(links: TurningCables, w: TurningWork) -> float:
     """See ``axes``."""
     e, s = w.e, links.excess_EI / links.element.l
     d = (e[2, 1] - e[0, 1]) / links.element.l
@@ -429,6 +442,6 @@ def lateral_bending_energy(links, w):
 
 
 @kernel
-def rotary_energy(links, x):
+def rotary_energy(links: TurningCables, x: State) -> float:
     """See ``axes``."""
     return 0.5 * links.rotary_inertia * (x.axes[OMEGA] ** 2 + x.axes[OMEGA + 2] ** 2)

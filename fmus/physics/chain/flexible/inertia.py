@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats
 
 
 @kernel
-def inertia(rows, axes, M, a, r):
-    """Write M a, with ``M`` (rows, rows) and accelerations ``a`` (rows, axes), to ``r`` (rows, axes)."""
+def inertia(rows: int, axes: int, M: Floats, a: Floats, r: Floats) -> None:
+    """Write M a, with ``M`` (rows, rows), kg, and accelerations ``a`` (rows, axes), to ``r`` (rows, axes), N, N m."""
     for i in range(rows):
         for k in range(axes):
             r[i, k] = 0.0
@@ -16,8 +17,8 @@ def inertia(rows, axes, M, a, r):
 
 
 @kernel
-def add_mass(rows, axes, M, factor, K):
-    """Add ``factor``, 1/s2, times the mass ``M`` (rows, rows) to the matrix ``K`` (rows axes, rows axes)."""
+def add_mass(rows: int, axes: int, M: Floats, factor: float, K: Floats) -> None:
+    """Add ``factor``, 1/s2, times the mass ``M`` (rows, rows), kg, to ``K`` (rows axes, rows axes)."""
     for i in range(rows):
         for j in range(rows):
             for k in range(axes):
@@ -25,7 +26,7 @@ def add_mass(rows, axes, M, factor, K):
 
 
 @kernel
-def weigh(weight, l, last, up, r):
+def weigh(weight: float, l: float, last: int, up: int, r: Floats) -> None:
     """Add a link's ``weight``, N, to its residual ``r`` (rows, axes), by shape functions.
 
     ``l``, m, is its length, ``last`` the first row of its second node, ``up`` the index of the z axis.
@@ -37,14 +38,14 @@ def weigh(weight, l, last, up, r):
 
 
 @kernel
-def height(l, last, up, e):
+def height(l: float, last: int, up: int, e: Floats) -> float:
     """Height of the centre of mass, m, at coordinates ``e`` (rows, axes); other arguments as in ``weigh``."""
     return 0.5 * (e[0, up] + e[last, up]) + l / 12.0 * (e[1, up] - e[last + 1, up])
 
 
 @kernel
-def add_kinetic(energy, M, v):
-    """Sum of ``energy`` and that of a link with mass ``M`` (rows, rows), rates ``v`` (rows, axes), J."""
+def add_kinetic(energy: float, M: Floats, v: Floats) -> float:
+    """Sum of ``energy``, J, and that of a link with mass ``M`` (rows, rows), kg, and rates ``v`` (rows, axes)."""
     for a in range(M.shape[0]):
         for b in range(M.shape[0]):
             s = 0.0

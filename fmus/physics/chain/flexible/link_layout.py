@@ -24,7 +24,7 @@ class LinkLayout(NamedTuple):
 
 
 def layout_of_halves(begin: list[int], end: list[int], outer: list[int], fixed: int, pins: int = 1) -> LinkLayout:
-    """Return the LinkLayout of an element from the indices of its halves in its first and second pin.
+    """Return the layout of an element from the indices of its halves in its first and second pin.
 
     The first half is in the first pin at ``begin``, the second in the other pin at ``end``. Coordinates not in
     ``outer`` are its own; the first ``fixed`` shared ones are held at a pinned end; ``pins``: 2 for links that share
@@ -41,19 +41,19 @@ def layout_of_halves(begin: list[int], end: list[int], outer: list[int], fixed: 
 
 
 def with_common_unknowns(layout: LinkLayout, common: int) -> LinkLayout:
-    """Return the LinkLayout of links that have ``common`` additional unknowns in common."""
+    """Return the ``layout`` of links that have ``common`` additional unknowns in common."""
     first = len(layout.outer) + len(layout.inner)
     return layout._replace(outer=np.append(layout.outer, first + np.arange(common)), common=(0,) * common)
 
 
 @kernel
-def ends(layout, nodes, i):
-    """Indices of the pins, of ``nodes`` in the mesh, where link ``i`` begins and ends; ``layout``: its LinkLayout."""
+def ends(layout: LinkLayout, nodes: int, i: int) -> tuple[int, int]:
+    """Indices of the pins, of ``nodes`` in the mesh, where link ``i`` begins and ends."""
     first = len(layout.pins) * i
     return first, first + 1 if first + 1 < nodes else 0
 
 
 @kernel
-def node(layout, nodes, i):
-    """Index of the node of the mesh for pin ``i`` of the chain."""
+def node(layout: LinkLayout, nodes: int, i: int) -> int:
+    """Index of the node, of ``nodes`` in the mesh, for pin ``i`` of the chain."""
     return min(len(layout.pins) * i, nodes - 1)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fmus.jit import allocating, noalias
+from fmus.physics.arrays import Integers
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.axes import correct_axes, finish_axes, predict_axes, solve_pins
 from fmus.physics.chain.flexible.condensation import correct
@@ -15,6 +18,14 @@ from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
 from fmus.physics.integrate.generalized_alpha import auxiliary, slopes
 from fmus.physics.point import sharpen
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.state import State
+    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.implicit import ImplicitMethod
+    from fmus.physics.chain.protocols import Contacts
+
 CHORD = 1e-5  # correction below which the iteration matrix is kept, m
 FASTEST = 10.0  # correction beyond which the iteration has diverged, m
 SLOW = 0.5  # friction is sharp if a correction is larger than this part of the last one
@@ -23,7 +34,16 @@ MOST = 20  # iterations before a step is rejected
 
 @allocating
 @noalias
-def newton(links, contacts, env, method, h, s, w, counters):
+def newton(
+    links: FlexibleLinks,
+    contacts: Contacts | None,
+    env: Environment,
+    method: ImplicitMethod,
+    h: float,
+    s: State,
+    w: Work,
+    counters: Integers,
+) -> tuple[int, int, float]:
     """See ``kinds``."""
     c, by, before, x = method.alpha, slopes(method.alpha, h), w.before, Motion(s.q, s.v, s.vdot, s.axes)
     for i in range(s.q.shape[0]):

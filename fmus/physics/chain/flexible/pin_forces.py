@@ -13,8 +13,11 @@ zero mean (a uniform tension has no mean either), and the closure error is sprea
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fmus.jit import kernel
 from fmus.physics.ancf.element import axes, total_mass, vectors
+from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.environment import PINNED
 from fmus.physics.chain.flexible import inertia
 from fmus.physics.chain.flexible.axes import absolute_accelerations, omitted_accelerations, start_frame_vector, vertical
@@ -23,9 +26,15 @@ from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.on_links import JOINT
 from fmus.physics.vector import add, put, scale, vector
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.state import State
+    from fmus.physics.chain.flexible.work import Work
+
 
 @kernel
-def newton_joints(links, env, s, w):
+def newton_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> None:
     """See ``kinds``; at a last pin, the force on its support."""
     forces = w.on_links
     if forces.shape[1] <= JOINT:
@@ -76,13 +85,13 @@ def newton_joints(links, env, s, w):
 
 
 @kernel
-def _in_space(t, dims):
-    """Vector (3) in space of the ``dims`` components in ``t``."""
+def _in_space(t: Floats, dims: int) -> Vector:
+    """Vector in space of the ``dims`` components in ``t`` (3)."""
     return (t[0], t[1], t[2]) if dims == 3 else (t[0], 0.0, t[1])
 
 
 @kernel
-def stage_joints(links, env, s, w):
+def stage_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> None:
     """See ``kinds``: residuals of an evaluation without accelerations, plus the inertia forces."""
     forces, n, half = w.on_links, links.n, vectors(links.element) // 2
     if forces.shape[1] <= JOINT:
@@ -96,8 +105,8 @@ def stage_joints(links, env, s, w):
 
 
 @kernel
-def _end(links, w, i, row):
-    """Residual (3), N, of link ``i`` at the node whose position is its vector ``row``."""
+def _end(links: FlexibleLinks, w: Work, i: int, row: int) -> Vector:
+    """Residual, N, of link ``i`` at the node whose position is its vector ``row``."""
     for k in range(axes(links.element)):
         w.t[k] = w.R[i, row, k]
         for a in range(vectors(links.element)):

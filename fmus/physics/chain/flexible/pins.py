@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fmus.jit import kernel
@@ -10,12 +12,19 @@ from fmus.physics.chain.flexible.elements import layout
 from fmus.physics.chain.flexible.link_layout import node
 from fmus.physics.chain.sums import END_POWER, JOINTS
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.state import Motion
+    from fmus.physics.chain.flexible.work import Work
+
 
 @kernel
-def pin_loads(links, env, x, w, by_rate, tangent):
+def pin_loads(links: FlexibleLinks, env: Environment, x: Motion, w: Work, by_rate: float, tangent: bool) -> None:
     """Add transverse damping, end loads and supports of the pins to ``w.b``, with ``tangent`` to ``w.A``.
 
-    A pin whose position has two coordinates moves in the plane x, z, else in space; ``by_rate``, 1/s.
+    A pin whose position has two coordinates moves in the plane x, z, else in space; ``by_rate``, 1/s, is
+    d velocity / d position.
     """
     indices, q, v, nodes = layout(links), x.q, x.v, x.q.shape[0]
     held, pins = indices.fixed, links.n if links.closed == 1 else links.n + 1
@@ -60,7 +69,7 @@ def pin_loads(links, env, x, w, by_rate, tangent):
 
 
 @kernel
-def keep_symmetric(links, env, w):
+def keep_symmetric(links: FlexibleLinks, env: Environment, w: Work) -> None:
     """Zero the columns of held coordinates too, which do not move, so that the matrix is symmetric."""
     nodes, size = w.A.shape[0], w.A.shape[1]
     for i in (0, nodes - 1):

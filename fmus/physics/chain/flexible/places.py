@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.jit import plain
-from fmus.physics.arrays import Floats
+from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.flexible.link_layout import ends
 
+if TYPE_CHECKING:
+    from types import ModuleType
 
-def coordinate_indices(kit: Any, q: Floats, rows: int, links: int) -> NDArray[np.int64]:
+    from fmus.physics.chain.flexible.elements import FlexibleLinks
+
+
+def coordinate_indices(kit: ModuleType, q: Floats, rows: int, links: int) -> Integers:
     """Indices in the flat ``q`` (nodes, width) of the coordinates of all links (links, rows, axes).
 
     ``kit`` is the module of the links, ``rows`` the number of their vectors.
@@ -33,7 +37,7 @@ def in_plane(vectors: Floats) -> Floats:
     return vectors[..., [0, -1]]
 
 
-def straight(kit: Any, links: Any, pins: Floats, q: Floats) -> None:
+def straight(kit: ModuleType, links: FlexibleLinks, pins: Floats, q: Floats) -> None:
     """Straight links between ``pins`` (nodes, 2) of x and z, m, pins along y, into ``q`` (nodes, width)."""
     n, (place, *vectors) = links.n, kit.PLANE
     own = len(vectors) // 2  # number of vectors of each link at a pin

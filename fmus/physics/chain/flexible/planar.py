@@ -8,13 +8,20 @@ pin). In the plane the cable's y coordinates are zero and stay so: this is the s
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fmus.jit import implemented_in, kernel
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.cables import PIN_AXIS, Cables, axial, outer_and_inner, pin_axis  # noqa: F401 - interface
 from fmus.physics.chain.flexible.link_layout import layout_of_halves
 from fmus.physics.chain.flexible.planar_nodes import NODE  # noqa: F401 - interface
 from fmus.physics.chain.flexible.planar_nodes import gather as coordinates
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.flexible.link_layout import LinkLayout
+    from fmus.physics.chain.flexible.work import Work
 
 LAYOUT = layout_of_halves(begin=[0, 1, 4, 5], end=[0, 1, 2, 3], outer=[0, 1, 4, 5], fixed=2)
 ELEMENT = (4, 2)  # (rows, axes): vectors of a link, components of a vector
@@ -31,25 +38,25 @@ class PlanarCables(Cables):
 
 
 @kernel
-def gather(links, q, i, j, e):
+def gather(links: PlanarCables, q: Floats, i: int, j: int, e: Floats) -> None:
     """See ``elements``."""
     coordinates(q, i, j, e)
 
 
 @kernel
-def layout(links):
+def layout(links: PlanarCables) -> LinkLayout:
     """See ``elements``."""
     return LAYOUT
 
 
 @kernel
-def lever(links):
+def lever(links: PlanarCables) -> tuple[float, float]:
     """See ``elements``: the size of a correction is the motion of the pin."""
     return 1.0, 1.0
 
 
 @kernel
-def flatten(links, w):
+def flatten(links: PlanarCables, w: Work) -> None:
     """See ``elements``: centre and axis of a wheel are projected onto the plane."""
     rows, flat = w.wheels, w.flat
     for k in range(rows.shape[0]):

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fmus.jit import allocating, kernel
 from fmus.physics.ancf.element import axes, mass, vectors
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.condensation import clear, condense
 from fmus.physics.chain.flexible.dynamics import newton_joints, observe
@@ -19,11 +22,19 @@ from fmus.physics.chain.outcome import DONE, SINGULAR, IntegrationOutcome
 from fmus.physics.chain.report import SUMMED
 from fmus.physics.chain.state import copy_rows, store_first_evaluation
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.flexible.elements import FlexibleLinks
+    from fmus.physics.chain.flexible.state import State
+    from fmus.physics.chain.flexible.work import Work
+    from fmus.physics.chain.protocols import Contacts
+    from fmus.physics.integrate.generalized_alpha import Slopes
+
 RELEASED, REST, EVALUATE = range(3)  # tasks of ``release``
 
 
 @kernel
-def condense_mass(links, env, s, w):
+def condense_mass(links: FlexibleLinks, env: Environment, s: State, w: Work) -> None:
     """Condense the mass of a chain to its pins into ``w``, without stiffness and contacts."""
     c, rows, dims = links.element, vectors(links.element), axes(links.element)
     clear(w, True)
@@ -36,14 +47,16 @@ def condense_mass(links, env, s, w):
 
 
 @kernel
-def factor_mass(links, env, s, w):
+def factor_mass(links: FlexibleLinks, env: Environment, s: State, w: Work) -> int:
     """Factor the condensed mass into ``w``; return -1, or the link where it is singular."""
     condense_mass(links, env, s, w)
     return factor(links, w)
 
 
 @kernel
-def start_released(links, contacts, env, rows, s, w, report):
+def start_released(
+    links: FlexibleLinks, contacts: Contacts | None, env: Environment, rows: Floats, s: State, w: Work, report: Floats
+) -> int:
     """Initial accelerations, wrenches, pin forces and report of the present state.
 
     The integrator's order depends on these accelerations. ``rows`` (m, 15): the wheels. Returns -1, or the link where
@@ -67,13 +80,28 @@ def start_released(links, contacts, env, rows, s, w, report):
 
 
 @allocating
-def release(links, smooth, contacts, env, task, x, by, fresh, rows, tolerance, longest, s, w, report):
+def release(
+    links: FlexibleLinks,
+    smooth: Contacts | None,
+    contacts: Contacts | None,
+    env: Environment,
+    task: int,
+    x: Motion,
+    by: Slopes,
+    fresh: bool,
+    rows: Floats,
+    tolerance: float,
+    longest: float,
+    s: State,
+    w: Work,
+    report: Floats,
+) -> IntegrationOutcome:
     """Do one ``task`` on a chain before it runs, all in one kernel: its elements are compiled once.
 
     RELEASED: ``start_released``; REST: the same after ``settle`` on the contacts ``smooth``; EVALUATE: ``evaluate`` x.
 
-    Returns an IntegrationOutcome, SINGULAR if the mass is. It has the
-    arguments of all three tasks, so that one kernel has all.
+    The outcome is SINGULAR if the mass is. It has the arguments of all three tasks, so that one kernel has all; they
+    are as in these functions.
     """
     if task == EVALUATE:
         worst, where = evaluate(links, contacts, env, x, by, w, fresh)

@@ -9,7 +9,7 @@ iteration then has all coordinates in the plane as unknowns.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import bmat, coo_array
@@ -17,6 +17,9 @@ from scipy.sparse.linalg import spsolve
 
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.places import across, coordinate_indices, in_plane
+
+if TYPE_CHECKING:
+    from types import ModuleType
 
 PROBE = 1e-7  # change of an unknown in the difference quotients
 # Change of a coordinate to either side, m. The quotient has to resolve the stiffness of a slow loop, spin^2 m: rounding
@@ -29,7 +32,7 @@ Residuals = Callable[[Floats], Floats]  # residuals of the loop (links, rows, ax
 
 
 def deform_polygon(
-    kit: Any, q: Floats, rows: int, links: int, spin: float, residuals: Residuals, tolerance: float
+    kit: ModuleType, q: Floats, rows: int, links: int, spin: float, residuals: Residuals, tolerance: float
 ) -> bool:
     """Deform a regular polygon of straight links ``q`` (nodes, width) about the origin to Q = spin^2 M q.
 
@@ -76,7 +79,7 @@ def deform_polygon(
 
 
 def deform_open_mesh(
-    kit: Any,
+    kit: ModuleType,
     q: Floats,
     rows: int,
     links: int,

@@ -7,10 +7,11 @@ excess stiffness of a section about its normal acts between the links and the ax
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from fmus.jit import implemented_in, kernel
 from fmus.physics.ancf.cable import Cable
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible import cables
 from fmus.physics.chain.flexible.axes_state import SIZE
 from fmus.physics.chain.flexible.cable_nodes import NODE  # noqa: F401 - interface
@@ -18,6 +19,10 @@ from fmus.physics.chain.flexible.cable_nodes import gather as coordinates
 from fmus.physics.chain.flexible.cables import AXES, ELEMENT, PIN_AXIS, PLANE, lever, pin_axis  # noqa: F401 - interface
 from fmus.physics.chain.flexible.closing import ClosingSpring
 from fmus.physics.chain.flexible.link_layout import with_common_unknowns
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.flexible.link_layout import LinkLayout
+    from fmus.physics.chain.flexible.work import Work
 
 LAYOUT = with_common_unknowns(cables.LAYOUT, 2)  # roll and yaw of the axes
 FREE = SIZE  # size of the state of the axes
@@ -44,29 +49,29 @@ class TurningCables(NamedTuple):
 
 
 @kernel
-def gather(links, q, i, j, e):
+def gather(links: TurningCables, q: Floats, i: int, j: int, e: Floats) -> None:
     """See ``elements``."""
     coordinates(q, i, j, e)
 
 
 @kernel
-def layout(links):
+def layout(links: TurningCables) -> LinkLayout:
     """See ``elements``."""
     return LAYOUT
 
 
 @kernel
-def flatten(links, w):
+def flatten(links: TurningCables, w: Work) -> None:
     """See ``elements``: done by ``axes.wheels_to_axes``."""
 
 
 @kernel
-def axial(links, w):
+def axial(links: TurningCables, w: Work) -> tuple[float, float]:
     """See ``elements``."""
     return cables.axial(links, w)
 
 
 @kernel
-def outer_and_inner(links, w):
+def outer_and_inner(links: TurningCables, w: Work) -> tuple[float, float]:
     """See ``elements``."""
     return cables.outer_and_inner(links, w)

@@ -8,10 +8,13 @@ change of t with the yaw is left out.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fmus.jit import kernel, noalias
 from fmus.physics.ancf.cable import shape, shape_slope
+from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.flexible.axes_state import OMEGA, ORIGIN, ROLL, VELOCITY, YAW, from_axes, to_axes
 from fmus.physics.chain.flexible.cable_faces import position_slope  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
@@ -25,6 +28,11 @@ from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by 
 from fmus.physics.contact.face import ContactForce
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.flexible.state import Motion
+    from fmus.physics.chain.flexible.turning import TurningCables
+    from fmus.physics.chain.flexible.work import TurningWork
+
 # sums over the points of a section, each times y to 0 and 1: number, f, g = df / d position + by_rate df / d rate
 COUNT, FORCE, MATRIX = 0, 1, 7
 # the damper's df / d rate; by_rate of that rate, its place along the link as a fraction, the outward normal there
@@ -32,19 +40,19 @@ RATES, BY_RATE, FOOT, NORMAL = 25, 31, 32, 33
 
 
 @kernel
-def lateral_points(links):
+def lateral_points(links: TurningCables) -> tuple[int, float]:
     """See ``faces``."""
     return 2, links.lateral
 
 
 @kernel
-def depth_below_pins(links, x, i):
+def depth_below_pins(links: TurningCables, x: Motion, i: int) -> float:
     """See ``faces``."""
     return 1.1 * links.face + 0.1 * links.element.l + links.lateral * abs(x.axes[7])
 
 
 @kernel
-def to_ground(links, x, w, p, v):
+def to_ground(links: TurningCables, x: Motion, w: TurningWork, p: Vector, v: Vector) -> tuple[Vector, Vector]:
     """See ``faces``."""
     f = x.axes
     v = add(v, cross(vector(f, OMEGA), p))
@@ -52,7 +60,7 @@ def to_ground(links, x, w, p, v):
 
 
 @kernel
-def from_ground(links, x, w, force, tangent):
+def from_ground(links: TurningCables, x: Motion, w: TurningWork, force: ContactForce, tangent: bool) -> ContactForce:
     """See ``faces``; the turn of the point's velocity with the axes is left out of the matrix."""
     f = x.axes
     energies = force.energy, force.friction, force.damping
@@ -66,7 +74,9 @@ def from_ground(links, x, w, force, tangent):
 
 
 @kernel
-def locate_section(links, x, w, i, xi, z):
+def locate_section(
+    links: TurningCables, x: Motion, w: TurningWork, i: int, xi: float, z: float
+) -> tuple[Vector, Vector, Vector, float]:
     """See ``faces``; leaves shape functions in ``w.S``, c in ``w.C``, t in ``w.t``.
 
     ``w.axes`` receives m without y, the position and j - b t.
@@ -95,7 +105,9 @@ def locate_section(links, x, w, i, xi, z):
 
 
 @kernel
-def locate(links, x, w, i, section, y):
+def locate(
+    links: TurningCables, x: Motion, w: TurningWork, i: int, section: tuple[Vector, Vector, Vector, float], y: float
+) -> tuple[Vector, Vector]:
     """See ``faces``; leaves y in ``w.axes``."""
     p, v, lateral, yaw_rate = section
     w.axes.lever[1] = y
@@ -103,7 +115,7 @@ def locate(links, x, w, i, section, y):
 
 
 @kernel
-def apply_force(links, w, i, force, tangent):
+def apply_force(links: TurningCables, w: TurningWork, i: int, force: ContactForce, tangent: bool) -> None:
     """Sum the forces on the points of a section, weighted by powers of y, for ``finish_section``."""
     s, y, f, g = w.axes.sums, w.axes.lever[1], force.f, force.g
     s[COUNT] += 1.0
@@ -117,7 +129,9 @@ def apply_force(links, w, i, force, tangent):
 
 
 @kernel
-def add_rate_matrix(links, w, i, force, by_rate, foot, normal):
+def add_rate_matrix(
+    links: TurningCables, w: TurningWork, i: int, force: ContactForce, by_rate: float, foot: float, normal: Vector
+) -> None:
     """Sum df / d rate for ``finish_section``; the rate falls as a face moves outwards."""
     s, r, y = w.axes.sums, force.by_rate, w.axes.lever[1]
     s[BY_RATE], s[FOOT] = by_rate, foot
@@ -128,34 +142,34 @@ def add_rate_matrix(links, w, i, force, by_rate, foot, normal):
 
 
 @kernel
-def _rows(s, i):
-    """Rows of the 3 x 3 matrix in ``s`` from index ``i``."""
+def _rows(s: Floats, i: int) -> tuple[Vector, Vector, Vector]:
+    """Rows of the matrix (3, 3) in ``s`` (36) from index ``i``."""
     return vector(s, i), vector(s, i + 3), vector(s, i + 6)
 
 
 @kernel
-def _times(rows, a):
-    """Product of a matrix with these ``rows`` and the vector ``a``."""
+def _times(rows: tuple[Vector, Vector, Vector], a: Vector) -> Vector:
+    """Product of a matrix (3, 3) with these ``rows`` and the vector ``a``."""
     return dot(rows[0], a), dot(rows[1], a), dot(rows[2], a)
 
 
 @kernel
-def about_x(a):
-    """Motion of a point at ``a`` per radian of roll, x cross a."""
+def about_x(a: Vector) -> Vector:
+    """Motion of a point at ``a``, m, per radian of roll, x cross a, m."""
     return 0.0, -a[2], a[1]
 
 
 @kernel
-def about_z(a):
-    """Motion of a point at ``a`` per radian of yaw, z cross a."""
+def about_z(a: Vector) -> Vector:
+    """Motion of a point at ``a``, m, per radian of yaw, z cross a, m."""
     return -a[1], a[0], 0.0
 
 
 @kernel
-def _lever_part(w, h, h_y):
-    """Part of B^T h by the leverage, for a force ``h`` whose moment arm y makes ``h_y``.
+def _lever_part(w: TurningWork, h: Vector, h_y: Vector) -> Vector:
+    """Part of B^T h by the leverage, for a force ``h``, N, whose moment arm y makes ``h_y``, N m.
 
-    Components along the normal, the pin axis and the tangent.
+    Components along the normal, the pin axis and the tangent, N m.
     """
     t0, t2, lever = w.t[0], w.t[2], w.axes.lever
     pull = h[0] * t0 + h[2] * t2
@@ -163,7 +177,7 @@ def _lever_part(w, h, h_y):
 
 
 @kernel
-def finish_section(links, w, i, tangent):
+def finish_section(links: TurningCables, w: TurningWork, i: int, tangent: bool) -> None:
     """Add the section's forces, R -= B^T f, K -= B^T g B with B = S - c t m^T; moment balance; border."""
     S, C, R, s, moment = w.S, w.C, w.load[i], w.axes.sums, w.axes.moment
     if s[COUNT] == 0.0:
@@ -182,11 +196,11 @@ def finish_section(links, w, i, tangent):
 
 @kernel
 @noalias
-def _add_matrix(w, i, p, d):
+def _add_matrix(w: TurningWork, i: int, p: Vector, d: Vector) -> None:
     """Add K -= N^T g N, with N = B for the coordinates and axis x (p + y d) for the rotation of the axes.
 
-    So roll and yaw have columns, their effect on the residual, and rows, the effect of the coordinates on their
-    balance. The rotation of forces with the axes is left out.
+    ``p``, m, and ``d`` are those of the section's points. So roll and yaw have columns, their effect on the residual,
+    and rows, the effect of the coordinates on their balance. The rotation of forces with the axes is left out.
     """
     S, C, s, K, e, (m0, y, m2), t0, t2 = w.S, w.C, w.axes.sums, w.stiffening[i], w.e, w.axes.lever, w.t[0], w.t[2]
     f, f_y, lever_tangent = w.axes.section_tangent[0], w.axes.section_tangent[1], w.axes.lever_tangent
@@ -222,8 +236,12 @@ def _add_matrix(w, i, p, d):
 
 
 @kernel
-def _add_rate_damping(s, f, f_y, e):
-    """Add the damper's force by the rate of the face, which depends on the pins and the axes' rotation."""
+def _add_rate_damping(s: Floats, f: Floats, f_y: Floats, e: Floats) -> None:
+    """Add the damper's force by the rate of the face, which depends on the pins and the axes' rotation.
+
+    ``s`` (36): sums; ``f``, N/m, and ``f_y``, N, (3, whole): tangents of the section's force and of its moment by y;
+    ``e`` (4, 3): coordinates of the link.
+    """
     normal, rate, rate_y = vector(s, NORMAL), vector(s, RATES), vector(s, RATES + 3)
     share_first, share_last = s[BY_RATE] * (1.0 - s[FOOT]), s[BY_RATE] * s[FOOT]
     foot = add(scale(share_first, vector(e[0], 0)), scale(share_last, vector(e[2], 0)))
@@ -241,13 +259,18 @@ def _add_rate_damping(s, f, f_y, e):
 
 
 @kernel
-def _motion_response(g, g_y, y2, a, a_y):
-    """Sums over points p + y d of g (a + y a_y), and of y times that, for a motion a + y a_y."""
+def _motion_response(
+    g: tuple[Vector, Vector, Vector], g_y: tuple[Vector, Vector, Vector], y2: float, a: Vector, a_y: Vector
+) -> tuple[Vector, Vector]:
+    """Sums over points p + y d of g (a + y a_y), and of y times that, for a motion a + y a_y.
+
+    ``g``, N/m, and ``g_y``, N: rows of the sums of the points' matrices, times y to 0 and 1; ``y2``, m2: square of y.
+    """
     return add(_times(g, a), _times(g_y, a_y)), add(_times(g_y, a), scale(y2, _times(g, a_y)))
 
 
 @kernel
-def locate_pin(links, x, w, i, y):
+def locate_pin(links: TurningCables, x: Motion, w: TurningWork, i: int, y: float) -> tuple[Vector, Vector]:
     """See ``faces``."""
     q, v = x.q[i], x.v[i]
     p = q[0], q[1] + y, q[2]
@@ -256,7 +279,9 @@ def locate_pin(links, x, w, i, y):
 
 
 @kernel
-def apply_pin_force(links, x, w, i, y, force, tangent):
+def apply_pin_force(
+    links: TurningCables, x: Motion, w: TurningWork, i: int, y: float, force: ContactForce, tangent: bool
+) -> None:
     """Add a force to ``w.b``, ``w.A`` of the pin, and its coupling with the axes' rotation to the border."""
     p, f, g, edge, corner = vector(w.axes.point, 0), force.f, force.g, w.axes.border[i], w.axes.corner
     for a in range(3):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,11 @@ from fmus.physics.chain.on_links import NONE, LinkForcesShape
 from fmus.physics.chain.state import size
 from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from fmus.physics.chain.flexible.constrained_joints import ConstrainedJoints
 
 
 class Work(NamedTuple):
@@ -61,7 +66,15 @@ class Work(NamedTuple):
     change: np.ndarray  # (2, nodes, width) accelerations; unused by-products
 
 
-def work(kit: Any, links: int, nodes: int, wheels: int, forces: LinkForcesShape = NONE) -> Work:
+if TYPE_CHECKING:
+
+    class TurningWork(Work):
+        """Work of a chain whose axes turn."""
+
+        axes: AxesArrays
+
+
+def work(kit: ModuleType, links: int, nodes: int, wheels: int, forces: LinkForcesShape = NONE) -> Work:
     """Return zeroed arrays; ``kit``: module of the links; ``forces``: shape of the forces on each link."""
     rows, dims = kit.ELEMENT
     at = kit.LAYOUT
@@ -88,7 +101,8 @@ def work(kit: Any, links: int, nodes: int, wheels: int, forces: LinkForcesShape 
     )  # fmt: skip
 
 
-def _joints(links: int, m: int) -> Any:
+def _joints(links: int, m: int) -> ConstrainedJoints:
+    """Return the arrays of pin equations, see ``constrained_joints.joints``."""
     from fmus.physics.chain.flexible.constrained_joints import joints
 
     return joints(links, m)
