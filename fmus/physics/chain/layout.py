@@ -29,8 +29,8 @@ def _belt(centres: Floats, radii: Floats) -> Floats:
 
 
 @allocating
-def _walk(path, pitch, links):
-    """Pins (links, 2) at chords of one pitch along a closed polyline (k, 2); gap to a full turn, m."""
+def _walk(path: Floats, pitch: float, links: int) -> tuple[Floats, float]:
+    """Pins (links, 2) at chords of one ``pitch``, m, along a closed polyline (k, 2); gap to a full turn, m."""
     k = path.shape[0]
     start = np.zeros(k + 1)
     for i in range(k):
@@ -147,7 +147,7 @@ def catenary(first: Floats, last: Floats, pitch: float, links: int) -> Floats:
 
 
 def chain_of_angles(first: Floats, angles: Floats, pitch: float) -> Floats:
-    """Pins (links + 1, 2) of links at the given ``angles`` (links) to the x axis, rad."""
+    """Pins (links + 1, 2) from ``first`` (2) of links at the given ``angles`` (links) to the x axis, rad."""
     steps = pitch * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     return np.vstack([first, first + np.cumsum(steps, axis=0)])
 
@@ -183,7 +183,7 @@ def folded(first: Floats, pitch: float, links: int) -> Floats:
 
 
 def rescaled(pins: Floats, last: Floats, pitch: float) -> Floats:
-    """Open polygon with its link angles scaled by one factor to end at ``last`` (height of the first)."""
+    """Open polygon ``pins`` (n, 2), its link angles scaled by one factor to end at ``last`` (2), level with its start."""
     chord = np.diff(pins, axis=0)
     angles = np.arctan2(chord[:, 1], chord[:, 0])
     distance = np.hypot(*(np.asarray(last, float) - pins[0]))
