@@ -52,7 +52,8 @@ def _walk(path: Floats, pitch: float, links: int) -> tuple[Floats, float]:
         s = (-q + np.sqrt(max(q * q - 4.0 * p * r, 0.0))) / (2.0 * p)
         pins[n, 0], pins[n, 1] = path[here, 0] + s * b0, path[here, 1] + s * b1
         travelled = start[here] + (i // k) * start[k] + s * np.sqrt(p)
-    return pins[:links], travelled - start[k]
+    # numpy types a length as Any, with which start[k] might be an array
+    return pins[:links], travelled - start[k]  # type: ignore[return-value]
 
 
 def closed_polygon(centres: Floats, radii: Floats, grows: NDArray[np.bool_], pitch: float, links: int) -> Floats:
@@ -183,7 +184,7 @@ def folded(first: Floats, pitch: float, links: int) -> Floats:
 
 
 def rescaled(pins: Floats, last: Floats, pitch: float) -> Floats:
-    """Open polygon ``pins`` (n, 2), its link angles scaled by one factor to end at ``last`` (2), level with its start."""
+    """Open polygon ``pins`` (n, 2), its link angles scaled by one factor to end at ``last`` (2), at equal height."""
     chord = np.diff(pins, axis=0)
     angles = np.arctan2(chord[:, 1], chord[:, 0])
     distance = np.hypot(*(np.asarray(last, float) - pins[0]))
