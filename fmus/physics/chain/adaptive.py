@@ -6,7 +6,10 @@ complete. Impulses and dissipated energies are quadratures beside the state.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fmus.jit import allocating
+from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.explicit import FAR
 from fmus.physics.chain.kinds import accelerate, derivative, observe, project, speed, stage_joints
 from fmus.physics.chain.outcome import DONE, PINS_OPEN, SINGULAR, STEP_TOO_SHORT, UNSTABLE, IntegrationOutcome
@@ -17,11 +20,15 @@ from fmus.physics.integrate import adams as methods
 from fmus.physics.integrate.adams import LEAST, Adams, accept, accurate, correct, length, predict, restart
 from fmus.physics.wheels import move
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.protocols import ChainState, ChainWork, Contacts, Links
+
 SUMMED_ENTRIES = SUMS - LOSSES + 3  # summed entries of the report: losses by cause, and three more
 
 
-def adams(s, rtol: float, atol: float) -> Adams:
-    """Return a zeroed ``Adams`` for the State ``s``, relative tolerance ``rtol``, absolute ``atol``."""
+def adams(s: ChainState, rtol: float, atol: float) -> Adams:
+    """Return a zeroed ``Adams`` for the State ``s``, relative tolerance ``rtol``, absolute ``atol`` in SI units."""
     return methods.adams(
         sum(part.size for part in integrated_views(s).values()),
         s.mean.size + s.on_links_sum.size + SUMMED_ENTRIES,
@@ -31,13 +38,25 @@ def adams(s, rtol: float, atol: float) -> Adams:
 
 
 @allocating
-def march(links, contacts, env, m, rows, h, longest, s, w, report, counters):
+def march(
+    links: Links,
+    contacts: Contacts | None,
+    env: Environment,
+    m: Adams,
+    rows: Floats,
+    h: float,
+    longest: float,
+    s: ChainState,
+    w: ChainWork,
+    report: Floats,
+    counters: Integers,
+) -> IntegrationOutcome:
     """Integrate over ``h`` s, the wheels starting at ``rows`` (m, 15), in steps of at most ``longest`` s.
 
     ``m`` from ``adams``: ``m.x`` the state at the start of a step, ``m.y`` its argument, ``m.k`` rates; the first
     entries of ``s.flat`` are the coordinates at ``m.y``. Flexible links require their factored mass in ``w``
     (``flexible.release``); ``report`` and ``counters`` as in ``report``.
-    Returns an IntegrationOutcome; after a failure ``s`` is invalid. For the separate arguments see ``implicit``.
+    After a failure ``s`` is invalid. For the separate arguments see ``implicit``.
     """
     n, counts, done = m.controlled, m.counts, 0.0
     x, y, first = s.flat[:n], m.y[:n], m.counts.copy()
@@ -92,8 +111,20 @@ def march(links, contacts, env, m, rows, h, longest, s, w, report, counters):
 
 
 @allocating
-def _evaluate(links, contacts, env, m, rows, t, s, w):
-    """Rates of ``m.y`` and of all quadratures at ``t`` s into ``m.k``; return -1, or the link where it failed."""
+def _evaluate(
+    links: Links,
+    contacts: Contacts | None,
+    env: Environment,
+    m: Adams,
+    rows: Floats,
+    t: float,
+    s: ChainState,
+    w: ChainWork,
+) -> int:
+    """Rates of ``m.y`` and of all quadratures at ``t`` s into ``m.k``; return -1, or the link where it failed.
+
+    ``rows`` (m, 15): the wheels at 0 s.
+    """
     n = m.controlled
     copy(m.y[:n], s.flat[:n])
     move(rows, t, w.wheels)

@@ -8,13 +8,19 @@ does.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.protocols import Carrier
 
 
 @kernel
-def carrier(rows, mount):
+def carrier(rows: Floats, mount: int) -> Carrier:
     """Motion of the carrier of the wheels ``rows`` (m, 15), and its heading.
 
     Returns a point, m, its velocity, m/s, the angular velocity, rad/s (3 each), and the heading (2), horizontal and

@@ -6,10 +6,12 @@ friction under a loaded rigid link, mu N / (v_reg m) = 2e4 1/s, steps of 50 us.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fmus.jit import allocating
-from fmus.physics.arrays import Floats
+from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.kinds import accelerate, derivative, first_speed, observe, project, speed, stage_joints
 from fmus.physics.chain.outcome import DONE, PINS_OPEN, SINGULAR, UNSTABLE, IntegrationOutcome
 from fmus.physics.chain.report import EVALUATIONS, STEPS, TRAVEL, WORK, accumulate
@@ -18,22 +20,37 @@ from fmus.physics.chain.sums import END_POWER
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.wheels import move
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.protocols import ChainState, ChainWork, Contacts, Links
+
 FAR = 1e9  # m and m/s: a motion beyond counts as unstable
 
 
-def slopes(s) -> Floats:
+def slopes(s: ChainState) -> Floats:
     """Return zeroed scratch (stages + 1, N) of ``march``: rates of all stages, and the initial state."""
     return np.zeros((RK4.b.size + 1, sum(part.size for part in integrated_views(s).values())))
 
 
 @allocating
-def march(links, contacts, env, k, rows, h, longest, s, w, report, counters):
+def march(
+    links: Links,
+    contacts: Contacts | None,
+    env: Environment,
+    k: Floats,
+    rows: Floats,
+    h: float,
+    longest: float,
+    s: ChainState,
+    w: ChainWork,
+    report: Floats,
+    counters: Integers,
+) -> IntegrationOutcome:
     """Integrate over ``h`` s, the wheels starting at ``rows`` (m, 15), in equal steps up to ``longest`` s.
 
     ``k`` from ``slopes``; flexible links require their factored mass in ``w`` (``flexible.release``). Mean wrenches and
-    impulses have the weights of the momentum.
-    Returns an IntegrationOutcome; after a failure ``s`` is invalid. Many arguments: see
-    ``implicit``.
+    impulses have the weights of the momentum; ``report`` and ``counters`` as in ``report``. After a failure ``s`` is
+    invalid. For the separate arguments see ``implicit``.
     """
     steps = max(int(np.ceil(h / longest - 1e-9)), 1)
     dt = h / steps

@@ -2,29 +2,53 @@
 
 The class of ``links`` chooses ``flexible.cable_faces``, ``turning_faces``, ``beam_faces`` or ``rigid.faces``. ``x`` is
 the chain's motion and ``w`` its Work, in the layout of that module; ``contacts`` are the partners; ``i`` is a link or
-pin, ``k`` a wheel, ``row`` (15) its motion, ``rows`` (m, 15) that of all; ``force`` is a ``ContactForce``, whose matrix
-counts only with ``tangent``; ``by_rate``, 1/s, is d velocity / d position. Vectors are tuples (3): m, m/s, N.
+pin, ``k`` a wheel, ``row`` its motion, ``rows`` (m, 15) that of all; the matrix of a ``force`` counts only with
+``tangent``; ``by_rate``, 1/s, is d velocity / d position. Positions in m, velocities in m/s, ``y`` and ``z`` in m.
 """
 
+# a stub has no body, also where it returns a number
+# mypy: disable-error-code="empty-body"
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fmus.jit import dispatch, implementation
+from fmus.physics.arrays import Floats, Row, Vector
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.protocols import ChainWork, Contacts, FacedLinks, Motion, Section
+    from fmus.physics.contact.face import ContactForce
 
 _of, _guided = implementation("faces"), implementation("guides")
 
 
 @dispatch(_guided)
-def evaluate_guides(links, contacts, x, w, rows, by_rate, tangent):
+def evaluate_guides(
+    links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, rows: Floats, by_rate: float, tangent: bool
+) -> None:
     """Contact of the guide horns of all links with the discs of sprockets; see ``rolling.evaluate_contacts``."""
 
 
 @dispatch(_guided)
-def horn_height(links):
+def horn_height(links: FacedLinks) -> float:
     """Height of a guide horn over the inner face, m; 0 without guides."""
 
 
 @dispatch(_guided)
-def evaluate_horn(links, contacts, x, w, k, row, i, a, b, offset, by_rate, tangent):
+def evaluate_horn(
+    links: FacedLinks,
+    contacts: Contacts,
+    x: Motion,
+    w: ChainWork,
+    k: int,
+    row: Row,
+    i: int,
+    a: Vector,
+    b: Vector,
+    offset: float,
+    by_rate: float,
+    tangent: bool,
+) -> None:
     """Guide-horn contact of link ``i`` with the near disc of wheel ``k``.
 
     ``a``, ``b``: positions of the link's pins; ``offset``, m: offset of its middle from the wheel's along the wheel's
@@ -33,57 +57,57 @@ def evaluate_horn(links, contacts, x, w, k, row, i, a, b, offset, by_rate, tange
 
 
 @dispatch(_of)
-def count(links, x):
+def count(links: FacedLinks, x: Motion) -> tuple[int, int]:
     """Number of links and number of pins."""
 
 
 @dispatch(_of)
-def lateral_points(links):
+def lateral_points(links: FacedLinks) -> tuple[int, float]:
     """Number of contact points side by side across a link, and their distance from its middle, m."""
 
 
 @dispatch(_of)
-def length(links):
+def length(links: FacedLinks) -> float:
     """Length of a link, m."""
 
 
 @dispatch(_of)
-def depth_below_pins(links, x, i):
+def depth_below_pins(links: FacedLinks, x: Motion, i: int) -> float:
     """Largest depth of link ``i`` below the lower of its pins, m."""
 
 
 @dispatch(_of)
-def pin_positions(links, x, w, i):
+def pin_positions(links: FacedLinks, x: Motion, w: ChainWork, i: int) -> tuple[Vector, Vector]:
     """Positions of the first and of the last pin of link ``i``."""
 
 
 @dispatch(_of)
-def pin_velocities(links, x, w, i):
+def pin_velocities(links: FacedLinks, x: Motion, w: ChainWork, i: int) -> tuple[Vector, Vector]:
     """Velocities of the first and of the last pin of link ``i``."""
 
 
 @dispatch(_of)
-def to_ground(links, x, w, p, v):
+def to_ground(links: FacedLinks, x: Motion, w: ChainWork, p: Vector, v: Vector) -> tuple[Vector, Vector]:
     """Position and velocity of a point in the frame of the start, which is that of the ground."""
 
 
 @dispatch(_of)
-def from_ground(links, x, w, force, tangent):
+def from_ground(links: FacedLinks, x: Motion, w: ChainWork, force: ContactForce, tangent: bool) -> ContactForce:
     """Convert a ``ContactForce`` of the ground to the axes of the chain's coordinates."""
 
 
 @dispatch(_of)
-def begin_contacts(links, x, w):
+def begin_contacts(links: FacedLinks, x: Motion, w: ChainWork) -> None:
     """Prepare ``w`` for an evaluation of all contacts."""
 
 
 @dispatch(_of)
-def begin_link(links, x, w, i):
+def begin_link(links: FacedLinks, x: Motion, w: ChainWork, i: int) -> None:
     """Prepare link ``i`` before contact points are located on it."""
 
 
 @dispatch(_of)
-def locate_section(links, x, w, i, xi, z):
+def locate_section(links: FacedLinks, x: Motion, w: ChainWork, i: int, xi: float, z: float) -> Section:
     """Data for ``locate`` at the fraction ``xi`` along link ``i``, ``z`` m outside the pin line.
 
     Leaves data for the functions below in ``w``.
@@ -91,7 +115,7 @@ def locate_section(links, x, w, i, xi, z):
 
 
 @dispatch(_of)
-def locate(links, x, w, i, section, y):
+def locate(links: FacedLinks, x: Motion, w: ChainWork, i: int, section: Section, y: float) -> tuple[Vector, Vector]:
     """Position and velocity of the point of the ``section``, ``y`` m across the link.
 
     Leaves data of this point for the functions below in ``w``.
@@ -99,22 +123,24 @@ def locate(links, x, w, i, section, y):
 
 
 @dispatch(_of)
-def position_slope(links, x, w, i):
+def position_slope(links: FacedLinks, x: Motion, w: ChainWork, i: int) -> Vector:
     """Change of the point's position with ``xi``, m, as a covered part moves along the link."""
 
 
 @dispatch(_of)
-def apply_force(links, w, i, force, tangent):
+def apply_force(links: FacedLinks, w: ChainWork, i: int, force: ContactForce, tangent: bool) -> None:
     """Apply a ``ContactForce`` at the located point of link ``i``."""
 
 
 @dispatch(_of)
-def finish_section(links, w, i, tangent):
+def finish_section(links: FacedLinks, w: ChainWork, i: int, tangent: bool) -> None:
     """Complete a section after all its points."""
 
 
 @dispatch(_of)
-def add_rate_matrix(links, w, i, force, by_rate, foot, normal):
+def add_rate_matrix(
+    links: FacedLinks, w: ChainWork, i: int, force: ContactForce, by_rate: float, foot: float, normal: Vector
+) -> None:
     """Add the matrix of the rate at which a face sinks into a rim, which depends on the link's pins.
 
     ``foot``: fraction of the link at which the rate is taken; ``normal``: outward unit normal there.
@@ -122,7 +148,7 @@ def add_rate_matrix(links, w, i, force, by_rate, foot, normal):
 
 
 @dispatch(_of)
-def locate_pin(links, x, w, i, y):
+def locate_pin(links: FacedLinks, x: Motion, w: ChainWork, i: int, y: float) -> tuple[Vector, Vector]:
     """Position and velocity of the point of pin ``i`` at ``y`` m across.
 
     Leaves data for ``apply_pin_force`` in ``w``.
@@ -130,5 +156,7 @@ def locate_pin(links, x, w, i, y):
 
 
 @dispatch(_of)
-def apply_pin_force(links, x, w, i, y, force, tangent):
+def apply_pin_force(
+    links: FacedLinks, x: Motion, w: ChainWork, i: int, y: float, force: ContactForce, tangent: bool
+) -> None:
     """Apply a ``ContactForce`` at that point to the pin, or to the links that it joins."""

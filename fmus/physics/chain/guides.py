@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats, Row, Vector
 from fmus.physics.chain.faces import (
     apply_force,
     begin_link,
@@ -25,15 +28,20 @@ from fmus.physics.contact.wheel_kinematics import add_reaction
 from fmus.physics.point import GUIDES, POINTS
 from fmus.physics.vector import dot, vector
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.protocols import ChainWork, Contacts, FacedLinks, Motion
+
 
 @kernel
-def horn_height(links):
+def horn_height(links: FacedLinks) -> float:
     """See ``faces``."""
     return HORN
 
 
 @kernel
-def evaluate_guides(links, contacts, x, w, rows, by_rate, tangent):
+def evaluate_guides(
+    links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, rows: Floats, by_rate: float, tangent: bool
+) -> None:
     """See ``faces``."""
     for k in range(rows.shape[0]):
         if contacts.teeth[k] != 0:
@@ -46,7 +54,20 @@ def evaluate_guides(links, contacts, x, w, rows, by_rate, tangent):
 
 
 @kernel
-def evaluate_horn(links, contacts, x, w, k, row, i, a, b, offset, by_rate, tangent):
+def evaluate_horn(
+    links: FacedLinks,
+    contacts: Contacts,
+    x: Motion,
+    w: ChainWork,
+    k: int,
+    row: Row,
+    i: int,
+    a: Vector,
+    b: Vector,
+    offset: float,
+    by_rate: float,
+    tangent: bool,
+) -> None:
     """See ``faces``; its many arguments are what the loops over wheels and links have computed already."""
     disc = contacts.radius[k] + (0.0 if contacts.teeth[k] != 0 else HORN)
     inclination = 0.5 * (dot(b, vector(row, 9)) - dot(a, vector(row, 9)))
@@ -55,7 +76,20 @@ def evaluate_horn(links, contacts, x, w, k, row, i, a, b, offset, by_rate, tange
 
 
 @kernel
-def _touch_disc(links, contacts, x, w, k, row, i, a, b, disc, by_rate, tangent):
+def _touch_disc(
+    links: FacedLinks,
+    contacts: Contacts,
+    x: Motion,
+    w: ChainWork,
+    k: int,
+    row: Row,
+    i: int,
+    a: Vector,
+    b: Vector,
+    disc: float,
+    by_rate: float,
+    tangent: bool,
+) -> None:
     """Contact of the horn of link ``i`` with the disc of wheel ``k``, of radius ``disc``, m; see ``evaluate_horn``."""
     nodes, law, play = count(links, x)[1], contacts.wheel, contacts.clearance
     part, normal = covered_part(row, disc, a, b, links.face)

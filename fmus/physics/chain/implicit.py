@@ -7,17 +7,22 @@ links of another formulation).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from fmus.jit import allocating, kernel
+from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.kinds import end_work, first_speed, newton, newton_joints, observe, speed
 from fmus.physics.chain.outcome import DONE, IntegrationOutcome
 from fmus.physics.chain.report import REJECTED, STEPS, TRAVEL, WORK, accumulate
 from fmus.physics.chain.state import copy, store_evaluation
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha, auxiliary
 from fmus.physics.wheels import move
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.protocols import ChainState, ChainWork, Contacts, Links
 
 LEAST = 1e-4  # smallest part of a step that is tried
 
@@ -31,7 +36,7 @@ class ImplicitMethod(NamedTuple):
 
 
 @kernel
-def add_step_mean(c, share, before, now, aux, total):
+def add_step_mean(c: GeneralizedAlpha, share: float, before: Floats, now: Floats, aux: Floats, total: Floats) -> None:
     """Add ``share`` times the step mean of rows ``before`` to ``now`` to ``total``.
 
     The mean follows the recursion of the momentum, with the auxiliary rows ``aux``; all (k, c).
@@ -44,13 +49,24 @@ def add_step_mean(c, share, before, now, aux, total):
 
 
 @allocating
-def advance(links, contacts, env, method, rows, h, longest, s, w, report, counters):
+def advance(
+    links: Links,
+    contacts: Contacts | None,
+    env: Environment,
+    method: ImplicitMethod,
+    rows: Floats,
+    h: float,
+    longest: float,
+    s: ChainState,
+    w: ChainWork,
+    report: Floats,
+    counters: Integers,
+) -> IntegrationOutcome:
     """Integrate over ``h`` s, the wheels starting at ``rows`` (m, 15), in steps of at most ``longest`` s.
 
     A step in which Newton's iteration fails is halved. ``s.mean`` receives the mean wrenches and ``s.on_links_sum`` the
-    impulses, by the same recursion as the momentum of the chain.
-    Returns an IntegrationOutcome; after a failure ``s`` is the last
-    state that was reached.
+    impulses, by the same recursion as the momentum of the chain; ``report`` and ``counters`` as in ``report``. After a
+    failure ``s`` is the last state that was reached.
     """
     c = method.alpha
     s.mean[:] = 0.0

@@ -5,15 +5,34 @@ The modules are ``flexible.dynamics``, ``flexible.cholesky``, ``rigid.dynamics``
 ``report`` (REPORT) and ``counters`` (COUNTERS) of ``report``. Frame: that of the start of the track.
 """
 
+# a stub has no body, also where it returns a number
+# mypy: disable-error-code="empty-body"
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fmus.jit import dispatch, implementation
+from fmus.physics.arrays import Floats, Integers
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.implicit import ImplicitMethod
+    from fmus.physics.chain.protocols import ChainState, ChainWork, Contacts, Links
 
 _of = implementation("dynamics")
 
 
 @dispatch(_of, shared=True)
-def newton(links, contacts, env, method, h, s, w, counters):
+def newton(
+    links: Links,
+    contacts: Contacts | None,
+    env: Environment,
+    method: ImplicitMethod,
+    h: float,
+    s: ChainState,
+    w: ChainWork,
+    counters: Integers,
+) -> tuple[int, int, float]:
     """Do one step of ``h`` s by the implicit ``method``, from ``s`` = ``w.before``, wheels at ``w.wheels``.
 
     Returns DONE or the failure, the link and its residual, N; after a failure ``s`` is invalid.
@@ -21,7 +40,9 @@ def newton(links, contacts, env, method, h, s, w, counters):
 
 
 @dispatch(_of, shared=True)
-def derivative(links, contacts, env, s, w, k):
+def derivative(
+    links: Links, contacts: Contacts | None, env: Environment, s: ChainState, w: ChainWork, k: Floats
+) -> int:
     """Time derivative of ``state.integrated_views`` into ``k`` (flat), with the wheels at ``w.wheels``.
 
     Returns -1, or the link where it failed.
@@ -29,7 +50,7 @@ def derivative(links, contacts, env, s, w, k):
 
 
 @dispatch(_of, shared=True)
-def project(links, s, w):
+def project(links: Links, s: ChainState, w: ChainWork) -> int:
     """Project the state onto the pin equations after an explicit step.
 
     Returns -1, or the pin that stays open.
@@ -37,12 +58,12 @@ def project(links, s, w):
 
 
 @dispatch(_of, shared=True)
-def accelerate(links, contacts, env, s, w):
+def accelerate(links: Links, contacts: Contacts | None, env: Environment, s: ChainState, w: ChainWork) -> None:
     """Accelerations of the state after an explicit step; rigid links keep those of the last stage."""
 
 
 @dispatch(_of, shared=True)
-def newton_joints(links, env, s, w):
+def newton_joints(links: Links, env: Environment, s: ChainState, w: ChainWork) -> None:
     """Force of each pin on the link that begins there, N, into ``w.on_links``, after an implicit step.
 
     Skipped if no such columns exist. With the other forces on a link it gives the link's acceleration, to rounding.
@@ -50,47 +71,49 @@ def newton_joints(links, env, s, w):
 
 
 @dispatch(_of, shared=True)
-def stage_joints(links, env, s, w):
+def stage_joints(links: Links, env: Environment, s: ChainState, w: ChainWork) -> None:
     """Same as ``newton_joints``, after ``derivative``."""
 
 
 @dispatch(_of, shared=True)
-def end_work(links, env, h, s, w):
+def end_work(links: Links, env: Environment, h: float, s: ChainState, w: ChainWork) -> float:
     """Work of the end loads in an implicit step of ``h`` s from ``w.before``, J."""
 
 
 @dispatch(_of, shared=True)
-def speed(links, env, s, w):
+def speed(links: Links, env: Environment, s: ChainState, w: ChainWork) -> float:
     """Speed of the chain along itself relative to the carrier of the wheels ``w.wheels``, m/s."""
 
 
 @dispatch(_of, shared=True)
-def first_speed(links, env, s, w, report):
+def first_speed(links: Links, env: Environment, s: ChainState, w: ChainWork, report: Floats) -> float:
     """``speed`` at the start of a communication step, with the wheels ``w.wheels`` of that time, m/s."""
 
 
 @dispatch(_of, shared=True)
-def observe(links, env, s, w, report):
+def observe(links: Links, env: Environment, s: ChainState, w: ChainWork, report: Floats) -> None:
     """Fill the report from the state and its last evaluation, except the summed entries."""
 
 
 @dispatch(_of, shared=True)
-def pin_places(links, s, w, place):
+def pin_places(links: Links, s: ChainState, w: ChainWork, place: Floats) -> None:
     """Positions of the pins, m, into ``place`` (nodes, 3), in the frame of the start."""
 
 
 @dispatch(_of, shared=True)
-def observe_links(links, env, s, w, tension, stress, place):
+def observe_links(
+    links: Links, env: Environment, s: ChainState, w: ChainWork, tension: Floats, stress: Floats, place: Floats
+) -> None:
     """Tension, N, and stress, Pa, of each link (n each); positions of the pins ``place`` (nodes, 3), m."""
 
 
 @dispatch(_of, shared=True)
-def pin_axes(links, s, w, axis):
+def pin_axes(links: Links, s: ChainState, w: ChainWork, axis: Floats) -> None:
     """Unit vectors along the pins into ``axis`` (nodes, 3)."""
 
 
 @dispatch(_of, shared=True)
-def slopes(links, s, w, slope):
+def slopes(links: Links, s: ChainState, w: ChainWork, slope: Floats) -> None:
     """Position gradients along each link at its first and its last pin into ``slope`` (n, 6).
 
     For rigid links both are the unit vector along the link.
@@ -98,5 +121,5 @@ def slopes(links, s, w, slope):
 
 
 @dispatch(_of, shared=True)
-def fibres(links, s, w, stress):
+def fibres(links: Links, s: ChainState, w: ChainWork, stress: Floats) -> None:
     """Axial stress at outer and inner fibre of each link, Pa, mean along it, into ``stress`` (n, 2)."""

@@ -29,8 +29,8 @@ def _belt(centres: Floats, radii: Floats) -> Floats:
 
 
 @allocating
-def _walk(path, pitch, links):
-    """Pins (links, 2) at chords of one pitch along a closed polyline (k, 2); gap to a full turn, m."""
+def _walk(path: Floats, pitch: float, links: int) -> tuple[Floats, float]:
+    """Pins (links, 2) at chords of one ``pitch``, m, along a closed polyline (k, 2); gap to a full turn, m."""
     k = path.shape[0]
     start = np.zeros(k + 1)
     for i in range(k):
@@ -52,7 +52,8 @@ def _walk(path, pitch, links):
         s = (-q + np.sqrt(max(q * q - 4.0 * p * r, 0.0))) / (2.0 * p)
         pins[n, 0], pins[n, 1] = path[here, 0] + s * b0, path[here, 1] + s * b1
         travelled = start[here] + (i // k) * start[k] + s * np.sqrt(p)
-    return pins[:links], travelled - start[k]
+    # numpy types a length as Any, with which start[k] might be an array
+    return pins[:links], travelled - start[k]  # type: ignore[return-value]
 
 
 def closed_polygon(centres: Floats, radii: Floats, grows: NDArray[np.bool_], pitch: float, links: int) -> Floats:
@@ -147,7 +148,7 @@ def catenary(first: Floats, last: Floats, pitch: float, links: int) -> Floats:
 
 
 def chain_of_angles(first: Floats, angles: Floats, pitch: float) -> Floats:
-    """Pins (links + 1, 2) of links at the given ``angles`` (links) to the x axis, rad."""
+    """Pins (links + 1, 2) from ``first`` (2) of links at the given ``angles`` (links) to the x axis, rad."""
     steps = pitch * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     return np.vstack([first, first + np.cumsum(steps, axis=0)])
 
@@ -183,7 +184,7 @@ def folded(first: Floats, pitch: float, links: int) -> Floats:
 
 
 def rescaled(pins: Floats, last: Floats, pitch: float) -> Floats:
-    """Open polygon with its link angles scaled by one factor to end at ``last`` (height of the first)."""
+    """Open polygon ``pins`` (n, 2), its link angles scaled by one factor to end at ``last`` (2), at equal height."""
     chord = np.diff(pins, axis=0)
     angles = np.arctan2(chord[:, 1], chord[:, 0])
     distance = np.hypot(*(np.asarray(last, float) - pins[0]))

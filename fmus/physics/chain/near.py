@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from fmus.jit import kernel, noalias
+from fmus.physics.arrays import Floats, Row, Vector
 from fmus.physics.chain.faces import count, lateral_points, length, pin_positions
 from fmus.physics.vector import dot, vector
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.protocols import ChainWork, FacedLinks, Motion
 
 
 class Near(NamedTuple):
@@ -25,15 +29,15 @@ def near(links: int) -> Near:
 
 
 @kernel
-def contact_distance_squared(links, radius):
-    """Squared distance from a wheel's axis, m2, beyond which a link's middle is too far for contact."""
+def contact_distance_squared(links: FacedLinks, radius: float) -> float:
+    """Squared distance from the axis of a wheel of ``radius``, m, beyond which a link's middle cannot touch, m2."""
     lateral = lateral_points(links)[1]
     return (radius + links.face + 0.6 * length(links)) ** 2 + 4.0 * lateral * lateral
 
 
 @kernel
-def compute_middles(links, x, w):
-    """Compute the middles of all links."""
+def compute_middles(links: FacedLinks, x: Motion, w: ChainWork) -> None:
+    """Compute the middles of all links, m, into ``w.near``."""
     middle = w.near.middle
     for i in range(count(links, x)[0]):
         a, b = pin_positions(links, x, w, i)
@@ -43,8 +47,8 @@ def compute_middles(links, x, w):
 
 @kernel
 @noalias
-def wheel_distances(row, middle, offset, distance_squared):
-    """``offset`` and ``distance_squared`` (n) of all middles (3, n) from the wheel ``row``."""
+def wheel_distances(row: Row, middle: Floats, offset: Floats, distance_squared: Floats) -> None:
+    """``offset``, m, and ``distance_squared``, m2 (n each), of all middles (3, n), m, from the wheel ``row``."""
     x, y, z = vector(row, 0)
     a, b, c = vector(row, 9)
     for i in range(distance_squared.size):
@@ -55,8 +59,8 @@ def wheel_distances(row, middle, offset, distance_squared):
 
 
 @kernel
-def axis_distance_squared(row, p):
-    """Squared distance of the point ``p`` (3) from the axis of the wheel ``row``, m2."""
+def axis_distance_squared(row: Row, p: Vector) -> float:
+    """Squared distance of the point ``p``, m, from the axis of the wheel ``row``, m2."""
     d = p[0] - row[0], p[1] - row[1], p[2] - row[2]
     offset = dot(d, vector(row, 9))
     return dot(d, d) - offset * offset

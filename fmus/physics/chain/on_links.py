@@ -8,9 +8,15 @@ steps: the State's ``span`` holds the time that its sums cover, s, and the steps
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats, Vector
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.protocols import ChainState
 
 JOINT, GROUND, WHEELS, SLIDING, DEPTH = 0, 3, 6, 9, 12  # first column of each quantity
 WITH_JOINT, WITH_GROUND, WITH_WHEELS, WITH_SLIDING = 3, 6, 9, 13  # number of columns up to and including each
@@ -21,7 +27,7 @@ NONE: LinkForcesShape = (0, 0)
 
 
 @kernel
-def clear(on_links):
+def clear(on_links: Floats) -> None:
     """Zero ``on_links`` (k, c) before contacts are summed."""
     for i in range(on_links.shape[0]):
         for k in range(on_links.shape[1]):
@@ -29,16 +35,16 @@ def clear(on_links):
 
 
 @kernel
-def add_link_force(on_links, i, column, f):
-    """Add the vector ``f`` (3) to link ``i`` from ``column`` on, if that column exists."""
+def add_link_force(on_links: Floats, i: int, column: int, f: Vector) -> None:
+    """Add the force ``f``, N, to link ``i`` of ``on_links`` (k, c) from ``column`` on, if that column exists."""
     if column < on_links.shape[1]:
         for k in range(3):
             on_links[i, column + k] += f[k]
 
 
 @kernel
-def add_sliding(on_links, i, v, depth):
-    """Add a point of link ``i`` that is ``depth``, m, in the ground and moves at ``v`` (3), m/s, over it."""
+def add_sliding(on_links: Floats, i: int, v: Vector, depth: float) -> None:
+    """Add a point of link ``i`` that is ``depth``, m, in the ground and moves at ``v``, m/s, over it."""
     if on_links.shape[1] > SLIDING:
         for k in range(3):
             on_links[i, SLIDING + k] += v[k]
@@ -46,7 +52,7 @@ def add_sliding(on_links, i, v, depth):
 
 
 @kernel
-def average_sliding(on_links, i, points):
+def average_sliding(on_links: Floats, i: int, points: int) -> None:
     """Divide by the number of ``points`` of link ``i`` on the ground, after the last ``add_sliding``."""
     if on_links.shape[1] > SLIDING and points > 1:
         for k in range(3):
@@ -54,7 +60,7 @@ def average_sliding(on_links, i, points):
 
 
 @kernel
-def begin_interval(s, interval):
+def begin_interval(s: ChainState, interval: int) -> None:
     """Start an interval of ``interval`` steps before a communication step, if the last one is complete."""
     if s.span[LEFT] <= 0.0:
         clear(s.on_links_sum)
@@ -62,14 +68,14 @@ def begin_interval(s, interval):
 
 
 @kernel
-def count_step(s, h):
+def count_step(s: ChainState, h: float) -> None:
     """Count a communication step of ``h`` s."""
     s.span[SPAN] += h
     s.span[LEFT] -= 1.0
 
 
 @kernel
-def interval_means(s, mean):
+def interval_means(s: ChainState, mean: Floats) -> None:
     """Means over the interval so far into ``mean`` (k, c)."""
     for i in range(mean.shape[0]):
         for k in range(mean.shape[1]):

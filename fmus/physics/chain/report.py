@@ -7,8 +7,14 @@ for every kind of link.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats, Four, Vector
 from fmus.physics.chain import sums
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.protocols import ChainWork
 
 TRAVEL, SPEED = 0, 1  # m, m/s, along the chain
 T_MIN, T_MEAN, T_MAX, STRESS = 2, 3, 4, 5  # N, N, N, Pa
@@ -26,12 +32,20 @@ COUNTERS = 4
 
 
 @kernel
-def write(report, w, mean, speed, heading, tension, energy):
+def write(
+    report: Floats,
+    w: ChainWork,
+    mean: Floats,
+    speed: float,
+    heading: tuple[float, float],
+    tension: Four,
+    energy: Vector,
+) -> None:
     """Write all entries that are not summed, from the last evaluation in ``w`` and the arguments.
 
-    ``mean`` (m + 1, 6): mean wrenches of the step, the ground's last; ``speed``, m/s, along the chain; ``heading`` (2)
-    of the carrier; ``tension`` (4): least, mean, largest, N, and largest stress, Pa; ``energy`` (3): kinetic, strain,
-    gravity, J.
+    ``mean`` (m + 1, 6): mean wrenches of the step, N and N m, the ground's last; ``speed``, m/s, along the chain;
+    ``heading`` of the carrier, a unit vector; ``tension``: least, mean, largest, N, and largest stress, Pa; ``energy``:
+    kinetic, strain, gravity, J.
     """
     report[SPEED] = speed
     report[T_MIN], report[T_MEAN], report[T_MAX], report[STRESS] = tension
@@ -44,8 +58,8 @@ def write(report, w, mean, speed, heading, tension, energy):
 
 
 @kernel
-def accumulate(report, share, sums_now):
-    """Add the powers ``sums_now`` (SUMS) of an evaluation over ``share`` s."""
+def accumulate(report: Floats, share: float, sums_now: Floats) -> None:
+    """Add the powers in ``sums_now`` (SUMS), W, over ``share`` s."""
     for k in range(REPORT - LOST):
         energy = share * sums_now[sums.LOSSES + k]
         report[LOST + k] += energy

@@ -6,7 +6,10 @@ and the action of forces there. Points are at two places along a covered part (G
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fmus.jit import kernel, noalias
+from fmus.physics.arrays import Floats, Row
 from fmus.physics.chain.faces import (
     add_rate_matrix,
     apply_force,
@@ -62,10 +65,15 @@ from fmus.physics.contact.wheel_kinematics import add_reaction
 from fmus.physics.point import PINS, POINTS
 from fmus.physics.vector import add, dot, scale
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.protocols import ChainWork, Contacts, FacedLinks, Motion
+
 
 @kernel
 @noalias
-def evaluate_contacts(links, contacts, x, w, rows, by_rate, tangent):
+def evaluate_contacts(
+    links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, rows: Floats, by_rate: float, tangent: bool
+) -> None:
     """Evaluate all contacts of a chain with the wheels ``rows`` (m, 15) and the ground.
 
     ``x``: motion of the chain. Residuals, reactions, energies and powers, with ``tangent`` also iteration matrices, go
@@ -85,7 +93,9 @@ def evaluate_contacts(links, contacts, x, w, rows, by_rate, tangent):
 
 
 @kernel
-def _rim(links, contacts, x, w, k, row, by_rate, tangent):
+def _rim(
+    links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, k: int, row: Row, by_rate: float, tangent: bool
+) -> None:
     """Contact of the rim of wheel ``k`` with the inner faces, and of its disc with the guides."""
     (n, nodes), (points_across, lateral), law, radius = (
         count(links, x),
@@ -137,7 +147,9 @@ def _rim(links, contacts, x, w, k, row, by_rate, tangent):
 
 
 @kernel
-def _teeth(links, contacts, x, w, k, row, by_rate, tangent):
+def _teeth(
+    links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, k: int, row: Row, by_rate: float, tangent: bool
+) -> None:
     """Contact of the teeth of sprocket ``k`` with the pins."""
     (n, nodes), (points_across, lateral) = count(links, x), lateral_points(links)
     far = (contacts.profile.top + 2.0 * lateral) ** 2
@@ -161,7 +173,7 @@ def _teeth(links, contacts, x, w, k, row, by_rate, tangent):
 
 
 @kernel
-def _ground(links, contacts, x, w, by_rate, tangent):
+def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_rate: float, tangent: bool) -> None:
     """Contact of the ground with the outer faces."""
     (n, nodes), (points_across, lateral), law = count(links, x), lateral_points(links), contacts.soil
     summit, first = contacts.shape.height + contacts.shape.rise, POINTS * len(contacts.teeth) * nodes

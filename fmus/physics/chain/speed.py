@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.protocols import Carrier
 
 BEND = 0.1  # angle between a link's neighbours, rad, beyond which the link has little weight
 
 
 @kernel
-def chain_speed(x, v, closed, carrier):
+def chain_speed(x: Floats, v: Floats, closed: bool, carrier: Carrier) -> float:
     """Mean velocity along itself of the straight parts of a chain relative to its carrier, m/s.
 
     x, v (nodes, 3, or 2 for x and z): positions, m, and velocities, m/s, of the pins; ``carrier`` from

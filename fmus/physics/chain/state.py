@@ -1,26 +1,19 @@
 """State of a chain: one flat array, and a ``State`` of named views into it.
 
-Every kind of link has its own State and Work (arrays allocated once). Both have, for n links and m wheels:
-
-    State   flat; q, v: coordinates and rates, first in ``flat``, followed by axes where the axes of the coordinates
-            turn; joints, p: coordinates that determine q and v, before them (of rigid and of flexible links; size 0
-            if unused);
-            a, vdot: auxiliary and true accelerations;
-            wrench, aux, mean (m + 1, 6): on each wheel and, last, on the ground, N and N m: now, auxiliary, mean over
-            the communication step; on_links, on_links_aux, on_links_sum (k, c): likewise the forces on each link,
-            the last summed over an interval, k pins, or k = 0 without a request (``on_links``); span (2): of the
-            interval; sums: of the last evaluation (``sums``)
-    Work    before: the State at the beginning of a step; wheels (m, 15): at the time of evaluation;
-            wrench, on_links, sums: of the evaluation; contact: a ``Memory``
+Every kind of link has its own State and Work (arrays allocated once); ``protocols`` lists the parts of all of them.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.protocols import ChainState, ChainWork
 
 Shapes = dict[str, tuple[int, ...]]  # shapes of the views, in order
 
@@ -45,30 +38,30 @@ def integrated_views(s: Any) -> dict[str, np.ndarray]:
 
 
 @kernel
-def copy(source, target):
-    """Copy a flat array to another of the same length."""
+def copy(source: Floats, target: Floats) -> None:
+    """Copy a flat array (n) to another of the same length."""
     for i in range(target.size):
         target[i] = source[i]
 
 
 @kernel
-def copy_rows(source, target):
-    """Copy rows to rows of the same shape."""
+def copy_rows(source: Floats, target: Floats) -> None:
+    """Copy rows (k, c) to rows of the same shape."""
     for k in range(target.shape[0]):
         for i in range(target.shape[1]):
             target[k, i] = source[k, i]
 
 
 @kernel
-def add_share(share, source, target):
-    """Add ``share`` times rows to rows of the same shape."""
+def add_share(share: float, source: Floats, target: Floats) -> None:
+    """Add ``share`` times rows (k, c) to rows of the same shape."""
     for k in range(target.shape[0]):
         for i in range(target.shape[1]):
             target[k, i] += share * source[k, i]
 
 
 @kernel
-def store_evaluation(s, w):
+def store_evaluation(s: ChainState, w: ChainWork) -> None:
     """Copy wrenches, forces on links and sums of the last evaluation from ``w`` to the state."""
     copy_rows(w.wrench, s.wrench)
     copy_rows(w.on_links, s.on_links)
@@ -77,7 +70,7 @@ def store_evaluation(s, w):
 
 
 @kernel
-def store_first_evaluation(s, w):
+def store_first_evaluation(s: ChainState, w: ChainWork) -> None:
     """``store_evaluation`` for a new state: its means are the present values."""
     store_evaluation(s, w)
     s.span[0], s.span[1] = 1.0, 0.0

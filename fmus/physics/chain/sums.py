@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats
+
+if TYPE_CHECKING:
+    from fmus.physics.contact.face import ContactForce
 
 # stored contact energy, J; power lost as contact patches move, W; largest penetration, m; load on the ground, N; its
 # products with the slip along -x and -y, N m/s; power of the end loads, W
@@ -17,8 +23,8 @@ SUMS = LOSSES + 9
 
 
 @kernel
-def add_contact(sums, friction, damping, depth, force):
-    """Add a contact's energy, its losses under ``friction`` and ``damping``, and its ``depth``, m."""
+def add_contact(sums: Floats, friction: int, damping: int, depth: float, force: ContactForce) -> None:
+    """Add to ``sums`` (SUMS) a contact's energy, its losses at ``friction`` and ``damping``, and its ``depth``, m."""
     sums[CONTACT] += force.energy
     sums[friction] += force.friction
     sums[damping] += force.damping

@@ -5,9 +5,13 @@ Where ``contacts`` is None numba drops the call, and no module of contact is imp
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fmus.jit import dispatch
+from fmus.physics.arrays import Floats
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.protocols import ChainWork, Contacts, FacedLinks, Motion
 
 
 def _rolling(links: type) -> Any:
@@ -17,5 +21,7 @@ def _rolling(links: type) -> Any:
 
 
 @dispatch(_rolling)
-def evaluate_contacts(links, contacts, x, w, rows, by_rate, tangent):
+def evaluate_contacts(
+    links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, rows: Floats, by_rate: float, tangent: bool
+) -> None:
     """See ``rolling.evaluate_contacts``."""

@@ -2,20 +2,41 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats, Row, Vector
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.protocols import ChainWork, Contacts, FacedLinks, Motion
 
 
 @kernel
-def evaluate_guides(links, contacts, x, w, rows, by_rate, tangent):
+def evaluate_guides(
+    links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, rows: Floats, by_rate: float, tangent: bool
+) -> None:
     """See ``faces``."""
 
 
 @kernel
-def horn_height(links):
+def horn_height(links: FacedLinks) -> float:
     """See ``faces``."""
     return 0.0
 
 
 @kernel
-def evaluate_horn(links, contacts, x, w, k, row, i, a, b, offset, by_rate, tangent):
+def evaluate_horn(
+    links: FacedLinks,
+    contacts: Contacts,
+    x: Motion,
+    w: ChainWork,
+    k: int,
+    row: Row,
+    i: int,
+    a: Vector,
+    b: Vector,
+    offset: float,
+    by_rate: float,
+    tangent: bool,
+) -> None:
     """See ``faces``."""

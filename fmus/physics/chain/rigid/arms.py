@@ -7,34 +7,37 @@ as (f, N^T f) and its derivatives as (1, N)^T g (1, N).
 from __future__ import annotations
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats, Matrix, Nine, Vector
 from fmus.physics.vector import add, scale, vector
 
 
 @kernel
-def axis(A, k):
-    """World vector (3) of the body axis ``k`` of the rotation matrix ``A`` (3, 3)."""
+def axis(A: Matrix, k: int) -> Vector:
+    """Body axis ``k`` in world axes; ``A`` rotates from body to world."""
     return A[0, k], A[1, k], A[2, k]
 
 
 @kernel
-def lever(A, lx, ly, lz):
-    """World vector (3) from a link's centre to its point (lx, ly, lz), m, in body axes."""
+def lever(A: Matrix, lx: float, ly: float, lz: float) -> Vector:
+    """World vector, m, from a link's centre to its point (lx, ly, lz), m, in body axes."""
     return add(scale(lx, axis(A, 0)), add(scale(ly, axis(A, 1)), scale(lz, axis(A, 2))))
 
 
 @kernel
-def rate(A, v, lx, ly, lz):
-    """Velocity (3), m/s, of that point of a link with the velocity ``v`` (6)."""
+def rate(A: Matrix, v: Floats, lx: float, ly: float, lz: float) -> Vector:
+    """Velocity, m/s, of that point of a link with the velocity ``v`` (6), m/s and rad/s (body axes)."""
     # body velocity of the point: w cross l
     u0, u1, u2 = v[4] * lz - v[5] * ly, v[5] * lx - v[3] * lz, v[3] * ly - v[4] * lx
     return add(vector(v, 0), lever(A, u0, u1, u2))
 
 
 @kernel
-def add_force(A, l, share, f, g, tangent, N, r, K):
-    """Apply ``share`` of a force ``f`` (3) with its matrix ``g`` (9) to a link at the lever ``l`` (3).
+def add_force(
+    A: Matrix, l: Vector, share: float, f: Vector, g: Nine, tangent: bool, N: Matrix, r: Floats, K: Floats
+) -> None:
+    """Apply ``share`` of a force ``f``, N, with its matrix ``g``, N/m, to a link at the lever ``l``, m, in world axes.
 
-    Adds to the residual r (6) and, with ``tangent``, to the matrix K (6, 6); leaves N (3, 3).
+    Adds to the residual ``r`` (6), N and N m, and, with ``tangent``, to the matrix ``K`` (6, 6); leaves ``N``, m.
     """
     for k in range(3):
         n0, n1, n2 = A[1, k] * l[2] - A[2, k] * l[1], A[2, k] * l[0] - A[0, k] * l[2], A[0, k] * l[1] - A[1, k] * l[0]

@@ -7,17 +7,26 @@ In an implicit step f is the multiplier of the pin, C + (c C' + lambda) / k = 0;
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fmus.jit import kernel
+from fmus.physics.arrays import Vector
 from fmus.physics.chain.rigid.arms import axis, rate
 from fmus.physics.chain.sums import JOINTS
 from fmus.physics.rigid import body
 from fmus.physics.rigid.augmented import Ends, closing_pin
 from fmus.physics.vector import add, dot, scale, vector
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.rigid.links import RigidLinks
+    from fmus.physics.chain.rigid.state import State
+    from fmus.physics.chain.rigid.work import Work
+    from fmus.physics.rigid.augmented import AugmentedSystem
+
 
 @kernel
-def gap_and_rate(links, s, w):
-    """Gap of the closing pin, m, and its rate, m/s (3 each)."""
+def gap_and_rate(links: RigidLinks, s: State, w: Work) -> tuple[Vector, Vector]:
+    """Gap of the closing pin, m, and its rate, m/s, in world axes."""
     n = s.q.shape[0]
     A, half, last = w.system.A, links.half, n - 1
     body.rotation(s.q[last], A[last])
@@ -33,7 +42,7 @@ def gap_and_rate(links, s, w):
 
 
 @kernel
-def zero_tilting(links, y):
+def zero_tilting(links: RigidLinks, y: AugmentedSystem) -> None:
     """Zero the tilting rows of the closing pin in the system ``y``: a spring carries no moments."""
     j = closing_pin(links.ends, y.K.shape[0])
     for k in range(2):
@@ -43,10 +52,10 @@ def zero_tilting(links, y):
 
 
 @kernel
-def spring_equations(links, s, w, by_v):
+def spring_equations(links: RigidLinks, s: State, w: Work, by_v: float) -> None:
     """Replace the position equations of the closing pin in C by those of the spring, over its stiffness.
 
-    ``by_v``, 1/s, is d velocity / d position. Adds the power of the damper.
+    ``by_v``, 1/s, is d velocity / d position. Adds the power of the damper, W.
     """
     y, (k, c) = w.system, links.spring
     j = closing_pin(links.ends, y.K.shape[0])
@@ -57,8 +66,8 @@ def spring_equations(links, s, w, by_v):
 
 
 @kernel
-def spring_force(links, s, w):
-    """Force of the spring on P (3), N, also written to the multiplier of the closing pin.
+def spring_force(links: RigidLinks, s: State, w: Work) -> Vector:
+    """Force of the spring on P, N, also written to the multiplier of the closing pin.
 
     ``links.loads`` then applies it as that of a pin.
     """
@@ -70,7 +79,7 @@ def spring_force(links, s, w):
 
 
 @kernel
-def strain_energy(links, s, w):
+def strain_energy(links: RigidLinks, s: State, w: Work) -> float:
     """Energy of the spring, J."""
     if links.spring.stiffness == 0.0:
         return 0.0
@@ -79,7 +88,7 @@ def strain_energy(links, s, w):
 
 
 @kernel
-def ends_without_pin(links):
+def ends_without_pin(links: RigidLinks) -> Ends:
     """Ends of the chain for a system in which the spring is a load."""
     e = links.ends
     return Ends(e.closed, e.first, e.last, links.spring.stiffness > 0.0)

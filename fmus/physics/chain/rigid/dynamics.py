@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.on_links import JOINT
 from fmus.physics.chain.report import write
@@ -16,28 +19,34 @@ from fmus.physics.chain.state import copy_rows
 from fmus.physics.chain.sums import END_POWER
 from fmus.physics.rigid import body
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.rigid.links import RigidLinks
+    from fmus.physics.chain.rigid.state import State
+    from fmus.physics.chain.rigid.work import Work
+
 
 @kernel
-def end_work(links, env, h, s, w):
+def end_work(links: RigidLinks, env: Environment, h: float, s: State, w: Work) -> float:
     """See ``kinds``; by the powers at the start and at the end of the step."""
     return 0.5 * h * (s.sums[END_POWER] + w.sums[END_POWER])
 
 
 @kernel
-def speed(links, env, s, w):
+def speed(links: RigidLinks, env: Environment, s: State, w: Work) -> float:
     """See ``kinds``."""
     pin_motion(links, s, w)
     return chain_speed(w.pins[0], w.pins[1], links.ends.closed, carrier(w.wheels, env.mount))
 
 
 @kernel
-def first_speed(links, env, s, w, report):
+def first_speed(links: RigidLinks, env: Environment, s: State, w: Work, report: Floats) -> float:
     """See ``kinds``."""
     return speed(links, env, s, w)
 
 
 @kernel
-def observe(links, env, s, w, report):
+def observe(links: RigidLinks, env: Environment, s: State, w: Work, report: Floats) -> None:
     """See ``kinds``."""
     n = s.q.shape[0]
     copy_rows(w.along, s.along)
@@ -52,7 +61,7 @@ def observe(links, env, s, w, report):
 
 
 @kernel
-def tension(links, env, s, w, i):
+def tension(links: RigidLinks, env: Environment, s: State, w: Work, i: int) -> float:
     """Mean tension of link ``i`` as a uniform rod, N; equation (9) of the README of its track."""
     o1, o2 = s.v[i, 4], s.v[i, 5]
     pull = s.along[i, 0] + links.mass * links.half * (o1 * o1 + o2 * o2) / 6.0
@@ -63,7 +72,7 @@ def tension(links, env, s, w, i):
 
 
 @kernel
-def tensions(links, env, s, w, tension_of):
+def tensions(links: RigidLinks, env: Environment, s: State, w: Work, tension_of: Floats) -> None:
     """Tensions of all links into ``tension_of`` (n), N."""
     for i in range(s.q.shape[0]):
         body.rotation(s.q[i], w.system.A[i])
@@ -71,7 +80,7 @@ def tensions(links, env, s, w, tension_of):
 
 
 @kernel
-def stretching(links, env, s, i, k):
+def stretching(links: RigidLinks, env: Environment, s: State, i: int, k: int) -> tuple[float, float]:
     """Forces along the axis ``k`` that stretch link ``i``, N: at its first pin, reversed, and at its last.
 
     A pin passes on half of the loads of teeth and damping on it to either link, at an end all of it.
@@ -84,7 +93,7 @@ def stretching(links, env, s, i, k):
 
 
 @kernel
-def newton_joints(links, env, s, w):
+def newton_joints(links: RigidLinks, env: Environment, s: State, w: Work) -> None:
     """See ``kinds``; at a last pin, the force on its support."""
     n, force = s.q.shape[0], w.on_links
     if force.shape[1] > JOINT:
@@ -97,13 +106,13 @@ def newton_joints(links, env, s, w):
 
 
 @kernel
-def stage_joints(links, env, s, w):
+def stage_joints(links: RigidLinks, env: Environment, s: State, w: Work) -> None:
     """See ``kinds``."""
     newton_joints(links, env, s, w)
 
 
 @kernel
-def pin_motion(links, s, w):
+def pin_motion(links: RigidLinks, s: State, w: Work) -> None:
     """Positions, m, and velocities, m/s, of the pins into ``w.pins`` (2, nodes, 3)."""
     n, nodes = s.q.shape[0], w.pins.shape[1]
     for j in range(nodes):
@@ -118,7 +127,7 @@ def pin_motion(links, s, w):
 
 
 @kernel
-def pin_axes(links, s, w, axis):
+def pin_axes(links: RigidLinks, s: State, w: Work, axis: Floats) -> None:
     """See ``kinds``: the axes of the links that begin there."""
     n = s.q.shape[0]
     for j in range(axis.shape[0]):
@@ -129,7 +138,7 @@ def pin_axes(links, s, w, axis):
 
 
 @kernel
-def slopes(links, s, w, slope):
+def slopes(links: RigidLinks, s: State, w: Work, slope: Floats) -> None:
     """See ``kinds``."""
     for i in range(slope.shape[0]):
         A = w.system.A[i]
@@ -139,7 +148,7 @@ def slopes(links, s, w, slope):
 
 
 @kernel
-def fibres(links, s, w, stress):
+def fibres(links: RigidLinks, s: State, w: Work, stress: Floats) -> None:
     """See ``kinds``: zero, rigid links have none."""
     for i in range(stress.shape[0]):
         for k in range(2):
@@ -147,7 +156,7 @@ def fibres(links, s, w, stress):
 
 
 @kernel
-def pin_places(links, s, w, place):
+def pin_places(links: RigidLinks, s: State, w: Work, place: Floats) -> None:
     """See ``kinds``."""
     pin_motion(links, s, w)
     for j in range(place.shape[0]):
@@ -156,7 +165,9 @@ def pin_places(links, s, w, place):
 
 
 @kernel
-def observe_links(links, env, s, w, tension, stress, place):
+def observe_links(
+    links: RigidLinks, env: Environment, s: State, w: Work, tension: Floats, stress: Floats, place: Floats
+) -> None:
     """See ``kinds``."""
     tensions(links, env, s, w, tension)
     for i in range(stress.size):

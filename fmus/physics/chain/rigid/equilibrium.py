@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fmus.jit import allocating
+from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.outcome import DONE, STALLED, IntegrationOutcome
 from fmus.physics.chain.rigid.links import residual
 from fmus.physics.chain.rigid.newton import newton, settle_rates
@@ -10,12 +13,29 @@ from fmus.physics.chain.state import copy
 from fmus.physics.integrate.generalized_alpha import slopes
 from fmus.physics.wheels import move
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.implicit import ImplicitMethod
+    from fmus.physics.chain.protocols import Contacts
+    from fmus.physics.chain.rigid.links import RigidLinks
+    from fmus.physics.chain.rigid.state import State
+    from fmus.physics.chain.rigid.work import Work
+
 LONG = 50.0  # longest pseudo step towards equilibrium, s
 STILL = 1e-11  # largest movement over it at equilibrium, m and rad
 
 
 @allocating
-def settle(links, contacts, env, method, rows, s, w, counters):
+def settle(
+    links: RigidLinks,
+    contacts: Contacts | None,
+    env: Environment,
+    method: ImplicitMethod,
+    rows: Floats,
+    s: State,
+    w: Work,
+    counters: Integers,
+) -> IntegrationOutcome:
     """Bring ``s`` to static equilibrium on the wheels ``rows`` (m, 15) by implicit steps that grow.
 
     Each step starts at rest. Long steps of backward Euler (``method``) are Newton's method on the static equations; the

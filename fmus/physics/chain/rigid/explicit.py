@@ -8,9 +8,12 @@ under a loaded link, mu N / (v_reg m) = 2e4 1/s.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fmus.jit import allocating, kernel
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.links import pins, residual
 from fmus.physics.chain.rigid.newton import GAP
@@ -18,6 +21,13 @@ from fmus.physics.chain.state import add_share, copy, copy_rows
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import ClosingSpring
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.protocols import Contacts
+    from fmus.physics.chain.rigid.links import RigidLinks
+    from fmus.physics.chain.rigid.state import State
+    from fmus.physics.chain.rigid.work import Work
 
 LIMIT = 5e-5  # largest step, s
 CORRECTIONS = 4  # most corrections of the projection
@@ -38,8 +48,8 @@ def longest(spring: ClosingSpring, half: float, mass: float, inertia: float) -> 
 
 
 @allocating
-def accelerations(links, contacts, env, s, w):
-    """Accelerations and multipliers of the state's poses and velocities, with the wrenches.
+def accelerations(links: RigidLinks, contacts: Contacts | None, env: Environment, s: State, w: Work) -> int:
+    """Accelerations and multipliers of the state's poses and velocities, with the wrenches, into ``s`` and ``w``.
 
     Returns -1, or the link where the system is singular.
     """
@@ -77,7 +87,7 @@ def accelerations(links, contacts, env, s, w):
 
 
 @kernel
-def derivative(links, contacts, env, s, w, k):
+def derivative(links: RigidLinks, contacts: Contacts | None, env: Environment, s: State, w: Work, k: Floats) -> int:
     """See ``kinds``."""
     normalise(s)
     failed = accelerations(links, contacts, env, s, w)
@@ -86,7 +96,7 @@ def derivative(links, contacts, env, s, w, k):
 
 
 @kernel
-def rates(s, k):
+def rates(s: State, k: Floats) -> None:
     """Time derivative of poses and velocities into ``k`` (13 n)."""
     n = s.q.shape[0]
     for i in range(n):
@@ -96,7 +106,7 @@ def rates(s, k):
 
 
 @kernel
-def normalise(s):
+def normalise(s: State) -> None:
     """Normalise all quaternions."""
     for i in range(s.q.shape[0]):
         norm = np.sqrt(s.q[i, 3] ** 2 + s.q[i, 4] ** 2 + s.q[i, 5] ** 2 + s.q[i, 6] ** 2)
@@ -105,20 +115,20 @@ def normalise(s):
 
 
 @kernel
-def accelerate(links, contacts, env, s, w):
+def accelerate(links: RigidLinks, contacts: Contacts | None, env: Environment, s: State, w: Work) -> None:
     """See ``kinds``."""
 
 
 @kernel
-def displace(s, w):
-    """Move the links by the increments dx of the system."""
+def displace(s: State, w: Work) -> None:
+    """Move the links by the increments dx of the system, m and rad."""
     for i in range(s.q.shape[0]):
         body.advance(s.q[i], w.system.dx[i], w.before.q[i])
         copy(w.before.q[i], s.q[i])
 
 
 @allocating
-def project(links, s, w):
+def project(links: RigidLinks, s: State, w: Work) -> int:
     """Close the pins in position, then in velocity, with the factors of the last stage; see ``kinds``."""
     y, ends, gap, worst = w.system, closing.ends_without_pin(links), np.inf, 0
     normalise(s)

@@ -2,80 +2,91 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fmus.jit import kernel
+from fmus.physics.arrays import Vector
 from fmus.physics.chain.rigid.arms import add_force, axis, lever, rate
 from fmus.physics.vector import add, dot, scale, vector
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.rigid.links import RigidLinks
+    from fmus.physics.chain.rigid.state import State
+    from fmus.physics.chain.rigid.work import Work
+    from fmus.physics.contact.face import ContactForce
+
 
 @kernel
-def count(links, x):
+def count(links: RigidLinks, x: State) -> tuple[int, int]:
     """See ``faces``."""
     return x.q.shape[0], x.lam.shape[0]
 
 
 @kernel
-def lateral_points(links):
+def lateral_points(links: RigidLinks) -> tuple[int, float]:
     """See ``faces``."""
     return 2, links.lateral
 
 
 @kernel
-def length(links):
+def length(links: RigidLinks) -> float:
     """See ``faces``."""
     return 2.0 * links.half
 
 
 @kernel
-def depth_below_pins(links, x, i):
+def depth_below_pins(links: RigidLinks, x: State, i: int) -> float:
     """See ``faces``."""
     return links.face + 2.0 * links.half
 
 
 @kernel
-def pin_positions(links, x, w, i):
+def pin_positions(links: RigidLinks, x: State, w: Work, i: int) -> tuple[Vector, Vector]:
     """See ``faces``."""
     r, l = vector(x.q[i], 0), scale(links.half, axis(w.system.A[i], 0))
     return add(r, scale(-1.0, l)), add(r, l)
 
 
 @kernel
-def pin_velocities(links, x, w, i):
+def pin_velocities(links: RigidLinks, x: State, w: Work, i: int) -> tuple[Vector, Vector]:
     """See ``faces``."""
     A, v = w.system.A[i], x.v[i]
     return rate(A, v, -links.half, 0.0, 0.0), rate(A, v, links.half, 0.0, 0.0)
 
 
 @kernel
-def to_ground(links, x, w, p, v):
+def to_ground(links: RigidLinks, x: State, w: Work, p: Vector, v: Vector) -> tuple[Vector, Vector]:
     """See ``faces``."""
     return p, v
 
 
 @kernel
-def from_ground(links, x, w, force, tangent):
+def from_ground(links: RigidLinks, x: State, w: Work, force: ContactForce, tangent: bool) -> ContactForce:
     """See ``faces``."""
     return force
 
 
 @kernel
-def begin_contacts(links, x, w):
+def begin_contacts(links: RigidLinks, x: State, w: Work) -> None:
     """See ``faces``."""
 
 
 @kernel
-def begin_link(links, x, w, i):
+def begin_link(links: RigidLinks, x: State, w: Work, i: int) -> None:
     """See ``faces``."""
 
 
 @kernel
-def locate_section(links, x, w, i, xi, z):
+def locate_section(links: RigidLinks, x: State, w: Work, i: int, xi: float, z: float) -> tuple[float, float]:
     """See ``faces``."""
     return (2.0 * xi - 1.0) * links.half, z
 
 
 @kernel
-def locate(links, x, w, i, section, y):
-    """See ``faces``; leaves the lever (3) in ``w.lever``."""
+def locate(
+    links: RigidLinks, x: State, w: Work, i: int, section: tuple[float, float], y: float
+) -> tuple[Vector, Vector]:
+    """See ``faces``; leaves the lever, m, in ``w.lever``."""
     A, (lx, z) = w.system.A[i], section
     l = lever(A, lx, y, z)
     w.lever[0], w.lever[1], w.lever[2] = l
@@ -83,18 +94,18 @@ def locate(links, x, w, i, section, y):
 
 
 @kernel
-def finish_section(links, w, i, tangent):
+def finish_section(links: RigidLinks, w: Work, i: int, tangent: bool) -> None:
     """See ``faces``."""
 
 
 @kernel
-def position_slope(links, x, w, i):
+def position_slope(links: RigidLinks, x: State, w: Work, i: int) -> Vector:
     """See ``faces``."""
     return scale(2.0 * links.half, axis(w.system.A[i], 0))
 
 
 @kernel
-def apply_force(links, w, i, force, tangent):
+def apply_force(links: RigidLinks, w: Work, i: int, force: ContactForce, tangent: bool) -> None:
     """Add a force to residual and matrix of the link, and its part in the mean tension to ``w.along``."""
     y, l = w.system, vector(w.lever, 0)
     along = axis(y.A[i], 0)
@@ -103,7 +114,9 @@ def apply_force(links, w, i, force, tangent):
 
 
 @kernel
-def add_rate_matrix(links, w, i, force, by_rate, foot, normal):
+def add_rate_matrix(
+    links: RigidLinks, w: Work, i: int, force: ContactForce, by_rate: float, foot: float, normal: Vector
+) -> None:
     """Add K -= (r, N^T r) (d rate / d link), r = df / d rate, with N of the last pushed point."""
     A, K, N, r = w.system.A[i], w.system.K[i], w.N, force.by_rate
     place = (2.0 * foot - 1.0) * links.half
@@ -122,14 +135,14 @@ def add_rate_matrix(links, w, i, force, by_rate, foot, normal):
 
 
 @kernel
-def _joined(x, i):
+def _joined(x: State, i: int) -> tuple[int, int]:
     """Links that pin ``i`` joins, -1 for none."""
     n, nodes = x.q.shape[0], x.lam.shape[0]
     return (i - 1 if i > 0 or nodes > n else n - 1), (i if i < n else -1)
 
 
 @kernel
-def locate_pin(links, x, w, i, y):
+def locate_pin(links: RigidLinks, x: State, w: Work, i: int, y: float) -> tuple[Vector, Vector]:
     """See ``faces``: a point of the link that begins there; for the last pin, of the one that ends there."""
     before, after = _joined(x, i)
     k, end = (after, -links.half) if after >= 0 else (before, links.half)
@@ -138,7 +151,7 @@ def locate_pin(links, x, w, i, y):
 
 
 @kernel
-def apply_pin_force(links, x, w, i, y, force, tangent):
+def apply_pin_force(links: RigidLinks, x: State, w: Work, i: int, y: float, force: ContactForce, tangent: bool) -> None:
     """Apply half of the force to each link of the pin; all of it at an end."""
     before, after = _joined(x, i)
     share = 1.0 if before < 0 or after < 0 else 0.5

@@ -7,11 +7,12 @@ two in the plane of link 0 (or of the ground) are solved by the response to unit
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from fmus.jit import implemented_in, kernel
+from fmus.physics.arrays import Floats, Matrix, Vector
 from fmus.physics.chain.rigid import closing, dynamics
 from fmus.physics.chain.rigid.arms import axis
 from fmus.physics.chain.rigid.explicit import ANY, CORRECTIONS, OPEN
@@ -22,6 +23,14 @@ from fmus.physics.chain.sums import JOINTS
 from fmus.physics.rigid import augmented, body, recursive
 from fmus.physics.vector import dot
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.protocols import Contacts
+    from fmus.physics.chain.rigid.state import State
+    from fmus.physics.chain.rigid.work import Work
+    from fmus.physics.rigid.augmented import Ends
+    from fmus.physics.rigid.recursive import ArticulatedBodies
+
 
 @implemented_in(dynamics=".jointed")
 class JointedLinks(NamedTuple):
@@ -31,7 +40,7 @@ class JointedLinks(NamedTuple):
 
 
 @kernel
-def derivative(links, contacts, env, s, w, k):
+def derivative(links: JointedLinks, contacts: Contacts | None, env: Environment, s: State, w: Work, k: Floats) -> int:
     """See ``kinds``."""
     rigid = links.rigid
     to_poses(rigid, s, w)
@@ -41,7 +50,7 @@ def derivative(links, contacts, env, s, w, k):
 
 
 @kernel
-def accelerations(links, contacts, env, s, w):
+def accelerations(links: RigidLinks, contacts: Contacts | None, env: Environment, s: State, w: Work) -> int:
     """Accelerations and pin forces of the state's poses and velocities, with the wrenches.
 
     Returns -1, or the link where an inertia is singular.
@@ -69,8 +78,8 @@ def accelerations(links, contacts, env, s, w):
 
 
 @kernel
-def _pin_loads(links, s, w):
-    """Collect the loads at the first pins of the links from residuals without accelerations."""
+def _pin_loads(links: RigidLinks, s: State, w: Work) -> None:
+    """Collect the loads at the first pins of the links, N m and N, from residuals without accelerations."""
     half, m, A, r, p = links.half, links.mass, w.system.A, w.system.r, w.articulated.load[0]
     for i in range(s.q.shape[0]):
         ox, oy, oz = s.v[i, 3], s.v[i, 4], s.v[i, 5]
@@ -83,7 +92,7 @@ def _pin_loads(links, s, w):
 
 
 @kernel
-def _axes(ends, w):
+def _axes(ends: Ends, w: Work) -> tuple[tuple[float, float], tuple[float, float]]:
     """Axes x and z of the closing pin's support (link 0 or the ground) in the axes of the last link.
 
     Each is given by its components along x and z.
@@ -97,8 +106,13 @@ def _axes(ends, w):
 
 
 @kernel
-def _relative_acceleration(half, ends, x, axes, w):
-    """Relative acceleration of the closing pin along its two ``axes``, by the accelerations ``x`` (n, 6)."""
+def _relative_acceleration(
+    half: float, ends: Ends, x: Floats, axes: tuple[tuple[float, float], tuple[float, float]], w: Work
+) -> tuple[float, float]:
+    """Relative acceleration of the closing pin along its two ``axes``, m/s2.
+
+    ``half``: half the pitch, m; ``x`` (n, 6): accelerations at the links' first pins, rad/s2 and m/s2.
+    """
     last = x[x.shape[0] - 1]
     e0, e2 = last[3], last[5] - 2.0 * half * last[1]
     a, b = axes[0][0] * e0 + axes[0][1] * e2, axes[1][0] * e0 + axes[1][1] * e2
@@ -108,7 +122,7 @@ def _relative_acceleration(half, ends, x, axes, w):
 
 
 @kernel
-def _close(links, pin, s, w):
+def _close(links: RigidLinks, pin: int, s: State, w: Work) -> None:
     """Add the two forces of the closing pin that give both its sides the same acceleration."""
     half, ends, t, n = links.half, links.ends, w.articulated, s.q.shape[0]
     axes = _axes(ends, w)
@@ -132,15 +146,18 @@ def _close(links, pin, s, w):
 
 
 @kernel
-def _cancelling_forces(mobility, a, b):
-    """Two forces (or impulses) that cancel the relative motion (a, b)."""
+def _cancelling_forces(mobility: Floats, a: float, b: float) -> tuple[float, float]:
+    """Two forces, N (or impulses), that cancel the relative motion (a, b), m/s2 (or m/s, m).
+
+    ``mobility`` (2, 2): relative motion by unit forces, 1/kg.
+    """
     det = mobility[0, 0] * mobility[1, 1] - mobility[0, 1] * mobility[1, 0]
     return (mobility[0, 1] * b - mobility[1, 1] * a) / det, (mobility[1, 0] * a - mobility[0, 0] * b) / det
 
 
 @kernel
-def _add(f, t):
-    """Add the accelerations by the two forces ``f``."""
+def _add(f: tuple[float, float], t: ArticulatedBodies) -> None:
+    """Add the accelerations by the two forces ``f``, N."""
     x, a, b = t.response[0], t.response[1], t.response[2]
     for i in range(x.shape[0]):
         for k in range(6):
@@ -148,14 +165,17 @@ def _add(f, t):
 
 
 @kernel
-def _centre(half, A, x):
-    """World acceleration (3) of a link's centre, less centripetal terms, by that of its first pin (6)."""
+def _centre(half: float, A: Matrix, x: Floats) -> Vector:
+    """World acceleration of a link's centre, m/s2, less centripetal terms, by that of its first pin, ``x`` (6).
+
+    ``x``: rad/s2 and m/s2, in the link's own axes; ``half``: half the pitch, m.
+    """
     e = x[3], x[4] + half * x[2], x[5] - half * x[1]
     return dot((A[0, 0], A[0, 1], A[0, 2]), e), dot((A[1, 0], A[1, 1], A[1, 2]), e), dot((A[2, 0], A[2, 1], A[2, 2]), e)
 
 
 @kernel
-def _write_accelerations(links, s, w):
+def _write_accelerations(links: RigidLinks, s: State, w: Work) -> None:
     """Accelerations of the links' centres and, from the last link to the first, the forces in the pins."""
     half, m, n, p, x = links.half, links.mass, s.q.shape[0], s.lam.shape[0], w.articulated.response[0]
     for i in range(n):
@@ -181,8 +201,8 @@ def _write_accelerations(links, s, w):
 
 
 @kernel
-def _rates(links, s, w, k):
-    """Time derivative of the joint coordinates and their rates into ``k``."""
+def _rates(links: RigidLinks, s: State, w: Work, k: Floats) -> None:
+    """Time derivative of the joint coordinates and their rates into ``k``, of the length of ``s.joints``."""
     n, held, x = s.q.shape[0], links.ends.first, s.joints
     angle, rates, rate = joint_indices(held, n)
     if not held:
@@ -195,7 +215,7 @@ def _rates(links, s, w, k):
 
 
 @kernel
-def project(links, s, w):
+def project(links: JointedLinks, s: State, w: Work) -> int:
     """Close the loop in position, then in velocity, by impulses in its pin; see ``kinds``.
 
     They use the mobility of the last stage. Joint coordinates keep all other pins closed.
@@ -222,20 +242,20 @@ def project(links, s, w):
 
 
 @kernel
-def _in_plane(ends, g, w):
+def _in_plane(ends: Ends, g: Vector, w: Work) -> tuple[float, float]:
     """Components of the world vector ``g`` along the two axes of the closing pin's forces."""
     B = w.system.A[0] if ends.closed else w.still
     return dot(axis(B, 0), g), dot(axis(B, 2), g)
 
 
 @kernel
-def _response(f, t, i, k):
+def _response(f: tuple[float, float], t: ArticulatedBodies, i: int, k: int) -> float:
     """Response of entry ``k`` of link ``i`` to the two impulses ``f``."""
     return f[0] * t.response[1, i, k] + f[1] * t.response[2, i, k]
 
 
 @kernel
-def _base(links, f, w):
+def _base(links: RigidLinks, f: tuple[float, float], w: Work) -> None:
     """Response of the centre of link 0 to the two impulses, into w.x[0] (6)."""
     t, x = w.articulated, w.x[0]
     for k in range(6):
@@ -247,8 +267,8 @@ def _base(links, f, w):
 
 
 @kernel
-def _move(links, f, s, w):
-    """Change the joint coordinates by the two impulses ``f``."""
+def _move(links: RigidLinks, f: tuple[float, float], s: State, w: Work) -> None:
+    """Change the joint coordinates by the two impulses ``f``, here of displacement, kg m."""
     n, held, x, t = s.q.shape[0], links.ends.first, s.joints, w.articulated
     angle, _, _ = joint_indices(held, n)
     if not held:
@@ -259,8 +279,8 @@ def _move(links, f, s, w):
 
 
 @kernel
-def _push(links, f, s, w):
-    """Change the rates of the joint coordinates by the two impulses ``f``."""
+def _push(links: RigidLinks, f: tuple[float, float], s: State, w: Work) -> None:
+    """Change the rates of the joint coordinates by the two impulses ``f``, N s."""
     n, held, x, t = s.q.shape[0], links.ends.first, s.joints, w.articulated
     _, rates, rate = joint_indices(held, n)
     if not held:
@@ -272,59 +292,61 @@ def _push(links, f, s, w):
 
 
 @kernel
-def accelerate(links, contacts, env, s, w):
+def accelerate(links: JointedLinks, contacts: Contacts | None, env: Environment, s: State, w: Work) -> None:
     """See ``kinds``."""
 
 
 @kernel
-def stage_joints(links, env, s, w):
+def stage_joints(links: JointedLinks, env: Environment, s: State, w: Work) -> None:
     """See ``kinds``."""
     dynamics.stage_joints(links.rigid, env, s, w)
 
 
 @kernel
-def speed(links, env, s, w):
+def speed(links: JointedLinks, env: Environment, s: State, w: Work) -> float:
     """See ``kinds``."""
     return dynamics.speed(links.rigid, env, s, w)
 
 
 @kernel
-def first_speed(links, env, s, w, report):
+def first_speed(links: JointedLinks, env: Environment, s: State, w: Work, report: Floats) -> float:
     """See ``kinds``."""
     return dynamics.speed(links.rigid, env, s, w)
 
 
 @kernel
-def observe(links, env, s, w, report):
+def observe(links: JointedLinks, env: Environment, s: State, w: Work, report: Floats) -> None:
     """See ``kinds``."""
     dynamics.observe(links.rigid, env, s, w, report)
 
 
 @kernel
-def pin_places(links, s, w, place):
+def pin_places(links: JointedLinks, s: State, w: Work, place: Floats) -> None:
     """See ``kinds``."""
     dynamics.pin_places(links.rigid, s, w, place)
 
 
 @kernel
-def pin_axes(links, s, w, axis):
+def pin_axes(links: JointedLinks, s: State, w: Work, axis: Floats) -> None:
     """See ``kinds``."""
     dynamics.pin_axes(links.rigid, s, w, axis)
 
 
 @kernel
-def slopes(links, s, w, slope):
+def slopes(links: JointedLinks, s: State, w: Work, slope: Floats) -> None:
     """See ``kinds``."""
     dynamics.slopes(links.rigid, s, w, slope)
 
 
 @kernel
-def fibres(links, s, w, stress):
+def fibres(links: JointedLinks, s: State, w: Work, stress: Floats) -> None:
     """See ``kinds``."""
     dynamics.fibres(links.rigid, s, w, stress)
 
 
 @kernel
-def observe_links(links, env, s, w, tension, stress, place):
+def observe_links(
+    links: JointedLinks, env: Environment, s: State, w: Work, tension: Floats, stress: Floats, place: Floats
+) -> None:
     """See ``kinds``."""
     dynamics.observe_links(links.rigid, env, s, w, tension, stress, place)

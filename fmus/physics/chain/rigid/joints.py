@@ -8,10 +8,17 @@ at its last pin.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.rigid import body
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.rigid.links import RigidLinks
+    from fmus.physics.chain.rigid.state import State
+    from fmus.physics.chain.rigid.work import Work
 
 
 def count(links: int, held: bool) -> int:
@@ -20,13 +27,13 @@ def count(links: int, held: bool) -> int:
 
 
 @kernel
-def joint_indices(held, n):
+def joint_indices(held: bool, n: int) -> tuple[int, int, int]:
     """Indices of the angle of link 0 (real or fictitious), of the first rate, and of that angle's rate."""
     return (0, n, n) if held else (6, n + 6, n + 11)
 
 
 @kernel
-def to_joint_coordinates(links, s):
+def to_joint_coordinates(links: RigidLinks, s: State) -> None:
     """Joint coordinates and rates ``s.joints`` from poses and velocities whose pins are closed."""
     n, held, x = s.q.shape[0], links.ends.first, s.joints
     angle, rates, rate = joint_indices(held, n)
@@ -47,7 +54,7 @@ def to_joint_coordinates(links, s):
 
 
 @kernel
-def to_poses(links, s, w):
+def to_poses(links: RigidLinks, s: State, w: Work) -> None:
     """Poses, velocities, rotation matrices and terms of the recursive formulation from ``s.joints``."""
     n, half, held, x, t = s.q.shape[0], links.half, links.ends.first, s.joints, w.articulated
     angle, rates, rate = joint_indices(held, n)

@@ -7,7 +7,7 @@ All in the track's frame.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,11 @@ from fmus.physics.chain.touch import evaluate_contacts
 from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
 from fmus.physics.vector import add, dot, scale, vector
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.protocols import Contacts
+    from fmus.physics.integrate.generalized_alpha import Slopes
 
 NONE = (0.0,) * 9  # the matrix of a constant force
 
@@ -52,8 +57,8 @@ def place(links: RigidLinks, pins: Floats, s: State, w: Work) -> None:
 
 
 @kernel
-def _across(links, damping, s, w, by_v, tangent):
-    """Damping of the pins' velocity across the chain, half on each of a pin's links."""
+def _across(links: RigidLinks, damping: float, s: State, w: Work, by_v: float, tangent: bool) -> None:
+    """Damping, N s/m, of the pins' velocity across the chain, half on each of a pin's links; ``by_v`` in 1/s."""
     A, r, K, n = w.system.A, w.system.r, w.system.K, s.q.shape[0]
     for j in range(s.lam.shape[0]):
         before, after = (j - 1 if j > 0 or not links.ends.closed else n - 1), (j if j < n else -1)
@@ -81,7 +86,7 @@ def _across(links, damping, s, w, by_v, tangent):
 
 
 @kernel
-def _pull(links, env, s, w):
+def _pull(links: RigidLinks, env: Environment, s: State, w: Work) -> None:
     """Constant forces on the free ends of an open chain."""
     n = s.q.shape[0]
     for end in range(2):
@@ -94,7 +99,7 @@ def _pull(links, env, s, w):
 
 
 @kernel
-def pins(links, s, w):
+def pins(links: RigidLinks, s: State, w: Work) -> None:
     """Rotation matrices of the links, equations and axis rows of the pins, into ``w.system``."""
     y, n, p = w.system, s.q.shape[0], s.lam.shape[0]
     for i in range(n):
@@ -115,8 +120,8 @@ def pins(links, s, w):
 
 
 @kernel
-def _inertia(links, gravity, s, w, by, tangent):
-    """Inertia minus weight minus pin forces into the residual of the links, and their tangent."""
+def _inertia(links: RigidLinks, gravity: float, s: State, w: Work, by: Slopes, tangent: bool) -> None:
+    """Inertia minus weight minus pin forces into the residual of the links, and their tangent; ``gravity`` in m/s2."""
     J, m, p = links.inertia, links.mass, s.lam.shape[0]
     A, R, KK, WP, WQ = w.system.A, w.system.r, w.system.K, w.system.WP, w.system.WQ
     vdot, v, lam, xx = s.vdot, s.v, s.lam, w.x
@@ -157,7 +162,9 @@ def _inertia(links, gravity, s, w, by, tangent):
 
 @kernel
 @noalias
-def residual(links, contacts, env, s, w, by, tangent):
+def residual(
+    links: RigidLinks, contacts: Contacts | None, env: Environment, s: State, w: Work, by: Slopes, tangent: bool
+) -> None:
     """Residuals of links and pins into the system, with ``tangent`` also its K; wrenches and sums."""
     pins(links, s, w)
     loads(links, contacts, env, s, w, by, tangent)
@@ -169,7 +176,9 @@ def residual(links, contacts, env, s, w, by, tangent):
 
 @kernel
 @noalias
-def loads(links, contacts, env, s, w, by, tangent):
+def loads(
+    links: RigidLinks, contacts: Contacts | None, env: Environment, s: State, w: Work, by: Slopes, tangent: bool
+) -> None:
     """Residuals of the links alone, with the rotations and axis rows that are in the system."""
     w.sums[:] = 0.0
     w.wrench[:] = 0.0

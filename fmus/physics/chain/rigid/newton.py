@@ -6,15 +6,27 @@ Newton's unknowns are the links' increments over the step and the multipliers (`
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fmus.jit import allocating, kernel, noalias
+from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.outcome import DONE, SINGULAR, STALLED
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
 from fmus.physics.chain.rigid.links import residual
 from fmus.physics.integrate.generalized_alpha import auxiliary, slopes
 from fmus.physics.point import sharpen
 from fmus.physics.rigid import augmented, body
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.implicit import ImplicitMethod
+    from fmus.physics.chain.protocols import Contacts
+    from fmus.physics.chain.rigid.links import RigidLinks
+    from fmus.physics.chain.rigid.state import State
+    from fmus.physics.chain.rigid.work import Work
+    from fmus.physics.integrate.generalized_alpha import Slopes
 
 GAP = 1e-11  # largest misfit of a pin, m and rad: 1e-12 of the length of a track
 # largest residual of a link, relative to weight and pull; the rest goes into the accelerations
@@ -27,7 +39,16 @@ LOST = 1e15  # misfit over its tolerance beyond which the iteration has diverged
 
 @allocating
 @noalias
-def newton(links, contacts, env, method, h, s, w, counters):
+def newton(
+    links: RigidLinks,
+    contacts: Contacts | None,
+    env: Environment,
+    method: ImplicitMethod,
+    h: float,
+    s: State,
+    w: Work,
+    counters: Integers,
+) -> tuple[int, int, float]:
     """See ``kinds``."""
     n, c, by, before = s.q.shape[0], method.alpha, slopes(method.alpha, h), w.before
     for i in range(n):
@@ -68,8 +89,8 @@ def newton(links, contacts, env, method, h, s, w, counters):
 
 
 @kernel
-def _largest(r):
-    """Largest absolute entry of the residuals (n, 6)."""
+def _largest(r: Floats) -> float:
+    """Largest absolute entry of the residuals ``r`` (n, 6), N and N m."""
     most = 0.0
     for i in range(r.shape[0]):
         for k in range(6):
@@ -79,7 +100,7 @@ def _largest(r):
 
 
 @kernel
-def _update(s, w, by):
+def _update(s: State, w: Work, by: Slopes) -> None:
     """Apply the increments of a Newton iteration to positions, velocities, accelerations and multipliers."""
     y, d = w.system, w.lever
     for i in range(s.q.shape[0]):
@@ -97,7 +118,7 @@ def _update(s, w, by):
 
 
 @kernel
-def settle_rates(links, s, w, by):
+def settle_rates(links: RigidLinks, s: State, w: Work, by: Slopes) -> None:
     """Add the remaining residual to the accelerations: momentum is then balanced to rounding."""
     for i in range(s.q.shape[0]):
         for k in range(6):
@@ -108,7 +129,7 @@ def settle_rates(links, s, w, by):
 
 
 @kernel
-def _misfit(links, tolerance, s, w):
+def _misfit(links: RigidLinks, tolerance: float, s: State, w: Work) -> tuple[float, int]:
     """Largest residual over its tolerance, and the link (or pin) that has it."""
     pull = 0.0
     for j in range(s.lam.shape[0]):

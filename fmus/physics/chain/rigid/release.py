@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fmus.jit import allocating, kernel
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.report import SUMMED
 from fmus.physics.chain.rigid.dynamics import newton_joints, observe
 from fmus.physics.chain.rigid.explicit import CORRECTIONS, accelerations, displace, project
@@ -10,9 +13,16 @@ from fmus.physics.chain.rigid.links import pins
 from fmus.physics.chain.state import store_first_evaluation
 from fmus.physics.rigid import augmented
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.environment import Environment
+    from fmus.physics.chain.protocols import Contacts
+    from fmus.physics.chain.rigid.links import RigidLinks
+    from fmus.physics.chain.rigid.state import State
+    from fmus.physics.chain.rigid.work import Work
+
 
 @kernel
-def write_outputs(links, env, s, w, report):
+def write_outputs(links: RigidLinks, env: Environment, s: State, w: Work, report: Floats) -> None:
     """Write wrenches and report of the state from its last evaluation."""
     newton_joints(links, env, s, w)
     store_first_evaluation(s, w)
@@ -22,7 +32,9 @@ def write_outputs(links, env, s, w, report):
 
 
 @allocating
-def open_closing_pin(pinned, links, contacts, env, s, w):
+def open_closing_pin(
+    pinned: RigidLinks, links: RigidLinks, contacts: Contacts | None, env: Environment, s: State, w: Work
+) -> int:
     """Open the closing pin by its force over the stiffness of the spring that replaces it.
 
     ``pinned``: the ``links`` with the pin. The spring then starts with the force of the pin and does not ring. Returns
@@ -50,7 +62,9 @@ def open_closing_pin(pinned, links, contacts, env, s, w):
 
 
 @allocating
-def start_released(links, contacts, env, s, w, report):
+def start_released(
+    links: RigidLinks, contacts: Contacts | None, env: Environment, s: State, w: Work, report: Floats
+) -> int:
     """Initial accelerations and outputs, wheels at ``w.wheels``; returns -1, or the link where it failed."""
     failed = accelerations(links, contacts, env, s, w)
     if failed >= 0:
