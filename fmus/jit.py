@@ -356,6 +356,8 @@ def dispatch(module_of: Callable[[type], Any], shared: bool = False) -> Callable
 
         def chosen(*args: Any) -> Any:
             namesake = getattr(module_of(args[0].instance_class), stub.__name__)
+            if [*inspect.signature(getattr(namesake, "py_func", namesake)).parameters] != [*signature.parameters]:
+                raise TypeError(f"{namesake.__module__}.{stub.__name__}: other parameters than those of its stub")
             if shared:
                 caller = eval(f"lambda {names}: namesake({names})", {"namesake": namesake})
                 # numba numbers functions as a process meets them: of two processes' kernels in one, a number and the
@@ -367,7 +369,7 @@ def dispatch(module_of: Callable[[type], Any], shared: bool = False) -> Callable
         signature = inspect.signature(stub)
         names = ", ".join(signature.parameters)
         chosen.__signature__ = signature  # type: ignore[attr-defined]
-        # not strict: numba compares annotations too, and those of a stub and of its namesakes differ
+        # not strict: numba would compare annotations too, and those of a stub and of its namesakes differ
         overload(plain, jit_options=OPTIONS | INNER, strict=False)(chosen)  # type: ignore[arg-type]
         return plain
 

@@ -31,17 +31,6 @@ if TYPE_CHECKING:
             """Length, m."""
 
 
-if TYPE_CHECKING:
-    from typing import Protocol
-
-    class Element(Protocol):
-        """Parameters of an element: ``Cable`` or ``Beam``; a protocol, so that no kernel of one follows the other."""
-
-        @property
-        def l(self) -> float:  # noqa: E743 - the letter of the formulas
-            """Length, m."""
-
-
 ELASTICITIES: dict[str, type[Cable]] = {
     "small_deformation": Cable,
     "general": GeneralCable,

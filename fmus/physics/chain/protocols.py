@@ -5,13 +5,16 @@ A module of one kind of link names the classes of its kind instead.
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from fmus.physics.arrays import Floats, Integers, Vector
 from fmus.physics.chain.near import Near
 from fmus.physics.contact.ground import GroundShape
 from fmus.physics.contact.teeth import Teeth
 from fmus.physics.point import Memory
+
+if TYPE_CHECKING:
+    from fmus.physics.contact.laws import Law
 
 Carrier = tuple[Vector, Vector, Vector, tuple[float, float]]  # result of ``carrier.carrier``
 # result of ``faces.locate_section``; Any: each kind of link puts into it what it reads from it
@@ -119,10 +122,7 @@ class ChainWork(Protocol):
 
 
 class Contacts(Protocol):
-    """Contact partners of a chain with m wheels.
-
-    The laws are of any class of ``contact.laws``, each with its own fields, therefore Any.
-    """
+    """Contact partners of a chain with m wheels."""
 
     @property
     def teeth(self) -> Integers:
@@ -149,13 +149,13 @@ class Contacts(Protocol):
         """Shape of the ground in the track's frame."""
 
     @property
-    def sprocket(self) -> Any:
+    def sprocket(self) -> Law:
         """Contact law of pins with teeth."""
 
     @property
-    def wheel(self) -> Any:
+    def wheel(self) -> Law:
         """Contact law of links with rims and of horns with discs."""
 
     @property
-    def soil(self) -> Any:
+    def soil(self) -> Law:
         """Contact law of links with the ground."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Vector
 from fmus.physics.contact.dual import tangent_slip
 from fmus.physics.contact.laws import normal
 from fmus.physics.vector import add, cross, dot, scale
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from fmus.physics.point import Memory
 
 
-Vector = tuple[float, float, float]
 NOTHING = (0.0, 0.0, 0.0)
 NO_MATRIX = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
