@@ -294,9 +294,9 @@ def run_toy(environment, cache):
         capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, (done.returncode, done.stderr[-2000:])
-    *told, last = done.stdout.splitlines()
+    *messages, last = done.stdout.splitlines()
     values, hits = last.split()
-    return told, np.frombuffer(bytes.fromhex(values)).tolist(), int(hits), done.stderr
+    return messages, np.frombuffer(bytes.fromhex(values)).tolist(), int(hits), done.stderr
 
 
 @pytest.fixture(scope="module")
@@ -347,13 +347,13 @@ def test_nothing_is_unpickled_from_a_folder_that_others_can_write(environment, w
     (kernel,) = cache.glob("kernels/*/*advance*.kernel")
     fmus.cache.write_checked(kernel, pickle.dumps(Trap(trap)))
     cache.chmod(0o777)
-    told, values, hits, said = run_toy(environment, cache)
+    messages, values, hits, said = run_toy(environment, cache)
     assert (values, hits, trap.exists()) == (warm[1], 0, False)
     sentence = (
         f"the cache folder {cache} cannot be used, so every process compiles and builds anew: "
         f"others can write into {cache} (mode 777); chmod -R go-w it, or name another folder in COTRACK_CACHE"
     )
-    assert told == [f"1 {sentence}"], "the message for a host without Python's log"
+    assert messages == [f"1 {sentence}"], "the message for a host without Python's log"
     assert said == f"{sentence}\n"
     cache.chmod(0o700)
     pickle.loads(fmus.cache.read_checked(kernel))
@@ -435,7 +435,7 @@ class Ran(NamedTuple):
 
     status: int
     result: str  # digest of its log; of a truth its errors and the digests of its logs
-    told: list[str]  # messages
+    messages: list[str]  # messages
     opened: set[Path]
 
 
@@ -456,9 +456,11 @@ def command(arguments, folder, environment):
         if each.exists():
             with Log(each) as written:
                 result += written.digest()
-    told = [line for line in said.splitlines() if line.startswith(("cotrack: ", "Traceback"))]
+    messages = [line for line in said.splitlines() if line.startswith(("cotrack: ", "Traceback"))]
     inside = {Path(name) for name in opened.splitlines() if name.startswith(str(folder / "cache"))}
-    return Ran(done.returncode, result, told, {file.relative_to(folder / "cache") for file in inside if file.is_file()})
+    return Ran(
+        done.returncode, result, messages, {file.relative_to(folder / "cache") for file in inside if file.is_file()}
+    )
 
 
 @pytest.mark.study
@@ -493,7 +495,7 @@ def test_two_hundred_flips_and_sixty_other_damages(environment, tmp_path):
         ran = command(arguments, tmp_path, environment)
         verdict = "right" if ran[:2] == right[arguments][:2] else "wrong"
         if verdict == "wrong" and kind == "precision.json" and ran.status == 0:
-            verdict = "told" if any("precision.json is damaged" in line for line in ran.told) else "wrong"
+            verdict = "told" if any("precision.json is damaged" in line for line in ran.messages) else "wrong"
             verdict = "right" if how == "delete" else verdict  # a deleted file is as if it never existed
         became[how, verdict] += 1
         if verdict == "wrong":

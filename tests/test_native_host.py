@@ -36,7 +36,7 @@ def built(assembly):
     return build_native_all([(p.kind, p.config | {"parameters": p.parameters}, None) for p in assembly.parts])
 
 
-def told(assembly, files, h, steps):
+def order_text(assembly, files, h, steps):
     """Description of a system for the host."""
     lines, names = [], {}
     for part, file in zip(assembly.parts, files, strict=True):
@@ -57,7 +57,7 @@ def driven(scene, links, settings, steps, folder):
     """Final Real outputs by part, of the host and in this process, and the host's times, us."""
     vehicle = InProcess(load(scene, links, settings))
     assembly, h = assemble(vehicle.scene), vehicle.scene.run.step
-    order = told(assembly, built(assembly), h, steps)
+    order = order_text(assembly, built(assembly), h, steps)
     said = subprocess.run([host(folder)], input=order, capture_output=True, text=True, env={})
     assert said.returncode == 0, said.stderr
     *parts, times = (line.split() for line in said.stdout.splitlines())
@@ -90,7 +90,7 @@ def test_windows_drives_the_vehicle(tmp_path):
     assembly = assemble(placed(scene))
     wanted = [(p.kind, p.config | {"parameters": p.parameters}, None) for p in assembly.parts]
     files = build_native_all(wanted, windows=True)
-    order = told(assembly, files, 1e-3, 200)
+    order = order_text(assembly, files, 1e-3, 200)
     linux = subprocess.run([host(tmp_path)], input=order, capture_output=True, text=True, check=True)
     subprocess.run([*compiler(WINDOWS), "-std=c11", "-O2", "-o", str(tmp_path / "host.exe"), str(HOST)], check=True)
     for part, file in zip(assembly.parts, files, strict=True):
@@ -160,7 +160,7 @@ def test_times_of_kinds_in_hosts(tmp_path, capsys):
     assembly = assemble(vehicle.scene)
     files = built(assembly)
     said = subprocess.run(
-        [host(tmp_path)], input=told(assembly, files, 1e-3, 3000), capture_output=True, text=True, env={}
+        [host(tmp_path)], input=order_text(assembly, files, 1e-3, 3000), capture_output=True, text=True, env={}
     )
     in_c = {p.name: float(line.split()[0]) for p, line in zip(assembly.parts, said.stdout.splitlines(), strict=False)}
     ours = build_all([(part.kind, part.config | {"parameters": part.parameters}, None) for part in assembly.parts])

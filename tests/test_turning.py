@@ -40,8 +40,8 @@ def turned(tmp_path_factory):
         key = (kind, left, right, *settings)
         if key not in made:
             path = tmp_path_factory.mktemp("logs") / "turn.mcap"
-            told = (*speeds(left, right), f"run.stop={window.end}", "run.links=1000", *settings)
-            result = simulate(load("turn", kind, told), path)
+            given = (*speeds(left, right), f"run.stop={window.end}", "run.links=1000", *settings)
+            result = simulate(load("turn", kind, given), path)
             assert (result["status"], result["message"]) == ("ok", "")
             with Log(path) as log:
                 run = RunData(log)

@@ -56,24 +56,24 @@ def report(
     and ``ok`` of the result is False. Raises BadInput if ``against`` is no checkout with benchmarks.
     """
     facts = machine.facts()
-    told: dict[str, Any] = {"machine": facts, "busy": machine.busy(facts), "quick": quick, "repeats": repeats}
-    if told["busy"]:
-        progress(told["busy"])
+    result: dict[str, Any] = {"machine": facts, "busy": machine.busy(facts), "quick": quick, "repeats": repeats}
+    if result["busy"]:
+        progress(result["busy"])
     if against is not None:
         try:
             table = paired(against, names, quick, repeats, progress)
         except Failed as reason:
             table = failed(f"Here against {against}", str(reason))
         show(table)
-        return told | {"ok": bool(table.columns), "against": plain(table)}
-    told |= {"ok": True, "parts": {}}
+        return result | {"ok": bool(table.columns), "against": plain(table)}
+    result |= {"ok": True, "parts": {}}
     for name in names:
         progress(f"{name}: {PARTS[name]}")
         try:
             tables = [from_plain(table) for table in isolated(name, quick=quick, repeats=repeats)]
         except Failed as reason:
-            tables, told["ok"] = [failed(PARTS[name], str(reason))], False
+            tables, result["ok"] = [failed(PARTS[name], str(reason))], False
         for table in tables:
             show(table)
-        told["parts"][name] = [plain(table) for table in tables]
-    return told
+        result["parts"][name] = [plain(table) for table in tables]
+    return result

@@ -73,13 +73,13 @@ def measured(root: Path, names: Sequence[str], quick: bool) -> Costs:
     command += ["--quick"] if quick else []
     done = subprocess.run(command, cwd=root, env=environment(root), capture_output=True, text=True)
     try:
-        told: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+        answer: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     except (IndexError, ValueError):
         raise Failed(f"the checkout {root} did not measure itself: {last_line(done.stderr)}") from None
-    for table in (table for part in told["parts"].values() for table in part):
+    for table in (table for part in answer["parts"].values() for table in part):
         if not table["columns"]:
             raise Failed(f"the checkout {root}: {table['notes'][0]}")
-    return {(part, name): cost for part, tables in told["parts"].items() for name, cost in costs(tables).items()}
+    return {(part, name): cost for part, tables in answer["parts"].items() for name, cost in costs(tables).items()}
 
 
 def ratios(pairs: Sequence[tuple[Costs, Costs]]) -> list[dict[str, Any]]:

@@ -64,9 +64,9 @@ def measure(quick: bool, repeats: int) -> list[Table]:
         for track, settings in dict.fromkeys(each[:2] for each in COMPONENTS.values()):
             scene = own.scene(SCENE, track, (*SETTINGS, f"run.stop={stop} s", *settings))
             path = Path(folder) / "run.mcap"
-            told = simulate(scene, path)
-            if told["status"] != "ok":
-                raise RuntimeError(told["message"])
+            summary = simulate(scene, path)
+            if summary["status"] != "ok":
+                raise RuntimeError(summary["message"])
             for row, (*of, name) in COMPONENTS.items():
                 if of == [track, settings]:
                     with Log(path) as log:

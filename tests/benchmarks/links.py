@@ -36,8 +36,8 @@ def measure(quick: bool, repeats: int) -> list[Table]:
                 found[-1]["exponent"] = exponent(found[-2:])
         rows += found
         notes.append(f"{name.capitalize()}: time a step grows with the links to the power {exponent(found):.2f}.")
-    told = f"CPU time of the model's step at {1e3 * H:g} ms: the least of {repeats} repeats of each step, their mean."
-    return [Table.of_records("Closed chain, from 64 links", COLUMNS, rows, (*notes, told))]
+    text = f"CPU time of the model's step at {1e3 * H:g} ms: the least of {repeats} repeats of each step, their mean."
+    return [Table.of_records("Closed chain, from 64 links", COLUMNS, rows, (*notes, text))]
 
 
 def _laps(model: Any, steps: int) -> Floats:

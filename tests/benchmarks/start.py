@@ -32,8 +32,8 @@ def measure(quick: bool, repeats: int) -> list[Table]:
         with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
             cold = command(scene, track, f"{folder}/cache")
             warm = [command(scene, track, f"{folder}/cache") for _ in range(repeats)]
-        for cache, told in (("empty", [cold]), ("full", warm)):
-            times = {key: median(each[key] for each in told) for key in cold}
+        for cache, runs in (("empty", [cold]), ("full", warm)):
+            times = {key: median(each[key] for each in runs) for key in cold}
             rows.append({"scene": f"{scene}, {track}", "cache": cache, **times})
     notes = (
         f"`cotrack run SCENE --stop 1ms`, one step, with all that follows it; full cache: median of {repeats}.",
@@ -58,9 +58,9 @@ def command(scene: str, track: str, cache: str) -> dict[str, float]:
         )
         whole, first = time.time() - began, Path(folder).stat().st_mtime - began
     try:
-        told: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+        summary: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     except (IndexError, ValueError):
         raise Failed(last_line(done.stderr)) from None
-    if told["status"] != "ok":
-        raise Failed(told["message"])
-    return {"first": first, "startup": float(told["startup_time"]), "whole": whole}
+    if summary["status"] != "ok":
+        raise Failed(summary["message"])
+    return {"first": first, "startup": float(summary["startup_time"]), "whole": whole}

@@ -54,13 +54,13 @@ def test_what_comes_out(call, monkeypatch):
 
     monkeypatch.setattr(bench, "isolated", measured)
     status, out, _ = call(app, "--only", "vehicle,links", "--quick", "--json")
-    told = json.loads(out.splitlines()[-1])
-    assert (status, told["ok"]) == (1, False)
+    answer = json.loads(out.splitlines()[-1])
+    assert (status, answer["ok"]) == (1, False)
     assert asked == [(name, {"quick": True, "repeats": bench.QUICK_REPEATS}) for name in ("vehicle", "links")]
-    assert set(told) == {"machine", "busy", "quick", "repeats", "ok", "parts"}
-    assert {"cpu", "cores", "load_average", "python", "packages", "commit"} <= set(told["machine"])
-    assert told["machine"]["packages"]["numba"]
-    assert told["parts"]["vehicle"] == [tables.plain(TABLE)]
+    assert set(answer) == {"machine", "busy", "quick", "repeats", "ok", "parts"}
+    assert {"cpu", "cores", "load_average", "python", "packages", "commit"} <= set(answer["machine"])
+    assert answer["machine"]["packages"]["numba"]
+    assert answer["parts"]["vehicle"] == [tables.plain(TABLE)]
     assert "| a | 2.0 | 1,000 |\n| b |  |  |\n\nA note." in out
     assert "not measured: no reason" in out
     status, out, _ = call(app, "--only", "vehicle", "--repeat", "2")
@@ -290,8 +290,8 @@ def test_the_share_of_a_record_is_that_of_its_pieces(monkeypatch):
     rig = load("rig", "rigid", ("run.step=1 ms", "run.links=3"))
     row = recording_part.row(rig, False, 2, 1000)
     assert (row["fmus"], row["links"]) == ("Python", "one step in 3")
-    told = [row[key] for key in ("step", "low", "share", "high", "size")]
-    assert told == pytest.approx([2000.0, 12.5, 25.0, 37.5, 2e-6])
+    printed = [row[key] for key in ("step", "low", "share", "high", "size")]
+    assert printed == pytest.approx([2000.0, 12.5, 25.0, 37.5, 2e-6])
 
 
 @pytest.mark.long
@@ -383,11 +383,11 @@ def test_the_reference_is_what_it_says():
 @pytest.mark.benchmark
 def test_the_quick_form_as_a_whole(call):
     status, out, _ = call(app, "--quick", "--repeat", "1", "--json")
-    told = json.loads(out.splitlines()[-1])
+    answer = json.loads(out.splitlines()[-1])
     assert status == 0, out
-    assert list(told["parts"]) == list(bench.PARTS)
-    assert all(table["rows"] for part in told["parts"].values() for table in part)
-    assert [row["part"] for row in told["parts"]["layers"][0]["rows"]] == list(layers.COMPONENTS)
+    assert list(answer["parts"]) == list(bench.PARTS)
+    assert all(table["rows"] for part in answer["parts"].values() for table in part)
+    assert [row["part"] for row in answer["parts"]["layers"][0]["rows"]] == list(layers.COMPONENTS)
 
 
 @pytest.mark.benchmark

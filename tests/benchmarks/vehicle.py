@@ -35,14 +35,14 @@ def measure(quick: bool, repeats: int) -> list[Table]:
 def row(track: str, settings: list[str], repeats: int) -> dict[str, Any]:
     """Row of one track model."""
     scene = own.scene(SCENE, track, settings)
-    told = []
+    outcomes = []
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         for k in range(repeats):
-            told.append(simulate(scene, Path(folder) / f"{k}.mcap"))
-            if told[-1]["status"] != "ok":
-                raise RuntimeError(told[-1]["message"])
+            outcomes.append(simulate(scene, Path(folder) / f"{k}.mcap"))
+            if outcomes[-1]["status"] != "ok":
+                raise RuntimeError(outcomes[-1]["message"])
     stop = scene.run.stop
-    factors = sorted(stop / each["wall_time"] for each in told)
+    factors = sorted(stop / each["wall_time"] for each in outcomes)
     start = scene.drive.ramp_start  # type: ignore[attr-defined]
     return {
         "track": track,
@@ -50,6 +50,6 @@ def row(track: str, settings: list[str], repeats: int) -> dict[str, Any]:
         "factor": median(factors),
         "least": factors[0],
         "most": factors[-1],
-        "wall": 1e3 * median(each["wall_time"] for each in told) / stop,
-        "cpu": 1e3 * median(each["cpu_time"] for each in told) / stop,
+        "wall": 1e3 * median(each["wall_time"] for each in outcomes) / stop,
+        "cpu": 1e3 * median(each["cpu_time"] for each in outcomes) / stop,
     }

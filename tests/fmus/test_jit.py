@@ -495,7 +495,7 @@ def test_an_edit_behind_a_stub_compiles_its_caller_again(environment, tmp_path, 
     program = "import logging; logging.basicConfig(level=logging.INFO); from parts.kinds import Heavy\n"
     program += "from parts.stubs import doubled; print(doubled(Heavy(1.5)))"
 
-    def told(factor: float) -> tuple[str, bool]:
+    def outcome(factor: float) -> tuple[str, bool]:
         (package / "room.py").write_text(
             f"from fmus.jit import kernel\n\n@kernel\ndef value(x):\n    return {factor} * x.x\n"
         )
@@ -506,7 +506,7 @@ def test_an_edit_behind_a_stub_compiles_its_caller_again(environment, tmp_path, 
         )  # fmt: skip
         return done.stdout.strip(), "doubled" in done.stderr
 
-    assert [told(1.0), told(1.0), told(3.0)] == [("3.0", True), ("3.0", False), ("9.0", True)]
+    assert [outcome(1.0), outcome(1.0), outcome(3.0)] == [("3.0", True), ("3.0", False), ("9.0", True)]
 
 
 def test_a_stub_refuses_a_class_that_it_does_not_know(tmp_path, monkeypatch, clean_imports):

@@ -422,8 +422,8 @@ def test_joints_are_the_extremes_of_links(driven):
         assert found.most[0, k] == values[record, joint] == values.max()
         assert (found.most_joint[0, k], found.most_t[0, k]) == (joint + 1, every.t[record])
         assert found.least[0, k] == values.min()
-        told = [row[3:] for row in summed.rows if row[:2] == ("joint force", links.AXES[k])]
-        np.testing.assert_allclose(told, [[values.min() / 1e3, values.mean() / 1e3, values.max() / 1e3]], rtol=1e-9)
+        printed = [row[3:] for row in summed.rows if row[:2] == ("joint force", links.AXES[k])]
+        np.testing.assert_allclose(printed, [[values.min() / 1e3, values.mean() / 1e3, values.max() / 1e3]], rtol=1e-9)
 
 
 # deformation
@@ -675,9 +675,9 @@ def test_events_come_in_order_with_what_they_are_of(tmp_path):
     connection = {
         "source": "track", "outputs": ["sprocket.force.x"], "target": "drive", "inputs": ["sprocket.force.x"]
     }  # fmt: skip
-    told = {"component": "track", "text": "it slips", "time": 0.5, "count": 3}
+    warning = {"component": "track", "text": "it slips", "time": 0.5, "count": 3}
     scene = {"vehicle": {"sprocket": {"teeth": 10}}}
-    path = made(tmp_path / "e.mcap", topics, rows, scene, ("track", "drive"), [connection], [told])
+    path = made(tmp_path / "e.mcap", topics, rows, scene, ("track", "drive"), [connection], [warning])
     with Log(path) as log:
         found = events.of(RunData(log))
         every = events.of(RunData(log), teeth=True)
@@ -715,8 +715,8 @@ def test_a_log_ends_with_its_events_in_messages_of_foxglove(driven):
         teeth = run.scene["vehicle"]["sprocket"]["teeth"]
         assert log.others == {"/events": "foxglove.Log"}
     assert {name for name, _, _ in found} == {"foxglove.Log"}
-    told = [(said["name"], said["kind"], said["message"], said["level"] == 3) for _, _, said in found]
-    assert told == [(e.component, e.kind, e.text, e.kind in WARNINGS) for e in happened]
+    shown = [(said["name"], said["kind"], said["message"], said["level"] == 3) for _, _, said in found]
+    assert shown == [(e.component, e.kind, e.text, e.kind in WARNINGS) for e in happened]
     for (_, time, said), event in zip(found, happened, strict=True):
         assert time == 1_000_000_000 * said["timestamp"]["sec"] + said["timestamp"]["nsec"] == round(1e9 * event.t)
     passed = np.floor(angle * teeth / (2.0 * np.pi))
@@ -744,12 +744,12 @@ def test_analyse_prints_tables_and_json_and_files(cotrack, driven, tmp_path):
         assert (status, err) == (0, ""), what
         assert out.count("\n") >= 3
     status, out, _ = cotrack("analyse", driven, "power", "--json", "--from", "0.1", "-o", tmp_path / "p.csv")
-    told = json.loads(out)
+    answer = json.loads(out)
     assert status == 0
-    assert told["units"]["power"] == "kW"
+    assert answer["units"]["power"] == "kW"
     with Log(driven) as log:
         found = power.of(RunData(log), Window(0.1, 1.0))
-    assert told["rows"][0]["energy"] == pytest.approx(found.energy[0] / 1e3, rel=1e-12)
+    assert answer["rows"][0]["energy"] == pytest.approx(found.energy[0] / 1e3, rel=1e-12)
     rows = np.genfromtxt(tmp_path / "p.csv", delimiter=",", skip_header=1)
     np.testing.assert_allclose(rows[:, 2], found.relative[:, 0])
     status, out, _ = cotrack("analyse", driven, "spectrum", "--signal", "left_track.link[3].tension", "--order")

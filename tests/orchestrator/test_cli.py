@@ -63,9 +63,9 @@ def test_an_open_ledger_is_not_a_success(cotrack, tmp_path):
     fall = ("run", "fall.toml", "--no-estimate", "--set", "chain.links=8", "--stop", "0.6", "--json")
     for step, wanted in (("50 ms", 1), ("2 ms", 0)):
         status, out, err = cotrack(*fall, "--step", step, "--set", f"track.step={step}")
-        told = last(out)
-        assert (told["status"], told["checks"]) == ("ok", {})
-        assert status == wanted, (step, told["energy"])
+        result = last(out)
+        assert (result["status"], result["checks"]) == ("ok", {})
+        assert status == wanted, (step, result["energy"])
         assert ("ledger" in err) == bool(wanted)
 
 
@@ -191,9 +191,9 @@ def test_a_log_that_is_being_written_is_called_so(cotrack, tmp_path):
     assert "0 to 0 s, still being written" in out
     assert "cut off" not in out
     status, out, _ = cotrack("log", "verify", "a.mcap", "--json")
-    told = json.loads(out)
-    assert (status, told["code"]) == (1, 1)
-    assert told["sentences"][-1].endswith("has no closing record: the run has come to t = 0 s")
+    answer = json.loads(out)
+    assert (status, answer["code"]) == (1, 1)
+    assert answer["sentences"][-1].endswith("has no closing record: the run has come to t = 0 s")
     recorder.close("ok", "", 0)
     assert cotrack("log", "verify", "a.mcap")[0] == 0
     assert "/a/out:\n  x [m]\n" in cotrack("log", "info", "a.mcap", "--signals")[1]

@@ -149,11 +149,11 @@ def test_a_chain_at_its_stable_step_has_nothing_coarser_beside_it(tmp_path, step
 @pytest.mark.long
 def test_a_coupled_track_at_its_stable_step_knows_its_coupling_alone(tmp_path, capsys):
     scene = load("rig", "rigid", ("track.integrator=runge_kutta", "run.step=1 ms", "run.stop=20 ms", "run.links=1"))
-    told = simulate(scene, tmp_path / "run.mcap", estimated=True)
-    own = told["error"]
+    summary = simulate(scene, tmp_path / "run.mcap", estimated=True)
+    own = summary["error"]
     assert own["integration"] is None
     assert own["total"] == own["coupling"] > 0.0
-    printed.summary(told)
+    printed.summary(summary)
     assert "integration not known" in capsys.readouterr().out
 
 
@@ -164,9 +164,9 @@ def test_a_companion_that_cannot_be_right_estimates_nothing(tmp_path):
 
     scene = load("straight", "flexible", ())
     summary = {"components": {"left_track": {"steps": 8000}}, "simulated_time": 8.0, "communication_steps": 8000}
-    told = estimate(scene, tmp_path / "no.mcap", summary, record)
-    assert told["total"] is None
-    assert "cannot be right: 40 % open" in told["message"]
+    entry = estimate(scene, tmp_path / "no.mcap", summary, record)
+    assert entry["total"] is None
+    assert "cannot be right: 40 % open" in entry["message"]
 
 
 def test_a_study_makes_no_run_twice():
@@ -187,9 +187,9 @@ def test_the_log_closes_with_error_and_cost(swings):
 
 def test_a_run_too_short_says_so(tmp_path):
     settings = ("chain.links=8", "run.stop=0.002 s")
-    told = simulate(load("hanging_chain", "flexible", settings), tmp_path / "a.mcap", estimated=True)["error"]
-    assert told["total"] is None
-    assert "too short" in told["message"]
+    summary = simulate(load("hanging_chain", "flexible", settings), tmp_path / "a.mcap", estimated=True)["error"]
+    assert summary["total"] is None
+    assert "too short" in summary["message"]
 
 
 def test_compare_and_version(swings, monkeypatch, capsys):

@@ -269,16 +269,16 @@ WARNED = {"component": "a", "text": "x", "time": 0.0, "count": 1}
 
 
 @pytest.mark.parametrize(
-    "told",
+    "warnings",
     [7, {}, [7], [{}], ["x"], "[" * 5000, "9" * 5000, "", [WARNED | {"count": -1}], [WARNED | {"count": 10**400}],
      [WARNED | {"time": None}], [WARNED | {"text": "\udcff"}], [WARNED | {"component": []}], [WARNED | {"more": 1}]],
 )  # fmt: skip
-def test_warnings_that_are_none_damage_their_record(small, tmp_path, told):
+def test_warnings_that_are_none_damage_their_record(small, tmp_path, warnings):
     content = Content(small)
     content.metadata["closing"]["warnings"] = json.dumps([WARNED])
     with Log(content.write(tmp_path / "good.mcap")) as log:
         assert log.closing["warnings"] == [WARNED]
-    content.metadata["closing"]["warnings"] = told if isinstance(told, str) else json.dumps(told)
+    content.metadata["closing"]["warnings"] = warnings if isinstance(warnings, str) else json.dumps(warnings)
     path = content.write(tmp_path / "bad.mcap")
     assert "is cut off or damaged" in verify(path).sentences[0]
     assert info(path).log.closing is None

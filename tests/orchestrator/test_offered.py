@@ -52,5 +52,5 @@ def test_what_is_offered_can_be_called(submodules, tmp_path):
 
 def test_the_package_alone_imports_nothing_else(environment):
     code = "import sys, orchestrator; print({name.split('.')[0] for name in sys.modules} & {'fmus', 'numpy', 'fmpy'})"
-    told = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-    assert told.stdout == "set()\n"
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"

@@ -236,8 +236,8 @@ def test_losses_are_those_of_the_components_in_their_words(vehicle):
     rows = re.search(r"What was lost where.*?</table>", html, re.S)[0]
     for name in ("left_track", "right_track", "chassis"):
         share = (found[name].dissipated + found[name].covered) / (books.dissipated + books.covered)
-        told = f"{found[name].parts}</span></td><td>{quantity(found[name].dissipated, 'J')}</td>"
-        assert told in rows
+        expected = f"{found[name].parts}</span></td><td>{quantity(found[name].dissipated, 'J')}</td>"
+        assert expected in rows
         assert f"<td>{percent(share)}</td>" in rows
 
 
@@ -250,10 +250,10 @@ def test_the_energy_card_counts_what_was_released():
     kept = sum(energy for energy in stored.values() if energy > 0.0)
     assert books.supplied == pytest.approx(kept + lost + books.covered + books.residual)
     assert sources(books) == "60.53 kJ put in by the drives and 3.6 kJ released (height)"
-    told = sentence(books, {})
-    assert "<b>64.13 kJ</b> came in: 60.53 kJ put in by the drives and 3.6 kJ released (height)." in told
-    assert "1.54 kJ (2.4 %) is stored at the end" in told
-    assert "62.56 kJ (97.6 %) was dissipated" in told
+    shown = sentence(books, {})
+    assert "<b>64.13 kJ</b> came in: 60.53 kJ put in by the drives and 3.6 kJ released (height)." in shown
+    assert "1.54 kJ (2.4 %) is stored at the end" in shown
+    assert "62.56 kJ (97.6 %) was dissipated" in shown
     back = books._replace(work=-5e3, stored=stored | {"kinetic": -9e3})
     assert sources(back) == "12.6 kJ released (motion and height)"
     assert "5 kJ (39.7 %) went back into the drives" in sentence(back, {})
@@ -331,8 +331,8 @@ def test_the_ending_has_the_means_of_the_log_and_its_powers_add_up(vehicle, monk
         t, speed = run.signal("chassis.speed", window)
         slope = np.average(speed[1:], weights=np.diff(t))
         assert run.mean("chassis.speed", window) == pytest.approx(slope, rel=0.1)
-        told = quantity(run.mean("chassis.speed", window), "m/s")
-        assert f"<td>speed of the hull</td><td>{told}</td>" in html
+        expected = quantity(run.mean("chassis.speed", window), "m/s")
+        assert f"<td>speed of the hull</td><td>{expected}</td>" in html
         whole = ending.flows(run, EVER)
         books, length = ledger(run), 0.06
     by = {flow.name: flow.power * length for flow in whole}
@@ -357,10 +357,10 @@ def test_the_smallest_tension_and_loads_of_wheels_are_told(vehicle):
 def test_the_command_that_runs_it_again_gives_the_same_scene(vehicle, hanging, cotrack, tmp_path):
     with Log(hanging) as log:
         run = RunData(log)
-        told = shlex.split(command(run))
+        words = shlex.split(command(run))
         assert f"<code>{text(command(run))}</code>" in page(hanging)
-    assert told[:5] == ["cotrack", "run", "hanging_chain", "--track", "rigid"]
-    status, _, err = cotrack(*told[1:], "--no-estimate", "--log", tmp_path / "again.mcap")
+    assert words[:5] == ["cotrack", "run", "hanging_chain", "--track", "rigid"]
+    status, _, err = cotrack(*words[1:], "--no-estimate", "--log", tmp_path / "again.mcap")
     assert status == 0, err
     with Log(hanging) as one, Log(tmp_path / "again.mcap") as other:
         assert one.digest() == other.digest()
@@ -552,7 +552,7 @@ def test_a_lifted_wheel_is_told_with_its_times_as_the_analyses_have_them(tmp_pat
     with Log(path) as log:
         run = RunData(log)
         found = happened.lifted(run)
-        told = event_rows(run)
+        rows = event_rows(run)
         analysis, loads = happened.of(run), wheel_loads.of(run)
     early, first, second = found["a.road_wheel[1]"]
     assert first[:2] == pytest.approx((0.501, 0.7))
@@ -563,10 +563,10 @@ def test_a_lifted_wheel_is_told_with_its_times_as_the_analyses_have_them(tmp_pat
     assert [event.t for event in analysis.of("lifted")] == [early.start, first.start, second.start]
     assert [event.t for event in analysis.of("touches")] == [early.end, first.end, second.end]
     assert [round(event.t, 9) for event in analysis.of("airborne", "lands")] == [1.501, 1.6]
-    assert [event.what for event in told] == ["Road wheel is lifted off", "Track is off the ground", "Warning"]
-    assert "2 times, 0.208 s together; longest 0.501 to 0.7 s" in told[0].detail
-    assert told[1].detail == "once; 1.501 to 1.6 s"
-    assert told[2].detail == text(analysis.of("warning")[0].text)
+    assert [event.what for event in rows] == ["Road wheel is lifted off", "Track is off the ground", "Warning"]
+    assert "2 times, 0.208 s together; longest 0.501 to 0.7 s" in rows[0].detail
+    assert rows[1].detail == "once; 1.501 to 1.6 s"
+    assert rows[2].detail == text(analysis.of("warning")[0].text)
     html = page(path)
     assert "0.208 s together" in html
     assert "1 road wheel is lifted off: wheel 1 (a)." in html

@@ -223,9 +223,9 @@ def test_a_sentence_says_what_it_did(tmp_path):
     v = trapezoid(t)
     of = found(made(tmp_path / "f.mcap", t, v, None, 0.01 * v, 1e4 + v, 4e4 * t))
     assert phases.sentence(of[0]._asdict()) == "0 to 1.034 s: rest"
-    told = phases.sentence(json.loads(json.dumps(of[2]._asdict()).replace("NaN", "null")))
-    assert told.startswith("3.018 to 6.052 s: steady at 4 m/s over 12.14 m; power 40 kW, slip 0.040 and 0.080 m/s left")
-    assert "largest tension 10 kN in left track at" in told
+    text = phases.sentence(json.loads(json.dumps(of[2]._asdict()).replace("NaN", "null")))
+    assert text.startswith("3.018 to 6.052 s: steady at 4 m/s over 12.14 m; power 40 kW, slip 0.040 and 0.080 m/s left")
+    assert "largest tension 10 kN in left track at" in text
     assert "from 4.00 to 0.00 m/s" in phases.sentence(of[3]._asdict())
 
 

@@ -298,15 +298,15 @@ def test_a_failure_among_many_steps_leaves_a_log_of_those_before(tmp_path, monke
     A sprocket at 1e5 rad/s has no solution, one by one or many steps at once.
     """
     settings = ("run.stop=0.1", "expect={}", "drive.speed=1e5 rad/s", "drive.ramp_start=0", "drive.ramp_time=0.02")
-    told = []
+    outcomes = []
     for together in (0.0, 10.0):
         monkeypatch.setattr(scheme, "LONGEST_BATCH", together)
         path = tmp_path / f"{together}.mcap"
         result = simulate(load("rig", "rigid", settings), path)
         with Log(path) as log:
-            told.append((result["status"], result["message"], result["communication_steps"], log.digest()))
-    assert told[0] == told[1]
-    status, message, steps, _ = told[0]
+            outcomes.append((result["status"], result["message"], result["communication_steps"], log.digest()))
+    assert outcomes[0] == outcomes[1]
+    status, message, steps, _ = outcomes[0]
     assert (status, "link" in message) == ("failed", True)
     assert 10 < steps < 100
 

@@ -89,9 +89,9 @@ def runs(tmp_path_factory):
     found = {}
     for name, links in (("all", "run.links=1"), ("rare", RARE)):
         found[name] = folder / f"{name}.mcap"
-        told = simulate(load("rig", "rigid", (*BRIEF, "run.checkpoints=0.03", links)), found[name])
-        assert told["status"] == "ok", told["message"]
-        assert len(told["warnings"]) == (name == "rare")
+        summary = simulate(load("rig", "rigid", (*BRIEF, "run.checkpoints=0.03", links)), found[name])
+        assert summary["status"] == "ok", summary["message"]
+        assert len(summary["warnings"]) == (name == "rare")
     return found
 
 
@@ -120,8 +120,8 @@ def test_seldom_records_say_what_happened_between_them(runs):
 
 def test_what_happens_between_records_may_be_asked_for(tmp_path):
     path = tmp_path / "asked.mcap"
-    told = simulate(load("rig", "rigid", (*BRIEF, "run.links=2", "run.between=true")), path)
-    assert (told["status"], told["warnings"]) == ("ok", [])
+    summary = simulate(load("rig", "rigid", (*BRIEF, "run.links=2", "run.between=true")), path)
+    assert (summary["status"], summary["warnings"]) == ("ok", [])
     with Log(path) as log:
         most, records = log.read("/track/links/between"), log.read("/track/links")
     n = len(records.names)

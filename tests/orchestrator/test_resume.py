@@ -33,8 +33,8 @@ RIG = ("run.stop=0.06", "run.checkpoints=0.02", "run.links=7", "expect={}", "dri
 
 
 def ran(path, scene, track, *settings, native=False):
-    told = simulate(load(scene, track, settings), path, native=native)
-    assert told["status"] == "ok", told["message"]
+    summary = simulate(load(scene, track, settings), path, native=native)
+    assert summary["status"] == "ok", summary["message"]
     return path
 
 
@@ -54,8 +54,8 @@ def rig(tmp_path_factory):
 def test_every_coupling_goes_on_as_if_nothing_had_been(tmp_path, coupling):
     whole = ran(tmp_path / "whole.mcap", "rig", "rigid", *RIG, f"run.coupling={coupling}")
     for at, step in ((0.02, 20), (0.05, 40)):
-        told = resume(whole, tmp_path / "again.mcap", at)
-        assert (told["status"], told["communication_steps"]) == ("ok", 60)
+        summary = resume(whole, tmp_path / "again.mcap", at)
+        assert (summary["status"], summary["communication_steps"]) == ("ok", 60)
         assert digest(tmp_path / "again.mcap") == digest(whole)
         with Log(tmp_path / "again.mcap") as log:
             assert log.metadata["resumed"] == {"of": str(whole), "step": str(step)}
@@ -78,8 +78,8 @@ def test_variable_steps_go_on(tmp_path, monkeypatch, estimate):
         steps = log.closing["steps"]
     assert np.floor(out.t[numbers] / 0.02 + 1e-6).tolist() == [1.0, 2.0, 3.0]
     for at, number in ((0.03, numbers[0]), (0.05, numbers[1])):
-        told = resume(whole, tmp_path / "again.mcap", at)
-        assert (told["status"], told["communication_steps"]) == ("ok", steps)
+        summary = resume(whole, tmp_path / "again.mcap", at)
+        assert (summary["status"], summary["communication_steps"]) == ("ok", steps)
         assert digest(tmp_path / "again.mcap") == digest(whole)
         with Log(tmp_path / "again.mcap") as log:
             assert log.metadata["resumed"] == {"of": str(whole), "step": str(number)}
@@ -109,8 +109,8 @@ def test_a_branch_with_the_same_number_is_the_run_that_was_not_interrupted(tmp_p
     whole = ran(tmp_path / "whole.mcap", "rig", track, *RIG)
     with Log(whole) as log:
         number = reduce(getitem, key.split("."), log.table("scene.json"))
-    told = resume(whole, tmp_path / "same.mcap", 0.02, settings=[f"{key}={number!r}"])
-    assert told["status"] == "ok"
+    summary = resume(whole, tmp_path / "same.mcap", 0.02, settings=[f"{key}={number!r}"])
+    assert summary["status"] == "ok"
     assert digest(tmp_path / "same.mcap") == digest(whole)
     with Log(tmp_path / "same.mcap") as log:
         assert log.metadata["branched"] == {"of": str(whole), "step": "20", "set": f"{key}={number!r}"}

@@ -99,8 +99,8 @@ def test_integrators_reach_the_tracks():
     assert "spectral_radius" not in parameters("track.integrator=generalized_alpha")
     assert parameters("track.integrator=hht")["spectral_radius"] == 0.5, "the default is the strongest damping"
     assert parameters("track.integrator=hht", "track.spectral_radius=0.9")["spectral_radius"] == 0.9
-    told = parameters("track.integrator=adams", "track.rtol=1e-8", "track.atol=1e-7")
-    assert (told["adams.rtol"], told["adams.atol"]) == (1e-8, 1e-7)
+    given = parameters("track.integrator=adams", "track.rtol=1e-8", "track.atol=1e-7")
+    assert (given["adams.rtol"], given["adams.atol"]) == (1e-8, 1e-7)
 
 
 def test_vehicle_over_a_base(tmp_path):

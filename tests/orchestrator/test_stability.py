@@ -105,7 +105,7 @@ def test_a_right_run_and_a_wrong_one(monkeypatch):
     assert row.note.startswith("sag, m: ")
 
 
-def told(monkeypatch, **result):
+def outcome(monkeypatch, **result):
     def fake(scene, path):
         for value in result.values():
             if isinstance(value, Exception):
@@ -117,12 +117,12 @@ def told(monkeypatch, **result):
 
 
 def test_ends_that_are_not_right(monkeypatch):
-    assert told(monkeypatch, refused=BadInput("no"))["verdict"] == CLEAN
-    assert told(monkeypatch, refused=ComponentFailed("left_track: lost")).note == "left_track: lost"
-    assert told(monkeypatch, message="Newton at t = 1 s")["verdict"] == CLEAN
-    assert told(monkeypatch, message="")["verdict"] == MUTE
+    assert outcome(monkeypatch, refused=BadInput("no"))["verdict"] == CLEAN
+    assert outcome(monkeypatch, refused=ComponentFailed("left_track: lost")).note == "left_track: lost"
+    assert outcome(monkeypatch, message="Newton at t = 1 s")["verdict"] == CLEAN
+    assert outcome(monkeypatch, message="")["verdict"] == MUTE
     with pytest.raises(ZeroDivisionError):  # the pool turns it into a row, and the test looks for that row
-        told(monkeypatch, refused=ZeroDivisionError("bug"))
+        outcome(monkeypatch, refused=ZeroDivisionError("bug"))
 
 
 def test_an_explicit_step_beyond_its_limit_fails_with_a_sentence():

@@ -306,8 +306,8 @@ def test_a_run_that_is_not_valid_fails_and_says_so_everywhere(cotrack, pressed, 
         assert log.closing["message"] == result["message"]
         assert recorded_entries(log.closing["results"]) == entries
     with open(result["log"], "rb") as file:
-        told = [json.loads(message.data) for _, _, message in make_reader(file).iter_messages("/events")]
-    assert len([one for one in told if one["kind"] == "validity"]) == len(entries)
+        messages = [json.loads(message.data) for _, _, message in make_reader(file).iter_messages("/events")]
+    assert len([one for one in messages if one["kind"] == "validity"]) == len(entries)
     assert [entry._asdict() for entry in analyse(result["log"], "validity").entries] == entries, (
         "the log gives other entries"
     )

@@ -272,13 +272,13 @@ def test_rerun_holds_the_boxes_of_bodies(driven, tmp_path):
         np.array(found["/world/hull"][0]["Transform3D:translation"].to_pylist())[:, 0], poses.hull.position, atol=1e-6
     )
     assert sum(piece.num_rows for piece in found["/plots/speed/chassis.speed"]) == 41  # every record
-    (told,) = found["/events"]
+    (events,) = found["/events"]
     with Log(driven) as log:
         happened = events.of(RunData(log)).events
     assert len(happened) > 0
-    times = np.array(told["time"].cast("int64").to_pylist()) * 1e-9
+    times = np.array(events["time"].cast("int64").to_pylist()) * 1e-9
     np.testing.assert_allclose(times, [event.t for event in happened], atol=1e-9)
-    assert [row[0] for row in told["TextLog:text"].to_pylist()] == [f"{e.component}: {e.text}" for e in happened]
+    assert [row[0] for row in events["TextLog:text"].to_pylist()] == [f"{e.component}: {e.text}" for e in happened]
 
 
 def test_foxglove_holds_scenes_frames_and_curves(driven, tmp_path):
@@ -296,15 +296,15 @@ def test_foxglove_holds_scenes_frames_and_curves(driven, tmp_path):
             (message.log_time, json.loads(message.data)["value"])
             for _, _, message in reader.iter_messages("/plots/speed/chassis_speed")
         ]
-        told = [(message.log_time, message.data) for _, _, message in reader.iter_messages("/events")]
+        messages = [(message.log_time, message.data) for _, _, message in reader.iter_messages("/events")]
     assert (count["/shapes"], count["/scene"], count["/frames"], count["/plots/speed/chassis_speed"]) == (1, 3, 3, 41)
     assert (kinds["/scene"], kinds["/frames"]) == ("foxglove.SceneUpdate", "foxglove.FrameTransforms")
     with Log(driven) as log:
         t, values = log.signal("chassis.speed")
         happened = events.of(RunData(log)).events
     assert kinds["/events"] == "foxglove.Log"
-    assert [at for at, _ in told] == [round(event.t * 1e9) for event in happened] != []
-    assert all(event.text.encode() in data for event, (_, data) in zip(happened, told, strict=True))
+    assert [at for at, _ in messages] == [round(event.t * 1e9) for event in happened] != []
+    assert all(event.text.encode() in data for event, (_, data) in zip(happened, messages, strict=True))
     np.testing.assert_allclose(np.array(speed), np.stack([t * 1e9, values], axis=1), atol=1e-6)
     asked = re.findall(r"/plots/[^.]*(?=\.value)", layout.read_text())
     assert sorted(asked) == sorted(topic for topic in count if topic.startswith("/plots/"))

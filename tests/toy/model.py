@@ -64,5 +64,5 @@ class Model:
         y[:] = self.parameters["stiffness"] * self.state[0] * np.array([1.0, 2.0, 3.0])
 
     def warnings(self):
-        told, self._warnings = self._warnings, []
-        return told
+        messages, self._warnings = self._warnings, []
+        return messages

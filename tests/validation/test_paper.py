@@ -499,8 +499,8 @@ def test_rules_say_what_the_figures_say():
     assert verdict(rules.ratios, *rows(cpu=0.5)) == NOT
     assert verdict(rules.ratios, *rows()[:2]) == UNMEASURED
     springs = [Row("stiffness", "", {"stiffness": k, "cpu": k**0.5, "evaluations": k**0.5}, True) for k in (1e-4, 1e4)]
-    told = rules.ratios(Results([*rows(cpu=30.0, count=146.0), *springs])).measured
-    assert "of a spring of 56 and 3e+02 N/m" in told, "(30 / 4)^2 and (146 / 8.5)^2"
+    measured = rules.ratios(Results([*rows(cpu=30.0, count=146.0), *springs])).measured
+    assert "of a spring of 56 and 3e+02 N/m" in measured, "(30 / 4)^2 and (146 / 8.5)^2"
     assert verdict(rules.sections, *rows()) == HOLDS
     assert verdict(rules.sections, *rows(front=12.0)) == NOT
     mixed = [*rows(), *rows(front=12.0)]
@@ -517,26 +517,26 @@ def test_ratios_would_be_others_at_other_tolerances():
         cost(CLOSED, 90, 1e-6),
         cost(RIGID, 6, 1e-6),
     ]
-    told = rules.ratios(Results(found)).measured
-    assert "would be those of the rigid model times: flexible-closed / rigid 30 and 146" in told
-    assert "over tolerances evaluations times 2 to 15" in told
+    measured = rules.ratios(Results(found)).measured
+    assert "would be those of the rigid model times: flexible-closed / rigid 30 and 146" in measured
+    assert "over tolerances evaluations times 2 to 15" in measured
 
 
 def test_an_evaluation_of_a_flexible_chain_costs_half():
-    def told(each):
+    def rows_of(each):
         return [
             Row("each", "", {"rigid": rigid.name, "method": pieces.ADAMS, "each": each}, True)
             for rigid in (RIGID_SPRING, RIGID)
         ]
 
-    assert verdict(rules.each_evaluation, *told(0.47)) == HOLDS, "4 / 8.5"
-    assert verdict(rules.each_evaluation, *told(0.8)) == PART
-    assert verdict(rules.each_evaluation, *told(1.2)) == NOT
-    assert verdict(rules.each_evaluation, *told(0.47)[1:]) == UNMEASURED, "few evaluations of the chain with a pin"
+    assert verdict(rules.each_evaluation, *rows_of(0.47)) == HOLDS, "4 / 8.5"
+    assert verdict(rules.each_evaluation, *rows_of(0.8)) == PART
+    assert verdict(rules.each_evaluation, *rows_of(1.2)) == NOT
+    assert verdict(rules.each_evaluation, *rows_of(0.47)[1:]) == UNMEASURED, "few evaluations of the chain with a pin"
 
 
 def test_high_frequencies_are_those_of_the_links():
-    def told(share=5.0, step=8e-6, contact=75.0):
+    def rows_of(share=5.0, step=8e-6, contact=75.0):
         figures = {"fastest": 48e3, "contact": contact, "wave": 519.0}
         low = {f"along_{f:g}": 1.0 for f in high_frequencies.ABOVE}
         high = {f"along_{f:g}": share for f in high_frequencies.ABOVE}
@@ -545,24 +545,24 @@ def test_high_frequencies_are_those_of_the_links():
             Row("spectrum", "", {"model": RIGID.name, "step": 5e-5, **figures, **low}, True),
         ]
 
-    assert verdict(rules.fast, *told()) == HOLDS
-    assert verdict(rules.fast, *told(share=1.0)) == PART
-    assert verdict(rules.fast, *told(share=1.0, step=1e-4)) == NOT
-    assert verdict(rules.fast, *told()[:1]) == UNMEASURED
-    assert verdict(rules.contact_frequencies, *told()) == NOT
-    assert verdict(rules.contact_frequencies, *told(contact=400.0)) == HOLDS
+    assert verdict(rules.fast, *rows_of()) == HOLDS
+    assert verdict(rules.fast, *rows_of(share=1.0)) == PART
+    assert verdict(rules.fast, *rows_of(share=1.0, step=1e-4)) == NOT
+    assert verdict(rules.fast, *rows_of()[:1]) == UNMEASURED
+    assert verdict(rules.contact_frequencies, *rows_of()) == NOT
+    assert verdict(rules.contact_frequencies, *rows_of(contact=400.0)) == HOLDS
 
 
 def test_what_elasticity_changes_at_equal_inertia():
-    def told(elasticity, inertia=0.05):
+    def rows_of(elasticity, inertia=0.05):
         return [
             Row("effect", key, {"key": key, "force": size, "tension": size, "pitch": size}, True)
             for key, size in (("elasticity", elasticity), ("inertia", inertia))
         ]
 
-    assert verdict(rules.realistic, *told(0.02)) == HOLDS
-    assert verdict(rules.realistic, *told(0.002)) == NOT, "whatever inertia does"
-    assert verdict(rules.realistic, *told(0.02)[:1]) == UNMEASURED
+    assert verdict(rules.realistic, *rows_of(0.02)) == HOLDS
+    assert verdict(rules.realistic, *rows_of(0.002)) == NOT, "whatever inertia does"
+    assert verdict(rules.realistic, *rows_of(0.02)[:1]) == UNMEASURED
 
 
 def test_statements_of_theory_need_their_equations():
@@ -582,7 +582,7 @@ def test_statements_of_theory_need_their_equations():
 
 
 def test_cholesky_coordinates_save_what_the_figures_say():
-    def told(time, size, evaluations=2.0):
+    def rows_of(time, size, evaluations=2.0):
         nodal, own = ({"model": model.name, "links": 64} for model in (CLOSED, TRANSFORMED))
         cost = {"method": pieces.ADAMS, "evaluations": 2.0}
         return [
@@ -592,22 +592,22 @@ def test_cholesky_coordinates_save_what_the_figures_say():
             Row("cost", "", {**own, **cost, "evaluations": evaluations}, True),
         ]
 
-    assert verdict(rules.transformed, *told(0.9, 0.9)) == HOLDS
-    assert verdict(rules.transformed, *told(1.1, 0.9)) == PART
-    assert verdict(rules.transformed, *told(1.1, 1.1, 1.0)) == PART
-    assert verdict(rules.transformed, *told(1.1, 1.1)) == NOT
-    assert verdict(rules.transformed, *told(1.1, 1.1, 1.9)) == NOT, "a tenth dearer each outweighs a twentieth fewer"
-    assert verdict(rules.transformed, *told(0.9, 0.9)[:1]) == UNMEASURED
+    assert verdict(rules.transformed, *rows_of(0.9, 0.9)) == HOLDS
+    assert verdict(rules.transformed, *rows_of(1.1, 0.9)) == PART
+    assert verdict(rules.transformed, *rows_of(1.1, 1.1, 1.0)) == PART
+    assert verdict(rules.transformed, *rows_of(1.1, 1.1)) == NOT
+    assert verdict(rules.transformed, *rows_of(1.1, 1.1, 1.9)) == NOT, "a tenth dearer each outweighs a twentieth fewer"
+    assert verdict(rules.transformed, *rows_of(0.9, 0.9)[:1]) == UNMEASURED
 
 
 def test_a_step_of_a_flexible_chain_takes_as_long_as_one_of_a_rigid_chain():
-    def told(*ratios):
+    def rows_of(*ratios):
         return [Row("links", "", {"model": CLOSED.name, "links": 64, "step_over_rigid": each}, True) for each in ratios]
 
-    assert verdict(rules.detail, *told(1.02, 0.9)) == HOLDS
-    assert verdict(rules.detail, *told(1.02, 1.3)) == PART
-    assert verdict(rules.detail, *told(1.3)) == NOT
-    assert verdict(rules.detail, *told(math.nan)) == UNMEASURED
+    assert verdict(rules.detail, *rows_of(1.02, 0.9)) == HOLDS
+    assert verdict(rules.detail, *rows_of(1.02, 1.3)) == PART
+    assert verdict(rules.detail, *rows_of(1.3)) == NOT
+    assert verdict(rules.detail, *rows_of(math.nan)) == UNMEASURED
 
 
 def test_every_statement_has_a_verdict_even_where_nothing_was_measured():
@@ -744,9 +744,9 @@ def test_the_quick_form(call, tmp_path):
     assert {f"figure-{n}.{suffix}" for n in numbers for suffix in ("png", "svg")} <= made
     assert {"high-frequencies.png", "conditions.png", "paper-ratio.csv", "paper-effect.csv"} <= made
     rows = list(csv.DictReader((tmp_path / "found" / "paper.csv").open()))
-    told = {row["statement"]: row["verdict"] for row in rows}
-    assert [text for text, each in told.items() if each == UNMEASURED] == [STATEMENTS[-1].text], "no such frame here"
+    verdicts = {row["statement"]: row["verdict"] for row in rows}
+    assert [text for text, v in verdicts.items() if v == UNMEASURED] == [STATEMENTS[-1].text], "no such frame here"
     for statement in STATEMENTS:
         if statement.rule in (rules.counted, rules.violated, rules.settled, rules.alike, rules.sections, rules.singular,
                               rules.fast, theory.cheaper):  # fmt: skip
-            assert told[statement.text] == HOLDS, statement.text
+            assert verdicts[statement.text] == HOLDS, statement.text

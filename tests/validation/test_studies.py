@@ -143,8 +143,8 @@ import os, time
 from orchestrator.studies import Case, pool
 
 def endless(pipe):
-    with open(pipe, "w") as told:
-        print(os.getpid(), file=told)
+    with open(pipe, "w") as file:
+        print(os.getpid(), file=file)
     while True:
         time.sleep(3600)
 

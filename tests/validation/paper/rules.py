@@ -41,9 +41,9 @@ DEFORMED = 1e-9  # m: less is no deformation
 def modes(results: Results) -> Verdict:
     """Links of flexible chains deform, those of rigid chains do not."""
     rows = results.models("deformation")
-    told = "; ".join(f"{m.label} {1e6 * row['axial']:.3g} / {1e6 * row['transverse']:.3g} um" for m, row in rows)
+    text = "; ".join(f"{m.label} {1e6 * row['axial']:.3g} / {1e6 * row['transverse']:.3g} um" for m, row in rows)
     good = [(row["transverse"] > DEFORMED) == (m.track == "flexible") for m, row in rows]
-    return graded(good, f"largest axial / transverse displacement along links at 5 s: {told}")
+    return graded(good, f"largest axial / transverse displacement along links at 5 s: {text}")
 
 
 def dimension(results: Results) -> Verdict:
@@ -53,10 +53,10 @@ def dimension(results: Results) -> Verdict:
     if own is None or other is None:
         return NONE
     sizes = [row["coordinates"] + row["multipliers"] for row in (own, other)]
-    told = f"64 links: {sizes[0]:.0f} unknowns and {own['bytes'] / 1e3:.0f} kB without joints, {sizes[1]:.0f} and "
+    text = f"64 links: {sizes[0]:.0f} unknowns and {own['bytes'] / 1e3:.0f} kB without joints, {sizes[1]:.0f} and "
     return graded(
         [sizes[0] < sizes[1], own["bytes"] < other["bytes"]],
-        f"{told}{other['bytes'] / 1e3:.0f} kB of {other.case}",
+        f"{text}{other['bytes'] / 1e3:.0f} kB of {other.case}",
     )
 
 
@@ -66,14 +66,14 @@ def violated(results: Results) -> Verdict:
     if own is None or rigid is None:
         return NONE
     keys = [f"{level}_gap" for level in ("position", "velocity", "acceleration")]
-    told = " / ".join(f"{own[key]:.1g}" for key in keys), " / ".join(f"{rigid[key]:.2g}" for key in keys)
-    text = f"largest gap of joints, m / m/s / m/s2: {told[0]} ({CLOSED.label}), {told[1]} ({RIGID.label})"
+    gaps = " / ".join(f"{own[key]:.1g}" for key in keys), " / ".join(f"{rigid[key]:.2g}" for key in keys)
+    text = f"largest gap of joints, m / m/s / m/s2: {gaps[0]} ({CLOSED.label}), {gaps[1]} ({RIGID.label})"
     return graded([own[key] == 0.0 for key in keys], text)
 
 
 def similar(results: Results) -> Verdict:
     """A chain with eliminated joints costs as much as a recursive one at any length."""
-    told = {}
+    texts = {}
     for one, other in ((CLOSED, RECURSIVE), (RIGID_SPRING, RECURSIVE), (CONVENTIONAL, CLOSED)):
         pairs = [
             (row["links"], row["evaluation"] / twin["evaluation"])
@@ -82,12 +82,12 @@ def similar(results: Results) -> Verdict:
         ]
         if pairs:
             shown = ", ".join(f"{ratio:.2f} ({links} links)" for links, ratio in pairs)
-            told[one.name] = f"{one.label} over {other.label} {shown}", [ratio for _, ratio in pairs]
+            texts[one.name] = f"{one.label} over {other.label} {shown}", [ratio for _, ratio in pairs]
     own = results.first("exponent", CLOSED)
-    if own is None or CLOSED.name not in told:
+    if own is None or CLOSED.name not in texts:
         return NONE
-    words = "; ".join([*(text for text, _ in told.values()), f"exponent {own['exponent_evaluation']:.2f}"])
-    good = [1.0 / SIMILAR <= ratio <= SIMILAR for ratio in told[CLOSED.name][1]]
+    words = "; ".join([*(text for text, _ in texts.values()), f"exponent {own['exponent_evaluation']:.2f}"])
+    good = [1.0 / SIMILAR <= ratio <= SIMILAR for ratio in texts[CLOSED.name][1]]
     return graded([own["exponent_evaluation"] < LINEAR, all(good)], f"CPU time of an evaluation: {words}")
 
 
@@ -97,13 +97,13 @@ def singular(results: Results) -> Verdict:
     if row is None or not row.ok:
         return NONE
     fixed, cut = max(row["fixed"]), max(row["cut"]) / min(row["cut"])
-    told = (
+    text = (
         f"the determinant of the dependent Jacobian changes its sign {row['flips']} times, condition "
         f"{row['closest']:.0e} where it does, {fixed:.1e} at recorded instants; "
         f"with {row['choices']} new sets {max(row['chosen']):.0f} at most; "
         f"of the cut chain it varies by a factor of {cut:.2f}, of the ANCF mesh it is {row['mesh']:.0f} always"
     )
-    return graded([row["flips"] > 0 and row["closest"] > 1e3 * min(row["fixed"]), cut < 10.0], told)
+    return graded([row["flips"] > 0 and row["closest"] > 1e3 * min(row["fixed"]), cut < 10.0], text)
 
 
 def no_singularity(results: Results) -> Verdict:
@@ -127,25 +127,25 @@ def counted(results: Results) -> Verdict:
 def follows(results: Results) -> Verdict:
     """The chassis follows the sprockets."""
     rows = results.models("motion")
-    told = "; ".join(f"{m.label} {100 * row['follows']:.2g} %" for m, row in rows)
-    return graded([row["follows"] < 0.05 for _, row in rows], f"speed less teeth x pitch x turns, RMS: {told}")
+    text = "; ".join(f"{m.label} {100 * row['follows']:.2g} %" for m, row in rows)
+    return graded([row["follows"] < 0.05 for _, row in rows], f"speed less teeth x pitch x turns, RMS: {text}")
 
 
 def settled(results: Results) -> Verdict:
     """The chassis settles by 0.03 m."""
     rows = results.models("motion")
-    told = "; ".join(f"{m.label} {1e3 * row['settled']:.2f} mm" for m, row in rows)
-    return graded([abs(row["settled"] / SETTLED - 1.0) < 0.1 for _, row in rows], told)
+    text = "; ".join(f"{m.label} {1e3 * row['settled']:.2f} mm" for m, row in rows)
+    return graded([abs(row["settled"] / SETTLED - 1.0) < 0.1 for _, row in rows], text)
 
 
 def alike(results: Results) -> Verdict:
     """Chassis motions of all models agree, 0 to 8 s."""
     rows = [(m, row) for m, row in results.models("motion") if m is not whole_runs.REFERENCE]
-    told = "; ".join(
+    parts = "; ".join(
         f"{m.label} " + " / ".join(f"{100 * row[name]:.2g}" for name in whole_runs.MOTION) + " %" for m, row in rows
     )
     good = [row[name] < whole_runs.ALIKE for _, row in rows for name in whole_runs.MOTION]
-    return graded(good, f"position / velocity / pitch from those of {whole_runs.REFERENCE.label}: {told}")
+    return graded(good, f"position / velocity / pitch from those of {whole_runs.REFERENCE.label}: {parts}")
 
 
 def visited(results: Results) -> Verdict:
@@ -161,12 +161,12 @@ def visited(results: Results) -> Verdict:
 def sections(results: Results) -> Verdict:
     """At 5 s the chain is tight before the sprocket, slack after it, with a transition between."""
     rows = results.models("sections")
-    told = "; ".join(
+    text = "; ".join(
         f"{m.label} {row['top'] / 1e3:.1f} > {row['rear'] / 1e3:.1f} > {row['front'] / 1e3:.1f} kN" for m, row in rows
     )
     return graded(
         [row["top"] > row["rear"] > row["front"] for _, row in rows],
-        f"upper run, before the idler, after the sprocket: {told}",
+        f"upper run, before the idler, after the sprocket: {text}",
     )
 
 
@@ -175,7 +175,7 @@ def ratios(results: Results) -> Verdict:
 
     CPU times are evaluations times the cost of one, measured in turn.
     """
-    told, near, order = [], [], []
+    sentences, near, order = [], [], []
     for rigid in (RIGID, RIGID_SPRING, RECURSIVE):
         one, other = (results.first("cost", model, method=pieces.ADAMS) for model in (CLOSED, rigid))
         each = results.first("each", rigid=rigid.name, method=pieces.ADAMS)
@@ -183,13 +183,13 @@ def ratios(results: Results) -> Verdict:
             continue
         count = one["evaluations"] / other["evaluations"]
         cpu = count * each["each"]
-        told.append(f"{CLOSED.name} / {rigid.name} {cpu:.3g} and {count:.3g}")
+        sentences.append(f"{CLOSED.name} / {rigid.name} {cpu:.3g} and {count:.3g}")
         near.append(abs(cpu / CPU - 1.0) < NEAR and abs(count / EVALUATIONS - 1.0) < NEAR)
         order.append(count > cpu > 1.0)
-    if not told:
+    if not sentences:
         return NONE
     text = f"at an error of {pieces.EQUAL:g} CPU time and evaluations would be those of the rigid model times: "
-    text += f"{'; '.join(told)}; paper {CPU:g} and {EVALUATIONS:g}"
+    text += f"{'; '.join(sentences)}; paper {CPU:g} and {EVALUATIONS:g}"
     for over in (TOLERANCE, INTERVAL, FMUS):
         counts = [row["evaluations"] for row in ratio_rows(results.rows) if row.figures["over"] == over]
         text += f"; over {OVER[over]} evaluations times {min(counts):.3g} to {max(counts):.3g}" if counts else ""
@@ -211,7 +211,7 @@ def each_evaluation(results: Results) -> Verdict:
     Compared by Adams' methods with the chain closed by a spring, as in the paper. The chain closed by a pin takes so
     few evaluations that outputs dominate, so it is compared by Runge-Kutta only.
     """
-    told, ratios = [], []
+    sentences, ratios = [], []
     for method, rigid in (
         (pieces.ADAMS, RIGID_SPRING),
         (pieces.RUNGE_KUTTA, RIGID_SPRING),
@@ -219,12 +219,12 @@ def each_evaluation(results: Results) -> Verdict:
     ):
         row = results.first("each", rigid=rigid.name, method=method)
         if row is not None and row.ok:
-            told.append(f"{row['each']:.2f} over {rigid.label} ({method})")
+            sentences.append(f"{row['each']:.2f} over {rigid.label} ({method})")
             ratios.append(row["each"])
-    if not told:
+    if not sentences:
         return NONE
     paper = CPU / EVALUATIONS
-    text = f"CPU time of an evaluation, flexible, {'; '.join(told)}; paper {CPU:g} / {EVALUATIONS:g} = {paper:.2f}"
+    text = f"CPU time of an evaluation, flexible, {'; '.join(sentences)}; paper {CPU:g} / {EVALUATIONS:g} = {paper:.2f}"
     near = abs(ratios[0] / paper - 1.0) < NEAR and all(ratio < 1.0 for ratio in ratios)
     return Verdict(HOLDS if near else PART if any(ratio < 1.0 for ratio in ratios) else NOT, text)
 
@@ -262,13 +262,13 @@ def realistic(results: Results) -> Verdict:
     rows = {key: results.of("effect", key=key) for key in ("elasticity", "inertia")}
     if not all(rows.values()):
         return NONE
-    told = "; ".join(
+    text = "; ".join(
         f"{row.case}: {100 * row['force']:.2g} / {100 * row['tension']:.2g} / {100 * row['pitch']:.2g} %"
         for each in rows.values()
         for row in each
     )
     good = [row[key] > whole_runs.ALIKE for row in rows["elasticity"] for key in ("force", "tension", "pitch")]
-    return graded(good, f"first joint's force / tensions at 5 s / pitch, relative differences: {told}")
+    return graded(good, f"first joint's force / tensions at 5 s / pitch, relative differences: {text}")
 
 
 def soft(results: Results) -> Verdict:
@@ -307,26 +307,26 @@ def crossed(results: Results) -> dict[str, float]:
 def detail(results: Results) -> Verdict:
     """An implicit step of a flexible chain costs as much as one of a rigid chain, measured in turn."""
     rows = [row for row in results.of("links", CLOSED) if math.isfinite(row["step_over_rigid"])]
-    told = ", ".join(f"{row['links']}: {row['step_over_rigid']:.2f}" for row in rows)
+    text = ", ".join(f"{row['links']}: {row['step_over_rigid']:.2f}" for row in rows)
     good = [row["step_over_rigid"] < SAME for row in rows]
-    return graded(good, f"time of an implicit step, {CLOSED.label} over {RIGID.label}, by links: {told}")
+    return graded(good, f"time of an implicit step, {CLOSED.label} over {RIGID.label}, by links: {text}")
 
 
 def conventional(results: Results) -> Verdict:
     """Elimination of joints saves time over the conventional chain, if that was measured."""
-    run, told, ratios = results.first("run", CONVENTIONAL), [], []
+    run, sentences, ratios = results.first("run", CONVENTIONAL), [], []
     for row in results.of("links", CONVENTIONAL):
         own = results.first("links", CLOSED, links=row["links"])
         for key in ("evaluation", "step"):
             if own is not None and math.isfinite(row[key]) and math.isfinite(own[key]):
                 ratios.append(row[key] / own[key])
-                told.append(f"{row['links']} links, {key} {ratios[-1]:.2f}")
+                sentences.append(f"{row['links']} links, {key} {ratios[-1]:.2f}")
     if not ratios:
         return NONE
     arrives = "" if run is None else f"; its own 8 s {'end well' if run.ok else 'do not end well'}"
     return graded(
         [min(ratios) > 1.0, run is not None and not run.ok],
-        f"CPU time, joints as constraints over eliminated: {', '.join(told)}{arrives}",
+        f"CPU time, joints as constraints over eliminated: {', '.join(sentences)}{arrives}",
     )
 
 
@@ -335,17 +335,17 @@ def transformed(results: Results) -> Verdict:
 
     The time of a run is its evaluations times that of one, measured in turn with the nodal mesh.
     """
-    ratios, told, each = [], [], math.nan
+    ratios, sentences, each = [], [], math.nan
     for row in results.of("links", TRANSFORMED):
         nodal = results.first("links", CLOSED, links=row["links"])
         if nodal is not None and math.isfinite(row["over_peer"]):
             each = row["over_peer"] if row["links"] == AT else each
             ratios += [row["over_peer"], row["bytes"] / nodal["bytes"]]
-            told.append(f"{row['links']} links {ratios[-2]:.2f} of an evaluation, {ratios[-1]:.2f} of the storage")
+            sentences.append(f"{row['links']} links {ratios[-2]:.2f} of an evaluation, {ratios[-1]:.2f} of the storage")
     for method in (pieces.ADAMS, pieces.RUNGE_KUTTA):
         own, nodal = (results.first("cost", model, method=method) for model in (TRANSFORMED, CLOSED))
         if own is not None and nodal is not None and own.ok and nodal.ok and math.isfinite(each):
             count = own["evaluations"] / nodal["evaluations"]
             ratios.append(count * each)
-            told.append(f"{method} {count:.3f} of the evaluations, {ratios[-1]:.2f} of their time")
-    return graded([ratio < 1.0 for ratio in ratios], f"Cholesky over nodal coordinates: {'; '.join(told)}")
+            sentences.append(f"{method} {count:.3f} of the evaluations, {ratios[-1]:.2f} of their time")
+    return graded([ratio < 1.0 for ratio in ratios], f"Cholesky over nodal coordinates: {'; '.join(sentences)}")

@@ -201,8 +201,8 @@ def judged(rows: Sequence[Row]) -> list[Row]:
     """Rows of all statements."""
     results = Results(rows)
     return [
-        Row("statement", each.text, {"where": each.where, "verdict": told.verdict, "measured": told.measured,
+        Row("statement", each.text, {"where": each.where, "verdict": judgement.verdict, "measured": judgement.measured,
                                      "seen": each.seen})
         for each in STATEMENTS
-        if (told := each.rule(results))
+        if (judgement := each.rule(results))
     ]  # fmt: skip

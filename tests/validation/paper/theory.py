@@ -84,9 +84,9 @@ def sliding(results: Results) -> Verdict:
 def cheaper(results: Results) -> Verdict:
     """Section 7.1: (11)-(15) cost less than (8)-(10)."""
     rows = results.of("elasticity", elasticity="general")
-    told = ", ".join(f"{row['links']} links {row['evaluation']:.2f} and {row['step']:.2f}" for row in rows)
+    text = ", ".join(f"{row['links']} links {row['evaluation']:.2f} and {row['step']:.2f}" for row in rows)
     good = [row[key] > 1.0 for row in rows for key in ("evaluation", "step") if math.isfinite(row[key])]
-    return graded(good, f"CPU time of (8)-(10) over (11)-(15), of an evaluation and of an implicit step: {told}")
+    return graded(good, f"CPU time of (8)-(10) over (11)-(15), of an evaluation and of an implicit step: {text}")
 
 
 def coupled(results: Results) -> Verdict:

@@ -41,8 +41,8 @@ def of(file: Path, scene: Scene) -> dict[str, float]:
             chain.state[:] = states[TRACK]
             found.append(violated(chain, scene.track.closure == "spring"))
     most = {key: np.max([getattr(each, key) for each in found], axis=0) for key in Violation._fields}
-    told = {f"{level}_{key}": float(most[key][k]) for k, level in enumerate(LEVELS) for key in most}
-    return {**told, "instants": float(len(found))}
+    largest = {f"{level}_{key}": float(most[key][k]) for k, level in enumerate(LEVELS) for key in most}
+    return {**largest, "instants": float(len(found))}
 
 
 def violated(chain: Any, cut: bool) -> Violation:
