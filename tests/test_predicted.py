@@ -17,7 +17,12 @@ from orchestrator.scene.settings import set_key
 G = 9.81
 MORE = 1.1
 FAINT = 0.03
-KINDS = ("cable", "planar", pytest.param("beam", marks=pytest.mark.study), "rigid")
+KINDS = (
+    "cable",
+    pytest.param("planar", marks=pytest.mark.long),
+    pytest.param("beam", marks=pytest.mark.study),
+    "rigid",
+)
 # half a vehicle at rest in long steps: statics does not depend on them
 STANDING = ("symmetric=true", "run.step=2 ms", "track.step=2 ms", "track.link_outputs=false", "placed=true")
 
@@ -158,7 +163,9 @@ def spun(kind, **changes):
     return float(length.mean() / 0.1524 - 1.0), float(abs(turned).mean())
 
 
-@pytest.mark.parametrize("kind", ["cable", "planar", "beam"])
+@pytest.mark.parametrize(
+    "kind", ["cable", *(pytest.param(kind, marks=pytest.mark.long) for kind in ("planar", "beam"))]
+)
 def test_links_stretch_and_bend_by_their_stiffness(kind):
     """Links stretch by T/EA and bend by w l^3/24EI under their own m omega^2 Rc, on two pins."""
     table = load("spinning_loop", "flexible").vehicle

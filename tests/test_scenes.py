@@ -181,6 +181,7 @@ def test_models_drive_alike(ran):
             assert found[figure] == pytest.approx(first[figure], rel=0.01)
 
 
+@pytest.mark.long
 def test_beams_hang_as_the_scene_expects(ran):
     result = ran("hanging_chain", "flexible", "track.element=beam", "run.links=100")
     assert result["status"] == "ok"
@@ -336,6 +337,7 @@ def test_a_planar_chain_runs_like_one_in_space(ran, name):
     assert plane["energy"]["work"] == pytest.approx(space["energy"]["work"], rel=1e-8)
 
 
+@pytest.mark.long
 def test_a_planar_loop_spins_as_expected(ran):
     result = ran("spinning_loop", "flexible", "planar=true")
     assert all(check["ok"] for check in result["checks"].values())

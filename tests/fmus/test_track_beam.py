@@ -245,6 +245,7 @@ def test_contacts_give_the_chain_what_the_wheels_get(yaw):
     assert abs(wheel[:, 1]).max() > 10.0  # the guides carry load
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rise", [0.0, 0.03])
 def test_the_matrices_of_contacts_are_their_derivatives(rise):
     """The matrices of contacts are their derivatives: ground, level or with a bump, teeth and guides.
@@ -370,6 +371,7 @@ def test_a_cable_resists_where_a_beam_follows():
     assert moments["cable"] > 50 * moments["beam"], moments
 
 
+@pytest.mark.long
 def test_the_start_is_at_rest_on_its_wheels():
     model, cable = carrier(element="beam"), carrier()
     u, first = at_rest(model), model.s.q.copy()
@@ -446,6 +448,7 @@ def test_one_component_takes_either_element():
     assert model.state.size == size > fresh.state.size
 
 
+@pytest.mark.long
 def test_the_component_of_beams():
     """The FMU of beams passes fmpy's validation and continues alike from any saved state."""
     ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.9, 0.0]}

@@ -156,6 +156,7 @@ def test_newton_converges_quadratically(elasticity, young, move, near, factor_):
     assert len(newton(model, extra=30.0)) > len(sizes) + 2  # twin: a wrong matrix
 
 
+@pytest.mark.long
 def test_steel_hangs_the_same():
     sags = [-hanging(elasticity=name).s.q[:, 2].min() for name in ELASTICITIES]
     assert np.ptp(sags) < 1e-5
@@ -176,6 +177,7 @@ def elastic_catenary(law, EA: float, weight: float, length: float, span: float) 
     return shape(H)[1]
 
 
+@pytest.mark.long
 def test_a_soft_chain_hangs_as_its_law_of_stretch_says():
     """A soft chain hangs as its stretch law says: the engineering chain hangs lower."""
     length, sag, said = LINKS * PITCH, {}, {}
@@ -190,6 +192,7 @@ def test_a_soft_chain_hangs_as_its_law_of_stretch_says():
     assert sag["engineering"] - sag["general"] == pytest.approx(lower, rel=2e-2)
 
 
+@pytest.mark.long
 @each
 def test_a_soft_chain_finds_the_equilibrium_of_the_library(elasticity):
     """A soft chain finds the library's equilibrium from the shape of another elasticity."""

@@ -107,6 +107,7 @@ def test_the_estimate_is_within_a_factor_of_three(swings, step):
     assert own["total"] / worst(true) < 3
 
 
+@pytest.mark.long
 def test_steps_that_were_halved_do_not_spoil_the_companions(tmp_path):
     """Halved steps do not spoil the companion runs of the estimate.
 

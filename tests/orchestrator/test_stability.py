@@ -125,6 +125,7 @@ def test_ends_that_are_not_right(monkeypatch):
         outcome(monkeypatch, refused=ZeroDivisionError("bug"))
 
 
+@pytest.mark.long
 def test_an_explicit_step_beyond_its_limit_fails_with_a_sentence():
     settings = [*CHAIN, "track.start=displaced", "track.integrator=runge_kutta"]
     damped = load("hanging_chain", "flexible", [*settings, "vehicle.material.relaxation_time=1e-5 s"])
