@@ -272,13 +272,13 @@ def test_rerun_holds_the_boxes_of_bodies(driven, tmp_path):
         np.array(found["/world/hull"][0]["Transform3D:translation"].to_pylist())[:, 0], poses.hull.position, atol=1e-6
     )
     assert sum(piece.num_rows for piece in found["/plots/speed/chassis.speed"]) == 41  # every record
-    (events,) = found["/events"]
+    (record,) = found["/events"]
     with Log(driven) as log:
         happened = events.of(RunData(log)).events
     assert len(happened) > 0
-    times = np.array(events["time"].cast("int64").to_pylist()) * 1e-9
+    times = np.array(record["time"].cast("int64").to_pylist()) * 1e-9
     np.testing.assert_allclose(times, [event.t for event in happened], atol=1e-9)
-    assert [row[0] for row in events["TextLog:text"].to_pylist()] == [f"{e.component}: {e.text}" for e in happened]
+    assert [row[0] for row in record["TextLog:text"].to_pylist()] == [f"{e.component}: {e.text}" for e in happened]
 
 
 def test_foxglove_holds_scenes_frames_and_curves(driven, tmp_path):
