@@ -9,6 +9,7 @@ import sys
 import types
 from importlib.util import resolve_name
 from pathlib import Path
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -403,6 +404,35 @@ def test_kernels_count_the_arrays_that_they_receive():
     ]
     assert len(makers) > 5
     assert not leaking
+
+
+class Square(NamedTuple):
+    side: float
+
+
+@pytest.mark.parametrize("order", ["as declared", "swapped"])
+def test_a_namesake_has_the_parameters_of_its_stub(order):
+    def as_declared(c: Square, high: float, low: float) -> float:
+        return c.side * (high - low)
+
+    def swapped(c: Square, low: float, high: float) -> float:
+        return c.side * (high - low)
+
+    namesake = numba.njit({"as declared": as_declared, "swapped": swapped}[order])
+
+    @jit.dispatch(lambda kind: types.SimpleNamespace(area=namesake))
+    def area(c, high, low):  # annotations may differ
+        """Area of a part of a square."""
+
+    @numba.njit
+    def caller(c):
+        return area(c, 3.0, 1.0)
+
+    if order == "as declared":
+        assert caller(Square(2.0)) == 4.0
+    else:
+        with pytest.raises((TypeError, numba.TypingError), match="area: other parameters than those of its stub"):
+            caller(Square(2.0))
 
 
 def dispatched() -> list[tuple[str, str]]:
