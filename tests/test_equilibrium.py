@@ -17,7 +17,7 @@ from orchestrator.scene.scene import changed_scene, from_table, load
 
 MOTION = [port.name.removeprefix("of.") for port in motion_ports("of", "output")]
 HEIGHT, LOAD = 1e-4, 5e-3  # m, and share of each wheel's load: largest motion in the first second
-LONG = ("planar", "beam")  # compile kernels of their own
+LONG = ("planar", "turning", "beam")  # compile kernels of their own
 KINDS = {
     "rigid": ("rigid", ()),
     "rigid, spring": ("rigid", ("track.closure=spring",)),

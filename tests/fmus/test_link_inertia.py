@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.linalg import eigh
-from test_free_chains import HOLD, TABLE, Beams, Flexible, P, PlanarCables, Rigid, made
+from test_free_chains import HOLD, LONG, TABLE, Beams, Flexible, P, PlanarCables, Rigid, made
 
 from fmus.model import InvalidParameter
 from fmus.physics.ancf import rotary
@@ -15,7 +15,6 @@ from fmus.physics.chain.report import KINETIC
 
 MASS, INERTIA = TABLE["track"]["mass"], tuple(TABLE["track"]["inertia"])
 ROD = MASS * P**2 / 12.0
-KINDS = (Rigid, Flexible, PlanarCables, Beams)
 RATE = 3.0  # rad/s
 
 
@@ -45,7 +44,7 @@ def turning_energy(model, axis):
     return model.report[KINETIC] - centre
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [Rigid, Flexible, *LONG])
 def test_a_link_turns_with_the_inertia_of_the_table(kind):
     """A link turns about each axis with the inertia of the table.
 
@@ -59,6 +58,7 @@ def test_a_link_turns_with_the_inertia_of_the_table(kind):
             assert inertia == 0.0 or found != pytest.approx(0.5 * 1.03 * inertia * RATE**2, rel=1e-12)
 
 
+@pytest.mark.long
 def test_rotary_inertia_neither_weighs_nor_moves():
     """The rotary inertia of the elements has no part in a translation."""
     for kind in (Flexible, PlanarCables, Beams):
@@ -79,7 +79,7 @@ def motion(kind, inertia, **changes):
     return model.pins()
 
 
-@pytest.mark.parametrize("kind", [Flexible, Beams])
+@pytest.mark.parametrize("kind", [Flexible, LONG[0]])
 def test_flexible_links_move_as_rigid_ones_the_stiffer_they_are(kind):
     """Flexible links approach the motion of rigid ones as 1 / E; 3 % more inertia gives another limit."""
     rigid = motion(Rigid, INERTIA)
@@ -98,21 +98,21 @@ def eigenvalues(model):
     return eigh(model.work.M, alone, eigvals_only=True)
 
 
-CABLES = {"cable": Flexible, "planar": PlanarCables}
+CABLES = pytest.mark.parametrize("kind", [Flexible, LONG[1]], ids=["cable", "planar"])
 
 
-@pytest.mark.parametrize("kind", CABLES)
+@CABLES
 @pytest.mark.parametrize("share", [1e-3, 0.5, 3.0])
 def test_one_eigenvalue_is_the_share_of_a_rods_inertia(kind, share):
-    values = eigenvalues(built(CABLES[kind], 2, HOLD, (INERTIA[0], share * ROD, INERTIA[2])))
+    values = eigenvalues(built(kind, 2, HOLD, (INERTIA[0], share * ROD, INERTIA[2])))
     expected = sorted([1.0, 1.0, 1.0, share])
     np.testing.assert_allclose(values, expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize("kind", CABLES)
+@CABLES
 def test_a_cable_bears_all_inertias_that_rounding_leaves(kind):
     def least(share: float) -> Any:
-        return built(CABLES[kind], 2, HOLD, (INERTIA[0], share * rotary.NONE * ROD, INERTIA[2]))
+        return built(kind, 2, HOLD, (INERTIA[0], share * rotary.NONE * ROD, INERTIA[2]))
 
     model = least(1.01)
     for k in range(3):
@@ -122,6 +122,7 @@ def test_a_cable_bears_all_inertias_that_rounding_leaves(kind):
         least(0.99)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("axis", range(3))
 def test_a_beam_bears_the_inertias_of_all_bodies(axis):
     """A beam accepts every inertia that a body can have: each less than the sum of the other two."""

@@ -281,6 +281,7 @@ def test_a_thousand_instances_leave_no_memory_behind():
     assert cycles(1000) - before < 3e6  # an instance has 30 kB
 
 
+@pytest.mark.long
 def test_constants_are_constants():
     file = native(CHAIN)
     with Component(file, "chain") as component:

@@ -29,6 +29,8 @@ def rolled(model, q, v, by_rate: float, tangent: bool, contacts) -> None:
     evaluate_contacts(model.link, contacts, Motion(q, v, v), w, w.wheels, by_rate, tangent)
 
 
+pytestmark = pytest.mark.long  # kernels of their own
+
 SOFT = {"material.youngs_modulus": 2e7, "material.relaxation_time": 0.0}
 Y = np.array([0.0, 1.0, 0.0])
 
@@ -206,7 +208,6 @@ def test_a_chain_twists_as_its_section_says():
     assert torque(lateral_bending=0.97 * section["lateral_bending"]) == pytest.approx(expected, rel=2e-3)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("yaw", [0.0, 0.05])
 def test_contacts_give_the_chain_what_the_wheels_get(yaw):
     """Contacts of a skewed chain give it the opposite of the wheels' and the ground's force and moment.
@@ -245,7 +246,6 @@ def test_contacts_give_the_chain_what_the_wheels_get(yaw):
     assert abs(wheel[:, 1]).max() > 10.0  # the guides carry load
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("rise", [0.0, 0.03])
 def test_the_matrices_of_contacts_are_their_derivatives(rise):
     """The matrices of contacts are their derivatives: ground, level or with a bump, teeth and guides.
@@ -371,7 +371,6 @@ def test_a_cable_resists_where_a_beam_follows():
     assert moments["cable"] > 50 * moments["beam"], moments
 
 
-@pytest.mark.long
 def test_the_start_is_at_rest_on_its_wheels():
     model, cable = carrier(element="beam"), carrier()
     u, first = at_rest(model), model.s.q.copy()
@@ -400,7 +399,6 @@ def swing(steps: int = 100, links: int = 4, **changes):
     return model, np.array(lacks) / top
 
 
-@pytest.mark.long
 def test_energy_ledger_of_a_swing_and_the_explicit_chain():
     soft = {"material.youngs_modulus": 2e7, "material.relaxation_time": 2e-4}
     model, lacks = swing(integrator="runge_kutta", step=1.0, **soft)
@@ -448,7 +446,6 @@ def test_one_component_takes_either_element():
     assert model.state.size == size > fresh.state.size
 
 
-@pytest.mark.long
 def test_the_component_of_beams():
     """The FMU of beams passes fmpy's validation and continues alike from any saved state."""
     ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.9, 0.0]}

@@ -318,6 +318,7 @@ def test_the_explicit_step_follows_the_elasticity(elasticity):
         assert model.stable_step == pytest.approx({"small_deformation": average}.get(elasticity, 5.538e-6), rel=1e-3)
 
 
+@pytest.mark.long
 def test_the_default_is_small_deformation():
     one, other = hanging(links=8), hanging(links=8, elasticity="small_deformation")
     third = hanging(links=8, elasticity="general")

@@ -255,6 +255,7 @@ def swings_of_tension(model: Model) -> float:
     return size / np.abs(first).max()
 
 
+@pytest.mark.long
 def test_a_chain_let_go_carries_the_tension_of_that_instant(monkeypatch):
     """A released chain starts with the tension of rigid links; one released unstretched rings."""
     model = hanging(links=16, start="displaced", integrator="runge_kutta")

@@ -9,7 +9,11 @@ from fmus.track_rigid.model import Model as Rigid
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
 
-KINDS = [(Flexible, "cable"), (Flexible, "planar"), (Flexible, "beam"), (Rigid, None)]
+KINDS = [
+    (Rigid, None),
+    (Flexible, "cable"),
+    *(pytest.param(Flexible, element, marks=pytest.mark.long) for element in ("planar", "beam")),
+]
 
 
 def laid(kind, element, **parameters):

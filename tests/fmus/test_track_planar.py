@@ -13,6 +13,8 @@ from fmus.physics.contact.ground import bumpy_ground, surface_depth
 from fmus.physics.integrate.generalized_alpha import Slopes
 from tests.fmus.test_track_flexible import PITCH, at_rest, carrier, hanging, make
 
+pytestmark = pytest.mark.long  # kernels of their own
+
 XZ = [0, 2]
 LIFT = np.array([0, 2, 3, 4, 5, 6])  # places of a planar pin's six coordinates among the cable's eight
 RANDOM = np.random.default_rng(7)
@@ -144,7 +146,6 @@ def test_ends_that_are_pulled_work_alike(start):
     assert np.abs(flat.pins() - solid.pins()).max() < 1e-10
 
 
-@pytest.mark.long
 def test_the_same_explicitly():
     explicit = {"links": 8, "integrator": "runge_kutta", "start": "displaced"}
     flat, solid = (hanging(element=element, **explicit) for element in ("planar", "cable"))

@@ -107,6 +107,7 @@ def called(house, *arguments):
     return done.stdout
 
 
+@pytest.mark.long
 def test_a_toy_kind_of_track_is_known_everywhere(house):
     found = json.loads(called(house, "-c", PROGRAM).splitlines()[-1])
     assert found["toy"] == pytest.approx(2.0 * found["rigid"], rel=1e-9), "its links have twice the weight"

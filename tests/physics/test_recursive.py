@@ -200,6 +200,7 @@ def test_dense_mass_matrix_of_five_links(ends):
     assert np.abs(vdot.ravel() - off).max() > 1e-4 * np.abs(off).max()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ends", [HANGS, FLOATS])
 def test_moving_chain_has_the_accelerations_of_the_augmented_formulation(ends):
     rng = np.random.default_rng(2)
@@ -255,6 +256,7 @@ def test_closing_pin_has_five_equations_of_rank_two():
     assert np.abs(chain.w.articulated.mobility - plane.T @ mobility[:3, :3] @ plane).max() < 1e-12
 
 
+@pytest.mark.long
 def test_thrown_loop_keeps_momentum_and_energy():
     """A thrown loop keeps momentum and energy at order 4.
 
