@@ -52,6 +52,7 @@ def test_with_prescribed_speeds_it_drives_as_two_drives_do(to_the_left):
     assert np.abs(other[:, 3] - there[:600, 3]).max() > 1e-4
 
 
+@pytest.mark.long
 def test_steered_the_other_way_it_drives_in_mirror(to_the_left):
     there, _ = to_the_left
     back, _ = path("differential", (*JOINED, "drive.steering.speed=-8"), 1200)
@@ -72,6 +73,7 @@ def test_powers_close(to_the_left):
     assert abs(taken) < 1e-6 * gear["energy.work"]
 
 
+@pytest.mark.long
 def test_its_measures_are_those_of_its_outputs(tmp_path):
     log = tmp_path / "joined.mcap"
     assert simulate(load("differential", "rigid", (*JOINED, "run.stop=1.3 s")), log)["status"] == "ok"

@@ -227,6 +227,7 @@ def test_growth_with_links():
 # ------------------------------------------------------------------ vehicle, layers, start, memory
 
 
+@pytest.mark.long
 def test_a_vehicle_by_its_clock():
     row = vehicle_part.row("rigid", ["run.stop=5 ms", "drive.ramp_start=0 s"], 1)
     assert row["factor"] == pytest.approx(1e3 / row["wall"])

@@ -48,6 +48,7 @@ def test_equal_sources_give_equal_bytes(tmp_path, monkeypatch):
     assert contents[0] == contents[1]
 
 
+@pytest.mark.long
 def test_two_builds_at_once_leave_one_file(fresh_cache):
     with ThreadPoolExecutor(2) as pool:
         paths = list(pool.map(lambda _: build_toy(), range(2)))

@@ -110,6 +110,7 @@ def test_contents_are_what_a_component_loads():
         assert (found.outputs, found.link_outputs) == ((27,), (2 * 8 + 6 * 9 + (3 * 8 if "ground" in track else 0),))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("spin", [0.0, 5.0])
 def test_a_loop_that_spins_is_stretched(spin):
     from fmus.loaded import loaded_contents

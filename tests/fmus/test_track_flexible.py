@@ -272,6 +272,7 @@ def test_a_chain_let_go_carries_the_tension_of_that_instant(monkeypatch):
     assert swings_of_tension(hanging(links=16, start="displaced", integrator="runge_kutta")) > 0.5
 
 
+@pytest.mark.long
 def test_explicit_and_implicit_agree():
     found = []
     for integrator, step in (("generalized_alpha", 2e-5), ("runge_kutta", 1.0)):

@@ -16,6 +16,8 @@ from fmus.physics.chain.report import KINETIC, STRAIN
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.track_flexible.model import Model
 
+pytestmark = pytest.mark.long  # kernels of their own
+
 BY = Slopes(0.0, 0.0, 4e6)
 EXPLICIT, IMPLICIT = "runge_kutta", "generalized_alpha"
 ALONE = {"wheels": wheels(), "ground": False, "gravity": 0.0}
@@ -200,7 +202,6 @@ def momenta(model):
     return linear, angular
 
 
-@pytest.mark.long
 def test_momentum_is_that_of_the_wheels_and_of_second_order():
     """The change of momentum is the impulse of the wheels, to second order.
 
@@ -283,7 +284,6 @@ def totals(model, twist=1.0):
     return linear, angular + inertia * R @ rate, energy
 
 
-@pytest.mark.long
 def test_a_loop_that_tumbles_keeps_momentum_and_energy():
     """A tumbling loop keeps momentum and energy about all axes with the explicit integrator."""
     model, (p0, l0, e0), (p1, l1, e1) = tumbling(1e-4)
@@ -299,7 +299,6 @@ def test_a_loop_that_tumbles_keeps_momentum_and_energy():
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-15)
 
 
-@pytest.mark.long
 def test_orders_of_the_integrators_in_a_tumble():
     """In a tumble the explicit integrator has order 4, the implicit ones order 2, with one limit."""
     truth = tumbling(2.5e-5)[0].pins()
@@ -325,14 +324,12 @@ def test_adams_methods_keep_a_tumble_to_their_tolerance():
     assert 1e-5 < off[0] / 1e-6 < 1e-1
 
 
-@pytest.mark.long
 def test_the_origin_goes_where_it_will():
     still, shaken_by_wheels = (tumbling(2.5e-4, shake=shake)[0] for shake in (0.0, 2.0))
     assert np.abs(shaken_by_wheels.s.axes[ORIGIN : ORIGIN + 3]).min() > 1e-3
     np.testing.assert_allclose(shaken_by_wheels.pins(), still.pins(), atol=2e-10)
 
 
-@pytest.mark.long
 def test_both_integrators_turn_a_chain_on_its_wheels_alike():
     """Both integrators turn a chain on its wheels alike, to order 1; 2 % more stiffness shows.
 

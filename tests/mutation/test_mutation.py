@@ -80,6 +80,7 @@ def test_a_file_without_tests_notices_nothing(tmp_path):
     assert command._fails(tmp_path, ["test_none.py"])
 
 
+@pytest.mark.long
 def test_what_is_done_stays_done(call, tmp_path, monkeypatch):
     asked = []
 

@@ -371,6 +371,7 @@ def test_replay_with_the_other_track_model(cotrack, tmp_path):
     assert "no FMU 'none.fmu'" in err
 
 
+@pytest.mark.long
 def test_replay_with_other_numbers(cotrack, tmp_path):
     assert cotrack(*SHORT, "--log", "a.mcap")[0] == 0
     replay = ("replay", "a.mcap", "--component", "chain")
@@ -543,6 +544,7 @@ def test_log_commands(cotrack, tmp_path):
     assert cotrack("log", "verify", "none.mcap")[0] == 1
 
 
+@pytest.mark.long
 def test_view_draws(cotrack, tmp_path):
     assert cotrack(*SHORT, "--log", "a.mcap")[0] == 0
     assert cotrack("view", "a.mcap", "-o", "a.png")[0] == 0
@@ -622,6 +624,7 @@ def test_replay_refuses_a_log_with_a_gap(cotrack, tmp_path):
     assert "lacks its inputs from t = 0.007 to 0.009 s" in err
 
 
+@pytest.mark.long
 def test_build_names_variants(cotrack, tmp_path):
     status, out, _ = cotrack("build", "hanging_chain", "--track", "rigid", "-o", "fmus")
     assert status == 0

@@ -73,6 +73,7 @@ def test_one_bit_is_found_where_it_is(reference, tmp_path_factory, step, size, o
     assert parted(path, reference, (step * STEP, np.inf)).first == first
 
 
+@pytest.mark.long
 def test_what_it_spreads_to_and_how_it_grows(reference, tmp_path):
     changes = {
         ("/chassis/out", 100, 0): 1,

@@ -95,6 +95,7 @@ def runs(tmp_path_factory):
     return found
 
 
+@pytest.mark.long
 def test_seldom_records_say_what_happened_between_them(runs):
     with Log(runs["all"]) as log, Log(runs["rare"]) as rare:
         every, seldom = log.read("/track/links"), rare.read("/track/links/between")
@@ -130,6 +131,7 @@ def test_what_happens_between_records_may_be_asked_for(tmp_path):
     np.testing.assert_array_equal(most.t, records.t)
 
 
+@pytest.mark.long
 def test_they_go_on_and_are_replayed_as_others(runs, tmp_path):
     assert verify(runs["rare"]).code == WHOLE
     resume(runs["rare"], tmp_path / "again.mcap", 0.045)

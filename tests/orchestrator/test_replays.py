@@ -141,6 +141,7 @@ def test_an_fmu_file_that_is_what_ran_is_compared(log, tmp_path):
             assert two.hashes()[topic] == one.hashes()[topic]
 
 
+@pytest.mark.long
 def test_other_numbers_answer_to_the_same_inputs(log, tmp_path):
     """Other numbers give the run with those numbers, to the bit, because a chain has no inputs."""
     heavier = "vehicle.gravity=10.0"

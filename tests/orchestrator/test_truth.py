@@ -493,6 +493,7 @@ def test_both_sides_are_what_one_side_says(model, axes):
         assert np.allclose(*shown, rtol=1e-7, atol=1e-6), name
 
 
+@pytest.mark.long
 def test_beams_have_no_truth():
     """Beams have no truth, although the key contains the element."""
     cable, beam = (load("hanging_chain", "flexible", (f"track.element={e}",)) for e in ("cable", "beam"))

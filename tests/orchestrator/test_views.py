@@ -167,6 +167,7 @@ def stretched(log, path, times, blown=None):
     return path
 
 
+@pytest.mark.long
 def test_instants_keep_a_steady_pace_at_most(hanging, tmp_path):
     times = np.arange(0, 200) * 0.007
     with Log(stretched(hanging, tmp_path / "fast.mcap", times)) as log:
@@ -347,6 +348,7 @@ def test_a_film_of_a_vehicle_from_every_side(driven, tmp_path):
         assert 0.05 < earth.mean() < 0.9, eye
 
 
+@pytest.mark.long
 def test_a_still_is_one_instant_from_any_side(driven, cotrack, tmp_path):
     from PIL import Image
 

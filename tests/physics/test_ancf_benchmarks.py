@@ -105,6 +105,7 @@ def test_the_beam_converges_with_order_2(cure):
     assert 1.8 < np.log2((middle - coarse) / (fine - middle)) < 2.2
 
 
+@pytest.mark.long
 def test_poissons_ratio_without_a_cure_converges_to_a_stiffer_beam():
     """The beam with nu = 0.3 and no cure converges to EI times (1 - nu)/((1 + nu)(1 - 2 nu)) = 1.346.
 
@@ -135,6 +136,7 @@ def test_an_end_moment_closes_the_circle(kind):
         assert 3.8 < np.log2(circle(kind, 8, 1000, 1) / circle(kind, 16, 1000, 1)) < 4.3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cure", CURES)
 def test_an_end_moment_closes_the_circle_of_beams(cure):
     """An end moment closes the circle of beams; the couple turns the director r_z, on which bending acts."""

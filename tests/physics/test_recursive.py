@@ -213,6 +213,7 @@ def test_moving_chain_has_the_accelerations_of_the_augmented_formulation(ends):
     assert np.abs(chain.recursive()[0] - expected).max() > 1e-4 * np.abs(expected).max()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("closure", LOOPS)
 def test_moving_loop_has_them_too(closure):
     chain = loop(12, LOOPS[closure])
