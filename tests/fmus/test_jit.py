@@ -256,7 +256,7 @@ def test_what_a_kernel_calls_is_its_own_and_computes_the_same_bits(monkeypatch):
 
     This relies on numba's internals: if they change, kernels become slower and this test fails.
     """
-    found: list[set[tuple[str, bool]]] = []
+    linkages: list[set[tuple[str, bool]]] = []
     internal = linking.internal
 
     def watched(change):
@@ -266,7 +266,7 @@ def test_what_a_kernel_calls_is_its_own_and_computes_the_same_bits(monkeypatch):
             ours = {
                 (each.linkage.name, each.name.endswith(linking.OWN)) for each in defined if linking.OURS in each.name
             }
-            found.append(ours)
+            linkages.append(ours)
 
         return watch
 
@@ -277,7 +277,7 @@ def test_what_a_kernel_calls_is_its_own_and_computes_the_same_bits(monkeypatch):
         out = np.zeros_like(rows)
         numba.njit(lambda rows, tau, out: move(rows, tau, out))(rows, 1e-3, out)
         moved.append(out)
-    own, others = (kinds for kinds in found if kinds)
+    own, others = (kinds for kinds in linkages if kinds)
     assert own == {("internal", True)}
     assert others == {("linkonce_odr", False)}
     assert np.array_equal(*moved)
@@ -357,16 +357,16 @@ def test_kernels_that_make_arrays_say_so():
 
     Numba itself notices only some of them.
     """
-    found = {"kernel": [], "allocating": []}
+    makers = {"kernel": [], "allocating": []}
     for file in jit.sources():
         for node in ast.walk(ast.parse(file.read_text())):
             if isinstance(node, ast.FunctionDef):
                 body = ast.unparse(ast.Module(node.body, []))
                 for decorator in node.decorator_list:
-                    if ast.unparse(decorator) in found and any(call in body for call in MAKING):
-                        found[ast.unparse(decorator)].append(f"{file.name}: {node.name}")
-    assert not found["kernel"]
-    assert len(found["allocating"]) > 20
+                    if ast.unparse(decorator) in makers and any(call in body for call in MAKING):
+                        makers[ast.unparse(decorator)].append(f"{file.name}: {node.name}")
+    assert not makers["kernel"]
+    assert len(makers["allocating"]) > 20
 
 
 def test_kernels_count_the_arrays_that_they_receive():
@@ -437,7 +437,7 @@ def test_a_namesake_has_the_parameters_of_its_stub(order):
 
 def dispatched() -> list[tuple[str, str]]:
     """Return pairs of a module of stubs, or of classes that stubs dispatch on, and a module that they choose."""
-    found = []
+    pairs = []
     for path in jit.sources():
         tree = ast.parse(path.read_text(encoding="utf-8"))
         module = ".".join(("fmus", *path.relative_to(jit.ROOT).with_suffix("").parts))
@@ -446,16 +446,16 @@ def dispatched() -> list[tuple[str, str]]:
         for call in calls:
             if ast.unparse(call.func) == "implemented_in":
                 package = module.rpartition(".")[0]
-                found += [(module, resolve_name(ast.literal_eval(each.value), package)) for each in call.keywords]
+                pairs += [(module, resolve_name(ast.literal_eval(each.value), package)) for each in call.keywords]
         if any("dispatch(" in ast.unparse(call) for call in calls):
-            found += [
+            pairs += [
                 (module, f"{line.module}.{line.names[0].name}")
                 for opener in tree.body
                 if isinstance(opener, ast.FunctionDef)
                 for line in ast.walk(opener)
                 if isinstance(line, ast.ImportFrom)
             ]
-    return found
+    return pairs
 
 
 @pytest.mark.long

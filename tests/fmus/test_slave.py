@@ -326,14 +326,14 @@ def test_link_outputs_lie_where_it_says(raw):
         [references[name] for name in names] for names in (ARRAY, (f"link[{i}].tension" for i in (1, 2, 3)))
     )
 
-    def found():
+    def read_array():
         low, high, size = slave.getInteger(array)
         address = (high & 0xFFFFFFFF) << 32 | low & 0xFFFFFFFF
         return address, np.frombuffer(ctypes.string_at(address, size)).tolist()
 
     seen = set()
     for k in range(5):
-        address, values = found()
+        address, values = read_array()
         assert values == slave.getReal(links)
         seen.add((address, *values))
         slave.doStep(k * H, H)
@@ -345,8 +345,8 @@ def test_link_outputs_lie_where_it_says(raw):
 
 
 def test_the_place_of_link_outputs_is_no_output(xml):
-    found = {v.get("name"): v.attrib for v in ElementTree.fromstring(xml).iter("ScalarVariable")}
-    assert {(found[name]["causality"], found[name]["variability"]) for name in ARRAY} == {("local", "discrete")}
+    variables = {v.get("name"): v.attrib for v in ElementTree.fromstring(xml).iter("ScalarVariable")}
+    assert {(variables[name]["causality"], variables[name]["variability"]) for name in ARRAY} == {("local", "discrete")}
 
 
 def test_warning_is_told_with_its_percent_sign(toy):

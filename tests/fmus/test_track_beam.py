@@ -274,15 +274,15 @@ def test_the_matrices_of_contacts_are_their_derivatives(rise):
     load(np.zeros_like(q))
     K = np.where(w.touched[:, None, None], w.stiffening, 0.0)
     assert (w.wrench[-1, 2] < -2e5) == bool(rise)
-    found = scattered(model, np.einsum("nab,nb->na", K, coordinates(model, d).reshape(LINKS, 24)).reshape(-1, 8, 3))
+    product = scattered(model, np.einsum("nab,nb->na", K, coordinates(model, d).reshape(LINKS, 24)).reshape(-1, 8, 3))
     on_pins = np.einsum("nab,nb->na", w.A, d[:, :6])
-    found[:, :6] += on_pins
+    product[:, :6] += on_pins
     assert w.touched.sum() > 15
     assert abs(on_pins).max() > 1e3
     guided = np.linalg.norm(q[:, [0, 2]], axis=1) < 0.5  # a guide's share of a link changes at the edge of the disc
-    assert abs(found - numeric)[~guided].max() < 1e-5 * abs(numeric).max()
-    assert abs(found - numeric)[guided].max() < 0.05 * abs(numeric).max()
-    assert abs(1.03 * found - numeric)[~guided].max() > 1e-3 * abs(numeric).max()
+    assert abs(product - numeric)[~guided].max() < 1e-5 * abs(numeric).max()
+    assert abs(product - numeric)[guided].max() < 0.05 * abs(numeric).max()
+    assert abs(1.03 * product - numeric)[~guided].max() > 1e-3 * abs(numeric).max()
 
 
 def test_a_free_loop_keeps_energy_and_angular_momentum_about_every_axis():
@@ -460,13 +460,13 @@ def test_the_component_of_beams():
         chain.initialise({"element": "beam", "start": "displaced"})
         chain.step(0.0, 1e-3)
         state = chain.save()
-        found = []
+        outputs = []
         for _ in range(2):
             chain.step(1e-3, 1e-3)
             chain.read()
-            found.append(chain.y.copy())
+            outputs.append(chain.y.copy())
             chain.restore(state)
-        assert np.array_equal(*found)
+        assert np.array_equal(*outputs)
         chain.restore(blank)  # a state from before the element was chosen
 
 

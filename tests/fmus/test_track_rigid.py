@@ -390,20 +390,20 @@ def test_sprocket_drives_the_chain_over_wheels_and_ground(track):
 
 @pytest.mark.long
 def test_integrators_agree():
-    found = []
+    runs = []
     for integrator in INTEGRATORS:
         model = rolling()
         model.initialise(parameters(model, integrator=integrator, spectral_radius=0.5))
         for k in range(100):
             model.step(k * 1e-3, 1e-3, inputs(model, k * 1e-3, 10.0))
-        found.append(outputs(model))
-    other = found.pop(INTEGRATORS.index("runge_kutta"))
-    for one in found:
+        runs.append(outputs(model))
+    other = runs.pop(INTEGRATORS.index("runge_kutta"))
+    for one in runs:
         assert one["speed"] == pytest.approx(other["speed"], rel=5e-3)
         assert one["travel"] == pytest.approx(other["travel"], rel=1e-2)
         assert one["tension.mean"] == pytest.approx(other["tension.mean"], rel=2e-2)
         assert one["energy.dissipated"] == pytest.approx(other["energy.dissipated"], rel=0.05)
-    adams = found[-1]
+    adams = runs[-1]
     assert adams["speed"] == pytest.approx(other["speed"], rel=1e-6)
     assert adams["energy.dissipated"] == pytest.approx(other["energy.dissipated"], rel=1e-5)
 

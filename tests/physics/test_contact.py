@@ -278,9 +278,9 @@ def test_ends_of_a_covered_part_creep_as_links_and_wheels_move():
             continue
         beyond = bool(np.array(side) @ (a - row[:3]) - face < 0.0)
         numeric = (part(h) - part(-h)) / (2.0 * h)
-        found = np.array(end_rates_in_space(row, a, b, u, v, face, side, ends))
-        assert abs(found - numeric).max() < 1e-5 * max(1.0, abs(numeric).max())
-        assert abs(1.03 * found - numeric).max() > 1e-5 * max(1.0, abs(numeric).max())
+        rates = np.array(end_rates_in_space(row, a, b, u, v, face, side, ends))
+        assert abs(rates - numeric).max() < 1e-5 * max(1.0, abs(numeric).max())
+        assert abs(1.03 * rates - numeric).max() > 1e-5 * max(1.0, abs(numeric).max())
         seen[beyond] += 1
     assert min(seen.values()) > 30
 

@@ -104,19 +104,19 @@ def test_violations_are_the_derivatives_of_the_gap():
 
     v = np.hstack([drift, spin])
     a = np.hstack([bend, np.zeros((n, 3))])
-    found = violation.of_poses(pose(0.0), v, a, HALF)
+    violations = violation.of_poses(pose(0.0), v, a, HALF)
     low, now, high = (gaps(pose(t)) for t in (-h, 0.0, h))
     first, second = (high - low) / (2.0 * h), (high - 2.0 * now + low) / h**2
-    assert found.gap[0] < 1e-15
-    assert found.gap[1] == pytest.approx(np.linalg.norm(first, axis=1).max(), rel=1e-6)
-    assert found.gap[2] == pytest.approx(np.linalg.norm(second, axis=1).max(), rel=1e-5)
+    assert violations.gap[0] < 1e-15
+    assert violations.gap[1] == pytest.approx(np.linalg.norm(first, axis=1).max(), rel=1e-6)
+    assert violations.gap[2] == pytest.approx(np.linalg.norm(second, axis=1).max(), rel=1e-5)
     low, now, high = (tilts(pose(t)) for t in (-h, 0.0, h))
-    assert found.tilt[0] < 1e-15
-    assert found.tilt[1] == pytest.approx(np.abs(high - low).max() / (2.0 * h), rel=1e-6)
-    assert found.tilt[2] == pytest.approx(np.abs(high - 2.0 * now + low).max() / h**2, rel=1e-5)
+    assert violations.tilt[0] < 1e-15
+    assert violations.tilt[1] == pytest.approx(np.abs(high - low).max() / (2.0 * h), rel=1e-6)
+    assert violations.tilt[2] == pytest.approx(np.abs(high - 2.0 * now + low).max() / h**2, rel=1e-5)
     wrong = violation.of_poses(pose(0.0), 1.03 * v, a, HALF)
-    assert wrong.gap[2] != pytest.approx(found.gap[2], rel=1e-4)
-    assert found.cut.tolist() == [0.0, 0.0, 0.0]
+    assert wrong.gap[2] != pytest.approx(violations.gap[2], rel=1e-4)
+    assert violations.cut.tolist() == [0.0, 0.0, 0.0]
     cut = violation.of_poses(pose(0.0), v, a, HALF, cut=True)
     assert cut.cut[1] == pytest.approx(np.linalg.norm(first[-1]), rel=1e-6)
     assert cut.gap[1] == pytest.approx(np.linalg.norm(first[:-1], axis=1).max(), rel=1e-6)
@@ -126,8 +126,8 @@ def test_a_loop_that_spins_as_one_violates_nothing():
     q, n, omega = ring(8), 8, 3.0
     v = np.hstack([np.cross([0.0, omega, 0.0], q[:, :3]), np.tile([0.0, omega, 0.0], (n, 1))])
     a = np.hstack([-(omega**2) * q[:, :3], np.zeros((n, 3))])
-    found = violation.of_poses(q, v, a, HALF)
-    assert np.max([*found.gap, *found.tilt]) < 1e-13
+    violations = violation.of_poses(q, v, a, HALF)
+    assert np.max([*violations.gap, *violations.tilt]) < 1e-13
     assert violation.of_poses(q, v, 1.03 * a, HALF).gap[2] > 1e-3
 
 
@@ -180,13 +180,13 @@ def test_a_four_bar_linkage_is_singular_where_its_dependent_links_are_in_line():
 def test_a_loop_that_turns_meets_it_with_one_set_and_not_with_others():
     """A belt round two wheels, from pin to pin once round."""
     t = np.linspace(0.0, 1.0, 97)
-    found = singularity.followed(t, np.array([belt(24, shift) for shift in t]), 0.2, 18.0)
-    assert found.flips > 0
-    assert found.closest > 1e10
-    assert found.fixed.max() > 20.0 * found.fixed[0]
-    assert found.choices > 0
-    assert found.chosen.max() < found.fixed.max()
-    assert found.cut.max() / found.cut.min() < 10.0
+    history = singularity.followed(t, np.array([belt(24, shift) for shift in t]), 0.2, 18.0)
+    assert history.flips > 0
+    assert history.closest > 1e10
+    assert history.fixed.max() > 20.0 * history.fixed[0]
+    assert history.choices > 0
+    assert history.chosen.max() < history.fixed.max()
+    assert history.cut.max() / history.cut.min() < 10.0
 
 
 def test_masses_of_tree_and_mesh():
@@ -271,9 +271,9 @@ def test_curvature_of_recorded_links_is_that_of_their_cubics():
 def test_a_known_signal_has_its_spectrum():
     t = np.arange(round(0.1 * high_frequencies.RATE)) / high_frequencies.RATE
     signal = sum(a * np.sin(2.0 * np.pi * f * t) for a, f in ((3.0, 50.0), (2.0, 700.0), (0.5, 48e3)))
-    found = [high_frequencies.rms_above(7.0 + signal, low) for low in high_frequencies.ABOVE]
+    rms = [high_frequencies.rms_above(7.0 + signal, low) for low in high_frequencies.ABOVE]
     expected = [np.sqrt((4.0 + 0.25) / 2.0), 0.5 / np.sqrt(2.0), 0.5 / np.sqrt(2.0)]
-    assert found == pytest.approx(expected, rel=1e-3), "48 kHz, the links' own modes, is there too"
+    assert rms == pytest.approx(expected, rel=1e-3), "48 kHz, the links' own modes, is there too"
     assert high_frequencies.rms_above(1.03 * signal, 100.0) != pytest.approx(expected[0], rel=1e-2)
     assert high_frequencies.peak(signal, high_frequencies.WAVES) == pytest.approx(700.0)
     assert high_frequencies.peak(signal, 1e3) == pytest.approx(48e3)
@@ -313,8 +313,8 @@ def test_frequencies_of_contact_and_of_waves():
 def test_differences_are_at_the_same_instants():
     t = np.linspace(0.0, 1.0, 11)
     reference = figures.Curve(t, t[:, None])
-    found = figures.differences(figures.Curve(t[::2], 3.0 * t[::2, None]), reference)
-    np.testing.assert_allclose(found.values[:, 0], 2.0 * t[::2], atol=1e-15)
+    difference = figures.differences(figures.Curve(t[::2], 3.0 * t[::2, None]), reference)
+    np.testing.assert_allclose(difference.values[:, 0], 2.0 * t[::2], atol=1e-15)
     path = figures.Curve(t, np.stack([t, t], axis=1))
     apart = figures.differences(path._replace(values=path.values + np.array([3.0, -4.0])), path)
     np.testing.assert_allclose(apart.values, 5.0)
@@ -395,7 +395,7 @@ def cost(model, evaluations, setting=1e-3, interval=pieces.OUTPUT, item="piece",
 
 
 def test_ratios_over_tolerance_interval_and_inside_fmus():
-    found = [
+    results = [
         cost(CLOSED, 11000, cpu=0.4, least=0.3, most=0.5, counted=11100.0, each=2e-5, error=1e-8),
         cost(RIGID, 75, cpu=0.01, least=0.008, most=0.02, counted=90.0, each=4e-5, error=1e-5),
         cost(CLOSED, 11000, setting=1e-6),
@@ -408,7 +408,7 @@ def test_ratios_over_tolerance_interval_and_inside_fmus():
         Row("fmus", "", {"model": RIGID.name, "tolerance": 1e-6, "evaluations": 5e4}, True),
         Row("fmus", "", {"model": RIGID.name, "tolerance": 1e-4, "evaluations": 5e4}, True),
     ]
-    first, second, over_interval, inside = ratios.rows(found)
+    first, second, over_interval, inside = ratios.rows(results)
     assert first["evaluations"] == 11000 / 75
     assert first["counted"] == pytest.approx(11100 / 90)
     assert first["cpu"] == pytest.approx(40.0)
@@ -422,7 +422,7 @@ def test_ratios_over_tolerance_interval_and_inside_fmus():
     assert [row.figures["over"] for row in (first, second, over_interval, inside)] == [
         ratios.TOLERANCE, ratios.TOLERANCE, ratios.INTERVAL, ratios.FMUS
     ]  # fmt: skip
-    assert len(page.table("ratio", found).rows) == 4
+    assert len(page.table("ratio", results).rows) == 4
 
 
 def test_evaluations_are_timed_in_turn(monkeypatch):
@@ -476,21 +476,21 @@ def test_the_cheapest_run_within_the_error():
 
 def rows(cpu=4.0, count=8.5, top=20.0, front=5.0):
     """Made-up results of two models, on which the statements of costs and of sections hold."""
-    found = []
+    results = []
     for model, own, number in ((CLOSED, cpu, count), (RIGID, 1.0, 1.0)):
         common = {"model": model.name}
-        found.append(
+        results.append(
             Row("cost", model.label, {**common, "method": pieces.ADAMS, "cpu": own, "evaluations": number}, True)
         )
-        found.append(Row("sections", model.label, {**common, "top": top, "rear": 10.0, "front": front}, True))
+        results.append(Row("sections", model.label, {**common, "top": top, "rear": 10.0, "front": front}, True))
     for rigid in (RIGID, RIGID_SPRING):
         each = {"rigid": rigid.name, "method": pieces.ADAMS, "each": cpu / count}
-        found.append(Row("each", rigid.label, each, True))
-    return found
+        results.append(Row("each", rigid.label, each, True))
+    return results
 
 
-def verdict(rule, *found):
-    return rule(Results(found)).verdict
+def verdict(rule, *results):
+    return rule(Results(results)).verdict
 
 
 def test_rules_say_what_the_figures_say():
@@ -510,14 +510,14 @@ def test_rules_say_what_the_figures_say():
 
 
 def test_ratios_would_be_others_at_other_tolerances():
-    found = [
+    results = [
         *rows(cpu=30.0, count=146.0),
         cost(CLOSED, 100),
         cost(RIGID, 50),
         cost(CLOSED, 90, 1e-6),
         cost(RIGID, 6, 1e-6),
     ]
-    measured = rules.ratios(Results(found)).measured
+    measured = rules.ratios(Results(results)).measured
     assert "would be those of the rigid model times: flexible-closed / rigid 30 and 146" in measured
     assert "over tolerances evaluations times 2 to 15" in measured
 
@@ -611,10 +611,10 @@ def test_a_step_of_a_flexible_chain_takes_as_long_as_one_of_a_rigid_chain():
 
 
 def test_every_statement_has_a_verdict_even_where_nothing_was_measured():
-    found = judged([])
-    assert len(found) == len(STATEMENTS) == len({row.case for row in found})
-    assert {row.figures["verdict"] for row in found} == {UNMEASURED}
-    assert all(row.ok is None for row in found), "a statement that does not hold is no failure"
+    judgements = judged([])
+    assert len(judgements) == len(STATEMENTS) == len({row.case for row in judgements})
+    assert {row.figures["verdict"] for row in judgements} == {UNMEASURED}
+    assert all(row.ok is None for row in judgements), "a statement that does not hold is no failure"
 
 
 def test_cases_that_failed_leave_a_page(tmp_path):
@@ -706,14 +706,14 @@ def test_fmus_begin_anew_at_each_communication_step():
 @pytest.mark.study
 def test_counts_of_a_piece():
     """Evaluations, not times: what the ratios are made of. Counted on 2026-11-23."""
-    found = {}
+    runs = {}
     for model in (RIGID, CLOSED):
         for row in pieces.rows(model.name, pieces.QUICK, (), pieces.INTERVALS):
-            found[row.item, model.name, row["method"], row["setting"], row["interval"]] = row
-    assert all(row["least"] <= row["cpu"] <= row["most"] for row in found.values())
+            runs[row.item, model.name, row["method"], row["setting"], row["interval"]] = row
+    assert all(row["least"] <= row["cpu"] <= row["most"] for row in runs.values())
 
     def adams(model, tolerance=pieces.AT, interval=pieces.OUTPUT, item="piece"):
-        return found[item, model.name, pieces.ADAMS, tolerance, interval]
+        return runs[item, model.name, pieces.ADAMS, tolerance, interval]
 
     assert adams(RIGID)["evaluations"] == pytest.approx(75, abs=4)
     assert adams(RIGID)["projections"] == adams(RIGID)["steps"] == pytest.approx(36, abs=2)
@@ -730,9 +730,9 @@ def test_counts_of_a_piece():
 
 @pytest.mark.study
 def test_126_pins_of_the_vehicle_itself():
-    found = {row.figures["key"]: row for row in counts.counted()}
-    assert all(row.ok for row in found.values())
-    assert found["equations"]["value"] == 630
+    by_key = {row.figures["key"]: row for row in counts.counted()}
+    assert all(row.ok for row in by_key.values())
+    assert by_key["equations"]["value"] == 630
 
 
 @pytest.mark.study
