@@ -11,13 +11,14 @@ from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.rolling import evaluate_contacts
 from fmus.physics.contact.ground import bumpy_ground
 
+pytestmark = pytest.mark.long  # kernels of their own
+
 
 def rolled(model, q, v, by_rate: float, tangent: bool, contacts) -> None:
     w = model.work
     evaluate_contacts(model.link, contacts, Motion(q, v, v), w, w.wheels, by_rate, tangent)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("yaw", [0.0, 0.05])
 def test_contacts_give_the_chain_what_the_wheels_get(yaw):
     """Contacts of a skewed chain give it the opposite of the wheels' and the ground's force and moment.
@@ -56,7 +57,6 @@ def test_contacts_give_the_chain_what_the_wheels_get(yaw):
     assert abs(wheel[:, 1]).max() > 10.0  # the guides carry load
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("rise", [0.0, 0.03])
 def test_the_matrices_of_contacts_are_their_derivatives(rise):
     """The matrices of contacts are their derivatives: ground, level or with a bump, teeth and guides.
@@ -151,7 +151,6 @@ def test_a_cable_resists_where_a_beam_follows():
     assert moments["cable"] > 50 * moments["beam"], moments
 
 
-@pytest.mark.long
 def test_the_start_is_at_rest_on_its_wheels():
     model, cable = carrier(element="beam"), carrier()
     u, first = at_rest(model), model.s.q.copy()

@@ -122,6 +122,7 @@ def test_released_horizontal_chain():
     assert abs(released(1e-3, 1.02 * P).pins()[-1, 0] - 9.413161) > 1e-3
 
 
+@pytest.mark.long
 def test_released_chain_explicitly():
     tips = []
     for h in (8e-3, 4e-3, 2e-3):

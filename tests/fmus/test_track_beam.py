@@ -21,6 +21,8 @@ from fmus.physics.integrate.generalized_alpha import Slopes
 from orchestrator.cosim.component import Component
 from tests.validation.ancf import joints, loads, mesh, statics, torsion
 
+pytestmark = pytest.mark.long  # kernels of their own
+
 SOFT = {"material.youngs_modulus": 2e7, "material.relaxation_time": 0.0}
 Y = np.array([0.0, 1.0, 0.0])
 
@@ -226,7 +228,6 @@ def swing(steps: int = 100, links: int = 4, **changes):
     return model, np.array(lacks) / top
 
 
-@pytest.mark.long
 def test_energy_ledger_of_a_swing_and_the_explicit_chain():
     soft = {"material.youngs_modulus": 2e7, "material.relaxation_time": 2e-4}
     model, lacks = swing(integrator="runge_kutta", step=1.0, **soft)
@@ -274,7 +275,6 @@ def test_one_component_takes_either_element():
     assert model.state.size == size > fresh.state.size
 
 
-@pytest.mark.long
 def test_the_component_of_beams():
     """The FMU of beams passes fmpy's validation and continues alike from any saved state."""
     ends = {"kind": "pinned", "first": [0.0, 0.0], "last": [0.9, 0.0]}
