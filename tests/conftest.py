@@ -7,6 +7,7 @@ the modules makes this rare.
 
 import os
 import sys
+import zipfile
 from collections import Counter
 from functools import partial
 from pathlib import Path
@@ -57,6 +58,12 @@ def messages(err):
 @pytest.fixture(scope="session")
 def toy():
     return build_toy()
+
+
+@pytest.fixture(scope="session")
+def xml(toy):
+    with zipfile.ZipFile(toy) as archive:
+        return archive.read("modelDescription.xml").decode()
 
 
 @pytest.fixture(scope="session")

@@ -107,10 +107,10 @@ def test_a_track_that_nothing_moves_stays_on_its_wheels(lateral):
     own = {**PLACE, "start.lateral": lateral}
     drawn = unconnected(RigidTrack(part("track").config), {})
     model = RigidTrack(part("track").config | {"parameters": own})
-    found, off = unconnected(model, own), unconnected(model, own, 1e-3)
+    outputs, off = unconnected(model, own), unconnected(model, own, 1e-3)
     assert 1.4e4 < drawn["tension.mean"] < 1.6e4
     for name in ("tension.mean", "tension.max", "energy.contact"):
-        assert found[name] == pytest.approx(drawn[name], rel=1e-6)
+        assert outputs[name] == pytest.approx(drawn[name], rel=1e-6)
         assert off[name] != pytest.approx(drawn[name], rel=1e-3)
 
 

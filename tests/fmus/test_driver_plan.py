@@ -48,8 +48,8 @@ def test_a_curve_is_met_at_the_speed_that_it_allows(lateral, agrees):
     path, plan = planned("20 0; 10 0.2; 40 0", FREE._replace(lateral=lateral))
     before, within = np.linspace(0.0, 19.7, 99), np.linspace(20.3, 29.7, 50)
     early, late = (np.minimum(4.0, np.sqrt(4.0 + 2.0 * 0.5 * (way - before))) for way in (19.75, 20.0))
-    found = along(path, plan, before, 0)
-    assert ((found > early - 1e-9) & (found < late + 1e-9)).all() == agrees
+    speeds = along(path, plan, before, 0)
+    assert ((speeds > early - 1e-9) & (speeds < late + 1e-9)).all() == agrees
     assert np.allclose(along(path, plan, within, 0), 2.0, atol=1e-9) == agrees
 
 
@@ -141,11 +141,11 @@ def test_sprocket_speeds_of_a_steady_circle(sprockets, friction):
     steady = turn(known, sprockets)
     r = steady.rate
     z, _ = slips(stands, (friction, 0.01), r, -r * steady.left, r * steady.ahead, 0.0, (-0.4 * r, 0.4 * r, 0.0))
-    found = [(steady.ahead + sign * stands.half_gauge * r + z[k]) / known.radius for k, sign in enumerate((-1.0, 1.0))]
+    speeds = [(steady.ahead + sign * stands.half_gauge * r + z[k]) / known.radius for k, sign in enumerate((-1.0, 1.0))]
     kinematic = [(steady.ahead + sign * stands.half_gauge * r) / known.radius for sign in (-1.0, 1.0)]
     fast = 0.02 * max(map(abs, sprockets))
-    assert np.allclose(found, sprockets, atol=fast)
-    assert not np.allclose(found, np.array(sprockets) * 1.03, atol=fast)
+    assert np.allclose(speeds, sprockets, atol=fast)
+    assert not np.allclose(speeds, np.array(sprockets) * 1.03, atol=fast)
     assert not np.allclose(kinematic, sprockets, atol=fast / 2.0)
 
 
@@ -170,8 +170,8 @@ def test_slip_of_any_motion_is_that_of_a_planar_vehicle(friction, speed, rate, t
     def lacks(z):
         out, x = np.zeros(8), np.array([0.0, 0.0, 0.0, speed, z[2], rate, 0.0, 0.0])
         x[6:] = speed - rate * known.half_width + z[0], speed + rate * known.half_width + z[1]
-        found = _rates(x, np.array([ahead, left]), np.zeros(2), wheels, shares, numbers, out)
-        return found[0] - ahead, found[1] - left, out[RATE] - turning
+        accelerations = _rates(x, np.array([ahead, left]), np.zeros(2), wheels, shares, numbers, out)
+        return accelerations[0] - ahead, accelerations[1] - left, out[RATE] - turning
 
     start = -0.4 * rate, 0.4 * rate, -0.4 * rate
     for mu, agrees in ((friction, True), (1.03 * friction, False)):

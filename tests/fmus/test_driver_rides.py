@@ -34,11 +34,11 @@ def beside(speed, stop, off=2.0, **settings):
     """Overshoot, relative to the initial offset, of a vehicle that starts ``off`` m beside its path."""
     parameters = settings.pop("parameters", {})
     path = {"path.points": f"0 {off}; 300 {off}", "speed.end": speed, "ramp.end": 2.0}
-    found = ride(path | parameters, stop, **settings)
-    error = found["path.lateral_error"][5:] * -np.sign(off)
+    record = ride(path | parameters, stop, **settings)
+    error = record["path.lateral_error"][5:] * -np.sign(off)
     assert error[0] == pytest.approx(abs(off), rel=1e-3)
     assert abs(error[-1]) < 0.05 * abs(off)
-    assert found["speed.demand"][-1] == speed
+    assert record["speed.demand"][-1] == speed
     return -error.min() / abs(off)
 
 
@@ -53,11 +53,11 @@ def s_curve(radius, friction, parameters=None, **settings):
     lead = 6.0 + speed**2 / limit
     path = {"path.arcs": f"{lead} 0; {arc} {k}; {2 * arc} {-k}; {arc} {k}; {lead} 0", "speed.end": speed,
             "ramp.end": 3.0 * speed / limit}  # fmt: skip
-    found = ride(path | (parameters or {}), (2.0 * lead + 4.0 * arc) / speed * 1.7 + 3.0, friction, **settings)
-    on = found["path.progress"] < lead + 4.0 * arc
-    assert found["path.progress"][-1] > lead + 4.0 * arc
-    across = abs(found.motions[:, AHEAD] * found.motions[:, RATE])
-    return abs(found["path.lateral_error"][on]).max(), across.max() / limit
+    record = ride(path | (parameters or {}), (2.0 * lead + 4.0 * arc) / speed * 1.7 + 3.0, friction, **settings)
+    on = record["path.progress"] < lead + 4.0 * arc
+    assert record["path.progress"][-1] > lead + 4.0 * arc
+    across = abs(record.motions[:, AHEAD] * record.motions[:, RATE])
+    return abs(record["path.lateral_error"][on]).max(), across.max() / limit
 
 
 @pytest.mark.parametrize(
@@ -89,35 +89,35 @@ def test_an_s_curve_needs_the_friction_as_it_is():
 def test_it_drives_back_turns_on_the_spot_and_stops():
     """The vehicle reverses along the same arc, turns on the spot and stops within 2 cm of each end."""
     arcs = f"5 0; 6 0.1; -6 0.1; 0 {0.5 * np.pi}; 3 0"
-    found = ride({"path.arcs": arcs, "speed.end": 2.0, "ramp.end": 1.5}, 30.0)
-    x, y, heading = found.motions[-1, :3]
+    record = ride({"path.arcs": arcs, "speed.end": 2.0, "ramp.end": 1.5}, 30.0)
+    x, y, heading = record.motions[-1, :3]
     # 5 m ahead of the start of the wheels' middle, then 3 m to the left
     assert np.allclose((x - MIDDLE, y), (5.0, 3.0), atol=0.05)
     assert heading == pytest.approx(0.5 * np.pi, abs=0.02)
-    assert abs(found["path.lateral_error"]).max() < 0.06
-    assert found["path.progress"][-1] == pytest.approx(20.0, abs=0.02)
-    assert np.allclose(found.motions[-1, 3:], 0.0, atol=2e-3)
-    backwards = found["speed.demand"] < -0.5
+    assert abs(record["path.lateral_error"]).max() < 0.06
+    assert record["path.progress"][-1] == pytest.approx(20.0, abs=0.02)
+    assert np.allclose(record.motions[-1, 3:], 0.0, atol=2e-3)
+    backwards = record["speed.demand"] < -0.5
     assert 3.0 < 2e-3 * backwards.sum() < 8.0
-    assert found.motions[backwards, AHEAD].min() < -1.5
-    there = np.flatnonzero(np.diff(np.sign(found["speed.demand"])))  # it reverses at 11 m
-    assert abs(found["path.progress"][there] - 11.0).min() < 0.03
+    assert record.motions[backwards, AHEAD].min() < -1.5
+    there = np.flatnonzero(np.diff(np.sign(record["speed.demand"])))  # it reverses at 11 m
+    assert abs(record["path.progress"][there] - 11.0).min() < 0.03
 
 
 @pytest.mark.parametrize("angle", [0.3, -4.0])
 def test_a_turn_on_the_spot_of_any_angle(angle):
-    found = ride({"path.arcs": f"0 {angle}", "speed.end": 2.0}, 14.0)
-    assert found.motions[-1, HEADING] == pytest.approx(angle, abs=0.02)
-    assert np.hypot(found.motions[-1, 0] - MIDDLE, found.motions[-1, 1]) < 0.05
-    assert (np.sign(angle) * found.motions[:, HEADING]).max() < abs(angle) + 0.02
+    record = ride({"path.arcs": f"0 {angle}", "speed.end": 2.0}, 14.0)
+    assert record.motions[-1, HEADING] == pytest.approx(angle, abs=0.02)
+    assert np.hypot(record.motions[-1, 0] - MIDDLE, record.motions[-1, 1]) < 0.05
+    assert (np.sign(angle) * record.motions[:, HEADING]).max() < abs(angle) + 0.02
 
 
 def test_a_path_driven_backwards_as_well_as_ahead():
     path = {"path.arcs": "-8 0; -12 0.08; -12 -0.08; -6 0", "speed.end": 2.5, "ramp.end": 1.5}
-    found = ride(path, 26.0)
-    assert abs(found["path.lateral_error"]).max() < 0.1
-    assert found["path.progress"][-1] == pytest.approx(38.0, abs=0.03)
-    assert found.motions[-1, 0] < MIDDLE - 30.0
+    record = ride(path, 26.0)
+    assert abs(record["path.lateral_error"]).max() < 0.1
+    assert record["path.progress"][-1] == pytest.approx(38.0, abs=0.03)
+    assert record.motions[-1, 0] < MIDDLE - 30.0
 
 
 def test_another_vehicle_place_and_heading():
@@ -127,20 +127,20 @@ def test_another_vehicle_place_and_heading():
     table["road_wheel"]["x"], table["track"]["lateral"] = wheels, 1.2
     vehicle = Vehicle(wheels=tuple(x - MIDDLE for x in wheels), half_width=1.2)
     for parameters in ({}, {"start.heading": 0.9}):
-        found = ride(
+        record = ride(
             {"path.arcs": "6 0; 12 0.08; 12 -0.08; 8 0", "speed.end": 3.0, "ramp.end": 1.5} | parameters, 18.0,
             table=table, vehicle=vehicle, inertia=40e3,
         )  # fmt: skip
-        assert abs(found["path.lateral_error"]).max() < 0.1
-        assert found["path.progress"][-1] == pytest.approx(38.0, abs=0.03)
-        final = found.motions[-1, HEADING] - parameters.get("start.heading", 0.0)
+        assert abs(record["path.lateral_error"]).max() < 0.1
+        assert record["path.progress"][-1] == pytest.approx(38.0, abs=0.03)
+        final = record.motions[-1, HEADING] - parameters.get("start.heading", 0.0)
         assert final == pytest.approx(0.0, abs=0.03)
 
 
 def test_it_never_asks_for_more_than_friction_gives_along():
     """The demanded acceleration is at most 0.8^2 of the friction, however steep the ramp is."""
-    found = ride({"path.arcs": "60 0", "speed.end": 6.0, "ramp.end": 0.1}, 6.0, friction=0.2)
-    rises = np.diff(found["speed.demand"]) / 2e-3
+    record = ride({"path.arcs": "60 0", "speed.end": 6.0, "ramp.end": 0.1}, 6.0, friction=0.2)
+    rises = np.diff(record["speed.demand"]) / 2e-3
     assert rises.max() == pytest.approx(0.64 * 0.2 * 9.81, rel=1e-6)
-    slip = Vehicle().radius * found.motions[:, 6] - found.motions[:, AHEAD]
+    slip = Vehicle().radius * record.motions[:, 6] - record.motions[:, AHEAD]
     assert slip.max() < 0.05

@@ -184,27 +184,27 @@ def test_a_chain_that_is_let_go_pulls_at_its_support_as_rods_do(kind, start, lin
     """
     model = made(kind, links, HOLD, start=start, step=1e-4 if start == "folded" else 5e-4)
     expected = expected_support(start, links)
-    found = [per_link(model)[1][0]]
+    forces = [per_link(model)[1][0]]
     for k in range(5):
         model.step(1e-3 * k, 1e-3, np.zeros(0))
-        found.append(per_link(model)[1][0])
-    np.testing.assert_allclose(found[0][[0, 2]], expected, rtol=1e-5, atol=1e-3)
-    np.testing.assert_allclose(np.array(found)[:, 2], expected[1], rtol=1e-2)
+        forces.append(per_link(model)[1][0])
+    np.testing.assert_allclose(forces[0][[0, 2]], expected, rtol=1e-5, atol=1e-3)
+    np.testing.assert_allclose(np.array(forces)[:, 2], expected[1], rtol=1e-2)
     twin = expected_support(start, links, 1.03 * PIN)
-    assert not np.allclose(found[0][[0, 2]], twin, rtol=1e-5, atol=1e-3)
+    assert not np.allclose(forces[0][[0, 2]], twin, rtol=1e-5, atol=1e-3)
 
 
 @pytest.mark.long
 @BOTH
 def test_a_copied_start_goes_on_alike(kind):
     model = made(kind, 9, HOLD, start="folded", step=1e-4)
-    saved, found = model.state.copy(), []
+    saved, ends = model.state.copy(), []
     for _ in range(2):
         model.state[:] = saved
         start = per_link(model)[1][0].copy()
         model.step(0.0, 1e-3, np.zeros(0))
-        found.append(np.concatenate([start, model.state]))
-    assert np.array_equal(*found)
+        ends.append(np.concatenate([start, model.state]))
+    assert np.array_equal(*ends)
 
 
 @SUPPORTS
@@ -213,11 +213,11 @@ def test_undeformed_links_let_go_ring(monkeypatch, start, links):
     monkeypatch.setattr(Flexible, "tighten", lambda self: None)
     model = made(Flexible, links, HOLD, start=start, step=1e-4)
     expected = expected_support(start, links)
-    found = [per_link(model)[1][0][2]]
+    forces = [per_link(model)[1][0][2]]
     for k in range(5):
         model.step(1e-3 * k, 1e-3, np.zeros(0))
-        found.append(per_link(model)[1][0][2])
-    assert np.abs(np.array(found) / expected[1] - 1.0).max() > 0.2
+        forces.append(per_link(model)[1][0][2])
+    assert np.abs(np.array(forces) / expected[1] - 1.0).max() > 0.2
 
 
 def test_links_that_are_too_soft_to_be_let_go():

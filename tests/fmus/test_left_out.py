@@ -96,18 +96,21 @@ def test_contents_are_what_a_component_loads():
     for track, parameters in cases:
         base = {"links": 8, "closed": False, "wheels": [], "ground": False, "gravity": 9.81, "ends": HANGING}
         config = {"vehicle": table, "track": base | track}
-        found = loaded_contents([("TrackFlexible", config, parameters)])
+        contents = loaded_contents([("TrackFlexible", config, parameters)])
         real = {name for name in loaded("track_flexible", track, **parameters) if name not in FOLDERS}
-        assert real - {"fmus.build", "fmus.vehicle"} <= set(found.modules)
-        assert set(found.left_out) >= {
+        assert real - {"fmus.build", "fmus.vehicle"} <= set(contents.modules)
+        assert set(contents.left_out) >= {
             "fmus.chassis.model",
             "fmus.physics.chain.rigid.dynamics",
             "fmus.physics.contact.guide",
         }
-        assert not set(found.left_out) & set(found.modules)
-        assert ("fmus.physics.contact.ground" in found.modules) == ("ground" in track)
-        assert ("fmus.physics.chain.flexible.consistent_start" in found.modules) == ("start" in parameters)
-        assert (found.outputs, found.link_outputs) == ((27,), (2 * 8 + 6 * 9 + (3 * 8 if "ground" in track else 0),))
+        assert not set(contents.left_out) & set(contents.modules)
+        assert ("fmus.physics.contact.ground" in contents.modules) == ("ground" in track)
+        assert ("fmus.physics.chain.flexible.consistent_start" in contents.modules) == ("start" in parameters)
+        assert (contents.outputs, contents.link_outputs) == (
+            (27,),
+            (2 * 8 + 6 * 9 + (3 * 8 if "ground" in track else 0),),
+        )
 
 
 @pytest.mark.long
@@ -118,8 +121,8 @@ def test_a_loop_that_spins_is_stretched(spin):
 
     track = {"links": 64, "closed": True, "wheels": [], "ground": False, "gravity": 0.0, "ends": None}
     config = {"vehicle": vehicle(*read_table("m113")).model_dump(), "track": track}
-    found = loaded_contents([("TrackFlexible", config, {"start.spin": spin})])
-    assert ("fmus.physics.chain.flexible.spinning" in found.modules) == (spin > 0.0)
+    contents = loaded_contents([("TrackFlexible", config, {"start.spin": spin})])
+    assert ("fmus.physics.chain.flexible.spinning" in contents.modules) == (spin > 0.0)
 
 
 FOLDERS = {

@@ -53,9 +53,9 @@ def test_a_link_turns_with_the_inertia_of_the_table(kind):
     axes = {Rigid: INERTIA, Beams: INERTIA, Flexible: (0.0, INERTIA[1], INERTIA[1]), PlanarCables: (None, INERTIA[1])}
     for axis, inertia in enumerate(axes[kind]):
         if inertia is not None:
-            found = turning_energy(made(kind, 1, HOLD), axis)
-            assert found == pytest.approx(0.5 * inertia * RATE**2, rel=1e-12, abs=1e-12)
-            assert inertia == 0.0 or found != pytest.approx(0.5 * 1.03 * inertia * RATE**2, rel=1e-12)
+            energy = turning_energy(made(kind, 1, HOLD), axis)
+            assert energy == pytest.approx(0.5 * inertia * RATE**2, rel=1e-12, abs=1e-12)
+            assert inertia == 0.0 or energy != pytest.approx(0.5 * 1.03 * inertia * RATE**2, rel=1e-12)
 
 
 @pytest.mark.long

@@ -27,11 +27,11 @@ def tension(model: str, *settings: str, stiffer: float = 1.0, mass: float = 18.0
     scene = load("spinning_loop", model, [f"chain.spin={SPIN} rad/s", f"chain.links={LINKS}", *material, *settings,
                                           f"vehicle.track.mass={mass} kg"])  # fmt: skip
     chain = InProcess(scene)["chain"]
-    found = chain.link_outputs()[:LINKS]
-    assert np.ptp(found) < 1e-7 * found.mean()
+    tensions = chain.link_outputs()[:LINKS]
+    assert np.ptp(tensions) < 1e-7 * tensions.mean()
     y = [chain[f"tension.{which}"] for which in ("min", "mean", "max")]
-    assert y == pytest.approx([found.min(), found.mean(), found.max()], rel=1e-12)
-    return float(found.mean())
+    assert y == pytest.approx([tensions.min(), tensions.mean(), tensions.max()], rel=1e-12)
+    return float(tensions.mean())
 
 
 def by_theory(mass: float = 18.0) -> float:

@@ -33,22 +33,22 @@ def driven(**parameters: float):
 
 def test_causes_add_up_and_all_contacts_lose():
     track = driven()
-    found = losses(track)
-    assert sum(found.values()) == pytest.approx(track["energy.dissipated"], rel=1e-12)
-    assert all(found[cause] > 1e-3 for cause in PARAMETERS)
-    assert [found[cause] for cause in ("guides", "material", "joints")] == [0.0, 0.0, 0.0]
+    by_cause = losses(track)
+    assert sum(by_cause.values()) == pytest.approx(track["energy.dissipated"], rel=1e-12)
+    assert all(by_cause[cause] > 1e-3 for cause in PARAMETERS)
+    assert [by_cause[cause] for cause in ("guides", "material", "joints")] == [0.0, 0.0, 0.0]
     for cause in PARAMETERS:
-        others = sum(lost for name, lost in found.items() if name != cause)
+        others = sum(lost for name, lost in by_cause.items() if name != cause)
         assert others != pytest.approx(track["energy.dissipated"], rel=1e-6), cause
 
 
 @pytest.mark.parametrize("cause", PARAMETERS)
 def test_without_its_cause_a_loss_is_nothing_and_the_others_stay(cause):
-    found = losses(driven(**{PARAMETERS[cause]: 0.0}))
-    lost = found.pop(cause)
+    by_cause = losses(driven(**{PARAMETERS[cause]: 0.0}))
+    lost = by_cause.pop(cause)
     # a face that separates fast takes the energy of its spring with it, with or without a damper
-    assert lost == 0.0 if cause.endswith("friction") else abs(lost) < 1e-2 * sum(found.values())
-    assert all(found[other] > 1e-3 for other in found if other in PARAMETERS)
+    assert lost == 0.0 if cause.endswith("friction") else abs(lost) < 1e-2 * sum(by_cause.values())
+    assert all(by_cause[other] > 1e-3 for other in by_cause if other in PARAMETERS)
 
 
 @pytest.mark.parametrize(("friction", "right"), [(0.3, True), (0.31, False)])

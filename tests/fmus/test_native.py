@@ -9,131 +9,20 @@ import shutil
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from functools import cache
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
-from vehicle_in_process import InProcess
+from native_cases import CHAIN, CHASSIS, DRIVE, FEW, MANY, STEPS, H, begun, follow, native, ran
 
 from fmus.build import BuildFailed
-from fmus.components import KINDS
-from fmus.model import InvalidParameter, StepFailed
+from fmus.model import StepFailed
 from fmus.native import link, pack
 from fmus.native.pack import build_native, with_constants
 from fmus.native.platform import LINUX, WINDOWS
-from fmus.track_choices import TRACKS
 from orchestrator.cosim.component import Component, ComponentFailed, unpack
-from orchestrator.scene.assembly import assemble
-from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import load
-
-H, STEPS = 1e-3, 120
-QUICK = "run.stop=1 s", "run.step=1 ms", "track.step=1 ms"
-MOVING = *QUICK, "drive.ramp_start=0", "drive.ramp_time=0.1"
-JOINTED = "track.formulation=recursive", "track.integrator=runge_kutta"
-CHOLESKY = "track.coordinates=cholesky", "track.integrator=runge_kutta"
-ROUND = "drive.ramp_start=0", "drive.ramp_time=0.05", "drive.left.speed=4", "drive.right.speed=12"
-
-
-class Case(NamedTuple):
-    """A part of a scene."""
-
-    scene: str
-    links: str
-    part: str
-    settings: tuple[str, ...] = QUICK
-    steps: int = STEPS
-
-
-FEW = [
-    Case("hanging_chain", "flexible", "chain"),
-    Case("straight", "rigid", "left_drive", MOVING),
-    Case("straight", "rigid", "chassis", MOVING),
-    Case("serpentine", "rigid", "driver"),
-    Case("serpentine", "rigid", "right_drive"),
-    Case("differential", "rigid", "differential"),
-]
-MANY = [
-    Case("hanging_chain", "rigid", "chain"),
-    Case("straight", "flexible", "left_track", MOVING),
-    Case("straight", "rigid", "right_track", MOVING),
-    Case("straight", "flexible", "left_track", (*MOVING, "track.element=beam")),
-    Case("straight", "flexible", "left_track", (*MOVING, "symmetric=true", "planar=true")),
-    Case("turn", "flexible", "left_track", (*QUICK, *ROUND)),
-    Case("turn", "rigid", "right_track", (*QUICK, *ROUND)),
-    Case("hanging_chain", "flexible", "chain", (*QUICK, "track.integrator=runge_kutta", "track.start=displaced")),
-    Case("hanging_chain", "rigid", "chain", (*QUICK, "track.integrator=runge_kutta", "track.start=displaced")),
-    Case("hanging_chain", "flexible", "chain", (*QUICK, "track.integrator=adams", "track.start=displaced")),
-    Case("hanging_chain", "rigid", "chain", (*QUICK, "track.integrator=adams", "track.start=displaced")),
-    Case("hanging_chain", "flexible", "chain", (*QUICK, "track.integrator=hht")),
-    Case("hanging_chain", "flexible", "chain", (*QUICK, *CHOLESKY, "track.start=displaced")),
-    Case("straight", "rigid", "left_track", (*MOVING, *JOINTED)),
-    Case("straight", "rigid", "left_track", (*MOVING, *JOINTED, "track.closure=spring")),
-    Case("straight", "rigid", "left_track", (*MOVING, "track.closure=spring")),
-    Case("hanging_chain", "flexible", "chain", (*QUICK, "track.elasticity=general")),
-    Case("straight", "flexible", "right_track", (*QUICK, "drive.speed=0")),
-    Case("straight", "rigid", "left_track", (*QUICK, "drive.speed=0")),
-    Case("straight", "rigid", "chassis", (*MOVING, "ground.hull=true", "vehicle.chassis.hull=[[-2.0, 0.0, -0.9]]")),
-]
-
-
-class Run(NamedTuple):
-    """A part of a scene that ran as Python: its model, and its inputs and all outputs at each step."""
-
-    part: object
-    member: object
-    u: np.ndarray
-    y: np.ndarray
-    links: np.ndarray
-
-
-@cache
-def ran(case):
-    vehicle = InProcess(load(case.scene, case.links, case.settings))
-    member = vehicle[case.part]
-    u, y, links = [], [], []
-    step = member.step
-
-    def recorded(t, h):
-        u.append(member.u.copy())
-        step(t, h)
-        y.append(member.y.copy())
-        links.append(member.link_outputs())
-
-    member.step = recorded
-    for _ in range(case.steps):
-        vehicle.step()
-    (part,) = (part for part in assemble(vehicle.scene).parts if part.name == case.part)
-    return Run(part, member, np.array(u), np.array(y), np.array(links))
-
-
-def native(case):
-    part = ran(case).part
-    return build_native(part.kind, with_constants(part.kind, part.config, part.parameters))
-
-
-def begun(case, stack=None, messages=None):
-    component = Component(native(case), case.part, messages)
-    component.initialise(ran(case).part.parameters)
-    return component
-
-
-def follow(component, run, steps):
-    """Return outputs (steps, ports) and link outputs (steps, link ports) after each of the steps."""
-    shown = []
-    for k in steps:
-        component.u[:] = run.u[k]
-        component.write()
-        component.step(k * H, H)
-        component.read()
-        component.read_links()
-        component.read_counters()
-        shown.append((component.y.copy(), component.y_links.copy()))
-    return [np.array(each) for each in zip(*shown, strict=True)]
 
 
 def assert_same(case):
@@ -176,9 +65,6 @@ def test_the_library_needs_libc_and_libm_alone_and_validates(case):
     assert needed <= {b"libc.so.6", b"libm.so.6"}
     assert needed
     assert not re.search(rb"\0_?(Py|NRT_|numba)\w+(?=\0)", library)
-
-
-CHAIN, DRIVE, CHASSIS = FEW[:3]
 
 
 def bent(case, place, value):
@@ -293,159 +179,6 @@ def test_constants_are_constants():
             component.initialise({"start.pitch": 3.0})
         with pytest.raises(ComponentFailed, match="there is no parameter 'nonsense'"):
             component.initialise({"nonsense": 3.0})
-
-
-# --- free parameters --------------------------------------------------------------------------------------
-
-PLACE = {
-    "start.position.x": 3.0, "start.position.y": -2.0, "start.position.z": 0.25, "start.heading": 0.7,
-    "start.height": 0.01, "start.pitch": 0.02,
-}  # fmt: skip
-MOTOR = {
-    "speed.start": 1.5, "speed.end": 3.5, "ramp.start": 0.01, "ramp.end": 0.05, "stop.start": 0.06, "stop.time": 0.02,
-    "torque.drive": 700.0, "gear.ratio": 1.3, "brake.torque": 900.0, "brake.speed": 0.2,
-    "controller.proportional": 5000.0, "controller.integral": 9000.0, "torque.limit": 4000.0,
-}  # fmt: skip
-LAWS = {f"contact.{pair}.{key}": value for pair in ("sprocket", "wheel", "ground")
-        for key, value in {"damping": 900.0, "friction": 0.35, "friction_velocity": 0.03}.items()}  # fmt: skip
-OTHERS = {  # other values of all free parameters, by kind
-    "SprocketDrive": {
-        **PLACE, **MOTOR, "start.lateral": 0.1, "start.angle": 0.3, "mode": "controller", "extrapolation": "velocity",
-        "demand.lag": 0.2,
-    },
-    "SteeringDifferential": {
-        **PLACE, **{f"{shaft}.{name}": value for shaft in ("propulsion", "steering") for name, value in MOTOR.items()},
-        "start.angle": 0.3, "steering.mode": "torque", "extrapolation": "velocity",
-    },
-    "Chassis": {**PLACE, "step": 4e-4, "suspension.preload": 9e3, "tensioner.preload": 2.1e4},
-    "Driver": {
-        **PLACE, "heading": 0.2, "speed.start": 1.0, "speed.end": 2.0, "ramp.start": 0.01, "ramp.end": 0.05,
-        "deceleration": 0.8, "reach": 2.5, "preview": 1.2, "curvature.largest": 0.4, "acceleration.lateral": 0.9,
-        "heading.gain": 1.1, "yaw.gain": 0.9, "yaw.integral": 1.2, "width": 3.0, "friction": 0.5, "grip": 0.7,
-        "drive.lag": 0.15, "path.tolerance": 0.15,
-    },
-    "TrackFlexible": {
-        **PLACE, **LAWS, "start.lateral": -1.2, "step": 5e-4, "tolerance": 1e-8, "material.relaxation_time": 2e-4,
-    },
-    "TrackRigid": {**PLACE, **LAWS, "start.lateral": -1.2, "step": 5e-4},
-}  # fmt: skip
-
-
-def test_every_kind_of_component_is_among_the_cases():
-    assert set(OTHERS) == set(KINDS)
-    parts = ((case, part) for case in (*FEW, *MANY) for part in assemble(load(*case[:2], case.settings)).parts)
-    assert {part.kind for case, part in parts if part.name == case.part} == set(KINDS)
-
-
-def others(case):
-    """Other values of all free parameters of a part."""
-    part = ran(case).part
-    constant = with_constants(part.kind, part.config, dict(part.parameters) | OTHERS[part.kind])["parameters"]
-    known = {port.name for port in ran(case).member.model.ports}
-    return {name: value for name, value in OTHERS[part.kind].items() if name not in constant and name in known}
-
-
-def assert_free(case):
-    """Assert that an FMU with other parameters set equals a model that was initialised with them."""
-    run, parameters = ran(case), others(case)
-    assert len(parameters) > 5
-    model = type(run.member.model)(run.part.config)
-    own = {port.name: port.start for port in model.ports if port.causality == "parameter"} | run.part.parameters
-    model.initialise(own | parameters)
-    links = np.zeros(model.link_ports)
-    with begun(case) as component:
-        usual = component.y.copy()
-        component.initialise(run.part.parameters | parameters)
-        y = np.zeros_like(component.y)
-        model.outputs(y)
-        np.testing.assert_array_equal(component.y, y)
-        assert not np.array_equal(y, usual)
-        state = component.save()
-        u = still(run, model, y)
-        for k in range(20):
-            model.step(k * H, H, u)
-            model.outputs(y)
-            model.link_outputs(links)
-            component.u[:] = u
-            component.write()
-            component.step(k * H, H)
-            component.read()
-            component.read_links()
-            np.testing.assert_array_equal(component.y, y)
-            np.testing.assert_array_equal(component.y_links, links)
-        content = component.dump(state)
-        component.restore(state)
-        with begun(case) as other:  # has other parameters until it restores the state
-            other.restore(other.load(content))
-            other.u[:] = u
-            other.write()
-            other.step(0.0, H)
-            other.read()
-            component.u[:] = u
-            component.write()
-            component.step(0.0, H)
-            component.read()
-            np.testing.assert_array_equal(other.y, component.y)
-    assert all(own[name] != value for name, value in parameters.items())
-
-
-def still(run, model, y):
-    """Inputs of a part whose surroundings rest at its start position."""
-    wheels = [port.name.rpartition(".position")[0] for port in model.ports
-              if port.causality == "input" and port.name.endswith(".position.x")]  # fmt: skip
-    if run.part.kind.startswith("Track"):
-        x, z = np.array([wheel["position"] for wheel in model.wheel_list]).T
-        return np.concatenate([model.pose.point_at_rest(a, model.lateral, b) for a, b in zip(x, z, strict=True)])
-    u = run.u[-1].copy()
-    if wheels:  # a mount or a hull: near the output position
-        u[:3] = y[:3]
-    return u
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("case", FEW[1:], ids=lambda case: f"{case.part}-{case.links}")
-def test_free_parameters_act_as_in_the_model(case):
-    assert_free(case)
-
-
-@pytest.mark.study
-@pytest.mark.parametrize("case", [case for case in MANY if case.part.endswith("track")], ids=str)
-def test_free_parameters_of_tracks_act_as_in_the_model(case):
-    assert_free(case)
-
-
-@pytest.mark.parametrize(
-    ("case", "parameters", "said"),
-    [
-        (DRIVE, {"brake.speed": 0.0}, r"brake\.speed = 0: must be greater than 0"),
-        (DRIVE, {"ramp.end": -1.0}, r"ramp\.end = -1 s must not be before ramp\.start"),
-        (DRIVE, {"start.angle": float("inf")}, r"start\.angle = inf: must be a finite number"),
-        (CHASSIS, {"step": -2.5e-4}, r"step = -0\.00025: must be greater than 0"),
-    ],
-)
-def test_what_free_parameters_cannot_be_is_refused_as_in_the_model(case, parameters, said):
-    run = ran(case)
-    with pytest.raises(InvalidParameter, match=said):
-        type(run.member.model)(run.part.config).initialise(run.part.parameters | parameters)
-    with Component(native(case), "part") as component, pytest.raises(ComponentFailed, match=said):
-        component.initialise(run.part.parameters | parameters)
-
-
-def test_choices_are_refused_by_what_there_is():
-    said = r"mode = 'fast': must be one of speed, torque, controller"
-    with Component(native(DRIVE), "part") as component, pytest.raises(ComponentFailed, match=said):
-        component.initialise({"mode": "fast"})
-
-
-@pytest.mark.parametrize("links", TRACKS)
-def test_one_file_serves_both_sides(links):
-    """One FMU serves both sides of a vehicle: tracks differ by lateral place, drives by speed."""
-    parts = {part.name: part for part in assemble(placed(load("turn", links))).parts}
-    for name in ("track", "drive"):
-        left, right = (parts[f"{side}_{name}"] for side in ("left", "right"))
-        assert left.parameters != right.parameters
-        one, other = (with_constants(part.kind, part.config, part.parameters) for part in (left, right))
-        assert one == other
 
 
 def test_a_wrong_guid_is_refused():

@@ -1,7 +1,8 @@
-"""Sprocket drive: exact profiles and spins, third law, gyroscopic moment, energy, order, errors."""
+"""Sprocket drive: exact profiles and spins, order, start, errors."""
 
 import numpy as np
 import pytest
+from drive_probe import MODES, PLACE, RAMP, J, Probe, half_cosine, turning
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
@@ -9,51 +10,6 @@ from fmus.drives.motor import speed_profile, speed_profile_slope
 from fmus.drives.mount import WIDTH
 from fmus.drives.shaft import ANGLE, INTEGRATED, RATE, integrate_spin
 from fmus.model import InvalidParameter, StepFailed
-from fmus.sprocket_drive.model import Model
-
-J = 13.87
-PLACE = (0.0, 1.0795, 0.0)
-RAMP = {"speed.end": 20.0, "ramp.start": 2.0, "ramp.end": 6.0}
-
-
-class Probe:
-    """A drive whose variables are read by name; its mount is unconnected until ``mount`` is set."""
-
-    def __init__(self, inertia=J, **parameters):
-        self.model = Model({"drive": {"inertia": inertia, "mount": list(PLACE)}})
-        real = [port for port in self.model.ports if isinstance(port.start, float) and port.causality != "parameter"]
-        inputs = [port for port in real if port.causality == "input"]
-        self.u, self.t = np.array([port.start for port in inputs]), 0.0
-        self.names = [port.name for port in real if port.causality == "output"]
-        self.y = np.zeros(len(self.names))
-        self.model.initialise(parameters)
-
-    def __getitem__(self, name):
-        self.model.outputs(self.y)
-        if name in self.names:
-            return self.y[self.names.index(name)]
-        parts = "wxyz" if name.endswith("orientation") else "xyz"
-        return np.array([self.y[self.names.index(f"{name}.{part}")] for part in parts])
-
-    @property
-    def axis(self):
-        """Lateral axis of the sprocket in the world frame."""
-        return Rotation.from_quat(self["sprocket.orientation"], scalar_first=True).apply([0, 1, 0])
-
-    def step(self, h, chain=(0, 0, 0), force=(0, 0, 0), mount=None):
-        """Make one step; mount(t) gives position, Rotation, velocity, angular velocity."""
-        if mount is not None:
-            position, rotation, velocity, omega = mount(self.t)
-            self.u[:13] = *position, *rotation.as_quat(scalar_first=True), *velocity, *omega
-        self.u[13:] = *force, *chain
-        self.model.step(self.t, h, self.u)
-        self.t += h
-        return self
-
-    def run(self, duration, h=1e-3, **inputs):
-        for _ in range(round(duration / h)):
-            self.step(h, **inputs)
-        return self
 
 
 @pytest.mark.parametrize("t", [1.0, 2.5, 4.0, 5.9, 6.5, 7.001, 7.02, 7.04, 7.1])
@@ -71,22 +27,7 @@ def test_angle_speed_and_slope_of_a_profile_are_derivatives(t):
         assert speed_profile_slope(p._replace(stop_time=0.0515), t) != pytest.approx(speed_profile_slope(p, t), abs=0.5)
 
 
-def turning(omega, velocity=(0.0, 0.0, 0.0), start=(0.2, -0.1, 0.4)):
-    """Return a mount that turns at a constant world rate and moves at a constant velocity."""
-    omega, velocity = np.asarray(omega), np.asarray(velocity)
-
-    def mount(t):
-        rotation = Rotation.from_rotvec(omega * t) * Rotation.from_rotvec(start)
-        return np.array(PLACE) + velocity * t, rotation, velocity, omega
-
-    return mount
-
-
 # --- exact solutions ---
-
-
-def half_cosine(t):
-    return 20.0 * 0.5 * (1 - np.cos(np.pi * np.clip((t - 2.0) / 4.0, 0.0, 1.0)))
 
 
 @pytest.mark.parametrize("h", [1e-3, 0.1, 0.7])
@@ -224,109 +165,6 @@ def test_spin_converges_at_order_four(mode):
     assert np.all(np.abs(slopes - 4.0) < 0.25), slopes
 
 
-# --- momentum and energy across the ports ---
-
-MODES = {
-    "speed": {"mode": "speed", "speed.start": 3.0, "speed.end": 20.0, "ramp.start": 0.02, "ramp.end": 0.3},
-    "torque": {"mode": "torque", "speed.start": 3.0, "torque.drive": 700.0, "brake.torque": 200.0},
-    "controller": {"mode": "controller", "speed.start": 3.0, "speed.end": 9.0, "brake.torque": 200.0},
-}
-
-
-@pytest.mark.parametrize("extrapolation", ["velocity", "acceleration"])
-@pytest.mark.parametrize("mode", MODES)
-def test_third_law(mode, extrapolation):
-    """Impulse of the chain less impulse to the mount = change of J Omega a, to rounding, in any motion."""
-    rng, h = np.random.default_rng(1), 1e-3
-    probe = Probe(**MODES[mode], extrapolation=extrapolation)
-
-    def mount(t):
-        """Motion with random rates that do not match its poses."""
-        turn = Rotation.from_rotvec([0.3 * np.sin(9 * t), 0.5 * t, 0.2 * np.cos(7 * t)])
-        return rng.normal(size=3), turn, rng.normal(size=3), rng.normal(size=3)
-
-    def momentum():
-        w = probe["sprocket.angular_velocity"]
-        return J * (w @ probe.axis) * probe.axis
-
-    probe.step(h, mount=mount, chain=rng.normal(size=3))
-    before, kept, size = momentum(), np.zeros(3), 0.0
-    for _ in range(200):
-        torque, force = 5e3 * rng.normal(size=3), 1e4 * rng.normal(size=3)
-        probe.step(h, mount=mount, chain=torque, force=force)
-        assert np.array_equal(probe["mount.force"], force)
-        kept += (torque - probe["mount.torque"]) * h
-        size += np.linalg.norm(torque) * h
-    assert np.allclose(kept, momentum() - before, rtol=0, atol=1e-11 * size)
-    assert not np.allclose(kept, 1.02 * momentum() - before, rtol=0, atol=1e-3)
-
-
-def test_gyroscopic_moment_of_a_turning_mount():
-    """A turning mount gets the mean moment -d(J Omega a)/dt of each step; a yawing one J Omega psi'."""
-    psi, omega, h = 0.4, 12.0, 1e-3
-    probe = Probe(mode="speed", **{"speed.start": omega, "speed.end": omega})
-    mount = turning([0, 0, psi], start=(0, 0, 0))
-    probe.run(0.5, h, mount=mount)
-    axes = [mount(t)[1].apply([0, 1, 0]) for t in (probe.t - h, probe.t)]
-    assert np.allclose(probe["mount.torque"], -J * omega * (axes[1] - axes[0]) / h, rtol=0, atol=1e-9)
-    assert np.linalg.norm(probe["mount.torque"]) == pytest.approx(J * omega * psi, rel=1e-6)
-    assert np.linalg.norm(probe["mount.torque"]) != pytest.approx(1.02 * J * omega * psi, rel=1e-2)
-    # turning left, a wheel that rolls forward presses the right side of the mount down
-    assert mount(probe.t)[1].inv().apply(probe["mount.torque"])[0] > 0
-
-
-@pytest.mark.parametrize("mode", MODES)
-def test_ledger_closes_on_a_turning_mount(mode):
-    probe = Probe(**MODES[mode])
-    mount = turning([0.3, -0.5, 0.8], velocity=(1.0, 0.2, 0.0))
-    probe.step(1e-3, mount=mount)
-
-    def residual(inertia=1.0):
-        return (
-            probe["energy.work"] + probe["port.work"] - probe["energy.dissipated"] - inertia * probe["energy.kinetic"]
-        )
-
-    before, heavier = residual(), residual(1.02)
-    probe.run(0.3, mount=mount, chain=(40.0, -350.0, 90.0))
-    size = abs(probe["energy.work"]) + abs(probe["port.work"])
-    assert size > 500
-    assert abs(residual() - before) < 1e-6 * size
-    assert abs(residual(1.02) - heavier) > 1e-5 * size
-
-
-def test_the_sprocket_rides_on_its_mount():
-    probe = Probe(**MODES["speed"], **{"start.angle": -0.2})
-    mount = turning([0.3, -0.5, 0.8], velocity=(1.0, 0.2, 0.0))
-    probe.run(0.4, mount=mount)
-    position, rotation, velocity, omega = mount(probe.t)
-    lateral = rotation.apply([0, 1, 0])
-    pose = rotation * Rotation.from_rotvec([0, probe["angle"], 0])
-    assert np.allclose(probe["sprocket.position"], position, rtol=0, atol=1e-12)
-    assert np.allclose(probe["sprocket.velocity"], velocity, rtol=0, atol=1e-12)
-    assert np.allclose(
-        Rotation.from_quat(probe["sprocket.orientation"], scalar_first=True).as_matrix(),
-        pose.as_matrix(),
-        atol=1e-11,
-    )
-    assert np.allclose(probe["sprocket.angular_velocity"], omega + probe["speed"] * lateral, rtol=0, atol=1e-11)
-
-
-def test_acceleration_extrapolation_removes_the_lag():
-    def braking(t):
-        v = np.array([5.0 - 3.0 * t, 0, 0])
-        return np.array([5 * t - 1.5 * t * t, *PLACE[1:]]), Rotation.identity(), v, np.zeros(3)
-
-    errors = {}
-    for extrapolation in ("velocity", "acceleration"):
-        probe = Probe(extrapolation=extrapolation).run(0.1, 1e-2, mount=braking)
-        errors[extrapolation] = (
-            abs(probe["sprocket.position"][0] - braking(probe.t)[0][0]),
-            abs(probe["sprocket.velocity"][0] - braking(probe.t)[2][0]),
-        )
-    assert errors["velocity"] == pytest.approx((1.5e-4, 3e-2), rel=1e-6)
-    assert max(errors["acceleration"]) < 1e-12
-
-
 # --- start and manners ---
 
 POSE = {"start.heading": 0.7, "start.position.x": 3.0, "start.position.z": 0.5}
@@ -448,101 +286,3 @@ def test_a_jump_of_the_clock_is_no_jump_of_the_speed():
     assert probe["torque"] == pytest.approx(J * np.diff(half_cosine(np.array([5.0, 5.001])))[0] / 1e-3, rel=1e-9)
     assert probe.model.state[RATE] == pytest.approx(half_cosine(5.001))
     assert probe.model.state[ANGLE] < 0.1
-
-
-# ------------------------------------------------------------------ points over time
-
-POINTS = "0.5 0; 1.5 8; 2.25 -4; 3 -4"
-
-
-def test_speed_and_angle_of_points_are_exact_at_any_step():
-    """Speed and angle of points are exact at any step; a point that is 0.01 s later shows.
-
-    The exact areas are triangles and trapezoids.
-    """
-    areas = {1.0: 1.0, 1.5: 4.0, 2.0: 6.0, 3.5: 6.0 - 0.5 - 5.0}
-    speeds = {1.0: 4.0, 1.5: 8.0, 2.0: 0.0, 3.5: -4.0}
-    for h in (1e-3, 0.05, 0.25, 0.5):
-        for time, area in areas.items():
-            probe = Probe(**{"speed.points": POINTS}).run(time, h)
-            assert probe["speed"] == pytest.approx(speeds[time], abs=1e-11)
-            assert probe["angle"] == pytest.approx(area, abs=1e-11)
-    twin = Probe(**{"speed.points": POINTS.replace("1.5", "1.51")}).run(2.0)
-    assert abs(twin["angle"] - areas[2.0]) > 1e-2
-
-
-def test_points_on_a_ramp_turn_as_the_ramp_does():
-    times = np.linspace(2.0, 6.0, 401)
-    points = "; ".join(f"{t!r} {v!r}" for t, v in zip(times.tolist(), half_cosine(times).tolist(), strict=True))
-    probe, ramp = Probe(**{"speed.points": points}), Probe(**RAMP)
-    for time in (3.0, 5.0, 7.0):
-        assert probe.run(time - probe.t)["angle"] == pytest.approx(ramp.run(time - ramp.t)["angle"], rel=1e-4)
-        assert probe["energy.work"] == pytest.approx(ramp["energy.work"], rel=1e-4)
-
-
-def test_torque_and_brake_of_points():
-    """Torque that rises linearly gives a parabola of speed; a brake given by points stops the sprocket."""
-    probe = Probe(mode="torque", **{"torque.points": "0 0; 1 300; 1.001 0"}).run(1.0)
-    assert probe["speed"] == pytest.approx(150.0 / J, rel=1e-9)
-    assert probe["energy.work"] == pytest.approx(0.5 * J * (150.0 / J) ** 2, rel=1e-9)
-    braked = Probe(mode="torque", **{"speed.start": 4.0, "brake.points": "0 0; 1 0; 1.001 500"}).run(1.0)
-    assert braked["speed"] == pytest.approx(4.0, abs=1e-12)
-    assert abs(braked.run(1.0)["speed"]) < 1e-3
-
-
-@pytest.mark.parametrize(
-    ("given", "sentence"),
-    [
-        ({"speed.points": "1 2; 1 3"}, "its times must rise"),
-        ({"speed.points": "1 2 3"}, "must be 'time value; time value; ...'"),
-        ({"speed.points": "fast"}, "must be 'time value; time value; ...'"),
-        ({"torque.points": "0 nan"}, "must be finite numbers"),
-        ({"brake.points": "0 -1"}, "must not be negative"),
-        ({"speed.points": POINTS, "stop.start": 9.0}, "exclude each other"),
-    ],
-)
-def test_points_that_are_none_are_a_sentence(given, sentence):
-    with pytest.raises(InvalidParameter, match=sentence):
-        Probe(**given)
-
-
-@pytest.mark.parametrize(("ratio", "agrees"), [(4.0, True), (4.1, False)])
-def test_an_engine_with_a_falling_curve_takes_the_sprocket_to_its_speed(ratio, agrees):
-    """An engine with a linearly falling curve has the closed form w = w0/r (1 - exp(-t/tau)).
-
-    T = r T0 (1 - r w / w0) and tau = J w0 / (r^2 T0).
-    """
-    full, top = 200.0, 100.0
-    probe = Probe(
-        mode="torque", **{"torque.drive": 1e6, "engine.points": f"0 {full}; {top} 0", "gear.ratio": ratio}
-    ).run(0.3)
-    tau = J * top / (16.0 * full)
-    speed = top / 4.0 * (1.0 - np.exp(-0.3 / tau))
-    assert (abs(probe["speed"] / speed - 1.0) < 1e-6) == agrees
-    backwards = Probe(
-        mode="torque", **{"torque.drive": -1e6, "engine.points": f"0 {full}; {top} 0", "gear.ratio": ratio}
-    ).run(0.3)
-    assert backwards["speed"] == -probe["speed"]
-    assert probe["power"] == pytest.approx(probe["torque"] * probe["speed"], rel=2e-3)
-
-
-def test_a_controller_has_no_more_than_its_engine():
-    engine = {"engine.points": "0 50; 40 50; 80 0", "gear.ratio": 2.0}
-    profile_ = {"speed.end": 30.0, "ramp.end": 0.01}
-    probe = Probe(mode="controller", **profile_, **engine).run(1.0)
-    assert probe["torque"] == pytest.approx(100.0, rel=1e-9)  # w < 20 rad/s: the constant part
-    assert probe["speed"] == pytest.approx(100.0 / J, rel=1e-3)
-    assert Probe(mode="controller", **profile_).run(1.0)["speed"] > 2.0 * probe["speed"]
-
-
-@pytest.mark.parametrize(
-    ("parameters", "said"),
-    [
-        ({"engine.points": "0 5"}, "engine.points needs mode 'torque' or 'controller'"),
-        ({"engine.points": "0 -5", "mode": "torque"}, "engine.points = '0 -5' must not be negative"),
-        ({"gear.ratio": 0.0}, "gear.ratio = 0: must be greater than 0"),
-    ],
-)
-def test_an_engine_that_cannot_be_is_refused(parameters, said):
-    with pytest.raises(InvalidParameter, match=said):
-        Probe(**parameters)

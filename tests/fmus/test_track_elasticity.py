@@ -200,7 +200,7 @@ def test_a_soft_chain_finds_the_equilibrium_of_the_library(elasticity):
     model = hanging(links=n, elasticity=elasticity, **SOFT)
     start = hanging(links=n, elasticity=other, **SOFT)
     assert abs(model.s.q[:, :3] - start.s.q[:, :3]).max() > 1e-3
-    found = coordinates(model)
+    equilibrium = coordinates(model)
     part = mesh.Member(LIBRARY[elasticity], model.link.element, coordinates(start))
     ties = [mesh.Tie((k, 1), (k + 1, 0), joints.pin_cable([0, 1, 0])) for k in range(n - 1)]
     held = [mesh.Support((0, 0), joints.held(2)), mesh.Support((n - 1, 1), joints.held(2))]
@@ -209,7 +209,7 @@ def test_a_soft_chain_finds_the_equilibrium_of_the_library(elasticity):
     solution = statics.newton(whole, whole.start(), 1.0, 1e-11, 40)
     assert solution is not None
     e = whole.split(whole.coordinates(solution[0]))[0]
-    assert abs(e[:, [0, 2]] - found[:, [0, 2]]).max() < 1e-8
+    assert abs(e[:, [0, 2]] - equilibrium[:, [0, 2]]).max() < 1e-8
     assert model.report[STRAIN] == pytest.approx(whole.energy(solution[0]), rel=1e-8)
 
 
@@ -251,7 +251,7 @@ def test_stress_of_a_bent_link(elasticity):
 @pytest.mark.study  # a minute of compilation: contacts with links of another elasticity
 def test_a_closed_track_settles_on_its_wheels():
     """A closed track of steel has the same tensions with every elasticity and stays at rest on its wheels."""
-    found = {}
+    outputs = {}
     for name in ELASTICITIES:
         model = carrier(elasticity=name)
         first, u = model.s.q.copy(), at_rest(model)
@@ -259,15 +259,15 @@ def test_a_closed_track_settles_on_its_wheels():
             model.step(k * 1e-3, 1e-3, u)
         assert abs(model.s.v).max() < 1e-6
         assert abs(model.s.q - first).max() < 1e-8
-        found[name] = np.zeros(model.link_ports)
-        model.link_outputs(found[name])
-    tensions = {name: y[:LINKS] for name, y in found.items()}
+        outputs[name] = np.zeros(model.link_ports)
+        model.link_outputs(outputs[name])
+    tensions = {name: y[:LINKS] for name, y in outputs.items()}
     scale = tensions["small_deformation"].max()
     assert scale > 1e3
     for name in ("general", "engineering"):
         np.testing.assert_allclose(tensions[name], tensions["small_deformation"], atol=1e-4 * scale)
         np.testing.assert_allclose(
-            found[name][LINKS : 2 * LINKS], found["small_deformation"][LINKS : 2 * LINKS], rtol=2e-2, atol=1e5
+            outputs[name][LINKS : 2 * LINKS], outputs["small_deformation"][LINKS : 2 * LINKS], rtol=2e-2, atol=1e5
         )
 
 

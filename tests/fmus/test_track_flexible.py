@@ -231,11 +231,11 @@ def test_order_of_the_integrators(swinging, integrator, order, steps):
 
 @pytest.mark.long
 def test_adams_keeps_tolerances_with_fewer_evaluations_than_runge_kutta(swinging):
-    found = {}
+    errors = {}
     for tolerance in (1e-5, 1e-7, 1e-9):
         error, counters = swinging("adams", 1.0, **{"adams.rtol": tolerance, "adams.atol": tolerance})
-        found[tolerance] = error
-        assert 1e-5 * tolerance < error < 1e-2 * tolerance, found  # errors of positions; the velocities limit the steps
+        errors[tolerance] = error
+        assert 1e-5 * tolerance < error < 1e-2 * tolerance, errors  # errors of positions; velocities limit the steps
         assert counters[EVALUATIONS] == 2 * counters[STEPS] + counters[REJECTED] + 10, "it restarts at each step"
     other, equal = swinging("runge_kutta", 2.5e-4)
     assert error < other
@@ -274,13 +274,13 @@ def test_a_chain_let_go_carries_the_tension_of_that_instant(monkeypatch):
 
 @pytest.mark.long
 def test_explicit_and_implicit_agree():
-    found = []
+    positions = []
     for integrator, step in (("generalized_alpha", 2e-5), ("runge_kutta", 1.0)):
         model = hanging(links=16, start="displaced", integrator=integrator, step=step)
         for k in range(20):
             model.step(k * 1e-3, 1e-3, np.zeros(0))
-        found.append(model.s.q[:, :3].copy())
-    assert np.abs(found[0] - found[1]).max() < 1e-6
+        positions.append(model.s.q[:, :3].copy())
+    assert np.abs(positions[0] - positions[1]).max() < 1e-6
 
 
 def test_any_place_and_heading_is_the_same():

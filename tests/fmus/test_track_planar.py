@@ -39,13 +39,13 @@ def bent() -> tuple[np.ndarray, np.ndarray]:
 
 def forces(c: cable.Cable, e: np.ndarray, v: np.ndarray) -> tuple:
     """Force, matrix, power, energy and end moments of the cable and of the planar cable."""
-    found = []
+    results = []
     for axes in ([0, 1, 2], XZ):
         n, one = len(axes), c._replace(axes=tuple(axes))
         p, u, Q, K = e[:, axes].copy(), v[:, axes].copy(), np.zeros((4, n)), np.zeros((4 * n, 4 * n))
         cable.tangent(one, p, u, 2e3, K)
-        found.append((Q, K, cable.force(one, p, u, Q), cable.energy(one, p), cable.end_moments(one, p)))
-    return tuple(found)
+        results.append((Q, K, cable.force(one, p, u, Q), cable.energy(one, p), cable.end_moments(one, p)))
+    return tuple(results)
 
 
 def test_the_element_is_the_cable_in_its_plane():

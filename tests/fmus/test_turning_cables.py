@@ -88,8 +88,8 @@ def test_the_border_is_what_a_turn_of_the_axes_does(by):
     columns, rows, corner = border_of(model)
     assert model.work.touched.sum() > 20
     at = coordinate_indices(model.kit, model.s.q, 4, model.links_count).reshape(model.links_count, -1)
-    found = [differences(lambda d, e=e: residual(model, d * np.array(e), by), step) for e in ((1, 0, 0), (0, 0, 1))]
-    for c, (residuals, moments) in enumerate(found):
+    slopes = [differences(lambda d, e=e: residual(model, d * np.array(e), by), step) for e in ((1, 0, 0), (0, 0, 1))]
+    for c, (residuals, moments) in enumerate(slopes):
         at_pins = np.zeros_like(model.s.q)
         np.add.at(at_pins.ravel(), at, residuals)
         for by_turn, known in ((at_pins, columns[..., c]), (moments, corner[:, c])):
@@ -146,11 +146,11 @@ def test_what_turns_as_a_whole_is_not_loaded_by_turning():
     w.wheels[:, 3:6] += np.cross(rate, w.wheels[:, :3])
     w.wheels[:, 6:9] += rate
     model.evaluate(Motion(model.s.q, w.still, w.still, axes), BY)
-    found = w.R.reshape(len(w.R), -1) - still
+    forces = w.R.reshape(len(w.R), -1) - still
     for i in range(model.links_count):
         model.kit.coordinates(model.s.q, i, (i + 1) % model.nodes, w.e)
         towards = np.cross(rate, np.cross(rate, w.e))
-        assert found[i] == pytest.approx((w.M @ towards).ravel(), abs=1e-8)
+        assert forces[i] == pytest.approx((w.M @ towards).ravel(), abs=1e-8)
 
 
 def driven(model, h, spin, steps):
@@ -353,7 +353,7 @@ def test_both_integrators_turn_a_chain_on_its_wheels_alike():
 @pytest.mark.study
 def test_free_axes_and_fixed_ones_are_the_same_straight_on():
     """Free and fixed axes agree straight on, on wheels that roll and rise; 1 % more speed shows."""
-    found = []
+    runs = []
     for axes, speed in (("fixed", 0.5), ("free", 0.5), ("free", 0.505)):
         soft = {"integrator": EXPLICIT, "material.youngs_modulus": 2e9, "step": 1e-5}
         model = test_track_flexible.carrier(axes=axes, **soft)
@@ -363,11 +363,11 @@ def test_free_axes_and_fixed_ones_are_the_same_straight_on():
             u[13 * k + 11] = 3.0 if wheel["kind"] == "teeth" else 1.0
         for k in range(5):
             model.step(k * 2e-3, 2e-3, u)
-        found.append((model.pins(), model.s.mean.copy()))
+        runs.append((model.pins(), model.s.mean.copy()))
     assert model.s.axes[ORIGIN] > 1e-3
     for shown, rounding in ((0, 1e-12), (1, 1e-6)):
-        assert np.abs(found[1][shown] - found[0][shown]).max() < rounding
-        assert np.abs(found[2][shown] - found[0][shown]).max() > 1e3 * rounding
+        assert np.abs(runs[1][shown] - runs[0][shown]).max() < rounding
+        assert np.abs(runs[2][shown] - runs[0][shown]).max() > 1e3 * rounding
 
 
 @pytest.mark.parametrize(

@@ -134,16 +134,16 @@ def test_factors_of_an_error_are_those_of_the_generating_function():
 
 
 def test_error_follows_the_tolerance_in_few_evaluations():
-    found = {}
+    results = {}
     for tolerance in 10.0 ** -np.arange(4, 13, 2):
         m = run(oscillators, START, END, tolerance)
-        found[tolerance] = abs(m.x - EXACT).max(), int(m.counts[EVALUATIONS])
+        results[tolerance] = abs(m.x - EXACT).max(), int(m.counts[EVALUATIONS])
         assert m.counts[EVALUATIONS] == 2 * m.counts[STEPS] + m.counts[REJECTED] + 1
         assert m.counts[RESTARTS] == 1
-    for tolerance, (error, _) in found.items():
-        assert error < 500.0 * tolerance, found
-    assert all(fine < 0.1 * coarse for (coarse, _), (fine, _) in pairwise(found.values())), found
-    evaluations = [count for _, count in found.values()]
+    for tolerance, (error, _) in results.items():
+        assert error < 500.0 * tolerance, results
+    assert all(fine < 0.1 * coarse for (coarse, _), (fine, _) in pairwise(results.values())), results
+    evaluations = [count for _, count in results.values()]
     assert evaluations == sorted(evaluations)
     assert evaluations[-1] < 5 * evaluations[0], "eight digits more for five times the evaluations"
     assert m.counts[ORDERS] / m.counts[STEPS] > 8.0

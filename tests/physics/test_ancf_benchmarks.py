@@ -114,9 +114,9 @@ def test_poissons_ratio_without_a_cure_converges_to_a_stiffer_beam():
     stiffer = 0.7 / (1.3 * 0.4)
     assert stiffer == pytest.approx(1.346, abs=5e-4)
     for alpha in TIP:
-        found = deflection(beam, 64, alpha, 100, nu=0.3, split=False)
-        assert found == pytest.approx(elastica(alpha / stiffer), rel=2e-3)
-        assert found < 0.96 * TIP[alpha]
+        tip_deflection = deflection(beam, 64, alpha, 100, nu=0.3, split=False)
+        assert tip_deflection == pytest.approx(elastica(alpha / stiffer), rel=2e-3)
+        assert tip_deflection < 0.96 * TIP[alpha]
     small = deflection(beam, 64, 0.01, 100, nu=0.3, split=False) / elastica(0.01)
     assert small == pytest.approx(1 / stiffer, rel=2e-3)
 
@@ -249,18 +249,18 @@ def last(motion):
 def test_the_rotating_cable(kind):
     mesh, q, v = rotating(kind)
     total = mesh.energy(q) + mesh.kinetic(v)
-    found, steps = [], 2500
+    tips, steps = [], 2500
     for t, p, _ in dynamics.runge_kutta(mesh, q, v, 1.0 / steps, steps):
         if round(t * steps) in (steps // 5, steps // 2, steps):
-            found.append(mesh.end(p, (3, 1))[0].copy())
+            tips.append(mesh.end(p, (3, 1))[0].copy())
     expected, tolerance = TIPS[kind]
-    np.testing.assert_allclose(found, expected, atol=tolerance)
+    np.testing.assert_allclose(tips, expected, atol=tolerance)
     end = last(dynamics.runge_kutta(mesh, q, v, 1.0 / steps, steps // 5))
     work = mesh.applied(q) @ (end[1] - q)
     assert mesh.energy(end[1]) + mesh.kinetic(end[2]) == pytest.approx(total + work, rel=1e-6)
     softer, q, v = rotating(kind, stiffer=0.97)
     other = softer.end(last(dynamics.runge_kutta(softer, q, v, 1.0 / steps, steps // 5))[1], (3, 1))[0]
-    assert abs(other - found[0]).max() > 10 * tolerance
+    assert abs(other - tips[0]).max() > 10 * tolerance
 
 
 @pytest.mark.long
@@ -279,8 +279,8 @@ def test_integrators_keep_their_orders():
 @pytest.mark.long
 def test_generalised_alpha_reaches_the_same_tip():
     mesh, q, v = rotating(cable_general)
-    found = mesh.end(last(dynamics.generalized_alpha(mesh, q, v, 1e-3, 200, radius=1.0))[1], (3, 1))[0]
-    np.testing.assert_allclose(found, TIPS[cable_general][0][0], atol=3e-4)
+    tip = mesh.end(last(dynamics.generalized_alpha(mesh, q, v, 1e-3, 200, radius=1.0))[1], (3, 1))[0]
+    np.testing.assert_allclose(tip, TIPS[cable_general][0][0], atol=3e-4)
 
 
 @pytest.mark.long

@@ -94,23 +94,23 @@ def slope(f, e):
 def test_force_is_the_gradient_of_the_energy(element):
     kind, c = element
     e = bent(kind, c)
-    found = force(kind, c, e).ravel()
+    internal_force = force(kind, c, e).ravel()
     numeric = slope(lambda x: kind.energy(c, x), e)
-    assert abs(found - numeric).max() < 1e-7 * abs(found).max()
+    assert abs(internal_force - numeric).max() < 1e-7 * abs(internal_force).max()
     stiffer = c._replace(E=1.03 * c.E) if kind is beam else c._replace(EA=1.03 * c.EA)
-    assert abs(force(kind, stiffer, e).ravel() - numeric).max() > 1e-3 * abs(found).max()
+    assert abs(force(kind, stiffer, e).ravel() - numeric).max() > 1e-3 * abs(internal_force).max()
 
 
 @pytest.mark.long
 def test_tangent_is_the_derivative_of_the_force(element):
     kind, c = element
     e = bent(kind, c)
-    found = tangent(kind, c, e)
+    stiffness = tangent(kind, c, e)
     numeric = slope(lambda x: force(kind, c, x).ravel(), e)
-    assert abs(found - numeric).max() < 1e-7 * abs(found).max()
-    assert abs(found - found.T).max() < 1e-13 * abs(found).max()
+    assert abs(stiffness - numeric).max() < 1e-7 * abs(stiffness).max()
+    assert abs(stiffness - stiffness.T).max() < 1e-13 * abs(stiffness).max()
     stiffer = c._replace(E=1.03 * c.E) if kind is beam else c._replace(EI=1.03 * c.EI)
-    assert abs(tangent(kind, stiffer, e) - numeric).max() > 1e-6 * abs(found).max()
+    assert abs(tangent(kind, stiffer, e) - numeric).max() > 1e-6 * abs(stiffness).max()
 
 
 def test_rigid_motion_strains_and_damps_nothing(element):

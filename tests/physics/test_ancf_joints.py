@@ -231,8 +231,8 @@ def frame_tip(kind, n, stiffer=1.0, h=0.05, rigid=100.0):
     mesh = mesh.loaded(loads.point_force(mesh, (2 * n - 1, 1), [P, 0, P]))
     if kind is beam and rigid:
         mesh = mesh.sprung(corners.block(mesh, (n - 1, 1), h**3, rigid * E))
-    found = statics.equilibrium(mesh, mesh.start(), steps=1, tolerance=1e-11)
-    u = mesh.end(found, (2 * n - 1, 1))[0] - [L1, 0, L2]
+    q = statics.equilibrium(mesh, mesh.start(), steps=1, tolerance=1e-11)
+    u = mesh.end(q, (2 * n - 1, 1))[0] - [L1, 0, L2]
     EI, EA = E * inertia, E * A
     # the force P along x bends the column and turns the corner; along z it bends the first member
     corner_turn = P * L2 * L1 / EI - P * L1**2 / (2 * EI)  # by the moment P L2 and by the force P along z, about +y

@@ -93,9 +93,11 @@ def test_stretch_is_the_length_of_the_gradient():
 def test_bending_strains_linearly_across_the_section():
     """Bending (figure 8 b) is 0 on the axis and z theta / l beside it: r_z turns by theta over the length."""
     pair, theta = moved("bending", AXES["y"], size=1e-4), 1e-4
-    found = np.array([modes.at_joint(pair, L, z=z)[1][0, 0] for z in (-0.02, -0.01, 0.0, 0.01, 0.02)])
-    assert abs(found[2]) < 1e-16
-    np.testing.assert_allclose(found, -np.array([-0.02, -0.01, 0.0, 0.01, 0.02]) * theta / L, rtol=1e-4, atol=1e-12)
+    axial_strains = np.array([modes.at_joint(pair, L, z=z)[1][0, 0] for z in (-0.02, -0.01, 0.0, 0.01, 0.02)])
+    assert abs(axial_strains[2]) < 1e-16
+    np.testing.assert_allclose(
+        axial_strains, -np.array([-0.02, -0.01, 0.0, 0.01, 0.02]) * theta / L, rtol=1e-4, atol=1e-12
+    )
     assert np.abs(modes.at_joint(pair, L, z=0.02)[0]).max() < 1e-16  # the other element has no strain
     # relative to the line between the nodes: the gradient turns by theta, the chord stays
     assert pair[1, 1, 2] == pytest.approx(-theta, rel=1e-6)

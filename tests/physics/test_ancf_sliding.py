@@ -250,8 +250,8 @@ def minimal(b, r, s, times):
 
     rate, _ = sliding.rates(b, r, s)
     z = np.concatenate([s.X[kept].ravel(), s.w, s.V[kept].ravel(), rate])
-    found = solve_ivp(motion, (0.0, times[-1]), z, "DOP853", times, rtol=1e-9, atol=1e-11).y.T
-    return found[:, : 3 * n].reshape(-1, n, 3), found[:, 3 * n], kept
+    solution = solve_ivp(motion, (0.0, times[-1]), z, "DOP853", times, rtol=1e-9, atol=1e-11).y.T
+    return solution[:, : 3 * n].reshape(-1, n, 3), solution[:, 3 * n], kept
 
 
 @pytest.mark.long

@@ -76,9 +76,9 @@ def test_transverse_shear_keeps_its_own_factor(across, cure):
         mesh = cantilever(L, b, h, 32, factor, cure, shear)
         return tip(mesh, lambda mesh, end: loads.point_force(mesh, end, force))[0, across]
 
-    found = deflection(0.04)
-    assert found == pytest.approx(expected, rel=1e-3)
-    assert deflection(0.8) == pytest.approx(found, rel=1e-9)
+    tip_deflection = deflection(0.04)
+    assert tip_deflection == pytest.approx(expected, rel=1e-3)
+    assert deflection(0.8) == pytest.approx(tip_deflection, rel=1e-9)
     assert deflection(0.04, shear=1.03 * SHEAR) != pytest.approx(expected, rel=1e-3)
 
 
@@ -107,9 +107,9 @@ def exact_rod(length, stiff, bend, F, arm):
 
     M = np.zeros(3)
     for share in (0.3, 0.6, 1.0):
-        found = root(excess, M, (share * F,), tol=1e-9)
-        assert found.success
-        M = found.x
+        solution = root(excess, M, (share * F,), tol=1e-9)
+        assert solution.success
+        M = solution.x
     return end(M, F)
 
 
@@ -141,9 +141,9 @@ def test_a_beam_loaded_askew_bends_as_an_exact_rod(b, h, L, load, arm, twins):
         r, R = exact_rod(L, np.array(stiff), np.array(bend), F, arm)
         moved = np.linalg.norm(r - [L, 0, 0])
         assert 0.3 * L < moved < 0.6 * L
-        return max(np.linalg.norm(found[0] - r) / moved, abs(found[2:].T - R[:, 1:]).max())
+        return max(np.linalg.norm(tip_coordinates[0] - r) / moved, abs(tip_coordinates[2:].T - R[:, 1:]).max())
 
-    found = tip(cantilever(L, b, h, 64, torsion.factor(b, h)), askew, steps=6)
+    tip_coordinates = tip(cantilever(L, b, h, 64, torsion.factor(b, h)), askew, steps=6)
     assert off(**rod) < 2e-3
     for name in twins:
         assert off(**rod | {name: 1.03 * rod[name]}) > 2e-3, name

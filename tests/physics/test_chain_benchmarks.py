@@ -72,15 +72,15 @@ def steel_swings(n, cable=STEEL):
         D = chain.blocks()[np.ix_(plane, plane)]
         return int((np.linalg.eigvalsh(0.5 * (D + D.T)) < 0.0).sum())
 
-    found = []
+    frequencies = []
     for k, guess in enumerate(SWINGS):
         low, high = (0.98 * guess) ** 2 * G / (n * P), (1.02 * guess) ** 2 * G / (n * P)
         assert (below(low), below(high)) == (k, k + 1)
         for _ in range(18):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if below(middle) <= k else (low, middle)
-        found.append(np.sqrt(0.5 * (low + high) * n * P / G))
-    return np.array(found)
+        frequencies.append(np.sqrt(0.5 * (low + high) * n * P / G))
+    return np.array(frequencies)
 
 
 @pytest.mark.long
@@ -141,15 +141,15 @@ def test_hoop_strain_of_the_steel_loop():
     """The hoop strain of the steel loop is T / EA to 1/2400, the effect of the polygon."""
     loop = steel_loop()
     tension = float(joint_forces(loop).mean())
-    e, found = np.zeros((4, 3)), []
+    e, strains = np.zeros((4, 3)), []
     for i in range(LINKS):
         gather(loop.s.q, i, (i + 1) % LINKS, e)
-        found.append(cable.strain(loop.links.element, e))
-    assert np.ptp(found) < 1e-13
-    assert np.mean(found) == pytest.approx(tension / STEEL.EA, rel=5e-4)
+        strains.append(cable.strain(loop.links.element, e))
+    assert np.ptp(strains) < 1e-13
+    assert np.mean(strains) == pytest.approx(tension / STEEL.EA, rel=5e-4)
     mean = MASS * RATE**2 * P / 4 * (1 / np.tan(np.pi / LINKS) ** 2 + 1 / 3)
-    assert np.mean(found) == pytest.approx(mean / STEEL.EA, rel=1e-6)
-    assert np.mean(found) != pytest.approx(mean / (1.03 * STEEL.EA), rel=1e-2)
+    assert np.mean(strains) == pytest.approx(mean / STEEL.EA, rel=1e-6)
+    assert np.mean(strains) != pytest.approx(mean / (1.03 * STEEL.EA), rel=1e-2)
     grown = np.linalg.norm(loop.s.q[:, :3], axis=1) / np.linalg.norm(ring(LINKS), axis=1) - 1.0
     np.testing.assert_allclose(grown, tension / STEEL.EA, rtol=5e-4)
 
@@ -301,8 +301,8 @@ def test_drift_of_a_free_chain_over_ten_seconds(kind, cable, integrator, steps, 
     Runge-Kutta of order 4 loses energy at order 5. Rigid links turn about all three axes.
     """
     parts = {} if kind is Rigid else {"cable": cable}
-    found = [drift(free(kind, **parts), h, integrator) for h in steps]
-    lost, turned = np.array([f[0] for f in found]), np.array([f[1].max() for f in found])
+    drifts = [drift(free(kind, **parts), h, integrator) for h in steps]
+    lost, turned = np.array([f[0] for f in drifts]), np.array([f[1].max() for f in drifts])
     if kind is Rigid:
         assert np.all(np.abs(SPIN) > 0.1)  # each axis contributes
     assert np.abs(np.log2(lost[:-1] / lost[1:]) - energy).max() < 0.4, lost
@@ -329,7 +329,7 @@ def test_damped_cables_lose_energy_but_not_angular_momentum():
     """Damped cables lose energy at any step (relaxation time 0.1 ms), but no angular momentum (twin)."""
     tau = 1e-4
     damped = SOFT._replace(nuA=tau * SOFT.EA, nuI=tau * SOFT.EI)
-    found = [drift(free(Flexible, damped), h, "generalized_alpha", 2.0) for h in (2.5e-3, 1.25e-3)]
-    assert found[1][0] > 1e-4
-    assert found[1][0] == pytest.approx(found[0][0], rel=0.5)
-    assert found[1][1][1] < 0.3 * found[0][1][1] < 1e-4
+    drifts = [drift(free(Flexible, damped), h, "generalized_alpha", 2.0) for h in (2.5e-3, 1.25e-3)]
+    assert drifts[1][0] > 1e-4
+    assert drifts[1][0] == pytest.approx(drifts[0][0], rel=0.5)
+    assert drifts[1][1][1] < 0.3 * drifts[0][1][1] < 1e-4

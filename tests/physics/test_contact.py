@@ -1,44 +1,21 @@
-"""Contact laws: derivatives against finite differences, the power balance, and the tooth profile."""
+"""Contacts: derivatives against finite differences, power and work, covered parts of wheels, reactions."""
 
 from __future__ import annotations
 
-from itertools import pairwise
-from typing import get_args
-
 import numpy as np
 import pytest
+from contact_parts import BUMP, LAW, PITCH, TEETH, wheel_row
 from pressed import PointContact, guide, rim, soil, tooth
 
-from fmus.physics.contact.ground import GroundShape, bumpy_ground, surface_depth
-from fmus.physics.contact.laws import LAWS, normal
+from fmus.physics.contact.ground import GroundShape
 from fmus.physics.contact.linear import Linear
-from fmus.physics.contact.teeth import teeth
 from fmus.physics.contact.wheel import covered_part, end_rates_in_space, sink_rate
 from fmus.physics.contact.wheel_kinematics import add_reaction, slip_velocity
-from fmus.physics.point import sharpen
 from fmus.physics.wheels import WIDTH, move
-from fmus.vehicle import ContactLawTable
-
-LAW = Linear(2e6, 5e3, 0.3, 0.05)
-PITCH = 0.1524
-TEETH = teeth(10, PITCH, 0.015, 0.26, 0.004, np.radians(25.0), 0.01)
-
-
-def wheel_row(tilt: float = 0.0) -> np.ndarray:
-    row = np.zeros(WIDTH)
-    row[0:3] = 0.3, 0.02, -0.1
-    row[3:6] = 1.0, 0.1, -0.2
-    row[6:9] = 0.2, 3.0, -0.1
-    row[9:12] = np.array([0.0, np.cos(tilt), np.sin(tilt)])
-    row[12:15] = 1.0, 0.0, 0.0
-    return row
 
 
 def on_ground(x, v, s):
     return soil(LAW, 0.5, GroundShape(0.01), x, v, s)
-
-
-BUMP = bumpy_ground(0.01, 0.4, 0.5, 0.6, 0.8, 0.3)  # from x = 0.4
 
 
 def on_bump(x, v, s):
@@ -168,77 +145,6 @@ def test_work_on_a_contact_is_stored_and_dissipated(law):
     assert left(1.0, 0.97) > 1e-4
 
 
-def assert_no_jump_at_first_touch(law):
-    """The force of a fast approach goes to zero with the depth, however it does."""
-    forces = [normal(law, 1.0, depth, 5.0)[0] for depth in (1e-4, 1e-6, 1e-8, 1e-10)]
-    assert all(deep > shallow > 0.0 for deep, shallow in pairwise(forces))
-    assert forces[-1] < 1e-2 * normal(law, 1.0, 1e-3, 5.0)[0]
-
-
-def test_normal_force_pushes_and_never_pulls():
-    assert normal(LAW, 1.0, 0.005, 0.0)[0] == pytest.approx(2e6 * 0.005)
-    force, _, _, energy = normal(LAW, 1.0, 0.005, -10.0)
-    assert force == 0.0
-    assert energy == pytest.approx(25.0)
-    assert_no_jump_at_first_touch(LAW)
-
-
-def test_every_law_is_a_choice_of_vehicles():
-    assert get_args(ContactLawTable.model_fields["law"].annotation) == tuple(LAWS)
-
-
-@pytest.mark.parametrize("kind", LAWS)
-def test_every_law_pushes_never_pulls_and_knows_its_derivatives(kind):
-    law, h = LAWS[kind](2e6, 5e3, 0.3, 0.05), 1e-7
-    for depth, rate in ((2e-4, 0.1), (8e-4, -0.05), (5e-3, 0.3), (5e-3, -0.3), (2e-2, 1.0)):
-        for share in (1.0, 0.3):
-            force, by_depth, by_rate, energy = normal(law, share, depth, rate)
-            assert force > 0.0
-            assert energy == pytest.approx(0.5 * share * 2e6 * depth**2, rel=1e-14)
-            ahead, behind = (
-                [normal(law, share, depth + a, rate)[0], normal(law, share, depth, rate + a)[0]] for a in (h, -h)
-            )
-            numeric = [(one - other) / (2.0 * h) for one, other in zip(ahead, behind, strict=True)]
-            assert [by_depth, by_rate] == pytest.approx(numeric, rel=1e-5, abs=1e-5 * 2e6)
-            assert [1.03 * by_depth, by_rate] != pytest.approx(numeric, rel=1e-5, abs=1e-5 * 2e6)
-    assert normal(law, 1.0, 5e-3, -1e4)[:3] == (0.0, 0.0, 0.0)
-    assert_no_jump_at_first_touch(law)
-
-
-@pytest.mark.parametrize("kind", LAWS)
-def test_a_bounce_loses_what_its_law_says(kind):
-    """A mass that strikes at 1 m/s loses the work of the force beyond the spring's."""
-    law, mass, h = LAWS[kind](2e6, 5e3, 0.3, 0.05), 18.0, 1e-7
-    depth, rate, lost = 1e-12, 1.0, 0.0
-    while depth > 0.0:
-        force, _, _, _ = normal(law, 1.0, depth, rate)
-        lost += h * (force - law.k * depth) * rate
-        rate -= h * force / mass
-        depth += h * rate
-    assert 0.5 * mass * (1.0 - rate**2) == pytest.approx(lost, rel=2e-3)
-    assert 0.5 * mass * (1.0 - rate**2) != pytest.approx(1.03 * lost, rel=2e-3)
-    assert -0.9 < rate < -0.1
-
-
-def test_hunt_and_crossley_send_a_mass_back_as_they_say():
-    """Hunt-Crossley gives the rebound speed of its closed form: g(v) = v/a - ln(1 + a v)/a^2 at both ends.
-
-    It follows from m v dv = -k x (1 + a v) dx from touch to separation.
-    """
-    law, mass, h, fast = LAWS["hunt_crossley"](2e6, 5e3, 0.3, 0.05), 18.0, 1e-7, 1.0
-    depth, rate = 1e-12, fast
-    while depth > 0.0:
-        rate -= h * normal(law, 1.0, depth, rate)[0] / mass
-        depth += h * rate
-    a = law.c / (law.deep * law.k)
-
-    def g(v: float) -> float:
-        return v / a - np.log1p(a * v) / a**2
-
-    assert g(rate) == pytest.approx(g(fast), rel=1e-4)
-    assert g(1.01 * rate) != pytest.approx(g(fast), rel=1e-4)
-
-
 def test_a_wheel_that_rolls_on_a_flat_feels_no_damper():
     """A wheel that rolls on a flat has no damper force: its penetration rate is that of its centre."""
     row, s = wheel_row(), PointContact()
@@ -278,9 +184,9 @@ def test_ends_of_a_covered_part_creep_as_links_and_wheels_move():
             continue
         beyond = bool(np.array(side) @ (a - row[:3]) - face < 0.0)
         numeric = (part(h) - part(-h)) / (2.0 * h)
-        found = np.array(end_rates_in_space(row, a, b, u, v, face, side, ends))
-        assert abs(found - numeric).max() < 1e-5 * max(1.0, abs(numeric).max())
-        assert abs(1.03 * found - numeric).max() > 1e-5 * max(1.0, abs(numeric).max())
+        rates = np.array(end_rates_in_space(row, a, b, u, v, face, side, ends))
+        assert abs(rates - numeric).max() < 1e-5 * max(1.0, abs(numeric).max())
+        assert abs(1.03 * rates - numeric).max() > 1e-5 * max(1.0, abs(numeric).max())
         seen[beyond] += 1
     assert min(seen.values()) > 30
 
@@ -317,60 +223,6 @@ def test_shares_of_a_contact_add_up():
     assert gauss[2] != pytest.approx(1.03 * fine[2], rel=6e-3)
 
 
-def depth_at(a: float, b: float) -> float:
-    row = np.zeros(WIDTH)
-    row[9:12], row[12:15] = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
-    return tooth(LAW, 1.0, TEETH, row, (a, 0.0, -b), (0.0, 0.0, 0.0), PointContact())[0]
-
-
-def test_pins_at_the_pitch_circle_just_touch_their_seats():
-    radius = PITCH / (2.0 * np.sin(np.pi / 10))
-    for number in range(10):
-        angle = number * np.pi / 5
-        assert depth_at(radius * np.cos(angle), radius * np.sin(angle)) == pytest.approx(0.0, abs=1e-12)
-        assert depth_at(0.99 * radius * np.cos(angle), 0.99 * radius * np.sin(angle)) == pytest.approx(
-            0.01 * radius, rel=1e-3
-        )
-
-
-@pytest.mark.parametrize("b", np.linspace(0.0, 0.084, 22))
-def test_penetration_is_a_distance_and_mirrored(b):
-    """The penetration of a tooth is a distance at any depth: it grows no more than the pin moves."""
-    a = np.linspace(0.1, 0.28, 1800)
-    depths = np.maximum([depth_at(x, b) for x in a], 0.0)
-    assert abs(np.diff(depths)).max() < 1.01 * (a[1] - a[0])
-    assert depth_at(0.25, b) == pytest.approx(depth_at(0.25, -b), abs=1e-12)
-
-
-@pytest.mark.parametrize("radius", [0.01, 0.02, 0.035])
-def test_a_way_round_in_a_tooth_does_no_work(radius):
-    """A closed path in a tooth does no work with the spring alone, from deep inside too."""
-    elastic, row = LAW._replace(c=0.0, mu=0.0), np.zeros(WIDTH)
-    row[9:12], row[12:15] = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
-    angle = np.linspace(0.0, 2.0 * np.pi, 4001)
-    way = np.stack([0.24 + radius * np.cos(angle), 0.0 * angle, -0.06 - radius * np.sin(angle)], axis=1)
-    forces, energies, s = np.zeros_like(way), np.zeros(len(way)), PointContact()
-    for i, x in enumerate(way):
-        depth, _, energies[i], *_ = tooth(elastic, 1.0, TEETH, row, x, np.zeros(3), s)
-        forces[i] = s.f if depth > 0.0 else 0.0
-    work = np.sum(0.5 * (forces[1:] + forces[:-1]) * np.diff(way, axis=0))
-    assert energies.max() > 500.0
-    assert abs(work) < 1e-3 * energies.max()
-
-
-def test_a_leaving_pin_clears_the_teeth():
-    """A leaving pin clears the teeth as it swings about its seated neighbour on a circle of one pitch."""
-    radius = PITCH / (2.0 * np.sin(np.pi / 10))
-    neighbour = radius * np.array([np.cos(-np.pi / 5), np.sin(-np.pi / 5)])
-    start = np.array([radius, 0.0]) - neighbour
-    for swing in np.linspace(0.002, 0.35, 80):
-        c, s = np.cos(-swing), np.sin(-swing)
-        pin = neighbour + np.array([[c, -s], [s, c]]) @ start
-        assert np.hypot(*pin) > radius
-        assert depth_at(*pin) <= 1e-9
-    assert depth_at(*(neighbour + np.array([[c, s], [-s, c]]) @ start)) > 1e-3, "a twin that swings inwards"
-
-
 def test_wheels_turn_rigidly():
     row = wheel_row()
     rows, out = np.array([row]), np.zeros((1, WIDTH))
@@ -385,73 +237,3 @@ def test_reaction_on_the_wheel():
     add_reaction(row, x, f, wrench)
     np.testing.assert_allclose(wrench[:3], -f)
     np.testing.assert_allclose(wrench[3:], np.cross(x - row[:3], -f))
-
-
-def test_depth_below_a_bump_is_the_true_distance():
-    """The depth below a bump is the distance to the nearest of many points of the profile, drawn by hand."""
-    rise, slope, half, radius = 0.5, 0.6, 0.4, 0.3
-    turn = np.linspace(0.0, slope, 4000)
-    top = np.stack([half + radius * np.sin(turn), rise - radius + radius * np.cos(turn)], axis=1)
-    foot = BUMP.foot
-    low = np.stack([foot - radius * np.sin(turn), radius - radius * np.cos(turn)], axis=1)[::-1]
-    ramp = np.linspace(top[-1], low[0], 4000)
-    right = np.concatenate([np.stack([np.linspace(0, half, 4000), np.full(4000, rise)], axis=1), top, ramp, low])
-    flat = np.stack([np.linspace(foot, foot + 1.0, 4000), np.zeros(4000)], axis=1)
-    right = np.concatenate([right, flat])
-    assert np.hypot(*np.diff(right, axis=0).T).max() < 1e-3, "the line has gaps"
-    profile = np.concatenate([right * [-1, 1], right]) + np.array([BUMP.middle, BUMP.height])
-    assert BUMP.middle - foot == pytest.approx(0.4)
-    rng, checked = np.random.default_rng(3), 0
-    for x, z in zip(rng.uniform(0.0, 2.8, 200), rng.uniform(-0.1, 0.7, 200), strict=True):
-        depth, n0, n2, _ = surface_depth(BUMP, x, z)
-        if abs(depth) < 0.1:
-            gap = np.hypot(*(profile - [x, z]).T)
-            assert abs(depth) == pytest.approx(gap.min(), abs=2e-6)
-            nearest = profile[gap.argmin()] - [x, z]
-            assert np.array([n0, n2]) * depth == pytest.approx(nearest, abs=1e-3)
-            checked += 1
-    assert checked > 30
-    assert surface_depth(BUMP, 1.0, 0.0)[0] != pytest.approx(
-        surface_depth(bumpy_ground(0.01, 0.4, 0.5, 0.63, 0.8, 0.3), 1.0, 0.0)[0], abs=1e-3
-    )
-
-
-def test_edges_too_round_for_their_bump_are_refused():
-    with pytest.raises(ValueError, match="alone rise more than"):
-        bumpy_ground(0.0, 1.0, 0.1, 1.0, 1.0, 0.5)
-
-
-def stopped(v_reg: float, sharp: bool, most: int = 40) -> tuple[np.ndarray, list[float]]:
-    """Stop a mass on the ground in one implicit step; return its velocity and Newton's corrections."""
-    law, mass, h = LAW._replace(v_reg=v_reg), 18.0, 1e-3
-    s, x, before = PointContact(), np.array([0.1, 0.2, -0.01]), np.array([0.05, 0.02, 0.0])  # stops within a step
-    v, sizes = before.copy(), []
-    if sharp:
-        sharpen(s.memory)
-    while len(sizes) < most and (not sizes or sizes[-1] > 1e-12):
-        soil(law, 1.0, GroundShape(0.0), x, v, s)
-        dv = np.linalg.solve(mass / h * np.eye(3) - s.f_v, mass / h * (v - before) - s.f)
-        v -= dv
-        sizes.append(float(abs(dv).max()))
-    soil(law, 1.0, GroundShape(0.0), x, v, s)
-    assert len(sizes) == most or mass / h * (v - before) == pytest.approx(s.f, abs=1e-5)
-    return v, sizes
-
-
-@pytest.mark.parametrize("v_reg", [1e-1, 1e-2, 1e-3, 1e-4, 1e-5])
-def test_sharp_friction_converges(v_reg):
-    """Sharp friction converges, in a number of iterations that hardly grows with sharpness.
-
-    The end is fast, and the result is that of Newton's own tangent.
-    """
-    v, sizes = stopped(v_reg, True)
-    assert len(sizes) <= 9
-    assert sizes[-2] < 0.05 * sizes[-3]
-    assert np.hypot(*v[:2]) < v_reg, "it must stick"
-    if v_reg == 1e-1:
-        assert v == pytest.approx(stopped(v_reg, False)[0], rel=1e-9)
-
-
-def test_friction_with_its_own_tangent_goes_to_and_fro():
-    """Friction with its own tangent oscillates: the same step does not converge (twin)."""
-    assert len(stopped(1e-4, False)[1]) == 40

@@ -167,13 +167,13 @@ def test_three_links_by_lagrange():
     angles = np.array([-0.4, 0.3, 0.9])
     chain = Chain(of_angles(angles), HANGS).run(1.0, 1e-4)
 
-    def found(J):
+    def directions(J):
         end = solve_ivp(pendulum(J), (0.0, 1.0), [*angles, 0, 0, 0], method="DOP853", rtol=1e-13, atol=1e-13).y[:3, -1]
         return np.column_stack([np.cos(end), np.sin(end)])
 
     along = chain.w.system.A[:, [0, 2], 0]
-    assert np.abs(along - found(BODY[1])).max() < 1e-9
-    assert np.abs(along - found(1.01 * BODY[1])).max() > 1e-3
+    assert np.abs(along - directions(BODY[1])).max() < 1e-9
+    assert np.abs(along - directions(1.01 * BODY[1])).max() > 1e-3
 
 
 @pytest.mark.parametrize("ends", [HANGS, FLOATS])
@@ -205,8 +205,8 @@ def test_dense_mass_matrix_of_five_links(ends):
 def test_moving_chain_has_the_accelerations_of_the_augmented_formulation(ends):
     rng = np.random.default_rng(2)
     chain = Chain(of_angles(rng.uniform(-2.0, 2.0, 12)), ends).moving(rng)
-    (found, force), (expected, pull) = chain.recursive(), chain.augmented()
-    assert np.abs(found - expected).max() < 1e-11 * np.abs(expected).max()
+    (vdot, force), (expected, pull) = chain.recursive(), chain.augmented()
+    assert np.abs(vdot - expected).max() < 1e-11 * np.abs(expected).max()
     assert np.abs(force - pull).max() < 1e-11 * np.abs(pull).max()
     chain.s.joints[-chain.speeds :] *= 1.01
     to_poses(chain.rigid, chain.s, chain.w)
@@ -217,8 +217,8 @@ def test_moving_chain_has_the_accelerations_of_the_augmented_formulation(ends):
 @pytest.mark.parametrize("closure", LOOPS)
 def test_moving_loop_has_them_too(closure):
     chain = loop(12, LOOPS[closure])
-    (found, force), (expected, pull) = chain.recursive(), chain.augmented()
-    assert np.abs(found - expected).max() < 1e-10 * np.abs(expected).max()
+    (vdot, force), (expected, pull) = chain.recursive(), chain.augmented()
+    assert np.abs(vdot - expected).max() < 1e-10 * np.abs(expected).max()
     # the spring turns rounding of its gap into force
     assert np.abs(force - pull).max() < 1e-10 * np.abs(pull).max()
 
@@ -227,8 +227,8 @@ def test_moving_loop_has_them_too(closure):
 def test_chain_between_two_pins():
     shape = of_angles(np.array([-0.9, -0.5, -0.1, 0.3, 0.5, 0.8]))
     chain = Chain(shape, BETWEEN)
-    (found, force), (expected, pull) = chain.recursive(), chain.augmented()
-    assert np.abs(found - expected).max() < 1e-12 * np.abs(expected).max()
+    (vdot, force), (expected, pull) = chain.recursive(), chain.augmented()
+    assert np.abs(vdot - expected).max() < 1e-12 * np.abs(expected).max()
     assert np.abs(force - pull).max() < 1e-12 * np.abs(pull).max()
     energy = chain.energy()
     chain.run(0.5, 1e-4)

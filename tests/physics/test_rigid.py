@@ -182,8 +182,8 @@ def test_solver_equals_dense(ends: Ends):
     expected = -np.linalg.solve(whole, np.concatenate([s.r.ravel(), C.ravel()]))
     assert augmented.factor(HALF, ends, s, 1.0) == -1
     augmented.solve(HALF, ends, s)
-    found = np.concatenate([s.dx.ravel(), s.dl.ravel()])
-    assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
+    solution = np.concatenate([s.dx.ravel(), s.dl.ravel()])
+    assert np.abs(solution - expected).max() < 1e-9 * np.abs(expected).max()
 
 
 def test_closed_loop_of_parallel_pins_has_three_equations_too_many():

@@ -104,10 +104,10 @@ def swings_of_steel() -> list[Row]:
 
 
 def _swings(what: str, squares: Floats) -> list[Row]:
-    found = np.sqrt(squares * LINKS * PITCH / G)
+    frequencies = np.sqrt(squares * LINKS * PITCH / G)
     return [
         checked("", f"hanging chain of 64 {what}, mode {k + 1}, omega sqrt(L/g)", value, SWINGS[k], 1e-4)
-        for k, value in enumerate(found)
+        for k, value in enumerate(frequencies)
     ]
 
 
@@ -129,14 +129,14 @@ def spinning_loop() -> list[Row]:
     hoop = np.linalg.norm(e[:, 2] - e[:, 0], axis=1) / PITCH - 1
     inside = expected * np.cos(slope) + TRACK.rhoA * omega**2 * PITCH**2 / 12  # mean along a straight link
     rows = []
-    for what, found, exact, tolerance in (
+    for what, values, exact, tolerance in (
         ("joint force, rods, N", rods, expected, 1e-5),
         ("joint force, steel, N", steel, expected, 1e-5),
         ("hoop strain, steel, = T/EA", hoop, expected / TRACK.EA, 5e-4),
         ("hoop strain, steel, = mean tension of a link/EA", hoop, inside / TRACK.EA, 1e-5),
     ):
-        k = int(np.abs(found - exact).argmax())
-        rows.append(checked("", f"spinning loop of 64 links, {what}", found[k], exact, tolerance))
+        k = int(np.abs(values - exact).argmax())
+        rows.append(checked("", f"spinning loop of 64 links, {what}", values[k], exact, tolerance))
     return rows
 
 

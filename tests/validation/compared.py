@@ -42,8 +42,8 @@ def checked(
     """
     if error is None:
         error = abs(value - reference) / (abs(reference) or 1.0)
-    found = {"value": value, "reference": reference, "error": error, "tolerance": tolerance}
-    figures = {key: float(figure) for key, figure in found.items()}
+    numbers = {"value": value, "reference": reference, "error": error, "tolerance": tolerance}
+    figures = {key: float(figure) for key, figure in numbers.items()}
     ok = None if math.isnan(tolerance) else bool(error <= tolerance)
     return Row(item, case, {**figures, **more}, ok, note)
 
@@ -66,8 +66,8 @@ def table(rows: Sequence[Row], title: str = "") -> Table:
 
 def points(rows: Sequence[Row]) -> Table:
     """Table of the points of the picture."""
-    found = [{**row.cells(), "size": size, "error": error} for row in rows for size, error in series(row)]
-    return Table.of_records("", POINTS, found)
+    records = [{**row.cells(), "size": size, "error": error} for row in rows for size, error in series(row)]
+    return Table.of_records("", POINTS, records)
 
 
 def draw(rows: Sequence[Row], title: str) -> files.Picture:

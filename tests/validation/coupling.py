@@ -160,14 +160,14 @@ def accuracy(variant: str, cut: str) -> list[Row]:
     name = f"{variant}, cut at the {cut}"
     declared = couple(variant, coupled(cut, FREE)[0]).ORDER
     hs = (0.1, 0.02, 0.01, 0.005)
-    found = {h: run_free(variant, cut, h) for h in hs}
-    errors = [found[h][0] for h in hs]
+    runs = {h: run_free(variant, cut, h) for h in hs}
+    errors = [runs[h][0] for h in hs]
     order = math.log2(errors[-2] / errors[-1])
     return [
         checked("orders", f"{name}, order", order, declared, 0.1, abs(order - declared), order=order,
                 over="step, s", series=tuple(zip(hs, errors, strict=True))),
         checked("errors", f"{name}, largest error at H = 0.1 s, m", errors[0], 0.0, math.nan),
-        checked("energies", f"{name}, E(10 s)/E(0) at H = 0.01 s", found[0.01][1], 1.0, math.nan),
+        checked("energies", f"{name}, E(10 s)/E(0) at H = 0.01 s", runs[0.01][1], 1.0, math.nan),
     ]  # fmt: skip
 
 

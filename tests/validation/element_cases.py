@@ -94,11 +94,11 @@ def elastica_without_cure() -> list[Row]:
     """Beam with nu = 0.3 at all points: converges to EI times (1 - nu)/((1 + nu)(1 - 2 nu))."""
     stiffer, rows = 0.7 / (1.3 * 0.4), []
     for a in ALPHAS:
-        found = deflection(beam, 64, a, 100, nu=0.3, split=False)
+        tip_deflection = deflection(beam, 64, a, 100, nu=0.3, split=False)
         case = f"elastica, beam nu = 0.3 without a cure, alpha = {a}, w/L"
         rows += [
-            checked("", case, found, elastica(a), math.nan, note="the wrong limit, for information"),
-            checked("", f"{case}, with 1.346 EI", found, elastica(a / stiffer), 2e-3),
+            checked("", case, tip_deflection, elastica(a), math.nan, note="the wrong limit, for information"),
+            checked("", f"{case}, with 1.346 EI", tip_deflection, elastica(a / stiffer), 2e-3),
         ]
     return rows
 
@@ -127,12 +127,12 @@ def frequencies(name: str, ends: str) -> list[Row]:
     slim = name in CABLES
     slender, ns, tolerance = (1000, (4, 8, 16), 1e-4) if slim else (300, (8, 16, 32), 2e-3)
     exact = np.array(ENDS[ends][1])
-    found = [_beta(kind, n, slender, ends, **kind_of) for n in ns]
-    errors = [np.abs(f / exact - 1.0) for f in found]
+    betas = [_beta(kind, n, slender, ends, **kind_of) for n in ns]
+    errors = [np.abs(f / exact - 1.0) for f in betas]
     k = int(errors[-1].argmax())
     worst = [float(e[k]) for e in errors]
     row = checked(
-        "", f"frequencies, {element}, {ends}, beta L of mode {k + 1}", found[-1][k], exact[k], tolerance, worst[-1],
+        "", f"frequencies, {element}, {ends}, beta L of mode {k + 1}", betas[-1][k], exact[k], tolerance, worst[-1],
         order=rate_of(ns, worst), over=ELEMENTS, series=tuple(zip(map(float, ns), worst, strict=True)),
     )  # fmt: skip
     return [of_order(row, 3.7, 4.3) if slim else of_order(row, 1.9, 2.2)]
@@ -206,8 +206,8 @@ def pin_counts() -> list[Row]:
     for name, kind, c, pin, rank in kinds:
         ties = [Tie((0, 1), (1, 0), pin)]
         mesh = Mesh([Member(kind, c, nodes(kind, [0, 0, 0], np.eye(3), c.l, 2))], ties)
-        found = int(np.linalg.matrix_rank(mesh.constraints(ties)))
-        rows.append(checked("", f"pin of the {name}, rank of its equations", found, rank, 0.0))
+        computed_rank = int(np.linalg.matrix_rank(mesh.constraints(ties)))
+        rows.append(checked("", f"pin of the {name}, rank of its equations", computed_rank, rank, 0.0))
         own = 24 if kind is beam else 12
         for closed, pins in ((True, LINKS), (False, LINKS - 1)):
             track = chain(kind, c, polygon(LINKS) if closed else np.zeros(LINKS), closed)
@@ -269,11 +269,11 @@ def sections() -> list[Row]:
 def l_frame(name: str) -> list[Row]:
     """Tip deflection of an L-frame at L/h = 20, nu = 0, against Timoshenko."""
     kind, ns = (beam, (6, 12, 24)) if name == "beam" else (CABLES[name], (1, 2, 4))
-    found = [frame_tip(kind, n) for n in ns]
+    tips = [frame_tip(kind, n) for n in ns]
     rows = []
     for k, axis in enumerate("xz"):
-        values = [float(u[k]) for u, _ in found]
-        exact = float(found[-1][1][k])
+        values = [float(u[k]) for u, _ in tips]
+        exact = float(tips[-1][1][k])
         if kind is beam:
             case = f"L-frame of beams with a rigid corner, tip {axis}, m"
             rows.append(_over_elements(case, ns, values, exact, 5e-3))
@@ -323,8 +323,8 @@ def splines() -> list[Row]:
         checked("", "control points of one bicubic patch", bspline.patch_points(8, 8), 16, 0.0),
     ]
     for m in range(5):
-        found = int(np.linalg.matrix_rank(bspline.knot_rows(m))) if m < 4 else len(bspline.knot_rows(m))
-        rows.append(checked("", f"equations that a knot of multiplicity {m} imposes", found, 3 * (4 - m), 0.0))
+        count = int(np.linalg.matrix_rank(bspline.knot_rows(m))) if m < 4 else len(bspline.knot_rows(m))
+        rows.append(checked("", f"equations that a knot of multiplicity {m} imposes", count, 3 * (4 - m), 0.0))
     for d in bspline.table():
         equations, knot, missing = DEMANDS[d.element, d.joint]
         made = f"knot {d.knot}" if d.knot else f"no knot; {d.missing} missing with {d.weaker}"

@@ -66,12 +66,12 @@ def _polar(knots: Floats, span: int, arguments: tuple[float, float, float]) -> F
 
 def extraction(knots: Floats) -> Floats:
     """Matrices (n, 4, control points) from control points to the cable coordinates of every element."""
-    found = []
+    matrices = []
     for u, w in elements(knots):
         span = int(np.searchsorted(knots, u, side="right")) - 1
         points = [_polar(knots, span, abc) for abc in ((u, u, u), (u, u, w), (u, w, w), (w, w, w))]
-        found.append(bezier_to_cable(w - u) @ np.array(points))
-    return np.array(found)
+        matrices.append(bezier_to_cable(w - u) @ np.array(points))
+    return np.array(matrices)
 
 
 def to_cable(spline: BSpline) -> tuple[Floats, Floats]:
@@ -226,12 +226,12 @@ def joint_rows(joint: str, element: str = "cable", axis: int = 1, turn: Floats |
         "smooth": range(2 * n),
         "curvature": range(3 * n),
     }
-    found = rows[list(parts[joint])]
+    equations = rows[list(parts[joint])]
     if joint == "rigid" and turn is not None:
         # slopes rotate as vectors; gradient transformation: r_k before = sum_m turn[m, k] r_m behind
         by = turn if element == "cable" else np.kron(turn.T, np.eye(SPACE))
-        found[3:, rows.shape[1] // 2 + np.array(gradients)] = -by
-    return found
+        equations[3:, rows.shape[1] // 2 + np.array(gradients)] = -by
+    return equations
 
 
 def _implies(rows: Floats, others: Floats) -> bool:

@@ -236,30 +236,31 @@ def _eliminate(ends: list[slice], ties: list[Tie], supports: list[Support], e0: 
     holds = {2 * s.end[0] + s.end[1]: s.free_directions for s in supports}
     if len(leads) < len(ties) or len(holds) < len(supports) or leads.keys() & holds.keys():
         raise ValueError("an end follows one other end or one support, not several: let the others follow it")
-    found: dict[int, tuple[dict[int, Floats], Floats]] = {}  # by end: factors of the unknowns of ends, and constant
+    # by end: factors of the unknowns of ends, and constant
+    expressions: dict[int, tuple[dict[int, Floats], Floats]] = {}
 
     def resolve(end: int, waiting: frozenset[int] = frozenset()) -> None:
-        if end in found:
+        if end in expressions:
             return
         if end in waiting:
             raise ValueError(f"end {end % 2} of element {end // 2} follows itself")
         if end not in leads:
             start = e0[ends[end]]
             own = holds.get(end, np.eye(len(start)))
-            found[end] = {end: own}, start - own @ (own.T @ start)
+            expressions[end] = {end: own}, start - own @ (own.T @ start)
             return
         lead, joint = leads[end]
         resolve(lead, waiting | {end})
-        factors, constant = found[lead]
+        factors, constant = expressions[lead]
         mine = {k: joint.transfer @ factor for k, factor in factors.items()}
-        found[end] = {**mine, end: joint.free_directions}, joint.transfer @ constant
+        expressions[end] = {**mine, end: joint.free_directions}, joint.transfer @ constant
 
     columns, n = {}, 0
     for end in range(len(ends)):
         resolve(end)
-        columns[end], n = n, n + found[end][0][end].shape[1]
+        columns[end], n = n, n + expressions[end][0][end].shape[1]
     B, b = sparse.lil_array((len(e0), n)), np.zeros_like(e0)
-    for end, (factors, constant) in found.items():
+    for end, (factors, constant) in expressions.items():
         b[ends[end]] = constant
         for k, factor in factors.items():
             B[ends[end], columns[k] : columns[k] + factor.shape[1]] = factor

@@ -39,14 +39,14 @@ def equilibrium(mesh: Mesh, q: Floats, steps: int = 10, tolerance: float = 1e-10
     share, step = 0.0, 1.0 / steps
     while share < 1.0:
         step = min(step, 1.0 - share)
-        found = newton(mesh, q, share + step, tolerance)
-        if found is None:
+        solution = newton(mesh, q, share + step, tolerance)
+        if solution is None:
             step *= 0.5
             if step < 1e-5:
                 raise NotFound(f"Newton: lost at {share + step:.5f} of the loads")
             continue
         share += step
-        q, iterations = found
+        q, iterations = solution
         if iterations < MOST // 3:
             step *= 1.5
     return q

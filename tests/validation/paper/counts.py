@@ -43,7 +43,7 @@ def counted() -> list[Row]:
          [np.zeros((len(opened[1]), opened[0].shape[1])), opened[1]]]
     )  # fmt: skip
     equations = int(np.count_nonzero(np.abs(both).max(axis=1) > 0.0))
-    found = {
+    values = {
         "pins": equations // EQUATIONS,
         "equations": equations,
         "rank": rank(both),
@@ -52,7 +52,7 @@ def counted() -> list[Row]:
         "flexible": model(flexible, TRACKS[0]).s.q.size,
     }
     return [
-        Row("count", text, {"key": key, "value": found[key], "reference": number}, found[key] == number)
+        Row("count", text, {"key": key, "value": values[key], "reference": number}, values[key] == number)
         for key, text, number in ASKED
     ]
 

@@ -26,14 +26,14 @@ NEAR = 1e-3  # relative
 def rows() -> list[Row]:
     """Rows by number of elements: curvatures of a pinned link over the exact one in the middle."""
     exact = LOAD * meshes.PITCH / (8.0 * meshes.STEEL.EI)
-    found = []
+    results = []
     for n in ELEMENTS:
         curved = (pinned(n) / exact).tolist()
         figures = {"elements": n, "ends": curved[0], "middle": curved[len(curved) // 2]}
         expected = 2.0 / (3.0 * n**2)
         good = abs(figures["ends"] / expected - 1.0) < NEAR
-        found.append(Row("curvature", "link between held pins", {**figures, "expected": expected}, good))
-    return found
+        results.append(Row("curvature", "link between held pins", {**figures, "expected": expected}, good))
+    return results
 
 
 def pinned(n: int) -> Floats:

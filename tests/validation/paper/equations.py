@@ -24,11 +24,11 @@ XI = 0.5 * (POINTS + 1.0)
 
 def rows() -> list[Row]:
     """Rows of all equations."""
-    found = [*_positions(), *_masses(), *_joints(), *_modes(), *_elasticity(), *_damping()]
+    facts = [*_positions(), *_masses(), *_joints(), *_modes(), *_elasticity(), *_damping()]
     return [
         Row("equation", text, {"where": where, "key": key, "value": value, "reference": reference},
             abs(value - reference) <= tolerance)
-        for where, key, text, value, reference, tolerance in found
+        for where, key, text, value, reference, tolerance in facts
     ]  # fmt: skip
 
 

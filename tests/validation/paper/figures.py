@@ -209,12 +209,12 @@ def _shade(pane: Any, limits: tuple[float, ...]) -> None:
 
 def _configuration(logs: dict[Model, Path]) -> Any:
     """Draw figure 21: all models at the instant with one tension scale; the first joint is marked."""
-    found = {}
+    views = {}
     for model, run in _opened(logs):
         bodies = Bodies(run, EVERY, "tension", track=TRACK)
         bodies.select_instants([INSTANT])
-        found[model] = side_view.side_view(bodies, next(bodies.blocks(1))), bodies.ground
-    return _panes(found)
+        views[model] = side_view.side_view(bodies, next(bodies.blocks(1))), bodies.ground
+    return _panes(views)
 
 
 def _panes(views: dict[Model, tuple[SideView, GroundProfile | None]]) -> Any:

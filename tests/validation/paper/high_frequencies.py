@@ -77,14 +77,14 @@ def rows(name: str, piece: float) -> list[Row]:
 def forces(vehicle: Any, t: float, samples: int) -> tuple[Floats, Floats]:
     """First joint's force (samples, 2) along and up the chassis, N, means over 1 / RATE; last tensions, N."""
     chain, chassis = vehicle.models[TRACK], vehicle.models["chassis"]
-    n, found, force = chain.links_count, np.zeros((samples, 2)), slice(on_links.JOINT, on_links.JOINT + 3)
+    n, joint_force, force = chain.links_count, np.zeros((samples, 2)), slice(on_links.JOINT, on_links.JOINT + 3)
     for k in range(samples):
         vehicle.advance(t + k / RATE, 1.0 / RATE)
         mean = chain.s.on_links_sum[FIRST - 1, force] / chain.s.span[on_links.SPAN]
-        found[k] = (mean @ matrices(chassis.state[3:7]))[[0, 2]]
+        joint_force[k] = (mean @ matrices(chassis.state[3:7]))[[0, 2]]
     tension, stress, place = np.zeros(n), np.zeros(n), np.zeros((chain.nodes, 3))
     observe_links(chain.link, chain.environment, chain.s, chain.work, tension, stress, place)
-    return found, tension
+    return joint_force, tension
 
 
 def rms_above(values: Floats, low: float) -> float:

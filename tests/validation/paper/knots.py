@@ -17,7 +17,7 @@ def rows() -> list[Row]:
         row for demand in bspline.table()
         for row in _demanded(demand)
     ]  # fmt: skip
-    found = [
+    facts = [
         ("5.2", "patch", "control points of a bicubic surface, the least (7)", bspline.patch_points(8, 8), 16),
         *(("5.5", f"continuity_{m}", f"degree of continuity at a knot of multiplicity {m}", continuity(m), 3 - m)
           for m in (3, 2, 1)),
@@ -30,7 +30,7 @@ def rows() -> list[Row]:
     ]  # fmt: skip
     made = [
         Row("equation", text, {"where": where, "key": key, "value": value, "reference": reference}, value == reference)
-        for where, key, text, value, reference in found
+        for where, key, text, value, reference in facts
     ]
     apart = there_and_back()
     text = "the same curve as B-spline and as cable elements: largest difference, of its size"

@@ -28,7 +28,7 @@ PEERS = {TRANSFORMED.name: CLOSED.name}  # times so similar that they are measur
 
 def rows(name: str, numbers: tuple[int, ...]) -> list[Row]:
     """Rows of all sizes, and of the fitted exponents of times and storage."""
-    label, found = named(name).label, []
+    label, results = named(name).label, []
     for links in numbers:
         try:
             explicit = chain_of(name, links, "track.integrator=runge_kutta")
@@ -40,21 +40,21 @@ def rows(name: str, numbers: tuple[int, ...]) -> list[Row]:
             }
             if name in PEERS:
                 figures["over_peer"] = in_turn(explicit, chain_of(PEERS[name], links, "track.integrator=runge_kutta"))
-            found.append(Row("links", label, figures, True))
+            results.append(Row("links", label, figures, True))
         except (BadInput, RuntimeError, ValueError) as failure:
-            return [*found, Row("links", label, {"model": name, "links": links}, note=f"not there: {failure}")]
+            return [*results, Row("links", label, {"model": name, "links": links}, note=f"not there: {failure}")]
         with suppress(BadInput, RuntimeError, ValueError):  # this formulation has no implicit steps
-            found[-1] = found[-1].with_figures(step=step_time(chain_of(name, links, IMPLICIT)))
+            results[-1] = results[-1].with_figures(step=step_time(chain_of(name, links, IMPLICIT)))
         if name == CLOSED.name:
             own, rigid = (chain_of(each, links, IMPLICIT) for each in (name, RIGID.name))
-            found[-1] = found[-1].with_figures(step_over_rigid=in_turn(own, rigid, STEP))
-    exponents = {f"exponent_{key}": exponent(found, key) for key in ("evaluation", "step", "bytes")}
-    return [*found, Row("exponent", label, {"model": name, **exponents}, True)]
+            results[-1] = results[-1].with_figures(step_over_rigid=in_turn(own, rigid, STEP))
+    exponents = {f"exponent_{key}": exponent(results, key) for key in ("evaluation", "step", "bytes")}
+    return [*results, Row("exponent", label, {"model": name, **exponents}, True)]
 
 
 def elasticities(numbers: tuple[int, ...]) -> list[Row]:
     """Section 7.1: cost of (8)-(10) over (11)-(15), explicit and implicit, timed in turn."""
-    found = []
+    results = []
     for links in numbers:
         for elasticity in ("general", "engineering"):
             own, small = (
@@ -70,8 +70,8 @@ def elasticities(numbers: tuple[int, ...]) -> list[Row]:
                 "evaluation": in_turn(own["evaluation"], small["evaluation"]),
                 "step": in_turn(own["step"], small["step"], STEP),
             }
-            found.append(Row("elasticity", f"{elasticity} over small_deformation", figures, True))
-    return found
+            results.append(Row("elasticity", f"{elasticity} over small_deformation", figures, True))
+    return results
 
 
 def chain_of(name: str, links: int, *settings: str) -> Any:

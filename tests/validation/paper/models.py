@@ -64,8 +64,8 @@ def scene(model: Model, *settings: str, of: str = SCENE) -> Scene | str:
     """Return a scene of the gallery with this model, or a sentence with the reason why it is impossible."""
     drop = DROP if of == SCENE else ()
     try:
-        found = load(of, model.track, (*drop, *model.settings, *settings))
+        loaded_scene = load(of, model.track, (*drop, *model.settings, *settings))
     except BadInput as refusal:
         return str(refusal)
-    assert isinstance(found, Scene)
-    return found
+    assert isinstance(loaded_scene, Scene)
+    return loaded_scene

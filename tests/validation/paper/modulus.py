@@ -25,12 +25,12 @@ def rows(name: str, modulus: float, piece: float) -> list[Row]:
     """Row of the costs of a model at a modulus, Pa (NaN: rigid links), s."""
     model = named(name)
     settings = () if math.isnan(modulus) else (f"vehicle.material.youngs_modulus={modulus!r}",)
-    found = {row["method"]: row for row in pieces.rows(name, piece, settings) if row.item == "cost" and row.ok}
+    costs = {row["method"]: row for row in pieces.rows(name, piece, settings) if row.item == "cost" and row.ok}
     figures = {"model": name, "modulus": modulus, "piece": piece}
     for key, method in (("adams", pieces.ADAMS), ("runge_kutta", pieces.RUNGE_KUTTA)):
-        if method in found:
-            figures[f"cpu_{key}"] = found[method]["cpu"]
-            figures[f"evaluations_{key}"] = found[method]["evaluations"]
+        if method in costs:
+            figures[f"cpu_{key}"] = costs[method]["cpu"]
+            figures[f"evaluations_{key}"] = costs[method]["evaluations"]
     figures["implicit"] = implicit(model, settings)
     return [Row("modulus", model.label, figures, True)]
 

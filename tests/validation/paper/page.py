@@ -188,11 +188,11 @@ def write(folder: Path, name: str, judged: Sequence[Row], rows: Sequence[Row], m
     files = [folder / f"{name}.md", folder / f"{name}.csv"]
     parts = ["# The paper's comparison", verdicts(judged).markdown("##")]
     for item in TABLES:
-        found = table(item, rows)
-        if found.rows:
-            parts.append(found.markdown("##"))
+        item_table = table(item, rows)
+        if item_table.rows:
+            parts.append(item_table.markdown("##"))
             files.append(folder / f"{name}-{item}.csv")
-            files[-1].write_text(found.csv(), encoding="utf-8")
+            files[-1].write_text(item_table.csv(), encoding="utf-8")
     crossings = [f"- {name} {value:.3g} Pa" for name, value in crossed(Results(rows)).items()]
     if crossings:
         parts.append("Flexible links cost as much as rigid ones at (0: never less; inf: always less)\n")

@@ -83,7 +83,7 @@ def rows(name: str, piece: float, settings: tuple[str, ...] = (), intervals: tup
     except (BadInput, RuntimeError, ValueError) as failure:
         return [Row("piece", label, {"model": name}, note=f"not there: {failure}")]
     common = {"model": name, "piece": piece}
-    found = [
+    results = [
         Row(item, label, {**common, **figures(cost), "floor": 2 * round(piece / cost.interval)})
         for item, several in (("piece", costs), ("interval", over))
         for cost in several
@@ -91,10 +91,10 @@ def rows(name: str, piece: float, settings: tuple[str, ...] = (), intervals: tup
     for method in (ADAMS, RUNGE_KUTTA):
         best = cheapest(costs, method)
         if best is None:
-            found.append(Row("cost", label, {**common, "method": method}, note=f"none is within {EQUAL:g}"))
+            results.append(Row("cost", label, {**common, "method": method}, note=f"none is within {EQUAL:g}"))
         else:
-            found.append(Row("cost", label, {**common, **figures(best)}, True))
-    return found
+            results.append(Row("cost", label, {**common, **figures(best)}, True))
+    return results
 
 
 def figures(cost: Cost) -> dict[str, Any]:
@@ -153,8 +153,8 @@ class Drive:
         vehicle.begin_at(self.start_state.time, self.start_state.parts)
         start = vehicle.models[TRACK].pins()
         self._timed(vehicle, self.piece, OUTPUT)
-        found = vehicle.models[TRACK].pins()
-        return found, _rms(found - start)
+        end = vehicle.models[TRACK].pins()
+        return end, _rms(end - start)
 
     def runs(self) -> Iterator[Cost]:
         """Yield runs of Runge-Kutta at each fraction, of Adams at each tolerance, with outputs every OUTPUT."""

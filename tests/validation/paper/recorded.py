@@ -89,16 +89,16 @@ def _alike(first: Any, second: Any) -> bool:
 
 def costs(file: Path) -> dict[str, float]:
     """CPU time of a run, s (NaN if the log lacks it), and evaluations and steps of both tracks."""
-    found = {"evaluations": 0.0, "steps": 0.0}
+    totals = {"evaluations": 0.0, "steps": 0.0}
     with Log(file) as log:
-        found["cpu"] = float((log.closing or {})["results"].get("cpu_time", "nan"))
+        totals["cpu"] = float((log.closing or {})["results"].get("cpu_time", "nan"))
         for topic in (topic for topic in log.topics if topic.startswith("/stats/")):
             series = log.read(topic)
             last = dict(zip(series.names, series.values[-1].tolist(), strict=True))
             if topic.endswith("track"):
-                found["evaluations"] += last["solver.evaluations"]
-                found["steps"] += last["solver.steps"]
-    return found
+                totals["evaluations"] += last["solver.evaluations"]
+                totals["steps"] += last["solver.steps"]
+    return totals
 
 
 def _commit(file: Path) -> str:

@@ -192,7 +192,7 @@ STATEMENTS = (
     Statement(
         "1 (6), 6, 9",
         "ANCF solves small deformation problems better than the floating frame of reference.",
-        lambda found: Verdict(UNMEASURED, "there is no floating frame of reference here"),
+        lambda results: Verdict(UNMEASURED, "there is no floating frame of reference here"),
     ),
 )
 

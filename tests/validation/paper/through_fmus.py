@@ -43,8 +43,8 @@ def rows(name: str, piece: float) -> list[Row]:
     except (BadInput, RuntimeError, ValueError) as failure:
         return [Row("fmus", label, common, note=f"not there: {failure}")]
     return [
-        Row("fmus", label, {**common, "tolerance": tolerance, **dict(zip(COUNTS, found / piece, strict=True))}, True)
-        for tolerance, found in zip(TOLERANCES, counts, strict=True)
+        Row("fmus", label, {**common, "tolerance": tolerance, **dict(zip(COUNTS, totals / piece, strict=True))}, True)
+        for tolerance, totals in zip(TOLERANCES, counts, strict=True)
     ]
 
 

@@ -36,13 +36,13 @@ def of(file: Path, scene: Scene) -> dict[str, float]:
     """Largest violation over the checkpoints of a log, by level; ``scene`` as recorded."""
     chain = model(scene, TRACK)
     with Log(file) as log:
-        found = []
+        violations = []
         for _, states in saved(log):
             chain.state[:] = states[TRACK]
-            found.append(violated(chain, scene.track.closure == "spring"))
-    most = {key: np.max([getattr(each, key) for each in found], axis=0) for key in Violation._fields}
+            violations.append(violated(chain, scene.track.closure == "spring"))
+    most = {key: np.max([getattr(each, key) for each in violations], axis=0) for key in Violation._fields}
     largest = {f"{level}_{key}": float(most[key][k]) for k, level in enumerate(LEVELS) for key in most}
-    return {**largest, "instants": float(len(found))}
+    return {**largest, "instants": float(len(violations))}
 
 
 def violated(chain: Any, cut: bool) -> Violation:

@@ -27,39 +27,42 @@ RUNS = ("top", "rear", "front")  # runs of the chain before the sprocket, before
 
 def rows(folder: str, stop: float = STOP) -> list[Row]:
     """Rows of every model with a log; REFERENCE first, because the others are compared with it."""
-    found, logs = [], {}
+    results, logs = [], {}
     for model in sorted(WHOLE, key=lambda each: each is not REFERENCE):
         try:
             how = recorded.ensure(model, Path(folder), stop)
         except recorded.NotThere as reason:
-            found.append(Row("run", model.label, {"model": model.name}, note=f"not there: {reason}"))
+            results.append(Row("run", model.label, {"model": model.name}, note=f"not there: {reason}"))
             continue
         except RuntimeError as failure:
-            found.append(Row("run", model.label, {"model": model.name}, ok=False, note=str(failure)))
+            results.append(Row("run", model.label, {"model": model.name}, ok=False, note=str(failure)))
             continue
         logs[model.name] = recorded.path(Path(folder), model)
-        found += [Row("run", model.label, {"model": model.name, **recorded.costs(logs[model.name])}, True, how),
-                  *_of(model, Path(folder))]  # fmt: skip
+        results += [Row("run", model.label, {"model": model.name, **recorded.costs(logs[model.name])}, True, how),
+                    *_of(model, Path(folder))]  # fmt: skip
     try:
-        return [*found, *effects.rows(logs)]
+        return [*results, *effects.rows(logs)]
     except (Missing, LookupError, ValueError) as failure:
-        return [*found, Row("effect", "inertia and elasticity", ok=False, note=f"{type(failure).__name__}: {failure}")]
+        return [
+            *results,
+            Row("effect", "inertia and elasticity", ok=False, note=f"{type(failure).__name__}: {failure}"),
+        ]
 
 
 def _of(model: Model, folder: Path) -> list[Row]:
     file = recorded.path(folder, model)
     wanted = scene(model, *recorded.RECORDED)
     assert isinstance(wanted, Scene)
-    found = [_attempt("violation", model, lambda: violation.of(file, wanted))]
-    found.append(_attempt("motion", model, lambda: _motion(file, recorded.path(folder, REFERENCE))))
+    results = [_attempt("violation", model, lambda: violation.of(file, wanted))]
+    results.append(_attempt("motion", model, lambda: _motion(file, recorded.path(folder, REFERENCE))))
     with Log(file) as log:
         run = RunData(log)
-        found.append(_attempt("sections", model, lambda: _sections(run)))
-        found.append(_attempt("deformation", model, lambda: _deformed(run)))
-        found.append(_attempt("node", model, lambda: _visited(run)))
+        results.append(_attempt("sections", model, lambda: _sections(run)))
+        results.append(_attempt("deformation", model, lambda: _deformed(run)))
+        results.append(_attempt("node", model, lambda: _visited(run)))
         if model is REFERENCE:
-            found.append(_attempt("singularity", model, lambda: _singular(run)))
-    return found
+            results.append(_attempt("singularity", model, lambda: _singular(run)))
+    return results
 
 
 def _attempt(item: str, model: Model, make: Callable[[], dict[str, Any]]) -> Row:
@@ -87,20 +90,20 @@ def _motion(file: Path, reference: Path) -> dict[str, float]:
 
 def _sections(run: RunData) -> dict[str, float]:
     """Mean tensions of the runs of the chain, N: at INSTANT, around it, and in the hold."""
-    found = {}
+    tensions = {}
     for name in RUNS:
         measure = measures.NAMES[f"tension_{name}"]
-        found[name] = measure(run, SIDE, Window(INSTANT, INSTANT))
-        found[f"{name}_mean"] = measure(run, SIDE, AROUND)
-        found[f"{name}_hold"] = measure(run, SIDE, HOLD)
-    return found
+        tensions[name] = measure(run, SIDE, Window(INSTANT, INSTANT))
+        tensions[f"{name}_mean"] = measure(run, SIDE, AROUND)
+        tensions[f"{name}_hold"] = measure(run, SIDE, HOLD)
+    return tensions
 
 
 def _deformed(run: RunData) -> dict[str, float]:
     """Largest displacements of points of the right chain's links in their tangent frames at INSTANT, m."""
-    found = deformation.of(run, TRACK, at=[INSTANT])
-    ends, middle = curvature.of_links(found)
-    moved = found.displacement[:, :-1]  # the last link ends at the cut
+    link_deformation = deformation.of(run, TRACK, at=[INSTANT])
+    ends, middle = curvature.of_links(link_deformation)
+    moved = link_deformation.displacement[:, :-1]  # the last link ends at the cut
     return {
         "ends": ends,
         "middle": middle,

@@ -1,0 +1,121 @@
+"""Parts of scenes that ran as Python, and their native FMUs."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from vehicle_in_process import InProcess
+
+from fmus.native.pack import build_native, with_constants
+from orchestrator.cosim.component import Component
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.scene import load
+
+H, STEPS = 1e-3, 120
+QUICK = "run.stop=1 s", "run.step=1 ms", "track.step=1 ms"
+MOVING = *QUICK, "drive.ramp_start=0", "drive.ramp_time=0.1"
+JOINTED = "track.formulation=recursive", "track.integrator=runge_kutta"
+CHOLESKY = "track.coordinates=cholesky", "track.integrator=runge_kutta"
+ROUND = "drive.ramp_start=0", "drive.ramp_time=0.05", "drive.left.speed=4", "drive.right.speed=12"
+
+
+class Case(NamedTuple):
+    """A part of a scene."""
+
+    scene: str
+    links: str
+    part: str
+    settings: tuple[str, ...] = QUICK
+    steps: int = STEPS
+
+
+FEW = [
+    Case("hanging_chain", "flexible", "chain"),
+    Case("straight", "rigid", "left_drive", MOVING),
+    Case("straight", "rigid", "chassis", MOVING),
+    Case("serpentine", "rigid", "driver"),
+    Case("serpentine", "rigid", "right_drive"),
+    Case("differential", "rigid", "differential"),
+]
+MANY = [
+    Case("hanging_chain", "rigid", "chain"),
+    Case("straight", "flexible", "left_track", MOVING),
+    Case("straight", "rigid", "right_track", MOVING),
+    Case("straight", "flexible", "left_track", (*MOVING, "track.element=beam")),
+    Case("straight", "flexible", "left_track", (*MOVING, "symmetric=true", "planar=true")),
+    Case("turn", "flexible", "left_track", (*QUICK, *ROUND)),
+    Case("turn", "rigid", "right_track", (*QUICK, *ROUND)),
+    Case("hanging_chain", "flexible", "chain", (*QUICK, "track.integrator=runge_kutta", "track.start=displaced")),
+    Case("hanging_chain", "rigid", "chain", (*QUICK, "track.integrator=runge_kutta", "track.start=displaced")),
+    Case("hanging_chain", "flexible", "chain", (*QUICK, "track.integrator=adams", "track.start=displaced")),
+    Case("hanging_chain", "rigid", "chain", (*QUICK, "track.integrator=adams", "track.start=displaced")),
+    Case("hanging_chain", "flexible", "chain", (*QUICK, "track.integrator=hht")),
+    Case("hanging_chain", "flexible", "chain", (*QUICK, *CHOLESKY, "track.start=displaced")),
+    Case("straight", "rigid", "left_track", (*MOVING, *JOINTED)),
+    Case("straight", "rigid", "left_track", (*MOVING, *JOINTED, "track.closure=spring")),
+    Case("straight", "rigid", "left_track", (*MOVING, "track.closure=spring")),
+    Case("hanging_chain", "flexible", "chain", (*QUICK, "track.elasticity=general")),
+    Case("straight", "flexible", "right_track", (*QUICK, "drive.speed=0")),
+    Case("straight", "rigid", "left_track", (*QUICK, "drive.speed=0")),
+    Case("straight", "rigid", "chassis", (*MOVING, "ground.hull=true", "vehicle.chassis.hull=[[-2.0, 0.0, -0.9]]")),
+]
+
+
+class Run(NamedTuple):
+    """A part of a scene that ran as Python: its model, and its inputs and all outputs at each step."""
+
+    part: object
+    member: object
+    u: np.ndarray
+    y: np.ndarray
+    links: np.ndarray
+
+
+@cache
+def ran(case):
+    vehicle = InProcess(load(case.scene, case.links, case.settings))
+    member = vehicle[case.part]
+    u, y, links = [], [], []
+    step = member.step
+
+    def recorded(t, h):
+        u.append(member.u.copy())
+        step(t, h)
+        y.append(member.y.copy())
+        links.append(member.link_outputs())
+
+    member.step = recorded
+    for _ in range(case.steps):
+        vehicle.step()
+    (part,) = (part for part in assemble(vehicle.scene).parts if part.name == case.part)
+    return Run(part, member, np.array(u), np.array(y), np.array(links))
+
+
+def native(case):
+    part = ran(case).part
+    return build_native(part.kind, with_constants(part.kind, part.config, part.parameters))
+
+
+def begun(case, stack=None, messages=None):
+    component = Component(native(case), case.part, messages)
+    component.initialise(ran(case).part.parameters)
+    return component
+
+
+def follow(component, run, steps):
+    """Return outputs (steps, ports) and link outputs (steps, link ports) after each of the steps."""
+    shown = []
+    for k in steps:
+        component.u[:] = run.u[k]
+        component.write()
+        component.step(k * H, H)
+        component.read()
+        component.read_links()
+        component.read_counters()
+        shown.append((component.y.copy(), component.y_links.copy()))
+    return [np.array(each) for each in zip(*shown, strict=True)]
+
+
+CHAIN, DRIVE, CHASSIS = FEW[:3]

@@ -1,0 +1,188 @@
+"""Kernels that call kernels: internal callees, machine code, exceptions, arrays that are made and handed on."""
+
+import ast
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+from fmus import jit, linking
+from fmus.physics.wheels import move
+
+
+@pytest.mark.long
+def test_arrays_of_kernels_that_are_apart_do_not_overlap(environment):
+    """No arrays overlap in kernels that are declared free of aliasing.
+
+    A step of each kind of track on its wheels is checked call by call.
+    """
+    program, kinds = Path(__file__).with_name("overlaps.py"), ["rigid", "cable", "free", "planar", "beam"]
+    path = os.pathsep.join([str(program.parent), environment["PYTHONPATH"]])
+    env = {**environment, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
+    done = subprocess.run([sys.executable, str(program), *kinds], env=env, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    seen = json.loads(done.stdout)
+    twin = seen.pop("twin")
+    assert twin["found"] == ["solve writes 5 over 4"]
+    assert {kind: each["found"] for kind, each in seen.items()} == {kind: [] for kind in kinds}
+    assert min(each["calls"] for each in seen.values()) > 1000
+
+
+def test_what_a_kernel_calls_is_its_own_and_computes_the_same_bits(monkeypatch):
+    """The callees of a kernel are internal to it and compute the same bits.
+
+    This relies on numba's internals: if they change, kernels become slower and this test fails.
+    """
+    linkages: list[set[tuple[str, bool]]] = []
+    internal = linking.internal
+
+    def watched(change):
+        def watch(library):
+            change(library)
+            defined = [each for each in library._final_module.functions if not each.is_declaration]
+            ours = {
+                (each.linkage.name, each.name.endswith(linking.OWN)) for each in defined if linking.OURS in each.name
+            }
+            linkages.append(ours)
+
+        return watch
+
+    rows = np.random.default_rng(1).normal(size=(7, 15))
+    moved = []
+    for change in (internal, lambda library: None):
+        monkeypatch.setattr(linking, "internal", watched(change))
+        out = np.zeros_like(rows)
+        numba.njit(lambda rows, tau, out: move(rows, tau, out))(rows, 1e-3, out)
+        moved.append(out)
+    own, others = (kinds for kinds in linkages if kinds)
+    assert own == {("internal", True)}
+    assert others == {("linkonce_odr", False)}
+    assert np.array_equal(*moved)
+
+
+OTHER = """
+import numba
+numba.__version__ = "0.67.9"
+from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
+parts = [JITCodeLibrary.get_pointer_to_function, JITCPUCodegen.set_env]
+from fmus import linking
+print(parts == [JITCodeLibrary.get_pointer_to_function, JITCPUCodegen.set_env])
+"""
+
+
+def test_another_numba_compiles_its_plain_way_and_says_so(environment):
+    done = subprocess.run([sys.executable, "-c", OTHER], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "True"
+    assert "numba is 0.67.9, not 0.68.x" in done.stderr
+    assert numba.__version__.startswith(linking.TESTED)
+    major, minor = map(int, linking.TESTED.split(".")[:2])
+    assert f'"numba>=0.61,<{major}.{minor + 1}"' in (jit.ROOT.parent / "pyproject.toml").read_text(encoding="utf-8")
+
+
+@jit.kernel
+def handed_back(a):
+    return a
+
+
+MAKING = ("np.zeros(", "np.empty(", "np.array(", "np.ones(", "np.eye(", ".copy()", ".ravel()", " @ ")
+
+
+def test_a_kernel_that_borrows_its_arrays_returns_none():
+    with pytest.raises(TypeError, match=r"handed_back at .* returns an array: it must be ``allocating``"):
+        handed_back(np.zeros(3))
+
+
+def test_only_what_python_calls_has_machine_code(fresh_cache, monkeypatch):
+    """Only functions that Python calls get machine code.
+
+    This relies on numba's internals: if they change, a cold start takes longer and this test fails.
+    """
+
+    @jit.kernel
+    def halved(x):
+        return 0.5 * x
+
+    @jit.kernel
+    def quartered(x):
+        return halved(halved(x))
+
+    emitted: list[str] = []
+    optimise = linking.internal
+    monkeypatch.setattr(linking, "internal", lambda library: (emitted.append(library.name), optimise(library)))
+    assert quartered(2.0) == 0.5
+    assert halved(2.0) == 1.0
+    assert [name.rpartition(".")[2] for name in emitted] == ["quartered", "halved"]
+
+
+@jit.allocating
+def assigned(a, b):
+    a[:] = b
+
+
+@jit.allocating
+def assigned_within(a, b):
+    assigned(a, b)
+
+
+def test_an_exception_comes_out_of_a_kernel_that_a_kernel_calls():
+    with pytest.raises(ValueError, match=r"cannot assign slice of shape \(2,\) from input of shape \(3,\)"):
+        assigned_within(np.zeros(2), np.zeros(3))
+
+
+def test_kernels_that_make_arrays_say_so():
+    """Kernels that allocate arrays are declared as allocating, or nothing would free the arrays.
+
+    Numba itself notices only some of them.
+    """
+    makers = {"kernel": [], "allocating": []}
+    for file in jit.sources():
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.FunctionDef):
+                body = ast.unparse(ast.Module(node.body, []))
+                for decorator in node.decorator_list:
+                    if ast.unparse(decorator) in makers and any(call in body for call in MAKING):
+                        makers[ast.unparse(decorator)].append(f"{file.name}: {node.name}")
+    assert not makers["kernel"]
+    assert len(makers["allocating"]) > 20
+
+
+def test_kernels_count_the_arrays_that_they_receive():
+    """A kernel that receives a new array from a kernel is declared as allocating, or nothing would free the array."""
+    functions: dict[tuple[str, str], ast.FunctionDef] = {}
+    names: dict[str, dict[str, tuple[str | None, str]]] = {}
+    for file in jit.sources():
+        module = ".".join(("fmus", *file.relative_to(jit.ROOT).with_suffix("").parts))
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        functions |= {(module, node.name): node for node in tree.body if isinstance(node, ast.FunctionDef)}
+        names[module] = {
+            alias.asname or alias.name: (line.module, alias.name)
+            for line in ast.walk(tree)
+            if isinstance(line, ast.ImportFrom)
+            for alias in line.names
+        }
+
+    def is_new(value: ast.expr | None, node: ast.FunctionDef) -> bool:
+        made = [ast.unparse(line.targets[0]) for line in ast.walk(node) if isinstance(line, ast.Assign)
+                and ast.unparse(line.value).startswith(MAKING)]  # fmt: skip
+        return value is not None and (ast.unparse(value) in made or ast.unparse(value).startswith(MAKING))
+
+    def returns_array(node: ast.FunctionDef) -> bool:
+        return any(is_new(line.value, node) for line in ast.walk(node) if isinstance(line, ast.Return))
+
+    makers = {place for place, node in functions.items() if returns_array(node)}
+    leaking = [
+        f"{module}.{name} calls {call.func.id}"
+        for (module, name), node in functions.items()
+        if "kernel" in map(ast.unparse, node.decorator_list)
+        for call in ast.walk(node)
+        if isinstance(call, ast.Call)
+        and isinstance(call.func, ast.Name)
+        and names[module].get(call.func.id, (module, call.func.id)) in makers
+    ]
+    assert len(makers) > 5
+    assert not leaking
