@@ -6,7 +6,7 @@ from drive_probe import MODES, PLACE, RAMP, J, Probe, half_cosine, turning
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
-from fmus.drives.motor import speed_profile, speed_profile_slope
+from fmus.drives.motor import motor_torque, speed_profile, speed_profile_slope
 from fmus.drives.mount import WIDTH
 from fmus.drives.shaft import ANGLE, INTEGRATED, RATE, integrate_spin
 from fmus.model import InvalidParameter, StepFailed
@@ -145,6 +145,17 @@ def test_controller_keeps_its_limit_and_does_not_wind_up():
     assert speeds[-1] == pytest.approx(30.0, abs=1e-2)
     # an integral without anti-windup would hold 30/2 rad s x 600 = 9 kN m at 1 s and overshoot the target
     assert max(speeds) < 30.0 * 1.1
+
+
+@pytest.mark.parametrize(
+    ("error", "integral", "torque", "rate"),
+    [(1.0, 1.0, 400.0, 0.0), (-1.0, 2.0, 400.0, -1.0), (1.0, -2.0, -400.0, 1.0), (0.1, 0.1, 90.0, 0.1)],
+)
+def test_a_limited_controller_stops_integrating_only_what_would_exceed_the_limit(error, integral, torque, rate):
+    """At the limit the integral stands still while the error would raise it, and follows an error that lowers it."""
+    gains = {"controller.proportional": 300.0, "controller.integral": 600.0}
+    drive = Probe(mode="controller", **{"speed.end": 30.0, "ramp.end": 0.0, "torque.limit": 400.0}, **gains).model.drive
+    assert motor_torque(drive, 1.0, 30.0 - error, integral) == pytest.approx((torque, rate))
 
 
 @pytest.mark.parametrize("mode", ["torque", "controller"])

@@ -22,7 +22,11 @@ RUNS = {
     "explicit cable": partial(runs.swinging, *runs.SOFT_LINKS["cable"], *runs.EXPLICIT, *runs.UNDAMPED, duration=0.016),
     "beam": partial(runs.vehicle, "flexible", "track.element=beam", *BOTH, duration=0.016),
 }
-MARKS = {"beam": [pytest.mark.study], "explicit rigid": [pytest.mark.long]}  # compile kernels of their own
+MARKS = {
+    "beam": [pytest.mark.study],
+    "explicit rigid": [pytest.mark.long],
+    "explicit cable": [pytest.mark.long],
+}  # compile kernels of their own
 
 
 @cache
