@@ -221,9 +221,9 @@ def test_a_damaged_table_of_settings_is_left_out_and_named(fresh_cache, caplog):
         file.write_bytes(whole)
         damage(file, how, rng)
         caplog.clear()
-        found = [row for row in precision.read() if row.scene not in ("straight", "hard_stop", "rig", "hanging_chain")]
-        if found:  # a blank was changed to another one
-            assert found[0].error == 0.0125
+        rows = [row for row in precision.read() if row.scene not in ("straight", "hard_stop", "rig", "hanging_chain")]
+        if rows:  # a blank was changed to another one
+            assert rows[0].error == 0.0125
             assert json.loads(file.read_bytes()) == json.loads(whole)
         else:
             assert f"the table {file} is damaged and is left out" in caplog.text
@@ -450,8 +450,8 @@ def command(arguments, folder, environment):
     said, _, opened = done.stderr.partition("opened\n")
     result, logs = "", [log]
     if arguments[0] == "truth" and done.returncode == 0:
-        found = json.loads(done.stdout)
-        result, logs = json.dumps(found["observables"]), [Path(found["log"]), Path(found["coarse_log"])]
+        answer = json.loads(done.stdout)
+        result, logs = json.dumps(answer["observables"]), [Path(answer["log"]), Path(answer["coarse_log"])]
     for each in logs:
         if each.exists():
             with Log(each) as written:

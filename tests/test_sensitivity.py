@@ -344,13 +344,13 @@ def in_brief(key: str, kinds: tuple[str, ...]) -> tuple[str, ...]:
 
 def asked() -> dict[str, tuple[str, ...]]:
     """All keys of all scenes of the gallery and of all cases, with the kinds of links they act on."""
-    found: set[str] = set()
+    all_keys: set[str] = set()
     for name in gallery.names():
         for model in TRACKS:
-            found |= {key for key, _ in flat(load(name, model).resolved())}
+            all_keys |= {key for key, _ in flat(load(name, model).resolved())}
     for case in CASES.values():
-        found |= {key for key, _ in flat(scene_of(case, "cable").resolved())}
-    keys = sorted(key for key in found if not any(fnmatch.fnmatchcase(key, one) for one in APART))
+        all_keys |= {key for key, _ in flat(scene_of(case, "cable").resolved())}
+    keys = sorted(key for key in all_keys if not any(fnmatch.fnmatchcase(key, one) for one in APART))
     return {key: where.kinds if (where := acts(key)) else () for key in keys}
 
 

@@ -29,11 +29,11 @@ def gauss(count: int) -> tuple[Floats, Floats]:
 def hermite(xi, l: float, derivative: int = 0) -> Floats:
     """Cubic shape functions of position and slope at both ends, or their derivatives by length (..., 4)."""
     table = ([1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1])  # by powers of xi
-    found = []
+    shapes = []
     for a, row in enumerate(table):
         p = np.polynomial.Polynomial(row).deriv(derivative) if derivative else np.polynomial.Polynomial(row)
-        found.append(p(np.asarray(xi, float)) * (l if a % 2 else 1.0) / l**derivative)
-    return np.stack(found, axis=-1)
+        shapes.append(p(np.asarray(xi, float)) * (l if a % 2 else 1.0) / l**derivative)
+    return np.stack(shapes, axis=-1)
 
 
 class Chain:
@@ -237,10 +237,10 @@ class Element(Chain):
         """Change of coordinates (T, n, rows, 3) by a unit stretch along the line of the pins."""
         line = self.ends[1] - self.ends[0]
         line = line / np.linalg.norm(line, axis=-1, keepdims=True)
-        found, half = np.zeros_like(self.e), self.e.shape[2] // 2
-        found[:, :, 0], found[:, :, half] = -0.5 * self.pitch * line, 0.5 * self.pitch * line
-        found[:, :, 1] = found[:, :, half + 1] = line
-        return found
+        mode, half = np.zeros_like(self.e), self.e.shape[2] // 2
+        mode[:, :, 0], mode[:, :, half] = -0.5 * self.pitch * line, 0.5 * self.pitch * line
+        mode[:, :, 1] = mode[:, :, half + 1] = line
+        return mode
 
     @cached_property
     def tension(self) -> Floats:
@@ -485,10 +485,12 @@ class Turning(Cable):
 
     def coordinate_accelerations(self, a: Floats) -> Floats:
         w, dw = self.w[:, None, None], self.dw[:, None, None]
-        found = self.vectors(a) + 2.0 * np.cross(w, self.dc) + np.cross(dw, self.c) + np.cross(w, np.cross(w, self.c))
-        found = self.world_vectors(found)
-        found[:, :, [0, 2]] += self.ddo[:, None, None]
-        return found
+        accelerations = (
+            self.vectors(a) + 2.0 * np.cross(w, self.dc) + np.cross(dw, self.c) + np.cross(w, np.cross(w, self.c))
+        )
+        accelerations = self.world_vectors(accelerations)
+        accelerations[:, :, [0, 2]] += self.ddo[:, None, None]
+        return accelerations
 
     @property
     def axes(self) -> Floats:
@@ -701,13 +703,13 @@ class Beam(Element):
     @cached_property
     def stress(self) -> Floats:
         """Largest E times Green's strain xx at the section's corners, at the Gauss points of the axis, Pa."""
-        found = 0.0
+        largest = 0.0
         for x in gauss(4)[0]:
             for y in (-0.5 * self.wide, 0.5 * self.wide):
                 for z in (-self.vehicle["section"]["outer_fibre"], self.vehicle["section"]["outer_fibre"]):
                     slope = self.gradients(x, y, z)[..., 0]
-                    found = np.maximum(found, abs(self.young * 0.5 * ((slope**2).sum(-1) - 1.0)))
-        return found
+                    largest = np.maximum(largest, abs(self.young * 0.5 * ((slope**2).sum(-1) - 1.0)))
+        return largest
 
     @property
     def pin_axes(self) -> Floats:
@@ -739,7 +741,7 @@ class Beam(Element):
         G = 0.5 * E / (1.0 + nu)
         lame = 2.0 * G * nu / (1.0 - 2.0 * nu)
         twist = section["torsion"] / (section["bending"] + section["lateral_bending"])
-        volume, found = 0.5 * section["area"] * self.pitch, []
+        volume, terms = 0.5 * section["area"] * self.pitch, []
         (x, w), (s, m) = gauss(4), gauss(2)
 
         def strains(a: float, y: float, z: float) -> tuple[Floats, Floats, Floats]:
@@ -754,13 +756,13 @@ class Beam(Element):
                 for c, wc in zip(s - 0.5, m, strict=True):
                     normal, along, within = strains(a, b * self.wide, c * self.high)
                     w = volume * wa * wb * wc
-                    found += [(w * E, normal[..., i]) for i in range(3)]
-                    found += [(w * twist * G, along[..., i]) for i in range(2)] + [(w * G, within)]
+                    terms += [(w * E, normal[..., i]) for i in range(3)]
+                    terms += [(w * twist * G, along[..., i]) for i in range(2)] + [(w * G, within)]
             normal, along, _ = strains(a, 0.0, 0.0)
-            found.append((volume * wa * lame, normal.sum(-1)))
-            found += [(volume * wa * (2.0 * G - E), normal[..., i]) for i in range(3)]
-            found += [(volume * wa * (5.0 / 6.0 - twist) * G, along[..., i]) for i in range(2)]
-        return found
+            terms.append((volume * wa * lame, normal.sum(-1)))
+            terms += [(volume * wa * (2.0 * G - E), normal[..., i]) for i in range(3)]
+            terms += [(volume * wa * (5.0 / 6.0 - twist) * G, along[..., i]) for i in range(2)]
+        return terms
 
 
 KINDS = {"cable": Cable, "planar": Planar, "beam": Beam, "general": General, "engineering": Engineering}

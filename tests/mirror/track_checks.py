@@ -306,8 +306,8 @@ def joints_by_momentum(view: View, names: Sequence[str]) -> Floats:
         if f"link[{i + 1}].{what}.force.{axis}" in part.outputs:
             others = others + part[f"link[{i + 1}].{what}.force.{axis}"][1:]
     other, sign = (c.second[i], 1.0) if j < c.n else (i, -1.0)
-    found = sign * (gained - others) + part[f"joint[{other + 1}].force.{axis}"][1:]
-    return with_start(np.array(np.nan), found)[:, None]
+    force = sign * (gained - others) + part[f"joint[{other + 1}].force.{axis}"][1:]
+    return with_start(np.array(np.nan), force)[:, None]
 
 
 def joint_axes(view: View, names: Sequence[str]) -> Floats:
@@ -333,10 +333,10 @@ def joint_places(view: View, names: Sequence[str]) -> Floats:
 def joint_ways(view: View, names: Sequence[str]) -> Floats:
     """Positions of the pins, integrated from their start by the rates of the state."""
     c, h = view.chain, view.part.h[:, None, None]
-    found = c.pins[:1] + with_start(
+    positions = c.pins[:1] + with_start(
         np.zeros(c.pins.shape[1:]), np.cumsum(0.5 * h * (c.rates[1:] + c.rates[:-1]), axis=0)
     )
-    return np.stack([found[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
+    return np.stack([positions[:, link_number(name), AXES[name[-1]]] for name in names], axis=1)
 
 
 # --- energies --------------------------------------------------------------------------------------

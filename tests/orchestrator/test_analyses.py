@@ -89,9 +89,9 @@ def ends(run, name):
 def test_power_through_ports_is_the_work_of_the_ledger(driven):
     with Log(driven) as log:
         run = RunData(log)
-        found = power.of(run)
+        port_power = power.of(run)
         works = energy._works(run)
-    through = dict(zip(found.ports, found.energy + found.energy_carried, strict=True))
+    through = dict(zip(port_power.ports, port_power.energy + port_power.energy_carried, strict=True))
     scale = max(abs(given) for given, _ in works.values())
     assert scale > 1e3
     for port, (given, _) in works.items():
@@ -102,18 +102,18 @@ def test_power_through_ports_is_the_work_of_the_ledger(driven):
 def test_of_the_hull_relative_power_and_that_on_its_motion_are_what_the_chassis_received(driven):
     with Log(driven) as log:
         run = RunData(log)
-        found = power.of(run)
+        port_power = power.of(run)
         received = ends(run, "chassis.port.work")
         motor = ends(run, "left_drive.energy.work")
         spun = ends(run, "left_drive.energy.kinetic")
-    of_hull = [k for k, name in enumerate(found.ports) if name != "left_track.sprocket"]
-    assert 2 * (found.energy + found.energy_carried)[of_hull].sum() == pytest.approx(received, rel=2e-3)
-    sprocket, mount = (found.ports.index(name) for name in ("left_track.sprocket", "left_drive.mount"))
+    of_hull = [k for k, name in enumerate(port_power.ports) if name != "left_track.sprocket"]
+    assert 2 * (port_power.energy + port_power.energy_carried)[of_hull].sum() == pytest.approx(received, rel=2e-3)
+    sprocket, mount = (port_power.ports.index(name) for name in ("left_track.sprocket", "left_drive.mount"))
     # a mount does not move relative to the hull; a sprocket passes on the motor's torque less its own spin
-    assert abs(found.energy[mount]) < 1e-6 * abs(found.energy_carried[mount])
-    assert found.energy_drive[0] == pytest.approx(motor, rel=1e-4)
-    assert -found.energy[sprocket] == pytest.approx(motor - spun, rel=0.02)
-    assert abs(found.energy_carried[sprocket]) > 0.03 * abs(found.energy[sprocket]), "raw power is similar"
+    assert abs(port_power.energy[mount]) < 1e-6 * abs(port_power.energy_carried[mount])
+    assert port_power.energy_drive[0] == pytest.approx(motor, rel=1e-4)
+    assert -port_power.energy[sprocket] == pytest.approx(motor - spun, rel=0.02)
+    assert abs(port_power.energy_carried[sprocket]) > 0.03 * abs(port_power.energy[sprocket]), "raw power is similar"
 
 
 def test_power_sees_a_wrench_that_is_off_by_three_per_cent(driven, scaled):
@@ -166,26 +166,26 @@ def test_a_sine_shows_its_amplitude_at_its_frequency(tmp_path, shape, even):
     rows = {"/track/out": (t - t[0], np.stack([sines(t - t[0]), 0 * t], axis=1))}
     path = made(tmp_path / "s.mcap", {"/track/out": [("travel", "m"), ("force", "N")]}, rows)
     with Log(path) as log:
-        found = spectrum.of(RunData(log), "track.travel", shape=shape)
-    assert found.resampled is not even
+        travel_spectrum = spectrum.of(RunData(log), "track.travel", shape=shape)
+    assert travel_spectrum.resampled is not even
     allowed = 1e-3 if even else 1e-2  # linear interpolation between samples takes a little of a sine
-    assert found.amplitude[0, 0] == pytest.approx(7.0, rel=1e-2)
-    assert found.peak() == (pytest.approx(12.5, abs=0.01), pytest.approx(50.0, rel=allowed))
-    assert found.peak(above=30.0) == (pytest.approx(40.0, abs=0.01), pytest.approx(20.0, rel=allowed))
-    rows = found.table().records()
+    assert travel_spectrum.amplitude[0, 0] == pytest.approx(7.0, rel=1e-2)
+    assert travel_spectrum.peak() == (pytest.approx(12.5, abs=0.01), pytest.approx(50.0, rel=allowed))
+    assert travel_spectrum.peak(above=30.0) == (pytest.approx(40.0, abs=0.01), pytest.approx(20.0, rel=allowed))
+    rows = travel_spectrum.table().records()
     assert [round(row["frequency"], 2) for row in rows[:2]] == [12.5, 40.0]
-    frame = found.table().frame()
+    frame = travel_spectrum.table().frame()
     assert list(frame["amplitude"]) == [row["amplitude"] for row in rows]
     assert frame.attrs["units"] == {"signal": "", "frequency": "Hz", "amplitude": "m"}
-    assert len(found.series().rows) == len(found.frequency)
+    assert len(travel_spectrum.series().rows) == len(travel_spectrum.frequency)
 
 
 def test_between_bins_a_flat_top_reads_a_sine_and_a_hann_window_does_not():
     t = np.arange(2000) * STEP
     values = 3.0 * np.sin(2 * np.pi * 12.25 * t)[:, None]  # bins are 0.5 Hz wide
-    found = {shape: spectrum.amplitudes(t, values, shape)[1].max() for shape in spectrum.SHAPES}
-    assert found["flat-top"] == pytest.approx(3.0, rel=2e-3)
-    assert found["hann"] == pytest.approx(3.0 * 0.8488, rel=5e-3)
+    amplitude = {shape: spectrum.amplitudes(t, values, shape)[1].max() for shape in spectrum.SHAPES}
+    assert amplitude["flat-top"] == pytest.approx(3.0, rel=2e-3)
+    assert amplitude["hann"] == pytest.approx(3.0 * 0.8488, rel=5e-3)
 
 
 def test_orders_are_multiples_of_the_rate_of_teeth(tmp_path):
@@ -203,9 +203,9 @@ def test_orders_are_multiples_of_the_rate_of_teeth(tmp_path):
         [connection],
     )
     with Log(path) as log:
-        found = spectrum.of(RunData(log), "track.travel", orders=True)
-    assert found.teeth == pytest.approx(12.5, rel=1e-12)
-    assert found.order[found.amplitude[1:, 0].argmax() + 1] == pytest.approx(1.0, abs=1e-6)
+        order_spectrum = spectrum.of(RunData(log), "track.travel", orders=True)
+    assert order_spectrum.teeth == pytest.approx(12.5, rel=1e-12)
+    assert order_spectrum.order[order_spectrum.amplitude[1:, 0].argmax() + 1] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_scene_without_teeth_is_told(tmp_path):
@@ -249,16 +249,16 @@ def moved_length(polygon):
 @pytest.mark.long
 def test_the_envelope_of_a_spinning_loop_is_its_uniform_tension(spinning):
     with Log(spinning) as log:
-        found = envelope.of(RunData(log))
+        tension_envelope = envelope.of(RunData(log))
     side = 0.1524
     radius = side / (2 * np.tan(np.pi / 64))  # of the links' middles
     expected = 18.0 * 5.0**2 * radius / (2 * np.sin(np.pi / 64))  # m omega^2 Rc / (2 sin(pi/N))
-    assert found.unit == "N"
-    assert len(found.place) == 64
-    for values in (found.least, found.mean, found.most):
+    assert tension_envelope.unit == "N"
+    assert len(tension_envelope.place) == 64
+    for values in (tension_envelope.least, tension_envelope.mean, tension_envelope.most):
         np.testing.assert_allclose(values, expected, rtol=1e-3)
-    assert np.diff(found.place).max() == pytest.approx(side, rel=1e-4)
-    assert found.records.sum() == 64 * 6
+    assert np.diff(tension_envelope.place).max() == pytest.approx(side, rel=1e-4)
+    assert tension_envelope.records.sum() == 64 * 6
 
 
 def test_an_envelope_shows_what_links_feel_where_they_are(tmp_path):
@@ -276,14 +276,14 @@ def test_an_envelope_shows_what_links_feel_where_they_are(tmp_path):
     rows = {"/track/links": (t, np.hstack([tension, pins.reshape(50, -1)])), "/track/out": (t, t[:, None])}
     scene = {"start": {"position": [0.0, 0.0, 0.0], "heading": 0.0}}
     with Log(made(tmp_path / "e.mcap", topics, rows, scene)) as log:
-        found = envelope.of(RunData(log), bins=20)
+        tension_envelope = envelope.of(RunData(log), bins=20)
     expected = 1e4 + 1e3 * np.cos(2 * np.pi * (np.arange(20) + 0.5) / 20)
     half = 1e3 * np.pi / 20  # half a bin's width
-    assert np.abs(found.least - expected).max() < 1.05 * half
-    assert np.abs(found.most - expected).max() < 1.05 * half
-    np.testing.assert_allclose(found.mean, expected, atol=0.3 * half)
-    np.testing.assert_allclose(np.hypot(found.forward, found.up), 1.0, atol=0.03)
-    assert np.argmax(found.mean) in (0, 19)
+    assert np.abs(tension_envelope.least - expected).max() < 1.05 * half
+    assert np.abs(tension_envelope.most - expected).max() < 1.05 * half
+    np.testing.assert_allclose(tension_envelope.mean, expected, atol=0.3 * half)
+    np.testing.assert_allclose(np.hypot(tension_envelope.forward, tension_envelope.up), 1.0, atol=0.03)
+    assert np.argmax(tension_envelope.mean) in (0, 19)
 
 
 def test_open_chains_have_no_circuit(tmp_path):
@@ -337,15 +337,15 @@ def test_damage_is_that_of_miner(tmp_path):
     by_hand = sum(n * (s * 20e6 / 100e6) ** 3 for s, n in ((3, 0.5), (4, 1.5), (6, 0.5), (8, 1.0), (9, 0.5))) / 2e6
     with Log(stressed(tmp_path / "f.mcap", stress)) as log:
         run = RunData(log)
-        found = fatigue.of(run)
+        assessment = fatigue.of(run)
         steeper = fatigue.of(run, line=fatigue.StressLifeLine(slope=5.0))
         with pytest.raises(BadInput, match=r"slope = 0: must be greater than 0"):
             fatigue.of(run, line=fatigue.StressLifeLine(slope=0.0))
-    np.testing.assert_allclose(found.damage, by_hand * np.array([[1.0, 8.0], [0.125, 0.0]]), rtol=1e-12)
-    np.testing.assert_allclose(found.largest[:, 0], [180e6, 90e6])
-    np.testing.assert_allclose(found.cycles, [[4.0, 4.0], [4.0, 0.0]])
+    np.testing.assert_allclose(assessment.damage, by_hand * np.array([[1.0, 8.0], [0.125, 0.0]]), rtol=1e-12)
+    np.testing.assert_allclose(assessment.largest[:, 0], [180e6, 90e6])
+    np.testing.assert_allclose(assessment.cycles, [[4.0, 4.0], [4.0, 0.0]])
     assert steeper.damage[0, 1] / steeper.damage[0, 0] == pytest.approx(32.0)
-    assert found.life == pytest.approx(8 * STEP / 3600 / (8 * by_hand))
+    assert assessment.life == pytest.approx(8 * STEP / 3600 / (8 * by_hand))
 
 
 def test_blocks_of_records_do_not_change_cycles(tmp_path, monkeypatch):
@@ -370,24 +370,24 @@ def test_without_fibres_one_sentence_says_what_to_record(spinning):
 def test_forces_of_links_are_those_of_the_track(driven):
     with Log(driven) as log:
         run = RunData(log)
-        found = links.of(run)
+        forces = links.of(run)
         t, whole = run.vectors("left_track", "out", "ground.force")
         tension = log.select(log.choose(["left_track.link[*].tension"]))["/left_track/links"].values
         world = log.select(log.choose(["left_track.joint[*].force.*"]))["/left_track/links"].values
-    at = np.searchsorted(t, found.t - 1e-9)
+    at = np.searchsorted(t, forces.t - 1e-9)
     between = [whole[i + 1 : j + 1].mean(axis=0) for i, j in pairwise(at)]
-    summed = np.einsum("mnij,mnj->mi", found.axes, found.ground)
+    summed = np.einsum("mnij,mnj->mi", forces.axes, forces.ground)
     np.testing.assert_allclose(summed, [whole[0], *between], atol=1e-9 * np.abs(whole).max())
     assert np.abs(whole[-1, 2]) > 4e4
     # from strain alone; a link's tension also has damping and rotation
-    np.testing.assert_allclose(found.axial, tension, atol=1e-3 * tension.max())
+    np.testing.assert_allclose(forces.axial, tension, atol=1e-3 * tension.max())
     np.testing.assert_allclose(
-        np.linalg.norm(found.joint, axis=2), np.linalg.norm(world.reshape(*found.t.shape, -1, 3), axis=2), rtol=1e-12
+        np.linalg.norm(forces.joint, axis=2), np.linalg.norm(world.reshape(*forces.t.shape, -1, 3), axis=2), rtol=1e-12
     )
     # the first pin of a taut link pulls it backwards, and the ground pushes inwards
-    assert np.median(-found.joint[-1, :, 0] / tension[-1]) == pytest.approx(1.0, abs=0.05)
-    assert found.ground[-1, :, 2].sum() == pytest.approx(-between[-1][2], rel=0.02)
-    assert np.abs(found.joint[..., 1]).max() < 1e-6 * np.abs(found.joint).max(), "a straight run has lateral forces"
+    assert np.median(-forces.joint[-1, :, 0] / tension[-1]) == pytest.approx(1.0, abs=0.05)
+    assert forces.ground[-1, :, 2].sum() == pytest.approx(-between[-1][2], rel=0.02)
+    assert np.abs(forces.joint[..., 1]).max() < 1e-6 * np.abs(forces.joint).max(), "a straight run has lateral forces"
 
 
 def test_a_force_of_the_ground_that_is_off_by_three_per_cent_is_seen(driven, scaled):
@@ -415,13 +415,13 @@ def test_the_moment_of_a_link_is_that_of_its_fibres(driven):
 def test_joints_are_the_extremes_of_links(driven):
     with Log(driven) as log:
         run = RunData(log)
-        found, every, summed = joints.of(run), links.of(run), links.summary(run)
+        extremes, every, summed = joints.of(run), links.of(run), links.summary(run)
     for k in range(3):
         values = every.joint[..., k]
         record, joint = np.unravel_index(values.argmax(), values.shape)
-        assert found.most[0, k] == values[record, joint] == values.max()
-        assert (found.most_joint[0, k], found.most_t[0, k]) == (joint + 1, every.t[record])
-        assert found.least[0, k] == values.min()
+        assert extremes.most[0, k] == values[record, joint] == values.max()
+        assert (extremes.most_joint[0, k], extremes.most_t[0, k]) == (joint + 1, every.t[record])
+        assert extremes.least[0, k] == values.min()
         printed = [row[3:] for row in summed.rows if row[:2] == ("joint force", links.AXES[k])]
         np.testing.assert_allclose(printed, [[values.min() / 1e3, values.mean() / 1e3, values.max() / 1e3]], rtol=1e-9)
 
@@ -455,33 +455,33 @@ def test_deformation_of_a_known_cubic_in_its_tangent_frame(tmp_path, turned):
     Along the chord it is half of the angle's square. The tangent takes 2e-5 x off.
     """
     with Log(bent(tmp_path / "bent.mcap", turned)) as log:
-        found = deformation.of(RunData(log), at=[0.3])
-    x = found.x
-    assert found.t.tolist() == [0.0]
-    np.testing.assert_allclose(found.displacement[0, 0, :, 0], 1e-5 * x, atol=1e-3 * 2e-6)
+        field = deformation.of(RunData(log), at=[0.3])
+    x = field.x
+    assert field.t.tolist() == [0.0]
+    np.testing.assert_allclose(field.displacement[0, 0, :, 0], 1e-5 * x, atol=1e-3 * 2e-6)
     outwards = -3e-4 * x**2 + 1e-3 * x**3  # along z: the pin's axis is y, so x cross y
-    np.testing.assert_allclose(found.displacement[0, 0, :, 1], outwards, atol=1e-4 * abs(outwards).max())
-    assert abs(found.displacement[..., 2]).max() < 1e-14
-    assert found.series().rows[-1][3] == pytest.approx(1e-5 * ROD, rel=1e-3)
+    np.testing.assert_allclose(field.displacement[0, 0, :, 1], outwards, atol=1e-4 * abs(outwards).max())
+    assert abs(field.displacement[..., 2]).max() < 1e-14
+    assert field.series().rows[-1][3] == pytest.approx(1e-5 * ROD, rel=1e-3)
     with Log(bent(tmp_path / "other.mcap", turned, (1.0 + 1.03e-5, 0.0, 2e-5))) as log:
         other = deformation.of(RunData(log)).displacement
-    assert abs(other[0, 0, -1, 0] / found.displacement[0, 0, -1, 0] - 1.0) > 0.02
+    assert abs(other[0, 0, -1, 0] / field.displacement[0, 0, -1, 0] - 1.0) > 0.02
 
 
 def test_links_in_tension_lengthen_by_their_strain(driven):
     """Links in tension lengthen by stress l / E less the shortening by bending; nothing is lateral."""
     with Log(driven) as log:
         run = RunData(log)
-        found = deformation.of(run, at=[0.1, 0.2])
+        field = deformation.of(run, at=[0.1, 0.2])
         t, outer = run.signal("left_track.link[5].fibre.outer")
         _, inner = run.signal("left_track.link[5].fibre.inner")
-    at = np.searchsorted(t, found.t - 1e-9)
+    at = np.searchsorted(t, field.t - 1e-9)
     stretched = 0.5 * (outer + inner)[at] * 0.1524 / 2e11
-    bend = np.gradient(found.displacement[:, 4, :, 1], found.x, axis=1)
-    shortened = 0.5 * np.trapezoid(bend**2, found.x, axis=1)
-    np.testing.assert_allclose(found.displacement[:, 4, -1, 0] + shortened, stretched, rtol=1e-3)
-    assert np.abs(found.displacement[..., 2]).max() < 1e-12
-    assert 1e-8 < np.abs(found.displacement[..., 1]).max() < 1e-4
+    bend = np.gradient(field.displacement[:, 4, :, 1], field.x, axis=1)
+    shortened = 0.5 * np.trapezoid(bend**2, field.x, axis=1)
+    np.testing.assert_allclose(field.displacement[:, 4, -1, 0] + shortened, stretched, rtol=1e-3)
+    assert np.abs(field.displacement[..., 2]).max() < 1e-12
+    assert 1e-8 < np.abs(field.displacement[..., 1]).max() < 1e-4
     with Log(driven) as log, pytest.raises(Missing, match=r"in the window is at 0\.2 s"):
         deformation.of(RunData(log), at=[0.3])
 
@@ -501,13 +501,13 @@ def test_deformation_as_a_picture_and_as_numbers(cotrack, driven, tmp_path):
 def test_pressure_is_the_force_on_the_ground_over_the_pads(driven):
     with Log(driven) as log:
         run = RunData(log)
-        found, every = contact.of(run), links.of(run)
+        pressure, every = contact.of(run), links.of(run)
         pushes, since = -every.ground[..., 2].sum(axis=1), np.diff(every.t, prepend=every.t[0] - every.t[1])
-        assert found.force == pytest.approx(np.average(pushes, weights=since), rel=1e-9)
-        assert found.area == pytest.approx(0.1524 * 0.378)
-        assert found.peak == pytest.approx(-every.ground[..., 2].min() / found.area, rel=1e-9)
-    assert np.nansum(found.mean) * found.area == pytest.approx(found.force, rel=0.15)
-    touching = found.forward[found.most > 0.01 * found.peak]
+        assert pressure.force == pytest.approx(np.average(pushes, weights=since), rel=1e-9)
+        assert pressure.area == pytest.approx(0.1524 * 0.378)
+        assert pressure.peak == pytest.approx(-every.ground[..., 2].min() / pressure.area, rel=1e-9)
+    assert np.nansum(pressure.mean) * pressure.area == pytest.approx(pressure.force, rel=0.15)
+    touching = pressure.forward[pressure.most > 0.01 * pressure.peak]
     assert touching.max() < -0.3
     assert touching.min() > -3.8
 
@@ -515,13 +515,13 @@ def test_pressure_is_the_force_on_the_ground_over_the_pads(driven):
 def test_slip_and_thrust_are_along_the_heading(driven):
     with Log(driven) as log:
         run = RunData(log)
-        found = slip.of(run)
+        track_slip = slip.of(run)
         _, force = run.vectors("left_track", "out", "ground.force")
     ahead = np.array([np.cos(0.6), np.sin(0.6), 0.0])
-    np.testing.assert_allclose(found.thrust[:, 0], force @ ahead, atol=1e-6 * np.abs(force).max())
-    assert np.abs(found.lateral).max() < 1e-6 * np.abs(force).max()
-    assert np.abs(found.thrust[-50:]).mean() > 100.0
-    np.testing.assert_array_equal(found.load[:, 0], force[:, 2])
+    np.testing.assert_allclose(track_slip.thrust[:, 0], force @ ahead, atol=1e-6 * np.abs(force).max())
+    assert np.abs(track_slip.lateral).max() < 1e-6 * np.abs(force).max()
+    assert np.abs(track_slip.thrust[-50:]).mean() > 100.0
+    np.testing.assert_array_equal(track_slip.load[:, 0], force[:, 2])
 
 
 def over_time(t, values, keep):
@@ -547,9 +547,9 @@ def test_a_slip_ratio_weighs_a_record_by_its_own_step_alone(tmp_path, even):
     rows = {"/chassis/out": (t, np.zeros((len(t), 1))), "/track/out": (t, values)}
     path = made(tmp_path / "s.mcap", topics, rows, {"assembly": "vehicle"}, ("chassis", "track"))
     with Log(path) as log:
-        found = slip.of(RunData(log)).table().records()[0]
+        row = slip.of(RunData(log)).table().records()[0]
     wanted = 100.0 * over_time(t, ratio, speed > slip.SLOWEST)
-    assert found["slip ratio"] == pytest.approx(wanted, rel=1e-9)
+    assert row["slip ratio"] == pytest.approx(wanted, rel=1e-9)
     kept = np.flatnonzero(speed > slip.SLOWEST)
     assert np.average(100.0 * ratio[kept], weights=np.diff(t[kept], prepend=0.0)) > 1.5 * wanted, "the twin"
 
@@ -592,11 +592,11 @@ def test_loads_of_wheels_are_counted_by_time(tmp_path):
     t = np.arange(1000) * STEP
     load = np.stack([1e4 + 3e3 * np.sin(2 * np.pi * 5 * t), np.where(t < 0.25 - 1e-9, 0.0, 8e3)], axis=1)
     with Log(rolling(tmp_path / "w.mcap", load)) as log:
-        found = wheel_loads.of(RunData(log))
-    np.testing.assert_allclose(found.mean, [1e4, 6e3], rtol=1e-9)
-    np.testing.assert_allclose(found.rms, [3e3 / np.sqrt(2), 8e3 * np.sqrt(0.25 * 0.75)], rtol=1e-9)
-    np.testing.assert_allclose(found.lifted, [0.0, 0.25], atol=1e-12)
-    np.testing.assert_allclose([found.least, found.most], [[7e3, 0.0], [13e3, 8e3]], rtol=1e-9)
+        loads = wheel_loads.of(RunData(log))
+    np.testing.assert_allclose(loads.mean, [1e4, 6e3], rtol=1e-9)
+    np.testing.assert_allclose(loads.rms, [3e3 / np.sqrt(2), 8e3 * np.sqrt(0.25 * 0.75)], rtol=1e-9)
+    np.testing.assert_allclose(loads.lifted, [0.0, 0.25], atol=1e-12)
+    np.testing.assert_allclose([loads.least, loads.most], [[7e3, 0.0], [13e3, 8e3]], rtol=1e-9)
 
 
 def test_a_wheel_on_a_flat_face_has_the_patch_of_a_circle():
@@ -611,17 +611,17 @@ def test_a_wheel_on_a_flat_face_has_the_patch_of_a_circle():
         s = np.linspace(low, high, 20001)
         return radius - np.trapezoid(np.hypot(height, s), s) / (high - low)
 
-    def found(place, high=0.0):
+    def patch_at(place, high=0.0):
         centre = np.array([[place, 0.0, height + face + high]])
         return (each[0] for each in patches.patch(pins[None], normals, centre, radius, face))
 
-    length, depth = found(0.075)
+    length, depth = patch_at(0.075)
     np.testing.assert_allclose(length, [2 * half, 0.0], rtol=1e-12)
     np.testing.assert_allclose(depth, [depths(-half, half), 0.0], rtol=2e-3)
-    length, depth = found(pitch + 0.01)
+    length, depth = patch_at(pitch + 0.01)
     np.testing.assert_allclose(length, [half - 0.01, half + 0.01], rtol=1e-12)
     np.testing.assert_allclose(depth, [depths(-half, -0.01), depths(-0.01, half)], rtol=2e-3)
-    assert not any(each.any() for each in found(0.075, sunk + 1e-9))
+    assert not any(each.any() for each in patch_at(0.075, sunk + 1e-9))
 
 
 @pytest.mark.parametrize(("face", "fits"), [(0.029, True), (0.030, False)])
@@ -633,7 +633,7 @@ def test_patches_at_rest_carry_what_wheels_are_loaded_by(driven, face, fits):
     with Log(driven) as log:
         run, start = RunData(log), Window(-1.0, 1e-6)
         bodies, vehicle = Bodies(run, EVERY, window=start), run.scene["vehicle"]
-        poses, found = next(bodies.blocks()), patches.of(run, start)
+        poses, contacts = next(bodies.blocks()), patches.of(run, start)
         links, pairs = poses.links["left_track"], []
         for wheel in bodies.wheels:
             if wheel.kind == "road_wheel":
@@ -643,7 +643,7 @@ def test_patches_at_rest_carry_what_wheels_are_loaded_by(driven, face, fits):
                 force = run.vectors("left_track", "out", f"{wheel.name.partition('/')[2]}.force", window=start)[1][0]
                 pairs.append((-(share @ links.axes[0, :, 2, 2]), force[2]))
                 if fits:
-                    assert found.length[0, found.wheels.index(wheel.name.replace("/", "."))] == length.sum()
+                    assert contacts.length[0, contacts.wheels.index(wheel.name.replace("/", "."))] == length.sum()
     carried, load = np.transpose(pairs)
     assert len(load) == 5
     assert bool(np.all(np.abs(carried - load) <= 0.015 * np.abs(load))) == fits, pairs
@@ -679,10 +679,10 @@ def test_events_come_in_order_with_what_they_are_of(tmp_path):
     scene = {"vehicle": {"sprocket": {"teeth": 10}}}
     path = made(tmp_path / "e.mcap", topics, rows, scene, ("track", "drive"), [connection], [warning])
     with Log(path) as log:
-        found = events.of(RunData(log))
+        record = events.of(RunData(log))
         every = events.of(RunData(log), teeth=True)
         late = events.of(RunData(log), Window(0.65, 1.0))
-    assert [(event.kind, event.component, round(event.t, 6)) for event in found.events] == [
+    assert [(event.kind, event.component, round(event.t, 6)) for event in record.events] == [
         ("lifted", "track.road_wheel[2]", 0.3),
         ("touches", "track.road_wheel[2]", 0.4),
         ("warning", "track", 0.5),
@@ -690,10 +690,10 @@ def test_events_come_in_order_with_what_they_are_of(tmp_path):
         ("released", "drive", 0.8),
         ("step", "track", 0.9),
     ]
-    assert found.events[2].text == "it slips, 3 times"
-    assert "2 times" in found.events[-1].text
+    assert record.events[2].text == "it slips, 3 times"
+    assert "2 times" in record.events[-1].text
     teeth = [event.t for event in every.of("tooth")]
-    assert len(teeth) == found.teeth["drive"] == int(angle[-1] * 10 / (2 * np.pi))
+    assert len(teeth) == record.teeth["drive"] == int(angle[-1] * 10 / (2 * np.pi))
     np.testing.assert_allclose(np.diff(teeth[:5]), 0.1, rtol=1e-6)
     assert {event.text for event in every.of("tooth")} == {"a tooth ahead"}
     assert [(event.kind, round(event.t, 6)) for event in late.events] == [
@@ -705,7 +705,7 @@ def test_events_come_in_order_with_what_they_are_of(tmp_path):
 
 def test_a_log_ends_with_its_events_in_messages_of_foxglove(driven):
     with driven.open("rb") as file:
-        found = [
+        messages = [
             (schema.name, message.log_time, json.loads(message.data))
             for schema, _, message in make_reader(file).iter_messages(topics=["/events"])
         ]
@@ -714,13 +714,13 @@ def test_a_log_ends_with_its_events_in_messages_of_foxglove(driven):
         happened, angle = events.of(run, teeth=True).events, run.signal("left_drive.angle")[1]
         teeth = run.scene["vehicle"]["sprocket"]["teeth"]
         assert log.others == {"/events": "foxglove.Log"}
-    assert {name for name, _, _ in found} == {"foxglove.Log"}
-    shown = [(said["name"], said["kind"], said["message"], said["level"] == 3) for _, _, said in found]
+    assert {name for name, _, _ in messages} == {"foxglove.Log"}
+    shown = [(said["name"], said["kind"], said["message"], said["level"] == 3) for _, _, said in messages]
     assert shown == [(e.component, e.kind, e.text, e.kind in WARNINGS) for e in happened]
-    for (_, time, said), event in zip(found, happened, strict=True):
+    for (_, time, said), event in zip(messages, happened, strict=True):
         assert time == 1_000_000_000 * said["timestamp"]["sec"] + said["timestamp"]["nsec"] == round(1e9 * event.t)
     passed = np.floor(angle * teeth / (2.0 * np.pi))
-    assert sum(said["kind"] == "tooth" for _, _, said in found) == np.abs(np.diff(passed)).sum()
+    assert sum(said["kind"] == "tooth" for _, _, said in messages) == np.abs(np.diff(passed)).sum()
 
 
 # the commands
@@ -748,10 +748,10 @@ def test_analyse_prints_tables_and_json_and_files(cotrack, driven, tmp_path):
     assert status == 0
     assert answer["units"]["power"] == "kW"
     with Log(driven) as log:
-        found = power.of(RunData(log), Window(0.1, 1.0))
-    assert answer["rows"][0]["energy"] == pytest.approx(found.energy[0] / 1e3, rel=1e-12)
+        port_power = power.of(RunData(log), Window(0.1, 1.0))
+    assert answer["rows"][0]["energy"] == pytest.approx(port_power.energy[0] / 1e3, rel=1e-12)
     rows = np.genfromtxt(tmp_path / "p.csv", delimiter=",", skip_header=1)
-    np.testing.assert_allclose(rows[:, 2], found.relative[:, 0])
+    np.testing.assert_allclose(rows[:, 2], port_power.relative[:, 0])
     status, out, _ = cotrack("analyse", driven, "spectrum", "--signal", "left_track.link[3].tension", "--order")
     assert status == 0
     assert "tooth order" in out
@@ -806,13 +806,13 @@ def test_curves_of_long_records_are_thinned_as_those_of_the_page(tmp_path):
     rows = {"/track/out": (t, np.stack([values, t], axis=1))}
     path = made(tmp_path / "s.mcap", {"/track/out": [("force", "N"), ("travel", "m")]}, rows)
     with Log(path) as log:
-        (found,) = signal_picture._curves(RunData(log), ["track.force"], EVER, False, False, 0, False)
-    assert (found.x[found.y.argmax()], found.x[found.y.argmin()]) == (t[7777], t[12345]), "wrong instants"
-    assert {*zip(found.x, found.y, strict=True)} <= {*zip(t, values, strict=True)}
+        (curve,) = signal_picture._curves(RunData(log), ["track.force"], EVER, False, False, 0, False)
+    assert (curve.x[curve.y.argmax()], curve.x[curve.y.argmin()]) == (t[7777], t[12345]), "wrong instants"
+    assert {*zip(curve.x, curve.y, strict=True)} <= {*zip(t, values, strict=True)}
     same = TimeEnvelope(0.0, float(t[-1]), 1, signal_picture.CURVE)
     same.add(t, values[:, None])
-    assert np.array_equal(found.x, same.curve(0).t)
-    assert np.array_equal(found.y, same.curve(0).y)
+    assert np.array_equal(curve.x, same.curve(0).t)
+    assert np.array_equal(curve.y, same.curve(0).y)
 
 
 def test_plot_of_several_logs_names_them(cotrack, driven, spinning, tmp_path):

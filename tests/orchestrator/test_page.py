@@ -112,27 +112,27 @@ def written(path, columns, t, scene=None, closed="ok", warnings=(), metadata=Non
 @pytest.mark.long
 def test_key_figures_are_those_of_the_log(vehicle, scaled):
     def compared():
-        found = embedded(page(vehicle))["figures"]
+        figures = embedded(page(vehicle))["figures"]
         t, speed = signal(log, "chassis.speed")
         at = np.abs(speed).argmax()
-        assert found["top_speed"]["value"] == speed[at]
-        assert found["top_speed"]["t"] == t[at]
+        assert figures["top_speed"]["value"] == speed[at]
+        assert figures["top_speed"]["t"] == t[at]
         t, tension = signal(log, "left_track.tension.max")
-        assert (found["tension"]["value"], found["tension"]["t"]) == (tension.max(), t[tension.argmax()])
+        assert (figures["tension"]["value"], figures["tension"]["t"]) == (tension.max(), t[tension.argmax()])
         links = log.read("/left_track/links")
-        row = np.abs(links.t - found["tension"]["t"]).argmin()
+        row = np.abs(links.t - figures["tension"]["t"]).argmin()
         own = [links.values[row, links.names.index(f"link[{i}].tension")] for i in range(1, 65)]
-        assert found["tension"]["link"] == np.argmax(own) + 1
+        assert figures["tension"]["link"] == np.argmax(own) + 1
         loads = wheel_loads.of(RunData(log))
-        assert found["wheel_load"]["value"] == pytest.approx(loads.most.max(), rel=1e-9)
+        assert figures["wheel_load"]["value"] == pytest.approx(loads.most.max(), rel=1e-9)
         left = loads.most[:5]  # the right side has the same up to rounding
-        assert found["wheel_load"]["signal"] == f"{loads.wheels[left.argmax()]}.load"
-        assert found["distance"]["value"] == signal(log, "chassis.distance")[1][-1]
-        assert found["real_time_factor"]["value"] == pytest.approx(0.06 / float(log.closing["results"]["wall_time"]))
+        assert figures["wheel_load"]["signal"] == f"{loads.wheels[left.argmax()]}.load"
+        assert figures["distance"]["value"] == signal(log, "chassis.distance")[1][-1]
+        assert figures["real_time_factor"]["value"] == pytest.approx(0.06 / float(log.closing["results"]["wall_time"]))
         work = sum(np.diff(signal(log, f"{side}_drive.energy.work")[1][[0, -1]])[0] for side in ("left", "right"))
-        assert found["energy"]["work"] == pytest.approx(work, abs=1e-9)
-        assert "stress" not in found, "rigid links have no stress"
-        return found
+        assert figures["energy"]["work"] == pytest.approx(work, abs=1e-9)
+        assert "stress" not in figures, "rigid links have no stress"
+        return figures
 
     with Log(vehicle) as log:
         before = compared()
@@ -146,9 +146,9 @@ def test_key_figures_are_those_of_the_log(vehicle, scaled):
 
 def test_figures_stand_in_the_text(vehicle):
     html = page(vehicle)
-    found = embedded(html)["figures"]
-    assert f">{quantity(found['tension']['value'], 'N')}<" in html
-    assert f"link {found['tension']['link']}, left track, at {number(found['tension']['t'])} s" in html
+    figures = embedded(html)["figures"]
+    assert f">{quantity(figures['tension']['value'], 'N')}<" in html
+    assert f"link {figures['tension']['link']}, left track, at {number(figures['tension']['t'])} s" in html
     assert "The run finished; 1 of 1 checks met; 7 more could not be made." in html
     assert "As expected" not in html
     assert "1.25 ms" in html
@@ -219,24 +219,24 @@ def test_losses_are_those_of_the_components_in_their_words(vehicle):
     with Log(vehicle) as log:
         run = RunData(log)
         books = ledger(run)
-        found = losses(run)
-        for name, loss in found.items():
+        part_losses = losses(run)
+        for name, loss in part_losses.items():
             ends = {kind: signal(log, f"{name}.energy.{kind}")[1][[0, -1]] for kind in ("dissipated", "covered")
                     if run.has(f"{name}.energy.{kind}")}  # fmt: skip
             assert loss.dissipated == pytest.approx(np.diff(ends["dissipated"])[0], rel=1e-12)
             assert loss.covered == pytest.approx(np.diff(ends["covered"])[0] if "covered" in ends else 0.0, rel=1e-12)
-    assert sum(loss.dissipated + loss.covered for loss in found.values()) == pytest.approx(
+    assert sum(loss.dissipated + loss.covered for loss in part_losses.values()) == pytest.approx(
         books.dissipated + books.covered, rel=1e-12
     )
-    causes = re.fullmatch(r"(.+ -?[0-9.]+ [mk]?J(, )?)+", found["left_track"].parts)
+    causes = re.fullmatch(r"(.+ -?[0-9.]+ [mk]?J(, )?)+", part_losses["left_track"].parts)
     assert causes
     assert {"ground friction", "wheel damping"} <= set(re.findall(r"[a-z]+ [a-z]+", causes[0]))
-    assert found["chassis"].parts == "work done on the dampers of suspension and tensioners"
-    assert "brake" in found["left_drive"].parts
+    assert part_losses["chassis"].parts == "work done on the dampers of suspension and tensioners"
+    assert "brake" in part_losses["left_drive"].parts
     rows = re.search(r"What was lost where.*?</table>", html, re.S)[0]
     for name in ("left_track", "right_track", "chassis"):
-        share = (found[name].dissipated + found[name].covered) / (books.dissipated + books.covered)
-        expected = f"{found[name].parts}</span></td><td>{quantity(found[name].dissipated, 'J')}</td>"
+        share = (part_losses[name].dissipated + part_losses[name].covered) / (books.dissipated + books.covered)
+        expected = f"{part_losses[name].parts}</span></td><td>{quantity(part_losses[name].dissipated, 'J')}</td>"
         assert expected in rows
         assert f"<td>{percent(share)}</td>" in rows
 
@@ -350,8 +350,8 @@ def test_the_smallest_tension_and_loads_of_wheels_are_told(vehicle):
         names = log.topics["/left_track/links"].names
         tension = links.values[:, [k for k, name in enumerate(names) if name.endswith("].tension")]]
         assert f"The smallest tension is {quantity(tension.min(), 'N')}" in html
-        found = link_loads.of(RunData(log), "left_track").slackest
-    assert (found.value, found.member) == (tension.min(), tension.min(axis=0).argmin() + 1)
+        slackest = link_loads.of(RunData(log), "left_track").slackest
+    assert (slackest.value, slackest.member) == (tension.min(), tension.min(axis=0).argmin() + 1)
 
 
 def test_the_command_that_runs_it_again_gives_the_same_scene(vehicle, hanging, cotrack, tmp_path):
@@ -390,10 +390,10 @@ def test_pressure_is_that_of_the_analysis(vehicle, scaled):
         with Log(vehicle) as log:
             run = RunData(log)
             links, expected = link_loads.of(run, "left_track"), contact.of(run)
-            found, one = contact.over_time(run, links), profile.of(run, links, expected.peak_t)
-        assert found.peak == (expected.peak, expected.peak_t, expected.peak_link)
-        assert np.nanmax(found.most) == one.pressure.max() == expected.peak
-        assert found.area == expected.area
+            history, one = contact.over_time(run, links), profile.of(run, links, expected.peak_t)
+        assert history.peak == (expected.peak, expected.peak_t, expected.peak_link)
+        assert np.nanmax(history.most) == one.pressure.max() == expected.peak
+        assert history.area == expected.area
         return expected
 
     before = compared()
@@ -407,9 +407,9 @@ def test_pressure_is_that_of_the_analysis(vehicle, scaled):
 def test_the_largest_force_in_a_pin_is_that_of_the_joints(vehicle):
     with Log(vehicle) as log:
         run = RunData(log)
-        most, found = link_loads.of(run, "left_track").most["force"], joints.of(run, "left_track")
-    assert found.most[0, 3] == pytest.approx(most.value, rel=1e-12)
-    assert (found.most_t[0, 3], found.most_joint[0, 3]) == (most.t, most.member)
+        most, extremes = link_loads.of(run, "left_track").most["force"], joints.of(run, "left_track")
+    assert extremes.most[0, 3] == pytest.approx(most.value, rel=1e-12)
+    assert (extremes.most_t[0, 3], extremes.most_joint[0, 3]) == (most.t, most.member)
     assert f"The largest force in a pin is {quantity(most.value, 'N')} where link {most.member} begins" in page(vehicle)
 
 
@@ -551,13 +551,13 @@ def test_a_lifted_wheel_is_told_with_its_times_as_the_analyses_have_them(tmp_pat
     path = written(tmp_path / "a.mcap", columns, t, {"assembly": "vehicle"}, warnings=warnings)
     with Log(path) as log:
         run = RunData(log)
-        found = happened.lifted(run)
+        intervals = happened.lifted(run)
         rows = event_rows(run)
         analysis, loads = happened.of(run), wheel_loads.of(run)
-    early, first, second = found["a.road_wheel[1]"]
+    early, first, second = intervals["a.road_wheel[1]"]
     assert first[:2] == pytest.approx((0.501, 0.7))
     assert second[:2] == pytest.approx((1.201, 1.21))
-    assert found["a.road_wheel[2]"] == []
+    assert intervals["a.road_wheel[2]"] == []
     assert loads.lifted[0] * 2.001 == pytest.approx(early.time + first.time + second.time, rel=1e-9)
     assert loads.threshold == pytest.approx(0.02 * loads.mean.mean())
     assert [event.t for event in analysis.of("lifted")] == [early.start, first.start, second.start]

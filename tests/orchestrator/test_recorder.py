@@ -123,7 +123,7 @@ def test_fields_with_longer_tags(tmp_path):
 
 def test_standard_decoding_gives_the_same_values(tmp_path):
     path = record(tmp_path / "a.mcap", steps=20)
-    found = dict.fromkeys(TOPICS, 0)
+    counts = dict.fromkeys(TOPICS, 0)
     sizes = {}
     with Log(path) as log:
         for channel, message, decoded in standard_messages(path):
@@ -133,9 +133,9 @@ def test_standard_decoding_gives_the_same_values(tmp_path):
             row = int(np.flatnonzero(log.sequence(channel.topic) == message.sequence)[0])
             assert [of_place(decoded, place) for place in where] == series.values[row].tolist()
             assert (decoded.t, decoded.h) == (series.t[row], series.h[row])
-            found[channel.topic] += 1
+            counts[channel.topic] += 1
             assert sizes.setdefault(channel.topic, len(message.data)) == len(message.data)
-    assert found == {topic: 5 if topic.endswith("links") else 21 for topic in TOPICS}
+    assert counts == {topic: 5 if topic.endswith("links") else 21 for topic in TOPICS}
 
 
 def test_what_stands_before_step_0(tmp_path):

@@ -317,8 +317,8 @@ def test_bad_checks(tmp_path, check, said):
 
 
 def test_keys_reach_the_vehicle():
-    found = set(keys(type(load("straight"))))
-    assert {"run.step", "vehicle.contact.ground.friction", "drive.speed", "track.model"} <= found
+    scene_keys = set(keys(type(load("straight"))))
+    assert {"run.step", "vehicle.contact.ground.friction", "drive.speed", "track.model"} <= scene_keys
 
 
 def test_scenes_are_frozen():
@@ -332,10 +332,10 @@ def test_half_a_turn_of_roll():
     scene = load("settle", None, ["start.heading=0.3", "start.pitch=0.2", "start.roll=180 deg"])
     for part in assemble(scene).parts:
         w, x, y, z = vehicle_quaternion(start_pose(part.parameters))
-        found = Rotation.from_quat([x, y, z, w])
+        rotation = Rotation.from_quat([x, y, z, w])
         rolled = Rotation.from_euler("ZYX", [0.3, 0.2, np.pi])
-        assert (found.inv() * rolled).magnitude() < 1e-12
-        assert (found.inv() * Rotation.from_euler("ZYX", [0.3, 0.2, 0.97 * np.pi])).magnitude() > 0.09, "a twin"
+        assert (rotation.inv() * rolled).magnitude() < 1e-12
+        assert (rotation.inv() * Rotation.from_euler("ZYX", [0.3, 0.2, 0.97 * np.pi])).magnitude() > 0.09, "a twin"
     with pytest.raises(BadInput, match=r"start: roll = 1\.5708 rad must be 0 or half a turn"):
         load("settle", None, ["start.roll=90 deg"])
     bump = "ground.bump={start=1.0, rise=0.3, slope=0.5, length=1.0, radius=0.3}"
@@ -357,13 +357,13 @@ def leaves(value, above=""):
 
 def test_no_value_ends_otherwise_than_in_a_sentence():
     """Every key of a scene accepts values of all kinds or refuses them in a sentence."""
-    found = list(leaves(load("hanging_chain").resolved()))
-    assert {"run.step", "run.links", "chain.links", "vehicle.road_wheel.x.0"} <= set(found)
+    scene_keys = list(leaves(load("hanging_chain").resolved()))
+    assert {"run.step", "run.links", "chain.links", "vehicle.road_wheel.x.0"} <= set(scene_keys)
     deep = "a." * 3000 + "a"
     wild = [f"vehicle.road_wheel.x.{HUGE * 13}", deep, f"vehicle.{deep}", "run.\udcff", "", " "]
     refused = 0
-    for number, key in enumerate([*found, *wild]):
-        for value in ODD[number % 6 :: 6] if key in found else ODD:
+    for number, key in enumerate([*scene_keys, *wild]):
+        for value in ODD[number % 6 :: 6] if key in scene_keys else ODD:
             try:
                 load("hanging_chain", None, [f"{key}={value}"])
             except BadInput:

@@ -228,7 +228,7 @@ def test_a_speed_that_jumps(tmp_path):
 
     The motor does the work, and the chassis takes the reaction.
     """
-    found = []
+    outcomes = []
     for ramp in ("0", "0.1 ms"):
         drive = ("drive.ramp_start=1.3 ms", f"drive.ramp_time={ramp}", "drive.speed=5")
         scene = load("straight", "flexible", ("run.step=1 ms", "run.stop=3 ms", "run.outputs=1", *drive))
@@ -238,8 +238,8 @@ def test_a_speed_that_jumps(tmp_path):
             work, port, kinetic = (np.ptp(log.signal(f"left_drive.{name}")[1]) for name in names)
             assert kinetic == pytest.approx(0.5 * 13.87 * 5.0**2, rel=1e-2)
             assert abs(work - kinetic) == pytest.approx(port, abs=1e-5 * work)
-            found.append((work, log.signal("chassis.chassis.angular_velocity.y")[1][-1]))
-    np.testing.assert_allclose(*found, rtol=0.05)
+            outcomes.append((work, log.signal("chassis.chassis.angular_velocity.y")[1][-1]))
+    np.testing.assert_allclose(*outcomes, rtol=0.05)
 
 
 @pytest.mark.study
@@ -353,13 +353,13 @@ def test_cables_begin_to_turn_as_rigid_links_do(pivoted, tmp_path):
 
 def outputs(models):
     """Real outputs of the models of a vehicle, by name."""
-    found = {}
+    values = {}
     for name, model in models.items():
         names = [p.name for p in model.ports if p.causality == "output" and isinstance(p.start, float)]
         y = np.zeros(len(names) - model.link_ports)
         model.outputs(y)
-        found |= {f"{name}.{port}": value for port, value in zip(names, y, strict=False)}
-    return found
+        values |= {f"{name}.{port}": value for port, value in zip(names, y, strict=False)}
+    return values
 
 
 def whole(scene, *settings, steps, h=1e-3):

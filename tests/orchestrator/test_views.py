@@ -88,11 +88,11 @@ def test_wheels_and_hull_stand_where_they_were_recorded(shown):
     for name, pose in poses.wheels.items():
         track, wheel = name.split("/")
         series = log.read(f"/{track}/in")
-        for part, found in (("position", pose.position), ("orientation", pose.orientation)):
+        for part, values in (("position", pose.position), ("orientation", pose.orientation)):
             parts = "xyz" if part == "position" else "wxyz"
             recorded = series.values[:, [series.names.index(f"{wheel}.{part}.{x}") for x in parts]]
-            assert len(found) == len(recorded) + 1  # with the end of the last step, where inputs come from
-            np.testing.assert_array_equal(found[:-1], recorded)
+            assert len(values) == len(recorded) + 1  # with the end of the last step, where inputs come from
+            np.testing.assert_array_equal(values[:-1], recorded)
     vehicle = bodies.scene["vehicle"]
     assert {wheel.radius for wheel in bodies.wheels if wheel.kind == "idler"} == {vehicle["idler"]["radius"]}
     recorded = [log.signal(f"chassis.chassis.position.{x}")[1] for x in "xyz"]
@@ -244,15 +244,15 @@ def test_rerun_holds_the_boxes_of_bodies(driven, tmp_path):
     chunk = pytest.importorskip("rerun.chunk")
     rerun_scene.show(driven, tmp_path / "run.rrd", "ground")
     assert [file.name for file in tmp_path.iterdir()] == ["run.rrd"]
-    found, static = {}, {}
+    timed, static = {}, {}
     for piece in chunk.RrdReader(tmp_path / "run.rrd").stream():
         batch = piece.to_record_batch()
-        (static if piece.is_static else found).setdefault(piece.entity_path, []).append(batch)
+        (static if piece.is_static else timed).setdefault(piece.entity_path, []).append(batch)
     with Log(driven) as log:
         bodies = Bodies(RunData(log), rerun_scene.RATE, "ground")
         poses = next(bodies.blocks())
     assert len(poses.t) == 3  # 0, 20 and 40 ms
-    (batch,) = found["/world/links/left_track"]
+    (batch,) = timed["/world/links/left_track"]
     np.testing.assert_allclose(np.array(batch["time"].cast("int64").to_pylist()) * 1e-9, poses.t, atol=1e-9)
     links = poses.links["left_track"]
     np.testing.assert_allclose(batch["Boxes3D:centers"].to_pylist(), links.centres, atol=1e-6)
@@ -262,17 +262,17 @@ def test_rerun_holds_the_boxes_of_bodies(driven, tmp_path):
         batch["Boxes3D:half_sizes"].to_pylist(), np.broadcast_to(bodies.tracks[0].half, (3, 64, 3)), atol=1e-7
     )
     wheel = bodies.wheels[3].name
-    (batch,) = found["/world/wheels/" + wheel.replace("/", "\\/").replace("[", "\\[").replace("]", "\\]")]
+    (batch,) = timed["/world/wheels/" + wheel.replace("/", "\\/").replace("[", "\\[").replace("]", "\\]")]
     np.testing.assert_allclose(
         np.array(batch["Transform3D:translation"].to_pylist())[:, 0], poses.wheels[wheel].position, atol=1e-6
     )
     assert "/world/ground" in static
     assert "LineStrips3D:strips" in static[f"/{rerun_scene.FOLLOWED}"][0].schema.names, "an eye follows shapes only"
     np.testing.assert_allclose(
-        np.array(found["/world/hull"][0]["Transform3D:translation"].to_pylist())[:, 0], poses.hull.position, atol=1e-6
+        np.array(timed["/world/hull"][0]["Transform3D:translation"].to_pylist())[:, 0], poses.hull.position, atol=1e-6
     )
-    assert sum(piece.num_rows for piece in found["/plots/speed/chassis.speed"]) == 41  # every record
-    (record,) = found["/events"]
+    assert sum(piece.num_rows for piece in timed["/plots/speed/chassis.speed"]) == 41  # every record
+    (record,) = timed["/events"]
     with Log(driven) as log:
         happened = events.of(RunData(log)).events
     assert len(happened) > 0
@@ -478,15 +478,15 @@ def test_curves_are_every_record(driven):
     with Log(driven) as log:
         wanted = plots(log)
         assert [plot.name for plot in wanted] == ["speed", "torque", "power", "tension"]
-        found = {}
+        pieces = {}
         for plot, signal, t, values in curves(log, wanted, (0.01, 0.02)):
-            found.setdefault((plot.name, signal), []).append((t, values))
-        t, values = (np.concatenate(each) for each in zip(*found["tension", "left_track.tension.max"], strict=True))
+            pieces.setdefault((plot.name, signal), []).append((t, values))
+        t, values = (np.concatenate(each) for each in zip(*pieces["tension", "left_track.tension.max"], strict=True))
         times, recorded = log.signal("left_track.tension.max")
         kept = within(times, Window(0.01, 0.02))
         np.testing.assert_array_equal(t, times[kept])
         np.testing.assert_allclose(values, recorded[kept] / 1e3, rtol=1e-15)
-        assert len(found) == 1 + 2 + 2 + 4
+        assert len(pieces) == 1 + 2 + 2 + 4
 
 
 # --- one link and one tooth in all drawings ---------------------------------------------------------
@@ -517,10 +517,10 @@ def marked(driven):
     return corner, axle + turned.apply([ahead, -0.5 * chain["width"], up])
 
 
-def missed(points, found):
-    """Largest distance of the points (m, k) from the nearest of the found points (n, k), m."""
-    found = np.asarray(found)
-    return max(np.linalg.norm(found - point, axis=1).min() for point in points)
+def missed(points, vertices):
+    """Largest distance of the points (m, k) from the nearest of the vertices (n, k), m."""
+    vertices = np.asarray(vertices)
+    return max(np.linalg.norm(vertices - point, axis=1).min() for point in points)
 
 
 @pytest.fixture
@@ -535,8 +535,8 @@ def test_flat_drawings_place_a_link_and_a_tooth_where_they_were(instant, marked)
     _, bodies, poses = instant
     for eye in projected.VIEWPOINTS:
         seen = projected.make_camera(eye, 0.4, poses.hull.position[0])
-        found = np.concatenate(projected.polygons(seen, bodies, poses, 0, (0.0, 1.0)).outlines)
-        assert missed(seen.project(np.stack(marked)), found) < 1e-9, eye
+        vertices = np.concatenate(projected.polygons(seen, bodies, poses, 0, (0.0, 1.0)).outlines)
+        assert missed(seen.project(np.stack(marked)), vertices) < 1e-9, eye
     view = side_view.side_view(bodies, poses)
     boxes, rims = view.links.reshape(-1, 2), np.concatenate([outline for _, _, outline in view.wheels])
     corner, tip = view.camera.project(np.stack(marked))
@@ -585,40 +585,40 @@ def test_the_player_places_a_link_and_a_tooth_where_they_were(instant, marked, m
 def test_rerun_places_a_link_and_a_tooth_where_they_were(driven, marked, tmp_path):
     chunk = pytest.importorskip("rerun.chunk")
     rerun_scene.show(driven, tmp_path / "run.rrd")
-    found = {}
+    batches = {}
     for piece in chunk.RrdReader(tmp_path / "run.rrd").stream():
-        found.setdefault((piece.entity_path, piece.is_static), piece.to_record_batch())
-    boxes = found["/world/links/left_track", False]
+        batches.setdefault((piece.entity_path, piece.is_static), piece.to_record_batch())
+    boxes = batches["/world/links/left_track", False]
     centres, turned, half = (
         np.array(boxes[f"Boxes3D:{name}"].to_pylist())[1] for name in ("centers", "quaternions", "half_sizes")
     )  # at 20 ms
     corners = centres + np.einsum("nij,nj->ni", Rotation.from_quat(turned).as_matrix(), half * [-1.0, -1.0, -1.0])
     assert missed(marked[:1], corners) < 1e-6
     wheel = "/world/wheels/left_track\\/sprocket"
-    place = found[wheel, False]
+    place = batches[wheel, False]
     position = np.array(place["Transform3D:translation"].to_pylist())[1, 0]
     turn = Rotation.from_quat(np.array(place["Transform3D:quaternion"].to_pylist())[1, 0])
-    vertices = np.array(found[f"{wheel}/shape", True]["Mesh3D:vertex_positions"].to_pylist())[0]
+    vertices = np.array(batches[f"{wheel}/shape", True]["Mesh3D:vertex_positions"].to_pylist())[0]
     assert missed(marked[1:], position + turn.apply(vertices)) < 1e-6
 
 
 def test_foxglove_places_a_link_and_a_tooth_where_they_were(driven, marked, tmp_path):
     pytest.importorskip("foxglove")
     foxglove_scene.write(driven, tmp_path / "x.mcap")
-    found = {topic: decoded(tmp_path / "x.mcap", topic) for topic in ("/shapes", "/scene", "/frames")}
+    messages = {topic: decoded(tmp_path / "x.mcap", topic) for topic in ("/shapes", "/scene", "/frames")}
 
     def numbers(of, names="xyz"):
         return np.array([getattr(of, name) for name in names])
 
-    links = next(each for each in found["/scene"][1].entities if each.id == "links of left_track").cubes
+    links = next(each for each in messages["/scene"][1].entities if each.id == "links of left_track").cubes
     corners = [
         numbers(cube.pose.position)
         + Rotation.from_quat(numbers(cube.pose.orientation, "xyzw")).apply(-0.5 * numbers(cube.size))
         for cube in links
     ]
     assert missed(marked[:1], corners) < 1e-9
-    frame = next(each for each in found["/frames"][1].transforms if each.child_frame_id == "left_track/sprocket")
-    shape = next(each for each in found["/shapes"][0].entities if each.id == "left_track/sprocket").triangles[0]
+    frame = next(each for each in messages["/frames"][1].transforms if each.child_frame_id == "left_track/sprocket")
+    shape = next(each for each in messages["/shapes"][0].entities if each.id == "left_track/sprocket").triangles[0]
     turn = Rotation.from_quat(numbers(frame.rotation, "xyzw"))
     assert missed(marked[1:], numbers(frame.translation) + turn.apply([numbers(p) for p in shape.points])) < 1e-9
 
@@ -628,7 +628,7 @@ def decoded(path, topic):
     from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
     from mcap.reader import make_reader
 
-    found = []
+    messages = []
     with path.open("rb") as file:
         for schema, _, message in make_reader(file).iter_messages(topic):
             files = descriptor_pb2.FileDescriptorSet.FromString(schema.data)
@@ -636,8 +636,8 @@ def decoded(path, topic):
             for each in files.file:
                 pool.Add(each)
             kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
-            found.append(kind.FromString(message.data))
-    return found
+            messages.append(kind.FromString(message.data))
+    return messages
 
 
 def test_a_run_that_blew_up_is_shown_up_to_there(hanging, tmp_path):
