@@ -47,7 +47,7 @@ AREAS = (
          ("tests/orchestrator/test_recorder.py", "tests/orchestrator/test_reader.py",
           "tests/orchestrator/test_log_tools.py")),
     Area("results", 10, ("orchestrator/results",),
-         ("tests/orchestrator/test_analyses.py", "tests/orchestrator/test_energy.py",
+         ("tests/orchestrator/test_track_analyses.py", "tests/orchestrator/test_energy.py",
           "tests/orchestrator/test_measures.py")),
     Area("scene and command line", 6, ("orchestrator/scene", "orchestrator/execution", "orchestrator/cli"),
          ("tests/orchestrator/test_scene.py", "tests/orchestrator/test_cli.py")),
