@@ -44,13 +44,17 @@ AREAS = (
          ("tests/orchestrator/test_coupling.py", "tests/orchestrator/test_master.py",
           "tests/orchestrator/test_component.py", "tests/orchestrator/test_program.py")),
     Area("log", 8, ("orchestrator/log",),
-         ("tests/orchestrator/test_recorder.py", "tests/orchestrator/test_reader.py",
-          "tests/orchestrator/test_log_tools.py")),
+         ("tests/orchestrator/test_recorder.py", "tests/orchestrator/test_recorder_files.py",
+          "tests/orchestrator/test_reader.py", "tests/orchestrator/test_log_tools.py")),
     Area("results", 10, ("orchestrator/results",),
-         ("tests/orchestrator/test_track_analyses.py", "tests/orchestrator/test_energy.py",
-          "tests/orchestrator/test_measures.py")),
+         ("tests/orchestrator/test_analyses.py", "tests/orchestrator/test_track_analyses.py",
+          "tests/orchestrator/test_spectrum.py", "tests/orchestrator/test_envelope.py",
+          "tests/orchestrator/test_fatigue.py", "tests/orchestrator/test_events.py",
+          "tests/orchestrator/test_energy.py", "tests/orchestrator/test_measures.py")),
     Area("scene and command line", 6, ("orchestrator/scene", "orchestrator/execution", "orchestrator/cli"),
-         ("tests/orchestrator/test_scene.py", "tests/orchestrator/test_cli.py")),
+         ("tests/orchestrator/test_scene.py", "tests/orchestrator/test_track_settings.py",
+          "tests/orchestrator/test_cli.py", "tests/orchestrator/test_replay_command.py",
+          "tests/orchestrator/test_view_command.py", "tests/orchestrator/test_interrupted_commands.py")),
 )  # fmt: skip
 
 # Faults like those that once survived their nearest tests: file, old text, new text.

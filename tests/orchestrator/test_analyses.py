@@ -1,0 +1,197 @@
+"""Analyses as commands, as plots and as cells of a notebook."""
+
+import inspect
+import json
+import sys
+from types import SimpleNamespace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from analysis_logs import STEP, driven_log, made, spinning_log
+
+from fmus.vehicle import BadInput
+from orchestrator.log.reader import Log
+from orchestrator.results.analyses import power, signal_picture
+from orchestrator.results.analyses.catalogue import ANALYSES, TRACK, Analysis, analyse, module_of
+from orchestrator.results.run_data import EVER, RunData, Window
+from orchestrator.results.table import Table
+from orchestrator.results.thinned import TimeEnvelope
+
+driven = pytest.fixture(scope="module")(driven_log)
+spinning = pytest.fixture(scope="module")(spinning_log)
+
+
+# the commands
+
+
+def test_analyse_prints_tables_and_json_and_files(cotrack, driven, tmp_path):
+    for what in (
+        "power",
+        "envelope",
+        "fatigue",
+        "wheel-loads",
+        "patches",
+        "contact",
+        "slip",
+        "joints",
+        "links",
+        "deformation",
+        "events",
+    ):
+        status, out, err = cotrack("analyse", driven, what)
+        assert (status, err) == (0, ""), what
+        assert out.count("\n") >= 3
+    status, out, _ = cotrack("analyse", driven, "power", "--json", "--from", "0.1", "-o", tmp_path / "p.csv")
+    answer = json.loads(out)
+    assert status == 0
+    assert answer["units"]["power"] == "kW"
+    with Log(driven) as log:
+        port_power = power.of(RunData(log), Window(0.1, 1.0))
+    assert answer["rows"][0]["energy"] == pytest.approx(port_power.energy[0] / 1e3, rel=1e-12)
+    rows = np.genfromtxt(tmp_path / "p.csv", delimiter=",", skip_header=1)
+    np.testing.assert_allclose(rows[:, 2], port_power.relative[:, 0])
+    status, out, _ = cotrack("analyse", driven, "spectrum", "--signal", "left_track.link[3].tension", "--order")
+    assert status == 0
+    assert "tooth order" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("power", "--order"), "--order is an option of spectrum, not of power"),
+        (("spectrum",), "a spectrum needs --signal NAME"),
+        (("power", "--from", "2", "--to", "1"), "the first instant must not be after the last"),
+        (("power", "--from", "90"), "holds no step between 90 and inf s"),
+        (("envelope", "--from", "90"), "no links of 'left_track' were recorded between 90 and inf s"),
+        (("envelope", "--track", "middle"), "has no track 'middle'"),
+        (("fatigue", "--sn", "100e6"), "--sn 100e6: must be"),
+        (("fatigue", "--sn", "100e6,-1,3"), "cycles = -1: must be greater than 0"),
+        (("envelope", "--signal", "link[*].wheels.force"), "group 'wheels' of track.link_outputs"),
+        (("power", "-o", "p.txt"), "its name must end in .csv"),
+        (("power", "-o", "nowhere/p.csv"), "there is no folder"),
+    ],
+)
+def test_analyse_refuses_in_one_sentence(cotrack, driven, tmp_path, arguments, sentence):
+    status, out, err = cotrack("analyse", driven, *arguments)
+    assert (status, out) == (2, "")
+    assert sentence in err
+    assert err.count("\n") == 1
+    assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("left_track.link[*].tension",),
+        ("left_track.tension.max", "left_track.speed", "chassis.speed"),
+        ("left_track.link[*].tension", "--waterfall"),
+        ("left_track.link[*].tension", "--place"),
+        ("left_track.link[*].tension", "--spectrum", "--waterfall"),
+        ("left_track.tension.max", "--order"),
+    ],
+)
+def test_plot_draws_every_kind(cotrack, driven, tmp_path, options):
+    status, out, err = cotrack("plot", driven, *options, "-o", "a.png")
+    assert (status, out, err) == (0, "a.png\n", "")
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert [file.name for file in tmp_path.iterdir()] == ["a.png"]
+
+
+def test_curves_of_long_records_are_thinned_as_those_of_the_page(tmp_path):
+    t = np.arange(20_001) * STEP
+    values = np.sin(3.0 * t)
+    values[7777], values[12345] = 9.0, -8.0
+    rows = {"/track/out": (t, np.stack([values, t], axis=1))}
+    path = made(tmp_path / "s.mcap", {"/track/out": [("force", "N"), ("travel", "m")]}, rows)
+    with Log(path) as log:
+        (curve,) = signal_picture._curves(RunData(log), ["track.force"], EVER, False, False, 0, False)
+    assert (curve.x[curve.y.argmax()], curve.x[curve.y.argmin()]) == (t[7777], t[12345]), "wrong instants"
+    assert {*zip(curve.x, curve.y, strict=True)} <= {*zip(t, values, strict=True)}
+    same = TimeEnvelope(0.0, float(t[-1]), 1, signal_picture.CURVE)
+    same.add(t, values[:, None])
+    assert np.array_equal(curve.x, same.curve(0).t)
+    assert np.array_equal(curve.y, same.curve(0).y)
+
+
+def test_plot_of_several_logs_names_them(cotrack, driven, spinning, tmp_path):
+    status, _, err = cotrack("plot", driven, spinning, "*.tension.max", "-o", "a.svg")
+    assert (status, err) == (0, "")
+    text = (tmp_path / "a.svg").read_text()
+    assert "left_track.tension.max, driven" in text
+    assert "tension.max, spinning" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("-o", "a.png"), "plot needs a signal"),
+        (("left_track.nothing", "-o", "a.png"), "has no signal 'left_track.nothing'"),
+        (("left_track.speed", "-o", "a.bmp"), "its name must end in .png, .svg or .pdf"),
+        (("left_track.speed", "--waterfall", "-o", "a.png"), "is no family of signals"),
+        (("chassis.left.suspension[*].force", "--place", "-o", "a.png"), "of no link or pin of a track"),
+        (("left_track.link[*].tension", "--place", "--order", "-o", "a.png"), "drawn over time"),
+        (("left_track.speed", "--from", "9", "-o", "a.png"), "no records on /left_track/out"),
+    ],
+)
+def test_plot_refuses_in_one_sentence(cotrack, driven, tmp_path, arguments, sentence):
+    status, out, err = cotrack("plot", driven, *arguments)
+    assert (status, out) == (2, "")
+    assert sentence in err
+    assert not [*tmp_path.iterdir()]
+
+
+def test_what_is_no_log_is_told(cotrack):
+    status, _, err = cotrack("plot", "left_track.speed")
+    assert status == 2
+    assert "plot needs a log" in err
+
+
+# cells of a notebook
+
+CELL = """import orchestrator as cotrack
+found = cotrack.analyse({path!r}, {what!r}, {window}{options})
+table = found.table().frame()"""
+OPTIONS = {"spectrum": ", signals='left_track.tension.max'"}
+
+
+@pytest.mark.parametrize("what", ANALYSES)
+def test_every_analysis_takes_three_lines_of_a_notebook(driven, what):
+    cell = CELL.format(path=str(driven), what=what, window=(0.05, 0.2), options=OPTIONS.get(what, ""))
+    names = {}
+    exec(cell, names)
+    assert len(cell.splitlines()) == 3
+    assert len(names["table"]) == len(names["found"].table().rows) > -(what in ("events", "validity"))
+    assert list(names["table"].columns) == [column.key for column in names["found"].table().columns]
+
+
+@pytest.mark.parametrize(("what", "analysis"), ANALYSES.items())
+def test_what_is_declared_is_what_an_analysis_takes(what, analysis):
+    module = module_of(what)
+    for function, options in (
+        (module.of, analysis.options),
+        (getattr(module, "picture", None), analysis.picture_options),
+    ):
+        names = set(inspect.signature(function).parameters) if function else set()
+        assert {option.name for option in options} <= names
+    assert hasattr(module, "summary") <= analysis.full_series or what == "links"
+
+
+def test_an_analysis_takes_one_module_and_one_entry(cotrack, driven, monkeypatch):
+    class Toy(NamedTuple):
+        def table(self):
+            return Table.of("toy", (("weight", "N"),), [(1.5,)])
+
+    of = SimpleNamespace(of=lambda run, window, track="": Toy())
+    monkeypatch.setitem(sys.modules, "orchestrator.results.analyses.toy", of)
+    monkeypatch.setitem(ANALYSES, "toy", Analysis("weighs", (TRACK,)))
+    status, out, _ = cotrack("analyse", driven, "toy", "--track", "left_track")
+    assert status == 0
+    assert "weight, N\n      1.5" in out
+    status, _, err = cotrack("analyse", driven, "toy", "--teeth")
+    assert (status, err) == (2, "cotrack: --teeth is an option of events, not of toy\n")
+
+
+def test_a_cell_that_asks_for_nothing_we_know_is_told(driven):
+    with pytest.raises(BadInput, match="no analysis 'weather': one of power, spectrum"):
+        analyse(driven, "weather")

@@ -1,0 +1,183 @@
+"""The monolith of a chain and the truth: order, tolerance, energy, error of the truth, its command."""
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from fmus.model import InvalidParameter
+from fmus.monolith.model import Monolith
+from fmus.physics.chain.report import KINETIC
+from fmus.vehicle import BadInput
+from orchestrator.cli import app
+from orchestrator.execution import monolithic
+from orchestrator.execution import truth as module
+from orchestrator.execution.states import states_at
+from orchestrator.log.reader import Log
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.scene import load
+
+SOFT = ("track.start=displaced", "vehicle.material.youngs_modulus=2e7", "chain.links=16")
+
+
+def energies(log):
+    return {name: log.signal(f"chain.energy.{name}")[1] for name in ("kinetic", "strain", "gravity", "dissipated")}
+
+
+@pytest.mark.long
+def test_monolith_is_of_order_four():
+    """The monolith has order four on a soft released chain, whose motion is smooth."""
+    assembly = assemble(load("hanging_chain", "flexible", SOFT))
+    ends = []
+    for refine in (6.4, 12.8, 25.6):  # 8, 16, 32 steps per millisecond
+        whole = Monolith(monolithic.parts_of(assembly), assembly.connections, refine)
+        for k in range(20):
+            whole.advance(k * 1e-3, 1e-3)
+        ends.append(whole.x.copy())
+    slope = np.log2(np.linalg.norm(ends[0] - ends[1]) / np.linalg.norm(ends[1] - ends[2]))
+    assert abs(slope - 4.0) < 0.2, slope
+
+
+@pytest.mark.long
+def test_adams_error_follows_its_tolerance_in_fewer_evaluations_than_runge_kutta():
+    """The error of Adams follows its tolerance, with fewer evaluations than Runge-Kutta.
+
+    The soft chain has a smooth motion and one start, and accuracy limits the steps.
+    """
+    assembly = assemble(load("hanging_chain", "flexible", SOFT))
+
+    def end(refine=1.0, **how):
+        whole = Monolith(monolithic.parts_of(assembly), assembly.connections, refine, **how)
+        for k in range(20):
+            whole.advance(k * 1e-3, 1e-3)
+        return whole.x.copy(), whole
+
+    exact, _ = end(100.0)
+    equal, runge_kutta = end(12.8)
+    off, evaluations = [], []
+    for tolerance in (1e-6, 1e-8, 1e-10):
+        x, whole = end(integrator="adams", rtol=tolerance, atol=tolerance)
+        off.append(np.sqrt(np.mean((x - exact) ** 2)))
+        evaluations.append(whole.effort.evaluations)
+        assert whole.effort.restarts == 1
+        assert whole.effort.evaluations == 2 * whole.effort.steps + whole.effort.rejected + 1
+        assert whole.models["chain"].counters.tolist() == [*whole.effort[:2], 0, whole.effort.rejected]
+    assert 2.0 < off[0] / 1e-6 < 500.0, off
+    assert all(one / 1000.0 < other < one / 10.0 for one, other in pairwise(off)), off
+    assert off[-1] < np.sqrt(np.mean((equal - exact) ** 2))
+    assert 2 * evaluations[-1] < runge_kutta.effort.evaluations, evaluations
+    with pytest.raises(InvalidParameter, match=r"rtol = 1: must be between 1e-13 and 0\.1"):
+        Monolith(monolithic.parts_of(assembly), assembly.connections, integrator="adams", rtol=1.0)
+    with pytest.raises(InvalidParameter, match=r"integrator = 'euler': a monolith has runge_kutta and adams"):
+        Monolith(monolithic.parts_of(assembly), assembly.connections, integrator="euler")
+
+
+@pytest.mark.long
+def test_a_monolith_goes_on_from_the_states_of_a_co_simulation(tmp_path):
+    """A monolith continues from the states of a co-simulation; a chain alone continues to the same result."""
+    settings = (*SOFT, "track.integrator=runge_kutta", "run.step=1 ms", "run.stop=0.03")
+    scene = load("hanging_chain", "flexible", settings)
+    states = states_at(scene, 0.02)
+    assert states.time == 0.02
+    assembly = assemble(scene)
+    straight = Monolith(monolithic.parts_of(assembly), assembly.connections)
+    for k in range(30):
+        straight.advance(k * 1e-3, 1e-3)
+    outcome, cost = monolithic.run(scene, tmp_path / "a.mcap", initial_states=states)
+    assert (outcome.status, outcome.steps, cost["steps"]) == ("ok", 30, straight.effort.steps / 3)
+    adams, _ = monolithic.run(
+        scene, tmp_path / "b.mcap", integrator="adams", rtol=1e-9, atol=1e-9, initial_states=states
+    )
+    assert adams.status == "ok"
+    for name, allowed in (("a", 1e-12), ("b", 1e-7)):
+        with Log(tmp_path / f"{name}.mcap") as log:
+            times, kinetic = log.signal("chain.energy.kinetic")
+        assert times[[0, -1]] == pytest.approx([0.021, 0.03])
+        assert kinetic[-1] == pytest.approx(straight.models["chain"].report[KINETIC], rel=allowed)
+        assert kinetic[-1] != pytest.approx(kinetic[-2], rel=1e-3)
+    again = states_at(scene, 0.02)
+    assert np.array_equal(again.parts["chain"], states.parts["chain"])
+    with pytest.raises(BadInput, match=r"must be a multiple of run\.step"):
+        states_at(scene, 0.0205)
+    short = load("hanging_chain", "flexible", (*settings, "run.stop=0.02"))
+    with pytest.raises(BadInput, match=r"run\.stop = 0\.02 s must be after the states of 0\.02 s"):
+        monolithic.run(short, tmp_path / "c.mcap", initial_states=states)
+    other = Monolith(monolithic.parts_of(assembly), assembly.connections)
+    with pytest.raises(InvalidParameter, match="chain: the state that it is to begin with"):
+        other.begin_at(0.0, {})
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("how", [{"refine": 4.0}, {"integrator": "adams"}], ids=["runge-kutta", "adams"])
+def test_energy_of_a_free_chain_closes(tmp_path, how):
+    settings = (*SOFT, "vehicle.material.relaxation_time=1e-4", "run.stop=0.1", "track.start=polygon")
+    monolithic.run(load("hanging_chain", "flexible", settings), tmp_path / "a.mcap", **how)
+    with Log(tmp_path / "a.mcap") as log:
+        parts = energies(log)
+    total = sum(parts.values())
+    moved = np.ptp(parts["gravity"])
+    assert np.ptp(total) < 1e-6 * moved
+    assert np.ptp(total - 0.02 * parts["dissipated"]) > 1e-6 * moved, "a twin that loses 2 % of the dissipation"
+
+
+@pytest.fixture
+def empty(tmp_path, monkeypatch):
+    """Empty cache of truths; kernels stay."""
+    monkeypatch.setattr(module, "cache_folder", lambda: tmp_path)
+
+
+@pytest.mark.long
+def test_truth_is_built_once_and_knows_its_error(empty):
+    scene = load("hanging_chain", "flexible", (*SOFT, "run.stop=0.05"))
+    with ThreadPoolExecutor(2) as pool:
+        both = [each.result() for each in [pool.submit(module.truth, scene) for _ in range(2)]]
+    assert sorted(truth.built for truth in both) == [False, True]
+    first = both[0]
+    assert both[1].log == first.log
+    again = module.truth(load("hanging_chain", "flexible", (*SOFT, "run.stop=0.05", "run.step=5ms")))
+    assert (again.built, again.log) == (False, first.log)
+    pins = first.difference["pins"]
+    assert first.error("pins") == pytest.approx(pins.absolute / 3.0)
+    assert 0.0 < pins.relative < 1e-4
+    with Log(first.log) as log:
+        assert log.signal("chain.travel")[0][1] == pytest.approx(1e-3)
+
+
+def test_key_is_the_physics():
+    def key(*settings):
+        return module.key(module.physical_scene(load("hanging_chain", "flexible", settings)))
+
+    plain = key()
+    assert plain == key("run.step=2ms") == key("track.integrator=runge_kutta") == key("track.step=1e-4")
+    assert plain == key("track.integrator=adams", "track.rtol=1e-8") == key("track.spectral_radius=0.7")
+    assert len({plain, key("vehicle.gravity=9.82"), key("track.start=displaced"), key("run.stop=2")}) == 4
+
+
+@pytest.mark.long
+def test_command_says_where_and_how_good(empty, tmp_path):
+    arguments = ["truth", "hanging_chain", "--stop", "0.02"]
+    for setting in SOFT:
+        arguments += ["--set", setting]
+    result = CliRunner().invoke(app, [*arguments, "--json"])
+    assert result.exit_code == 0, result.output
+    said = json.loads(result.stdout.splitlines()[-1])
+    assert said["built"] is True
+    pins = said["observables"]["pins"]
+    assert pins["error"] == pytest.approx(pins["difference"] / 3.0)
+    again = CliRunner().invoke(app, [*arguments, "--against", said["coarse_log"]])
+    assert "found" in again.stdout
+    assert "is off by" in again.stdout
+
+
+def test_beams_have_no_truth():
+    """Beams have no truth, although the key contains the element."""
+    cable, beam = (load("hanging_chain", "flexible", (f"track.element={e}",)) for e in ("cable", "beam"))
+    assert module.key(module.physical_scene(cable)) != module.key(module.physical_scene(beam))
+    with pytest.raises(BadInput, match=r"^truth: track.element = 'beam': the monolith knows chains of cables"):
+        module.truth(beam)
+    assembly = assemble(beam)
+    with pytest.raises(InvalidParameter, match=r"element = 'beam': the monolith knows chains of cables only$"):
+        Monolith(monolithic.parts_of(assembly), assembly.connections)

@@ -1,0 +1,298 @@
+"""Views in space: pictures, films, curves, and files in other libraries."""
+
+import json
+import re
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from view_logs import bodies_of, driven_log, hanging_log, stretched
+
+from fmus.vehicle import BadInput
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.results.analyses import events
+from orchestrator.results.rotation import matrices
+from orchestrator.results.run_data import RunData, Window, within
+from orchestrator.results.views import film, foxglove_scene, projected, rerun_scene, side_view
+from orchestrator.results.views.bodies import Bodies
+from orchestrator.results.views.plots import curves, plots
+from orchestrator.scene.scene import load
+
+driven = pytest.fixture(scope="module")(driven_log)
+hanging = pytest.fixture(scope="module")(hanging_log)
+shown = pytest.fixture(bodies_of)
+
+
+@pytest.mark.parametrize("eye", projected.VIEWPOINTS)
+def test_cameras_keep_lengths_and_show_ahead_to_the_right(eye):
+    seen = projected.make_camera(eye, 0.4, np.array([1.0, 2.0, 3.0]))
+    frame = np.stack([seen.right, seen.up, seen.toward])
+    np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(frame) == pytest.approx(1.0)
+    ahead = np.array([np.cos(0.4), np.sin(0.4), 0.0])
+    assert seen.project(seen.centre + ahead)[0] > 0.5
+    if eye == "right":
+        np.testing.assert_allclose(seen.project(seen.centre + 2 * ahead + [0, 0, 3]), [2, 3], atol=1e-15)
+
+
+def test_rerun_holds_the_boxes_of_bodies(driven, tmp_path):
+    chunk = pytest.importorskip("rerun.chunk")
+    rerun_scene.show(driven, tmp_path / "run.rrd", "ground")
+    assert [file.name for file in tmp_path.iterdir()] == ["run.rrd"]
+    timed, static = {}, {}
+    for piece in chunk.RrdReader(tmp_path / "run.rrd").stream():
+        batch = piece.to_record_batch()
+        (static if piece.is_static else timed).setdefault(piece.entity_path, []).append(batch)
+    with Log(driven) as log:
+        bodies = Bodies(RunData(log), rerun_scene.RATE, "ground")
+        poses = next(bodies.blocks())
+    assert len(poses.t) == 3  # 0, 20 and 40 ms
+    (batch,) = timed["/world/links/left_track"]
+    np.testing.assert_allclose(np.array(batch["time"].cast("int64").to_pylist()) * 1e-9, poses.t, atol=1e-9)
+    links = poses.links["left_track"]
+    np.testing.assert_allclose(batch["Boxes3D:centers"].to_pylist(), links.centres, atol=1e-6)
+    turned = np.array(batch["Boxes3D:quaternions"].to_pylist())
+    np.testing.assert_allclose(matrices(np.roll(turned, 1, axis=-1)), links.axes, atol=1e-6)
+    np.testing.assert_allclose(
+        batch["Boxes3D:half_sizes"].to_pylist(), np.broadcast_to(bodies.tracks[0].half, (3, 64, 3)), atol=1e-7
+    )
+    wheel = bodies.wheels[3].name
+    (batch,) = timed["/world/wheels/" + wheel.replace("/", "\\/").replace("[", "\\[").replace("]", "\\]")]
+    np.testing.assert_allclose(
+        np.array(batch["Transform3D:translation"].to_pylist())[:, 0], poses.wheels[wheel].position, atol=1e-6
+    )
+    assert "/world/ground" in static
+    assert "LineStrips3D:strips" in static[f"/{rerun_scene.FOLLOWED}"][0].schema.names, "an eye follows shapes only"
+    np.testing.assert_allclose(
+        np.array(timed["/world/hull"][0]["Transform3D:translation"].to_pylist())[:, 0], poses.hull.position, atol=1e-6
+    )
+    assert sum(piece.num_rows for piece in timed["/plots/speed/chassis.speed"]) == 41  # every record
+    (record,) = timed["/events"]
+    with Log(driven) as log:
+        happened = events.of(RunData(log)).events
+    assert len(happened) > 0
+    times = np.array(record["time"].cast("int64").to_pylist()) * 1e-9
+    np.testing.assert_allclose(times, [event.t for event in happened], atol=1e-9)
+    assert [row[0] for row in record["TextLog:text"].to_pylist()] == [f"{e.component}: {e.text}" for e in happened]
+
+
+def test_foxglove_holds_scenes_frames_and_curves(driven, tmp_path):
+    pytest.importorskip("foxglove")
+    from mcap.reader import make_reader
+
+    layout = foxglove_scene.write(driven, tmp_path / "x.mcap")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["x.layout.json", "x.mcap"]
+    with (tmp_path / "x.mcap").open("rb") as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        count = {each.topic: summary.statistics.channel_message_counts[k] for k, each in summary.channels.items()}
+        kinds = {each.topic: summary.schemas[each.schema_id].name for each in summary.channels.values()}
+        speed = [
+            (message.log_time, json.loads(message.data)["value"])
+            for _, _, message in reader.iter_messages("/plots/speed/chassis_speed")
+        ]
+        messages = [(message.log_time, message.data) for _, _, message in reader.iter_messages("/events")]
+    assert (count["/shapes"], count["/scene"], count["/frames"], count["/plots/speed/chassis_speed"]) == (1, 3, 3, 41)
+    assert (kinds["/scene"], kinds["/frames"]) == ("foxglove.SceneUpdate", "foxglove.FrameTransforms")
+    with Log(driven) as log:
+        t, values = log.signal("chassis.speed")
+        happened = events.of(RunData(log)).events
+    assert kinds["/events"] == "foxglove.Log"
+    assert [at for at, _ in messages] == [round(event.t * 1e9) for event in happened] != []
+    assert all(event.text.encode() in data for event, (_, data) in zip(happened, messages, strict=True))
+    np.testing.assert_allclose(np.array(speed), np.stack([t * 1e9, values], axis=1), atol=1e-6)
+    asked = re.findall(r"/plots/[^.]*(?=\.value)", layout.read_text())
+    assert sorted(asked) == sorted(topic for topic in count if topic.startswith("/plots/"))
+    panels = json.loads(layout.read_text())
+    named = re.findall(r'"((?:3D|Plot|RosOut)!\w+)"', json.dumps(panels["layout"]))
+    assert sorted(named) == sorted(panels["configById"])
+    hidden = panels["configById"]["3D!space"]["transforms"]
+    assert {"frame:world", "frame:hull"} < hidden.keys()
+    assert not any(each["visible"] for each in hidden.values())
+    with pytest.raises(BadInput, match=r"run\.mcap is the log itself"):
+        foxglove_scene.write(driven, driven)
+
+
+def test_a_film_has_the_pictures_of_its_time(hanging, tmp_path):
+    ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    log = stretched(hanging, tmp_path / "slow.mcap", np.arange(5) * 0.12)
+    count = film.write(log, tmp_path / "x.mp4")
+    assert count == 13  # of 0.48 s, with both ends
+    reader = ffmpeg.read_frames(str(tmp_path / "x.mp4"))
+    about = next(reader)
+    assert about["source_size"][0] == film.WIDTHS[".mp4"]
+    width, height = about["source_size"]
+    pictures = [np.frombuffer(each, np.uint8).reshape(height, width, 3).astype(int) for each in reader]
+    assert len(pictures) == 13
+    changed = [np.abs(b - a).mean() > 0.1 for a, b in pairwise(pictures)]
+    assert changed == [False, False, True] * 4  # each record is shown in three pictures, until the next one
+    assert film.write(log, tmp_path / "x.gif") == 7  # 12.5 per second
+    assert (tmp_path / "x.gif").read_bytes()[:6] == b"GIF89a"
+    assert {file.name for file in tmp_path.iterdir()} == {"slow.mcap", "x.mp4", "x.gif"}
+
+
+def test_a_film_of_a_vehicle_from_every_side(driven, tmp_path):
+    from PIL import Image
+
+    for eye in projected.VIEWPOINTS:
+        film.write(driven, tmp_path / f"{eye}.gif", eye, "sliding")
+        with Image.open(tmp_path / f"{eye}.gif") as image:
+            seen = np.asarray(image.convert("RGB")).reshape(-1, 3).astype(int)
+        earth = np.abs(seen - [176, 160, 136]).max(axis=1) < 12
+        assert 0.05 < earth.mean() < 0.9, eye
+
+
+def test_a_still_is_one_instant_from_any_side(driven, cotrack, tmp_path):
+    from PIL import Image
+
+    def seen(name, *arguments):
+        status, out, err = cotrack("view", driven, "-o", tmp_path / name, *arguments)
+        assert (status, out) == (0, f"{tmp_path / name}\n"), err
+        with Image.open(tmp_path / name) as image:
+            return np.asarray(image.convert("RGB")).astype(int)
+
+    first, last = (seen(f"{t}.png", "--seen-from", "corner", "--at", t, "--colour", "sliding") for t in ("0", "9"))
+    earth = np.abs(last - [176, 160, 136]).max(axis=2) < 12
+    assert 0.05 < earth.mean() < 0.9
+    assert first.shape[1] == last.shape[1] == film.WIDTHS[film.STILL]
+    np.testing.assert_array_equal(seen("end.png", "--seen-from", "corner", "--colour", "sliding"), last)
+    height = min(len(first), len(last))
+    assert np.abs(first[:height] - last[:height]).max() > 20
+    top = seen("top.png", "--seen-from", "top")
+    height = min(len(top), len(last))
+    assert np.abs(top[:height] - last[:height]).mean() > 5.0
+
+
+def test_the_section_of_the_ground_runs_under_a_vehicle_that_turned(shown):
+    _, bodies, _ = shown
+    profile = bodies.ground
+    for turned in (0.0, 0.7):
+        seen = projected.make_camera("right", 0.4 + turned, profile.start + np.array([0.0, 0.0, 1.0]))
+        line, metres = projected.section(seen, profile, -4.0, 4.0)
+        places = seen.centre + line[:, :1] * seen.right + line[:, 1:] * seen.up
+        np.testing.assert_allclose(
+            profile.height_at((places - profile.start) @ profile.ahead), places[:, 2], atol=1e-12
+        )
+        assert line[:, 1].max() - line[:, 1].min() == pytest.approx(0.01, abs=1e-9)
+        assert np.diff(metres[:, 0]) == pytest.approx(1.0 / np.cos(turned))
+
+
+def test_a_picture_shows_the_ground_as_it_is(driven):
+    with Log(driven) as log:
+        run = RunData(log)
+        links = run.links("left_track", Window(0.02, 0.02))
+        bodies = Bodies(run, 1e4, track="left_track")
+        bodies.select_instants([0.02])
+        line, _ = projected.section(side_view.side_view(bodies, next(bodies.blocks())).camera, bodies.ground, -4.5, 0.5)
+    deep = np.interp(links.forward[0], *line.T) - (links.up[0] - 0.029)
+    assert np.ptp(line[:, 1]) == pytest.approx(0.01, abs=1e-6)
+    top = line[line[:, 1] > line[:, 1].max() - 1e-9, 0]
+    low = links.up[0] < -0.4
+    over = low & (links.forward[0] > top[0]) & (links.forward[0] < top[-1])
+    beside = low & (links.forward[0] > -3.3) & (links.forward[0] < top[0] - 0.3)
+    for part in (over, beside):
+        assert part.sum() >= 3
+        assert np.abs(deep[part]).max() < 5e-3  # pads are compressed; without the bump, 1 cm
+    # start of the bump, its foot, and half of its top from the middle; the sprocket axle has hardly moved
+    assert 0.5 * (top[0] + top[-1]) == pytest.approx(-2.4 + 0.5 * (0.5) + foot(), abs=0.02)
+
+
+def foot():
+    """Length of a side of the bump, along the way, m."""
+    straight = 0.01 - 2 * 0.02 * (1 - np.cos(0.1))
+    return 2 * 0.02 * np.sin(0.1) + straight / np.tan(0.1)
+
+
+@pytest.mark.long
+def test_numbers_under_narrow_panes_do_not_overlap(tmp_path, monkeypatch):
+    path, drawn = tmp_path / "folded.mcap", []
+    simulate(load("folded_chain", "rigid", ("run.stop=0.01", "chain.links=65", "expect={}")), path)
+    monkeypatch.setattr(side_view, "save_figure", lambda figure, output: drawn.append(figure))
+    side_view.draw(path, tmp_path / "x.png")
+    (figure,) = drawn
+    figure.canvas.draw()
+    panes = figure.axes[:-1]  # the last one is the colour scale
+    assert len({pane.get_position().y0 for pane in panes}) == 1, "panes are not side by side"
+    for pane in panes:
+        low, high = pane.get_xlim()
+        labels = [each for each in pane.get_xticklabels() if low <= each.get_position()[0] <= high]
+        boxes = sorted((each.get_window_extent().x0, each.get_window_extent().x1) for each in labels)
+        assert len(boxes) >= 1
+        assert all(end < begin for (_, end), (begin, _) in pairwise(boxes))
+
+
+def test_pictures_are_of_instants_in_which_something_moves():
+    recorded = np.arange(0, 10.01, 0.1)
+    assert side_view._instants(recorded, 10.0, None, Window(1.0, 4.0)) == pytest.approx([0.0, 2.0, 3.0, 4.0])
+    assert side_view._instants(recorded, 10.0, None) == pytest.approx([3.3, 6.7, 10.0])
+    assert side_view._instants(np.zeros(1), 0.0, None) == [0.0]
+
+
+def test_what_cannot_be_written_is_refused_first(cotrack, hanging, tmp_path, monkeypatch):
+    monkeypatch.setattr("sys.platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    for arguments, said in (
+        (("-o", "x.tif"), "x.tif cannot be written: its name must end in .png, .svg or .pdf; a view can be"),
+        (("-o", "x.rrd"), "x.rrd cannot be written: its name must end in .png, .svg or .pdf; a view can be"),
+        (("--rerun", "-o", "x.png"), "x.png cannot be written: its name must end in .rrd; a view can be"),
+        (("--foxglove", "-o", "nowhere/x.mcap"), "there is no folder nowhere"),
+        (("--rerun",), "there is no display for the viewer"),
+        (("--foxglove",), "-o FILE says what is written"),
+        (("--rerun", "--foxglove", "-o", "x.mcap"), "one of them at a time"),
+        (("-o", "x.mp4", "--seen-from", "below"), "one looks from one of right, top, corner"),
+        (("-o", "x.mp4", "--at", "0"), "--at is for pictures"),
+        (("-o", "x.png", "--colour", "stress"), "--colour is for films, stills (--seen-from), --rerun and --foxglove"),
+        (("-o", "x.png", "--above", "--seen-from", "top"), "--seen-from is for films and stills"),
+        (("-o", "x.png", "--seen-from", "top", "--at", "0", "--at", "1"), "a still shows one instant"),
+        (("-o", "x.svg", "--seen-from", "top"), "its name must end in .png"),
+        (("-o", "x.png", "--seen-from", "top", "--at", "-1"), "no instant"),
+    ):
+        status, out, err = cotrack("view", hanging, *arguments)
+        assert (status, out, len(err.splitlines())) == (2, "", 1), arguments
+        assert said in err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "said"),
+    [
+        ("rerun", ("--rerun", "-o", "x.rrd"), "rerun is not installed: pip install 'cotrack[view]'"),
+        ("foxglove", ("--foxglove", "-o", "x.mcap"), "foxglove is not installed: pip install 'cotrack[view]'"),
+        ("imageio_ffmpeg", ("-o", "x.mp4"), "imageio_ffmpeg is not installed: pip install 'cotrack[video]'"),
+    ],
+)
+def test_without_an_extra_there_is_a_sentence(cotrack, hanging, monkeypatch, tmp_path, name, arguments, said):
+    monkeypatch.setitem(__import__("sys").modules, name, None)
+    status, _, err = cotrack("view", hanging, *arguments)
+    assert (status, said in err) == (2, True), err
+    assert not list(tmp_path.iterdir())
+
+
+def test_curves_are_every_record(driven):
+    with Log(driven) as log:
+        wanted = plots(log)
+        assert [plot.name for plot in wanted] == ["speed", "torque", "power", "tension"]
+        pieces = {}
+        for plot, signal, t, values in curves(log, wanted, (0.01, 0.02)):
+            pieces.setdefault((plot.name, signal), []).append((t, values))
+        t, values = (np.concatenate(each) for each in zip(*pieces["tension", "left_track.tension.max"], strict=True))
+        times, recorded = log.signal("left_track.tension.max")
+        kept = within(times, Window(0.01, 0.02))
+        np.testing.assert_array_equal(t, times[kept])
+        np.testing.assert_allclose(values, recorded[kept] / 1e3, rtol=1e-15)
+        assert len(pieces) == 1 + 2 + 2 + 4
+
+
+def test_a_run_that_blew_up_is_shown_up_to_there(hanging, tmp_path):
+    path = stretched(hanging, tmp_path / "blown.mcap", np.arange(5) * 0.1, blown=3)
+    with Log(path) as log:
+        bodies = Bodies(RunData(log), 1e4)
+        (poses,) = bodies.blocks()
+        np.testing.assert_allclose(poses.t, [0.0, 0.1, 0.2], atol=1e-12)
+        bodies.select_instants([0.1, 0.4])
+        assert len(side_view._figure(bodies).axes) == 2, "a pane and the colour scale"
+        bodies.select_instants([0.4])
+        with pytest.raises(BadInput, match="values of /chain/links are no finite numbers: there is nothing to show"):
+            next(bodies.blocks())
