@@ -61,12 +61,12 @@ def main(folder, track="TrackFlexible", stop=0.1, speed=None, ramp=None, lateral
                     fmu.setReal(taken, fmus[giver].getReal(given))
             fmu.doStep(k * H, H)
     shown = ("chassis.position.x", "chassis.position.z", "speed")
-    found = fmus["chassis"].getReal([where["chassis"][name] for name in shown])
+    values = fmus["chassis"].getReal([where["chassis"][name] for name in shown])
     for fmu in fmus.values():
         fmu.terminate()
         fmu.freeInstance()
         rmtree(fmu.unzipDirectory)
-    return dict(zip(shown, found, strict=True))
+    return dict(zip(shown, values, strict=True))
 
 
 if __name__ == "__main__":

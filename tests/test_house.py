@@ -64,15 +64,15 @@ AT_RUN_TIME = {"numpy", "scipy", "numba", "llvmlite", "pythonfmu", "fmus"}
 @cache
 def imports(source: str) -> set[str]:
     """Every module that a source imports, at any place in it."""
-    found = set()
+    modules = set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            modules |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, "imports must be absolute"
-            found.add(node.module)
-            found |= {f"{node.module}.{alias.name}" for alias in node.names}
-    return found
+            modules.add(node.module)
+            modules |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return modules
 
 
 def declared(source: str) -> set[str]:
@@ -84,12 +84,12 @@ def declared(source: str) -> set[str]:
 
 def ours(modules: set[str], package: str) -> set[str]:
     """Modules of ``package`` among the imports, without names inside a module."""
-    found = set()
+    package_modules = set()
     for module in modules:
         path = ROOT.joinpath(*module.split("."))
         if module.split(".")[0] == package and (path.with_suffix(".py").exists() or path.is_dir()):
-            found.add(module)
-    return found
+            package_modules.add(module)
+    return package_modules
 
 
 def sources(folder: Path) -> list[Path]:
@@ -106,10 +106,10 @@ def reachable(module: str, seen: set[str] | None = None) -> set[str]:
         return packages
     seen.add(module)
     text = file.read_text(encoding="utf-8")
-    found = imports(text) | {resolve_name(name, module.rpartition(".")[0]) for name in declared(text)}
-    for inner in ours(found, "fmus"):
+    modules = imports(text) | {resolve_name(name, module.rpartition(".")[0]) for name in declared(text)}
+    for inner in ours(modules, "fmus"):
         packages |= reachable(inner, seen)
-    return packages | {name.split(".")[0] for name in found}
+    return packages | {name.split(".")[0] for name in modules}
 
 
 def test_fmus_never_look_back():
@@ -188,9 +188,9 @@ def test_an_fmu_needs_few_packages_at_run_time(folder):
 @pytest.mark.parametrize("name", GENERIC)
 def test_generic_modules_import_nothing_of_fmus(name):
     source = (ORCHESTRATOR / name).read_text(encoding="utf-8")
-    found = imports(source)
-    assert not any(module.split(".")[0] == "fmus" for module in found)
-    inner = {module.removeprefix("orchestrator.").replace(".", "/") for module in ours(found, "orchestrator")}
+    modules = imports(source)
+    assert not any(module.split(".")[0] == "fmus" for module in modules)
+    inner = {module.removeprefix("orchestrator.").replace(".", "/") for module in ours(modules, "orchestrator")}
     files = {f"{module}.py" for module in inner if (ORCHESTRATOR / f"{module}.py").is_file()}  # the others are folders
     assert files <= set(GENERIC), "a generic module imports one that is not"
 
@@ -219,11 +219,11 @@ def test_every_module_of_the_orchestrator_is_in_a_room():
 
 def test_orchestrator_reaches_into_fmus_through_few_doors():
     for file in sources(ORCHESTRATOR):
-        found = ours(imports(file.read_text(encoding="utf-8")), "fmus") - DOORS - {"fmus"}
+        inner_modules = ours(imports(file.read_text(encoding="utf-8")), "fmus") - DOORS - {"fmus"}
         if file == TO_PHYSICS:
-            assert found == {"fmus.physics.ancf.cable", "fmus.physics.ancf.element"}
+            assert inner_modules == {"fmus.physics.ancf.cable", "fmus.physics.ancf.element"}
             continue
-        assert not found, (file, found)
+        assert not inner_modules, (file, inner_modules)
 
 
 def test_benchmarks_know_the_kernels_in_one_module():

@@ -99,10 +99,10 @@ def test_windows_drives_the_vehicle(tmp_path):
     windows = subprocess.run([wine, str(tmp_path / "host.exe")], input=order, capture_output=True, text=True)
     assert windows.returncode == 0, windows.stderr[-2000:]
     for one, other in zip(linux.stdout.splitlines()[:-1], windows.stdout.splitlines()[:-1], strict=True):
-        expected, found = ([float.fromhex(x) for x in line.split()[1:]] for line in (one, other))
+        expected, values = ([float.fromhex(x) for x in line.split()[1:]] for line in (one, other))
         scale = np.abs(expected).max()
-        np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9 * scale)
-        assert np.abs(np.subtract(found, np.multiply(expected, 1.01))).max() > 1e-3 * scale
+        np.testing.assert_allclose(values, expected, rtol=1e-6, atol=1e-9 * scale)
+        assert np.abs(np.subtract(values, np.multiply(expected, 1.01))).max() > 1e-3 * scale
 
 
 @pytest.mark.study

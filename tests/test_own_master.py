@@ -31,9 +31,9 @@ def test_a_master_of_ones_own_does_what_cotrack_does(model, kind, environment, t
     program = [sys.executable, "-c", PROGRAM, str(HERE), str(tmp_path), kind]
     done = subprocess.run(program, env=alone, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    found, faster = map(ast.literal_eval, done.stdout.splitlines())
+    outputs, faster = map(ast.literal_eval, done.stdout.splitlines())
     simulate(load("straight", model, BRIEF), tmp_path / "a.mcap")
     with Log(tmp_path / "a.mcap") as log:
-        assert found == {name: log.signal(f"chassis.{name}")[1][-1] for name in found}
-    assert faster != found
-    assert abs(found["speed"]) > 0.01
+        assert outputs == {name: log.signal(f"chassis.{name}")[1][-1] for name in outputs}
+    assert faster != outputs
+    assert abs(outputs["speed"]) > 0.01

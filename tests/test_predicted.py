@@ -80,22 +80,22 @@ def test_a_mass_weighs_on_the_ground(part):
     table = load("settle", "rigid").vehicle
     mass = getattr(table, part.split(".")[0]).mass
     more = 0.5 * MASSES[part] * (MORE - 1.0) * mass * G
-    found = change("cable", "left_track.ground.force.z", f"vehicle.{part}", MORE * mass)
-    assert found == pytest.approx(more, rel=FAINT)
+    increase = change("cable", "left_track.ground.force.z", f"vehicle.{part}", MORE * mass)
+    assert increase == pytest.approx(more, rel=FAINT)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_links_weigh_on_the_ground_the_same_whatever_they_are(kind):
     table = load("settle", "rigid").vehicle.track
-    found = change(kind, "left_track.ground.force.z", "vehicle.track.mass", 2.0 * table.mass)
-    assert found == pytest.approx(table.links * table.mass * G, rel=FAINT)
+    increase = change(kind, "left_track.ground.force.z", "vehicle.track.mass", 2.0 * table.mass)
+    assert increase == pytest.approx(table.links * table.mass * G, rel=FAINT)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_gravity_pulls_at_all_masses(kind):
     weight = 155896.3998
-    found = standing(kind, ("vehicle.gravity", MORE * G))["left_track.ground.force.z"]
-    assert found == pytest.approx(0.5 * MORE * weight, rel=2e-3)
+    ground_load = standing(kind, ("vehicle.gravity", MORE * G))["left_track.ground.force.z"]
+    assert ground_load == pytest.approx(0.5 * MORE * weight, rel=2e-3)
 
 
 def potential(means):

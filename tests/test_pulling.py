@@ -75,27 +75,27 @@ def read(log, side):
     rows = links.t > 0.2
     assert np.array_equal(links.t, track.t)
 
-    def found(series, *names):
+    def columns(series, *names):
         place = {name: k for k, name in enumerate(series.names)}
         return series.values[rows][:, [place[name] for name in names]]
 
     def vector(series, name):
-        return found(series, *(f"{name}.{axis}" for axis in "xyz"))
+        return columns(series, *(f"{name}.{axis}" for axis in "xyz"))
 
     pins, force = (
         np.stack([vector(links, f"joint[{i}].{what}") for i in range(1, 65)], axis=1) for what in ("position", "force")
     )
     means = "link_outputs.interval" in str(log.attachment("system.json"))  # else forces are instantaneous
     force = np.stack([force if means else np.concatenate([force[:1], force[:-1]]), force])
-    yaw = found(hull, "yaw")[:, 0]
+    yaw = columns(hull, "yaw")[:, 0]
     normal = np.linalg.svd(pins - pins.mean(axis=1, keepdims=True), full_matrices=False)[2][:, 2]
     to_left = np.sign(normal[:, 1] * np.cos(yaw) - normal[:, 0] * np.sin(yaw))
     return Track(
         links.t[rows], pins, force, to_left[:, None] * normal,
         vector(drive, "sprocket.position"), vector(track, "sprocket.torque"), vector(track, "ground.force"),
-        found(track, "slip")[:, 0], found(track, *(f"road_wheel[{i}].force.z" for i in range(1, 6))),
+        columns(track, "slip")[:, 0], columns(track, *(f"road_wheel[{i}].force.z" for i in range(1, 6))),
         yaw, vector(hull, "chassis.position"), vector(hull, "chassis.velocity"),
-        found(hull, "chassis.angular_velocity.z")[:, 0],
+        columns(hull, "chassis.angular_velocity.z")[:, 0],
     )  # fmt: skip
 
 
@@ -153,12 +153,12 @@ def test_pads_slip_and_push_as_their_motion_says(tracks, kind, band):
     """Load, friction and slip of pads follow from places alone, for chains whose axes the places show."""
     for side in SIDES:
         track = tracks(kind)[side].within(STEADY)
-        found = pads(track)
+        contact = pads(track)
         push = ahead(track, *track.ground[:, :2].T)[0].mean()
-        assert found.load.sum() / len(track.t) == pytest.approx(track.ground[:, 2].mean(), rel=band)
-        assert found.push() == pytest.approx(push, rel=band)
-        assert found.slip == pytest.approx(track.slip.mean(), rel=band)
-        assert found.push(1.03 * MU) != pytest.approx(push, rel=band)
+        assert contact.load.sum() / len(track.t) == pytest.approx(track.ground[:, 2].mean(), rel=band)
+        assert contact.push() == pytest.approx(push, rel=band)
+        assert contact.slip == pytest.approx(track.slip.mean(), rel=band)
+        assert contact.push(1.03 * MU) != pytest.approx(push, rel=band)
 
 
 @pytest.mark.long
@@ -176,12 +176,12 @@ def test_rocking_links_explain_the_slip_of_a_track(tracks, speeds, kind, band):
     for side, speed in zip(SIDES, speeds, strict=True):
         track = tracks(kind, speeds)[side].within(DRIVEN[speeds])
         rocked = rocked_by_loads(track, RADIUS * speed)
-        found = rocking_of(pads(track), track) / (RADIUS * speed)
-        np.testing.assert_allclose([rocked.mean, rocked.spread], found, rtol=0.2)
+        ratios = rocking_of(pads(track), track) / (RADIUS * speed)
+        np.testing.assert_allclose([rocked.mean, rocked.spread], ratios, rtol=0.2)
         assert slip_of(track, rocked, RADIUS * speed) == pytest.approx(track.slip.mean(), rel=band)
     # without rocking, and with pads nearer to the pins, the result would differ for the right track
     assert slip_of(track, rocked, 0.0) < (1.0 - 2.0 * band) * track.slip.mean()
-    assert abs(rocked_by_loads(track, RADIUS * speed, 0.65 * FACE).mean / found[0] - 1.0) > 0.2
+    assert abs(rocked_by_loads(track, RADIUS * speed, 0.65 * FACE).mean / ratios[0] - 1.0) > 0.2
 
 
 def rocked_by_loads(track, speed, face=FACE):
@@ -197,13 +197,13 @@ def rocked_by_loads(track, speed, face=FACE):
     return rocking(track.wheels.mean(axis=0), pull, push / load, face)
 
 
-def rocking_of(found, track):
+def rocking_of(contact, track):
     """Backward speed of pads relative to their link's middle, m/s: mean and root mean square, by load."""
     middles = 0.5 * (track.pins + np.roll(track.pins, -1, axis=1))
     speed = np.gradient(middles, track.t, axis=0)
     along, _ = ahead(track, speed[..., 0], speed[..., 1])
-    load = found.load.sum(axis=3)
-    relative = found.back.mean(axis=3) + along[..., None]
+    load = contact.load.sum(axis=3)
+    relative = contact.back.mean(axis=3) + along[..., None]
     mean = (load * relative).sum() / load.sum()
     return np.array([mean, np.sqrt((load * (relative - mean) ** 2).sum() / load.sum())])
 
@@ -235,10 +235,10 @@ def test_forces_of_pins_turn_the_sprocket(tracks, kind):
         assert apart(RADIUS * strands, torque, 100) > 0.08  # the pulls of the strands at the pitch circle
 
 
-def apart(found, wanted, steps):
+def apart(values, wanted, steps):
     """Largest error of sums over windows of ``steps`` steps, over the sum of amounts."""
     whole = len(wanted) // steps * steps
-    open_by, size = (each[:whole].reshape(-1, steps).sum(axis=1) for each in (found - wanted, np.abs(wanted)))
+    open_by, size = (each[:whole].reshape(-1, steps).sum(axis=1) for each in (values - wanted, np.abs(wanted)))
     return float(np.abs(open_by / size).max())
 
 

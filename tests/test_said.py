@@ -70,8 +70,8 @@ def number(text):
 def printed(out):
     """Phases of a printed summary."""
     for line in out.splitlines():
-        if found := PRINTED.match(line):
-            g = found.groupdict()
+        if match := PRINTED.match(line):
+            g = match.groupdict()
             slips = tuple(number(g[side]) for side in ("left", "right") if g[side])
             yield Said(
                 g["name"], number(g["start"]), number(g["end"]), number(g["way"] or g["far"]), number(g["speed"]),
@@ -159,12 +159,12 @@ def answers(phases):
     before = [one.way for one in phases if one.end <= longest.end and one.way == one.way and one.name != "rest"]
     known = [one.tension for one in phases if one.tension == one.tension]
     driven = next(one.power for one in phases if one.name.startswith("acceleration"))
-    found = (
+    values = (
         phases[0].end, longest.speed, longest.start, longest.end, sum(before),
         tightest.yaw_most if tightest else np.nan, tightest.radius if tightest else np.nan,
         min(braking, default=np.nan), driven, max(known),
     )  # fmt: skip
-    return dict(zip(QUESTIONS, found, strict=True))
+    return dict(zip(QUESTIONS, values, strict=True))
 
 
 @pytest.mark.long
@@ -182,10 +182,10 @@ def test_summary_and_page_answer_ten_questions(cotrack, tmp_path, name):
     for said in ([*printed(out)], [*on_page(page.read_text(encoding="utf-8"))]):
         assert _starts_with(kinds, [one.name for one in said])
         recounted = [record.phase(one) for one in said]
-        wanted, found = answers(recounted), answers(said)
-        assert len(found) == 10
+        wanted, figures = answers(recounted), answers(said)
+        assert len(figures) == 10
         for question in QUESTIONS:
-            assert found[question] == pytest.approx(wanted[question], rel=6e-3, abs=6e-3, nan_ok=True), question
+            assert figures[question] == pytest.approx(wanted[question], rel=6e-3, abs=6e-3, nan_ok=True), question
         for one, other in zip(said, recounted, strict=True):
             if one.slips:
                 assert np.resize(one.slips, len(other.slips)) == pytest.approx(other.slips, abs=1.6e-3), one.name
@@ -193,9 +193,9 @@ def test_summary_and_page_answer_ten_questions(cotrack, tmp_path, name):
     assert _line(out, "largest link tension") == pytest.approx(wanted[QUESTIONS[9]], rel=1e-3)
 
 
-def _starts_with(kinds, found):
+def _starts_with(kinds, names):
     """Whether the kinds appear in this order; others may be between and after."""
-    rest = iter(found)
+    rest = iter(names)
     return all(kind in rest for kind in kinds)
 
 

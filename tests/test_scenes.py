@@ -118,8 +118,8 @@ def test_rigid_links_under_the_wheels_of_flexible_ones(ran, tmp_path):
         assert again.answer(tmp_path / "answer.mcap") == 300
     with Log(tmp_path / "answer.mcap") as answer, Log(result["log"]) as log:
         assert len(answer.read("/left_track/out").t) == 301
-        found = {one.signal: one for one in answers(log, answer, "left_track")}
-    assert 0.0 < abs(found["sprocket.force.x"].difference).mean() < found["sprocket.force.x"].largest
+        comparisons = {one.signal: one for one in answers(log, answer, "left_track")}
+    assert 0.0 < abs(comparisons["sprocket.force.x"].difference).mean() < comparisons["sprocket.force.x"].largest
 
 
 def test_impulse_across_the_ports(ran, scaled):
@@ -168,17 +168,17 @@ def test_rig_turns_backwards_alike(ran, model):
 @pytest.mark.long
 def test_models_settle_alike(ran):
     first, *others = (ran("settle", model)["observables"] for model in MODELS)
-    for found in others:
-        assert found["settlement"] == pytest.approx(first["settlement"], rel=0.02)
-        assert found["ground_force"] == pytest.approx(first["ground_force"], rel=1e-3)
+    for observables in others:
+        assert observables["settlement"] == pytest.approx(first["settlement"], rel=0.02)
+        assert observables["ground_force"] == pytest.approx(first["ground_force"], rel=1e-3)
 
 
 @pytest.mark.long
 def test_models_drive_alike(ran):
     first, *others = (ran("straight", model)["observables"] for model in MODELS)
-    for found in others:
+    for observables in others:
         for figure in ("distance", "speed"):
-            assert found[figure] == pytest.approx(first[figure], rel=0.01)
+            assert observables[figure] == pytest.approx(first[figure], rel=0.01)
 
 
 @pytest.mark.long
@@ -195,13 +195,13 @@ def test_beams_hang_as_the_scene_expects(ran):
     [("settle", ("run.stop=0.4 s",), ("settlement",)), ("straight", BRIEF, ("distance", "speed"))],
 )
 def test_beams_carry_the_vehicle_as_cables_do(ran, name, settings, figures):
-    found = [ran(name, "flexible", *settings, *more) for more in ((), ("track.element=beam",))]
-    assert [result["status"] for result in found] == ["ok", "ok"]
+    results = [ran(name, "flexible", *settings, *more) for more in ((), ("track.element=beam",))]
+    assert [result["status"] for result in results] == ["ok", "ok"]
     for figure in figures:
-        cables, beams = (result["observables"][figure] for result in found)
+        cables, beams = (result["observables"][figure] for result in results)
         assert beams == pytest.approx(cables, rel=0.01)
         assert abs(cables) > 1e-3
-    assert found[0]["observables"]["tension_max"] != found[1]["observables"]["tension_max"]
+    assert results[0]["observables"]["tension_max"] != results[1]["observables"]["tension_max"]
 
 
 # 2 / 120 instead of 2 / 99

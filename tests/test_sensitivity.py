@@ -1,9 +1,9 @@
 """Every number of a resolved scene has an effect: it changes a computed motion, force or energy.
 
-`KEYS` gives for each key the case in which it acts, the kinds of links, and its change. A case is a short run of the
-models in this process; the same through FMUs has the marker `study`. Outputs that repeat the key itself (a drive's
-speed, a start position) do not count. Rounding is the effect of the next larger gravity, or another key's next value,
-in the same run; a key must have a thousand times that effect.
+`key_effects.KEYS` gives for each key the case in which it acts, the kinds of links, and its change. A case is a short
+run of the models in this process; the same through FMUs has the marker `study`. Outputs that repeat the key itself (a
+drive's speed, a start position) do not count. Rounding is the effect of the next larger gravity, or another key's next
+value, in the same run; a key must have a thousand times that effect.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ import re
 from collections.abc import Iterator
 from contextlib import ExitStack
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
-from vehicle_in_process import InProcess, Overrides
+from key_effects import APART, CASES, CHOICES, KEYS, Acts, Case
+from vehicle_in_process import InProcess
 
 from fmus.track_choices import TRACKS
 from orchestrator.cosim import master
@@ -33,198 +34,6 @@ from orchestrator.scene.track_table import TrackModelTable
 
 ROUNDING = 1e3  # required effect over that of an ulp, and over the rounding of an output itself
 FACTOR = 1.02
-
-
-class Case(NamedTuple):
-    """A short run of a scene in which keys are changed."""
-
-    scene: str
-    settings: tuple[str, ...] = ()
-    duration: float = 0.02  # s
-    ulp: str = "vehicle.gravity"  # a key whose last digit shows the growth of rounding
-    overrides: Overrides | None = None
-
-
-QUICK = ("track.start=polygon", "drive.ramp_start=0", "drive.ramp_time=0.02", "track.link_outputs=false", "placed=true")
-# it falls on its suspension, nose down, and drives off to the right
-VEHICLE = (*QUICK, "start.pitch=0.01", "start.height=-0.01", "drive.speed=20")
-STEERED = (*QUICK, "start.pitch=0.01", "start.height=-0.01")
-JOINED = ("drive.steering.ramp_start=0", "drive.steering.ramp_time=0.02")
-RIG = (*QUICK, "drive.speed=2")
-SLOWER: Overrides = {"left_drive": {"speed.end": 8.0}}
-CASES = {
-    "vehicle": Case("straight", VEHICLE, overrides=SLOWER),
-    "guided": Case("straight", (*VEHICLE, "vehicle.guide.clearance=1e-5"), overrides=SLOWER),
-    "eleven teeth": Case("straight", (*VEHICLE, "vehicle.sprocket.outer_radius=0.285"), overrides=SLOWER),
-    "tensioned": Case("straight", ("track.link_outputs=false",), 0.002, "vehicle.track.tension"),
-    "stopped": Case("straight", (*VEHICLE, "drive.stop=0.02", "drive.stop_time=5e-3"), 0.03),
-    "motor": Case("straight", (*VEHICLE, "drive.mode=torque", "drive.torque=5e3", "drive.brake=1e3")),
-    "steered": Case("turn", (*STEERED, "drive.speed=20", "drive.left.speed=8")),
-    "steered and stopped": Case(
-        "turn", (*STEERED, "drive.left.stop=0.02", "drive.right.stop=0.021", "drive.stop_time=5e-3"), 0.03
-    ),
-    "two motors and brakes": Case(
-        "turn", (*STEERED, "drive.mode=torque", "drive.left.torque=5e3", "drive.right.torque=4e3", "drive.brake=1e3")
-    ),
-    "joined": Case("differential", (*STEERED, *JOINED, "drive.speed=20")),
-    "joined and stopped": Case(
-        "differential", (*STEERED, *JOINED, "drive.steering.stop=0.02", "drive.steering.stop_time=5e-3"), 0.03
-    ),
-    "joined, two motors": Case(
-        "differential",
-        (
-            *STEERED, *JOINED, "drive.mode=torque", "drive.torque=5e3", "drive.steering.mode=torque",
-            "drive.steering.torque=1e3", "drive.steering.brake=1e3",
-        ),
-    ),
-    "driven": Case(
-        "serpentine",
-        (
-            *QUICK[:1], *QUICK[3:], "driver.arcs=[[0.1, 0.05], [0.1, 0.2], [0.1, -0.1], [9, 0.1]]", "driver.reach=0.5",
-            "driver.ramp_start=0", "driver.ramp_time=0.02", "driver.speed=0.03",
-        ),
-    ),
-    "on one track": Case("straight", (*VEHICLE, "tracks=['left']", "start.height=-0.05", "start.pitch=-0.06")),
-    "buried": Case(
-        "straight", ("tracks=[]", "ground.hull=true", "start.height=-2.5", "start.pitch=0.1", "placed=true"), 0.002
-    ),
-    "over a bump": Case(
-        "straight",
-        (
-            *VEHICLE, "ground.bump.start=-1.6", "ground.bump.rise=0.05", "ground.bump.slope=0.5",
-            "ground.bump.length=0.12", "ground.bump.radius=0.05",
-        ),
-    ),
-    "follows an error": Case(
-        "sprocket_bench",
-        (
-            "drive.speed=2", "drive.ramp_time=0.05", "run.stop=0.03", "run.variable.estimate=power",
-            "run.variable.tolerance=1e-2", "run.variable.energy=30", "run.variable.shortest=9e-4",
-            "run.variable.longest=2e-3",
-        ),
-        0.03,
-        "bench.upper",
-    ),
-    "hanging": Case("hanging_chain", ("chain.links=8", "track.start=displaced")),
-    "damped": Case("hanging_chain", ("chain.links=8", "track.start=displaced", "track.spectral_radius=0.8")),
-    "adaptive": Case(
-        "hanging_chain",
-        ("chain.links=8", "track.start=displaced", "track.integrator=adams", "track.rtol=1e-8", "track.atol=1e-8"),
-    ),
-    "released": Case("released_chain", ("chain.links=8",)),
-    "ovalling": Case("spinning_loop", ("chain.links=16", "chain.ovalling=1"), ulp="chain.spin"),
-    "sprung": Case(
-        "spinning_loop",
-        (
-            "chain.links=16", "chain.ovalling=1", "track.closure=spring", "track.closure_stiffness=1e5",
-            "track.closure_damping=100",
-        ),
-        ulp="chain.spin",
-    ),
-    "spinning": Case("spinning_loop", ("chain.links=16",), ulp="chain.spin"),
-    "bench": Case("sprocket_bench", ("drive.speed=2", "drive.ramp_time=0.01"), ulp="bench.upper"),
-    "rig": Case("rig", RIG, ulp="drive.speed"),
-    "tensioned rig": Case("rig", ("track.link_outputs=false",), 0.002, "rig.tension"),
-    "two speeds": Case(
-        "rig",
-        (
-            *RIG, "idler_drive.mode=speed", "idler_drive.speed=2", "idler_drive.ramp_start=0.002",
-            "idler_drive.ramp_time=0.01", "idler_drive.stop=0.015", "idler_drive.stop_time=0.01",
-        ),
-        ulp="drive.speed",
-    ),
-    "two motors": Case("rig", (*RIG, "idler_drive.torque=100"), ulp="drive.speed"),
-}  # fmt: skip
-
-FLEXIBLE = ("cable", "beam")
-WIDE = ("beam", *(model for model in TRACKS if model != "flexible"))
-ALL = ("cable", *WIDE)
-
-
-class Acts(NamedTuple):
-    """Place of action of a key: a case, kinds of links, another value, outputs."""
-
-    case: str
-    kinds: tuple[str, ...] = ("cable",)  # of links; keys of other components are tested with the cheapest
-    value: Any = None  # instead of FACTOR times the value
-    seen: str = ""  # pattern of outputs, where the key changes no motion or force
-
-
-# The first match counts; keys of the vehicle's parts act through the chassis or a drive, whatever the links.
-KEYS: dict[str, Acts] = {
-    "vehicle.chassis.hull.*": Acts("buried"),
-    "vehicle.track.tension": Acts("tensioned", ALL),
-    "vehicle.track.inertia.1": Acts("vehicle", ALL),
-    "vehicle.track.inertia.*": Acts("vehicle", WIDE),  # a cable has inertia about its pin only
-    "vehicle.track.links": Acts("vehicle", ALL, 65),
-    "vehicle.track.pitch": Acts("eleven teeth", ALL, 0.1527),
-    "vehicle.track.width": Acts("vehicle", WIDE),  # a cable has contact on its line
-    "vehicle.*.width": Acts("on one track"),
-    "vehicle.track.*": Acts("vehicle", ALL),
-    "vehicle.section.lateral_bending": Acts("vehicle", ("beam",)),  # a cable bends alike about both axes
-    "vehicle.section.torsion": Acts("vehicle", ("beam",)),  # a cable has none
-    "vehicle.section.outer_fibre": Acts("vehicle", FLEXIBLE, seen="stress.max"),
-    "vehicle.section.*": Acts("vehicle", FLEXIBLE),
-    "vehicle.material.shear_modulus": Acts("vehicle", ("beam",)),
-    "vehicle.material.*": Acts("vehicle", FLEXIBLE),
-    "vehicle.contact.*": Acts("vehicle", ALL),
-    "vehicle.guide.clearance": Acts("guided", WIDE, 2e-5),  # cables stay in their plane
-    "vehicle.sprocket.teeth": Acts("eleven teeth", ALL),
-    "vehicle.sprocket.*radius": Acts("vehicle", ALL),
-    "vehicle.sprocket.seat_clearance": Acts("vehicle", ALL),
-    "vehicle.sprocket.flank_angle": Acts("vehicle", ALL),
-    "vehicle.suspension.preload": Acts("vehicle", value=1e3),
-    "vehicle.tensioner.preload": Acts("vehicle", value=1e3),
-    "vehicle.gravity": Acts("vehicle", ALL),
-    "vehicle.*": Acts("vehicle"),
-    "push": Acts("on one track", value=1e3),  # on the idler without a track
-    "start.position.?": Acts("vehicle", value=1.0, seen="*.position.*"),
-    "start.heading": Acts("vehicle", value=0.5),
-    "start.roll": Acts("buried", value=math.pi),
-    "start.*": Acts("vehicle", value=0.02),
-    "drive.steering.stop*": Acts("joined and stopped", ("rigid",)),
-    "drive.steering.brake": Acts("joined, two motors", ("rigid",)),
-    "drive.steering.torque": Acts("joined, two motors", ("rigid",)),
-    "drive.steering.*": Acts("joined", ("rigid",), 0.03),
-    "drive.*.stop*": Acts("steered and stopped", ("rigid",)),
-    "drive.*.brake": Acts("two motors and brakes", ("rigid",)),
-    "drive.*.torque": Acts("two motors and brakes", ("rigid",)),
-    "drive.*.*": Acts("steered", ("rigid",), 0.03),
-    "drive.stop*": Acts("stopped"),
-    "drive.brake": Acts("motor"),
-    "drive.torque": Acts("motor"),
-    "drive.*": Acts("vehicle", value=0.03),
-    "driver.arcs.3.0": Acts("driven", ("rigid",), 0.1),
-    "driver.ramp_*": Acts("driven", ("rigid",), 0.03),
-    "driver.*": Acts("driven", ("rigid",)),
-    "ground.bump.*": Acts("over a bump", ALL),
-    "track.closure_*": Acts("sprung", ("rigid",)),
-    "track.spectral_radius": Acts("damped", ("cable", "rigid")),
-    "track.?tol": Acts("adaptive", ("rigid",), 1e-5),
-    "track.step": Acts("released", value=5e-5),
-    "run.variable.shortest": Acts("follows an error", value=1.9e-3),
-    "run.variable.*": Acts("follows an error"),
-    "run.step": Acts("vehicle", value=0.5e-3),
-    "chain.spin": Acts("spinning"),
-    "chain.ovalling": Acts("ovalling"),
-    "chain.span": Acts("hanging", value=0.79),
-    "chain.links": Acts("hanging", value=9),
-    "bench.links": Acts("bench"),
-    "bench.*": Acts("bench"),
-    "rig.tension": Acts("tensioned rig"),
-    "rig.links": Acts("rig"),
-    "rig.*": Acts("rig"),
-    "idler_drive.brake": Acts("rig"),
-    "idler_drive.torque": Acts("two motors"),
-    "idler_drive.*": Acts("two speeds"),
-}
-# Duration, recording, checks and limits: they must not change any computed value.
-APART = ("run.stop", "run.outputs", "run.links", "run.checkpoints", "expect.*", "vehicle.tensioner.travel")
-
-# Keys of [track] that are no numbers: tests/regression/runs.py has runs with each choice.
-CHOICES = (
-    "element", "elasticity", "axes", "formulation", "joints", "coordinates", "closure", "integrator", "start",
-)  # fmt: skip
 
 
 def flat(value: Any, key: str = "") -> Iterator[tuple[str, float | int]]:
@@ -344,13 +153,13 @@ def in_brief(key: str, kinds: tuple[str, ...]) -> tuple[str, ...]:
 
 def asked() -> dict[str, tuple[str, ...]]:
     """All keys of all scenes of the gallery and of all cases, with the kinds of links they act on."""
-    found: set[str] = set()
+    all_keys: set[str] = set()
     for name in gallery.names():
         for model in TRACKS:
-            found |= {key for key, _ in flat(load(name, model).resolved())}
+            all_keys |= {key for key, _ in flat(load(name, model).resolved())}
     for case in CASES.values():
-        found |= {key for key, _ in flat(scene_of(case, "cable").resolved())}
-    keys = sorted(key for key in found if not any(fnmatch.fnmatchcase(key, one) for one in APART))
+        all_keys |= {key for key, _ in flat(scene_of(case, "cable").resolved())}
+    keys = sorted(key for key in all_keys if not any(fnmatch.fnmatchcase(key, one) for one in APART))
     return {key: where.kinds if (where := acts(key)) else () for key in keys}
 
 

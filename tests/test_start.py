@@ -37,8 +37,8 @@ def test_wheels_stand_where_their_tracks_were_laid(tmp_path, model, height, pitc
                 expected = x + c * forward - s * lateral, y + s * forward + c * lateral, z + up
                 for axis, value in zip("xyz", expected, strict=True):
                     series = log.read(f"/{part.name}/in")
-                    found = series.values[0, series.names.index(f"{wheel['name']}.position.{axis}")]
-                    assert found == pytest.approx(value, abs=1e-9), (part.name, wheel["name"], axis)
+                    coordinate = series.values[0, series.names.index(f"{wheel['name']}.position.{axis}")]
+                    assert coordinate == pytest.approx(value, abs=1e-9), (part.name, wheel["name"], axis)
                     checked += 1
     assert checked == 2 * 7 * 3
 

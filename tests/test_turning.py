@@ -45,25 +45,25 @@ def turned(tmp_path_factory):
             assert (result["status"], result["message"]) == ("ok", "")
             with Log(path) as log:
                 run = RunData(log)
-                found = {
+                means = {
                     name: measure(run, "", window)
                     for name, measure in vars(turning).items()
                     if name in ("yaw_rate", "turn_radius", "lateral_speed", "rotation_centre", "steering_moment")
                 }
                 for side in ("left", "right"):
                     for name in ("track_slip", "propulsion", "drive_power"):
-                        found[f"{name}_{side}"] = getattr(turning, name)(run, side, window)
-                    found[f"torque_{side}"] = run.mean(f"{side}_drive.torque", window)
-                    found[f"load_{side}"] = run.mean(f"{side}_track.ground.force.z", window)
-                found["ahead"] = np.sqrt((found["turn_radius"] * found["yaw_rate"]) ** 2 - found["lateral_speed"] ** 2)
-                found["ledger"] = result["energy"]["residual_relative"]
-            made[key] = found, turn(Vehicle(), (left, right))
+                        means[f"{name}_{side}"] = getattr(turning, name)(run, side, window)
+                    means[f"torque_{side}"] = run.mean(f"{side}_drive.torque", window)
+                    means[f"load_{side}"] = run.mean(f"{side}_track.ground.force.z", window)
+                means["ahead"] = np.sqrt((means["turn_radius"] * means["yaw_rate"]) ** 2 - means["lateral_speed"] ** 2)
+                means["ledger"] = result["energy"]["residual_relative"]
+            made[key] = means, turn(Vehicle(), (left, right))
         return made[key]
 
     return once
 
 
-def outside(found, theory):
+def outside(means, theory):
     """Quantities outside their bands, with value and band."""
     vehicle = Vehicle()
     faster = turn(vehicle._replace(radius=PADS * vehicle.radius), SPEEDS)
@@ -78,16 +78,16 @@ def outside(found, theory):
         "load_left": (0.5 * vehicle.mass * 9.81 - 1.15 * theory.transfer, 0.15 * theory.transfer + 300.0),
         "load_right": (0.5 * vehicle.mass * 9.81 + 1.15 * theory.transfer, 0.15 * theory.transfer + 300.0),
     }
-    found["load"] = found["load_left"] + found["load_right"]
+    means["load"] = means["load_left"] + means["load_right"]
     for k, side in enumerate(("left", "right")):
         wanted[f"propulsion_{side}"] = theory.force[k], max(0.04 * abs(theory.force[k]), 500.0)
         sign = (1.0, -1.0)[k]
-        ground = found["ahead"] - sign * vehicle.half_width * found["yaw_rate"]
+        ground = means["ahead"] - sign * vehicle.half_width * means["yaw_rate"]
         slip = PADS * vehicle.radius * SPEEDS[k] - ground
         wanted[f"track_slip_{side}"] = slip, 0.06 * abs(slip)
         wanted[f"slip_{side}"] = faster.slip[k], 0.08 * abs(faster.slip[k])
-        found[f"slip_{side}"] = slip
-    return {name: (found[name], *band) for name, band in wanted.items() if not abs(found[name] - band[0]) <= band[1]}
+        means[f"slip_{side}"] = slip
+    return {name: (means[name], *band) for name, band in wanted.items() if not abs(means[name] - band[0]) <= band[1]}
 
 
 SPEEDS = (8.0, 12.0)
@@ -97,26 +97,26 @@ STEADY = Window(4.0, 6.0)
 @pytest.mark.long
 @pytest.mark.parametrize("kind", TRACKS)
 def test_a_turn_is_that_of_the_general_theory(turned, kind):
-    found, theory = turned(kind, *SPEEDS, STEADY)
-    assert outside(found, theory) == {}
+    means, theory = turned(kind, *SPEEDS, STEADY)
+    assert outside(means, theory) == {}
     # tracks without slip, or wheel loads instead of link loads, are far off
-    assert abs(2.0 * Vehicle().half_width * found["yaw_rate"] / (4.0 * Vehicle().radius) - 1.0) > 0.25
+    assert abs(2.0 * Vehicle().half_width * means["yaw_rate"] / (4.0 * Vehicle().radius) - 1.0) > 0.25
     wheels = turn(Vehicle(shares=(0.222, 0.208, 0.193, 0.191, 0.186)), SPEEDS)
-    assert abs(found["yaw_rate"] / wheels.rate - 1.0) > 0.04
-    assert outside(found | {"yaw_rate": 1.05 * found["yaw_rate"]}, theory)
+    assert abs(means["yaw_rate"] / wheels.rate - 1.0) > 0.04
+    assert outside(means | {"yaw_rate": 1.05 * means["yaw_rate"]}, theory)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", TRACKS)
 def test_power_goes_where_the_forces_are(turned, kind):
     """Power follows the forces: the inner sprocket brakes, the outer one drives, losses are small."""
-    found, _ = turned(kind, *SPEEDS, STEADY)
-    assert abs(found["ledger"]) < 1e-3
+    means, _ = turned(kind, *SPEEDS, STEADY)
+    assert abs(means["ledger"]) < 1e-3
     for k, side in enumerate(("left", "right")):
-        assert found[f"drive_power_{side}"] == pytest.approx(SPEEDS[k] * found[f"torque_{side}"], rel=1e-3)
-        loss = found[f"torque_{side}"] - Vehicle().radius * found[f"propulsion_{side}"]
+        assert means[f"drive_power_{side}"] == pytest.approx(SPEEDS[k] * means[f"torque_{side}"], rel=1e-3)
+        loss = means[f"torque_{side}"] - Vehicle().radius * means[f"propulsion_{side}"]
         assert 0.0 < loss < 500.0
-    assert found["drive_power_left"] < 0.0 < found["drive_power_right"]
+    assert means["drive_power_left"] < 0.0 < means["drive_power_right"]
 
 
 @pytest.mark.long
@@ -144,8 +144,8 @@ def test_all_kinds_of_links_turn_alike(turned, speeds_of):
 @pytest.mark.parametrize("kind", TRACKS)
 def test_a_turn_with_little_slip(turned, kind):
     """The theory is coarse in a turn with little slip (19 and 21 rad/s, below 3 %)."""
-    found, theory = turned(kind, 19.0, 21.0, Window(4.0, 6.0))
-    assert -0.10 < found["yaw_rate"] / theory.rate - 1.0 < 0.03
+    means, theory = turned(kind, 19.0, 21.0, Window(4.0, 6.0))
+    assert -0.10 < means["yaw_rate"] / theory.rate - 1.0 < 0.03
 
 
 @pytest.mark.long
@@ -268,8 +268,8 @@ def test_a_vehicle_leans_on_cables_as_on_rigid_links():
 
 def test_show_counts_what_turning_cables_touch():
     scene = load("turn", "flexible")
-    found = pairs(scene, assemble(scene).parts[0])
-    assert found[1:] == [
+    lines = pairs(scene, assemble(scene).parts[0])
+    assert lines[1:] == [
         "rims: 6 wheels x 64 links, 4 points where they touch",
         "guides: 6 wheels x 64 links",
         "ground: 64 links, 4 points each",

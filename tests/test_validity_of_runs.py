@@ -43,6 +43,6 @@ def test_a_reversal_in_a_fifth_of_a_second_warns(tmp_path):
 @pytest.mark.study
 @pytest.mark.parametrize("case", range(COUNT))
 def test_settings_warn_or_agree_with_half_the_step(case, tmp_path):
-    found = compare_with_half_step(case, tmp_path)
-    worst = max(found["off"].values(), default=float("inf"))
-    assert has_warning(found) or worst <= AGREES, row(found)
+    comparison = compare_with_half_step(case, tmp_path)
+    worst = max(comparison["off"].values(), default=float("inf"))
+    assert has_warning(comparison) or worst <= AGREES, row(comparison)

@@ -25,9 +25,9 @@ def test_it_does_what_a_run_of_fmus_does(tmp_path):
     with Log(tmp_path / "a.mcap") as log:
         for name, member in vehicle.members.items():
             series = log.read(f"/{name}/out")
-            found = [member[output] for output in series.names if output != "status"]
+            values = [member[output] for output in series.names if output != "status"]
             kept = [k for k, output in enumerate(series.names) if output != "status"]
-            assert found == series.values[-1, kept].tolist(), name
+            assert values == series.values[-1, kept].tolist(), name
     assert abs(vehicle["chassis"]["speed"]) > 0.01
     assert InProcess(scene).run(0.049)["chassis"]["speed"] != vehicle["chassis"]["speed"]
 

@@ -53,17 +53,17 @@ def paired(folder: Path, names: Sequence[str], quick: bool, pairs: int, progress
 
     Raises BadInput if ``folder`` has no benchmarks, Failed if a measurement fails.
     """
-    other, found = checkout(folder), []
+    other, measurements = checkout(folder), []
     for k in range(pairs):
         first, second = (ROOT, other) if k % 2 == 0 else (other, ROOT)
         one, two = measured(first, names, quick), measured(second, names, quick)
-        found.append((one, two) if k % 2 == 0 else (two, one))
+        measurements.append((one, two) if k % 2 == 0 else (two, one))
         progress(f"pair {k + 1} of {pairs}")
     notes = (
         f"Medians of {pairs} pairs in turn, with the least and the most of their ratios; below 1: here is cheaper.",
         "Least over least: the smallest figure of all pairs on either side, which other work disturbs least.",
     )
-    return Table.of_records(f"Here against {folder}", COLUMNS, ratios(found), notes)
+    return Table.of_records(f"Here against {folder}", COLUMNS, ratios(measurements), notes)
 
 
 def measured(root: Path, names: Sequence[str], quick: bool) -> Costs:

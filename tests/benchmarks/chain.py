@@ -54,12 +54,12 @@ def measure(quick: bool, repeats: int) -> list[Table]:
     notes: list[str] = []
     for name, case in CASES.items():
         stop = case.quick if quick else case.stop
-        found = ours(name, stop, quick, repeats)
+        case_runs = ours(name, stop, quick, repeats)
         for peer in PEERS:
             theirs, reason = runs(peer, name, quick, repeats)
-            found += [{**run, "code": f"{peer.name}, {run['code']}"} for run in theirs]
+            case_runs += [{**run, "code": f"{peer.name}, {run['code']}"} for run in theirs]
             notes += [f"{reason}."] * (bool(reason) and f"{reason}." not in notes)
-        rows += [row(name, case, stop, run) for run in found]
+        rows += [row(name, case, stop, run) for run in case_runs]
     window = "; ".join(f"{name} {case.quick if quick else case.stop:g} s" for name, case in CASES.items())
     notes.append(f"CPU time, the least of {repeats} repeats; simulated: {window}.")
     tables = [Table.of_records("Closed chain of 64 links", COLUMNS, rows, (*NOTES, *notes))]
@@ -86,15 +86,15 @@ def ours(name: str, stop: float, quick: bool, repeats: int) -> list[Run]:
     """Runs of our code by layer, and of the model by step."""
     case = CASES[name]
     again = repeats + 1  # the first run may compile
-    found = [("ours, chain's advance", H, least(again, stepped, case, stop, H, "advance"))]
+    timings = [("ours, chain's advance", H, least(again, stepped, case, stop, H, "advance"))]
     for step in (H,) if quick else STEPS:
-        found.append(("ours, model", step, least(again, stepped, case, stop, step, "step")))
+        timings.append(("ours, model", step, least(again, stepped, case, stop, step, "step")))
     if case.planar:
         whole = case._replace(planar=False)
-        found.append(("ours, model, lateral dofs", H, least(again, stepped, whole, stop, H, "step")))
+        timings.append(("ours, model, lateral dofs", H, least(again, stepped, whole, stop, H, "step")))
     if not case.ground:
-        found.append(("ours, FMU with its log", H, least(again, logged, case, stop)))
-    return [{"code": code, "step": step, "cpu": spent, "pins": pins} for code, step, (spent, pins) in found]
+        timings.append(("ours, FMU with its log", H, least(again, logged, case, stop)))
+    return [{"code": code, "step": step, "cpu": spent, "pins": pins} for code, step, (spent, pins) in timings]
 
 
 def stepped(case: Case, stop: float, h: float, layer: str) -> tuple[float, Floats]:
@@ -125,7 +125,7 @@ def logged(case: Case, stop: float) -> tuple[float, Floats]:
 
 def equal(rows: list[Run]) -> list[Run]:
     """Cost of codes at ``TARGET``, relative to our model."""
-    found: list[Run] = []
+    costs: list[Run] = []
     for name, case in CASES.items():
         if case.ground:
             continue
@@ -134,12 +134,12 @@ def equal(rows: list[Run]) -> list[Run]:
             if code.startswith("ours") and code != "ours, model":
                 continue
             at = at_target([row for row in rows if (row["case"], row["code"]) == (name, code)])
-            found.append({"case": name, "code": code, **at})
-        base = next(row["cpu"] for row in found if (row["case"], row["code"]) == (name, "ours, model"))
-        for row in found:
+            costs.append({"case": name, "code": code, **at})
+        base = next(row["cpu"] for row in costs if (row["case"], row["code"]) == (name, "ours, model"))
+        for row in costs:
             if row["case"] == name and row["cpu"] is not None and base is not None:
                 row["ratio"] = row["cpu"] / base
-    return found
+    return costs
 
 
 def at_target(rows: list[Run]) -> Run:

@@ -94,10 +94,10 @@ def replayed(part: Part, inputs: Series, outputs: Series, repeats: int) -> tuple
     for _ in range(repeats):
         model = own.started(part)
         for face, feed in (("kernel", _kernel), ("model", _model), ("slave", _slave), ("FMU", _fmu)):
-            found, last = feed(part, model, inputs, len(outputs.names))
+            durations, last = feed(part, model, inputs, len(outputs.names))
             if not np.array_equal(last, outputs.values[-1]):
                 raise RuntimeError(f"{part.name}: the {face} does not repeat what the log holds")
-            for key, each in found.items():
+            for key, each in durations.items():
                 times[key].append(each)
     steps = len(inputs.t)
     layer = {key: per_step(each, steps // 2) for key, each in times.items()}

@@ -29,13 +29,13 @@ def measure(quick: bool, repeats: int) -> list[Table]:
     """Steps of flexible and rigid models; the speed of the pins does not depend on their number."""
     rows, notes = [], []
     for name in ("flexible", "rigid"):
-        found: list[dict[str, Any]] = []
+        model_rows: list[dict[str, Any]] = []
         for links in QUICK_LINKS if quick else LINKS:
-            found.append(row(name, links, QUICK_STEPS if quick else STEPS, repeats))
-            if len(found) > 1:
-                found[-1]["exponent"] = exponent(found[-2:])
-        rows += found
-        notes.append(f"{name.capitalize()}: time a step grows with the links to the power {exponent(found):.2f}.")
+            model_rows.append(row(name, links, QUICK_STEPS if quick else STEPS, repeats))
+            if len(model_rows) > 1:
+                model_rows[-1]["exponent"] = exponent(model_rows[-2:])
+        rows += model_rows
+        notes.append(f"{name.capitalize()}: time a step grows with the links to the power {exponent(model_rows):.2f}.")
     text = f"CPU time of the model's step at {1e3 * H:g} ms: the least of {repeats} repeats of each step, their mean."
     return [Table.of_records("Closed chain, from 64 links", COLUMNS, rows, (*notes, text))]
 

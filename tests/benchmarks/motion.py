@@ -85,18 +85,18 @@ def scene(case: Case, links: int = LINKS, *settings: str) -> Scene:
 @cache
 def part(case: Case, links: int = LINKS) -> Part:
     """Component of the loop; in a case with a ground, this lies just below the loop, and there is gravity."""
-    found = own.part(scene(case, links), "chain")
+    component = own.part(scene(case, links), "chain")
     if not case.ground:
-        return found
-    vehicle = found.config["vehicle"]
+        return component
+    vehicle = component.config["vehicle"]
     wheel, track = vehicle["road_wheel"], vehicle["track"]
     depth = 0.5 * track["pitch"] / np.tan(np.pi / links) + track["face"]
     drawn = {**wheel, "z": wheel["radius"] + 2.0 * track["face"] - depth}  # the ground is below the wheels as drawn
     config = {
         "vehicle": {**vehicle, "road_wheel": drawn},
-        "track": {**found.config["track"], "ground": True, "gravity": GRAVITY},
+        "track": {**component.config["track"], "ground": True, "gravity": GRAVITY},
     }
-    return found._replace(config={**found.config, **config})
+    return component._replace(config={**component.config, **config})
 
 
 def model(case: Case, step: float, links: int = LINKS, **changes: float | str) -> Any:

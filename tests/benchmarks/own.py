@@ -17,9 +17,9 @@ from orchestrator.scene.scene import Scene, load
 
 def scene(name: str, track: str, settings: Sequence[str]) -> Scene:
     """Scene with its idler in place."""
-    found = load(name, track, settings)
-    assert isinstance(found, Scene)
-    return placed(found)
+    loaded_scene = load(name, track, settings)
+    assert isinstance(loaded_scene, Scene)
+    return placed(loaded_scene)
 
 
 def part(of: Scene, name: str) -> Part:

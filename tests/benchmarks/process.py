@@ -44,8 +44,8 @@ def isolated(module: str, **options: Any) -> Any:
 
 def child(module: str, options: str) -> None:
     """Measure in the child process and print the result as the last line on stdout."""
-    found = import_module(f"tests.benchmarks.{module}").measure(**json.loads(options))
-    sys.stdout.write(f"\n{json.dumps(found)}\n")
+    result = import_module(f"tests.benchmarks.{module}").measure(**json.loads(options))
+    sys.stdout.write(f"\n{json.dumps(result)}\n")
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ DIGITS = 13
 def states(case: Case, step: float) -> dict[str, tuple[Floats, float]]:
     """Pins (n, 2) at the ends of the quick and full form, and RMS of the lengths of their paths, m."""
     truth = model(case, step, integrator="runge_kutta")
-    before, way, found = pins(truth), np.zeros(truth.nodes), {}
+    before, way, end_states = pins(truth), np.zeros(truth.nodes), {}
     for k in range(round(case.stop / H)):
         truth.step(k * H, H, np.zeros(0))
         now = pins(truth)
@@ -28,8 +28,8 @@ def states(case: Case, step: float) -> dict[str, tuple[Floats, float]]:
         before = now
         for stop in (case.quick, case.stop):
             if k + 1 == round(stop / H):
-                found[f"{stop:g}"] = now, float(np.sqrt(np.mean(way**2)))
-    return found
+                end_states[f"{stop:g}"] = now, float(np.sqrt(np.mean(way**2)))
+    return end_states
 
 
 def main() -> None:

@@ -31,7 +31,7 @@ def plain(table: Table) -> dict[str, Any]:
 
 def costs(tables: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """Costs in tables as ``plain`` returns them, by a name with table, row and column."""
-    found = {}
+    amounts = {}
     for table in tables:
         columns = [Column(**column) for column in table["columns"]]
         for row in table["rows"]:
@@ -39,5 +39,5 @@ def costs(tables: Sequence[Mapping[str, Any]]) -> dict[str, float]:
             for column in columns:
                 value = row.get(column.key)
                 if column.role == COST and value is not None and value > 0.0:
-                    found[f"{about}: {column.head}"] = float(value)
-    return found
+                    amounts[f"{about}: {column.head}"] = float(value)
+    return amounts

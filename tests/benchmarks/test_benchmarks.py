@@ -266,9 +266,9 @@ def test_parts_of_an_iteration_by_todays_kernels():
     for name, kind in (("flexible", "TrackFlexible"), ("rigid", "TrackRigid")):
         model = motion.model(motion.CASES[name], 1e-3, 8)
         model.step(0.0, 1e-3, np.zeros(0))
-        found = kernels.parts(kind, model, 1e-3, 2)
-        assert tuple(found) == kernels.PARTS == tuple(column.key for column in layers.NEWTON[1:5])
-        assert min(found.values()) > 0.0
+        times = kernels.parts(kind, model, 1e-3, 2)
+        assert tuple(times) == kernels.PARTS == tuple(column.key for column in layers.NEWTON[1:5])
+        assert min(times.values()) > 0.0
 
 
 def test_pieces_with_a_record_stand_between_pieces_without(tmp_path):

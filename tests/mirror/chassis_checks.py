@@ -49,8 +49,8 @@ def motion(view: View, names: Sequence[str]) -> Floats:
 
 
 def angles(view: View, names: Sequence[str]) -> Floats:
-    found = dict(zip(("yaw", "pitch", "roll"), view.hull.attitude.as_euler("ZYX").T, strict=True))
-    return np.stack([found[name] for name in names], axis=1)
+    columns = dict(zip(("yaw", "pitch", "roll"), view.hull.attitude.as_euler("ZYX").T, strict=True))
+    return np.stack([columns[name] for name in names], axis=1)
 
 
 def progress(view: View, names: Sequence[str]) -> Floats:
@@ -58,12 +58,12 @@ def progress(view: View, names: Sequence[str]) -> Floats:
     h, heading = view.hull, float(view.part.parameters["start.heading"])
     way, (origin, attitude) = h.place - h.place[0], h.start
     drawn = origin + attitude.apply(h.vehicle["chassis"]["centre"])
-    found = {
+    quantities = {
         "speed": (h.velocity * h.attitude.apply([1.0, 0.0, 0.0])).sum(1),
         "distance": way @ [np.cos(heading), np.sin(heading), 0.0],
         "settlement": drawn[2] - h.place[:, 2],
     }
-    return np.stack([found[name] for name in names], axis=1)
+    return np.stack([quantities[name] for name in names], axis=1)
 
 
 def weight(view: View) -> Floats:
@@ -73,8 +73,8 @@ def weight(view: View) -> Floats:
 def integrated_position(view: View, names: Sequence[str]) -> Floats:
     """Place of the chassis, integrated from its velocity outputs."""
     part = view.part
-    found = running_sum(view.hull.place[0], part.h[:, None] * mean(part.vector("chassis.velocity")))
-    return found[:, ["xyz".index(name[-1]) for name in names]]
+    position = running_sum(view.hull.place[0], part.h[:, None] * mean(part.vector("chassis.velocity")))
+    return position[:, ["xyz".index(name[-1]) for name in names]]
 
 
 def velocity(view: View, names: Sequence[str]) -> Floats:
@@ -230,16 +230,16 @@ def on_ground(view: View) -> bool:
 
 def ground_force(view: View, names: Sequence[str]) -> Floats:
     t, push, _ = ground_contacts(view.hull)
-    found = np.zeros((len(view.part.t), 3))
-    np.add.at(found, t, push.force)
-    return found[:, ["xyz".index(name[-1]) for name in names]]
+    force = np.zeros((len(view.part.t), 3))
+    np.add.at(force, t, push.force)
+    return force[:, ["xyz".index(name[-1]) for name in names]]
 
 
 def ground_energy(view: View, names: Sequence[str]) -> Floats:
     t, push, _ = ground_contacts(view.hull)
-    found = np.zeros(len(view.part.t))
-    np.add.at(found, t, push.stored)
-    return found[:, None]
+    energy = np.zeros(len(view.part.t))
+    np.add.at(energy, t, push.stored)
+    return energy[:, None]
 
 
 # --- counters --------------------------------------------------------------------------------------

@@ -12,7 +12,8 @@ import numpy as np
 from mirror.driver_plan import PlanningDriverView
 from mirror.driver_view import DriverView
 from mirror.hull import Hull
-from mirror.links import UP, Chain, chain
+from mirror.kinds import chain
+from mirror.links import UP, Chain
 from mirror.motion import Recursion, Wheels, wheels
 from mirror.record import Floats, Part, Record
 from mirror.spin import Spin

@@ -46,15 +46,15 @@ def run(kind: str) -> list[dict[str, list[int]]]:
     given = {port.name: port.start for port in model.ports if port.causality == "parameter"}
     model.initialise(given | {"start": "straight", "step": max(STEPS)})
     calls.clear()
-    found, t = [], 0.0
+    counts, t = [], 0.0
     for h in STEPS:
         model.step(t, h, np.zeros(0))
         t += h
         evaluations, iterations, steps, tries = (calls[name] for name in CALLS[kind])
-        found.append({
+        counts.append({
             "shown": model.counters.tolist(), "counted": [steps, evaluations, iterations, tries - steps],
         })  # fmt: skip
-    return found
+    return counts
 
 
 if __name__ == "__main__":

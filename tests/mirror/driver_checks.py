@@ -15,8 +15,8 @@ def driver_output(quantity: Callable[[DriverView], Floats]) -> Callable[[View, S
     """Check of an output that belongs to each step; at the start, at rest, that of the first step."""
 
     def expected(view: View, names: Sequence[str]) -> Expected:
-        found = quantity(view.driver)
-        return np.concatenate([found[:1], found])[:, None]
+        values = quantity(view.driver)
+        return np.concatenate([values[:1], values])[:, None]
 
     return expected
 

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mirror.links import UP, Beam, Chain, Rigid
+from mirror.beams import Beam
+from mirror.links import UP, Chain, Rigid
 from mirror.record import Floats
 
 if TYPE_CHECKING:

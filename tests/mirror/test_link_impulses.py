@@ -10,7 +10,7 @@ from vehicle_in_process import InProcess
 
 from fmus.link_outputs import INTERVAL
 from mirror import runs
-from mirror.links import chain
+from mirror.kinds import chain
 from mirror.record import Floats, Part, Record
 from orchestrator.scene.scene import load
 

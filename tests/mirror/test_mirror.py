@@ -84,7 +84,7 @@ class Finding(NamedTuple):
 @cache
 def findings_of(run: str) -> tuple[Finding, ...]:
     """All checks of a run, on its outputs and on outputs with each fault planted."""
-    record, found = runs.record(run), []
+    record, findings = runs.record(run), []
     for part in record.parts.values():
         if part.name in runs.RUNS.get(run, runs.Run(None)).without:
             continue
@@ -97,10 +97,10 @@ def findings_of(run: str) -> tuple[Finding, ...]:
                     noticed = frozenset(
                         fault for fault, z in faulty.items() if check.relative_error(z, low, high) > 1.0
                     )
-                    found.append(
+                    findings.append(
                         Finding(view.kind, part.name, output, check.basis, check.relative_error(y, low, high), noticed)
                     )
-    return tuple(found)
+    return tuple(findings)
 
 
 def assert_right(run: str) -> None:
@@ -127,12 +127,12 @@ def test_outputs_of_other_elasticities_on_a_vehicle(run):
 @cache
 def noticed(kind: str) -> dict[str, set[str]]:
     """Faults that some check notices in some run, by output of a kind of component."""
-    found = defaultdict(set)
+    faults = defaultdict(set)
     for run in runs.RUNS:
         for finding in findings_of(run):
             if finding.kind == kind:
-                found[finding.output] |= finding.noticed
-    return found
+                faults[finding.output] |= finding.noticed
+    return faults
 
 
 @pytest.mark.long
@@ -155,8 +155,8 @@ def test_a_planted_fault_is_noticed(kind, fault):
 
 
 def test_every_kind_of_component_has_checks_and_a_scene():
-    found = {part.kind for name in gallery.names() for model in TRACKS for part in assemble(load(name, model)).parts}
-    assert set(FMUS) == found == set(components.KINDS)
+    kinds = {part.kind for name in gallery.names() for model in TRACKS for part in assemble(load(name, model)).parts}
+    assert set(FMUS) == kinds == set(components.KINDS)
 
 
 # --- counters --------------------------------------------------------------------------------------
@@ -245,7 +245,7 @@ def described() -> dict[str, set[str]]:
     """Outputs in the modelDescriptions of all components of the gallery, with each track model, by FMU."""
     from tempfile import TemporaryDirectory
 
-    found, seen = defaultdict(set), set()
+    outputs, seen = defaultdict(set), set()
     with TemporaryDirectory() as folder:
         for name in gallery.names():
             for model in TRACKS:
@@ -253,10 +253,10 @@ def described() -> dict[str, set[str]]:
                     key = part.kind, json.dumps(part.config, sort_keys=True)
                     if key not in seen:
                         seen.add(key)
-                        found[part.kind] |= set(
+                        outputs[part.kind] |= set(
                             output_names(shell(part.kind, part.config, Path(folder, str(len(seen)))))
                         )
-    return found
+    return outputs
 
 
 @pytest.mark.long

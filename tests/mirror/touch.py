@@ -224,23 +224,23 @@ class Outline:
         """Depth (p) and normal in a and b (p, 2) of pins at b >= 0, by the nearest of the four pieces."""
         x = np.stack([a, b], axis=-1)
         rho = np.linalg.norm(x, axis=-1)
-        found = []
+        pieces = []
         seat = x - self.seat
         size = np.linalg.norm(seat, axis=-1)
-        found.append((size - self.gap, -seat / size[:, None], seat @ self.d <= 0.0))
+        pieces.append((size - self.gap, -seat / size[:, None], seat @ self.d <= 0.0))
         on_flank = x - self.foot
         climb = on_flank @ self.d
         n = np.broadcast_to(self.normal, x.shape)
-        found.append((-(on_flank @ self.normal), n, (climb > 0.0) & (climb < self.length)))
+        pieces.append((-(on_flank @ self.normal), n, (climb > 0.0) & (climb < self.length)))
         tip = x - self.tip
         size = np.linalg.norm(tip, axis=-1)
         beyond = np.arctan2(b, a) >= np.arctan2(self.tip[1], self.tip[0])
-        found.append((self.round - size, tip / size[:, None], (climb >= self.length) & ~beyond))
+        pieces.append((self.round - size, tip / size[:, None], (climb >= self.length) & ~beyond))
         land = (climb >= self.length) & beyond
-        land |= (climb < self.length) & (np.where(climb > 0.0, found[1][0], found[0][0]) > self.top - rho)
-        found.append((self.top - rho, x / rho[:, None], land))
+        land |= (climb < self.length) & (np.where(climb > 0.0, pieces[1][0], pieces[0][0]) > self.top - rho)
+        pieces.append((self.top - rho, x / rho[:, None], land))
         depth, normal = np.zeros(len(x)), np.zeros((len(x), 2))
-        for d, n, here in found:
+        for d, n, here in pieces:
             depth[here], normal[here] = d[here], n[here]
         return depth, normal
 

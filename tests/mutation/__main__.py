@@ -32,11 +32,11 @@ LIMIT = 3600.0  # s per stage: a fault that makes tests hang is noticed too
 def chosen(count: int, seed: int) -> list[dict[str, Any]]:
     """Draw faults by area with a seed; faults that once survived come first."""
     draw = random.Random(seed)
-    found = [_entry(_area_of(file), file, fault) for file, fault in known_faults()]
+    entries = [_entry(_area_of(file), file, fault) for file, fault in known_faults()]
     for area in AREAS:
         every = [(file, fault) for file in area.files() for fault in faults((ROOT / file).read_text(encoding="utf-8"))]
-        found += [_entry(area, *one) for one in draw.sample(every, max(1, round(area.share * count / 100)))]
-    return found
+        entries += [_entry(area, *one) for one in draw.sample(every, max(1, round(area.share * count / 100)))]
+    return entries
 
 
 def _area_of(file: Path) -> Area:

@@ -28,15 +28,15 @@ class Fault(NamedTuple):
 def faults(source: str) -> list[Fault]:
     """One-line faults of a source, in its order; none in annotations, indices, docstrings, f-strings."""
     lines = source.splitlines()
-    found = []
+    changes = []
     for kind, start, end, text in _places(ast.parse(source), source):
         if start[0] == end[0]:
             old = lines[start[0] - 1]
             raw = old.encode()
             new = (raw[: start[1]] + text.encode() + raw[end[1] :]).decode()
             if new != old:
-                found.append(Fault(start[0], old, new, kind))
-    return sorted(set(found), key=lambda fault: (fault.line, fault.new))
+                changes.append(Fault(start[0], old, new, kind))
+    return sorted(set(changes), key=lambda fault: (fault.line, fault.new))
 
 
 Place = tuple[int, int]  # line from 1, byte in the line

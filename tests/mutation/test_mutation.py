@@ -25,8 +25,8 @@ def f(x: float, y: float = 1.0 + 2.0) -> float:
 
 
 def test_faults_of_a_source():
-    found = [(fault.line, fault.new.strip()) for fault in faults(SOURCE)]
-    assert found == [
+    changed_lines = [(fault.line, fault.new.strip()) for fault in faults(SOURCE)]
+    assert changed_lines == [
         (7, "z = x + 0.5 / y"),
         (7, "z = x + 0.6 * y"),
         (7, "z = x - 0.5 * y"),
@@ -61,15 +61,15 @@ def test_a_draw_is_the_same_for_a_seed_and_begins_with_known_faults():
     assert [entry["kind"] for entry in one[: len(known_faults())]] == ["known"] * len(known_faults())
 
 
-@pytest.mark.parametrize(("new", "found"), [("    return a - b", "nearest"), ("    return b + a", "")])
-def test_a_failing_test_notices_a_fault(tmp_path, monkeypatch, new, found):
+@pytest.mark.parametrize(("new", "stage"), [("    return a - b", "nearest"), ("    return b + a", "")])
+def test_a_failing_test_notices_a_fault(tmp_path, monkeypatch, new, stage):
     (tmp_path / "sums.py").write_text("def add(a, b):\n    return a + b\n")
     (tmp_path / "test_sums.py").write_text("from sums import add\n\n\ndef test_add():\n    assert add(1, 2) == 3\n")
     monkeypatch.setattr(command, "nearest", lambda file, area: ["test_sums.py"])
     entry = {"area": AREAS[0].name, "file": "sums.py", "place": "sums.py:2", "line": 2, "old": "    return a + b",
              "new": new, "found": "", "stages": []}  # fmt: skip
     command.noticed(tmp_path, entry, ("nearest",))
-    assert (entry["found"], entry["stages"]) == (found, ["nearest"])
+    assert (entry["found"], entry["stages"]) == (stage, ["nearest"])
     assert "a + b" in (tmp_path / "sums.py").read_text(), "the fault was not removed"
 
 

@@ -66,9 +66,9 @@ def test_the_same_way_at_another_pace_is_the_same_along_it(runs):
 
 
 def test_windows_count_in_what_runs_are_compared_along(runs):
-    found = apart(runs["nods"], runs["reference"], "travel", Window(2.0, 4.0))
+    errors = apart(runs["nods"], runs["reference"], "travel", Window(2.0, 4.0))
     x = np.linspace(2.0, 4.0, 1000)
-    assert found["pitch"].absolute == pytest.approx(0.004 * np.sqrt(np.mean(np.sin(3.0 * x) ** 2)), rel=0.05)
+    assert errors["pitch"].absolute == pytest.approx(0.004 * np.sqrt(np.mean(np.sin(3.0 * x) ** 2)), rel=0.05)
     with pytest.raises(Missing):
         apart(runs["nods"], runs["reference"], "travel", Window(50.0, 60.0))
 

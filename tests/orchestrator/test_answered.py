@@ -32,12 +32,12 @@ def made(tmp_path):
 
 def test_peak_rms_and_parting(made):
     with Log(made[0]) as log, Log(made[1]) as answer:
-        (found,) = answered.answers(log, answer, "left_track")
-    assert (found.signal, found.unit, len(found.t)) == ("sprocket.force.x", "N", 51)
-    assert found.peak == pytest.approx((-7.0, 0.05))
-    assert found.parting_time == pytest.approx(0.04)
-    assert found.largest == pytest.approx(abs(np.append(FORCE[::2], (FORCE + 3.0)[40::2])).max())
-    row = answered.lines([found])[1].split()
+        (comparison,) = answered.answers(log, answer, "left_track")
+    assert (comparison.signal, comparison.unit, len(comparison.t)) == ("sprocket.force.x", "N", 51)
+    assert comparison.peak == pytest.approx((-7.0, 0.05))
+    assert comparison.parting_time == pytest.approx(0.04)
+    assert comparison.largest == pytest.approx(abs(np.append(FORCE[::2], (FORCE + 3.0)[40::2])).max())
+    row = answered.lines([comparison])[1].split()
     n = np.count_nonzero(T[::2] > 0.0395) - 1
     assert float(row[4]) == pytest.approx(np.sqrt((9.0 * n + 49.0) / 51.0), rel=1e-4)
     assert float(row[2]) == pytest.approx(np.sqrt(np.mean(FORCE[::2] ** 2)), rel=1e-4)
@@ -55,8 +55,8 @@ def test_what_never_parts_says_so(tmp_path):
 
 def test_the_picture(made, tmp_path):
     with Log(made[0]) as log, Log(made[1]) as answer:
-        found = answered.answers(log, answer, "left_track")
-    answered.draw(found, tmp_path / "x.png", "one & <other> $x$")
+        comparisons = answered.answers(log, answer, "left_track")
+    answered.draw(comparisons, tmp_path / "x.png", "one & <other> $x$")
     assert (tmp_path / "x.png").stat().st_size > 10_000
     with pytest.raises(BadInput, match=r"x\.nothing cannot be written"):
-        answered.draw(found, tmp_path / "x.nothing", "")
+        answered.draw(comparisons, tmp_path / "x.nothing", "")

@@ -61,7 +61,7 @@ def test_links_are_copied_from_where_they_lie(toy, tmp_path):
     def silent(name, content):
         return content.replace(b"links.size", b"links.length") if name == "modelDescription.xml" else content
 
-    found = {}
+    link_bytes = {}
     for fmu, addressed in ((toy, True), (changed(toy, tmp_path / "silent.fmu", silent), False)):
         with Component(fmu, "toy") as component:
             for _ in range(2):  # a reset changes the address
@@ -70,7 +70,7 @@ def test_links_are_copied_from_where_they_lie(toy, tmp_path):
             for k in range(3):
                 component.step(k * H, H)
                 component.read_links()
-                found[addressed, k] = component.y_links.tobytes()
+                link_bytes[addressed, k] = component.y_links.tobytes()
             if CAN_STEP:
                 due = np.ones(1, dtype=np.int64)
                 program = Program([Stage([component], [])], threads=False)
@@ -78,13 +78,13 @@ def test_links_are_copied_from_where_they_lie(toy, tmp_path):
                 for k in range(3, 6):
                     component.y_links[:] = 0.0
                     program.run(k * H, H)
-                    found[addressed, k] = component.y_links.tobytes()
+                    link_bytes[addressed, k] = component.y_links.tobytes()
                 due[0] = 0
                 program.run(6 * H, H)
-                assert component.y_links.tobytes() == found[addressed, 5]
+                assert component.y_links.tobytes() == link_bytes[addressed, 5]
                 program.close()
-    assert all(found[True, k] == found[False, k] for _, k in found)
-    assert len(set(found.values())) == len(found) // 2
+    assert all(link_bytes[True, k] == link_bytes[False, k] for _, k in link_bytes)
+    assert len(set(link_bytes.values())) == len(link_bytes) // 2
 
 
 def test_links_are_read_when_asked(toy):

@@ -52,11 +52,11 @@ def in_pieces(path, changes, size):
 
 
 def test_equal_runs_are_equal(reference, tmp_path):
-    found = parted(in_pieces(tmp_path / "a.mcap", {}, 7000), reference)
+    difference = parted(in_pieces(tmp_path / "a.mcap", {}, 7000), reference)
     numbers = sum(len(names) * (STEPS // 5 + 1 if topic.endswith("links") else STEPS + 1)
                   for topic, names in TOPICS.items() if "stats" not in topic)  # fmt: skip
-    assert (found.first, found.spread, found.growth, found.unmatched) == (None, (), {}, ())
-    assert (found.value_count, found.end) == (numbers, pytest.approx(STEPS * STEP))
+    assert (difference.first, difference.spread, difference.growth, difference.unmatched) == (None, (), {}, ())
+    assert (difference.value_count, difference.end) == (numbers, pytest.approx(STEPS * STEP))
 
 
 @pytest.mark.long
@@ -80,24 +80,24 @@ def test_what_it_spreads_to_and_how_it_grows(reference, tmp_path):
         ("/left_track/links", 200, 4): 1.0 + 1e-9,
         ("/left_track/out", 150, 0): 1.01,
     }
-    found = parted(in_pieces(tmp_path / "a.mcap", changes, 9_000), reference)
-    assert [(each.instance, each.variable, each.step) for each in found.spread] == [
+    difference = parted(in_pieces(tmp_path / "a.mcap", changes, 9_000), reference)
+    assert [(each.instance, each.variable, each.step) for each in difference.spread] == [
         ("chassis", "speed", 100), ("left_track", "speed", 150)
     ]  # fmt: skip
-    assert set(found.growth) == {"/chassis/out", "/left_track/links", "/left_track/out"}
+    assert set(difference.growth) == {"/chassis/out", "/left_track/links", "/left_track/out"}
     with Log(reference) as log:
         speed = log.read("/left_track/out").values[:, 0]
-    growth = found.growth["/left_track/out"]
+    growth = difference.growth["/left_track/out"]
     assert growth.difference.max() == pytest.approx(0.01 * np.abs(speed[150:]).max() / np.abs(speed).max())
     assert 150 * STEP <= growth.t[0] <= growth.t[-1] == STEPS * STEP
-    draw(found, tmp_path / "a.png")
+    draw(difference, tmp_path / "a.png")
     assert (tmp_path / "a.png").stat().st_size > 5_000
 
 
 def test_runs_of_other_steps_part_at_once(reference, tmp_path, monkeypatch):
     monkeypatch.setattr("recorded.STEP", 1.0001 * STEP)
-    found = parted(record(tmp_path / "a.mcap", STEPS, flush=60), reference)
-    assert (found.first.variable, found.first.step) == ("t", 1)
+    difference = parted(record(tmp_path / "a.mcap", STEPS, flush=60), reference)
+    assert (difference.first.variable, difference.first.step) == ("t", 1)
 
 
 def test_what_only_one_has_is_said(reference, tmp_path, monkeypatch):
@@ -145,9 +145,9 @@ def test_compare_is_a_diff(runs, cotrack, tmp_path):
     assert status == 0
     assert "bit by bit equal: " in out
     status, out, _ = cotrack("compare", b, a, "--different", "--bits", "--json", "-o", str(tmp_path / "g.svg"))
-    found = json.loads(out)
-    assert (status, found["ok"], found["reference"]["log"]) == (1, False, a)
-    first = found["bits"]["first"]
+    verdict = json.loads(out)
+    assert (status, verdict["ok"], verdict["reference"]["log"]) == (1, False, a)
+    first = verdict["bits"]["first"]
     assert (first["instance"], first["step"]) == ("chain", 0)
     assert first["ulps"] > 0
     assert first["run"] != first["reference"]

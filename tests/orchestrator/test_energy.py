@@ -24,11 +24,11 @@ def quaternions(rotations):
 def test_turns_are_rotation_vectors_in_the_world():
     vectors = np.array([[0.0, 0.02, 0.0], [0.01, -0.3, 0.2], [0.0, 0.0, 0.0], [1e-9, 0.0, 0.0], [0.0, 2.9, 0.0]])
     rotation = Rotation.from_rotvec([0.3, -1.0, 2.0])
-    found = [quaternions(rotation)]
+    orientations = [quaternions(rotation)]
     for vector in vectors:
         rotation = Rotation.from_rotvec(vector) * rotation
-        found.append(quaternions(rotation))
-    q = np.array(found)
+        orientations.append(quaternions(rotation))
+    q = np.array(orientations)
     np.testing.assert_allclose(rotation_vectors(q), vectors, atol=1e-12)
     q[2] *= -1.0  # the same rotation
     np.testing.assert_allclose(rotation_vectors(q), vectors, atol=1e-12)
@@ -46,10 +46,10 @@ def driven(tmp_path_factory):
 
 def test_every_wheel_and_mount_is_a_port(driven):
     with Log(driven) as log:
-        found = ports(RunData(log))
-    assert len(found) == 2 * (1 + 6 + 1)
-    assert ("left_track", "sprocket", "left_drive", "sprocket") in found
-    assert ("right_drive", "mount", "chassis", "right.sprocket") in found
+        energy_ports = ports(RunData(log))
+    assert len(energy_ports) == 2 * (1 + 6 + 1)
+    assert ("left_track", "sprocket", "left_drive", "sprocket") in energy_ports
+    assert ("right_drive", "mount", "chassis", "right.sprocket") in energy_ports
 
 
 def test_work_at_the_ports_is_what_the_components_received(driven):

@@ -42,9 +42,9 @@ def signal(step, function, mean=False):
 
 def test_the_norm_of_a_known_difference():
     run, reference = signal(0.01, lambda t: 2.02 + 0 * t), signal(0.01, lambda t: 2.0 + 0 * t)
-    found = difference(run, reference, LINE)
-    assert found.absolute == pytest.approx(0.02)
-    assert found.relative == pytest.approx(0.01)
+    offset = difference(run, reference, LINE)
+    assert offset.absolute == pytest.approx(0.02)
+    assert offset.relative == pytest.approx(0.01)
     still = difference(signal(0.01, lambda t: 1e-3 + 0 * t), signal(0.01, lambda t: 0 * t), LINE)
     assert still.relative == pytest.approx(0.01), "a constant signal has no error relative to the floor"
 
@@ -79,20 +79,20 @@ def test_joint_forces_do_not_depend_on_the_interval_of_their_means(tmp_path):
 
 
 def test_only_decisive_observables_decide():
-    found = {"a": ObservableDifference(1, 0.1, "m", True), "b": ObservableDifference(1, 0.5, "m", False)}
-    assert worst(found) == 0.1
+    observables = {"a": ObservableDifference(1, 0.1, "m", True), "b": ObservableDifference(1, 0.5, "m", False)}
+    assert worst(observables) == 0.1
 
 
 @pytest.fixture(scope="module")
 def swings(tmp_path_factory):
     """Return summaries and logs, by step in ms, of short swings of a chain, each with its own estimate."""
-    folder, found = tmp_path_factory.mktemp("swings"), {}
+    folder, summaries = tmp_path_factory.mktemp("swings"), {}
     for step in (4.0, 2.0, 0.25):
         log = folder / f"{step}.mcap"
         settings = (*SWING, f"run.step={step} ms", f"track.step={step} ms")
-        found[step] = simulate(load("hanging_chain", "flexible", settings), log, estimated=True)
-        assert found[step]["status"] == "ok"
-    return found
+        summaries[step] = simulate(load("hanging_chain", "flexible", settings), log, estimated=True)
+        assert summaries[step]["status"] == "ok"
+    return summaries
 
 
 @pytest.mark.parametrize("step", [4.0, 2.0])

@@ -102,12 +102,12 @@ def test_parquet_gives_every_bit_back(chunked, tmp_path):
     assert [file.name for file in files] == [f"{topic[1:].replace('/', '.')}.parquet" for topic in TOPICS]
     with Log(chunked) as log:
         for topic, file in zip(TOPICS, files, strict=True):
-            found, series = pyarrow.parquet.read_table(file), log.read(topic)
-            assert np.array_equal(found["t"].to_numpy(), series.t)
+            parquet, series = pyarrow.parquet.read_table(file), log.read(topic)
+            assert np.array_equal(parquet["t"].to_numpy(), series.t)
             names = [log.name(topic, column) for column in range(len(series.names))]
-            assert found.column_names == ["t", *names]
-            assert np.stack([found[name] for name in names], axis=1).tobytes() == series.values.tobytes()
-            units = [found.field(name).metadata[b"unit"].decode() for name in names]
+            assert parquet.column_names == ["t", *names]
+            assert np.stack([parquet[name] for name in names], axis=1).tobytes() == series.values.tobytes()
+            units = [parquet.field(name).metadata[b"unit"].decode() for name in names]
             assert tuple(units) == log.topics[topic].units
 
 
@@ -115,11 +115,11 @@ def test_row_groups_are_filled_and_hold_every_row_once(chunked, tmp_path, monkey
     for size, topic in ((4000, "/left_track/links"), (4000, "/left_track/out"), (1, "/stats/chassis")):
         monkeypatch.setattr(export_module, "GROUP", size)
         (file,) = export(chunked, tmp_path / "all", topics=[topic], kind="parquet")
-        found = pyarrow.parquet.ParquetFile(file)
+        parquet = pyarrow.parquet.ParquetFile(file)
         with Log(chunked) as log:
             series = log.read(topic)
         group = max(size // (8 + 8 * len(series.names)), 1)
-        numbers = [found.metadata.row_group(k).num_rows for k in range(found.num_row_groups)]
+        numbers = [parquet.metadata.row_group(k).num_rows for k in range(parquet.num_row_groups)]
         assert set(numbers[:-1]) == {group}
         assert len(numbers) == -(-len(series.t) // group) > 2
         for read in (pandas.read_parquet, polars.read_parquet):
@@ -158,10 +158,10 @@ def test_memory_is_that_of_a_row_group(tmp_path):
         return float(subprocess.run(arguments, capture_output=True, text=True, check=True).stdout)
 
     few, many = (peak(pieces, 2_000_000) for pieces in (20, 1000))
-    found = pyarrow.parquet.ParquetFile(file)
-    assert found.num_row_groups == 200
-    assert np.array_equal(found.read(["x7"])["x7"].to_numpy(), np.repeat(np.arange(1000.0), 1000))
-    assert many - few < 2500 * COLUMNS * found.num_row_groups + 10e6
+    parquet = pyarrow.parquet.ParquetFile(file)
+    assert parquet.num_row_groups == 200
+    assert np.array_equal(parquet.read(["x7"])["x7"].to_numpy(), np.repeat(np.arange(1000.0), 1000))
+    assert many - few < 2500 * COLUMNS * parquet.num_row_groups + 10e6
     assert peak(1000, 400_000_000) - few > 350e6
     rows = export_module.GROUP / 8 / 320  # of a group of a track's links, with five groups of outputs
     assert 0.015 * 8 * rows > 2500, "the buffers of a column are large beside its written data"
@@ -169,12 +169,12 @@ def test_memory_is_that_of_a_row_group(tmp_path):
 
 def test_a_matlab_file(chunked, tmp_path):
     (file,) = export(chunked, tmp_path / "a.mat", [TENSIONS], window=(0.5, 0.7))
-    found = loadmat(file)
-    assert [str(name[0][0]) for name in found["names"]] == [f"left_track.link[{i}].tension" for i in range(1, 65)]
-    assert {str(unit[0][0]) for unit in found["units"]} == {"N"}
+    content = loadmat(file)
+    assert [str(name[0][0]) for name in content["names"]] == [f"left_track.link[{i}].tension" for i in range(1, 65)]
+    assert {str(unit[0][0]) for unit in content["units"]} == {"N"}
     steps = range(500, 701, 5)
-    assert np.array_equal(found["t"][:, 0], np.array(steps) * STEP)
-    assert np.array_equal(found["values"], [values("/left_track/links", k)[::2] for k in steps])
+    assert np.array_equal(content["t"][:, 0], np.array(steps) * STEP)
+    assert np.array_equal(content["values"], [values("/left_track/links", k)[::2] for k in steps])
 
 
 def test_windows_and_rows_do_not_depend_on_chunks(small, chunked, tmp_path):
@@ -216,12 +216,12 @@ def test_frames(chunked):
 def test_samples_lie_on_straight_lines(chunked):
     t = np.array([-1.0, 0.0, 0.0025, 0.77, 9.0])
     with Log(chunked) as log:
-        found = log.sample(["left_track.link[3].tension", "chassis.speed"], t)
+        samples = log.sample(["left_track.link[3].tension", "chassis.speed"], t)
         for column, signal in enumerate(("left_track.link[3].tension", "chassis.speed")):
             times, recorded = log.signal(signal)
-            assert found[0, column] == recorded[0]
-            assert found[-1, column] == recorded[-1]
-            assert np.array_equal(found[:, column], np.interp(t, times, recorded))
+            assert samples[0, column] == recorded[0]
+            assert samples[-1, column] == recorded[-1]
+            assert np.array_equal(samples[:, column], np.interp(t, times, recorded))
 
 
 @pytest.mark.parametrize("package", ["pandas", "xarray", "polars", "pyarrow"])

@@ -15,17 +15,17 @@ BUMP = "ground.bump={start=2, rise=0.2, slope=0.35, length=0.6, radius=0.15}"
 @pytest.mark.parametrize("settings", [(), (BUMP,), (BUMP, "start.position=[3.0, -1.0, 0.5]", "start.heading=0.4")])
 def test_points_of_the_line_lie_on_the_ground(settings):
     scene = load("straight", "rigid", settings)
-    found = ground(scene.model_dump())
+    profile = ground(scene.model_dump())
     bump = scene.ground.bump and scene.ground.bump.model_dump()
     shape = ground_shape(scene.vehicle.model_dump(), 0.0, bump)
-    along = np.concatenate([np.linspace(-1.0, 6.0, 300), found.along])
+    along = np.concatenate([np.linspace(-1.0, 6.0, 300), profile.along])
     depths = [
-        surface_depth(shape, x, z - found.start[2])[0] for x, z in zip(along, found.height_at(along), strict=True)
+        surface_depth(shape, x, z - profile.start[2])[0] for x, z in zip(along, profile.height_at(along), strict=True)
     ]
     # a straight line between two points of an arc is below it by less than this
     assert np.abs(depths).max() < 0.15 * (0.35 / 8) ** 2 / 8 * 1.1
-    assert len(found.along) == (36 if bump else 0)
-    assert not bump or found.height_at(np.array([found.along.mean()]))[0] == pytest.approx(found.level + 0.2)
+    assert len(profile.along) == (36 if bump else 0)
+    assert not bump or profile.height_at(np.array([profile.along.mean()]))[0] == pytest.approx(profile.level + 0.2)
 
 
 def test_axes_of_a_loop_point_outwards():

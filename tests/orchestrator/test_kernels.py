@@ -127,17 +127,17 @@ def counting_up(atomically):
     def swapping(address, n):
         for _ in range(n):
             while True:
-                found = atomic_load(address)
-                if compare_and_swap(address, found, found + 1) == found:
+                count = atomic_load(address)
+                if compare_and_swap(address, count, count + 1) == count:
                     break
                 pause()
         return 0
 
     def storing(address, n):
         for _ in range(n):
-            found = atomic_load(address)
+            count = atomic_load(address)
             pause()
-            atomic_store(address, found + 1)
+            atomic_store(address, count + 1)
         return 0
 
     word, call = np.zeros(1, np.int64), loaded(swapping if atomically else storing, WORD, WORD)
@@ -166,14 +166,14 @@ def test_others_run_while_a_kernel_waits():
             atomic_store(begun, 1)
         return looks
 
-    word, begun, call, found = np.zeros(1, np.int64), np.zeros(1, np.int64), loaded(kernel, WORD, WORD), []
-    thread = threading.Thread(target=lambda: found.append(call(at(word), at(begun))))
+    word, begun, call, look_counts = np.zeros(1, np.int64), np.zeros(1, np.int64), loaded(kernel, WORD, WORD), []
+    thread = threading.Thread(target=lambda: look_counts.append(call(at(word), at(begun))))
     thread.start()
     while not begun[0]:
         pass
     word[0] = 1
     thread.join()
-    assert found[0] > 0
+    assert look_counts[0] > 0
 
 
 @needs_linux

@@ -42,13 +42,13 @@ def records(data):
 
 def chunk_spans(data):
     """(start of the chunk, end of its message indexes) of all chunks."""
-    found = []
+    spans = []
     for opcode, start, end in records(data):
         if opcode == 0x06:
-            found.append([start, end])
+            spans.append([start, end])
         elif opcode == 0x07:
-            found[-1][1] = end
-    return found
+            spans[-1][1] = end
+    return spans
 
 
 def test_a_whole_log(small):
@@ -215,12 +215,12 @@ def test_a_recovered_log_ends_with_a_step_that_all_topics_have(tmp_path):
             ends.add(n)
             assert not saved.faults
             for topic, every in STRIDES.items():
-                found = saved.sequence(topic).tolist()
+                steps = saved.sequence(topic).tolist()
                 stop = n if topic.endswith("/in") else n + 1
                 if topic.startswith("/stats/"):
-                    assert found == [k for k in left.sequence(topic).tolist() if k <= n]
+                    assert steps == [k for k in left.sequence(topic).tolist() if k <= n]
                 elif len(left.sequence("/b/out")):
-                    assert found == list(range(0, stop, every)), (cut, topic)
+                    assert steps == list(range(0, stop, every)), (cut, topic)
             lasts = [len(left.sequence(topic)) for topic in ("/a/in", "/b/in")]
             assert n >= min(lasts) - 1, "more than the cut step is lost"
     assert len(ends) > 15

@@ -172,13 +172,13 @@ def test_measures_of_links_are_means_over_time(measure):
     up = PITCH * np.array([0.0, 0.0, 1.0, 1.0]) * size[:, None]
     links = Links(t, forward, up, 1e4 * size[:, None] * np.ones(4))
 
-    def found(which):
+    def measured(which):
         run = Record(Links(*(column[which] for column in links)), rig={"axle_distance": 2.0})
         return measure(run, "upper", Window(0.0, 1.0))
 
-    short, long = found(t < 0.499), found(t > 0.499)
+    short, long = measured(t < 0.499), measured(t > 0.499)
     assert abs(long - short) > 0.1 * abs(long)
-    assert found(slice(None)) == pytest.approx(0.5 * (short + long), rel=0.01)
+    assert measured(slice(None)) == pytest.approx(0.5 * (short + long), rel=0.01)
 
 
 def test_every_measure_has_its_own_name():

@@ -25,7 +25,7 @@ def test_what_is_read_for_a_summary_or_a_difference_is_not_kept(tmp_path):
     path = tmp_path / "log.mcap"
     assert simulate(load("straight", "rigid", ["run.stop=0.1 s", "run.links=1", "expect={}"]), path)["status"] == "ok"
     with Log(path) as log, Log(path) as other:
-        found = differences(RunData(log), RunData(other))
-        assert max(one.relative for one in found.values()) == pytest.approx(0.0, abs=1e-12)
+        errors = differences(RunData(log), RunData(other))
+        assert max(one.relative for one in errors.values()) == pytest.approx(0.0, abs=1e-12)
         assert not log._chunks.unpacked
         assert not log._series

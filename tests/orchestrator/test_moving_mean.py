@@ -33,13 +33,13 @@ def test_the_mean_over_a_period_of_ripple_on_a_ramp_is_the_ramp(pieces):
     t = np.linspace(0.0, END, 3201)
     values = means_of(lambda x: 1.5 * x * x - 20.0 * np.cos(2 * np.pi * x / PERIOD), t)  # 3 t, and ripple
     ripple = 20.0 * 2 * np.pi / PERIOD
-    found = moving(t, values, pieces)
+    moving_mean = moving(t, values, pieces)
     for window, rest in ((PERIOD, 1e-3), (2 * PERIOD, 1e-3)):
-        mean = found.over(window)
+        mean = moving_mean.over(window)
         at = inside(mean, window)
         assert at.sum() > 400
         assert np.abs(mean.y - 3.0 * mean.t)[at].max() < rest * ripple
-    mean = found.over(1.03 * PERIOD)
+    mean = moving_mean.over(1.03 * PERIOD)
     assert np.abs(mean.y - 3.0 * mean.t)[inside(mean, PERIOD)].max() > 1e-2 * ripple, "a window that is 3 % off shows"
 
 

@@ -18,12 +18,12 @@ PEERS = {"tests.benchmarks.peers.exudyn_loops": "exudyn", "tests.benchmarks.peer
 @pytest.fixture(scope="module")
 def submodules():
     """Names of all modules of the package, each imported."""
-    found = [module.name for module in pkgutil.walk_packages(cotrack.__path__, "orchestrator.")]
-    found = [name for name in found if not name.endswith("__main__")]  # these are commands
-    found = [name for name in found if name not in PEERS or find_spec(PEERS[name])]
-    for name in found:
+    names = [module.name for module in pkgutil.walk_packages(cotrack.__path__, "orchestrator.")]
+    names = [name for name in names if not name.endswith("__main__")]  # these are commands
+    names = [name for name in names if name not in PEERS or find_spec(PEERS[name])]
+    for name in names:
         import_module(name)
-    return found
+    return names
 
 
 def test_no_module_takes_a_name_that_is_offered(submodules):

@@ -52,7 +52,7 @@ def made(path, t, v, yaw_rate=None, slip=None, tension=None, work=None, tracks=T
     return path
 
 
-def found(path, window=EVER):
+def phases_of(path, window=EVER):
     with Log(path) as log:
         return phases.of(RunData(log), window).phases
 
@@ -66,7 +66,7 @@ def bounds(of):
 def test_bounds_of_a_trapezoid_are_found_to_a_step(tmp_path, even):
     t = times(CORNERS[-1], even)
     longest = float(np.diff(t).max())
-    of = found(made(tmp_path / "t.mcap", t, trapezoid(t)))
+    of = phases_of(made(tmp_path / "t.mcap", t, trapezoid(t)))
     assert [one.kind for one in of] == KINDS
     off = bounds(of) - CORNERS
     assert np.abs(off).max() <= 1.01 * longest
@@ -77,7 +77,7 @@ def test_each_bound_follows_its_corner_in_both_directions(tmp_path):
     t = times(CORNERS[-1])
     for by in (-0.27, 0.31):
         corners = np.add(CORNERS, [by, 0.0, -by, 0.0, 0.0])
-        of = found(made(tmp_path / f"{by}.mcap", t, trapezoid(t, corners=corners)))
+        of = phases_of(made(tmp_path / f"{by}.mcap", t, trapezoid(t, corners=corners)))
         np.testing.assert_allclose(bounds(of), corners, atol=1.01 * STEP)
 
 
@@ -88,12 +88,12 @@ def test_ringing_makes_no_phases(tmp_path):
     for begin, size in ((CORNERS[1], 0.35), (CORNERS[3], -0.3)):
         since = np.maximum(t - begin, 0.0)
         v += size * np.exp(-1.5 * since) * np.sin(2 * np.pi * 1.2 * since)
-    of = found(made(tmp_path / "r.mcap", t, v))
+    of = phases_of(made(tmp_path / "r.mcap", t, v))
     assert [one.kind for one in of] == KINDS
     np.testing.assert_allclose(bounds(of), CORNERS, atol=0.25)
     assert of[2].speed == pytest.approx(TOP, rel=0.01)
     harder = v + (trapezoid(t, 0.5 * TOP, (4.0, 4.2, 5.0, 5.2)))
-    assert len(found(made(tmp_path / "h.mcap", t, harder))) > len(KINDS), "the twin: 1.5 times is no ringing"
+    assert len(phases_of(made(tmp_path / "h.mcap", t, harder))) > len(KINDS), "the twin: 1.5 times is no ringing"
 
 
 def test_turns_are_found_to_a_step_and_through_zero(tmp_path):
@@ -101,7 +101,7 @@ def test_turns_are_found_to_a_step_and_through_zero(tmp_path):
     t = times(8.0)
     corners = [1.03, 1.53, 3.01, 4.01, 5.53, 6.13]
     yaw_rate = np.interp(t, corners, [0.0, -0.3, -0.3, 0.3, 0.3, 0.0])
-    of = found(made(tmp_path / "s.mcap", t, np.full(len(t), 3.0), yaw_rate))
+    of = phases_of(made(tmp_path / "s.mcap", t, np.full(len(t), 3.0), yaw_rate))
     assert [(one.kind, one.turning) for one in of] == [
         ("steady", ""), ("turn", "right"), ("turn", "left"), ("steady", ""),
     ]  # fmt: skip
@@ -123,24 +123,24 @@ def test_the_begin_of_a_slow_turn_is_straight(tmp_path):
     """
     t = times(7.0)
     yaw_rate = np.interp(t, [2.0, 6.0], [0.0, 0.2])
-    of = found(made(tmp_path / "b.mcap", t, np.interp(t, [1.0, 2.6], [0.0, 3.0]), yaw_rate))
+    of = phases_of(made(tmp_path / "b.mcap", t, np.interp(t, [1.0, 2.6], [0.0, 3.0]), yaw_rate))
     assert [(one.kind, one.turning) for one in of] == [("rest", ""), ("acceleration", ""), ("turn", "left")]
     assert of[1].end == pytest.approx(2.6, abs=2.01 * STEP)
-    sharper = found(made(tmp_path / "c.mcap", t, np.interp(t, [1.0, 2.6], [0.0, 3.0]), 1.4 * yaw_rate))
+    sharper = phases_of(made(tmp_path / "c.mcap", t, np.interp(t, [1.0, 2.6], [0.0, 3.0]), 1.4 * yaw_rate))
     assert [one.turning for one in sharper] == ["", "", "left", "left"]
 
 
 def test_a_quick_stop_is_braking(tmp_path):
     """A quick stop is braking: from 3 m/s in 0.3 s, as with locked sprockets."""
     t = times(6.0)
-    of = found(made(tmp_path / "q.mcap", t, np.interp(t, [1.0, 3.0, 4.0, 4.3], [0.0, 3.0, 3.0, 0.0])))
+    of = phases_of(made(tmp_path / "q.mcap", t, np.interp(t, [1.0, 3.0, 4.0, 4.3], [0.0, 3.0, 3.0, 0.0])))
     assert [one.kind for one in of] == KINDS
     np.testing.assert_allclose(bounds(of), [1.0, 3.0, 4.0, 4.3, 6.0], atol=1.01 * STEP)
 
 
 def test_a_vehicle_that_reverses_stops_on_the_way(tmp_path):
     t = times(7.0)
-    of = found(made(tmp_path / "b.mcap", t, np.interp(t, [1.0, 2.0, 3.0, 5.0], [0.0, 3.0, 3.0, -2.0])))
+    of = phases_of(made(tmp_path / "b.mcap", t, np.interp(t, [1.0, 2.0, 3.0, 5.0], [0.0, 3.0, 3.0, -2.0])))
     assert [one.kind for one in of] == ["rest", "acceleration", "steady", "braking", "acceleration", "steady"]
     np.testing.assert_allclose(bounds(of), [1.0, 2.0, 3.0, 4.2, 5.0, 7.0], atol=2.01 * STEP)
     assert of[-1].speed == pytest.approx(-2.0)
@@ -150,18 +150,18 @@ def test_a_vehicle_that_reverses_stops_on_the_way(tmp_path):
 def test_a_pivot_is_a_turn_and_a_crawl_is_no_rest(tmp_path):
     t = times(4.0)
     yaw_rate = np.interp(t, [1.0, 1.5], [0.0, 1.5])
-    of = found(made(tmp_path / "p.mcap", t, 0.0 * t, yaw_rate))
+    of = phases_of(made(tmp_path / "p.mcap", t, 0.0 * t, yaw_rate))
     assert [phases.phase_name(one) for one in of] == ["rest", "turn left"]
     assert of[1].radius == 0.0
-    assert [one.kind for one in found(made(tmp_path / "c.mcap", t, 0.05 + 0.0 * t))] == ["steady"]
-    assert [one.kind for one in found(made(tmp_path / "r.mcap", t, 0.02 + 0.0 * t))] == ["rest"]
+    assert [one.kind for one in phases_of(made(tmp_path / "c.mcap", t, 0.05 + 0.0 * t))] == ["steady"]
+    assert [one.kind for one in phases_of(made(tmp_path / "r.mcap", t, 0.02 + 0.0 * t))] == ["rest"]
 
 
 def test_both_at_once(tmp_path):
     """A turn during acceleration: one phase for each pair of states."""
     t = times(6.0)
     yaw_rate = np.interp(t, [2.0, 2.4], [0.0, 0.4])
-    of = found(made(tmp_path / "b.mcap", t, np.interp(t, [1.0, 3.5], [0.0, 5.0]), yaw_rate))
+    of = phases_of(made(tmp_path / "b.mcap", t, np.interp(t, [1.0, 3.5], [0.0, 5.0]), yaw_rate))
     called = ["rest", "acceleration", "acceleration, turning left", "turn left"]
     assert [phases.phase_name(one) for one in of] == called
     np.testing.assert_allclose(bounds(of), [1.0, 2.0, 3.5, 6.0], atol=1.01 * STEP)
@@ -173,7 +173,7 @@ def test_figures_are_those_of_the_records(tmp_path, even):
     v = trapezoid(t)
     slip, work, tension = 0.01 * v + 0.002 * np.sin(50.0 * t), 1e4 * t**2, 1e4 + 3e3 * np.sin(9.0 * t)
     path = made(tmp_path / "f.mcap", t, v, None, slip, tension, work)
-    of = found(path)
+    of = phases_of(path)
     for one in of:
         a, b = np.searchsorted(t, [one.start, one.end])
         length, own = t[b] - t[a], np.diff(t[a : b + 1])
@@ -190,24 +190,24 @@ def test_figures_are_those_of_the_records(tmp_path, even):
     assert max(one.tension for one in of) == tension.max()
     exact = 0.5 * TOP * (CORNERS[2] - CORNERS[1] + CORNERS[3] - CORNERS[0])
     assert sum(one.way for one in of) == pytest.approx(exact, rel=1e-4)
-    inner = found(path, Window(3.5, 5.5))
+    inner = phases_of(path, Window(3.5, 5.5))
     assert [one.kind for one in inner] == ["steady"]
     assert inner[0].end - inner[0].start == pytest.approx(2.0, abs=2.0 * STEP)
 
 
 def test_what_a_log_does_not_hold_is_left_out(tmp_path):
     t = times(2.0)
-    alone = found(made(tmp_path / "a.mcap", t, trapezoid(t), tracks=("left_track",)))[0]
+    alone = phases_of(made(tmp_path / "a.mcap", t, trapezoid(t), tracks=("left_track",)))[0]
     assert alone.slip_left == 0.0
     assert alone.slip_right != alone.slip_right
-    bare = found(made(tmp_path / "b.mcap", t, trapezoid(t), tracks=()))[0]
+    bare = phases_of(made(tmp_path / "b.mcap", t, trapezoid(t), tracks=()))[0]
     assert bare.tension_track == ""
     assert "tension" not in phases.sentence(bare._asdict())
     broken = trapezoid(t)
     broken[700:] = np.nan
-    assert found(made(tmp_path / "n.mcap", t, broken))[-1].end == t[699], "the last phase ends with the last number"
+    assert phases_of(made(tmp_path / "n.mcap", t, broken))[-1].end == t[699], "the last phase ends with the last number"
     with pytest.raises(Missing, match="too few steps"):
-        found(made(tmp_path / "s.mcap", t[:2], broken[:2]))
+        phases_of(made(tmp_path / "s.mcap", t[:2], broken[:2]))
 
 
 def test_a_log_without_a_hull_has_no_phases(tmp_path):
@@ -215,13 +215,13 @@ def test_a_log_without_a_hull_has_no_phases(tmp_path):
     with Recorder(tmp_path / "x.mcap", {"/a/out": [("x", "m")]}, files, {}) as recorder:
         recorder.close("ok", "", 0)
     with pytest.raises(Missing, match="no motion of a hull"):
-        found(tmp_path / "x.mcap")
+        phases_of(tmp_path / "x.mcap")
 
 
 def test_a_sentence_says_what_it_did(tmp_path):
     t = times(CORNERS[-1])
     v = trapezoid(t)
-    of = found(made(tmp_path / "f.mcap", t, v, None, 0.01 * v, 1e4 + v, 4e4 * t))
+    of = phases_of(made(tmp_path / "f.mcap", t, v, None, 0.01 * v, 1e4 + v, 4e4 * t))
     assert phases.sentence(of[0]._asdict()) == "0 to 1.034 s: rest"
     text = phases.sentence(json.loads(json.dumps(of[2]._asdict()).replace("NaN", "null")))
     assert text.startswith("3.018 to 6.052 s: steady at 4 m/s over 12.14 m; power 40 kW, slip 0.040 and 0.080 m/s left")

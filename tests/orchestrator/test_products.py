@@ -51,14 +51,14 @@ STEERED = ("brake_turn", "pivot", "turn")  # the drives of serpentine are equal
 @pytest.mark.parametrize("name", SCENES)
 def test_every_parameter_of_a_scene_is_a_start_value(name, kind, tmp_path):
     scene = variant(name, kind)
-    found = [(product, described(*product[:2], tmp_path)) for product in scene_products([scene])]
+    descriptions = [(product, described(*product[:2], tmp_path)) for product in scene_products([scene])]
     for part in assemble(scene).parts:
         wanted = {key: text(value) for key, value in part.parameters.items()}
         lateral = float(wanted.pop("start.lateral", 0.0))
         over = wanted.pop(INTERVAL, "1.0")
         fitting = [
             starts
-            for (kind_, config, _), starts in found
+            for (kind_, config, _), starts in descriptions
             if kind_ == part.kind and {key: config[key] for key in part.config} == part.config
             if {key: starts[key] for key in wanted} == wanted
         ]
@@ -89,9 +89,9 @@ def test_one_fmu_serves_both_sides_with_the_place_of_the_left_one():
 def test_plain_names_are_those_of_the_standard_scene():
     drive = next(part for part in assemble(load("straight")).parts if part.kind == "SprocketDrive")
     for products in (gallery_products(), scene_products([load("straight", model) for model in TRACKS])):
-        found = {name: config for _, config, name in products}
-        assert list(found)[:4] == ["TrackFlexible", "SprocketDrive", "Chassis", "TrackRigid"]
-        assert found["SprocketDrive"]["parameters"] == drive.parameters
+        configs = {name: config for _, config, name in products}
+        assert list(configs)[:4] == ["TrackFlexible", "SprocketDrive", "Chassis", "TrackRigid"]
+        assert configs["SprocketDrive"]["parameters"] == drive.parameters
         assert (drive.parameters["speed.end"], drive.parameters["start.lateral"]) == (20.0, 1.0795)
 
 

@@ -150,9 +150,9 @@ def series(values, t=None):
 def test_first_difference():
     recorded = series([[0, 1], [np.nan, 0.0], [4, 5]])
     assert first_difference("chassis", recorded, series([[0, 1], [np.nan, 0.0], [4, 5]])) is None
-    found = first_difference("chassis", recorded, series([[0, 1], [np.nan, -0.0], [5, 5]]))
-    assert (found.variable, found.step, found.t) == ("y", 1, 0.5)
-    assert str(found) == (
+    difference = first_difference("chassis", recorded, series([[0, 1], [np.nan, -0.0], [5, 5]]))
+    assert (difference.variable, difference.step, difference.t) == ("y", 1, 0.5)
+    assert str(difference) == (
         "chassis.y differs first at step 1, t = 0.5 s: "
         "recorded 0.0 (0x0000000000000000), replayed -0.0 (0x8000000000000000)"
     )
@@ -166,9 +166,9 @@ def test_who_knows_mcap_and_protobuf():
     """Only the modules of a log's file, chunks and messages import mcap, only the schema imports protobuf."""
     users = {"mcap": set(), "google.protobuf": set()}
     for path in Path(__file__).parents[2].glob("orchestrator/**/*.py"):
-        for package, found in users.items():
+        for package, importers in users.items():
             if re.search(rf"^\s*(from|import) {re.escape(package)}\b", path.read_text(), re.MULTILINE):
-                found.add(path.name)
+                importers.add(path.name)
     mcap = {"container_writer.py", "container_reader.py", "message_records.py", "reader.py"}
     assert users == {"mcap": mcap, "google.protobuf": {"schema.py"}}
 
@@ -179,10 +179,10 @@ def test_what_is_selected_is_what_is_read_and_is_not_kept(chunked):
             series, columns = whole.read(topic), [len(about.names) - 1, 0]
             for window in ((-np.inf, np.inf), (0.7, 0.9), (0.0, 0.0), (5.0, 6.0)):
                 inside = (series.t >= window[0] - 1e-9) & (series.t <= window[1] + 1e-9)
-                found = log.select({topic: columns}, window)[topic]
-                assert np.array_equal(found.t, series.t[inside])
-                assert np.array_equal(found.values, series.values[inside][:, columns])
-                assert found.names == (about.names[-1], about.names[0])
+                selection = log.select({topic: columns}, window)[topic]
+                assert np.array_equal(selection.t, series.t[inside])
+                assert np.array_equal(selection.values, series.values[inside][:, columns])
+                assert selection.names == (about.names[-1], about.names[0])
             ends = log.ends(topic)
             assert np.array_equal(ends.t, series.t[[0, -1]])
             assert np.array_equal(ends.values, series.values[[0, -1]])
@@ -233,6 +233,6 @@ def test_topics_of_one_kind_share_a_message_type_where_they_are_alike(tmp_path):
         recorder.close("ok", "", 0)
     with (tmp_path / "a.mcap").open("rb") as stream:
         summary = make_reader(stream).get_summary()
-    found = {channel.topic: summary.schemas[channel.schema_id].name for channel in summary.channels.values()}
-    assert found == {"/a/out": "cotrack.Kind.Out", "/b/out": "cotrack.Kind.Out", "/c/out": "cotrack.c.Out"}
+    type_names = {channel.topic: summary.schemas[channel.schema_id].name for channel in summary.channels.values()}
+    assert type_names == {"/a/out": "cotrack.Kind.Out", "/b/out": "cotrack.Kind.Out", "/c/out": "cotrack.c.Out"}
     assert len(summary.schemas) == 2

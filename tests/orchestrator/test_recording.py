@@ -60,9 +60,9 @@ def test_the_frequency_that_shows_is_that_of_the_samples(step, teeth, every):
     ],
 )
 def test_top_speed_is_what_the_scene_asks_for(scene, settings, speed):
-    found = load(scene, None, settings)
-    teeth = found.vehicle.sprocket.teeth if speed else 0
-    assert found.teeth_rate == pytest.approx(teeth * speed / (2.0 * math.pi))
+    variant = load(scene, None, settings)
+    teeth = variant.vehicle.sprocket.teeth if speed else 0
+    assert variant.teeth_rate == pytest.approx(teeth * speed / (2.0 * math.pi))
     assert load(scene, None, (*settings, "run.links=7")).links_every == 7
 
 
@@ -86,13 +86,13 @@ RARE = "run.links=20"  # 1 sample in 20 ms, 64 teeth per second
 def runs(tmp_path_factory):
     """Logs of the same run with links at every step and at one in 20."""
     folder = tmp_path_factory.mktemp("logs")
-    found = {}
+    logs = {}
     for name, links in (("all", "run.links=1"), ("rare", RARE)):
-        found[name] = folder / f"{name}.mcap"
-        summary = simulate(load("rig", "rigid", (*BRIEF, "run.checkpoints=0.03", links)), found[name])
+        logs[name] = folder / f"{name}.mcap"
+        summary = simulate(load("rig", "rigid", (*BRIEF, "run.checkpoints=0.03", links)), logs[name])
         assert summary["status"] == "ok", summary["message"]
         assert len(summary["warnings"]) == (name == "rare")
-    return found
+    return logs
 
 
 @pytest.mark.long

@@ -31,12 +31,12 @@ def recorded(path, scene, track, *settings):
 
 def borders(data):
     """Beginnings and ends of the chunks."""
-    found, offset = [], 8
+    offsets, offset = [], 8
     while offset < len(data) - 8:
         opcode, length = struct.unpack_from("<BQ", data, offset)
-        found += [offset, offset + 9 + length] if opcode == 0x06 else []
+        offsets += [offset, offset + 9 + length] if opcode == 0x06 else []
         offset += 9 + length
-    return found
+    return offsets
 
 
 def ends(log):
@@ -53,7 +53,7 @@ def survey(whole, rerun_to, cuts, components, folder, seldom):
 
     ``rerun_to(n)`` runs n steps for the comparison.
     """
-    data, found = whole.read_bytes(), set()
+    data, last_steps = whole.read_bytes(), set()
     with Log(whole) as log:
         reference = RunData(log)
         for number, cut in enumerate(cuts):
@@ -63,7 +63,7 @@ def survey(whole, rerun_to, cuts, components, folder, seldom):
             assert verify(saved).code == WHOLE
             with Log(saved) as left:
                 n = left.closing["steps"]
-                found.add(n)
+                last_steps.add(n)
                 if n < max(about.every for topic, about in left.topics.items() if topic.endswith("/out")):
                     continue  # the outputs of no step are left to compare
                 assert set(ends(left).values()) == {n}, cut
@@ -85,7 +85,7 @@ def survey(whole, rerun_to, cuts, components, folder, seldom):
                     assert verdict.equal, verdict.sentence
                     assert verdict.steps == n
                 draw(saved, folder / "view.png")
-    return found
+    return last_steps
 
 
 def places(whole, count):
@@ -103,8 +103,8 @@ def test_what_is_left_of_a_run_is_as_good_as_a_shorter_run(tmp_path):
         return recorded(tmp_path / f"rig-{n}.mcap", "rig", "rigid", *settings)
 
     whole = run(30)
-    found = survey(whole, run, places(whole, 12), ("track", "drive"), tmp_path, 13)
-    assert len(found) > 5
+    last_steps = survey(whole, run, places(whole, 12), ("track", "drive"), tmp_path, 13)
+    assert len(last_steps) > 5
 
 
 def test_steps_that_are_lost_are_no_shorter_run(tmp_path):
@@ -133,5 +133,5 @@ def test_what_is_left_of_a_vehicle_is_as_good_as_a_shorter_run(tmp_path, track):
             return recorded(tmp_path / f"settle-{outputs}-{n}.mcap", "settle", track, *settings)
 
         whole = run(100)
-        found = survey(whole, run, places(whole, count), ("left_track", "left_drive", "chassis"), tmp_path, 20)
-        assert len(found) > 5
+        last_steps = survey(whole, run, places(whole, count), ("left_track", "left_drive", "chassis"), tmp_path, 20)
+        assert len(last_steps) > 5

@@ -157,9 +157,9 @@ def test_other_numbers_answer_to_the_same_inputs(log, tmp_path):
         assert mine.table("scene.json") == theirs.table("scene.json") != source.table("scene.json")
         for topic in ("/chain/out", "/chain/links"):
             assert mine.hashes()[topic] == theirs.hashes()[topic] != source.hashes()[topic]
-        (found,) = (one for one in answers(source, mine, "chain", (0.0, 0.01)) if one.signal == "tension.max")
-    assert found.t[-1] == pytest.approx(0.01)
-    assert found.answered == pytest.approx(found.recorded * 10.0 / 9.81, rel=1e-4)
+        (tension,) = (one for one in answers(source, mine, "chain", (0.0, 0.01)) if one.signal == "tension.max")
+    assert tension.t[-1] == pytest.approx(0.01)
+    assert tension.answered == pytest.approx(tension.recorded * 10.0 / 9.81, rel=1e-4)
     with replay_model.open_replay(answer, "chain", None) as again:
         assert again.model.as_recorded
         assert again.verify().equal

@@ -1,26 +1,22 @@
+"""Scenes: the gallery, settings, units, checks, and one sentence for any value that is not allowed."""
+
 import json
 from contextlib import nullcontext
-from typing import Annotated, Literal, get_args, get_origin
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from fmus import vehicle
-from fmus.components import model_of
 from fmus.start import start_pose, vehicle_quaternion
-from fmus.track import STARTS
-from fmus.track_choices import TRACKS, models_with
+from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
-from orchestrator.cli.inventory import describe
-from orchestrator.execution.truth import physical_scene
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
 from orchestrator.scene.same_scene import require_same_scene
 from orchestrator.scene.scene import Scene, from_table, load
 from orchestrator.scene.settings import keys
-from orchestrator.scene.track_table import FmuParameter, TrackModelTable
 
 BARE = """
 title = "a chain"
@@ -88,19 +84,6 @@ def test_settings_reach_scene_vehicle_and_track():
     assert scene.drive.speed == pytest.approx(10.471975512)
     assert scene.vehicle.road_wheel.x[0] == -0.7
     assert load("straight").vehicle.contact.ground.friction == 0.3, "the file's value must be back"
-
-
-@pytest.mark.long
-def test_integrators_reach_the_tracks():
-    def parameters(*settings):
-        scene = load("straight", "rigid", settings)
-        return next(part.parameters for part in assemble(placed(scene)).parts if part.name == "left_track")
-
-    assert "spectral_radius" not in parameters("track.integrator=generalized_alpha")
-    assert parameters("track.integrator=hht")["spectral_radius"] == 0.5, "the default is the strongest damping"
-    assert parameters("track.integrator=hht", "track.spectral_radius=0.9")["spectral_radius"] == 0.9
-    given = parameters("track.integrator=adams", "track.rtol=1e-8", "track.atol=1e-7")
-    assert (given["adams.rtol"], given["adams.atol"]) == (1e-8, 1e-7)
 
 
 def test_vehicle_over_a_base(tmp_path):
@@ -198,90 +181,6 @@ def test_bad_component_scenes_are_one_sentence(scene, setting, said):
     assert "\n" not in str(error.value)
 
 
-def test_coordinates_are_for_explicit_integrators():
-    cholesky, explicit = "track.coordinates=cholesky", "track.integrator=runge_kutta"
-    scene = load("hanging_chain", "flexible", [cholesky, explicit])
-    assert assemble(scene).parts[0].parameters["coordinates"] == "cholesky"
-    assert any("516 dofs, Cholesky coordinates" in line for line in describe(scene))
-    assert load("straight", "flexible", ["planar=true", "symmetric=true", cholesky, explicit]).planar
-    for model, settings, sentence in (
-        (
-            "flexible",
-            [cholesky],
-            "needs integrator = 'runge_kutta' or 'adams', not 'generalized_alpha': an implicit step factors",
-        ),
-        ("flexible", [cholesky, "track.integrator=hht"], "needs integrator = 'runge_kutta' or 'adams'"),
-        (
-            "flexible",
-            [cholesky, explicit, "track.joints=constrained"],
-            "needs axes = 'fixed' and joints = 'eliminated', not",
-        ),
-        ("rigid", [cholesky, explicit], "coordinates = 'cholesky' needs model = 'flexible': rigid links have none$"),
-    ):
-        with pytest.raises(BadInput, match=sentence):
-            load("hanging_chain", model, settings)
-
-
-@pytest.mark.parametrize("model", TRACKS)
-def test_keys_of_a_track_are_parameters_of_its_fmu(model):
-    """Keys that a track takes are parameters of its FMU, with their choices and defaults; it has no other keys."""
-    part = assemble(load("rig", model)).parts[0]
-    ports = {port.name: port for port in model_of(part.kind)(part.config).ports}
-    for key, target in TrackModelTable.fmu_parameters().items():
-        assert (model in models_with(target.name)) == (target.name in ports), key
-        if port := ports.get(target.name):
-            asked = get_args(TrackModelTable.model_fields[key].annotation)
-            chosen = next((get_args(one) for one in asked if get_origin(one) is Literal), ())
-            assert set(chosen) <= {*(STARTS if key == "start" else port.choices)}, "an unknown start"
-            assert {*port.choices} - set(chosen) <= {"planar"}, "scenes have a key of their own for this choice"
-    for name, value in TRACKS[model].defaults.items():
-        assert ports[name].start == value
-
-
-@pytest.mark.long
-def test_a_key_of_one_model_is_declared_in_its_table_and_with_the_model(monkeypatch):
-    """A toy key reaches the FMU, belongs to one model, is dropped when the model changes, is no part of the motion.
-
-    A key that every model has needs no entry in ``TRACKS``.
-    """
-
-    class Toy(TrackModelTable):
-        stickiness: Annotated[float | None, FmuParameter("glue.stickiness", method=True)] = None
-
-    assert Toy(model="flexible", stickiness=0.5).parameters() == {"glue.stickiness": 0.5}
-    monkeypatch.setitem(TRACKS["rigid"].defaults, "glue.stickiness", 0.0)
-
-    toy = Toy(model="rigid", stickiness=0.5)
-    assert toy.parameters()["glue.stickiness"] == 0.5
-    assert toy.of_model("flexible").parameters() == {}
-    with pytest.raises(ValueError, match=r"stickiness = '0.5' needs model = 'rigid': flexible links have none"):
-        Toy(model="flexible", stickiness=0.5)
-    scene = load("rig", "rigid").model_copy(update={"track": toy})
-    assert assemble(scene).parts[0].parameters["glue.stickiness"] == 0.5
-    assert physical_scene(placed(scene)).track.stickiness is None
-
-
-def test_element_is_for_flexible_links():
-    assert "element" not in assemble(load("hanging_chain", "flexible")).parts[0].parameters
-    scene = load("hanging_chain", "flexible", ["track.element=beam"])
-    assert assemble(scene).parts[0].parameters["element"] == "beam"
-    assert any("64 elements, 1158 dofs" in line for line in describe(scene))
-    assert any("64 elements, 516 dofs" in line for line in describe(load("hanging_chain", "flexible")))
-    with pytest.raises(BadInput, match=r"element = 'beam' needs model = 'flexible': rigid links have none$"):
-        load("hanging_chain", "rigid", ["track.element=beam"])
-    with pytest.raises(BadInput, match=r"elasticity = 'general' needs element = 'cable': a beam has but one$"):
-        load("hanging_chain", "flexible", ["track.element=beam", "track.elasticity=general"])
-
-
-def test_elasticity_is_for_flexible_links():
-    assert load("hanging_chain", "flexible").track.elasticity is None
-    assert "elasticity" not in assemble(load("hanging_chain", "flexible")).parts[0].parameters
-    scene = load("hanging_chain", "flexible", ["track.elasticity=general"])
-    assert assemble(scene).parts[0].parameters["elasticity"] == "general"
-    with pytest.raises(BadInput, match=r"elasticity = 'general' needs model = 'flexible': rigid links have none$"):
-        load("hanging_chain", "rigid", ["track.elasticity=general"])
-
-
 def test_unknown_scene_names_the_nearest(tmp_path):
     with pytest.raises(BadInput, match="did you mean 'straight'"):
         load("straigt")
@@ -318,8 +217,8 @@ def test_bad_checks(tmp_path, check, said):
 
 
 def test_keys_reach_the_vehicle():
-    found = set(keys(type(load("straight"))))
-    assert {"run.step", "vehicle.contact.ground.friction", "drive.speed", "track.model"} <= found
+    scene_keys = set(keys(type(load("straight"))))
+    assert {"run.step", "vehicle.contact.ground.friction", "drive.speed", "track.model"} <= scene_keys
 
 
 def test_scenes_are_frozen():
@@ -333,10 +232,10 @@ def test_half_a_turn_of_roll():
     scene = load("settle", None, ["start.heading=0.3", "start.pitch=0.2", "start.roll=180 deg"])
     for part in assemble(scene).parts:
         w, x, y, z = vehicle_quaternion(start_pose(part.parameters))
-        found = Rotation.from_quat([x, y, z, w])
+        rotation = Rotation.from_quat([x, y, z, w])
         rolled = Rotation.from_euler("ZYX", [0.3, 0.2, np.pi])
-        assert (found.inv() * rolled).magnitude() < 1e-12
-        assert (found.inv() * Rotation.from_euler("ZYX", [0.3, 0.2, 0.97 * np.pi])).magnitude() > 0.09, "a twin"
+        assert (rotation.inv() * rolled).magnitude() < 1e-12
+        assert (rotation.inv() * Rotation.from_euler("ZYX", [0.3, 0.2, 0.97 * np.pi])).magnitude() > 0.09, "a twin"
     with pytest.raises(BadInput, match=r"start: roll = 1\.5708 rad must be 0 or half a turn"):
         load("settle", None, ["start.roll=90 deg"])
     bump = "ground.bump={start=1.0, rise=0.3, slope=0.5, length=1.0, radius=0.3}"
@@ -358,13 +257,13 @@ def leaves(value, above=""):
 
 def test_no_value_ends_otherwise_than_in_a_sentence():
     """Every key of a scene accepts values of all kinds or refuses them in a sentence."""
-    found = list(leaves(load("hanging_chain").resolved()))
-    assert {"run.step", "run.links", "chain.links", "vehicle.road_wheel.x.0"} <= set(found)
+    scene_keys = list(leaves(load("hanging_chain").resolved()))
+    assert {"run.step", "run.links", "chain.links", "vehicle.road_wheel.x.0"} <= set(scene_keys)
     deep = "a." * 3000 + "a"
     wild = [f"vehicle.road_wheel.x.{HUGE * 13}", deep, f"vehicle.{deep}", "run.\udcff", "", " "]
     refused = 0
-    for number, key in enumerate([*found, *wild]):
-        for value in ODD[number % 6 :: 6] if key in found else ODD:
+    for number, key in enumerate([*scene_keys, *wild]):
+        for value in ODD[number % 6 :: 6] if key in scene_keys else ODD:
             try:
                 load("hanging_chain", None, [f"{key}={value}"])
             except BadInput:

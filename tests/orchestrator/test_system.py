@@ -18,17 +18,17 @@ def parts(name, *settings, track=None):
 
 
 def test_vehicle_has_its_five_components_in_stages():
-    found = parts("straight")
-    assert {name: part.stage for name, part in found.items()} == {
+    components = parts("straight")
+    assert {name: part.stage for name, part in components.items()} == {
         "left_track": TRACK,
         "right_track": TRACK,
         "left_drive": DRIVE,
         "right_drive": DRIVE,
         "chassis": CHASSIS,
     }
-    assert found["left_track"].config == found["right_track"].config, "one FMU must serve both sides"
-    assert found["left_track"].parameters["start.lateral"] == 1.0795
-    assert found["right_track"].parameters["start.lateral"] == -1.0795
+    assert components["left_track"].config == components["right_track"].config, "one FMU must serve both sides"
+    assert components["left_track"].parameters["start.lateral"] == 1.0795
+    assert components["right_track"].parameters["start.lateral"] == -1.0795
 
 
 def test_track_model_is_swapped_by_one_word_with_all_else_equal():
@@ -57,13 +57,13 @@ def test_every_input_of_a_vehicle_is_fed_once():
 
 
 def test_motion_and_wrench_of_a_wheel_go_opposite_ways():
-    found = {(c.source, c.target, c.carries): c for c in assemble(load("rig")).connections}
-    assert found["drive", "track", "state"].outputs[0] == "sprocket.position.x"
-    assert found["drive", "track", "state"].outputs[-1] == "sprocket.orientation.z"
-    assert found["drive", "track", "rate"].outputs[0] == "sprocket.velocity.x"
-    assert found["track", "drive", "mean"].outputs[0] == "sprocket.force.x"
-    assert found["track", "idler_drive", "mean"].outputs[0] == "idler.force.x"
-    assert found["track", "idler_drive", "mean"].inputs[0] == "sprocket.force.x"
+    connections = {(c.source, c.target, c.carries): c for c in assemble(load("rig")).connections}
+    assert connections["drive", "track", "state"].outputs[0] == "sprocket.position.x"
+    assert connections["drive", "track", "state"].outputs[-1] == "sprocket.orientation.z"
+    assert connections["drive", "track", "rate"].outputs[0] == "sprocket.velocity.x"
+    assert connections["track", "drive", "mean"].outputs[0] == "sprocket.force.x"
+    assert connections["track", "idler_drive", "mean"].outputs[0] == "idler.force.x"
+    assert connections["track", "idler_drive", "mean"].inputs[0] == "sprocket.force.x"
 
 
 def test_what_is_not_declared_does_not_exist():
@@ -75,9 +75,9 @@ def test_what_is_not_declared_does_not_exist():
     assert assemble(load("hanging_chain")).connections == ()
     bench, rig = parts("sprocket_bench"), parts("rig")
     assert "chassis" not in {**bench, **rig}
-    for found in (bench, rig):
-        assert found["track"].config["track"]["gravity"] == 0.0
-        assert found["track"].config["track"]["ground"] is False
+    for components in (bench, rig):
+        assert components["track"].config["track"]["gravity"] == 0.0
+        assert components["track"].config["track"]["ground"] is False
     assert parts("straight")["left_track"].config["track"]["ground"] is True
 
 

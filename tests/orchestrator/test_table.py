@@ -39,13 +39,13 @@ def test_a_study_gives_columns_by_key_and_format():
 
 
 def test_tables_and_events_are_defined_once():
-    found = [
+    class_names = [
         node.name
         for file in Path(orchestrator.__file__).parent.rglob("*.py")
         for node in ast.parse(file.read_text(encoding="utf-8")).body
         if isinstance(node, ast.ClassDef)
     ]
-    assert [found.count(name) for name in ("Table", "Column", "Event")] == [1, 1, 1]
+    assert [class_names.count(name) for name in ("Table", "Column", "Event")] == [1, 1, 1]
 
 
 def test_the_report_leaves_reading_to_the_analyses():

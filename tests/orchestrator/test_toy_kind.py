@@ -109,23 +109,23 @@ def called(house, *arguments):
 
 @pytest.mark.long
 def test_a_toy_kind_of_track_is_known_everywhere(house):
-    found = json.loads(called(house, "-c", PROGRAM).splitlines()[-1])
-    assert found["toy"] == pytest.approx(2.0 * found["rigid"], rel=1e-9), "its links have twice the weight"
-    assert (found["equal"], found["steps"]) == (True, 20)
-    assert found["swapped"] == "TrackToy.fmu"
-    assert found["native"], "what a native FMU of it holds for good"
-    assert found["monolith"] == "fmus.track_toy.model"
-    assert found["check"] == "toy"
-    shown = "\n".join(found["shown"])
+    answers = json.loads(called(house, "-c", PROGRAM).splitlines()[-1])
+    assert answers["toy"] == pytest.approx(2.0 * answers["rigid"], rel=1e-9), "its links have twice the weight"
+    assert (answers["equal"], answers["steps"]) == (True, 20)
+    assert answers["swapped"] == "TrackToy.fmu"
+    assert answers["native"], "what a native FMU of it holds for good"
+    assert answers["monolith"] == "fmus.track_toy.model"
+    assert answers["check"] == "toy"
+    shown = "\n".join(answers["shown"])
     assert "chain        TrackToy 8 bodies, 7 pins" in shown
     assert "the rigid track model (TrackRigid)" in shown
     assert "fmus.track_toy: model, track_toy_fmu" in shown
-    assert (found["parameters"]["formulation"], found["parameters"]["integrator"]) == ("recursive", "runge_kutta")
-    assert found["toy, recursive"].endswith("integrator = 'generalized_alpha' must be 'runge_kutta' or 'adams'")
+    assert (answers["parameters"]["formulation"], answers["parameters"]["integrator"]) == ("recursive", "runge_kutta")
+    assert answers["toy, recursive"].endswith("integrator = 'generalized_alpha' must be 'runge_kutta' or 'adams'")
     needs = "formulation = 'recursive' needs model = 'rigid' or 'toy': flexible links have none"
-    assert found["flexible, recursive"].endswith(needs)
-    assert found["element=beam"].endswith("element = 'beam' needs model = 'flexible': toy links have none")
-    assert found["model=jelly"].endswith("input should be 'flexible', 'rigid' or 'toy'")
+    assert answers["flexible, recursive"].endswith(needs)
+    assert answers["element=beam"].endswith("element = 'beam' needs model = 'flexible': toy links have none")
+    assert answers["model=jelly"].endswith("input should be 'flexible', 'rigid' or 'toy'")
 
 
 @pytest.mark.long

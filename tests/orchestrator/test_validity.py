@@ -51,7 +51,7 @@ def write(path, columns, t, scene, connections=()):
     return path
 
 
-def found(path):
+def entries_of(path):
     with Log(path) as log:
         return ledger.validity(RunData(log)).entries
 
@@ -95,7 +95,7 @@ def test_pins_that_pass_regularly_do_not_jump(tmp_path, turn):
     """Pins that pass regularly are no jump, though they climb 0.4 pitch up their flanks."""
     turned = np.concatenate([np.linspace(0.0, 12.6, 1500), np.linspace(12.6, 6.3, 800)])
     climbing = 0.4 * np.sin(np.linspace(0.0, 40.0, len(turned)))
-    assert found(running(tmp_path / "log.mcap", turned, climbing, turn)) == ()
+    assert entries_of(running(tmp_path / "log.mcap", turned, climbing, turn)) == ()
 
 
 @pytest.mark.parametrize("way", [1, -1])
@@ -109,7 +109,7 @@ def test_a_jump_is_found_where_and_when_it_is(tmp_path, turn, way):
     t = EVERY * np.arange(len(turned))
     off = way * (1.0 * (t >= 7.0 - 1e-9) - 2.0 * (t >= 14.0 - 1e-9))
     assert t[-1] > LENGTH
-    (entry,) = found(running(tmp_path / "log.mcap", turned, off, turn))
+    (entry,) = entries_of(running(tmp_path / "log.mcap", turned, off, turn))
     assert (entry.what, entry.component, entry.severity) == ("tooth_jump", "left_track", "failure")
     assert entry.time == pytest.approx(7.0)
     at = round(7.0 / EVERY)
@@ -129,7 +129,7 @@ def test_travel_shows_a_jump_where_no_pins_were_recorded(tmp_path, teeth, jumps_
         "left_drive.sprocket.position.x": t,
     }  # fmt: skip
     scene = {"assembly": "rig", "vehicle": vehicle(), "run": {"step": EVERY}}
-    entries = found(write(tmp_path / "log.mcap", columns, t, scene, [SPROCKET]))
+    entries = entries_of(write(tmp_path / "log.mcap", columns, t, scene, [SPROCKET]))
     assert [(e.what, e.place) for e in entries] == [("tooth_jump", "sprocket")] * jumps_
     assert all(1.0 < entry.time <= 1.05 for entry in entries)
 
@@ -175,8 +175,8 @@ def test_a_rim_is_named_by_the_geometry_of_the_pins(settled):
         run = RunData(log)
         t, depth = run.signal("left_track.penetration.max")
         at = float(t[depth.argmax()])
-        found = depths(run, "left_track", at)
-        assert max(found.values()) == pytest.approx(depth.max(), rel=0.15), "the points are near the deepest place"
+        maxima = depths(run, "left_track", at)
+        assert max(maxima.values()) == pytest.approx(depth.max(), rel=0.15), "the points are near the deepest place"
         assert deepest(run, "left_track", at, float(depth.max())).startswith("road_wheel[")
         assert deepest(run, "left_track", at, 2.0 * float(depth.max())) == "sprocket"
 
@@ -206,7 +206,7 @@ def standing(tmp_path, **changes):
     }  # fmt: skip
     columns |= {name.replace("__", "."): values for name, values in changes.items()}
     scene = {"assembly": "vehicle", "vehicle": vehicle(), "run": {"step": 1e-2, "variable": {"tolerance": 1e-3}}}
-    return found(write(tmp_path / "log.mcap", columns, t, scene, [SPROCKET]))
+    return entries_of(write(tmp_path / "log.mcap", columns, t, scene, [SPROCKET]))
 
 
 def test_a_vehicle_that_stands_passes_no_limit(tmp_path):

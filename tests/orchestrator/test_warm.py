@@ -11,8 +11,8 @@ from orchestrator.execution import warm
 
 
 def test_the_gallery_s_vehicles_and_chains_with_both_tracks():
-    found = warm.variants()
-    assert {("straight", "flexible"), ("straight", "rigid"), ("hanging_chain", "rigid")} <= set(found)
+    variants = warm.variants()
+    assert {("straight", "flexible"), ("straight", "rigid"), ("hanging_chain", "rigid")} <= set(variants)
 
 
 def test_an_unknown_scene_is_refused():

@@ -83,8 +83,8 @@ def test_all_ways_of_reading_give_what_was_handed_over(wired):
             for window in ((0.1, 0.2), (0.0, 0.0), (0.2995, 1.0)):
                 inside = (series.t >= window[0] - 1e-9) & (series.t <= window[1] + 1e-9)
                 for columns in ([len(TOPICS[topic]) - 1], [1, 0]):
-                    found = log.select({topic: columns}, window)[topic]
-                    assert found.values.tobytes() == expected[inside][:, columns].tobytes()
+                    selection = log.select({topic: columns}, window)[topic]
+                    assert selection.values.tobytes() == expected[inside][:, columns].tobytes()
         assert np.array_equal(log.signal("b.y")[1], whole("/b/in")[:, 1])
 
 

@@ -50,12 +50,12 @@ def compared(run: Run, against: Path | None, folder: Path) -> Row:
         if refusal := recorded(against, run, there):
             return Row("", str(run), digest, ok=False, note=f"there: {refusal}")
         with Log(there, unfinished=True) as other:
-            found = divergence(own, other)
-    only = [name for name in found.unmatched if not name.startswith(UNREAD)]
-    note = str(found.first or "")
+            difference = divergence(own, other)
+    only = [name for name in difference.unmatched if not name.startswith(UNREAD)]
+    note = str(difference.first or "")
     if only:
         note = "; ".join(filter(None, (note, f"{len(only)} signals on one side alone, {only[0]} among them")))
-    return Row("", str(run), digest, ok=found.first is None, note=note)
+    return Row("", str(run), digest, ok=difference.first is None, note=note)
 
 
 def regression(

@@ -31,12 +31,12 @@ def measure(case: str, quick: bool, repeats: int) -> list[dict[str, Any]]:
     if wanted.ground:
         return []
     stop = wanted.quick if quick else wanted.stop
-    found = []
+    runs = []
     for step in QUICK_STEPS if quick else STEPS:
         for newton in NEWTON:
             spent, pins = least(repeats, run, case, stop, step, newton)
-            found.append({"code": newton, "step": step, "cpu": spent, "pins": pins.tolist()})
-    return found
+            runs.append({"code": newton, "step": step, "cpu": spent, "pins": pins.tolist()})
+    return runs
 
 
 def run(case: str, stop: float, step: float, newton: str) -> tuple[float, Floats]:

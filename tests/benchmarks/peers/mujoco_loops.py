@@ -33,12 +33,12 @@ def measure(case: str, quick: bool, repeats: int) -> list[dict[str, Any]]:
     if wanted.track != "rigid":
         return []
     stop = wanted.quick if quick else wanted.stop
-    found = []
+    runs = []
     for integrator, steps in (QUICK_STEPS if quick else GROUND_STEPS if wanted.ground else STEPS).items():
         for step in steps:
             spent, (pins, _) = least(repeats, run, wanted, stop, step, integrator)
-            found.append({"code": integrator, "step": step, "cpu": spent, "pins": pins.tolist()})
-    return found
+            runs.append({"code": integrator, "step": step, "cpu": spent, "pins": pins.tolist()})
+    return runs
 
 
 def run(case: Case, stop: float, step: float, integrator: str) -> tuple[float, tuple[Floats, float]]:

@@ -1,0 +1,92 @@
+"""Runs and made-up logs whose pages the tests read, and the page of a log."""
+
+import json
+import re
+
+import numpy as np
+
+from orchestrator.execution.reported import _judge
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.log.recorder import Recorder
+from orchestrator.results.ground_profile import ground
+from orchestrator.results.page.document import document
+from orchestrator.results.page.evaluation import evaluate
+from orchestrator.results.run_data import RunData
+from orchestrator.scene.scene import load
+
+PLOTS = "/* plotly.js v0 */"  # replaces the library
+HOSTILE = "</script><b onload='x()'>&\"\u2028<img src=https://example.org/x.png>"
+# the vehicle falls onto its springs, so that there is motion
+BUMP = "ground.bump={start=0.5, rise=0.2, slope=0.35, length=0.6, radius=0.15}"
+SETTINGS = ["run.stop=0.06 s", "start.state=drawn", BUMP]
+CHECKS = ("sag", "sag_discrete", "tension", "tension_discrete")
+HANGING = ["run.stop=0.02 s", *(f"expect.{name}.{end}" for name in CHECKS for end in ("from=0 s", "to=0.02 s"))]
+
+
+def vehicle_log(tmp_path_factory):
+    """Log of a vehicle of rigid links that falls onto its springs."""
+    path = tmp_path_factory.mktemp("page") / "vehicle.mcap"
+    assert simulate(load("straight", "rigid", SETTINGS), path)["status"] == "ok"
+    return path
+
+
+def hanging_log(tmp_path_factory):
+    """Log of a short run of a hanging chain, with its checks."""
+    path = tmp_path_factory.mktemp("page") / "hanging.mcap"
+    assert simulate(load("hanging_chain", "rigid", HANGING), path)["status"] == "ok"
+    return path
+
+
+def page(path, reference=None):
+    with Log(path) as log:
+        run = RunData(log)
+        other = None
+        if reference:
+            with Log(reference) as second:
+                known = RunData(second)
+                return document(evaluate(run, _judge(run)), evaluate(known, _judge(known)), PLOTS)
+        return document(evaluate(run, _judge(run)), other, PLOTS)
+
+
+def embedded(html):
+    return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.S)[1])
+
+
+def signal(log, name):
+    topic, column = log.find(name)
+    series = log.read(topic)
+    return series.t, series.values[:, column]
+
+
+def written(path, columns, t, scene=None, closed="ok", warnings=(), metadata=None, results=None, links=None):
+    """Write a log of outputs by instance and name; ``links`` are link outputs of "a"."""
+    topics, instances = {}, []
+    for name in columns:
+        instance, _, variable = name.partition(".")
+        topics.setdefault(f"/{instance}/out", []).append((variable, "N"))
+        if instance not in instances:
+            instances.append(instance)
+    if links:
+        topics["/a/links"] = [(name, "N") for name in links]
+        columns = columns | {f"a.{name}": values for name, values in links.items()}
+    system = {"instances": [{"name": name} for name in instances], "connections": []}
+    attachments = {"system.json": json.dumps(system).encode(), "scene.json": json.dumps(scene or {}).encode()}
+    with Recorder(path, topics, attachments, metadata or {}) as recorder:
+        for k, moment in enumerate(t):
+            for topic, variables in topics.items():
+                instance = topic.split("/")[1]
+                row = np.array([columns[f"{instance}.{name}"][k] for name, _ in variables], float)
+                recorder.write(topic, k, float(moment), 1e-3, row)
+        recorder.close(closed, "" if closed == "ok" else "it blew up", len(t), results or {}, warnings)
+    return path
+
+
+def side_of_links(log):
+    """Times of links, pins ahead of the axle and above the ground (m, 64), and the axle (m,), m."""
+    series = log.read("/left_track/links")
+    x, z = (
+        series.values[:, [series.names.index(f"joint[{i + 1}].position.{axis}") for i in range(64)]] for axis in "xz"
+    )
+    axle = log.sample(["left_drive.sprocket.position.x"], series.t)[:, 0]  # also at the end, where no step begins
+    return series.t, x - axle[:, None], z - ground(RunData(log).scene).level, axle

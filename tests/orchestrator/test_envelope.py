@@ -1,0 +1,83 @@
+"""Envelopes of tension by place on the circuit, against an exact solution and made-up signals."""
+
+import numpy as np
+import pytest
+from analysis_logs import STEP, made, spinning_log
+
+from orchestrator.log.reader import Log
+from orchestrator.results.analyses import circuit, envelope
+from orchestrator.results.run_data import Missing, RunData
+
+spinning = pytest.fixture(scope="module")(spinning_log)
+
+
+def test_places_are_arc_lengths_from_the_crossing():
+    """Places are arc lengths from the crossing: the pins of a square go round the same places."""
+    corner = np.array([[1, 0], [1, -1], [0, -1], [-1, -1], [-1, 0], [-1, 1], [0, 1], [1, 1]], float)
+    after = np.roll(corner, -1, axis=0)
+    moved = np.array([corner + share * (after - corner) for share in (0.0, 0.25, 0.75)])
+    middles, pins, length = circuit.places(moved, np.array([1.0, 0.0]))
+    np.testing.assert_allclose(length, [8.0, moved_length(moved[1]), moved_length(moved[2])])
+    np.testing.assert_allclose(pins[0], np.arange(8.0))
+    np.testing.assert_allclose(middles[0], np.arange(8.0) + 0.5)
+    assert pins[1, 0] == pytest.approx(0.25)
+    with pytest.raises(ValueError, match="round its sprocket"):
+        circuit.places(moved + 5.0, np.array([1.0, 0.0]))
+
+
+def moved_length(polygon):
+    return np.linalg.norm(np.roll(polygon, -1, axis=0) - polygon, axis=1).sum()
+
+
+@pytest.mark.long
+def test_the_envelope_of_a_spinning_loop_is_its_uniform_tension(spinning):
+    with Log(spinning) as log:
+        tension_envelope = envelope.of(RunData(log))
+    side = 0.1524
+    radius = side / (2 * np.tan(np.pi / 64))  # of the links' middles
+    expected = 18.0 * 5.0**2 * radius / (2 * np.sin(np.pi / 64))  # m omega^2 Rc / (2 sin(pi/N))
+    assert tension_envelope.unit == "N"
+    assert len(tension_envelope.place) == 64
+    for values in (tension_envelope.least, tension_envelope.mean, tension_envelope.most):
+        np.testing.assert_allclose(values, expected, rtol=1e-3)
+    assert np.diff(tension_envelope.place).max() == pytest.approx(side, rel=1e-4)
+    assert tension_envelope.records.sum() == 64 * 6
+
+
+def test_an_envelope_shows_what_links_feel_where_they_are(tmp_path):
+    """An envelope shows tension by place: on a polygon that turns, every place has one value."""
+    n, t = 40, np.arange(50) * STEP
+    angle = -2 * np.pi * (np.arange(n)[None] / n + 3.1 * t[:, None])  # in the numbering of the links
+    pins = np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=2)
+    middle = np.angle(np.exp(1j * (angle - np.pi / n))) % (2 * np.pi)
+    tension = 1e4 + 1e3 * np.cos(middle)
+    topics = {
+        "/track/links": [(f"link[{i + 1}].tension", "N") for i in range(n)]
+        + [(f"joint[{i + 1}].position.{axis}", "m") for i in range(n) for axis in "xyz"],
+        "/track/out": [("travel", "m")],
+    }
+    rows = {"/track/links": (t, np.hstack([tension, pins.reshape(50, -1)])), "/track/out": (t, t[:, None])}
+    scene = {"start": {"position": [0.0, 0.0, 0.0], "heading": 0.0}}
+    with Log(made(tmp_path / "e.mcap", topics, rows, scene)) as log:
+        tension_envelope = envelope.of(RunData(log), bins=20)
+    expected = 1e4 + 1e3 * np.cos(2 * np.pi * (np.arange(20) + 0.5) / 20)
+    half = 1e3 * np.pi / 20  # half a bin's width
+    assert np.abs(tension_envelope.least - expected).max() < 1.05 * half
+    assert np.abs(tension_envelope.most - expected).max() < 1.05 * half
+    np.testing.assert_allclose(tension_envelope.mean, expected, atol=0.3 * half)
+    np.testing.assert_allclose(np.hypot(tension_envelope.forward, tension_envelope.up), 1.0, atol=0.03)
+    assert np.argmax(tension_envelope.mean) in (0, 19)
+
+
+def test_open_chains_have_no_circuit(tmp_path):
+    topics = {
+        "/track/links": [("link[1].tension", "N")]
+        + [(f"joint[{i}].position.{axis}", "m") for i in (1, 2) for axis in "xyz"],
+        "/track/out": [("travel", "m")],
+    }
+    rows = {"/track/links": (np.zeros(1), np.zeros((1, 7))), "/track/out": (np.zeros(1), np.zeros((1, 1)))}
+    with (
+        Log(made(tmp_path / "o.mcap", topics, rows)) as log,
+        pytest.raises(Missing, match="1 links between 2 pins make no circuit"),
+    ):
+        envelope.of(RunData(log))

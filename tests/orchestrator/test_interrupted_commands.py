@@ -1,0 +1,198 @@
+"""Commands that are interrupted or fail: signals, a full disk, a closed stdout, a failing component."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from short_run import SHORT, last
+
+from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.coupling import scheme
+from orchestrator.cosim.program import Program
+from orchestrator.execution import replay_model, simulate
+from orchestrator.log.container_writer import ContainerWriter
+from orchestrator.log.reader import Log
+from orchestrator.log.recorder import LogFailed
+from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
+from orchestrator.scene import gallery
+
+
+@pytest.mark.parametrize("phase", ["build", "initialise", "warm up"])
+def test_ctrl_c_during_the_start_up(cotrack, monkeypatch, tmp_path, phase):
+    """Ctrl-C during the start is reported, also where a component reports it as its own failure."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job ignores it
+
+    def interrupted(*_):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            if phase == "build":
+                raise
+        raise ComponentFailed("chain: KeyboardInterrupt")
+
+    owner, name = {
+        "build": (simulate, "assemble"),
+        "initialise": (Component, "initialise"),
+        "warm up": (Component, "step"),
+    }[phase]
+    monkeypatch.setattr(owner, name, interrupted)
+    try:
+        status, out, err = cotrack(*SHORT)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert status == 1
+    assert err.startswith("cotrack: interrupted")
+    assert len(err.splitlines()) == 1
+    assert last(out)["status"] == "failed"
+
+
+def test_a_full_disk_fails_the_run(cotrack, monkeypatch):
+    append = ContainerWriter._append
+
+    def full(writer, *parts):
+        if writer.size > 10_000:
+            raise OSError(28, "No space left on device")
+        append(writer, *parts)
+
+    monkeypatch.setattr(ContainerWriter, "_append", full)
+    status, out, err = cotrack(*SHORT)
+    assert status == 1
+    assert "no space left on device, at t = 0 s" in err
+    assert last(out)["status"] == "failed"
+
+
+def test_a_run_that_fails_before_it_writes_names_no_log(cotrack, monkeypatch, tmp_path):
+    """A run that fails before it writes reports no log, although an earlier log has the same name."""
+    assert cotrack(*SHORT)[0] == 0
+    earlier = tmp_path / "logs" / "hanging_chain-flexible.mcap"
+    assert earlier.is_file()
+
+    def refused(*arguments):
+        raise LogFailed("the log cannot be written: nothing may be written here")
+
+    monkeypatch.setattr(simulate, "open_log", refused)
+    status, out, err = cotrack(*SHORT)
+    result = last(out)
+    assert (status, result["status"]) == (1, "failed")
+    assert (result["log"], result["log_bytes"]) == (None, 0)
+    assert "nothing may be written here" in err
+    _, out, _ = cotrack(*SHORT[:-1])
+    assert "log " not in out
+    assert "None" not in out
+
+
+def test_a_component_that_fails_ends_the_run_and_closes_the_log(cotrack, monkeypatch, tmp_path):
+    run = Program.run
+
+    def failing(self, t, h):
+        if t > 0.0105:
+            raise ComponentFailed("chain: no convergence at t = 0.011 s, link 7")
+        run(self, t, h)
+
+    monkeypatch.setattr(Program, "run", failing)
+    monkeypatch.setattr(scheme, "LONGEST_BATCH", 0.0)  # calls one by one
+    status, out, err = cotrack(*SHORT)
+    assert status == 1
+    assert "link 7" in err
+    result = last(out)
+    assert (result["status"], result["communication_steps"]) == ("failed", 11)
+    log = tmp_path / result["log"]
+    assert verify(log).code == WHOLE
+    with Log(log) as reading:
+        assert reading.closing["status"] == "failed"
+        assert "link 7" in reading.closing["message"]
+
+
+def child(arguments, environment, **streams):
+    command = [sys.executable, "-m", "orchestrator", *arguments]
+    return subprocess.run(command, env=environment, text=True, **streams)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("buffered", [True, False])
+def test_a_full_or_closed_stdout_is_a_sentence(environment, buffered):
+    if not os.path.exists("/dev/full"):
+        pytest.skip("no /dev/full here")
+    environment = {**environment, "PYTHONUNBUFFERED": "" if buffered else "1"}
+    with open("/dev/full", "w") as full:
+        ended = child(["scenes"], environment, stdout=full, stderr=subprocess.PIPE)
+    assert (ended.returncode, ended.stderr) == (1, "cotrack: the output cannot be written: no space left on device\n")
+    reading, writing = os.pipe()
+    os.close(reading)
+    ended = child(["scenes"], environment, stdout=writing, stderr=subprocess.PIPE)
+    os.close(writing)
+    assert (ended.returncode, ended.stderr) == (1, ""), "a closed pipe is not an error to report"
+
+
+def test_an_error_of_ours_is_a_sentence_too(cotrack, monkeypatch):
+    def broken():
+        raise ZeroDivisionError("by\nnought")
+
+    monkeypatch.setattr(gallery, "names", broken)
+    status, _, err = cotrack("scenes")
+    assert status == 1
+    assert err == "cotrack: internal error: ZeroDivisionError: by\\nnought; run 'cotrack --debug ...' to see where\n"
+    status, _, err = cotrack("--debug", "scenes")
+    assert status == 1
+    assert "Traceback" in err
+    assert "in broken" in err
+    status, out, err = cotrack("run", "rig", "--json")
+    assert status == 1
+    assert last(out)["message"].startswith("internal error: ZeroDivisionError")
+    assert "Traceback" not in err, "the error is reported more than once"
+
+
+def started(tmp_path, environment):
+    """Start a long run in its own process and wait until it writes its log."""
+    log = tmp_path / "long.mcap"
+    command = [sys.executable, "-m", "orchestrator", "run", "hanging_chain", "--stop", "1000"]
+    process = subprocess.Popen(
+        [*command, "--log", str(log), "--json"],
+        env=environment, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    until = time.monotonic() + 120
+    while time.monotonic() < until and process.poll() is None:
+        if log.exists() and log.stat().st_size > 600_000:
+            return process, log
+        time.sleep(0.05)
+    process.kill()
+    pytest.fail(f"the run did not begin: {process.communicate()}")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_closes_the_log(tmp_path, environment, number):
+    process, log = started(tmp_path, environment)
+    second = [sys.executable, "-m", "orchestrator", "run", "hanging_chain", "--log", str(log)]
+    if number == signal.SIGTERM:
+        refused = subprocess.run(second, env=environment, cwd=tmp_path, capture_output=True, text=True)
+        assert refused.returncode == 2
+        assert "another run is writing it" in refused.stderr
+    process.send_signal(number)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert "interrupted at t = " in err
+    result = last(out)
+    assert result["communication_steps"] > 0
+    assert verify(log).code == WHOLE
+    with Log(log) as reading:
+        assert reading.closing["status"] == "interrupted"
+        assert reading.closing["steps"] == result["communication_steps"]
+
+
+@pytest.mark.long
+def test_a_killed_run_leaves_a_log_that_can_be_saved(tmp_path, environment):
+    process, log = started(tmp_path, environment)
+    process.kill()
+    process.communicate()
+    assert verify(log).code == BROKEN
+    saved = tmp_path / "saved.mcap"
+    assert recover(log, saved).code == RECOVERED
+    assert verify(saved).code == WHOLE
+    with replay_model.open_replay(saved, "chain", None) as again:
+        verdict = again.verify()
+    assert verdict.equal, verdict.sentence

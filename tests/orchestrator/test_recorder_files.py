@@ -1,0 +1,168 @@
+"""The recorder's file: a killed run, a full disk, a folder or a file that cannot be written, two runs, an older log."""
+
+import resource
+import signal
+import struct
+import subprocess
+import sys
+import textwrap
+import time
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from mcap.exceptions import McapError
+from mcap.reader import NonSeekingReader
+from recorded import STEP, TOPICS, record, values, write_steps
+
+from orchestrator.log.container_writer import ContainerWriter, LogFailed
+from orchestrator.log.reader import Log
+from orchestrator.log.recorder import Recorder
+from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
+
+
+def until_cut(messages):
+    """Items of an iterator up to its error at the end of the file."""
+    with suppress(McapError, struct.error):
+        yield from messages
+
+
+def test_a_killed_run_loses_less_than_a_second(tmp_path):
+    script = textwrap.dedent(f"""
+        import time
+        import numpy as np
+        from orchestrator.log.recorder import Recorder
+        topics = {{"/a/out": [("clock", "s"), ("step", "1")]}}
+        with Recorder({str(tmp_path / "killed.mcap")!r}, topics, {{}}, {{}}) as recorder:
+            for k in range(10**9):
+                recorder.write("/a/out", k, k * 1e-3, 1e-3, np.array([time.monotonic(), k]))
+                if k == 0:
+                    print("begun", flush=True)
+                time.sleep(1e-3)
+    """)
+    child = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE)
+    assert child.stdout.readline() == b"begun\n"
+    time.sleep(1.5)
+    child.send_signal(signal.SIGKILL)
+    killed = time.monotonic()
+    assert child.wait() == -signal.SIGKILL
+    child.stdout.close()
+
+    with Log(tmp_path / "killed.mcap") as log:
+        assert not log.complete
+        assert log.closing is None
+        clock, step = log.read("/a/out").values.T
+    assert killed - 1.0 < clock[-1] < killed
+    assert np.array_equal(step, np.arange(len(step)))  # complete from the start
+    with (tmp_path / "killed.mcap").open("rb") as stream:  # MCAP's own reader sees the same
+        messages = NonSeekingReader(stream, validate_crcs=True).iter_messages(log_time_order=False)
+        assert len(list(until_cut(messages))) == len(step)
+    assert verify(tmp_path / "killed.mcap").code == BROKEN
+    assert recover(tmp_path / "killed.mcap", tmp_path / "saved.mcap").code == RECOVERED
+    assert verify(tmp_path / "saved.mcap").code == WHOLE
+    with Log(tmp_path / "saved.mcap") as log:
+        assert np.array_equal(log.read("/a/out").values[:, 1], step)
+        assert log.closing["status"] == "failed"
+
+
+@pytest.mark.parametrize("room", [3_000_000, 300_000], ids=["of some chunks", "of less than a chunk"])
+def test_a_full_disk_is_one_sentence_and_leaves_all_that_fits(tmp_path, room):
+    path = tmp_path / "full.mcap"
+    script = textwrap.dedent(f"""
+        import resource, signal
+        import numpy as np
+        from orchestrator.log.recorder import LogFailed, Recorder
+        resource.setrlimit(resource.RLIMIT_FSIZE, ({room}, {resource.RLIM_INFINITY}))
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        random = np.random.default_rng(1)
+        widths = {{"/a/in": 3, "/a/out": 300, "/a/links": 100}}
+        topics = {{topic: [(f"x{{i}}", "m") for i in range(width)] for topic, width in widths.items()}}
+        recorder = Recorder({str(path)!r}, topics, {{}}, {{}}, every={{"/a/links": 5}}, flush=60)
+        together = recorder.join_topics(["/a/in"], ["/a/out"])
+        k = 0
+        try:
+            for k in range(100_000):
+                given, shown, links = (random.normal(size=width) for width in widths.values())
+                recorder.write(together, k, k * 1e-3, 1e-3, given, shown)
+                recorder.write("/a/links", k, k * 1e-3, 1e-3, links)
+        except LogFailed as failure:
+            print(failure)
+            recorder.close("failed", str(failure), k)
+    """)
+    child = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+    assert child.stderr == ""
+    assert child.stdout == f"the log {path} cannot be written: file too large\n"
+    assert path.stat().st_size > room - 40_000, "the remaining space holds the end of a file and no step"
+    with Log(path) as log:
+        given, shown, links = (log.read(f"/a/{kind}").values for kind in ("in", "out", "links"))
+        assert log.closing["status"] == "failed"
+        ran = log.closing["steps"]
+    last = len(shown) - 1
+    assert (len(given), len(links)) == (last, last // 5 + 1)
+    assert last > room / 5000  # a step takes 3400 bytes
+    random = np.random.default_rng(1)
+    for k in range(last + 1):
+        expected = [random.normal(size=width) for width in (3, 300, 100)]
+        assert k == 0 or np.array_equal(given[k - 1], expected[0])
+        assert np.array_equal(shown[k], expected[1])
+        assert k % 5 or np.array_equal(links[k // 5], expected[2])
+    assert verify(path) == (BROKEN, [f"{path} ends with step {last} of {ran}"])
+    assert recover(path, tmp_path / "saved.mcap").code == RECOVERED
+    assert verify(tmp_path / "saved.mcap").code == WHOLE
+    with Log(tmp_path / "saved.mcap") as log:
+        assert log.closing["steps"] == last
+        assert np.array_equal(log.read("/a/out").values, shown)
+
+
+def test_a_disk_that_is_full_at_once(tmp_path, monkeypatch):
+    def full(writer, *parts):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(ContainerWriter, "_append", full)
+    with pytest.raises(LogFailed, match=r"the log .*a\.mcap cannot be written: no space left on device"):
+        Recorder(tmp_path / "a.mcap", TOPICS, {}, {})
+
+
+def test_a_disk_that_fills_while_closing(tmp_path, monkeypatch):
+    recorder = Recorder(tmp_path / "a.mcap", TOPICS, {}, {})
+    write_steps(recorder, 50)
+
+    def full(*parts):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(recorder._file, "_append", full)
+    with pytest.raises(LogFailed, match="no space left on device"):
+        recorder.close("ok", "", 50)
+    with Log(tmp_path / "a.mcap") as log:
+        assert log.closing is None
+
+
+def test_unwritable_folder_is_one_sentence(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(LogFailed, match=r"the log .*file/a\.mcap cannot be written: ") as caught:
+        Recorder(tmp_path / "file" / "a.mcap", TOPICS, {}, {})
+    assert "\n" not in str(caught.value)
+    with pytest.raises(LogFailed, match="is a directory"):
+        Recorder(tmp_path, TOPICS, {}, {})
+
+
+def test_two_runs_do_not_share_a_log(tmp_path):
+    path = tmp_path / "a.mcap"
+    with Recorder(path, TOPICS, {}, {}) as first:
+        write_steps(first, 3)
+        with pytest.raises(LogFailed, match="another run is writing it"):
+            Recorder(path, TOPICS, {}, {})
+        first.close("ok", "", 3)
+    assert verify(path).code == 0
+    record(path, steps=5)
+    assert verify(path).code == 0
+
+
+def test_an_older_log_is_replaced_and_open_readers_keep_it(tmp_path):
+    path = record(tmp_path / "a.mcap", steps=10)
+    with Log(path) as old:
+        record(path, steps=20)
+        assert len(old.read("/chassis/out").t) == 11
+    with Log(path) as new:
+        assert np.array_equal(new.read("/chassis/out").values[20], values("/chassis/out", 20))
+        assert new.read("/chassis/out").t[-1] == 20 * STEP

@@ -1,0 +1,381 @@
+"""Analyses of a track against its records: power through ports, links and joints, deformation, ground, wheels."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from analysis_logs import STEP, driven_log, made
+
+from orchestrator.log.reader import Log
+from orchestrator.results import energy
+from orchestrator.results.analyses import (
+    contact,
+    deformation,
+    envelope,
+    joints,
+    links,
+    patches,
+    power,
+    slip,
+    wheel_loads,
+)
+from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.results.views.bodies import EVERY, Bodies
+
+driven = pytest.fixture(scope="module")(driven_log)
+
+
+def ends(run, name):
+    first, last = run.ends(name)
+    return last - first
+
+
+# power
+
+
+@pytest.mark.long
+def test_power_through_ports_is_the_work_of_the_ledger(driven):
+    with Log(driven) as log:
+        run = RunData(log)
+        port_power = power.of(run)
+        works = energy._works(run)
+    through = dict(zip(port_power.ports, port_power.energy + port_power.energy_carried, strict=True))
+    scale = max(abs(given) for given, _ in works.values())
+    assert scale > 1e3
+    for port, (given, _) in works.items():
+        assert through[f"{port.giver}.{port.giver_connector}"] == pytest.approx(given, abs=1e-3 * scale)
+
+
+@pytest.mark.long
+def test_of_the_hull_relative_power_and_that_on_its_motion_are_what_the_chassis_received(driven):
+    with Log(driven) as log:
+        run = RunData(log)
+        port_power = power.of(run)
+        received = ends(run, "chassis.port.work")
+        motor = ends(run, "left_drive.energy.work")
+        spun = ends(run, "left_drive.energy.kinetic")
+    of_hull = [k for k, name in enumerate(port_power.ports) if name != "left_track.sprocket"]
+    assert 2 * (port_power.energy + port_power.energy_carried)[of_hull].sum() == pytest.approx(received, rel=2e-3)
+    sprocket, mount = (port_power.ports.index(name) for name in ("left_track.sprocket", "left_drive.mount"))
+    # a mount does not move relative to the hull; a sprocket passes on the motor's torque less its own spin
+    assert abs(port_power.energy[mount]) < 1e-6 * abs(port_power.energy_carried[mount])
+    assert port_power.energy_drive[0] == pytest.approx(motor, rel=1e-4)
+    assert -port_power.energy[sprocket] == pytest.approx(motor - spun, rel=0.02)
+    assert abs(port_power.energy_carried[sprocket]) > 0.03 * abs(port_power.energy[sprocket]), "raw power is similar"
+
+
+def test_power_sees_a_wrench_that_is_off_by_three_per_cent(driven, scaled):
+    with Log(driven) as log:
+        right = power.of(RunData(log)).energy
+    with Log(driven) as log:
+        scaled(log, "/left_track/out", "sprocket.torque.y", 1.03)
+        wrong = power.of(RunData(log)).energy
+        largest = max(abs(given) for given, _ in energy._works(RunData(log)).values())
+    # heading 0.6 rad: cos^2 of the torque about the axle is about y
+    assert wrong[0] / right[0] == pytest.approx(1.0 + 0.03 * np.cos(0.6) ** 2, rel=1e-4)
+    assert abs(wrong[0] - right[0]) > 5e-3 * largest, "the energy balance does not see the fault"
+    np.testing.assert_array_equal(wrong[1:], right[1:])
+
+
+def test_a_window_of_power_is_a_part_of_it(driven):
+    with Log(driven) as log:
+        run = RunData(log)
+        whole, *parts = (power.of(run, Window(*each)) for each in ((0.0, 0.2), (0.0, 0.1), (0.1, 0.2)))
+    np.testing.assert_allclose(parts[0].energy + parts[1].energy, whole.energy, rtol=1e-9, atol=1e-9)
+    assert len(whole.t) == len(parts[0].t) + len(parts[1].t)
+
+
+def test_energies_alone_are_those_of_the_powers_over_time(driven, monkeypatch):
+    monkeypatch.setattr(power, "BLOCK", 30)
+    with Log(driven) as log:
+        run = RunData(log)
+        whole, summed = power.of(run), power.summary(run)
+    np.testing.assert_allclose(summed.relative, whole.energy, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(summed.carried, whole.energy_carried, rtol=1e-9)
+    np.testing.assert_allclose(whole.table().rows[0][1:], summed.table().rows[0][1:], rtol=1e-9)
+    assert whole.table().title == summed.table().title == "Power into wheels relative to the hull, 0 to 0.2 s"
+
+
+# links
+
+
+def test_forces_of_links_are_those_of_the_track(driven):
+    with Log(driven) as log:
+        run = RunData(log)
+        forces = links.of(run)
+        t, whole = run.vectors("left_track", "out", "ground.force")
+        tension = log.select(log.choose(["left_track.link[*].tension"]))["/left_track/links"].values
+        world = log.select(log.choose(["left_track.joint[*].force.*"]))["/left_track/links"].values
+    at = np.searchsorted(t, forces.t - 1e-9)
+    between = [whole[i + 1 : j + 1].mean(axis=0) for i, j in pairwise(at)]
+    summed = np.einsum("mnij,mnj->mi", forces.axes, forces.ground)
+    np.testing.assert_allclose(summed, [whole[0], *between], atol=1e-9 * np.abs(whole).max())
+    assert np.abs(whole[-1, 2]) > 4e4
+    # from strain alone; a link's tension also has damping and rotation
+    np.testing.assert_allclose(forces.axial, tension, atol=1e-3 * tension.max())
+    np.testing.assert_allclose(
+        np.linalg.norm(forces.joint, axis=2), np.linalg.norm(world.reshape(*forces.t.shape, -1, 3), axis=2), rtol=1e-12
+    )
+    # the first pin of a taut link pulls it backwards, and the ground pushes inwards
+    assert np.median(-forces.joint[-1, :, 0] / tension[-1]) == pytest.approx(1.0, abs=0.05)
+    assert forces.ground[-1, :, 2].sum() == pytest.approx(-between[-1][2], rel=0.02)
+    assert np.abs(forces.joint[..., 1]).max() < 1e-6 * np.abs(forces.joint).max(), "a straight run has lateral forces"
+
+
+def test_a_force_of_the_ground_that_is_off_by_three_per_cent_is_seen(driven, scaled):
+    with Log(driven) as log:
+        run = RunData(log)
+        right = links.of(run).ground
+        link = int(np.abs(right[-1]).max(axis=1).argmax())
+        scaled(log, "/left_track/links", f"link[{link + 1}].ground.force.z", 1.03)
+    with Log(driven) as log:
+        wrong, force = links.of(RunData(log)).ground, contact.of(RunData(log)).force
+    lost = np.einsum("mnk,mnk->m", wrong - right, wrong - right) ** 0.5
+    assert lost[-1] > 1e-3 * np.abs(right).max()
+    assert force != pytest.approx(-right[..., 2].sum(axis=1).mean(), rel=1e-4)
+
+
+def test_the_moment_of_a_link_is_that_of_its_fibres(driven):
+    """The moment of a link is that of its fibre stresses: M = (inner - outer) / 2 x I / fibre distance."""
+    with Log(driven) as log:
+        run = RunData(log)
+        moment = links.of(run).moment
+        pair = [run.signal(f"left_track.link[5].fibre.{side}")[1] for side in ("outer", "inner")]
+    np.testing.assert_allclose(moment[:, 4], 0.5 * (pair[1] - pair[0]) * 2.03e-6 / 0.02, rtol=1e-12)
+
+
+def test_joints_are_the_extremes_of_links(driven):
+    with Log(driven) as log:
+        run = RunData(log)
+        extremes, every, summed = joints.of(run), links.of(run), links.summary(run)
+    for k in range(3):
+        values = every.joint[..., k]
+        record, joint = np.unravel_index(values.argmax(), values.shape)
+        assert extremes.most[0, k] == values[record, joint] == values.max()
+        assert (extremes.most_joint[0, k], extremes.most_t[0, k]) == (joint + 1, every.t[record])
+        assert extremes.least[0, k] == values.min()
+        printed = [row[3:] for row in summed.rows if row[:2] == ("joint force", links.AXES[k])]
+        np.testing.assert_allclose(printed, [[values.min() / 1e3, values.mean() / 1e3, values.max() / 1e3]], rtol=1e-9)
+
+
+# deformation
+
+ROD, GRADIENT = 0.2, (1.0 + 1e-5, 0.0, 2e-5)  # m; at the first pin of a made-up element
+
+
+def bent(path, turned=0.0, gradient=GRADIENT):
+    """Log of one link with r = x + 1e-5 x + (2e-5 x, 0, 2e-5 x - 3e-4 x^2 + 1e-3 x^3), rotated about y."""
+    x = np.array([0.0, ROD])
+    slope = np.stack([np.ones(2), np.zeros(2), -6e-4 * x + 3e-3 * x**2], axis=1) + np.array(gradient) - [1.0, 0.0, 0.0]
+    along, outwards = x * gradient[0], gradient[2] * x - 3e-4 * x**2 + 1e-3 * x**3
+    place = np.stack([5.0 + along, np.ones(2), 2.0 + outwards], axis=1)
+    c, s = np.cos(turned), np.sin(turned)
+    turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    row = np.concatenate([(place @ turn.T).ravel(), (slope @ turn.T).ravel()])
+    names = [(f"joint[{i}].position.{axis}", "m") for i in (1, 2) for axis in "xyz"]
+    names += [(f"link[1].slope.{end}.{axis}", "1") for end in ("first", "last") for axis in "xyz"]
+    topics = {"/track/out": [("travel", "m")], "/track/links": names}
+    scene = {"vehicle": {"track": {"pitch": ROD}}, "start": {"heading": 0.0}}
+    t = np.array([0.0, 1.0])
+    return made(path, topics, {"/track/out": (t, [[0.0], [0.0]]), "/track/links": (t, [row, row])}, scene)
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.7, 3.0])
+def test_deformation_of_a_known_cubic_in_its_tangent_frame(tmp_path, turned):
+    """Deformation of a known cubic in its tangent frame is the bending.
+
+    Along the chord it is half of the angle's square. The tangent takes 2e-5 x off.
+    """
+    with Log(bent(tmp_path / "bent.mcap", turned)) as log:
+        field = deformation.of(RunData(log), at=[0.3])
+    x = field.x
+    assert field.t.tolist() == [0.0]
+    np.testing.assert_allclose(field.displacement[0, 0, :, 0], 1e-5 * x, atol=1e-3 * 2e-6)
+    outwards = -3e-4 * x**2 + 1e-3 * x**3  # along z: the pin's axis is y, so x cross y
+    np.testing.assert_allclose(field.displacement[0, 0, :, 1], outwards, atol=1e-4 * abs(outwards).max())
+    assert abs(field.displacement[..., 2]).max() < 1e-14
+    assert field.series().rows[-1][3] == pytest.approx(1e-5 * ROD, rel=1e-3)
+    with Log(bent(tmp_path / "other.mcap", turned, (1.0 + 1.03e-5, 0.0, 2e-5))) as log:
+        other = deformation.of(RunData(log)).displacement
+    assert abs(other[0, 0, -1, 0] / field.displacement[0, 0, -1, 0] - 1.0) > 0.02
+
+
+def test_links_in_tension_lengthen_by_their_strain(driven):
+    """Links in tension lengthen by stress l / E less the shortening by bending; nothing is lateral."""
+    with Log(driven) as log:
+        run = RunData(log)
+        field = deformation.of(run, at=[0.1, 0.2])
+        t, outer = run.signal("left_track.link[5].fibre.outer")
+        _, inner = run.signal("left_track.link[5].fibre.inner")
+    at = np.searchsorted(t, field.t - 1e-9)
+    stretched = 0.5 * (outer + inner)[at] * 0.1524 / 2e11
+    bend = np.gradient(field.displacement[:, 4, :, 1], field.x, axis=1)
+    shortened = 0.5 * np.trapezoid(bend**2, field.x, axis=1)
+    np.testing.assert_allclose(field.displacement[:, 4, -1, 0] + shortened, stretched, rtol=1e-3)
+    assert np.abs(field.displacement[..., 2]).max() < 1e-12
+    assert 1e-8 < np.abs(field.displacement[..., 1]).max() < 1e-4
+    with Log(driven) as log, pytest.raises(Missing, match=r"in the window is at 0\.2 s"):
+        deformation.of(RunData(log), at=[0.3])
+
+
+def test_deformation_as_a_picture_and_as_numbers(cotrack, driven, tmp_path):
+    assert cotrack("analyse", driven, "deformation", "--at", "0.1", "--at", "0.2", "--link", "7", "-o", "d.png")[0] == 0
+    assert (tmp_path / "d.png").read_bytes()[:4] == b"\x89PNG"
+    assert cotrack("analyse", driven, "deformation", "-o", "d.csv")[0] == 0
+    assert len((tmp_path / "d.csv").read_text().splitlines()) == 1 + 64 * deformation.POINTS
+    status, _, err = cotrack("analyse", driven, "deformation", "--link", "65", "-o", "e.png")
+    assert (status, err) == (2, "cotrack: --link 65: left_track has the links 1 to 64\n")
+
+
+# wheels and ground
+
+
+def test_pressure_is_the_force_on_the_ground_over_the_pads(driven):
+    with Log(driven) as log:
+        run = RunData(log)
+        pressure, every = contact.of(run), links.of(run)
+        pushes, since = -every.ground[..., 2].sum(axis=1), np.diff(every.t, prepend=every.t[0] - every.t[1])
+        assert pressure.force == pytest.approx(np.average(pushes, weights=since), rel=1e-9)
+        assert pressure.area == pytest.approx(0.1524 * 0.378)
+        assert pressure.peak == pytest.approx(-every.ground[..., 2].min() / pressure.area, rel=1e-9)
+    assert np.nansum(pressure.mean) * pressure.area == pytest.approx(pressure.force, rel=0.15)
+    touching = pressure.forward[pressure.most > 0.01 * pressure.peak]
+    assert touching.max() < -0.3
+    assert touching.min() > -3.8
+
+
+def test_slip_and_thrust_are_along_the_heading(driven):
+    with Log(driven) as log:
+        run = RunData(log)
+        track_slip = slip.of(run)
+        _, force = run.vectors("left_track", "out", "ground.force")
+    ahead = np.array([np.cos(0.6), np.sin(0.6), 0.0])
+    np.testing.assert_allclose(track_slip.thrust[:, 0], force @ ahead, atol=1e-6 * np.abs(force).max())
+    assert np.abs(track_slip.lateral).max() < 1e-6 * np.abs(force).max()
+    assert np.abs(track_slip.thrust[-50:]).mean() > 100.0
+    np.testing.assert_array_equal(track_slip.load[:, 0], force[:, 2])
+
+
+def over_time(t, values, keep):
+    """Mean of a step function (value k from t[k - 1] to t[k]) over the kept steps, by hand."""
+    total = time = 0.0
+    for k in range(len(t)):
+        if keep[k]:
+            own = t[k] - t[k - 1] if k else t[1] - t[0]
+            total, time = total + own * values[k], time + own
+    return total / time
+
+
+@pytest.mark.parametrize("even", [True, False])
+def test_a_slip_ratio_weighs_a_record_by_its_own_step_alone(tmp_path, even):
+    """A slip ratio weighs a record by its own step; a halt before it does not count."""
+    t = np.linspace(0.0, 4.0, 401)
+    t = t if even else t + 0.4 * np.sin(t)
+    speed = np.where(np.sin(2 * np.pi * t) > 0.2, 2.0 + t, 0.01)
+    ratio = 0.02 + 0.3 * np.exp(-40.0 * ((t + 0.97) % 1.0))  # largest at the start
+    names = ["travel", "slip", "speed", *(f"ground.force.{axis}" for axis in "xyz")]
+    values = np.column_stack([t, ratio * speed, speed, np.zeros((len(t), 2)), np.full(len(t), 1e4)])
+    topics = {"/chassis/out": [("yaw", "rad")], "/track/out": [(name, "1") for name in names]}
+    rows = {"/chassis/out": (t, np.zeros((len(t), 1))), "/track/out": (t, values)}
+    path = made(tmp_path / "s.mcap", topics, rows, {"assembly": "vehicle"}, ("chassis", "track"))
+    with Log(path) as log:
+        row = slip.of(RunData(log)).table().records()[0]
+    wanted = 100.0 * over_time(t, ratio, speed > slip.SLOWEST)
+    assert row["slip ratio"] == pytest.approx(wanted, rel=1e-9)
+    kept = np.flatnonzero(speed > slip.SLOWEST)
+    assert np.average(100.0 * ratio[kept], weights=np.diff(t[kept], prepend=0.0)) > 1.5 * wanted, "the twin"
+
+
+def test_means_of_links_are_over_time_where_records_are_uneven(tmp_path):
+    """Means of forces and patches by place are means over time, with records of 1 and of 10 ms."""
+    t = np.concatenate([np.arange(0.0, 0.5, 1e-3), np.arange(0.5, 1.0005, 1e-2)])
+    tension = 1e4 * (1.0 + (t > 0.5 - 1e-9))
+    angle = -2.0 * np.pi * (np.arange(12) + 0.5) / 12
+    pins = np.stack([np.cos(angle), 0.0 * angle, np.sin(angle)], axis=1)
+    names = [f"joint[{i}].{what}.{a}" for what in ("position", "force") for i in range(1, 13) for a in "xyz"]
+    names += [f"link[{i}].tension" for i in range(1, 13)]
+    force = np.einsum("m,nk->mnk", tension, np.roll(pins, -1, axis=0) - pins).reshape(len(t), 36)
+    values = np.hstack([np.tile(pins.ravel(), (len(t), 1)), force, np.tile(tension[:, None], (1, 12))])
+    topics = {"/track/out": [("travel", "m")], "/track/links": [(name, "1") for name in names]}
+    path = made(tmp_path / "u.mcap", topics, {"/track/out": (t, t[:, None]), "/track/links": (t, values)})
+    wanted = over_time(t, tension, np.ones(len(t), bool))
+    assert tension.mean() < 0.8 * wanted, "the twin, a mean over records, must differ"
+    with Log(path) as log:
+        run = RunData(log)
+        np.testing.assert_allclose(envelope.of(run, bins=5).mean, wanted, rtol=1e-9)
+        (along,) = [row for row in links.summary(run).rows if row[:2] == ("joint force", "along")]
+        side = float(np.linalg.norm(pins[1] - pins[0]))
+    assert along[4] == pytest.approx(1e-3 * wanted * side, rel=1e-9)
+    long = patches.Patches(("wheel",), t, *np.repeat(tension[None, :, None], 3, axis=0))
+    assert long.table().records()[0]["length"] == pytest.approx(1e3 * wanted, rel=1e-9)
+
+
+def rolling(path, load, **more):
+    """Write a log of two road wheels with the given loads (m, 2)."""
+    t = np.arange(len(load)) * STEP
+    names = [(f"road_wheel[{i}].force.{axis}", "N") for i in (1, 2) for axis in "xyz"]
+    force = np.zeros((len(load), 2, 3))
+    force[..., 2] = load
+    topics = {"/track/out": [("travel", "m"), *names]}
+    return made(path, topics, {"/track/out": (t, np.hstack([t[:, None], force.reshape(len(load), 6)]))}, **more)
+
+
+def test_loads_of_wheels_are_counted_by_time(tmp_path):
+    t = np.arange(1000) * STEP
+    load = np.stack([1e4 + 3e3 * np.sin(2 * np.pi * 5 * t), np.where(t < 0.25 - 1e-9, 0.0, 8e3)], axis=1)
+    with Log(rolling(tmp_path / "w.mcap", load)) as log:
+        loads = wheel_loads.of(RunData(log))
+    np.testing.assert_allclose(loads.mean, [1e4, 6e3], rtol=1e-9)
+    np.testing.assert_allclose(loads.rms, [3e3 / np.sqrt(2), 8e3 * np.sqrt(0.25 * 0.75)], rtol=1e-9)
+    np.testing.assert_allclose(loads.lifted, [0.0, 0.25], atol=1e-12)
+    np.testing.assert_allclose([loads.least, loads.most], [[7e3, 0.0], [13e3, 8e3]], rtol=1e-9)
+
+
+def test_a_wheel_on_a_flat_face_has_the_patch_of_a_circle():
+    """A wheel on a flat face has the patch of a circle: a chord of the rim, or its part on the link."""
+    radius, face, sunk, pitch = 0.3, 0.03, 0.004, 0.15
+    pins = np.array([[0.0, 0.0, 0.0], [pitch, 0.0, 0.0], [2 * pitch, 0.0, 0.0]])
+    normals = np.tile([0.0, 0.0, -1.0], (1, 2, 1))  # outwards: the wheel stands on the other side
+    height, half = radius - sunk, np.sqrt(radius**2 - (radius - sunk) ** 2)
+
+    def depths(low, high):
+        """Mean of the exact depth from ``low`` to ``high``, m."""
+        s = np.linspace(low, high, 20001)
+        return radius - np.trapezoid(np.hypot(height, s), s) / (high - low)
+
+    def patch_at(place, high=0.0):
+        centre = np.array([[place, 0.0, height + face + high]])
+        return (each[0] for each in patches.patch(pins[None], normals, centre, radius, face))
+
+    length, depth = patch_at(0.075)
+    np.testing.assert_allclose(length, [2 * half, 0.0], rtol=1e-12)
+    np.testing.assert_allclose(depth, [depths(-half, half), 0.0], rtol=2e-3)
+    length, depth = patch_at(pitch + 0.01)
+    np.testing.assert_allclose(length, [half - 0.01, half + 0.01], rtol=1e-12)
+    np.testing.assert_allclose(depth, [depths(-half, -0.01), depths(-0.01, half)], rtol=2e-3)
+    assert not any(each.any() for each in patch_at(0.075, sunk + 1e-9))
+
+
+@pytest.mark.parametrize(("face", "fits"), [(0.029, True), (0.030, False)])
+def test_patches_at_rest_carry_what_wheels_are_loaded_by(driven, face, fits):
+    """Patches at rest carry the loads of wheels: stiffness times depth, along the normals of the links.
+
+    They carry some per mille more, because the normals of the rim fan out.
+    """
+    with Log(driven) as log:
+        run, start = RunData(log), Window(-1.0, 1e-6)
+        bodies, vehicle = Bodies(run, EVERY, window=start), run.scene["vehicle"]
+        poses, contacts = next(bodies.blocks()), patches.of(run, start)
+        links, pairs = poses.links["left_track"], []
+        for wheel in bodies.wheels:
+            if wheel.kind == "road_wheel":
+                at = poses.wheels[wheel.name].position
+                length, depth = patches.patch(links.pins, links.axes[..., 2], at, wheel.radius, face)
+                share = length[0] * depth[0] * vehicle["contact"]["wheel"]["stiffness"] / vehicle["track"]["pitch"]
+                force = run.vectors("left_track", "out", f"{wheel.name.partition('/')[2]}.force", window=start)[1][0]
+                pairs.append((-(share @ links.axes[0, :, 2, 2]), force[2]))
+                if fits:
+                    assert contacts.length[0, contacts.wheels.index(wheel.name.replace("/", "."))] == length.sum()
+    carried, load = np.transpose(pairs)
+    assert len(load) == 5
+    assert bool(np.all(np.abs(carried - load) <= 0.015 * np.abs(load))) == fits, pairs

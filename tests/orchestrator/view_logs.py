@@ -1,0 +1,58 @@
+"""Two short runs for tests of views: a vehicle on a bump, and an open chain."""
+
+import numpy as np
+
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.log.recorder import Recorder
+from orchestrator.results.run_data import RunData
+from orchestrator.results.views.bodies import Bodies
+from orchestrator.scene.scene import load
+
+STOP, STEP = 0.04, 1e-3
+SHOWN = '["tension", "position", "ground", "sliding", "depth", "axis"]'
+
+
+def driven_log(tmp_path_factory):
+    """Log of a vehicle that settles on a low bump, turned by 0.4 rad; links are recorded at each step."""
+    path = tmp_path_factory.mktemp("views") / "run.mcap"
+    settings = (
+        f"run.stop={STOP}", f"run.step={STEP}", "run.links=1", "expect={}", f"track.link_outputs={SHOWN}",
+        "start.state=drawn", "start.heading=0.4", "start.position=[1.0, -2.0, 0.3]",
+        "ground.bump={start=-2.4, rise=0.01, slope=0.1, length=0.5, radius=0.02}",
+    )  # fmt: skip
+    simulate(load("straight", "flexible", settings), path)
+    return path
+
+
+def hanging_log(tmp_path_factory):
+    """Log of an open chain, without wheels, hull and ground."""
+    path = tmp_path_factory.mktemp("views") / "chain.mcap"
+    simulate(load("hanging_chain", "rigid", ("run.stop=0.02", "chain.links=8", "run.links=5", "expect={}")), path)
+    return path
+
+
+def bodies_of(driven):
+    """Open log of the vehicle, its bodies and their poses at every record."""
+    with Log(driven) as log:
+        bodies = Bodies(RunData(log), 1e4)
+        yield log, bodies, next(bodies.blocks())
+
+
+def stretched(log, path, times, blown=None):
+    """Log of links at these times, with the first record of another log moved to the right by 1 m/s.
+
+    From record ``blown`` on the positions are NaN.
+    """
+    with Log(log) as whole:
+        links = whole.read("/chain/links")
+        about = whole.topics["/chain/links"]
+        attachments = {name: whole.attachment(name) for name in ("scene.json", "system.json")}
+        topics = {"/chain/links": list(zip(about.names, about.units, strict=True))}
+        with Recorder(path, topics, attachments, whole.metadata) as recorder:
+            x = np.array([name.endswith("position.x") for name in about.names])
+            for k, t in enumerate(times):
+                way = float("nan") if blown is not None and k >= blown else float(t)
+                recorder.write("/chain/links", k, float(t), 0.1, links.values[0] + way * x)
+            recorder.close("ok", "", len(times))
+    return path
