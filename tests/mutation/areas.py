@@ -87,15 +87,27 @@ def known_faults() -> list[tuple[Path, Fault]]:
 
 
 def nearest(file: Path, area: Area) -> list[str]:
-    """Test modules that import the module of a file; if there is none, those of its area."""
+    """Test modules that import the module of a file, directly or by a helper; if there is none, those of its area."""
     module = ".".join(file.with_suffix("").parts).removesuffix(".__init__")
+    sources = {path: path.read_text(encoding="utf-8") for path in sorted((ROOT / "tests").rglob("*.py"))}
+    importing = {path for path, text in sources.items() if _imports(text, module)}
+    helpers = {path.stem for path in importing if not path.stem.startswith("test_")}
+    tests = [
+        path.relative_to(ROOT).as_posix()
+        for path, text in sources.items()
+        if path.stem.startswith("test_")
+        and (
+            path in importing
+            or any(line.startswith("from ") and line.split()[1] in helpers for line in text.splitlines())
+        )
+    ]
+    return tests or list(area.tests)
+
+
+def _imports(text: str, module: str) -> bool:
+    """Whether a source imports a module or names of it."""
     parent, _, name = module.rpartition(".")
-    modules = []
-    for test in sorted((ROOT / "tests").rglob("test_*.py")):
-        text = test.read_text(encoding="utf-8")
-        if f"{module} import" in text or any(
-            line.startswith(f"from {parent} import") and name in line.replace(",", " ").split()
-            for line in text.splitlines()
-        ):
-            modules.append(test.relative_to(ROOT).as_posix())
-    return modules or list(area.tests)
+    return f"{module} import" in text or any(
+        line.startswith(f"from {parent} import") and name in line.replace(",", " ").split()
+        for line in text.splitlines()
+    )

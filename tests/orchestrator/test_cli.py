@@ -280,6 +280,7 @@ def test_a_check_without_its_signals_is_not_ok(cotrack):
     assert checks["tension"]["value"] is None
 
 
+@pytest.mark.long
 def test_build_names_variants(cotrack, tmp_path):
     status, out, _ = cotrack("build", "hanging_chain", "--track", "rigid", "-o", "fmus")
     assert status == 0

@@ -115,6 +115,7 @@ def depths_apart(log, bodies, poses):
     return count, apart
 
 
+@pytest.mark.long
 def test_instants_keep_a_steady_pace_at_most(hanging, tmp_path):
     times = np.arange(0, 200) * 0.007
     with Log(stretched(hanging, tmp_path / "fast.mcap", times)) as log:

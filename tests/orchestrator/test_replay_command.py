@@ -42,6 +42,7 @@ def test_replay_with_the_other_track_model(cotrack, tmp_path):
     assert "no FMU 'none.fmu'" in err
 
 
+@pytest.mark.long
 def test_replay_with_other_numbers(cotrack, tmp_path):
     assert cotrack(*SHORT, "--log", "a.mcap")[0] == 0
     replay = ("replay", "a.mcap", "--component", "chain")

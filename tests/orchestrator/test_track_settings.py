@@ -69,6 +69,7 @@ def test_keys_of_a_track_are_parameters_of_its_fmu(model):
         assert ports[name].start == value
 
 
+@pytest.mark.long
 def test_a_key_of_one_model_is_declared_in_its_table_and_with_the_model(monkeypatch):
     """A toy key reaches the FMU, belongs to one model, is dropped when the model changes, is no part of the motion.
 

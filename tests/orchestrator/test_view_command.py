@@ -29,6 +29,7 @@ def test_view_takes_the_end_as_it_is_written(step, refused):
     assert above == refused
 
 
+@pytest.mark.long
 def test_view_draws(cotrack, tmp_path):
     assert cotrack(*SHORT, "--log", "a.mcap")[0] == 0
     assert cotrack("view", "a.mcap", "-o", "a.png")[0] == 0

@@ -143,6 +143,7 @@ def test_a_film_of_a_vehicle_from_every_side(driven, tmp_path):
         assert 0.05 < earth.mean() < 0.9, eye
 
 
+@pytest.mark.long
 def test_a_still_is_one_instant_from_any_side(driven, cotrack, tmp_path):
     from PIL import Image
 
