@@ -42,7 +42,7 @@ class Footing(NamedTuple):
     wheels: Floats  # (n) x of the road wheels, m
     shares: Floats  # (n) shares of the load of a track
     middle: float  # centroid of the shares, m
-    spread: float  # variance of x, weighted by the shares, m2
+    variance: float  # of x, weighted by the shares, m2
     arm: float  # mean distance of the loads from the middle, the lever that resists turning on the spot, m
     centre_shift: float  # distance ahead of the point about which it turns, m, over the share of friction used across
 
@@ -68,7 +68,7 @@ def footing(vehicle: Mapping[str, Any]) -> tuple[Footing, float]:
         wheels=wheels,
         shares=shares,
         middle=middle,
-        spread=max(float(shares @ (wheels - middle) ** 2), 1e-6),
+        variance=max(float(shares @ (wheels - middle) ** 2), 1e-6),
         arm=float(shares @ np.hypot(wheels - middle, edge)),
         centre_shift=0.0,
     )
@@ -117,7 +117,7 @@ def _loads(p, ahead, left, k):
 
     ``ahead``, ``left``: accelerations of the vehicle, m/s2.
     """
-    tilt = (-ahead * p.height / p.gravity - p.middle) / p.spread
+    tilt = (-ahead * p.height / p.gravity - p.middle) / p.variance
     share = 0.25 * p.mass * p.shares[k] * max(1.0 + tilt * (p.wheels[k] - p.middle), 0.0)
     shifted = left * p.height / p.half_gauge
     return share * max(p.gravity - shifted, 0.0), share * max(p.gravity + shifted, 0.0)

@@ -82,13 +82,14 @@ class _NoEstimate(Exception):
 
 def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun) -> dict[str, Any]:
     """Estimate the relative errors of a recorded run, in total and by observable, or give the reason."""
+    run_times: list[float] = []
     try:
         coarser_runs = _coarser_runs(scene, summary)
         with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-            logs, wall_time = _record_coarser(scene, summary, coarser_runs, record, Path(folder))
+            logs = _record_coarser(scene, summary, coarser_runs, record, Path(folder), run_times)
             parts = _differences(log, logs, coarser_runs)
     except _NoEstimate as reason:
-        return without_estimate(str(reason))
+        return without_estimate(str(reason), sum(run_times))
     errors: dict[str, float | None] = {part: SHARE * worst(found) if found else 0.0 for part, found in parts.items()}
     not_separable = {"integration": None} if coarser_runs.total == coarser_runs.coupling else {}
     observables = {
@@ -101,7 +102,7 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun
         }
         for name, difference in parts["total"].items()
     }
-    return {**(errors | not_separable), "observables": observables, "wall_time": wall_time, "message": ""}
+    return {**(errors | not_separable), "observables": observables, "wall_time": sum(run_times), "message": ""}
 
 
 def _coarser_runs(scene: Scene, summary: dict[str, Any]) -> Companions:
@@ -113,11 +114,15 @@ def _coarser_runs(scene: Scene, summary: dict[str, Any]) -> Companions:
 
 
 def _record_coarser(
-    scene: Scene, summary: dict[str, Any], coarser_runs: Companions, record: RecordRun, folder: Path
-) -> tuple[dict[str, Path], float]:
-    """Record the coarser runs; return their logs by name, and their run time, s."""
+    scene: Scene,
+    summary: dict[str, Any],
+    coarser_runs: Companions,
+    record: RecordRun,
+    folder: Path,
+    run_times: list[float],
+) -> dict[str, Path]:
+    """Record the coarser runs; return their logs by name, and append their run times, s, to ``run_times``."""
     logs: dict[str, Path] = {}
-    wall_time = 0.0
     for name, companion in zip(coarser_runs._fields, coarser_runs, strict=True):
         if companion is None:
             continue
@@ -125,7 +130,7 @@ def _record_coarser(
             logs[name] = logs["coupling"]
             continue
         coarser = record(companion, folder / f"{name}.mcap")
-        wall_time += coarser["wall_time"]
+        run_times.append(coarser["wall_time"])
         if coarser["status"] != "ok" or energy_warning(coarser["energy"]):
             raise _NoEstimate(f"the run at twice the step cannot be right: {coarser['message']}")
         if coarser_runs.coupling is None and scene.run.variable is None:
@@ -133,7 +138,7 @@ def _record_coarser(
             if max(_steps(companion, coarser)) / coarser["simulated_time"] > 0.75 * most:
                 raise _NoEstimate("there is no coarser run: internal steps are as long as stability allows")
         logs[name] = Path(coarser["log"])
-    return logs, wall_time
+    return logs
 
 
 def _differences(log: Path, logs: dict[str, Path], coarser_runs: Companions) -> dict[str, Differences]:
@@ -163,9 +168,9 @@ def _steps(scene: Scene, summary: dict[str, Any]) -> list[int]:
     return [cost["steps"] for name, cost in summary["components"].items() if name in tracks]
 
 
-def without_estimate(reason: str) -> dict[str, Any]:
-    """Return the entry of a summary without an estimate."""
-    return {**dict.fromkeys(PARTS), "observables": {}, "wall_time": 0.0, "message": reason}
+def without_estimate(reason: str, wall_time: float = 0.0) -> dict[str, Any]:
+    """Return the entry of a summary without an estimate; ``wall_time``: run time of companions that failed, s."""
+    return {**dict.fromkeys(PARTS), "observables": {}, "wall_time": wall_time, "message": reason}
 
 
 def _doubled_tolerances(table: VariableStepTable) -> VariableStepTable:

@@ -168,6 +168,7 @@ def test_a_companion_that_cannot_be_right_estimates_nothing(tmp_path):
     entry = estimate(scene, tmp_path / "no.mcap", summary, record)
     assert entry["total"] is None
     assert "cannot be right: 40 % open" in entry["message"]
+    assert entry["wall_time"] == 1.0
 
 
 def test_a_study_makes_no_run_twice():

@@ -67,13 +67,13 @@ Section = Beam
 
 
 @kernel
-def vectors(c: Beam) -> int:
+def vector_count(c: Beam) -> int:
     """See ``element``."""
     return ROWS
 
 
 @kernel
-def axes(c: Beam) -> int:
+def axis_count(c: Beam) -> int:
     """See ``element``."""
     return 3
 

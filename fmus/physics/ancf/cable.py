@@ -60,13 +60,13 @@ Section = Cable
 
 
 @kernel
-def vectors(c: Cable) -> int:
+def vector_count(c: Cable) -> int:
     """See ``element``."""
     return ROWS
 
 
 @kernel
-def axes(c: Cable) -> int:
+def axis_count(c: Cable) -> int:
     """See ``element``."""
     return len(c.axes)
 

@@ -42,12 +42,12 @@ _forces, _masses = implementation("forces"), implementation("masses")
 
 
 @dispatch(_masses)
-def vectors(c: Element) -> int:
+def vector_count(c: Element) -> int:
     """Number of coordinate vectors, rows."""
 
 
 @dispatch(_masses)
-def axes(c: Element) -> int:
+def axis_count(c: Element) -> int:
     """Number of components of a vector."""
 
 

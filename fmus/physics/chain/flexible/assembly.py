@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmus.jit import kernel, noalias
-from fmus.physics.ancf.element import axes, energy, force, mass, tangent, total_mass, vectors
+from fmus.physics.ancf.element import axis_count, energy, force, mass, tangent, total_mass, vector_count
 from fmus.physics.arrays import Floats, Four, Vector
 from fmus.physics.chain.flexible.axes import (
     absolute_accelerations,
@@ -50,8 +50,9 @@ def evaluate(
     derivatives of rates and accelerations. Contact sums, and wrenches on the wheels at ``w.wheels``, go to ``w``.
     Returns the largest entry of the residual, N, and its link.
     """
-    n, c, rows, dims, indices = links.n, links.element, vectors(links.element), axes(links.element), layout(links)
-    weight, whole = total_mass(c) * env.gravity, rows * dims + len(indices.common)
+    n, c, indices = links.n, links.element, layout(links)
+    rows, dims = vector_count(c), axis_count(c)
+    whole, weight = rows * dims + len(indices.common), total_mass(c) * env.gravity
     clear(w, fresh)
     mass(c, w.M)
     if contacts is not None:
@@ -92,7 +93,7 @@ def totals(links: FlexibleLinks, env: Environment, x: State, w: Work) -> tuple[F
     n, c, q = links.n, links.element, x.q
     weight = total_mass(c) * env.gravity
     kinetic, gravity = rotary_energy(links, x), 0.0
-    strain_energy = spring_energy(links.closing, axes(c), q)
+    strain_energy = spring_energy(links.closing, axis_count(c), q)
     low, high, mean, stress = np.inf, -np.inf, 0.0, 0.0
     for i in range(n):
         first, second = ends(layout(links), q.shape[0], i)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.ancf.cable import axes, shape, shape_slope
+from fmus.physics.ancf.cable import axis_count, shape, shape_slope
 from fmus.physics.arrays import Vector
 from fmus.physics.chain.flexible.elements import in_space, layout
 from fmus.physics.chain.flexible.link_layout import node
@@ -50,7 +50,7 @@ def depth_below_pins(links: Cables, x: Motion, i: int) -> float:
 @kernel
 def locate_section(links: Cables, x: Motion, w: Work, i: int, xi: float, z: float) -> tuple[Vector, Vector]:
     """See ``faces``; leaves shapes in ``w.S``, z x slopes / |r_x| in ``w.C``, tangent (x, z) in ``w.t``."""
-    S, C, e, de, up = w.S, w.C, w.e, w.v, axes(links.element) - 1
+    S, C, e, de, up = w.S, w.C, w.e, w.v, axis_count(links.element) - 1
     shape(links.element, xi, S)
     shape_slope(links.element, xi, C)
     a = b = da = db = p0 = p1 = p2 = v0 = v1 = v2 = 0.0
@@ -93,7 +93,7 @@ def position_slope(links: CableLinks, x: Motion, w: Work, i: int) -> Vector:
 @kernel
 def apply_force(links: Cables, w: Work, i: int, force: ContactForce, tangent: bool) -> None:
     """Add a force to residual and matrix of the link: R -= B^T f, K -= B^T g B with B = S - C t n^T."""
-    S, C, R, K, dims = w.S, w.C, w.load[i], w.stiffening[i], axes(links.element)
+    S, C, R, K, dims = w.S, w.C, w.load[i], w.stiffening[i], axis_count(links.element)
     t0, t2, f, up = w.t[0], w.t[2], force.f, dims - 1
     a = f[0] * t0 + f[2] * t2
     for k in range(4):
@@ -134,7 +134,7 @@ def add_rate_matrix(
     links: Cables, w: Work, i: int, force: ContactForce, by_rate: float, foot: float, normal: Vector
 ) -> None:
     """Add K -= B^T r (d rate / d pins), r = df / d rate; the rate falls with motion along the normal."""
-    S, C, K, t0, t2, r, dims = w.S, w.C, w.stiffening[i], w.t[0], w.t[2], force.by_rate, axes(links.element)
+    S, C, K, t0, t2, r, dims = w.S, w.C, w.stiffening[i], w.t[0], w.t[2], force.by_rate, axis_count(links.element)
     a = r[0] * t0 + r[2] * t2
     for k in range(4):
         p = S[k] * r[0] + C[k] * a * t2, S[k] * r[1], S[k] * r[2] - C[k] * a * t0
@@ -161,7 +161,7 @@ def locate_pin(links: Cables, x: Motion, w: Work, i: int, y: float) -> tuple[Vec
 @kernel
 def apply_pin_force(links: Cables, x: Motion, w: Work, i: int, y: float, force: ContactForce, tangent: bool) -> None:
     """Add a force to residual ``w.b`` and matrix ``w.A`` of the pin."""
-    f, g, dims, i = force.f, force.g, axes(links.element), node(layout(links), x.q.shape[0], i)
+    f, g, dims, i = force.f, force.g, axis_count(links.element), node(layout(links), x.q.shape[0], i)
     for a in range(dims):
         w.b[i, a] -= f[_axis(a, dims)]
     if tangent:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.ancf.element import mass, vectors
+from fmus.physics.ancf.element import mass, vector_count
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.sums import JOINTS
 
@@ -79,7 +79,7 @@ def square_of_frequency(spring: ClosingSpring | None, element: Element) -> float
     """
     if spring is None:
         return 0.0
-    M = np.zeros((vectors(element), vectors(element)))
+    M = np.zeros((vector_count(element), vector_count(element)))
     mass(element, M)
     ends = np.diag(np.linalg.inv(M))[[0, len(M) // 2]].sum()
     return float(max(spring.stiffness * ends, (spring.damping * ends) ** 2))

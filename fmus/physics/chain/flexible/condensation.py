@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmus.jit import kernel, noalias
-from fmus.physics.ancf.element import axes
+from fmus.physics.ancf.element import axis_count
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.environment import HELD, PINNED
 from fmus.physics.chain.flexible.closing import add_spring
@@ -161,10 +161,10 @@ def reduce(
     indices = layout(links)
     worst, where = _spread(indices, w.R, w.inner, w.own, w.b, w.swap)
     pin_loads(links, env, x, w, by_rate, tangent)
-    add_spring(links.closing, indices, axes(links.element), x, w, by_rate, tangent)
+    add_spring(links.closing, indices, axis_count(links.element), x, w, by_rate, tangent)
     if w.on_links.shape[0] > 0:
         for i in range(w.b.shape[0]):
-            for k in range(axes(links.element)):
+            for k in range(axis_count(links.element)):
                 w.imbalance[i, k] = w.b[i, k]
     return _reduce(indices, env, w.left, w.own, w.b, worst, where)
 

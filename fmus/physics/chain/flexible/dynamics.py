@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from fmus.jit import kernel
-from fmus.physics.ancf.element import vectors
+from fmus.physics.ancf.element import vector_count
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.carrier import carrier
 from fmus.physics.chain.environment import PULLED
@@ -84,7 +84,7 @@ def fibres(links: FlexibleLinks, s: State, w: Work, stress: Floats) -> None:
 @kernel
 def slopes(links: FlexibleLinks, s: State, w: Work, slope: Floats) -> None:
     """See ``kinds``."""
-    rows = vectors(links.element)
+    rows = vector_count(links.element)
     for i in range(links.n):
         first, second = ends(layout(links), s.q.shape[0], i)
         gather(links, s.q, first, second, w.e)

@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 from fmus.jit import dispatch, implementation, kernel
-from fmus.physics.ancf.element import axes
+from fmus.physics.ancf.element import axis_count
 from fmus.physics.arrays import Floats, Vector
 
 if TYPE_CHECKING:
@@ -83,4 +83,4 @@ def lever(links: FlexibleLinks) -> tuple[float, ...]:
 @kernel
 def in_space(links: FlexibleLinks, a: Floats) -> Vector:
     """Vector in space of the first components of ``a`` (axes or more); in a plane y is 0."""
-    return (a[0], a[1], a[2]) if axes(links.element) == 3 else (a[0], 0.0, a[1])
+    return (a[0], a[1], a[2]) if axis_count(links.element) == 3 else (a[0], 0.0, a[1])

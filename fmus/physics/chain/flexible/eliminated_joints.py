@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from fmus.jit import kernel
 from fmus.physics import block_cyclic
-from fmus.physics.ancf.element import axes
+from fmus.physics.ancf.element import axis_count
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.speed import chain_speed
 
@@ -42,5 +42,5 @@ def project(links: FlexibleLinks, s: State, w: Work) -> None:
 @kernel
 def speed(links: FlexibleLinks, carrier: Carrier, s: State, w: Work) -> float:
     """See ``joints``."""
-    n, pins = axes(links.element), links.n if links.closed == 1 else links.n + 1
+    n, pins = axis_count(links.element), links.n if links.closed == 1 else links.n + 1
     return chain_speed(s.q[:pins, :n], s.v[:pins, :n], links.closed == 1, carrier)

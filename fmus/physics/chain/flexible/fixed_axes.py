@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from fmus.jit import kernel
-from fmus.physics.ancf.element import axes, vectors
+from fmus.physics.ancf.element import axis_count, vector_count
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.flexible import inertia
 from fmus.physics.chain.flexible.elements import flatten, gather
@@ -33,7 +33,7 @@ def wrenches_from_axes(links: FlexibleLinks, x: Motion, w: Work) -> None:
 @kernel
 def inertia_and_weight(links: FlexibleLinks, x: Motion, w: Work, weight: float, r: Floats) -> None:
     """See ``axes``."""
-    rows, dims = vectors(links.element), axes(links.element)
+    rows, dims = vector_count(links.element), axis_count(links.element)
     inertia.inertia(rows, dims, w.M, w.dv, r)
     inertia.weigh(weight, links.element.l, rows // 2, dims - 1, r)
 
@@ -121,13 +121,13 @@ def omitted_accelerations(links: FlexibleLinks, s: State, w: Work, i: int, j: in
 @kernel
 def vertical(links: FlexibleLinks, s: State) -> Vector:
     """See ``axes``."""
-    return (0.0, 0.0, 1.0) if axes(links.element) == 3 else (0.0, 1.0, 0.0)
+    return (0.0, 0.0, 1.0) if axis_count(links.element) == 3 else (0.0, 1.0, 0.0)
 
 
 @kernel
 def centre_height(links: FlexibleLinks, x: State, w: Work) -> float:
     """See ``axes``."""
-    rows, dims = vectors(links.element), axes(links.element)
+    rows, dims = vector_count(links.element), axis_count(links.element)
     return inertia.height(links.element.l, rows // 2, dims - 1, w.e)
 
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from fmus.jit import kernel
-from fmus.physics.ancf.element import axes, total_mass, vectors
+from fmus.physics.ancf.element import axis_count, total_mass, vector_count
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.environment import PINNED
 from fmus.physics.chain.flexible import inertia
@@ -43,8 +43,8 @@ def newton_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> 
         links.n,
         s.q.shape[0],
         layout(links),
-        vectors(links.element) // 2,
-        axes(links.element),
+        vector_count(links.element) // 2,
+        axis_count(links.element),
     )
     R, load, b, x, total = w.R, w.load, w.imbalance, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     weight, up, l = total_mass(links.element) * env.gravity, vertical(links, s), links.element.l
@@ -93,7 +93,7 @@ def _in_space(t: Floats, dims: int) -> Vector:
 @kernel
 def stage_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> None:
     """See ``kinds``: residuals of an evaluation without accelerations, plus the inertia forces."""
-    forces, n, half = w.on_links, links.n, vectors(links.element) // 2
+    forces, n, half = w.on_links, links.n, vector_count(links.element) // 2
     if forces.shape[1] <= JOINT:
         return
     for i in range(n):
@@ -107,8 +107,8 @@ def stage_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> N
 @kernel
 def _end(links: FlexibleLinks, w: Work, i: int, row: int) -> Vector:
     """Residual, N, of link ``i`` at the node whose position is its vector ``row``."""
-    for k in range(axes(links.element)):
+    for k in range(axis_count(links.element)):
         w.t[k] = w.R[i, row, k]
-        for a in range(vectors(links.element)):
+        for a in range(vector_count(links.element)):
             w.t[k] += w.M[row, a] * w.dv[a, k]
-    return _in_space(w.t, axes(links.element))
+    return _in_space(w.t, axis_count(links.element))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from fmus.jit import allocating, kernel
-from fmus.physics.ancf.element import axes, mass, vectors
+from fmus.physics.ancf.element import axis_count, mass, vector_count
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.assembly import evaluate
 from fmus.physics.chain.flexible.condensation import clear, condense
@@ -36,7 +36,7 @@ RELEASED, REST, EVALUATE = range(3)  # tasks of ``release``
 @kernel
 def condense_mass(links: FlexibleLinks, env: Environment, s: State, w: Work) -> None:
     """Condense the mass of a chain to its pins into ``w``, without stiffness and contacts."""
-    c, rows, dims = links.element, vectors(links.element), axes(links.element)
+    c, rows, dims = links.element, vector_count(links.element), axis_count(links.element)
     clear(w, True)
     mass(c, w.M)
     for i in range(links.n):
