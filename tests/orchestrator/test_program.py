@@ -125,6 +125,12 @@ def test_values_are_handed_over_by_their_rules():
             assert second.given[places].tobytes() == wired_inputs(rule, before[0][of], first.y[of]).tobytes()
 
 
+@pytest.mark.parametrize(("processors", "spare"), [({0}, False), ({0, 3}, True)])
+def test_one_processor_is_none_to_spare(monkeypatch, processors, spare):
+    monkeypatch.setattr("os.sched_getaffinity", lambda process: processors)
+    assert spare_processors() is spare
+
+
 @pytest.mark.skipif(not spare_processors(), reason="needs a second processor")
 @pytest.mark.parametrize("failing", [None, 0, 1])
 def test_a_stage_steps_at_once_and_every_failure_is_heard(failing):
