@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from contact_parts import BUMP, LAW, PITCH, TEETH, wheel_row
 from pressed import PointContact, guide, rim, soil, tooth
+from scipy.integrate import quad
 
 from fmus.physics.contact.ground import GroundShape
 from fmus.physics.contact.linear import Linear
-from fmus.physics.contact.wheel import covered_part, end_rates_in_space, sink_rate
+from fmus.physics.contact.wheel import covered_part, end_rates_in_space, gauss_excess, sink_rate
 from fmus.physics.contact.wheel_kinematics import add_reaction, slip_velocity
 from fmus.physics.wheels import WIDTH, move
 
@@ -221,6 +222,27 @@ def test_shares_of_a_contact_add_up():
     assert gauss_moment == pytest.approx(fine_moment, rel=6e-3)
     assert abs(fine[2]) > 1e3
     assert gauss[2] != pytest.approx(1.03 * fine[2], rel=6e-3)
+
+
+def test_the_energy_between_gauss_points_is_that_of_the_parabola():
+    """Gauss points and ``gauss_excess`` store the energy of the whole parabola; its ends lose what they pass."""
+    radius, length, m, g = 0.3, 0.15, 2e-3, 4e-4
+
+    def energy(low: float, high: float) -> tuple[float, float]:
+        c = (0.5 * (high - low) * length) ** 2 / (2.0 * radius)
+        whole = quad(lambda eta: 0.5 * (m + g * eta - c * (eta**2 - 1.0 / 3.0)) ** 2, -1.0, 1.0, epsabs=1e-16)[0]
+        points = 0.5 * ((m - g / np.sqrt(3.0)) ** 2 + (m + g / np.sqrt(3.0)) ** 2)
+        return 0.5 * LAW.k * (high - low) * whole, 0.5 * LAW.k * (high - low) * points
+
+    low, high, rates, dt = 0.1, 0.85, (0.3, -0.2), 1e-4
+    whole, points = energy(low, high)
+    excess, power = gauss_excess(LAW, radius, length, low, high, rates)
+    assert excess == pytest.approx(whole - points, rel=1e-9)
+    assert excess != pytest.approx(1.03 * (whole - points), rel=1e-2)
+    before, after = (
+        gauss_excess(LAW, radius, length, low + t * rates[0], high + t * rates[1], rates)[0] for t in (-dt, dt)
+    )
+    assert power == pytest.approx((before - after) / (2.0 * dt), rel=1e-6)
 
 
 def test_wheels_turn_rigidly():
