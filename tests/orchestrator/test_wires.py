@@ -98,15 +98,28 @@ def test_they_take_no_room(wired, tmp_path):
         assert all(np.array_equal(log.read(topic).values, short.read(topic).values) for topic in TOPICS)
 
 
+def last_bit(k, arrays, given, column):
+    """Change an input of step 200 in its last bit."""
+    if k == 200:
+        given[column] = np.nextafter(given[column], 9.0)
+
+
+def sign_of_zero(k, arrays, given, column):
+    """Write 0 everywhere, but for an input of step 200, which is -0.0: equal to 0 as a number."""
+    for values in arrays:
+        values[:] = 0.0
+    if k == 200:
+        given[column] = -0.0
+
+
 @pytest.mark.parametrize("rule", RULES)
-def test_an_input_that_is_another_by_one_bit_ends_the_log(tmp_path, rule):
+@pytest.mark.parametrize("fault", [last_bit, sign_of_zero])
+def test_an_input_that_is_another_by_one_bit_ends_the_log(tmp_path, rule, fault):
     topic, wire = next((topic, wire) for topic, wires in WIRES.items() for wire in wires if wire.rule == rule)
     column = [name for name, _ in TOPICS[topic]].index(wire.inputs[0])
 
     def change(k, row):
-        if k == 200:
-            given = row[list(TOPICS).index(topic) // 2]
-            given[column] = np.nextafter(given[column], 9.0)
+        fault(k, row, row[list(TOPICS).index(topic) // 2], column)
 
     with pytest.raises(LogFailed, match=rf"{topic}: '{wire.inputs[0]}' at t = 0\.199 s is not what its coupling"):
         write(tmp_path / "a.mcap", change=change)
