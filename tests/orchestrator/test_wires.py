@@ -173,22 +173,40 @@ def test_a_lost_chunk_takes_its_inputs_along(wired, tmp_path):
         assert np.array_equal(np.rint(log.read("/b/in").t / STEP), there)
 
 
-def test_messages_in_the_order_of_time_read_alike(wired, tmp_path):
-    with wired.open("rb") as stream, (tmp_path / "other.mcap").open("wb") as target:
+def write_again(source, path, by_time, lost=("", -1)):
+    """Write the messages of a log again, by time or as they stand, without the ``lost`` one: topic and sequence."""
+    with source.open("rb") as stream, path.open("wb") as target:
         writer = Writer(target, chunk_size=2000)
         writer.start()
         numbers = {}
-        for kind, channel, message in make_reader(stream).iter_messages(log_time_order=True):
+        for kind, channel, message in make_reader(stream).iter_messages(log_time_order=by_time):
             if channel.topic not in numbers:
                 schema = writer.register_schema(kind.name, kind.encoding, kind.data)
                 numbers[channel.topic] = writer.register_channel(channel.topic, "protobuf", schema, channel.metadata)
-            number = numbers[channel.topic]
-            writer.add_message(number, message.log_time, message.data, message.publish_time, message.sequence)
+            if (channel.topic, message.sequence) != lost:
+                number = numbers[channel.topic]
+                writer.add_message(number, message.log_time, message.data, message.publish_time, message.sequence)
         writer.finish()
-    with Log(wired) as ours, Log(tmp_path / "other.mcap") as theirs:
+    return path
+
+
+def test_messages_in_the_order_of_time_read_alike(wired, tmp_path):
+    with Log(wired) as ours, Log(write_again(wired, tmp_path / "other.mcap", by_time=True)) as theirs:
         assert theirs.digest() == ours.digest()
         for topic in TOPICS:
             assert theirs.read(topic).values.tobytes() == ours.read(topic).values.tobytes()
+
+
+@pytest.mark.parametrize(("rule", "missing"), [("start", [100]), ("end", [99]), ("middle", [99, 100])])
+def test_lost_outputs_take_along_the_inputs_that_need_them(tmp_path, rule, missing):
+    """Outputs at step 100 are the start of the step 100 and the end of the step 99."""
+    topic, wire = next((topic, wire) for topic, wires in WIRES.items() for wire in wires if wire.rule == rule)
+    whole_log = write(tmp_path / "whole.mcap", {topic: [wire]})
+    with Log(write_again(whole_log, tmp_path / "lost.mcap", by_time=False, lost=(wire.source, 100))) as log:
+        series = log.read(topic)
+    there = np.setdiff1d(np.arange(STEPS), missing)
+    assert np.array_equal(np.rint(series.t / STEP), there)
+    assert series.values.tobytes() == whole(topic)[there].tobytes()
 
 
 def test_a_wire_that_leads_nowhere_is_a_fault(tmp_path):
