@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from analysis_logs import STEP, driven_log, made, spinning_log
+from matplotlib.figure import Figure
 
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
@@ -112,6 +113,21 @@ def test_curves_of_long_records_are_thinned_as_those_of_the_page(tmp_path):
     same.add(t, values[:, None])
     assert np.array_equal(curve.x, same.curve(0).t)
     assert np.array_equal(curve.y, same.curve(0).y)
+
+
+@pytest.mark.parametrize(("signals", "styles"), [(("force",), ["-", "-"]), (("force", "tension"), ["-", "--"])])
+def test_line_styles_are_logs_where_there_are_several_signals(signals, styles):
+    """Colours tell the logs of one signal apart; of several signals, colours and line styles do."""
+    curves = [
+        signal_picture.LabelledCurve(f"{signal}, {log}", "N", np.arange(2.0), np.arange(2.0), log, signal)
+        for log in range(2)
+        for signal in signals
+    ]
+    figure = Figure()
+    signal_picture._draw_curves(figure, curves, "t", False)
+    lines = figure.axes[0].get_lines()
+    assert [line.get_linestyle() for line in lines] == [style for style in styles for _ in signals]
+    assert len({line.get_color() for line in lines}) == len(curves)
 
 
 def test_plot_of_several_logs_names_them(cotrack, driven, spinning, tmp_path):
