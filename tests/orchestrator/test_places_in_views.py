@@ -8,7 +8,7 @@ from packed import unpacked
 from scipy.spatial.transform import Rotation
 from view_logs import STEP, bodies_of, driven_log, hanging_log, stretched
 
-from fmus.vehicle import BadInput
+from fmus.vehicle import BadInput, read_table, vehicle
 from orchestrator.log.reader import Log
 from orchestrator.results.ground_profile import ground
 from orchestrator.results.page import player
@@ -16,6 +16,7 @@ from orchestrator.results.rotation import matrices, quaternions
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import foxglove_scene, projected, rerun_scene, side_view, top_view
 from orchestrator.results.views.bodies import Bodies
+from orchestrator.results.views.shapes import teeth
 from orchestrator.results.views.solids import across, prism, strip
 
 driven = pytest.fixture(scope="module")(driven_log)
@@ -326,3 +327,19 @@ def decoded(path, topic):
             kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
             messages.append(kind.FromString(message.data))
     return messages
+
+
+def test_the_outline_of_a_sprocket_has_its_teeth_and_a_seat_ahead():
+    """Every tooth is the same, turned; pins seat straight ahead at the pitch circle."""
+    table = vehicle(*read_table("m113")).model_dump()
+    number, pin = table["sprocket"]["teeth"], table["sprocket"]["pin_radius"]
+    outline = teeth(table)
+    angle, radius = np.arctan2(outline[:, 1], outline[:, 0]), np.linalg.norm(outline, axis=1)
+    turned = Rotation.from_euler("z", 360 / number, degrees=True).as_matrix()[:2, :2]
+    np.testing.assert_allclose(outline @ turned.T, np.roll(outline, -4, axis=0), atol=1e-12)
+    root = table["track"]["pitch"] / (2.0 * np.sin(np.pi / number)) - pin
+    assert len(outline) == 4 * number
+    np.testing.assert_allclose(np.sort(radius), np.repeat([root, table["sprocket"]["outer_radius"]], 2 * number))
+    ahead = radius[np.abs(angle) < np.pi / number * 0.5]
+    np.testing.assert_allclose(ahead, root, err_msg="no seat straight ahead")
+    assert (np.diff(np.unwrap(angle)) > 0.0).all(), "edges cross"
