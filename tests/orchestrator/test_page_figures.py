@@ -176,6 +176,8 @@ def test_the_energy_card_counts_what_was_released():
     back = books._replace(work=-5e3, stored=stored | {"kinetic": -9e3})
     assert sources(back) == "12.6 kJ released (motion and height)"
     assert "5 kJ (39.7 %) went back into the drives" in sentence(back, {})
+    still = books._replace(work=0.0, stored=dict.fromkeys(stored, 0.0))
+    assert "went back" not in sentence(still, {})
 
 
 def test_card_and_sentence_of_a_run_agree_and_add_up(vehicle):

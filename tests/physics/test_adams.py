@@ -11,6 +11,8 @@ from fmus.physics.integrate.adams import (
     ERROR,
     EVALUATIONS,
     GAMMA,
+    LOWER,
+    LOWEST,
     NEXT,
     ORDER,
     ORDERS,
@@ -70,9 +72,8 @@ def on_circle(t):
     return np.array([1.0 / np.cosh(t), np.tanh(t)])
 
 
-def in_equal_steps(k, steps, off=1.0):
-    """Error of order k in equal steps from an exact past; ``off`` multiplies the last coefficient."""
-    h, end = 2.0 / steps, 2.0
+def with_exact_past(k, h):
+    """Method at t = 0 whose differences are those of the exact rates in equal steps of ``h`` s."""
     m = adams(2, 0, 1e3, 1e3)
     past = [circle(0.0, on_circle(-i * h)) for i in range(k + 1)]
     for i in range(k + 1):
@@ -80,6 +81,13 @@ def in_equal_steps(k, steps, off=1.0):
         past = [one - other for one, other in pairwise(past)]
     m.psi[0] = h * np.arange(1, m.psi.shape[1] + 1)
     m.x[:] = on_circle(0.0)
+    return m
+
+
+def in_equal_steps(k, steps, off=1.0):
+    """Error of order k in equal steps from an exact past; ``off`` multiplies the last coefficient."""
+    h, end = 2.0 / steps, 2.0
+    m = with_exact_past(k, h)
     for _ in range(round(end / h)):
         m.order_control[ORDER], m.order_control[STARTING] = k, 0
         predict(m, h)
@@ -98,6 +106,22 @@ def test_a_corrector_is_of_one_order_more_than_its_predictor(k, steps):
     assert abs(slope - (k + 1)) < 0.35, slope
     spoilt = np.log2(in_equal_steps(k, steps, 1.03) / in_equal_steps(k, 2 * steps, 1.03))
     assert k == 1 or abs(spoilt - (k + 1)) > 0.35, "a twin with a coefficient that is off by 3 % keeps the order"
+
+
+@pytest.mark.parametrize("k", [1, 2, 3, 7])
+def test_errors_of_this_and_two_lower_orders_are_backward_differences(k):
+    """Order j errs by h gamma*_j times the j-th backward difference of the rates; 0 where there is no such order."""
+    h = 0.05
+    m = with_exact_past(k, h)
+    m.order_control[ORDER] = k
+    predict(m, h)
+    m.k[:] = circle(0.0, m.y)
+    assert accurate(m, h)
+    rates = [circle(0.0, on_circle(-i * h)) for i in range(k, -1, -1)] + [m.k]
+    weight = 1.0 / (1e3 * abs(on_circle(0.0)) + 1e3)
+    for j, entry in ((k, ERROR), (k - 1, LOWER), (k - 2, LOWEST)):
+        error = h * abs(GAMMA[j]) * np.sqrt(np.mean((weight * np.diff(rates, n=j, axis=0)[-1]) ** 2)) if j > 0 else 0.0
+        assert m.step_control[entry] == pytest.approx(error, rel=1e-9)
 
 
 def test_unequal_steps_of_order_k_are_exact_for_polynomials_of_degree_k():
