@@ -9,6 +9,7 @@ import pytest
 
 from fmus.physics.ancf import beam, cable, cable_engineering, cable_general
 from fmus.physics.ancf.cable import Cable
+from fmus.physics.ancf.element import end_moments
 from tests.validation.ancf import chord, stress, torsion
 
 CABLE = Cable(0.5, 2.0, 3e4, 40.0, 20.0, 0.01)
@@ -192,6 +193,18 @@ def test_stress_of_a_stretched_and_of_a_bent_cable(name):
     axial, bending = stress.of_cable(c, e, 0.3, 2e11, 0.02)
     assert bending == pytest.approx(2e11 * 0.02 / R, rel=1e-5)
     assert abs(axial) < 1e-3 * bending
+
+
+@pytest.mark.parametrize("name", ["small", "general", "engineering"])
+def test_end_moments_of_a_flat_cubic(name):
+    """The line a x^2 + b x^3 has the bending moments EI 2 a and EI (2 a + 6 b l) at its ends."""
+    _, c = ELEMENTS[name]
+    a, b = 2e-4 / c.l, 3e-4 / c.l**2
+    place, slope = a * c.l**2 + b * c.l**3, 2.0 * a * c.l + 3.0 * b * c.l**2
+    moments = end_moments(c, np.array([[0.0, 0, 0], [1, 0, 0], [c.l, 0, place], [1, 0, slope]]))
+    expected = c.EI * 2.0 * a, c.EI * (2.0 * a + 6.0 * b * c.l)
+    assert moments == pytest.approx(expected, rel=1e-5)
+    assert moments != pytest.approx((expected[0], 1.03 * expected[1]), rel=1e-2)
 
 
 def test_stress_of_a_stretched_and_of_a_bent_beam():
