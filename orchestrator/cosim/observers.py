@@ -159,7 +159,7 @@ class Checkpoints:
 class TimedCheckpoints:
     """Observer that writes checkpoints of variable steps, every ``period`` s, where the pace allows one.
 
-    Checkpoints are at multiples of ``every`` steps. ``since``: time at which the run continues, s.
+    Checkpoints are at multiples of ``every`` steps. ``start``: time at which the run continues, s.
     """
 
     def __init__(

@@ -18,6 +18,7 @@ from orchestrator.cosim.checkpoint import UnusableCheckpoint
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.variable_step import VariableStep
+from orchestrator.cosim.observers import TimedCheckpoints
 from orchestrator.execution import replay_model
 from orchestrator.execution.resume import resume
 from orchestrator.execution.simulate import simulate
@@ -36,6 +37,15 @@ def ran(path, scene, track, *settings, native=False):
     summary = simulate(load(scene, track, settings), path, native=native)
     assert summary["status"] == "ok", summary["message"]
     return path
+
+
+@pytest.mark.parametrize(
+    ("t", "due"), [(0.0, 0.1), (0.3 - 1e-12, 0.4), (0.3, 0.4), (0.3 + 1e-12, 0.4), (0.35, 0.4), (0.299, 0.3)]
+)
+def test_a_checkpoint_is_due_once_at_each_multiple_of_the_period(t, due):
+    """A time that rounding puts beside a multiple counts as that multiple."""
+    checkpoints = TimedCheckpoints(None, None, None, period=0.1, every=1, start=t)
+    assert checkpoints._due == pytest.approx(due, rel=1e-12)
 
 
 def digest(path):
