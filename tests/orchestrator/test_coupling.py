@@ -236,7 +236,7 @@ def test_the_last_two_pairs_of_variable_steps_are_even():
     stages, *_ = coupled("wrench", DAMPED)
     lengths = []
     run(couple("tracks_first", stages), VariableStep(0.25, 0.05, 10.0, 1e-3, 0.05), [lambda k, t, h: lengths.append(h)])
-    assert [h for h in lengths if h > 0.0] == pytest.approx([0.05, 0.05, *[0.0375] * 4])
+    assert lengths[1:] == pytest.approx([0.05, 0.05, *[0.0375] * 4])
 
 
 def test_a_failing_step_is_tried_shorter():
