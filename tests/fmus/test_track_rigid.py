@@ -8,7 +8,10 @@ from m113 import LINKS, MASS, TRACK, VEHICLE, P
 from vehicle_in_process import InProcess
 
 from fmus.model import InvalidParameter, StepFailed
+from fmus.physics.chain.rigid.links import residual
 from fmus.physics.integrate import hht
+from fmus.physics.integrate.generalized_alpha import Slopes
+from fmus.physics.rigid import body
 from fmus.track import INTEGRATORS
 from fmus.track_rigid.model import Model
 from orchestrator.scene.scene import load
@@ -214,6 +217,54 @@ def test_integrators_agree():
     adams = runs[-1]
     assert adams["speed"] == pytest.approx(other["speed"], rel=1e-6)
     assert adams["energy.dissipated"] == pytest.approx(other["energy.dissipated"], rel=1e-5)
+
+
+def along_the_whole_chain(q, A, axis):
+    """Increments (n, 6) of all links that move the whole chain rigidly: along an axis, or (3 to 5) about one."""
+    x = np.zeros((len(q), 6))
+    if axis < 3:
+        x[:, axis] = 1.0
+        return x
+    turn = np.eye(3)[axis - 3]
+    x[:, :3] = np.cross(turn, q[:, :3] - q[:, :3].mean(0))
+    x[:, 3:] = np.einsum("nji,j->ni", A, turn)
+    return x
+
+
+@pytest.mark.long
+def test_matrix_of_the_links_is_the_derivative_of_their_residual(track):
+    """Newton's matrix times a motion that opens no pin equals the change of the residual, contacts included.
+
+    The derivative by rates outweighs that by positions, in which the matrix leaves out how contacts grow.
+    """
+    model, start = track
+    model.state[:] = start
+    for k in range(60):
+        model.step(1e-3 * k, 1e-3, inputs(model, 1e-3 * k, 20.0, 0.1, 0.1))
+    s, w, by, eps = model.s, model.work, Slopes(0.0, 1e5, 0.0), 1e-10
+    w.x[:] = 0.0
+
+    def residual_at(q, v, tangent=False):
+        s.q[:], s.v[:] = q, v
+        residual(*model.system()[:2], model.environment, s, w, by, tangent)
+        return w.system.r.copy()
+
+    def moved(q, x):
+        ends = np.empty_like(q)
+        for before, increment, after in zip(q, x, ends, strict=True):
+            body.advance(before, increment, after)
+        return ends
+
+    q, v = s.q.copy(), s.v.copy()
+    residual_at(q, v, tangent=True)
+    K, A = w.system.K.copy(), w.system.A.copy()
+    for axis in range(6):
+        x = along_the_whole_chain(q, A, axis)
+        after, before = (residual_at(moved(q, d * x), v + by.v * d * x) for d in (eps, -eps))
+        predicted, change = np.einsum("nij,nj->ni", K, x), (after - before) / (2.0 * eps)
+        error = abs(predicted - change).max() / abs(change).max()
+        assert error < 3e-5, axis
+        assert abs(1.03 * predicted - change).max() / abs(change).max() > 1e-2
 
 
 def test_guides_take_the_chain_along_sideways(track):
