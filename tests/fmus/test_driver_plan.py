@@ -109,7 +109,7 @@ def matched(known):
     middle = float(shares @ wheels)
     return footing(TABLE)[0]._replace(
         mass=known.mass, height=known.height, wheels=wheels, shares=shares, middle=middle,
-        spread=float(shares @ (wheels - middle) ** 2),
+        variance=float(shares @ (wheels - middle) ** 2),
     )  # fmt: skip
 
 
