@@ -103,6 +103,14 @@ def test_footing_of_the_vehicle():
     assert stands.height == pytest.approx(known.height, rel=0.03)
 
 
+def test_a_wheel_that_the_strands_lift_keeps_a_thousandth_of_the_load():
+    """Strands that pull harder than the vehicle weighs leave a share to the wheels under them."""
+    shares = footing({**TABLE, "track": {**TABLE["track"], "tension": 1e5}})[0].shares
+    assert shares.sum() == pytest.approx(1.0)
+    np.testing.assert_array_less([5e-4, 0.2, 0.2, 0.2, 5e-4], shares)
+    np.testing.assert_array_less(shares[[0, -1]], 2e-3)
+
+
 def matched(known):
     """Footing of the vehicle with the numbers of the independent theory."""
     wheels, shares = np.array(known.wheels), np.array(known.shares)
