@@ -233,10 +233,7 @@ def test_order_of_the_integrators(swinging, integrator, order, steps):
 def test_adams_keeps_tolerances_with_fewer_evaluations_than_runge_kutta(swinging):
     for tolerance in (1e-5, 1e-7, 1e-9):
         error, counters = swinging("adams", 1.0, **{"adams.rtol": tolerance, "adams.atol": tolerance})
-        assert 1e-5 * tolerance < error < 1e-2 * tolerance, (
-            error,
-            tolerance,
-        )  # errors of positions; velocities limit the steps
+        assert 1e-5 < error / tolerance < 1e-2, tolerance  # errors of positions; velocities limit the steps
         assert counters[EVALUATIONS] == 2 * counters[STEPS] + counters[REJECTED] + 10, "it restarts at each step"
     other, equal = swinging("runge_kutta", 2.5e-4)
     assert error < other
