@@ -68,6 +68,12 @@ from fmus.physics.block_cyclic import solve, workspace  # noqa: E402
 from fmus.track_rigid.model import Model as Rigid  # noqa: E402
 
 TRACK = {"links": 64, "closed": True, "wheels": wheels(), "ground": True, "gravity": 9.81, "ends": None}
+FLEXIBLE = {
+    **{element: {"element": element} for element in ("cable", "planar", "beam")},
+    "free": {"axes": "free"},
+    "constrained": {"joints": "constrained"},
+    "spring": {"closure": "spring"},
+}
 
 
 def steps(kind):
@@ -76,8 +82,7 @@ def steps(kind):
         model = Rigid({"vehicle": TABLE, "track": TRACK})
         model.initialise(parameters(model, start="polygon"))
     else:
-        element, axes = ("cable", "free") if kind == "free" else (kind, "fixed")
-        model = make(TRACK, start="polygon", element=element, axes=axes)
+        model = make(TRACK, start="polygon", **FLEXIBLE[kind])
     model.step(0.0, 1e-3, at_rest(model))
 
 

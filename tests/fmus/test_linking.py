@@ -15,13 +15,20 @@ from fmus import jit, linking
 from fmus.physics.wheels import move
 
 
-@pytest.mark.long
-def test_arrays_of_kernels_that_are_apart_do_not_overlap(environment):
+@pytest.mark.parametrize(
+    "kinds",
+    [
+        ["free", "planar", "beam", "constrained"],  # compiled in long tests alone
+        pytest.param(["rigid", "cable", "spring"], marks=pytest.mark.long),
+    ],
+    ids="-".join,
+)
+def test_arrays_of_kernels_that_are_apart_do_not_overlap(environment, kinds):
     """No arrays overlap in kernels that are declared free of aliasing.
 
-    A step of each kind of track on its wheels is checked call by call.
+    A step of each kind of track on its wheels is checked call by call, without compilation.
     """
-    program, kinds = Path(__file__).with_name("overlaps.py"), ["rigid", "cable", "free", "planar", "beam"]
+    program = Path(__file__).with_name("overlaps.py")
     path = os.pathsep.join([str(program.parent), environment["PYTHONPATH"]])
     env = {**environment, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
     done = subprocess.run([sys.executable, str(program), *kinds], env=env, capture_output=True, text=True)
