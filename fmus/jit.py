@@ -19,7 +19,7 @@ import pickle
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from functools import cache, wraps
+from functools import cache, lru_cache, wraps
 from importlib import import_module
 from importlib.util import resolve_name
 from pathlib import Path
@@ -54,8 +54,15 @@ def sources(root: Path = ROOT) -> list[Path]:
 
 def source_hash(root: Path = ROOT) -> str:
     """Hash of all Python sources of a tree, by relative path and content; it identifies a build."""
+    stats = ((path, path.stat()) for path in sources(root))
+    return _hash_of(root, tuple((path, stat.st_mtime_ns, stat.st_size) for path, stat in stats))
+
+
+@lru_cache(maxsize=4)
+def _hash_of(root: Path, files: tuple[tuple[Path, int, int], ...]) -> str:
+    """Hash of the ``files`` (path, time of the last change in ns, size) of a tree, computed again when one changes."""
     digest = hashlib.sha256()
-    for path in sources(root):
+    for path, _, _ in files:
         digest.update(path.relative_to(root).as_posix().encode() + b"\0")
         digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()

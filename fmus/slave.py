@@ -159,7 +159,8 @@ class Slave(Fmi2Slave):
         count = len(outputs) - link_ports
         self._integer_parameters = [p for p in self._integers if p.causality == "parameter"]
         counters = len(self._integers) - len(self._integer_parameters) - 1
-        if [p for p in ports if p in inputs or p in outputs] != inputs + outputs:
+        connected = set(map(id, inputs + outputs))
+        if [p for p in ports if id(p) in connected] != inputs + outputs:
             raise Refused("the Real inputs must come before the Real outputs")
         if counters != len(self._model.counters):
             raise Refused(f"{len(self._model.counters)} counters for {counters} Integer outputs")

@@ -25,6 +25,7 @@ from ctypes import (
     create_string_buffer,
     memmove,
 )
+from functools import lru_cache
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -481,19 +482,26 @@ class Component(AbstractContextManager["Component"]):
 
 
 def _description(folder: Path, fmu: Path) -> Any:
-    version = ""
+    content = b""
     with suppress(OSError):
-        head = (folder / "modelDescription.xml").read_bytes()[:2000].decode("utf-8", "replace")
-        version = head.partition("fmiVersion")[2].partition('"')[2].partition('"')[0]
+        content = (folder / "modelDescription.xml").read_bytes()
+    head = content[:2000].decode("utf-8", "replace")
+    version = head.partition("fmiVersion")[2].partition('"')[2].partition('"')[0]
     if version and version != "2.0":
         raise ComponentFailed(f"'{fmu}' is an FMU of FMI {version}: only FMI 2.0 for co-simulation is run")
     try:
-        description = read_model_description(str(folder), validate=False)
+        description = _parsed(folder, content)
     except Exception as error:
         raise ComponentFailed(f"'{fmu}' is not an FMU: bad modelDescription.xml: {error}") from None
     if description.coSimulation is None:
         raise ComponentFailed(f"'{fmu}' is an FMU for model exchange: only FMI 2.0 for co-simulation is run")
     return description
+
+
+@lru_cache(maxsize=16)
+def _parsed(folder: Path, content: bytes) -> Any:
+    """Description in the ``folder`` of an FMU, once for all its instances; ``content``: its bytes, the cache's key."""
+    return read_model_description(str(folder), validate=False)
 
 
 def _location(resources: Path) -> str:

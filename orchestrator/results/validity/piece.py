@@ -55,20 +55,16 @@ class Piece:
 
 def place(run: RunData, name: str) -> tuple[str, int]:
     """Topic and column of a signal; raises Missing."""
-    try:
-        return run.log.find(name)
-    except LookupError:
-        raise Missing(f"the log has no signal '{name}'") from None
+    if name not in run.log:
+        raise Missing(f"the log has no signal '{name}'")
+    return run.log.find(name)
 
 
 def pieces(run: RunData, names: Iterable[str], window: Window) -> Iterator[Piece]:
     """Pieces of the run with the signals of ``names`` that the log has."""
     columns_by_topic: dict[str, list[int]] = {}
-    for name in dict.fromkeys(names):
-        try:
-            topic, column = run.log.find(name)
-        except LookupError:
-            continue
+    for name in filter(run.log.__contains__, dict.fromkeys(names)):
+        topic, column = run.log.find(name)
         columns_by_topic.setdefault(topic, []).append(column)
     if not columns_by_topic:
         return
