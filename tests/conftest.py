@@ -9,10 +9,11 @@ import os
 import sys
 import zipfile
 from collections import Counter
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import pytest
+import typer
 from hypothesis import HealthCheck, settings
 
 from fmus.build import build_shell
@@ -32,15 +33,16 @@ ROOT = HERE.parent
 def pytest_collection_modifyitems(items):
     """Sort the tests so that two workers with an empty cache seldom compile the same kernels.
 
-    One worker compiles the kernels of the vehicles while the other runs the tests of physics. Tests that need whole
-    vehicles come last and find their kernels compiled. Large modules come first, so that both workers end at about the
-    same time.
+    One worker compiles the kernels of cables for `test_analyses.py` while the other runs the tests of physics; then one
+    compiles those of rigid chains, the other those of rigid links on wheels. Of the later modules, the large ones come
+    first, so that both workers end at about the same time.
     """
     sizes = Counter(item.path for item in items)
+    first = "test_analyses", "physics", "test_notices", "test_validity"
 
     def place(item):
-        family = 0 if item.path.stem == "test_sensitivity" else 1 if item.path.parent.name == "physics" else 2
-        return family, -sizes[item.path], str(item.path)
+        name = item.path.parent.name if item.path.parent.name in first else item.path.stem
+        return first.index(name) if name in first else len(first), -sizes[item.path], str(item.path)
 
     items.sort(key=place)
 
@@ -48,6 +50,12 @@ def pytest_collection_modifyitems(items):
 def build_toy(folder=None, name=None, **config):
     """Build the FMU of a mass on a spring; ``config`` sets the number of spare inputs and outputs."""
     return build_shell(TOY / "toy_fmu.py", {"spare": 3, "start": 0.1, **config}, folder, name, packages=[TOY])
+
+
+@cache
+def click_command(app):
+    """Return the command of click that typer makes of an application at each call, made once."""
+    return typer.main.get_command(app)
 
 
 def messages(err):
@@ -126,7 +134,7 @@ def call(capsys, monkeypatch, tmp_path):
     def call(command, *arguments):
         monkeypatch.setattr(sys, "argv", ["cotrack", *map(str, arguments)])
         with pytest.raises(SystemExit) as exit_info:
-            main(command)
+            main(click_command(command))
         output = capsys.readouterr()
         return exit_info.value.code or 0, output.out, messages(output.err)
 

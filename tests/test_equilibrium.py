@@ -116,6 +116,7 @@ def test_settlement_distance_and_energy_count_from_their_own_starts():
     assert chassis["energy.spring"] > 1e3
 
 
+@pytest.mark.long
 def test_a_side_without_a_track_goes_without_the_push_of_one():
     """On a side without a track the tensioner has no push and holds its idler where drawn."""
     scene = at_rest("rigid", 'tracks=["left"]')
@@ -130,6 +131,7 @@ def test_a_side_without_a_track_goes_without_the_push_of_one():
     assert own.right[-1] == pytest.approx(-2e-3, abs=1e-4), "a user's own preload applies to both sides"
 
 
+@pytest.mark.long
 def test_a_vehicle_on_one_track_leans_and_stays():
     """A vehicle on one track leans and stays.
 
@@ -144,6 +146,7 @@ def test_a_vehicle_on_one_track_leans_and_stays():
     assert abs(pushes / loads - 1.0).max() < 0.01
 
 
+@pytest.mark.long
 def test_bare_wheels_stand_on_the_ground():
     """Bare wheels stand on the ground, by four numbers of statics."""
     scene = at_rest("rigid", "tracks=[]")

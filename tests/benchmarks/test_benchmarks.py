@@ -187,6 +187,7 @@ def test_all_are_measured_by_one_reference():
     np.testing.assert_allclose(chain.logged(case, 0.1)[1], chain.stepped(case, 0.1, 1e-3, "step")[1], atol=1e-14)
 
 
+@pytest.mark.long
 def test_peers_are_given_what_our_model_starts_with():
     case = motion.CASES["rigid"]
     loop, model, h = motion.loop(case), motion.model(case, 1e-6), 1e-6
@@ -216,15 +217,13 @@ def test_cost_at_one_error():
     assert chain.at_target(rows[:2])["cpu"] is None
 
 
+@pytest.mark.long
 def test_growth_with_links():
     rows = [{"links": n, "time": 0.1 * n**1.5} for n in (64, 128, 1024)]
     assert links.exponent(rows) == pytest.approx(1.5)
     row = links.row("rigid", 8, 3, 1)
     assert row["time"] > 0.0
     assert 1.0 <= row["evaluations"] < 10.0
-
-
-# ------------------------------------------------------------------ vehicle, layers, start, memory
 
 
 @pytest.mark.long
@@ -253,6 +252,7 @@ def test_layers_repeat_the_log(monkeypatch):
     assert outside.columns == exchange.COLUMNS
 
 
+@pytest.mark.long
 def test_a_replay_that_does_not_repeat_the_log_is_no_figure(monkeypatch):
     monkeypatch.setattr(layers, "_kernel", lambda *given: ({"kernel": np.ones(4)}, np.zeros(2)))
     part, t = motion.part(motion.CASES["rigid"], 8), np.zeros(4)
@@ -297,7 +297,7 @@ def test_the_share_of_a_record_is_that_of_its_pieces(monkeypatch):
 
 @pytest.mark.long
 def test_start_and_memory(monkeypatch):
-    times = start.command("hanging_chain", "rigid", str(cache_folder()))
+    times = start.command("hanging_chain", "flexible", str(cache_folder()))
     assert 0.0 < times["startup"] < times["first"] < times["whole"]
     assert list(times) == [column.key for column in start.COLUMNS[2:]]
     with pytest.raises(Failed, match="no scene 'nowhere'"):
@@ -305,7 +305,7 @@ def test_start_and_memory(monkeypatch):
     monkeypatch.setattr(memory_part, "isolated", lambda module, stop, **_: 100.0 + 10.0 * stop)
     (table,) = memory_part.measure(quick=False, repeats=1)
     assert [row["growth"] for row in table.records()] == pytest.approx([10.0, 10.0])
-    assert 50.0 < memory_run.measure("hanging_chain", "rigid", 0.01) < 20_000.0
+    assert 50.0 < memory_run.measure("hanging_chain", "flexible", 0.01) < 20_000.0
 
 
 # ------------------------------------------------------------------ peers and the whole, by hand

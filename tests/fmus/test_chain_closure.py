@@ -214,13 +214,18 @@ def test_counts_of_coordinates_and_equations():
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"element": "beam"}, "joints = 'constrained' needs element = 'cable' and axes = 'fixed', not 'beam'"),
-        ({"element": "planar"}, "needs element = 'cable' .* not 'planar'"),
+        (
+            {"joints": "constrained", "element": "beam"},
+            "joints = 'constrained' needs element = 'cable' and axes = 'fixed', not 'beam'",
+        ),
+        ({"joints": "constrained", "element": "planar"}, "needs element = 'cable' .* not 'planar'"),
+        ({"axes": "loose"}, "axes = 'loose': must be one of fixed, free"),
+        ({"axes": "free", "element": "beam"}, "axes = 'free' needs element = 'cable'"),
     ],
 )
-def test_what_has_no_equations_of_its_pins_is_refused(changes, sentence):
+def test_joints_and_axes_that_the_element_does_not_have_are_refused(changes, sentence):
     with pytest.raises(InvalidParameter, match=sentence):
-        loop(joints="constrained", **changes)
+        loop(**changes)
 
 
 def on_wheels(*settings):

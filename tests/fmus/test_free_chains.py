@@ -41,11 +41,14 @@ class Engineering(Beams):
     given: ClassVar = {"elasticity": "engineering"}
 
 
-LONG = [pytest.param(kind, marks=pytest.mark.long) for kind in (Beams, PlanarCables)]  # kernels of their own
-BOTH = pytest.mark.parametrize("kind", [Rigid, Flexible, LONG[0]])
+# with kernels of their own
+LONG_RIGID, LONG_BEAMS, LONG_PLANAR = (
+    pytest.param(kind, marks=pytest.mark.long) for kind in (Rigid, Beams, PlanarCables)
+)
+BOTH = pytest.mark.parametrize("kind", [LONG_RIGID, Flexible, LONG_BEAMS])
 # cables with other strain measures are studies here; ``test_track_elasticity`` has them
 SELDOM = [pytest.param(kind, marks=pytest.mark.study) for kind in (General, Engineering)]
-EACH = pytest.mark.parametrize("kind", [Rigid, Flexible, *SELDOM, *LONG])
+EACH = pytest.mark.parametrize("kind", [LONG_RIGID, Flexible, *SELDOM, LONG_BEAMS, LONG_PLANAR])
 HOLD = {"kind": "held", "first": [1.0, 2.0]}
 
 
@@ -345,7 +348,7 @@ def test_loops_of_any_length_and_spin(kind, links, spin, young):
 
 
 @pytest.mark.parametrize("span", [0.8, 0.1])
-@pytest.mark.parametrize("kind", [Rigid, Flexible, LONG[1], SELDOM[1]])
+@pytest.mark.parametrize("kind", [LONG_RIGID, Flexible, LONG_PLANAR, SELDOM[1]])
 def test_a_hanging_chain_of_many_links_is_the_continuum(kind, span):
     """A hanging chain of many links is a catenary: S = 2 a sinh(D / 2 a), sag a (cosh(D / 2 a) - 1).
 

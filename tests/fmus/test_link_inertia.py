@@ -5,7 +5,19 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.linalg import eigh
-from test_free_chains import HOLD, LONG, TABLE, Beams, Flexible, P, PlanarCables, Rigid, made
+from test_free_chains import (
+    HOLD,
+    LONG_BEAMS,
+    LONG_PLANAR,
+    LONG_RIGID,
+    TABLE,
+    Beams,
+    Flexible,
+    P,
+    PlanarCables,
+    Rigid,
+    made,
+)
 
 from fmus.model import InvalidParameter
 from fmus.physics.ancf import rotary
@@ -44,7 +56,7 @@ def turning_energy(model, axis):
     return model.report[KINETIC] - centre
 
 
-@pytest.mark.parametrize("kind", [Rigid, Flexible, *LONG])
+@pytest.mark.parametrize("kind", [LONG_RIGID, Flexible, LONG_BEAMS, LONG_PLANAR])
 def test_a_link_turns_with_the_inertia_of_the_table(kind):
     """A link turns about each axis with the inertia of the table.
 
@@ -79,7 +91,8 @@ def motion(kind, inertia, **changes):
     return model.pins()
 
 
-@pytest.mark.parametrize("kind", [Flexible, LONG[0]])
+@pytest.mark.long
+@pytest.mark.parametrize("kind", [Flexible, Beams])
 def test_flexible_links_move_as_rigid_ones_the_stiffer_they_are(kind):
     """Flexible links approach the motion of rigid ones as 1 / E; 3 % more inertia gives another limit."""
     rigid = motion(Rigid, INERTIA)
@@ -98,7 +111,7 @@ def eigenvalues(model):
     return eigh(model.work.M, alone, eigvals_only=True)
 
 
-CABLES = pytest.mark.parametrize("kind", [Flexible, LONG[1]], ids=["cable", "planar"])
+CABLES = pytest.mark.parametrize("kind", [Flexible, LONG_PLANAR], ids=["cable", "planar"])
 
 
 @CABLES

@@ -41,6 +41,7 @@ def by_theory(mass: float = 18.0) -> float:
     return at_the_pins + mass * l * SPIN**2 / 12.0
 
 
+@pytest.mark.long
 def test_of_rigid_links_it_is_that_of_rods():
     assert tension("rigid") == pytest.approx(by_theory(), rel=1e-12)
     assert tension("rigid", mass=1.03 * 18.0) != pytest.approx(by_theory(), rel=0.02)

@@ -18,7 +18,7 @@ from fmus.physics.wheels import move
 @pytest.mark.parametrize(
     "kinds",
     [
-        ["free", "planar", "beam", "constrained"],  # compiled in long tests alone
+        ["free", "planar", "beam", "constrained", "explicit", "recursive"],  # compiled in long tests alone
         pytest.param(["rigid", "cable", "spring"], marks=pytest.mark.long),
     ],
     ids="-".join,
@@ -37,7 +37,7 @@ def test_arrays_of_kernels_that_are_apart_do_not_overlap(environment, kinds):
     twin = seen.pop("twin")
     assert twin["found"] == ["solve writes 5 over 4"]
     assert {kind: each["found"] for kind, each in seen.items()} == {kind: [] for kind in kinds}
-    assert min(each["calls"] for each in seen.values()) > 1000
+    assert min(each["calls"] for each in seen.values()) > 500
 
 
 def test_what_a_kernel_calls_is_its_own_and_computes_the_same_bits(monkeypatch):

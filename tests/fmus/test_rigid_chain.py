@@ -22,6 +22,8 @@ from fmus.physics.chain.state import size, store_first_evaluation
 from fmus.physics.integrate.generalized_alpha import coefficients
 from fmus.physics.rigid.augmented import Ends
 
+pytestmark = pytest.mark.long  # kernels of their own
+
 
 class Chain:
     """A chain without ports, wheels and ground."""
@@ -122,7 +124,6 @@ def test_released_horizontal_chain():
     assert abs(released(1e-3, 1.02 * P).pins()[-1, 0] - 9.413161) > 1e-3
 
 
-@pytest.mark.long
 def test_released_chain_explicitly():
     tips = []
     for h in (8e-3, 4e-3, 2e-3):

@@ -10,8 +10,8 @@ from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
 
 KINDS = [
-    (Rigid, None),
     (Flexible, "cable"),
+    pytest.param(Rigid, None, marks=pytest.mark.long),
     *(pytest.param(Flexible, element, marks=pytest.mark.long) for element in ("planar", "beam")),
 ]
 
@@ -37,7 +37,7 @@ def test_wheels_of_the_other_side_are_refused(kind, element):
 
 @pytest.mark.parametrize("place", [{"start.heading": 0.1}, {"start.position.z": 0.2}])
 def test_wheels_of_another_place_are_refused(place):
-    model, wheels = laid(Rigid, None, **place)
+    model, wheels = laid(Flexible, "cable", **place)
     with pytest.raises(StepFailed, match="from where the track was laid"):
         model.step(0.0, 1e-3, wheels)
 

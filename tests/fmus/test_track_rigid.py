@@ -38,6 +38,7 @@ def outputs(model):
     return dict(zip(names, y, strict=True))
 
 
+@pytest.mark.long
 def test_hanging_chain_at_rest():
     model = hanging()
     model.initialise(parameters(model))
@@ -58,6 +59,7 @@ def test_hanging_chain_at_rest():
     assert abs(-outputs(other)["joint[33].position.z"] - 2.589308) > 1e-2
 
 
+@pytest.mark.long
 def test_displaced_chain_swings_and_keeps_its_energy():
     model = hanging()
     model.initialise(parameters(model, start="displaced"))

@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 import test_track_flexible
 from scipy.spatial.transform import Rotation
-from test_track_flexible import TABLE, make, parameters, wheels
+from test_track_flexible import TABLE, make, wheels
 
-from fmus.model import InvalidParameter
 from fmus.physics.chain.flexible.axes_state import OMEGA, OMEGA_RATE, ORIGIN
 from fmus.physics.chain.flexible.places import coordinate_indices
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.report import KINETIC, STRAIN
 from fmus.physics.integrate.generalized_alpha import Slopes
-from fmus.track_flexible.model import Model
 
 pytestmark = pytest.mark.long  # kernels of their own
 
@@ -106,6 +104,31 @@ def test_the_border_is_what_a_turn_of_the_axes_does(by):
             by_pin[n, k] = differences(lambda d, moved=moved: residual(model, by=by, moved=d * moved)[1:], step)[0]
     assert np.abs(by_pin - rows[pins]).max() < 1e-3 * scale
     assert np.abs(by_pin - 1.02 * rows[pins]).max() > 5e-3 * scale
+
+
+def test_the_matrix_of_the_faces_is_the_derivative_of_their_load():
+    """The matrix of the faces' contacts is the derivative of their load by the link's coordinates, by differences.
+
+    Rates change with the coordinates, so that the dampers outweigh the rotation of faces, which is left out.
+    """
+    model, by = shaken(carrier()), Slopes(0.0, 2e4, 4e6)
+    residual(model, by=by, fresh=True)
+    known = model.work.stiffening[:, :12, :12].copy()
+
+    def load(i, moved):
+        residual(model, by=by, moved=moved)
+        return model.work.load[i].reshape(1, -1).copy()
+
+    at = coordinate_indices(model.kit, model.s.q, 4, model.links_count).reshape(model.links_count, -1)
+    for i in np.argsort(abs(known).max(axis=(1, 2)))[-3:]:
+        columns = []
+        for place in at[i]:
+            moved = np.zeros_like(model.s.q)
+            moved.flat[place] = 1.0
+            columns += differences(lambda d, i=i, moved=moved: load(i, d * moved), 1e-9)
+        by_coordinate, scale = np.transpose(columns), abs(known[i]).max()
+        assert abs(by_coordinate - known[i]).max() < 3e-5 * scale
+        assert abs(by_coordinate - 1.02 * known[i]).max() > 1e-2 * scale
 
 
 def test_the_balance_is_the_work_of_a_rotation():
@@ -368,17 +391,3 @@ def test_free_axes_and_fixed_ones_are_the_same_straight_on():
     for shown, rounding in ((0, 1e-12), (1, 1e-6)):
         assert np.abs(runs[1][shown] - runs[0][shown]).max() < rounding
         assert np.abs(runs[2][shown] - runs[0][shown]).max() > 1e3 * rounding
-
-
-@pytest.mark.parametrize(
-    ("given", "sentence"),
-    [
-        ({"axes": "loose"}, "axes = 'loose': must be one of fixed, free"),
-        ({"axes": "free", "element": "beam"}, "axes = 'free' needs element = 'cable'"),
-    ],
-)
-def test_axes_that_cannot_be_are_a_sentence(given, sentence):
-    model = Model({"vehicle": TABLE, "track": {"links": 64, "closed": True, "wheels": wheels(), "ground": True,
-                                               "gravity": 9.81, "ends": None}})  # fmt: skip
-    with pytest.raises(InvalidParameter, match=sentence):
-        model.initialise(parameters(model, **given))

@@ -30,7 +30,7 @@ from orchestrator.scene.scene import load
 # outputs that other tests of this module check: of tracks, of all components
 COUNTED = ("solver.steps", "solver.evaluations", "solver.iterations", "solver.rejected")
 STATUS = "status"
-BRIEF = ("cable", "driven", "joined", "thrown", "drawn cable", "swinging rigid")  # few kernels
+BRIEF = ("cable", "driven", "thrown", "drawn cable")  # few kernels
 
 
 class Kind(NamedTuple):

@@ -34,7 +34,7 @@ def vehicle_log(tmp_path_factory):
 def hanging_log(tmp_path_factory):
     """Log of a short run of a hanging chain, with its checks."""
     path = tmp_path_factory.mktemp("page") / "hanging.mcap"
-    assert simulate(load("hanging_chain", "rigid", HANGING), path)["status"] == "ok"
+    assert simulate(load("hanging_chain", "flexible", HANGING), path)["status"] == "ok"
     return path
 
 

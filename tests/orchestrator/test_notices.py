@@ -23,7 +23,7 @@ def cut(tmp_path_factory):
     """Folder with a chain's log, whole and without its end."""
     folder = tmp_path_factory.mktemp("cut")
     settings = ("run.stop=0.3 s", "run.checkpoints=0.05 s")
-    assert simulate(load("hanging_chain", "rigid", settings), folder / "whole.mcap")["status"] == "ok"
+    assert simulate(load("hanging_chain", "flexible", settings), folder / "whole.mcap")["status"] == "ok"
     with Log(folder / "whole.mcap") as log:
         size = log.size
     (folder / "cut.mcap").write_bytes((folder / "whole.mcap").read_bytes()[: int(0.8 * size)])
@@ -65,7 +65,7 @@ def test_whole_logs_and_logs_of_runs_say_nothing(cotrack, cut, tmp_path):
         log = record_in_chunks(tmp_path / "a.mcap")
         with Log(log):
             pass
-        simulate(load("hanging_chain", "rigid", ("run.stop=0.02 s",)), tmp_path / "b.mcap", estimated=True)
+        simulate(load("hanging_chain", "flexible", ("run.stop=0.02 s",)), tmp_path / "b.mcap", estimated=True)
 
 
 def test_functions_of_python_warn(cut, tmp_path):
@@ -137,7 +137,7 @@ def test_compare_works_across_versions(cotrack, cut, tmp_path):
     """Logs of different versions compare: newer keys have their defaults in the older log."""
     with Log(OLD) as log:
         links, run = log.table("scene.json")["chain"]["links"], log.table("scene.json")["run"]
-    table = load("hanging_chain", "rigid", (f"chain.links={links}", f"run.stop={run['stop']}"))
+    table = load("hanging_chain", "flexible", (f"chain.links={links}", f"run.stop={run['stop']}"))
     simulate(table, tmp_path / "new.mcap")
     status, out, err = cotrack("compare", OLD, tmp_path / "new.mcap")
     assert status == 0, err

@@ -41,7 +41,7 @@ def test_what_is_offered_can_be_called(submodules, tmp_path):
         assert signature(getattr(cotrack, name)).parameters or name == "scenes"
     one, two = tmp_path / "one.mcap", tmp_path / "two.mcap"
     for path, start in ((one, "rest"), (two, "displaced")):
-        result = cotrack.run(cotrack.load("hanging_chain", "rigid", ["run.stop=0.02", f"track.start={start}"]), path)
+        result = cotrack.run(cotrack.load("hanging_chain", "flexible", ["run.stop=0.02", f"track.start={start}"]), path)
         assert result["status"] == "ok"
     with cotrack.Log(one) as log:
         assert len(log.signal("chain.tension.max")[0]) == 21

@@ -46,7 +46,7 @@ def test_the_command_that_runs_it_again_gives_the_same_scene(vehicle, hanging, c
         run = RunData(log)
         words = shlex.split(command(run))
         assert f"<code>{text(command(run))}</code>" in page(hanging)
-    assert words[:5] == ["cotrack", "run", "hanging_chain", "--track", "rigid"]
+    assert words[:5] == ["cotrack", "run", "hanging_chain", "--track", "flexible"]
     status, _, err = cotrack(*words[1:], "--no-estimate", "--log", tmp_path / "again.mcap")
     assert status == 0, err
     with Log(hanging) as one, Log(tmp_path / "again.mcap") as other:
@@ -118,16 +118,16 @@ def test_a_chain_has_a_page_without_wheels(hanging):
     assert "round" in data["charts"]
     assert "energy" not in data["charts"], "it hangs at rest"
     assert 'id="loads"' not in html
-    assert "As expected.</b> The run finished; 5 of 5 checks met." in html
+    assert "As expected.</b> The run finished; 3 of 3 checks met." in html
     assert "Depth of the lowest pin below the highest, m; 0 to 0.02 s" in html
-    assert html.count('<span class="pill good">met</span>') == 5
+    assert html.count('<span class="pill good">met</span>') == 3
 
 
 def test_a_check_that_is_not_met_stands_on_top(tmp_path):
     path = tmp_path / "off.mcap"
-    simulate(load("hanging_chain", "rigid", [*HANGING, "expect.sag.expected=2.7"]), path)
+    simulate(load("hanging_chain", "flexible", [*HANGING, "expect.sag.expected=2.7"]), path)
     html = page(path)
-    assert "Checks not met.</b> The run finished; 4 of 5 checks met. Not met: sag." in html
+    assert "Checks not met.</b> The run finished; 2 of 3 checks met. Not met: sag." in html
     assert html.count('<span class="pill bad">not met</span>') == 1
 
 

@@ -109,7 +109,7 @@ def test_what_is_left_of_a_run_is_as_good_as_a_shorter_run(tmp_path):
 
 def test_steps_that_are_lost_are_no_shorter_run(tmp_path):
     """A log without a chunk in its middle is no shorter run: balance and replay are refused in a sentence."""
-    whole = recorded(tmp_path / "chain.mcap", "hanging_chain", "rigid", "run.stop=0.1", "chain.links=8", "expect={}")
+    whole = recorded(tmp_path / "chain.mcap", "hanging_chain", "flexible", "run.stop=0.1", "chain.links=8", "expect={}")
     data = bytearray(whole.read_bytes())
     edges = borders(data)
     data[edges[2] + 100] ^= 4

@@ -26,6 +26,7 @@ def test_equal_runs_have_equal_digests_and_replay_is_equal(cotrack):
         assert log.digest() != digests[0], "the twin has the same digest"
 
 
+@pytest.mark.long
 def test_replay_with_the_other_track_model(cotrack, tmp_path):
     assert cotrack(*SHORT, "--log", "a.mcap")[0] == 0
     status, out, _ = cotrack("replay", "a.mcap", "--with", "rigid", "--picture", "x.png")

@@ -87,6 +87,7 @@ def test_replay_builds_what_it_steps(log):
         assert "path" not in json.loads(opened.attachment("system.json"))["instances"][0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("other", ["rigid", "fmu"])
 def test_an_answer_holds_what_answered_and_can_be_replayed(log, tmp_path, other):
     rigid = build("TrackRigid", assemble(load("hanging_chain", "rigid", SETTINGS)).parts[0].config)

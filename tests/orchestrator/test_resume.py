@@ -177,7 +177,7 @@ def test_what_does_not_branch_off_is_a_sentence(rig, cotrack, tmp_path):
         assert said in err.splitlines()[-1]
         assert not (tmp_path / "new.mcap").exists()
     short = ("run.stop=0.02", "run.checkpoints=0.01", "chain.links=8", "expect={}")
-    chain = ran(tmp_path / "chain.mcap", "hanging_chain", "rigid", *short)
+    chain = ran(tmp_path / "chain.mcap", "hanging_chain", "flexible", *short)
     said = "with --set chain.links=9 the state of 'chain' has another size"
     with pytest.raises(UnusableCheckpoint, match=said):
         resume(chain, tmp_path / "new.mcap", 0.01, settings=["chain.links=9"])

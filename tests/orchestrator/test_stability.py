@@ -93,11 +93,11 @@ CHAIN = ("chain.links=8", "run.stop=0.05 s", "run.links=1")
 
 
 def test_a_right_run_and_a_wrong_one(monkeypatch):
-    scene = load("hanging_chain", "rigid", CHAIN)
+    scene = load("hanging_chain", "flexible", CHAIN)
     row = verdict.judged_run(scene, "sag")
     assert row["verdict"] == RIGHT, row.note
     assert row["found"] == pytest.approx(row["expected"], rel=1e-4)
-    shorter = load("hanging_chain", "rigid", [*CHAIN, "chain.span=0.81"])
+    shorter = load("hanging_chain", "flexible", [*CHAIN, "chain.span=0.81"])
     expects = expectations.EXPECTATIONS["sag"]
     monkeypatch.setitem(expectations.EXPECTATIONS, "sag", (lambda run, _: expects[0](run, shorter), expects[1]))
     row = verdict.judged_run(scene, "sag")
@@ -113,7 +113,7 @@ def outcome(monkeypatch, **result):
         return {"status": "failed", "message": "", "communication_steps": 0, "energy": None} | result
 
     monkeypatch.setattr(verdict, "simulate", fake)
-    return verdict.judged_run(load("hanging_chain", "rigid", CHAIN), "ledger")
+    return verdict.judged_run(load("hanging_chain", "flexible", CHAIN), "ledger")
 
 
 def test_ends_that_are_not_right(monkeypatch):

@@ -258,7 +258,7 @@ def test_a_track_that_leaves_the_ground(tmp_path, time, off):
 # known before the run
 
 
-@pytest.mark.parametrize("name", [name for name in gallery.names() if hasattr(load(name), "vehicle")])
+@pytest.mark.parametrize("name", gallery.names())
 def test_no_scene_of_the_gallery_has_steps_that_are_too_long(name):
     assert [*contact_step.of_scene(load(name).resolved())] == []
 

@@ -208,7 +208,7 @@ def foot():
 @pytest.mark.long
 def test_numbers_under_narrow_panes_do_not_overlap(tmp_path, monkeypatch):
     path, drawn = tmp_path / "folded.mcap", []
-    simulate(load("folded_chain", "rigid", ("run.stop=0.01", "chain.links=65", "expect={}")), path)
+    simulate(load("folded_chain", "flexible", ("run.stop=0.01", "chain.links=65", "expect={}")), path)
     monkeypatch.setattr(side_view, "save_figure", lambda figure, output: drawn.append(figure))
     side_view.draw(path, tmp_path / "x.png")
     (figure,) = drawn

@@ -28,7 +28,7 @@ def driven_log(tmp_path_factory):
 def hanging_log(tmp_path_factory):
     """Log of an open chain, without wheels, hull and ground."""
     path = tmp_path_factory.mktemp("views") / "chain.mcap"
-    simulate(load("hanging_chain", "rigid", ("run.stop=0.02", "chain.links=8", "run.links=5", "expect={}")), path)
+    simulate(load("hanging_chain", "flexible", ("run.stop=0.02", "chain.links=8", "run.links=5", "expect={}")), path)
     return path
 
 

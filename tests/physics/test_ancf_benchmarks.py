@@ -17,7 +17,7 @@ from tests.validation.ancf import chord, dynamics, joints, loads, statics, torsi
 from tests.validation.ancf.cholesky import CholeskyMesh
 from tests.validation.ancf.mesh import Member, Mesh, Support, Tie, in_a_row, nodes
 
-CABLES = [cable, cable_general, cable_engineering]
+CABLES = [cable, *(pytest.param(kind, marks=pytest.mark.long) for kind in (cable_general, cable_engineering))]
 CURES = {"nu = 0": {"nu": 0.0, "split": False}, "split": {"nu": 0.3, "split": True}}
 
 
@@ -302,7 +302,7 @@ def test_damping_takes_energy_only():
 # Cholesky coordinates ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", [cable, cable_general, beam], ids=name)
+@pytest.mark.parametrize("kind", [CABLES[0], CABLES[1], beam], ids=name)
 def test_cholesky_coordinates_have_the_identity_as_mass(kind):
     mesh = cantilever(kind, 4, 20)
     mesh = mesh.loaded(loads.gravity(mesh, [0, 0, -9.81]))

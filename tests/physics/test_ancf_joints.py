@@ -241,7 +241,9 @@ def frame_tip(kind, n, stiffer=1.0, h=0.05, rigid=100.0):
     return u[0] / x - 1, u[2] / z - 1
 
 
-@pytest.mark.parametrize(("kind", "n"), [(beam, 24), (cable, 4), (cable_general, 4)])
+@pytest.mark.parametrize(
+    ("kind", "n"), [(beam, 24), (cable, 4), pytest.param(cable_general, 4, marks=pytest.mark.long)]
+)
 def test_an_l_frame_bends_as_timoshenko_says(kind, n):
     assert max(map(abs, frame_tip(kind, n))) < 5e-3
     assert max(map(abs, frame_tip(kind, n, stiffer=1.03))) > 5e-3

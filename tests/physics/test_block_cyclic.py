@@ -35,7 +35,7 @@ def solved(A, U, L, b, closed: bool):
     return x
 
 
-@pytest.mark.parametrize("m", [1, 4, 5, 8])
+@pytest.mark.parametrize("m", [1, 4, *(pytest.param(m, marks=pytest.mark.long) for m in (5, 8))])
 @pytest.mark.parametrize("n", [2, 3, 7, 64])
 @pytest.mark.parametrize("closed", [True, False])
 def test_equals_dense(n: int, m: int, closed: bool):

@@ -20,6 +20,8 @@ from fmus.physics.chain.state import size
 from fmus.physics.rigid import pin, recursive
 from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
 
+pytestmark = pytest.mark.long  # kernels of their own
+
 P, MASS, G = 0.1524, 18.0, 9.81
 ROD = (0.25, MASS * P**2 / 12.0, MASS * P**2 / 12.0)
 BODY = (0.04, 0.22, 0.25)  # all different: lateral motion couples with motion in the plane
@@ -128,7 +130,6 @@ def _closing(chain):
     return B @ chain.jacobian()
 
 
-@pytest.mark.long
 def test_released_chain_of_thin_rods():
     """The tip of 64 rods released from the horizontal is at 9.413161 m after 0.5 s."""
     chain = Chain(of_angles(np.zeros(64)), HANGS, ROD).run(0.5, 1e-4)
@@ -162,7 +163,6 @@ def pendulum(J):
     return rates
 
 
-@pytest.mark.long
 def test_three_links_by_lagrange():
     angles = np.array([-0.4, 0.3, 0.9])
     chain = Chain(of_angles(angles), HANGS).run(1.0, 1e-4)
@@ -200,7 +200,6 @@ def test_dense_mass_matrix_of_five_links(ends):
     assert np.abs(vdot.ravel() - off).max() > 1e-4 * np.abs(off).max()
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("ends", [HANGS, FLOATS])
 def test_moving_chain_has_the_accelerations_of_the_augmented_formulation(ends):
     rng = np.random.default_rng(2)
@@ -213,7 +212,6 @@ def test_moving_chain_has_the_accelerations_of_the_augmented_formulation(ends):
     assert np.abs(chain.recursive()[0] - expected).max() > 1e-4 * np.abs(expected).max()
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("closure", LOOPS)
 def test_moving_loop_has_them_too(closure):
     chain = loop(12, LOOPS[closure])
@@ -223,7 +221,6 @@ def test_moving_loop_has_them_too(closure):
     assert np.abs(force - pull).max() < 1e-10 * np.abs(pull).max()
 
 
-@pytest.mark.long
 def test_chain_between_two_pins():
     shape = of_angles(np.array([-0.9, -0.5, -0.1, 0.3, 0.5, 0.8]))
     chain = Chain(shape, BETWEEN)
@@ -257,7 +254,6 @@ def test_closing_pin_has_five_equations_of_rank_two():
     assert np.abs(chain.w.articulated.mobility - plane.T @ mobility[:3, :3] @ plane).max() < 1e-12
 
 
-@pytest.mark.long
 def test_thrown_loop_keeps_momentum_and_energy():
     """A thrown loop keeps momentum and energy at order 4.
 
