@@ -47,7 +47,7 @@ QUESTIONS = (
 )  # fmt: skip
 
 
-class Said(NamedTuple):
+class PrintedPhase(NamedTuple):
     """Figures of a phase in the text; NaN where there is none."""
 
     name: str
@@ -73,7 +73,7 @@ def printed(out):
         if match := PRINTED.match(line):
             g = match.groupdict()
             slips = tuple(number(g[side]) for side in ("left", "right") if g[side])
-            yield Said(
+            yield PrintedPhase(
                 g["name"], number(g["start"]), number(g["end"]), number(g["way"] or g["far"]), number(g["speed"]),
                 number(g["yaw"]), number(g["most"]), number(g["radius"]), number(g["power"]), number(g["tension"]),
                 slips,
@@ -92,7 +92,7 @@ def on_page(text):
         mean, _, most = yaw.replace(")", "").partition(" (")
         slip = tuple(number(each) for each in slips.split(" / "))
         values = (number(each) for each in (start, end, way, speed, mean, most, radius, power))
-        yield Said(name, *values, number(tension.removesuffix(" kN")), slip)
+        yield PrintedPhase(name, *values, number(tension.removesuffix(" kN")), slip)
 
 
 @cache
@@ -121,9 +121,9 @@ class Record:
     def of(self, topic, field):
         return np.array([getattr(row, field) for row in self._rows[topic]])
 
-    def phase(self, said):
+    def phase(self, printed_phase):
         """The same figures from the records between two instants; each record has the weight of its step."""
-        a, b = (int(np.abs(self.t - instant).argmin()) for instant in (said.start, said.end))
+        a, b = (int(np.abs(self.t - instant).argmin()) for instant in (printed_phase.start, printed_phase.end))
         hull, h = "/chassis/out", np.diff(self.t[a : b + 1])
         length = self.t[b] - self.t[a]
 
@@ -142,8 +142,8 @@ class Record:
         work = sum(self.of(drive, "energy_work")[[a, b]] for drive in self.drives)
         slips = tuple(float(self.of(track, "slip")[a + 1 : b + 1] @ h / length) for track in sorted(self.tracks))
         tension = max(self.of(track, "tension_max")[a + (a > 0) : b + 1].max() for track in self.tracks)
-        return Said(
-            said.name, float(self.t[a]), float(self.t[b]), way, integral(self.of(hull, "speed")) / length,
+        return PrintedPhase(
+            printed_phase.name, float(self.t[a]), float(self.t[b]), way, integral(self.of(hull, "speed")) / length,
             turned / length, max(means, key=abs), way / abs(turned) if turned else float("nan"),
             float(work[1] - work[0]) / length / 1e3, float(tension) / 1e3, slips,
         )  # fmt: skip
@@ -151,14 +151,16 @@ class Record:
 
 def answers(phases):
     """Answers to the ten questions; NaN where the run has none."""
-    held = [one for one in phases if one.name == "steady" or one.name.startswith("turn")]
-    longest = max(held, key=lambda one: one.end - one.start)
-    turns = [one for one in phases if "left" in one.name or "right" in one.name]
-    tightest = max(turns, key=lambda one: abs(one.yaw_most), default=None)
-    braking = [one.start for one in phases if one.name.startswith("braking")]
-    before = [one.way for one in phases if one.end <= longest.end and one.way == one.way and one.name != "rest"]
-    known = [one.tension for one in phases if one.tension == one.tension]
-    driven = next(one.power for one in phases if one.name.startswith("acceleration"))
+    held = [phase for phase in phases if phase.name == "steady" or phase.name.startswith("turn")]
+    longest = max(held, key=lambda phase: phase.end - phase.start)
+    turns = [phase for phase in phases if "left" in phase.name or "right" in phase.name]
+    tightest = max(turns, key=lambda phase: abs(phase.yaw_most), default=None)
+    braking = [phase.start for phase in phases if phase.name.startswith("braking")]
+    before = [
+        phase.way for phase in phases if phase.end <= longest.end and phase.way == phase.way and phase.name != "rest"
+    ]
+    known = [phase.tension for phase in phases if phase.tension == phase.tension]
+    driven = next(phase.power for phase in phases if phase.name.startswith("acceleration"))
     values = (
         phases[0].end, longest.speed, longest.start, longest.end, sum(before),
         tightest.yaw_most if tightest else np.nan, tightest.radius if tightest else np.nan,
@@ -179,17 +181,17 @@ def test_summary_and_page_answer_ten_questions(cotrack, tmp_path, name):
     status, _, err = cotrack("report", log, "-o", page)
     assert status == 0, err
     record = Record(log)
-    for said in ([*printed(out)], [*on_page(page.read_text(encoding="utf-8"))]):
-        assert _starts_with(kinds, [one.name for one in said])
-        recounted = [record.phase(one) for one in said]
-        wanted, figures = answers(recounted), answers(said)
+    for printed_phases in ([*printed(out)], [*on_page(page.read_text(encoding="utf-8"))]):
+        assert _starts_with(kinds, [phase.name for phase in printed_phases])
+        recounted = [record.phase(phase) for phase in printed_phases]
+        wanted, figures = answers(recounted), answers(printed_phases)
         assert len(figures) == 10
         for question in QUESTIONS:
             assert figures[question] == pytest.approx(wanted[question], rel=6e-3, abs=6e-3, nan_ok=True), question
-        for one, other in zip(said, recounted, strict=True):
-            if one.slips:
-                assert np.resize(one.slips, len(other.slips)) == pytest.approx(other.slips, abs=1.6e-3), one.name
-    _bounds_are_where_the_speed_changes(record, said)
+        for phase, other in zip(printed_phases, recounted, strict=True):
+            if phase.slips:
+                assert np.resize(phase.slips, len(other.slips)) == pytest.approx(other.slips, abs=1.6e-3), phase.name
+    _bounds_are_where_the_speed_changes(record, printed_phases)
     assert _line(out, "largest link tension") == pytest.approx(wanted[QUESTIONS[9]], rel=1e-3)
 
 
@@ -203,15 +205,15 @@ def _line(out, what):
     return float(re.search(rf"{what} ([\d.]+)", out)[1])
 
 
-def _bounds_are_where_the_speed_changes(record, said):
+def _bounds_are_where_the_speed_changes(record, printed_phases):
     """Bounds of phases are where the speed changes, by half-second means of the speed at both ends."""
     v = record.of("/chassis/out", "speed")
     top = np.abs(v).max()
-    for one in said:
-        inside = (record.t >= one.start) & (record.t <= one.end)
-        if one.name == "rest":
+    for phase in printed_phases:
+        inside = (record.t >= phase.start) & (record.t <= phase.end)
+        if phase.name == "rest":
             assert np.abs(np.mean(v[inside])) < 0.05 * top
-        elif one.name.startswith(("steady", "turn")):
+        elif phase.name.startswith(("steady", "turn")):
             assert np.ptp(v[inside]) < 0.4 * top
         else:
             a, b = np.flatnonzero(inside)[[0, -1]]
