@@ -23,12 +23,24 @@ class StepFailed(RuntimeError):
     """A step could not be done; the message is one sentence with time, place and residual."""
 
 
-MOST_STEPS = 100_000  # internal steps in one communication step: more would look like a process that hangs
+MOST_STEPS = 10_000  # internal steps in one communication step: more would look like a process that hangs
 
 
 def finite(values: Floats) -> bool:
-    """Whether all values are finite; tested one by one only where their sum of squares is not finite."""
-    return math.isfinite(values.dot(values)) or bool(np.isfinite(values).all())
+    """Whether all values are finite."""
+    return bool(np.isfinite(values).all())
+
+
+def flaw_of_state(model: ModelProtocol, state: Floats) -> str:
+    """Why an initialised model cannot have this flat state; empty if it can."""
+    if state.shape != model.state.shape:
+        return f"{state.size} numbers for {model.state.size}"
+    if not finite(state):
+        return "numbers that are not finite"
+    for place, count in model.indices:
+        if state[place] not in range(count):
+            return f"{state[place]:g} is no index of {count} entries"
+    return ""
 
 
 TOO_MANY_STEPS = Sentence(
@@ -88,6 +100,7 @@ class ComponentModel:
     start_parameters: tuple[str, ...] = ()  # names of the parameters that ``start_kernel`` reads
     ports: tuple[Port, ...]
     inputs: int  # number of Real inputs
+    indices: tuple[tuple[int, int], ...] = ()  # see ``ModelProtocol``
     state: Floats
     counters: NDArray[np.int64]
     link_ports = 0
@@ -188,6 +201,7 @@ class ModelProtocol(Protocol):
     link_ports: int  # number of link outputs, the last of the Real outputs (computed only when read)
     state: Floats
     counters: NDArray[np.int64]  # values of the Integer outputs, in port order
+    indices: tuple[tuple[int, int], ...]  # (place in the state, entries) of the indices that the state holds
 
     def __init__(self, config: Mapping) -> None:
         """Make a model from ``config``, the resolved JSON that the build packed beside the component."""

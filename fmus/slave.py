@@ -21,7 +21,7 @@ import math
 import sys
 import traceback
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import wraps
 from pathlib import Path
@@ -38,7 +38,8 @@ from fmus.cache import cache_folder, check_trust, reporting_errors, unlogged_war
 from fmus.defaults import check_names, check_value, configured_ports
 from fmus.description import document
 from fmus.jit import compiled_before, source_hash
-from fmus.model import InvalidParameter, ModelProtocol, StepFailed, finite
+from fmus.model import InvalidParameter, ModelProtocol, StepFailed, finite, flaw_of_state
+from fmus.phases import ALLOWED, Phase, not_allowed, refused_step
 from fmus.ports import LINKS_ARRAY, Port, variables
 from fmus.same_build import SameBuild
 from fmus.saved import SlaveState, from_bytes, to_bytes
@@ -84,11 +85,15 @@ def _add_references(*objects: object) -> None:
 
 
 def _guarded(call: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorator: log any exception of an FMI call and raise one Refused, which pythonfmu survives."""
+    """Decorator: refuse calls that the phase does not allow; log any exception, raise one that pythonfmu survives."""
+    name = "fmi2" + call.__name__.title().replace("_", "")
+    phases = ALLOWED.get(name, tuple(Phase))
 
     @wraps(call)
     def guarded(self: Slave, *args: Any) -> Any:
         try:
+            if self._phase not in phases:
+                raise Refused(not_allowed(name, self._phase))
             return call(self, *args)
         except BaseException as error:  # KeyboardInterrupt too: no other exception may leave the call
             sentence = self._report(error)
@@ -124,7 +129,8 @@ class Slave(Fmi2Slave):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        self._status, self._failure, self._phase = OK, "", "instantiated"
+        self._status, self._phase = OK, Phase.INSTANTIATED
+        self._now = self._stop = math.nan  # s: end of the last step, stop time
         try:
             self._load(Path(self.resources))
             with reporting_errors():
@@ -221,7 +227,7 @@ class Slave(Fmi2Slave):
     def get_real(self, vrs: list[int]) -> list[float]:
         """Return the values of Real variables."""
         access = self._access(vrs)
-        if access.outputs and self._stale and self._phase == "initialising":
+        if access.outputs and self._stale:
             self._initialise()
         if access.links and self._links_stale:
             self._refresh_links()
@@ -238,7 +244,7 @@ class Slave(Fmi2Slave):
         self._values[access.places] = values
 
     def _parameter_set(self, name: str) -> None:
-        if self._phase == "running":
+        if self._phase is Phase.RUNNING:
             raise Refused(f"parameter '{name}' is fixed: set it before the end of initialisation")
         self._stale = True
 
@@ -257,7 +263,7 @@ class Slave(Fmi2Slave):
     @_guarded
     def get_integer(self, vrs: list[int]) -> list[int]:
         """Return the values of Integer variables; counters saturate at the largest 32 bit number."""
-        if self._stale and self._phase == "initialising":
+        if self._stale:
             self._initialise()
         places = [self._integer_place(reference) for reference in vrs]
         if self._links_stale and max(places, default=0) >= len(self._integers):
@@ -304,31 +310,40 @@ class Slave(Fmi2Slave):
 
     # ---------------------------------------------------------------- initialisation and steps
 
+    @_guarded
     def setup_experiment(self, start_time: float, stop_time: float | None = None, tolerance: float | None = None):
-        """Do nothing: models get their time with each step."""
+        """Set the time of the first step, and that after which none may end, s."""
+        stop = math.nan if stop_time is None else stop_time
+        if not math.isfinite(start_time) or stop < start_time:
+            raise Refused(f"an experiment cannot last from {start_time:g} to {stop:g} s")
+        self._now, self._stop = float(start_time), float(stop)
 
     @_guarded
     def enter_initialization_mode(self) -> None:
         """Begin initialisation: the model starts when an output is read, or at the end; parameters may change."""
-        self._phase = "initialising"
+        self._phase = Phase.INITIALISING
 
     @_guarded
     def exit_initialization_mode(self) -> None:
         """Start the model, unless reading an output has started it; wrong parameters are refused here."""
         if self._stale:
             self._initialise()
-        self._phase = "running"
+        self._phase = Phase.RUNNING
 
-    def _parameter_values(self) -> dict[str, float | int | str]:
+    def _parameter_values(
+        self, values: NDArray[np.float64], integers: NDArray[np.int64], strings: Sequence[str]
+    ) -> dict[str, float | int | str]:
+        """Checked parameters by name, from the values of all Reals, Integer parameters and Strings."""
         ports = (*self._reals[self._parameters], *self._integer_parameters, *self._string_ports)
-        reals, integers = self._values[self._parameters].tolist(), self._integer_values.tolist()
-        values = (*reals, *integers, *self._string_values)
-        return {port.name: check_value(port, value) for port, value in zip(ports, values, strict=True)}
+        row = (*values[self._parameters].tolist(), *integers.tolist(), *strings)
+        return {port.name: check_value(port, value) for port, value in zip(ports, row, strict=True)}
 
     def _initialise(self) -> None:
-        self._start_values = self._parameter_values()
-        self._model.initialise(self._start_values)
-        self._failure, self._status = "", OK
+        parameters = self._parameter_values(self._values, self._integer_values, self._string_values)
+        self._start_values = {}  # of a model that failed to start
+        self._model.initialise(parameters)
+        self._start_values = parameters
+        self._status = OK
         self._forward_warnings()
         self._refresh()
         self._stale = False
@@ -360,37 +375,37 @@ class Slave(Fmi2Slave):
         self._links_stale = False
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Do one communication step; False (fmi2Discard) where it failed: the state is then the one before."""
+        """Do one communication step; False (fmi2Discard) where it failed: the instance is then the one before."""
         try:
+            sentence = not_allowed("fmi2DoStep", self._phase)
+            if sentence := sentence or refused_step(current_time, step_size, self._now, self._stop):
+                raise Refused(sentence)
             self._step(current_time, step_size)
         except BaseException as error:
             self._report(error)
             return False
+        self._now = float(current_time + step_size)
         return True
 
     def _step(self, t: float, h: float) -> None:
-        if self._failure:
-            raise Refused(f"an earlier call failed ({self._failure}): restore a saved state or reset")
-        if self._phase != "running":
-            raise Refused("a step was asked for before the end of initialisation")
-        if not (math.isfinite(t) and math.isfinite(h) and h > 0.0):
-            raise Refused(f"a step needs a finite time and a positive length, not t = {t}, h = {h}")
-        if not finite(self._u):
-            raise self._not_finite(self._u, self._inputs, f"at t = {t}")
         model = self._model
         state, counters = model.state.copy(), model.counters.copy()
         self._status = OK
         try:
+            if not finite(self._u):
+                raise self._not_finite(self._u, self._inputs, f"at t = {t}")
             model.step(t, h, self._u)
             self._refresh(t + h)
         except BaseException:
             self._warn()  # a warning may explain the failure
             model.state[:], model.counters[:] = state, counters
+            self._status = ERROR
             raise
 
     @_guarded
     def terminate(self) -> None:
-        """Do nothing: the owner frees the instance."""
+        """End the steps; outputs can still be read, and a saved state can be restored."""
+        self._phase = Phase.TERMINATED
 
     # ---------------------------------------------------------------- state
 
@@ -399,8 +414,8 @@ class Slave(Fmi2Slave):
         return SlaveState(
             str(self.guid),
             self._phase,
+            self._now,
             (self._stale, self._links_stale),
-            self._failure,
             tuple(self._string_values),
             self._values.copy(),
             np.array([self._status, *self._integer_values], dtype=np.int64),
@@ -414,18 +429,48 @@ class Slave(Fmi2Slave):
             raise Refused(getattr(state, "flaw", "this is not a state of an FMU of this build"))
         if state.guid != self.guid:
             raise Refused(f"the state belongs to another FMU ({state.guid} instead of {self.guid})")
-        self._phase, self._failure = state.phase, state.failure
-        self._stale, self._links_stale = state.flags
+        self._check_sizes(state)
+        stale, links_stale = state.flags
+        if not stale:  # before a start there is no state yet, and its size may still change
+            self._restore_model(state)
+        self._phase, self._now = Phase(state.phase), state.now
+        self._stale, self._links_stale = stale, links_stale
         self._string_values[:] = state.strings
         self._values[:] = state.values
         self._status = int(state.integers[0])
         self._integer_values[:] = state.integers[1:]
-        if not self._stale and self._start_values != self._parameter_values():  # a state of a run with other parameters
-            self._start_values = self._parameter_values()
-            self._model.initialise(self._start_values)
-        if not self._stale:  # before a start there is no state yet, and its size may still change
-            self._model.state[:] = state.state
-        self._model.counters[:] = state.counters
+
+    def _check_sizes(self, state: SlaveState) -> None:
+        """Refuse arrays of other sizes than the FMU's variables, outputs that are not finite, counters below 0."""
+        sizes = len(state.strings), state.values.size, state.integers.size, state.counters.size
+        expected = (
+            len(self._string_values),
+            self._values.size,
+            1 + self._integer_values.size,
+            self._model.counters.size,
+        )
+        outputs = state.values[self._outputs.start : self._links.stop]
+        if sizes != expected or not finite(outputs) or state.counters.min(initial=0) < 0:
+            raise Refused("these bytes are not a saved state of this FMU: sizes or values that it cannot have")
+
+    def _restore_model(self, state: SlaveState) -> None:
+        """Restore the model, started with other parameters if need be; where that fails it is the one before."""
+        model, started_with = self._model, self._start_values
+        before = model.state.copy(), model.counters.copy()
+        parameters = self._parameter_values(state.values, state.integers[1:], state.strings)
+        restarts = parameters != started_with
+        try:
+            if restarts:
+                model.initialise(parameters)
+            if flaw := flaw_of_state(model, state.state):
+                raise Refused(f"these bytes are not a saved state of this FMU: {flaw}")
+        except BaseException:
+            if restarts and started_with:
+                model.initialise(started_with)
+                model.state[:], model.counters[:] = before
+            raise
+        self._start_values = parameters
+        model.state[:], model.counters[:] = state.state, state.counters
 
     _fmu_state_to_bytes = staticmethod(to_bytes)
     _fmu_state_from_bytes = staticmethod(from_bytes)
@@ -441,12 +486,10 @@ class Slave(Fmi2Slave):
         return f"{type(error).__name__}: {error}{where}"
 
     def _report(self, error: BaseException) -> str:
-        """Log an error and return its sentence; unless a refusal, log the traceback and keep the failure."""
+        """Log an error, unless a refusal with its traceback, and return its sentence."""
         sentence = self._sentence(error)
-        self._status = ERROR
         self.log(sentence, Fmi2Status.error)
         if not isinstance(error, Refused):
-            self._failure = sentence
             trace = "".join(traceback.format_exception(error))
             self.log(trace[-MOST_BYTES:], Fmi2Status.error, "traceback")
         return sentence

@@ -11,7 +11,7 @@ from fmus.course import parse_course
 from fmus.defaults import configured_ports, parameter_values
 from fmus.driver.path import NONE, Path, path_of_arcs, path_through_points
 from fmus.driver.plan import empty_plan
-from fmus.driver.pursuit import WIDTH, ControlLaw, Parts, begin, step, write_outputs
+from fmus.driver.pursuit import PIECE, WIDTH, ControlLaw, Parts, begin, step, write_outputs
 from fmus.driver.skid import footing
 from fmus.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
@@ -114,6 +114,7 @@ class Model(ComponentModel):
         """Start at the beginning of the path; raises InvalidParameter."""
         values = parameter_values(self.ports, parameters)
         self._law, self._path = self._law_of(values), self._path_of(values)
+        self.indices = ((PIECE, max(self._path.first.size - 1, 1)),)
         self.counters[:] = 0
         world_path = self._path._replace(
             x=self._path.x.copy(), y=self._path.y.copy(), heading=self._path.heading.copy()

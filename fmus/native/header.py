@@ -12,6 +12,7 @@ import llvmlite.binding as llvm
 from fmus.native.emit import ANY
 from fmus.native.freeze import Frozen
 from fmus.native.platform import Platform
+from fmus.phases import ALLOWED, JUMP, LATE, RESOLUTION, SHORT, Phase, not_allowed
 from fmus.ports import Port
 from fmus.sentences import GAPS, Sentence
 
@@ -26,11 +27,13 @@ def header(
     variables: Sequence[Port],
     link_ports: int,
     sizes: Mapping[str, int],
+    indices: Sequence[tuple[int, int]],
     sentences: Mapping[str, Sequence[Sentence]],
 ) -> str:
     """Text of ``model.h``.
 
-    ``sizes``: lengths of the blocks x, n, f, k, z; ``sentences``: tables of texts by name.
+    ``sizes``: lengths of the blocks x, n, f, k, z; ``indices``: see ``fmus.model.ModelProtocol``; ``sentences``: tables
+    of texts by name.
     """
     reals = [port for port in variables if isinstance(port.start, float)]
     inputs = sum(port.causality == "input" for port in reals)
@@ -41,8 +44,9 @@ def header(
         "INPUT": inputs, "OUTPUT": outputs, "LINK": link_ports, "REAL": len(reals), "VARIABLE": len(variables),
         "PARAMETER": len(parameters), "STRING": len(strings),
         "STATE": sizes["x"], "COUNTER": sizes["n"], "F": sizes["f"], "K": sizes["k"], "Z": sizes["z"],
-        "WARNING": len(warnings), "MESSAGES": (1 + len(warnings)) * (GAPS + 1),
+        "INDEX": len(indices), "WARNING": len(warnings), "MESSAGES": (1 + len(warnings)) * (GAPS + 1),
     }  # fmt: skip
+    checks = [f"{{ {place}, {count} }}, " for place, count in indices]
     lines = [
         f"#define GUID {json.dumps(guid)}",
         f"#define LINKS {int(link_ports > 0)}",
@@ -50,7 +54,9 @@ def header(
         f"static const double START[] = {{ {', '.join(float(port.start).hex() for port in reals)} }};",
         f"static const char *const NAME[] = {{ {quoted(port.name for port in variables)} }};",
         f"static const Range RANGE[] = {{ {', '.join([*map(_range, parameters), '{ 0, 0, 0, 0 }'])} }};",
+        f"static const Index INDEX[] = {{ {''.join(checks)}{{ 0, 0 }} }};",
         *_choices(strings),
+        *_phases(),
         *(f"extern const {kind} image_{name}[];" for name, kind in
           {"x": "double", "n": "int64_t", "f": "double", "k": "int64_t", "z": "char"}.items()),
         *(line for table, rows in sentences.items() for line in _sentences(table, rows)),
@@ -64,6 +70,20 @@ def _range(port: Port) -> str:
         f"{'-' if bound < 0.0 else ''}INFINITY" if math.isinf(bound) else bound.hex() for bound in port.allowed[:2]
     )
     return f"{{ {int(port.causality == 'parameter')}, {', '.join(bounds)}, {json.dumps(port.allowed.text)} }}"
+
+
+def _phases() -> list[str]:
+    """Phases, and the calls with their sentence for each phase that does not allow them, see ``fmus.phases``."""
+    refusals = (
+        f"{{ {quoted(not_allowed(call, phase) for phase in Phase).replace(json.dumps(''), '0')} }}" for call in ALLOWED
+    )
+    return [
+        f"enum {{ {', '.join(phase.name for phase in Phase)} }};",
+        f"enum {{ {', '.join(f'CALL_{call}' for call in ALLOWED)} }};",
+        f"static const char *const NOT_ALLOWED[][{len(Phase)}] = {{ {', '.join(refusals)} }};",
+        f"static const double RESOLUTION = {RESOLUTION.hex()};",
+        *_sentences("STEP_REFUSED", (SHORT, JUMP, LATE)),
+    ]
 
 
 def _choices(strings: Sequence[Port]) -> list[str]:

@@ -112,6 +112,7 @@ def _pack(kind: str, config: Mapping[str, Any], guid: str, platforms: Sequence[P
                 ports,
                 model.link_ports,
                 sizes,
+                model.indices,
                 {"FAILURE": model.failures, "WARNING": model.warning_sentences, "REFUSED": model.refusals},
             ),
             encoding="utf-8",

@@ -13,9 +13,9 @@
 typedef struct { const char *text, *const *names; } Sentence;
 typedef struct { int free; double least, most; const char *text; } Range; /* of a Real parameter */
 typedef struct { int free, start, count; const char *const *names; } Choice; /* of a String parameter */
+typedef struct { int place, count; } Index; /* of an array, in the state */
 #include "model.h"
 
-enum { INSTANTIATED, INITIALISING, RUNNING };
 enum { WARNED = 1, FAILED = 3 }; /* of the output status */
 enum { LONGEST = 1500, FIRST_LINK = N_INPUT + N_OUTPUT, FIRST_PARAMETER = FIRST_LINK + N_LINK };
 
@@ -41,9 +41,8 @@ static const Kernels ANY = { any_start, any_step, any_show, 0 }, WIDE = { wide_s
 typedef struct { /* everything that changes during a run: saving it is copying it */
     _Alignas(64) double state[N_STATE];
     int64_t counter[N_COUNTER + 1], choice[N_STRING + 1];
-    double value[N_REAL + 1];
-    int32_t phase, stale, links_stale, status, failed;
-    char failure[LONGEST];
+    double value[N_REAL + 1], now; /* end of the last step, s; NaN: not known */
+    int32_t phase, stale, links_stale, status;
 } Data;
 
 typedef struct {
@@ -52,6 +51,7 @@ typedef struct {
     int64_t counter_before[N_COUNTER + 1];
     double started_with[N_PARAMETER + 1]; /* parameters of the last start, to which the blocks belong */
     int64_t chosen[N_STRING + 1];
+    double stop; /* s; NaN: not given */
     double *f;
     int64_t *k;
     char *z, *name;
@@ -85,7 +85,7 @@ static void fill(char *out, size_t room, Sentence s, const double *numbers) {
     out[n < room ? n : room - 1] = 0;
 }
 
-static void tell(Instance *c, fmi2Status status, const char *category, const char *text) {
+static void log_message(Instance *c, fmi2Status status, const char *category, const char *text) {
     char escaped[2 * LONGEST]; /* FMI reads a message as a format */
     size_t n = 0;
     if (!c->call.logger || (status == fmi2OK && !c->logging)) return;
@@ -103,17 +103,22 @@ static fmi2Status refuse(Instance *c, const char *format, ...) {
     va_start(more, format);
     vsnprintf(text, sizeof text, format, more);
     va_end(more);
-    c->d.status = FAILED;
-    tell(c, fmi2Error, "logStatusError", text);
+    log_message(c, fmi2Error, "logStatusError", text);
     return fmi2Error;
 }
 
-static void fail(Instance *c, const char *text) { /* until a reset or a restored state */
-    snprintf(c->d.failure, LONGEST, "%s", text);
-    c->d.failed = 1;
-    c->d.status = FAILED;
-    tell(c, fmi2Error, "logStatusError", c->d.failure);
+static fmi2Status refuse_with(Instance *c, Sentence sentence, double first, double second) {
+    char text[LONGEST];
+    fill(text, sizeof text, sentence, (double[]){first, second});
+    return refuse(c, "%s", text);
 }
+
+static int forbidden(Instance *c, int call) { /* 1: the phase does not allow this call of the table in phases.py */
+    const char *sentence = NOT_ALLOWED[call][c->d.phase];
+    if (sentence) refuse(c, "%s", sentence);
+    return sentence != 0;
+}
+#define CHECK(call) if (forbidden(p, CALL_##call)) return fmi2Error
 
 /* ---- calls of the kernels */
 
@@ -126,12 +131,10 @@ static int finite(const double *a, int n) {
 static int not_finite(Instance *c, int first, const double *a, int n, const char *what, const char *when, double t) {
     for (int i = 0; i < n; i++)
         if (!isfinite(a[i])) {
-            char text[LONGEST];
             if (when[0] == '@')
-                snprintf(text, sizeof text, "%s '%s' is %g at t = %g", what, NAME[first + i], a[i], t);
+                refuse(c, "%s '%s' is %g at t = %g", what, NAME[first + i], a[i], t);
             else
-                snprintf(text, sizeof text, "%s '%s' is %g %s", what, NAME[first + i], a[i], when);
-            fail(c, text);
+                refuse(c, "%s '%s' is %g %s", what, NAME[first + i], a[i], when);
             return 1;
         }
     return 0;
@@ -145,7 +148,7 @@ static void warn(Instance *c) {
         row[0] = 0.0;
         fill(text, sizeof text, WARNING[k], row + 1);
         c->d.status = WARNED;
-        tell(c, fmi2Warning, "logStatusWarning", text);
+        log_message(c, fmi2Warning, "logStatusWarning", text);
     }
 }
 
@@ -155,7 +158,7 @@ static int refresh(Instance *c, const char *when, double t) {
     struct raised *e = 0;
     Data *d = &c->d;
     if (c->run->show(&result, &e, OF(c), y)) {
-        fail(c, "the outputs could not be computed");
+        refuse(c, "the outputs could not be computed");
         return 1;
     }
     if (!finite(y, N_OUTPUT) && not_finite(c, N_INPUT, y, N_OUTPUT, "output", when, t)) return 1;
@@ -166,12 +169,10 @@ static int refresh(Instance *c, const char *when, double t) {
 }
 
 static int unacceptable(Instance *c) { /* 1: a parameter is out of its range */
-    char text[LONGEST];
     for (int i = 0; i < N_PARAMETER; i++) {
         double value = c->d.value[FIRST_PARAMETER + i];
         if (!RANGE[i].free || (isfinite(value) && RANGE[i].least <= value && value <= RANGE[i].most)) continue;
-        snprintf(text, sizeof text, "%s = %.6g: must be %s", NAME[FIRST_PARAMETER + i], value, RANGE[i].text);
-        fail(c, text);
+        refuse(c, "%s = %.6g: must be %s", NAME[FIRST_PARAMETER + i], value, RANGE[i].text);
         return 1;
     }
     return 0;
@@ -191,14 +192,14 @@ static int initialise(Instance *c) {
     memset(c->messages, 0, sizeof c->messages);
     memcpy(c->started_with, d->value + FIRST_PARAMETER, sizeof c->started_with);
     memcpy(c->chosen, d->choice, sizeof c->chosen);
-    d->failed = d->status = 0;
+    d->status = 0;
     if (c->run->start(&refused, &e, OF(c), c->messages)) {
-        fail(c, "the start could not be computed");
+        refuse(c, "the start could not be computed");
         return 1;
     }
     if (refused) {
         fill(text, sizeof text, REFUSED[refused], c->messages);
-        fail(c, text);
+        refuse(c, "%s", text);
         return 1;
     }
     if (refresh(c, "at the start", 0.0)) return 1;
@@ -212,20 +213,16 @@ EXPORT fmi2Status fmi2DoStep(fmi2Component p, fmi2Real t, fmi2Real h, fmi2Boolea
     int64_t failed = 0;
     struct raised *e = 0;
     char text[LONGEST];
+    double slack = RESOLUTION * fmax(1.0, fabs(t));
     (void)no_rollback;
-    if (d->failed) {
-        refuse(c, "an earlier call failed (%s): restore a saved state or reset", d->failure);
+    CHECK(fmi2DoStep);
+    if (!(isfinite(t) && isfinite(h) && h >= slack)) return refuse_with(c, STEP_REFUSED[0], t, h);
+    if (fabs(t - d->now) > slack) return refuse_with(c, STEP_REFUSED[1], t, d->now);
+    if (t + h - c->stop > slack) return refuse_with(c, STEP_REFUSED[2], t + h, c->stop);
+    if (!finite(d->value, N_INPUT) && not_finite(c, 0, d->value, N_INPUT, "input", "@", t)) {
+        d->status = FAILED;
         return fmi2Discard;
     }
-    if (d->phase != RUNNING) {
-        refuse(c, "a step was asked for before the end of initialisation");
-        return fmi2Discard;
-    }
-    if (!(isfinite(t) && isfinite(h) && h > 0.0)) {
-        refuse(c, "a step needs a finite time and a positive length, not t = %g, h = %g", t, h);
-        return fmi2Discard;
-    }
-    if (!finite(d->value, N_INPUT) && not_finite(c, 0, d->value, N_INPUT, "input", "@", t)) return fmi2Discard;
     memcpy(c->state_before, d->state, sizeof c->state_before);
     memcpy(c->counter_before, d->counter, sizeof c->counter_before);
     d->status = 0;
@@ -234,6 +231,7 @@ EXPORT fmi2Status fmi2DoStep(fmi2Component p, fmi2Real t, fmi2Real h, fmi2Boolea
     } else if (failed) {
         fill(text, sizeof text, FAILURE[failed], c->messages);
     } else if (!refresh(c, "@", t + h)) {
+        d->now = t + h;
         return fmi2OK;
     } else {
         text[0] = 0; /* already logged */
@@ -241,7 +239,8 @@ EXPORT fmi2Status fmi2DoStep(fmi2Component p, fmi2Real t, fmi2Real h, fmi2Boolea
     warn(c); /* a warning may explain the failure */
     memcpy(d->state, c->state_before, sizeof c->state_before);
     memcpy(d->counter, c->counter_before, sizeof c->counter_before);
-    if (text[0]) fail(c, text);
+    if (text[0]) refuse(c, "%s", text);
+    d->status = FAILED;
     return fmi2Discard;
 }
 
@@ -252,23 +251,24 @@ static void begin(Instance *c) {
     memcpy(c->d.value, START, sizeof START);
     for (int i = 0; i < N_STRING; i++) c->d.choice[i] = CHOICE[i].start;
     c->d.stale = 1;
+    c->d.now = c->stop = NAN;
 }
 
 #if defined _WIN32
 #include <malloc.h>
-static void *room(size_t size) { return _aligned_malloc(size, 64); }
-static void leave(void *place) { _aligned_free(place); }
+static void *allocate(size_t size) { return _aligned_malloc(size, 64); }
+static void deallocate(void *place) { _aligned_free(place); }
 #else
-static void *room(size_t size) { return aligned_alloc(64, (size + 63) / 64 * 64); }
-static void leave(void *place) { free(place); }
+static void *allocate(size_t size) { return aligned_alloc(64, (size + 63) / 64 * 64); }
+static void deallocate(void *place) { free(place); }
 #endif
 
 static void release(Instance *c) {
-    leave(c->f);
-    leave(c->k);
-    leave(c->z);
+    deallocate(c->f);
+    deallocate(c->k);
+    deallocate(c->z);
     free(c->name);
-    leave(c);
+    deallocate(c);
 }
 
 EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
@@ -276,7 +276,7 @@ EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 
 EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
                                      const fmi2CallbackFunctions *call, fmi2Boolean visible, fmi2Boolean logging) {
-    Instance *c = room(sizeof *c);
+    Instance *c = allocate(sizeof *c);
     (void)resources, (void)visible;
     if (!c) return 0;
     memset(c, 0, sizeof *c);
@@ -284,9 +284,9 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
     c->logging = logging;
     c->run = wide_processor() ? &WIDE : &ANY;
     c->name = malloc(strlen(name ? name : "") + 1);
-    c->f = room(N_F * sizeof *c->f);
-    c->k = room(N_K * sizeof *c->k);
-    c->z = room(N_Z);
+    c->f = allocate(N_F * sizeof *c->f);
+    c->k = allocate(N_K * sizeof *c->k);
+    c->z = allocate(N_Z);
     if (c->name) strcpy(c->name, name ? name : "");
     if (c->name && c->f && c->k && c->z && type == fmi2CoSimulation && guid && !strcmp(guid, GUID)) {
         begin(c);
@@ -312,24 +312,33 @@ EXPORT fmi2Status fmi2SetDebugLogging(fmi2Component p, fmi2Boolean on, size_t n,
 
 EXPORT fmi2Status fmi2SetupExperiment(fmi2Component p, fmi2Boolean a, fmi2Real tolerance, fmi2Real start, fmi2Boolean b,
                                       fmi2Real stop) {
-    (void)p, (void)a, (void)tolerance, (void)start, (void)b, (void)stop;
+    Instance *c = p;
+    (void)a, (void)tolerance;
+    CHECK(fmi2SetupExperiment);
+    if (!b) stop = NAN;
+    if (!isfinite(start) || stop < start) return refuse(c, "an experiment cannot last from %g to %g s", start, stop);
+    c->d.now = start;
+    c->stop = stop;
     return fmi2OK;
 }
 
 EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component p) {
+    CHECK(fmi2EnterInitializationMode);
     ((Instance *)p)->d.phase = INITIALISING;
     return fmi2OK;
 }
 
 EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component p) {
     Instance *c = p;
+    CHECK(fmi2ExitInitializationMode);
     if (c->d.stale && initialise(c)) return fmi2Error;
     c->d.phase = RUNNING;
     return fmi2OK;
 }
 
 EXPORT fmi2Status fmi2Terminate(fmi2Component p) {
-    (void)p;
+    CHECK(fmi2Terminate);
+    ((Instance *)p)->d.phase = TERMINATED;
     return fmi2OK;
 }
 
@@ -340,11 +349,12 @@ EXPORT fmi2Status fmi2Reset(fmi2Component p) {
 
 /* ---- variables: Reals, Integers, Strings share one row of value references */
 
-static int started(Instance *c) { return !(c->d.stale && c->d.phase == INITIALISING) || !initialise(c); }
+static int started(Instance *c) { return !c->d.stale || !initialise(c); }
 
 EXPORT fmi2Status fmi2GetReal(fmi2Component p, const fmi2ValueReference v[], size_t n, fmi2Real to[]) {
     Instance *c = p;
     int outputs = 0, links = 0;
+    CHECK(fmi2GetReal);
     for (size_t i = 0; i < n; i++) {
         int64_t at = v[i];
         if (at >= N_REAL) return refuse(c, "no Real variable has the value reference %u", v[i]);
@@ -358,7 +368,7 @@ EXPORT fmi2Status fmi2GetReal(fmi2Component p, const fmi2ValueReference v[], siz
         struct raised *e = 0;
         double *y = c->d.value + FIRST_LINK;
         if (c->run->show_links(&result, &e, OF(c), y)) {
-            fail(c, "the link outputs could not be computed");
+            refuse(c, "the link outputs could not be computed");
             return fmi2Error;
         }
         if (!finite(y, N_LINK) && not_finite(c, FIRST_LINK, y, N_LINK, "output", "after the last step", 0.0))
@@ -383,6 +393,7 @@ static fmi2Status settable(Instance *c, unsigned v, int is_free, int is_same) { 
 
 EXPORT fmi2Status fmi2SetReal(fmi2Component p, const fmi2ValueReference v[], size_t n, const fmi2Real from[]) {
     Instance *c = p;
+    CHECK(fmi2SetReal);
     for (size_t i = 0; i < n; i++) {
         int64_t at = v[i];
         if (at >= N_REAL) return refuse(c, "no Real variable has the value reference %u", v[i]);
@@ -397,6 +408,7 @@ EXPORT fmi2Status fmi2SetReal(fmi2Component p, const fmi2ValueReference v[], siz
 
 EXPORT fmi2Status fmi2GetInteger(fmi2Component p, const fmi2ValueReference v[], size_t n, fmi2Integer to[]) {
     Instance *c = p;
+    CHECK(fmi2GetInteger);
     if (!started(c)) return fmi2Error;
     for (size_t i = 0; i < n; i++) {
         int64_t at = (int64_t)v[i] - N_REAL, value;
@@ -409,6 +421,7 @@ EXPORT fmi2Status fmi2GetInteger(fmi2Component p, const fmi2ValueReference v[], 
 
 EXPORT fmi2Status fmi2SetInteger(fmi2Component p, const fmi2ValueReference v[], size_t n, const fmi2Integer from[]) {
     (void)from;
+    CHECK(fmi2SetInteger);
     for (size_t i = 0; i < n; i++) {
         if (v[i] < N_REAL || v[i] > N_REAL + N_COUNTER)
             return refuse(p, "no Integer variable has the value reference %u", v[i]);
@@ -420,6 +433,7 @@ EXPORT fmi2Status fmi2SetInteger(fmi2Component p, const fmi2ValueReference v[], 
 static int64_t string_at(unsigned v) { return (int64_t)v - N_REAL - N_COUNTER - 1; }
 
 EXPORT fmi2Status fmi2GetString(fmi2Component p, const fmi2ValueReference v[], size_t n, fmi2String to[]) {
+    CHECK(fmi2GetString);
     for (size_t i = 0; i < n; i++) {
         int64_t at = string_at(v[i]);
         if (at < 0 || at >= N_STRING) return refuse(p, "no String variable has the value reference %u", v[i]);
@@ -444,6 +458,7 @@ static fmi2Status choose(Instance *c, unsigned v, int64_t at, const char *text) 
 }
 
 EXPORT fmi2Status fmi2SetString(fmi2Component p, const fmi2ValueReference v[], size_t n, const fmi2String from[]) {
+    CHECK(fmi2SetString);
     for (size_t i = 0; i < n; i++) {
         int64_t at = string_at(v[i]);
         if (at < 0 || at >= N_STRING) return refuse(p, "no String variable has the value reference %u", v[i]);
@@ -454,17 +469,20 @@ EXPORT fmi2Status fmi2SetString(fmi2Component p, const fmi2ValueReference v[], s
 
 EXPORT fmi2Status fmi2GetBoolean(fmi2Component p, const fmi2ValueReference v[], size_t n, fmi2Boolean to[]) {
     (void)to;
+    CHECK(fmi2GetBoolean);
     return n ? refuse(p, "no Boolean variable has the value reference %u", v[0]) : fmi2OK;
 }
 
 EXPORT fmi2Status fmi2SetBoolean(fmi2Component p, const fmi2ValueReference v[], size_t n, const fmi2Boolean from[]) {
     (void)from;
+    CHECK(fmi2SetBoolean);
     return n ? refuse(p, "no Boolean variable has the value reference %u", v[0]) : fmi2OK;
 }
 
-/* ---- FMU states: their bytes begin with the guid and a checksum */
+/* ---- FMU states: their bytes begin with a checksum of all that follows, and the guid */
 
-typedef struct { char guid[40]; uint64_t sum; Data d; } Bytes;
+typedef struct { uint64_t sum; char guid[40]; Data d; } Bytes;
+enum { SUMMED = sizeof(Bytes) - sizeof(uint64_t) };
 
 static uint64_t checksum(const void *p, size_t n) { /* FNV-1a */
     const unsigned char *b = p;
@@ -474,20 +492,44 @@ static uint64_t checksum(const void *p, size_t n) { /* FNV-1a */
 }
 
 EXPORT fmi2Status fmi2GetFMUstate(fmi2Component p, fmi2FMUstate *to) {
-    if (!*to && !(*to = room(sizeof(Data)))) return refuse(p, "there is no memory for a state");
+    if (!*to && !(*to = allocate(sizeof(Data)))) return refuse(p, "there is no memory for a state");
     memcpy(*to, &((Instance *)p)->d, sizeof(Data));
     return fmi2OK;
+}
+
+static int impossible(const Data *s) { /* 1: no instance has this state */
+    if (s->phase < INSTANTIATED || s->phase > TERMINATED || (s->stale && s->phase > INITIALISING)) return 1;
+    for (int i = 0; i < N_STRING; i++)
+        if (s->choice[i] < 0 || s->choice[i] >= CHOICE[i].count) return 1;
+    for (int i = 0; i < N_COUNTER; i++)
+        if (s->counter[i] < 0) return 1;
+    for (int i = 0; i < N_INDEX && !s->stale; i++) {
+        double at = s->state[INDEX[i].place];
+        if (!(at >= 0.0 && at < INDEX[i].count && at == floor(at))) return 1;
+    }
+    return !finite(s->state, N_STATE) || !finite(s->value + N_INPUT, N_OUTPUT + N_LINK);
 }
 
 EXPORT fmi2Status fmi2SetFMUstate(fmi2Component p, fmi2FMUstate from) {
     Instance *c = p;
     const Data *s = from;
     if (!s) return refuse(c, "this is not a state of an FMU of this build");
+    if (impossible(s)) return refuse(c, "these bytes are not a saved state of this FMU: values that it cannot have");
     if (!s->stale && (c->d.stale || memcmp(c->started_with, s->value + FIRST_PARAMETER, sizeof c->started_with) ||
                       memcmp(c->chosen, s->choice, sizeof c->chosen))) { /* blocks of another start, or of none */
+        Data *before = allocate(sizeof *before);
+        if (!before) return refuse(c, "there is no memory for a state");
+        memcpy(before, &c->d, sizeof *before);
         memcpy(c->d.value, s->value, sizeof c->d.value);
         memcpy(c->d.choice, s->choice, sizeof c->d.choice);
-        if (initialise(c)) return fmi2Error;
+        int failed = initialise(c);
+        if (failed) { /* back to the parameters and the state before */
+            memcpy(&c->d, before, sizeof *before);
+            if (!before->stale) initialise(c);
+            memcpy(&c->d, before, sizeof *before);
+        }
+        deallocate(before);
+        if (failed) return fmi2Error;
     }
     memcpy(&c->d, s, sizeof(Data));
     return fmi2OK;
@@ -496,7 +538,7 @@ EXPORT fmi2Status fmi2SetFMUstate(fmi2Component p, fmi2FMUstate from) {
 EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component p, fmi2FMUstate *state) {
     (void)p;
     if (state) {
-        leave(*state);
+        deallocate(*state);
         *state = 0;
     }
     return fmi2OK;
@@ -511,24 +553,24 @@ EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component p, fmi2FMUstate state
 EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component p, fmi2FMUstate state, fmi2Byte to[], size_t n) {
     Bytes *b;
     if (!state || n < sizeof(Bytes)) return refuse(p, "a state needs %zu bytes", sizeof(Bytes));
-    if (!(b = room(sizeof *b))) return refuse(p, "there is no memory for a state");
+    if (!(b = allocate(sizeof *b))) return refuse(p, "there is no memory for a state");
     memset(b, 0, sizeof *b);
     strcpy(b->guid, GUID);
     memcpy(&b->d, state, sizeof(Data));
-    b->sum = checksum(&b->d, sizeof(Data));
+    b->sum = checksum(b->guid, SUMMED);
     memcpy(to, b, sizeof *b);
-    leave(b);
+    deallocate(b);
     return fmi2OK;
 }
 
 EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component p, const fmi2Byte from[], size_t n, fmi2FMUstate *to) {
     uint64_t sum;
     if (n != sizeof(Bytes)) return refuse(p, "these bytes are not a saved state of this FMU");
-    memcpy(&sum, from + offsetof(Bytes, sum), sizeof sum);
-    if (sum != checksum(from + offsetof(Bytes, d), sizeof(Data)))
+    memcpy(&sum, from, sizeof sum);
+    if (sum != checksum(from + offsetof(Bytes, guid), SUMMED))
         return refuse(p, "these bytes are not a saved state: the checksum does not hold");
-    if (strncmp(from, GUID, sizeof GUID)) return refuse(p, "the state belongs to another FMU than %s", GUID);
-    if (!*to && !(*to = room(sizeof(Data)))) return refuse(p, "there is no memory for a state");
+    if (strncmp(from + offsetof(Bytes, guid), GUID, sizeof GUID)) return refuse(p, "the state belongs to another FMU than %s", GUID);
+    if (!*to && !(*to = allocate(sizeof(Data)))) return refuse(p, "there is no memory for a state");
     memcpy(*to, from + offsetof(Bytes, d), sizeof(Data));
     return fmi2OK;
 }
@@ -556,13 +598,25 @@ EXPORT fmi2Status fmi2GetRealOutputDerivatives(fmi2Component p, const fmi2ValueR
     return refuse(p, "there are no derivatives of outputs");
 }
 
+/* A step that is discarded ends where it began, and another one may follow: the instance never ends a run. */
+EXPORT fmi2Status fmi2GetRealStatus(fmi2Component p, const fmi2StatusKind kind, fmi2Real *to) {
+    if (kind != fmi2LastSuccessfulTime) return fmi2Discard;
+    *to = ((Instance *)p)->d.now;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2GetBooleanStatus(fmi2Component p, const fmi2StatusKind kind, fmi2Boolean *to) {
+    (void)p;
+    if (kind != fmi2Terminated) return fmi2Discard;
+    *to = 0;
+    return fmi2OK;
+}
+
 #define NO_STATUS(name, type)                                                        \
     EXPORT fmi2Status name(fmi2Component p, const fmi2StatusKind kind, type *to) { \
-        (void)kind, (void)to;                                                        \
-        return refuse(p, "steps are not asynchronous");                              \
+        (void)p, (void)kind, (void)to;                                               \
+        return fmi2Discard; /* steps are not asynchronous */                         \
     }
 NO_STATUS(fmi2GetStatus, fmi2Status)
-NO_STATUS(fmi2GetRealStatus, fmi2Real)
 NO_STATUS(fmi2GetIntegerStatus, fmi2Integer)
-NO_STATUS(fmi2GetBooleanStatus, fmi2Boolean)
 NO_STATUS(fmi2GetStringStatus, fmi2String)

@@ -116,7 +116,7 @@ def test_save_step_restore_step_is_bit_equal(component):
     first = advance(component, 5, 10)
     component.restore(saved)
     assert np.array_equal(advance(component, 5, 10), first)
-    assert not np.array_equal(advance(component, 5, 10), first)  # without restoring
+    assert not np.array_equal(advance(component, 15, 10), first)  # without restoring
     component.restore(saved)  # a saved state can be restored more than once
     assert np.array_equal(advance(component, 5, 10), first)
     component.free(saved)
@@ -149,7 +149,7 @@ def test_state_as_bytes_revives_in_a_new_instance_with_its_parameters(toy):
         second.load(content)
         assert np.array_equal(advance(second, 5, 10), trace)
     with Component(toy, "third") as third:
-        third.initialise({})
+        third.initialise({}, start=5 * H)
         assert not np.array_equal(advance(third, 5, 10), trace)
 
 
@@ -196,7 +196,7 @@ def test_two_instances_at_once_keep_apart(toy):
         ("nan", "output 'v' is nan at t = 0.006"),
     ],
 )
-def test_failed_step_tells_why_keeps_what_was_and_stays_failed(toy, trouble, sentence):
+def test_failed_step_tells_why_and_keeps_what_was(toy, trouble, sentence):
     heard = []
     with Component(toy, "toy", lambda *message: heard.append(message)) as component:
         component.initialise({"trouble": trouble})
@@ -211,36 +211,30 @@ def test_failed_step_tells_why_keeps_what_was_and_stays_failed(toy, trouble, sen
         assert np.array_equal((*component.y, *component.y_links), before[:-2])
         assert component.counters[component.integers.index("status")] == 3
         assert component.counters[component.integers.index("solver.steps")] == before[-2]
-        with pytest.raises(ComponentFailed, match=f"an earlier call failed .{re.escape(sentence[:20])}"):
+        with pytest.raises(ComponentFailed, match=re.escape(sentence)):  # and fails again
             component.step(5 * H, H)
 
 
-def test_restoring_a_state_heals_a_failed_component(component):
-    component.initialise({"trouble": "raise"})
-    advance(component, 0, 4)
-    saved = component.save()
-    advance(component, 4, 1)
-    for _ in range(2):
-        with pytest.raises(ComponentFailed):
-            component.step(5 * H, H)
-    component.restore(saved)
-    advance(component, 4, 1)
-
-
-def test_input_that_is_not_finite_is_refused_by_name(component):
+def test_a_step_with_good_input_follows_one_with_bad_input(component):
     component.initialise({})
+    advance(component, 0, 1)
+    saved = component.save()
+    expected = advance(component, 1, 3)
+    component.restore(saved)
     component.u[1] = np.inf
     component.write()
-    with pytest.raises(ComponentFailed, match=r"input 'spare\[1\]' is inf at t = 0.0"):
-        component.step(0.0, H)
+    with pytest.raises(ComponentFailed, match=r"input 'spare\[1\]' is inf at t = 0.001"):
+        component.step(H, H)
+    component.u[1] = 0.0
+    assert np.array_equal(advance(component, 1, 3), expected)
 
 
-@pytest.mark.parametrize("h", [0.0, -H, np.nan])
+@pytest.mark.parametrize("h", [0.0, -H, np.nan, np.inf, 4.94e-324, 1e-310, 0.9e-9])
 def test_step_needs_a_length(component, h):
     component.initialise({})
-    with pytest.raises(ComponentFailed, match="a step needs a finite time and a positive length"):
+    with pytest.raises(ComponentFailed, match="a step needs a finite time and a length of at least 1e-09 s"):
         component.step(0.0, h)
-    component.step(0.0, H)  # still valid
+    component.step(0.0, 1e-9)  # still valid
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from toy.kernels import advance
 class Model:
     step_kernel = advance
     link_ports = 3
+    indices = ()
 
     def __init__(self, config):
         self.config = config

@@ -1,0 +1,78 @@
+"""State machine of an FMU instance: phases, the FMI calls allowed in each, communication points.
+
+Source: FMI 2.0.4, section 4.2.4 (co-simulation). Both shells, `slave.py` and `native/shell.c`, use these tables. Calls
+that are not in `ALLOWED` are allowed in every phase.
+
+Deviations: a call that is refused (fmi2Error) and a step that cannot be done (fmi2Discard) leave the instance as it
+was, so there are no phases for an error and a failed step: the next call, with good input or a shorter step, goes on.
+Without fmi2SetupExperiment the first step may begin at any time.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+
+from fmus.sentences import Sentence, format_sentence
+
+
+class Phase(IntEnum):
+    """Phase of an instance."""
+
+    INSTANTIATED = 0
+    INITIALISING = 1
+    RUNNING = 2
+    TERMINATED = 3
+
+
+def _before_running(*calls: str) -> dict[str, tuple[Phase, ...]]:
+    return dict.fromkeys(calls, (Phase.INSTANTIATED, Phase.INITIALISING, Phase.RUNNING))
+
+
+def _when_initialised(*calls: str) -> dict[str, tuple[Phase, ...]]:
+    return dict.fromkeys(calls, (Phase.INITIALISING, Phase.RUNNING, Phase.TERMINATED))
+
+
+ALLOWED = {
+    "fmi2SetupExperiment": (Phase.INSTANTIATED,),
+    "fmi2EnterInitializationMode": (Phase.INSTANTIATED,),
+    "fmi2ExitInitializationMode": (Phase.INITIALISING,),
+    "fmi2DoStep": (Phase.RUNNING,),
+    "fmi2Terminate": (Phase.RUNNING,),
+    **_before_running("fmi2SetReal", "fmi2SetInteger", "fmi2SetBoolean", "fmi2SetString"),
+    **_when_initialised("fmi2GetReal", "fmi2GetInteger", "fmi2GetBoolean", "fmi2GetString"),
+}
+
+
+def not_allowed(call: str, phase: Phase) -> str:
+    """Sentence that refuses a call of ``ALLOWED`` in a phase; empty where it is allowed."""
+    if phase in ALLOWED[call]:
+        return ""
+    phases = " or ".join(each.name.lower() for each in ALLOWED[call])
+    return f"{call} is not allowed in the phase {phase.name.lower()}, only when {phases}"
+
+
+# Communication points
+
+RESOLUTION = 1e-9  # s, at times above 1 s times the time: shortest communication step, and tolerance of its beginning
+SHORT = Sentence(
+    f"a step needs a finite time and a length of at least {RESOLUTION:g} s (after 1 s: of the time), "
+    "not t = {0:.9g}, h = {1:.9g}"
+)
+JUMP = Sentence("the step begins at t = {0:.9g}, but the last one ended at {1:.9g}: restore a saved state to go back")
+LATE = Sentence("the step ends at t = {0:.9g}, after the stop time {1:.9g}")
+
+
+def refused_step(t: float, h: float, now: float, stop: float) -> str:
+    """Sentence that refuses a step from ``t`` of the length ``h``; empty where it may begin. All times in s.
+
+    ``now``: end of the last step or start time, NaN before a first step without one; ``stop``: stop time or NaN.
+    """
+    slack = RESOLUTION * max(1.0, abs(t))
+    if not (math.isfinite(t) and math.isfinite(h) and h >= slack):
+        return format_sentence(SHORT, (t, h))
+    if abs(t - now) > slack:
+        return format_sentence(JUMP, (t, now))
+    if t + h - stop > slack:
+        return format_sentence(LATE, (t + h, stop))
+    return ""

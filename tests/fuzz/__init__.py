@@ -1,0 +1,1 @@
+"""Fuzzing: random calls, files and settings, with every find kept."""
