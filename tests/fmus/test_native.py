@@ -103,25 +103,27 @@ def assert_same_failure(case, place, value, h):
         component.u[:] = u
         component.write()
         try:
-            model.step(0.5, h, u)
+            model.step(0.0, h, u)
         except StepFailed as error:
             said = str(error)
         else:
             pytest.fail("the model does it")
-        with pytest.raises(ComponentFailed, match=re.escape(said)):
-            component.step(0.5, h)
-        with pytest.raises(ComponentFailed, match=r"an earlier call failed .*restore a saved state or reset"):
-            component.step(0.5, H)
+        for _ in range(2):
+            with pytest.raises(ComponentFailed, match=re.escape(said)):
+                component.step(0.0, h)
         component.read()
         np.testing.assert_array_equal(component.y, y)
+        component.u[:] = run.u[0]
+        component.write()
+        component.step(0.0, H)  # goes on with good input
 
 
 def test_what_is_not_finite_is_named():
     with begun(DRIVE) as component:
         component.u[4] = np.nan
         component.write()
-        with pytest.raises(ComponentFailed, match=r"input 'mount\.orientation\.x' is nan at t = 0\.25"):
-            component.step(0.25, H)
+        with pytest.raises(ComponentFailed, match=r"input 'mount\.orientation\.x' is nan at t = 0$"):
+            component.step(0.0, H)
 
 
 def test_states_go_on_to_the_bit_also_in_another_instance():
