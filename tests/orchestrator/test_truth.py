@@ -67,8 +67,8 @@ def test_adams_error_follows_its_tolerance_in_fewer_evaluations_than_runge_kutta
         assert whole.models["chain"].counters.tolist() == [*whole.effort[:2], 0, whole.effort.rejected]
     assert 2.0 < off[0] / 1e-6 < 500.0, off
     assert all(one / 1000.0 < other < one / 10.0 for one, other in pairwise(off)), off
-    assert off[-1] < np.sqrt(np.mean((equal - exact) ** 2))
-    assert 2 * evaluations[-1] < runge_kutta.effort.evaluations, evaluations
+    of_order_4 = runge_kutta.effort.evaluations * (np.sqrt(np.mean((equal - exact) ** 2)) / off[-1]) ** 0.25
+    assert 2 * evaluations[-1] < of_order_4, (evaluations, off)  # evaluations for the same error
     with pytest.raises(InvalidParameter, match=r"rtol = 1: must be between 1e-13 and 0\.1"):
         Monolith(monolithic.parts_of(assembly), assembly.connections, integrator="adams", rtol=1.0)
     with pytest.raises(InvalidParameter, match=r"integrator = 'euler': a monolith has runge_kutta and adams"):

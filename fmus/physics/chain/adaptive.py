@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.jit import allocating
+from fmus.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.explicit import FAR
 from fmus.physics.chain.kinds import accelerate, derivative, observe, project, speed, stage_joints
@@ -58,7 +58,7 @@ def march(
     (``flexible.release``); ``report`` and ``counters`` as in ``report``.
     After a failure ``s`` is invalid. For the separate arguments see ``implicit``.
     """
-    n, counts, done = m.controlled, m.counts, 0.0
+    n, done = m.controlled, 0.0
     x, y, first = s.flat[:n], m.y[:n], m.counts.copy()
     copy(x, m.x[:n])
     copy(x, y)
@@ -87,10 +87,20 @@ def march(
     for i in range(n):
         if not abs(x[i]) < FAR:
             return IntegrationOutcome(UNSTABLE, done, 0, 0.0)
-    counters[STEPS] += counts[methods.STEPS] - first[methods.STEPS]
-    counters[EVALUATIONS] += counts[methods.EVALUATIONS] - first[methods.EVALUATIONS]
-    counters[REJECTED] += counts[methods.REJECTED] - first[methods.REJECTED]
-    index = n
+    _add_integrals(m, first, h, s, report, counters)
+    accelerate(links, contacts, env, s, w)
+    store_evaluation(s, w)
+    observe(links, env, s, w, report)
+    return IntegrationOutcome(DONE, h, 0, 0.0)
+
+
+@kernel
+def _add_integrals(m: Adams, first: Integers, h: float, s: ChainState, report: Floats, counters: Integers) -> None:
+    """Add what ``m`` integrated over ``h`` s to means, sums and report; ``first``: its counts at the beginning."""
+    counters[STEPS] += m.counts[methods.STEPS] - first[methods.STEPS]
+    counters[EVALUATIONS] += m.counts[methods.EVALUATIONS] - first[methods.EVALUATIONS]
+    counters[REJECTED] += m.counts[methods.REJECTED] - first[methods.REJECTED]
+    index = m.controlled
     s.mean[:] = 0.0
     for total, per in ((s.mean, 1.0 / h), (s.on_links_sum, 1.0)):
         for i in range(total.shape[0]):
@@ -104,10 +114,6 @@ def march(
     report[PATCH_DEFECT] += m.x[index]
     report[WORK] += m.x[index + 1]
     report[TRAVEL] += m.x[index + 2]
-    accelerate(links, contacts, env, s, w)
-    store_evaluation(s, w)
-    observe(links, env, s, w, report)
-    return IntegrationOutcome(DONE, h, 0, 0.0)
 
 
 @allocating
