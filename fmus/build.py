@@ -32,7 +32,10 @@ from fmus.cache import (
     write_checked,
 )
 from fmus.components import KINDS
+from fmus.documentation import documentation, key_parts, readme_beside
 from fmus.jit import ROOT, source_hash, sources
+
+INCLUDED = ("pythonfmu",)  # distribution of which an FMU has the wrapper and the sources
 
 
 class BuildFailed(RuntimeError):
@@ -69,6 +72,7 @@ def build_shell(
         raise BuildFailed(f"no FMU shell at {script}")
     parts = [version("pythonfmu"), source_hash(), script.name, script.read_text(encoding="utf-8"), text]
     parts += [f"{package.name} {source_hash(package)}" for package in packages]
+    parts += key_parts(readme_beside(script), INCLUDED)
     key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
 
     def pack() -> bytes:
@@ -135,7 +139,8 @@ def _pack(stage: Path, script: Path, config: str, packages: Sequence[Path]) -> b
         last = (child.stderr.strip() or "no message").splitlines()[-1]
         raise BuildFailed(f"cannot build {script.stem}: {last.removeprefix('fmus.slave.Refused: ')}")
     with zipfile.ZipFile(str(child_input["target"])) as described:
-        return archive({name: described.read(name) for name in described.namelist()})
+        files = {name: described.read(name) for name in described.namelist()}
+    return archive(files | documentation(files["modelDescription.xml"], readme_beside(script), INCLUDED))
 
 
 def archive(files: Mapping[str, bytes]) -> bytes:

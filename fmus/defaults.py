@@ -10,6 +10,7 @@ from fmus.model import InvalidParameter
 from fmus.ports import Port
 
 KEY = "parameters"  # key of a config: values by name of the parameter
+EXPERIMENT = "experiment"  # key of a config: stop time and communication step of the scene that it was built for, s
 
 
 def check_value(port: Port, value: object) -> float | int | str:
@@ -54,3 +55,9 @@ def check_names(ports: Iterable[Port], config: Mapping[str, Any]) -> None:
     for name in config.get(KEY, {}):
         if name not in names:
             raise InvalidParameter(f"there is no parameter '{name}'")
+
+
+def experiment(config: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Stop time and communication step of the DefaultExperiment, s."""
+    times: Mapping[str, Any] = config.get(EXPERIMENT, {"stop": 1.0, "step": 1e-3})
+    return times

@@ -6,9 +6,11 @@ import math
 import os
 import time
 from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
-from fmus.ports import UNITS, Port
+from fmus.ports import NOMINAL, UNITS, Port
 
 DATE = 315_532_800  # s: 1980-01-01 as for the files in the archive, so that equal sources give equal bytes
 
@@ -23,6 +25,7 @@ def document(
     reals: int,
     continuous: int,
     categories: Mapping[str, str],
+    experiment: Mapping[str, Any],
 ) -> Element:
     """Root element of the document.
 
@@ -34,6 +37,7 @@ def document(
     :param reals: number of Reals.
     :param continuous: number of Reals that are not parameters.
     :param categories: categories of log messages, and their meanings.
+    :param experiment: ``stop`` and ``step``, s, of the DefaultExperiment (see ``defaults.EXPERIMENT``).
     """
     root = _head(name, guid, text, tool)
     units = SubElement(root, "UnitDefinitions")
@@ -43,7 +47,8 @@ def document(
     messages = SubElement(root, "LogCategories")
     for category, meaning in categories.items():
         SubElement(messages, "Category", name=category, description=meaning)
-    SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize="0.001")
+    times = {"stopTime": repr(float(experiment["stop"])), "stepSize": repr(float(experiment["step"]))}
+    SubElement(root, "DefaultExperiment", {"startTime": "0", **times})
     element = SubElement(root, "ModelVariables")
     for reference, port in enumerate(variables):
         _variable(element, reference, port, reference < reals, reference < continuous)
@@ -60,6 +65,10 @@ def _head(name: str, guid: str, text: str, tool: str) -> Element:
         modelName=name,
         guid=guid,
         description=text,
+        author="the cotrack authors",
+        version=version("cotrack"),
+        copyright="Copyright (c) 2026 the cotrack authors",
+        license="MIT, see documentation/licenses/license.txt",
         generationTool=tool,
         generationDateAndTime=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(built)),
         variableNamingConvention="structured",
@@ -101,6 +110,8 @@ def _variable(parent: Element, reference: int, port: Port, real: bool, continuou
     attributes = {"unit": port.unit} if real else {}
     bounds = {"min": port.allowed.least, "max": port.allowed.most}
     attributes |= {name: repr(round(bound, 12)) for name, bound in bounds.items() if math.isfinite(bound)}
+    if real and continuous and port.unit in NOMINAL:
+        attributes["nominal"] = repr(NOMINAL[port.unit])
     if constant or port.causality in ("input", "parameter"):
         attributes["start"] = repr(float(port.start)) if real else str(port.start)
     SubElement(variable, "Real" if real else "String" if isinstance(port.start, str) else "Integer", attributes)

@@ -98,6 +98,9 @@ UNITS: dict[str, dict[str, int]] = {
     "Pa.s": {"kg": 1, "m": -1, "s": -1},
 }
 
+# unit -> nominal value of inputs and outputs, for modelDescription.xml; 1 for the other units
+NOMINAL = {"N": 1e4, "N.m": 1e3, "J": 1e4, "Pa": 1e7, "W": 1e4}
+
 # Number of variables of the two connectors.
 STATE = 13  # position 3, orientation 4, velocity 3, angular velocity 3
 WRENCH = 6  # force 3, torque 3

@@ -35,7 +35,7 @@ from pythonfmu import __version__ as pythonfmu_version
 from pythonfmu.enums import Fmi2Status
 
 from fmus.cache import cache_folder, check_trust, reporting_errors, unlogged_warnings
-from fmus.defaults import check_names, check_value, configured_ports
+from fmus.defaults import check_names, check_value, configured_ports, experiment
 from fmus.description import document
 from fmus.jit import compiled_before, source_hash
 from fmus.model import InvalidParameter, ModelProtocol, StepFailed, finite, flaw_of_state
@@ -152,6 +152,7 @@ class Slave(Fmi2Slave):
         config = (resources / "config.json").read_bytes()
         self.guid = str(uuid.UUID(bytes=hashlib.sha256(f"{BUILD} {type(self)}".encode() + config).digest()[:16]))
         model_config = json.loads(config)
+        self._experiment = experiment(model_config)
         self._model = type(self).model(model_config)
         check_names(self._model.ports, model_config)
         self._sort_ports(configured_ports(self._model.ports, model_config), self._model.link_ports)
@@ -521,6 +522,7 @@ class Slave(Fmi2Slave):
             reals=len(self._reals),
             continuous=self._parameters.start,
             categories=self.log_categories,
+            experiment=self._experiment,
         )
 
 

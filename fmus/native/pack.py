@@ -14,9 +14,10 @@ from xml.etree.ElementTree import tostring
 
 from fmus.build import BuildFailed, archive, build_once
 from fmus.components import KINDS, model_of
-from fmus.defaults import KEY, check_names, configured_ports, parameter_values
+from fmus.defaults import KEY, check_names, configured_ports, experiment, parameter_values
 from fmus.description import document
-from fmus.jit import source_hash
+from fmus.documentation import documentation, key_parts, readme_beside
+from fmus.jit import ROOT, source_hash
 from fmus.native.emit import LEVELS, emit
 from fmus.native.entries import entries, free_names
 from fmus.native.header import header, image
@@ -25,6 +26,7 @@ from fmus.native.platform import LINUX, WINDOWS, Platform
 from fmus.ports import Port, variables
 
 NUMBA = ("0.6",)  # prefixes of the versions whose internals the runtime and the entries rely on
+INCLUDED = ("numba",)  # distributions of which a library has compiled functions
 CATEGORIES = {
     "logStatusWarning": "Messages of a step that was done but needs a look.",
     "logStatusError": "Messages of a call that failed.",
@@ -54,6 +56,7 @@ def build_native(
         raise BuildFailed(str(error)) from None
     sources = [each.read_text(encoding="utf-8") for each in (*SOURCES, HERE / "fmi2.h")]
     parts = [
+        *key_parts(readme_beside(ROOT / KINDS[kind]), INCLUDED),
         "native",
         version("numba"),
         version("llvmlite"),
@@ -130,10 +133,12 @@ def _pack(kind: str, config: Mapping[str, Any], guid: str, platforms: Sequence[P
             except NoCompiler as error:
                 raise BuildFailed(str(error)) from None
             libraries[f"binaries/{platform.folder}/{library.name}"] = library.read_bytes()
-    return archive({"modelDescription.xml": _described(kind, model, guid, ports), **libraries})
+    description = _described(kind, model, guid, ports, experiment(config))
+    pages = documentation(description, readme_beside(ROOT / KINDS[kind]), INCLUDED)
+    return archive({"modelDescription.xml": description, **libraries, **pages})
 
 
-def _described(kind: str, model: Any, guid: str, ports: tuple[Port, ...]) -> bytes:
+def _described(kind: str, model: Any, guid: str, ports: tuple[Port, ...], times: Mapping[str, Any]) -> bytes:
     reals = [port for port in ports if isinstance(port.start, float)]
     root = document(
         kind,
@@ -144,5 +149,6 @@ def _described(kind: str, model: Any, guid: str, ports: tuple[Port, ...]) -> byt
         reals=len(reals),
         continuous=sum(port.causality in ("input", "output") for port in reals),
         categories=CATEGORIES,
+        experiment=times,
     )
     return bytes(tostring(root, encoding="utf-8", xml_declaration=True))

@@ -6,6 +6,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from fmus.defaults import EXPERIMENT, KEY
 from fmus.link_outputs import INTERVAL
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
@@ -36,7 +37,8 @@ def scene_products(scenes: Sequence[Scene]) -> list[Product]:
         for part in sorted(assemble(placed(scene)).parts, key=_side):
             # Another tool takes link means over its own communication step.
             parameters = {name: value for name, value in part.parameters.items() if name != INTERVAL}
-            config = part.config | {"parameters": parameters}
+            times = {"stop": scene.run.stop, "step": scene.run.step}
+            config = part.config | {KEY: parameters, EXPERIMENT: times}
             mirrored = parameters | {"start.lateral": abs(_side(part))}  # one FMU serves both sides
             key = json.dumps([part.kind, part.config, mirrored], sort_keys=True)
             if key in keys:

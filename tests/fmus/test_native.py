@@ -60,7 +60,8 @@ def test_the_library_needs_libc_and_libm_alone_and_validates(case):
     with zipfile.ZipFile(file) as archive:
         names = archive.namelist()
         (library,) = (archive.read(name) for name in names if name.endswith(".so"))
-    assert sorted(names) == [f"binaries/linux64/{ran(case).part.kind}.so", "modelDescription.xml"]
+    pages = ["documentation/index.html", "documentation/licenses/license.txt"]
+    assert sorted(names) == [f"binaries/linux64/{ran(case).part.kind}.so", *pages, "modelDescription.xml"]
     needed = set(re.findall(rb"\0(lib[a-z]+\.so[.0-9]*)(?=\0)", library))
     assert needed <= {b"libc.so.6", b"libm.so.6"}
     assert needed

@@ -31,12 +31,17 @@ def variant(name, kind):
     return placed(load(name, kind if kind in TRACKS else "flexible", VARIANTS[kind]))
 
 
-def described(kind, config, folder):
-    """Start values in the modelDescription.xml of the FMU, without a build."""
+def description(kind, config, folder):
+    """Root element of the modelDescription.xml of the FMU, without a build."""
     (folder / "config.json").write_text(json.dumps(config))
     (folder / "build.txt").write_text(source_hash())
     shell = getattr(import_module("fmus." + KINDS[kind].removesuffix(".py").replace("/", ".")), kind)
-    xml = shell(instance_name=kind, resources=str(folder)).to_xml()
+    return shell(instance_name=kind, resources=str(folder)).to_xml()
+
+
+def described(kind, config, folder):
+    """Start values in the modelDescription.xml of the FMU."""
+    xml = description(kind, config, folder)
     return {v.get("name"): v[0].get("start") for v in xml.iter("ScalarVariable") if v.get("causality") != "output"}
 
 
@@ -72,6 +77,13 @@ def test_every_parameter_of_a_scene_is_a_start_value(name, kind, tmp_path):
             assert (before["element"], fitting[0]["element"]) == ("cable", "beam")
         if part.kind == "SprocketDrive":
             assert before != fitting[0]
+
+
+def test_fmus_have_the_experiment_of_their_scene(tmp_path):
+    scene = load("hanging_chain", "rigid", ["run.stop=0.7", "run.step=2 ms"])
+    ((kind, config, _),) = scene_products([scene])
+    experiment = description(kind, config, tmp_path).find("DefaultExperiment")
+    assert experiment.attrib == {"startTime": "0", "stopTime": "0.7", "stepSize": "0.002"}
 
 
 def test_one_fmu_serves_both_sides_with_the_place_of_the_left_one():

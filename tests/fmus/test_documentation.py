@@ -1,0 +1,91 @@
+"""Documentation, licences and modelDescription.xml of an FMU."""
+
+from html.parser import HTMLParser
+from xml.etree.ElementTree import tostring
+
+import pytest
+
+from fmus.components import KINDS
+from fmus.description import document
+from fmus.documentation import documentation, key_parts, readme_beside
+from fmus.jit import ROOT
+from fmus.ports import NOT_NEGATIVE, Port
+
+PORTS = (
+    Port("brake.torque", "input", "N.m", "torque of the brake"),
+    Port("speed", "output", "rad/s", "speed & direction"),
+    Port("gap", "parameter", "m", "gap <between> both", 0.25, allowed=NOT_NEGATIVE),
+)
+README = "# Brake\nHolds [the wheel](../chassis/README.md).\n\n| file | holds |\n| --- | --- |\n| `a.py` | a |\n"
+
+
+def described(**times):
+    experiment = {"stop": 8.0, "step": 0.00125} | times
+    return document(
+        "Brake",
+        guid="g",
+        text="A brake",
+        tool="t",
+        variables=PORTS,
+        reals=3,
+        continuous=2,
+        categories={},
+        experiment=experiment,
+    )
+
+
+class Reader(HTMLParser):
+    """Text and tags of a page."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.tags, self.cells, self.text, self.cell_open = [], [], "", False
+        self.feed(page)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.cell_open = tag == "td"
+        if self.cell_open:
+            self.cells.append("")
+
+    def handle_endtag(self, tag):
+        self.cell_open = False
+
+    def handle_data(self, data):
+        self.text += data
+        if self.cell_open:
+            self.cells[-1] += data
+
+
+def test_the_page_has_the_readme_and_every_variable_without_links():
+    files = documentation(tostring(described()), README, ("pythonfmu",))
+    page = Reader(files["documentation/index.html"].decode())
+    assert "Holds the wheel." in page.text
+    assert "a" not in page.tags
+    assert page.tags.count("table") == 2
+    assert page.cells[-8:] == ["gap", "parameter", "fixed", "m", "0.25", "0.0", "", "gap <between> both"]
+    assert page.text.count("speed & direction") == 1
+
+
+def test_licences_of_all_parts_are_whole():
+    for included, holders in ((("pythonfmu",), ("the cotrack authors", "NTNU")), (("numba",), ("cotrack", "Anaconda"))):
+        text = documentation(tostring(described()), README, included)["documentation/licenses/license.txt"].decode()
+        for holder in holders:
+            assert "Copyright (c) 2" in text
+            assert holder in text
+        assert text.count("THE SOFTWARE IS PROVIDED") + text.count("THIS SOFTWARE IS PROVIDED") == 2
+
+
+def test_description_names_author_version_licence_and_the_scenes_experiment():
+    root = described(stop=6.0)
+    assert {root.get(name) for name in ("author", "copyright", "license", "version")}.isdisjoint({None, ""})
+    assert root.find("DefaultExperiment").attrib == {"startTime": "0", "stopTime": "6.0", "stepSize": "0.00125"}
+    nominal = {variable.get("name"): variable[0].get("nominal") for variable in root.iter("ScalarVariable")}
+    assert nominal == {"brake.torque": "1000.0", "speed": None, "gap": None}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_component_has_a_readme_that_a_build_depends_on(kind):
+    readme = readme_beside(ROOT / KINDS[kind])
+    assert readme.startswith("# ")
+    assert readme in key_parts(readme, ("numba",))
