@@ -57,7 +57,7 @@ class Driven:
     def __init__(self, fmu: Path) -> None:
         self.messages: list[str] = []
         self._component = Component(fmu, "fuzzed", lambda name, status, text: self._heard(status, text))
-        self._lib, self._handle = self._component._library, self._component._handle
+        self.library, self.handle = self._component._library, self._component._handle
         variables = self._component.description.modelVariables
 
         def of(causality: str) -> list[Any]:
@@ -68,28 +68,30 @@ class Driven:
         self.inputs, self.outputs, self.parameters = of("input"), of("output"), of("parameter")
         self.starts = [float(v.start) for v in self.inputs]
         self.states: list[ctypes.c_void_p] = []
-        python = (unpack(fmu) / "resources" / "slavemodule.txt").is_file()
-        self.refused, self.refused_step = (FATAL, DISCARD) if python else (ERROR, ERROR)
+        self.python = (unpack(fmu) / "resources" / "slavemodule.txt").is_file()
+        self.refused, self.refused_step = (FATAL, DISCARD) if self.python else (ERROR, ERROR)
 
     def _heard(self, status: int, text: str) -> None:
         if status >= DISCARD and not text.startswith("Traceback"):
             self.messages.append(text)
 
     def close(self) -> None:
-        """Free the instance."""
+        """Free the saved states and the instance."""
+        for state in self.states:
+            self.library.fmi2FreeFMUstate(self.handle, ctypes.byref(state))
         self._component.close()
 
     def _set(self, references: list[int], values: list[float]) -> int:
         n = len(references)
         return int(
-            self._lib.fmi2SetReal(self._handle, (ctypes.c_uint * n)(*references), n, (ctypes.c_double * n)(*values))
+            self.library.fmi2SetReal(self.handle, (ctypes.c_uint * n)(*references), n, (ctypes.c_double * n)(*values))
         )
 
     def get(self, references: list[int]) -> tuple[int, list[float]]:
         """Status and values of Reals."""
         n = len(references)
         values = (ctypes.c_double * n)()
-        return int(self._lib.fmi2GetReal(self._handle, (ctypes.c_uint * n)(*references), n, values)), list(values)
+        return int(self.library.fmi2GetReal(self.handle, (ctypes.c_uint * n)(*references), n, values)), list(values)
 
     def shown(self) -> bytes:
         """All outputs, as bytes; raises Wrong for a number that is not finite."""
@@ -100,7 +102,7 @@ class Driven:
 
     def do(self, name: str, argument: Any) -> int:
         """Make a call; its status."""
-        lib, c = self._lib, self._handle
+        lib, c = self.library, self.handle
         match name:
             case "setup":
                 start, stop = argument
@@ -140,20 +142,28 @@ class Driven:
                 return self._restore_flipped(*argument)
         raise ValueError(name)
 
-    def _restore_flipped(self, at: int, place: float) -> int:
-        """Restore the bytes of a saved state with one bit flipped."""
-        lib, c, size = self._lib, self._handle, ctypes.c_size_t()
+    def serialised(self, at: int) -> bytes:
+        """Bytes of a saved state."""
+        lib, c, size = self.library, self.handle, ctypes.c_size_t()
         lib.fmi2SerializedFMUstateSize(c, self.states[at], ctypes.byref(size))
         content = ctypes.create_string_buffer(size.value)
         lib.fmi2SerializeFMUstate(c, self.states[at], content, size)
-        changed = bytearray(content.raw)
-        changed[int(place * size.value)] ^= 4
-        state = ctypes.c_void_p()
-        status = int(lib.fmi2DeSerializeFMUstate(c, bytes(changed), size, ctypes.byref(state)))
+        return content.raw
+
+    def restore(self, content: bytes) -> int:
+        """Restore the state of these bytes; its status."""
+        lib, c, state = self.library, self.handle, ctypes.c_void_p()
+        status = int(lib.fmi2DeSerializeFMUstate(c, content, ctypes.c_size_t(len(content)), ctypes.byref(state)))
         if status == OK:
             status = int(lib.fmi2SetFMUstate(c, state))
             lib.fmi2FreeFMUstate(c, ctypes.byref(state))
         return status
+
+    def _restore_flipped(self, at: int, place: float) -> int:
+        """Restore the bytes of a saved state with one bit flipped."""
+        changed = bytearray(self.serialised(at))
+        changed[int(place * len(changed))] ^= 4
+        return self.restore(bytes(changed))
 
 
 def _drawn(draw: random.Random, m: Machine, saved: list[Machine], driven: Driven) -> Call:

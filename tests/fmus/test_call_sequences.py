@@ -1,0 +1,74 @@
+"""Random sequences of FMI calls and altered saved states: both sorts of FMU keep the standard's order."""
+
+import shutil
+
+import pytest
+from native_cases import CHAIN, CHASSIS, DRIVE, FEW, MANY, native, ran
+
+from fmus.build import build
+from fmus.native.pack import with_constants
+from tests.fuzz import calls, memory, states
+
+NATIVE = [*FEW, *MANY[1:3]]
+PYTHON = [CHASSIS, *FEW[3:], *MANY[:2]]
+
+
+def python_fmu(case):
+    part = ran(case).part
+    return build(part.kind, {**part.config, "parameters": part.parameters})
+
+
+@pytest.mark.parametrize("case", [CHAIN, DRIVE], ids=lambda case: case.part)
+def test_a_native_fmu_answers_as_the_rules_say(case):
+    done = [call for seed in range(10) for call in calls.sequence(native(case), seed)]
+    assert {"enter", "exit", "step", "save", "restore", "terminate", "reset"} <= {call.name for call in done}
+    outcomes = states.run(native(case), 0, 30)
+    assert min(outcomes["refused"], outcomes["done"]) > 0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("case", PYTHON[:2], ids=lambda case: case.part)
+def test_an_fmu_of_python_answers_as_the_rules_say(case):
+    for seed in range(10):
+        calls.sequence(python_fmu(case), seed)
+    assert states.run(python_fmu(case), 0, 30)["refused"] > 0
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("case", PYTHON, ids=str)
+def test_every_fmu_of_python_answers_as_the_rules_say(case):
+    for seed in range(300):
+        calls.sequence(python_fmu(case), seed)
+    states.run(python_fmu(case), 1, 1000)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("case", NATIVE, ids=str)
+def test_every_native_fmu_answers_as_the_rules_say(case):
+    for seed in range(3000):
+        calls.sequence(native(case), seed)
+    states.run(native(case), 1, 3000)
+
+
+def test_the_rules_notice_an_fmu_that_breaks_them(monkeypatch):
+    do = calls.Driven.do
+    lost = lambda self, name, argument: 0 if name == "terminate" else do(self, name, argument)  # noqa: E731
+    monkeypatch.setattr(calls.Driven, "do", lost)
+    with pytest.raises(calls.Wrong, match=r"seed \d+: .* has status 0 instead of \(3,\)"):
+        [calls.sequence(native(DRIVE), seed) for seed in range(20)]
+
+
+@pytest.mark.study
+@pytest.mark.skipif(not shutil.which("valgrind"), reason="valgrind is not installed")
+@pytest.mark.parametrize("case", NATIVE, ids=str)
+def test_no_native_fmu_has_a_memory_error(case, tmp_path):
+    assert memory.valgrind_errors(native(case), 30, 300, tmp_path) == []
+
+
+@pytest.mark.study
+@pytest.mark.skipif(not shutil.which("gcc"), reason="gcc is not installed")
+@pytest.mark.parametrize("case", [DRIVE, CHAIN, CHASSIS], ids=lambda case: case.part)
+def test_the_c_sources_pass_the_sanitizers(case, tmp_path):
+    part = ran(case).part
+    fmu = memory.sanitised(part.kind, with_constants(part.kind, part.config, part.parameters), tmp_path)
+    memory.run_sanitised(fmu, 100, 300)
