@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import zstandard
 from isal.isal_zlib import crc32
 from mcap.data_stream import ReadDataStream
@@ -21,12 +22,14 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, ChunkIndex, DataEnd, Footer, MetadataIndex
 from mcap.writer import MCAP0_MAGIC
+from numpy.typing import NDArray
 
 from orchestrator.log.container_writer import being_written, error_text
 
 HEAD = struct.Struct("<BQ")  # opcode and length before every record
 FOOTER = HEAD.size + 20 + len(MCAP0_MAGIC)  # bytes from the footer to the end of a file
 AROUND = 16 * mmap.PAGESIZE  # bytes that the system may map when one of them is read
+_INDEX = struct.Struct("<HI")  # begins a message index: channel, bytes of its entries
 _CHUNK, _LENGTH = struct.Struct("<QQQII"), struct.Struct("<Q")  # times, size, checksum, length of compression name
 PIECE = 256 * AROUND  # bytes per update of a checksum
 INDEXES: dict[int, tuple[Any, str]] = {  # index records of the summary and their field with an offset
@@ -89,6 +92,24 @@ class ContainerReader:
         if crc not in (0, crc32(content)):
             raise ValueError("its checksum does not hold")
         return content
+
+    def message_offsets(self, offset: int) -> dict[int, NDArray[np.int64]]:
+        """Return offsets (m,) in the content of the chunk at ``offset`` by channel, as its message indexes have them.
+
+        Whatever is damaged is left out.
+        """
+        offsets, following = {}, self.following(offset)
+        while following + HEAD.size < self.size and self._data[following] == Opcode.MESSAGE_INDEX:
+            body = self.body(following)
+            if len(body) >= _INDEX.size:
+                entries = np.frombuffer(body[_INDEX.size : len(body) - (len(body) - _INDEX.size) % 16], "<u8")
+                offsets[_INDEX.unpack_from(body)[0]] = entries[1::2].astype(np.int64)
+            following = self.following(following)
+        return offsets
+
+    def following(self, offset: int) -> int:
+        """Return the offset behind the record at ``offset``."""
+        return offset + HEAD.size + int(HEAD.unpack_from(self._data, offset)[1])
 
     def _decompress(self, kind: bytes, packed: memoryview, size: int) -> bytes:
         if kind == b"":

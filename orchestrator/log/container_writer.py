@@ -37,6 +37,8 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
+from orchestrator.log.message_records import items_at
+
 try:
     import fcntl
 except ImportError:  # Windows locks open files itself
@@ -121,24 +123,22 @@ class ContainerWriter:
     def chunk(
         self, parts: Sequence[tuple[int, NDArray[np.uint8], NDArray[np.uint64]]], reserve_end: bool = False
     ) -> None:
-        """Write a chunk of (channel number, message records (m, size), times (m,) in ns).
+        """Write a chunk of (channel number, message records (m, size), times (m,) in ns), in order of time.
 
         ``reserve_end``: write it only if the end of the file fits behind it, else raise OSError.
         """
-        content = self._joined([rows for _, rows, _ in parts])
         spans = {id(times): times for _, _, times in parts}.values()  # topics share arrays of times
         start, end = min(int(times.min()) for times in spans), max(int(times.max()) for times in spans)
+        places = _places_by_time([rows.shape[1] for _, rows, _ in parts], [times for _, _, times in parts])
+        content = self._interleaved([rows for _, rows, _ in parts], places)
         data = self._compressor.compress(content)
         length = _CHUNK.size - _HEAD + len(data)
         crc = crc32(content)
         head = _CHUNK.pack(Opcode.CHUNK, length, start, end, len(content), crc, len(ZSTD), ZSTD, len(data))
-        indexes, offsets, chunk_offset = bytearray(), {}, 0
-        for number, rows, times in parts:
+        indexes, offsets = bytearray(), {}
+        for (number, _, times), where in zip(parts, places, strict=True):
             offsets[number] = self.size + _HEAD + length + len(indexes)
-            entries = np.empty((len(rows), 2), "<u8")
-            entries[:, 0] = times
-            entries[:, 1] = np.arange(chunk_offset, chunk_offset + rows.size, rows.shape[1])
-            chunk_offset += rows.size
+            entries = np.column_stack([times, where]).astype("<u8", copy=False)
             indexes += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + entries.nbytes, number, entries.nbytes)
             indexes += entries.tobytes()
         offset = self.size
@@ -197,12 +197,15 @@ class ContainerWriter:
         """Close the file."""
         self._stream.close()
 
-    def _joined(self, parts: Sequence[NDArray[np.uint8]]) -> memoryview:
-        """Concatenate arrays into a reused buffer, because allocating memory costs more than the copy."""
+    def _interleaved(self, parts: Sequence[NDArray[np.uint8]], places: Sequence[NDArray[np.int64]]) -> memoryview:
+        """Copy rows to their places in a reused buffer, because allocating memory costs more than the copy."""
         size = sum(part.size for part in parts)
         if size > len(self._room):
             self._room = np.empty(size, np.uint8)
-        np.concatenate([part.ravel() for part in parts], out=self._room[:size])
+        for rows, where in zip(parts, places, strict=True):
+            items_at(self._room[:size], rows.shape[1])[where] = np.ascontiguousarray(rows).view(f"V{rows.shape[1]}")[
+                :, 0
+            ]
         return self._room[:size].data
 
     def _append(self, *parts: bytes | bytearray) -> None:
@@ -233,6 +236,19 @@ class ContainerWriter:
         with suppress(OSError):  # else an incomplete record remains at the end of the file
             self._stream.truncate(self.size)
             self._stream.seek(self.size)
+
+
+def _places_by_time(sizes: Sequence[int], times: Sequence[NDArray[np.uint64]]) -> list[NDArray[np.int64]]:
+    """Return the places (m,), bytes, of the messages of each part if all are in order of time.
+
+    ``sizes``: bytes of a message of each part; at equal times the order of the parts holds.
+    """
+    counts = [len(part) for part in times]
+    order = np.argsort(np.concatenate(times), kind="stable")
+    widths = np.repeat(np.array(sizes, np.int64), counts)
+    places = np.empty(len(order), np.int64)
+    places[order] = np.cumsum(widths[order]) - widths[order]
+    return np.split(places, np.cumsum(counts)[:-1])
 
 
 def check_writable(path: Path) -> None:
