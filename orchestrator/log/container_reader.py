@@ -10,7 +10,7 @@ import io
 import mmap
 import os
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from mcap.records import AttachmentIndex, ChunkIndex, DataEnd, Footer, MetadataI
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
+from orchestrator.log import seal
 from orchestrator.log.container_writer import being_written, error_text
 
 HEAD = struct.Struct("<BQ")  # opcode and length before every record
@@ -107,6 +108,10 @@ class ContainerReader:
             following = self.following(following)
         return offsets
 
+    def opcode(self, offset: int) -> int:
+        """Return the opcode of the record at ``offset``; raises LookupError."""
+        return self._data[offset]
+
     def following(self, offset: int) -> int:
         """Return the offset behind the record at ``offset``."""
         return offset + HEAD.size + int(HEAD.unpack_from(self._data, offset)[1])
@@ -171,6 +176,36 @@ class ContainerReader:
             return []
         return sorted(offsets)
 
+    def summary(self) -> list[tuple[int, int]]:
+        """Return opcode and offset of every record of the summary; empty if it is missing or its checksum fails."""
+        records: list[tuple[int, int]] = []
+        try:
+            opcode, length = HEAD.unpack_from(self._data, self.size - FOOTER)
+            footer = self.record(Footer, self.size - FOOTER)
+            offset, end = footer.summary_start, self.size - FOOTER
+            data_end = offset - HEAD.size - 4
+            if (
+                (opcode, length) != (Opcode.FOOTER, 20)
+                or self._data[self.size - len(MCAP0_MAGIC) :] != MCAP0_MAGIC
+                or not len(MCAP0_MAGIC) <= data_end < offset < end
+                or HEAD.unpack_from(self._data, data_end) != (Opcode.DATA_END, 4)
+                or not self.indexes_sound()
+            ):
+                return []
+            while offset < end:
+                records.append((self._data[offset], offset))
+                offset = self.following(offset)
+        except DAMAGE:
+            return []
+        if offset != end:
+            return []
+        self.data_end, self.ended = data_end, True
+        return records
+
+    def leaf_hash(self, start: int, end: int) -> bytes:
+        """Return the hash of the bytes from ``start`` to ``end`` as a leaf of a seal."""
+        return seal.leaf_hash(self._pieces(start, end))
+
     def release_record(self, offset: int) -> None:
         """Release the mapped pages of the record at ``offset``, which count as memory of the process."""
         _, length = HEAD.unpack_from(self._data, offset)
@@ -194,13 +229,18 @@ class ContainerReader:
 
     def _crc(self, start: int, end: int) -> int:
         crc = 0
+        for part in self._pieces(start, end):
+            crc = crc32(part, crc)
+        return crc
+
+    def _pieces(self, start: int, end: int) -> Iterator[memoryview]:
+        """Yield the bytes from ``start`` to ``end`` in pieces, whose pages are released afterwards."""
         while start < end:
             part_end = min(start - start % PIECE + PIECE, end)
             with memoryview(self._data) as view, view[start:part_end] as part:
-                crc = crc32(part, crc)
+                yield part
             self._release(part_end - part_end % AROUND - PIECE if part_end > PIECE else 0, part_end)
             start = part_end
-        return crc
 
 
 def parse_record(kind: Any, body: bytes) -> Any:
