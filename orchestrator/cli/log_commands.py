@@ -55,6 +55,7 @@ def info(
             * bool(points)
         ),
         f"  digest {summary.digest or 'none: a part is damaged'}",
+        f"  seal {opened.seal or 'none'}",
     ]
     if as_json:
         print(json.dumps(printed.finite(_info_as_json(summary))))
@@ -92,6 +93,7 @@ def _info_as_json(summary: Any) -> dict[str, Any]:
         },
         "attachments": summary.attachments,
         "digest": summary.digest,
+        "seal": opened.seal,
     }
 
 

@@ -176,6 +176,7 @@ def summary(result: dict[str, Any]) -> None:
         _causes(r["energy"]["causes"]) if r["energy"] and r["energy"]["causes"] else "",
         *(_cost(*item) for item in r["components"].items()),
         f"log {r['log']} ({r['log_bytes'] / 1e6:.1f} MB)" if r["log"] else "",
+        f"seal {r['seal']}" if r["seal"] else "",
     ]
     print(_headline(r))
     for line in filter(None, lines):

@@ -130,6 +130,7 @@ def _simulate(
                 if invalidity := summary.invalidity(result["validity"]):
                     status, message = "failed", "; ".join(filter(None, (message, invalidity)))
                 recorder.close(status, message, outcome.steps, _results(result), result["warnings"])
+                result["seal"] = recorder.seal
         except LogFailed as failure:
             outcome = master.RunOutcome("failed", f"{failure}, at t = {reached.t:.6g} s", reached.k, reached.t)
             result |= _outcome_entries(outcome, result["wall_time"]) | {

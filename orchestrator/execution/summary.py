@@ -42,6 +42,7 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
         "rejected_steps": 0,
         "log": None,
         "log_bytes": 0,
+        "seal": "",  # root of the log's seal
         "components": {},
         "energy": None,
         "error": None,

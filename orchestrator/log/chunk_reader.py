@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
 from orchestrator.log.channel_metadata import RecordedChannel
 from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable
-from orchestrator.log.message_records import Messages, runs_by_channel, size_of
+from orchestrator.log.message_records import Messages, Records, records_by_channel, size_of
 from orchestrator.log.schema import Bytes
 
 CACHED_BYTES = 256 << 20  # bytes of unpacked chunks that an open log keeps in memory
@@ -19,17 +19,16 @@ _SPAN = struct.Struct("<QQ")  # begins a chunk: first and last time in it, ns
 class Chunks:
     """Chunks of one log.
 
-    ``spans``: offset in the file -> first and last time in the chunk, s. ``unpacked``: offset -> messages, for the
-    chunks in memory.
+    ``spans``: offset in the file -> first and last time in the chunk, s. ``unpacked``: offset -> content
+    and places of the messages, for the chunks in memory.
     """
 
     def __init__(self, file: ContainerReader, channels: Mapping[int, RecordedChannel]) -> None:
         self._file = file
         self._channels = channels
         self.spans: dict[int, tuple[float, float]] = {}
-        self.unpacked: dict[int, list[Messages]] = {}
+        self.unpacked: dict[int, tuple[Bytes, dict[int, Records]]] = {}
         self._room = CACHED_BYTES
-        self._runs: dict[int, dict[int, list[range]]] = {}  # offset -> places of its messages by channel
 
     def add(self, offset: int) -> None:
         """Register the chunk at ``offset`` with the first and last time in its header."""
@@ -42,36 +41,32 @@ class Chunks:
 
         ``topics`` selects (None: all). ``keep``: keep the unpacked chunk in memory while there is room.
         """
-        piece = self.unpacked.get(offset)
-        if piece is None:
-            piece = self._unpack(offset, keep)
-        return [messages for messages in piece if topics is None or messages.topic in topics]
-
-    def _unpack(self, offset: int, keep: bool) -> list[Messages]:
         try:
-            content = np.frombuffer(self._file.content(offset), np.uint8)
-            if offset not in self._runs:
-                self._runs[offset] = runs_by_channel(content)
-            piece = [
-                _messages(content, self._channels[number], runs)
-                for number, runs in self._runs[offset].items()
-                if number in self._channels
+            content, records = self.unpacked.get(offset) or self._unpack(offset, keep)
+            return [
+                _messages(content, channel, records[number])
+                for number, channel in self._channels.items()
+                if number in records and (topics is None or channel.topic in topics)
             ]
         except DAMAGE as damage:
             raise LogUnreadable(
                 f"{self._file.path}: the chunk at byte {offset} is damaged ({damage}); 'log recover' saves the rest"
             ) from None
+
+    def _unpack(self, offset: int, keep: bool) -> tuple[Bytes, dict[int, Records]]:
+        """Return the content of a chunk and its records by channel; raises one of DAMAGE."""
+        content = np.frombuffer(self._file.content(offset), np.uint8)
+        records = records_by_channel(content, self._file.message_offsets(offset))
         if not keep:
             self._file.release_record(offset)
         elif len(content) <= self._room:  # topics are read one after another, so a kept chunk is unpacked once
             self._room -= len(content)
-            self.unpacked[offset] = piece
-        return piece
+            self.unpacked[offset] = content, records
+        return content, records
 
 
-def _messages(content: Bytes, channel: RecordedChannel, runs: Sequence[range]) -> Messages:
+def _messages(content: Bytes, channel: RecordedChannel, records: Records) -> Messages:
     size = size_of(channel.layout)
-    rows = [content[run.start : run.stop].reshape(-1, run.step) for run in runs]
-    if any(run.step != size for run in runs):
+    if records.size != size:
         raise ValueError(f"a message of {channel.topic} does not have {size} bytes")
-    return Messages(channel.topic, channel.names, channel.layout, rows[0] if len(rows) == 1 else np.concatenate(rows))
+    return Messages(channel.topic, channel.names, channel.layout, records.rows(content))

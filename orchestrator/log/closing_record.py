@@ -9,6 +9,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from orchestrator.log import seal
 from orchestrator.log.message_records import MOST_STEPS
 
 NAME = "closing"  # of the metadata record
@@ -23,12 +24,12 @@ def encode(
     results: Mapping[str, str],
     warnings: Sequence[Mapping[str, object]],
 ) -> dict[str, str]:
-    """Return the record as texts; ``topics``: topic -> (number of messages, sha256)."""
+    """Return the record as texts; ``topics``: topic -> (number of messages, sha256). A seal must follow it."""
     record = {"status": status, "message": message, "steps": str(steps)}
     for topic, (messages, sha256) in topics.items():
         record |= {f"messages:{topic}": str(messages), f"sha256:{topic}": sha256}
     record |= {f"result:{name}": text for name, text in results.items()}
-    return record | {"warnings": json.dumps(list(warnings))}
+    return record | {"warnings": json.dumps(list(warnings)), "seal": seal.ALGORITHM}
 
 
 def decode(record: Mapping[str, str]) -> dict[str, Any]:
@@ -48,6 +49,7 @@ def decode(record: Mapping[str, str]) -> dict[str, Any]:
         "sha256": by_topic["sha256"],
         "results": by_topic["result"],
         "warnings": _warnings(record.get("warnings", "[]")),
+        "seal": record.get("seal", ""),
     }
 
 

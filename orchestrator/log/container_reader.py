@@ -10,10 +10,11 @@ import io
 import mmap
 import os
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import zstandard
 from isal.isal_zlib import crc32
 from mcap.data_stream import ReadDataStream
@@ -21,12 +22,15 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, ChunkIndex, DataEnd, Footer, MetadataIndex
 from mcap.writer import MCAP0_MAGIC
+from numpy.typing import NDArray
 
+from orchestrator.log import seal
 from orchestrator.log.container_writer import being_written, error_text
 
 HEAD = struct.Struct("<BQ")  # opcode and length before every record
 FOOTER = HEAD.size + 20 + len(MCAP0_MAGIC)  # bytes from the footer to the end of a file
 AROUND = 16 * mmap.PAGESIZE  # bytes that the system may map when one of them is read
+_INDEX = struct.Struct("<HI")  # begins a message index: channel, bytes of its entries
 _CHUNK, _LENGTH = struct.Struct("<QQQII"), struct.Struct("<Q")  # times, size, checksum, length of compression name
 PIECE = 256 * AROUND  # bytes per update of a checksum
 INDEXES: dict[int, tuple[Any, str]] = {  # index records of the summary and their field with an offset
@@ -90,6 +94,28 @@ class ContainerReader:
             raise ValueError("its checksum does not hold")
         return content
 
+    def message_offsets(self, offset: int) -> dict[int, NDArray[np.int64]]:
+        """Return offsets (m,) in the content of the chunk at ``offset`` by channel, as its message indexes have them.
+
+        Whatever is damaged is left out.
+        """
+        offsets, following = {}, self.following(offset)
+        while following + HEAD.size < self.size and self._data[following] == Opcode.MESSAGE_INDEX:
+            body = self.body(following)
+            if len(body) >= _INDEX.size:
+                entries = np.frombuffer(body[_INDEX.size : len(body) - (len(body) - _INDEX.size) % 16], "<u8")
+                offsets[_INDEX.unpack_from(body)[0]] = entries[1::2].astype(np.int64)
+            following = self.following(following)
+        return offsets
+
+    def opcode(self, offset: int) -> int:
+        """Return the opcode of the record at ``offset``; raises LookupError."""
+        return self._data[offset]
+
+    def following(self, offset: int) -> int:
+        """Return the offset behind the record at ``offset``."""
+        return offset + HEAD.size + int(HEAD.unpack_from(self._data, offset)[1])
+
     def _decompress(self, kind: bytes, packed: memoryview, size: int) -> bytes:
         if kind == b"":
             return bytes(packed)
@@ -150,6 +176,36 @@ class ContainerReader:
             return []
         return sorted(offsets)
 
+    def summary(self) -> list[tuple[int, int]]:
+        """Return opcode and offset of every record of the summary; empty if it is missing or its checksum fails."""
+        records: list[tuple[int, int]] = []
+        try:
+            opcode, length = HEAD.unpack_from(self._data, self.size - FOOTER)
+            footer = self.record(Footer, self.size - FOOTER)
+            offset, end = footer.summary_start, self.size - FOOTER
+            data_end = offset - HEAD.size - 4
+            if (
+                (opcode, length) != (Opcode.FOOTER, 20)
+                or self._data[self.size - len(MCAP0_MAGIC) :] != MCAP0_MAGIC
+                or not len(MCAP0_MAGIC) <= data_end < offset < end
+                or HEAD.unpack_from(self._data, data_end) != (Opcode.DATA_END, 4)
+                or not self.indexes_sound()
+            ):
+                return []
+            while offset < end:
+                records.append((self._data[offset], offset))
+                offset = self.following(offset)
+        except DAMAGE:
+            return []
+        if offset != end:
+            return []
+        self.data_end, self.ended = data_end, True
+        return records
+
+    def leaf_hash(self, start: int, end: int) -> bytes:
+        """Return the hash of the bytes from ``start`` to ``end`` as a leaf of a seal."""
+        return seal.leaf_hash(self._pieces(start, end))
+
     def release_record(self, offset: int) -> None:
         """Release the mapped pages of the record at ``offset``, which count as memory of the process."""
         _, length = HEAD.unpack_from(self._data, offset)
@@ -173,13 +229,18 @@ class ContainerReader:
 
     def _crc(self, start: int, end: int) -> int:
         crc = 0
+        for part in self._pieces(start, end):
+            crc = crc32(part, crc)
+        return crc
+
+    def _pieces(self, start: int, end: int) -> Iterator[memoryview]:
+        """Yield the bytes from ``start`` to ``end`` in pieces, whose pages are released afterwards."""
         while start < end:
             part_end = min(start - start % PIECE + PIECE, end)
             with memoryview(self._data) as view, view[start:part_end] as part:
-                crc = crc32(part, crc)
+                yield part
             self._release(part_end - part_end % AROUND - PIECE if part_end > PIECE else 0, part_end)
             start = part_end
-        return crc
 
 
 def parse_record(kind: Any, body: bytes) -> Any:

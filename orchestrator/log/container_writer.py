@@ -37,6 +37,9 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
+from orchestrator.log import seal
+from orchestrator.log.message_records import items_at
+
 try:
     import fcntl
 except ImportError:  # Windows locks open files itself
@@ -46,6 +49,7 @@ ZSTD, COMPRESSION_LEVEL = b"zstd", -20  # a quarter of level 1's processor time,
 _CHUNK = struct.Struct("<BQQQQII4sQ")  # chunk without its records: opcode, length, times, size, checksum, kind
 _HEAD = 9  # bytes of opcode and length, which the length does not count
 CLOSING = 1 << 14  # bytes reserved for the closing record on a nearly full disk
+_LEAF = 90  # and for each leaf of the seal
 SUMMARY = (
     Opcode.SCHEMA,
     Opcode.CHANNEL,
@@ -69,6 +73,7 @@ class ContainerWriter:
     def __init__(self, path: Path) -> None:
         self.size = 0
         self._crc = 0  # of all bytes so far
+        self._leaves: list[tuple[int, bytes]] = []  # of the seal: offset and hash
         self._stream = path.open("xb", buffering=0)
         _lock(self._stream)
         self._compressor = zstandard.ZstdCompressor(COMPRESSION_LEVEL)
@@ -121,29 +126,29 @@ class ContainerWriter:
     def chunk(
         self, parts: Sequence[tuple[int, NDArray[np.uint8], NDArray[np.uint64]]], reserve_end: bool = False
     ) -> None:
-        """Write a chunk of (channel number, message records (m, size), times (m,) in ns).
+        """Write a chunk of (channel number, message records (m, size), times (m,) in ns), in order of time.
 
         ``reserve_end``: write it only if the end of the file fits behind it, else raise OSError.
         """
-        content = self._joined([rows for _, rows, _ in parts])
         spans = {id(times): times for _, _, times in parts}.values()  # topics share arrays of times
         start, end = min(int(times.min()) for times in spans), max(int(times.max()) for times in spans)
+        places = _places_by_time([rows.shape[1] for _, rows, _ in parts], [times for _, _, times in parts])
+        content = self._interleaved([rows for _, rows, _ in parts], places)
         data = self._compressor.compress(content)
         length = _CHUNK.size - _HEAD + len(data)
         crc = crc32(content)
         head = _CHUNK.pack(Opcode.CHUNK, length, start, end, len(content), crc, len(ZSTD), ZSTD, len(data))
-        indexes, offsets, chunk_offset = bytearray(), {}, 0
-        for number, rows, times in parts:
+        indexes, offsets = bytearray(), {}
+        for (number, _, times), where in zip(parts, places, strict=True):
             offsets[number] = self.size + _HEAD + length + len(indexes)
-            entries = np.empty((len(rows), 2), "<u8")
-            entries[:, 0] = times
-            entries[:, 1] = np.arange(chunk_offset, chunk_offset + rows.size, rows.shape[1])
-            chunk_offset += rows.size
+            entries = np.column_stack([times, where]).astype("<u8", copy=False)
             indexes += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + entries.nbytes, number, entries.nbytes)
             indexes += entries.tobytes()
         offset = self.size
         if reserve_end:
-            self._check_space(len(head) + len(data) + len(indexes) + CLOSING + len(self._end()))
+            self._check_space(
+                len(head) + len(data) + len(indexes) + CLOSING + _LEAF * len(self._leaves) + len(self._end())
+            )
         self._append(head, data, indexes)
         for number, rows, _ in parts:
             self._counts[number] += len(rows)
@@ -160,6 +165,12 @@ class ContainerWriter:
                 uncompressed_size=len(content),
             )
         )
+
+    def seal(self) -> str:
+        """Write the seal of all records so far, as the last one; return its root."""
+        entries = seal.encode(*zip(*self._leaves, strict=True))
+        self.metadata(seal.NAME, entries)
+        return entries["root"]
 
     def finish(self) -> None:
         """Write end of data, summary and footer in one write, so that a full disk leaves the data intact."""
@@ -197,12 +208,15 @@ class ContainerWriter:
         """Close the file."""
         self._stream.close()
 
-    def _joined(self, parts: Sequence[NDArray[np.uint8]]) -> memoryview:
-        """Concatenate arrays into a reused buffer, because allocating memory costs more than the copy."""
+    def _interleaved(self, parts: Sequence[NDArray[np.uint8]], places: Sequence[NDArray[np.int64]]) -> memoryview:
+        """Copy rows to their places in a reused buffer, because allocating memory costs more than the copy."""
         size = sum(part.size for part in parts)
         if size > len(self._room):
             self._room = np.empty(size, np.uint8)
-        np.concatenate([part.ravel() for part in parts], out=self._room[:size])
+        for rows, where in zip(parts, places, strict=True):
+            items_at(self._room[:size], rows.shape[1])[where] = np.ascontiguousarray(rows).view(f"V{rows.shape[1]}")[
+                :, 0
+            ]
         return self._room[:size].data
 
     def _append(self, *parts: bytes | bytearray) -> None:
@@ -212,6 +226,7 @@ class ContainerWriter:
         except OSError:
             self._cut_back()
             raise
+        self._leaves.append((self.size, seal.leaf_hash(parts)))
         for part in parts:
             self.size += len(part)
             self._crc = crc32(part, self._crc)
@@ -233,6 +248,19 @@ class ContainerWriter:
         with suppress(OSError):  # else an incomplete record remains at the end of the file
             self._stream.truncate(self.size)
             self._stream.seek(self.size)
+
+
+def _places_by_time(sizes: Sequence[int], times: Sequence[NDArray[np.uint64]]) -> list[NDArray[np.int64]]:
+    """Return the places (m,), bytes, of the messages of each part if all are in order of time.
+
+    ``sizes``: bytes of a message of each part; at equal times the order of the parts holds.
+    """
+    counts = [len(part) for part in times]
+    order = np.argsort(np.concatenate(times), kind="stable")
+    widths = np.repeat(np.array(sizes, np.int64), counts)
+    places = np.empty(len(order), np.int64)
+    places[order] = np.cumsum(widths[order]) - widths[order]
+    return np.split(places, np.cumsum(counts)[:-1])
 
 
 def check_writable(path: Path) -> None:

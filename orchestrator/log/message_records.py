@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -74,11 +74,62 @@ def prefix(channel: int, size: int) -> bytes:
     return _PREFIX.pack(Opcode.MESSAGE, size - _HEAD, channel, 0, 0, 0)
 
 
+def items_at(content: Bytes, size: int) -> NDArray[np.void]:
+    """Return the ``size`` bytes that begin at each byte of ``content`` (n,) as an array (n - size + 1,), a view."""
+    return np.ndarray((max(len(content) - size + 1, 0),), f"V{size}", content, 0, (1,))
+
+
+class Records(NamedTuple):
+    """Message records of one channel in the content of a chunk."""
+
+    size: int  # bytes of each
+    offsets: NDArray[np.int64]  # (m,)
+
+    def rows(self, content: Bytes) -> Bytes:
+        """Return the records as rows (m, size); contiguous ones are a view."""
+        first, m = int(self.offsets[0]), len(self.offsets)
+        if np.all(np.diff(self.offsets) == self.size):
+            return content[first : first + m * self.size].reshape(m, self.size)
+        return items_at(content, self.size)[self.offsets].view(np.uint8).reshape(m, self.size)
+
+
+def records_by_channel(content: Bytes, indexed: Mapping[int, NDArray[np.int64]]) -> dict[int, Records]:
+    """Find the message records in the content of a chunk (n,); raises ValueError.
+
+    ``indexed``: offsets (m,) by channel in the message indexes. The records are scanned one by one if these are wrong.
+    """
+    records = {}
+    for channel, offsets in indexed.items():
+        if not len(offsets) or offsets.min() < 0 or offsets.max() > len(content) - IDENTITY:
+            break
+        heads = items_at(content, IDENTITY)[offsets].view(np.uint8).reshape(-1, IDENTITY)
+        opcode, length, number = _IDENTITY.unpack(heads[0].tobytes())
+        if opcode != Opcode.MESSAGE or number != channel or (heads != heads[0]).any():
+            break
+        records[channel] = Records(_HEAD + length, offsets)
+    if len(records) == len(indexed) and _cover(records.values(), len(content)):
+        return records
+    return {channel: _of_runs(runs) for channel, runs in runs_by_channel(content).items()}
+
+
+def _cover(records: Collection[Records], size: int) -> bool:
+    """Whether records fill ``size`` bytes without gap and overlap."""
+    begins = np.concatenate([np.empty(0, np.int64), *(part.offsets for part in records)])
+    ends = np.concatenate([np.empty(0, np.int64), *(part.offsets + part.size for part in records)])
+    return np.array_equal(np.append(np.sort(begins), size), np.append(0, np.sort(ends)))
+
+
+def _of_runs(runs: Sequence[range]) -> Records:
+    """Return the records of runs; raises ValueError if they differ in size."""
+    if len({run.step for run in runs}) > 1:
+        raise ValueError("messages of one channel differ in size")
+    return Records(runs[0].step, np.concatenate([np.arange(run.start, run.stop, run.step) for run in runs]))
+
+
 def runs_by_channel(content: Bytes) -> dict[int, list[range]]:
     """Find the message records in the content of a chunk (n,); raises ValueError.
 
-    Returns ranges of offsets by channel. A range is a run of records of equal size, which is its step. ``recorder``
-    writes the records of a channel in one run.
+    Returns ranges of offsets by channel. A range is a run of records of equal size, which is its step.
     """
     runs: dict[int, list[range]] = {}
     offset, end = 0, len(content)

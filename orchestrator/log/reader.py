@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from itertools import chain
@@ -18,16 +17,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from isal.isal_zlib import crc32
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.records import Attachment
 from numpy.typing import NDArray
 
-from orchestrator.log import channel_metadata, closing_record, log_format, notices, signal_names
-from orchestrator.log.chunk_reader import Chunks
-from orchestrator.log.container_reader import ContainerReader, LogUnreadable, parse_record
+from orchestrator.log import notices, seal_check, signal_names
+from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable, parse_record
+from orchestrator.log.contents import Contents
 from orchestrator.log.message_records import Messages
 from orchestrator.log.stream import Stream
-from orchestrator.log.time_series import EVER, Floats, Series, Topic, empty_series, join_series
+from orchestrator.log.time_series import EVER, Floats, Series, empty_series, join_series
 
 
 class NoSuchSignal(LookupError):
@@ -43,30 +43,30 @@ class Log(AbstractContextManager["Log"]):
     ``topics``, ``metadata`` (name -> key -> value) and ``attachments`` (names) were written before step 0.
     ``closing`` is the closing record with ``status``, ``message``, ``steps``, ``results``, ``warnings`` (dicts with
     component, text, time in s and count), and ``messages`` and ``sha256`` by topic; None if the log was cut off.
-    ``complete``: closing record and indexes exist and the walk found no fault. ``faults``: sentences.
+    ``complete``: closing record and indexes exist and opening found no fault. ``faults``: sentences. ``seal``: root of
+    the seal, "" without one; attachments are checked by it when they are read, all the rest by ``seal_faults``.
 
     :param unfinished: the run may still be going on; otherwise opening a log that was cut off issues a LogNotice.
+    :param by_index: open the log by the summary at its end if this is whole; False: look at every record.
     :raises LogUnreadable: if the file is missing or no log.
     """
 
-    def __init__(self, path: str | os.PathLike[str], unfinished: bool = False) -> None:
+    def __init__(self, path: str | os.PathLike[str], unfinished: bool = False, by_index: bool = True) -> None:
         self.path = Path(path)
         self._file = ContainerReader(self.path)
         self.size = self._file.size
         self.faults = self._file.faults
         self.being_written = self._file.being_written  # by a run that has not ended
-        self.topics: dict[str, Topic] = {}
-        self.metadata: dict[str, dict[str, str]] = {}
-        self.others: dict[str, str] = {}  # topics of other tools, left out by this reader -> message type
-        self.closing: dict | None = None
-        self._attachments: dict[str, int] = {}  # name -> offset
-        self._schemas: dict[int, Schema] = {}
-        self._channels: dict[int, channel_metadata.RecordedChannel] = {}
-        self._recorded: dict[str, channel_metadata.RecordedChannel] = {}
-        self._chunks = Chunks(self._file, self._channels)
+        self._contents = contents = Contents(self._file, by_index)
+        self.topics = contents.topics
+        self.metadata = contents.metadata
+        self.others = contents.others  # topics of other tools, left out by this reader -> message type
+        self.closing = contents.closing
+        self.seal = contents.seal.root if contents.seal else ""
+        self._attachments = contents.attachments  # name -> offset
+        self._recorded = contents.recorded
+        self._chunks = contents.chunks
         self._series: dict[str, Series] = {}
-        self._file.walk(self._register)
-        self._check_wires()
         self.complete = self.closing is not None and self._file.ended and not self.faults
         is_cut_off = self.closing is None and bool(self.topics) and not self.being_written
         last = max((end for _, end in self._chunks.spans.values()), default=0.0)
@@ -101,10 +101,18 @@ class Log(AbstractContextManager["Log"]):
         if name not in self._attachments:
             raise NoSuchSignal(f"{self.path} has no attachment '{name}'{signal_names.near(name, self._attachments)}")
         offset = self._attachments[name]
-        body = self._file.body(offset)
-        if zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
-            raise LogUnreadable(f"{self.path}: the attachment '{name}' at byte {offset} is damaged")
-        return parse_record(Attachment, body).data
+        try:
+            body = self._file.body(offset)
+            if self._file.opcode(offset) != Opcode.ATTACHMENT or crc32(body[:-4]) != int.from_bytes(
+                body[-4:], "little"
+            ):
+                raise ValueError("its checksum does not hold")
+            content = parse_record(Attachment, body).data
+        except DAMAGE:
+            raise LogUnreadable(f"{self.path}: the attachment '{name}' at byte {offset} is damaged") from None
+        if not self._contents.is_sealed(offset):
+            raise LogUnreadable(f"{self.path} is not as it was sealed: the attachment '{name}' is changed")
+        return content
 
     def table(self, name: str) -> dict[str, Any]:
         """Return the JSON object in an attached file; raises NoSuchSignal, LogUnreadable."""
@@ -320,6 +328,21 @@ class Log(AbstractContextManager["Log"]):
         """Whether the checksum over all data, without the indexes at the end, holds."""
         return self._file.data_sound()
 
+    def seal_faults(self) -> list[str]:
+        """Return sentences if the log is not as it was sealed or lost its seal; reads the whole file."""
+        return seal_check.seal_faults(self._file, self._contents)
+
+    def check_seal(self) -> None:
+        """Raise LogUnreadable if the log is not as it was sealed; reads the whole file."""
+        if faults := self.seal_faults():
+            raise LogUnreadable(
+                f"{faults[0]}; 'cotrack log recover' writes a log of what it holds now, and seals it anew"
+            )
+
+    def index_faults(self) -> list[str]:
+        """Return a sentence if the indexes at the end do not list what the file holds."""
+        return seal_check.index_faults(self._file)
+
     def checksums(self) -> list[str]:
         """Check attachments and the checksums over all bytes; return faults as sentences (chunks: ``intact``)."""
         faults = []
@@ -333,59 +356,6 @@ class Log(AbstractContextManager["Log"]):
         if self._file.ended and not self._file.indexes_sound():
             faults.append(f"{self.path}: the checksum over the indexes does not hold")
         return faults
-
-    def _register(self, opcode: int, offset: int) -> None:
-        """Register a record of the walk; raises one of ``container_reader.DAMAGE``."""
-        if opcode == Opcode.CHUNK:
-            self._chunks.add(offset)
-        elif opcode == Opcode.ATTACHMENT:
-            self._attachments[self._file.record(Attachment, offset).name] = offset
-        elif opcode == Opcode.METADATA:
-            record = self._file.record(Metadata, offset)
-            if record.name == log_format.NAME:
-                self._check_format(record.metadata)
-            elif record.name == closing_record.NAME:
-                self.closing = closing_record.decode(record.metadata)
-            else:
-                self.metadata[record.name] = record.metadata
-        elif opcode == Opcode.SCHEMA:
-            schema = self._file.record(Schema, offset)
-            self._schemas[schema.id] = schema
-        elif opcode == Opcode.CHANNEL:
-            self._register_channel(self._file.record(Channel, offset))
-
-    def _check_format(self, record: Mapping[str, str]) -> None:
-        """Raise LogUnreadable for a log of a newer format."""
-        try:
-            log_format.check_version(record)
-        except log_format.TooNew as newer:
-            self.close()
-            raise LogUnreadable(f"{self.path} {newer}") from None
-
-    def _register_channel(self, channel: Channel) -> None:
-        """Register a channel; one that ``recorder`` did not write goes to ``others``."""
-        if channel.id in self._channels:
-            return
-        if "places" not in channel.metadata:
-            schema = self._schemas.get(channel.schema_id)
-            self.others[channel.topic] = schema.name if schema else channel.message_encoding
-            return
-        recorded = channel_metadata.decode(channel.topic, channel.metadata, self._schemas[channel.schema_id].data)
-        if self.topics.setdefault(channel.topic, recorded.about) != recorded.about:
-            raise ValueError(f"{channel.topic} has two different descriptions")
-        self._channels[channel.id] = self._recorded[channel.topic] = recorded
-
-    def _check_wires(self) -> None:
-        """Remove topics whose wires refer to outputs that the log lacks; each is a fault."""
-        for topic, about in list(self.topics.items()):
-            for wire in about.wires:
-                source = self._recorded.get(wire.source)
-                names = () if source is None else source.names
-                if source is None or source.about.every > 1 or not set(wire.outputs) <= set(names):
-                    self._file.add_fault(f"{self.path}: {topic} is wired to {wire.source}, which lacks what it needs")
-                    self.topics.pop(topic, None)
-        for number in [number for number, channel in self._channels.items() if channel.topic not in self.topics]:
-            del self._channels[number]
 
     def _empty_series(self, topic: str) -> Series:
         """Return an empty series of a topic; raises NoSuchSignal."""

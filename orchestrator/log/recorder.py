@@ -62,6 +62,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         flush: float = 0.25,
     ) -> None:
         self.path = Path(path)
+        self.seal = ""  # root of the seal, once the log is closed
         strides, wired = every or {}, wires or {}
         self._channels = {}
         for number, (topic, variables) in enumerate(topics.items(), 1):
@@ -249,7 +250,9 @@ class Recorder(AbstractContextManager["Recorder"]):
             totals = {topic: (channel.messages, channel.hash.hexdigest()) for topic, channel in self._channels.items()}
             record = closing_record.encode(status, message, steps, totals, results or {}, warnings)
             self._file.metadata(closing_record.NAME, record)
+            root = self._file.seal()
             self._file.finish()
+            self.seal = root
         except OSError as error:
             self._failure = self._failure or log_failed(self.path, error)
         finally:

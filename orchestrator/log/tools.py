@@ -80,7 +80,7 @@ class Info(NamedTuple):
 def verify(path: str | os.PathLike[str]) -> LogVerdict:
     """Check that a log is whole: checksums, steps, sha256, closing record, wires against connections."""
     try:
-        with Log(path, unfinished=True) as log:
+        with Log(path, unfinished=True, by_index=False) as log:
             faults = _faults(log)
             if faults:
                 return LogVerdict(BROKEN, faults)
@@ -88,7 +88,14 @@ def verify(path: str | os.PathLike[str]) -> LogVerdict:
             count = sum(closing["messages"].values())
             sentence = f"{path} is whole: {len(log.topics)} topics, {count} messages, {closing['steps']} steps"
             ending = f"the run ended with status {closing['status']}"
-            return LogVerdict(WHOLE, [sentence, f"{ending}: {closing['message']}" if closing["message"] else ending])
+            return LogVerdict(
+                WHOLE,
+                [
+                    sentence,
+                    f"{ending}: {closing['message']}" if closing["message"] else ending,
+                    f"seal {log.seal}" if log.seal else "no seal: an older cotrack made it",
+                ],
+            )
     except LogUnreadable as error:
         return LogVerdict(BROKEN, [str(error)])
 
@@ -102,6 +109,7 @@ def _faults(log: Log) -> list[str]:
         for fault in tallies[messages.topic].add(messages, _stride(log, messages.topic))
     ]
     faults = [*log.faults, *log.checksums(), *faults, *_unconnected_wires(log)]
+    faults += [fault for fault in log.seal_faults() if fault not in faults]
     if log.closing is None:
         last = max((tally.last for tally in tallies.values() if tally.messages), default=0.0)
         end = "has come to" if log.being_written else "was cut off after"
@@ -163,7 +171,7 @@ def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> LogVer
     if target.exists() and source.exists() and target.samefile(source):
         return LogVerdict(BROKEN, [f"{target} is the log itself: give another name"])
     try:
-        with Log(source, unfinished=True) as log:
+        with Log(source, unfinished=True, by_index=False) as log:
             if not log.topics:
                 return LogVerdict(BROKEN, [f"nothing could be saved from {source}", *log.faults])
             with _replacing(target) as fresh:
@@ -200,7 +208,9 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> LogVerdict:
     attachments = {name: content for name in names if (content := _attachment(log, name)) is not None}
     reached = 0.0
     wires = {topic: about.wires for topic, about in log.topics.items()}
-    with Recorder(fresh, topics, attachments, log.metadata, every=every, wires=wires) as recorder:
+    metadata = {**log.metadata, "recovered": {"of": _text(log.path), "seal": log.seal or "none"}}
+    resealed = f"sealed anew; {log.path} {f'had the seal {log.seal}' if log.seal else 'had no seal'}"
+    with Recorder(fresh, topics, attachments, metadata, every=every, wires=wires) as recorder:
         for messages in log.intact():
             t, h, _, values = messages.decode()
             rows = slice(None) if steps is None else np.isin(_steps(messages), steps)
@@ -211,7 +221,7 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> LogVerdict:
             reached = max([reached, *ends[rows].tolist()])
         if untouched:
             recorder.close(*(closing[key] for key in ("status", "message", "steps", "results", "warnings")))
-            return LogVerdict(WHOLE, [f"{target} holds everything that was recorded", *log.faults])
+            return LogVerdict(WHOLE, [f"{target} holds everything that was recorded", resealed, *log.faults])
         ending = f"; the run ended with status {closing['status']}" if closing["status"] else ""
         recorder.close(
             "failed",
@@ -223,7 +233,11 @@ def _rewrite(log: Log, fresh: Path, target: Path) -> LogVerdict:
     sentence = f"{target} holds {sum(counts.values())} messages, to t = {reached:.6g} s; the rest is lost"
     if counts == closing["messages"] and len(attachments) == len(names) and steps is None:
         sentence = f"{target} holds all {sum(counts.values())} messages, but names or metadata may be damaged"
-    return LogVerdict(RECOVERED, [sentence, *log.faults])
+    return LogVerdict(RECOVERED, [sentence, resealed, *log.faults])
+
+
+def _text(path: Path) -> str:
+    return path.name.encode(errors="backslashreplace").decode()  # file names may hold bytes that are not text
 
 
 def _whole_steps(log: Log, recorded: Mapping[str, int], done: int) -> NDArray[np.int64] | None:
@@ -267,7 +281,7 @@ def _attachment(log: Log, name: str) -> bytes | None:
 
 def info(path: str | os.PathLike[str]) -> Info:
     """Read a whole log and return its summary; raises LogUnreadable."""
-    with Log(path, unfinished=True) as log:
+    with Log(path, unfinished=True, by_index=False) as log:
         tallies, n_faults = {topic: Tally() for topic in log.topics}, len(log.faults)
         for messages in log.intact():
             tallies[messages.topic].add(messages, None)

@@ -15,6 +15,7 @@ from orchestrator.log.closing_record import NAME as CLOSING
 from orchestrator.log.container_writer import ContainerWriter
 from orchestrator.log.message_records import PREFIX
 from orchestrator.log.reader import Log
+from orchestrator.log.seal import NAME as SEAL
 
 DIGITS = int("9" * 400)
 VALUES = (
@@ -57,13 +58,16 @@ class Content:
                     bits[:] = (bits.copy().view("<i8") + 1).view(np.uint8)
                     piece[k] = number, rows, times
 
-    def write(self, path: Path) -> Path:
-        """Write the content as a log; raises UnicodeEncodeError for text that no record can hold."""
+    def write(self, path: Path, old_seal: bool = False) -> Path:
+        """Write the content as a log; raises UnicodeEncodeError for text that no record can hold.
+
+        A seal is made anew, or stays as it was (``old_seal``).
+        """
         path.unlink(missing_ok=True)
         file = ContainerWriter(path)
         try:
             for name, entries in self.metadata.items():
-                if name != CLOSING:
+                if name not in (CLOSING, SEAL):
                     file.metadata(name, entries)
             for name, content in self.attachments.items():
                 file.attachment(name, content)
@@ -73,6 +77,10 @@ class Content:
                 file.chunk(piece)
             if CLOSING in self.metadata:
                 file.metadata(CLOSING, self.metadata[CLOSING])
+            if SEAL in self.metadata and old_seal:
+                file.metadata(SEAL, self.metadata[SEAL])
+            elif SEAL in self.metadata:
+                file.seal()
             file.finish()
         finally:
             file.close()

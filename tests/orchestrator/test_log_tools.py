@@ -57,6 +57,7 @@ def test_a_whole_log(small):
     assert verdict.sentences == [
         f"{small} is whole: 5 topics, 425 messages, 100 steps",
         "the run ended with status ok",
+        f"seal {Log(small).seal}",
     ]
 
 
@@ -152,6 +153,7 @@ def test_recovering_a_whole_log_copies_it(small, tmp_path):
     assert verify(tmp_path / "copy.mcap").code == WHOLE
     with Log(small) as ours, Log(tmp_path / "copy.mcap") as theirs:
         assert theirs.hashes() == ours.hashes()
+        assert theirs.metadata.pop("recovered") == {"of": "small.mcap", "seal": ours.seal}
         assert theirs.metadata == ours.metadata
         assert theirs.closing == ours.closing
         assert {name: theirs.attachment(name) for name in theirs.attachments} == ATTACHMENTS
@@ -346,8 +348,10 @@ def test_recovering_does_not_vouch_for_damaged_metadata(small, tmp_path):
 def test_a_damaged_channel_is_read_from_its_copy_at_the_end(small, tmp_path):
     data = small.read_bytes()
     (tmp_path / "bad.mcap").write_bytes(data.replace(b'["speed"', b'["spee"d', 1))
-    with Log(tmp_path / "bad.mcap") as log:
-        assert log.faults
+    assert verify(tmp_path / "bad.mcap").code == BROKEN
+    with Log(tmp_path / "bad.mcap", by_index=False) as walked, Log(tmp_path / "bad.mcap") as log:
+        assert walked.faults
+        assert walked.topics == log.topics
         assert {
             topic: list(zip(about.names, about.units, strict=True)) for topic, about in log.topics.items()
         } == TOPICS

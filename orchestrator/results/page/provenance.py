@@ -98,16 +98,19 @@ def completeness(log: Log) -> tuple[str, str]:
             f"This record was saved from a broken one and lacks what was lost: {text(log.closing['message'])}.",
         )
     try:
+        log.check_seal()
         hashes = log.hashes()
     except LogUnreadable as damage:
-        return "bad", f"The record is damaged: {text(damage)}"
+        return "bad", f"The record is not as it was written: {text(damage)}"
     known = log.closing["sha256"]
     wrong = [topic for topic in known if hashes.get(topic) != known[topic]]
     if wrong:
         return "bad", f"These topics are not what was recorded: {text(', '.join(wrong))}"
     if not log.complete:
         return "fair", f"All topics are as recorded, but the file is not whole: {text(' '.join(log.faults))}"
-    return "good", f"The record is complete: all {len(known)} topics have the sha256 that the run wrote when it ended."
+    sealed = "it is as it was sealed" if log.seal else "it has no seal"
+    topics = f"all {len(known)} topics have the sha256 that the run wrote when it ended"
+    return "good", f"The record is complete: {topics}, and {sealed}."
 
 
 def provenance(pair: Pair, plotting: str) -> PageSection:
@@ -133,6 +136,8 @@ def _run_record(evaluation: Evaluation, role: str) -> str:
         ("size", f"{number(log.size / 1e6, 3)} MB"),
         ("digest", f"<code>{text(attempt(log.digest, []) or '')}</code><br>"
                    "<span class='muted'>equal runs have equal digests</span>"),
+        *[("seal", f"<code>{text(log.seal)}</code><br><span class='muted'>of every byte of this file;"
+                   " it does not say who made it</span>")] * bool(log.seal),
         *[("run it again", f"<code>{text(evaluation.summary.command)}</code>")] * bool(evaluation.summary.command),
         ("is it as written?", f"<code>cotrack log verify {name}</code>"),
         *(

@@ -1,0 +1,59 @@
+"""Seal of a log: root of a hash tree over every byte before the seal record (RFC 6962, section 2.1, with SHA-256).
+
+A leaf is a record with its opcode and length; message indexes belong to the leaf of their chunk, and the magic bytes at
+the beginning of the file to the first leaf. The seal record, metadata ``seal``, is the last record of the data and
+holds the root and, so that a part can be checked alone, offset and hash of every leaf.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+NAME = "seal"  # of the metadata record
+ALGORITHM = "RFC 6962, SHA-256"  # in the closing record: the log must have a seal
+_LEAF, _NODE = b"\0", b"\1"  # so that no inner node passes for a leaf
+
+
+class Seal(NamedTuple):
+    """Root of the tree, and offset and hash of each leaf."""
+
+    root: str
+    offsets: tuple[int, ...]
+    leaves: tuple[bytes, ...]
+
+
+def leaf_hash(parts: Iterable[bytes | bytearray | memoryview]) -> bytes:
+    """Return the hash of a leaf that consists of ``parts``."""
+    digest = hashlib.sha256(_LEAF)
+    for part in parts:
+        digest.update(part)
+    return digest.digest()
+
+
+def root_of(leaves: Sequence[bytes]) -> str:
+    """Return the root of a tree of at least one leaf."""
+    level = list(leaves)
+    while len(level) > 1:
+        pairs = zip(level[::2], level[1::2], strict=False)
+        level = [hashlib.sha256(_NODE + left + right).digest() for left, right in pairs] + level[len(level) & ~1 :]
+    return level[0].hex()
+
+
+def encode(offsets: Sequence[int], leaves: Sequence[bytes]) -> dict[str, str]:
+    """Return the seal record as texts: the root, and a line of offset and hash for each leaf."""
+    lines = (f"{offset} {leaf.hex()}" for offset, leaf in zip(offsets, leaves, strict=True))
+    return {"root": root_of(leaves), "leaves": "\n".join(lines)}
+
+
+def decode(record: Mapping[str, str]) -> Seal:
+    """Decode a seal record; raises LookupError, ValueError."""
+    lines = [line.split(" ") for line in record["leaves"].split("\n")]
+    offsets, leaves = tuple(int(line[0]) for line in lines), tuple(bytes.fromhex(line[1]) for line in lines)
+    if offsets[0] != 0 or any(after <= before for before, after in pairwise(offsets)):
+        raise ValueError("the leaves of the seal are not in order")
+    if root_of(leaves) != record["root"]:
+        raise ValueError("the leaves of the seal do not give its root")
+    return Seal(record["root"], offsets, leaves)

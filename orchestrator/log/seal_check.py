@@ -1,0 +1,172 @@
+"""Check of a seal, and of the summary against the records that it lists."""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+from dataclasses import replace
+from typing import Any
+
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+)
+
+from orchestrator.log.container_reader import DAMAGE, ContainerReader
+from orchestrator.log.contents import Contents
+
+_CHUNK, _TEXT, _LENGTH = struct.Struct("<QQQI"), struct.Struct("<I"), struct.Struct("<Q")
+_CHANNEL, _ENTRIES, _ENTRY = struct.Struct("<HI"), 6, 16  # of a message index: its head and bytes of it, of an entry
+_LISTED: dict[int, Any] = {
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.CHUNK_INDEX: ChunkIndex,
+    Opcode.ATTACHMENT_INDEX: AttachmentIndex,
+    Opcode.METADATA_INDEX: MetadataIndex,
+    Opcode.STATISTICS: Statistics,
+}
+
+
+def seal_faults(file: ContainerReader, contents: Contents) -> list[str]:
+    """Return sentences if a log is not as it was sealed, or lost its seal; a log that never had one has no fault.
+
+    Every byte is read: those before the seal record are hashed, the summary behind it is compared with them.
+    """
+    seal, at = contents.seal, contents.seal_at
+    if seal is None and contents.closing and contents.closing["seal"]:
+        return [f"{file.path} has lost its seal"]
+    if seal is None:
+        return index_faults(file)
+    ends = [*seal.offsets[1:], at]
+    if seal.offsets[-1] >= at or file.following(at) != file.data_end:
+        return [f"{file.path} is not as it was sealed: records follow its seal or are missing before it"]
+    changed = [
+        start
+        for start, end, leaf in zip(seal.offsets, ends, seal.leaves, strict=True)
+        if file.leaf_hash(start, end) != leaf
+    ]
+    if changed:
+        others = f", and so are {len(changed) - 1} parts behind it" if len(changed) > 1 else ""
+        return [f"{file.path} is not as it was sealed: {_part(file, changed[0])} is changed{others}"]
+    return index_faults(file)
+
+
+def _part(file: ContainerReader, offset: int) -> str:
+    """Return the kind, place and, if it is short, the name of the record at ``offset``."""
+    try:
+        opcode = file.opcode(offset)
+        if opcode == Opcode.ATTACHMENT:
+            return f"the attachment '{file.record(Attachment, offset).name[:80]}'"
+        if opcode == Opcode.METADATA:
+            return f"the record '{file.record(Metadata, offset).name[:80]}'"
+        if opcode == Opcode.CHANNEL:
+            return f"the description of {file.record(Channel, offset).topic[:80]}"
+    except DAMAGE:
+        pass
+    return f"the part at byte {offset}"
+
+
+def index_faults(file: ContainerReader) -> list[str]:
+    """Return a sentence if the summary does not list exactly the records of the file."""
+    listed = file.summary()
+    if not listed:  # the walk and the checksums say what is wrong
+        return []
+    try:
+        given = Counter(
+            _text(file.record(_LISTED[opcode], offset)) if opcode in _LISTED else f"record {opcode}"
+            for opcode, offset in listed
+            if opcode != Opcode.SUMMARY_OFFSET
+        )
+    except DAMAGE:
+        given = Counter()
+    walked = _Listing(file)
+    if given == Counter(map(_text, walked.records())):
+        return []
+    return [
+        f"{file.path}: the indexes at its end do not list what the file holds; 'cotrack log recover' makes them again"
+    ]
+
+
+def _text(record: Any) -> str:
+    """Return a record as text; counts of channels without messages may be missing."""
+    if isinstance(record, Statistics):
+        counts = sorted((channel, n) for channel, n in record.channel_message_counts.items() if n)
+        record = replace(record, channel_message_counts=dict(counts))
+    return repr(record)
+
+
+class _Listing:
+    """Records that the summary of a file must hold, from a walk through the file."""
+
+    def __init__(self, file: ContainerReader) -> None:
+        self._file = file
+        self._chunks: list[ChunkIndex] = []
+        self._listed: list[Any] = []  # all others
+        self._counts: Counter[int] = Counter()  # by opcode
+        self._messages: dict[int, int] = {}  # by channel
+        file.walk(self._visit)
+
+    def records(self) -> list[Any]:
+        """Return all records of the summary but the offsets of its groups."""
+        statistics = Statistics(
+            attachment_count=self._counts[Opcode.ATTACHMENT],
+            channel_count=self._counts[Opcode.CHANNEL],
+            channel_message_counts=self._messages,
+            chunk_count=len(self._chunks),
+            message_count=sum(self._messages.values()),
+            message_end_time=max((chunk.message_end_time for chunk in self._chunks), default=0),
+            message_start_time=min((chunk.message_start_time for chunk in self._chunks), default=0),
+            metadata_count=self._counts[Opcode.METADATA],
+            schema_count=self._counts[Opcode.SCHEMA],
+        )
+        return [*self._listed, *self._chunks, statistics]
+
+    def _visit(self, opcode: int, offset: int) -> None:
+        if offset > (self._file.data_end or self._file.size):  # the summary itself
+            return
+        self._counts[opcode] += 1
+        file, length = self._file, self._file.following(offset) - offset
+        if opcode == Opcode.SCHEMA:
+            self._listed.append(file.record(Schema, offset))
+        elif opcode == Opcode.CHANNEL:
+            channel = file.record(Channel, offset)
+            self._listed.append(channel)
+            self._messages[channel.id] = 0
+        elif opcode == Opcode.ATTACHMENT:
+            item = file.record(Attachment, offset)
+            times, kind = (item.log_time, item.create_time), item.media_type
+            self._listed.append(AttachmentIndex(offset, length, *times, len(item.data), item.name, kind))
+        elif opcode == Opcode.METADATA:
+            self._listed.append(MetadataIndex(offset=offset, length=length, name=file.record(Metadata, offset).name))
+        elif opcode == Opcode.CHUNK:
+            self._chunks.append(self._chunk_index(offset, length))
+            file.release_record(offset)
+        elif opcode == Opcode.MESSAGE_INDEX:
+            number, size = _CHANNEL.unpack(file.body(offset, _ENTRIES))
+            self._messages[number] += size // _ENTRY
+            self._chunks[-1].message_index_offsets[number] = offset
+            self._chunks[-1].message_index_length += length
+
+    def _chunk_index(self, offset: int, length: int) -> ChunkIndex:
+        head = self._file.body(offset, 64)
+        start, end, size, _ = _CHUNK.unpack_from(head)
+        (width,) = _TEXT.unpack_from(head, _CHUNK.size)
+        name = _CHUNK.size + _TEXT.size
+        return ChunkIndex(
+            chunk_length=length,
+            chunk_start_offset=offset,
+            compression=head[name : name + width].decode(),
+            compressed_size=_LENGTH.unpack_from(head, name + width)[0],
+            message_end_time=end,
+            message_index_length=0,
+            message_index_offsets={},
+            message_start_time=start,
+            uncompressed_size=size,
+        )
