@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
+from orchestrator.files.budget import most_records
 from orchestrator.log.channel_metadata import RecordedChannel
 from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable
 from orchestrator.log.message_records import Messages, runs_by_channel, size_of
@@ -35,6 +36,7 @@ class Chunks:
         """Register the chunk at ``offset`` with the first and last time in its header."""
         first, last = _SPAN.unpack(self._file.body(offset, _SPAN.size).ljust(_SPAN.size, b"\0"))
         self.spans[offset] = 1e-9 * first, 1e-9 * last
+        self._file.take_chunk(offset)
         self._file.release_record(offset)
 
     def read(self, offset: int, topics: Collection[str] | None = None, keep: bool = True) -> list[Messages]:
@@ -51,7 +53,7 @@ class Chunks:
         try:
             content = np.frombuffer(self._file.content(offset), np.uint8)
             if offset not in self._runs:
-                self._runs[offset] = runs_by_channel(content)
+                self._runs[offset] = runs_by_channel(content, most_records(self._file.length(offset)))
             piece = [
                 _messages(content, self._channels[number], runs)
                 for number, runs in self._runs[offset].items()

@@ -74,11 +74,11 @@ def prefix(channel: int, size: int) -> bytes:
     return _PREFIX.pack(Opcode.MESSAGE, size - _HEAD, channel, 0, 0, 0)
 
 
-def runs_by_channel(content: Bytes) -> dict[int, list[range]]:
+def runs_by_channel(content: Bytes, most: int) -> dict[int, list[range]]:
     """Find the message records in the content of a chunk (n,); raises ValueError.
 
-    Returns ranges of offsets by channel. A range is a run of records of equal size, which is its step. ``recorder``
-    writes the records of a channel in one run.
+    ``most``: largest number of records. Returns ranges of offsets by channel. A range is a run of records of equal
+    size, which is its step. ``recorder`` writes the records of a channel in one run.
     """
     runs: dict[int, list[range]] = {}
     offset, end = 0, len(content)
@@ -92,6 +92,9 @@ def runs_by_channel(content: Bytes) -> dict[int, list[range]]:
             count = _run_length(content[offset:], size)
             runs.setdefault(channel, []).append(range(offset, offset + count * size, size))
         offset += count * size
+        most -= count
+        if most < 0:
+            raise ValueError("it has more records than its size allows")
     if offset != end:
         raise ValueError("its last message is cut off")
     return runs

@@ -57,10 +57,10 @@ class Content:
                     bits[:] = (bits.copy().view("<i8") + 1).view(np.uint8)
                     piece[k] = number, rows, times
 
-    def write(self, path: Path) -> Path:
+    def write(self, path: Path, writer: type[ContainerWriter] = ContainerWriter) -> Path:
         """Write the content as a log; raises UnicodeEncodeError for text that no record can hold."""
         path.unlink(missing_ok=True)
-        file = ContainerWriter(path)
+        file = writer(path)
         try:
             for name, entries in self.metadata.items():
                 if name != CLOSING:
