@@ -8,7 +8,6 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from importlib import resources
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from annotated_types import GroupedMetadata
@@ -288,16 +287,9 @@ def vehicle(data: Mapping[str, Any], where: str) -> VehicleTable:
 
 
 def read_table(name: str) -> tuple[dict[str, Any], str]:
-    """Raw table of a packaged vehicle or of a TOML file, and its file name for messages; raises BadInput."""
-    path = Path(name)
-    if path.suffix == ".toml":
-        source: Any = path
-    else:
-        source = resources.files("fmus") / "vehicles" / f"{name}.toml"
-    try:
-        return tomllib.loads(source.read_text(encoding="utf-8")), str(path.name if path.suffix else f"{name}.toml")
-    except FileNotFoundError:
-        known = sorted(f.name.removesuffix(".toml") for f in (resources.files("fmus") / "vehicles").iterdir())
-        raise BadInput(f"no vehicle '{name}': give a .toml file or one of {', '.join(known)}") from None
-    except (OSError, ValueError, RecursionError) as error:
-        raise BadInput(f"{name!r}: not a readable TOML file: {error}") from None
+    """Raw table of a packaged vehicle, and its file name for messages; raises BadInput."""
+    folder = resources.files("fmus") / "vehicles"
+    known = sorted(file.name.removesuffix(".toml") for file in folder.iterdir())
+    if name not in known:
+        raise BadInput(f"no vehicle {value_text(name)}: give a .toml file or one of {', '.join(known)}")
+    return tomllib.loads((folder / f"{name}.toml").read_text(encoding="utf-8")), f"{name}.toml"

@@ -19,6 +19,7 @@ BASES = {"fmus.track_rigid", "fmus.track_rigid.model"}  # from which another kin
 
 # Packages of the orchestrator by level: each imports only from levels below its own, anywhere in its modules.
 STOREYS = (
+    ("files",),
     ("kernels",),
     ("log",),
     ("cosim", "results"),
@@ -31,7 +32,7 @@ STOREYS = (
 GENERIC = [
     *(
         file.relative_to(ORCHESTRATOR).as_posix()
-        for place in ("kernels", "cosim/coupling", "log")
+        for place in ("files", "kernels", "cosim/coupling", "log")
         for file in sorted((ORCHESTRATOR / place).glob("*.py"))
         if file.name not in ("recorded_system.py", "tools.py")  # a log's system.json as the project writes it
     ),

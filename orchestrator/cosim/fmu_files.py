@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import hashlib
-import io
+import os
 import shutil
 import zipfile
 import zlib
 from pathlib import Path
 
 from orchestrator.cosim.graph import ComponentFailed
+from orchestrator.files.budget import (
+    DESCRIBED,
+    DESCRIBED_RATIO,
+    OverBudget,
+    UnpackedBudget,
+    check_zip,
+    open_file,
+)
 from orchestrator.kernels.cache import cache_folder, make_folder, private_folder, temporary_folder, write
 
+DESCRIPTION = "modelDescription.xml"
 _BYTECODE = "__pycache__"
 
 
@@ -22,26 +31,40 @@ def unpack(fmu: Path) -> Path:
     cannot be used, a temporary folder lasts until the end of the process.
     """
     try:
-        content = fmu.read_bytes()
+        stream = open_file(fmu)
     except FileNotFoundError:
         raise ComponentFailed(f"there is no FMU '{fmu}'") from None
     except OSError as error:
         raise ComponentFailed(f"cannot read the FMU '{fmu}': {error.strerror}") from None
-    place = Path("unpacked", hashlib.sha256(content).hexdigest()[:24])
     try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            if "modelDescription.xml" not in archive.namelist():
-                raise ComponentFailed(f"'{fmu}' is not an FMU: it has no modelDescription.xml")
+        check_zip(stream)
+        place = Path("unpacked", hashlib.file_digest(stream, "sha256").hexdigest()[:24])
+        with stream, zipfile.ZipFile(stream) as archive:
+            if DESCRIPTION not in archive.namelist():
+                raise ComponentFailed(f"'{fmu}' is not an FMU: it has no {DESCRIPTION}")
+            _check_size(archive, os.fstat(stream.fileno()).st_size)
             try:
                 return _unpack_missing(archive, private_folder(cache_folder() / place))
             except OSError:
                 return _unpack_missing(archive, private_folder(temporary_folder() / place))
     except ComponentFailed:
         raise
+    except OverBudget as excess:
+        raise ComponentFailed(f"the FMU '{fmu}' is not unpacked: {excess}") from None
     except OSError as error:
         raise ComponentFailed(f"cannot unpack the FMU '{fmu}': {error}") from None
     except Exception as error:  # every compression method has its own error class
         raise ComponentFailed(f"'{fmu}' is not an FMU: it is not a zip archive that can be read: {error}") from None
+
+
+def _check_size(archive: zipfile.ZipFile, size: int) -> None:
+    """Raise OverBudget if an archive of ``size`` bytes declares too many files or bytes; zipfile unpacks no more."""
+    budget = UnpackedBudget(size)
+    for entry in archive.infolist():
+        budget.take(entry.file_size)
+    described = archive.getinfo(DESCRIPTION)
+    if described.file_size > DESCRIBED + DESCRIBED_RATIO * min(described.compress_size, size):
+        raise OverBudget(f"its {DESCRIPTION} unpacks to more than its size allows: {described.file_size} bytes")
 
 
 def _unpack_missing(archive: zipfile.ZipFile, folder: Path) -> Path:

@@ -24,6 +24,7 @@ from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import Recordable, System
 from orchestrator.cosim.observers import STATS, wires
+from orchestrator.files.budget import open_file
 from orchestrator.log import schema
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.scene import Scene
@@ -182,8 +183,9 @@ def model_description(fmu: Path) -> bytes:
 
 
 def sha256(file: Path) -> str:
-    """Compute the SHA-256 of a file's content."""
-    return hashlib.sha256(file.read_bytes()).hexdigest()
+    """Compute the SHA-256 of a file's content; raises OSError."""
+    with open_file(file) as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def as_json(data: Any) -> bytes:

@@ -128,7 +128,10 @@ def _given_model(log: Log, entry: Mapping[str, Any], fmu: Path) -> ReplayModel:
     """Return the model of a given FMU, with the parameters of the recorded component; raises BadInput."""
     if not fmu.is_file():
         raise BadInput(f"no FMU '{fmu}': give {', '.join(TRACKS)} or an .fmu file")
-    as_recorded = sha256(fmu) == entry["sha256"]
+    try:
+        as_recorded = sha256(fmu) == entry["sha256"]
+    except OSError as error:
+        raise BadInput(f"the FMU '{fmu}' cannot be read: {error.strerror}") from None
     scene = _scene(log) if as_recorded and "scene.json" in log.attachments else None
     return ReplayModel(fmu, entry.get("parameters", {}), entry.get("stage", 0), scene, as_recorded)
 

@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
+from orchestrator.files.budget import most_records
 from orchestrator.log.channel_metadata import RecordedChannel
 from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable
 from orchestrator.log.message_records import Messages, Records, records_by_channel, size_of
@@ -34,6 +35,7 @@ class Chunks:
         """Register the chunk at ``offset`` with the first and last time in its header."""
         first, last = _SPAN.unpack(self._file.body(offset, _SPAN.size).ljust(_SPAN.size, b"\0"))
         self.spans[offset] = 1e-9 * first, 1e-9 * last
+        self._file.take_chunk(offset)
         self._file.release_record(offset)
 
     def read(self, offset: int, topics: Collection[str] | None = None, keep: bool = True) -> list[Messages]:
@@ -56,7 +58,8 @@ class Chunks:
     def _unpack(self, offset: int, keep: bool) -> tuple[Bytes, dict[int, Records]]:
         """Return the content of a chunk and its records by channel; raises one of DAMAGE."""
         content = np.frombuffer(self._file.content(offset), np.uint8)
-        records = records_by_channel(content, self._file.message_offsets(offset))
+        most = most_records(self._file.length(offset))
+        records = records_by_channel(content, self._file.message_offsets(offset), most)
         if not keep:
             self._file.release_record(offset)
         elif len(content) <= self._room:  # topics are read one after another, so a kept chunk is unpacked once

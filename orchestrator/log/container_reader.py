@@ -10,7 +10,9 @@ import io
 import mmap
 import os
 import struct
+from bisect import bisect_right
 from collections.abc import Callable, Iterator
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +26,7 @@ from mcap.records import AttachmentIndex, ChunkIndex, DataEnd, Footer, MetadataI
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
+from orchestrator.files.budget import AT_ONCE, OverBudget, UnpackedBudget, open_file
 from orchestrator.log import seal
 from orchestrator.log.container_writer import being_written, error_text
 
@@ -38,6 +41,7 @@ INDEXES: dict[int, tuple[Any, str]] = {  # index records of the summary and thei
     Opcode.ATTACHMENT_INDEX: (AttachmentIndex, "offset"),
     Opcode.METADATA_INDEX: (MetadataIndex, "offset"),
 }
+MOST_FAULTS = 100
 DAMAGE = (
     McapError, zstandard.ZstdError, struct.error, ValueError, TypeError, LookupError, MemoryError, OverflowError,
     RecursionError,
@@ -55,7 +59,9 @@ class ContainerReader:
         self.path = path
         self._data, self.being_written = _map_file(path)
         self.size = len(self._data)
-        self.faults: list[str] = []  # sentences
+        self.faults: list[str] = []  # sentences, MOST_FAULTS at most
+        self._budget = UnpackedBudget(self.size)
+        self._counted: dict[int, int] = {}  # unpacked bytes of the chunks by offset
         self.data_end: int | None = None  # offset of the record that ends the data
         self.ended = False
         self._decompressor = zstandard.ZstdDecompressor()
@@ -66,17 +72,33 @@ class ContainerReader:
 
     def add_fault(self, sentence: str) -> None:
         """Add a sentence to ``faults`` unless it is there already."""
-        if sentence not in self.faults:
+        if sentence not in self.faults and len(self.faults) < MOST_FAULTS:
             self.faults.append(sentence)
 
     def body(self, offset: int, most: int | None = None) -> bytes:
         """Return the content of the record at ``offset``, at most its first ``most`` bytes."""
         _, length = HEAD.unpack_from(self._data, offset)
+        if most is None and length > AT_ONCE:
+            raise OverBudget(f"a record of {length} bytes, and {AT_ONCE} are allowed")
         return self._data[offset + HEAD.size : offset + HEAD.size + (length if most is None else min(length, most))]
+
+    def length(self, offset: int) -> int:
+        """Return the length of the content of the record at ``offset``."""
+        return int(HEAD.unpack_from(self._data, offset)[1])
 
     def record(self, kind: Any, offset: int) -> Any:
         """Parse the record at ``offset`` as a class of ``mcap.records``; raises one of DAMAGE."""
         return parse_record(kind, self.body(offset))
+
+    def take_chunk(self, offset: int, unpacked: int | None = None) -> None:
+        """Count the unpacked bytes of the chunk at ``offset``, by default those in its head; raises LogUnreadable."""
+        if unpacked is None:
+            unpacked = int(_CHUNK.unpack(self.body(offset, _CHUNK.size).ljust(_CHUNK.size, b"\0"))[2])
+        self._counted[offset] = unpacked
+        try:
+            self._budget.take(unpacked)
+        except OverBudget as excess:
+            raise LogUnreadable(f"{self.path} is not read: {excess}") from None
 
     def content(self, offset: int) -> bytes:
         """Return the unpacked and checked content of the chunk at ``offset``; raises one of DAMAGE."""
@@ -89,6 +111,8 @@ class ContainerReader:
             with body[position + _LENGTH.size : position + _LENGTH.size + length] as packed:
                 if len(packed) != length:
                     raise ValueError("it is cut off")
+                if size != self._counted.get(offset, size):
+                    raise ValueError("the summary has another size for it")
                 content = self._decompress(kind, packed, size)
         if crc not in (0, crc32(content)):
             raise ValueError("its checksum does not hold")
@@ -117,7 +141,7 @@ class ContainerReader:
         return offset + HEAD.size + int(HEAD.unpack_from(self._data, offset)[1])
 
     def _decompress(self, kind: bytes, packed: memoryview, size: int) -> bytes:
-        if kind == b"":
+        if kind == b"" and len(packed) == size:
             return bytes(packed)
         if kind != b"zstd":
             raise ValueError(f"compression {kind.decode(errors='replace')!r} is not known")
@@ -128,10 +152,11 @@ class ContainerReader:
     def walk(self, visit: Callable[[int, int], None]) -> None:
         """Call ``visit(opcode, offset)`` for every data record; ``visit`` may raise one of DAMAGE."""
         offset = len(MCAP0_MAGIC)
+        self._budget, self._counted = UnpackedBudget(self.size), {}  # of a summary that is not used
         while offset < self.size:
             following = self._step(offset, visit)
             if following is None:
-                following = next((indexed for indexed in self._indexed_offsets() if indexed > offset), self.size)
+                following = self._indexed_offset_behind(offset)
                 self.add_fault(f"{self.path}: the record at byte {offset} of {self.size} is cut off or damaged")
             offset = following
         if self.data_end is None and self.being_written:
@@ -160,6 +185,12 @@ class ContainerReader:
             return None
         return following
 
+    def _indexed_offset_behind(self, offset: int) -> int:
+        """Return the offset of the next record in the summary behind ``offset``, or the size of the file."""
+        place = bisect_right(self._indexed_offsets, offset)
+        return self._indexed_offsets[place] if place < len(self._indexed_offsets) else self.size
+
+    @cached_property
     def _indexed_offsets(self) -> list[int]:
         """Return the sorted offsets of records in the summary; empty without a readable summary."""
         offsets = []
@@ -251,7 +282,7 @@ def parse_record(kind: Any, body: bytes) -> Any:
 def _map_file(path: Path) -> tuple[mmap.mmap, bool]:
     """Map a file; return it with whether a recorder has it open. Raises LogUnreadable."""
     try:
-        with path.open("rb") as stream:
+        with open_file(path) as stream:
             size = os.fstat(stream.fileno()).st_size
             if size < len(MCAP0_MAGIC) or stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
                 raise LogUnreadable(f"{path} is not a log: it does not begin as an MCAP file does")

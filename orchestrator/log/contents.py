@@ -87,6 +87,7 @@ class Contents:
         """Register what an index record points at; raises one of DAMAGE."""
         if opcode == Opcode.CHUNK_INDEX:
             self.chunks.spans[index.chunk_start_offset] = 1e-9 * index.message_start_time, 1e-9 * index.message_end_time
+            self._file.take_chunk(index.chunk_start_offset, index.uncompressed_size)
         elif opcode == Opcode.ATTACHMENT_INDEX:
             self.attachments[index.name] = index.offset
         elif self._file.opcode(index.offset) != Opcode.METADATA:

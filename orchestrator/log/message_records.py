@@ -93,10 +93,11 @@ class Records(NamedTuple):
         return items_at(content, self.size)[self.offsets].view(np.uint8).reshape(m, self.size)
 
 
-def records_by_channel(content: Bytes, indexed: Mapping[int, NDArray[np.int64]]) -> dict[int, Records]:
+def records_by_channel(content: Bytes, indexed: Mapping[int, NDArray[np.int64]], most: int) -> dict[int, Records]:
     """Find the message records in the content of a chunk (n,); raises ValueError.
 
-    ``indexed``: offsets (m,) by channel in the message indexes. The records are scanned one by one if these are wrong.
+    ``indexed``: offsets (m,) by channel in the message indexes. The records are scanned one
+    by one if these are wrong. ``most``: largest number of records.
     """
     records = {}
     for channel, offsets in indexed.items():
@@ -109,7 +110,7 @@ def records_by_channel(content: Bytes, indexed: Mapping[int, NDArray[np.int64]])
         records[channel] = Records(_HEAD + length, offsets)
     if len(records) == len(indexed) and _cover(records.values(), len(content)):
         return records
-    return {channel: _of_runs(runs) for channel, runs in runs_by_channel(content).items()}
+    return {channel: _of_runs(runs) for channel, runs in runs_by_channel(content, most).items()}
 
 
 def _cover(records: Collection[Records], size: int) -> bool:
@@ -126,10 +127,11 @@ def _of_runs(runs: Sequence[range]) -> Records:
     return Records(runs[0].step, np.concatenate([np.arange(run.start, run.stop, run.step) for run in runs]))
 
 
-def runs_by_channel(content: Bytes) -> dict[int, list[range]]:
+def runs_by_channel(content: Bytes, most: int) -> dict[int, list[range]]:
     """Find the message records in the content of a chunk (n,); raises ValueError.
 
-    Returns ranges of offsets by channel. A range is a run of records of equal size, which is its step.
+    ``most``: largest number of records. Returns ranges of offsets by channel. A range is a run of records of equal
+    size, which is its step.
     """
     runs: dict[int, list[range]] = {}
     offset, end = 0, len(content)
@@ -143,6 +145,9 @@ def runs_by_channel(content: Bytes) -> dict[int, list[range]]:
             count = _run_length(content[offset:], size)
             runs.setdefault(channel, []).append(range(offset, offset + count * size, size))
         offset += count * size
+        most -= count
+        if most < 0:
+            raise ValueError("it has more records than its size allows")
     if offset != end:
         raise ValueError("its last message is cut off")
     return runs

@@ -22,6 +22,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment
 from numpy.typing import NDArray
 
+from orchestrator.files.budget import DOCUMENT, check_size
 from orchestrator.log import notices, seal_check, signal_names
 from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable, parse_record
 from orchestrator.log.contents import Contents
@@ -118,6 +119,7 @@ class Log(AbstractContextManager["Log"]):
         """Return the JSON object in an attached file; raises NoSuchSignal, LogUnreadable."""
         content = self.attachment(name)
         try:
+            check_size(content, DOCUMENT)
             table = json.loads(content)
             json.dumps(table, ensure_ascii=False).encode()  # raises ValueError for half a surrogate pair
         except (ValueError, RecursionError) as damage:

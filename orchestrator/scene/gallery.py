@@ -9,7 +9,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from fmus.vehicle import BadInput
+from fmus.vehicle import BadInput, read_table, value_text
+from orchestrator.files.budget import read_toml
 
 # Scenes of older versions without an FMU, and their assembly; the validation now checks these elements and joints.
 MOVED = {"flexible_pendulum": "pendulum", "elastica": "cantilever", "l_frame": "frame", "sliding_mass": "slider"}
@@ -37,16 +38,26 @@ def read(scene: str) -> tuple[str, dict[str, Any]]:
     """Name and raw table of a scene of the gallery or a TOML file; raises BadInput."""
     path = Path(scene)
     if path.suffix == ".toml":
-        source: Any = path
-    elif scene in names():
+        return path.stem, _read_file(path, "scene")
+    if scene in names():
         source = resources.files("orchestrator") / "gallery" / f"{scene}.toml"
-    elif scene in MOVED:
+        return scene, tomllib.loads(source.read_text(encoding="utf-8"))
+    if scene in MOVED:
         raise BadInput(f"scene '{scene}' {PLACE}")
-    else:
-        raise BadInput(f"no scene '{scene}': {hint(scene, names(), 'the gallery has')}")
+    raise BadInput(f"no scene {value_text(scene)}: {hint(scene, names(), 'the gallery has')}")
+
+
+def read_vehicle(name: str) -> dict[str, Any]:
+    """Raw table of a packaged vehicle or of a TOML file; raises BadInput."""
+    path = Path(name)
+    return _read_file(path, "vehicle") if path.suffix == ".toml" else read_table(name)[0]
+
+
+def _read_file(path: Path, kind: str) -> dict[str, Any]:
     try:
-        return path.stem, tomllib.loads(source.read_text(encoding="utf-8"))
+        return read_toml(path)
     except FileNotFoundError:
-        raise BadInput(f"no scene file '{scene}'") from None
+        raise BadInput(f"no {kind} file {value_text(str(path))}") from None
     except (OSError, ValueError, RecursionError) as error:
-        raise BadInput(f"{scene!r}: not a readable TOML file: {error}") from None
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise BadInput(f"{value_text(str(path))}: not a readable TOML file: {reason}") from None

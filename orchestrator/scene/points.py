@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fmus.vehicle import BadInput
+from orchestrator.files.budget import CSV, ROWS, OverBudget, read_file
 
 Tables = dict[str, Any]  # raw scene
 POINTS = ("speed_points", "torque_points", "brake_points", "engine_points", "points", "arcs")
@@ -39,8 +40,10 @@ def _drives(table: Tables) -> Iterator[tuple[str, dict[str, Any]]]:
 def _read_pairs(path: Path, key: str) -> list[list[float]]:
     """Pairs of numbers, SI, from a file with two columns; a first line of words is skipped."""
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = [(number, row) for number, row in enumerate(csv.reader(file), 1) if row]
+        lines = read_file(path, CSV).decode("utf-8-sig").splitlines(keepends=True)
+        if len(lines) > ROWS:
+            raise OverBudget(f"it has {len(lines)} lines, and {ROWS} are allowed")
+        rows = [(number, row) for number, row in enumerate(csv.reader(lines), 1) if row]
     except (OSError, ValueError, csv.Error) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise BadInput(f"{key} = '{path}': cannot be read: {reason}") from None

@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 
 from fmus.ranges import range_violations
 from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput, FrozenTable, Vehicle, first_error, read_table, value_text
+from fmus.vehicle import BadInput, FrozenTable, Vehicle, first_error, value_text
 from orchestrator.scene import gallery, points
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriveTable
 from orchestrator.scene.ranges import SCENE
@@ -323,7 +323,7 @@ def changed_scene(resolved: dict[str, Any], settings: Sequence[str], where: str)
 def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:
     """Raw vehicle table: read by name, or a table merged over its ``base``."""
     if isinstance(vehicle, str):
-        return read_table(vehicle)[0]
+        return gallery.read_vehicle(vehicle)
     if not isinstance(vehicle, dict):
         raise BadInput(f"{where}: vehicle must be a name, a .toml file or a table with 'base'")
     if "base" not in vehicle:
@@ -332,7 +332,7 @@ def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:
     base = changes.pop("base")
     if not isinstance(base, str):
         raise BadInput(f"{where}: vehicle.base = {value_text(base)}: must be a name or a .toml file")
-    return merge_tables(read_table(base)[0], changes)
+    return merge_tables(gallery.read_vehicle(base), changes)
 
 
 def _validation_sentence(error: ValidationError, where: str, model: type[Scene]) -> str:

@@ -58,13 +58,13 @@ class Content:
                     bits[:] = (bits.copy().view("<i8") + 1).view(np.uint8)
                     piece[k] = number, rows, times
 
-    def write(self, path: Path, old_seal: bool = False) -> Path:
+    def write(self, path: Path, old_seal: bool = False, writer: type[ContainerWriter] = ContainerWriter) -> Path:
         """Write the content as a log; raises UnicodeEncodeError for text that no record can hold.
 
         A seal is made anew, or stays as it was (``old_seal``).
         """
         path.unlink(missing_ok=True)
-        file = ContainerWriter(path)
+        file = writer(path)
         try:
             for name, entries in self.metadata.items():
                 if name not in (CLOSING, SEAL):

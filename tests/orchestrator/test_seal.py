@@ -260,9 +260,7 @@ def test_records_behind_the_seal_are_noticed(sealed, tmp_path):
             self.metadata("note", {"text": "all is well"})
             return root
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mutated.ContainerWriter", Longer)
-        content.write(path)
+    content.write(path, writer=Longer)
     assert any("records follow its seal" in sentence for sentence in verify(path).sentences)
 
 
