@@ -238,6 +238,12 @@ class ContainerWriter:
 def check_writable(path: Path) -> None:
     """Raise LogFailed if a log cannot be written to ``path``, as far as can be known in advance."""
     problem = ""
+    try:
+        path.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except OSError as error:  # a name that is too long, a folder that cannot be searched
+        raise log_failed(path, error) from None
     if path.is_dir():
         problem = "it is a directory"
     elif path.is_symlink() and not path.exists():

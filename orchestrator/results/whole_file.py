@@ -17,6 +17,12 @@ def check_output(path: Path, suffixes: Sequence[str], hint: str = "") -> None:
     ``besides``: sentence about other suffixes.
     """
     folder = path.absolute().parent
+    try:
+        path.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except OSError as error:  # a name that is too long, a folder that cannot be searched
+        raise BadInput(f"{value_text(str(path))} cannot be written: {error.strerror}") from None
     if path.is_dir():
         why = "it is a directory"
     elif path.suffix.lower() not in suffixes:
