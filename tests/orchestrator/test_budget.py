@@ -31,7 +31,7 @@ def test_regular_files_are_opened_alone(tmp_path):
 
 @pytest.mark.parametrize("kind", ["deep arrays", "deep tables", "long key", "spaced key", "quoted key"])
 def test_nesting(kind):
-    with pytest.raises(budget.OverBudget, match="deep|parts"):
+    with pytest.raises(budget.OverBudget, match=r"deep|parts"):
         budget.check_nesting(hostile.scene(kind, "a = 1"))
     budget.check_nesting("a = " + "[" * 60 + "]" * 60 + "\nb = '1.2.3 [[['\n" + ".".join(["a"] * 60) + " = 1")
 
@@ -41,16 +41,16 @@ def test_logs_of_any_size_unpack_to_a_multiple_of_it():
     for _ in range(500):
         honest.take(2 << 20)  # 1.2 times the size, in chunks as the recorder writes them
     small = budget.UnpackedBudget(300_000)
+    small.take(50 << 20)
     with pytest.raises(budget.OverBudget, match="unpacks to more than"):
-        for _ in range(40):
-            small.take(2 << 20)
+        small.take(50 << 20)
     with pytest.raises(budget.OverBudget, match="a part of it"):
         honest.take(65 << 20)
 
 
 @pytest.mark.parametrize("make", [hostile.empty_records, hostile.lone_messages, hostile.many_large_chunks])
 def test_logs_that_unpack_to_too_much_are_refused(make, tmp_path):
-    with pytest.raises(LogUnreadable, match="is not read: .* unpacks to"):
+    with pytest.raises(LogUnreadable, match=r"is not read: .* unpacks to"):
         Log(make(LOG, tmp_path / "hostile.mcap"), unfinished=True)
 
 
@@ -68,9 +68,9 @@ def test_a_file_is_replaced_whole_by_one_of_a_random_name(tmp_path):
             fresh.write_text(content)
     assert len(names) == 2
     assert file.read_text() == "new"
-    with pytest.raises(KeyError), replacing(file) as fresh:
+    with pytest.raises(IsADirectoryError), replacing(file) as fresh:
         fresh.write_text("half")
-        raise KeyError
+        tmp_path.read_text()
     assert file.read_text() == "new"
     assert os.listdir(tmp_path) == ["file.txt"]
     umask = os.umask(0)
