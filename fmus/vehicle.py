@@ -265,9 +265,9 @@ def value_text(value: object) -> str:
 def first_error(error: ValidationError, where: str) -> str:
     """First error of a validation as one sentence."""
     first = error.errors()[0]
-    key = ".".join(str(part) for part in first["loc"])
+    key = _short(".".join(str(part) for part in first["loc"]))
     if first["type"] == "extra_forbidden":
-        return f"{where}: unknown key '{_short(key)}'"
+        return f"{where}: unknown key '{key}'"
     if first["type"] == "missing":
         return f"{where}: key '{key}' is missing"
     message = first["msg"].removeprefix("Value error, ")

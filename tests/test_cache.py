@@ -55,6 +55,9 @@ def test_a_kept_file_is_found_whole_or_not_at_all(fresh_cache):
         assert fmus.cache.read_checked(file) is None, size
     file.write_bytes(whole)
     assert fmus.cache.read_checked(file) == b"content"
+    elsewhere = fmus.cache.private_folder(fresh_cache / "kind" / "other key") / "name"
+    elsewhere.write_bytes(whole)
+    assert fmus.cache.read_checked(elsewhere) is None, "the content of another key was accepted"
     file.rename(file.with_name("other"))
     assert fmus.cache.read_checked(file.with_name("other")) is None, "the content of another file was accepted"
 

@@ -13,7 +13,7 @@ import typer
 
 from fmus.vehicle import BadInput
 from orchestrator.cli import printed
-from orchestrator.cli.common import LogPath
+from orchestrator.cli.common import LogPath, beside
 from orchestrator.results.analyses.catalogue import ANALYSES, Option, module_of
 from orchestrator.results.page.words import and_list
 
@@ -162,7 +162,7 @@ def plot(
     if not signals:
         raise BadInput("plot needs a signal: 'cotrack log info --signals LOG' lists them")
     _check_window(start, end)
-    target = output or logs[0].with_name(f"{logs[0].stem}-plot.png")
+    target = output or beside(logs[0], "-plot.png")
     signal_picture.draw(
         logs, signals, target, Window(start, end), frequency=spectrum, order=order, waterfall=waterfall, place=place
     )

@@ -23,6 +23,7 @@ from orchestrator.cosim.narration import Narration
 from orchestrator.log.notices import LogNotice
 
 FMI_WARNING = 1
+LONGEST_MESSAGE = 380  # characters of an error: names and values of the user may have any length
 # Errors of a stream that accepts no more data.
 CLOSED_STREAM = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, errno.EDQUOT)
 
@@ -35,6 +36,13 @@ Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="a dotted key of the resolved scene, repeatable"),
 ]
+
+
+def beside(log: Path, ending: str) -> Path:
+    """Return the default name of a file made from a log, beside it; raises BadInput for a path without a name."""
+    if not log.name:
+        raise BadInput(f"the log {log} cannot be read: it is a directory")
+    return log.with_name(f"{log.stem}{ending}")
 
 
 def print_progress(line: str) -> None:
@@ -51,12 +59,20 @@ def message_and_status(error: Exception) -> tuple[str, int]:
     if logging.getLogger("cotrack").isEnabledFor(logging.DEBUG):
         traceback.print_exception(error)
     if isinstance(error, refusals()):
-        return str(error), 2
+        return shortened(str(error)), 2
     if isinstance(error, BrokenPipeError):  # the reader of the pipe has closed it
         return "", 1
     if isinstance(error, OSError) and error.filename is None and error.errno in CLOSED_STREAM:
         return f"the output cannot be written: {os.strerror(error.errno).lower()}", 1
-    return f"internal error: {type(error).__name__}: {error}; run 'cotrack --debug ...' to see where", 1
+    return (
+        f"internal error: {type(error).__name__}: {shortened(str(error), 200)}; run 'cotrack --debug ...' to see where",
+        1,
+    )
+
+
+def shortened(message: str, most: int = LONGEST_MESSAGE) -> str:
+    """Return a message of ``most`` characters at most, its middle left out if it is longer."""
+    return message if len(message) <= most else f"{message[: most // 2]} ... {message[len(message) - most // 2 + 5 :]}"
 
 
 def refusals() -> tuple[type[Exception], ...]:
@@ -94,7 +110,9 @@ def print_notices() -> None:
     printed_notices: set[str] = set()
 
     def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
-        if not issubclass(category, LogNotice):
+        if issubclass(category, RuntimeWarning):  # of numbers that overflow; the results say what became of them
+            logging.getLogger("cotrack").debug("%s", message)
+        elif not issubclass(category, LogNotice):
             default_show(message, category, *where, **more)
         elif str(message) not in printed_notices:
             printed_notices.add(str(message))

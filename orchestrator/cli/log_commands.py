@@ -11,7 +11,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from orchestrator.cli import printed
-from orchestrator.cli.common import LogPath
+from orchestrator.cli.common import LogPath, beside
 from orchestrator.cli.printed import plain
 from orchestrator.results.validity.exceedance import recorded_entries
 
@@ -116,7 +116,7 @@ def recover(
     """Save the complete steps of a broken log: exit 0 without loss, 3 with loss, 1 if nothing is left."""
     from orchestrator.log import tools
 
-    _report(tools.recover(log, output or log.with_name(f"{log.stem}-recovered.mcap")), as_json)
+    _report(tools.recover(log, output or beside(log, "-recovered.mcap")), as_json)
 
 
 class ExportFormat(StrEnum):

@@ -15,6 +15,7 @@ from orchestrator.cli.common import (
     SceneName,
     Settings,
     TrackOption,
+    beside,
     exit_with,
     log_warning,
     message_and_status,
@@ -100,7 +101,7 @@ def resume(
     from orchestrator.execution import summary
     from orchestrator.execution.resume import resume as go_on
 
-    path = output or log.with_name(f"{log.stem}-{'branch' if settings else 'resumed'}.mcap")
+    path = output or beside(log, f"-{'branch' if settings else 'resumed'}.mcap")
     result = go_on(log, path, at, stop, log_warning, narration, settings or ())
     print_message(result["message"], 0)
     if as_json:

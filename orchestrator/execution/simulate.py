@@ -28,6 +28,7 @@ from orchestrator.execution import estimate, summary
 from orchestrator.execution.interrupt import Interrupt, interruptible
 from orchestrator.execution.manifest import NATIVE, STATS_PERIOD, open_log
 from orchestrator.log.events_topic import Event
+from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.recorder import LogFailed, Recorder, check_writable
 from orchestrator.results.analyses import events
@@ -200,7 +201,7 @@ def _observers(run: _PreparedRun, recorder: Recorder, reached: ReachedPoint) -> 
             scene.links_every if scene.records_statistics else 1
         )  # statistics between two records are not in a checkpoint
         if isinstance(pace, master.Clock):
-            steps = stride * ceil(max(1, round(period / pace.step)) / stride)
+            steps = stride * ceil(max(1, round(min(period / pace.step, MOST_STEPS))) / stride)
             observers.append(Checkpoints(recorder, scheme, steps))
         else:
             observers.append(

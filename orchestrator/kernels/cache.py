@@ -85,8 +85,11 @@ def write(file: Path, content: bytes) -> None:
     """Replace a file as a whole; a process that has the old one open keeps it. Raises OSError."""
     temporary = file.with_name(f"{file.name}.{uuid.uuid4().hex[:12]}")
     try:
-        temporary.write_bytes(content)
+        with temporary.open("xb") as stream:  # a new file of a random name: no link is followed
+            stream.write(content)
         temporary.replace(file)
+    except FileExistsError:  # not ours
+        raise
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
@@ -94,7 +97,7 @@ def write(file: Path, content: bytes) -> None:
 
 def write_checked(file: Path, content: bytes) -> None:
     """Write a file of the cache with its checksum. Raises OSError."""
-    write(file, content + _checksum(file.name, content))
+    write(file, content + _checksum(file, content))
 
 
 def read_checked(file: Path) -> bytes | None:
@@ -106,10 +109,10 @@ def read_checked(file: Path) -> bytes | None:
     except FileNotFoundError:
         return None
     content = stored[:-CHECKSUM]
-    return content if trusted and stored[-CHECKSUM:] == _checksum(file.name, content) else None
+    return content if trusted and stored[-CHECKSUM:] == _checksum(file, content) else None
 
 
-def _checksum(name: str, content: bytes) -> bytes:
-    digest = hashlib.sha256(name.encode() + b"\0")
+def _checksum(file: Path, content: bytes) -> bytes:
+    digest = hashlib.sha256("/".join(file.parts[-3:]).encode() + b"\0")  # kind, key and name
     digest.update(content)
     return digest.hexdigest().encode()

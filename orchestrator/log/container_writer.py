@@ -266,6 +266,12 @@ def _places_by_time(sizes: Sequence[int], times: Sequence[NDArray[np.uint64]]) -
 def check_writable(path: Path) -> None:
     """Raise LogFailed if a log cannot be written to ``path``, as far as can be known in advance."""
     problem = ""
+    try:
+        path.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except OSError as error:  # a name that is too long, a folder that cannot be searched
+        raise log_failed(path, error) from None
     if path.is_dir():
         problem = "it is a directory"
     elif path.is_symlink() and not path.exists():

@@ -6,12 +6,14 @@ import csv
 import os
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from orchestrator.files.csv_cells import safe_cell
+from orchestrator.files.replacing import replacing
 from orchestrator.log.container_writer import LogFailed, error_text
 from orchestrator.log.extra import library
 from orchestrator.log.reader import Log, NoSuchSignal
@@ -45,7 +47,7 @@ class Csv:
         self._stream = file.open("w", newline="", encoding="utf-8")
         self._writer = csv.writer(self._stream, lineterminator="\n")
         titles = [f"{name} [{unit}]" for name, unit in zip(*columns, strict=True)]
-        self._writer.writerow(["t [s]", *titles])
+        self._writer.writerow(["t [s]", *map(safe_cell, titles)])
 
     def rows(self, table: Floats) -> None:
         """Append rows (m, 1 + columns) as text."""
@@ -189,30 +191,17 @@ def table(series: Series) -> Floats:
 @contextmanager
 def open_table(file: Path, kind: str, columns: Columns) -> Iterator[Writer]:
     """Write to a temporary file and rename it when it is complete; raises LogFailed, NotInstalled."""
-    fresh = file.with_name(f".{file.name}.{os.getpid()}")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        if file.exists() and not file.is_file():  # a device is written directly
-            fresh = file
-        writer = KINDS[kind](fresh, columns)
-        try:
-            yield writer
-        finally:
-            writer.close()
-        if fresh != file:
-            fresh.replace(file)
+        is_device = file.exists() and not file.is_file()  # a device is written directly
+        with nullcontext(file) if is_device else replacing(file) as fresh:
+            writer = KINDS[kind](fresh, columns)
+            try:
+                yield writer
+            finally:
+                writer.close()
     except OSError as error:
         raise LogFailed(f"{file} cannot be written: {error_text(error)}") from None
-    finally:
-        if fresh != file:
-            _remove(fresh)
-
-
-def _remove(file: Path) -> None:
-    try:
-        file.unlink(missing_ok=True)
-    except OSError:  # its parent is not a folder
-        return
 
 
 def _columns(log: Log, topic: str, columns: Sequence[int]) -> Columns:

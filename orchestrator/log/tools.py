@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestrator.files.replacing import replacing
 from orchestrator.log.container_writer import LogFailed, check_writable
 from orchestrator.log.log_format import checkpoint_step
 from orchestrator.log.message_records import Messages
@@ -184,16 +185,14 @@ def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> LogVer
 def _replacing(target: Path) -> Iterator[Path]:
     """Write a temporary file and replace ``target`` by it when it is complete; raises LogFailed."""
     check_writable(target)
-    fresh = target.with_name(f".{target.name}.{os.getpid()}")
+    fresh = target
     try:
-        yield fresh
-        fresh.replace(target)
+        with replacing(target) as fresh:
+            yield fresh
     except LogFailed as error:
         raise LogFailed(str(error).replace(str(fresh), str(target))) from None
     except OSError as error:
         raise LogFailed(f"the log {target} cannot be written: {error.strerror}") from None
-    finally:
-        fresh.unlink(missing_ok=True)
 
 
 def _rewrite(log: Log, fresh: Path, target: Path) -> LogVerdict:

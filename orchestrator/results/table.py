@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from orchestrator.files.csv_cells import safe_cell
 from orchestrator.log.extra import library
 
 FORM = ".5g"
@@ -60,8 +61,8 @@ class Table(NamedTuple):
         """CSV text: a header line, then rows with all digits; missing values are empty."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerow([column.head for column in self.columns])
-        writer.writerows([[_exact(cell) for cell in row] for row in self.rows])
+        writer.writerow([safe_cell(column.head) for column in self.columns])
+        writer.writerows([[safe_cell(_exact(cell)) for cell in row] for row in self.rows])
         return text.getvalue()
 
     def markdown(self, heading: str = "") -> str:

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from fmus.vehicle import BadInput
+from fmus.vehicle import BadInput, value_text
+from orchestrator.files.replacing import replacing
 
 
 def check_output(path: Path, suffixes: Sequence[str], hint: str = "") -> None:
@@ -16,6 +17,12 @@ def check_output(path: Path, suffixes: Sequence[str], hint: str = "") -> None:
     ``besides``: sentence about other suffixes.
     """
     folder = path.absolute().parent
+    try:
+        path.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except OSError as error:  # a name that is too long, a folder that cannot be searched
+        raise BadInput(f"{value_text(str(path))} cannot be written: {error.strerror}") from None
     if path.is_dir():
         why = "it is a directory"
     elif path.suffix.lower() not in suffixes:
@@ -33,11 +40,8 @@ def check_output(path: Path, suffixes: Sequence[str], hint: str = "") -> None:
 @contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
     """Temporary file that replaces ``path`` at the end; raises BadInput if that fails."""
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
-        yield temporary
-        os.replace(temporary, path)
+        with replacing(path) as temporary:
+            yield temporary
     except OSError as error:
-        raise BadInput(f"{path} cannot be written: {error.strerror or error}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
+        raise BadInput(f"{value_text(str(path))} cannot be written: {error.strerror or error}") from None

@@ -7,6 +7,7 @@ from collections.abc import Collection
 from difflib import get_close_matches
 from importlib import resources
 from pathlib import Path
+from textwrap import shorten
 from typing import Any
 
 from fmus.vehicle import BadInput, read_table, value_text
@@ -31,7 +32,9 @@ def names() -> list[str]:
 def hint(name: str, known: Collection[str], introduction: str) -> str:
     """Suggestion for an unknown name: the nearest known one, or all of them."""
     near = get_close_matches(name, known, n=1)
-    return f"did you mean '{near[0]}'?" if near else f"{introduction} {', '.join(known)}"
+    return (
+        f"did you mean '{near[0]}'?" if near else f"{introduction} {shorten(', '.join(known), 250, placeholder=' ...')}"
+    )
 
 
 def read(scene: str) -> tuple[str, dict[str, Any]]:

@@ -6,12 +6,14 @@ run, so tangent x lateral axis is the outward normal, and a vehicle driving forw
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, root
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from fmus.jit import allocating
 from fmus.physics.arrays import Floats
@@ -24,7 +26,11 @@ def _belt(centres: Floats, radii: Floats) -> Floats:
     angle = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
     rim = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
     points = (centres[:, None, :] + radii[:, None, None] * rim[None]).reshape(-1, 2)
-    hull = points[ConvexHull(points).vertices][::-1]  # scipy's order is from x to z, ours from x to -z
+    try:
+        corners = ConvexHull(points).vertices
+    except QhullError:
+        raise ValueError("no belt lies round the wheels: their places and radii do not fit together") from None
+    hull = points[corners][::-1]  # scipy's order is from x to z, ours from x to -z
     return np.roll(hull, -int(np.argmax(hull[:, 0])), axis=0)
 
 
@@ -183,12 +189,19 @@ def folded(first: Floats, pitch: float, links: int) -> Floats:
     return chain_of_angles(np.asarray(first, float), np.concatenate([down, [0.0], -down]), pitch)
 
 
+def scale_of_angles(excess: Callable[[float], float], low: float, high: float) -> float:
+    """Factor of the links' angles, from ``low`` to ``high``, at which ``excess`` is zero; raises ValueError."""
+    if not excess(low) * excess(high) <= 0.0:
+        raise ValueError("the chain is too soft: stretched by its own weight, it does not span its ends as an arc")
+    return float(brentq(excess, low, high, xtol=1e-15))
+
+
 def rescaled(pins: Floats, last: Floats, pitch: float) -> Floats:
     """Open polygon ``pins`` (n, 2), its link angles scaled by one factor to end at ``last`` (2), at equal height."""
     chord = np.diff(pins, axis=0)
     angles = np.arctan2(chord[:, 1], chord[:, 0])
     distance = np.hypot(*(np.asarray(last, float) - pins[0]))
-    factor = brentq(lambda s: pitch * np.cos(s * angles).sum() - distance, 1e-3, 1.5, xtol=1e-15)
+    factor = scale_of_angles(lambda s: pitch * np.cos(s * angles).sum() - distance, 1e-3, 1.5)
     return close_exactly(np.vstack([chain_of_angles(pins[0], factor * angles, pitch)[:-1], last]), pitch, closed=False)
 
 

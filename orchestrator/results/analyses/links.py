@@ -107,6 +107,10 @@ def blocks(run: RunData, track: str, window: Window = EVER) -> Iterator[LinkForc
         across = values.get("joint[*].axis")
         if across is None:  # pins stay across the hull within the play of the guides
             across = np.repeat(hull.poses(run, track, block.t).axes[:, None, :, 1], block.pins.shape[1], axis=1)
+        if across.shape[1] not in (1, block.pins.shape[1]) or block.pins.shape[1] < links:
+            raise Missing(f"{run.log.path} holds other numbers of pins than of axes and links of '{track}'")
+        if len({values[f"link[*].fibre.{side}"].shape for side in ("outer", "inner") if fibres}) > 1:
+            raise Missing(f"{run.log.path} holds other numbers of outer than of inner fibres of '{track}'")
         axes = link_axes(block.pins, across, links)
         if any(values[KINDS[kind]][:, :links].shape != axes.shape[:3] for kind in kinds):
             raise Missing(f"{run.log.path} holds other numbers of links than of pins of '{track}'")

@@ -13,12 +13,12 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 
 from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.flexible.places import across, coordinate_indices, in_plane
+from fmus.physics.chain.layout import scale_of_angles
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -149,7 +149,7 @@ class OpenChain:
         self.lengths += self.pitch * change[:, -1]
         if self.pinned:
             before, span = self.factor, float(self.ends[1][0] - self.ends[0][0])
-            self.factor = brentq(lambda s: self.lengths @ np.cos(s * self.angles) - span, 0.5, 1.5, xtol=1e-15)
+            self.factor = scale_of_angles(lambda s: float(self.lengths @ np.cos(s * self.angles)) - span, 0.5, 1.5)
             turn, slopes = (
                 (self.factor - before) * self.angles[:, None, None],
                 self.plane[:, self.shift == 0.0],
