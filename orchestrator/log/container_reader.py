@@ -59,6 +59,7 @@ class ContainerReader:
         self.data_end: int | None = None  # offset of the record that ends the data
         self.ended = False
         self._decompressor = zstandard.ZstdDecompressor()
+        self._advise("MADV_RANDOM")  # else the system reads up to megabytes around every record
 
     def close(self) -> None:
         """Unmap the file."""
@@ -72,7 +73,10 @@ class ContainerReader:
     def body(self, offset: int, most: int | None = None) -> bytes:
         """Return the content of the record at ``offset``, at most its first ``most`` bytes."""
         _, length = HEAD.unpack_from(self._data, offset)
-        return self._data[offset + HEAD.size : offset + HEAD.size + (length if most is None else min(length, most))]
+        start, end = offset + HEAD.size, offset + HEAD.size + (length if most is None else min(length, most))
+        if end - start > mmap.PAGESIZE:
+            self._advise("MADV_WILLNEED", start, end)
+        return self._data[start:end]
 
     def record(self, kind: Any, offset: int) -> Any:
         """Parse the record at ``offset`` as a class of ``mcap.records``; raises one of DAMAGE."""
@@ -82,6 +86,7 @@ class ContainerReader:
         """Return the unpacked and checked content of the chunk at ``offset``; raises one of DAMAGE."""
         _, length = HEAD.unpack_from(self._data, offset)
         start = offset + HEAD.size
+        self._advise("MADV_WILLNEED", start, start + length)
         with memoryview(self._data) as view, view[start : start + length] as body:
             *_, size, crc, name_length = _CHUNK.unpack_from(body)
             kind, position = bytes(body[_CHUNK.size : _CHUNK.size + name_length]), _CHUNK.size + name_length
@@ -128,6 +133,7 @@ class ContainerReader:
     def walk(self, visit: Callable[[int, int], None]) -> None:
         """Call ``visit(opcode, offset)`` for every data record; ``visit`` may raise one of DAMAGE."""
         offset = len(MCAP0_MAGIC)
+        self._advise("MADV_NORMAL")
         while offset < self.size:
             following = self._step(offset, visit)
             if following is None:
@@ -213,8 +219,13 @@ class ContainerReader:
         self._release(max(0, start), offset + HEAD.size + length)
 
     def _release(self, start: int, end: int) -> None:
-        if hasattr(mmap, "MADV_DONTNEED"):
-            self._data.madvise(mmap.MADV_DONTNEED, start, end - start)
+        self._advise("MADV_DONTNEED", start, end)
+
+    def _advise(self, advice: str, start: int = 0, end: int | None = None) -> None:
+        """Tell the system how the bytes from ``start`` to ``end`` are read, where it can be told."""
+        first, last = start - start % mmap.PAGESIZE, min(self.size if end is None else end, self.size)
+        if hasattr(mmap, advice) and first < last:
+            self._data.madvise(getattr(mmap, advice), first, last - first)
 
     def data_sound(self) -> bool:
         """Whether the checksum over all data, without the indexes at the end, holds."""
@@ -237,6 +248,7 @@ class ContainerReader:
         """Yield the bytes from ``start`` to ``end`` in pieces, whose pages are released afterwards."""
         while start < end:
             part_end = min(start - start % PIECE + PIECE, end)
+            self._advise("MADV_WILLNEED", start, part_end)
             with memoryview(self._data) as view, view[start:part_end] as part:
                 yield part
             self._release(part_end - part_end % AROUND - PIECE if part_end > PIECE else 0, part_end)
