@@ -102,17 +102,19 @@ def _simulate(
         run = _PreparedRun.prepare(*load_scene(scene, stack, logger, native), continuation)
         early_warnings = _early_warnings(run, logger)
         result["warnings"] = early_warnings
-        log_opened = False
+        log_opened, file = False, path
         try:
             about, further_metadata = {"fmus": NATIVE} if native else {}, continuation.metadata if continuation else {}
             with open_log(path, run.scene, run.graph, run.components, run.scheme, about, further_metadata) as recorder:
-                log_opened = True
+                log_opened, file = True, recorder.file
                 if continuation is not None:
                     continuation.copy_records(recorder)
                 observers: list[master.Observer] = [reached, *_observers(run, recorder, reached)]
                 if narration:
                     stop = run.scene.run.stop
                     observers.append(stack.enter_context(ProgressBar(scene.name, stop, narration)))
+                if recorder.replaces:
+                    announce(f"{scene.name}: the log is {recorder.file} until the run has ended, then {path}")
                 announce(f"{scene.name}: {run.scene.run.stop:g} s are simulated")
                 result["startup_time"] = time.perf_counter() - start
                 interrupt.deferring = True
@@ -121,17 +123,20 @@ def _simulate(
                 result["warnings"] = [*early_warnings, *warnings(run.components)]
                 if outcome.steps:
                     announce(f"{scene.name}: results are read from the log")
-                    entries, run_events = _evaluate_log(run.scene, path, outcome, result["warnings"])
+                    entries, run_events = _evaluate_log(run.scene, recorder.file, outcome, result["warnings"])
                     result |= entries
                     recorder.write_events(run_events)
                     if estimated and result["status"] == "ok":
                         announce(f"{scene.name}: the error is estimated by up to two runs with longer steps")
-                        result["error"] = estimate.estimate(run.scene, path, result, _companion_recorder(interrupt))
+                        result["error"] = estimate.estimate(
+                            run.scene, recorder.file, result, _companion_recorder(interrupt)
+                        )
                 status, message = outcome.status, outcome.message
                 if invalidity := summary.invalidity(result["validity"]):
                     status, message = "failed", "; ".join(filter(None, (message, invalidity)))
                 recorder.close(status, message, outcome.steps, _results(result), result["warnings"])
                 result["seal"] = recorder.seal
+                file = path
         except LogFailed as failure:
             outcome = master.RunOutcome("failed", f"{failure}, at t = {reached.t:.6g} s", reached.k, reached.t)
             result |= _outcome_entries(outcome, result["wall_time"]) | {
@@ -139,8 +144,8 @@ def _simulate(
             }
         interrupt.deferring = False
     if log_opened:
-        result["log"] = str(path)
-    return result | {"log_bytes": path.stat().st_size if log_opened and path.exists() else 0}
+        result["log"] = str(file)
+    return result | {"log_bytes": file.stat().st_size if log_opened and file.exists() else 0}
 
 
 class _PreparedRun(NamedTuple):

@@ -65,6 +65,7 @@ class ContainerReader:
         self.data_end: int | None = None  # offset of the record that ends the data
         self.ended = False
         self._decompressor = zstandard.ZstdDecompressor()
+        self._advise("MADV_RANDOM")  # else the system reads up to megabytes around every record
 
     def close(self) -> None:
         """Unmap the file."""
@@ -80,7 +81,10 @@ class ContainerReader:
         _, length = HEAD.unpack_from(self._data, offset)
         if most is None and length > AT_ONCE:
             raise OverBudget(f"a record of {length} bytes, and {AT_ONCE} are allowed")
-        return self._data[offset + HEAD.size : offset + HEAD.size + (length if most is None else min(length, most))]
+        start, end = offset + HEAD.size, offset + HEAD.size + (length if most is None else min(length, most))
+        if end - start > mmap.PAGESIZE:
+            self._advise("MADV_WILLNEED", start, end)
+        return self._data[start:end]
 
     def length(self, offset: int) -> int:
         """Return the length of the content of the record at ``offset``."""
@@ -104,6 +108,7 @@ class ContainerReader:
         """Return the unpacked and checked content of the chunk at ``offset``; raises one of DAMAGE."""
         _, length = HEAD.unpack_from(self._data, offset)
         start = offset + HEAD.size
+        self._advise("MADV_WILLNEED", start, start + length)
         with memoryview(self._data) as view, view[start : start + length] as body:
             *_, size, crc, name_length = _CHUNK.unpack_from(body)
             kind, position = bytes(body[_CHUNK.size : _CHUNK.size + name_length]), _CHUNK.size + name_length
@@ -153,6 +158,7 @@ class ContainerReader:
         """Call ``visit(opcode, offset)`` for every data record; ``visit`` may raise one of DAMAGE."""
         offset = len(MCAP0_MAGIC)
         self._budget, self._counted = UnpackedBudget(self.size), {}  # of a summary that is not used
+        self._advise("MADV_NORMAL")
         while offset < self.size:
             following = self._step(offset, visit)
             if following is None:
@@ -244,8 +250,13 @@ class ContainerReader:
         self._release(max(0, start), offset + HEAD.size + length)
 
     def _release(self, start: int, end: int) -> None:
-        if hasattr(mmap, "MADV_DONTNEED"):
-            self._data.madvise(mmap.MADV_DONTNEED, start, end - start)
+        self._advise("MADV_DONTNEED", start, end)
+
+    def _advise(self, advice: str, start: int = 0, end: int | None = None) -> None:
+        """Tell the system how the bytes from ``start`` to ``end`` are read, where it can be told."""
+        first, last = start - start % mmap.PAGESIZE, min(self.size if end is None else end, self.size)
+        if hasattr(mmap, advice) and first < last:
+            self._data.madvise(getattr(mmap, advice), first, last - first)
 
     def data_sound(self) -> bool:
         """Whether the checksum over all data, without the indexes at the end, holds."""
@@ -268,6 +279,7 @@ class ContainerReader:
         """Yield the bytes from ``start`` to ``end`` in pieces, whose pages are released afterwards."""
         while start < end:
             part_end = min(start - start % PIECE + PIECE, end)
+            self._advise("MADV_WILLNEED", start, part_end)
             with memoryview(self._data) as view, view[start:part_end] as part:
                 yield part
             self._release(part_end - part_end % AROUND - PIECE if part_end > PIECE else 0, part_end)

@@ -10,6 +10,8 @@ import os
 import struct
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from glob import escape
+from itertools import chain, count
 from pathlib import Path
 from typing import IO, Any
 
@@ -48,6 +50,7 @@ except ImportError:  # Windows locks open files itself
 ZSTD, COMPRESSION_LEVEL = b"zstd", -20  # a quarter of level 1's processor time, and 20 % more bytes
 _CHUNK = struct.Struct("<BQQQQII4sQ")  # chunk without its records: opcode, length, times, size, checksum, kind
 _HEAD = 9  # bytes of opcode and length, which the length does not count
+RUNNING = ".running"  # in the name of a log whose run has not ended, while there is an older one
 CLOSING = 1 << 14  # bytes reserved for the closing record on a nearly full disk
 _LEAF = 90  # and for each leaf of the seal
 SUMMARY = (
@@ -278,6 +281,8 @@ def check_writable(path: Path) -> None:
         problem = f"it is a link to {path.readlink()}, which does not exist"
     elif path.exists() and not path.is_file():
         problem = "it is a device or a pipe, which cannot be read again"
+    elif any(_held(file) for file in _running_files(path)):
+        problem = "another run is writing it"
     elif path.is_file():
         try:
             with path.open("rb") as stream:
@@ -295,6 +300,36 @@ def check_writable(path: Path) -> None:
             problem = f"the folder {parent} is read-only"
     if problem:
         raise LogFailed(f"the log {path} cannot be written: {problem}")
+
+
+def growing_log(path: Path) -> Path:
+    """Return the file that a run is writing now for the log ``path``: beside it while there is an older log."""
+    return next((file for file in _running_files(path) if _held(file)), path)
+
+
+def left_behind(path: Path) -> list[Path]:
+    """Return the files beside the log ``path`` that killed runs have left."""
+    return [file for file in _running_files(path) if not _held(file)]
+
+
+def beside(path: Path) -> Path:
+    """Return a new name beside the log ``path``, for a run that will replace it."""
+    ends = chain([""], (f"-{number}" for number in count(2)))
+    names = (path.with_name(f"{path.stem}{RUNNING}{end}{path.suffix}") for end in ends)
+    return next(name for name in names if not name.exists())
+
+
+def _running_files(path: Path) -> list[Path]:
+    return sorted(path.parent.glob(f"{escape(path.stem + RUNNING)}*{escape(path.suffix)}"))
+
+
+def _held(path: Path) -> bool:
+    """Whether a recorder has the file open."""
+    try:
+        with path.open("rb") as stream:
+            return being_written(stream)
+    except OSError:
+        return False
 
 
 def _lock(stream: IO[bytes]) -> bool:

@@ -18,6 +18,11 @@ def cut_off(path: Path, t: float) -> str:
     return f"{path} was cut off at t = {t:.6g} s: no closing record"
 
 
+def left_behind(path: Path) -> str:
+    """Return the notice for a log that a killed run has left beside the one that it would have replaced."""
+    return f"{path} was left by a run that was killed: 'cotrack resume' continues it, 'cotrack log recover' saves it"
+
+
 def other_version(path: Path, versions: Mapping[str, str]) -> str:
     """Return the notice for a log of another cotrack version, empty for this one.
 

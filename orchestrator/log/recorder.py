@@ -22,8 +22,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.log import channel_metadata, closing_record, events_topic, log_format, schema
-from orchestrator.log.container_writer import ContainerWriter, LogFailed, check_writable, log_failed
+from orchestrator.log import channel_metadata, closing_record, events_topic, log_format, notices, schema
+from orchestrator.log.container_writer import (
+    ContainerWriter,
+    LogFailed,
+    beside,
+    check_writable,
+    left_behind,
+    log_failed,
+)
 from orchestrator.log.message_records import LONGEST
 from orchestrator.log.page import CHUNK, Block, Channel, Page, WireViolated
 from orchestrator.log.time_series import Topic
@@ -35,7 +42,8 @@ BACKLOG = 4  # chunks that may wait for the disk before the run waits too
 class Recorder(AbstractContextManager["Recorder"]):
     """Log open for writing; leaving the context closes it, as "failed" unless ``close`` was called.
 
-    :param path: the file; its folder is created, an older log is replaced, any other file is refused.
+    :param path: the file, or a link to it; its folder is created, any other file than a log is refused. While there is
+        an older log, ``file`` is a new one beside it, which replaces it when this log is closed.
     :param topics: topic -> (variable, unit) in the order of the arrays given to ``write``. By convention
         "/<instance>/in", "/<instance>/out", "/<instance>/links" and "/stats/<instance>".
     :param attachments: name -> content of files that belong to the run.
@@ -81,16 +89,21 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._flush = flush
         try:
             check_writable(self.path)
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            if self.path.is_file():  # a reader of the older file keeps it
-                self.path.unlink()
-            self._file = ContainerWriter(self.path)
+            self._target = self.file = self.path.resolve() if self.path.is_symlink() else self.path
+            self._target.parent.mkdir(parents=True, exist_ok=True)
+            for file in left_behind(self._target):
+                notices.notice(notices.left_behind(file))
+            if self._target.is_file():
+                self.file = beside(self._target)
+            self._file = ContainerWriter(self.file)
         except OSError as error:
             raise log_failed(self.path, error) from None
         try:
             self._write_header(attachments, metadata, types or {})
         except OSError as error:
             self._file.close()
+            if self.replaces:
+                self.file.unlink(missing_ok=True)
             raise log_failed(self.path, error) from None
         self._thread = threading.Thread(target=self._write_queue, name="recorder", daemon=True)
         self._thread.start()
@@ -100,6 +113,11 @@ class Recorder(AbstractContextManager["Recorder"]):
             message = str(error) or (kind.__name__ if kind else "the run ended without a status")
             with suppress(LogFailed) if error else nullcontext():  # the first error is the one to report
                 self.close("failed", message, self._last)
+
+    @property
+    def replaces(self) -> bool:
+        """Whether ``file`` is to replace an older log."""
+        return self.file != self._target
 
     def join_topics(self, inputs: Sequence[str], outputs: Sequence[str]) -> str:
         """Join topics into one page, so that one ``write`` records all; return its name for ``write``.
@@ -254,9 +272,14 @@ class Recorder(AbstractContextManager["Recorder"]):
             self._file.finish()
             self.seal = root
         except OSError as error:
-            self._failure = self._failure or log_failed(self.path, error)
+            self._failure = self._failure or self._failed(error)
         finally:
             self._file.close()
+        if self._failure is None and self.replaces:
+            try:
+                self.file = self.file.replace(self._target)  # a reader of the older file keeps it
+            except OSError as error:
+                self._failure = self._failed(error)
         if self._failure is not None and self._failure is not earlier:
             raise self._failure
 
@@ -311,7 +334,7 @@ class Recorder(AbstractContextManager["Recorder"]):
             except Exception as error:  # any error must be reported to the run
                 with self._condition:
                     violated = isinstance(error, WireViolated)
-                    self._failure = LogFailed(f"{self.path}: {error}") if violated else log_failed(self.path, error)
+                    self._failure = LogFailed(f"{self.path}: {error}") if violated else self._failed(error)
                     self._hand_over()
                     queued = [filled, *self._backlog]
                     self._backlog.clear()
@@ -324,6 +347,10 @@ class Recorder(AbstractContextManager["Recorder"]):
                 for page, block in () if isinstance(filled, tuple) else filled:
                     page.spare_blocks.append(block)
                 self._condition.notify_all()
+
+    def _failed(self, error: Exception) -> LogFailed:
+        failure = log_failed(self.path, error)
+        return LogFailed(f"{failure}; {self.file.name} holds what was written") if self.replaces else failure
 
     def _write_first_steps(self, chunks: Iterable[Sequence[tuple[Page, Block]]]) -> None:
         """Write as many of the first steps of ``chunks`` as fit on a full disk."""

@@ -20,7 +20,7 @@ from orchestrator.scene import gallery
 KEYS = {
     "scene", "track", "status", "message", "simulated_time", "startup_time", "wall_time", "cpu_time",
     "real_time_factor",
-    "communication_steps", "rejected_steps", "log", "log_bytes", "components", "energy", "error", "checks",
+    "communication_steps", "rejected_steps", "log", "log_bytes", "seal", "components", "energy", "error", "checks",
     "observables", "windows", "phases", "warnings", "validity",
 }  # fmt: skip
 

@@ -120,6 +120,23 @@ def test_a_killed_run_ends_the_view(rig, tmp_path, monkeypatch):
     assert links[-1][0] == pytest.approx(0.2e9, abs=6e6)
 
 
+@pytest.mark.long
+def test_a_run_that_will_replace_an_older_log_is_followed(rig, tmp_path, monkeypatch):
+    monkeypatch.setattr(live, "PERIOD", 0.02)
+    path, files = tmp_path / "run.mcap", []
+    path.write_bytes(rig.read_bytes())
+    writer = threading.Thread(target=again, args=(rig, path, 0.04))
+    writer.start()
+    while live.growing_log(path) == path:
+        time.sleep(0.001)
+    for log, end in live._grown(path):
+        files.append((log.path.name, end))
+    writer.join()
+    assert len({end for name, end in files if name == "run.running.mcap"}) > 2
+    assert files[-1][1] == np.inf
+    assert [file.name for file in tmp_path.iterdir()] == ["run.mcap"]
+
+
 def test_where_nothing_comes_it_says_so(tmp_path, monkeypatch):
     monkeypatch.setattr(live, "PERIOD", 0.01)
     monkeypatch.setattr(live, "PATIENCE", 0.05)

@@ -15,7 +15,8 @@ from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
 from recorded import STEP, TOPICS, record, values, write_steps
 
-from orchestrator.log.container_writer import ContainerWriter, LogFailed
+from orchestrator.log.container_writer import ContainerWriter, LogFailed, growing_log
+from orchestrator.log.notices import LogNotice
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import BROKEN, RECOVERED, WHOLE, recover, verify
@@ -166,3 +167,70 @@ def test_an_older_log_is_replaced_and_open_readers_keep_it(tmp_path):
     with Log(path) as new:
         assert np.array_equal(new.read("/chassis/out").values[20], values("/chassis/out", 20))
         assert new.read("/chassis/out").t[-1] == 20 * STEP
+
+
+def test_an_older_log_stays_until_the_new_one_has_ended(tmp_path):
+    path, running = record(tmp_path / "a.mcap", steps=10), tmp_path / "a.running.mcap"
+    older = path.read_bytes()
+    with Recorder(path, TOPICS, {}, {}) as recorder:
+        assert recorder.file == running == growing_log(path)
+        write_steps(recorder, 20)
+        recorder.flush()
+        assert path.read_bytes() == older
+        with Log(running, unfinished=True) as log:
+            assert log.being_written
+            assert log.read("/chassis/out").t[-1] == 20 * STEP
+        with pytest.raises(LogFailed, match="another run is writing it"):
+            Recorder(path, TOPICS, {}, {})
+        recorder.close("ok", "", 20)
+    assert growing_log(path) == path == recorder.file
+    assert [file.name for file in tmp_path.iterdir()] == ["a.mcap"]
+    assert verify(path).sentences[0].endswith("20 steps")
+
+
+def test_a_killed_run_leaves_the_older_log_and_its_own(tmp_path):
+    path = record(tmp_path / "a.mcap", steps=10)
+    script = textwrap.dedent(f"""
+        import numpy as np, os
+        from orchestrator.log.recorder import Recorder
+        recorder = Recorder({str(path)!r}, {{"/a/out": [("x", "m")]}}, {{}}, {{}})
+        recorder.write("/a/out", 0, 0.0, 1e-3, np.array([7.0]))
+        recorder.flush()
+        os.kill(os.getpid(), 9)
+    """)
+    assert subprocess.run([sys.executable, "-c", script], check=False).returncode == -signal.SIGKILL
+    assert verify(path).code == WHOLE
+    with Log(tmp_path / "a.running.mcap", unfinished=True) as log:
+        assert log.read("/a/out").values.tolist() == [[7.0]]
+    with pytest.warns(LogNotice, match=r"a\.running\.mcap was left by a run that was killed: 'cotrack resume'"):
+        record(path, steps=20)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.mcap", "a.running.mcap"]
+    assert verify(path).sentences[0].endswith("20 steps")
+
+
+def test_a_link_stays_and_its_target_is_written(tmp_path):
+    (tmp_path / "far").mkdir()
+    link, target = tmp_path / "link.mcap", tmp_path / "far" / "log.mcap"
+    record(target, steps=10)
+    link.symlink_to(target)
+    record(link, steps=20)
+    assert link.is_symlink()
+    assert verify(target).sentences[0].endswith("20 steps")
+    assert [file.name for file in target.parent.iterdir()] == ["log.mcap"]
+
+
+def test_a_failed_write_keeps_the_older_log(tmp_path, monkeypatch):
+    path = record(tmp_path / "a.mcap", steps=10)
+    recorder = Recorder(path, TOPICS, {}, {})
+    write_steps(recorder, 50)
+    recorder.flush()
+
+    def full(*parts):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(recorder._file, "_append", full)
+    with pytest.raises(LogFailed, match=r"no space left on device; a\.running\.mcap holds what was written"):
+        recorder.close("ok", "", 50)
+    assert verify(path).code == WHOLE
+    with Log(tmp_path / "a.running.mcap", unfinished=True) as log:
+        assert len(log.read("/chassis/out").t) == 51

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from fmus.vehicle import BadInput
+from orchestrator.log.container_writer import growing_log
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import rerun_scene
@@ -56,15 +57,15 @@ def _grown(path: Path) -> Iterator[tuple[Log, float]]:
     """Yield the log, reopened whenever it may have grown, and the time, s, up to which it has all topics."""
     began, any_record = time.monotonic(), False
     while True:
-        opened_at, going = time.monotonic(), True
+        opened_at, going, file = time.monotonic(), True, growing_log(path)
         try:
-            with Log(path) as log:
+            with Log(file) as log:
                 going = log.being_written
                 end = _common(log) if going else float("inf")
                 any_record |= end > 0.0
                 yield log, end
         except LogUnreadable:  # missing, or only its header so far
-            if any_record:
+            if any_record and growing_log(path) == file:  # else the run has just ended and replaced the older log
                 raise
         if not going:
             return
