@@ -1,4 +1,4 @@
-"""Proof that runs give the same bits on every x86-64 processor: ``python -m tests.processors [SCENE ...]``.
+"""Proof that runs give the same bits on every x86-64 processor: ``python -m tests.processors``.
 
 It drives the vehicle of a scene for 4,000 communication steps in child processes and compares all outputs of all steps
 and the resolved scene with those of a run without changes. glibc, OpenBLAS and numpy choose their code by processor, so
@@ -8,6 +8,7 @@ processors. numba compiles for the generic processor in one child.
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import shutil
@@ -21,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.append(str(ROOT / "tests"))
 STEPS = 4000
 DRIVING = ("drive.ramp_start=0",)  # the scene has no rest before its ramp
 OLD_LIBM = "glibc.cpu.hwcaps=-AVX2_Usable,-AVX2,-FMA,-FMA4,-AVX512F,-AVX"  # code for SSE2
@@ -62,9 +64,10 @@ def drive(scene: str, links: str, settings: Sequence[str], steps: int, file: Pat
 
     The placed scene is computed, not taken from the cache.
     """
+    from vehicle_in_process import InProcess
+
     from fmus import equilibrium, tensioning
     from orchestrator.scene.scene import load
-    from tests.vehicle_in_process import InProcess
 
     for module in (equilibrium, tensioning):
         module.read_checked = lambda file: None  # type: ignore[attr-defined]
@@ -96,62 +99,82 @@ def driven(
         return child.stdout, np.load(file)
 
 
-def emulated(order: str, program: Path, outputs: int, words: Sequence[str], choice: Mapping[str, str]) -> np.ndarray:
-    """Outputs (steps, outputs) of the C host ``program`` behind ``words``, for an ``order`` without a trace file."""
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "trace"
-        command = [*words, str(program)]
-        subprocess.run(command, input=f"{order} {file}", env=dict(choice), capture_output=True, text=True, check=True)
-        return np.fromfile(file).reshape(-1, outputs)
+def native_runs(scene: str, links: str, steps: int, emulated: int, folder: Path) -> dict[str, np.ndarray]:
+    """Outputs (steps, outputs) of native FMUs by processor, by the C host; in the emulator ``emulated`` steps."""
+    from test_native_host import built, host, order_text
 
-
-def native_runs(scene: str, links: str, settings: Sequence[str], steps: int, folder: Path) -> dict[str, np.ndarray]:
-    """Outputs of native FMUs by processor, run by the C host under tunables and in the emulator."""
     from orchestrator.scene.assembly import assemble
     from orchestrator.scene.placing import placed
     from orchestrator.scene.scene import load
-    from tests.test_native_host import built, host, order_text
 
-    resolved = placed(load(scene, links, settings))
+    resolved = placed(load(scene, links, DRIVING))
     assembly = assemble(resolved)
-    order, program = order_text(assembly, built(assembly), resolved.run.step, steps), host(folder)
-    outputs = sum(int(line.split()[5]) for line in order.splitlines() if line.startswith("instance"))
-    ways: dict[str, tuple[Sequence[str], Mapping[str, str]]] = {
-        "as it is": ((), {}),
-        "glibc without AVX and FMA": ((), {"GLIBC_TUNABLES": OLD_LIBM}),
+    files, program = built(assembly), host(folder)
+    trace, runs = folder / "trace", {}
+    emulator = shutil.which("qemu-x86_64")
+    ways: dict[str, tuple[int, Sequence[str], Mapping[str, str]]] = {
+        "as it is": (steps, (), {}),
+        "glibc without AVX and FMA": (steps, (), {"GLIBC_TUNABLES": OLD_LIBM}),
+        **{f"{model}, emulated": (emulated, (emulator, "-cpu", model), {}) for model in EMULATED if emulator},
     }
-    if emulator := shutil.which("qemu-x86_64"):
-        ways |= {f"{model}, emulated": ((emulator, "-cpu", model), {}) for model in EMULATED}
-    return {name: emulated(order, program, outputs, words, choice) for name, (words, choice) in ways.items()}
+    for name, (count, words, choice) in ways.items():
+        order = order_text(assembly, files, resolved.run.step, count)
+        command = [*words, str(program)]
+        subprocess.run(command, input=f"{order} {trace}", env=dict(choice), capture_output=True, text=True, check=True)
+        runs[name] = np.fromfile(trace).reshape(count, -1)
+    return runs
 
 
-def main(words: Sequence[str]) -> int:
-    """Print a line for each scene and choice; 1 if a value differs."""
-    if words[:1] == ["--child"]:
-        drive(words[1], words[2], words[5:], int(words[3]), Path(words[4]))
-        return 0
+def compare_python(scene: str, links: str, steps: int, choices: Sequence[str] = tuple(PYTHON)) -> int:
+    """Print a line for each choice of the libraries; number of values that differ, a scene counting as one."""
+    place, reference = driven(scene, links, DRIVING, steps, {})
     total = 0
-    for scene in words or ("straight", "turn"):
-        for links in ("flexible", "rigid"):
-            place, reference = driven(scene, links, DRIVING, STEPS, {})
-            for name, choice in PYTHON.items():
-                resolved, outputs = driven(scene, links, DRIVING, STEPS, choice)
-                found = difference(reference, outputs)
-                total += found.different + (resolved != place)
-                same = "same start" if resolved == place else "another start"
-                print(f"{scene}, {links}, Python, {name}: {same}, {_text(found)}", flush=True)
-            with tempfile.TemporaryDirectory() as folder:
-                runs = native_runs(scene, links, DRIVING, STEPS, Path(folder))
-            for name, outputs in runs.items():
-                found = difference(runs["as it is"], outputs)
-                total += found.different
-                print(f"{scene}, {links}, native, {name}: {_text(found)}", flush=True)
-    return int(total > 0)
+    for name in choices:
+        resolved, outputs = driven(scene, links, DRIVING, steps, PYTHON[name])
+        found = difference(reference, outputs)
+        total += found.different + (resolved != place)
+        start = "same start" if resolved == place else "another start"
+        print(f"{scene}, {links}, Python, {name}: {start}, {_text(found)}", flush=True)
+    return total
+
+
+def compare_native(scene: str, links: str, steps: int, emulated: int) -> int:
+    """Print a line for each processor; number of values that differ."""
+    with tempfile.TemporaryDirectory() as folder:
+        runs = native_runs(scene, links, steps, emulated, Path(folder))
+    total = 0
+    for name, outputs in runs.items():
+        found = difference(runs["as it is"][: len(outputs)], outputs)
+        total += found.different
+        print(f"{scene}, {links}, native, {name}: {_text(found)} in {len(outputs)} steps", flush=True)
+    return total
 
 
 def _text(found: Difference) -> str:
     return f"{found.different} of {found.values} values differ, by {found.largest:.2g} at most"
 
 
+def main() -> int:
+    """Compare as the command line says; 1 if a value differs."""
+    if sys.argv[1:2] == ["--child"]:
+        scene, links, steps, file, *settings = sys.argv[2:]
+        drive(scene, links, settings, int(steps), Path(file))
+        return 0
+    parser = argparse.ArgumentParser(prog="python -m tests.processors", description="Same bits on every processor")
+    parser.add_argument("scenes", nargs="*", default=["straight", "turn"])
+    parser.add_argument("--links", choices=["flexible", "rigid"], nargs="+", default=["flexible", "rigid"])
+    parser.add_argument("--steps", type=int, default=STEPS)
+    parser.add_argument("--emulated", type=int, default=STEPS, help="steps in the emulator, 0.5 s each")
+    parser.add_argument("--no-native", action="store_true")
+    chosen = parser.parse_args()
+    total = 0
+    for scene in chosen.scenes:
+        for links in chosen.links:
+            total += compare_python(scene, links, chosen.steps)
+            if not chosen.no_native:
+                total += compare_native(scene, links, chosen.steps, min(chosen.emulated, chosen.steps))
+    return int(total > 0)
+
+
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())
