@@ -325,13 +325,13 @@ def hypot(x: float, y: float) -> float:
     a, b = max(abs(x), abs(y)), min(abs(x), abs(y))
     if not (abs(x) < INFINITY and abs(y) < INFINITY):
         return INFINITY if abs(x) == INFINITY or abs(y) == INFINITY else NAN
-    if b < 7e-9 * a or a == 0.0:  # the square of b is below the last digit of that of a
+    if b <= 7e-9 * a:  # the square of b is below the last digit of that of a
         return a
     factor = 1.0
     if a > LARGE:
-        a, b, factor = a * SMALL, b * SMALL, LARGE
+        a, b, factor = a * 2.0**-600, b * 2.0**-600, 2.0**600
     elif b < SMALL:
-        a, b, factor = a * LARGE, b * LARGE, SMALL
+        a, b, factor = a * 2.0**600, b * 2.0**600, 2.0**-600
     h = np.sqrt(a * a + b * b)
     if h <= 2.0 * b:
         d = h - b
