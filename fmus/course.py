@@ -11,6 +11,7 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.model import InvalidParameter
+from fmus.physics.elementary import cos, sin
 
 
 class Course(NamedTuple):
@@ -97,5 +98,5 @@ def ramp(p, t):
     if past >= length:
         return p.end_speed, angle + rise * (past - 0.5 * length)
     s = past / length
-    shape = 0.5 * (s - np.sin(np.pi * s) / np.pi)
-    return p.start_speed + rise * 0.5 * (1.0 - np.cos(np.pi * s)), angle + rise * length * shape
+    shape = 0.5 * (s - sin(np.pi * s) / np.pi)
+    return p.start_speed + rise * 0.5 * (1.0 - cos(np.pi * s)), angle + rise * length * shape

@@ -32,6 +32,7 @@ from fmus.chassis.observe import put_sides
 from fmus.jit import plain, source_hash
 from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.arrays import Floats
+from fmus.physics.elimination import solved
 from fmus.physics.wheels import WIDTH, read_states
 from fmus.ports import STATE, WRENCH
 from fmus.stance import Stance, roll_pitch_quaternion, stance
@@ -199,13 +200,13 @@ def _solve(vehicle: _Vehicle) -> VehicleEquilibrium:
             shifted = guess.copy()
             shifted[i] += DIFFERENCE
             slopes[:, k] = (vehicle.accelerations(shifted) - residual) / DIFFERENCE
-        change = np.linalg.solve(np.eye(size) / step**2 - slopes, residual)
+        change = solved(np.eye(size) / step**2 - slopes, residual)
         while abs(change).max() > LARGEST_CHANGE:
             step *= 0.5
-            change = np.linalg.solve(np.eye(size) / step**2 - slopes, residual)
+            change = solved(np.eye(size) / step**2 - slopes, residual)
         guess[unknowns] += change
-        before, residual = np.linalg.norm(residual), vehicle.accelerations(guess)
+        before, residual = np.sqrt((residual * residual).sum()), vehicle.accelerations(guess)
         if abs(residual).max() < REST_ACCELERATION:
             return vehicle.as_equilibrium(guess)
-        step = min(step * np.clip(before / np.linalg.norm(residual), 1.5, 10.0), LAST_STEP)
+        step = min(step * np.clip(before / np.sqrt((residual * residual).sum()), 1.5, 10.0), LAST_STEP)
     raise StepFailed(f"accelerations of {abs(residual).max():.3g} m/s2 are left after {MOST_STEPS} steps")

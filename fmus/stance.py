@@ -6,10 +6,10 @@ drawn position. The start pose (``fmus.start``) places the vehicle in the world.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from fmus.jit import kernel
+from fmus.physics.elementary import cos, sin
 from fmus.start import vehicle_quaternion, world_position
 
 Stance = tuple[float, float, float, float, float, float, float]
@@ -30,7 +30,7 @@ def mirror_stance(s: Stance) -> Stance:
 
 def roll_pitch_quaternion(roll: float, pitch: float) -> tuple[float, float, float, float]:
     """Quaternion (w, x, y, z) of a body that is rolled about x, then pitched about y, rad."""
-    cr, sr, cp, sp = math.cos(0.5 * roll), math.sin(0.5 * roll), math.cos(0.5 * pitch), math.sin(0.5 * pitch)
+    cr, sr, cp, sp = cos(0.5 * roll), sin(0.5 * roll), cos(0.5 * pitch), sin(0.5 * pitch)
     return cp * cr, cp * sr, sp * cr, 0.0 - sp * sr
 
 

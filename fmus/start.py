@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from fmus.jit import kernel, plain
+from fmus.physics.elementary import cos, sin
 
 KEYS = tuple(f"start.{key}" for key in ("position.x", "position.y", "position.z", "heading", "height", "pitch"))
 X, Y, Z, HEADING, HEIGHT, PITCH = range(6)
@@ -41,7 +41,7 @@ def start_pose(parameters: Mapping[str, Any]) -> StartPose:
 @kernel
 def pitch_point(p, x, z):
     """See ``StartPose``; ``p`` begins with the values of ``KEYS``, also in the kernels below."""
-    c, s = math.cos(p[PITCH]), math.sin(p[PITCH])
+    c, s = cos(p[PITCH]), sin(p[PITCH])
     return c * x + s * z, c * z - s * x
 
 
@@ -49,15 +49,15 @@ def pitch_point(p, x, z):
 def world_position(p, x, y, z):
     """World position of a point of the vehicle frame, m."""
     x, z = pitch_point(p, x, z)
-    c, s = math.cos(p[HEADING]), math.sin(p[HEADING])
+    c, s = cos(p[HEADING]), sin(p[HEADING])
     return p[X] + c * x - s * y, p[Y] + s * x + c * y, p[Z] + p[HEIGHT] + z
 
 
 @kernel
 def vehicle_quaternion(p):
     """Quaternion (w, x, y, z) of the vehicle, body to world."""
-    ch, sh = math.cos(0.5 * p[HEADING]), math.sin(0.5 * p[HEADING])
-    cp, sp = math.cos(0.5 * p[PITCH]), math.sin(0.5 * p[PITCH])
+    ch, sh = cos(0.5 * p[HEADING]), sin(0.5 * p[HEADING])
+    cp, sp = cos(0.5 * p[PITCH]), sin(0.5 * p[PITCH])
     return ch * cp, 0.0 - sh * sp, ch * sp, sh * cp
 
 
@@ -71,7 +71,7 @@ def point_at_rest(p, x, y, z):
 def lay_frame(p, x, y, z, frame):
     """Write a frame (5): world position of a point of the vehicle frame, m; cosine, sine of the heading."""
     frame[0], frame[1], frame[2] = world_position(p, x, y, z)
-    frame[3], frame[4] = math.cos(p[HEADING]), math.sin(p[HEADING])
+    frame[3], frame[4] = cos(p[HEADING]), sin(p[HEADING])
 
 
 @kernel

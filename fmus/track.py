@@ -36,6 +36,7 @@ from fmus.physics.chain.layout import (
 )
 from fmus.physics.chain.outcome import PINS_OPEN, SINGULAR, STALLED, STEP_TOO_SHORT, UNSTABLE
 from fmus.physics.chain.report import COUNTERS, REPORT
+from fmus.physics.elementary import hypot, sin
 from fmus.physics.integrate import generalized_alpha, hht
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha
 from fmus.physics.wheels import WIDTH, read_states
@@ -405,7 +406,7 @@ class TrackModel(ComponentModel):
             if self.closed:
                 centres = np.array([w["position"] for w in self.wheel_list], dtype=float)
                 toothed = np.array([w["kind"] == "teeth" for w in self.wheel_list])
-                pitch_radius = self.pitch / (2.0 * np.sin(np.pi / self.vehicle["sprocket"]["teeth"]))
+                pitch_radius = self.pitch / (2.0 * sin(np.pi / self.vehicle["sprocket"]["teeth"]))
                 radii = np.array(
                     [
                         pitch_radius if w["kind"] == "teeth" else w["radius"] + self.vehicle["track"]["face"]
@@ -427,7 +428,7 @@ class TrackModel(ComponentModel):
             self.tighten()
         elif layout == "displaced":
             first, last = (np.array(self.config["ends"][end], dtype=float) for end in ("first", "last"))
-            near = first + (last - first) * 0.7 * self.links_count * self.pitch / np.hypot(*(last - first))
+            near = first + (last - first) * 0.7 * self.links_count * self.pitch / hypot(*(last - first))
             self.settle(catenary(first, near, self.pitch, self.links_count), rest=True)
             pins = rescaled(self.pins()[:, [0, 2]], last, self.pitch)
             self.settle(pins, rest=False)

@@ -16,14 +16,15 @@ from fmus.physics.chain.implicit import advance
 from fmus.physics.chain.kinds import fibres, observe_links, pin_axes, slopes
 from fmus.physics.chain.report import GROUND as ON_GROUND
 from fmus.physics.chain.report import REJECTED, REPORT, STEPS
+from fmus.physics.elementary import acos
 from fmus.physics.wheels import WIDTH, read_states, to_world
 from fmus.ports import STATE
 from fmus.sentences import GAPS
 from fmus.start import lay_frame
 
 # Cosine of the angle between a wheel's axis and the pins of links that stay in their plane:
-ALIGNED = np.cos(np.radians(0.2))  # a larger angle is a warning, because the plane of the links holds the wheel back
-OUT_OF_PLANE = np.cos(np.radians(5.0))  # a larger angle is a failure, because the results are wrong
+ALIGNED = 0.9999939076577904  # cos 0.2 deg: a larger angle is a warning, because the plane of the links holds back
+OUT_OF_PLANE = 0.9961946980917455  # cos 5 deg: a larger angle is a failure, because the results are wrong
 MOST_HALVINGS = 5  # halvings in one communication step, more of which are a warning
 # Failures; the failure of an integrator is added to the last two.
 NO_WHEEL, TOO_LONG, ELSEWHERE, ASKEW, IMPLICIT, EXPLICIT = 1, 2, 3, 4, 4, 8
@@ -190,7 +191,7 @@ def _read_wheels(c, messages, t, h, u):
         cosine = 1.0
         for k in range(c.rows.shape[0]):
             cosine = min(cosine, abs(c.rows[k, 10]))
-        deviation = np.arccos(cosine) * 180.0 / np.pi
+        deviation = acos(cosine) * 180.0 / np.pi
         if cosine < OUT_OF_PLANE:
             messages[0, 0], messages[0, 1] = t, deviation
             return ASKEW

@@ -1,6 +1,7 @@
 """The walls of the project: allowed imports, and the shape of its folders."""
 
 import ast
+import re
 import subprocess
 import sys
 from functools import cache
@@ -266,6 +267,54 @@ def test_numbers_in_names_of_signals_are_read_in_one_place():
         )
     ]
     assert behind == ["log/schema.py"]
+
+
+def depends_on_the_processor(source: str) -> list[str]:
+    """Expressions of a source whose last digits depend on the processor: of libm, numpy's functions, BLAS and LAPACK.
+
+    Squares and whole powers of arrays and of numbers in kernels are products.
+    """
+    functions = (
+        "a?(sin|cos|tan)h?|atan2|arc(sin|cos|tan)h?|arctan2|exp2?|expm1|log(2|10|1p)?|hypot|pow|float_power|power|cbrt|"
+        "fmod|remainder|dist|sinc|dot|vdot|inner|matmul|tensordot|leggauss|linalg"
+    )
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        match node:
+            case ast.Attribute(value=ast.Name(id="np" | "numpy" | "math" | "cmath"), attr=name):
+                depends = re.fullmatch(functions, name) is not None
+            case ast.ImportFrom(module="math" | "cmath" | "numpy", names=names):
+                depends = any(re.fullmatch(functions, alias.name) for alias in names)
+            case ast.ImportFrom(module=module):
+                depends = re.match(r"scipy\.(linalg|sparse|special)", module or "") is not None
+            case ast.BinOp(op=ast.MatMult()):
+                depends = True
+            case ast.BinOp(op=ast.Pow(), right=exponent):
+                depends = not (isinstance(exponent, ast.Constant) and isinstance(exponent.value, int))
+            case _:
+                depends = False
+        found += [ast.unparse(node)] if depends else []
+    return found
+
+
+# Bounds of frequencies, of which nine digits enter the longest stable step (``chain/flexible/explicit.py``); powers of
+# units; powers of 2: products in a kernel, constants of the functions.
+EXEMPT = {
+    "physics/ancf/element.py", "physics/chain/flexible/free_axes.py", "physics/chain/flexible/closing.py",
+    "physics/integrate/adams.py", "vehicle.py", "physics/elementary.py",
+}  # fmt: skip
+
+
+def test_results_do_not_depend_on_the_processor():
+    """FMUs take elementary functions and linear solves from ``physics`` alone (``elementary``, ``elimination``)."""
+    behind = {}
+    for file in sources(FMUS):
+        if found := depends_on_the_processor(file.read_text(encoding="utf-8")):
+            behind[file.relative_to(FMUS).as_posix()] = found
+    assert behind.keys() == EXEMPT, behind
+    planted = "import numpy as np\nfrom math import sin\nx = np.cos(1.0) + A @ b + np.linalg.norm(b) + a ** 0.5\n"
+    assert len(depends_on_the_processor(planted)) == 5
+    assert not depends_on_the_processor("from math import isfinite\ny = np.sqrt(x) + x ** 2\n")
 
 
 def test_physics_and_libraries_do_not_print():

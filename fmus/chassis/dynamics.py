@@ -17,6 +17,7 @@ from fmus.chassis.touch import touch
 from fmus.chassis.tree import unpacked
 from fmus.jit import allocating, kernel
 from fmus.model import too_many_steps
+from fmus.physics.elementary import cos, sin
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import put_quat, quat_normalise, quat_to_matrix
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
@@ -51,7 +52,7 @@ def wheel_offset(tree, k, d):
     """Wheel centre of leaf k from its hinge, m, and the derivative by its coordinate d, in B. (1)"""
     if tree.is_arm[k] == 0:
         return (d, 0.0, 0.0), (1.0, 0.0, 0.0)
-    x, z, c, s = tree.arm[k, 0], tree.arm[k, 1], np.cos(d), np.sin(d)
+    x, z, c, s = tree.arm[k, 0], tree.arm[k, 1], cos(d), sin(d)
     r = (c * x + s * z, 0.0, c * z - s * x)
     return r, (r[2], 0.0, -r[0])
 
@@ -61,7 +62,7 @@ def compression(tree, k, d):
     """Compression of the spring of leaf k since the drawn position, m, and its derivative by d. (2)"""
     if tree.is_arm[k] == 0:
         return d, 1.0
-    x, z, c, s = tree.on_arm[k, 0], tree.on_arm[k, 1], np.cos(d), np.sin(d)
+    x, z, c, s = tree.on_arm[k, 0], tree.on_arm[k, 1], cos(d), sin(d)
     ax, az = c * x + s * z, c * z - s * x
     bx, bz = ax - tree.on_chassis[k, 0], az - tree.on_chassis[k, 1]
     length = np.sqrt(bx * bx + bz * bz)

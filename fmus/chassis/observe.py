@@ -6,12 +6,11 @@ that of the ports in ``model.py``. There is no physics here.
 
 from __future__ import annotations
 
-import numpy as np
-
 from fmus.chassis.dynamics import ROOT, compression, energies, wheel_offset
 from fmus.chassis.touch import touch
 from fmus.chassis.tree import unpacked
 from fmus.jit import allocating, kernel
+from fmus.physics.elementary import asin, atan2, cos, sin
 from fmus.physics.rotation import put_quat, quat_multiply, quat_to_matrix
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 
@@ -35,7 +34,7 @@ def put_sides(tree, x, sides, y, i):
         for k in range(side * n // 2, (side + 1) * n // 2):
             r, dr = wheel_offset(tree, k, x[ROOT + k])
             half, spin = 0.5 * x[ROOT + n + k], x[ROOT + 3 * n + k]
-            q = quat_multiply(x[3:7], (np.cos(half), 0.0, np.sin(half), 0.0))
+            q = quat_multiply(x[3:7], (cos(half), 0.0, sin(half), 0.0))
             centre, velocity = add(vector(tree.hinge[k], 0), r), scale(x[ROOT + 2 * n + k], dr)
             i = put_motion(y, i, x, A, centre, velocity, q, (w[0], spin, w[2]))
         i = put_motion(y, i, x, A, vector(tree.sprocket[side], 0), still, x[3:7], w)
@@ -47,11 +46,11 @@ def put_chassis(x, start, y, i):
     """Write motion (13), pitch, roll, yaw, speed, distance, settlement; start: O (3, m) and heading (rad)."""
     A, zero = quat_to_matrix(x[3:7]), (0.0, 0.0, 0.0)
     i = put_motion(y, i, x, A, zero, zero, x[3:7], vector(x, 10))
-    y[i] = np.arcsin(min(1.0, max(-1.0, -A[2, 0])))
-    y[i + 1] = np.arctan2(A[2, 1], A[2, 2])
-    y[i + 2] = np.arctan2(A[1, 0], A[0, 0])
+    y[i] = asin(min(1.0, max(-1.0, -A[2, 0])))
+    y[i + 1] = atan2(A[2, 1], A[2, 2])
+    y[i + 2] = atan2(A[1, 0], A[0, 0])
     y[i + 3] = dot(vector(x, 7), A[:, 0])
-    y[i + 4] = (x[0] - start[0]) * np.cos(start[3]) + (x[1] - start[1]) * np.sin(start[3])
+    y[i + 4] = (x[0] - start[0]) * cos(start[3]) + (x[1] - start[1]) * sin(start[3])
     y[i + 5] = start[2] - x[2]
     return i + 6
 

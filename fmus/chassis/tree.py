@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fmus.jit import allocating
 from fmus.physics.arrays import Floats
+from fmus.physics.elementary import hypot
 
 Integers = NDArray[np.int64]
 
@@ -77,7 +78,7 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
     leaf_mass = wheel["mass"] + arm["mass"]
     # arm and wheel: point masses at a distance of half an arm, on the line of the arm
     reduced = 0.25 * wheel["mass"] * arm["mass"] / leaf_mass
-    length_squared = float(pivot @ pivot)
+    length_squared = float((pivot * pivot).sum())
     per_unit = np.arange(2 * count)
     sources = np.concatenate([per_unit + per_unit // count, [count, 2 * count + 1]])  # inputs: leaves, then the mount
     right = np.concatenate([per_unit >= count, [False, True]])
@@ -98,7 +99,7 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
         spin_inertia=leaves(wheel["spin_inertia"], idler["spin_inertia"]),
         on_arm=leaves(on_arm, [0.0, 0.0]),
         on_chassis=leaves(on_chassis, [0.0, 0.0]),
-        drawn_length=leaves(np.hypot(*(on_chassis - on_arm)), 0.0),
+        drawn_length=leaves(hypot(*(on_chassis - on_arm).tolist()), 0.0),
         stiffness=leaves(spring["stiffness"], tensioner["stiffness"]),
         damping=leaves(spring["damping"], tensioner["damping"]),
         preload=leaves(spring["preload"], tensioner["preload"]),
@@ -117,7 +118,7 @@ def _with_sprockets(
     mass = body["mass"] + 2 * sprocket["mass"]
     centre = sprocket["mass"] * mounts.sum(axis=0) / mass
     for m, r in ((body["mass"], -centre), *((sprocket["mass"], mount - centre) for mount in mounts)):
-        inertia += m * (r @ r * np.eye(3) - np.outer(r, r))
+        inertia += m * ((r * r).sum() * np.eye(3) - np.outer(r, r))
     inertia += np.diag([2.0, 0.0, 2.0]) * sprocket["transverse_inertia"]
     return mass, centre, inertia
 

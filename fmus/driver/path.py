@@ -16,6 +16,7 @@ from scipy.interpolate import CubicSpline
 from fmus.jit import kernel
 from fmus.model import InvalidParameter
 from fmus.physics.arrays import Floats
+from fmus.physics.elementary import atan2, cos, hypot, of_each, sin
 
 ARC_LENGTH = 0.05  # length of the arcs of a curve through points, m
 LONGEST = 1e5  # largest length of such a curve, m
@@ -72,7 +73,7 @@ def path_through_points(name: str, text: str) -> Path:
     Raises InvalidParameter.
     """
     points = _number_pairs(name, text, "'x y; x y; ...'")
-    steps = np.hypot(*np.diff(points, axis=0).T)
+    steps = of_each(hypot, *np.diff(points, axis=0).T)
     if len(points) < 2 or not (steps > 0.0).all():
         raise InvalidParameter(f"{name} = '{text[:80]}': must be at least two points, each apart from the next")
     if steps.sum() > LONGEST:
@@ -81,11 +82,11 @@ def path_through_points(name: str, text: str) -> Path:
     fine = [np.linspace(a, b, int(np.ceil((b - a) / ARC_LENGTH)), endpoint=False) for a, b in pairwise(spline.x)]
     u = np.concatenate([*fine, spline.x[-1:]])
     (x, y), (dx, dy), (ddx, ddy) = (spline(u, order).T for order in range(3))
-    heading, speed = np.unwrap(np.arctan2(dy, dx)), np.hypot(dx, dy)
+    heading, speed = np.unwrap(of_each(atan2, dy, dx)), of_each(hypot, dx, dy)
     if not (speed > 1e-6).all():
         raise InvalidParameter(f"{name} = '{text[:80]}': the curve through these points turns on the spot")
-    curvature = (dx * ddy - dy * ddx) / speed**3
-    middle = np.hypot(*spline(0.5 * (u[1:] + u[:-1]), 1).T)  # Simpson's rule
+    curvature = (dx * ddy - dy * ddx) / (speed * speed * speed)
+    middle = of_each(hypot, *spline(0.5 * (u[1:] + u[:-1]), 1).T)  # Simpson's rule
     s = np.concatenate([[0.0], np.cumsum(np.diff(u) * (speed[1:] + 4.0 * middle + speed[:-1]) / 6.0)])
     direction = np.ones(len(s) - 1)
     return Path(
@@ -110,8 +111,8 @@ def _point_on_arc(path, k, way):
     if path.direction[k] == 0.0:
         return path.x[k], path.y[k], h + c
     half = 0.5 * c * way
-    chord = way * (np.sin(half) / half if abs(half) > 1e-8 else 1.0)
-    return path.x[k] + chord * np.cos(h + half), path.y[k] + chord * np.sin(h + half), h + c * way
+    chord = way * (sin(half) / half if abs(half) > 1e-8 else 1.0)
+    return path.x[k] + chord * cos(h + half), path.y[k] + chord * sin(h + half), h + c * way
 
 
 @kernel
@@ -143,7 +144,7 @@ def point(path, piece, s):
     x, y, h = _point_on_arc(path, low, within - path.s[low])
     beyond = (s - within) * path.direction[low]
     c = path.curvature[low] if within == s and path.direction[low] != 0.0 else 0.0
-    return x + beyond * np.cos(h), y + beyond * np.sin(h), h, c
+    return x + beyond * cos(h), y + beyond * sin(h), h, c
 
 
 @kernel
@@ -156,8 +157,8 @@ def nearest(path, piece, x, y, s):
     left, begin, direction = 0.0, piece_range(path, piece)[0], path.direction[path.first[piece]]
     for _ in range(MOST_ITERATIONS):
         px, py, h, c = point(path, piece, s)
-        ahead = direction * ((x - px) * np.cos(h) + (y - py) * np.sin(h))
-        left = (y - py) * np.cos(h) - (x - px) * np.sin(h)
+        ahead = direction * ((x - px) * cos(h) + (y - py) * sin(h))
+        left = (y - py) * cos(h) - (x - px) * sin(h)
         if abs(ahead) < NEAREST_TOLERANCE:
             break
         if s == begin and ahead < 0.0:

@@ -10,7 +10,6 @@ errors of the theory.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +21,7 @@ from fmus.driver import skid
 from fmus.drives.mount import rest_if_unconnected
 from fmus.jit import allocating, kernel
 from fmus.model import no_rotation
+from fmus.physics.elementary import atan, atan2, cos, hypot, root, sin
 from fmus.physics.rotation import quat_normalise, quat_to_matrix
 from fmus.physics.vector import add, cross, scale, to_world, vector
 from fmus.start import HEADING, put_point_at_rest, world_position
@@ -92,10 +92,10 @@ def begin(c, messages, p):
     if c.law.ramp_end < c.law.ramp_start:
         return 1
     x, y, _ = world_position(p, c.centre[0] + c.law.ahead, c.centre[1], 0.0)
-    cos, sin, local_path, path = math.cos(heading), math.sin(heading), c.local_path, c.path
+    along, across, local_path, path = cos(heading), sin(heading), c.local_path, c.path
     for k in range(path.x.size):
-        path.x[k] = x + cos * local_path.x[k] - sin * local_path.y[k]
-        path.y[k] = y + sin * local_path.x[k] + cos * local_path.y[k]
+        path.x[k] = x + along * local_path.x[k] - across * local_path.y[k]
+        path.y[k] = y + across * local_path.x[k] + along * local_path.y[k]
         path.heading[k] = local_path.heading[k] + heading
     planning.compute(c.plan, path, bounds(c.law, c.footing))
     put_point_at_rest(p, c.centre[0], c.centre[1], c.centre[2], c.rest_motion, 0)
@@ -203,10 +203,10 @@ def advance(c, t, h, u):
     arm = to_world(A, (p.ahead, 0.0, 0.0))
     v = add(v, cross(w, arm))
     px, py, _ = add(add(vector(u, 0), arm), scale(half, v))
-    heading = np.arctan2(A[1, 0], A[0, 0]) + half * w[2]
+    heading = atan2(A[1, 0], A[0, 0]) + half * w[2]
     x[TOTAL_HEADING] += wrapped_angle(heading - x[TOTAL_HEADING])
-    cos, sin = np.cos(heading), np.sin(heading)
-    point = SteeredPoint(px, py, x[TOTAL_HEADING], cos * v[0] + sin * v[1], cos * v[1] - sin * v[0], w[2])
+    along, across = cos(heading), sin(heading)
+    point = SteeredPoint(px, py, x[TOTAL_HEADING], along * v[0] + across * v[1], along * v[1] - across * v[0], w[2])
     speed = evaluate(p.speeds, t + half)[0] if has_points(p.speeds) else ramp(p, t + half)[0]
     before = x[SPEED]
     target = follow_path(c, point, speed, h) if c.path.s.size > 0 else hold_heading(c, point, speed, h)
@@ -279,15 +279,15 @@ def follow_piece(c, piece, point, speed, h):
     speed_limit = min(speed_limit, max(route.piece_range(c.path, piece)[1] - s, 0.0) / STOP_TIME)
     v = max(direction * point.ahead, 0.0)
     speed_target = limit_speed_change(c, point, direction * min(speed, speed_limit), v * v * slope, h)
-    way = direction * np.arctan2(point.left, max(v, LEAST_SPEED))
+    way = direction * atan2(point.left, max(v, LEAST_SPEED))
     x[HEADING_ERROR] = wrapped_angle(point.heading - route.point(c.path, piece, s)[2])
     offset, angle = x[LATERAL_ERROR] - offset, wrapped_angle(x[HEADING_ERROR] + way - angle)
     length = max(p.reach, p.preview * v)
     if p.friction > 0.0:
         length = max(
-            length, (ERROR_LENGTH_FACTOR * v * v * abs(offset) / largest_yaw_acceleration(p, c.footing)) ** (1.0 / 3.0)
+            length, root(ERROR_LENGTH_FACTOR * v * v * abs(offset) / largest_yaw_acceleration(p, c.footing), 3)
         )
-    correction = -2.0 * direction * angle / length - np.arctan(offset / (2.0 * length)) * 2.0 / length
+    correction = -2.0 * direction * angle / length - atan(offset / (2.0 * length)) * 2.0 / length
     largest = largest_curvature(p, c.footing, v)
     x[CURVATURE] = min(max(k + correction, -largest), largest)
     u, correction = direction * v, x[CURVATURE] - k
@@ -333,9 +333,7 @@ def set_demands(c, point, target, pace, h):
     if abs(point.ahead) > LEAST_SPEED:
         most = largest_curvature(p, f, point.ahead) * abs(point.ahead)
         x[RATE_INTEGRAL] = min(max(x[RATE_INTEGRAL] + h * p.integral * rate_error, -most), most)
-    share = (
-        1.0 if is_turn_on_the_spot(c.path, int(x[PIECE])) else abs(target.speed) / np.hypot(target.speed, LEAST_SPEED)
-    )
+    share = 1.0 if is_turn_on_the_spot(c.path, int(x[PIECE])) else abs(target.speed) / hypot(target.speed, LEAST_SPEED)
     correction = 0.5 * p.width * (p.rate_gain * rate_error + x[RATE_INTEGRAL]) * share
     if p.friction == 0.0:
         correction += 0.5 * p.width * target.rate * share

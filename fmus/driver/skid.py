@@ -22,6 +22,7 @@ import numpy as np
 
 from fmus.jit import kernel, plain
 from fmus.physics.arrays import Floats
+from fmus.physics.elementary import asin, atan2, hypot, sin
 
 ITERATIONS = 20  # of Newton's method
 TOLERANCE = 1e-8  # residual over the weight at which the iteration ends
@@ -51,12 +52,12 @@ def footing(vehicle: Mapping[str, Any]) -> tuple[Footing, float]:
     """Footing from a vehicle's table, and x of its centre of mass in the vehicle frame, m."""
     masses, x, y, z, own_inertia = np.array(list(_bodies(vehicle))).T
     mass = masses.sum()
-    ahead, up = masses @ x / mass, masses @ z / mass
-    inertia = own_inertia.sum() + masses @ ((x - ahead) ** 2 + y**2)
+    ahead, up = (masses * x).sum() / mass, (masses * z).sum() / mass
+    inertia = own_inertia.sum() + (masses * ((x - ahead) ** 2 + y**2)).sum()
     track, wheel, gravity = vehicle["track"], vehicle["road_wheel"], float(vehicle["gravity"])
     wheels = np.array(wheel["x"], dtype=float) - ahead
     shares = _shares(vehicle, wheels, 0.5 * mass * gravity)
-    middle = float(shares @ wheels)
+    middle = float((shares * wheels).sum())
     edge = 0.25 * track["width"]
     unshifted = Footing(
         mass=float(mass),
@@ -68,8 +69,8 @@ def footing(vehicle: Mapping[str, Any]) -> tuple[Footing, float]:
         wheels=wheels,
         shares=shares,
         middle=middle,
-        variance=max(float(shares @ (wheels - middle) ** 2), 1e-6),
-        arm=float(shares @ np.hypot(wheels - middle, edge)),
+        variance=max(float((shares * (wheels - middle) ** 2).sum()), 1e-6),
+        arm=sum(share * hypot(x - middle, edge) for share, x in zip(shares.tolist(), wheels.tolist(), strict=True)),
         centre_shift=0.0,
     )
     (_, _, v), _ = plain(slips)(unshifted, (1.0, 1e-3), 1.0, 0.0, 0.5 * gravity, 0.0, (0.0, 0.0, 0.0))
@@ -89,7 +90,7 @@ def _bodies(v: Mapping[str, Any]) -> Any:
         for x in wheel["x"]:
             yield wheel["mass"], x, y, wheel["z"], wheel["transverse_inertia"]
             yield arm["mass"], x + 0.5 * arm["pivot"][0], y, wheel["z"] + 0.5 * arm["pivot"][1], arm["pin_inertia"]
-        yield loop, 0.5 * idler["x"], y, 0.5 * (wheel["z"] - wheel["radius"]), loop * idler["x"] ** 2 / 12.0
+        yield loop, 0.5 * idler["x"], y, 0.5 * (wheel["z"] - wheel["radius"]), loop * idler["x"] * idler["x"] / 12.0
 
 
 def _shares(v: Mapping[str, Any], wheels: Floats, load: float) -> Floats:
@@ -101,11 +102,11 @@ def _shares(v: Mapping[str, Any], wheels: Floats, load: float) -> Floats:
     for x, z, radius in ((0.0, 0.0, pins), (idler["x"], idler["z"], idler["radius"] + track["face"])):
         k = int(np.argmin(np.abs(np.array(wheel["x"]) - x)))
         dx, dz = abs(wheel["x"][k] - x), z - wheel["z"]
-        slant = np.arctan2(dz, dx) + np.arcsin(np.clip((under - radius) / np.hypot(dx, dz), -1.0, 1.0))
-        lifts[k] += max(track.get("tension") or 0.0, 0.0) * max(np.sin(slant), 0.0)
+        slant = atan2(dz, dx) + asin(float(np.clip((under - radius) / hypot(dx, dz), -1.0, 1.0)))
+        lifts[k] += max(track.get("tension") or 0.0, 0.0) * max(sin(slant), 0.0)
     distance = wheels - wheels.mean()
-    pressed = (load + lifts.sum()) / len(wheels) + distance * (lifts @ distance - load * wheels.mean()) / max(
-        distance @ distance, 1e-9
+    pressed = (load + lifts.sum()) / len(wheels) + distance * ((lifts * distance).sum() - load * wheels.mean()) / max(
+        (distance * distance).sum(), 1e-9
     )
     ground = np.maximum(pressed - lifts, 1e-3 * load)
     return np.asarray(ground / ground.sum())

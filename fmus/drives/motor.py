@@ -11,6 +11,7 @@ import numpy as np
 
 from fmus.course import NONE, Course, evaluate, has_points, ramp
 from fmus.jit import kernel
+from fmus.physics.elementary import cos, sin
 
 SPEED, TORQUE, CONTROLLER = 0, 1, 2  # modes
 CONTRADICTIONS = 4  # number of contradictions that ``find_contradiction`` finds
@@ -75,8 +76,8 @@ def speed_profile(p, t):
     if past >= p.stop_time:
         return 0.0, angle - p.end_speed * (past - 0.5 * p.stop_time)
     s = past / p.stop_time
-    shape = 0.5 * (s - np.sin(np.pi * s) / np.pi)
-    return 0.5 * speed * (1.0 + np.cos(np.pi * s)), angle - p.end_speed * p.stop_time * shape
+    shape = 0.5 * (s - sin(np.pi * s) / np.pi)
+    return 0.5 * speed * (1.0 + cos(np.pi * s)), angle - p.end_speed * p.stop_time * shape
 
 
 @kernel
@@ -89,7 +90,7 @@ def speed_profile_slope(p, t):
         rise, length, past = -p.end_speed, p.stop_time, t - p.stop_start
     if past <= 0.0 or past >= length:
         return 0.0
-    return rise * 0.5 * np.pi / length * np.sin(np.pi * past / length)
+    return rise * 0.5 * np.pi / length * sin(np.pi * past / length)
 
 
 @kernel

@@ -13,6 +13,7 @@ import numpy as np
 
 from fmus.drives.shaft import ANGLE, PORT_WORK, RATE, SHAFT
 from fmus.jit import allocating, kernel
+from fmus.physics.elementary import cos, sin
 from fmus.physics.rotation import put_quat, quat_advance, quat_multiply, quat_normalise, quat_rotate
 from fmus.physics.vector import add, dot, put, scale, vector
 
@@ -114,7 +115,7 @@ def put_sprocket_motion(x, position, q, velocity, omega):
     """
     half, a = 0.5 * x[ANGLE], quat_rotate(q, (0.0, 1.0, 0.0))
     put(x, SPROCKET, position)
-    put_quat(x, SPROCKET + 3, quat_multiply(q, (np.cos(half), 0.0, np.sin(half), 0.0)))
+    put_quat(x, SPROCKET + 3, quat_multiply(q, (cos(half), 0.0, sin(half), 0.0)))
     put(x, SPROCKET + 7, velocity)
     put(x, SPROCKET + 10, add(omega, scale(x[RATE] - dot(omega, a), a)))
     x[SPEED_NOW] = x[RATE] - dot(omega, a)

@@ -11,6 +11,7 @@ import numpy as np
 from fmus.course import evaluate, has_points, set_line
 from fmus.drives.motor import CONTROLLER, SPEED, motor_torque, speed_profile
 from fmus.jit import allocating, kernel
+from fmus.physics.elementary import exp
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 
 # indices in the flat state
@@ -93,6 +94,6 @@ def advance_shaft(p, x, t, h, steps, chain_torque, start_rate, end_rate):
 @kernel
 def follow_demand(p, x, t, h, demand):
     """Set the profile of a step from a demand, rad/s, held over the step and followed with the lag."""
-    target = demand + (x[TARGET] - demand) * np.exp(-h / p.lag)
+    target = demand + (x[TARGET] - demand) * exp(-h / p.lag)
     set_line(p.speeds, t, h, x[TARGET], target)
     x[TARGET] = target

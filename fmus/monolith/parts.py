@@ -101,4 +101,4 @@ def mirror_drive(original: Any, model: Any, chassis: Any) -> None:
     mounts.put_sprocket_motion(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
     for first, sign in ((mounts.MOUNT, 1.0), (mounts.MOUNT + 3, -1.0), (mounts.MOMENTUM, -1.0)):
         v = original.state[first : first + 3]
-        state[first : first + 3] = sign * (v - 2.0 * (v @ axis) * axis)
+        state[first : first + 3] = sign * (v - 2.0 * (v * axis).sum() * axis)

@@ -38,7 +38,7 @@ def build_native(
 ) -> Path:
     """Path of the native FMU of a kind of component, built unless the cache has it.
 
-    The FMU needs libc and libm alone. ``windows`` adds a library for Windows to that for Linux. Parameters in
+    The FMU needs libc alone. ``windows`` adds a library for Windows to that for Linux. Parameters in
     ``config`` are start values, and constants if they are not free. Raises BuildFailed.
     """
     if kind not in KINDS:

@@ -20,6 +20,6 @@ LINUX = Platform(
     ".so",
     "x86_64-unknown-linux-gnu",
     "x86_64-linux-gnu.2.17",  # glibc of 2012
-    ("-fPIC", "-Wl,-z,defs", "-Wl,-z,noexecstack", "-Wl,--gc-sections", "-Wl,--build-id=none", "-lm"),
+    ("-fPIC", "-Wl,-z,defs", "-Wl,-z,noexecstack", "-Wl,--gc-sections", "-Wl,--build-id=none"),
 )
 WINDOWS = Platform("win64", ".dll", "x86_64-w64-windows-gnu", "x86_64-windows-gnu", ())

@@ -12,6 +12,7 @@ import numpy as np
 
 from fmus.jit import allocating, kernel
 from fmus.physics.arrays import Floats, Four, Matrix, Quaternion, VectorLike
+from fmus.physics.elementary import atan2, cos, sin
 
 
 @allocating
@@ -100,8 +101,8 @@ def quat_from_rotation_vector(r: VectorLike) -> Quaternion:
     square = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
     half = 0.5 * np.sqrt(square)
     # sin(half) / (2 half); below 1e-4 rad the next term of the series is under 1e-18
-    s = 0.5 * np.sin(half) / half if half > 1e-4 else 0.5 - square / 48
-    return np.array([np.cos(half), s * r[0], s * r[1], s * r[2]])
+    s = 0.5 * sin(half) / half if half > 1e-4 else 0.5 - square / 48
+    return np.array([cos(half), s * r[0], s * r[1], s * r[2]])
 
 
 @allocating
@@ -109,7 +110,7 @@ def rotation_vector(q: Quaternion | Four) -> Floats:
     """Rotation vector (3) of a unit quaternion, rad, at most pi long; exact near 0."""
     sine = np.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     sign = 1.0 if q[0] >= 0 else -1.0
-    s = 2 * sign * (np.arctan2(sine, sign * q[0]) / sine if sine > 1e-9 else 1.0)
+    s = 2 * sign * (atan2(sine, sign * q[0]) / sine if sine > 1e-9 else 1.0)
     return np.array([s * q[1], s * q[2], s * q[3]])
 
 

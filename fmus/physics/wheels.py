@@ -10,6 +10,7 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.arrays import Floats, VectorLike
+from fmus.physics.elementary import cos, sin
 
 WIDTH = 15
 UNIT = 0.1  # largest deviation of a quaternion's length from 1
@@ -25,7 +26,7 @@ def turn(omega: VectorLike, tau: float, a: VectorLike, out: Floats) -> None:
             out[i] = a[i]
         return
     u = (omega[0] / rate, omega[1] / rate, omega[2] / rate)
-    c, s = np.cos(angle), np.sin(angle)
+    c, s = cos(angle), sin(angle)
     along = (u[0] * a[0] + u[1] * a[1] + u[2] * a[2]) * (1.0 - c)
     x = u[1] * a[2] - u[2] * a[1]
     y = u[2] * a[0] - u[0] * a[2]

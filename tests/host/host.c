@@ -1,7 +1,8 @@
 /* A co-simulation master in C: loads FMU libraries, couples them stage by stage, prints outputs and times.
 
    It reads lines: `instance LIBRARY GUID STAGE INPUTS OUTPUTS` (the value references of inputs come first, those of
-   outputs after them), `connect FROM OUTPUT TO INPUT` (instances by number), and at last `run STEPS H`. */
+   outputs after them), `connect FROM OUTPUT TO INPUT` (instances by number), and at last `run STEPS H [FILE]`: all
+   outputs of all steps are written to the file, as doubles. */
 #define _POSIX_C_SOURCE 200809L
 #include <stdio.h>
 #include <stdlib.h>
@@ -97,6 +98,7 @@ int main(void) {
         }
     }
     if (scanf("%d %lf", &steps, &h) != 2) return 5;
+    FILE *trace = scanf("%1023s", path) == 1 ? fopen(path, "wb") : 0;
     double *spent = malloc((size_t)steps * sizeof *spent);
     for (int k = 0; k < steps; k++) {
         double began = now();
@@ -114,7 +116,9 @@ int main(void) {
             }
         }
         spent[k] = now() - began;
+        for (int i = 0; i < n && trace; i++) fwrite(all[i].y, sizeof(double), (size_t)all[i].outputs, trace);
     }
+    if (trace && fclose(trace)) return 6;
     for (int i = 0; i < n; i++) {
         printf("%g", all[i].time / steps);
         for (int j = 0; j < all[i].outputs; j++) printf(" %a", all[i].y[j]);

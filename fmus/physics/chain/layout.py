@@ -11,20 +11,25 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, root
-from scipy.sparse import coo_array
-from scipy.sparse.linalg import spsolve
 from scipy.spatial import ConvexHull, QhullError
 
 from fmus.jit import allocating
 from fmus.physics.arrays import Floats
+from fmus.physics.elementary import atan, atan2, cos, exp, hypot, log, of_each, sin, sinh
+from fmus.physics.elimination import solved
 
 SAMPLES = 360  # points on each circle of the belt
+
+
+def _directions(angles: Floats) -> Floats:
+    """Unit vectors (n, 2) at ``angles`` (n) to the x axis, rad."""
+    return np.stack([of_each(cos, angles), of_each(sin, angles)], axis=1)
 
 
 def _belt(centres: Floats, radii: Floats) -> Floats:
     """Convex belt (k, 2) round circles as a polyline, starting foremost, over the bottom first."""
     angle = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
-    rim = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
+    rim = _directions(-angle)
     points = (centres[:, None, :] + radii[:, None, None] * rim[None]).reshape(-1, 2)
     try:
         corners = ConvexHull(points).vertices
@@ -41,13 +46,13 @@ def _walk(path: Floats, pitch: float, links: int) -> tuple[Floats, float]:
     start = np.zeros(k + 1)
     for i in range(k):
         j = (i + 1) % k
-        start[i + 1] = start[i] + np.hypot(path[j, 0] - path[i, 0], path[j, 1] - path[i, 1])
+        start[i + 1] = start[i] + hypot(path[j, 0] - path[i, 0], path[j, 1] - path[i, 1])
     pins = np.empty((links + 1, 2))
     pins[0, 0], pins[0, 1] = path[0, 0], path[0, 1]
     i, travelled = 0, 0.0  # the pin lies on segment i
     for n in range(1, links + 1):
         x, z = pins[n - 1, 0], pins[n - 1, 1]
-        while np.hypot(path[(i + 1) % k, 0] - x, path[(i + 1) % k, 1] - z) < pitch:
+        while hypot(path[(i + 1) % k, 0] - x, path[(i + 1) % k, 1] - z) < pitch:
             i += 1
             if i > 3 * k:
                 return pins[:links], np.inf
@@ -78,7 +83,7 @@ def closed_polygon(centres: Floats, radii: Floats, grows: NDArray[np.bool_], pit
     low, high = gap(-limit), gap(limit)
     if not low > 0.0 > high:
         belt = _belt(centres, radii)
-        length = np.linalg.norm(np.diff(np.vstack([belt, belt[:1]]), axis=0), axis=1).sum()
+        length = of_each(hypot, *np.diff(np.vstack([belt, belt[:1]]), axis=0).T).sum()
         raise ValueError(
             f"{links} links of {pitch} m make {links * pitch:.4f} m, the belt round the wheels {length:.4f} m"
         )
@@ -104,11 +109,14 @@ def close_exactly(pins: Floats, pitch: float, closed: bool) -> Floats:
             break
         # the shortest change dp with J dp = -misfit is J^T x, J J^T x = -misfit
         link, next_link = np.arange(last), (np.arange(last) + 1) % n
-        entries = np.concatenate([-chord * free[link, None], chord * free[next_link, None]])
-        pairs = np.tile(link, 2), np.concatenate([link, next_link])
-        jacobian = [coo_array((part, pairs), shape=(last, n)).tocsr() for part in entries.T]
-        x = spsolve(sum(J @ J.T for J in jacobian).tocsc(), -misfit)
-        pins += np.stack([J.T @ x for J in jacobian], axis=1)
+        both = free[link] * 1.0 + free[next_link]
+        A = np.diag(np.einsum("ij,ij->i", chord, chord) * both)  # J J^T: neighbours share a pin
+        for i, j in zip(link[: last if closed else last - 1], next_link, strict=False):
+            shared = free[j] * (chord[i, 0] * chord[j, 0] + chord[i, 1] * chord[j, 1])
+            A[i, j], A[j, i] = A[i, j] - shared, A[j, i] - shared
+        pull = solved(A, -misfit)[:, None] * chord
+        np.add.at(pins, link, -pull * free[link, None])
+        np.add.at(pins, next_link, pull * free[next_link, None])
     return pins
 
 
@@ -118,12 +126,12 @@ def hanging_arc(first: Floats, last: Floats, pitch: float, links: int) -> Floats
     Raises ValueError if the chain is too short.
     """
     span = np.asarray(last, float) - np.asarray(first, float)
-    distance = np.hypot(*span)
+    distance = hypot(*span.tolist())
     if distance >= links * pitch:
         raise ValueError(f"{links} links of {pitch} m cannot reach over {distance:.4f} m")
     fraction = (links - 1 - 2.0 * np.arange(links)) / links  # angles relative to the first link's
-    steep = brentq(lambda a: pitch * np.cos(a * fraction).sum() - distance, 0.0, np.pi, xtol=1e-15)
-    return chain_of_angles(np.asarray(first, float), -steep * fraction + np.arctan2(span[1], span[0]), pitch)
+    steep = brentq(lambda a: pitch * of_each(cos, a * fraction).sum() - distance, 0.0, np.pi, xtol=1e-15)
+    return chain_of_angles(np.asarray(first, float), -steep * fraction + atan2(float(span[1]), float(span[0])), pitch)
 
 
 def catenary(first: Floats, last: Floats, pitch: float, links: int) -> Floats:
@@ -139,30 +147,30 @@ def catenary(first: Floats, last: Floats, pitch: float, links: int) -> Floats:
         return arc
 
     def missing(x: Floats) -> Floats:
-        angles = np.arctan((x[1] + number) / np.exp(x[0]))
-        return np.array([np.cos(angles).sum(), np.sin(angles).sum()]) - [abs(span[0]) / pitch, span[1] / pitch]
+        angles = of_each(atan, (x[1] + number) / exp(float(x[0])))
+        return _directions(angles).sum(axis=0) - [abs(span[0]) / pitch, span[1] / pitch]
 
     # start from the continuum: (S^2 - dz^2)^1/2 = 2 a sinh(dx / 2 a), slope in the middle dz / (S^2 - dz^2)^1/2
-    level = np.sqrt(length**2 - span[1] ** 2)
-    ratio = brentq(lambda u: np.sinh(u) / u - level / abs(span[0]), 1e-9, 20.0)
+    level = np.sqrt(length * length - span[1] * span[1])
+    ratio = brentq(lambda u: sinh(u) / u - level / abs(span[0]), 1e-9, 20.0)
     pull = abs(span[0]) / (2.0 * ratio * pitch)
-    solution = root(missing, [np.log(pull), pull * span[1] / level], tol=1e-15)
+    solution = root(missing, [log(float(pull)), pull * span[1] / level], tol=1e-15)
     if np.abs(missing(solution.x)).max() > 1e-9 * links:
         return arc
-    angles = np.arctan((solution.x[1] + number) / np.exp(solution.x[0]))
+    angles = of_each(atan, (solution.x[1] + number) / exp(float(solution.x[0])))
     return chain_of_angles(np.asarray(first, float), angles if span[0] > 0.0 else np.pi - angles, pitch)
 
 
 def chain_of_angles(first: Floats, angles: Floats, pitch: float) -> Floats:
     """Pins (links + 1, 2) from ``first`` (2) of links at the given ``angles`` (links) to the x axis, rad."""
-    steps = pitch * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    steps = pitch * _directions(angles)
     return np.vstack([first, first + np.cumsum(steps, axis=0)])
 
 
 def regular_polygon(pitch: float, links: int) -> Floats:
     """Pins (links, 2) of a regular loop round the origin, turning from x to -z; ``pitch`` in m."""
     angle = -2.0 * np.pi * np.arange(links) / links
-    return pitch / (2.0 * np.sin(np.pi / links)) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return pitch / (2.0 * sin(np.pi / links)) * _directions(angle)
 
 
 def ovalling(pins: Floats, rate: float) -> tuple[Floats, Floats]:
@@ -172,7 +180,7 @@ def ovalling(pins: Floats, rate: float) -> tuple[Floats, Floats]:
     keeps the loop closed and without momentum; no link changes its length.
     """
     chord = np.roll(pins, -1, axis=0) - pins
-    turning = rate * np.cos(2.0 * np.arctan2(chord[:, 1], chord[:, 0]))
+    turning = rate * of_each(cos, 2.0 * of_each(atan2, chord[:, 1], chord[:, 0]))
     along = np.cumsum(turning[:, None] * np.stack([chord[:, 1], -chord[:, 0]], axis=1), axis=0)
     velocity = np.roll(along, 1, axis=0)
     return turning, velocity - velocity.mean(axis=0)
@@ -199,9 +207,9 @@ def scale_of_angles(excess: Callable[[float], float], low: float, high: float) -
 def rescaled(pins: Floats, last: Floats, pitch: float) -> Floats:
     """Open polygon ``pins`` (n, 2), its link angles scaled by one factor to end at ``last`` (2), at equal height."""
     chord = np.diff(pins, axis=0)
-    angles = np.arctan2(chord[:, 1], chord[:, 0])
-    distance = np.hypot(*(np.asarray(last, float) - pins[0]))
-    factor = scale_of_angles(lambda s: pitch * np.cos(s * angles).sum() - distance, 1e-3, 1.5)
+    angles = of_each(atan2, chord[:, 1], chord[:, 0])
+    distance = hypot(*(np.asarray(last, float) - pins[0]).tolist())
+    factor = scale_of_angles(lambda s: pitch * float(of_each(cos, s * angles).sum()) - distance, 1e-3, 1.5)
     return close_exactly(np.vstack([chain_of_angles(pins[0], factor * angles, pitch)[:-1], last]), pitch, closed=False)
 
 
@@ -210,7 +218,7 @@ def over_sprocket(centre: Floats, pitch: float, teeth: int, links: int) -> Float
 
     It enters along x above, is seated foremost, and leaves below.
     """
-    radius = pitch / (2.0 * np.sin(np.pi / teeth))
+    radius = pitch / (2.0 * sin(np.pi / teeth))
     foremost = (5 * links) // 8
     step = 2.0 * np.pi / teeth
     inclination = np.zeros(links)  # angle of each link below the x axis

@@ -7,14 +7,12 @@ its centre is nearer than its radius.
 
 from __future__ import annotations
 
-from math import cos, sin, tan
 from typing import NamedTuple
-
-import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.arrays import Four, Vector, VectorLike
 from fmus.physics.contact.face import NOTHING, Face
+from fmus.physics.elementary import cos, hypot, sin
 
 
 class GroundShape(NamedTuple):
@@ -39,7 +37,7 @@ def bumpy_ground(height: float, start: float, rise: float, slope: float, length:
     straight = rise - 2.0 * radius * (1.0 - cos(slope))
     if straight < 0.0:
         raise ValueError(f"edges of radius {radius:g} m alone rise more than {rise:g} m at {slope:g} rad")
-    foot = 0.5 * length + 2.0 * radius * sin(slope) + straight / tan(slope)
+    foot = 0.5 * length + 2.0 * radius * sin(slope) + straight * cos(slope) / sin(slope)
     return GroundShape(height, rise, start + foot, 0.5 * length, foot, radius, sin(slope), cos(slope))
 
 
@@ -57,14 +55,14 @@ def surface_depth(ground: GroundShape, x: float, z: float) -> Four:
     if da <= 0.0:
         return ground.rise - up, 0.0, 1.0, 0.0
     if da * ground.cosine < dz * ground.sine:
-        rho = np.hypot(da, dz)
+        rho = hypot(da, dz)
         return radius - rho, side * da / rho, dz / rho, 1.0 / rho
     along = ground.sine * (da - radius * ground.sine) + ground.cosine * (dz - radius * ground.cosine)
     da, dz = ground.foot - a, radius - up  # to the centre of the lower edge
     if da <= 0.0:
         return -up, 0.0, 1.0, 0.0
     if da * ground.cosine < dz * ground.sine:
-        rho = np.hypot(da, dz)
+        rho = hypot(da, dz)
         return rho - radius, side * da / rho, dz / rho, -1.0 / rho
     return -along, side * ground.sine, ground.cosine, 0.0
 

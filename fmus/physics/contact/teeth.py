@@ -18,6 +18,7 @@ from fmus.jit import kernel
 from fmus.physics.arrays import Four, Row, VectorLike
 from fmus.physics.contact.face import NOTHING, Face
 from fmus.physics.contact.wheel_kinematics import slip_velocity
+from fmus.physics.elementary import atan2, cos, sin
 from fmus.physics.vector import add, cross, dot, scale, vector
 
 
@@ -50,9 +51,9 @@ def teeth(
 
     Raises ValueError if the numbers make no tooth.
     """
-    pitch_radius = pitch / (2.0 * np.sin(np.pi / number))
+    pitch_radius = pitch / (2.0 * sin(np.pi / number))
     seat_a = pitch_radius + clearance
-    da, db = np.cos(flank), np.sin(flank)
+    da, db = cos(flank), sin(flank)
     rounding = tip_radius + pin_radius
     top = outer_radius + pin_radius
     # centre of the rounding: ``rounding`` behind the flank, ``rounding`` below the land
@@ -62,7 +63,7 @@ def teeth(
     square = p * p - (a0 * a0 + b0 * b0 - (top - rounding) ** 2)
     length = -p + np.sqrt(square) if square > 0.0 else -1.0
     a, b = a0 + length * da, b0 + length * db
-    angle = float(np.arctan2(b, a))
+    angle = float(atan2(b, a))
     if length <= 0.0 or angle > np.pi / number:
         raise ValueError("the teeth have no flank: raise the outer radius or make gap, flank angle or tip smaller")
     return Teeth(number, seat_a, clearance, da, db, length, a, b, rounding, angle, top)
@@ -89,7 +90,7 @@ def outline(t: Teeth, a: float, b: float, rho: float) -> Four:
             curvature = 0.0
         if depth <= t.top - rho:  # deeper than that, the land is nearer
             return depth, na, nb, curvature
-    elif np.arctan2(b, a) < t.tip_angle:  # rounding: convex arc
+    elif atan2(b, a) < t.tip_angle:  # rounding: convex arc
         qa, qb = a - t.tip_a, b - t.tip_b
         distance = np.sqrt(qa * qa + qb * qb)
         na, nb = (qa / distance, qb / distance) if distance > 0.0 else (1.0, 0.0)
@@ -112,8 +113,8 @@ def tooth_face(t: Teeth, row: Row, x: VectorLike, v: VectorLike) -> tuple[float,
     X = vector(row, 12)  # turns with the sprocket towards T
     T = cross(axis, X)
     step = 2.0 * np.pi / t.number
-    gap = step * np.round(np.arctan2(dot(d, T), dot(d, X)) / step)
-    c, s = np.cos(gap), np.sin(gap)
+    gap = step * np.round(atan2(dot(d, T), dot(d, X)) / step)
+    c, s = cos(gap), sin(gap)
     A, B = add(scale(c, X), scale(s, T)), add(scale(c, T), scale(-s, X))  # axes of the gap
     a, b = dot(d, A), dot(d, B)
     if b < 0.0:

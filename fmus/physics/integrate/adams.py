@@ -36,6 +36,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.elementary import root
 
 order = 12  # the highest order of the predictor; a start has order 1
 LEAST = 1e-13  # shortest step, s
@@ -237,7 +238,7 @@ def accept(m: Adams, h: float) -> None:
     elif error <= CAUTION:
         m.step_control[NEXT] = h
     else:
-        m.step_control[NEXT] = h * max(0.5, min(0.9, (CAUTION / error) ** (1.0 / (m.order_control[ORDER] + 1))))
+        m.step_control[NEXT] = h * max(0.5, min(0.9, root(CAUTION / error, int(m.order_control[ORDER]) + 1)))
 
 
 @kernel

@@ -12,6 +12,7 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.arrays import Floats, Matrix, VectorLike
+from fmus.physics.elementary import cos, sin
 
 
 @kernel
@@ -31,7 +32,7 @@ def advance(q0: Floats, x: Floats, q1: Floats) -> None:
     square = x[3] * x[3] + x[4] * x[4] + x[5] * x[5]
     half = 0.5 * np.sqrt(square)
     if half > 0.05:
-        s, w = 0.5 * np.sin(half) / half, np.cos(half)
+        s, w = 0.5 * sin(half) / half, cos(half)
     else:  # series to rounding
         t = 0.25 * square
         s = 0.5 * (1.0 - t / 6.0 * (1.0 - t / 20.0 * (1.0 - t / 42.0)))

@@ -13,12 +13,12 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.linalg import spsolve
 
 from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.flexible.places import across, coordinate_indices, in_plane
 from fmus.physics.chain.layout import scale_of_angles
+from fmus.physics.elementary import atan2, cos, of_each, sin
+from fmus.physics.elimination import solved
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -52,7 +52,8 @@ class OpenChain:
         self.shift[[0, self.second]] = 1.0
         self.ends = self.flat[self.plane[0, 0]].copy(), self.flat[self.plane[-1, self.second]].copy()
         chord = self.vectors()[:, self.second]
-        self.angles, self.factor, self.lengths = np.arctan2(chord[:, 1], chord[:, 0]), 1.0, np.full(n, pitch)
+        self.angles = of_each(atan2, chord[:, 1], chord[:, 0])
+        self.factor, self.lengths = 1.0, np.full(n, pitch)
 
     def vectors(self) -> Floats:
         """Coordinates of the links in the plane (links, rows, 2), positions from each link's first pin."""
@@ -61,7 +62,8 @@ class OpenChain:
 
     def along(self) -> Floats:
         """Directions of the chords (links, 2)."""
-        return np.stack([np.cos(self.factor * self.angles), np.sin(self.factor * self.angles)], axis=1)
+        angles = self.factor * self.angles
+        return np.stack([of_each(cos, angles), of_each(sin, angles)], axis=1)
 
     def lay(self, lengths: Floats) -> None:
         """Place the pins at chords of the ``lengths`` (links), m."""
@@ -73,16 +75,16 @@ class OpenChain:
         r = self.vectors()
         turning = across(r)
         n, chord, chord_turning = len(r), r[:, self.second], turning[:, self.second]
-        after = float(self.shift @ self.mass @ self.shift) * np.arange(n - 1, -1, -1.0)[:, None]
+        after = float(np.einsum("v,vw,w", self.shift, self.mass, self.shift)) * np.arange(n - 1, -1, -1.0)[:, None]
         moment = np.einsum("v,vw,iwk->ik", self.shift, self.mass, r) + after * chord
-        coupling = np.triu(chord @ moment.T, 1)
+        coupling = np.triu(np.einsum("ik,jk->ij", chord, moment), 1)
         about = np.einsum("ivk,vw,iwk->i", r, self.mass, r) + after[:, 0] * np.sum(chord**2, axis=1)
         R = in_plane(residuals(np.zeros_like(self.q)))
         torque = -np.einsum("ivk,ivk->i", turning, R) - np.sum(chord_turning * self.beyond(R), axis=1)
         closing = chord_turning if self.pinned else np.zeros((n, 0))
         none = np.zeros(2 * (closing.shape[1],))
         system = np.block([[coupling + coupling.T + np.diag(about), -closing], [closing.T, none]])
-        x = np.linalg.solve(system, np.concatenate([torque, none[:, :1].ravel()]))
+        x = solved(system, np.concatenate([torque, none[:, :1].ravel()]))
         turned = x[:n, None, None] * turning
         carried = np.cumsum(turned[:, self.second], axis=0) - turned[:, self.second]
         a = np.zeros_like(self.q)
@@ -149,12 +151,14 @@ class OpenChain:
         self.lengths += self.pitch * change[:, -1]
         if self.pinned:
             before, span = self.factor, float(self.ends[1][0] - self.ends[0][0])
-            self.factor = scale_of_angles(lambda s: float(self.lengths @ np.cos(s * self.angles)) - span, 0.5, 1.5)
+            self.factor = scale_of_angles(
+                lambda s: float((self.lengths * of_each(cos, s * self.angles)).sum()) - span, 0.5, 1.5
+            )
             turn, slopes = (
                 (self.factor - before) * self.angles[:, None, None],
                 self.plane[:, self.shift == 0.0],
             )
-            self.flat[slopes] = np.cos(turn) * self.flat[slopes] + np.sin(turn) * across(self.flat[slopes])
+            self.flat[slopes] = of_each(cos, turn) * self.flat[slopes] + of_each(sin, turn) * across(self.flat[slopes])
         self.lay(self.lengths)
 
 
@@ -168,15 +172,15 @@ def balance_links(chain: OpenChain, residuals: Residuals, tolerance: float) -> b
         a, last = chain.rigid(residuals)
         R = residuals(a)
         beyond = chain.beyond(in_plane(R), last)
-        imbalance = np.bincount(numbers[free], chain.balance(R, beyond)[free], size)
+        imbalance = np.bincount(numbers[free], chain.balance(R, beyond)[free], size).astype(float)
         if np.abs(imbalance).max() < tolerance:
             if chain.pinned:
                 chain.flat[chain.plane[-1, chain.second]] = chain.ends[1]
             return True
         K = chain.response(residuals, a, beyond)
-        step = spsolve(
-            coo_array((K[free_pairs], (rows[free_pairs], columns[free_pairs])), shape=(size, size)).tocsc(), -imbalance
-        )
+        whole = np.zeros((size, size))
+        np.add.at(whole, (rows[free_pairs], columns[free_pairs]), K[free_pairs])
+        step = solved(whole, -imbalance)
         largest = float(np.abs(step).max())
         if not largest < np.inf:
             return False

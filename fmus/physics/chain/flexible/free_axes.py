@@ -40,6 +40,7 @@ from fmus.physics.chain.flexible.axes_state import (
 from fmus.physics.chain.flexible.condensation import eliminate
 from fmus.physics.chain.flexible.elements import gather
 from fmus.physics.chain.on_links import WHEELS
+from fmus.physics.elementary import cos, sin
 from fmus.physics.integrate.generalized_alpha import auxiliary
 from fmus.physics.vector import add, cross, dot, put, scale, vector
 
@@ -252,7 +253,7 @@ def _rotate(f: Floats, before: Floats, psi: Floats) -> None:
     s, c = 1.0 - square / 6.0, 0.5 - square / 24.0  # sin(a)/a, (1 - cos a)/a^2; a step turns by milliradians
     if square > 1e-4:
         a = np.sqrt(square)
-        s, c = np.sin(a) / a, (1.0 - np.cos(a)) / square
+        s, c = sin(a) / a, (1.0 - cos(a)) / square
     for i in range(3):
         r0, r1, r2 = before[3 * i], before[3 * i + 1], before[3 * i + 2]
         # row r: r + s r [psi x] + c r [psi x]^2 with psi = (x, 0, z)

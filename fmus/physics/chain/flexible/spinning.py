@@ -12,11 +12,11 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import bmat, coo_array
-from scipy.sparse.linalg import spsolve
 
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.flexible.places import across, coordinate_indices, in_plane
+from fmus.physics.elementary import cos, hypot, of_each, sin
+from fmus.physics.elimination import solved
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -57,12 +57,12 @@ def deform_polygon(
     def lacks(link: Floats) -> Floats:
         """Imbalance of the first pin and the first link if all links are equal to ``link``."""
         flat[at] = link
-        flat[at[..., [0, -1]]] = np.cos(turn) * in_plane(link) + np.sin(turn) * across(in_plane(link))
+        flat[at[..., [0, -1]]] = of_each(cos, turn) * in_plane(link) + of_each(sin, turn) * across(in_plane(link))
         a = np.zeros_like(q)
         a[:, plane] = -(spin**2) * q[:, plane]
         R = residuals(a)
-        outwards = in_plane(link[0]) / np.linalg.norm(in_plane(link[0]))
-        pull = outwards @ in_plane(R[0, 0] + R[-1, second])
+        outwards = in_plane(link[0]) / hypot(*in_plane(link[0]).tolist())
+        pull = (outwards * in_plane(R[0, 0] + R[-1, second])).sum()
         first, last = R[0].reshape(-1), R[-1].reshape(-1)
         return np.concatenate([first[own], first[shared] + last[shared_last], [pull]])
 
@@ -70,7 +70,7 @@ def deform_polygon(
     for _ in range(ROUNDS):
         now = lacks(link)
         answers = [(lacks(deformed(link, probe)) - now) / PROBE for probe in PROBE * np.eye(size)]
-        change = np.linalg.solve(np.stack(answers, axis=1), -now)
+        change = solved(np.stack(answers, axis=1), -now)
         link = deformed(link, change * min(1.0, LONGEST / max(np.abs(change).max(), LONGEST)))
         if np.abs(now).max() < tolerance:  # the step above was the last: pins of a long loop rotate little
             lacks(link)
@@ -97,11 +97,10 @@ def deform_open_mesh(
     width, place, pins = q.shape[1], plane[0], np.arange(links + 1)
     ends = np.stack([place, links * width + place])  # of the spring, indices into ``flat``
     used = np.intersect1d(at, (width * pins[:, None] + plane.ravel()))
-    spring = coo_array(
-        (np.tile([stiffness, -stiffness, -stiffness, stiffness], 2),
-         (ends[[0, 0, 1, 1]].T.ravel(), ends[[0, 1, 0, 1]].T.ravel())),
-        shape=(q.size, q.size),
-    )  # fmt: skip
+    spring = np.zeros((q.size, q.size))
+    for first, last in ends.T:
+        spring[first, first] = spring[last, last] = stiffness
+        spring[first, last] = spring[last, first] = -stiffness
 
     def of_links() -> Floats:
         """Residuals of the links."""
@@ -111,7 +110,7 @@ def deform_open_mesh(
 
     for _ in range(ROUNDS):
         now = of_links()
-        lacks = np.bincount(at.ravel(), now.ravel(), q.size) + spring @ flat
+        lacks = np.bincount(at.ravel(), now.ravel(), q.size) + (spring * flat).sum(axis=1)
         if np.abs(lacks[used]).max() < tolerance:
             return True
         entries = []
@@ -130,11 +129,12 @@ def deform_open_mesh(
                 columns = np.broadcast_to((width * pin + coordinate)[:, None, None], at.shape)
                 entries.append((answer[touched], at[touched], columns[touched]))
         values, one, other = (np.concatenate([entry[k].ravel() for entry in entries]) for k in range(3))
-        K = (coo_array((values, (one, other)), shape=(q.size, q.size)) + spring).tocsr()[used][:, used]
+        K = spring.copy()
+        np.add.at(K, (one, other), values)
         turned = np.zeros_like(q)
         turned[:, plane] = across(q[:, plane])
-        turn = turned.reshape(-1)[used]
-        bordered = bmat([[K, turn[:, None]], [turn[None], None]]).tocsc()
-        change = spsolve(bordered, -np.append(lacks[used], 0.0))[:-1]
+        turn = turned.reshape(-1)[used, None]
+        bordered = np.block([[K[np.ix_(used, used)], turn], [turn.T, np.zeros((1, 1))]])
+        change = solved(bordered, -np.append(lacks[used], 0.0))[:-1]
         flat[used] += change * min(1.0, LONGEST / max(np.abs(change).max(), LONGEST))
     return False

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.elementary import atan2, cos, sin
 from fmus.physics.rigid import body
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def to_joint_coordinates(links: RigidLinks, s: State) -> None:
         # part about y and real part of the product conj(before) after
         real = w0 * w + x0 * s.q[i, 4] + y0 * y + z0 * s.q[i, 6]
         about = w0 * y - y0 * w - z0 * s.q[i, 4] + x0 * s.q[i, 6]
-        x[angle + i] = 2.0 * np.arctan2(about, real)
+        x[angle + i] = 2.0 * atan2(about, real)
         x[rate + i] = s.v[i, 4] - spin
 
 
@@ -70,7 +71,7 @@ def to_poses(links: RigidLinks, s: State, w: Work) -> None:
         body.rotation(q[0], w.system.A[0])
     for i in range(0 if held else 1, n):
         A, spin = w.system.A[i], x[rate + i]
-        b, a = np.sin(0.5 * x[angle + i]), np.cos(0.5 * x[angle + i])
+        b, a = sin(0.5 * x[angle + i]), cos(0.5 * x[angle + i])
         s1, c1 = 2.0 * a * b, a * a - b * b
         t.turn[i, 0], t.turn[i, 1] = c1, s1
         if i == 0:

@@ -19,6 +19,7 @@ from fmus.physics.chain.rigid.state import State
 from fmus.physics.chain.rigid.work import Work
 from fmus.physics.chain.sums import END_POWER, JOINTS
 from fmus.physics.chain.touch import evaluate_contacts
+from fmus.physics.elementary import atan2, cos, of_each, sin
 from fmus.physics.rigid import augmented, body, pin
 from fmus.physics.rigid.augmented import PIN, ClosingSpring, Ends
 from fmus.physics.vector import add, dot, scale, vector
@@ -48,10 +49,10 @@ def place(links: RigidLinks, pins: Floats, s: State, w: Work) -> None:
     """Lay the links at rest between ``pins`` (nodes, 2; x and z), m, and the ground's pins at the ends."""
     n = len(s.q)
     chord = (np.roll(pins, -1, axis=0) - pins)[:n]
-    angle = np.arctan2(chord[:, 1], chord[:, 0])  # from x towards z: a rotation about -y
+    angle = of_each(atan2, chord[:, 1], chord[:, 0])  # from x towards z: a rotation about -y
     s.q[:] = 0.0
     s.q[:, [0, 2]] = pins[:n] + 0.5 * chord
-    s.q[:, 3], s.q[:, 5] = np.cos(0.5 * angle), -np.sin(0.5 * angle)
+    s.q[:, 3], s.q[:, 5] = of_each(cos, 0.5 * angle), -of_each(sin, 0.5 * angle)
     w.ground[0, [0, 2]] = pins[0] - [links.half, 0.0]
     w.ground[1, [0, 2]] = pins[-1] + [links.half, 0.0]
 
