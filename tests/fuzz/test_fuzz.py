@@ -49,7 +49,7 @@ class TestSecondHalf:
         run_half(environment, tmp_path, HALVES[1], "0.12", "1")
 
 
-@pytest.mark.study
+@pytest.mark.long
 @pytest.mark.parametrize("half", HALVES)
 def test_two_minutes_of_random_cases(environment, tmp_path, half):
     run_half(environment, tmp_path, half, "2", "2")
