@@ -9,6 +9,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -38,7 +39,7 @@ COLUMNS = (
 def draw(kind: str, bench: Bench, seed: int) -> Case:
     """The case of a kind and a seed."""
     chance = random.Random(f"{kind} {seed}")
-    own = {
+    own: dict[str, Callable[[random.Random], Case]] = {
         "settings": settings.draw, "scenes": tables.scenes, "vehicles": tables.vehicles, "points": tables.points,
         "commands": tables.commands, "logs": partial(logs.logs, bench), "checkpoints": partial(logs.checkpoints, bench),
         "caches": caches.draw, "calls": sequences.draw,

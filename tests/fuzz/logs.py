@@ -61,10 +61,10 @@ def _apply(log: Content, edit: Edit) -> None:
             data[int(at * len(data))] ^= xor
             log.attachments[name] = bytes(data)
         case ["checkpoint", name, *place, value]:
-            data = log.attachments[name]
-            end = 8 + struct.unpack_from("<Q", data)[0]
-            head = json.dumps(_with(json.loads(data[8:end]), place, value)).encode()
-            log.attachments[name] = struct.pack("<Q", len(head)) + head + data[end:]
+            saved = log.attachments[name]
+            end = 8 + struct.unpack_from("<Q", saved)[0]
+            head = json.dumps(_with(json.loads(saved[8:end]), place, value)).encode()
+            log.attachments[name] = struct.pack("<Q", len(head)) + head + saved[end:]
         case ["number", name, at, word]:
             data = bytearray(log.attachments[name])
             begin = 8 + struct.unpack_from("<Q", data)[0]
@@ -200,9 +200,8 @@ def _edit(log: Content, draw: random.Random) -> Edit:
         case 9:
             return ["messages", chunk, part, draw.randrange(rows), draw.choice((1, 2, 3))]
         case 10:
-            what, argument = draw.choice(RECORDS)
-            if what in ("swap", "kind"):
-                argument = draw.random() if what == "swap" else draw.randrange(1, 16)
+            what, drawn = draw.choice(RECORDS)
+            argument: float = {"swap": draw.random(), "kind": draw.randrange(1, 16)}.get(what, drawn)
             return ["record", what, draw.random(), argument]
         case _:
             return ["empty", draw.choice((1, 1000, 3_000_000))]

@@ -71,9 +71,9 @@ def play(action: Callable[[], None], folder: Path, cpu: int = CPU, wall: int = W
     _, status, used = os.wait4(child, 0)
     with suppress(ProcessLookupError, PermissionError):  # children of the child
         os.killpg(child, signal.SIGKILL)
-    texts = [file.read_text(encoding="utf-8", errors="replace")[:200_000] for file in (out, err)]
+    said, told = (file.read_text(encoding="utf-8", errors="replace")[:200_000] for file in (out, err))
     made = tuple(sorted(set(_files(folder)) - before))
-    return Ended(os.waitstatus_to_exitcode(status), *texts, used.ru_utime + used.ru_stime, made)
+    return Ended(os.waitstatus_to_exitcode(status), said, told, used.ru_utime + used.ru_stime, made)
 
 
 def _live(action: Callable[[], None], folder: Path, streams: tuple[Path, Path], cpu: int) -> None:
