@@ -17,6 +17,7 @@ from orchestrator.files.budget import (
     UnpackedBudget,
     check_zip,
     open_file,
+    read_file,
 )
 from orchestrator.kernels.cache import cache_folder, make_folder, private_folder, temporary_folder, write
 
@@ -95,8 +96,8 @@ def _unpack_missing(archive: zipfile.ZipFile, folder: Path) -> Path:
 
 def _is_unpacked(file: Path, entry: zipfile.ZipInfo) -> bool:
     try:
-        content = file.read_bytes()
-    except FileNotFoundError:
+        content = read_file(file, entry.file_size)
+    except (OSError, OverBudget):  # missing, no regular file, or too large
         return False
     return len(content) == entry.file_size and zlib.crc32(content) == entry.CRC
 

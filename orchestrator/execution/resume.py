@@ -112,9 +112,11 @@ def _ran_native(log: Log, scene: Scene) -> bool:
 
 
 def _copy_records(log: Log, recorder: Recorder, number: int) -> None:
-    """Copy the records up to a step, with the inputs that lead to it."""
+    """Copy the records up to a step, with the inputs that lead to it; raises BadInput."""
     for piece in log.chunks():
         for messages in piece:
+            if messages.topic not in recorder.topics:
+                raise BadInput(f"{log.path}: the topic '{messages.topic}' belongs to no component of its scene")
             up_to_step = messages.sequence.astype(np.int64) + messages.topic.endswith("/in") <= number
             t, h, _, values = messages.decode()
             for row in np.flatnonzero(up_to_step).tolist():

@@ -133,6 +133,11 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._pages = {topic: other for topic, other in self._pages.items() if topic not in topics} | {name: page}
         return name
 
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Names of the topics."""
+        return tuple(self._channels)
+
     def stride(self, topic: str) -> int:
         """Return n: steps whose number is a multiple of n are recorded."""
         return self._pages[topic].every

@@ -44,15 +44,23 @@ def poses(run: RunData, track: str, t: Floats) -> HullAxes:
     port = sprocket(run, track)
     around = Window(float(t[0]) - LONGEST_STEP, float(t[-1]) + LONGEST_STEP)
     if port is None:
-        origin = np.tile(np.array(run.scene.get("start", {}).get("position", (0.0, 0.0, 0.0)), float), (len(t), 1))
+        origin = np.tile(_of_start(run, "position", (0.0, 0.0, 0.0)), (len(t), 1))
     else:
         origin = _interpolated(t, *run.vectors(port.taker, "out", f"{port.taker_connector}.position", window=around))
     if run.has("chassis.chassis.orientation.w"):
         q = _interpolated(t, *run.vectors("chassis", "out", "chassis.orientation", "wxyz", around))
         return HullAxes(origin, matrices(q / np.linalg.norm(q, axis=1, keepdims=True)))
-    heading = float(run.scene.get("start", {}).get("heading", 0.0))
+    heading = float(_of_start(run, "heading", 0.0))
     c, s = np.cos(heading), np.sin(heading)
     return HullAxes(origin, np.tile(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), (len(t), 1, 1)))
+
+
+def _of_start(run: RunData, key: str, default: float | tuple[float, ...]) -> Floats:
+    """Numbers of the scene's start; raises Missing where the log has no such numbers."""
+    try:
+        return np.array(run.scene.get("start", {}).get(key, default), float).reshape(np.shape(default))
+    except (AttributeError, TypeError, ValueError):
+        raise Missing(f"{run.log.path}: start.{key} in its scene.json is not {np.size(default)} numbers") from None
 
 
 def _interpolated(t: Floats, times: Floats, values: Floats) -> Floats:
