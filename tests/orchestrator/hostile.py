@@ -59,7 +59,7 @@ class With(ContainerWriter):
 def log_with(small: Path, path: Path, *records: bytes) -> Path:
     """Write the log ``small`` again with further records."""
     content = Content(small)
-    return content.write(path, type("Written", (With,), {"extra": iter(records)}))
+    return content.write(path, writer=type("Written", (With,), {"extra": iter(records)}))
 
 
 def empty_records(small: Path, path: Path) -> Path:
