@@ -26,6 +26,7 @@ from orchestrator.cosim.graph import Recordable, System
 from orchestrator.cosim.observers import STATS, wires
 from orchestrator.files.budget import open_file
 from orchestrator.log import schema
+from orchestrator.log.log_format import INPUTS, UNRECORDED
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.scene import Scene
 
@@ -61,7 +62,13 @@ def open_log(
                     zip(interval_statistics.names(component.links), units * len(interval_statistics.PARTS), strict=True)
                 )
                 every[topic] = every[f"/{name}/links"]
-    return Recorder(path, topics, attachments, metadata, every=every, wires=wired, types=_types(components))
+    unrecorded = () if scene.run.inputs else [f"/{name}/in" for name in components]
+    if unrecorded:
+        wired = {}
+        metadata["run"][INPUTS] = UNRECORDED
+    return Recorder(
+        path, topics, attachments, metadata, every=every, wires=wired, types=_types(components), unrecorded=unrecorded
+    )
 
 
 def manifest(

@@ -90,6 +90,7 @@ def open_replay(
     BuildFailed, ComponentFailed, LogUnreadable, NoSuchSignal.
     """
     with Log(path) as log:
+        log.check_inputs()
         log.check_seal()
         notices.notice(notices.other_version(path, log.metadata.get("versions", {})))
         if about := log.metadata.get(BRANCHED):

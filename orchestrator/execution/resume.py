@@ -44,6 +44,7 @@ def resume(
     and BadInput.
     """
     with Log(source) as log:
+        log.check_inputs()
         log.check_seal()
         notices.notice(notices.other_version(source, log.metadata.get("versions", {})))
         if path.exists() and path.samefile(source):

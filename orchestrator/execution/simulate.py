@@ -201,7 +201,7 @@ def _observers(run: _PreparedRun, recorder: Recorder, reached: ReachedPoint) -> 
         logging.continue_after(*restored_point)
         reached(*restored_point)
     observers: list[master.Observer] = [logging]
-    if (period := scene.run.checkpoints) and checkpoint.can_save(scheme):
+    if scene.run.inputs and (period := scene.run.checkpoints) and checkpoint.can_save(scheme):
         stride = (
             scene.links_every if scene.records_statistics else 1
         )  # statistics between two records are not in a checkpoint

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 NAME = "format"  # of the metadata record
 VERSION = 2
 BRANCHED = "branched"  # of the metadata record of a run that continues another one with changed parameters
+INPUTS, UNRECORDED = "inputs", "not recorded"  # entry of the metadata ``run`` of a log without inputs
 CHECKPOINT = "checkpoint/"  # prefix of the name of an attachment, before the number of the step
 
 

@@ -55,8 +55,9 @@ class Block:
 class Channel:
     """Message layout, message count and running hash of one topic; raises ValueError for ``every`` < 1."""
 
-    def __init__(self, number: int, recorded: RecordedChannel) -> None:
+    def __init__(self, number: int, recorded: RecordedChannel, is_recorded: bool = True) -> None:
         self.number = number
+        self.is_recorded = is_recorded  # False: its values are in rows, but not in the file
         self.recorded = recorded
         self.topic, self.about, self.columns, _, self.layout = recorded
         if self.about.every < 1:
@@ -222,7 +223,7 @@ class Page:
         for channel, is_input, moves in self._parts:
             key = is_input, channel.about.every
             due, times = rows_due[key] = rows_due.get(key) or self._due(block, *key)
-            if len(due):
+            if len(due) and channel.is_recorded:
                 packed.append(PackedMessages(channel, channel.pack(block, due, moves), times))
         return packed
 

@@ -23,7 +23,7 @@ from mcap.records import Attachment
 from numpy.typing import NDArray
 
 from orchestrator.files.budget import DOCUMENT, check_size
-from orchestrator.log import notices, seal_check, signal_names
+from orchestrator.log import log_format, notices, seal_check, signal_names
 from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable, parse_record
 from orchestrator.log.contents import Contents
 from orchestrator.log.message_records import Messages
@@ -339,6 +339,13 @@ class Log(AbstractContextManager["Log"]):
         if faults := self.seal_faults():
             raise LogUnreadable(
                 f"{faults[0]}; 'cotrack log recover' writes a log of what it holds now, and seals it anew"
+            )
+
+    def check_inputs(self) -> None:
+        """Raise LogUnreadable if the run did not record its inputs."""
+        if self.metadata.get("run", {}).get(log_format.INPUTS) == log_format.UNRECORDED:
+            raise LogUnreadable(
+                f"{self.path} cannot be replayed or resumed: its inputs were not recorded (run.inputs = false)"
             )
 
     def index_faults(self) -> list[str]:

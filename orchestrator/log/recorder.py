@@ -52,6 +52,7 @@ class Recorder(AbstractContextManager["Recorder"]):
     :param wires: topic -> wires of its inputs. A topic that is written alone is written without its wired inputs,
         which are not checked then.
     :param types: topic -> name of its message type (default: one for each topic); topics of one kind may share one.
+    :param unrecorded: topics that are written with others but do not go into the file.
     :param flush: longest time that a message waits for the disk, s of wall time.
     :raises LogFailed: here, in ``write`` and in ``close`` if the file cannot be written or a wire is wrong.
     :raises ValueError: if the variables of a topic do not fit into a message.
@@ -67,6 +68,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         every: Mapping[str, int] | None = None,
         wires: Mapping[str, Sequence[Wire]] | None = None,
         types: Mapping[str, str] | None = None,
+        unrecorded: Sequence[str] = (),
         flush: float = 0.25,
     ) -> None:
         self.path = Path(path)
@@ -76,7 +78,8 @@ class Recorder(AbstractContextManager["Recorder"]):
         for number, (topic, variables) in enumerate(topics.items(), 1):
             names, units = tuple(name for name, _ in variables), tuple(unit for _, unit in variables)
             about = Topic(names, units, strides.get(topic, 1), tuple(wired.get(topic, ())))
-            self._channels[topic] = Channel(number, channel_metadata.recorded_channel(topic, about))
+            channel = channel_metadata.recorded_channel(topic, about)
+            self._channels[topic] = Channel(number, channel, topic not in unrecorded)
         self._pages = {topic: Page([], [channel], with_wired=False) for topic, channel in self._channels.items()}
         self._condition = threading.Condition()
         self._backlog: deque[list[tuple[Page, Block]] | tuple[str, bytes]] = deque()  # chunks and attachments
@@ -270,7 +273,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         if self._failure is not None:
             status, message = "failed", message or str(self._failure)
         try:
-            totals = {topic: (channel.messages, channel.hash.hexdigest()) for topic, channel in self._channels.items()}
+            totals = {channel.topic: (channel.messages, channel.hash.hexdigest()) for channel in self._recorded()}
             record = closing_record.encode(status, message, steps, totals, results or {}, warnings)
             self._file.metadata(closing_record.NAME, record)
             root = self._file.seal()
@@ -301,12 +304,16 @@ class Recorder(AbstractContextManager["Recorder"]):
         for name, content in attachments.items():
             self._file.attachment(name, content)
         described: dict[str, tuple[schema.Field, ...]] = {}  # by message type
-        for topic, channel in self._channels.items():
+        for channel in self._recorded():
+            topic = channel.topic
             kind, fields = types.get(topic, schema.type_name(topic)), channel.layout.fields
             if described.setdefault(kind, fields) != fields:  # one kind, but different variables
                 kind = schema.type_name(topic)
             about, description = channel_metadata.encode(channel.recorded), schema.descriptor(kind, fields)
             self._file.channel(channel.number, topic, kind, description, about)
+
+    def _recorded(self) -> list[Channel]:
+        return [channel for channel in self._channels.values() if channel.is_recorded]
 
     def _hand_over(self) -> None:
         """Queue the filled blocks as one chunk and replace them by empty ones; the caller holds the lock."""

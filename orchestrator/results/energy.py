@@ -214,6 +214,8 @@ def _works(run: RunData) -> dict[WrenchPort, tuple[float, float]]:
     """
     inputs = {name: f"/{name}/in" for name in run.instances}
     outputs = {name: f"/{name}/out" for name in run.instances}
+    if lacking := [topic for topic in inputs.values() if topic not in run.log.topics]:
+        raise Missing(f"the log lacks the topic '{lacking[0]}'")
     end = min(float(run.log.ends(topic).t[-1]) for topic in outputs.values())
     ports_of_run = ports(run)
     lengths = run.log.lengths()

@@ -87,6 +87,7 @@ class RunTable(FrozenTable):
     coupling: Annotated[CouplingTable, BeforeValidator(short_coupling)] = CouplingTable()
     # None or false: all steps have length H.
     variable: Annotated[VariableStepTable | None, BeforeValidator(false_as_none)] = None
+    inputs: bool = True  # false: inputs and checkpoints are not recorded; the log can be neither replayed nor resumed
     outputs: Every = 1  # interval of recorded outputs in communication steps
     links: Every | None = None  # interval of recorded per-link outputs; default: ``recording``
     between: bool = False  # also record mean, least and most between two records of links

@@ -1,4 +1,5 @@
 import re
+import struct
 import tempfile
 from pathlib import Path
 
@@ -238,3 +239,41 @@ def test_topics_of_one_kind_share_a_message_type_where_they_are_alike(tmp_path):
     type_names = {channel.topic: summary.schemas[channel.schema_id].name for channel in summary.channels.values()}
     assert type_names == {"/a/out": "cotrack.Kind.Out", "/b/out": "cotrack.Kind.Out", "/c/out": "cotrack.c.Out"}
     assert len(summary.schemas) == 2
+
+
+def test_a_window_needs_no_byte_of_other_chunks(chunked, tmp_path):
+    """A log is opened by its summary, and a window reads the chunks that overlap it: all others may be destroyed."""
+    data = bytearray(chunked.read_bytes())
+    with Log(chunked) as log:
+        wanted, window = log.choose(["chassis.speed"]), (0.5, 0.6)
+        expected = log.select(wanted, window)["/chassis/out"]
+        others = [offset for offset, (first, last) in log._chunks.spans.items() if last < 0.49 or first > 0.61]
+        ends = {offset: log._file.following(offset) for offset in others}
+        topics, names = log.topics, log.attachments
+    assert len(others) > 4
+    for offset, end in ends.items():
+        data[offset:end] = bytes(end - offset)
+    (tmp_path / "holes.mcap").write_bytes(data)
+    with Log(tmp_path / "holes.mcap") as log:
+        assert (log.topics, log.attachments, log.complete) == (topics, names, True)
+        read = log.select(wanted, window)["/chassis/out"]
+        assert np.array_equal(read.t, expected.t)
+        assert np.array_equal(read.values, expected.values)
+        with pytest.raises(LogUnreadable, match="is damaged"):
+            log.read("/chassis/out")
+    with Log(tmp_path / "holes.mcap", by_index=False) as log:
+        assert not log.complete
+
+
+def test_messages_of_a_chunk_are_in_order_of_time(chunked):
+    prefix = struct.Struct("<BQHIQ")
+    with Log(chunked) as log:
+        contents = [log._file.content(offset) for offset in log._chunks.spans]
+    for content in contents:
+        offset, times = 0, []
+        while offset < len(content):
+            _, length, _, _, time = prefix.unpack_from(content, offset)
+            times.append(time)
+            offset += 9 + length
+        assert len(times) > 100
+        assert times == sorted(times)

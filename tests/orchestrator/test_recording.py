@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from orchestrator.execution import replay_model
 from orchestrator.execution.resume import resume
 from orchestrator.execution.simulate import simulate
-from orchestrator.log.reader import Log
+from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.tools import WHOLE, verify
 from orchestrator.scene.recording import LONGEST_INTERVAL, NYQUIST, SAMPLES, aliasing_warning, links_every
 from orchestrator.scene.scene import load
@@ -140,3 +140,31 @@ def test_they_go_on_and_are_replayed_as_others(runs, tmp_path):
         assert again.digest() == log.digest()
     with replay_model.open_replay(runs["rare"], "track", None) as once_more:
         assert once_more.verify().equal
+
+
+def test_a_run_without_recorded_inputs_records_little_and_says_what_it_cannot_do(tmp_path):
+    sizes = {}
+    for stop in ("0.3", "1.3"):
+        changes = (
+            f"run.stop={stop}",
+            "run.step=1 ms",
+            "run.outputs=100",
+            "run.links=100",
+            "run.inputs=false",
+            "expect={}",
+        )
+        path = tmp_path / f"{stop}.mcap"
+        result = simulate(load("rig", "rigid", changes), path)
+        assert (result["status"], result["energy"]) == ("ok", None)
+        sizes[stop] = path.stat().st_size
+    assert sizes["1.3"] - sizes["0.3"] < 50_000
+    assert verify(path).code == WHOLE
+    with Log(path) as log:
+        assert not [topic for topic in log.topics if topic.endswith("/in")]
+        assert not [name for name in log.attachments if name.startswith("checkpoint")]
+        assert len(log.read("/track/out").t) == 14
+    sentence = r"cannot be replayed or resumed: its inputs were not recorded \(run\.inputs = false\)"
+    with pytest.raises(LogUnreadable, match=sentence), replay_model.open_replay(path, "track", None):
+        pass
+    with pytest.raises(LogUnreadable, match=sentence):
+        resume(path, tmp_path / "more.mcap")

@@ -67,7 +67,8 @@ def depths(run: RunData, track: str, t: float) -> dict[str, float]:
 
 def wheels(run: RunData, track: str) -> list[str]:
     """Names of a track's wheels with rims."""
-    names = [name.removesuffix(".position.x") for name in run.log.topics[f"/{track}/in"].names]
+    topic = run.log.topics.get(f"/{track}/in")
+    names = [name.removesuffix(".position.x") for name in topic.names] if topic else []
     return [name for name in dict.fromkeys(names) if name == "idler" or (name[-1] == "]" and "road_wheel[" in name)]
 
 
