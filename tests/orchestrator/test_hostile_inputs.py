@@ -9,7 +9,7 @@ from pathlib import Path
 import hostile
 import pytest
 
-pytestmark = [pytest.mark.long, pytest.mark.skipif(not hasattr(os, "fork"), reason="measured in forks")]
+pytestmark = [pytest.mark.study, pytest.mark.skipif(not hasattr(os, "fork"), reason="measured in forks")]
 
 SECONDS, MEMORY = 1.0, 200  # s of a processor, MB
 HERE = Path(__file__).parent

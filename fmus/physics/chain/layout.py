@@ -115,8 +115,10 @@ def close_exactly(pins: Floats, pitch: float, closed: bool) -> Floats:
             shared = free[j] * (chord[i, 0] * chord[j, 0] + chord[i, 1] * chord[j, 1])
             A[i, j], A[j, i] = A[i, j] - shared, A[j, i] - shared
         pull = solved(A, -misfit)[:, None] * chord
-        np.add.at(pins, link, -pull * free[link, None])
-        np.add.at(pins, next_link, pull * free[next_link, None])
+        change = np.zeros_like(pins)
+        change[link] -= pull * free[link, None]
+        change[next_link] += pull * free[next_link, None]
+        pins += change  # rounded once
     return pins
 
 

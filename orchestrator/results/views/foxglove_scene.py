@@ -63,7 +63,7 @@ def write(path: Path, output: Path, colour: str | None = None) -> Path:
 def _write(bodies: Bodies, side_plots: list[Plot], scale: Scale, output: Path) -> None:
     foxglove, channels, kinds = (library(f"foxglove{part}", "view") for part in ("", ".channels", ".messages"))
     context = foxglove.Context()  # without the topics of other contexts
-    with foxglove.open_mcap(output, context=context):
+    with foxglove.open_mcap(output, allow_overwrite=True, context=context):
         shapes = channels.SceneUpdateChannel("/shapes", context=context)
         scene = channels.SceneUpdateChannel("/scene", context=context)
         frames = channels.FrameTransformsChannel("/frames", context=context)
