@@ -216,11 +216,12 @@ class Log(AbstractContextManager["Log"]):
                 waiting = {topic: [series.rows(slice(size, None))] for topic, series in whole.items()}
         yield {topic: join_series(parts) for topic, parts in waiting.items()}
 
-    def choose(self, signals: Sequence[str] = (), topics: Sequence[str] = ()) -> dict[str, list[int]]:
-        """Return topic -> columns for signals ("instance.variable") and whole topics, in the order of the log.
+    def choose(self, signals: str | Sequence[str] = (), topics: Sequence[str] = ()) -> dict[str, list[int]]:
+        """Return topic -> columns for a signal ("instance.variable") or several, and whole topics, in the log's order.
 
         ``*`` stands for any text; without arguments everything is selected. Raises NoSuchSignal.
         """
+        signals = [signals] if isinstance(signals, str) else signals
         if not topics and not signals:
             return {topic: [*range(len(about.names))] for topic, about in self.topics.items()}
         chosen: dict[str, set[int]] = {}

@@ -124,6 +124,7 @@ def _chain(scene: ChainScene) -> Assembly:
 
 def _bench(scene: BenchScene) -> Assembly:
     bench = scene.bench
+    # forces of the pulled ends, N; ends that are held have positions, m
     ends = {"kind": "pulled", "first": [-bench.upper, 0.0], "last": [-bench.lower, 0.0]}
     config = track_config(
         scene,

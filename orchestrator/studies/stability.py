@@ -38,9 +38,9 @@ def cases(quick: bool) -> list[Case]:
             all_cases.append(
                 Case(family.name, f"{family.name}: {value:g}", member, (number, value), family.seconds, limit)
             )
-    for number, (name, *_) in enumerate(BISECTED):
-        if not quick or number == 1:
-            all_cases.append(Case(name, f"{name}: limit", bisected_limit, (number,), 60.0, LIMIT))
+    for number, one in enumerate(BISECTED):
+        if not quick or one.quick:
+            all_cases.append(Case(one.name, f"{one.name}: limit", bisected_limit, (number,), 60.0, LIMIT))
     return all_cases
 
 
@@ -60,7 +60,7 @@ def member(number: int, value: float) -> list[Row]:
 
 def bisected_limit(number: int) -> list[Row]:
     """Longest stable step, from 1 to 100 times the given one, beside the predicted one."""
-    _, scene, track, settings, key, smallest = BISECTED[number]
+    _, scene, track, settings, key, smallest, _ = BISECTED[number]
     expectation = "weight" if scene == "settle" else "ledger"
     base = load(scene, track, settings)
     limit, cause = predicted(base)

@@ -187,6 +187,7 @@ def test_windows_and_rows_do_not_depend_on_chunks(small, chunked, tmp_path):
 def test_frames(chunked):
     with Log(chunked) as log:
         t, speed = log.signal("chassis.speed")
+        assert log.choose(TENSIONS) == log.choose([TENSIONS])
         tensions = log.select(log.choose([TENSIONS]))["/left_track/links"]
         frame = to_pandas(log, "chassis.speed", "chassis.left.road_arm[*].angle", window=(0.5, 1.0))
         inside = (t >= 0.5) & (t <= 1.0)
