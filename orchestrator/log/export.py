@@ -131,7 +131,7 @@ KINDS: dict[str, Any] = {"csv": Csv, "parquet": Parquet, "mat": Matlab}
 def export(
     path: str | os.PathLike[str],
     out: str | os.PathLike[str],
-    signals: Sequence[str] = (),
+    signals: str | Sequence[str] = (),
     topics: Sequence[str] = (),
     window: tuple[float, float] = EVER,
     kind: str | None = None,
