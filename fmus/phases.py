@@ -16,8 +16,8 @@ from enum import IntEnum
 from fmus.sentences import Sentence, format_sentence
 
 
-class Phase(IntEnum):
-    """Phase of an instance."""
+class InstancePhase(IntEnum):
+    """InstancePhase of an instance."""
 
     INSTANTIATED = 0
     INITIALISING = 1
@@ -25,26 +25,26 @@ class Phase(IntEnum):
     TERMINATED = 3
 
 
-def _before_running(*calls: str) -> dict[str, tuple[Phase, ...]]:
-    return dict.fromkeys(calls, (Phase.INSTANTIATED, Phase.INITIALISING, Phase.RUNNING))
+def _before_running(*calls: str) -> dict[str, tuple[InstancePhase, ...]]:
+    return dict.fromkeys(calls, (InstancePhase.INSTANTIATED, InstancePhase.INITIALISING, InstancePhase.RUNNING))
 
 
-def _when_initialised(*calls: str) -> dict[str, tuple[Phase, ...]]:
-    return dict.fromkeys(calls, (Phase.INITIALISING, Phase.RUNNING, Phase.TERMINATED))
+def _when_initialised(*calls: str) -> dict[str, tuple[InstancePhase, ...]]:
+    return dict.fromkeys(calls, (InstancePhase.INITIALISING, InstancePhase.RUNNING, InstancePhase.TERMINATED))
 
 
 ALLOWED = {
-    "fmi2SetupExperiment": (Phase.INSTANTIATED,),
-    "fmi2EnterInitializationMode": (Phase.INSTANTIATED,),
-    "fmi2ExitInitializationMode": (Phase.INITIALISING,),
-    "fmi2DoStep": (Phase.RUNNING,),
-    "fmi2Terminate": (Phase.RUNNING,),
+    "fmi2SetupExperiment": (InstancePhase.INSTANTIATED,),
+    "fmi2EnterInitializationMode": (InstancePhase.INSTANTIATED,),
+    "fmi2ExitInitializationMode": (InstancePhase.INITIALISING,),
+    "fmi2DoStep": (InstancePhase.RUNNING,),
+    "fmi2Terminate": (InstancePhase.RUNNING,),
     **_before_running("fmi2SetReal", "fmi2SetInteger", "fmi2SetBoolean", "fmi2SetString"),
     **_when_initialised("fmi2GetReal", "fmi2GetInteger", "fmi2GetBoolean", "fmi2GetString"),
 }
 
 
-def not_allowed(call: str, phase: Phase) -> str:
+def not_allowed(call: str, phase: InstancePhase) -> str:
     """Sentence that refuses a call of ``ALLOWED`` in a phase; empty where it is allowed."""
     if phase in ALLOWED[call]:
         return ""

@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.phases import Phase
+from fmus.phases import InstancePhase
 
 
 class SlaveState(NamedTuple):
     """Everything that changes during a run; ``flaw``: why the bytes from which it was read are unusable."""
 
     guid: str  # of the FMU
-    phase: int  # see ``phases.Phase``
+    phase: int  # see ``phases.InstancePhase``
     now: float  # end of the last step, s; NaN: not known
     flags: tuple[bool, bool]  # outputs stale (parameters changed), link outputs stale
     strings: tuple[str, ...]  # String parameters
@@ -52,13 +52,13 @@ def from_bytes(content: bytes) -> SlaveState:
         head = (guid, *strings), (phase,), (now,), (stale, links_stale)
         if not all(type(each) is kind for row, kind in zip(head, (str, int, float, bool), strict=True) for each in row):
             raise ValueError("a value has the wrong type")
-        if stale and phase > Phase.INITIALISING:
+        if stale and phase > InstancePhase.INITIALISING:
             raise ValueError("it runs without a start")
         arrays: list[Any] = []
         for size, kind in zip(sizes, (np.float64, np.int64, np.float64, np.int64), strict=True):
             arrays.append(np.frombuffer(content, dtype=kind, count=size, offset=end).copy())
             end += 8 * size
-        return SlaveState(guid, Phase(phase), now, (stale, links_stale), tuple(strings), *arrays)
+        return SlaveState(guid, InstancePhase(phase), now, (stale, links_stale), tuple(strings), *arrays)
     except Exception as error:
         none = np.zeros(0)
         flaw = f"these bytes are not a saved state ({type(error).__name__}: {error})"

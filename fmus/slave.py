@@ -39,7 +39,7 @@ from fmus.defaults import check_names, check_value, configured_ports, experiment
 from fmus.description import document
 from fmus.jit import compiled_before, source_hash
 from fmus.model import InvalidParameter, ModelProtocol, StepFailed, finite, flaw_of_state
-from fmus.phases import ALLOWED, Phase, not_allowed, refused_step
+from fmus.phases import ALLOWED, InstancePhase, not_allowed, refused_step
 from fmus.ports import LINKS_ARRAY, Port, variables
 from fmus.same_build import SameBuild
 from fmus.saved import SlaveState, from_bytes, to_bytes
@@ -87,7 +87,7 @@ def _add_references(*objects: object) -> None:
 def _guarded(call: Callable[..., Any]) -> Callable[..., Any]:
     """Decorator: refuse calls that the phase does not allow; log any exception, raise one that pythonfmu survives."""
     name = "fmi2" + call.__name__.title().replace("_", "")
-    phases = ALLOWED.get(name, tuple(Phase))
+    phases = ALLOWED.get(name, tuple(InstancePhase))
 
     @wraps(call)
     def guarded(self: Slave, *args: Any) -> Any:
@@ -129,7 +129,7 @@ class Slave(Fmi2Slave):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        self._status, self._phase = OK, Phase.INSTANTIATED
+        self._status, self._phase = OK, InstancePhase.INSTANTIATED
         self._now = self._stop = math.nan  # s: end of the last step, stop time
         try:
             self._load(Path(self.resources))
@@ -245,7 +245,7 @@ class Slave(Fmi2Slave):
         self._values[access.places] = values
 
     def _parameter_set(self, name: str) -> None:
-        if self._phase is Phase.RUNNING:
+        if self._phase is InstancePhase.RUNNING:
             raise Refused(f"parameter '{name}' is fixed: set it before the end of initialisation")
         self._stale = True
 
@@ -322,14 +322,14 @@ class Slave(Fmi2Slave):
     @_guarded
     def enter_initialization_mode(self) -> None:
         """Begin initialisation: the model starts when an output is read, or at the end; parameters may change."""
-        self._phase = Phase.INITIALISING
+        self._phase = InstancePhase.INITIALISING
 
     @_guarded
     def exit_initialization_mode(self) -> None:
         """Start the model, unless reading an output has started it; wrong parameters are refused here."""
         if self._stale:
             self._initialise()
-        self._phase = Phase.RUNNING
+        self._phase = InstancePhase.RUNNING
 
     def _parameter_values(
         self, values: NDArray[np.float64], integers: NDArray[np.int64], strings: Sequence[str]
@@ -406,7 +406,7 @@ class Slave(Fmi2Slave):
     @_guarded
     def terminate(self) -> None:
         """End the steps; outputs can still be read, and a saved state can be restored."""
-        self._phase = Phase.TERMINATED
+        self._phase = InstancePhase.TERMINATED
 
     # ---------------------------------------------------------------- state
 
@@ -434,7 +434,7 @@ class Slave(Fmi2Slave):
         stale, links_stale = state.flags
         if not stale:  # before a start there is no state yet, and its size may still change
             self._restore_model(state)
-        self._phase, self._now = Phase(state.phase), state.now
+        self._phase, self._now = InstancePhase(state.phase), state.now
         self._stale, self._links_stale = stale, links_stale
         self._string_values[:] = state.strings
         self._values[:] = state.values

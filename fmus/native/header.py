@@ -12,7 +12,7 @@ import llvmlite.binding as llvm
 from fmus.native.emit import ANY
 from fmus.native.freeze import Frozen
 from fmus.native.platform import Platform
-from fmus.phases import ALLOWED, JUMP, LATE, RESOLUTION, SHORT, Phase, not_allowed
+from fmus.phases import ALLOWED, JUMP, LATE, RESOLUTION, SHORT, InstancePhase, not_allowed
 from fmus.ports import Port
 from fmus.sentences import GAPS, Sentence
 
@@ -74,13 +74,12 @@ def _range(port: Port) -> str:
 
 def _phases() -> list[str]:
     """Phases, and the calls with their sentence for each phase that does not allow them, see ``fmus.phases``."""
-    refusals = (
-        f"{{ {quoted(not_allowed(call, phase) for phase in Phase).replace(json.dumps(''), '0')} }}" for call in ALLOWED
-    )
+    rows = (quoted(not_allowed(call, phase) for phase in InstancePhase) for call in ALLOWED)
+    refusals = (f"{{ {row.replace(json.dumps(''), '0')} }}" for row in rows)
     return [
-        f"enum {{ {', '.join(phase.name for phase in Phase)} }};",
+        f"enum {{ {', '.join(phase.name for phase in InstancePhase)} }};",
         f"enum {{ {', '.join(f'CALL_{call}' for call in ALLOWED)} }};",
-        f"static const char *const NOT_ALLOWED[][{len(Phase)}] = {{ {', '.join(refusals)} }};",
+        f"static const char *const NOT_ALLOWED[][{len(InstancePhase)}] = {{ {', '.join(refusals)} }};",
         f"static const double RESOLUTION = {RESOLUTION.hex()};",
         *_sentences("STEP_REFUSED", (SHORT, JUMP, LATE)),
     ]

@@ -100,8 +100,7 @@ def _simulate(
     with ExitStack() as stack:
         announce(f"{scene.name}: components are built and initialised")
         run = _PreparedRun.prepare(*load_scene(scene, stack, logger, native), continuation)
-        early_warnings = _early_warnings(run, logger)
-        result["warnings"] = early_warnings
+        result["warnings"] = early_warnings = _early_warnings(run, logger)
         log_opened, file = False, path
         try:
             about, further_metadata = {"fmus": NATIVE} if native else {}, continuation.metadata if continuation else {}
@@ -131,9 +130,7 @@ def _simulate(
                         result["error"] = estimate.estimate(
                             run.scene, recorder.file, result, _companion_recorder(interrupt)
                         )
-                status, message = outcome.status, outcome.message
-                if invalidity := summary.invalidity(result["validity"]):
-                    status, message = "failed", "; ".join(filter(None, (message, invalidity)))
+                status, message = _verdict(outcome, result["validity"])
                 recorder.close(status, message, outcome.steps, _results(result), result["warnings"])
                 result["seal"] = recorder.seal
                 file = path
@@ -146,6 +143,14 @@ def _simulate(
     if log_opened:
         result["log"] = str(file)
     return result | {"log_bytes": file.stat().st_size if log_opened and file.exists() else 0}
+
+
+def _verdict(outcome: master.RunOutcome, validity: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
+    """Status and message of a run, which has failed if the model left its range of validity."""
+    invalidity = summary.invalidity(validity)
+    if not invalidity:
+        return outcome.status, outcome.message
+    return "failed", "; ".join(filter(None, (outcome.message, invalidity)))
 
 
 class _PreparedRun(NamedTuple):

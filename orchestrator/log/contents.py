@@ -27,7 +27,7 @@ COUNTED = {  # number in the statistics by opcode
 }
 
 
-class Contents:
+class LogContents:
     """Topics, metadata, attachments, closing record and seal of a log; ``chunks`` gets the places of the messages.
 
     :param by_index: use the summary if it is whole; otherwise, or else, every record is walked.

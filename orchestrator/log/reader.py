@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from orchestrator.files.budget import DOCUMENT, check_size
 from orchestrator.log import log_format, notices, seal_check, signal_names
 from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable, parse_record
-from orchestrator.log.contents import Contents
+from orchestrator.log.contents import LogContents
 from orchestrator.log.message_records import Messages
 from orchestrator.log.stream import Stream
 from orchestrator.log.time_series import EVER, Floats, Series, empty_series, join_series
@@ -58,7 +58,7 @@ class Log(AbstractContextManager["Log"]):
         self.size = self._file.size
         self.faults = self._file.faults
         self.being_written = self._file.being_written  # by a run that has not ended
-        self._contents = contents = Contents(self._file, by_index)
+        self._contents = contents = LogContents(self._file, by_index)
         self.topics = contents.topics
         self.metadata = contents.metadata
         self.others = contents.others  # topics of other tools, left out by this reader -> message type

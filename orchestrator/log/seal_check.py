@@ -20,7 +20,7 @@ from mcap.records import (
 )
 
 from orchestrator.log.container_reader import DAMAGE, ContainerReader
-from orchestrator.log.contents import Contents
+from orchestrator.log.contents import LogContents
 
 _CHUNK, _TEXT, _LENGTH = struct.Struct("<QQQI"), struct.Struct("<I"), struct.Struct("<Q")
 _CHANNEL, _ENTRIES, _ENTRY = struct.Struct("<HI"), 6, 16  # of a message index: its head and bytes of it, of an entry
@@ -34,7 +34,7 @@ _LISTED: dict[int, Any] = {
 }
 
 
-def seal_faults(file: ContainerReader, contents: Contents) -> list[str]:
+def seal_faults(file: ContainerReader, contents: LogContents) -> list[str]:
     """Return sentences if a log is not as it was sealed, or lost its seal; a log that never had one has no fault.
 
     Every byte is read: those before the seal record are hashed, the summary behind it is compared with them.
