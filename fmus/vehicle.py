@@ -8,6 +8,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from importlib import resources
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from annotated_types import GroupedMetadata
@@ -260,6 +261,12 @@ def value_text(value: object) -> str:
         return _short(repr(value))
     except (ValueError, RecursionError):  # an integer of more digits than Python writes, a list in a list in ...
         return f"a huge {type(value).__name__}"
+
+
+def path_text(path: Path) -> str:
+    """Text of a path for a message, at most 80 characters, of which the last ones, the name of the file, stay."""
+    text = repr(str(path))
+    return text if len(text) <= 80 else f"'...{text[-76:]}"
 
 
 def first_error(error: ValidationError, where: str) -> str:

@@ -55,6 +55,11 @@ def test_a_kept_file_is_found_whole_or_not_at_all(fresh_cache):
         assert fmus.cache.read_checked(file) is None, size
     file.write_bytes(whole)
     assert fmus.cache.read_checked(file) == b"content"
+    file.unlink()
+    os.mkfifo(file)
+    assert fmus.cache.read_checked(file) is None, "a pipe was opened"
+    fmus.cache.write_checked(file, b"content")
+    assert fmus.cache.read_checked(file) == b"content"
     elsewhere = fmus.cache.private_folder(fresh_cache / "kind" / "other key") / "name"
     elsewhere.write_bytes(whole)
     assert fmus.cache.read_checked(elsewhere) is None, "the content of another key was accepted"

@@ -103,6 +103,8 @@ def write_checked(file: Path, content: bytes) -> None:
 def read_checked(file: Path) -> bytes | None:
     """Content that `write_checked` wrote; None if the file is missing or damaged. Raises OSError, UntrustedFolder."""
     check_trust(*file.parents[:3])
+    if not (file.is_file() or file.is_dir()):  # missing, or a pipe or a device, which is not opened
+        return None
     try:
         with file.open("rb") as stream:
             trusted, stored = _is_trusted(os.fstat(stream.fileno())), stream.read()

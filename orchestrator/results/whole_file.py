@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from fmus.vehicle import BadInput, value_text
+from fmus.vehicle import BadInput, path_text
 from orchestrator.files.replacing import replacing
 
 
@@ -22,7 +22,7 @@ def check_output(path: Path, suffixes: Sequence[str], hint: str = "") -> None:
     except (FileNotFoundError, NotADirectoryError):
         pass
     except OSError as error:  # a name that is too long, a folder that cannot be searched
-        raise BadInput(f"{value_text(str(path))} cannot be written: {error.strerror}") from None
+        raise BadInput(f"{path_text(path)} cannot be written: {error.strerror}") from None
     if path.is_dir():
         why = "it is a directory"
     elif path.suffix.lower() not in suffixes:
@@ -44,4 +44,4 @@ def atomic_write(path: Path) -> Iterator[Path]:
         with replacing(path) as temporary:
             yield temporary
     except OSError as error:
-        raise BadInput(f"{value_text(str(path))} cannot be written: {error.strerror or error}") from None
+        raise BadInput(f"{path_text(path)} cannot be written: {error.strerror or error}") from None

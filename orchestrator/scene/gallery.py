@@ -10,7 +10,7 @@ from pathlib import Path
 from textwrap import shorten
 from typing import Any
 
-from fmus.vehicle import BadInput, read_table, value_text
+from fmus.vehicle import BadInput, path_text, read_table, value_text
 from orchestrator.files.budget import read_toml
 
 # Scenes of older versions without an FMU, and their assembly; the validation now checks these elements and joints.
@@ -60,7 +60,7 @@ def _read_file(path: Path, kind: str) -> dict[str, Any]:
     try:
         return read_toml(path)
     except FileNotFoundError:
-        raise BadInput(f"no {kind} file {value_text(str(path))}") from None
+        raise BadInput(f"no {kind} file {path_text(path)}") from None
     except (OSError, ValueError, RecursionError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
-        raise BadInput(f"{value_text(str(path))}: not a readable TOML file: {reason}") from None
+        raise BadInput(f"{path_text(path)}: not a readable TOML file: {reason}") from None
