@@ -8,7 +8,6 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from importlib import resources
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from annotated_types import GroupedMetadata
@@ -263,7 +262,7 @@ def value_text(value: object) -> str:
         return f"a huge {type(value).__name__}"
 
 
-def path_text(path: Path) -> str:
+def path_text(path: object) -> str:
     """Text of a path for a message, at most 80 characters, of which the last ones, the name of the file, stay."""
     text = repr(str(path))
     return text if len(text) <= 80 else f"'...{text[-76:]}"

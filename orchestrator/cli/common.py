@@ -17,7 +17,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput
+from fmus.vehicle import BadInput, path_text
 from orchestrator.cli import printed
 from orchestrator.cosim.narration import Narration
 from orchestrator.log.notices import LogNotice
@@ -62,6 +62,8 @@ def message_and_status(error: Exception) -> tuple[str, int]:
         return shortened(str(error)), 2
     if isinstance(error, BrokenPipeError):  # the reader of the pipe has closed it
         return "", 1
+    if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
+        return f"{path_text(error.filename)}: {os.strerror(error.errno).lower()}", 2
     if isinstance(error, OSError) and error.filename is None and error.errno in CLOSED_STREAM:
         return f"the output cannot be written: {os.strerror(error.errno).lower()}", 1
     return (

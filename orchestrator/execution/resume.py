@@ -120,5 +120,8 @@ def _copy_records(log: Log, recorder: Recorder, number: int) -> None:
                 raise BadInput(f"{log.path}: the topic '{messages.topic}' belongs to no component of its scene")
             up_to_step = messages.sequence.astype(np.int64) + messages.topic.endswith("/in") <= number
             t, h, _, values = messages.decode()
-            for row in np.flatnonzero(up_to_step).tolist():
-                recorder.write(messages.topic, int(messages.sequence[row]), t[row], h[row], values[row])
+            try:
+                for row in np.flatnonzero(up_to_step).tolist():
+                    recorder.write(messages.topic, int(messages.sequence[row]), t[row], h[row], values[row])
+            except ValueError as error:
+                raise BadInput(f"{log.path} does not fit its scene: {error}") from None

@@ -169,11 +169,8 @@ def recover(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> LogVer
     end with the same step. Results of the closing record are kept.
     """
     source, target = Path(path), Path(out)
-    try:
-        if target.exists() and source.exists() and target.samefile(source):
-            return LogVerdict(BROKEN, [f"{target} is the log itself: give another name"])
-    except OSError as error:  # a name that is too long
-        return LogVerdict(BROKEN, [f"the log {target} cannot be written: {error.strerror}"])
+    if target.exists() and source.exists() and target.samefile(source):
+        return LogVerdict(BROKEN, [f"{target} is the log itself: give another name"])
     try:
         with Log(source, unfinished=True, by_index=False) as log:
             if not log.topics:
