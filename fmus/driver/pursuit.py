@@ -21,7 +21,8 @@ from fmus.driver import skid
 from fmus.drives.mount import rest_if_unconnected
 from fmus.jit import allocating, kernel
 from fmus.model import no_rotation
-from fmus.physics.elementary import atan, atan2, cos, hypot, root, sin
+from fmus.physics.elementary import atan, atan2, cos, hypot, sin
+from fmus.physics.exponential import root
 from fmus.physics.rotation import quat_normalise, quat_to_matrix
 from fmus.physics.vector import add, cross, scale, to_world, vector
 from fmus.start import HEADING, put_point_at_rest, world_position

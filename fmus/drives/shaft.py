@@ -11,7 +11,7 @@ import numpy as np
 from fmus.course import evaluate, has_points, set_line
 from fmus.drives.motor import CONTROLLER, SPEED, motor_torque, speed_profile
 from fmus.jit import allocating, kernel
-from fmus.physics.elementary import exp
+from fmus.physics.exponential import exp
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 
 # indices in the flat state

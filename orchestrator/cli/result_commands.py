@@ -55,7 +55,7 @@ def replay(
         with replay_model.open_replay(log, name, other, log_warning, settings or ()) as opened:
             if changes and not (opened.model.as_recorded and output is None):
                 path = output or log.with_name(_answer_name(log, name, other or "set"))
-                _answer(log, opened, path, picture, (start, end))
+                _write_answer(log, opened, path, picture, (start, end))
                 return
             verdicts[name] = opened.verify((start, end))
     if as_json:
@@ -80,7 +80,7 @@ def _answer_name(log: Path, component: str, other: str) -> str:
     return f"{log.stem}-{file_name(component)}-{Path(other).stem}.mcap"
 
 
-def _answer(log: Path, opened: Any, path: Path, picture: Path | None, window: tuple[float, float]) -> None:
+def _write_answer(log: Path, opened: Any, path: Path, picture: Path | None, window: tuple[float, float]) -> None:
     """Log another model's outputs, print a table of the differences and draw both models."""
     from orchestrator.log.reader import Log
     from orchestrator.results import answered

@@ -1,9 +1,13 @@
 """Bad input gets a sentence of at most 400 characters that is no text of a library."""
 
+import json
 import warnings
 
+import numpy as np
 import pytest
 
+from fmus.physics.chain.layout import scale_of_angles
+from orchestrator.log.recorder import Recorder
 from orchestrator.results.analyses import links
 
 LONG = "x" * 300
@@ -29,10 +33,51 @@ def test_sentences(cotrack, command, said):
     assert "internal error" not in err
 
 
-def test_checkpoints_never(cotrack):
-    status, out, err = cotrack("show", "hanging_chain", "--set", "run.checkpoints=1e308")
+def test_checkpoints_never(cotrack, tmp_path):
+    settings = "--set", "run.checkpoints=1e308", "--set", "chain.links=8", "--set", "expect={}", "--stop", "0.002"
+    status, out, err = cotrack("run", "hanging_chain", *settings, "--no-estimate", "--log", tmp_path / "a.mcap")
+    assert status == 0, err
+    assert "ok" in out
+
+
+WHOLE = {"joint[{}].position": 4, "joint[{}].force": 4, "joint[{}].axis": 4, "link[{}].ground.force": 4}
+FIBRES = {"link[{}].fibre.outer": 4, "link[{}].fibre.inner": 4}
+
+
+def log_of_links(path, lengths):
+    """Write a log of one record whose families of signals have these lengths."""
+    names = [
+        f"{family.format(k + 1)}{axis}"
+        for family, length in lengths.items()
+        for k in range(length)
+        for axis in ((".x", ".y", ".z") if family in WHOLE else ("",))
+    ]
+    scene = {"run": {"step": 1e-3}, "vehicle": {"section": {"area": 1.0, "bending": 1.0, "outer_fibre": 1.0}}}
+    system = {"instances": [{"name": "chain"}], "connections": []}
+    attachments = {"system.json": json.dumps(system).encode(), "scene.json": json.dumps(scene).encode()}
+    topics = {"/chain/out": [("travel", "m")], "/chain/links": [(name, "N") for name in names]}
+    with Recorder(path, topics, attachments, {}) as recorder:
+        recorder.write("/chain/out", 0, 0.0, 1e-3, np.zeros(1))
+        recorder.write("/chain/links", 0, 0.0, 1e-3, np.random.default_rng(1).random(len(names)))
+        recorder.close("ok", "", 0, {}, [])
+    return path
+
+
+def test_joints_of_families_of_other_lengths(cotrack, tmp_path):
+    path, lengths = tmp_path / "a.mcap", WHOLE | FIBRES
+    status, _, err = cotrack("analyse", log_of_links(path, lengths), "joints")
     assert (status, err) == (0, "")
-    assert out
+    for family in lengths:
+        status, _, err = cotrack("analyse", log_of_links(path, lengths | {family: 2}), "joints")
+        assert status == 2, family
+        assert "internal error" not in err
+        assert "holds other numbers" in err
+
+
+def test_a_chain_that_is_too_soft():
+    assert scale_of_angles(lambda s: s - 0.5, 1e-3, 1.5) == pytest.approx(0.5, abs=1e-15)
+    with pytest.raises(ValueError, match="the chain is too soft"):
+        scale_of_angles(lambda s: s + 0.5, 1e-3, 1.5)
 
 
 def test_warnings_of_numbers_do_not_reach_stderr(cotrack, monkeypatch):

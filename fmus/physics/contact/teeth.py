@@ -60,8 +60,8 @@ def teeth(
     a0 = seat_a - (clearance + rounding) * db
     b0 = (clearance + rounding) * da
     p = a0 * da + b0 * db
-    square = p * p - (a0 * a0 + b0 * b0 - (top - rounding) ** 2)
-    length = -p + np.sqrt(square) if square > 0.0 else -1.0
+    discriminant = p * p - (a0 * a0 + b0 * b0 - (top - rounding) ** 2)
+    length = -p + np.sqrt(discriminant) if discriminant > 0.0 else -1.0
     a, b = a0 + length * da, b0 + length * db
     angle = float(atan2(b, a))
     if length <= 0.0 or angle > np.pi / number:

@@ -11,7 +11,7 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.views.bodies import LinkPoses
 from orchestrator.results.views.shapes import TrackBody
 
-METRES = 5e-5  # m of arrow per newton: 20 kN are a metre
+METRES_PER_NEWTON = 5e-5  # m of arrow per newton: 20 kN are a metre
 SHORTEST = 0.01  # m: shorter arrows are left out
 ASIDE = 0.03  # m beyond the outer edge of a link: wheels and links would hide arrows
 
@@ -24,6 +24,6 @@ def ground_arrows(
     outer = (-1.0 if track.name.startswith("right") else 1.0) * (track.half[1] + ASIDE)
     axes = links.axes[rows]
     feet = links.centres[rows] + track.half[2] * axes[..., 2] + outer * axes[..., 1]
-    vectors = METRES * links.ground[rows]
+    vectors = METRES_PER_NEWTON * links.ground[rows]
     visible = np.linalg.norm(vectors, axis=-1) > SHORTEST
     return feet[visible], vectors[visible], visible.sum(axis=1)

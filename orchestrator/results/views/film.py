@@ -15,7 +15,7 @@ from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
-from orchestrator.results.views.arrows import METRES, ground_arrows
+from orchestrator.results.views.arrows import METRES_PER_NEWTON, ground_arrows
 from orchestrator.results.views.bodies import EVERY, Bodies, Poses
 from orchestrator.results.views.files import check_name
 from orchestrator.results.views.projected import (
@@ -154,7 +154,7 @@ class FilmPicture:
             self._scale_of_colours(figure)
         self._clock = figure.text(EDGE / width, 1 - 36 / height, "", va="top", fontsize=10, parse_math=False)
         has_forces = any(links.ground is not None for links in next(bodies.blocks(1)).links.values())
-        self._arrows = f",  red: forces of the ground, {1e-3 / METRES:.3g} kN a metre" if has_forces else ""
+        self._arrows = f",  red: forces of the ground, {1e-3 / METRES_PER_NEWTON:.3g} kN a metre" if has_forces else ""
         self._without = ",  without the upper run of links" if self._lower else ""
         self._add_artists()
         self._canvas.draw()
