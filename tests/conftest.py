@@ -12,6 +12,8 @@ from collections import Counter
 from functools import cache, partial
 from pathlib import Path
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # two workers fill two cores: threads would wait for each other
+
 import pytest
 import typer
 from hypothesis import HealthCheck, settings
