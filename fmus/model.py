@@ -27,8 +27,8 @@ MOST_STEPS = 10_000  # internal steps in one communication step: more would look
 
 
 def finite(values: Floats) -> bool:
-    """Whether all values are finite."""
-    return bool(np.isfinite(values).all())
+    """Whether all values are finite: the sum of their squares is, or each one, which takes three times as long."""
+    return math.isfinite(values.dot(values)) or bool(np.isfinite(values).all())
 
 
 def flaw_of_state(model: ModelProtocol, state: Floats) -> str:
