@@ -301,7 +301,7 @@ def depends_on_the_processor(source: str) -> list[str]:
 # units; powers of 2: products in a kernel, constants of the functions.
 EXEMPT = {
     "physics/ancf/element.py", "physics/chain/flexible/free_axes.py", "physics/chain/flexible/closing.py",
-    "physics/integrate/adams.py", "vehicle.py", "physics/elementary.py", "physics/exponential.py",
+    "physics/integrate/adams.py", "vehicle.py", "physics/elementary.py",
 }  # fmt: skip
 
 

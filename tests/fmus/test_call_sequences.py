@@ -18,7 +18,7 @@ def python_fmu(case):
     return build(part.kind, {**part.config, "parameters": part.parameters})
 
 
-@pytest.mark.parametrize("case", [CHAIN, DRIVE], ids=lambda case: case.part)
+@pytest.mark.parametrize("case", [pytest.param(CHAIN, marks=pytest.mark.long), DRIVE], ids=lambda case: case.part)
 def test_a_native_fmu_answers_as_the_rules_say(case):
     done = [call for seed in range(10) for call in calls.sequence(native(case), seed)]
     assert {"enter", "exit", "step", "save", "restore", "terminate", "reset"} <= {call.name for call in done}

@@ -82,6 +82,7 @@ def test_a_loop_of_joint_coordinates_stays_closed_and_keeps_its_energy():
     assert abs(energy(model) - start) < 1e-9 * abs(start)
 
 
+@pytest.mark.long
 def test_recursive_links_are_integrated_explicitly():
     text = r"^formulation = 'recursive' is integrated explicitly: integrator = '{}' must be 'runge_kutta' or 'adams'$"
     for integrator in ("generalized_alpha", "hht"):

@@ -15,12 +15,10 @@ from fmus import jit, linking
 from fmus.physics.wheels import move
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "kinds",
-    [
-        ["free", "planar", "beam", "constrained", "explicit", "recursive"],  # compiled in long tests alone
-        pytest.param(["rigid", "cable", "spring"], marks=pytest.mark.long),
-    ],
+    [["free", "planar", "beam", "constrained", "explicit", "recursive"], ["rigid", "cable", "spring"]],
     ids="-".join,
 )
 def test_arrays_of_kernels_that_are_apart_do_not_overlap(environment, kinds):
