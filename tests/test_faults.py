@@ -238,4 +238,5 @@ def test_a_run_in_another_python(environment, tmp_path, how):
     assert call([*run, "b.mcap"], environment, tmp_path).returncode == 0
     assert digest(tmp_path / "a.mcap") == digest(tmp_path / "b.mcap")
     bad = call(("show", "rig", "--set", "rig.links=-1"), environment, tmp_path, [sys.executable, *PYTHONS[how]])
-    assert (bad.returncode, len(bad.stderr.splitlines())) == (2, 1)
+    said = [line for line in bad.stderr.splitlines() if not line.startswith("... ")]  # a slow machine shows progress
+    assert (bad.returncode, len(said)) == (2, 1)
