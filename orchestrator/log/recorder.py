@@ -179,6 +179,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         last = 0
         with self._condition:
             self._reserved = False
+            self._condition.notify_all()
             self._raise_failure()
             for topic, n in rows.items():
                 page = self._pages[topic]
@@ -347,6 +348,8 @@ class Recorder(AbstractContextManager["Recorder"]):
                 with self._condition:
                     violated = isinstance(error, WireViolated)
                     self._failure = LogFailed(f"{self.path}: {error}") if violated else self._failed(error)
+                    self._condition.notify_all()
+                    self._condition.wait_for(lambda: self._closing or not self._reserved)  # rows may be being written
                     self._hand_over()
                     queued = [filled, *self._backlog]
                     self._backlog.clear()

@@ -6,6 +6,7 @@ import struct
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 from contextlib import suppress
 
@@ -122,6 +123,36 @@ def test_a_disk_that_is_full_at_once(tmp_path, monkeypatch):
     monkeypatch.setattr(ContainerWriter, "_append", full)
     with pytest.raises(LogFailed, match=r"the log .*a\.mcap cannot be written: no space left on device"):
         Recorder(tmp_path / "a.mcap", TOPICS, {}, {})
+
+
+def test_a_disk_that_fills_while_rows_are_written_leaves_their_memory(tmp_path, monkeypatch):
+    """Kernels write rows into a block without Python's lock: until ``commit`` it must stay the page's."""
+    recorder = Recorder(tmp_path / "a.mcap", TOPICS, {}, {})
+    write_steps(recorder, 5)
+    recorder.flush()
+    reserved = threading.Event()
+
+    def full(*parts):
+        reserved.wait()
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(recorder._file, "attachment", full)
+    recorder.attach("name", b"")
+    topic = next(iter(TOPICS))
+    (page,) = recorder.pages(topic)
+    recorder.write(topic, 6, 6 * STEP, STEP, values(topic, 6))
+    recorder.reserve()
+    block = page.block
+    reserved.set()
+    with recorder._condition:
+        assert recorder._condition.wait_for(lambda: recorder._failure is not None, timeout=60)
+        assert page.block is block
+    with pytest.raises(LogFailed, match="no space left on device"):
+        recorder.commit({topic: 1})
+    recorder.close("failed", "", 5)
+    with Log(tmp_path / "a.mcap") as log:
+        assert log.read(topic).t[-2:] == pytest.approx([5 * STEP, 6 * STEP]), "a row that was counted is lost"
+        assert log.closing["status"] == "failed"
 
 
 def test_a_disk_that_fills_while_closing(tmp_path, monkeypatch):
