@@ -1,4 +1,4 @@
-"""Compilation of kernels ahead of a run: a child process starts a component's model and does one step.
+"""Compilation of kernels ahead of a run, in a child process.
 
 The compiled kernels go to the cache, where the component's FMU finds them. An error of the child is ignored: the FMU
 meets the same error and reports it.
@@ -10,28 +10,26 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from fmus.cache import cache_folder, private_folder, read_checked, write_checked
 from fmus.jit import COMPILED, ROOT, source_hash
 
-STEP = 1e-3  # s
 Recipe = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, its config, its parameters
 
 
-def start_compilation(part: Recipe, patience: int = 0) -> subprocess.Popen[str] | None:
-    """Start a process that compiles the kernels of a part; None where they are compiled already.
+def start_compilation(parts: Sequence[Recipe], patience: int = 0) -> subprocess.Popen[str] | None:
+    """Start a process that compiles the kernels of parts in turn; None where all are compiled already.
 
     ``patience`` is the niceness of the process: 0, or a larger number to give way to others.
     """
-    if _is_done(part[0]):
+    left = [part for part in parts if not _is_done(part[0])]
+    if not left:
         return None
-    COMPILED.info("kernels of %s are compiled beside", part[0])
+    COMPILED.info("kernels of %s are compiled beside", ", ".join(kind for kind, _, _ in left))
     child = subprocess.Popen(
         [sys.executable, "-m", "fmus.ahead", str(patience)],
         stdin=subprocess.PIPE,
@@ -41,7 +39,7 @@ def start_compilation(part: Recipe, patience: int = 0) -> subprocess.Popen[str] 
     )
     assert child.stdin is not None
     with child.stdin as stream:
-        json.dump(part, stream)
+        json.dump(left, stream)
     return child
 
 
@@ -62,18 +60,12 @@ def _child() -> None:
 
     if hasattr(os, "nice"):
         os.nice(int(sys.argv[1]))
-    kind, config, parameters = json.load(sys.stdin)
-    with suppress(Exception):
-        model = model_of(kind)(config)
-        reals = [port for port in model.ports if isinstance(port.start, float)]
-        parameter_values = {port.name: port.start for port in model.ports if port.causality == "parameter"}
-        model.initialise(parameter_values | parameters)
-        model.step(0.0, STEP, np.array([port.start for port in reals if port.causality == "input"]))
-        model.outputs(np.zeros(sum(port.causality == "output" for port in reals) - model.link_ports))
-        if model.link_ports:
-            model.link_outputs(np.zeros(model.link_ports))
-        private_folder(_mark(kind).parent)
-        write_checked(_mark(kind), b"")
+    for kind, config, parameters in json.load(sys.stdin):
+        with suppress(Exception):
+            model = model_of(kind)(config)
+            model.compile({port.name: port.start for port in model.ports if port.causality == "parameter"} | parameters)
+            private_folder(_mark(kind).parent)
+            write_checked(_mark(kind), b"")
 
 
 if __name__ == "__main__":

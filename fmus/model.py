@@ -139,6 +139,21 @@ class ComponentModel:
         self.state[:] = state
         return True
 
+    def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
+        """See ``ModelProtocol``."""
+        raise NotImplementedError
+
+    def compile(self, parameters: Mapping[str, float | int | str]) -> None:
+        """Compile the kernels of a start and a run, without a step; raises as ``initialise``."""
+        self.initialise(parameters)
+        self.compile_run()
+
+    def compile_run(self) -> None:
+        """Compile the kernels of a step and of outputs, after ``begin``."""
+        self.compiled_step()
+        self._compiled_outputs()
+        self._compiled_link_outputs()
+
     def step(self, t: float, h: float, u: Floats) -> None:
         """Advance from t to t + h (s) with the inputs ``u`` (inputs) of time t.
 
@@ -170,16 +185,25 @@ class ComponentModel:
 
     def outputs(self, y: Floats) -> None:
         """Write the Real outputs without link outputs into ``y``, in the order of the ports."""
+        (self._show or self._compiled_outputs())(self.output_parts, y)
+
+    def _compiled_outputs(self) -> Callable[..., None]:
         if self._show is None:
             self._show = entry(self.output_kernel, self.output_parts, self._y)
-        self._show(self.output_parts, y)
+        compiled: Callable[..., None] = self._show
+        return compiled
 
     def link_outputs(self, y: Floats) -> None:
         """Write the link outputs into ``y``, in the order of the ports."""
+        show = self._show_links or self._compiled_link_outputs()
+        if show is not None:
+            show(self.link_output_parts, y)
+
+    def _compiled_link_outputs(self) -> Callable[..., None] | None:
         if self._show_links is None and self.link_output_kernel is not None:
             self._show_links = entry(self.link_output_kernel, self.link_output_parts, self._y)
-        if self._show_links is not None:
-            self._show_links(self.link_output_parts, y)
+        compiled: Callable[..., None] | None = self._show_links
+        return compiled
 
     def warnings(self) -> list[str]:
         """Return, and forget, the warnings since the last call."""

@@ -297,6 +297,17 @@ class TrackModel(ComponentModel):
 
         Raises InvalidParameter, StepFailed.
         """
+        p = self.read(parameters)
+        self._start(p["start"], p.get("start.spin", 0.0))
+        oval = p.get("start.ovalling", 0.0)
+        if oval:
+            if self.links_count < 4:
+                raise InvalidParameter(f"start.ovalling = {oval}: a triangle of links is rigid, it must be 0")
+            self.add_rates(*ovalling(self.pins()[:, [0, 2]], oval))
+        self.begin_run()
+
+    def read(self, parameters: Mapping[str, float | int | str]) -> Mapping[str, Any]:
+        """Read the parameters and prepare links and contacts; returns all of them. Raises InvalidParameter."""
         p = parameter_values(self.ports, parameters)
         self.pose = start_pose(p)
         self.lateral = p["start.lateral"]
@@ -312,14 +323,8 @@ class TrackModel(ComponentModel):
         self.state[:] = 0.0
         self.prepare(p)
         self.tolerances = p["adams.rtol"], p["adams.atol"]
-        self._start(p["start"], p.get("start.spin", 0.0))
-        oval = p.get("start.ovalling", 0.0)
-        if oval:
-            if self.links_count < 4:
-                raise InvalidParameter(f"start.ovalling = {oval}: a triangle of links is rigid, it must be 0")
-            self.add_rates(*ovalling(self.pins()[:, [0, 2]], oval))
         self._parameters = p
-        self.begin_run()
+        return p
 
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """Pose on a level ground that moves with the vehicle, and parameters without influence on the statics."""

@@ -162,6 +162,12 @@ class Model(TrackModel):
         self.work = work(constrained, self.links_count, self.mesh, len(self.wheel_list), self.on_links_shape)
         self._evaluate_start()
 
+    def compile(self, parameters: Mapping[str, float | int | str]) -> None:
+        """Compile the kernels of a run; those of the start take as long and are compiled by the one who starts."""
+        self.read(parameters)
+        self.begin_run()
+        self.compile_run()
+
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
         """See ``TrackModel``; besides, the tolerance and, with an implicit integrator, the relaxation time."""
         free = super().free_parameters(p)

@@ -329,15 +329,17 @@ def load_scene(
 
 
 def _compile_in_processes(scene: Scene) -> list[subprocess.Popen[str]]:
-    """Start processes that compile kernels while the search for the idler position compiles cables."""
+    """Start processes that compile kernels while the search for the idler position compiles the start of cables."""
     if scene.placed:
         return []
     parts = reversed(assemble(scene).parts)  # the first part of each kind; its start does not depend on inputs
     kinds = {part.kind: (part.kind, part.config, part.parameters) for part in parts}
-    kinds.pop(TRACKS["flexible"].fmu, None)
-    tracks = [track.fmu for track in TRACKS.values()]
-    # Longest compilation first: on two cores the others get their share when the search is done.
-    processes = [start_compilation(part, 0 if kind in tracks else LOW_PRIORITY) for kind, part in kinds.items()]
+    rigid, cables = (kinds.pop(TRACKS[name].fmu, None) for name in ("rigid", "flexible"))
+    tracks, others = [rigid] if rigid else [], [*kinds.values()]
+    # A step of cables last: by then the search has compiled what it shares with the start.
+    others += [cables] if cables and others else []
+    # Rigid links take longest: on two cores the others get their share when the search is done.
+    processes = [start_compilation(tracks), start_compilation(others, LOW_PRIORITY if tracks else 0)]
     return [process for process in processes if process is not None]
 
 
