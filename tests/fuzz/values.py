@@ -29,7 +29,7 @@ OTHERS: tuple[Any, ...] = (
 
 def value(draw: random.Random, near: Any = None) -> Any:
     """A value: far from or close to what is expected there."""
-    if isinstance(near, bool) or not isinstance(near, int | float) or draw.random() < 0.5:
+    if isinstance(near, bool) or not isinstance(near, int | float) or abs(near) > 1e250 or draw.random() < 0.5:
         return deepcopy(draw.choice(draw.choice((NUMBERS, NUMBERS, TEXTS, OTHERS))))
     factor = draw.choice((-1.0, 0.1, 0.5, 0.9, 1.1, 2.0, 10.0, 1e3, 1e6, 1e12, 1e18, 1e-3, 1e-6, 1e-12))
     return round(near * factor) if isinstance(near, int) and draw.random() < 0.8 else near * factor
