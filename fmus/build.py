@@ -1,4 +1,4 @@
-"""Build of FMUs: stage the sources, describe them in a child process, pack, cache the file by content.
+"""Build of FMUs: stage the sources, describe them in one child process, pack, cache the files by content.
 
 The child (``python -m fmus.build``) runs in the stage and imports the staged ``fmus``: an FMU that was built therefore
 also loads by itself, and pythonfmu's changes of ``sys.path`` and ``sys.modules`` end with the child. The comment of the
@@ -16,10 +16,11 @@ import subprocess
 import sys
 import tempfile
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from fmus.cache import (
     CHECKSUM,
@@ -36,10 +37,20 @@ from fmus.documentation import documentation, key_parts, readme_beside
 from fmus.jit import ROOT, source_hash, sources
 
 INCLUDED = ("pythonfmu",)  # distribution of which an FMU has the wrapper and the sources
+CONFIG = "config.json"  # file of an FMU's resources with the argument of its model
+Product = tuple[str, Mapping[str, Any], str | None]  # kind of component, config, stem of the FMU's file
 
 
 class BuildFailed(RuntimeError):
     """An FMU could not be built; the message is one sentence."""
+
+
+class Shell(NamedTuple):
+    """A script with a subclass of ``Slave``, its configuration and the stem of the FMU's file."""
+
+    script: Path
+    config: Mapping[str, Any]
+    stem: str
 
 
 def build(kind: str, config: Mapping[str, Any], folder: Path | None = None, name: str | None = None) -> Path:
@@ -48,9 +59,15 @@ def build(kind: str, config: Mapping[str, Any], folder: Path | None = None, name
     ``config`` (JSON) is the argument of the component's model. The file is called ``name``.fmu (default: the kind) and
     lies in the cache, or in ``folder`` if one is given. Raises BuildFailed.
     """
-    if kind not in KINDS:
-        raise BuildFailed(f"no kind of component is called '{kind}': there are {', '.join(KINDS)}")
-    return build_shell(ROOT / KINDS[kind], config, folder, name or kind)
+    return build_all([(kind, config, name)], folder)[0]
+
+
+def build_all(products: Sequence[Product], folder: Path | None = None) -> list[Path]:
+    """Paths of the FMUs of products (kind, config, name), in order; see ``build``. Raises BuildFailed."""
+    for kind, _, _ in products:
+        if kind not in KINDS:
+            raise BuildFailed(f"no kind of component is called '{kind}': there are {', '.join(KINDS)}")
+    return build_shells([Shell(ROOT / KINDS[kind], config, name or kind) for kind, config, name in products], folder)
 
 
 def build_shell(
@@ -60,26 +77,58 @@ def build_shell(
     name: str | None = None,
     packages: Sequence[Path] = (),
 ) -> Path:
-    """Path of the FMU of a shell (script with a subclass of `Slave`), built unless the cache has it.
+    """Path of the FMU of a shell, built unless the cache has it.
 
     ``packages`` are the source folders that the shell imports besides ``fmus``. Raises BuildFailed.
     """
-    try:
-        text = json.dumps(config, sort_keys=True, allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise BuildFailed(f"the configuration of {script.stem} is not JSON: {error}") from None
+    return build_shells([Shell(script, config, name or script.stem)], folder, packages)[0]
+
+
+def build_shells(shells: Sequence[Shell], folder: Path | None = None, packages: Sequence[Path] = ()) -> list[Path]:
+    """Paths of the FMUs of shells, in order; see ``build_shell``. Raises BuildFailed.
+
+    Those that the cache lacks are described by one child, because a child takes 2 s to start.
+    """
+    keys = [_key(shell, packages) for shell in shells]
+    distinct = dict(zip(keys, shells, strict=True))
+    packed: dict[str, bytes] = {}
+
+    def pack(wanted: str) -> bytes:
+        if wanted not in packed:
+            lacking = {key: shell for key, shell in distinct.items() if key == wanted or not _is_cached(key, shell)}
+            with tempfile.TemporaryDirectory(prefix="cotrack-") as stage:
+                packed.update(zip(lacking, _pack(Path(stage), [*lacking.values()], packages), strict=True))
+        return packed[wanted]
+
+    return [
+        build_once(key, f"{shell.stem}.fmu", partial(pack, key), folder)
+        for key, shell in zip(keys, shells, strict=True)
+    ]
+
+
+def _key(shell: Shell, packages: Sequence[Path]) -> str:
+    """Name of the folder of an FMU in the cache; raises BuildFailed."""
+    script = shell.script
     if not script.is_file():
         raise BuildFailed(f"no FMU shell at {script}")
-    parts = [version("pythonfmu"), source_hash(), script.name, script.read_text(encoding="utf-8"), text]
+    parts = [version("pythonfmu"), source_hash(), script.name, script.read_text(encoding="utf-8"), _json(shell)]
     parts += [f"{package.name} {source_hash(package)}" for package in packages]
     parts += key_parts(readme_beside(script), INCLUDED)
-    key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
 
-    def pack() -> bytes:
-        with tempfile.TemporaryDirectory(prefix="cotrack-") as stage:
-            return _pack(Path(stage), script, text, packages)
 
-    return build_once(key, f"{name or script.stem}.fmu", pack, folder)
+def _json(shell: Shell) -> str:
+    try:
+        return json.dumps(shell.config, sort_keys=True, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise BuildFailed(f"the configuration of {shell.script.stem} is not JSON: {error}") from None
+
+
+def _is_cached(key: str, shell: Shell) -> bool:
+    try:
+        return read_checked(cache_folder() / "fmus" / key / f"{shell.stem}.fmu") is not None
+    except OSError:
+        return False
 
 
 def build_once(key: str, file: str, pack: Callable[[], bytes], folder: Path | None = None) -> Path:
@@ -111,21 +160,24 @@ def build_once(key: str, file: str, pack: Callable[[], bytes], folder: Path | No
         raise BuildFailed(f"cannot build {file}: {error}") from None
 
 
-def _pack(stage: Path, script: Path, config: str, packages: Sequence[Path]) -> bytes:
-    """Bytes of the FMU without the checksum; raises BuildFailed."""
+def _pack(stage: Path, shells: Sequence[Shell], packages: Sequence[Path]) -> Iterator[bytes]:
+    """Bytes of FMUs without the checksum; raises BuildFailed."""
     tree = stage / "tree"
     for package in (ROOT, *packages):
         for source in sources(package):
             target = tree / package.name / source.relative_to(package)
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(source, target)
-    shutil.copyfile(script, tree / script.name)
-    (tree / "config.json").write_text(config, encoding="utf-8")
     (tree / "build.txt").write_text(source_hash(tree / ROOT.name), encoding="utf-8")
+    for script in {shell.script for shell in shells}:
+        shutil.copyfile(script, tree / script.name)
+    described = [stage / f"{place}.fmu" for place in range(len(shells))]
     child_input = {
-        "script": script.name,
-        "project": [ROOT.name, *(package.name for package in packages), "config.json", "build.txt"],
-        "target": str(stage / "described.fmu"),
+        "shells": [
+            {"script": shell.script.name, "config": _json(shell), "target": str(target)}
+            for shell, target in zip(shells, described, strict=True)
+        ],
+        "project": [ROOT.name, *(package.name for package in packages), CONFIG, "build.txt"],
     }
     child = subprocess.run(
         [sys.executable, "-m", "fmus.build"],
@@ -136,11 +188,12 @@ def _pack(stage: Path, script: Path, config: str, packages: Sequence[Path]) -> b
         env={**os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"},
     )
     if child.returncode:
-        last = (child.stderr.strip() or "no message").splitlines()[-1]
-        raise BuildFailed(f"cannot build {script.stem}: {last.removeprefix('fmus.slave.Refused: ')}")
-    with zipfile.ZipFile(str(child_input["target"])) as described:
-        files = {name: described.read(name) for name in described.namelist()}
-    return archive(files | documentation(files["modelDescription.xml"], readme_beside(script), INCLUDED))
+        last = (child.stderr.strip() or f"{shells[0].script.stem}: no message").splitlines()[-1]
+        raise BuildFailed(f"cannot build {last}")
+    for shell, target in zip(shells, described, strict=True):
+        with zipfile.ZipFile(target) as fmu:
+            files = {name: fmu.read(name) for name in fmu.namelist()}
+        yield archive(files | documentation(files["modelDescription.xml"], readme_beside(shell.script), INCLUDED))
 
 
 def archive(files: Mapping[str, bytes]) -> bytes:
@@ -160,9 +213,14 @@ def _child() -> None:
     from pythonfmu.builder import FmuBuilder
 
     child_input = json.load(sys.stdin)
-    FmuBuilder.build_FMU(
-        Path(child_input["script"]).absolute(), dest=child_input["target"], project_files=child_input["project"]
-    )
+    for shell in child_input["shells"]:
+        script = Path(shell["script"])
+        Path(CONFIG).write_text(shell["config"], encoding="utf-8")
+        try:
+            FmuBuilder.build_FMU(script.absolute(), dest=shell["target"], project_files=child_input["project"])
+        except Exception as error:
+            kind = "" if type(error).__name__ == "Refused" else f"{type(error).__name__}: "
+            sys.exit(f"{script.stem}: {kind}{(str(error).splitlines() or ['no message'])[-1]}")
 
 
 if __name__ == "__main__":

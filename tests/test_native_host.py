@@ -15,10 +15,11 @@ import numpy as np
 import pytest
 from vehicle_in_process import InProcess
 
+from fmus.build import build_all
 from fmus.native.link import compiler
 from fmus.native.platform import WINDOWS
 from orchestrator.cosim.component import Component, unpack
-from orchestrator.scene.assembly import assemble, build_all, build_native_all
+from orchestrator.scene.assembly import assemble, build_native_all
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.build import build
+from fmus.build import Product, build_all
 from fmus.equilibrium import stances
 from orchestrator.cosim.graph import Connection, Instance, System
 from orchestrator.scene.parts import (
@@ -78,24 +76,6 @@ def build_parts(parts: Sequence[Part], native: bool) -> list[Path]:
     return build_native_all(
         [(part.kind, with_constants(part.kind, part.config, part.parameters), None) for part in parts]
     )
-
-
-Product = tuple[str, dict[str, Any], str | None]  # kind, config, file name
-
-
-def build_all(products: Sequence[Product], folder: Path | None = None) -> list[Path]:
-    """Build ``(kind, config, name)`` in order, equal ones once, two at a time."""
-    keys = [json.dumps(item, sort_keys=True) for item in products]
-    distinct = dict(zip(keys, products, strict=True))
-    with ThreadPoolExecutor(2) as pool:
-        built = dict(
-            zip(
-                distinct,
-                pool.map(lambda item: build(item[0], item[1], folder, item[2]), distinct.values()),
-                strict=True,
-            )
-        )
-    return [built[key] for key in keys]
 
 
 def build_native_all(products: Sequence[Product], folder: Path | None = None, windows: bool = False) -> list[Path]:

@@ -6,12 +6,13 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from fmus.build import Product, build_all
 from fmus.defaults import EXPERIMENT, KEY
 from fmus.link_outputs import INTERVAL
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.scene import gallery
-from orchestrator.scene.assembly import Product, assemble, build_all, build_native_all
+from orchestrator.scene.assembly import assemble, build_native_all
 from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene, load

@@ -1,5 +1,6 @@
 """An FMU depends on its sources and configuration alone and is built once, by one process."""
 
+import subprocess
 import sys
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
@@ -7,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from conftest import TOY, build_toy
 
-from fmus.build import KINDS, BuildFailed, build, build_shell
+from fmus.build import KINDS, BuildFailed, Shell, build, build_shell, build_shells
 from fmus.jit import ROOT, source_hash, sources
 
 
@@ -31,6 +32,32 @@ def test_same_question_same_file(toy, tmp_path):
     assert copy == tmp_path / "other.fmu"
     assert build_toy(name="other").name == "other.fmu"
     assert [path.name for path in tmp_path.iterdir()] == ["other.fmu"]
+
+
+def test_fmus_built_together_are_those_built_alone(toy, tmp_path, monkeypatch):
+    """One child describes those that the cache lacks, each with its own configuration."""
+    children = []
+    run = subprocess.run
+    monkeypatch.setattr("fmus.build.subprocess.run", lambda *words, **how: children.append(words) or run(*words, **how))
+    configs = [{"spare": 3, "start": start} for start in (0.1, 0.3, 0.4, 0.3)]
+    built = build_shells([Shell(TOY / "toy_fmu.py", config, "toy_fmu") for config in configs], packages=[TOY])
+    assert built[0] == toy
+    assert built[1] == built[3]
+    assert len(set(built)) == 3
+    assert len(children) == 1
+    monkeypatch.setenv("COTRACK_CACHE", str(tmp_path))
+    assert build_toy(start=0.4).read_bytes() == built[2].read_bytes()
+    assert len(children) == 2
+
+
+def test_of_fmus_built_together_the_one_that_fails_is_named(tmp_path, monkeypatch):
+    monkeypatch.setenv("COTRACK_CACHE", str(tmp_path))
+    other = tmp_path / "other_fmu.py"
+    other.write_text((TOY / "toy_fmu.py").read_text(encoding="utf-8"), encoding="utf-8")
+    shells = [Shell(TOY / "toy_fmu.py", {"spare": 3, "start": 0.1}, "one"), Shell(other, {"spare": "many"}, "two")]
+    with pytest.raises(BuildFailed, match=r"^cannot build other_fmu: "):
+        build_shells(shells, packages=[TOY])
+    assert not list(tmp_path.rglob("*.fmu"))
 
 
 @pytest.mark.long

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from conftest import build_toy, messages
 
+from fmus.build import build_all
 from orchestrator.cli import main
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.component_warnings import ComponentWarning, WarningList
@@ -19,7 +20,7 @@ from orchestrator.cosim.program import Program
 from orchestrator.execution import replay_model, simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, recover, verify
-from orchestrator.scene.assembly import assemble, build_all
+from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
