@@ -87,7 +87,8 @@ def build_shell(
 def build_shells(shells: Sequence[Shell], folder: Path | None = None, packages: Sequence[Path] = ()) -> list[Path]:
     """Paths of the FMUs of shells, in order; see ``build_shell``. Raises BuildFailed.
 
-    Those that the cache lacks are described by one child, because a child takes 2 s to start.
+    Those that the cache lacks are described by one child, because a child takes 2 s to start; their scripts have names
+    of their own.
     """
     keys = [_key(shell, packages) for shell in shells]
     distinct = dict(zip(keys, shells, strict=True))
@@ -188,7 +189,10 @@ def _pack(stage: Path, shells: Sequence[Shell], packages: Sequence[Path]) -> Ite
         env={**os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"},
     )
     if child.returncode:
-        last = (child.stderr.strip() or f"{shells[0].script.stem}: no message").splitlines()[-1]
+        stems = dict.fromkeys(shell.script.stem for shell in shells)
+        last = (child.stderr.strip() or "no message").splitlines()[-1]
+        if not last.startswith(tuple(f"{stem}: " for stem in stems)):  # the child failed between the shells
+            last = f"{', '.join(stems)}: {last}"
         raise BuildFailed(f"cannot build {last}")
     for shell, target in zip(shells, described, strict=True):
         with zipfile.ZipFile(target) as fmu:

@@ -124,9 +124,9 @@ class ComponentModel:
         self.link_output_parts = parts if link_output_parts is None else link_output_parts
         self._messages, self._u = np.zeros((1 + len(self.warning_sentences), GAPS + 1)), np.zeros(self.inputs)
         self._y = np.zeros(0)  # for the type of the outputs
-        self._step: Any = None  # these three are compiled at their first use
-        self._show: Any = None
-        self._show_links: Any = None
+        self._step: Callable[..., int] | None = None  # these three are compiled at their first use
+        self._show: Callable[..., None] | None = None
+        self._show_links: Callable[..., None] | None = None
         self._new_warnings: list[str] = []
         refusal = plain(self.start_kernel)(parts, self._messages, tuple(p[name] for name in self.start_parameters))
         if refusal:
@@ -166,8 +166,7 @@ class ComponentModel:
         """Compiled kernel of a step."""
         if self._step is None:
             self._step = entry(self.step_kernel, self.parts, self._messages, 0.0, 0.0, self._u)
-        compiled: Callable[..., int] = self._step
-        return compiled
+        return self._step
 
     def _do_step(self, t: float, h: float, u: Floats) -> None:
         before = self.state.copy(), self.counters.copy()
@@ -190,8 +189,7 @@ class ComponentModel:
     def _compiled_outputs(self) -> Callable[..., None]:
         if self._show is None:
             self._show = entry(self.output_kernel, self.output_parts, self._y)
-        compiled: Callable[..., None] = self._show
-        return compiled
+        return self._show
 
     def link_outputs(self, y: Floats) -> None:
         """Write the link outputs into ``y``, in the order of the ports."""
@@ -202,8 +200,7 @@ class ComponentModel:
     def _compiled_link_outputs(self) -> Callable[..., None] | None:
         if self._show_links is None and self.link_output_kernel is not None:
             self._show_links = entry(self.link_output_kernel, self.link_output_parts, self._y)
-        compiled: Callable[..., None] | None = self._show_links
-        return compiled
+        return self._show_links
 
     def warnings(self) -> list[str]:
         """Return, and forget, the warnings since the last call."""

@@ -336,7 +336,7 @@ def _compile_in_processes(scene: Scene) -> list[subprocess.Popen[str]]:
     kinds = {part.kind: (part.kind, part.config, part.parameters) for part in parts}
     rigid, cables = (kinds.pop(TRACKS[name].fmu, None) for name in ("rigid", "flexible"))
     tracks, others = [rigid] if rigid else [], [*kinds.values()]
-    # A step of cables last: by then the search has compiled what it shares with the start.
+    # A step of cables last, when the start has compiled what they share; alone, both would compile it at once.
     others += [cables] if cables and others else []
     # Rigid links take longest: on two cores the others get their share when the search is done.
     processes = [start_compilation(tracks), start_compilation(others, LOW_PRIORITY if tracks else 0)]

@@ -1,5 +1,6 @@
 """An FMU depends on its sources and configuration alone and is built once, by one process."""
 
+import json
 import subprocess
 import sys
 import zipfile
@@ -34,20 +35,21 @@ def test_same_question_same_file(toy, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["other.fmu"]
 
 
-def test_fmus_built_together_are_those_built_alone(toy, tmp_path, monkeypatch):
+def test_fmus_built_together_are_those_built_alone(tmp_path, monkeypatch):
     """One child describes those that the cache lacks, each with its own configuration."""
     children = []
     run = subprocess.run
-    monkeypatch.setattr("fmus.build.subprocess.run", lambda *words, **how: children.append(words) or run(*words, **how))
+    monkeypatch.setattr("fmus.build.subprocess.run", lambda *words, **how: children.append(how) or run(*words, **how))
+    monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / "together"))
+    first = build_toy(start=0.1)
     configs = [{"spare": 3, "start": start} for start in (0.1, 0.3, 0.4, 0.3)]
     built = build_shells([Shell(TOY / "toy_fmu.py", config, "toy_fmu") for config in configs], packages=[TOY])
-    assert built[0] == toy
+    assert built[0] == first
     assert built[1] == built[3]
     assert len(set(built)) == 3
-    assert len(children) == 1
-    monkeypatch.setenv("COTRACK_CACHE", str(tmp_path))
+    assert [len(json.loads(child["input"])["shells"]) for child in children] == [1, 2]
+    monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / "alone"))
     assert build_toy(start=0.4).read_bytes() == built[2].read_bytes()
-    assert len(children) == 2
 
 
 def test_of_fmus_built_together_the_one_that_fails_is_named(tmp_path, monkeypatch):
@@ -58,6 +60,13 @@ def test_of_fmus_built_together_the_one_that_fails_is_named(tmp_path, monkeypatc
     with pytest.raises(BuildFailed, match=r"^cannot build other_fmu: "):
         build_shells(shells, packages=[TOY])
     assert not list(tmp_path.rglob("*.fmu"))
+
+
+def test_of_a_child_that_ends_the_fmus_are_named(tmp_path, monkeypatch):
+    monkeypatch.setenv("COTRACK_CACHE", str(tmp_path))
+    (tmp_path / "ending_fmu.py").write_text("raise SystemExit('the end')", encoding="utf-8")
+    with pytest.raises(BuildFailed, match=r"^cannot build ending_fmu: the end$"):
+        build_shell(tmp_path / "ending_fmu.py", {})
 
 
 @pytest.mark.long

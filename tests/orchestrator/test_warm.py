@@ -7,7 +7,8 @@ import pytest
 
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
-from orchestrator.execution import warm
+from orchestrator.execution import simulate, warm
+from orchestrator.scene.scene import load
 
 
 def test_the_gallery_s_vehicles_and_chains_with_both_tracks():
@@ -18,6 +19,23 @@ def test_the_gallery_s_vehicles_and_chains_with_both_tracks():
 def test_an_unknown_scene_is_refused():
     with pytest.raises(BadInput, match="no scene 'strait'"):
         warm.variants(["strait"])
+
+
+@pytest.mark.parametrize(
+    ("scene", "track", "compiled"),
+    [
+        ("straight", "flexible", [[], ["Chassis", "SprocketDrive", "TrackFlexible"]]),
+        ("straight", "rigid", [["TrackRigid"], ["Chassis", "SprocketDrive"]]),
+        ("hanging_chain", "flexible", [[], []]),
+    ],
+)
+def test_kernels_are_compiled_beside_with_the_step_of_cables_last(monkeypatch, scene, track, compiled):
+    kinds = []
+    monkeypatch.setattr(
+        simulate, "start_compilation", lambda parts, patience=0: kinds.append([kind for kind, _, _ in parts])
+    )
+    simulate._compile_in_processes(load(scene, track))
+    assert kinds == compiled
 
 
 @pytest.mark.long
