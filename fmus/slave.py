@@ -7,7 +7,9 @@ so that get and set are array accesses.
 
 pythonfmu 0.7.0 releases references that it does not own: one of the shell's globals at every instantiation, and one
 each of class, instance and log queue whenever an exception leaves a call. `_add_references` adds as many, so that a
-refusal is an ordinary FMI status, and neither a second refusal nor freeing the instance crashes the process.
+refusal is an ordinary FMI status, and neither a second refusal nor freeing the instance crashes the process. It also
+passes queued messages to the host while an exception is set, and a host in Python may clear it. Python 3.13 prints a
+SystemError then: there messages queued before a refusal wait for the next call, and the exception carries the sentence.
 
 The module is long because pythonfmu wants all FMI calls as methods of one class, and they share its arrays.
 """
@@ -47,15 +49,22 @@ from fmus.saved import SlaveState, from_bytes, to_bytes
 BUILD = source_hash()  # hash of the fmus sources of this process
 OK, WARNING, ERROR = 0, 1, 3  # values of the output `status`, those of fmi2Status
 MOST_BYTES = 1500  # bytes of a message: importers have buffers of 2 kB
+_MESSAGES_WAIT = sys.version_info >= (3, 13)  # where a call is refused
 _INT_MAX = 2**31 - 1  # fmi2Integer is 32 bits wide
 _FINALISED: set[Path] = set()
 
 
+def _printf_format(text: str) -> str:
+    """Printf format of a text, as FMI reads messages; the wrapper crashes on invalid UTF-8 and on other formats."""
+    cut = text.encode("utf-8", "replace")[:MOST_BYTES].decode("utf-8", "ignore")  # not cut inside a character
+    return cut.replace("\0", "").replace("%", "%%")
+
+
 class Refused(RuntimeError):
-    """Refusal of an FMI call; pythonfmu shows the repr, so the repr is the sentence."""
+    """Refusal of an FMI call; pythonfmu logs the repr as a printf format, so the repr is the sentence as one line."""
 
     def __repr__(self) -> str:
-        return str(self)
+        return _printf_format(" ".join(str(self).split()))
 
 
 def _build_mismatch(packed: str, name: str = "this FMU") -> Refused:
@@ -92,11 +101,17 @@ def _guarded(call: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(call)
     def guarded(self: Slave, *args: Any) -> Any:
         try:
+            if self._waiting:
+                self.log_queue += self._waiting
+                self._waiting = []
             if self._phase not in phases:
                 raise Refused(not_allowed(name, self._phase))
             return call(self, *args)
         except BaseException as error:  # KeyboardInterrupt too: no other exception may leave the call
-            sentence = self._report(error)
+            sentence = self._report(error, raised=True)
+            if _MESSAGES_WAIT:
+                self._waiting = self.log_queue[:]
+                self.log_queue.clear()
             _add_references(type(self), self, self.log_queue)
             raise Refused(sentence) from None
 
@@ -131,6 +146,7 @@ class Slave(Fmi2Slave):
         super().__init__(**kwargs)
         self._status, self._phase = OK, InstancePhase.INSTANTIATED
         self._now = self._stop = math.nan  # s: end of the last step, stop time
+        self._waiting: list[Any] = []  # messages of a refused call, for the next one
         try:
             self._load(Path(self.resources))
             with reporting_errors():
@@ -486,10 +502,11 @@ class Slave(Fmi2Slave):
         where = f" ({Path(last[0].filename).name}, line {last[0].lineno})" if last else ""
         return f"{type(error).__name__}: {error}{where}"
 
-    def _report(self, error: BaseException) -> str:
+    def _report(self, error: BaseException, *, raised: bool = False) -> str:
         """Log an error, unless a refusal with its traceback, and return its sentence."""
         sentence = self._sentence(error)
-        self.log(sentence, Fmi2Status.error)
+        if not (raised and _MESSAGES_WAIT):
+            self.log(sentence, Fmi2Status.error)
         if not isinstance(error, Refused):
             trace = "".join(traceback.format_exception(error))
             self.log(trace[-MOST_BYTES:], Fmi2Status.error, "traceback")
@@ -503,10 +520,8 @@ class Slave(Fmi2Slave):
             self.log(sentence, Fmi2Status.warning)
 
     def log(self, msg: str, status: Fmi2Status = Fmi2Status.ok, category: str | None = None, debug: Any = None):
-        """Queue a message; FMI reads it as a printf format, and the wrapper crashes on invalid UTF-8."""
-        text = msg.encode("utf-8", "replace")[:MOST_BYTES].decode("utf-8", "ignore")  # not cut inside a character
-        text = text.replace("\0", "").replace("%", "%%")
-        super().log(text, status, category)
+        """Queue a message."""
+        super().log(_printf_format(msg), status, category)
 
     # ---------------------------------------------------------------- modelDescription.xml
 
