@@ -21,7 +21,7 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
-TOML = 1 << 19  # bytes of a TOML file, which takes up to a second per MB to parse
+TOML = 1 << 18  # bytes of a TOML file, which takes up to 2 s per MB to parse; long tables of points are CSV files
 CSV = 4 << 20  # bytes of a table of points
 ROWS = 50_000  # of a table of points
 DOCUMENT = 8 << 20  # bytes of a JSON or XML document, which takes up to 25 times its size in memory
