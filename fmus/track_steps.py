@@ -10,6 +10,7 @@ from fmus.jit import allocating, kernel
 from fmus.link_outputs import AXIS, DEPTH, FIBRES, FORCE, GROUND, POSITION, SLIDING, SLOPES, STRESS, TENSION, WHEELS
 from fmus.model import no_rotation, too_many_steps
 from fmus.physics.chain import adaptive, on_links
+from fmus.physics.chain.communication_step import CommunicationStep
 from fmus.physics.chain.environment import Environment
 from fmus.physics.chain.explicit import march
 from fmus.physics.chain.implicit import advance
@@ -109,7 +110,15 @@ def implicit(c, messages, t, h, u):
     before = counters[REJECTED]
     on_links.begin_interval(c.s, common.interval)
     failure, elapsed, link, residual = advance(
-        c.link, c.contacts, c.environment, c.scheme, common.rows, h, common.longest, c.s, c.work, c.report, counters
+        c.link,
+        c.contacts,
+        c.environment,
+        c.scheme,
+        CommunicationStep(common.rows, h, common.longest),
+        c.s,
+        c.work,
+        c.report,
+        counters,
     )
     if failure:
         messages[0, 0], messages[0, 1], messages[0, 2] = t + elapsed, link, residual
@@ -136,8 +145,8 @@ def explicit(c, messages, t, h, u):
         return refusal
     on_links.begin_interval(c.s, common.interval)
     return _failure(c, messages, t, h, march(
-        c.link, c.contacts, c.environment, c.scheme, common.rows, h, common.longest, c.s, c.work, c.report,
-        common.counters,
+        c.link, c.contacts, c.environment, c.scheme, CommunicationStep(common.rows, h, common.longest),
+        c.s, c.work, c.report, common.counters,
     ))  # fmt: skip
 
 
@@ -150,8 +159,8 @@ def adams(c, messages, t, h, u):
         return refusal
     on_links.begin_interval(c.s, common.interval)
     return _failure(c, messages, t, h, adaptive.march(
-        c.link, c.contacts, c.environment, c.scheme, common.rows, h, common.longest, c.s, c.work, c.report,
-        common.counters,
+        c.link, c.contacts, c.environment, c.scheme, CommunicationStep(common.rows, h, common.longest),
+        c.s, c.work, c.report, common.counters,
     ))  # fmt: skip
 
 

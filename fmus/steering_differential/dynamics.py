@@ -68,21 +68,19 @@ def shaft_speed(p, x, t, mount_rate):
 
 
 @allocating
-def finish_side(g, x, sign, propulsion, steering, h, u, i, m, speed_before):
-    """Set a side after the step: its sprocket, torque and work of its half shaft, wrench on its mount.
+def set_side(inertia, x, sign, propulsion, steering, h, m, speed_before):
+    """Set the sprocket of a side after the step, and torque and work of its half shaft.
 
     ``x``: state of the side; ``sign``: -1 left, 1 right; ``propulsion``, ``steering``: states of the shafts; ``h``, s;
-    ``u[i:]``: inputs of the side; ``m``: its mount, extrapolated; ``speed_before``: of the side before the step, rad/s.
-    A tuple of these ten would be made for this call alone.
+    ``m``: its mount, extrapolated; ``speed_before``: of the side before the step, rad/s.
     """
     angle, rate = x[ANGLE], x[RATE]
     set_sprocket(x, sign, propulsion, steering)
-    momentum, angle_change = g.inertia * (x[RATE] - rate), x[ANGLE] - angle
+    momentum, angle_change = inertia * (x[RATE] - rate), x[ANGLE] - angle
     work = 0.5 * momentum * (speed_before + x[RATE] - m.end_rate) - m.chain_torque * angle_change  # (4)
     x[WORK] += work
     x[PORT_WORK] += m.chain_torque * angle_change
     x[TORQUE_NOW], x[POWER_NOW] = momentum / h - m.chain_torque, work / h
-    finish_step(g.inertia, x, h, u, i, m)
 
 
 class Parts(NamedTuple):
@@ -185,8 +183,10 @@ def advance(g, x, t, h, propulsion_steps, steering_steps, u):
         twist,
         right_mount.end_rate - left_mount.end_rate,
     )
-    finish_side(g, left, -1.0, propulsion, steering, h, u, 0, left_mount, p - 0.5 * d)
-    finish_side(g, right, 1.0, propulsion, steering, h, u, SIDE, right_mount, p + 0.5 * d)
+    set_side(g.inertia, left, -1.0, propulsion, steering, h, left_mount, p - 0.5 * d)
+    set_side(g.inertia, right, 1.0, propulsion, steering, h, right_mount, p + 0.5 * d)
+    finish_step(g.inertia, left, h, u, 0, left_mount)
+    finish_step(g.inertia, right, h, u, SIDE, right_mount)
 
 
 @kernel

@@ -20,7 +20,7 @@ from fmus.physics.chain.flexible.explicit import NOTHING, stable
 from fmus.physics.chain.flexible.newton import CHORD
 from fmus.physics.chain.flexible.places import coordinate_indices, straight
 from fmus.physics.chain.flexible.planar_nodes import NODE as PLANAR_NODE
-from fmus.physics.chain.flexible.release import EVALUATE, RELEASED, REST, release, start_released
+from fmus.physics.chain.flexible.release import EVALUATE, RELEASED, REST, Evaluation, Rest, release, start_released
 from fmus.physics.chain.flexible.state import Motion, State, shapes
 from fmus.physics.chain.flexible.work import work
 from fmus.physics.chain.implicit import ImplicitMethod
@@ -379,7 +379,7 @@ class Model(TrackModel):
             partners = frictionless(partners)
         longest = LAST_PSEUDO_STEP if self.ends_kind == PINNED else 0.0
         outcome: IntegrationOutcome = release(
-            self.link, partners, *self.system()[1:], task, motion, by, fresh, self.start_rows, least, longest, self.s,
-            self.work, self.report,
+            *self.system(), task, Evaluation(motion, by, fresh), Rest(partners, self.start_rows, least, longest),
+            self.s, self.work, self.report,
         )  # fmt: skip
         return outcome

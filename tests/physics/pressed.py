@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.physics.contact.face import Face, contact_force, point_contact_force
+from fmus.physics.contact.face import Face, Penetration, contact_force, point_contact_force
 from fmus.physics.contact.ground import ground_face
 from fmus.physics.contact.guide import guide_face
 from fmus.physics.contact.teeth import tooth_face
@@ -30,7 +30,7 @@ class PointContact:
         def force_of(by_rate: float, memory: Memory) -> Any:
             if rate is None:
                 return point_contact_force(law, share, depth, face, by_rate, True, memory, 0)
-            return contact_force(law, share, depth, rate, 0.0, face, by_rate, True, memory, 0)
+            return contact_force(law, share, Penetration(depth, rate, 0.0), face, by_rate, True, memory, 0)
 
         at_rest = force_of(0.0, Memory(*(part.copy() for part in self.memory)))
         moving = force_of(1.0, self.memory)

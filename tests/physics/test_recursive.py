@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from fmus.jit import plain
+from fmus.physics.chain.communication_step import CommunicationStep
 from fmus.physics.chain.environment import HELD, LOOP, Environment
 from fmus.physics.chain.explicit import march, slopes
 from fmus.physics.chain.rigid import jointed
@@ -83,7 +84,7 @@ class Chain:
         return np.stack(columns, axis=1)
 
     def run(self, time, h):
-        parts = self.links, None, self.env, slopes(self.s), np.zeros((0, 15)), time, h
+        parts = self.links, None, self.env, slopes(self.s), CommunicationStep(np.zeros((0, 15)), time, h)
         assert not march(*parts, self.s, self.w, self.report, self.counters)[0]
         return self
 

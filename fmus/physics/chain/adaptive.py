@@ -21,6 +21,7 @@ from fmus.physics.integrate.adams import LEAST, Adams, accept, accurate, correct
 from fmus.physics.wheels import move
 
 if TYPE_CHECKING:
+    from fmus.physics.chain.communication_step import CommunicationStep
     from fmus.physics.chain.environment import Environment
     from fmus.physics.chain.protocols import ChainState, ChainWork, Contacts, Links
 
@@ -43,21 +44,20 @@ def march(
     contacts: Contacts | None,
     env: Environment,
     m: Adams,
-    rows: Floats,
-    h: float,
-    longest: float,
+    step: CommunicationStep,
     s: ChainState,
     w: ChainWork,
     report: Floats,
     counters: Integers,
 ) -> IntegrationOutcome:
-    """Integrate over ``h`` s, the wheels starting at ``rows`` (m, 15), in steps of at most ``longest`` s.
+    """Integrate over the communication ``step``.
 
     ``m`` from ``adams``: ``m.x`` the state at the start of a step, ``m.y`` its argument, ``m.k`` rates; the first
     entries of ``s.flat`` are the coordinates at ``m.y``. Flexible links require their factored mass in ``w``
     (``flexible.release``); ``report`` and ``counters`` as in ``report``.
     After a failure ``s`` is invalid. For the separate arguments see ``implicit``.
     """
+    rows, h, longest = step
     n, done = m.controlled, 0.0
     x, y, first = s.flat[:n], m.y[:n], m.counts.copy()
     copy(x, m.x[:n])

@@ -21,6 +21,7 @@ from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.wheels import move
 
 if TYPE_CHECKING:
+    from fmus.physics.chain.communication_step import CommunicationStep
     from fmus.physics.chain.environment import Environment
     from fmus.physics.chain.protocols import ChainState, ChainWork, Contacts, Links
 
@@ -38,20 +39,19 @@ def march(
     contacts: Contacts | None,
     env: Environment,
     k: Floats,
-    rows: Floats,
-    h: float,
-    longest: float,
+    step: CommunicationStep,
     s: ChainState,
     w: ChainWork,
     report: Floats,
     counters: Integers,
 ) -> IntegrationOutcome:
-    """Integrate over ``h`` s, the wheels starting at ``rows`` (m, 15), in equal steps up to ``longest`` s.
+    """Integrate over the communication ``step``, in equal internal steps.
 
     ``k`` from ``slopes``; flexible links require their factored mass in ``w`` (``flexible.release``). Mean wrenches and
     impulses have the weights of the momentum; ``report`` and ``counters`` as in ``report``. After a failure ``s`` is
     invalid. For the separate arguments see ``implicit``.
     """
+    rows, h, longest = step
     steps = max(int(np.ceil(h / longest - 1e-9)), 1)
     dt = h / steps
     stages = RK4.b.size
@@ -59,14 +59,14 @@ def march(
     s.mean[:] = 0.0
     move(rows, 0.0, w.wheels)
     along = first_speed(links, env, s, w, report)
-    for step in range(steps):
+    for n in range(steps):
         copy(x, x0)
         for i in range(stages):
             stage(RK4, i, dt, x0, k, x)
-            move(rows, (step + RK4.c[i]) * dt, w.wheels)
+            move(rows, (n + RK4.c[i]) * dt, w.wheels)
             failed = derivative(links, contacts, env, s, w, k[i])
             if failed >= 0:
-                return IntegrationOutcome(SINGULAR, (step + RK4.c[i]) * dt, failed, 0.0)
+                return IntegrationOutcome(SINGULAR, (n + RK4.c[i]) * dt, failed, 0.0)
             share = dt * RK4.b[i]
             stage_joints(links, env, s, w)
             add_share(share / h, w.wrench, s.mean)
@@ -78,10 +78,10 @@ def march(
         counters[EVALUATIONS] += stages
         for i in range(x.size):
             if not abs(x[i]) < FAR:
-                return IntegrationOutcome(UNSTABLE, (step + 1) * dt, 0, 0.0)
+                return IntegrationOutcome(UNSTABLE, (n + 1) * dt, 0, 0.0)
         failed = project(links, s, w)
         if failed >= 0:
-            return IntegrationOutcome(PINS_OPEN, (step + 1) * dt, failed, 0.0)
+            return IntegrationOutcome(PINS_OPEN, (n + 1) * dt, failed, 0.0)
         counters[STEPS] += 1
         before, along = along, speed(links, env, s, w)
         report[TRAVEL] += 0.5 * dt * (before + along)

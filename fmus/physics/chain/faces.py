@@ -13,9 +13,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from fmus.jit import dispatch, implementation
-from fmus.physics.arrays import Floats, Row, Vector
+from fmus.physics.arrays import Floats, Vector
 
 if TYPE_CHECKING:
+    from fmus.physics.chain.near import WheelAndLink
     from fmus.physics.chain.protocols import ChainWork, Contacts, FacedLinks, Motion, Section
     from fmus.physics.contact.face import ContactForce
 
@@ -36,24 +37,9 @@ def horn_height(links: FacedLinks) -> float:
 
 @dispatch(_guided)
 def evaluate_horn(
-    links: FacedLinks,
-    contacts: Contacts,
-    x: Motion,
-    w: ChainWork,
-    k: int,
-    row: Row,
-    i: int,
-    a: Vector,
-    b: Vector,
-    offset: float,
-    by_rate: float,
-    tangent: bool,
+    links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, pair: WheelAndLink, by_rate: float, tangent: bool
 ) -> None:
-    """Guide-horn contact of link ``i`` with the near disc of wheel ``k``.
-
-    ``a``, ``b``: positions of the link's pins; ``offset``, m: offset of its middle from the wheel's along the wheel's
-    axis.
-    """
+    """Contact of the guide horn of a link with the disc of a wheel near it, the ``pair``."""
 
 
 @dispatch(_of)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from fmus.jit import kernel
-from fmus.physics.arrays import Floats, Row, Vector
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.faces import (
     apply_force,
     begin_link,
@@ -17,7 +17,7 @@ from fmus.physics.chain.faces import (
     pin_velocities,
     position_slope,
 )
-from fmus.physics.chain.near import contact_distance_squared, wheel_distances
+from fmus.physics.chain.near import WheelAndLink, contact_distance_squared, wheel_distances
 from fmus.physics.chain.on_links import WHEELS, add_link_force
 from fmus.physics.chain.sums import GUIDES as GUIDE_LOSSES
 from fmus.physics.chain.sums import PATCH_POWER, add_contact
@@ -50,29 +50,20 @@ def evaluate_guides(
             for i in range(count(links, x)[0]):
                 if w.near.distance_squared[i] <= disc:
                     a, b = pin_positions(links, x, w, i)
-                    evaluate_horn(links, contacts, x, w, k, rows[k], i, a, b, w.near.offset[i], by_rate, tangent)
+                    pair = WheelAndLink(k, rows[k], i, a, b, w.near.offset[i])
+                    evaluate_horn(links, contacts, x, w, pair, by_rate, tangent)
 
 
 @kernel
 def evaluate_horn(
-    links: FacedLinks,
-    contacts: Contacts,
-    x: Motion,
-    w: ChainWork,
-    k: int,
-    row: Row,
-    i: int,
-    a: Vector,
-    b: Vector,
-    offset: float,
-    by_rate: float,
-    tangent: bool,
+    links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, pair: WheelAndLink, by_rate: float, tangent: bool
 ) -> None:
-    """See ``faces``; its many arguments are what the loops over wheels and links have computed already."""
+    """See ``faces``."""
+    k, row, _, a, b, offset = pair
     disc = contacts.radius[k] + (0.0 if contacts.teeth[k] != 0 else HORN)
     inclination = 0.5 * (dot(b, vector(row, 9)) - dot(a, vector(row, 9)))
     if abs(offset) + abs(inclination) > contacts.clearance:
-        _touch_disc(links, contacts, x, w, k, row, i, a, b, disc, by_rate, tangent)
+        _touch_disc(links, contacts, x, w, pair, disc, by_rate, tangent)
 
 
 @kernel
@@ -81,16 +72,13 @@ def _touch_disc(
     contacts: Contacts,
     x: Motion,
     w: ChainWork,
-    k: int,
-    row: Row,
-    i: int,
-    a: Vector,
-    b: Vector,
+    pair: WheelAndLink,
     disc: float,
     by_rate: float,
     tangent: bool,
 ) -> None:
-    """Contact of the horn of link ``i`` with the disc of wheel ``k``, of radius ``disc``, m; see ``evaluate_horn``."""
+    """Contact of the horn of the link with the disc of the wheel, of radius ``disc``, m; see ``evaluate_horn``."""
+    k, row, i, a, b, _ = pair
     nodes, law, play = count(links, x)[1], contacts.wheel, contacts.clearance
     part, normal = covered_part(row, disc, a, b, links.face)
     low, high, _ = part

@@ -21,6 +21,7 @@ from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha, auxiliary
 from fmus.physics.wheels import move
 
 if TYPE_CHECKING:
+    from fmus.physics.chain.communication_step import CommunicationStep
     from fmus.physics.chain.environment import Environment
     from fmus.physics.chain.protocols import ChainState, ChainWork, Contacts, Links
 
@@ -54,21 +55,19 @@ def advance(
     contacts: Contacts | None,
     env: Environment,
     method: ImplicitMethod,
-    rows: Floats,
-    h: float,
-    longest: float,
+    step: CommunicationStep,
     s: ChainState,
     w: ChainWork,
     report: Floats,
     counters: Integers,
 ) -> IntegrationOutcome:
-    """Integrate over ``h`` s, the wheels starting at ``rows`` (m, 15), in steps of at most ``longest`` s.
+    """Integrate over the communication ``step``.
 
-    A step in which Newton's iteration fails is halved. ``s.mean`` receives the mean wrenches and ``s.on_links_sum`` the
-    impulses, by the same recursion as the momentum of the chain; ``report`` and ``counters`` as in ``report``. After a
-    failure ``s`` is the last state that was reached.
+    An internal step in which Newton's iteration fails is halved. ``s.mean`` receives the mean wrenches and
+    ``s.on_links_sum`` the impulses, by the same recursion as the momentum of the chain; ``report`` and ``counters`` as
+    in ``report``. After a failure ``s`` is the last state that was reached.
     """
-    c = method.alpha
+    c, (rows, h, longest) = method.alpha, step
     s.mean[:] = 0.0
     move(rows, 0.0, w.wheels)
     along = first_speed(links, env, s, w, report)

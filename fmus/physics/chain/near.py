@@ -15,6 +15,17 @@ if TYPE_CHECKING:
     from fmus.physics.chain.protocols import ChainWork, FacedLinks, Motion
 
 
+class WheelAndLink(NamedTuple):
+    """A wheel, and a link near it."""
+
+    k: int  # index of the wheel
+    row: Row  # (15) its motion
+    i: int  # index of the link
+    a: Vector  # position of its first pin, m
+    b: Vector  # position of its last pin, m
+    offset: float  # offset of its middle from the wheel's along the wheel's axis, m
+
+
 class Near(NamedTuple):
     """Arrays for a chain of n links."""
 

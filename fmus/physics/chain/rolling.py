@@ -33,7 +33,13 @@ from fmus.physics.chain.faces import (
     position_slope,
     to_ground,
 )
-from fmus.physics.chain.near import axis_distance_squared, compute_middles, contact_distance_squared, wheel_distances
+from fmus.physics.chain.near import (
+    WheelAndLink,
+    axis_distance_squared,
+    compute_middles,
+    contact_distance_squared,
+    wheel_distances,
+)
 from fmus.physics.chain.on_links import GROUND, WHEELS, add_link_force, add_sliding, average_sliding, clear
 from fmus.physics.chain.sums import (
     CONTACT,
@@ -49,7 +55,7 @@ from fmus.physics.chain.sums import (
     WHEEL_FRICTION,
     add_contact,
 )
-from fmus.physics.contact.face import contact_force, point_contact_force
+from fmus.physics.contact.face import Penetration, contact_force, point_contact_force
 from fmus.physics.contact.ground import ground_face
 from fmus.physics.contact.teeth import tooth_face
 from fmus.physics.contact.wheel import (
@@ -110,7 +116,7 @@ def _rim(
         if distance_squared > disc:
             continue
         a, b = pin_positions(links, x, w, i)
-        evaluate_horn(links, contacts, x, w, k, row, i, a, b, w.near.offset[i], by_rate, tangent)
+        evaluate_horn(links, contacts, x, w, WheelAndLink(k, row, i, a, b, w.near.offset[i]), by_rate, tangent)
         if distance_squared > far:
             continue
         part, normal = covered_part(row, radius, a, b, links.face)
@@ -131,7 +137,9 @@ def _rim(
                 if depth <= 0.0:
                     continue
                 point = POINTS * (k * nodes + i) + points_across * g + m
-                force = contact_force(law, share, depth, rate, 0.0, face, by_rate, tangent, w.contact, point)
+                force = contact_force(
+                    law, share, Penetration(depth, rate, 0.0), face, by_rate, tangent, w.contact, point
+                )
                 add_contact(w.sums, WHEEL_FRICTION, WHEEL_DAMPING, depth, force)
                 slope = -dot(face.n, position_slope(links, x, w, i))
                 w.sums[PATCH_POWER] += patch_defect(law, share, depth, slope, part, ends, half)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from fmus.jit import kernel
-from fmus.physics.arrays import Floats, Row, Vector
+from fmus.physics.arrays import Floats
 
 if TYPE_CHECKING:
+    from fmus.physics.chain.near import WheelAndLink
     from fmus.physics.chain.protocols import ChainWork, Contacts, FacedLinks, Motion
 
 
@@ -26,17 +27,6 @@ def horn_height(links: FacedLinks) -> float:
 
 @kernel
 def evaluate_horn(
-    links: FacedLinks,
-    contacts: Contacts,
-    x: Motion,
-    w: ChainWork,
-    k: int,
-    row: Row,
-    i: int,
-    a: Vector,
-    b: Vector,
-    offset: float,
-    by_rate: float,
-    tangent: bool,
+    links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, pair: WheelAndLink, by_rate: float, tangent: bool
 ) -> None:
     """See ``faces``."""

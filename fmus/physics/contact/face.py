@@ -36,6 +36,14 @@ class Face(NamedTuple):
     omega: Vector  # angular velocity of the face, rad/s
 
 
+class Penetration(NamedTuple):
+    """Penetration of a point into a face."""
+
+    depth: float  # m
+    rate: float  # growth of the depth in the damper, m/s
+    own_rate: float  # 1 where ``rate`` is -n.w and changes with the point, 0 where it is that of a whole contact
+
+
 class ContactForce(NamedTuple):
     """Contact force on a point, and its derivatives."""
 
@@ -53,16 +61,15 @@ def point_contact_force(
     law: Law, share: float, depth: float, face: Face, by_rate: float, tangent: bool, memory: Memory, point: int
 ) -> ContactForce:
     """``contact_force`` with a damper driven by the point's own approach to the face."""
-    return contact_force(law, share, depth, -dot(face.n, face.w), 1.0, face, by_rate, tangent, memory, point)
+    penetration = Penetration(depth, -dot(face.n, face.w), 1.0)
+    return contact_force(law, share, penetration, face, by_rate, tangent, memory, point)
 
 
 @kernel
 def contact_force(
     law: Law,
     share: float,
-    depth: float,
-    rate: float,
-    own_rate: float,
+    penetration: Penetration,
     face: Face,
     by_rate: float,
     tangent: bool,
@@ -71,11 +78,10 @@ def contact_force(
 ) -> ContactForce:
     """Return the ``ContactForce`` of a ``face`` on a point with ``share`` of the contact; g only if ``tangent``.
 
-    ``depth``, m; ``rate``, m/s: growth of the penetration in the damper; ``own_rate`` is 1 where it is -n.w and changes
-    with the point, 0 where it belongs to the contact as a whole; ``by_rate``, 1/s: d velocity / d position. ``memory``
-    (``fmus.physics.point``) keeps the sharp friction of this ``point`` of the chain. Ten scalars and tuples instead of
-    one tuple of them: each caller computes most of them for this call alone.
+    ``by_rate``, 1/s: d velocity / d position. ``memory`` (``fmus.physics.point``) keeps the sharp friction of this
+    ``point`` of the chain.
     """
+    depth, rate, own_rate = penetration
     n, u, w, omega, curvature = face.n, face.u, face.w, face.omega, face.curvature
     w_n = dot(n, w)
     force, by_depth, slope, energy = normal(law, share, depth, rate)

@@ -106,22 +106,10 @@ def system(n: int, closed: bool) -> AugmentedSystem:
 
 @kernel
 @noalias
-def _complement(
-    half: float,
-    A: Matrix,
-    Kinv: Floats,
-    WQ: Floats,
-    WP: Floats,
-    P: Floats,
-    SA: Floats,
-    SU: Floats,
-    SL: Floats,
-    SB: Floats,
-) -> None:
-    """Add B K^-1 B^T of a link between its first pin (as Q; rows 0-4 of P) and second (as P; rows 5-9).
+def _multiply_inverse(half: float, A: Matrix, Kinv: Floats, WQ: Floats, WP: Floats, P: Floats) -> None:
+    """Write B K^-1 of a link into ``P``: rows 0-4 its first pin (as Q), rows 5-9 its second (as P).
 
-    The arguments are the blocks of one link and its pins: slices of the system's arrays, picked by the caller; Kinv is
-    the inverse of K. ``half``, m: half the pitch.
+    The arguments are the blocks of one link and its pins; Kinv is the inverse of K. ``half``, m: half the pitch.
     """
     for k in range(3):
         y, z = -half * A[k, 2], half * A[k, 1]
@@ -133,6 +121,14 @@ def _complement(
         for c in range(6):
             P[3 + k, c] = WQ[k, 0] * Kinv[3, c] + WQ[k, 2] * Kinv[5, c]
             P[8 + k, c] = WP[k, 0] * Kinv[3, c] + WP[k, 1] * Kinv[4, c] + WP[k, 2] * Kinv[5, c]
+
+
+@kernel
+@noalias
+def _add_complement(
+    half: float, A: Matrix, WQ: Floats, WP: Floats, P: Floats, SA: Floats, SU: Floats, SL: Floats, SB: Floats
+) -> None:
+    """Add B K^-1 B^T of a link to the blocks of its pins; ``P``: B K^-1 of ``_multiply_inverse``."""
     for a in range(5):
         for k in range(3):
             y, z = -half * A[k, 2], half * A[k, 1]
@@ -165,7 +161,8 @@ def factor(half: float, ends: Ends, s: AugmentedSystem, scale: float, spring: fl
         if not invert(s.K[i], s.P[0], SIX):
             return i
         j = (i + 1) % p
-        _complement(half, s.A[i], s.K[i], s.WQ[i], s.WP[j], s.P, SA[i], SU[i], SL[j], SA[j])
+        _multiply_inverse(half, s.A[i], s.K[i], s.WQ[i], s.WP[j], s.P)
+        _add_complement(half, s.A[i], s.WQ[i], s.WP[j], s.P, SA[i], SU[i], SL[j], SA[j])
     if not ends.closed:
         if not ends.first:
             _remove_pin(0, SA, SU, SL)

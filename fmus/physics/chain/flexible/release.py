@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from fmus.jit import allocating, kernel
 from fmus.physics.ancf.element import axis_count, mass, vector_count
@@ -31,6 +31,23 @@ if TYPE_CHECKING:
     from fmus.physics.integrate.generalized_alpha import Slopes
 
 RELEASED, REST, EVALUATE = range(3)  # tasks of ``release``
+
+
+class Evaluation(NamedTuple):
+    """Arguments of ``evaluate``."""
+
+    motion: Motion  # motion of the chain
+    by: Slopes  # derivatives of the motion by the unknowns of an implicit step
+    fresh: bool  # with matrices
+
+
+class Rest(NamedTuple):
+    """Wheels at the start, and the search for static equilibrium on them."""
+
+    contacts: Contacts | None  # contact partners without friction
+    wheels: Floats  # (m, 15) motions at the start
+    tolerance: float  # largest residual, N
+    longest: float  # pseudo step after which the search ends where possible, s
 
 
 @kernel
@@ -82,33 +99,26 @@ def start_released(
 @allocating
 def release(
     links: FlexibleLinks,
-    smooth: Contacts | None,
     contacts: Contacts | None,
     env: Environment,
     task: int,
-    x: Motion,
-    by: Slopes,
-    fresh: bool,
-    rows: Floats,
-    tolerance: float,
-    longest: float,
+    evaluation: Evaluation,
+    rest: Rest,
     s: State,
     w: Work,
     report: Floats,
 ) -> IntegrationOutcome:
     """Do one ``task`` on a chain before it runs, all in one kernel: its elements are compiled once.
 
-    RELEASED: ``start_released``; REST: the same after ``settle`` on the contacts ``smooth``; EVALUATE: ``evaluate`` x.
-
-    The outcome is SINGULAR if the mass is. It has the arguments of all three tasks, so that one kernel has all; they
-    are as in these functions.
+    RELEASED: ``start_released``; REST: the same after ``settle``; EVALUATE: ``evaluate``. The outcome is SINGULAR if
+    the mass is.
     """
     if task == EVALUATE:
-        worst, where = evaluate(links, contacts, env, x, by, w, fresh)
+        worst, where = evaluate(links, contacts, env, evaluation.motion, evaluation.by, w, evaluation.fresh)
         return IntegrationOutcome(DONE, 0.0, where, worst)
     if task == REST:
-        settled = settle(links, smooth, env, rows, tolerance, longest, s, w)
+        settled = settle(links, rest.contacts, env, rest.wheels, rest.tolerance, rest.longest, s, w)
         if settled.failure != DONE:
             return settled
-    failed = start_released(links, contacts, env, rows, s, w, report)
+    failed = start_released(links, contacts, env, rest.wheels, s, w, report)
     return IntegrationOutcome(SINGULAR if failed >= 0 else DONE, 0.0, max(failed, 0), 0.0)
