@@ -13,20 +13,21 @@ from fmus.physics.rotation import quat_normalise
 
 
 @allocating
-def march(system, m, sums, t, h, longest, fresh):
-    """Integrate ``m.x`` from t to t + h, s, in steps of ``longest`` at most.
+def march(chains, drives, tree, ports, m, sums, interval, fresh):
+    """Integrate ``m.x`` over the ``interval``.
 
     The chains' states are views of ``m.y``. ``fresh`` restarts the method at order 1. The flat ``sums``, of which the
-    impulses and energies of chains and sprockets are views, are continued from their values at t. All parts are left
-    evaluated at t + h. Returns the failure code (DONE: none), the time integrated, s, and the failed link of a chain or
-    the fault of the chassis.
+    impulses and energies of chains and sprockets are views, are continued from their values at its beginning. All parts
+    are left evaluated at its end. Returns the failure code (DONE: none), the time integrated, s, and the failed link of
+    a chain or the fault of the chassis. ``chains`` to ``ports`` are separate arguments, because None leaves out absent
+    parts.
     """
-    tree, ports = system.tree, system.ports
+    t, h, steps = interval
+    longest, done = h / steps, 0.0
     copy(sums, m.x[m.controlled :])
-    done = 0.0
     if fresh:
         copy(m.x, m.y)
-        failed = _evaluate(system, m, sums, t)
+        failed = _evaluate(chains, drives, tree, ports, m, sums, t)
         if failed >= 0:
             return CHAIN_FAILED, done, failed
         restart(m, longest)
@@ -35,20 +36,20 @@ def march(system, m, sums, t, h, longest, fresh):
         if dt < LEAST:
             return STEP_TOO_SHORT, done, 0
         predict(m, dt)
-        failed = _evaluate(system, m, sums, t + done + dt)
+        failed = _evaluate(chains, drives, tree, ports, m, sums, t + done + dt)
         if failed >= 0:
             return CHAIN_FAILED, done, failed
         if not accurate(m, dt):
             continue
         correct(m, dt)
-        for c in system.chains:
+        for c in chains:
             failed = project(c.links, c.s, c.w)
             if failed >= 0:
                 return CHAIN_FAILED, done, failed
         if tree is not None:
             quaternion = ports.body + 3
             m.y[quaternion : quaternion + 4] = quat_normalise(m.y[quaternion : quaternion + 4])
-        failed = _evaluate(system, m, sums, t + done + dt)
+        failed = _evaluate(chains, drives, tree, ports, m, sums, t + done + dt)
         if failed >= 0:
             return CHAIN_FAILED, done, failed
         accept(m, dt)
@@ -65,13 +66,13 @@ def march(system, m, sums, t, h, longest, fresh):
 
 
 @allocating
-def _evaluate(system, m, sums, t):
+def _evaluate(chains, drives, tree, ports, m, sums, t):
     """Write the rates of ``m.y`` and of the sums at t into ``m.k``; result as of ``rates``."""
     n = m.controlled
-    failed = rates(system, t, m.y[:n], m.k[:n])
+    failed = rates(chains, drives, tree, ports, t, m.y[:n], m.k[:n])
     sums[:] = 0.0
-    accumulate(system, 1.0)
-    for c in system.chains:
+    accumulate(chains, drives, ports, 1.0)
+    for c in chains:
         c.slot.report_sums[TRAVEL] = speed(c.links, c.env, c.s, c.w)
     copy(sums, m.k[n:])
     return failed

@@ -6,7 +6,7 @@ them; both sides of a port use the values of the same instant.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,10 +25,6 @@ from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 from fmus.physics.rotation import quat_normalise
 from fmus.physics.wheels import read_states, to_world
 
-if TYPE_CHECKING:
-    from fmus.drives.motor import DriveParameters
-    from fmus.monolith.chains import ChainSystem
-
 DONE, CHAIN_FAILED, CHASSIS_FAILED, NOT_FINITE, STEP_TOO_SHORT = range(5)
 
 
@@ -46,19 +42,9 @@ class PortMap(NamedTuple):
     spins: Spins  # sprockets and shafts
 
 
-class System(NamedTuple):
-    """Parts of a scene; None leaves out the kernels of a part that the scene does not have."""
-
-    chains: tuple[ChainSystem, ...]
-    drives: tuple[DriveParameters, ...] | None  # shafts
-    tree: Any  # tree of the chassis, or None
-    ports: PortMap
-
-
 @allocating
-def rates(system, t, x, k):
+def rates(chains, drives, tree, ports, t, x, k):
     """Write dx/dt into ``k``. Returns -1, or the link of a chain whose accelerations do not exist."""
-    chains, drives, tree, ports = system
     motion, wrench, u = ports.motion, ports.wrench, ports.u
     failed = -1
     if tree is not None:
@@ -86,10 +72,9 @@ def rates(system, t, x, k):
 
 
 @allocating
-def accumulate(system, share):
+def accumulate(chains, drives, ports, share):
     """Add ``share`` s of the wrenches and powers of the last evaluation to the sums of the step."""
-    drives, ports = system.drives, system.ports
-    for c in system.chains:
+    for c in chains:
         add_share(share, c.w.wrench, c.slot.impulse)
         stage_joints(c.links, c.env, c.s, c.w)
         add_share(share, c.w.on_links, c.slot.on_links)
@@ -100,14 +85,15 @@ def accumulate(system, share):
 
 
 @allocating
-def march(system, t, h, steps, x, y, k):
-    """Integrate x from t to t + h, s, in equal ``steps``.
+def march(chains, drives, tree, ports, interval, x, y, k):
+    """Integrate x over the ``interval`` in equal steps.
 
     The chains' states are views of y, the argument of the stages. Adds impulses and energies to the sums of chains and
-    sprockets; all parts are left evaluated at t + h. Returns the failure code (DONE: none), the steps done, and the
-    failed link of a chain or the fault of the chassis.
+    sprockets; all parts are left evaluated at its end. Returns the failure code (DONE: none), the steps done, and the
+    failed link of a chain or the fault of the chassis. The arguments are those of ``rates``, and the arrays of the
+    method.
     """
-    chains, tree, ports = system.chains, system.tree, system.ports
+    t, h, steps = interval
     dt = h / steps
     before = np.empty(len(chains))
     y[:] = x
@@ -116,10 +102,10 @@ def march(system, t, h, steps, x, y, k):
     for step in range(steps):
         for i in range(RK4.b.size):
             stage(RK4, i, dt, x, k, y)
-            failed = rates(system, t + (step + RK4.c[i]) * dt, y, k[i])
+            failed = rates(chains, drives, tree, ports, t + (step + RK4.c[i]) * dt, y, k[i])
             if failed >= 0:
                 return CHAIN_FAILED, step, failed
-            accumulate(system, dt * RK4.b[i])
+            accumulate(chains, drives, ports, dt * RK4.b[i])
         finish(RK4, dt, x, k)
         y[:] = x
         for n, c in enumerate(chains):
@@ -140,6 +126,6 @@ def march(system, t, h, steps, x, y, k):
         code = fault(tree, x[ports.body : ports.shafts])
         if code != FINE:
             return CHASSIS_FAILED, steps, code
-    failed = rates(system, t + h, y, k[0])
+    failed = rates(chains, drives, tree, ports, t + h, y, k[0])
     x[:] = y
     return (DONE if failed < 0 else CHAIN_FAILED), steps, failed

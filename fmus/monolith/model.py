@@ -18,7 +18,7 @@ from fmus.drives import shaft
 from fmus.jit import ROOT, reachable_hash
 from fmus.model import Floats, InvalidParameter, StepFailed
 from fmus.monolith import chains as chain_parts
-from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, STEP_TOO_SHORT, System, march, rates
+from fmus.monolith.equations import CHAIN_FAILED, CHASSIS_FAILED, DONE, STEP_TOO_SHORT, march, rates
 from fmus.monolith.layout import Hull, Sources, hull, lay_out
 from fmus.monolith.parts import (
     CHAINS,
@@ -133,7 +133,7 @@ class Monolith:
             self.x, self._y = self._adams.x[:size], self._adams.y[:size]
         else:
             self.x, self._y, self._k = np.zeros(size), np.zeros(size), np.zeros((len(RK4.b), size))
-        self._system = System(
+        self._system = (
             tuple(
                 chain_parts.chain_system(model, slot, self._y[slot.start : slot.end])
                 for model, slot in zip(chains.values(), self._slots, strict=True)
@@ -165,7 +165,7 @@ class Monolith:
                 raise InvalidParameter(f"{name}: the state that it is to begin with is not one of such a component")
         self._begin()
         self._y[:] = self.x
-        rates(self._system, t, self._y, np.zeros_like(self.x))  # evaluates the motions of the mounts
+        rates(*self._system, t, self._y, np.zeros_like(self.x))  # evaluates the motions of the mounts
         for d, sprocket in enumerate(self._sprockets):
             sprocket.state[mounts.MOMENTUM : mounts.MOMENTUM + 3] = self._momentum(d)
         self.x[:] = self._y
@@ -223,11 +223,11 @@ class Monolith:
 
     def _go_equally(self, t: float, h: float) -> None:
         """Integrate by the classical Runge-Kutta method; raises StepFailed."""
-        for begin, length, steps in intervals(ramps(self._shafts), t, h, self.step):
-            failure, done, where = march(self._system, begin, length, steps, self.x, self._y, self._k)
+        for interval in intervals(ramps(self._shafts), t, h, self.step):
+            failure, done, where = march(*self._system, interval, self.x, self._y, self._k)
             if failure != DONE:
-                raise self._failed(failure, where, begin + done * length / steps)
-            count = self.effort.steps + steps
+                raise self._failed(failure, where, interval.begin + done * interval.length / interval.steps)
+            count = self.effort.steps + interval.steps
             self.effort = self.effort._replace(steps=count, evaluations=len(RK4.b) * count)
 
     def _go_adaptively(self, t: float, h: float) -> None:
@@ -236,11 +236,11 @@ class Monolith:
 
         fresh = not abs(t - self._reached) < 1e-9 * h or bool(self._driver)
         known = ramps(self._shafts)
-        for begin, length, steps in intervals(known, t, h, self.step):
-            fresh |= any(abs(end - begin) < 1e-9 * h for ramp in known for end in ramp)
-            failure, done, where = go(self._system, self._adams, self._sums, begin, length, length / steps, fresh)
+        for interval in intervals(known, t, h, self.step):
+            fresh |= any(abs(end - interval.begin) < 1e-9 * h for ramp in known for end in ramp)
+            failure, done, where = go(*self._system, self._adams, self._sums, interval, fresh)
             if failure != DONE:
-                raise self._failed(failure, where, begin + done)
+                raise self._failed(failure, where, interval.begin + done)
             fresh = False
         self._reached = t + h
         counts = self._adams.counts.tolist()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,12 +37,20 @@ def _of_speed(drive: DriveParameters) -> list[Ramp]:
     return [ramp, (drive.stop_start, drive.stop_start + drive.stop_time)] if drive.stop_start >= 0.0 else [ramp]
 
 
-def intervals(ramps: Sequence[Ramp], t: float, h: float, longest: float) -> Iterator[tuple[float, float, int]]:
-    """Begin, length (s) and number of steps of the parts of a step from t to t + h. (7)
+class Interval(NamedTuple):
+    """Time interval without the ends of a ramp inside."""
+
+    begin: float  # s
+    length: float  # s
+    steps: int  # least number of internal steps
+
+
+def intervals(ramps: Sequence[Ramp], t: float, h: float, longest: float) -> Iterator[Interval]:
+    """Parts of a step from t to t + h. (7)
 
     A part ends where a ramp begins or ends; internal steps take ``longest`` s at most.
     """
     inside = {end for ramp in ramps for end in ramp if t + 1e-9 * h < end < t + (1.0 - 1e-9) * h}
     for begin, end in pairwise([t, *sorted(inside), t + h]):
         within = [(b - a) / RESOLVED for a, b in ramps if a < 0.5 * (begin + end) < b]
-        yield begin, end - begin, max(1, int(np.ceil((end - begin) / min([longest, *within]) - 1e-9)))
+        yield Interval(begin, end - begin, max(1, int(np.ceil((end - begin) / min([longest, *within]) - 1e-9))))
