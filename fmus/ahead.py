@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -58,6 +59,7 @@ def _is_done(kind: str) -> bool:
 def _child() -> None:
     from fmus.components import model_of  # the parent does not need it
 
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # an exception: no half-written file stays in the cache
     if hasattr(os, "nice"):
         os.nice(int(sys.argv[1]))
     for kind, config, parameters in json.load(sys.stdin):

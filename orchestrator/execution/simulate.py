@@ -322,6 +322,10 @@ def load_scene(
     try:
         scene = placed(scene)
         graph = system(assemble(scene), native)
+    except BaseException:  # bad input, or a signal, which the processes need not have received
+        for process in processes:
+            process.terminate()
+        raise
     finally:
         for process in processes:
             process.wait()

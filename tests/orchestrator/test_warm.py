@@ -1,10 +1,13 @@
 """``cotrack warm``: starts of scenes in processes of their own."""
 
+import signal
 import subprocess
 import sys
+from contextlib import ExitStack
 
 import pytest
 
+from fmus.build import BuildFailed
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.execution import simulate, warm
@@ -49,3 +52,16 @@ def test_scenes_begin_and_say_how_long_it_took(environment):
     lines = sorted(line.partition(" ")[2] for line in done.stdout.splitlines())
     assert [line.partition(":")[0] for line in lines] == [f"hanging_chain, {track}" for track in sorted(TRACKS)]
     assert all(": starts after " in line for line in lines)
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, BuildFailed])
+def test_a_start_that_fails_ends_the_processes_that_compile(monkeypatch, error):
+    def fail(scene):
+        raise error
+
+    process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+    monkeypatch.setattr(simulate, "_compile_in_processes", lambda scene: [process])
+    monkeypatch.setattr(simulate, "placed", fail)
+    with pytest.raises(error), ExitStack() as stack:
+        simulate.load_scene(load("settle"), stack, None)
+    assert process.returncode == -signal.SIGTERM
