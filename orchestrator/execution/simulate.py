@@ -322,13 +322,14 @@ def load_scene(
     try:
         scene = placed(scene)
         graph = system(assemble(scene), native)
+        for process in processes:
+            process.wait()
     except BaseException:  # bad input, or a signal, which the processes need not have received
         for process in processes:
             process.terminate()
-        raise
-    finally:
         for process in processes:
             process.wait()
+        raise
     return scene, graph, load_components(graph, scene.run.stop, stack, logger)
 
 
