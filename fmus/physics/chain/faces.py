@@ -10,7 +10,7 @@ pin, ``k`` a wheel, ``row`` its motion, ``rows`` (m, 15) that of all; the matrix
 # mypy: disable-error-code="empty-body"
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from fmus.jit import dispatch, implementation
 from fmus.physics.arrays import Floats, Vector
@@ -18,9 +18,20 @@ from fmus.physics.arrays import Floats, Vector
 if TYPE_CHECKING:
     from fmus.physics.chain.near import WheelAndLink
     from fmus.physics.chain.protocols import ChainWork, Contacts, FacedLinks, Motion, Section
-    from fmus.physics.contact.face import ContactForce
+    from fmus.physics.contact.face import ContactForce, Sinking
 
 _of, _guided = implementation("faces"), implementation("guides")
+
+
+class ContactPoint(NamedTuple):
+    """Contact point of a chain with m wheels."""
+
+    partner: int  # index of the wheel; m: the ground
+    body: int  # index of the link, or of the pin
+    link: int  # index of the link that is said to bear the force
+    on_pin: int  # 1: on a pin, 0: on a face
+    place: Vector  # xi, z and y of ``locate``; of a pin only y
+    position: Vector  # along the axes of the chain's coordinates, m
 
 
 @dispatch(_guided)
@@ -124,13 +135,13 @@ def finish_section(links: FacedLinks, w: ChainWork, i: int, tangent: bool) -> No
 
 
 @dispatch(_of)
-def add_rate_matrix(
-    links: FacedLinks, w: ChainWork, i: int, force: ContactForce, by_rate: float, foot: float, normal: Vector
-) -> None:
-    """Add the matrix of the rate at which a face sinks into a rim, which depends on the link's pins.
+def add_rate_matrix(links: FacedLinks, w: ChainWork, i: int, force: ContactForce, sinking: Sinking) -> None:
+    """Add the matrix of the rate at which a face sinks into a rim."""
 
-    ``foot``: fraction of the link at which the rate is taken; ``normal``: outward unit normal there.
-    """
+
+@dispatch(_of)
+def record_point(links: FacedLinks, w: ChainWork, point: ContactPoint, force: ContactForce, sinking: Sinking) -> None:
+    """Record a ``point`` on which a ``force`` with a matrix acts, where an iteration ends before its forces do."""
 
 
 @dispatch(_of)

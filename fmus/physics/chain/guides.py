@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from fmus.jit import kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.faces import (
+    ContactPoint,
     apply_force,
     begin_link,
     count,
@@ -16,12 +17,13 @@ from fmus.physics.chain.faces import (
     pin_positions,
     pin_velocities,
     position_slope,
+    record_point,
 )
 from fmus.physics.chain.near import WheelAndLink, contact_distance_squared, wheel_distances
 from fmus.physics.chain.on_links import WHEELS, add_link_force
 from fmus.physics.chain.sums import GUIDES as GUIDE_LOSSES
 from fmus.physics.chain.sums import PATCH_POWER, add_contact
-from fmus.physics.contact.face import point_contact_force
+from fmus.physics.contact.face import NOT_SINKING, point_contact_force
 from fmus.physics.contact.guide import HORN, guide_face
 from fmus.physics.contact.wheel import GAUSS, covered_part, end_rates_in_space, patch_defect
 from fmus.physics.contact.wheel_kinematics import add_reaction
@@ -90,7 +92,8 @@ def _touch_disc(
     share = 0.5 * (high - low)
     for g in range(2):
         half = 2.0 * g - 1.0
-        section = locate_section(links, x, w, i, 0.5 * (low + high) + half * GAUSS * (high - low), -links.face)
+        xi = 0.5 * (low + high) + half * GAUSS * (high - low)
+        section = locate_section(links, x, w, i, xi, -links.face)
         p, v = locate(links, x, w, i, section, 0.0)
         depth, face = guide_face(row, play, p, v)
         if depth <= 0.0:
@@ -103,4 +106,6 @@ def _touch_disc(
         add_reaction(row, p, force.f, w.wrench[k])
         add_link_force(w.on_links, i, WHEELS, force.f)
         apply_force(links, w, i, force, tangent)
+        if tangent:
+            record_point(links, w, ContactPoint(k, i, i, 0, (xi, -links.face, 0.0), p), force, NOT_SINKING)
         finish_section(links, w, i, tangent)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from fmus.jit import kernel, noalias
 from fmus.physics.arrays import Floats, Row
 from fmus.physics.chain.faces import (
+    ContactPoint,
     add_rate_matrix,
     apply_force,
     apply_pin_force,
@@ -31,6 +32,7 @@ from fmus.physics.chain.faces import (
     pin_positions,
     pin_velocities,
     position_slope,
+    record_point,
     to_ground,
 )
 from fmus.physics.chain.near import (
@@ -55,7 +57,7 @@ from fmus.physics.chain.sums import (
     WHEEL_FRICTION,
     add_contact,
 )
-from fmus.physics.contact.face import Penetration, contact_force, point_contact_force
+from fmus.physics.contact.face import NOT_SINKING, Penetration, Sinking, contact_force, point_contact_force
 from fmus.physics.contact.ground import ground_face
 from fmus.physics.contact.teeth import tooth_face
 from fmus.physics.contact.wheel import (
@@ -126,13 +128,16 @@ def _rim(
         begin_link(links, x, w, i)
         va, vb = pin_velocities(links, x, w, i)
         rate = sink_rate(row, add(scale(1.0 - foot, va), scale(foot, vb)), normal)
+        sinking = Sinking(by_rate, foot, normal)
         ends = end_rates_in_space(row, a, b, va, vb, links.face, normal, part)
         share = 0.5 * (high - low) / points_across
         for g in range(2):
             half = 2.0 * g - 1.0
-            section = locate_section(links, x, w, i, 0.5 * (low + high) + half * GAUSS * (high - low), -links.face)
+            xi = 0.5 * (low + high) + half * GAUSS * (high - low)
+            section = locate_section(links, x, w, i, xi, -links.face)
             for m in range(points_across):
-                p, v = locate(links, x, w, i, section, (2.0 * m - 1.0) * lateral)
+                y = (2.0 * m - 1.0) * lateral
+                p, v = locate(links, x, w, i, section, y)
                 depth, face = rim_face(row, radius, p, v)
                 if depth <= 0.0:
                     continue
@@ -147,7 +152,8 @@ def _rim(
                 add_link_force(w.on_links, i, WHEELS, force.f)
                 apply_force(links, w, i, force, tangent)
                 if tangent:
-                    add_rate_matrix(links, w, i, force, by_rate, foot, normal)
+                    add_rate_matrix(links, w, i, force, sinking)
+                    record_point(links, w, ContactPoint(k, i, i, 0, (xi, -links.face, y), p), force, sinking)
             finish_section(links, w, i, tangent)
         energy, power = gauss_excess(law, radius, length(links), low, high, ends)
         w.sums[CONTACT] += energy
@@ -176,15 +182,19 @@ def _teeth(
             )
             add_contact(w.sums, TOOTH_FRICTION, TOOTH_DAMPING, depth, force)
             add_reaction(row, p, force.f, w.wrench[k])
-            add_link_force(w.on_links, i - 1 if i > 0 else (n - 1 if nodes == n else 0), WHEELS, force.f)
+            link = i - 1 if i > 0 else (n - 1 if nodes == n else 0)
+            add_link_force(w.on_links, link, WHEELS, force.f)
             apply_pin_force(links, x, w, i, y, force, tangent)
+            if tangent:
+                record_point(links, w, ContactPoint(k, i, link, 1, (0.0, 0.0, y), p), force, NOT_SINKING)
 
 
 @kernel
 def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_rate: float, tangent: bool) -> None:
     """Contact of the ground with the outer faces."""
     (n, nodes), (points_across, lateral), law = count(links, x), lateral_points(links), contacts.soil
-    summit, first = contacts.shape.height + contacts.shape.rise, POINTS * len(contacts.teeth) * nodes
+    ground, summit = len(contacts.teeth), contacts.shape.height + contacts.shape.rise
+    first = POINTS * ground * nodes
     for i in range(n):
         a, b = pin_positions(links, x, w, i)
         (_, _, first_height), _ = to_ground(links, x, w, a, a)
@@ -194,9 +204,12 @@ def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_r
         begin_link(links, x, w, i)
         hits = 0
         for g in range(2):
-            section = locate_section(links, x, w, i, 0.5 + (2.0 * g - 1.0) * GAUSS, links.face)
+            xi = 0.5 + (2.0 * g - 1.0) * GAUSS
+            section = locate_section(links, x, w, i, xi, links.face)
             for m in range(points_across):
-                p, v = to_ground(links, x, w, *locate(links, x, w, i, section, (2.0 * m - 1.0) * lateral))
+                y = (2.0 * m - 1.0) * lateral
+                along_axes = locate(links, x, w, i, section, y)
+                p, v = to_ground(links, x, w, *along_axes)
                 depth, face = ground_face(contacts.shape, p, v)
                 if depth <= 0.0:
                     continue
@@ -211,6 +224,10 @@ def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_r
                 add_link_force(w.on_links, i, GROUND, force.f)
                 add_sliding(w.on_links, i, v, depth)
                 hits += 1
-                apply_force(links, w, i, from_ground(links, x, w, force, tangent), tangent)
+                force = from_ground(links, x, w, force, tangent)
+                apply_force(links, w, i, force, tangent)
+                if tangent:
+                    place = xi, links.face, y
+                    record_point(links, w, ContactPoint(ground, i, i, 0, place, along_axes[0]), force, NOT_SINKING)
             finish_section(links, w, i, tangent)
         average_sliding(w.on_links, i, hits)

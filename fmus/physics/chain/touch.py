@@ -20,8 +20,19 @@ def _rolling(links: type) -> Any:
     return rolling
 
 
+def _correction(links: type) -> Any:
+    from fmus.physics.chain.flexible import last_correction
+
+    return last_correction
+
+
 @dispatch(_rolling)
 def evaluate_contacts(
     links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, rows: Floats, by_rate: float, tangent: bool
 ) -> None:
     """See ``rolling.evaluate_contacts``."""
+
+
+@dispatch(_correction)
+def add_last_correction(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork) -> None:
+    """See ``flexible.last_correction.add_last_correction``."""

@@ -44,6 +44,17 @@ class Penetration(NamedTuple):
     own_rate: float  # 1 where ``rate`` is -n.w and changes with the point, 0 where it is that of a whole contact
 
 
+class Sinking(NamedTuple):
+    """Rate at which a face sinks into a rim, as a function of its link's pins."""
+
+    by_rate: float  # derivative of their velocities by their positions, 1/s
+    foot: float  # fraction of the link at which the rate is taken
+    normal: Vector  # outward unit normal of the face, along which it falls
+
+
+NOT_SINKING = Sinking(0.0, 0.0, NOTHING)  # of a point whose damper acts on its own approach
+
+
 class ContactForce(NamedTuple):
     """Contact force on a point, and its derivatives."""
 

@@ -80,6 +80,11 @@ def correct_axes(links: FlexibleLinks, x: Motion, w: Work, by: Slopes) -> float:
 
 
 @dispatch(_of)
+def motion_with_axes(links: FlexibleLinks, w: Work, p: Vector) -> Vector:
+    """Motion of a point at ``p``, m, by the rotation of the axes in their last Newton step, m."""
+
+
+@dispatch(_of)
 def finish_axes(links: FlexibleLinks, method: ImplicitMethod, s: State, w: Work) -> None:
     """Update the axes at the end of a converged step."""
 

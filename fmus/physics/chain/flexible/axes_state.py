@@ -37,6 +37,7 @@ class AxesArrays(NamedTuple):
     """
 
     psi: np.ndarray  # (2) rotation of the axes over the step so far, rad
+    turn: np.ndarray  # (2) part of it by the last Newton step, rad
     border: np.ndarray  # (nodes, m, 4) condensed border of the pins: two columns, two rows
     response: np.ndarray  # (2, nodes, m) response of the pins to roll and yaw
     corner: np.ndarray  # (2, 2) derivative of the moment balance by roll and yaw, N m
@@ -54,7 +55,7 @@ def axes_arrays(nodes: int, shared: int, whole: int) -> AxesArrays:
     """Return zeroed arrays; ``shared`` coordinates a pin, ``whole`` unknowns of a link and of the axes."""
     z = np.zeros
     return AxesArrays(
-        z(2), z((nodes, shared, 4)), z((2, nodes, shared)), z((2, 2)), z(2), z(3), z(6), z(3), z(36),
+        z(2), z(2), z((nodes, shared, 4)), z((2, nodes, shared)), z((2, 2)), z(2), z(3), z(6), z(3), z(36),
         z((2, 3, whole)), z((3, whole)), z(3),
     )  # fmt: skip
 

@@ -22,6 +22,7 @@ from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by 
     length,
     pin_positions,
     pin_velocities,
+    record_point,
     to_ground,
 )
 from fmus.physics.vector import add, scale, vector
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from fmus.physics.chain.flexible.beams import Beams
     from fmus.physics.chain.flexible.state import Motion
     from fmus.physics.chain.flexible.work import Work
-    from fmus.physics.contact.face import ContactForce
+    from fmus.physics.contact.face import ContactForce, Sinking
 
 
 @kernel
@@ -101,10 +102,9 @@ def apply_force(links: Beams, w: Work, i: int, force: ContactForce, tangent: boo
 
 
 @kernel
-def add_rate_matrix(
-    links: Beams, w: Work, i: int, force: ContactForce, by_rate: float, foot: float, normal: Vector
-) -> None:
+def add_rate_matrix(links: Beams, w: Work, i: int, force: ContactForce, sinking: Sinking) -> None:
     """Add K -= S^T r (d rate / d pins), r = df / d rate; the rate falls with motion along the normal."""
+    by_rate, foot, normal = sinking
     S, K, r = w.S, w.stiffening[i], force.by_rate
     for a in range(8):
         for k in range(3):

@@ -25,6 +25,7 @@ from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by 
     length,
     pin_positions,
     pin_velocities,
+    record_point,
     to_ground,
 )
 
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from fmus.physics.chain.flexible.cables import CableLinks, Cables
     from fmus.physics.chain.flexible.state import Motion
     from fmus.physics.chain.flexible.work import Work
-    from fmus.physics.contact.face import ContactForce
+    from fmus.physics.contact.face import ContactForce, Sinking
 
 
 @kernel
@@ -130,10 +131,9 @@ def apply_force(links: Cables, w: Work, i: int, force: ContactForce, tangent: bo
 
 
 @kernel
-def add_rate_matrix(
-    links: Cables, w: Work, i: int, force: ContactForce, by_rate: float, foot: float, normal: Vector
-) -> None:
+def add_rate_matrix(links: Cables, w: Work, i: int, force: ContactForce, sinking: Sinking) -> None:
     """Add K -= B^T r (d rate / d pins), r = df / d rate; the rate falls with motion along the normal."""
+    by_rate, foot, normal = sinking
     S, C, K, t0, t2, r, dims = w.S, w.C, w.stiffening[i], w.t[0], w.t[2], force.by_rate, axis_count(links.element)
     a = r[0] * t0 + r[2] * t2
     for k in range(4):

@@ -71,6 +71,12 @@ def correct_axes(links: FlexibleLinks, x: Motion, w: Work, by: Slopes) -> float:
 
 
 @kernel
+def motion_with_axes(links: FlexibleLinks, w: Work, p: Vector) -> Vector:
+    """See ``axes``."""
+    return 0.0, 0.0, 0.0
+
+
+@kernel
 def finish_axes(links: FlexibleLinks, method: ImplicitMethod, s: State, w: Work) -> None:
     """See ``axes``."""
 

@@ -318,6 +318,7 @@ def correct_axes(links: TurningCables, x: Motion, w: TurningWork, by: Slopes) ->
     """See ``axes``."""
     a, f = w.axes, x.axes
     roll, yaw = _solve_rotation(links, x, w, by.vdot)
+    a.turn[0], a.turn[1] = -roll, -yaw
     a.psi[0] -= roll
     a.psi[1] -= yaw
     f[OMEGA] -= by.v * roll
@@ -326,6 +327,12 @@ def correct_axes(links: TurningCables, x: Motion, w: TurningWork, by: Slopes) ->
     f[OMEGA_RATE + 2] -= by.vdot * yaw
     _rotate(f, w.before.axes, a.psi)
     return ROTATION_LEVER * max(abs(roll), abs(yaw))
+
+
+@kernel
+def motion_with_axes(links: TurningCables, w: TurningWork, p: Vector) -> Vector:
+    """See ``axes``."""
+    return cross((w.axes.turn[0], 0.0, w.axes.turn[1]), p)
 
 
 @kernel

@@ -15,6 +15,8 @@ from fmus.physics.chain.flexible.joints import factor, misfit
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.outcome import DONE, SINGULAR, STALLED
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
+from fmus.physics.chain.state import copy_rows
+from fmus.physics.chain.touch import add_last_correction
 from fmus.physics.integrate.generalized_alpha import auxiliary, slopes
 from fmus.physics.point import sharpen
 
@@ -58,6 +60,8 @@ def newton(
     sharp[0] = 0
     for _ in range(MOST):
         fresh = size > CHORD or sharp[0] == 1  # near the solution the last matrix is reused
+        if fresh:
+            copy_rows(x.q, w.points.q)
         worst, where = evaluate(links, contacts, env, x, by, w, fresh)
         counters[EVALUATIONS] += 1
         if fresh and factor(links, w) >= 0:
@@ -65,6 +69,7 @@ def newton(
         misfit(links, x.q, w)
         solve_pins(links, w, fresh)
         counters[ITERATIONS] += 1
+        copy_rows(x.q, w.points.step)
         rotation_size = correct_axes(links, x, w, by)
         last, size = size, max(correct(links, w, x, by, 0.5 * links.element.l), rotation_size)
         if not size < FASTEST:
@@ -74,6 +79,12 @@ def newton(
                 for k in range(s.q.shape[1]):
                     s.a[i, k] = auxiliary(c, before.a[i, k], before.vdot[i, k], s.vdot[i, k])
             finish_axes(links, method, s, w)
+            if contacts is not None:
+                points = w.points
+                for i in range(s.q.shape[0]):
+                    for k in range(s.q.shape[1]):
+                        points.step[i, k] = s.q[i, k] - points.step[i, k]
+                add_last_correction(links, contacts, Motion(points.q, points.step, w.still, s.axes), w)
             return DONE, where, worst
         if size > SLOW * last and not sharp[0]:
             sharpen(w.contact)

@@ -6,14 +6,16 @@ from typing import TYPE_CHECKING
 
 from fmus.jit import kernel
 from fmus.physics.arrays import Vector
+from fmus.physics.chain.flexible.contact_points import record
 from fmus.physics.chain.flexible.elements import gather, in_space, layout
 from fmus.physics.chain.flexible.link_layout import ends
 
 if TYPE_CHECKING:
+    from fmus.physics.chain.faces import ContactPoint
     from fmus.physics.chain.flexible.elements import FlexibleLinks
     from fmus.physics.chain.flexible.state import Motion
     from fmus.physics.chain.flexible.work import Work
-    from fmus.physics.contact.face import ContactForce
+    from fmus.physics.contact.face import ContactForce, Sinking
 
 
 @kernel
@@ -75,3 +77,9 @@ def from_ground(links: FlexibleLinks, x: Motion, w: Work, force: ContactForce, t
 @kernel
 def finish_section(links: FlexibleLinks, w: Work, i: int, tangent: bool) -> None:
     """See ``faces``."""
+
+
+@kernel
+def record_point(links: FlexibleLinks, w: Work, point: ContactPoint, force: ContactForce, sinking: Sinking) -> None:
+    """See ``faces``."""
+    record(w.points, point, force, sinking)

@@ -24,6 +24,7 @@ from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by 
     length,
     pin_positions,
     pin_velocities,
+    record_point,
 )
 from fmus.physics.contact.face import ContactForce
 from fmus.physics.vector import add, cross, dot, put, scale, vector
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from fmus.physics.chain.flexible.state import Motion
     from fmus.physics.chain.flexible.turning import TurningCables
     from fmus.physics.chain.flexible.work import TurningWork
+    from fmus.physics.contact.face import Sinking
 
 # sums over the points of a section, each times y to 0 and 1: number, f, g = df / d position + by_rate df / d rate
 COUNT, FORCE, MATRIX = 0, 1, 7
@@ -129,10 +131,9 @@ def apply_force(links: TurningCables, w: TurningWork, i: int, force: ContactForc
 
 
 @kernel
-def add_rate_matrix(
-    links: TurningCables, w: TurningWork, i: int, force: ContactForce, by_rate: float, foot: float, normal: Vector
-) -> None:
+def add_rate_matrix(links: TurningCables, w: TurningWork, i: int, force: ContactForce, sinking: Sinking) -> None:
     """Sum df / d rate for ``finish_section``; the rate falls as a face moves outwards."""
+    by_rate, foot, normal = sinking
     s, r, y = w.axes.sums, force.by_rate, w.axes.lever[1]
     s[BY_RATE], s[FOOT] = by_rate, foot
     for j in range(3):

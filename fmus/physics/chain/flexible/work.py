@@ -8,6 +8,7 @@ import numpy as np
 
 from fmus.physics.block_cyclic import Factors, workspace
 from fmus.physics.chain.flexible.axes_state import AxesArrays, axes_arrays
+from fmus.physics.chain.flexible.contact_points import ContactPoints, contact_points
 from fmus.physics.chain.flexible.state import State, shapes, views
 from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.on_links import NONE, LinkForcesShape
@@ -59,6 +60,7 @@ class Work(NamedTuple):
     imbalance: np.ndarray  # (nodes, axes) forces at the pins in the last evaluation, N
     sums: np.ndarray  # (SUMS) see ``sums``
     contact: Memory  # memory of sharp friction
+    points: ContactPoints  # at the last iteration matrix
     near: Near  # distances of links from a wheel
     axes: AxesArrays | None  # arrays of turning axes, else None
     joints: Any  # ``ConstrainedJoints`` of links that share no pins, else None
@@ -93,7 +95,7 @@ def work(kit: ModuleType, links: int, nodes: int, wheels: int, forces: LinkForce
         wheels=wheel_rows, flat=wheel_rows if dims == 3 and not kit.FREE else z((wheels, 15)),
         touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
         wrench=z((wheels + 1, 6)), on_links=z(forces), imbalance=z((nodes, dims)), sums=z(SUMS),
-        contact=memory(points(wheels, nodes)),
+        contact=memory(points(wheels, nodes)), points=contact_points(points(wheels, nodes), nodes, kit.NODE),
         near=near(links),
         axes=axes_arrays(nodes, m, whole) if kit.FREE else None,
         joints=_joints(links, m) if len(at.pins) == 2 else None,

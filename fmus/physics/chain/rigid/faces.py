@@ -10,10 +10,11 @@ from fmus.physics.chain.rigid.arms import add_force, axis, lever, rate
 from fmus.physics.vector import add, dot, scale, vector
 
 if TYPE_CHECKING:
+    from fmus.physics.chain.faces import ContactPoint
     from fmus.physics.chain.rigid.links import RigidLinks
     from fmus.physics.chain.rigid.state import State
     from fmus.physics.chain.rigid.work import Work
-    from fmus.physics.contact.face import ContactForce
+    from fmus.physics.contact.face import ContactForce, Sinking
 
 
 @kernel
@@ -114,10 +115,9 @@ def apply_force(links: RigidLinks, w: Work, i: int, force: ContactForce, tangent
 
 
 @kernel
-def add_rate_matrix(
-    links: RigidLinks, w: Work, i: int, force: ContactForce, by_rate: float, foot: float, normal: Vector
-) -> None:
+def add_rate_matrix(links: RigidLinks, w: Work, i: int, force: ContactForce, sinking: Sinking) -> None:
     """Add K -= (r, N^T r) (d rate / d link), r = df / d rate, with N of the last pushed point."""
+    by_rate, foot, normal = sinking
     A, K, N, r = w.system.A[i], w.system.K[i], w.N, force.by_rate
     place = (2.0 * foot - 1.0) * links.half
     for j in range(6):
@@ -132,6 +132,11 @@ def add_rate_matrix(
         for k in range(3):
             K[k, j] -= by_rate * by * r[k]
             K[3 + k, j] -= by_rate * by * (N[0, k] * r[0] + N[1, k] * r[1] + N[2, k] * r[2])
+
+
+@kernel
+def record_point(links: RigidLinks, w: Work, point: ContactPoint, force: ContactForce, sinking: Sinking) -> None:
+    """See ``faces``: not recorded, an iteration ends with an evaluation."""
 
 
 @kernel

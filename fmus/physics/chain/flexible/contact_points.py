@@ -1,0 +1,52 @@
+"""Contact points of a chain at its last iteration matrix, with the derivatives of their forces."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from fmus.jit import kernel
+from fmus.physics.vector import put, scale
+
+if TYPE_CHECKING:
+    from fmus.physics.chain.faces import ContactPoint
+    from fmus.physics.contact.face import ContactForce, Sinking
+
+PARTNER, BODY, LINK, ON_PIN = range(4)  # wheel, or the ground after the last; link or pin; link of the force; 1: a pin
+# numbers of a point: xi, z, y of ``locate``; position, m; g; by_rate times ``ContactForce.by_rate``; normal; foot
+PLACE, POSITION, MATRIX, RATE, NORMAL, FOOT = 0, 3, 6, 15, 18, 21
+SIZE = 22
+
+
+class ContactPoints(NamedTuple):
+    """Contact points at the last matrix, and the motion of the chain since."""
+
+    number: np.ndarray  # (1) int: of points
+    which: np.ndarray  # (points, 4) int: PARTNER to ON_PIN
+    numbers: np.ndarray  # (points, SIZE)
+    q: np.ndarray  # (nodes, width) coordinates at the matrix
+    step: np.ndarray  # (nodes, width) last correction of the coordinates
+
+
+def contact_points(points: int, nodes: int, width: int) -> ContactPoints:
+    """Return zeroed arrays for at most ``points`` points of a chain with ``width`` coordinates at each of its nodes."""
+    z = np.zeros
+    return ContactPoints(
+        z(1, dtype=np.int64), z((points, 4), dtype=np.int64), z((points, SIZE)), z((nodes, width)), z((nodes, width))
+    )
+
+
+@kernel
+def record(points: ContactPoints, point: ContactPoint, force: ContactForce, sinking: Sinking) -> None:
+    """Append the ``point``, on which the ``force`` acts, in the axes of the chain's coordinates."""
+    which, numbers, g = points.which[points.number[0]], points.numbers[points.number[0]], force.g
+    points.number[0] += 1
+    which[PARTNER], which[BODY], which[LINK], which[ON_PIN] = point.partner, point.body, point.link, point.on_pin
+    put(numbers, PLACE, point.place)
+    put(numbers, POSITION, point.position)
+    for k in range(3):
+        put(numbers, MATRIX + 3 * k, (g[3 * k], g[3 * k + 1], g[3 * k + 2]))
+    put(numbers, RATE, scale(sinking.by_rate, force.by_rate))
+    put(numbers, NORMAL, sinking.normal)
+    numbers[FOOT] = sinking.foot
