@@ -65,7 +65,7 @@ class Model(TrackModel):
                 "parameter",
                 "m",
                 "largest Newton correction of a converged step",
-                1e-6,
+                1e-7,
                 allowed=TOLERANCE_RANGE,
             ),
             *(closure_ports() if self.closed else ()),

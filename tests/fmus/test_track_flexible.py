@@ -346,7 +346,7 @@ def test_tracks_that_cannot_be_are_refused():
         hanging(**{"material.youngs_modulus": -1.0})
     with pytest.raises(InvalidParameter, match="step"):
         hanging(step=0.0)
-    with pytest.raises(InvalidParameter, match=r"tolerance = 1: must be greater than 0 and 1e-05 at most"):
+    with pytest.raises(InvalidParameter, match=r"tolerance = 1: must be greater than 0 and 0.0001 at most"):
         hanging(tolerance=1.0)
 
 

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from fmus.physics.chain.implicit import ImplicitMethod
     from fmus.physics.chain.protocols import Contacts
 
-CHORD = 1e-5  # correction below which the iteration matrix is kept, m
+CHORD = 1e-4  # correction below which the iteration matrix is kept, m
+REUSE = 0.1  # as long as a correction is smaller than this part of the last one
 FASTEST = 10.0  # correction beyond which the iteration has diverged, m
 SLOW = 0.5  # friction is sharp if a correction is larger than this part of the last one
 MOST = 20  # iterations before a step is rejected
@@ -55,11 +56,11 @@ def newton(
             s.q[i, k] += h * before.v[i, k] + h * h * ((0.5 - c.beta) * a0 + c.beta * a1)
             s.v[i, k] += h * ((1.0 - c.gamma) * a0 + c.gamma * a1)
     predict_axes(links, method, h, s, w)
-    size, worst, where = np.inf, 0.0, 0
+    size, last, worst, where = np.inf, np.inf, 0.0, 0
     sharp = w.contact.sharp
     sharp[0] = 0
     for _ in range(MOST):
-        fresh = size > CHORD or sharp[0] == 1  # near the solution the last matrix is reused
+        fresh = size > CHORD or size > REUSE * last or sharp[0] == 1  # near the solution the last matrix is reused
         if fresh:
             copy_rows(x.q, w.points.q)
         worst, where = evaluate(links, contacts, env, x, by, w, fresh)
@@ -86,6 +87,6 @@ def newton(
                         points.step[i, k] = s.q[i, k] - points.step[i, k]
                 add_last_correction(links, contacts, Motion(points.q, points.step, w.still, s.axes), w)
             return DONE, where, worst
-        if size > SLOW * last and not sharp[0]:
+        if size > SLOW * last and fresh and not sharp[0]:
             sharpen(w.contact)
     return STALLED, where, worst
