@@ -22,7 +22,7 @@ from fmus.physics.chain.flexible.places import coordinate_indices, straight
 from fmus.physics.chain.flexible.planar_nodes import NODE as PLANAR_NODE
 from fmus.physics.chain.flexible.release import EVALUATE, RELEASED, REST, Evaluation, Rest, release, start_released
 from fmus.physics.chain.flexible.state import Motion, State, shapes
-from fmus.physics.chain.flexible.work import work
+from fmus.physics.chain.flexible.work import Work, work
 from fmus.physics.chain.implicit import ImplicitMethod
 from fmus.physics.chain.outcome import DONE, SINGULAR, IntegrationOutcome
 from fmus.physics.integrate.generalized_alpha import Slopes
@@ -44,6 +44,7 @@ REST_RESIDUAL = 1e-3  # residual of static equilibrium, N
 LAST_PSEUDO_STEP = 10.0  # last pseudo step of a chain between pins, s: its slowest modes come to rest too
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
 ELEMENTS = {"cable": NODE, "planar": PLANAR_NODE, "beam": BEAM_NODE}  # number of coordinates of a pin
+BEAM_PART = 0.1  # part of the tolerance that holds for beams, whose sections strain by more than their pins move
 TOLERANCE_RANGE = Range(POSITIVE.least, CHORD, f"greater than 0 and {CHORD} at most")
 
 
@@ -64,7 +65,7 @@ class Model(TrackModel):
                 "tolerance",
                 "parameter",
                 "m",
-                "largest Newton correction of a converged step",
+                "largest Newton correction of a converged step; of beams a tenth of it",
                 1e-7,
                 allowed=TOLERANCE_RANGE,
             ),
@@ -98,10 +99,11 @@ class Model(TrackModel):
         if axes == "free" and not self.wheel_list:
             raise InvalidParameter("axes = 'free' needs wheels: they turn with what carries them")
         young, tau = p["material.youngs_modulus"], p["material.relaxation_time"]
-        self.method = ImplicitMethod(integrator_coefficients(p), p["tolerance"], True)
         closed_by = p.get("closure", PIN)
         self.closing = ClosingSpring(p["closure.stiffness"], p["closure.damping"]) if closed_by == SPRING else None
         beam = element == "beam"
+        tolerance = p["tolerance"] * (BEAM_PART if beam else 1.0)
+        self.method = ImplicitMethod(integrator_coefficients(p), tolerance, True)
         self.link = self._beams(young, tau) if beam else self._cables(element, elasticity, axes, young, tau)
         axial = young * self.vehicle["section"]["area"]
         self.stiffness = max(axial, self.closing.stiffness * self.pitch if self.closing else 0.0)  # axial, N
@@ -111,7 +113,7 @@ class Model(TrackModel):
             self.element, self.axes, self.closure, self.joints, self.coordinates = kind
             self.allocate()
         self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
-        self.work = work(self.kit, self.links_count, self.mesh, len(self.wheel_list), self.on_links_shape)
+        self.work = self._work(self.kit)
         self._run_formulation = p["joints"], p["coordinates"]
         self.stable_step = stable(self.link)
         self.plane = int(element != "beam" and axes == "fixed")
@@ -159,7 +161,7 @@ class Model(TrackModel):
         new_places = coordinate_indices(constrained, self.s.q, rows, self.links_count)
         for new, old in ((self.s.q, eliminated.q), (self.s.v, eliminated.v)):
             new.reshape(-1)[new_places] = old.reshape(-1)[old_places]
-        self.work = work(constrained, self.links_count, self.mesh, len(self.wheel_list), self.on_links_shape)
+        self.work = self._work(constrained)
         self._evaluate_start()
 
     def compile(self, parameters: Mapping[str, float | int | str]) -> None:
@@ -175,12 +177,17 @@ class Model(TrackModel):
             return free
         tau, numbers = "{material.relaxation_time}", {"scheme.tolerance": "{tolerance}"}
         if p["element"] == "beam":
-            numbers["link.element.tau"] = tau
+            numbers |= {"link.element.tau": tau, "scheme.tolerance": f"{{tolerance}} * {BEAM_PART!r}"}
         else:
             young, s = p["material.youngs_modulus"], self.vehicle["section"]
             numbers["link.element.nuA"] = f"{tau} * {young * s['area']!r}"
             numbers["link.element.nuI"] = f"{tau} * {young * s['bending']!r}"
         return free._replace(numbers={**free.numbers, **numbers})
+
+    def _work(self, links_module: Any) -> Work:
+        """Work arrays of a chain of the links of a module."""
+        touching = self.contacts is not None
+        return work(links_module, self.links_count, self.mesh, len(self.wheel_list), self.on_links_shape, touching)
 
     def _cables(self, element: str, elasticity: str, turning: str, young: float, tau: float) -> Any:
         if element == "planar":

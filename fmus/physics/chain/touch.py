@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from fmus.jit import dispatch
+from fmus.jit import dispatch, implementation
 from fmus.physics.arrays import Floats
 
 if TYPE_CHECKING:
@@ -20,12 +20,6 @@ def _rolling(links: type) -> Any:
     return rolling
 
 
-def _correction(links: type) -> Any:
-    from fmus.physics.chain.flexible import last_correction
-
-    return last_correction
-
-
 @dispatch(_rolling)
 def evaluate_contacts(
     links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, rows: Floats, by_rate: float, tangent: bool
@@ -33,6 +27,6 @@ def evaluate_contacts(
     """See ``rolling.evaluate_contacts``."""
 
 
-@dispatch(_correction)
+@dispatch(implementation("faces"))
 def add_last_correction(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork) -> None:
     """See ``flexible.last_correction.add_last_correction``."""

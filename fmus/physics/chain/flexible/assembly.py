@@ -56,6 +56,8 @@ def evaluate(
     clear(w, fresh)
     mass(c, w.M)
     if contacts is not None:
+        if fresh:
+            w.points.number[0] = 0
         wheels_to_axes(links, x, w, fresh)
         evaluate_contacts(links, contacts, x, w, w.flat, by.v, fresh)
         wrenches_from_axes(links, x, w)

@@ -12,6 +12,7 @@ from fmus.jit import kernel
 from fmus.physics.ancf.beam import shape
 from fmus.physics.arrays import Vector
 from fmus.physics.chain.flexible.elements import layout
+from fmus.physics.chain.flexible.last_correction import add_last_correction  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
     begin_contacts,

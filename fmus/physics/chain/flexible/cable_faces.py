@@ -15,6 +15,7 @@ from fmus.jit import kernel
 from fmus.physics.ancf.cable import axis_count, shape, shape_slope
 from fmus.physics.arrays import Vector
 from fmus.physics.chain.flexible.elements import in_space, layout
+from fmus.physics.chain.flexible.last_correction import add_last_correction  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.flexible.link_layout import node
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
     begin_contacts,

@@ -44,7 +44,6 @@ def clear(w: Work, tangent: bool) -> None:
         w.A[:] = 0.0
         w.U[:] = 0.0
         w.L[:] = 0.0
-        w.points.number[0] = 0
 
 
 @kernel

@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.vector import put, scale
+from fmus.physics.vector import put
 
 if TYPE_CHECKING:
     from fmus.physics.chain.faces import ContactPoint
     from fmus.physics.contact.face import ContactForce, Sinking
 
 PARTNER, BODY, LINK, ON_PIN = range(4)  # wheel, or the ground after the last; link or pin; link of the force; 1: a pin
-# numbers of a point: xi, z, y of ``locate``; position, m; g; by_rate times ``ContactForce.by_rate``; normal; foot
-PLACE, POSITION, MATRIX, RATE, NORMAL, FOOT = 0, 3, 6, 15, 18, 21
-SIZE = 22
+# numbers of a point: xi, z, y of ``locate``; position, m; g; of ``Sinking``, where its first is not 0: by_rate,
+# ``ContactForce.by_rate``, normal, foot
+PLACE, POSITION, MATRIX, BY_RATE, RATE, NORMAL, FOOT = 0, 3, 6, 15, 16, 19, 22
+SIZE = 23
 
 
 class ContactPoints(NamedTuple):
@@ -47,6 +48,8 @@ def record(points: ContactPoints, point: ContactPoint, force: ContactForce, sink
     put(numbers, POSITION, point.position)
     for k in range(3):
         put(numbers, MATRIX + 3 * k, (g[3 * k], g[3 * k + 1], g[3 * k + 2]))
-    put(numbers, RATE, scale(sinking.by_rate, force.by_rate))
-    put(numbers, NORMAL, sinking.normal)
-    numbers[FOOT] = sinking.foot
+    numbers[BY_RATE] = sinking.by_rate
+    if sinking.by_rate != 0.0:
+        put(numbers, RATE, force.by_rate)
+        put(numbers, NORMAL, sinking.normal)
+        numbers[FOOT] = sinking.foot

@@ -17,6 +17,7 @@ from fmus.physics.chain.faces import begin_link, locate, locate_pin, locate_sect
 from fmus.physics.chain.flexible.axes import motion_with_axes, start_frame_vector
 from fmus.physics.chain.flexible.contact_points import (
     BODY,
+    BY_RATE,
     FOOT,
     LINK,
     MATRIX,
@@ -78,10 +79,9 @@ def _change(links: FlexibleLinks, x: Motion, w: Work, body: int, on_pin: int, nu
         _, motion = locate(links, x, w, body, locate_section(links, x, w, body, xi, z), y)
     d = add(motion, motion_with_axes(links, w, vector(numbers, POSITION)))
     f = dot(vector(numbers, MATRIX), d), dot(vector(numbers, MATRIX + 3), d), dot(vector(numbers, MATRIX + 6), d)
-    rate = vector(numbers, RATE)
-    if on_pin or (rate[0] == 0.0 and rate[1] == 0.0 and rate[2] == 0.0):
+    if numbers[BY_RATE] == 0.0:
         return f
     foot, (a, b), (da, db) = numbers[FOOT], pin_positions(links, x, w, body), pin_velocities(links, x, w, body)
     da, db = add(da, motion_with_axes(links, w, a)), add(db, motion_with_axes(links, w, b))
-    sinking = -dot(vector(numbers, NORMAL), add(scale(1.0 - foot, da), scale(foot, db)))
-    return add(f, scale(sinking, rate))
+    rate = -numbers[BY_RATE] * dot(vector(numbers, NORMAL), add(scale(1.0 - foot, da), scale(foot, db)))
+    return add(f, scale(rate, vector(numbers, RATE)))

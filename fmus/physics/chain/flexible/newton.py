@@ -61,8 +61,9 @@ def newton(
     sharp[0] = 0
     for _ in range(MOST):
         fresh = size > CHORD or size > REUSE * last or sharp[0] == 1  # near the solution the last matrix is reused
-        if fresh:
-            copy_rows(x.q, w.points.q)
+        if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
+            if fresh:
+                copy_rows(x.q, w.points.q)
         worst, where = evaluate(links, contacts, env, x, by, w, fresh)
         counters[EVALUATIONS] += 1
         if fresh and factor(links, w) >= 0:
@@ -70,7 +71,8 @@ def newton(
         misfit(links, x.q, w)
         solve_pins(links, w, fresh)
         counters[ITERATIONS] += 1
-        copy_rows(x.q, w.points.step)
+        if contacts is not None:
+            copy_rows(x.q, w.points.step)
         rotation_size = correct_axes(links, x, w, by)
         last, size = size, max(correct(links, w, x, by, 0.5 * links.element.l), rotation_size)
         if not size < FASTEST:

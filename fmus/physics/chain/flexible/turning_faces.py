@@ -17,6 +17,7 @@ from fmus.physics.ancf.cable import shape, shape_slope
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.flexible.axes_state import OMEGA, ORIGIN, ROLL, VELOCITY, YAW, from_axes, to_axes
 from fmus.physics.chain.flexible.cable_faces import position_slope  # noqa: F401 - reached by dispatch
+from fmus.physics.chain.flexible.last_correction import add_last_correction  # noqa: F401 - reached by dispatch
 from fmus.physics.chain.flexible.node_faces import (  # noqa: F401 - reached by dispatch
     begin_contacts,
     begin_link,

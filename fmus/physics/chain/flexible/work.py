@@ -8,7 +8,6 @@ import numpy as np
 
 from fmus.physics.block_cyclic import Factors, workspace
 from fmus.physics.chain.flexible.axes_state import AxesArrays, axes_arrays
-from fmus.physics.chain.flexible.contact_points import ContactPoints, contact_points
 from fmus.physics.chain.flexible.state import State, shapes, views
 from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.on_links import NONE, LinkForcesShape
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
     from types import ModuleType
 
     from fmus.physics.chain.flexible.constrained_joints import ConstrainedJoints
+    from fmus.physics.chain.flexible.contact_points import ContactPoints
 
 
 class Work(NamedTuple):
@@ -60,7 +60,7 @@ class Work(NamedTuple):
     imbalance: np.ndarray  # (nodes, axes) forces at the pins in the last evaluation, N
     sums: np.ndarray  # (SUMS) see ``sums``
     contact: Memory  # memory of sharp friction
-    points: ContactPoints  # at the last iteration matrix
+    points: Any  # ``ContactPoints`` at the last iteration matrix; None without contacts
     near: Near  # distances of links from a wheel
     axes: AxesArrays | None  # arrays of turning axes, else None
     joints: Any  # ``ConstrainedJoints`` of links that share no pins, else None
@@ -76,8 +76,13 @@ if TYPE_CHECKING:
         axes: AxesArrays
 
 
-def work(kit: ModuleType, links: int, nodes: int, wheels: int, forces: LinkForcesShape = NONE) -> Work:
-    """Return zeroed arrays; ``kit``: module of the links; ``forces``: shape of the forces on each link."""
+def work(
+    kit: ModuleType, links: int, nodes: int, wheels: int, forces: LinkForcesShape = NONE, contacts: bool = False
+) -> Work:
+    """Return zeroed arrays; ``kit``: module of the links; ``forces``: shape of the forces on each link.
+
+    ``contacts``: the chain may touch something.
+    """
     rows, dims = kit.ELEMENT
     at = kit.LAYOUT
     m, n, outer, whole = len(at.shared), len(at.own), len(at.outer), rows * dims + len(at.common)
@@ -95,12 +100,20 @@ def work(kit: ModuleType, links: int, nodes: int, wheels: int, forces: LinkForce
         wheels=wheel_rows, flat=wheel_rows if dims == 3 and not kit.FREE else z((wheels, 15)),
         touched=z(links, dtype=np.bool_), load=z((links, *vectors)), stiffening=z((links, whole, whole)),
         wrench=z((wheels + 1, 6)), on_links=z(forces), imbalance=z((nodes, dims)), sums=z(SUMS),
-        contact=memory(points(wheels, nodes)), points=contact_points(points(wheels, nodes), nodes, kit.NODE),
+        contact=memory(points(wheels, nodes)),
+        points=_contact_points(points(wheels, nodes), nodes, kit.NODE) if contacts else None,
         near=near(links),
         axes=axes_arrays(nodes, m, whole) if kit.FREE else None,
         joints=_joints(links, m) if len(at.pins) == 2 else None,
         still=z((nodes, kit.NODE)), change=z((2, nodes, kit.NODE)),
     )  # fmt: skip
+
+
+def _contact_points(most: int, nodes: int, width: int) -> ContactPoints:
+    """Return the arrays of contact points, see ``contact_points.contact_points``."""
+    from fmus.physics.chain.flexible.contact_points import contact_points
+
+    return contact_points(most, nodes, width)
 
 
 def _joints(links: int, m: int) -> ConstrainedJoints:
