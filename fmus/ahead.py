@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from fmus.cache import cache_folder, private_folder, read_checked, write_checked
-from fmus.jit import COMPILED, ROOT, source_hash
+from fmus.jit import COMPILED
+from fmus.sources import ROOT, source_hash
 
 Recipe = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, its config, its parameters
 

@@ -34,7 +34,7 @@ from fmus.cache import (
 )
 from fmus.components import KINDS
 from fmus.documentation import documentation, key_parts, readme_beside
-from fmus.jit import ROOT, source_hash, sources
+from fmus.sources import ROOT, source_hash, sources
 
 INCLUDED = ("pythonfmu",)  # distribution of which an FMU has the wrapper and the sources
 CONFIG = "config.json"  # file of an FMU's resources with the argument of its model

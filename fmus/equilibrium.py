@@ -29,12 +29,13 @@ from fmus.chassis.dynamics import ROOT, rates
 from fmus.chassis.model import Model as Chassis
 from fmus.chassis.model import stations
 from fmus.chassis.observe import put_sides
-from fmus.jit import plain, source_hash
+from fmus.jit import plain
 from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.arrays import Floats
 from fmus.physics.elimination import solved
 from fmus.physics.wheels import WIDTH, read_states
 from fmus.ports import STATE, WRENCH
+from fmus.sources import source_hash
 from fmus.stance import Stance, roll_pitch_quaternion, stance
 from fmus.track_flexible.model import Model as Cables
 from fmus.vehicle import BadInput

@@ -16,7 +16,7 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 from fmus.components import KINDS, model_of
-from fmus.jit import ROOT, sources
+from fmus.sources import ROOT, sources
 
 SHORT = 5  # links of a shortened chain
 Recipe = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, its config, its parameters

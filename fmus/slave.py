@@ -39,12 +39,13 @@ from pythonfmu.enums import Fmi2Status
 from fmus.cache import cache_folder, check_trust, reporting_errors, unlogged_warnings
 from fmus.defaults import check_names, check_value, configured_ports, experiment
 from fmus.description import document
-from fmus.jit import compiled_before, source_hash
+from fmus.jit import compiled_before
 from fmus.model import InvalidParameter, ModelProtocol, StepFailed, finite, flaw_of_state
 from fmus.phases import ALLOWED, InstancePhase, not_allowed, refused_step
 from fmus.ports import LINKS_ARRAY, Port, variables
 from fmus.same_build import SameBuild
 from fmus.saved import SlaveState, from_bytes, to_bytes
+from fmus.sources import source_hash
 
 BUILD = source_hash()  # hash of the fmus sources of this process
 OK, WARNING, ERROR = 0, 1, 3  # values of the output `status`, those of fmi2Status

@@ -14,9 +14,9 @@ from typing import Any
 from scipy.optimize import brentq
 
 from fmus.cache import cache_folder, private_folder, read_checked, reporting_errors, write_checked
-from fmus.jit import source_hash
 from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.chain.report import T_MEAN
+from fmus.sources import source_hash
 from fmus.track_flexible.model import Model
 from fmus.vehicle import BadInput
 

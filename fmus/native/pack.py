@@ -17,13 +17,13 @@ from fmus.components import KINDS, model_of
 from fmus.defaults import KEY, check_names, configured_ports, experiment, parameter_values
 from fmus.description import document
 from fmus.documentation import documentation, key_parts, readme_beside
-from fmus.jit import ROOT, source_hash
 from fmus.native.emit import LEVELS, emit
 from fmus.native.entries import entries, free_names
 from fmus.native.header import header, image
 from fmus.native.link import HERE, SOURCES, NoCompiler, compiler, compiler_release, link
 from fmus.native.platform import LINUX, WINDOWS, Platform
 from fmus.ports import Port, variables
+from fmus.sources import ROOT, source_hash
 
 NUMBA = ("0.6",)  # prefixes of the versions whose internals the runtime and the entries rely on
 INCLUDED = ("numba",)  # distributions of which a library has compiled functions

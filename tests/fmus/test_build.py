@@ -10,7 +10,7 @@ import pytest
 from conftest import TOY, build_toy
 
 from fmus.build import KINDS, BuildFailed, Shell, build, build_shell, build_shells
-from fmus.jit import ROOT, source_hash, sources
+from fmus.sources import ROOT, source_hash, sources
 
 
 def test_fmu_holds_the_whole_tree_and_sources_only(toy):

@@ -8,8 +8,8 @@ import pytest
 from fmus.components import KINDS
 from fmus.description import document
 from fmus.documentation import documentation, key_parts, readme_beside
-from fmus.jit import ROOT
 from fmus.ports import NOT_NEGATIVE, Port
+from fmus.sources import ROOT
 
 PORTS = (
     Port("brake.torque", "input", "N.m", "torque of the brake"),

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fmus import jit
+from fmus import jit, sources
 
 MODULES = {
     "__init__.py": "",
@@ -139,9 +139,9 @@ def test_reachable_sources_follow_every_kind_of_import(tmp_path, monkeypatch, cl
     assert reach
 
     def fingerprint():
-        jit.reachable_hash.cache_clear()
-        jit._imports.cache_clear()
-        return jit.reachable_hash("reach.start", package / "start.py")
+        sources.reachable_hash.cache_clear()
+        sources._imports.cache_clear()
+        return sources.reachable_hash("reach.start", package / "start.py")
 
     first = fingerprint()
     for name in ("__init__", "plain", "named", "inside", "guarded", "sub/__init__", "sub/near", "sub/up"):
@@ -164,25 +164,25 @@ def test_a_kernel_is_hashed_with_its_callees_when_its_package_was_loaded_from_el
     hashes = []
     for folder in (parts / "parts", parts / "gone"):
         sys.modules["parts"].__path__ = [str(folder)]
-        hashes.append(jit.reachable_hash.__wrapped__("parts.caller", caller))
+        hashes.append(sources.reachable_hash.__wrapped__("parts.caller", caller))
     (parts / "parts" / "deep" / "callee.py").write_text("factor = 3\n")
-    hashes.append(jit.reachable_hash.__wrapped__("parts.caller", caller))
+    hashes.append(sources.reachable_hash.__wrapped__("parts.caller", caller))
     assert hashes[0] == hashes[1] != hashes[2]
 
 
 def test_source_hash_sees_names_and_contents_of_sources_only(tmp_path):
     (tmp_path / "a.py").write_text("x = 1\n")
-    first = jit.source_hash(tmp_path)
+    first = sources.source_hash(tmp_path)
     (tmp_path / "__pycache__").mkdir()
     (tmp_path / "__pycache__" / "a.pyc").write_bytes(b"x")
     (tmp_path / "notes.md").write_text("x")
-    assert jit.source_hash(tmp_path) == first
+    assert sources.source_hash(tmp_path) == first
     (tmp_path / "a.py").rename(tmp_path / "b.py")
-    assert jit.source_hash(tmp_path) != first
+    assert sources.source_hash(tmp_path) != first
     (tmp_path / "b.py").rename(tmp_path / "a.py")
-    assert jit.source_hash(tmp_path) == first
+    assert sources.source_hash(tmp_path) == first
     (tmp_path / "a.py").write_text("x = 2\n")
-    assert jit.source_hash(tmp_path) != first
+    assert sources.source_hash(tmp_path) != first
 
 
 def test_cache_folder_is_the_chosen_one_or_the_users(monkeypatch):

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 import pytest
 
-from fmus import jit, linking
+from fmus import jit, linking, sources
 from fmus.physics.wheels import move
 
 
@@ -86,7 +86,7 @@ def test_another_numba_compiles_its_plain_way_and_says_so(environment):
     assert "numba is 0.67.9, not 0.68.x" in done.stderr
     assert numba.__version__.startswith(linking.TESTED)
     major, minor = map(int, linking.TESTED.split(".")[:2])
-    assert f'"numba>=0.61,<{major}.{minor + 1}"' in (jit.ROOT.parent / "pyproject.toml").read_text(encoding="utf-8")
+    assert f'"numba>=0.61,<{major}.{minor + 1}"' in (sources.ROOT.parent / "pyproject.toml").read_text(encoding="utf-8")
 
 
 @jit.kernel
@@ -145,7 +145,7 @@ def test_kernels_that_make_arrays_say_so():
     Numba itself notices only some of them.
     """
     makers = {"kernel": [], "allocating": []}
-    for file in jit.sources():
+    for file in sources.sources():
         for node in ast.walk(ast.parse(file.read_text())):
             if isinstance(node, ast.FunctionDef):
                 body = ast.unparse(ast.Module(node.body, []))
@@ -160,8 +160,8 @@ def test_kernels_count_the_arrays_that_they_receive():
     """A kernel that receives a new array from a kernel is declared as allocating, or nothing would free the array."""
     functions: dict[tuple[str, str], ast.FunctionDef] = {}
     names: dict[str, dict[str, tuple[str | None, str]]] = {}
-    for file in jit.sources():
-        module = ".".join(("fmus", *file.relative_to(jit.ROOT).with_suffix("").parts))
+    for file in sources.sources():
+        module = ".".join(("fmus", *file.relative_to(sources.ROOT).with_suffix("").parts))
         tree = ast.parse(file.read_text(encoding="utf-8"))
         functions |= {(module, node.name): node for node in tree.body if isinstance(node, ast.FunctionDef)}
         names[module] = {

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numba
 import pytest
 
-from fmus import jit
+from fmus import jit, sources
 
 
 class Square(NamedTuple):
@@ -46,9 +46,9 @@ def test_a_namesake_has_the_parameters_of_its_stub(order):
 def dispatched() -> list[tuple[str, str]]:
     """Return pairs of a module of stubs, or of classes that stubs dispatch on, and a module that they choose."""
     pairs = []
-    for path in jit.sources():
+    for path in sources.sources():
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        module = ".".join(("fmus", *path.relative_to(jit.ROOT).with_suffix("").parts))
+        module = ".".join(("fmus", *path.relative_to(sources.ROOT).with_suffix("").parts))
         marks = [mark for part in ast.walk(tree) for mark in getattr(part, "decorator_list", ())]
         calls = [mark for mark in marks if isinstance(mark, ast.Call)]
         for call in calls:
@@ -70,12 +70,12 @@ def dispatched() -> list[tuple[str, str]]:
 def test_an_edit_behind_any_stub_is_another_kernel(tmp_path):
     """An edit of a chosen module changes the hash of every kernel that reaches the stub or takes the class."""
     tree = tmp_path / "fmus"
-    shutil.copytree(jit.ROOT, tree, ignore=shutil.ignore_patterns("__pycache__", "*.md"))
+    shutil.copytree(sources.ROOT, tree, ignore=shutil.ignore_patterns("__pycache__", "*.md"))
 
     def fingerprint(module: str) -> str:
-        jit.reachable_hash.cache_clear()
-        jit._imports.cache_clear()
-        return jit.reachable_hash(module, tmp_path.joinpath(*module.split(".")).with_suffix(".py"))
+        sources.reachable_hash.cache_clear()
+        sources._imports.cache_clear()
+        return sources.reachable_hash(module, tmp_path.joinpath(*module.split(".")).with_suffix(".py"))
 
     choices = dispatched()
     assert len(choices) >= 30
@@ -85,8 +85,8 @@ def test_an_edit_behind_any_stub_is_another_kernel(tmp_path):
         path.write_text(text + "# edited\n", encoding="utf-8")
         assert fingerprint(stub) != before, chosen
         path.write_text(text, encoding="utf-8")
-    jit.reachable_hash.cache_clear()
-    jit._imports.cache_clear()
+    sources.reachable_hash.cache_clear()
+    sources._imports.cache_clear()
 
 
 STUB = """
@@ -129,7 +129,7 @@ def test_an_edit_behind_a_stub_compiles_its_caller_again(environment, tmp_path, 
     (package / "__init__.py").touch()
     (package / "stubs.py").write_text(STUB.format(choice, shared))
     (package / "kinds.py").write_text(KIND)
-    path = f"{tmp_path}:{jit.ROOT.parent}"
+    path = f"{tmp_path}:{sources.ROOT.parent}"
     program = "import logging; logging.basicConfig(level=logging.INFO); from parts.kinds import Heavy\n"
     program += "from parts.stubs import doubled; print(doubled(Heavy(1.5)))"
 

@@ -10,8 +10,8 @@ import pytest
 from conftest import messages
 
 from fmus.build import KINDS
-from fmus.jit import source_hash
 from fmus.link_outputs import INTERVAL
+from fmus.sources import source_hash
 from fmus.track_choices import TRACKS
 from orchestrator.cli import main
 from orchestrator.cosim.coupling.tracks_first import TracksFirst

@@ -1,0 +1,109 @@
+"""Sources of a tree, and hashes of them: of all, and of those that a module reaches by imports."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import sys
+from collections.abc import Iterator
+from functools import cache, lru_cache
+from importlib.util import resolve_name
+from pathlib import Path
+from threading import Lock
+
+ROOT = Path(__file__).resolve().parent  # the fmus tree this process runs
+PARSING = Lock()  # Python 3.11 counts the depth of a tree for all threads together
+
+
+def sources(root: Path = ROOT) -> list[Path]:
+    """Python sources below ``root``, in a fixed order."""
+    return sorted(root.rglob("*.py"), key=lambda path: path.relative_to(root).as_posix())
+
+
+def source_hash(root: Path = ROOT) -> str:
+    """Hash of all Python sources of a tree, by relative path and content; it identifies a build."""
+    stats = ((path, path.stat()) for path in sources(root))
+    return _hash_of(root, tuple((path, stat.st_mtime_ns, stat.st_size) for path, stat in stats))
+
+
+@lru_cache(maxsize=4)
+def _hash_of(root: Path, files: tuple[tuple[Path, int, int], ...]) -> str:
+    """Hash of the ``files`` (path, time of the last change in ns, size) of a tree, computed again when one changes."""
+    digest = hashlib.sha256()
+    for path, _, _ in files:
+        digest.update(path.relative_to(root).as_posix().encode() + b"\0")
+        digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def _statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
+    for statement in body:
+        yield statement
+        for name in ("body", "orelse", "finalbody"):
+            yield from _statements(getattr(statement, name, []))
+        for handler in getattr(statement, "handlers", []):
+            yield from _statements(handler.body)
+
+
+@cache
+def _imports(path: Path, package: str) -> tuple[str, ...]:
+    """Absolute names that the source at ``path`` imports; of ``from a import b`` both ``a`` and ``a.b``.
+
+    The modules that a class names by ``implemented_in`` are among them.
+    """
+    names_found: list[str] = []
+    with PARSING:
+        tree = ast.parse(path.read_bytes())
+    for statement in _statements(tree.body):
+        if isinstance(statement, ast.Import):
+            names_found += [alias.name for alias in statement.names]
+        elif isinstance(statement, ast.ImportFrom):
+            parents = package.split(".")[: len(package.split(".")) - statement.level + 1] if statement.level else []
+            base = ".".join([*parents, *filter(None, [statement.module])])
+            names_found += [base, *(f"{base}.{alias.name}" for alias in statement.names)]
+        elif isinstance(statement, ast.ClassDef):
+            calls = [each for each in statement.decorator_list if ast.unparse(each).startswith("implemented_in(")]
+            names = [ast.literal_eval(keyword.value) for call in calls for keyword in call.keywords]  # type: ignore[attr-defined]
+            names_found += [resolve_name(name, package) for name in names]
+    return tuple(names_found)
+
+
+@cache
+def _locate(module: str, folder: Path) -> Path | None:
+    """Source of a module, not imported: in ``folder``, else in that of its loaded package.
+
+    A tool may delete the folder of a freed FMU, and with it the loaded package; ``folder`` then has the source.
+    """
+    top, *parts = module.split(".")
+    for root in (folder / top, *getattr(sys.modules.get(top), "__path__", ())):
+        base = Path(root).joinpath(*parts)
+        for path in (base / "__init__.py", base.with_name(f"{base.name}.py")):
+            if path.is_file():
+                return path
+    return None
+
+
+@cache
+def reachable_hash(module: str, path: Path) -> str:
+    """Hash of the source at ``path`` and of all it reaches by imports within its own package and ``fmus``."""
+    packages = {module.partition(".")[0], "fmus"}
+    folder = path.parents[module.count(".") + (path.name == "__init__.py")]
+    paths: dict[str, Path] = {module: path}
+    pending = [module]
+    while pending:
+        name = pending.pop()
+        source = paths[name]
+        package = name if source.name == "__init__.py" else name.rpartition(".")[0]
+        for imported in (package, *_imports(source, package)):
+            parts = imported.split(".")
+            if parts[0] not in packages:
+                continue
+            for depth in range(1, len(parts) + 1):  # importing a.b.c runs a and a.b too
+                parent = ".".join(parts[:depth])
+                if parent not in paths and (source_path := _locate(parent, folder)) is not None:
+                    paths[parent] = source_path
+                    pending.append(parent)
+    digest = hashlib.sha256()
+    for name in sorted(paths):
+        digest.update(name.encode() + b"\0" + hashlib.sha256(paths[name].read_bytes()).digest())
+    return digest.hexdigest()
