@@ -42,7 +42,7 @@ EQUAL = (
 )
 NOTES = (
     "Error: RMS distance of the pins from a converged reference at the end, over the RMS of the ways that they went.",
-    "Peers on the ground have other contact laws: their error there is mostly that.",
+    "On the ground only our code is measured: the peers have other contact laws.",
 )
 
 Run = dict[str, Any]

@@ -60,9 +60,6 @@ class Loop(NamedTuple):
     axial: float  # EA, N
     bending: float  # EI, N m2
     relaxation: float  # s: damping over stiffness
-    face: float  # m: distance of contact points from the pin line
-    level: float  # z of the ground
-    soil: dict[str, float]  # stiffness, damping, friction of the ground
 
 
 def scene(case: Case, links: int = LINKS, *settings: str) -> Scene:
@@ -113,7 +110,6 @@ def loop(case: Case, links: int = LINKS) -> Loop:
     turning, velocity = ovalling(pins, 0.0 if case.ground else OVALLING * LINKS / links)
     velocity = velocity + spin * np.stack([pins[:, 1], -pins[:, 0]], axis=1)
     chord = np.roll(pins, -1, axis=0) - pins
-    wheel = vehicle["road_wheel"]
     return Loop(
         pins,
         velocity,
@@ -124,9 +120,6 @@ def loop(case: Case, links: int = LINKS) -> Loop:
         material["youngs_modulus"] * section["area"],
         material["youngs_modulus"] * section["bending"],
         material["relaxation_time"],
-        track["face"],
-        wheel["z"] - wheel["radius"] - 2.0 * track["face"],
-        vehicle["contact"]["ground"],
     )
 
 
