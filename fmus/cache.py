@@ -11,16 +11,18 @@ from __future__ import annotations
 
 import atexit
 import hashlib
+import json
 import logging
 import os
 import shutil
 import sys
 import tempfile
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 CHECKSUM = 64  # bytes at the end of a file of the cache: a sha256 in hexadecimal
 OTHERS = 0o022  # mode bits by which a group or others may write
@@ -131,6 +133,19 @@ def read_checked(file: Path) -> bytes | None:
         return None
     content = stored[:-CHECKSUM]
     return content if trusted and stored[-CHECKSUM:] == _checksum(file, content) else None
+
+
+def cached_result(kind: str, name: str, request: object, compute: Callable[[], Any]) -> Any:
+    """Result of ``compute``, as JSON reads it back; from the file ``name`` of the cache after an equal ``request``."""
+    key = hashlib.sha256(json.dumps(request, sort_keys=True).encode()).hexdigest()[:24]
+    file = cache_folder() / kind / key / name
+    with reporting_errors():
+        if (cached := read_checked(file)) is not None:
+            return json.loads(cached)
+    content = json.dumps(compute())
+    with reporting_errors():
+        write_checked(private_folder(file.parent) / file.name, content.encode())
+    return json.loads(content)
 
 
 def _checksum(file: Path, content: bytes) -> bytes:

@@ -17,14 +17,12 @@ Jacobian is computed by finite differences.
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.cache import cache_folder, private_folder, read_checked, reporting_errors, write_checked
+from fmus.cache import cached_result
 from fmus.chassis.dynamics import ROOT, rates
 from fmus.chassis.model import Model as Chassis
 from fmus.chassis.model import stations
@@ -72,18 +70,12 @@ def equilibrium(chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack])
     With equal tracks on both sides and a hull that does not lean sideways, only the left half is solved. The result is
     cached for this build. Raises BadInput.
     """
-    request = json.dumps([source_hash(), chassis, tracks], sort_keys=True).encode()
-    file = cache_folder() / "places" / hashlib.sha256(request).hexdigest()[:24] / "equilibrium"
-    with reporting_errors():
-        if (cached := read_checked(file)) is not None:
-            return VehicleEquilibrium(*json.loads(cached))
+    request = [source_hash(), chassis, tracks]
     try:
-        solution = _solve(_Vehicle(chassis, tracks))
+        solution = cached_result("places", "equilibrium", request, lambda: _solve(_Vehicle(chassis, tracks)))
     except (InvalidParameter, StepFailed) as error:
         raise BadInput(f"the vehicle's equilibrium was not found, start.state = 'drawn' needs none: {error}") from None
-    with reporting_errors():
-        write_checked(private_folder(file.parent) / file.name, json.dumps(solution).encode())
-    return solution
+    return VehicleEquilibrium(*solution)
 
 
 def stances(chassis: Mapping[str, Any]) -> dict[str, Stance]:

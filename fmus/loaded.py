@@ -15,8 +15,9 @@ from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any, NamedTuple
 
+from fmus.cache import cached_result
 from fmus.components import KINDS, model_of
-from fmus.sources import ROOT, sources
+from fmus.sources import ROOT, source_hash, sources
 
 SHORT = 5  # links of a shortened chain
 Recipe = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, its config, its parameters
@@ -33,7 +34,14 @@ class Contents(NamedTuple):
 
 
 def loaded_contents(parts: Sequence[Recipe]) -> Contents:
-    """Start the parts in a child process; raises BuildFailed with the last message of the child."""
+    """Start the parts in a child process; raises BuildFailed with the last message of the child.
+
+    The result is cached for this build.
+    """
+    return Contents(*map(tuple, cached_result("contents", "modules", [source_hash(), parts], lambda: _started(parts))))
+
+
+def _started(parts: Sequence[Recipe]) -> Contents:
     from fmus.build import BuildFailed  # the child does not need it
 
     child = subprocess.run(

@@ -6,14 +6,12 @@ equilibrium of the track, not taken from the drawing.
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
 from typing import Any
 
 from scipy.optimize import brentq
 
-from fmus.cache import cache_folder, private_folder, read_checked, reporting_errors, write_checked
+from fmus.cache import cached_result
 from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.chain.report import T_MEAN
 from fmus.sources import source_hash
@@ -34,16 +32,9 @@ def tension_wheel(
     result is cached for this build. Raises BadInput when the chain cannot carry that tension with the wheel within
     60 mm of its drawn place.
     """
-    request = json.dumps([source_hash(), config, name, tension], sort_keys=True).encode()
-    file = cache_folder() / "places" / hashlib.sha256(request).hexdigest()[:24] / "place"
-    with reporting_errors():
-        if (cached := read_checked(file)) is not None:
-            x, push = json.loads(cached)
-            return x, push
-    solution = _search(config, name, tension, keys)
-    with reporting_errors():
-        write_checked(private_folder(file.parent) / file.name, json.dumps(solution).encode())
-    return solution
+    request = [source_hash(), config, name, tension]
+    x, push = cached_result("places", "place", request, lambda: _search(config, name, tension, keys))
+    return x, push
 
 
 def _search(config: Mapping[str, Any], name: str, tension: float, keys: str) -> tuple[float, float]:

@@ -113,6 +113,19 @@ def test_contents_are_what_a_component_loads():
         )
 
 
+def test_contents_are_listed_once_for_a_build(monkeypatch, tmp_path):
+    from fmus import loaded
+
+    monkeypatch.setenv("COTRACK_CACHE", str(tmp_path))
+    contents, started = loaded.Contents(("fmus.a",), ("fmus.b",), (3,), (4,), (5,)), []
+    monkeypatch.setattr(loaded, "_started", lambda parts: started.append(parts) or contents)
+    parts = [("Chassis", {"x": 1.0}, {})]
+    assert [loaded.loaded_contents(parts) for _ in range(2)] == [contents, contents]
+    assert len(started) == 1
+    loaded.loaded_contents([("Chassis", {"x": 1.1}, {})])
+    assert len(started) == 2
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("spin", [0.0, 5.0])
 def test_a_loop_that_spins_is_stretched(spin):
