@@ -18,7 +18,7 @@ import pickle
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from functools import cached_property, wraps
+from functools import wraps
 from importlib import import_module
 from importlib.util import resolve_name
 from pathlib import Path
@@ -140,23 +140,6 @@ class _Cache(FunctionCache):
         return any(self._cache_file.files())
 
 
-class _CacheOnDemand:
-    """Cache of a kernel, made when it is first asked for: a run imports some 300 kernels and calls 30."""
-
-    def __init__(self, function: Callable[..., Any], part: str, counts_references: bool) -> None:
-        self._arguments = function, part, counts_references
-
-    @cached_property
-    def _made(self) -> _Cache:
-        function, part, counts_references = self._arguments
-        made = _Cache(function, part)
-        made.counts_references = counts_references
-        return made
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._made, name)
-
-
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False, "no_cfunc_wrapper": True}
 INNER = {"no_cpython_wrapper": True}
 
@@ -222,7 +205,8 @@ def _compiled(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     if outer is not function:
         inner = numba.njit(**options | INNER)(function)
         for compiled, part in ((outer, ""), (inner, ".inner")):
-            compiled._cache = _CacheOnDemand(function, part, options["_nrt"])  # as numba's cache=True, with our cache
+            compiled._cache = _Cache(function, part)  # what numba's cache=True does, with our cache
+            compiled._cache.counts_references = options["_nrt"]
         # otherwise each constant argument has a type of its own and is compiled separately
         outer.get_call_template = lambda args, kws: inner.get_call_template(
             tuple(map(numba.types.unliteral, args)), kws
