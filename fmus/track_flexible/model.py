@@ -17,7 +17,6 @@ from fmus.physics.chain.flexible.cable_nodes import NODE
 from fmus.physics.chain.flexible.closing import ClosingSpring
 from fmus.physics.chain.flexible.elements import kit
 from fmus.physics.chain.flexible.explicit import NOTHING, stable
-from fmus.physics.chain.flexible.newton import CHORD
 from fmus.physics.chain.flexible.places import coordinate_indices, straight
 from fmus.physics.chain.flexible.planar_nodes import NODE as PLANAR_NODE
 from fmus.physics.chain.flexible.release import EVALUATE, RELEASED, REST, Evaluation, Rest, release, start_released
@@ -45,7 +44,7 @@ LAST_PSEUDO_STEP = 10.0  # last pseudo step of a chain between pins, s: its slow
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
 ELEMENTS = {"cable": NODE, "planar": PLANAR_NODE, "beam": BEAM_NODE}  # number of coordinates of a pin
 BEAM_PART = 0.1  # part of the tolerance that holds for beams, whose sections strain by more than their pins move
-TOLERANCE_RANGE = Range(POSITIVE.least, CHORD, f"greater than 0 and {CHORD} at most")
+TOLERANCE_RANGE = Range(POSITIVE.least, 1e-5, "greater than 0 and 1e-05 at most")
 
 
 class Model(TrackModel):

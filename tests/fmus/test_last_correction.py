@@ -6,12 +6,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from test_track_flexible import TABLE, at_rest, parameters, wheels
+from test_track_flexible import LINKS, TABLE, at_rest, carrier, parameters, wheels
 
 from fmus.physics.chain.flexible.axes_state import from_axes
 from fmus.physics.chain.flexible.last_correction import add_last_correction
 from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.on_links import GROUND, WHEELS
+from fmus.physics.chain.report import GROUND as REPORT_GROUND
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.track_flexible.model import Model
 
@@ -52,7 +53,7 @@ class Chain:
         if w.axes is not None:
             w.axes.turn[:] = turn
         before = self.wrenches(fresh=True)
-        add_last_correction(*self.model.system()[:2], Motion(s.q, self.correction, w.still, s.axes), w)
+        add_last_correction(self.model.link, Motion(s.q, self.correction, w.still, s.axes), w)
         return w.wrench - before
 
     def by_matrices(self, turn=(0.0, 0.0)) -> np.ndarray:
@@ -146,3 +147,39 @@ def test_links_and_pins_get_what_the_wheels_give(kind):
         in_space = np.array(from_axes(c.model.s.axes, in_space))
     assert in_space == pytest.approx(given.sum(axis=0), abs=1e-9 * size)
     assert abs(imbalance).max() > 0.01 * size, "no pin touches a tooth"
+
+
+@pytest.mark.parametrize("tolerance", [1e-5, 1e-7])
+def test_momentum_goes_where_the_wrenches_say(tolerance):
+    """Change of momentum of the chain = impulse of weight - impulse on wheels and ground.
+
+    The last corrections of a step are as large as the tolerance allows; the matrix of the second is kept.
+    """
+    model = carrier(tolerance=tolerance)
+    u = at_rest(model)
+    for k, wheel in enumerate(model.wheel_list):
+        u[13 * k + 7 : 13 * k + 10] = 0.5, 0.0, -0.3
+        u[13 * k + 11] = 3.0 if wheel["kind"] == "teeth" else 1.0
+
+    def momentum() -> np.ndarray:
+        p = np.zeros(3)
+        for i in range(LINKS):
+            j = (i + 1) % LINKS
+            slopes = np.array([model.s.v[i, [5, 7, 6]], model.s.v[j, [3, 7, 4]]])
+            c = model.link.element
+            ends = model.s.v[i, :3] + model.s.v[j, :3]
+            p += c.rhoA * c.l * (ends / 2 + c.l / 12 * (slopes[0] - slopes[1]))
+        return p
+
+    c = model.link.element
+    weight = np.array([0, 0, -LINKS * c.rhoA * c.l * 9.81])
+    corrections = []
+    for k in range(5):
+        before, h = momentum(), 2e-3
+        model.step(k * h, h, u)
+        given = model.s.mean[:-1, :3].sum(axis=0) - model.report[REPORT_GROUND : REPORT_GROUND + 3]
+        allowed = 2e-12 * abs(given * h).max()
+        np.testing.assert_allclose(momentum() - before, h * (weight - given), rtol=0.0, atol=allowed)
+        corrections.append(abs(model.work.points.step[:, :3]).max())
+    assert max(corrections) > 0.1 * tolerance
+    assert not np.allclose(momentum() - before, h * (weight - 1.03 * given), atol=2e-6 * abs(given * h).max())

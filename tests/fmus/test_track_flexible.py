@@ -12,7 +12,6 @@ from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.chain.flexible.cables import LAYOUT
 from fmus.physics.chain.report import (
     EVALUATIONS,
-    GROUND,
     KINETIC,
     REJECTED,
     REPORT,
@@ -121,42 +120,6 @@ def test_the_start_is_at_rest_on_its_wheels():
     assert abs(model.s.q - first).max() < 1e-8
     model.step(0.02, 1e-3, at_rest(model, lift=1e-4))  # twin: a tenth of a millimetre shows
     assert abs(model.s.v[:, :3]).max() > 1e-4
-
-
-@pytest.mark.parametrize("tolerance", [1e-5, 1e-7])
-def test_momentum_goes_where_the_wrenches_say(tolerance):
-    """Change of momentum of the chain = impulse of weight - impulse on wheels and ground.
-
-    The last corrections of a step are as large as the tolerance allows; the matrix of the second is kept.
-    """
-    model = carrier(tolerance=tolerance)
-    u = at_rest(model)
-    for k, wheel in enumerate(model.wheel_list):
-        u[13 * k + 7 : 13 * k + 10] = 0.5, 0.0, -0.3
-        u[13 * k + 11] = 3.0 if wheel["kind"] == "teeth" else 1.0
-
-    def momentum() -> np.ndarray:
-        p = np.zeros(3)
-        for i in range(LINKS):
-            j = (i + 1) % LINKS
-            slopes = np.array([model.s.v[i, [5, 7, 6]], model.s.v[j, [3, 7, 4]]])
-            c = model.link.element
-            ends = model.s.v[i, :3] + model.s.v[j, :3]
-            p += c.rhoA * c.l * (ends / 2 + c.l / 12 * (slopes[0] - slopes[1]))
-        return p
-
-    c = model.link.element
-    weight = np.array([0, 0, -LINKS * c.rhoA * c.l * 9.81])
-    corrections = []
-    for k in range(5):
-        before, h = momentum(), 2e-3
-        model.step(k * h, h, u)
-        given = model.s.mean[:-1, :3].sum(axis=0) - model.report[GROUND : GROUND + 3]
-        allowed = 2e-12 * abs(given * h).max()
-        np.testing.assert_allclose(momentum() - before, h * (weight - given), rtol=0.0, atol=allowed)
-        corrections.append(abs(model.work.points.step[:, :3]).max())
-    assert max(corrections) > 0.1 * tolerance
-    assert not np.allclose(momentum() - before, h * (weight - 1.03 * given), atol=2e-6 * abs(given * h).max())
 
 
 def test_a_spinning_loop_carries_its_centrifugal_force():
@@ -348,7 +311,7 @@ def test_tracks_that_cannot_be_are_refused():
         hanging(**{"material.youngs_modulus": -1.0})
     with pytest.raises(InvalidParameter, match="step"):
         hanging(step=0.0)
-    with pytest.raises(InvalidParameter, match=r"tolerance = 1: must be greater than 0 and 0.0001 at most"):
+    with pytest.raises(InvalidParameter, match=r"tolerance = 1: must be greater than 0 and 1e-05 at most"):
         hanging(tolerance=1.0)
 
 

@@ -28,5 +28,5 @@ def evaluate_contacts(
 
 
 @dispatch(implementation("faces"))
-def add_last_correction(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork) -> None:
+def add_last_correction(links: FacedLinks, x: Motion, w: ChainWork) -> None:
     """See ``flexible.last_correction.add_last_correction``."""

@@ -2,8 +2,9 @@
 
 The chain's accelerations obey the forces of the last evaluation and their change to first order, g dx with the
 iteration matrix. Wheels and ground get this change too. So the impulses on both sides of each contact are equal to
-rounding at any tolerance of the iteration, without another evaluation. The lever of a force on its wheel stays that of
-the matrix.
+rounding at any tolerance of the iteration, without another evaluation.
+
+Left out are, as in the matrix, the turn of forces with axes that turn, and the change of a force's lever on its wheel.
 """
 
 from __future__ import annotations
@@ -37,12 +38,11 @@ if TYPE_CHECKING:
     from fmus.physics.chain.flexible.elements import FlexibleLinks
     from fmus.physics.chain.flexible.state import Motion
     from fmus.physics.chain.flexible.work import Work
-    from fmus.physics.chain.protocols import Contacts
 
 
 @kernel
 @noalias
-def add_last_correction(links: FlexibleLinks, contacts: Contacts, x: Motion, w: Work) -> None:
+def add_last_correction(links: FlexibleLinks, x: Motion, w: Work) -> None:
     """Add the change of all contact forces to wrenches, forces on links, and loads on links and pins.
 
     ``x``: coordinates at the last matrix, with the correction as their rates.

@@ -87,7 +87,7 @@ def newton(
                 for i in range(s.q.shape[0]):
                     for k in range(s.q.shape[1]):
                         points.step[i, k] = s.q[i, k] - points.step[i, k]
-                add_last_correction(links, contacts, Motion(points.q, points.step, w.still, s.axes), w)
+                add_last_correction(links, Motion(points.q, points.step, w.still, s.axes), w)
             return DONE, where, worst
         if size > SLOW * last and fresh and not sharp[0]:
             sharpen(w.contact)
