@@ -2,8 +2,8 @@
 
 It drives the vehicle of a scene for 4,000 communication steps in child processes and compares all outputs of all steps
 and the resolved scene with those of a run without changes. glibc, OpenBLAS and numpy choose their code by processor, so
-each child is given another choice, by environment; native FMUs also run in an emulator (``qemu-user``) as other
-processors. numba compiles for the generic processor in one child.
+each child is given another choice, by environment; numba compiles for the generic processor in one. Native FMUs also
+run as other processors in an emulator (Debian's ``qemu-user``), and their libraries for Windows in Wine (``wine64``).
 """
 
 from __future__ import annotations
@@ -98,29 +98,34 @@ def driven(
         return child.stdout, np.load(file)
 
 
-def native_runs(scene: str, links: str, steps: int, emulated: int, folder: Path) -> dict[str, np.ndarray]:
-    """Outputs (steps, outputs) of native FMUs by processor, by the C host; in the emulator ``emulated`` steps."""
-    from test_native_host import built, host, order_text
+def native_runs(scene: str, links: str, steps: int, folder: Path) -> dict[str, np.ndarray]:
+    """Outputs (steps, outputs) of native FMUs by processor and system, by the C host."""
+    from test_native_host import host, order_text, windows_host
 
-    from orchestrator.scene.assembly import assemble
+    from fmus.native.platform import LINUX, WINDOWS
+    from orchestrator.scene.assembly import assemble, build_native_all
     from orchestrator.scene.placing import placed
     from orchestrator.scene.scene import load
 
     resolved = placed(load(scene, links, DRIVING))
     assembly = assemble(resolved)
-    files, program = built(assembly), host(folder)
+    emulator, wine = shutil.which("qemu-x86_64"), shutil.which("wine64") or shutil.which("wine")
+    parts = [(part.kind, part.config | {"parameters": part.parameters}, None) for part in assembly.parts]
+    files, program = build_native_all(parts, windows=wine is not None), host(folder)
     trace, runs = folder / "trace", {}
-    emulator = shutil.which("qemu-x86_64")
-    ways: dict[str, tuple[int, Sequence[str], Mapping[str, str]]] = {
-        "as it is": (steps, (), {}),
-        "glibc without AVX and FMA": (steps, (), {"GLIBC_TUNABLES": OLD_LIBM}),
-        **{f"{model}, emulated": (emulated, (emulator, "-cpu", model), {}) for model in EMULATED if emulator},
+    ways: dict[str, tuple[Sequence[str], Mapping[str, str]]] = {
+        "as it is": ((program,), {}),
+        "glibc without AVX and FMA": ((program,), {"GLIBC_TUNABLES": OLD_LIBM}),
+        **{f"{model}, emulated": ((emulator, "-cpu", model, program), {}) for model in EMULATED if emulator},
     }
-    for name, (count, words, choice) in ways.items():
-        order = order_text(assembly, files, resolved.run.step, count)
-        command = [*words, str(program)]
-        subprocess.run(command, input=f"{order} {trace}", env=dict(choice), capture_output=True, text=True, check=True)
-        runs[name] = np.fromfile(trace).reshape(count, -1)
+    if wine:
+        ways["Windows, in Wine"] = (wine, windows_host(folder)), os.environ
+    for name, (command, environment) in ways.items():
+        order = order_text(assembly, files, resolved.run.step, steps, WINDOWS if command[0] == wine else LINUX)
+        subprocess.run(
+            command, input=f"{order} {trace}", env=dict(environment), capture_output=True, text=True, check=True
+        )
+        runs[name] = np.fromfile(trace).reshape(steps, -1)
     return runs
 
 
@@ -137,15 +142,15 @@ def compare_python(scene: str, links: str, steps: int, choices: Sequence[str] = 
     return total
 
 
-def compare_native(scene: str, links: str, steps: int, emulated: int) -> int:
+def compare_native(scene: str, links: str, steps: int) -> int:
     """Print a line for each processor; number of values that differ."""
     with tempfile.TemporaryDirectory() as folder:
-        runs = native_runs(scene, links, steps, emulated, Path(folder))
+        runs = native_runs(scene, links, steps, Path(folder))
     total = 0
     for name, outputs in runs.items():
-        found = difference(runs["as it is"][: len(outputs)], outputs)
+        found = difference(runs["as it is"], outputs)
         total += found.different
-        print(f"{scene}, {links}, native, {name}: {_text(found)} in {len(outputs)} steps", flush=True)
+        print(f"{scene}, {links}, native, {name}: {_text(found)}", flush=True)
     return total
 
 
@@ -163,7 +168,6 @@ def main() -> int:
     parser.add_argument("scenes", nargs="*", default=["straight", "turn"])
     parser.add_argument("--links", choices=["flexible", "rigid"], nargs="+", default=["flexible", "rigid"])
     parser.add_argument("--steps", type=int, default=STEPS)
-    parser.add_argument("--emulated", type=int, default=STEPS, help="steps in the emulator, 0.5 s each")
     parser.add_argument("--no-native", action="store_true")
     chosen = parser.parse_args()
     total = 0
@@ -171,7 +175,7 @@ def main() -> int:
         for links in chosen.links:
             total += compare_python(scene, links, chosen.steps)
             if not chosen.no_native:
-                total += compare_native(scene, links, chosen.steps, min(chosen.emulated, chosen.steps))
+                total += compare_native(scene, links, chosen.steps)
     return int(total > 0)
 
 

@@ -23,11 +23,11 @@ def test_python_fmus_give_the_same_bits_with_all_choices_of_the_libraries(scene,
 
 @pytest.mark.study
 @pytest.mark.parametrize("scene", ["straight", "turn"])
-def test_native_fmus_give_the_same_bits_on_emulated_processors(scene):
-    """The emulator takes half a second a step with AVX2, hence its part has fewer steps."""
-    if shutil.which("qemu-x86_64") is None:
-        pytest.skip("needs Debian's qemu-user")
-    assert compare_native(scene, "flexible", STEPS, 400) == 0
+@pytest.mark.parametrize("links", ["flexible", "rigid"])
+def test_native_fmus_give_the_same_bits_on_emulated_processors_and_windows(scene, links):
+    if not (shutil.which("qemu-x86_64") and shutil.which("wine")):
+        pytest.skip("needs Debian's qemu-user and wine64")
+    assert compare_native(scene, links, STEPS) == 0
 
 
 def test_a_last_digit_is_a_difference():

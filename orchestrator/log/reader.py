@@ -27,7 +27,7 @@ from orchestrator.log import log_format, notices, seal_check, signal_names
 from orchestrator.log.container_reader import DAMAGE, ContainerReader, LogUnreadable, parse_record
 from orchestrator.log.contents import LogContents
 from orchestrator.log.message_records import Messages
-from orchestrator.log.stream import Stream
+from orchestrator.log.stream import NotInOrder, Stream
 from orchestrator.log.time_series import EVER, Floats, Series, empty_series, join_series
 
 
@@ -162,7 +162,10 @@ class Log(AbstractContextManager["Log"]):
         for offset in chunks:
             first, last = self._chunks.spans[offset]
             if last >= window[0] - 1e-6 and (first <= window[1] + 1e-6 or stream.is_waiting):
-                piece = stream.add(self._chunks.read(offset, stream.topics, keep))
+                try:
+                    piece = stream.add(self._chunks.read(offset, stream.topics, keep))
+                except NotInOrder as damage:
+                    raise LogUnreadable(f"{self.path}: {damage}") from None
                 if piece:
                     yield piece
 

@@ -17,6 +17,10 @@ FEW = 4  # fewer than one variable in four: each is decoded separately
 Steps = NDArray[np.int64]
 
 
+class NotInOrder(ValueError):
+    """Messages of a topic whose step numbers or times do not increase; the message is one sentence."""
+
+
 class Stream:
     """Reader of selected columns; gets the chunks of a log in order, returns messages once complete.
 
@@ -48,7 +52,10 @@ class Stream:
         return any(len(topic.steps) for topic in self._topics.values())
 
     def add(self, piece: Iterable[Messages]) -> dict[str, Series]:
-        """Add the messages of the next chunk; return the messages that are complete now, by topic."""
+        """Add the messages of the next chunk; return the messages that are complete now, by topic.
+
+        Raises NotInOrder.
+        """
         for messages in piece:
             if messages.topic in self._outputs:
                 self._outputs[messages.topic].add(messages)
@@ -71,8 +78,9 @@ class _Outputs:
         self.values = np.empty((0, len(names)))
 
     def add(self, messages: Messages) -> None:
-        """Append the rows of later messages."""
-        self.sequence = np.concatenate([self.sequence, messages.sequence])
+        """Append the rows of later messages; raises NotInOrder."""
+        self.sequence = np.concatenate([self.sequence, messages.sequence.astype(np.int64)])
+        _check_order(messages.topic, self.sequence)
         self.values = np.concatenate([self.values, decode_columns(messages, self._held).values])
 
     def drop_before(self, number: int) -> None:
@@ -128,13 +136,16 @@ class _Topic:
             for wire, wired in _wired(recorded, names)
         ]
         self.next = 0  # step number of the first message that is not returned yet
+        self._newest = -np.inf  # time of the last message, s
         self.steps = np.empty(0, np.int64)  # step numbers of the waiting messages
         self._nothing = self._waiting = empty_series(names)
 
     def add(self, messages: Messages, window: tuple[float, float]) -> None:
-        """Append later messages in the window."""
+        """Append later messages in the window; raises NotInOrder."""
         series, steps = decode_columns(messages, self._held), messages.sequence.astype(np.int64)
-        self.next = int(steps[-1]) + 1
+        _check_order(messages.topic, np.append(self.next - 1, steps))
+        _check_order(messages.topic, np.append(self._newest, series.t))
+        self.next, self._newest = int(steps[-1]) + 1, float(series.t[-1])
         if self.parts:
             values = np.empty((len(series.t), len(self._nothing.names)))
             values[:, self._recorded] = series.values
@@ -169,6 +180,11 @@ class _Topic:
         if len(self.steps):
             self.next = int(self.steps[0])
         return series if complete.all() else series.rows(complete)
+
+
+def _check_order(topic: str, numbers: Floats | Steps) -> None:
+    if not (numbers[1:] > numbers[:-1]).all():
+        raise NotInOrder(f"the messages of {topic} are not in order of time")
 
 
 def _wired(recorded: RecordedChannel, names: Sequence[str]) -> Iterator[tuple[Wire, dict[str, str]]]:
