@@ -1,7 +1,7 @@
 """Inverses of small matrices, in place.
 
-Gauss-Jordan elimination waits for a division at each column. A 4 x 4 matrix is inverted by its 2 x 2 blocks instead,
-with two divisions: with P = A^-1 and S = D - C P B,
+Gauss-Jordan elimination waits for a division at each column. It begins with the leading 4 x 4 block (2 x 2 of a smaller
+matrix) at once instead, which is inverted by its 2 x 2 blocks, with two divisions: with P = A^-1 and S = D - C P B,
 
     (A B)-1   (P + P B S^-1 C P   -P B S^-1)
     (C D)   = (-S^-1 C P              S^-1 )
@@ -16,7 +16,7 @@ import numpy as np
 from fmus.jit import kernel, noalias
 from fmus.physics.arrays import Floats, Four, Size
 
-SMALL = 1e-3  # least ratio of a block's determinant to its products, and of 1 to P B: else rows are exchanged
+SMALL = 1e-3  # least ratio of a block's determinant to its products, and of 1 to P B: else all rows are exchanged
 
 
 @kernel
@@ -47,19 +47,24 @@ def _sum(x: Four, y: Four) -> Four:
 
 
 @kernel
+def _block(A: Floats, r: int, c: int) -> Four:
+    """2 x 2 block of ``A`` (m, m) from row ``r``, column ``c``."""
+    return A[r, c], A[r, c + 1], A[r + 1, c], A[r + 1, c + 1]
+
+
+@kernel
 def _put(A: Floats, r: int, c: int, x: Four, sign: float) -> None:
-    """Write ``sign`` times the 2 x 2 block ``x`` into ``A`` (4, 4) from row ``r``, column ``c``."""
+    """Write ``sign`` times the 2 x 2 block ``x`` into ``A`` (m, m) from row ``r``, column ``c``."""
     A[r, c], A[r, c + 1], A[r + 1, c], A[r + 1, c + 1] = sign * x[0], sign * x[1], sign * x[2], sign * x[3]
 
 
 @kernel
 def _by_quarters(A: Floats) -> bool:
-    """Invert ``A`` (4, 4) in place by blocks; False, with ``A`` unchanged, if that would lose digits."""
-    B, C = (A[0, 2], A[0, 3], A[1, 2], A[1, 3]), (A[2, 0], A[2, 1], A[3, 0], A[3, 1])
+    """Invert the leading (4, 4) block of ``A`` in place; False, with ``A`` unchanged, if that would lose digits."""
     P, done = _quarter(A[0, 0], A[0, 1], A[1, 0], A[1, 1])
     if not done:
         return False
-    PB = _times(P, B)
+    PB, C = _times(P, _block(A, 0, 2)), _block(A, 2, 0)
     if not SMALL * max(abs(PB[0]), abs(PB[1]), abs(PB[2]), abs(PB[3])) < 1.0:
         return False
     t = _times(C, PB)
@@ -75,16 +80,66 @@ def _by_quarters(A: Floats) -> bool:
 
 
 @kernel
+def _eliminate_lead(A: Floats, y: Floats, m: int) -> int:
+    """Eliminate the first 4 or 2 columns of ``A`` (m, m) at once; their number, or 0 with ``A`` unchanged.
+
+    With the leading block inverted, P, the others become P B, -C P and D - C P B. ``y`` (m) is scratch.
+    """
+    k = 4 if m >= 4 else 2
+    kept = _block(A, 0, 0), _block(A, 0, k - 2), _block(A, k - 2, 0), _block(A, k - 2, k - 2)
+    if k == 4:
+        done = _by_quarters(A)
+    else:
+        P, done = _quarter(A[0, 0], A[0, 1], A[1, 0], A[1, 1])
+        if done:
+            _put(A, 0, 0, P, 1.0)
+    if not done:
+        return 0
+    largest = 0.0
+    for c in range(k, m):
+        for r in range(k):
+            y[r] = 0.0
+            for a in range(k):
+                y[r] += A[r, a] * A[a, c]
+            largest = max(largest, abs(y[r]))
+    if not SMALL * largest < 1.0:
+        _put(A, 0, 0, kept[0], 1.0)
+        _put(A, 0, k - 2, kept[1], 1.0)
+        _put(A, k - 2, 0, kept[2], 1.0)
+        _put(A, k - 2, k - 2, kept[3], 1.0)
+        return 0
+    for c in range(k, m):
+        for r in range(k):
+            y[r] = 0.0
+            for a in range(k):
+                y[r] += A[r, a] * A[a, c]
+        for r in range(k):
+            A[r, c] = y[r]
+    for r in range(k, m):
+        for c in range(k):
+            y[c] = 0.0
+            for a in range(k):
+                y[c] -= A[r, a] * A[a, c]
+        for c in range(k, m):
+            for a in range(k):
+                A[r, c] -= A[r, a] * A[a, c]
+        for c in range(k):
+            A[r, c] = y[c]
+    return k
+
+
+@kernel
 @noalias
 def invert(A: Floats, swap: Floats, size: Size = ()) -> bool:
     """Invert ``A`` (m, m) in place, Gauss-Jordan with row exchanges; return False if it is singular.
 
-    ``swap`` (m) is scratch. A tuple ``size`` of length m makes it twice as fast, of length 4 five times.
+    ``swap`` (m) is scratch. A tuple ``size`` of length m makes it two to five times as fast.
     """
     m = len(size) if len(size) > 0 else A.shape[0]
-    if len(size) == 4 and _by_quarters(A):
-        return True
-    for k in range(m):
+    first = 0
+    if len(size) > 1:
+        first = _eliminate_lead(A, swap, len(size))
+    for k in range(first, m):
         p = k
         best = abs(A[k, k])
         for r in range(k + 1, m):
@@ -107,7 +162,7 @@ def invert(A: Floats, swap: Floats, size: Size = ()) -> bool:
                 A[r, k] = 0.0
                 for c in range(m):
                     A[r, c] -= s * A[k, c]
-    for k in range(m - 1, -1, -1):
+    for k in range(m - 1, first - 1, -1):
         p = int(swap[k])
         if p != k:
             for r in range(m):
