@@ -3,7 +3,7 @@
 It drives the vehicle of a scene for 4,000 communication steps in child processes and compares all outputs of all steps
 and the resolved scene with those of a run without changes. glibc, OpenBLAS and numpy choose their code by processor, so
 each child is given another choice, by environment; numba compiles for the generic processor in one. Native FMUs also
-run as other processors in an emulator (Debian's ``qemu-user``), and their libraries for Windows in Wine (``wine64``).
+run as other processors in an emulator (Debian's ``qemu-user``), and their libraries for Windows in Wine (``wine``).
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def native_runs(scene: str, links: str, steps: int, folder: Path) -> dict[str, n
 
     resolved = placed(load(scene, links, DRIVING))
     assembly = assemble(resolved)
-    emulator, wine = shutil.which("qemu-x86_64"), shutil.which("wine64") or shutil.which("wine")
+    emulator, wine = shutil.which("qemu-x86_64"), shutil.which("wine")
     parts = [(part.kind, part.config | {"parameters": part.parameters}, None) for part in assembly.parts]
     files, program = build_native_all(parts, windows=wine is not None), host(folder)
     trace, runs = folder / "trace", {}

@@ -26,7 +26,7 @@ def test_python_fmus_give_the_same_bits_with_all_choices_of_the_libraries(scene,
 @pytest.mark.parametrize("links", ["flexible", "rigid"])
 def test_native_fmus_give_the_same_bits_on_emulated_processors_and_windows(scene, links):
     if not (shutil.which("qemu-x86_64") and shutil.which("wine")):
-        pytest.skip("needs Debian's qemu-user and wine64")
+        pytest.skip("needs Debian's qemu-user and wine")
     assert compare_native(scene, links, STEPS) == 0
 
 
