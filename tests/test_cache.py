@@ -213,6 +213,17 @@ def test_a_damaged_table_of_settings_is_left_out_and_named(fresh_cache, caplog):
     assert file.read_bytes() != whole
 
 
+@POSIX
+@pytest.mark.parametrize("make", [os.mkfifo, lambda file: file.write_text("[" * 100_000)])
+def test_a_pipe_or_a_deep_text_in_place_of_the_table_is_left_out(fresh_cache, caplog, make):
+    file = precision.local_file()
+    precision.write([], file)
+    file.unlink()
+    make(file)
+    assert precision.read(file) == []
+    assert f"the table {file} is damaged and is left out" in caplog.text
+
+
 # --- folders ---------------------------------------------------------------------------------------
 
 

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 from fmus.cache import UntrustedFolder, cache_folder, check_trust, make_folder, report_error
 from fmus.cache import write as put
 from fmus.vehicle import BadInput
+from orchestrator.files.budget import DOCUMENT, read_file
 
 SHIPPED = Path(__file__).parents[1] / "gallery" / "precision.json"
 
@@ -56,7 +57,7 @@ def _rows(file: Path) -> list[Setting]:
     try:
         if file == local_file():
             check_trust(file.parent)
-        table = json.loads(file.read_text(encoding="utf-8"))
+        table = json.loads(read_file(file, DOCUMENT))
         if table["sha256"] != _checksum(table["rows"]):
             raise ValueError
         return [Setting(**row) for row in table["rows"]]
@@ -64,7 +65,7 @@ def _rows(file: Path) -> list[Setting]:
         return []
     except UntrustedFolder as error:
         report_error(error)
-    except (OSError, ValueError, TypeError, LookupError):
+    except (OSError, ValueError, TypeError, LookupError, RecursionError):
         logging.getLogger("cotrack").warning(
             "the table %s is damaged and is left out: 'cotrack study error-runtime' writes it again", file
         )

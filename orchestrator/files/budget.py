@@ -33,6 +33,8 @@ NESTING = 64  # levels of tables and arrays in a TOML file
 UNPACKED, RATIO = 32 << 20, 80  # bytes that any file may unpack to; more per byte of its size
 PARTS, PART = 2000, 128  # chunks or packed files that any file may have; bytes of the file for each further one
 RECORDS, RECORD = 64, 8  # records that any chunk may have; packed bytes for each further one
+OTHERS, OTHER = 2000, 256  # records outside chunks that any log may have; bytes of the log for each further one
+CHANNELS = 16 << 20  # bytes of all channel records of a log, the summary's included
 HOLES = 16  # size of a large file over its bytes on the disk; file systems that compress reach less
 
 _KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device", stat.S_IFSOCK: "a socket"}
@@ -48,11 +50,13 @@ class OverBudget(ValueError):
 
 
 class UnpackedBudget:
-    """Unpacked bytes, and parts (chunks, packed files), that a file of ``size`` bytes may still hold."""
+    """Unpacked bytes, parts (chunks, packed files) and other records that a file of ``size`` bytes may still hold."""
 
     def __init__(self, size: int) -> None:
         self._bytes = self._most_bytes = UNPACKED + RATIO * size
         self._parts = self._most_parts = PARTS + size // PART
+        self._others = self._most_others = most_others(size)
+        self._channels = CHANNELS
 
     def take(self, unpacked: int) -> None:
         """Count a part of ``unpacked`` bytes; raises OverBudget."""
@@ -64,6 +68,20 @@ class UnpackedBudget:
             raise OverBudget(f"it unpacks to more than {self._most_bytes} bytes, which are allowed for its size")
         if self._parts < 0:
             raise OverBudget(f"it has more than {self._most_parts} parts, which are allowed for its size")
+
+    def take_record(self, channel: int = 0) -> None:
+        """Count a record outside chunks; ``channel``: its bytes if it is a channel record. Raises OverBudget."""
+        self._others -= 1
+        self._channels -= channel
+        if self._others < 0:
+            raise OverBudget(f"it has more than {self._most_others} records, which are allowed for its size")
+        if self._channels < 0:
+            raise OverBudget(f"its channel records have more than {CHANNELS} bytes")
+
+
+def most_others(size: int) -> int:
+    """Return how many records outside chunks, or leaves of a seal, a log of ``size`` bytes may hold."""
+    return OTHERS + size // OTHER
 
 
 def most_records(packed: int) -> int:

@@ -26,7 +26,7 @@ from mcap.records import AttachmentIndex, ChunkIndex, DataEnd, Footer, MetadataI
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from orchestrator.files.budget import AT_ONCE, OverBudget, UnpackedBudget, open_file
+from orchestrator.files.budget import AT_ONCE, OverBudget, UnpackedBudget, most_others, open_file
 from orchestrator.log import seal
 from orchestrator.log.container_writer import being_written, error_text
 
@@ -41,6 +41,7 @@ INDEXES: dict[int, tuple[Any, str]] = {  # index records of the summary and thei
     Opcode.ATTACHMENT_INDEX: (AttachmentIndex, "offset"),
     Opcode.METADATA_INDEX: (MetadataIndex, "offset"),
 }
+OF_CHUNKS = (Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.CHUNK_INDEX)
 MOST_FAULTS = 100
 DAMAGE = (
     McapError, zstandard.ZstdError, struct.error, ValueError, TypeError, LookupError, MemoryError, OverflowError,
@@ -99,8 +100,16 @@ class ContainerReader:
         if unpacked is None:
             unpacked = int(_CHUNK.unpack(self.body(offset, _CHUNK.size).ljust(_CHUNK.size, b"\0"))[2])
         self._counted[offset] = unpacked
+        self._take(self._budget.take, unpacked)
+
+    def take_record(self, opcode: int, offset: int) -> None:
+        """Count the record at ``offset`` unless it belongs to a chunk, which counts itself; raises LogUnreadable."""
+        if opcode not in OF_CHUNKS:
+            self._take(self._budget.take_record, self.length(offset) if opcode == Opcode.CHANNEL else 0)
+
+    def _take(self, take: Callable[[int], None], amount: int) -> None:
         try:
-            self._budget.take(unpacked)
+            take(amount)
         except OverBudget as excess:
             raise LogUnreadable(f"{self.path} is not read: {excess}") from None
 
@@ -185,6 +194,7 @@ class ContainerReader:
             return self.size if self.ended else None
         if opcode == Opcode.DATA_END and length == 4:
             self.data_end = offset
+        self.take_record(opcode, offset)
         try:
             visit(opcode, offset)
         except DAMAGE:
@@ -203,7 +213,7 @@ class ContainerReader:
         try:
             offset = self.record(Footer, self.size - FOOTER).summary_start
             offsets.append(offset - HEAD.size - 4)  # end of data
-            while offset < self.size - FOOTER:
+            while offset < self.size - FOOTER and len(offsets) < most_others(self.size):
                 opcode, length = HEAD.unpack_from(self._data, offset)
                 if opcode in INDEXES:
                     kind, field = INDEXES[opcode]

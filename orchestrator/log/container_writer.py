@@ -39,6 +39,7 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
+from orchestrator.files.budget import open_file
 from orchestrator.log import seal
 from orchestrator.log.message_records import items_at
 
@@ -275,10 +276,11 @@ def check_writable(path: Path) -> None:
         pass
     except OSError as error:  # a name that is too long, a folder that cannot be searched
         raise log_failed(path, error) from None
+    written = target_of(path)
     if path.is_dir():
         problem = "it is a directory"
-    elif path.is_symlink() and not path.exists():
-        problem = f"it is a link to {path.readlink()}, which does not exist"
+    elif written.is_symlink():
+        problem = "it is a link that leads to itself"
     elif path.exists() and not path.is_file():
         problem = "it is a device or a pipe, which cannot be read again"
     elif any(_held(file) for file in _running_files(path)):
@@ -293,13 +295,18 @@ def check_writable(path: Path) -> None:
         except OSError as error:
             raise log_failed(path, error) from None
     elif not path.exists():
-        parent = next(folder for folder in path.absolute().parents if folder.exists())
+        parent = next(folder for folder in written.absolute().parents if folder.exists())
         if not parent.is_dir():
             problem = f"{parent} is no folder"
         elif not os.access(parent, os.W_OK):
             problem = f"the folder {parent} is read-only"
     if problem:
         raise LogFailed(f"the log {path} cannot be written: {problem}")
+
+
+def target_of(path: Path) -> Path:
+    """Return the file that is written for the log ``path``: the target of a link, which need not exist."""
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
 def growing_log(path: Path) -> Path:
@@ -320,13 +327,15 @@ def beside(path: Path) -> Path:
 
 
 def _running_files(path: Path) -> list[Path]:
-    return sorted(path.parent.glob(f"{escape(path.stem + RUNNING)}*{escape(path.suffix)}"))
+    path = target_of(path)
+    files = path.parent.glob(f"{escape(path.stem + RUNNING)}*{escape(path.suffix)}")
+    return sorted(file for file in files if file.is_file())
 
 
 def _held(path: Path) -> bool:
     """Whether a recorder has the file open."""
     try:
-        with path.open("rb") as stream:
+        with open_file(path) as stream:
             return being_written(stream)
     except OSError:
         return False

@@ -12,6 +12,7 @@ from typing import Any
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
 
+from orchestrator.files.budget import most_others
 from orchestrator.log import channel_metadata, closing_record, log_format
 from orchestrator.log import seal as sealing
 from orchestrator.log.chunk_reader import Chunks
@@ -72,6 +73,7 @@ class LogContents:
         statistics = None
         try:
             for opcode, offset in self._file.summary():
+                self._file.take_record(opcode, offset)
                 counts[opcode] += 1
                 if opcode == Opcode.STATISTICS:
                     statistics = self._file.record(Statistics, offset)
@@ -108,7 +110,7 @@ class LogContents:
             elif record.name == closing_record.NAME:
                 self.closing = closing_record.decode(record.metadata)
             elif record.name == sealing.NAME:
-                self.seal, self.seal_at = sealing.decode(record.metadata), offset
+                self.seal, self.seal_at = sealing.decode(record.metadata, most_others(self._file.size)), offset
             else:
                 self.metadata[record.name] = record.metadata
         elif opcode == Opcode.SCHEMA:

@@ -30,6 +30,7 @@ from orchestrator.log.container_writer import (
     check_writable,
     left_behind,
     log_failed,
+    target_of,
 )
 from orchestrator.log.message_records import LONGEST
 from orchestrator.log.page import CHUNK, Block, Channel, Page, WireViolated
@@ -92,7 +93,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._flush = flush
         try:
             check_writable(self.path)
-            self._target = self.file = self.path.resolve() if self.path.is_symlink() else self.path
+            self._target = self.file = target_of(self.path)
             self._target.parent.mkdir(parents=True, exist_ok=True)
             for file in left_behind(self._target):
                 notices.notice(notices.left_behind(file))

@@ -48,8 +48,10 @@ def encode(offsets: Sequence[int], leaves: Sequence[bytes]) -> dict[str, str]:
     return {"root": root_of(leaves), "leaves": "\n".join(lines)}
 
 
-def decode(record: Mapping[str, str]) -> Seal:
-    """Decode a seal record; raises LookupError, ValueError."""
+def decode(record: Mapping[str, str], most: int) -> Seal:
+    """Decode a seal record of ``most`` leaves at most; raises LookupError, ValueError."""
+    if record["leaves"].count("\n") >= most:
+        raise ValueError(f"the seal has more than {most} leaves")
     lines = [line.split(" ") for line in record["leaves"].split("\n")]
     offsets, leaves = tuple(int(line[0]) for line in lines), tuple(bytes.fromhex(line[1]) for line in lines)
     if offsets[0] != 0 or any(after <= before for before, after in pairwise(offsets)):

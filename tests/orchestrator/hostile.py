@@ -1,5 +1,6 @@
 """Hostile files: small on the disk, large when they are unpacked, parsed or read; and things that are no files."""
 
+import json
 import os
 import struct
 import zipfile
@@ -20,6 +21,14 @@ MESSAGE = struct.pack("<BQHIQQ", Opcode.MESSAGE, 22, 999, 0, 0, 0)  # of a chann
 ZEROS = 1 << 20
 
 
+def record(kind: int, body: bytes) -> bytes:
+    return struct.pack("<BQ", kind, len(body)) + body
+
+
+def text(content: str) -> bytes:
+    return struct.pack("<I", len(content)) + content.encode()
+
+
 def frames(piece: bytes, count: int) -> bytes:
     """Return one zstd frame that unpacks to ``piece``, ``count`` times, made piece by piece."""
     packer = zstandard.ZstdCompressor(3).compressobj(size=len(piece) * count)
@@ -38,7 +47,7 @@ def chunk(piece: bytes, count: int) -> bytes:
     packed = frames(piece, count)
     body = struct.pack("<QQQII", 0, 10**9, len(piece) * count, checksum(piece, count), 4) + b"zstd"
     body += struct.pack("<Q", len(packed)) + packed
-    return struct.pack("<BQ", Opcode.CHUNK, len(body)) + body
+    return record(Opcode.CHUNK, body)
 
 
 class With(ContainerWriter):
@@ -60,6 +69,70 @@ def log_with(small: Path, path: Path, *records: bytes) -> Path:
     """Write the log ``small`` again with further records."""
     content = Content(small)
     return content.write(path, writer=type("Written", (With,), {"extra": iter(records)}))
+
+
+class Before(ContainerWriter):
+    """Writer of a log with further bytes before its channels, which no index lists."""
+
+    extra = b""
+
+    def channel(self, *about: object, **more: object) -> None:
+        """Write the further bytes, then the channel."""
+        self._append(self.extra)
+        type(self).extra = b""
+        super().channel(*about, **more)
+
+
+def log_with_records(small: Path, path: Path, records: bytes) -> Path:
+    return Content(small).write(path, writer=type("Written", (Before,), {"extra": records}))
+
+
+def many_metadata(small: Path, path: Path) -> Path:
+    """400,000 metadata records without entries."""
+    return log_with_records(small, path, record(Opcode.METADATA, text("x") + bytes(4)) * 400_000)
+
+
+def many_attachments(small: Path, path: Path) -> Path:
+    """300,000 empty attachments."""
+    body = bytes(16) + text("a") + text("b") + bytes(8)
+    return log_with_records(small, path, record(Opcode.ATTACHMENT, body + struct.pack("<I", crc32(body))) * 300_000)
+
+
+def many_schemas(small: Path, path: Path) -> Path:
+    """400,000 schemas of one number."""
+    body = struct.pack("<H", 7) + text("a") + text("b") + bytes(4)
+    return log_with_records(small, path, record(Opcode.SCHEMA, body) * 400_000)
+
+
+def many_channels(small: Path, path: Path) -> Path:
+    """200,000 channels of 60,000 numbers."""
+    heads = (struct.pack("<HH", 1000 + number % 60_000, 0) + text(f"/t{number}/out") for number in range(200_000))
+    records = (record(Opcode.CHANNEL, head + text("protobuf") + bytes(4)) for head in heads)
+    return log_with_records(small, path, b"".join(records))
+
+
+def indexed_metadata(small: Path, path: Path) -> Path:
+    """200,000 metadata records that the summary lists."""
+    content = Content(small)
+    content.metadata.update({f"m{number}": {"a": "b"} for number in range(200_000)})
+    return content.write(path)
+
+
+def many_leaves(small: Path, path: Path) -> Path:
+    """A seal of 400,000 leaves."""
+    content = Content(small)
+    leaves = "\n".join(f"{number} {'00' * 32}" for number in range(400_000))
+    content.metadata["seal"] = {"root": "00", "leaves": leaves}
+    return content.write(path, old_seal=True)
+
+
+def many_names(small: Path, path: Path) -> Path:
+    """Channels of 300,000 variables each."""
+    content, numbers = Content(small), range(300_000)
+    names, places = json.dumps([f"x{k}" for k in numbers]), json.dumps([[f"x{k}"] for k in numbers])
+    for _, _, about in content.channels.values():
+        about.update({"names": names, "units": json.dumps(["m"] * len(numbers)), "places": places})
+    return content.write(path)
 
 
 def empty_records(small: Path, path: Path) -> Path:
@@ -138,7 +211,8 @@ def large_json(small: Path, path: Path) -> Path:
 
 LOGS: tuple[Callable[[Path, Path], Path], ...] = (
     empty_records, lone_messages, large_chunk, many_large_chunks, lying_chunk, many_chunks, sparse_attachment,
-    damaged_index, deep_json, large_json,
+    damaged_index, deep_json, large_json, many_metadata, many_attachments, many_schemas, many_channels,
+    indexed_metadata, many_leaves, many_names,
 )  # fmt: skip
 
 

@@ -155,8 +155,12 @@ def test_a_log_never_replaces_what_is_no_log(cotrack, tmp_path):
 
 def test_what_cannot_be_read_back_is_refused_before_the_run(cotrack, tmp_path):
     os.mkfifo(tmp_path / "pipe")
-    (tmp_path / "link").symlink_to(tmp_path / "nothing")
-    said = {"pipe": "it is a device or a pipe", "/dev/null": "it is a device or a pipe", "link": "it is a link to"}
+    (tmp_path / "link").symlink_to(tmp_path / "link")
+    said = {
+        "pipe": "it is a device or a pipe",
+        "/dev/null": "it is a device or a pipe",
+        "link": "it is a link that leads to itself",
+    }
     for name, why in said.items():
         status, out, err = cotrack(*SHORT, "--log", name)
         assert (status, last(out)["status"], len(err.splitlines())) == (2, "failed", 1)

@@ -1,5 +1,6 @@
 """The recorder's file: a killed run, a full disk, a folder or a file that cannot be written, two runs, an older log."""
 
+import os
 import resource
 import signal
 import struct
@@ -16,7 +17,7 @@ from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
 from recorded import STEP, TOPICS, record, values, write_steps
 
-from orchestrator.log.container_writer import ContainerWriter, LogFailed, growing_log
+from orchestrator.log.container_writer import ContainerWriter, LogFailed, check_writable, growing_log, left_behind
 from orchestrator.log.notices import LogNotice
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
@@ -248,6 +249,35 @@ def test_a_link_stays_and_its_target_is_written(tmp_path):
     assert link.is_symlink()
     assert verify(target).sentences[0].endswith("20 steps")
     assert [file.name for file in target.parent.iterdir()] == ["log.mcap"]
+
+
+def test_the_target_of_a_link_need_not_exist(tmp_path):
+    link, target = tmp_path / "link.mcap", tmp_path / "new folder" / "log.mcap"
+    link.symlink_to(target)
+    record(link, steps=20)
+    assert link.is_symlink()
+    assert verify(target).sentences[0].endswith("20 steps")
+
+
+def test_a_log_that_grows_beside_the_target_of_a_link_is_found_through_the_link(tmp_path):
+    (tmp_path / "far").mkdir()
+    link, target = tmp_path / "link.mcap", tmp_path / "far" / "log.mcap"
+    record(target, steps=10)
+    link.symlink_to(target)
+    with Recorder(link, TOPICS, {}, {}) as recorder:
+        assert growing_log(link) == growing_log(target) == recorder.file == target.with_name("log.running.mcap")
+        with pytest.raises(LogFailed, match="another run is writing it"):
+            check_writable(link)
+        recorder.close("ok", "", 0)
+
+
+def test_a_pipe_with_the_name_of_a_growing_log_is_no_log(tmp_path):
+    path = record(tmp_path / "a.mcap", steps=10)
+    os.mkfifo(tmp_path / "a.running.mcap")
+    assert growing_log(path) == path
+    assert left_behind(path) == []
+    record(path, steps=20)
+    assert verify(path).sentences[0].endswith("20 steps")
 
 
 def test_a_failed_write_keeps_the_older_log(tmp_path, monkeypatch):
