@@ -36,7 +36,7 @@ def info(
     end = f"{closing['status']} after {closing['steps']} steps" if opened.closing else cut
     lines = [
         f"{opened.path}: {opened.size / 1e6:.2f} MB, {summary.start:g} to {summary.end:g} s, {end}",
-        *(f"  {sentence}" for sentence in (closing["message"], *opened.faults) if sentence),
+        *(f"  {sentence}" for sentence in (closing["message"], *opened.faults, *summary.seal_faults) if sentence),
         *(f"  {printed.warning(entry)}" for entry in closing["warnings"]),
         *(f"  {printed.validity(entry)}" for entry in recorded_entries(closing.get("results", {}))),
         *(
@@ -55,7 +55,7 @@ def info(
             * bool(points)
         ),
         f"  digest {summary.digest or 'none: a part is damaged'}",
-        f"  seal {opened.seal or 'none'}",
+        f"  seal {opened.seal or 'none'}{', which does not hold' * bool(opened.seal and summary.seal_faults)}",
     ]
     if as_json:
         print(json.dumps(printed.finite(_info_as_json(summary))))
@@ -94,6 +94,7 @@ def _info_as_json(summary: Any) -> dict[str, Any]:
         "attachments": summary.attachments,
         "digest": summary.digest,
         "seal": opened.seal,
+        "seal_faults": summary.seal_faults,
     }
 
 

@@ -141,6 +141,8 @@ def compare(
 
     window = Window(start, end)
     with Log(run) as run_log, Log(reference) as reference_log:
+        run_log.notice_seal()
+        reference_log.notice_seal()
         run_data, reference_data = RunData(run_log), RunData(reference_log)
         if not different:
             require_same_scene(

@@ -36,6 +36,8 @@ def report(
     plotting()
     with ExitStack() as stack:
         runs = [RunData(stack.enter_context(Log(log))) for log in logs]
+        for run in runs:
+            run.log.notice_seal()
         if len(runs) > 1 and not different:
             first, second = ((f"{log}", run.scene) for log, run in zip(logs, runs, strict=True))
             require_same_scene(first, second, "; --different compares them all the same")

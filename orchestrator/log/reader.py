@@ -345,6 +345,10 @@ class Log(AbstractContextManager["Log"]):
                 f"{faults[0]}; 'cotrack log recover' writes a log of what it holds now, and seals it anew"
             )
 
+    def notice_seal(self) -> None:
+        """Issue a LogNotice if the log is not as it was sealed; reads the whole file."""
+        notices.notice(next(iter(self.seal_faults()), ""))
+
     def check_inputs(self) -> None:
         """Raise LogUnreadable if the run did not record its inputs."""
         if self.metadata.get("run", {}).get(log_format.INPUTS) == log_format.UNRECORDED:

@@ -74,6 +74,7 @@ class Info(NamedTuple):
     start: float  # s; nan without messages
     end: float  # s; nan without messages
     digest: str  # empty where a part is damaged
+    seal_faults: list[str]  # sentences if the log is not as it was sealed
     topics: dict[str, Tally]
     attachments: dict[str, int]  # bytes by name
 
@@ -290,4 +291,5 @@ def info(path: str | os.PathLike[str]) -> Info:
         recorded = [tally for tally in tallies.values() if tally.messages]
         start = min((tally.first for tally in recorded), default=float("nan"))
         end = max((tally.last for tally in recorded), default=float("nan"))
-        return Info(log, start, end, digest, tallies, attachments)
+        sealing = [fault for fault in log.seal_faults() if fault not in log.faults]
+        return Info(log, start, end, digest, sealing, tallies, attachments)

@@ -10,6 +10,7 @@ import pytest
 from mcap.opcode import Opcode
 from mutated import Content
 from recorded import ATTACHMENTS, METADATA, TOPICS, write_steps
+from short_run import SHORT
 
 from orchestrator.execution import replay_model, resume
 from orchestrator.log import recorder as module
@@ -333,3 +334,28 @@ def test_two_runs_have_one_digest_and_two_seals(tmp_path):
             assert recorder.seal == log.seal
     assert len({digest for digest, _ in roots}) == 1
     assert len({root for _, root in roots}) == 2
+
+
+def test_info_compare_and_report_say_that_a_seal_does_not_hold(cotrack, tmp_path):
+    assert cotrack(*SHORT, "--log", "a.mcap")[0] == 0
+    content = Content(Content(tmp_path / "a.mcap").write(tmp_path / "a.mcap"))
+    content.metadata["run"]["scene"] = content.metadata["run"]["scene"][::-1]
+    content.write(tmp_path / "b.mcap", old_seal=True)
+    said = "b.mcap is not as it was sealed"
+    status, out, _ = cotrack("log", "info", "b.mcap")
+    assert status == 0
+    assert said in out
+    assert out.rstrip().endswith(", which does not hold")
+    faults = json.loads(cotrack("log", "info", "b.mcap", "--json")[1])["seal_faults"]
+    assert [said in fault for fault in faults] == [True]
+    for arguments in (
+        ("compare", "a.mcap", "b.mcap"),
+        ("compare", "b.mcap", "a.mcap"),
+        ("report", "b.mcap", "-o", "b.html"),
+    ):
+        status, _, err = cotrack(*arguments)
+        assert status == 0, err
+        assert said in err
+    for arguments in (("log", "info", "a.mcap"), ("compare", "a.mcap", "a.mcap"), ("report", "a.mcap", "-o", "a.html")):
+        status, out, err = cotrack(*arguments)
+        assert (status, "seal" in err, "does not hold" in out) == (0, False, False)
