@@ -19,7 +19,7 @@ import typer
 from orchestrator import __version__
 from orchestrator.cli import log_commands
 from orchestrator.cli.analysis_commands import analyse, plot
-from orchestrator.cli.common import message_and_status, narration, print_message, print_notices
+from orchestrator.cli.common import USAGE_ERROR, message_and_status, narration, print_message, print_notices, show_usage
 from orchestrator.cli.moved import bench
 from orchestrator.cli.report_commands import report
 from orchestrator.cli.result_commands import compare, replay
@@ -76,7 +76,7 @@ def _common(
     narration.set_task(str(context.invoked_subcommand))
 
 
-def main(command: Callable[[], object] = app) -> None:
+def main(command: Callable[..., Any] = app) -> None:
     """Run a command line; an error ends as one sentence, with exit status 2 for bad input."""
     logging.basicConfig(format="cotrack: %(message)s", level=logging.WARNING, stream=sys.stderr)
     for stream in (sys.stdout, sys.stderr):  # file names may hold bytes that are not text
@@ -86,13 +86,17 @@ def main(command: Callable[[], object] = app) -> None:
     try:
         with warnings.catch_warnings():
             print_notices()
-            command()
+            status = command(standalone_mode=False)
     except KeyboardInterrupt:
-        status = print_message("interrupted", 1)
+        status = 130
     except SystemExit as ended:
-        status = print_message("interrupted", 1) if ended.code == 130 else ended.code  # 130: typer's status for Ctrl-C
+        status = ended.code
+    except USAGE_ERROR as error:
+        status = show_usage(error)
     except Exception as error:
         status = print_message(*message_and_status(error))
+    if status == 130:  # typer's status for Ctrl-C
+        status = print_message("interrupted", 1)
     for stream in (sys.stdout, sys.stderr):
         try:
             if stream is not None:

@@ -36,7 +36,7 @@ LONGEST = 400  # characters of a sentence
 STATUSES = (0, 1, 2, 3)
 FAILED = 99  # exit status of a case whose own check has failed
 PARTIAL = re.compile(r"\.[0-9a-f]{8,32}$|\.tmp$|\.part$")  # names of files that are being written
-USAGE = re.compile(r"Usage: |Try |Error: |\s*$")  # lines of click about the command line
+USAGE = re.compile(r"Usage: |Try |\s*$")  # lines of click about the command line
 
 
 class Ended(NamedTuple):
@@ -192,14 +192,15 @@ def wrongs(ended: Ended, refusal_is_alone: bool = True) -> list[str]:
     if ended.status == FAILED:
         return [ended.err.splitlines()[-1]]
     said = ended.err.splitlines()
-    sentences = [line.removeprefix("cotrack: ") for line in said if line.startswith("cotrack: ")]
+    beginnings = ("cotrack: ", "Error: ") if ended.status == 2 else ("cotrack: ",)  # typer's about the command line
+    sentences = [line.partition(": ")[2] for line in said if line.startswith(beginnings)]
     found = []
     if ended.status not in STATUSES:
         found.append(f"exit status {ended.status}: {said[-1] if said else ''}")
     found += [f"traceback: {said[-1]}" for line in said[:1000] if line.startswith("Traceback")]
     found += [f"internal error: {text}" for text in sentences if "internal error" in text]
     found += [f"a sentence of {len(text)} characters: {text}" for text in sentences if len(text) > LONGEST]
-    others = [line for line in said if not line.startswith(("cotrack: ", "... "))]
+    others = [line for line in said if not line.startswith((*beginnings, "... "))]
     if ended.status == 2:
         others = [line for line in others if not USAGE.match(line)]
     found += [f"stderr has: {line}" for line in others[:1] if not any(text.startswith("traceback") for text in found)]

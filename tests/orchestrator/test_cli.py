@@ -153,6 +153,17 @@ def test_a_log_never_replaces_what_is_no_log(cotrack, tmp_path):
     assert "the folder note.txt cannot be made" in err
 
 
+def test_errors_in_the_command_line_are_short(cotrack):
+    word = "x" * 3000
+    wrong = (word,), ("log", word), ("show", "rig", f"--{word}"), ("run", "rig", "--track", word), ("show", word)
+    for arguments in wrong:
+        status, _, err = cotrack(*arguments)
+        lines = [line for line in err.splitlines() if line.startswith(("Error: ", "cotrack: "))]
+        assert (status, len(lines)) == (2, 1)
+        assert "xxx" in lines[0]
+        assert len(lines[0]) <= 400
+
+
 def test_what_cannot_be_read_back_is_refused_before_the_run(cotrack, tmp_path):
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "link").symlink_to(tmp_path / "link")
