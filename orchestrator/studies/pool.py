@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, as_completed
 from concurrent.futures import TimeoutError as TookTooLong
@@ -35,7 +36,9 @@ FinishedCases = Iterator[tuple[int, CaseResult, bool]]  # number of the case, it
 def attempt(case: Case) -> CaseResult:
     """Rows of a case, or the reason of its failure."""
     try:
-        rows = case.function(*case.arguments)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # of overflow; the rows have what became of it
+            rows = case.function(*case.arguments)
         return [replace(row, item=row.item or case.item, case=row.case or case.name) for row in rows]
     except Exception as error:
         return f"{type(error).__name__}: {error}"

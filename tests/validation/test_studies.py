@@ -15,6 +15,7 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fmus.vehicle import BadInput
@@ -33,6 +34,10 @@ FAST = Case("11", "L-frame", element_cases.l_frame, ("small deformation (11)-(15
 
 def raises() -> list[Row]:
     raise ValueError("no equilibrium | found")
+
+
+def overflows() -> list[Row]:
+    return [checked("0", "overflown", float(np.float64(1e308) * np.array(10.0)), math.inf, 0.1)]
 
 
 def dies() -> list[Row]:
@@ -117,6 +122,12 @@ def test_processes_give_the_same_rows():
     wanted = [FAST, Case("0", "bad", raises)]
     alone, side_by_side = (pool.run(wanted, workers) for workers in (1, 10**400))  # no more than cases
     assert repr(alone) == repr(side_by_side)  # NaN is not itself
+
+
+@pytest.mark.long
+def test_warnings_of_numpy_in_processes_do_not_reach_stderr(capfd):
+    pool.run([Case("0", str(k), overflows) for k in range(2)], 2)
+    assert capfd.readouterr().err == ""
 
 
 @pytest.mark.long
