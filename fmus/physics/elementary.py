@@ -9,6 +9,7 @@ Methods and coefficients: fdlibm 5.3 (Sun Microsystems 1993, https://www.netlib.
 reduced argument); reduction by Cody and Waite, Software Manual for the Elementary Functions, 1980; exact products by
 Dekker, Numer. Math. 18, 1971, 224-242, doi 10.1007/BF01397083; ``hypot`` by Borges, ACM TOMS 47(1), 2021,
 doi 10.1145/3428446. Errors are below 1 ulp and measured in ``tests/physics``. ``exponential`` has the other functions.
+LICENSE has the notice of fdlibm.
 """
 
 from __future__ import annotations

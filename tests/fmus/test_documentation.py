@@ -68,7 +68,10 @@ def test_the_page_has_the_readme_and_every_variable_without_links():
 
 
 def test_licences_of_all_parts_are_whole():
-    for included, holders in ((("pythonfmu",), ("the cotrack authors", "NTNU")), (("numba",), ("cotrack", "Anaconda"))):
+    for included, holders in (
+        (("pythonfmu",), ("the cotrack authors", "Sun", "NTNU")),
+        (("numba",), ("Sun", "Anaconda")),
+    ):
         text = documentation(tostring(described()), README, included)["documentation/licenses/license.txt"].decode()
         for holder in holders:
             assert "Copyright (c) 2" in text
