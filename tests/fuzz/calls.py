@@ -3,7 +3,8 @@
 The rules here follow FMI 2.0.4, section 4.2.4, and `fmus/README.md`; they are written anew, so that a mistake in
 `fmus/phases.py` shows. A sequence is repeated without the calls that were refused: its outputs must be the same bits.
 Refusals are fmi2Error. In an FMU of pythonfmu, whose wrapper makes fmi2Fatal of every exception, they are that, and a
-refused step is fmi2Discard.
+refused step is fmi2Discard. After each step, the last successful time must be where the instance stands; of a step that
+was refused, pythonfmu says the time that was passed, and from then on that the instance is terminated.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from orchestrator.cosim.component import Component
 from orchestrator.cosim.fmu_files import unpack
 
 OK, DISCARD, ERROR, FATAL = 0, 2, 3, 4
+LAST_SUCCESSFUL_TIME, TERMINATED = 2, 3  # kinds of a status
 STEPS = (1e-9, 1e-7, 1e-5, 1e-4, 1e-3)  # s
 NOT_STEPS = (0.0, -1e-3, math.nan, math.inf, 4.94e-324, 1e-310, 9e-10)
 LONGEST_CALL = 2.0  # s of processor time
@@ -99,6 +101,16 @@ class Driven:
         if status != OK or not np.isfinite(values).all():
             raise Wrong(f"outputs read with status {status}: {values[:3]}")
         return np.array(values).tobytes()
+
+    def ended(self) -> tuple[float, bool]:
+        """Last successful time, and whether the instance calls itself terminated; raises Wrong if it does not say."""
+        t, terminated = ctypes.c_double(math.nan), ctypes.c_int(-1)
+        last, flag = LAST_SUCCESSFUL_TIME, TERMINATED
+        if self.library.fmi2GetRealStatus(self.handle, last, ctypes.byref(t)) != OK:
+            raise Wrong("the last successful time is not told")
+        if self.library.fmi2GetBooleanStatus(self.handle, flag, ctypes.byref(terminated)) != OK:
+            raise Wrong("whether it is terminated is not told")
+        return t.value, bool(terminated.value)
 
     def do(self, name: str, argument: Any) -> int:
         """Make a call; its status."""
@@ -268,6 +280,8 @@ def sequence(fmu: Path, seed: int, length: int = 40) -> list[Call]:
                     saved.append(machine)
             elif readable and driven.shown() != before:
                 raise Wrong(f"{call.name} {call.argument} was refused and has changed outputs")
+            if call.name == "step" and machine.phase == "running":
+                _judge_ending(driven, call, status, machine)
         end = driven.shown() if machine.phase in ("running", "terminated") else b""
         _repeat(fmu, done, end)
     except Wrong as wrong:
@@ -287,6 +301,17 @@ def _judge(call: Call, status: int, machine: Machine, messages: list[str], secon
         raise Wrong(f"{where}: a message of {len(long[0])} characters: {long[0]}")
     if seconds > LONGEST_CALL:
         raise Wrong(f"{where} took {seconds:.1f} s")
+
+
+def _judge_ending(driven: Driven, call: Call, status: int, machine: Machine) -> None:
+    """Check what the instance says of its last step."""
+    refused = driven.python and status != OK
+    expected = call.argument[0] if refused else machine.now
+    t, terminated = driven.ended()
+    may_be = refused or (driven.python and terminated)
+    stands = abs(t - expected) <= 1e-9 * max(1.0, abs(t)) or math.isnan(expected)
+    if terminated is not may_be or not stands:
+        raise Wrong(f"after a step {call.argument} with status {status} in {machine}: {t} s, terminated: {terminated}")
 
 
 def _repeat(fmu: Path, calls: list[Call], end: bytes) -> None:
