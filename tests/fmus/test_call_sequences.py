@@ -1,6 +1,9 @@
 """Random sequences of FMI calls and altered saved states: both sorts of FMU keep the standard's order."""
 
 import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 from native_cases import CHAIN, CHASSIS, DRIVE, FEW, MANY, native, ran
@@ -11,6 +14,7 @@ from tests.fuzz import calls, memory, states
 
 NATIVE = [*FEW, *MANY[1:3]]
 PYTHON = [CHASSIS, *FEW[3:], *MANY[:2]]
+ROOT = Path(__file__).parents[2]
 SEQUENCES = 10_000  # of each FMU; native ones take 1 to 6 min, those of Python 15 to 40 min
 
 
@@ -41,6 +45,16 @@ def test_every_fmu_of_python_answers_as_the_rules_say(case):
     for seed in range(SEQUENCES):
         calls.sequence(python_fmu(case), seed)
     states.run(python_fmu(case), 1, 1000)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("case", PYTHON, ids=str)
+def test_altered_states_stay_within_arrays(case, environment):
+    """Kernels that check their indices, which are compiled for this test, find none outside."""
+    command = [sys.executable, "-m", "tests.fuzz.states", python_fmu(case), "2000"]
+    checked = environment | {"NUMBA_BOUNDSCHECK": "1"}
+    done = subprocess.run(command, env=checked, cwd=ROOT, capture_output=True, text=True)
+    assert (done.returncode, done.stdout[:1]) == (0, "{"), done.stderr[-2000:]
 
 
 @pytest.mark.study

@@ -28,7 +28,7 @@ from tests.fuzz.expected import EXPECTED, expected_name
 CORPUS = Path(__file__).parent / "corpus"
 SHARES = {  # of the time
     "settings": 3, "scenes": 2, "vehicles": 2, "points": 2, "commands": 4, "logs": 3, "checkpoints": 1, "caches": 2,
-    "calls": 2,
+    "calls": 2, "states": 1,
 }  # fmt: skip
 COLUMNS = (
     Column("kind", "kind"), Column("cases", "cases"), Column("s", "s"), Column("seeds", "seeds"),
@@ -42,7 +42,7 @@ def draw(kind: str, bench: Bench, seed: int) -> Case:
     own: dict[str, Callable[[random.Random], Case]] = {
         "settings": settings.draw, "scenes": tables.scenes, "vehicles": tables.vehicles, "points": tables.points,
         "commands": tables.commands, "logs": partial(logs.logs, bench), "checkpoints": partial(logs.checkpoints, bench),
-        "caches": caches.draw, "calls": sequences.draw,
+        "caches": caches.draw, "calls": sequences.draw, "states": sequences.draw_states,
     }  # fmt: skip
     return {"kind": kind, **own[kind](chance)}
 

@@ -28,6 +28,7 @@ BASES = {
 }
 WARM = (("show", "straight"), ("show", "rig", "--set", "rig.tension=1 ounce"), ("--help",))
 LOG_KINDS = ("logs", "checkpoints")
+CALLING = {"calls", "states"}  # kinds that call an FMU
 
 
 class Bench:
@@ -52,7 +53,7 @@ class Bench:
         self._logs: dict[str, Any] = {}
         if "caches" in kinds:
             caches.prepare(folder)
-        if "calls" in kinds:
+        if not CALLING.isdisjoint(kinds):
             sequences.prepare()
         gc.collect()
         gc.freeze()
@@ -68,7 +69,7 @@ class Bench:
         room = oracle.emptied(self.room)
         if case["kind"] == "caches":
             return oracle.wrongs(oracle.play(caches.act(self.folder, case), room))
-        if case["kind"] == "calls":
+        if case["kind"] in CALLING:
             return oracle.wrongs(oracle.play(sequences.act(case), room, oracle.STARTING, oracle.STARTING))
         for name, content in case.get("files", {}).items():
             _lay(room / name, content)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import random
 import struct
+import sys
 import zlib
 from collections import Counter
 from pathlib import Path
@@ -96,3 +97,12 @@ def _attempt(driven: Driven, content: bytes) -> str:
         driven.shown()
         return "done"
     return "discarded" if status == DISCARD else "step refused"
+
+
+def main() -> None:
+    """Run altered states of an FMU: ``python -m tests.fuzz.states FMU COUNT``."""
+    print(dict(run(Path(sys.argv[1]), 2, int(sys.argv[2]))))
+
+
+if __name__ == "__main__":
+    main()
