@@ -41,6 +41,7 @@ from orchestrator.scene.run_tables import RunTable
 from orchestrator.scene.scene import Scene
 
 REFERENCE_ENERGY = 1.0  # J, of the power residual until a bond has carried more, unless the scene sets it
+NO_INPUTS = "inputs are not recorded (run.inputs = false): the log cannot be replayed or resumed"
 LOW_PRIORITY = 10  # niceness of compiling processes other than the longest one
 
 
@@ -187,7 +188,8 @@ class _PreparedRun(NamedTuple):
 def _early_warnings(run: _PreparedRun, logger: Logger | None) -> list[dict[str, Any]]:
     """Return warnings about recording and scene; the logger gets them too."""
     aliases = run.scene.aliasing_warning if any_links(run.components) else ""
-    sentences = [("log", aliases)] * bool(aliases) + _implausible_numbers(run.scene)
+    sentences = [("log", NO_INPUTS)] * (not run.scene.run.inputs)
+    sentences += [("log", aliases)] * bool(aliases) + _implausible_numbers(run.scene)
     if logger:
         for component, text in sentences:
             logger(component, 1, text)

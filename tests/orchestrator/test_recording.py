@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from orchestrator.execution import replay_model
 from orchestrator.execution.resume import resume
-from orchestrator.execution.simulate import simulate
+from orchestrator.execution.simulate import NO_INPUTS, simulate
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.tools import WHOLE, verify
 from orchestrator.scene.recording import LONGEST_INTERVAL, NYQUIST, SAMPLES, aliasing_warning, links_every
@@ -156,6 +156,7 @@ def test_a_run_without_recorded_inputs_records_little_and_says_what_it_cannot_do
         path = tmp_path / f"{stop}.mcap"
         result = simulate(load("rig", "rigid", changes), path)
         assert (result["status"], result["energy"]) == ("ok", None)
+        assert [entry["text"] for entry in result["warnings"]] == [NO_INPUTS]
         sizes[stop] = path.stat().st_size
     assert sizes["1.3"] - sizes["0.3"] < 50_000
     assert verify(path).code == WHOLE
