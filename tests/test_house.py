@@ -288,7 +288,10 @@ def depends_on_the_processor(source: str) -> list[str]:
             case ast.ImportFrom(module="math" | "cmath" | "numpy", names=names):
                 depends = any(re.fullmatch(functions, alias.name) for alias in names)
             case ast.ImportFrom(module=module):
-                depends = re.match(r"scipy\.(linalg|sparse|special)", module or "") is not None
+                depends = (
+                    re.match(r"scipy\.(linalg|sparse|special|interpolate|signal|integrate|fft)", module or "")
+                    is not None
+                )
             case ast.BinOp(op=ast.MatMult()):
                 depends = True
             case ast.BinOp(op=ast.Pow(), right=exponent):
@@ -300,10 +303,11 @@ def depends_on_the_processor(source: str) -> list[str]:
 
 
 # Bounds of frequencies, of which nine digits enter the longest stable step (``chain/flexible/explicit.py``); powers of
-# units; powers of 2: products in a kernel, constants of the functions; whether a sum of squares is finite.
+# units; powers of 2: products in a kernel, constants of the functions; whether a sum of squares is finite; the spline
+# of a path, whose tridiagonal solve calls no BLAS (``test_processors.py``).
 EXEMPT = {
     "physics/ancf/element.py", "physics/chain/flexible/free_axes.py", "physics/chain/flexible/closing.py",
-    "physics/integrate/adams.py", "vehicle.py", "physics/elementary.py", "model.py",
+    "physics/integrate/adams.py", "vehicle.py", "physics/elementary.py", "model.py", "driver/path.py",
 }  # fmt: skip
 
 
