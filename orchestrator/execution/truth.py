@@ -160,7 +160,7 @@ def _locked(lock: Path) -> Iterator[None]:
     except ImportError:
         yield
         return
-    handle = os.open(lock, os.O_CREAT | os.O_RDWR, 0o600)
+    handle = os.open(lock, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o600)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)
         yield

@@ -23,6 +23,8 @@ LONG = "x" * 300
         (("show", "straight", "--set", f"{LONG * 9}=1"), "unknown key"),
         (("show", "straight", "--set", f"vehicle={LONG * 9}"), "no vehicle"),
         (("show", "straight", "--set", f"run.{LONG * 9}.a=1"), "unknown key"),
+        (("show", "straight", "--set", "vehicle.road_wheel.x=[1e19, 0, 0, 0, 0]"), "no belt lies round the wheels"),
+        (("run", "straight", "--set", "vehicle.idler.x=-1e19"), "no belt lies round the wheels"),
     ],
 )
 def test_sentences(cotrack, command, said):
@@ -31,6 +33,13 @@ def test_sentences(cotrack, command, said):
     assert said in err.lower()
     assert len(err) <= 400
     assert "internal error" not in err
+
+
+def test_a_soft_chain_hangs(cotrack):
+    soft = "--set", "vehicle.material.youngs_modulus=1 Pa", "--set", "chain.links=8", "--set", "expect={}"
+    status, out, err = cotrack("run", "hanging_chain", *soft, "--stop", "0.002", "--no-estimate")
+    assert status == 0, err
+    assert "flexible links: ok" in out
 
 
 def test_checkpoints_never(cotrack, tmp_path):
