@@ -15,7 +15,7 @@ from fmus.physics.chain.rigid.equilibrium import settle
 from fmus.physics.chain.rigid.explicit import LIMIT, longest
 from fmus.physics.chain.rigid.joints import count, to_joint_coordinates
 from fmus.physics.chain.rigid.links import RigidLinks, place
-from fmus.physics.chain.rigid.newton import FORCE
+from fmus.physics.chain.rigid.newton import TOLERANCE
 from fmus.physics.chain.rigid.release import open_closing_pin, start_released, write_outputs
 from fmus.physics.chain.rigid.state import State, shapes
 from fmus.physics.chain.rigid.work import work
@@ -26,7 +26,7 @@ from fmus.track import TrackModel, integrator_coefficients, integrator_ports
 from fmus.track_choices import AUGMENTED, FORMULATIONS, RECURSIVE, conflict_of_bodies
 from fmus.track_closure import SPRING, closure_ports
 
-REST = ImplicitMethod(BACKWARD, 0.01 * FORCE, False)  # integrator towards static equilibrium
+REST = ImplicitMethod(BACKWARD, 1e-11, False)  # integrator towards static equilibrium
 
 
 class Model(TrackModel):
@@ -58,7 +58,7 @@ class Model(TrackModel):
         if p["formulation"] != self.formulation:
             self.formulation = p["formulation"]
             self.allocate()
-        self.method = ImplicitMethod(integrator_coefficients(p), FORCE, True)
+        self.method = ImplicitMethod(integrator_coefficients(p), TOLERANCE, True)
         v = self.vehicle["track"]
         ends = Ends(self.closed, self.ends_kind in (PINNED, HELD), self.ends_kind == PINNED)
         inertia = np.array(v["inertia"], dtype=float)
@@ -80,7 +80,10 @@ class Model(TrackModel):
 
             self.link = JointedLinks(self.rigid)
         self.stable_step = min(LIMIT, longest(spring, half, v["mass"], inertia[1]))
-        self.work = work(self.links_count, self.closed, len(self.wheel_list), self.on_links_shape, self.joints)
+        touching = self.contacts is not None
+        self.work = work(
+            self.links_count, self.closed, len(self.wheel_list), self.on_links_shape, self.joints, touching
+        )
 
     def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:
         """See ``TrackModel``; a spinning regular polygon of rigid links is in relative equilibrium as it is."""

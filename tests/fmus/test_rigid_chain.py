@@ -15,7 +15,7 @@ from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.chain.rigid.dynamics import pin_motion
 from fmus.physics.chain.rigid.explicit import accelerations
 from fmus.physics.chain.rigid.links import RigidLinks, pins, place
-from fmus.physics.chain.rigid.newton import FORCE
+from fmus.physics.chain.rigid.newton import TOLERANCE
 from fmus.physics.chain.rigid.state import shapes, views
 from fmus.physics.chain.rigid.work import work
 from fmus.physics.chain.state import size, store_first_evaluation
@@ -32,7 +32,7 @@ class Chain:
         n = len(pins) if ends.closed else len(pins) - 1
         inertia = np.array(inertia, float)
         self.link = RigidLinks(0.5 * pitch, TRACK["face"], 0.25 * TRACK["width"], mass, inertia, ends)
-        self.method = ImplicitMethod(coefficients(radius), FORCE, True)
+        self.method = ImplicitMethod(coefficients(radius), TOLERANCE, True)
         self.env = Environment(gravity, LOOP, np.zeros((2, 3)), 0.0, -1)
         sizes = shapes(n, ends.closed, 0)
         self.s, self.work = views(np.zeros(size(sizes)), sizes), work(n, ends.closed, 0)
@@ -103,7 +103,7 @@ def test_joint_force_of_a_spinning_loop(n):
     assert np.abs(np.linalg.norm(loop.s.lam[:, :3], axis=1) / expected - 1.0).max() < 1e-12
     loop.run(0.5, 1e-3)
     assert np.abs(np.linalg.norm(loop.s.lam[:, :3], axis=1) / expected - 1.0).max() < 1e-6
-    assert loop.counters[2] <= 1.1 * loop.counters[0]  # one solve per step
+    assert loop.counters[2] <= 2.1 * loop.counters[0]  # the second correction of a step is below the tolerance
     off = spinning(n, rate, 1.02 * P)  # twin: another pitch
     assert np.abs(np.linalg.norm(off.s.lam[:, :3], axis=1) / expected - 1.0).max() > 1e-3
 

@@ -22,7 +22,7 @@ from fmus.vehicle import read_table, vehicle
 
 STEPS = (1e-3, 1e-3, 0.3, 1e-3)
 CALLS = {  # per kind: functions called once per evaluation, per iteration, per accepted step, per started step
-    "rigid": {"residual": rigid, "_update": rigid, "settle_rates": rigid, "newton": rigid_dynamics},
+    "rigid": {"residual": rigid, "_update": rigid, "end_work": rigid_dynamics, "newton": rigid_dynamics},
     "cable": {"evaluate": flexible, "correct": flexible, "end_work": flexible_dynamics, "newton": flexible_dynamics},
 }
 calls: Counter[str] = Counter()

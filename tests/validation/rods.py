@@ -15,7 +15,7 @@ from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.chain.rigid.dynamics import pin_motion
 from fmus.physics.chain.rigid.explicit import accelerations
 from fmus.physics.chain.rigid.links import RigidLinks, place
-from fmus.physics.chain.rigid.newton import FORCE
+from fmus.physics.chain.rigid.newton import TOLERANCE
 from fmus.physics.chain.rigid.state import shapes, views
 from fmus.physics.chain.rigid.work import work
 from fmus.physics.chain.state import size, store_first_evaluation
@@ -56,7 +56,7 @@ class Rods:
         ends, sizes = Ends(closed, held, False), shapes(n, closed, 0)
         self.links = RigidLinks(0.5 * pitch, FACE, LATERAL, mass, thin, ends)
         self.env = Environment(gravity, HELD if held else LOOP, np.zeros((2, 3)), 0.0, -1)
-        self.method = ImplicitMethod(coefficients(radius), FORCE, True)
+        self.method = ImplicitMethod(coefficients(radius), TOLERANCE, True)
         self.s, self.w = views(np.zeros(size(sizes)), sizes), work(n, closed, 0)
         self._slopes, self._report, self._counters = slopes(self.s), np.zeros(REPORT), np.zeros(COUNTERS, np.int64)
         place(self.links, np.asarray(pins, dtype=float), self.s, self.w)

@@ -14,9 +14,7 @@ from typing import TYPE_CHECKING
 from fmus.jit import kernel, noalias
 from fmus.physics.ancf.element import axis_count
 from fmus.physics.arrays import Floats, Vector
-from fmus.physics.chain.faces import begin_link, locate, locate_pin, locate_section, pin_positions, pin_velocities
-from fmus.physics.chain.flexible.axes import motion_with_axes, start_frame_vector
-from fmus.physics.chain.flexible.contact_points import (
+from fmus.physics.chain.contact_points import (
     BODY,
     BY_RATE,
     FOOT,
@@ -29,6 +27,8 @@ from fmus.physics.chain.flexible.contact_points import (
     POSITION,
     RATE,
 )
+from fmus.physics.chain.faces import begin_link, locate, locate_pin, locate_section, pin_positions, pin_velocities
+from fmus.physics.chain.flexible.axes import motion_with_axes, start_frame_vector
 from fmus.physics.chain.flexible.elements import layout
 from fmus.physics.chain.flexible.link_layout import node
 from fmus.physics.chain.on_links import GROUND, WHEELS, add_link_force

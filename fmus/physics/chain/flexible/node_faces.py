@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from fmus.jit import kernel
 from fmus.physics.arrays import Vector
-from fmus.physics.chain.flexible.contact_points import record
+from fmus.physics.chain.contact_points import record
 from fmus.physics.chain.flexible.elements import gather, in_space, layout
 from fmus.physics.chain.flexible.link_layout import ends
 

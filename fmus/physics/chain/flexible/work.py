@@ -18,8 +18,8 @@ from fmus.physics.point import Memory, memory, points
 if TYPE_CHECKING:
     from types import ModuleType
 
+    from fmus.physics.chain.contact_points import ContactPoints
     from fmus.physics.chain.flexible.constrained_joints import ConstrainedJoints
-    from fmus.physics.chain.flexible.contact_points import ContactPoints
 
 
 class Work(NamedTuple):
@@ -111,9 +111,9 @@ def work(
 
 def _contact_points(most: int, nodes: int, width: int) -> ContactPoints:
     """Return the arrays of contact points, see ``contact_points.contact_points``."""
-    from fmus.physics.chain.flexible.contact_points import contact_points
+    from fmus.physics.chain.contact_points import contact_points
 
-    return contact_points(most, nodes, width)
+    return contact_points(most, (nodes, width), (nodes, width))
 
 
 def _joints(links: int, m: int) -> ConstrainedJoints:

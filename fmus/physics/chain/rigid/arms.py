@@ -18,6 +18,12 @@ def axis(A: Matrix, k: int) -> Vector:
 
 
 @kernel
+def joined(n: int, closed: bool, i: int) -> tuple[int, int]:
+    """Links that pin ``i`` of a chain of ``n`` links joins, the one before it first, -1 for none."""
+    return (i - 1 if i > 0 or not closed else n - 1), (i if i < n else -1)
+
+
+@kernel
 def lever(A: Matrix, lx: float, ly: float, lz: float) -> Vector:
     """World vector, m, from a link's centre to its point (lx, ly, lz), m, in body axes."""
     return add(scale(lx, axis(A, 0)), add(scale(ly, axis(A, 1)), scale(lz, axis(A, 2))))

@@ -16,7 +16,6 @@ from fmus.jit import allocating, kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.links import pins, residual
-from fmus.physics.chain.rigid.newton import GAP
 from fmus.physics.chain.state import add_share, copy, copy_rows
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.rigid import augmented, body, pin
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
 
 LIMIT = 5e-5  # largest step, s
 CORRECTIONS = 4  # most corrections of the projection
+GAP = 1e-11  # misfit of a pin at which the projection ends, m and rad: 1e-12 of the length of a track
 OPEN = 1e-8  # misfit of a pin after the projection that counts as a failure, m and rad
 STABLE = 2.4  # step times the highest rate of a closing spring
 ANY = Slopes(0.0, 0.0, 0.0)  # for evaluations without a matrix

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 from fmus.jit import kernel
 from fmus.physics.arrays import Vector
-from fmus.physics.chain.rigid.arms import add_force, axis, lever, rate
+from fmus.physics.chain.contact_points import record
+from fmus.physics.chain.rigid.arms import add_force, axis, joined, lever, rate
+from fmus.physics.chain.rigid.last_correction import add_last_correction  # noqa: F401 - reached by dispatch
 from fmus.physics.vector import add, dot, scale, vector
 
 if TYPE_CHECKING:
@@ -136,20 +138,14 @@ def add_rate_matrix(links: RigidLinks, w: Work, i: int, force: ContactForce, sin
 
 @kernel
 def record_point(links: RigidLinks, w: Work, point: ContactPoint, force: ContactForce, sinking: Sinking) -> None:
-    """See ``faces``: not recorded, an iteration ends with an evaluation."""
-
-
-@kernel
-def _joined(x: State, i: int) -> tuple[int, int]:
-    """Links that pin ``i`` joins, -1 for none."""
-    n, nodes = x.q.shape[0], x.lam.shape[0]
-    return (i - 1 if i > 0 or nodes > n else n - 1), (i if i < n else -1)
+    """See ``faces``."""
+    record(w.points, point, force, sinking)
 
 
 @kernel
 def locate_pin(links: RigidLinks, x: State, w: Work, i: int, y: float) -> tuple[Vector, Vector]:
     """See ``faces``: a point of the link that begins there; for the last pin, of the one that ends there."""
-    before, after = _joined(x, i)
+    before, after = joined(x.q.shape[0], links.ends.closed, i)
     k, end = (after, -links.half) if after >= 0 else (before, links.half)
     A = w.system.A[k]
     return add(vector(x.q[k], 0), lever(A, end, y, 0.0)), rate(A, x.v[k], end, y, 0.0)
@@ -158,7 +154,7 @@ def locate_pin(links: RigidLinks, x: State, w: Work, i: int, y: float) -> tuple[
 @kernel
 def apply_pin_force(links: RigidLinks, x: State, w: Work, i: int, y: float, force: ContactForce, tangent: bool) -> None:
     """Apply half of the force to each link of the pin; all of it at an end."""
-    before, after = _joined(x, i)
+    before, after = joined(x.q.shape[0], links.ends.closed, i)
     share = 1.0 if before < 0 or after < 0 else 0.5
     for a in range(3):
         x.load[i, a] += force.f[a]

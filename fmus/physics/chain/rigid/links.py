@@ -187,6 +187,8 @@ def loads(
     w.along[:] = 0.0
     _inertia(links, env.gravity, s, w, by, tangent)
     if contacts is not None:
+        if tangent:
+            w.points.number[0] = 0
         evaluate_contacts(links, contacts, s, w, w.wheels, by.v, tangent)
     if env.transverse > 0.0:
         _across(links, env.transverse, s, w, by.v, tangent)

@@ -1,7 +1,7 @@
 """Implicit step of a chain of rigid links: index-3 generalised-alpha on the Lie group of poses.
 
-The equations of motion and the pins' position equations hold at the end of every step, to the tolerances below.
-Newton's unknowns are the links' increments over the step and the multipliers (``physics.rigid.augmented``).
+The equations of motion and the pins' position equations hold at the end of every step, to second order in the last
+correction. Newton's unknowns are the links' increments over the step and the multipliers (``physics.rigid.augmented``).
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.outcome import DONE, SINGULAR, STALLED
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
 from fmus.physics.chain.rigid.links import residual
+from fmus.physics.chain.state import copy_rows
+from fmus.physics.chain.touch import add_last_correction
 from fmus.physics.integrate.generalized_alpha import auxiliary, slopes
 from fmus.physics.point import sharpen
 from fmus.physics.rigid import augmented, body
@@ -28,13 +30,12 @@ if TYPE_CHECKING:
     from fmus.physics.chain.rigid.work import Work
     from fmus.physics.integrate.generalized_alpha import Slopes
 
-GAP = 1e-11  # largest misfit of a pin, m and rad: 1e-12 of the length of a track
-# largest residual of a link, relative to weight and pull; the rest goes into the accelerations
-FORCE = 1e-6
-MOST = 15  # iterations before a step is rejected
-SLOW = 0.5  # friction is sharp if a new tangent leaves more than this part of the residual
-REUSE = 0.1  # keep the tangent while an iteration leaves less than this part of the residual
-LOST = 1e15  # misfit over its tolerance beyond which the iteration has diverged
+TOLERANCE = 1e-8  # correction at the end of the iteration, m
+CHORD = 1e-4  # correction below which the iteration matrix is kept, m
+REUSE = 0.1  # as long as a correction is smaller than this part of the last one
+FASTEST = 10.0  # correction beyond which the iteration has diverged, m
+SLOW = 0.5  # friction is sharp if a correction is larger than this part of the last one
+MOST = 20  # iterations before a step is rejected
 
 
 @allocating
@@ -59,54 +60,59 @@ def newton(
             s.v[i, k] += h * ((1.0 - c.gamma) * a0 + c.gamma * a1)
             s.a[i, k] = a1
         body.advance(before.q[i], w.x[i], s.q[i])
-    fresh, renewed, last = True, False, np.inf
-    where, y, sharp = 0, w.system, w.contact.sharp
+    size, last, y, sharp = np.inf, np.inf, w.system, w.contact.sharp
     sharp[0] = 0
     for _ in range(MOST):
+        fresh = size > CHORD or size > REUSE * last or sharp[0] == 1  # near the solution the last matrix is reused
+        if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
+            if fresh:
+                copy_rows(s.q, w.points.q)
         residual(links, contacts, env, s, w, by, fresh)
         counters[EVALUATIONS] += 1
-        error, where = _misfit(links, method.tolerance, s, w)
-        if error <= 1.0:
-            settle_rates(links, s, w, by)
-            return DONE, where, 0.0
-        if not error < LOST:
-            break
-        if not fresh and error > REUSE * last:
-            if method.sharp_friction and renewed and error > SLOW * last:
-                sharpen(w.contact)
-            fresh = True
-            residual(links, contacts, env, s, w, by, fresh)
-            counters[EVALUATIONS] += 1
         if fresh:
             failed = augmented.factor(links.half, links.ends, y, 1.0, augmented.spring_compliance(links.spring, by.v))
             if failed >= 0:
-                return SINGULAR, failed, _largest(y.r)
+                return SINGULAR, failed, largest_residual(y.r)[0]
         augmented.solve(links.half, links.ends, y)
         counters[ITERATIONS] += 1
-        fresh, renewed, last = sharp[0] == 1, fresh, error
-        _update(s, w, by)
-    return STALLED, max(where, 0), _largest(y.r)
+        last, size = size, _update(links, s, w, by)
+        if not size < FASTEST:
+            break
+        if size < method.tolerance:
+            if contacts is not None:
+                add_last_correction(links, s, w)
+            return DONE, 0, 0.0
+        if size > SLOW * last and fresh and not sharp[0]:
+            sharpen(w.contact)
+    worst, where = largest_residual(y.r)
+    return STALLED, where, worst
 
 
 @kernel
-def _largest(r: Floats) -> float:
-    """Largest absolute entry of the residuals ``r`` (n, 6), N and N m."""
-    most = 0.0
+def largest_residual(r: Floats) -> tuple[float, int]:
+    """Largest absolute entry of the residuals ``r`` (n, 6), N and N m, and its link."""
+    most, where = 0.0, 0
     for i in range(r.shape[0]):
         for k in range(6):
             if not abs(r[i, k]) <= most:
-                most = abs(r[i, k])
-    return most
+                most, where = abs(r[i, k]), i
+    return most, where
 
 
 @kernel
-def _update(s: State, w: Work, by: Slopes) -> None:
-    """Apply the increments of a Newton iteration to positions, velocities, accelerations and multipliers."""
-    y, d = w.system, w.lever
+def _update(links: RigidLinks, s: State, w: Work, by: Slopes) -> float:
+    """Apply the increments of a Newton iteration to positions, velocities, accelerations and multipliers.
+
+    Returns the largest correction of a link, m: of its centre, or of its pins by its rotation.
+    """
+    y, d, size = w.system, w.lever, 0.0
     for i in range(s.q.shape[0]):
         body.turn_rate(w.x[i, 3:], y.dx[i, 3:], d)
         for k in range(6):
             x = y.dx[i, k] if k < 3 else d[k - 3]
+            moved = abs(x) if k < 3 else links.half * abs(x)
+            if not moved <= size:
+                size = moved
             w.x[i, k] += x
             s.v[i, k] += by.v * x
             s.a[i, k] += by.a * x
@@ -115,36 +121,15 @@ def _update(s: State, w: Work, by: Slopes) -> None:
     for j in range(s.lam.shape[0]):
         for k in range(5):
             s.lam[j, k] += y.dl[j, k]
+    return size
 
 
 @kernel
 def settle_rates(links: RigidLinks, s: State, w: Work, by: Slopes) -> None:
-    """Add the remaining residual to the accelerations: momentum is then balanced to rounding."""
+    """Add the residual to the accelerations: momentum is then balanced to rounding."""
     for i in range(s.q.shape[0]):
         for k in range(6):
             d = -w.system.r[i, k] / (links.mass if k < 3 else links.inertia[k - 3])
             s.vdot[i, k] += d
             s.a[i, k] += d * by.a / by.vdot
             s.v[i, k] += d * by.v / by.vdot
-
-
-@kernel
-def _misfit(links: RigidLinks, tolerance: float, s: State, w: Work) -> tuple[float, int]:
-    """Largest residual over its tolerance, and the link (or pin) that has it."""
-    pull = 0.0
-    for j in range(s.lam.shape[0]):
-        pull = max(pull, abs(s.lam[j, 0]), abs(s.lam[j, 2]))
-    scale = tolerance * (links.mass * 9.81 + pull)
-    worst, where = 0.0, -1
-    y = w.system
-    for i in range(s.q.shape[0]):
-        for a in range(6):
-            e = abs(y.r[i, a]) / (scale if a < 3 else scale * links.half)
-            if not e <= worst:
-                worst, where = e, i
-    for j in range(s.lam.shape[0]):
-        for a in range(5):
-            e = abs(y.C[j, a]) / GAP
-            if not e <= worst:
-                worst, where = e, j
-    return worst, where

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from fmus.physics.rigid.augmented import AugmentedSystem
 from fmus.physics.rigid.recursive import ArticulatedBodies
 from fmus.physics.wheels import WIDTH
 
+if TYPE_CHECKING:
+    from fmus.physics.chain.contact_points import ContactPoints
+
 
 class Work(NamedTuple):
     """Arrays for n links, p pins, m wheels."""
@@ -25,6 +28,7 @@ class Work(NamedTuple):
     system: AugmentedSystem  # linear system
     articulated: ArticulatedBodies  # arrays of the recursive formulation; without links in the augmented one
     contact: Memory  # memory of sharp friction
+    points: Any  # ``ContactPoints`` at the last iteration matrix; None without contacts
     near: Near  # distances of links from a wheel
     x: np.ndarray  # (n, 6) increments over the step, m and rad
     wheels: np.ndarray  # (m, 15) wheels at the time of evaluation
@@ -39,10 +43,13 @@ class Work(NamedTuple):
     still: np.ndarray  # (3, 3) rotation matrix of the supports, the identity
 
 
-def work(links: int, closed: bool, wheels: int, forces: LinkForcesShape = NONE, joints: int = 0) -> Work:
+def work(
+    links: int, closed: bool, wheels: int, forces: LinkForcesShape = NONE, joints: int = 0, contacts: bool = False
+) -> Work:
     """Return zeroed arrays.
 
-    ``forces``: shape of the forces on each link; ``joints``: number of joint coordinates with rates.
+    ``forces``: shape of the forces on each link; ``joints``: number of joint coordinates with rates; ``contacts``: the
+    chain may touch something.
     """
     z, pins = np.zeros, links if closed else links + 1
     sizes, ground = shapes(links, closed, wheels, forces, joints), z((2, 7))
@@ -52,6 +59,7 @@ def work(links: int, closed: bool, wheels: int, forces: LinkForcesShape = NONE, 
         system=augmented.system(links, closed),
         articulated=recursive.articulated_bodies(links if joints else 0),
         contact=memory(points(wheels, pins)),
+        points=_contact_points(points(wheels, pins), links) if contacts else None,
         near=near(links),
         x=z((links, 6)),
         wheels=z((wheels, WIDTH)),
@@ -65,3 +73,10 @@ def work(links: int, closed: bool, wheels: int, forces: LinkForcesShape = NONE, 
         ground=ground,
         still=np.eye(3),
     )
+
+
+def _contact_points(most: int, links: int) -> ContactPoints:
+    """Return the arrays of contact points, see ``contact_points.contact_points``."""
+    from fmus.physics.chain.contact_points import contact_points
+
+    return contact_points(most, (links, 7))

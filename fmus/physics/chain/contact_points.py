@@ -26,15 +26,15 @@ class ContactPoints(NamedTuple):
     number: np.ndarray  # (1) int: of points
     which: np.ndarray  # (points, 4) int: PARTNER to ON_PIN
     numbers: np.ndarray  # (points, SIZE)
-    q: np.ndarray  # (nodes, width) coordinates at the matrix
-    step: np.ndarray  # (nodes, width) last correction of the coordinates
+    q: np.ndarray  # coordinates at the matrix, (nodes, width) or (links, 7)
+    step: np.ndarray  # (nodes, width) last correction of the coordinates; of rigid links it is in ``AugmentedSystem``
 
 
-def contact_points(points: int, nodes: int, width: int) -> ContactPoints:
-    """Return zeroed arrays for at most ``points`` points of a chain with ``width`` coordinates at each of its nodes."""
+def contact_points(points: int, coordinates: tuple[int, int], step: tuple[int, int] = (0, 0)) -> ContactPoints:
+    """Return zeroed arrays for at most ``points`` points of a chain; shapes of its coordinates and of ``step``."""
     z = np.zeros
     return ContactPoints(
-        z(1, dtype=np.int64), z((points, 4), dtype=np.int64), z((points, SIZE)), z((nodes, width)), z((nodes, width))
+        z(1, dtype=np.int64), z((points, 4), dtype=np.int64), z((points, SIZE)), z(coordinates), z(step)
     )
 
 
