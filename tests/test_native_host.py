@@ -82,6 +82,27 @@ def test_a_host_without_an_environment_drives_the_vehicle(scene, links, tmp_path
     assert expected["chassis"].size > 100
 
 
+@pytest.mark.long
+@pytest.mark.skipif(sys.platform != "linux", reason="the counter needs glibc")
+@pytest.mark.parametrize(
+    ("scene", "links"), [("straight", "flexible"), ("serpentine", "rigid"), ("differential", "rigid")]
+)
+def test_no_step_allocates(scene, links, tmp_path):
+    counter = tmp_path / "allocations.so"
+    source = HOST.with_name("allocations.c")
+    subprocess.run([*compiler(), "-std=c11", "-shared", "-fPIC", "-o", counter, source], check=True)
+    resolved = placed(load(scene, links))
+    assembly, program = assemble(resolved), host(tmp_path)
+    files, counts = built(assembly), []
+    for steps in (50, 150):
+        order = order_text(assembly, files, resolved.run.step, steps)
+        environment = {"LD_PRELOAD": str(counter)}
+        said = subprocess.run([program], input=order, capture_output=True, text=True, env=environment, check=True)
+        counts.append(int(said.stderr.split()[-1]))
+    assert counts[0] > 10, "the counter was not loaded"
+    assert counts[1] - counts[0] < 10  # of the host, for its output
+
+
 @pytest.mark.study
 def test_libcosim_drives_the_vehicle(tmp_path):
     """libcosim drives 3 s of ``straight`` with the bits of the same calls here.

@@ -19,7 +19,7 @@ from fmus.jit import allocating, kernel
 from fmus.model import too_many_steps
 from fmus.physics.elementary import cos, sin
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
-from fmus.physics.rotation import put_quat, quat_normalise, quat_to_matrix
+from fmus.physics.rotation import put_matrix, put_quat, quat_normalise
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 from fmus.stance import Stance
 
@@ -45,6 +45,7 @@ class Parts(NamedTuple):
     sides: int  # sides that have ports
     state: np.ndarray
     counters: np.ndarray  # (2) int: solver.steps, solver.evaluations
+    stages: np.ndarray  # (5, states) work array: rates at the stages of a step, and a state
 
 
 @kernel
@@ -167,10 +168,10 @@ def rates(tree, contacts, x, u, out):
     u: wrenches on the units, world (6 for each input); the wrenches of the ground are added where there are contacts.
     """
     n = len(tree.is_arm)
-    A = quat_to_matrix(x[3:7])
+    A, M, b, J, Q, g = tree.rotation, tree.root_mass, tree.root_force, tree.tensor, tree.coupling, tree.leaf_force
+    put_matrix(A, x[3:7])
     v, w = to_body(A, vector(x, 7)), vector(x, 10)
-    M, b, J = np.zeros((6, 6)), np.zeros(6), np.zeros((3, 3))
-    Q, g = np.empty((n, 6)), np.empty(n)  # columns that couple leaves to the root, divided by the leaves' masses
+    M[:], b[:] = 0.0, 0.0
     d, spin, rate, spin_rate = ROOT, ROOT + n, ROOT + 2 * n, ROOT + 3 * n
     dissipated, momentum = 0.0, 0.0
     if contacts is not None:
@@ -273,14 +274,14 @@ def fault(tree, x):
 
 
 @allocating
-def advance(packed, contacts, x, u, h, steps):
+def advance(c, x, u, h, steps):
     """Integrate x in place over ``steps`` steps of h s under constant u; return steps done and fault."""
-    tree = unpacked(packed)
-    k, y = np.empty((len(RK4.b), len(x))), np.empty(len(x))
+    tree, k = unpacked(c.packed), c.stages
+    y = k[len(RK4.b)]
     for steps_done in range(steps):
         for i in range(len(RK4.b)):
             stage(RK4, i, h, x, k, y)
-            rates(tree, contacts, y, u, k[i])
+            rates(tree, c.contacts, y, u, k[i])
         finish(RK4, h, x, k)
         code = fault(tree, x)
         if code != FINE:
@@ -295,7 +296,7 @@ def step(c, messages, t, h, u):
     if too_many_steps(messages[0], t, h, c.longest):
         return TOO_LONG
     tree, x, steps = unpacked(c.packed), c.state, max(1, int(np.ceil(h / c.longest - 1e-9)))
-    steps_done, code = advance(c.packed, c.contacts, x, u, h / steps, steps)
+    steps_done, code = advance(c, x, u, h / steps, steps)
     messages[0, 0] = t + steps_done * h / steps
     if code == FINE:
         c.counters[0] += steps
@@ -324,8 +325,8 @@ def step_failure(tree, code, x, numbers):
 @allocating
 def energies(tree, x):
     """Kinetic, gravity (0 where the common centre of mass is at z = 0) and spring energy, J. (13)"""
-    n = len(tree.is_arm)
-    A = quat_to_matrix(x[3:7])
+    n, A = len(tree.is_arm), tree.rotation
+    put_matrix(A, x[3:7])
     v, w = to_body(A, vector(x, 7)), vector(x, 10)
     c = vector(tree.centre, 0)
     vc, moment, spring = add(v, cross(w, c)), scale(tree.mass, c), 0.0

@@ -14,6 +14,7 @@ from fmus.chassis.tree import packed, tree, unpacked
 from fmus.defaults import parameter_values
 from fmus.model import TOO_MANY_STEPS, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
+from fmus.physics.integrate.runge_kutta import RK4
 from fmus.ports import POSITIVE, WRENCH, Port, motion_ports, start_pose_ports, wrench_ports
 from fmus.sentences import GAPS, Sentence, format_sentence
 from fmus.stance import roll_pitch_quaternion, stance
@@ -114,6 +115,7 @@ class Model(ComponentModel):
         )  # fmt: skip
         self.state: Floats = np.zeros(ROOT + LEAF * len(self.tree.is_arm) + ENERGY_SUMS)
         self.counters = np.zeros(2, dtype=np.int64)
+        self._stages = np.zeros((len(RK4.b) + 1, len(self.state)))
         self._start = np.zeros(5)
         self._set_start(config["chassis"])
         self.inputs = WRENCH * len(places)
@@ -157,7 +159,7 @@ class Model(ComponentModel):
         self.counters[:] = 0
         parts = Parts(
             self._packed, self._contacts, values["step"], self._start, self._centre, self._hull, self._leaves,
-            self._missing_preload, len(self.sides), self.state, self.counters,
+            self._missing_preload, len(self.sides), self.state, self.counters, self._stages,
         )  # fmt: skip
         self.begin(values, parts)
 

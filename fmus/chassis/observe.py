@@ -11,7 +11,7 @@ from fmus.chassis.touch import touch
 from fmus.chassis.tree import unpacked
 from fmus.jit import allocating, kernel
 from fmus.physics.elementary import asin, atan2, cos, sin
-from fmus.physics.rotation import put_quat, quat_multiply, quat_to_matrix
+from fmus.physics.rotation import put_matrix, put_quat, quat_multiply
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
 
 
@@ -29,7 +29,8 @@ def put_motion(y, i, x, A, r, dr, q, w):
 def put_sides(tree, x, sides, y, i):
     """Write the motions (13 each) of wheels, idler and sprocket mount of each side."""
     n, still = len(tree.is_arm), (0.0, 0.0, 0.0)
-    A, w = quat_to_matrix(x[3:7]), vector(x, 10)
+    A, w = tree.rotation, vector(x, 10)
+    put_matrix(A, x[3:7])
     for side in range(sides):
         for k in range(side * n // 2, (side + 1) * n // 2):
             r, dr = wheel_offset(tree, k, x[ROOT + k])
@@ -42,9 +43,10 @@ def put_sides(tree, x, sides, y, i):
 
 
 @allocating
-def put_chassis(x, start, y, i):
+def put_chassis(tree, x, start, y, i):
     """Write motion (13), pitch, roll, yaw, speed, distance, settlement; start: O (3, m) and heading (rad)."""
-    A, zero = quat_to_matrix(x[3:7]), (0.0, 0.0, 0.0)
+    A, zero = tree.rotation, (0.0, 0.0, 0.0)
+    put_matrix(A, x[3:7])
     i = put_motion(y, i, x, A, zero, zero, x[3:7], vector(x, 10))
     y[i] = asin(min(1.0, max(-1.0, -A[2, 0])))
     y[i + 1] = atan2(A[2, 1], A[2, 2])
@@ -77,7 +79,7 @@ def write_outputs(c, y):
     """See ``fmus.model.ComponentModel``."""
     tree, x = unpacked(c.packed), c.state
     i = put_sides(tree, x, c.sides, y, 0)
-    i = put_chassis(x, c.start, y, i)
+    i = put_chassis(tree, x, c.start, y, i)
     i = put_springs(tree, x, c.sides, y, i)
     y[i], y[i + 1], y[i + 2] = energies(tree, x)
     y[i + 1] -= c.start[4]
@@ -89,7 +91,8 @@ def write_outputs(c, y):
 def put_touch(contacts, tree, x, y, i):
     """Write stored energy and force of the ground, where there are contacts."""
     if contacts is not None:
-        A = quat_to_matrix(x[3:7])
+        A = tree.rotation
+        put_matrix(A, x[3:7])
         touch(contacts, tree, x, A, to_body(A, vector(x, 7)), vector(x, 10))
         y[i] = contacts.sums[0]
         put(y, i + 1, vector(contacts.sums, 2))

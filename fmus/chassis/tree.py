@@ -50,6 +50,13 @@ class VehicleTree(NamedTuple):
     sprocket: Floats  # (2, 3) centres of the sprocket mounts, left and right, m
     input_index: Integers  # (n + 2,) index of the wrench input that acts on a unit: leaves, left mount, right mount
     mirror: Floats  # (n + 2,) 1, or -1 where the input is that of the other side, mirrored in the plane y = 0 of B
+    # Work arrays of the equations of motion (``dynamics.rates``).
+    rotation: Floats  # (3, 3) B to world
+    root_mass: Floats  # (6, 6) of the root with the leaves
+    root_force: Floats  # (6,) on the root, then its accelerations
+    tensor: Floats  # (3, 3) inertia of a leaf
+    coupling: Floats  # (n, 6) rows that couple leaves to the root, divided by the leaves' masses
+    leaf_force: Floats  # (n,) on a leaf over its mass
 
 
 def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
@@ -107,6 +114,12 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
         sprocket=mounts,
         input_index=np.where(right & (sides == 1), sources - count - 1, sources),
         mirror=np.where(right & (sides == 1), -1.0, 1.0),
+        rotation=np.eye(3),
+        root_mass=np.zeros((6, 6)),
+        root_force=np.zeros(6),
+        tensor=np.zeros((3, 3)),
+        coupling=np.zeros((2 * count, 6)),
+        leaf_force=np.zeros(2 * count),
     )
 
 
@@ -124,35 +137,39 @@ def _with_sprockets(
 
 
 class PackedTree(NamedTuple):
-    """Tree as three arrays: passing these to a kernel takes a third of the time of passing a ``VehicleTree``."""
+    """Tree as four arrays: passing these to a kernel takes a third of the time of passing a ``VehicleTree``."""
 
     body: Floats  # (n + 23,) numbers that belong to no leaf; mirror
     leaves: Floats  # (n, 20)
     integers: Integers  # (2, n + 2) is_arm, filled up with 0; input_index
+    work: Floats  # (60 + 7 n,) work arrays
 
 
 def packed(tree: VehicleTree) -> PackedTree:
-    """Three arrays with the numbers of a tree, see ``unpacked``."""
+    """Four arrays with the numbers of a tree, see ``unpacked``."""
     t = tree
     body = [t.gravity, t.mass, t.total_mass, *t.centre, *t.inertia.ravel(), *t.sprocket.ravel(), *t.mirror]
     pairs = t.hinge, t.arm, t.on_arm, t.on_chassis
     numbers = t.fraction, t.leaf_mass, t.across, t.along, t.transverse, t.spin_inertia
     springs = t.drawn_length, t.stiffness, t.damping, t.preload, t.travel
     integers = np.array([[*t.is_arm, 0, 0], t.input_index])
-    return PackedTree(np.array(body), np.column_stack([*pairs, *numbers, *springs]), integers)
+    works = t.rotation, t.root_mass, t.root_force, t.tensor, t.coupling, t.leaf_force
+    work = np.concatenate([each.ravel() for each in works])
+    return PackedTree(np.array(body), np.column_stack([*pairs, *numbers, *springs]), integers, work)
 
 
 @allocating
 def unpacked(packed):
     """Tree whose arrays are views of the packed ones."""
-    b, x, integers = packed.body, packed.leaves, packed.integers
+    b, x, integers, w = packed.body, packed.leaves, packed.integers, packed.work
+    n = len(x)
     return VehicleTree(
         gravity=b[0],
         mass=b[1],
         total_mass=b[2],
         centre=b[3:6],
         inertia=b[6:15].reshape(3, 3),
-        is_arm=integers[0, : len(x)],
+        is_arm=integers[0, :n],
         hinge=x[:, 0:3],
         arm=x[:, 3:5],
         fraction=x[:, 9],
@@ -171,4 +188,10 @@ def unpacked(packed):
         sprocket=b[15:21].reshape(2, 3),
         input_index=integers[1],
         mirror=b[21:],
+        rotation=w[:9].reshape(3, 3),
+        root_mass=w[9:45].reshape(6, 6),
+        root_force=w[45:51],
+        tensor=w[51:60].reshape(3, 3),
+        coupling=w[60 : 60 + 6 * n].reshape(n, 6),
+        leaf_force=w[60 + 6 * n :],
     )

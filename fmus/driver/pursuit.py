@@ -19,12 +19,12 @@ from fmus.driver import path as route
 from fmus.driver import plan as planning
 from fmus.driver import skid
 from fmus.drives.mount import rest_if_unconnected
-from fmus.jit import allocating, kernel
+from fmus.jit import kernel
 from fmus.model import no_rotation
 from fmus.physics.elementary import atan, atan2, cos, hypot, sin
 from fmus.physics.exponential import root
-from fmus.physics.rotation import quat_normalise, quat_to_matrix
-from fmus.physics.vector import add, cross, scale, to_world, vector
+from fmus.physics.rotation import quat_forward, quat_normalise
+from fmus.physics.vector import add, cross, scale, vector
 from fmus.start import HEADING, put_point_at_rest, world_position
 
 # indices in the flat state; LEFT to CURVATURE are outputs
@@ -86,7 +86,7 @@ class Parts(NamedTuple):
     counters: np.ndarray  # (1) int
 
 
-@allocating
+@kernel
 def begin(c, messages, p):
     """See ``fmus.model.ComponentModel``; p: the start pose."""
     messages[0, 0], heading = c.law.ramp_end, p[HEADING]
@@ -148,7 +148,7 @@ def turn_resistance(footing):
     return min(footing.arm / footing.half_gauge, 0.9)
 
 
-@allocating
+@kernel
 def step(c, messages, t, h, u):
     """See ``fmus.model.ComponentModel``; u: motion (13) of the hull at t."""
     x, inputs, was_lost = c.state, c.inputs, c.state[LOST] != 0.0
@@ -196,15 +196,16 @@ class MotionTarget(NamedTuple):
     yaw_acceleration: float  # derivative of the rate, rad/s2
 
 
-@allocating
+@kernel
 def advance(c, t, h, u):
     """Set the demands of a step, computed for its middle; u: motion (13) of the hull at t."""
     p, x, half = c.law, c.state, 0.5 * h
-    A, v, w = quat_to_matrix(quat_normalise(u[3:7])), vector(u, 7), vector(u, 10)
-    arm = to_world(A, (p.ahead, 0.0, 0.0))
+    q, v, w = quat_normalise(u[3:7]), vector(u, 7), vector(u, 10)
+    forward = quat_forward(q)
+    arm = scale(p.ahead, forward)
     v = add(v, cross(w, arm))
     px, py, _ = add(add(vector(u, 0), arm), scale(half, v))
-    heading = atan2(A[1, 0], A[0, 0]) + half * w[2]
+    heading = atan2(forward[1], forward[0]) + half * w[2]
     x[TOTAL_HEADING] += wrapped_angle(heading - x[TOTAL_HEADING])
     along, across = cos(heading), sin(heading)
     point = SteeredPoint(px, py, x[TOTAL_HEADING], along * v[0] + across * v[1], along * v[1] - across * v[0], w[2])

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from fmus.drives.shaft import ANGLE, PORT_WORK, RATE, SHAFT
-from fmus.jit import allocating, kernel
+from fmus.jit import kernel
+from fmus.physics.arrays import Four, Vector
 from fmus.physics.elementary import cos, sin
 from fmus.physics.rotation import put_quat, quat_advance, quat_multiply, quat_normalise, quat_rotate
 from fmus.physics.vector import add, dot, put, scale, vector
@@ -30,13 +29,13 @@ WIDTH = 40
 class ExtrapolatedMount(NamedTuple):
     """Extrapolated motion of a mount over a step, world, SI, and the torque of the chain about its axis."""
 
-    position: tuple[float, float, float]  # at the end
-    q: np.ndarray  # (4) at the end
-    velocity: tuple[float, float, float]  # at the end
-    angular_velocity: tuple[float, float, float]  # angular velocity at the end
-    mean_angular_velocity: tuple[float, float, float]  # mean angular velocity
-    start_axis: np.ndarray  # (3) lateral axis at the start
-    end_axis: np.ndarray  # (3) lateral axis at the end
+    position: Vector  # at the end
+    q: Four  # at the end
+    velocity: Vector  # at the end
+    angular_velocity: Vector  # angular velocity at the end
+    mean_angular_velocity: Vector  # mean angular velocity
+    start_axis: Vector  # lateral axis at the start
+    end_axis: Vector  # lateral axis at the end
     start_rate: float  # rate about the axis at the start, rad/s
     end_rate: float  # rate about the axis at the end, rad/s
     chain_torque: float  # mean torque of the chain about the axis, N m
@@ -56,7 +55,7 @@ def rest_if_unconnected(inputs, first, unconnected, rest_motion, i):
         inputs[first + k] = rest_motion[i + k]
 
 
-@allocating
+@kernel
 def extrapolate(with_acceleration, x, h, u, i):
     """Extrapolate the mount over a step of ``h`` s. (7)
 
@@ -83,19 +82,19 @@ def extrapolate(with_acceleration, x, h, u, i):
     )
 
 
-@allocating
+@kernel
 def set_start_momentum(inertia, x, m):
     """Set, before the first step, the momentum J Omega a of the sprocket on its mount ``m``."""
-    put(x, MOMENTUM, scale(inertia * x[RATE], vector(m.start_axis, 0)))
+    put(x, MOMENTUM, scale(inertia * x[RATE], m.start_axis))
 
 
-@allocating
+@kernel
 def finish_step(inertia, x, h, u, i, m):
     """Set the mean wrench on the mount: the chain's wrench less the change of the spin's momentum. (8)
 
     Also sets the motion of the sprocket and what the next step needs of this one.
     """
-    momentum = scale(inertia * x[RATE], vector(m.end_axis, 0))
+    momentum = scale(inertia * x[RATE], m.end_axis)
     change = add(momentum, scale(-1.0, vector(x, MOMENTUM)))
     put(x, MOUNT, vector(u, i + 13))
     put(x, MOUNT + 3, add(vector(u, i + 16), scale(-1.0 / h, change)))
@@ -107,7 +106,7 @@ def finish_step(inertia, x, h, u, i, m):
     put(x, VELOCITY + 3, vector(u, i + 10))
 
 
-@allocating
+@kernel
 def put_sprocket_motion(x, position, q, velocity, omega):
     """Write the sprocket's motion (13): the mount's pose turned by the angle, its rates with the spin. (6)
 

@@ -10,7 +10,9 @@ import numpy as np
 
 from fmus.course import Course, parse_course
 from fmus.drives.motor import DriveParameters
+from fmus.drives.shaft import INTEGRATED
 from fmus.model import InvalidParameter
+from fmus.physics.integrate.runge_kutta import RK4
 from fmus.ports import NOT_NEGATIVE, POSITIVE, Port
 from fmus.sentences import Sentence
 
@@ -152,6 +154,7 @@ def drive_parameters(values: Mapping[str, Any], inertia: float, demand: str = ""
         integral=float(values_of["controller.integral"]),
         limit=float(values_of["torque.limit"]),
         with_acceleration=EXTRAPOLATIONS.index(values["extrapolation"]),
+        stages=np.zeros((len(RK4.b) + 1, INTEGRATED)),
         stop_start=float(values_of["stop.start"]),
         stop_time=float(values_of["stop.time"]),
         speeds=speeds,

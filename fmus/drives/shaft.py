@@ -10,7 +10,7 @@ import numpy as np
 
 from fmus.course import evaluate, has_points, set_line
 from fmus.drives.motor import CONTROLLER, SPEED, motor_torque, speed_profile
-from fmus.jit import allocating, kernel
+from fmus.jit import kernel
 from fmus.physics.exponential import exp
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
 
@@ -52,13 +52,14 @@ def substeps(p, h):
     return max(1, int(np.ceil(min(2.0 * h * fastest, 1e9))))
 
 
-@allocating
+@kernel
 def integrate_spin(p, x, t, h, steps, chain_torque, start_rate, end_rate):
     """Integrate the INTEGRATED quantities of x (SHAFT) over h s in ``steps`` Runge-Kutta steps.
 
     ``chain_torque``: mean torque of the chain, N m; ``start_rate``, ``end_rate``: of the mount at t, t + h, rad/s.
     """
-    y, k, d = np.empty(INTEGRATED), np.empty((len(RK4.b), INTEGRATED)), h / steps
+    k, d = p.stages, h / steps
+    y = k[len(RK4.b)]
     x[IMPULSE] = 0.0
     for n in range(steps):
         for i in range(len(RK4.b)):
@@ -79,7 +80,7 @@ def advance_prescribed(p, x, t, h, chain_torque, end_rate):
     x[WORK] += 0.5 * momentum * (now + then) - chain_torque * angle_change
 
 
-@allocating
+@kernel
 def advance_shaft(p, x, t, h, steps, chain_torque, start_rate, end_rate):
     """Advance a shaft's x by ``h`` s, and set its motor's mean torque and power and the work of its port."""
     angle, work = x[ANGLE], x[WORK]

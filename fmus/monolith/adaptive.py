@@ -9,7 +9,7 @@ from fmus.physics.chain.kinds import project, speed
 from fmus.physics.chain.report import TRAVEL
 from fmus.physics.chain.state import copy
 from fmus.physics.integrate.adams import LEAST, accept, accurate, correct, length, predict, restart
-from fmus.physics.rotation import quat_normalise
+from fmus.physics.rotation import put_quat, quat_normalise
 
 
 @allocating
@@ -48,7 +48,7 @@ def march(chains, drives, tree, ports, m, sums, interval, fresh):
                 return CHAIN_FAILED, done, failed
         if tree is not None:
             quaternion = ports.body + 3
-            m.y[quaternion : quaternion + 4] = quat_normalise(m.y[quaternion : quaternion + 4])
+            put_quat(m.y, quaternion, quat_normalise(m.y[quaternion : quaternion + 4]))
         failed = _evaluate(chains, drives, tree, ports, m, sums, t + done + dt)
         if failed >= 0:
             return CHAIN_FAILED, done, failed

@@ -22,7 +22,7 @@ from fmus.physics.chain.report import accumulate as accumulate_report
 from fmus.physics.chain.state import add_share
 from fmus.physics.chain.sums import END_POWER
 from fmus.physics.integrate.runge_kutta import RK4, finish, stage
-from fmus.physics.rotation import quat_normalise
+from fmus.physics.rotation import put_quat, quat_normalise
 from fmus.physics.wheels import read_states, to_world
 
 DONE, CHAIN_FAILED, CHASSIS_FAILED, NOT_FINITE, STEP_TOO_SHORT = range(5)
@@ -117,7 +117,7 @@ def march(chains, drives, tree, ports, interval, x, y, k):
             before[n] = now
         if tree is not None:
             quaternion = ports.body + 3
-            y[quaternion : quaternion + 4] = quat_normalise(y[quaternion : quaternion + 4])
+            put_quat(y, quaternion, quat_normalise(y[quaternion : quaternion + 4]))
         x[:] = y
     for i in range(x.size):
         if not abs(x[i]) < 1e9:

@@ -182,7 +182,7 @@ class Monolith:
         sprocket, mount = self._sprockets[d], self._mount(d)
         q = mount[3:7] if np.any(mount[3:7]) else sprocket.rest_motion[3:7]
         axis = quat_rotate(q, (0.0, 1.0, 0.0))
-        return sprocket.inertia * self._of_side(d, shaft.RATE) * axis
+        return sprocket.inertia * self._of_side(d, shaft.RATE) * np.array(axis)
 
     def _mount(self, d: int) -> Floats:
         start = 13 * self._spins.mount[d]

@@ -96,7 +96,7 @@ def mirror_drive(original: Any, model: Any, chassis: Any) -> None:
     motions = np.zeros(STATE * (len(chassis.tree.is_arm) + 2))
     put_sides(chassis.tree, chassis.state, 2, motions, 0)
     mount, state = motions[-STATE:], model.state
-    axis = quat_rotate(mount[3:7], (0.0, 1.0, 0.0))
+    axis = np.array(quat_rotate(mount[3:7], (0.0, 1.0, 0.0)))
     state[:] = original.state
     mounts.put_sprocket_motion(state, vector(mount, 0), mount[3:7], vector(mount, 7), vector(mount, 10))
     for first, sign in ((mounts.MOUNT, 1.0), (mounts.MOUNT + 3, -1.0), (mounts.MOMENTUM, -1.0)):

@@ -74,7 +74,7 @@ def _axis(p, motion, d):
     """Lateral axis of a mount and its angular velocity, rad/s, both in world axes."""
     m = 13 * p.mount[d]
     a = quat_rotate(motion[m + 3 : m + 7], (0.0, 1.0, 0.0))
-    return vector(a, 0), vector(motion, m + 10)
+    return a, vector(motion, m + 10)
 
 
 @allocating

@@ -31,7 +31,7 @@ from fmus.drives.shaft import (
     start_shaft,
     substeps,
 )
-from fmus.jit import allocating, kernel
+from fmus.jit import kernel
 from fmus.model import MOST_STEPS, no_rotation
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.vector import vector
@@ -52,7 +52,7 @@ class Parts(NamedTuple):
     counters: np.ndarray  # (2) int: solver.steps, solver.evaluations
 
 
-@allocating
+@kernel
 def begin(c, messages, p):
     """See ``fmus.model.ComponentModel``; p: start pose, lateral place of the mount, m, sprocket's angle, rad."""
     x = c.state
@@ -67,7 +67,7 @@ def begin(c, messages, p):
     return 0
 
 
-@allocating
+@kernel
 def step(c, messages, t, h, u):
     """See ``fmus.model.ComponentModel``; u: mount (13) at t, mean wrench (6), demanded speed where one exists."""
     p, x, inputs = c.drive, c.state, c.inputs
@@ -90,7 +90,7 @@ def step(c, messages, t, h, u):
     return 0
 
 
-@allocating
+@kernel
 def advance(p, x, t, h, steps, u):
     """Advance x in place by ``h`` s in ``steps`` internal steps."""
     if p.lag > 0.0:

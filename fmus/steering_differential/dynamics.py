@@ -33,7 +33,7 @@ from fmus.drives.shaft import (
     start_shaft,
     substeps,
 )
-from fmus.jit import allocating, kernel
+from fmus.jit import kernel
 from fmus.model import MOST_STEPS, no_rotation
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.vector import vector
@@ -67,7 +67,7 @@ def shaft_speed(p, x, t, mount_rate):
     return speed_profile(p, t)[0] if p.mode == SPEED else x[RATE] - mount_rate
 
 
-@allocating
+@kernel
 def set_side(inertia, x, sign, propulsion, steering, h, m, speed_before):
     """Set the sprocket of a side after the step, and torque and work of its half shaft.
 
@@ -95,7 +95,7 @@ class Parts(NamedTuple):
     counters: np.ndarray  # (2) int: solver.steps, solver.evaluations
 
 
-@allocating
+@kernel
 def begin(c, messages, p):
     """See ``fmus.model.ComponentModel``; p: the start pose, then the angle of the sprockets, rad."""
     g, x = c.gearbox, c.state
@@ -117,7 +117,7 @@ def begin(c, messages, p):
     return 0
 
 
-@allocating
+@kernel
 def step(c, messages, t, h, u):
     """See ``fmus.model.ComponentModel``; u: for each side mount (13) at t and mean wrench (6), then demands."""
     g, x, inputs = c.gearbox, c.state, c.inputs
@@ -143,7 +143,7 @@ def step(c, messages, t, h, u):
     return 0
 
 
-@allocating
+@kernel
 def advance(g, x, t, h, propulsion_steps, steering_steps, u):
     """Advance x in place by ``h`` s; ``propulsion_steps``, ``steering_steps``: internal steps."""
     left, right, propulsion, steering = x[:RIGHT], x[RIGHT:PROPULSION], x[PROPULSION:STEERING], x[STEERING:]

@@ -5,14 +5,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fmus.physics.rotation import (
+    put_matrix,
     quat_advance,
-    quat_conjugate,
-    quat_from_matrix,
+    quat_forward,
     quat_from_rotation_vector,
     quat_multiply,
     quat_rotate,
-    quat_to_matrix,
-    rotation_vector,
 )
 
 RNG = np.random.default_rng(7)
@@ -37,14 +35,11 @@ def test_one_rotation(r):
     q = quat_from_rotation_vector(r)
     expected = scipy_quat(reference)
     assert np.allclose(q, expected * np.sign(expected @ q), rtol=0, atol=2e-16)
-    assert np.allclose(quat_to_matrix(q), reference.as_matrix(), rtol=0, atol=1e-15)
-    assert np.allclose(rotation_vector(q), r, rtol=1e-10, atol=1e-16)
-    assert np.allclose(rotation_vector(-q), r, rtol=1e-10, atol=1e-16)
-    back = quat_from_matrix(reference.as_matrix())
-    assert np.allclose(back * np.sign(back @ q), q, rtol=0, atol=5e-16)
-    v = np.array([0.3, -1.2, 2.0])
+    A, v = np.empty((3, 3)), np.array([0.3, -1.2, 2.0])
+    put_matrix(A, q)
+    assert np.allclose(A, reference.as_matrix(), rtol=0, atol=1e-15)
+    assert np.array_equal(quat_forward(q), A[:, 0])
     assert np.allclose(quat_rotate(q, v), reference.apply(v), rtol=0, atol=4e-15)
-    assert np.allclose(quat_rotate(quat_conjugate(q), quat_rotate(q, v)), v, rtol=0, atol=4e-15)
 
 
 def test_product_applies_the_right_factor_first():
@@ -57,10 +52,10 @@ def test_product_applies_the_right_factor_first():
 
 def test_advance_integrates_a_constant_world_rate_exactly():
     rate, start = np.array([0.4, -2.0, 1.1]), quat_from_rotation_vector(VECTORS[0])
-    q = start.copy()
+    q = start
     for _ in range(1000):
         q = quat_advance(q, rate * 1e-3)
     whole = quat_multiply(quat_from_rotation_vector(rate), start)
-    assert np.allclose(q * np.sign(q @ whole), whole, rtol=0, atol=1e-13)
+    assert np.allclose(np.array(q) * np.sign(np.dot(q, whole)), whole, rtol=0, atol=1e-13)
     body = quat_multiply(start, quat_from_rotation_vector(rate))  # twin: the rate in body axes
-    assert not np.allclose(q * np.sign(q @ body), body, atol=1e-2)
+    assert not np.allclose(np.array(q) * np.sign(np.dot(q, body)), body, atol=1e-2)
