@@ -209,6 +209,28 @@ def test_sprocket_drives_the_chain_over_wheels_and_ground(track):
     assert worst < 1e-11
 
 
+@pytest.mark.parametrize("short", [(1e-9,), (1e-5,), (1e-5, 1e-8), (1e-9, 1e-7, 1e-9)])
+def test_short_steps_between_long_ones_change_little(track, short):
+    """A host that meets an event takes such steps.
+
+    Without ``close_rates`` they ended with tensions of meganewtons, or failed.
+    """
+    model, state = track
+    tensions = []
+    for between in ((), short):
+        model.state[:], t = state, 0.0
+        model.counters[:] = 0
+        model.begin_run()
+        for _ in range(60):
+            for h in (1e-3, *between):
+                model.step(t, h, inputs(model, t, 20.0))
+                t += h
+        tensions.append(outputs(model)["tension.mean"])
+        assert model.counters[3] < 30
+        assert abs(model.s.vdot).max() < 2e3
+    assert tensions[1] == pytest.approx(tensions[0], rel=0.05)
+
+
 @pytest.mark.long
 def test_integrators_agree():
     runs = []

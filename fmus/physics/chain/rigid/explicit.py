@@ -16,6 +16,8 @@ from fmus.jit import allocating, kernel
 from fmus.physics.arrays import Floats
 from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.links import pins, residual
+from fmus.physics.chain.rigid.newton import GAP
+from fmus.physics.chain.rigid.rates import set_mass
 from fmus.physics.chain.state import add_share, copy, copy_rows
 from fmus.physics.integrate.generalized_alpha import Slopes
 from fmus.physics.rigid import augmented, body, pin
@@ -30,7 +32,6 @@ if TYPE_CHECKING:
 
 LIMIT = 5e-5  # largest step, s
 CORRECTIONS = 4  # most corrections of the projection
-GAP = 1e-11  # misfit of a pin at which the projection ends, m and rad: 1e-12 of the length of a track
 OPEN = 1e-8  # misfit of a pin after the projection that counts as a failure, m and rad
 STABLE = 2.4  # step times the highest rate of a closing spring
 ANY = Slopes(0.0, 0.0, 0.0)  # for evaluations without a matrix
@@ -59,11 +60,7 @@ def accelerations(links: RigidLinks, contacts: Contacts | None, env: Environment
     spring = closing.spring_force(links, s, w) if ends.cut else (0.0, 0.0, 0.0)
     w.x[:] = 0.0
     residual(links, contacts, env, s, w, ANY, False)
-    y.K[:] = 0.0
-    for i in range(n):
-        for k in range(3):
-            y.K[i, k, k] = links.mass
-            y.K[i, 3 + k, 3 + k] = links.inertia[k]
+    set_mass(links, w)
     for j in range(s.lam.shape[0]):
         y.C[j] = 0.0
         if links.ends.closed or 0 < j < n:

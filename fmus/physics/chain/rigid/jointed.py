@@ -15,9 +15,10 @@ from fmus.jit import implemented_in, kernel
 from fmus.physics.arrays import Floats, Matrix, Vector
 from fmus.physics.chain.rigid import closing, dynamics
 from fmus.physics.chain.rigid.arms import axis
-from fmus.physics.chain.rigid.explicit import ANY, CORRECTIONS, GAP, OPEN
+from fmus.physics.chain.rigid.explicit import ANY, CORRECTIONS, OPEN
 from fmus.physics.chain.rigid.joints import joint_indices, to_poses
 from fmus.physics.chain.rigid.links import RigidLinks, loads
+from fmus.physics.chain.rigid.newton import GAP
 from fmus.physics.chain.sums import JOINTS
 from fmus.physics.rigid import augmented, body, recursive
 from fmus.physics.vector import dot

@@ -15,6 +15,7 @@ from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.outcome import DONE, SINGULAR, STALLED
 from fmus.physics.chain.report import EVALUATIONS, ITERATIONS
 from fmus.physics.chain.rigid.links import residual
+from fmus.physics.chain.rigid.rates import close_rates
 from fmus.physics.chain.state import copy_rows
 from fmus.physics.chain.touch import add_last_correction
 from fmus.physics.integrate.generalized_alpha import auxiliary, slopes
@@ -31,6 +32,10 @@ if TYPE_CHECKING:
     from fmus.physics.integrate.generalized_alpha import Slopes
 
 TOLERANCE = 1e-8  # correction at the end of the iteration, m
+GAP = 1e-11  # misfit of a pin that counts as closed, m and rad: 1e-12 of the length of a track
+# A predicted motion is kept if pins are closed and residuals of links at most FORCE times the tolerance, relative to
+# weight and pull. Below TINY, s, corrections would be rounding, which 1/h^2 enlarges: COARSE bounds are enough.
+FORCE, TINY, COARSE_GAP, COARSE_FORCE = 100.0, 1e-6, 1e-8, 1.0
 CHORD = 1e-4  # correction below which the iteration matrix is kept, m
 REUSE = 0.1  # as long as a correction is smaller than this part of the last one
 FASTEST = 10.0  # correction beyond which the iteration has diverged, m
@@ -51,8 +56,9 @@ def newton(
     counters: Integers,
 ) -> tuple[int, int, float]:
     """See ``kinds``."""
-    n, c, by, before = s.q.shape[0], method.alpha, slopes(method.alpha, h), w.before
-    for i in range(n):
+    c, by, before = method.alpha, slopes(method.alpha, h), w.before
+    close_rates(links, h, s, w)
+    for i in range(s.q.shape[0]):
         for k in range(6):
             a0 = s.a[i, k]
             a1 = auxiliary(c, a0, s.vdot[i, k], s.vdot[i, k])
@@ -60,15 +66,19 @@ def newton(
             s.v[i, k] += h * ((1.0 - c.gamma) * a0 + c.gamma * a1)
             s.a[i, k] = a1
         body.advance(before.q[i], w.x[i], s.q[i])
+    bounds = (COARSE_GAP, COARSE_FORCE) if h < TINY else (GAP, FORCE * method.tolerance)
     size, last, y, sharp = np.inf, np.inf, w.system, w.contact.sharp
     sharp[0] = 0
-    for _ in range(MOST):
+    for n in range(MOST):
         fresh = size > CHORD or size > REUSE * last or sharp[0] == 1  # near the solution the last matrix is reused
         if contacts is not None:  # noqa: SIM102 - numba leaves out the whole branch
             if fresh:
                 copy_rows(s.q, w.points.q)
         residual(links, contacts, env, s, w, by, fresh)
         counters[EVALUATIONS] += 1
+        if n == 0 and _is_solution(links, *bounds, s, w):
+            settle_rates(links, s, w, by)
+            return DONE, 0, 0.0
         if fresh:
             failed = augmented.factor(links.half, links.ends, y, 1.0, augmented.spring_compliance(links.spring, by.v))
             if failed >= 0:
@@ -122,6 +132,23 @@ def _update(links: RigidLinks, s: State, w: Work, by: Slopes) -> float:
         for k in range(5):
             s.lam[j, k] += y.dl[j, k]
     return size
+
+
+@kernel
+def _is_solution(links: RigidLinks, gap: float, force: float, s: State, w: Work) -> bool:
+    """Whether pins are off by at most ``gap``, m and rad, and links by ``force``, relative to weight and pull."""
+    y, pull = w.system, 0.0
+    for j in range(s.lam.shape[0]):
+        pull = max(pull, abs(s.lam[j, 0]), abs(s.lam[j, 2]))
+        for a in range(5):
+            if not abs(y.C[j, a]) <= gap:
+                return False
+    most = force * (links.mass * 9.81 + pull)
+    for i in range(s.q.shape[0]):
+        for a in range(6):
+            if not abs(y.r[i, a]) <= (most if a < 3 else most * links.half):
+                return False
+    return True
 
 
 @kernel
