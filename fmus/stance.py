@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from fmus.jit import kernel
 from fmus.physics.elementary import cos, sin
+from fmus.physics.rotation import quat_multiply
 from fmus.start import vehicle_quaternion, world_position
 
 Stance = tuple[float, float, float, float, float, float, float]
@@ -35,20 +36,9 @@ def roll_pitch_quaternion(roll: float, pitch: float) -> tuple[float, float, floa
 
 
 @kernel
-def quaternion_product(p, q):
-    """Hamilton product p q of quaternions: rotation by q, then by p."""
-    return (
-        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
-        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
-        p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
-        p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
-    )
-
-
-@kernel
 def part_at_rest(p, s):
     """World motion (13, as ``ports.motion_ports``) of a part at rest with stance ``s``; ``p``: start pose."""
-    q = quaternion_product(vehicle_quaternion(p), (s[3], s[4], s[5], s[6]))
+    q = quat_multiply(vehicle_quaternion(p), (s[3], s[4], s[5], s[6]))
     return (*world_position(p, s[0], s[1], s[2]), *q, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 

@@ -1,9 +1,8 @@
 """Rates of the pins at the beginning of a short step after a longer one.
 
 The implicit step closes the pins in position. Their rates are off by the square of its length, and a much shorter step
-would take them out by accelerations that are as much larger as it is shorter (Arnold, Bruels, doi
-10.1007/s11044-007-9084-0, on initial values of generalised-alpha with constraints). Impulses between the links take
-them out before it: the momentum of the chain stays. These impulses are no part of the pins' mean forces.
+would take them out by accelerations that are as much larger as it is shorter. Impulses between the links take them out
+before it: the momentum of the chain stays. These impulses are no part of the pins' mean forces.
 """
 
 from __future__ import annotations
