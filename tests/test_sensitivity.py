@@ -24,7 +24,8 @@ from fmus.track_choices import TRACKS
 from orchestrator.cosim import master
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
-from orchestrator.execution.simulate import load_components, pace_of
+from orchestrator.execution.loading import load_components
+from orchestrator.execution.prepared_run import pace_of
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed

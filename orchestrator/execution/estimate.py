@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,8 +30,8 @@ SHARE = 1.0 / math.sqrt(3.0)  # error over difference: between 1 (order 1) and 1
 PARTS = ("coupling", "integration", "total")
 
 Differences = dict[str, ObservableDifference]  # by observable
-# Records a scene, in this process or another, and returns its summary.
-RecordRun = Callable[[Scene, Path], dict[str, Any]]
+# Records scenes, each into its log unless it has one already, and returns their outcomes (``companion_runs``) in order.
+RecordRuns = Callable[[Sequence[tuple[Scene, Path]]], list[dict[str, Any]]]
 
 
 class Companions(NamedTuple):
@@ -80,16 +81,16 @@ class _NoEstimate(Exception):
     """The reason why a run has no estimate."""
 
 
-def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun) -> dict[str, Any]:
+def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRuns) -> dict[str, Any]:
     """Estimate the relative errors of a recorded run, in total and by observable, or give the reason."""
-    run_times: list[float] = []
+    start = time.perf_counter()
     try:
         coarser_runs = _coarser_runs(scene, summary)
         with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
-            logs = _record_coarser(scene, summary, coarser_runs, record, Path(folder), run_times)
+            logs = _record_coarser(scene, summary, coarser_runs, record, Path(folder))
             parts = _differences(log, logs, coarser_runs)
     except _NoEstimate as reason:
-        return without_estimate(str(reason), sum(run_times))
+        return without_estimate(str(reason), time.perf_counter() - start)
     errors: dict[str, float | None] = {part: SHARE * worst(found) if found else 0.0 for part, found in parts.items()}
     not_separable = {"integration": None} if coarser_runs.total == coarser_runs.coupling else {}
     observables = {
@@ -102,7 +103,12 @@ def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun
         }
         for name, difference in parts["total"].items()
     }
-    return {**(errors | not_separable), "observables": observables, "wall_time": sum(run_times), "message": ""}
+    return {
+        **(errors | not_separable),
+        "observables": observables,
+        "wall_time": time.perf_counter() - start,
+        "message": "",
+    }
 
 
 def _coarser_runs(scene: Scene, summary: dict[str, Any]) -> Companions:
@@ -114,31 +120,23 @@ def _coarser_runs(scene: Scene, summary: dict[str, Any]) -> Companions:
 
 
 def _record_coarser(
-    scene: Scene,
-    summary: dict[str, Any],
-    coarser_runs: Companions,
-    record: RecordRun,
-    folder: Path,
-    run_times: list[float],
+    scene: Scene, summary: dict[str, Any], coarser_runs: Companions, record: RecordRuns, folder: Path
 ) -> dict[str, Path]:
-    """Record the coarser runs; return their logs by name, and append their run times, s, to ``run_times``."""
-    logs: dict[str, Path] = {}
-    for name, companion in zip(coarser_runs._fields, coarser_runs, strict=True):
-        if companion is None:
-            continue
-        if name == "total" and companion == coarser_runs.coupling:
-            logs[name] = logs["coupling"]
-            continue
-        coarser = record(companion, folder / f"{name}.mcap")
-        run_times.append(coarser["wall_time"])
+    """Record the coarser runs; return their logs by name."""
+    scenes = {name: companion for name, companion in coarser_runs._asdict().items() if companion is not None}
+    equal = coarser_runs.total == coarser_runs.coupling
+    if equal:
+        del scenes["total"]
+    recorded = record([(companion, folder / f"{name}.mcap") for name, companion in scenes.items()])
+    for companion, coarser in zip(scenes.values(), recorded, strict=True):
         if coarser["status"] != "ok" or energy_warning(coarser["energy"]):
             raise _NoEstimate(f"the run at twice the step cannot be right: {coarser['message']}")
         if coarser_runs.coupling is None and scene.run.variable is None:
             most = max(_steps(scene, summary)) / summary["simulated_time"]  # internal steps a second
             if max(_steps(companion, coarser)) / coarser["simulated_time"] > 0.75 * most:
                 raise _NoEstimate("there is no coarser run: internal steps are as long as stability allows")
-        logs[name] = Path(coarser["log"])
-    return logs
+    logs = {name: Path(coarser["log"]) for name, coarser in zip(scenes, recorded, strict=True)}
+    return logs | {"total": logs["coupling"]} if equal else logs
 
 
 def _differences(log: Path, logs: dict[str, Path], coarser_runs: Companions) -> dict[str, Differences]:
@@ -169,7 +167,7 @@ def _steps(scene: Scene, summary: dict[str, Any]) -> list[int]:
 
 
 def without_estimate(reason: str, wall_time: float = 0.0) -> dict[str, Any]:
-    """Return the entry of a summary without an estimate; ``wall_time``: run time of companions that failed, s."""
+    """Return the entry of a summary without an estimate; ``wall_time``: what the attempt took, s."""
     return {**dict.fromkeys(PARTS), "observables": {}, "wall_time": wall_time, "message": reason}
 
 

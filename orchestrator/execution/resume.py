@@ -16,7 +16,8 @@ from orchestrator.cosim.component import Logger
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution.branch import branched_scene, transferred_state
 from orchestrator.execution.manifest import NATIVE, sha256
-from orchestrator.execution.simulate import Continuation, simulate
+from orchestrator.execution.prepared_run import Continuation
+from orchestrator.execution.simulate import simulate
 from orchestrator.log import notices
 from orchestrator.log.log_format import BRANCHED, CHECKPOINT, checkpoint_step
 from orchestrator.log.reader import Log

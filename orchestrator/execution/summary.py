@@ -57,18 +57,27 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
 
 def evaluate(run: RunData, scene: Scene, simulated: float) -> dict[str, Any]:
     """Evaluate energy, checks, observables, phases and validity of a log that covers ``simulated`` s."""
-    try:
-        energy: dict[str, Any] | None = ledger(run)._asdict()
-    except Missing:
-        energy = None
-    return {
-        "energy": energy,
+    return balance(run) | {
         "checks": checks(run, scene, simulated),
         "observables": (found := observables(run, scene, simulated)),
         "windows": windows(found, simulated),
         "phases": phase_entries(run),
-        "validity": [entry._asdict() for entry in validity(run).entries],
     }
+
+
+def balance(run: RunData) -> dict[str, Any]:
+    """Evaluate energy and validity of a log: they tell whether a run can be right."""
+    try:
+        energy: dict[str, Any] | None = ledger(run)._asdict()
+    except Missing:
+        energy = None
+    return {"energy": energy, "validity": [entry._asdict() for entry in validity(run).entries]}
+
+
+def judgement(message: str, entries: Mapping[str, Any]) -> dict[str, str]:
+    """Message of a run with the sentences on its energy and validity; an invalid run also has the status "failed"."""
+    sentences = message, energy_warning(entries["energy"]), invalidity(entries["validity"])
+    return {"message": "; ".join(filter(None, sentences))} | ({"status": "failed"} if sentences[2] else {})
 
 
 def phase_entries(run: RunData) -> list[dict[str, Any]]:

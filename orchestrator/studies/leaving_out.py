@@ -26,8 +26,10 @@ from orchestrator.cosim import master
 from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.graph import wire
 from orchestrator.cosim.observers import Logging
+from orchestrator.execution.loading import load_components
 from orchestrator.execution.manifest import open_log
-from orchestrator.execution.simulate import load_components, pace_of, simulate, warm_up
+from orchestrator.execution.prepared_run import pace_of, warm_up
+from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.table import Column, Table
 from orchestrator.scene.assembly import Assembly, assemble, system

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -45,11 +45,8 @@ def _folder() -> tempfile.TemporaryDirectory[str]:
 _summaries: dict[str, dict[str, Any]] = {}  # summaries by scene
 
 
-def record(scene: Scene, path: Path | None = None) -> dict[str, Any]:
-    """Summary of a run, done once in this process; ``path`` receives its log.
-
-    Raises KeyboardInterrupt.
-    """
+def record(scene: Scene) -> dict[str, Any]:
+    """Summary of a run, done once in this process; raises KeyboardInterrupt."""
     key = json.dumps(scene.resolved(), sort_keys=True)
     if key not in _summaries:
         try:
@@ -60,3 +57,8 @@ def record(scene: Scene, path: Path | None = None) -> dict[str, Any]:
             raise KeyboardInterrupt
         _summaries[key] = summary
     return _summaries[key]
+
+
+def record_each(runs: Sequence[tuple[Scene, Path]]) -> list[dict[str, Any]]:
+    """Summaries of runs, which are timed and therefore made one after another; for ``estimate``."""
+    return [record(scene) for scene, _ in runs]

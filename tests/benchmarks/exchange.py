@@ -15,8 +15,8 @@ from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.graph import wire
 from orchestrator.cosim.observers import Logging
+from orchestrator.execution.loading import load_scene
 from orchestrator.execution.manifest import open_log
-from orchestrator.execution.simulate import load_scene
 from orchestrator.results.table import ABOUT, COST, Column
 from orchestrator.scene.scene import Scene
 from tests.benchmarks.timing import quiet

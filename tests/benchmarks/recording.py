@@ -15,8 +15,8 @@ from orchestrator.cosim.coupling import SCHEMES
 from orchestrator.cosim.graph import wire
 from orchestrator.cosim.observers import Checkpoints, Logging
 from orchestrator.cosim.row_writer import RowWriter
+from orchestrator.execution.loading import load_scene
 from orchestrator.execution.manifest import STATS_PERIOD, open_log
-from orchestrator.execution.simulate import load_scene
 from orchestrator.results.table import ABOUT, COST, Column, Table
 from orchestrator.scene.scene import Scene
 from tests.benchmarks import own

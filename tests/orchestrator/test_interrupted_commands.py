@@ -12,7 +12,7 @@ from short_run import SHORT, last
 from orchestrator.cosim.component import Component, ComponentFailed
 from orchestrator.cosim.coupling import scheme
 from orchestrator.cosim.program import Program
-from orchestrator.execution import replay_model, simulate
+from orchestrator.execution import loading, replay_model, simulate
 from orchestrator.log.container_writer import ContainerWriter
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import LogFailed
@@ -34,7 +34,7 @@ def test_ctrl_c_during_the_start_up(cotrack, monkeypatch, tmp_path, phase):
         raise ComponentFailed("chain: KeyboardInterrupt")
 
     owner, name = {
-        "build": (simulate, "assemble"),
+        "build": (loading, "assemble"),
         "initialise": (Component, "initialise"),
         "warm up": (Component, "step"),
     }[phase]

@@ -16,7 +16,7 @@ from fmus.track_choices import TRACKS
 from orchestrator.cli import main
 from orchestrator.cosim.coupling.tracks_first import TracksFirst
 from orchestrator.cosim.graph import wire
-from orchestrator.execution.simulate import load_components
+from orchestrator.execution.loading import load_components
 from orchestrator.scene import gallery
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed

@@ -10,7 +10,7 @@ import pytest
 from fmus.build import BuildFailed
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
-from orchestrator.execution import simulate, warm
+from orchestrator.execution import loading, warm
 from orchestrator.scene.scene import load
 
 
@@ -35,9 +35,9 @@ def test_an_unknown_scene_is_refused():
 def test_kernels_are_compiled_beside_with_the_step_of_cables_last(monkeypatch, scene, track, compiled):
     kinds = []
     monkeypatch.setattr(
-        simulate, "start_compilation", lambda parts, patience=0: kinds.append([kind for kind, _, _ in parts])
+        loading, "start_compilation", lambda parts, patience=0: kinds.append([kind for kind, _, _ in parts])
     )
-    simulate._compile_in_processes(load(scene, track))
+    loading._compile_in_processes(load(scene, track))
     assert kinds == compiled
 
 
@@ -60,8 +60,8 @@ def test_a_start_that_fails_ends_the_processes_that_compile(monkeypatch, error):
         raise error
 
     process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
-    monkeypatch.setattr(simulate, "_compile_in_processes", lambda scene: [process])
-    monkeypatch.setattr(simulate, "placed", fail)
+    monkeypatch.setattr(loading, "_compile_in_processes", lambda scene: [process])
+    monkeypatch.setattr(loading, "placed", fail)
     with pytest.raises(error), ExitStack() as stack:
-        simulate.load_scene(load("settle"), stack, None)
+        loading.load_scene(load("settle"), stack, None)
     assert process.returncode == -signal.SIGTERM

@@ -17,7 +17,7 @@ from orchestrator.cosim.coupling import scheme
 from orchestrator.cosim.coupling.iterative import Iterative
 from orchestrator.cosim.graph import Connection, Instance, System, wire
 from orchestrator.cosim.program import Program
-from orchestrator.execution import replay_model, simulate
+from orchestrator.execution import loading, replay_model, simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.tools import WHOLE, recover, verify
 from orchestrator.scene.assembly import assemble
@@ -54,7 +54,7 @@ def cotrack(capsys, caplog, monkeypatch, tmp_path):
 def creaking(monkeypatch, toy):
     """Make the component of every chain scene a spring that warns at every step."""
     graph = System((Instance("chain", toy, {"trouble": "warn"}, 0),), ())
-    monkeypatch.setattr(simulate, "system", lambda assembly, native: graph)
+    monkeypatch.setattr(loading, "system", lambda assembly, native: graph)
 
 
 def entries(out):
@@ -138,7 +138,7 @@ def test_sweeps_of_an_iteration_count_once(toy):
     wires = tuple(Connection(a, ("x",), b, ("force",)) for a, b in (("one", "two"), ("two", "one")))
     graph = System(instances, wires)
     with ExitStack() as stack:
-        components = simulate.load_components(graph, 1.0, stack)
+        components = loading.load_components(graph, 1.0, stack)
         with Iterative(wire(graph, components), tolerance=1e-9) as scheme:
             for k in range(5):
                 scheme.advance(k * H, H)

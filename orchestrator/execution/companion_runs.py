@@ -1,0 +1,62 @@
+"""Coarser runs of an error estimate, made beside one another.
+
+A run waits at each stage for its slowest component; two runs that step their components one after another keep two
+processors busy all the time.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from fmus.build import BuildFailed
+from orchestrator.cosim.component import ComponentFailed
+from orchestrator.cosim.coupling.scheme import CouplingFailed
+from orchestrator.cosim.observers import ReachedPoint
+from orchestrator.execution import summary
+from orchestrator.execution.interrupt import Interrupt
+from orchestrator.execution.loading import load_scene
+from orchestrator.execution.manifest import open_log
+from orchestrator.execution.prepared_run import PreparedRun
+from orchestrator.log.reader import Log, LogUnreadable
+from orchestrator.log.recorder import LogFailed
+from orchestrator.results.run_data import RunData
+from orchestrator.scene.scene import Scene
+
+_loading = threading.Lock()  # FMUs change the search path of modules while they are loaded
+
+
+def record_beside(interrupt: Interrupt, runs: Sequence[tuple[Scene, Path]]) -> list[dict[str, Any]]:
+    """Record scenes, each into its log, beside one another; return their outcomes in order.
+
+    An outcome has status and message, times, components, energy and the path of the log, named as in a summary. A
+    signal ends all runs. No failure is raised: it is a status.
+    """
+    interrupt.deferring = True  # the main run still has to close its log
+    with ThreadPoolExecutor(len(runs)) as pool:
+        return [*pool.map(partial(_record, interrupt), *zip(*runs, strict=True))]
+
+
+def _record(interrupt: Interrupt, scene: Scene, path: Path) -> dict[str, Any]:
+    try:
+        with ExitStack() as stack:
+            with _loading:
+                run = PreparedRun.prepare(*load_scene(scene, stack, None), threads=False)
+            return _recorded(run, path, interrupt)
+    except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed, LogUnreadable) as failure:
+        return {"status": "failed", "message": str(failure)}
+
+
+def _recorded(run: PreparedRun, path: Path, interrupt: Interrupt) -> dict[str, Any]:
+    result: dict[str, Any] = {"log": str(path)}
+    with open_log(path, run.scene, run.graph, run.components, run.scheme) as recorder:
+        outcome = run.step_to_end(run.observers(recorder, ReachedPoint()), interrupt, result)
+        recorder.close(outcome.status, outcome.message, outcome.steps)
+    with Log(path) as log:
+        result |= summary.balance(RunData(log))
+    return result | summary.judgement(outcome.message, result)

@@ -1,0 +1,65 @@
+"""Loading of a scene's components: place it, build its FMUs, compile what is missing, initialise the instances."""
+
+from __future__ import annotations
+
+import subprocess
+from contextlib import ExitStack
+
+from fmus.ahead import start_compilation
+from fmus.track_choices import TRACKS
+from orchestrator.cosim.component import Component, Logger
+from orchestrator.cosim.coupling import power_residual
+from orchestrator.cosim.graph import System
+from orchestrator.scene.assembly import assemble, system
+from orchestrator.scene.placing import placed
+from orchestrator.scene.scene import Scene
+
+LOW_PRIORITY = 10  # niceness of compiling processes other than the longest one
+
+
+def load_scene(
+    scene: Scene, stack: ExitStack, logger: Logger | None, native: bool = False
+) -> tuple[Scene, System, dict[str, Component]]:
+    """Place a scene, build its graph, load its components; raises BadInput, BuildFailed, ComponentFailed."""
+    processes = _compile_in_processes(scene)
+    try:
+        scene = placed(scene)
+        graph = system(assemble(scene), native)
+        for process in processes:
+            process.wait()
+    except BaseException:  # bad input, or a signal, which the processes need not have received
+        for process in processes:
+            process.terminate()
+        for process in processes:
+            process.wait()
+        raise
+    return scene, graph, load_components(graph, scene.run.stop, stack, logger)
+
+
+def _compile_in_processes(scene: Scene) -> list[subprocess.Popen[str]]:
+    """Start processes that compile kernels while the search for the idler position compiles the start of cables."""
+    if scene.placed:
+        return []
+    parts = reversed(assemble(scene).parts)  # the first part of each kind; its start does not depend on inputs
+    kinds = {part.kind: (part.kind, part.config, part.parameters) for part in parts}
+    rigid, cables = (kinds.pop(TRACKS[name].fmu, None) for name in ("rigid", "flexible"))
+    tracks, others = [rigid] if rigid else [], [*kinds.values()]
+    # A step of cables last, when the start has compiled what they share; alone, both would compile it at once.
+    others += [cables] if cables and others else []
+    # Rigid links take longest: on two cores the others get their share when the search is done.
+    processes = [start_compilation(tracks), start_compilation(others, LOW_PRIORITY if tracks else 0)]
+    return [process for process in processes if process is not None]
+
+
+def load_components(graph: System, stop: float, stack: ExitStack, logger: Logger | None = None) -> dict[str, Component]:
+    """Load and initialise every instance; they are unloaded with the stack."""
+    components = {
+        instance.name: stack.enter_context(Component(instance.fmu, instance.name, logger))
+        for instance in graph.instances
+        if instance.fmu is not None
+    }
+    for instance in graph.instances:
+        component = components[instance.name]
+        component.initialise(instance.parameters, 0.0, stop)
+    power_residual.check_bonds(graph.connections, lambda instance, name: components[instance].dimension(name))
+    return components

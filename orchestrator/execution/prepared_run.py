@@ -1,0 +1,175 @@
+"""Run that is ready to step: components wired by a coupling scheme, at the start of a scene or at a checkpoint."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from math import ceil
+from typing import Any, NamedTuple
+
+from orchestrator.cosim import checkpoint, master
+from orchestrator.cosim.component import Component, ComponentFailed
+from orchestrator.cosim.coupling import SCHEMES
+from orchestrator.cosim.coupling.power_residual import PowerResidual
+from orchestrator.cosim.coupling.scheme import Scheme, copy_inputs, require_states
+from orchestrator.cosim.coupling.variable_step import VariableStep
+from orchestrator.cosim.graph import Recordable, Stages, System, wire
+from orchestrator.cosim.observers import Checkpoints, Logging, ReachedPoint, TimedCheckpoints
+from orchestrator.execution.interrupt import Interrupt
+from orchestrator.execution.manifest import STATS_PERIOD
+from orchestrator.log.message_records import MOST_STEPS
+from orchestrator.log.recorder import Recorder
+from orchestrator.scene.run_tables import RunTable
+from orchestrator.scene.scene import Scene
+
+REFERENCE_ENERGY = 1.0  # J, of the power residual until a bond has carried more, unless the scene sets it
+
+
+class Continuation(NamedTuple):
+    """Checkpoint of an earlier run, and the function that copies its log."""
+
+    step: int  # number of the last step done
+    checkpoint: bytes
+    copy_records: Callable[[Recorder], None]  # copies the records up to the step
+    metadata: Mapping[str, Mapping[str, str]]
+    # Maps a saved state to what the component gets.
+    adapt_state: Callable[[Component, bytes], bytes] = lambda _, state: state
+
+
+class PreparedRun(NamedTuple):
+    """Scene with wired components at their start or at a checkpoint."""
+
+    scene: Scene
+    graph: System
+    components: dict[str, Component]
+    scheme: Scheme
+    pace: master.Clock | VariableStep | PowerResidual
+    restored_point: Any  # number, time and state of the checkpoint; None at the start
+
+    @classmethod
+    def prepare(
+        cls,
+        scene: Scene,
+        graph: System,
+        components: dict[str, Component],
+        continuation: Continuation | None = None,
+        threads: bool = True,
+    ) -> PreparedRun:
+        """Wire, warm up and, if ``continuation`` is given, restore; raises CouplingFailed, UnusableCheckpoint.
+
+        ``threads``: components of a stage step in parallel.
+        """
+        stages = wire(graph, components)
+        scheme: Scheme = SCHEMES[scene.run.coupling.scheme](stages, threads=threads, **scene.run.coupling.options())
+        pace, restored_point = pace_of(scene.run), None
+        if isinstance(pace, VariableStep):
+            require_states(scheme, "a variable step")
+        warm_up(stages, scene.run.step)
+        if continuation is not None:
+            restore_memory = None if isinstance(pace, master.Clock) else pace.restore_memory
+            restored_point = checkpoint.restore(
+                continuation.checkpoint, scheme, continuation.step, restore_memory, continuation.adapt_state
+            )
+            if isinstance(pace, master.Clock):
+                pace = pace._replace(steps_done=restored_point.k)
+        return cls(scene, graph, components, scheme, pace, restored_point)
+
+    def observers(self, recorder: Recorder, reached: ReachedPoint) -> list[master.Observer]:
+        """Return the observers for log and checkpoints; they start at the checkpoint of the run, if any."""
+        scene, scheme, pace, restored_point = self.scene, self.scheme, self.pace, self.restored_point
+        every = max(1, round(STATS_PERIOD / pace.step))
+        logging = Logging(recorder, list(self.components.values()), every, scene.records_statistics)
+        scheme.row_writer = logging.row_writer
+        if restored_point is not None:
+            logging.continue_after(*restored_point)
+            reached(*restored_point)
+        observers: list[master.Observer] = [logging]
+        if scene.run.inputs and (period := scene.run.checkpoints) and checkpoint.can_save(scheme):
+            stride = (
+                scene.links_every if scene.records_statistics else 1
+            )  # statistics between two records are not in a checkpoint
+            if isinstance(pace, master.Clock):
+                steps = stride * ceil(max(1, round(min(period / pace.step, MOST_STEPS))) / stride)
+                observers.append(Checkpoints(recorder, scheme, steps))
+            else:
+                observers.append(
+                    TimedCheckpoints(
+                        recorder, scheme, pace, period, stride, restored_point.t if restored_point else 0.0
+                    )
+                )
+        return observers
+
+    def step_to_end(
+        self, observers: list[master.Observer], interrupt: Interrupt, result: dict[str, Any]
+    ) -> master.RunOutcome:
+        """Step to the end and add outcome and cost to the result, the time also after an exception."""
+        wall_start, cpu_start = time.perf_counter(), time.process_time()
+        try:
+            outcome = master.run(
+                self.scheme,
+                self.pace,
+                observers,
+                lambda: interrupt.requested,
+                self.restored_point and self.restored_point[:2],
+            )
+        finally:
+            result["wall_time"] = time.perf_counter() - wall_start
+        result |= outcome_entries(outcome, result["wall_time"], self.restored_point.t if self.restored_point else 0.0)
+        result |= {
+            "cpu_time": time.process_time() - cpu_start,
+            "rejected_steps": 0 if isinstance(self.pace, master.Clock) else self.pace.rejected_steps,
+            "components": {name: cost(component) for name, component in self.components.items()},
+        }
+        return outcome
+
+
+def pace_of(run: RunTable) -> master.Clock | VariableStep | PowerResidual:
+    """Return the step length control of a run, fixed or variable."""
+    variable = run.variable
+    if variable is None:
+        return master.Clock(run.step, run.steps)
+    limits = run.stop, run.step, variable.tolerance, variable.shortest, variable.longest
+    if variable.estimate == "power":
+        return PowerResidual(*limits, REFERENCE_ENERGY if variable.energy is None else variable.energy)
+    return VariableStep(*limits)
+
+
+def warm_up(stages: Stages, h: float) -> None:
+    """Do one step and restore the state bit by bit, so that compiling and loading count as start-up."""
+    for member in (member for stage in stages for member in stage):
+        component = member.component
+        if not isinstance(component, Component) or not component.description.coSimulation.canGetAndSetFMUstate:
+            continue
+        copy_inputs(member)
+        state = component.save()
+        with suppress(ComponentFailed):  # a step that fails here fails again in the run and is reported there
+            component.write()
+            component.step(0.0, h)
+        component.restore(state)
+        component.free(state)
+        component.wall_time = 0.0
+
+
+def outcome_entries(outcome: master.RunOutcome, wall: float, start_time: float = 0.0) -> dict[str, Any]:
+    """Return the entries of a summary on status, time and steps; ``wall``: s of stepping from ``start_time``, s."""
+    return {
+        "status": "ok" if outcome.status == "ok" else "failed",
+        "message": outcome.message,
+        "simulated_time": outcome.time,
+        "wall_time": wall,
+        "real_time_factor": (outcome.time - start_time) / wall if wall else 0.0,
+        "communication_steps": outcome.steps,
+    }
+
+
+def cost(component: Recordable) -> dict[str, float | int]:
+    """Return wall time, s, and counters of a component."""
+    component.read_counters()
+    counters = {
+        name.removeprefix("solver."): int(value)
+        for name, value in zip(component.integers, component.counters, strict=True)
+        if name != "status"
+    }
+    blank = dict.fromkeys(("steps", "evaluations", "iterations", "rejected"), 0)
+    return {"wall_time": component.wall_time, **blank, **counters}
