@@ -1,4 +1,4 @@
-"""Benchmarks: chains against peers, vehicles, step time by part and layer, start, memory, recording.
+"""Benchmarks: chains against peers, vehicles, sweeps, step time by part and layer, start, memory, recording.
 
 A part is a module with ``measure(quick, repeats) -> list[Table]``. It runs in a process of its own, with one thread
 per library and compiled kernels (``process``). Speed is measured here and never in a test. The parts use lasting
@@ -23,6 +23,7 @@ from tests.benchmarks.tables import failed, from_plain, plain
 PARTS = {
     "chain": "a closed chain of 64 links, flexible, rigid and on the ground, against peers at a known error",
     "vehicle": "real-time factor of `straight`",
+    "sweep": "simulated seconds a processor second of runs in parallel processes",
     "layers": "microseconds of a step by part and by layer",
     "links": "time a step of 64 to 1,024 links",
     "start": "from the shell to the first step, with an empty and a full cache",

@@ -24,6 +24,7 @@ from tests.benchmarks import (
     motion,
     peers,
     start,
+    sweep,
     tables,
 )
 from tests.benchmarks import memory as memory_part
@@ -72,7 +73,7 @@ def test_what_comes_out(call, monkeypatch):
     ("arguments", "says"),
     [
         (["--only", "chian"], "--only chian: no part 'chian': did you mean 'chain'?"),
-        (["--only", "x"], "no part 'x': there are chain, vehicle, layers, links, start, memory, recording"),
+        (["--only", "x"], "no part 'x': there are chain, vehicle, sweep, layers, links, start, memory, recording"),
         (["--repeat", "0"], "--repeat'"),
         (["--against", "nowhere"], "--against nowhere: there is no checkout of cotrack"),
         (["--against", "older"], "--against older: that checkout has no benchmark"),
@@ -165,6 +166,16 @@ def test_a_pair_needs_both_sides(monkeypatch):
     assert said({"links": [tables.plain(TABLE)]}) == {("links", "a: us"): 2.0}
     with pytest.raises(Failed, match="not measured: no reason"):
         said({"links": [tables.plain(tables.failed("Title", "no reason"))]})
+
+
+@pytest.mark.long
+def test_a_sweep_counts_what_its_processes_take():
+    row = sweep.row("rigid", 3, (*sweep.QUICK, "run.step=1 ms"))
+    wall = 0.3 / row["by_wall"]
+    processors = 0.3 / row["by_processor"]
+    assert row["sweep"] == f"3 runs, 0.3 s in all, {max(2, len(os.sched_getaffinity(0)))} processes"
+    assert 1.0 < processors < 1.1 * wall * os.cpu_count(), "three processes import and load for a third of a second"
+    assert row["cpu"] == pytest.approx(1e3 * processors / 0.3)
 
 
 # ------------------------------------------------------------------ the chain
