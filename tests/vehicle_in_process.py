@@ -109,25 +109,31 @@ class InProcess:
                     [target.inputs.index(name) for name in connection.inputs],
                 )
             )
-        self.steps = 0
+        self.steps, self.further = 0, 0.0  # steps of the scene's length; time of other steps, s
 
     @property
     def t(self) -> float:
         """Time reached, s."""
-        return self.steps * self.scene.run.step
+        return self.steps * self.scene.run.step + self.further
 
     def __getitem__(self, name: str) -> Member:
         return self.members[name]
 
-    def step(self) -> None:
-        """Make one communication step: motions from its beginning, wrenches from parts that have stepped."""
+    def step(self, h: float | None = None) -> None:
+        """Make one communication step: motions from its beginning, wrenches from parts that have stepped.
+
+        ``h``: length of a step that is not the scene's, s.
+        """
         for stage in self.stages:
             for member in stage:
                 for source, columns, inputs in self._feeds[member.name]:
                     member.u[inputs] = source.y[columns]
             for member in stage:
-                member.step(self.t, self.scene.run.step)
-        self.steps += 1
+                member.step(self.t, h or self.scene.run.step)
+        if h is None:
+            self.steps += 1
+        else:
+            self.further += h
 
     def run(self, duration: float) -> InProcess:
         """Make as many steps of the scene as fit in ``duration`` s."""

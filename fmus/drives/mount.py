@@ -21,9 +21,10 @@ SPEED_NOW = SHAFT
 MOMENTUM = 11  # J Omega a at the end of the last step, world (3)
 SPROCKET = 14  # position, orientation, velocity, angular velocity (13)
 MOUNT = 27  # mean wrench of the last step (6)
-STEP = 33  # length of the last step, s; 0 before the first
-VELOCITY = 34  # velocity and angular velocity of the mount at the start of the last step (6)
+BASE = 33  # time over which the acceleration of the mount is taken, s; 0 before the first step
+VELOCITY = 34  # velocity and angular velocity of the mount at the beginning of that time (6)
 WIDTH = 40
+LEAST_SHARE = 0.1  # of a step in the time over which its acceleration is taken, and the other way round
 
 
 class ExtrapolatedMount(NamedTuple):
@@ -65,8 +66,8 @@ def extrapolate(with_acceleration, x, h, u, i):
     q = quat_normalise(u[i + 3 : i + 7])
     v, w = vector(u, i + 7), vector(u, i + 10)
     a_v, a_w = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    if with_acceleration == 1 and x[STEP] != 0.0:
-        s = 1.0 / x[STEP]
+    if with_acceleration == 1 and x[BASE] != 0.0 and x[BASE] >= LEAST_SHARE * h:
+        s = 1.0 / x[BASE]
         a_v = scale(s, add(v, scale(-1.0, vector(x, VELOCITY))))
         a_w = scale(s, add(w, scale(-1.0, vector(x, VELOCITY + 3))))
     v_mean, w_mean = add(v, scale(0.5 * h, a_v)), add(w, scale(0.5 * h, a_w))
@@ -101,7 +102,10 @@ def finish_step(inertia, x, h, u, i, m):
     put(x, MOMENTUM, momentum)
     x[PORT_WORK] += dot(change, m.mean_angular_velocity)
     put_sprocket_motion(x, m.position, m.q, m.velocity, m.angular_velocity)
-    x[STEP] = h
+    if h < LEAST_SHARE * x[BASE]:  # velocities so close together tell no acceleration
+        x[BASE] += h
+        return
+    x[BASE] = h
     put(x, VELOCITY, vector(u, i + 7))
     put(x, VELOCITY + 3, vector(u, i + 10))
 

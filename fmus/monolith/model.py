@@ -312,4 +312,4 @@ class Monolith:
         state[mounts.MOUNT : mounts.MOUNT + 3] = self._spins.force[d] / h
         state[mounts.MOUNT + 3 : mounts.MOUNT + 6] = (self._spins.reaction[d] - (after - before_momentum)) / h
         state[mounts.MOMENTUM : mounts.MOMENTUM + 3] = after
-        state[mounts.STEP] = h
+        state[mounts.BASE] = h

@@ -8,10 +8,10 @@ import numpy as np
 
 from fmus.drives.motor import SPEED, DriveParameters, find_contradiction, speed_profile
 from fmus.drives.mount import (
+    BASE,
     MOUNT,
     SPEED_NOW,
     SPROCKET,
-    STEP,
     extrapolate,
     finish_step,
     put_sprocket_motion,
@@ -96,7 +96,7 @@ def advance(p, x, t, h, steps, u):
     if p.lag > 0.0:
         follow_demand(p, x, t, h, u[19])
     m = extrapolate(p.with_acceleration, x, h, u, 0)
-    if x[STEP] == 0.0:
+    if x[BASE] == 0.0:
         if p.mode == SPEED:
             x[RATE] = speed_profile(p, t)[0] + m.start_rate
         set_start_momentum(p.inertia, x, m)

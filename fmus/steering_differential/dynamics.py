@@ -8,10 +8,10 @@ import numpy as np
 
 from fmus.drives.motor import CONTRADICTIONS, SPEED, DriveParameters, find_contradiction, speed_profile
 from fmus.drives.mount import (
+    BASE,
     MOUNT,
     SPEED_NOW,
     SPROCKET,
-    STEP,
     WIDTH,
     extrapolate,
     finish_step,
@@ -157,7 +157,7 @@ def advance(g, x, t, h, propulsion_steps, steering_steps, u):
         right_mount.start_rate - left_mount.start_rate,
     )  # mean and difference of the mounts' rates
     p, d = shaft_speed(g.propulsion, propulsion, t, rate), shaft_speed(g.steering, steering, t, twist)
-    if left[STEP] == 0.0:
+    if left[BASE] == 0.0:
         propulsion[RATE], steering[RATE] = p + rate, d + twist
         set_sprocket(left, -1.0, propulsion, steering)
         set_sprocket(right, 1.0, propulsion, steering)

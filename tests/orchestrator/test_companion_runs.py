@@ -10,7 +10,9 @@ SWING = ("chain.links=8", "track.start=displaced", "run.stop=0.032 s", "run.link
 
 
 def scenes(folder, *settings):
-    return [(load("hanging_chain", "flexible", (*SWING, each)), folder / f"{k}.mcap") for k, each in enumerate(settings)]
+    return [
+        (load("hanging_chain", "flexible", (*SWING, each)), folder / f"{k}.mcap") for k, each in enumerate(settings)
+    ]
 
 
 def test_runs_beside_one_another_have_the_bits_of_single_runs(tmp_path):

@@ -16,8 +16,9 @@ from fmus.physics.arrays import Floats, Integers
 from fmus.physics.chain.kinds import end_work, first_speed, newton, newton_joints, observe, speed
 from fmus.physics.chain.outcome import DONE, IntegrationOutcome
 from fmus.physics.chain.report import REJECTED, STEPS, TRAVEL, WORK, accumulate
+from fmus.physics.chain.short_steps import is_short, keep_auxiliary_values, set_length
 from fmus.physics.chain.state import copy, store_evaluation
-from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha, auxiliary
+from fmus.physics.integrate.generalized_alpha import WITHOUT_MEMORY, GeneralizedAlpha, auxiliary
 from fmus.physics.wheels import move
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def advance(
     ``s.on_links_sum`` the impulses, by the same recursion as the momentum of the chain; ``report`` and ``counters`` as
     in ``report``. After a failure ``s`` is the last state that was reached.
     """
-    c, (rows, h, longest) = method.alpha, step
+    rows, h, longest = step
     s.mean[:] = 0.0
     move(rows, 0.0, w.wheels)
     along = first_speed(links, env, s, w, report)
@@ -78,7 +79,10 @@ def advance(
             dt = h - done
         copy(s.flat, w.before.flat)
         move(rows, done + dt, w.wheels)
-        failure, link, residual = newton(links, contacts, env, method, dt, s, w, counters)
+        short = is_short(s.lengths, dt)
+        c = WITHOUT_MEMORY if short else method.alpha
+        this = ImplicitMethod(c, method.tolerance, method.sharp_friction)
+        failure, link, residual = newton(links, contacts, env, this, dt, s, w, counters)
         if failure:
             copy(w.before.flat, s.flat)
             counters[REJECTED] += 1
@@ -95,6 +99,10 @@ def advance(
         accumulate(report, 0.5 * dt, w.sums)
         report[WORK] += end_work(links, env, dt, s, w)
         store_evaluation(s, w)
+        if short:
+            keep_auxiliary_values(w.before, s, dt)
+        else:
+            set_length(s.lengths, dt)
         before, along = along, speed(links, env, s, w)
         report[TRAVEL] += 0.5 * dt * (before + along)
     observe(links, env, s, w, report)

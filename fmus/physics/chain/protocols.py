@@ -57,6 +57,10 @@ class ChainState(Motion, Protocol):
         """All of the views (size)."""
 
     @property
+    def a(self) -> Floats:
+        """Auxiliary accelerations (n or nodes, width) of an implicit method."""
+
+    @property
     def wrench(self) -> Floats:
         """Present wrench (m + 1, 6) on each wheel and, last, on the ground, N and N m."""
 
@@ -83,6 +87,10 @@ class ChainState(Motion, Protocol):
     @property
     def span(self) -> Floats:
         """Time since the interval began, s, and steps left of it (2)."""
+
+    @property
+    def lengths(self) -> Floats:
+        """Length of the steps of the auxiliary values and time since the last of them (2), s, see ``short_steps``."""
 
     @property
     def sums(self) -> Floats:

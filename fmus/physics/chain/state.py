@@ -74,6 +74,7 @@ def store_first_evaluation(s: ChainState, w: ChainWork) -> None:
     """``store_evaluation`` for a new state: its means are the present values."""
     store_evaluation(s, w)
     s.span[0], s.span[1] = 1.0, 0.0
+    s.lengths[:] = 0.0
     copy_rows(w.wrench, s.aux)
     copy_rows(w.wrench, s.mean)
     copy_rows(w.on_links, s.on_links_aux)

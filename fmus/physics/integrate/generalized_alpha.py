@@ -49,6 +49,7 @@ class Slopes(NamedTuple):
 
 
 BACKWARD = GeneralizedAlpha(0.0, 0.0, 1.0, 1.0)  # backward Euler, order 1: for the static equilibrium
+WITHOUT_MEMORY = GeneralizedAlpha(0.0, 0.0, 0.5, 1.0)  # order 1, reads no earlier acceleration: for single short steps
 
 
 @kernel

@@ -31,6 +31,7 @@ class State(NamedTuple):
     on_links_aux: np.ndarray  # (k, c) auxiliary forces
     on_links_sum: np.ndarray  # (k, c) impulses since the interval began
     span: np.ndarray  # (2) time since then, s, and steps left of the interval
+    lengths: np.ndarray  # (2) of the steps of the auxiliary values, see ``short_steps``
     sums: np.ndarray  # (SUMS) of the last evaluation, see ``sums``
 
 
@@ -59,7 +60,7 @@ def shapes(
     return {
         "p": (2 * cholesky, *pins), "q": pins, "v": pins, "axes": (axes,), "a": pins, "vdot": pins,
         "wrench": on, "aux": on, "mean": on, "on_links": forces, "on_links_aux": forces, "on_links_sum": forces,
-        "span": (2,), "sums": (SUMS,),
+        "span": (2,), "lengths": (2,), "sums": (SUMS,),
     }  # fmt: skip
 
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 def add_last_correction(links: RigidLinks, x: State, w: Work) -> None:
     """Add the change of all contact forces to wrenches, forces on links, loads on pins and tensions by contacts.
 
-    The last correction is in the linear system.
+    The last correction is in the linear system, whose rotation matrices become those at the last evaluation.
     """
     points, wheels, A = w.points, w.wheels.shape[0], w.system.A
     for i in range(x.q.shape[0]):
@@ -56,8 +56,6 @@ def add_last_correction(links: RigidLinks, x: State, w: Work) -> None:
                 x.load[i, k] += f[k]
         else:
             w.along[i, 0] += dot(f, axis(A[i], 0)) * (numbers[PLACE] - 0.5)
-    for i in range(x.q.shape[0]):
-        body.rotation(x.q[i], A[i])
 
 
 @kernel

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from fmus.physics.chain.rigid.state import State
     from fmus.physics.chain.rigid.work import Work
 
-SHORT = 1e-4  # longest step that is looked at, s
-PARTING = 10.0  # least acceleration, m/s2, by which a step would take the rates out
+SHORT = 2.5e-4  # longest step that is looked at, s
+PARTING = 0.1  # least acceleration, m/s2, by which a step would take the rates out
 
 
 @kernel

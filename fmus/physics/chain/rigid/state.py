@@ -28,6 +28,7 @@ class State(NamedTuple):
     on_links_aux: np.ndarray  # (k, c) auxiliary forces
     on_links_sum: np.ndarray  # (k, c) impulses since the interval began
     span: np.ndarray  # (2) time since then, s, and steps left of the interval
+    lengths: np.ndarray  # (2) of the steps of the auxiliary values, see ``short_steps``
     sums: np.ndarray  # (SUMS) of the last evaluation, see ``sums``
     lam: np.ndarray  # (p, 5) multipliers of the pins, N and N m
     load: np.ndarray  # (p, 3) present force of teeth and damping on each pin, N: half on either link
@@ -44,8 +45,8 @@ def shapes(links: int, closed: bool, wheels: int, forces: LinkForcesShape = NONE
     return {
         "joints": (joints,),
         "q": (links, 7), "v": motion, "a": motion, "vdot": motion, "wrench": on, "aux": on, "mean": on,
-        "on_links": forces, "on_links_aux": forces, "on_links_sum": forces, "span": (2,), "sums": (SUMS,),
-        "lam": (pins, 5), "load": (pins, 3), "along": (links, 1),
+        "on_links": forces, "on_links_aux": forces, "on_links_sum": forces, "span": (2,), "lengths": (2,),
+        "sums": (SUMS,), "lam": (pins, 5), "load": (pins, 3), "along": (links, 1),
     }  # fmt: skip
 
 
