@@ -40,7 +40,7 @@ def run(
         str | None, typer.Option("--error", metavar="E", help="'1%': use the cheapest settings known to reach it")
     ] = None,
     estimate: Annotated[
-        bool, typer.Option(help="estimate the error by two coarser runs, in up to 1.8 times the run's time")
+        bool, typer.Option(help="estimate the error by two coarser runs, in twice the run's time")
     ] = True,
     log: Annotated[Path | None, typer.Option("--log", metavar="PATH", help="default logs/SCENE-TRACK.mcap")] = None,
     native: Annotated[bool, typer.Option("--native", help="use native FMUs; results have the same bits")] = False,

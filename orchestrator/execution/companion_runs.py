@@ -1,16 +1,9 @@
-"""Coarser runs of an error estimate, made beside one another.
-
-A run waits at each stage for its slowest component; two runs that step their components one after another keep two
-processors busy all the time.
-"""
+"""Coarser runs of an error estimate: recorded, and judged by energy and validity alone."""
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,26 +21,21 @@ from orchestrator.log.recorder import LogFailed
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.scene import Scene
 
-_loading = threading.Lock()  # FMUs change the search path of modules while they are loaded
 
-
-def record_beside(interrupt: Interrupt, runs: Sequence[tuple[Scene, Path]]) -> list[dict[str, Any]]:
-    """Record scenes, each into its log, beside one another; return their outcomes in order.
+def record_companions(interrupt: Interrupt, runs: Sequence[tuple[Scene, Path]]) -> list[dict[str, Any]]:
+    """Record scenes, each into its log; return their outcomes in order.
 
     An outcome has status and message, times, components, energy and the path of the log, named as in a summary. A
     signal ends all runs. No failure is raised: it is a status.
     """
     interrupt.deferring = True  # the main run still has to close its log
-    with ThreadPoolExecutor(len(runs)) as pool:
-        return [*pool.map(partial(_record, interrupt), *zip(*runs, strict=True))]
+    return [_record(interrupt, scene, path) for scene, path in runs]
 
 
 def _record(interrupt: Interrupt, scene: Scene, path: Path) -> dict[str, Any]:
     try:
         with ExitStack() as stack:
-            with _loading:
-                run = PreparedRun.prepare(*load_scene(scene, stack, None), threads=False)
-            return _recorded(run, path, interrupt)
+            return _recorded(PreparedRun.prepare(*load_scene(scene, stack, None)), path, interrupt)
     except (BuildFailed, ComponentFailed, CouplingFailed, LogFailed, LogUnreadable) as failure:
         return {"status": "failed", "message": str(failure)}
 

@@ -54,14 +54,10 @@ class PreparedRun(NamedTuple):
         graph: System,
         components: dict[str, Component],
         continuation: Continuation | None = None,
-        threads: bool = True,
     ) -> PreparedRun:
-        """Wire, warm up and, if ``continuation`` is given, restore; raises CouplingFailed, UnusableCheckpoint.
-
-        ``threads``: components of a stage step in parallel.
-        """
+        """Wire, warm up and, if ``continuation`` is given, restore; raises CouplingFailed, UnusableCheckpoint."""
         stages = wire(graph, components)
-        scheme: Scheme = SCHEMES[scene.run.coupling.scheme](stages, threads=threads, **scene.run.coupling.options())
+        scheme: Scheme = SCHEMES[scene.run.coupling.scheme](stages, **scene.run.coupling.options())
         pace, restored_point = pace_of(scene.run), None
         if isinstance(pace, VariableStep):
             require_states(scheme, "a variable step")

@@ -18,7 +18,7 @@ from orchestrator.cosim.graph import Recordable
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import ProgressBar, ReachedPoint
 from orchestrator.execution import estimate, summary
-from orchestrator.execution.companion_runs import record_beside
+from orchestrator.execution.companion_runs import record_companions
 from orchestrator.execution.interrupt import Interrupt, interruptible
 from orchestrator.execution.loading import load_scene
 from orchestrator.execution.manifest import NATIVE, open_log
@@ -48,8 +48,8 @@ def simulate(
 ) -> dict[str, Any]:
     """Build, run, record and evaluate a scene; return the summary (``summary.empty``).
 
-    ``narration`` receives the progress. ``estimated``: two additional coarser runs estimate the error; they take 1.2
-    to 1.8 times the run's own time. ``native``: use native FMUs, which give the same numbers; the coarser runs use
+    ``narration`` receives the progress. ``estimated``: two additional coarser runs estimate the error; they take twice
+    the run's own time. ``native``: use native FMUs, which give the same numbers; the coarser runs use
     Python FMUs. ``continuation``: checkpoint of an earlier run (``resume``).
 
     Before the first step raises BadInput, BuildFailed, ComponentFailed, CouplingFailed, LogFailed or KeyboardInterrupt
@@ -109,7 +109,7 @@ def _simulate(
                     recorder.write_events(run_events)
                     if estimated and result["status"] == "ok":
                         announce(f"{scene.name}: the error is estimated by up to two runs with longer steps")
-                        record = partial(record_beside, interrupt)
+                        record = partial(record_companions, interrupt)
                         result["error"] = estimate.estimate(run.scene, recorder.file, result, record)
                 status, message = _verdict(outcome, result["validity"])
                 recorder.close(status, message, outcome.steps, _results(result), result["warnings"])

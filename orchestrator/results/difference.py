@@ -64,7 +64,7 @@ def differences(
         if observable.windowed and alignment is not TIME:
             continue
         try:
-            pair = observable.read(run), observable.read(reference)
+            pair = tuple(each.compute_once(f"observable {name}", observable.read) for each in (run, reference))
             if alignment is not TIME:
                 pair = _on_axis(pair[0], clocks[0]), _on_axis(pair[1], clocks[1])
             if pair[0].values.shape[1:] == pair[1].values.shape[1:]:  # half a vehicle has fewer links

@@ -1,6 +1,6 @@
-"""Coarser runs beside one another: the bits of single runs, failures as a status, signals."""
+"""Coarser runs of an estimate: the bits of single runs, failures as a status, signals."""
 
-from orchestrator.execution.companion_runs import record_beside
+from orchestrator.execution.companion_runs import record_companions
 from orchestrator.execution.interrupt import Interrupt
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
@@ -15,9 +15,9 @@ def scenes(folder, *settings):
     ]
 
 
-def test_runs_beside_one_another_have_the_bits_of_single_runs(tmp_path):
+def test_companions_have_the_bits_of_single_runs(tmp_path):
     runs = scenes(tmp_path, "run.step=1 ms", "run.step=2 ms")
-    outcomes = record_beside(Interrupt(), runs)
+    outcomes = record_companions(Interrupt(), runs)
     for (scene, path), outcome in zip(runs, outcomes, strict=True):
         single = simulate(scene, path.with_suffix(".single.mcap"))
         same = ("status", "message", "communication_steps", "energy", "validity")
@@ -30,7 +30,7 @@ def test_runs_beside_one_another_have_the_bits_of_single_runs(tmp_path):
 def test_a_failed_run_is_a_status_and_the_other_goes_on(tmp_path):
     (first, _), second = scenes(tmp_path, "run.step=1 ms", "run.step=2 ms")
     (tmp_path / "file").touch()
-    failed, good = record_beside(Interrupt(), [(first, tmp_path / "file" / "a.mcap"), second])
+    failed, good = record_companions(Interrupt(), [(first, tmp_path / "file" / "a.mcap"), second])
     assert (failed["status"], good["status"]) == ("failed", "ok")
     assert "cannot be written" in failed["message"]
 
@@ -38,6 +38,6 @@ def test_a_failed_run_is_a_status_and_the_other_goes_on(tmp_path):
 def test_a_signal_ends_all_runs(tmp_path):
     interrupt = Interrupt()
     interrupt.requested = True
-    outcomes = record_beside(interrupt, scenes(tmp_path, "run.step=1 ms", "run.step=2 ms"))
+    outcomes = record_companions(interrupt, scenes(tmp_path, "run.step=1 ms", "run.step=2 ms"))
     assert [(each["status"], each["message"]) for each in outcomes] == [("failed", "interrupted at t = 0 s")] * 2
     assert interrupt.deferring
