@@ -6,11 +6,13 @@ from vehicle_in_process import InProcess
 
 from fmus.drives import mount
 from fmus.jit import plain
+from fmus.physics.chain.on_links import GROUND
 from fmus.physics.chain.short_steps import LENGTH, SINCE, is_short, set_length
 from fmus.physics.integrate.generalized_alpha import WITHOUT_MEMORY, auxiliary, coefficients
 from orchestrator.scene.scene import load
 
 H = 1e-3  # s
+LOAD = 8e4  # N on a track
 SHORT = [(1e-9,), (1e-9, 1e-7, 1e-9), (1e-6,), (1e-5, 1e-8), (5e-5,), (1e-4,), (1.9e-4,), (1e-4,) * 5, (1e-5,) * 20]
 
 
@@ -70,7 +72,7 @@ def test_short_steps_that_last_become_the_rule():
 @pytest.mark.parametrize("short", [(1e-9,), (1e-9, 1e-7, 1e-9), (1e-6,), (2e-5,)], ids=str)
 def test_a_vehicle_under_steps_of_very_different_lengths(links, short):
     """A host that meets events takes such steps; the tracks tore at 1e6 N or the arms left their reach."""
-    settings = ("drive.ramp_start=0", "drive.ramp_time=0.2", "run.step=1 ms", "track.step=1 ms")
+    settings = ("drive.ramp_start=0", "drive.ramp_time=0.2", "run.step=1 ms", "track.step=1 ms", "run.links=1")
     ends = []
     for lengths in ((H,), (H, *short)):
         vehicle, t = InProcess(load("straight", links, settings)), 0.0
@@ -79,6 +81,9 @@ def test_a_vehicle_under_steps_of_very_different_lengths(links, short):
             for h in lengths:
                 vehicle.step(h)
                 t += h
+                s = track.model.s
+                by_links, by_wrench = s.on_links_sum[:, GROUND : GROUND + 3].sum(axis=0), h * s.mean[-1, :3]
+                assert np.abs(by_links + by_wrench).max() < 1e-9 * LOAD * h + 1e-12
             tension = track.y[track.outputs.index("tension.mean")]
         extremes = [track.y[track.outputs.index(f"tension.{name}")] for name in ("min", "max")]
         ends.append((tension, *extremes))

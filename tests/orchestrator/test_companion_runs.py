@@ -1,9 +1,11 @@
 """Coarser runs of an estimate: the bits of single runs, failures as a status, signals."""
 
+from orchestrator.execution import summary
 from orchestrator.execution.companion_runs import record_companions
 from orchestrator.execution.interrupt import Interrupt
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
+from orchestrator.results.validity.exceedance import FAILURE, Exceedance
 from orchestrator.scene.scene import load
 
 SWING = ("chain.links=8", "track.start=displaced", "run.stop=0.032 s", "run.links=1")
@@ -33,6 +35,14 @@ def test_a_failed_run_is_a_status_and_the_other_goes_on(tmp_path):
     failed, good = record_companions(Interrupt(), [(first, tmp_path / "file" / "a.mcap"), second])
     assert (failed["status"], good["status"]) == ("failed", "ok")
     assert "cannot be written" in failed["message"]
+
+
+def test_a_run_that_is_not_valid_has_failed(tmp_path, monkeypatch):
+    found = Exceedance("penetration", "chain", 0.01, "", 0.2, 0.1, FAILURE)
+    monkeypatch.setattr(summary, "balance", lambda run: {"energy": None, "validity": [found._asdict()]})
+    (outcome,) = record_companions(Interrupt(), scenes(tmp_path, "run.step=1 ms"))
+    assert outcome["status"] == "failed"
+    assert f"chain: {found.sentence}" in outcome["message"]
 
 
 def test_a_signal_ends_all_runs(tmp_path):
