@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -22,17 +21,13 @@ from orchestrator.results.run_data import RunData
 from orchestrator.scene.scene import Scene
 
 
-def record_companions(interrupt: Interrupt, runs: Sequence[tuple[Scene, Path]]) -> list[dict[str, Any]]:
-    """Record scenes, each into its log; return their outcomes in order.
+def record_companion(interrupt: Interrupt, scene: Scene, path: Path) -> dict[str, Any]:
+    """Record a scene; return its outcome.
 
     An outcome has status and message, times, components, energy and the path of the log, named as in a summary. A
-    signal ends all runs. No failure is raised: it is a status.
+    signal ends the run. No failure is raised: it is a status.
     """
     interrupt.deferring = True  # the main run still has to close its log
-    return [_record(interrupt, scene, path) for scene, path in runs]
-
-
-def _record(interrupt: Interrupt, scene: Scene, path: Path) -> dict[str, Any]:
     try:
         with ExitStack() as stack:
             return _recorded(PreparedRun.prepare(*load_scene(scene, stack, None)), path, interrupt)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,8 +30,8 @@ SHARE = 1.0 / math.sqrt(3.0)  # error over difference: between 1 (order 1) and 1
 PARTS = ("coupling", "integration", "total")
 
 Differences = dict[str, ObservableDifference]  # by observable
-# Records scenes, each into its log unless it has one already, and returns their outcomes (``companion_runs``) in order.
-RecordRuns = Callable[[Sequence[tuple[Scene, Path]]], list[dict[str, Any]]]
+# Records a scene, unless it has a log already, and returns its outcome (``companion_runs``).
+RecordRun = Callable[[Scene, Path], dict[str, Any]]
 
 
 class Companions(NamedTuple):
@@ -81,7 +81,7 @@ class _NoEstimate(Exception):
     """The reason why a run has no estimate."""
 
 
-def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRuns) -> dict[str, Any]:
+def estimate(scene: Scene, log: Path, summary: dict[str, Any], record: RecordRun) -> dict[str, Any]:
     """Estimate the relative errors of a recorded run, in total and by observable, or give the reason."""
     start = time.perf_counter()
     try:
@@ -120,23 +120,25 @@ def _coarser_runs(scene: Scene, summary: dict[str, Any]) -> Companions:
 
 
 def _record_coarser(
-    scene: Scene, summary: dict[str, Any], coarser_runs: Companions, record: RecordRuns, folder: Path
+    scene: Scene, summary: dict[str, Any], coarser_runs: Companions, record: RecordRun, folder: Path
 ) -> dict[str, Path]:
     """Record the coarser runs; return their logs by name."""
-    scenes = {name: companion for name, companion in coarser_runs._asdict().items() if companion is not None}
-    equal = coarser_runs.total == coarser_runs.coupling
-    if equal:
-        del scenes["total"]
-    recorded = record([(companion, folder / f"{name}.mcap") for name, companion in scenes.items()])
-    for companion, coarser in zip(scenes.values(), recorded, strict=True):
+    logs: dict[str, Path] = {}
+    for name, companion in zip(coarser_runs._fields, coarser_runs, strict=True):
+        if companion is None:
+            continue
+        if name == "total" and companion == coarser_runs.coupling:
+            logs[name] = logs["coupling"]
+            continue
+        coarser = record(companion, folder / f"{name}.mcap")
         if coarser["status"] != "ok" or energy_warning(coarser["energy"]):
             raise _NoEstimate(f"the run at twice the step cannot be right: {coarser['message']}")
         if coarser_runs.coupling is None and scene.run.variable is None:
             most = max(_steps(scene, summary)) / summary["simulated_time"]  # internal steps a second
             if max(_steps(companion, coarser)) / coarser["simulated_time"] > 0.75 * most:
                 raise _NoEstimate("there is no coarser run: internal steps are as long as stability allows")
-    logs = {name: Path(coarser["log"]) for name, coarser in zip(scenes, recorded, strict=True)}
-    return logs | {"total": logs["coupling"]} if equal else logs
+        logs[name] = Path(coarser["log"])
+    return logs
 
 
 def _differences(log: Path, logs: dict[str, Path], coarser_runs: Companions) -> dict[str, Differences]:

@@ -18,7 +18,7 @@ from orchestrator.cosim.graph import Recordable
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import ProgressBar, ReachedPoint
 from orchestrator.execution import estimate, summary
-from orchestrator.execution.companion_runs import record_companions
+from orchestrator.execution.companion_runs import record_companion
 from orchestrator.execution.interrupt import Interrupt, interruptible
 from orchestrator.execution.loading import load_scene
 from orchestrator.execution.manifest import NATIVE, open_log
@@ -109,7 +109,7 @@ def _simulate(
                     recorder.write_events(run_events)
                     if estimated and result["status"] == "ok":
                         announce(f"{scene.name}: the error is estimated by up to two runs with longer steps")
-                        record = partial(record_companions, interrupt)
+                        record = partial(record_companion, interrupt)
                         result["error"] = estimate.estimate(run.scene, recorder.file, result, record)
                 status, message = _verdict(outcome, result["validity"])
                 recorder.close(status, message, outcome.steps, _results(result), result["warnings"])

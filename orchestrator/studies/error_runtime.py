@@ -19,7 +19,7 @@ from orchestrator.results.difference import differences_of_logs, worst
 from orchestrator.scene.scene import ChainScene, load
 from orchestrator.studies import Case
 from orchestrator.studies.row import Row
-from orchestrator.studies.runs import record, record_each, sampled
+from orchestrator.studies.runs import record, sampled
 from orchestrator.studies.work_precision import table, write
 
 __all__ = ["TITLE", "WORKERS", "cases", "table", "write"]
@@ -140,7 +140,7 @@ def point(scene: str, track: str, method: str, settings: tuple[str, ...], base: 
         return [Row("", "", curve, note=summary["message"])]  # a long step may fail: that is a result
     log = Path(summary["log"])
     differences = differences_of_logs(log, exact.log)
-    estimated = estimate(timed, log, summary, record_each)
+    estimated = estimate(timed, log, summary, lambda scene, _: record(scene))
     figures = {
         "wall_time": summary["wall_time"],  # s
         "cpu_time": summary["cpu_time"],  # s, all threads

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -57,8 +57,3 @@ def record(scene: Scene) -> dict[str, Any]:
             raise KeyboardInterrupt
         _summaries[key] = summary
     return _summaries[key]
-
-
-def record_each(runs: Sequence[tuple[Scene, Path]]) -> list[dict[str, Any]]:
-    """Summaries of runs, which are timed and therefore made one after another; for ``estimate``."""
-    return [record(scene) for scene, _ in runs]

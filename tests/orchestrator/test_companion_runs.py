@@ -1,7 +1,7 @@
 """Coarser runs of an estimate: the bits of single runs, failures as a status, signals."""
 
 from orchestrator.execution import summary
-from orchestrator.execution.companion_runs import record_companions
+from orchestrator.execution.companion_runs import record_companion
 from orchestrator.execution.interrupt import Interrupt
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
@@ -19,7 +19,7 @@ def scenes(folder, *settings):
 
 def test_companions_have_the_bits_of_single_runs(tmp_path):
     runs = scenes(tmp_path, "run.step=1 ms", "run.step=2 ms")
-    outcomes = record_companions(Interrupt(), runs)
+    outcomes = [record_companion(Interrupt(), *run) for run in runs]
     for (scene, path), outcome in zip(runs, outcomes, strict=True):
         single = simulate(scene, path.with_suffix(".single.mcap"))
         same = ("status", "message", "communication_steps", "energy", "validity")
@@ -29,25 +29,25 @@ def test_companions_have_the_bits_of_single_runs(tmp_path):
     assert outcomes[0]["communication_steps"] == 2 * outcomes[1]["communication_steps"] == 32
 
 
-def test_a_failed_run_is_a_status_and_the_other_goes_on(tmp_path):
-    (first, _), second = scenes(tmp_path, "run.step=1 ms", "run.step=2 ms")
+def test_a_failed_run_is_a_status(tmp_path):
+    ((scene, _),) = scenes(tmp_path, "run.step=1 ms")
     (tmp_path / "file").touch()
-    failed, good = record_companions(Interrupt(), [(first, tmp_path / "file" / "a.mcap"), second])
-    assert (failed["status"], good["status"]) == ("failed", "ok")
+    failed = record_companion(Interrupt(), scene, tmp_path / "file" / "a.mcap")
+    assert failed["status"] == "failed"
     assert "cannot be written" in failed["message"]
 
 
 def test_a_run_that_is_not_valid_has_failed(tmp_path, monkeypatch):
     found = Exceedance("penetration", "chain", 0.01, "", 0.2, 0.1, FAILURE)
     monkeypatch.setattr(summary, "balance", lambda run: {"energy": None, "validity": [found._asdict()]})
-    (outcome,) = record_companions(Interrupt(), scenes(tmp_path, "run.step=1 ms"))
+    outcome = record_companion(Interrupt(), *scenes(tmp_path, "run.step=1 ms")[0])
     assert outcome["status"] == "failed"
     assert f"chain: {found.sentence}" in outcome["message"]
 
 
-def test_a_signal_ends_all_runs(tmp_path):
+def test_a_signal_ends_a_run(tmp_path):
     interrupt = Interrupt()
     interrupt.requested = True
-    outcomes = record_companions(interrupt, scenes(tmp_path, "run.step=1 ms", "run.step=2 ms"))
-    assert [(each["status"], each["message"]) for each in outcomes] == [("failed", "interrupted at t = 0 s")] * 2
+    outcome = record_companion(interrupt, *scenes(tmp_path, "run.step=1 ms")[0])
+    assert (outcome["status"], outcome["message"]) == ("failed", "interrupted at t = 0 s")
     assert interrupt.deferring
