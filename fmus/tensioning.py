@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from scipy.optimize import brentq
+import scipy  # loads its parts when they are used
 
 from fmus.cache import cached_result
 from fmus.model import InvalidParameter, StepFailed
@@ -69,7 +69,7 @@ def _search(config: Mapping[str, Any], name: str, tension: float, keys: str) -> 
             f"{keys}.tension = {tension:.6g} N: not reached with the {name} within {BACKWARD * 1e3:.0f} mm of "
             f"x = {drawn:.4g} m ({track['links']} links of {config['vehicle']['track']['pitch']} m)"
         )
-    x = round(float(brentq(excess, low, high, xtol=1e-8)), 8)
+    x = round(float(scipy.optimize.brentq(excess, low, high, xtol=1e-8)), 8)
     try:
         return x, round(float(settled(x).s.mean[index, 0]), 3)
     except StepFailed as error:

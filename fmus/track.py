@@ -183,8 +183,8 @@ def start_stance(wheel: Mapping[str, Any]) -> Stance:
 class TrackModel(ComponentModel):
     """Chain of links with the ports of a track; a subclass adds the mechanics of its links.
 
-    The subclass implements ``shapes``, ``prepare``, ``settle``, ``find_equilibrium`` and ``add_rates``; ``prepare``
-    sets ``link``, ``method``, ``work`` and ``stable_step``.
+    The subclass implements ``shapes``, ``stable_step``, ``prepare``, ``settle``, ``find_equilibrium`` and ``add_rates``; ``prepare``
+    sets ``link``, ``method`` and ``work``.
     """
 
     start_kernel, step_kernel = staticmethod(steps.begin), staticmethod(steps.implicit)
@@ -196,7 +196,6 @@ class TrackModel(ComponentModel):
     link: Any  # parameters of the links
     method: ImplicitMethod  # of the implicit integrator
     work: Any  # scratch arrays
-    stable_step: float  # longest stable step of the explicit integrator, s
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         """Make a track from the resolved config (keys vehicle, track, link_outputs) and allocate its arrays."""
@@ -471,6 +470,11 @@ class TrackModel(ComponentModel):
 
     def shapes(self) -> state.Shapes:
         """Shapes of the views into the chain's state, by name."""
+        raise NotImplementedError
+
+    @property
+    def stable_step(self) -> float:
+        """Longest stable step of the explicit integrator, s."""
         raise NotImplementedError
 
     def prepare(self, p: Mapping[str, Any]) -> None:

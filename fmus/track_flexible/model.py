@@ -114,8 +114,12 @@ class Model(TrackModel):
         self.environment = self.environment._replace(pull=np.ascontiguousarray(self.environment.pull[:, self.kit.AXES]))
         self.work = self._work(self.kit)
         self._run_formulation = p["joints"], p["coordinates"]
-        self.stable_step = stable(self.link)
         self.plane = int(element != "beam" and axes == "fixed")
+
+    @property
+    def stable_step(self) -> float:
+        """See ``TrackModel``."""
+        return stable(self.link)
 
     def begin_run(self) -> None:
         """Change to the wanted joints and coordinates, then begin as ``TrackModel.begin_run``."""

@@ -79,11 +79,16 @@ class Model(TrackModel):
             from fmus.physics.chain.rigid.jointed import JointedLinks
 
             self.link = JointedLinks(self.rigid)
-        self.stable_step = min(LIMIT, longest(spring, half, v["mass"], inertia[1]))
         touching = self.contacts is not None
         self.work = work(
             self.links_count, self.closed, len(self.wheel_list), self.on_links_shape, self.joints, touching
         )
+
+    @property
+    def stable_step(self) -> float:
+        """See ``TrackModel``."""
+        links = self.rigid
+        return min(LIMIT, longest(links.spring, links.half, links.mass, links.inertia[1]))
 
     def settle(self, pins: Floats, rest: bool, spin: float = 0.0) -> None:
         """See ``TrackModel``; a spinning regular polygon of rigid links is in relative equilibrium as it is."""

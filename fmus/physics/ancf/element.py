@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import eigh
+import scipy  # loads its parts when they are used
 
 from fmus.jit import dispatch, implementation
 from fmus.physics.ancf.cable import Cable, EngineeringCable, GeneralCable
@@ -126,4 +126,4 @@ def highest_frequency(c: Element) -> float:
     K, M = np.zeros((e.size, e.size)), np.zeros((len(e), len(e)))
     tangent(c, e, np.zeros_like(e), 0.0, K)
     mass(c, M)
-    return float(np.sqrt(eigh(K, np.kron(M, np.eye(e.shape[1])), eigvals_only=True)[-1]))
+    return float(np.sqrt(scipy.linalg.eigh(K, np.kron(M, np.eye(e.shape[1])), eigvals_only=True)[-1]))

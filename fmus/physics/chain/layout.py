@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import scipy  # loads its parts when they are used
 from numpy.typing import NDArray
-from scipy.optimize import brentq, root
-from scipy.spatial import ConvexHull, QhullError
 
 from fmus.jit import allocating
 from fmus.physics.arrays import Floats
@@ -33,8 +32,8 @@ def _belt(centres: Floats, radii: Floats) -> Floats:
     rim = _directions(-angle)
     points = (centres[:, None, :] + radii[:, None, None] * rim[None]).reshape(-1, 2)
     try:
-        corners = ConvexHull(points).vertices
-    except QhullError:
+        corners = scipy.spatial.ConvexHull(points).vertices
+    except scipy.spatial.QhullError:
         raise ValueError("no belt lies round the wheels: their places and radii do not fit together") from None
     hull = points[corners][::-1]  # scipy's order is from x to z, ours from x to -z
     return np.roll(hull, -int(np.argmax(hull[:, 0])), axis=0)
@@ -88,7 +87,7 @@ def closed_polygon(centres: Floats, radii: Floats, grows: NDArray[np.bool_], pit
         raise ValueError(
             f"{links} links of {pitch} m make {links * pitch:.4f} m, the belt round the wheels {length:.4f} m"
         )
-    distance = brentq(gap, -limit, limit, xtol=1e-13)
+    distance = scipy.optimize.brentq(gap, -limit, limit, xtol=1e-13)
     pins = _walk(_belt(centres, radii + distance * grows), pitch, links)[0]
     return close_exactly(pins, pitch, closed=True)
 
@@ -133,7 +132,7 @@ def hanging_arc(first: Floats, last: Floats, pitch: float, links: int) -> Floats
     if distance >= links * pitch:
         raise ValueError(f"{links} links of {pitch} m cannot reach over {distance:.4f} m")
     fraction = (links - 1 - 2.0 * np.arange(links)) / links  # angles relative to the first link's
-    steep = brentq(lambda a: pitch * of_each(cos, a * fraction).sum() - distance, 0.0, np.pi, xtol=1e-15)
+    steep = scipy.optimize.brentq(lambda a: pitch * of_each(cos, a * fraction).sum() - distance, 0.0, np.pi, xtol=1e-15)
     return chain_of_angles(np.asarray(first, float), -steep * fraction + atan2(float(span[1]), float(span[0])), pitch)
 
 
@@ -155,9 +154,9 @@ def catenary(first: Floats, last: Floats, pitch: float, links: int) -> Floats:
 
     # start from the continuum: (S^2 - dz^2)^1/2 = 2 a sinh(dx / 2 a), slope in the middle dz / (S^2 - dz^2)^1/2
     level = np.sqrt(length * length - span[1] * span[1])
-    ratio = brentq(lambda u: sinh(u) / u - level / abs(span[0]), 1e-9, 20.0)
+    ratio = scipy.optimize.brentq(lambda u: sinh(u) / u - level / abs(span[0]), 1e-9, 20.0)
     pull = abs(span[0]) / (2.0 * ratio * pitch)
-    solution = root(missing, [log(float(pull)), pull * span[1] / level], tol=1e-15)
+    solution = scipy.optimize.root(missing, [log(float(pull)), pull * span[1] / level], tol=1e-15)
     if np.abs(missing(solution.x)).max() > 1e-9 * links:
         return arc
     angles = of_each(atan, (solution.x[1] + number) / exp(float(solution.x[0])))
@@ -204,7 +203,7 @@ def scale_of_angles(excess: Callable[[float], float], low: float, high: float) -
     """Factor of the links' angles, from ``low`` to ``high``, at which ``excess`` is zero; raises ValueError."""
     if not excess(low) * excess(high) <= 0.0:
         raise ValueError("the chain is too soft: stretched by its own weight, it does not span its ends as an arc")
-    return float(brentq(excess, low, high, xtol=1e-15))
+    return float(scipy.optimize.brentq(excess, low, high, xtol=1e-15))
 
 
 def rescaled(pins: Floats, last: Floats, pitch: float) -> Floats:

@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import eigh
+import scipy  # loads its parts when they are used
 
 from fmus.jit import kernel
 from fmus.physics.ancf.cable import linear, mass
@@ -406,7 +406,7 @@ def lateral_bending_frequency(links: TurningCables) -> float:
     if links.closed and links.closing is None:
         shared = np.vstack([np.eye(2), np.eye(2)])
         K, M = shared.T @ K @ shared, shared.T @ M @ shared
-    return np.sqrt(eigh(K, M, eigvals_only=True)[-1])
+    return np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)[-1])
 
 
 @kernel
