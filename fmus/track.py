@@ -183,8 +183,8 @@ def start_stance(wheel: Mapping[str, Any]) -> Stance:
 class TrackModel(ComponentModel):
     """Chain of links with the ports of a track; a subclass adds the mechanics of its links.
 
-    The subclass implements ``shapes``, ``stable_step``, ``prepare``, ``settle``, ``find_equilibrium`` and ``add_rates``; ``prepare``
-    sets ``link``, ``method`` and ``work``.
+    The subclass implements ``shapes``, ``stable_step``, ``prepare``, ``settle``, ``find_equilibrium`` and
+    ``add_rates``; ``prepare`` sets ``link``, ``method`` and ``work``.
     """
 
     start_kernel, step_kernel = staticmethod(steps.begin), staticmethod(steps.implicit)

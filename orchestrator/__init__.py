@@ -1,4 +1,4 @@
-"""Python interface: ``import orchestrator as cotrack`` offers the names of ``OFFERED``.
+"""What ``import cotrack`` offers (``cotrack/__init__.py``, installed under that name): the names of ``OFFERED``.
 
 A name is imported when it is first used, so importing the package is fast and its generic modules need nothing else.
 """
@@ -9,7 +9,8 @@ from typing import Any
 __version__ = "0.4.0"  # also the version of the distribution
 
 OFFERED = {  # public name: module, name in the module
-    "run": ("execution.simulate", "simulate"),
+    "run": ("interface.calls", "run"),
+    "Run": ("interface.recorded_run", "Run"),
     "scenes": ("scene.gallery", "names"),
     "load": ("scene.scene", "load"),
     "Log": ("log.reader", "Log"),

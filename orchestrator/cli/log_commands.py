@@ -26,6 +26,7 @@ def info(
     as_json: JsonOption = False,
 ) -> None:
     """Print the contents of a log and the status of its run."""
+    from orchestrator.execution import summary_text
     from orchestrator.log import tools
     from orchestrator.log.log_format import checkpoint_step
 
@@ -37,8 +38,8 @@ def info(
     lines = [
         f"{opened.path}: {opened.size / 1e6:.2f} MB, {summary.start:g} to {summary.end:g} s, {end}",
         *(f"  {sentence}" for sentence in (closing["message"], *opened.faults, *summary.seal_faults) if sentence),
-        *(f"  {printed.warning(entry)}" for entry in closing["warnings"]),
-        *(f"  {printed.validity(entry)}" for entry in recorded_entries(closing.get("results", {}))),
+        *(f"  {summary_text.warning(entry)}" for entry in closing["warnings"]),
+        *(f"  {summary_text.validity(entry)}" for entry in recorded_entries(closing.get("results", {}))),
         *(
             f"  {record}: {', '.join(f'{key} = {value}' for key, value in entries.items())}"
             for record, entries in opened.metadata.items()

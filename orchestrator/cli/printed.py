@@ -1,183 +1,23 @@
-"""Output of commands: summary of a run as lines of text, values that JSON can hold."""
+"""Text of any origin for the terminal."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from orchestrator.results.units import finite as finite
-from orchestrator.results.units import size
-from orchestrator.results.validity.exceedance import Exceedance
 
 LONGEST = 1000  # longest printed sentence, characters
-OF_PHASES = ("yaw_rate", "turn_radius", "slip_left", "slip_right")  # printed by phase instead of by the last second
 
 
 def plain(text: str) -> str:
-    """Return text of any origin as one line of printable characters, shortened to MOST."""
+    """Return text of any origin as one line of printable characters, shortened to LONGEST."""
     shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[:LONGEST])
     return shown if len(text) <= LONGEST else f"{shown} ..."
 
 
-# Label of each observable: name, unit, digits.
-LABELS = {
-    "distance": ("distance", "m", 5),
-    "speed": ("speed", "m/s", 4),
-    "settlement": ("settlement", "mm", 4),
-    "ground_force": ("ground carries", "kN", 5),
-    "weight": ("weight", "kN", 5),
-    "slip": ("slip", "%", 2),
-    "path_error": ("largest distance from the path", "m", 3),
-    "yaw_rate": ("yaw rate", "rad/s", 4),
-    "turn_radius": ("turn radius", "m", 4),
-    "steering_moment": ("steering moment", "kN m", 4),
-    "slip_left": ("slip left", "m/s", 3),
-    "slip_right": ("slip right", "m/s", 3),
-    "power_left": ("power left", "kW", 4),
-    "power_right": ("power right", "kW", 4),
-    "power_propulsion": ("power of propulsion", "kW", 4),
-    "power_steering": ("power of steering", "kW", 4),
-    "power_regenerated": ("power from side to side", "kW", 4),
-    "tension_max": ("largest link tension", "kN", 4),
-    "tension_mean": ("mean link tension", "kN", 4),
-    "sag": ("sag", "m", 6),
-    "end_tension": ("tension at the ends", "kN", 5),
-}
-
-
-def _error(error: dict[str, Any]) -> str:
-    """Return a sentence about the error estimate of a run."""
-    if error["total"] is None:
-        return f"estimated error: not known, {error['message']}"
-    decisive = max(
-        (name for name, observable in error["observables"].items() if observable["decisive"]),
-        key=lambda name: error["observables"][name]["total"],
-    )
-    integration = "not known" if error["integration"] is None else f"{error['integration']:.2g}"
-    return (
-        f"estimated error: {100.0 * error['total']:.2g} % ({decisive.replace('_', ' ')}; all other observables are"
-        f" smaller; coupling {error['coupling']:.2g}, integration {integration}; took {error['wall_time']:.3g} s more)"
-    )
-
-
-def _headline(r: dict[str, Any]) -> str:
-    """Return the first line: scene, links, status, number of met checks."""
-    links = f", {r['track']} links" if r["track"] else ""
-    met = sum(check["ok"] for check in r["checks"].values())
-    checks = f"; {met} of {len(r['checks'])} checks are met" if r["checks"] else ""
-    return f"{r['scene']}{links}: {r['status']}{checks}"
-
-
-def _pace(r: dict[str, Any]) -> str:
-    """Return the line about run time and real-time factor."""
-    factor = r["real_time_factor"]
-    pace = f"{factor:.3g} times as fast as" if factor >= 1.0 or not factor else f"{1.0 / factor:.3g} times slower than"
-    return (
-        f"{r['simulated_time']:.6g} s simulated in {r['wall_time']:.3g} s, {pace} real time,"
-        f" after {r['startup_time']:.3g} s of start-up"
-    )
-
-
-def _observables(r: dict[str, Any]) -> list[str]:
-    """Return a line per averaging window with its finite observables; OF_PHASES only without phases."""
-    lines: dict[str, list[str]] = {}
-    for key, value in r["observables"].items():
-        name, unit, digits = LABELS[key]
-        if value == value and not (r["phases"] and key in OF_PHASES):
-            where = _track_of_largest_tension(r["phases"]) if key == "tension_max" else ""
-            window = _window(r["windows"].get(key, {"from": 0.0, "to": r["simulated_time"]}))
-            lines.setdefault(window, []).append(f"{name} {value / size(unit):.{digits}g} {unit}{where}")
-    return [f"{window}: {', '.join(texts)}" for window, texts in lines.items()]
-
-
-def _window(window: dict[str, float]) -> str:
-    """Return the averaging window in words."""
-    return (
-        f"mean of {window['from']:.6g} to {window['to']:.6g} s"
-        if window["from"]
-        else f"whole run, 0 to {window['to']:.6g} s"
-    )
-
-
-def _phases(phases: list[dict[str, Any]]) -> list[str]:
-    from orchestrator.results.analyses.phases import sentence
-
-    return [sentence(phase) for phase in phases]
-
-
-def _track_of_largest_tension(phases: list[dict[str, Any]]) -> str:
-    """Return track and time of the largest tension in words; empty without phases."""
-    largest = max(
-        (phase for phase in phases if phase["tension_track"]), key=lambda phase: phase["tension"], default=None
-    )
-    return f" in {largest['tension_track'].replace('_', ' ')} at {largest['tension_t']:.4g} s" if largest else ""
-
-
-def warning(entry: dict[str, Any]) -> str:
-    """Return the line about a component's warning."""
-    times = f", {entry['count']} times" if entry["count"] > 1 else ""
-    return f"warning: {entry['component']} at {entry['time']:.6g} s{times}: {entry['text']}"
-
-
-def validity(fields: dict[str, Any]) -> str:
-    """Return the line about an entry of the validity ledger."""
-    entry = Exceedance(**fields)
-    return f"validity, {entry.severity}: {entry.component} from {entry.time:.6g} s on: {entry.sentence}"
-
-
-def _balance(energy: dict[str, Any]) -> str:
-    released = -sum(min(change, 0.0) for change in energy["stored"].values())
-    parts = (("put in by the drives", energy["work"]), ("released from store", released))
-    sums = [f"{value / 1e3:.4g} kJ {what}" for what, value in (*parts, ("dissipated", energy["dissipated"])) if value]
-    terms = f" ({', '.join(sums)})" if sums else ""
-    return f"energy balance: {abs(energy['residual_relative']) * 100:.2g} % unaccounted for{terms}"
-
-
-def _ledger(energy: dict[str, Any]) -> str:
-    return (
-        f"ledger: work {energy['work']:.6g} J = change {energy['change']:.6g} + dissipated {energy['dissipated']:.6g}"
-        f" + covered {energy['covered']:.4g} + residual {energy['residual']:.4g}"
-        f" ({energy['residual_relative'] * 100:.3g} %; ports {energy['port']:.4g} J)"
-    )
-
-
-def _causes(causes: dict[str, float]) -> str:
-    """Return the line about dissipated energy by cause, largest first."""
-    parts = sorted(causes.items(), key=lambda item: -abs(item[1]))
-    return "dissipated: " + ", ".join(f"{cause.replace('_', ' ')} {energy:.4g} J" for cause, energy in parts)
-
-
-def _check(name: str, check: dict[str, Any]) -> str:
-    expected = f"{check['expected']:.7g} +- {check['tolerance']:.3g}"
-    note = f" ({check['note']})" if check["note"] else ""
-    return f"{'ok ' if check['ok'] else 'NOT'} {name} = {check['value']:.7g}, expected {expected}{note}"
-
-
-def _cost(name: str, cost: dict[str, Any]) -> str:
-    counts = ", ".join(f"{count} {what}" for what, count in cost.items() if what != "wall_time" and count)
-    return f"{name:12} {cost['wall_time']:8.3f} s  {counts}"
-
-
 def summary(result: dict[str, Any]) -> None:
-    """Print the summary of a run: text, checks, energy balance, cost of each component."""
-    r = result
-    lines = [
-        _pace(r),
-        *_observables(r),
-        *_phases(r["phases"]),
-        _error(r["error"]) if r["error"] else "",
-        _balance(r["energy"]) if r["energy"] else "",
-        *(warning(entry) for entry in r["warnings"]),
-        *(validity(entry) for entry in r["validity"]),
-        f"{r['communication_steps']} steps kept, {r['rejected_steps']} pairs of steps taken back"
-        if r["rejected_steps"]
-        else "",
-        *(_check(*item) for item in r["checks"].items()),
-        _ledger(r["energy"]) if r["energy"] else "",
-        _causes(r["energy"]["causes"]) if r["energy"] and r["energy"]["causes"] else "",
-        *(_cost(*item) for item in r["components"].items()),
-        f"log {r['log']} ({r['log_bytes'] / 1e6:.1f} MB)" if r["log"] else "",
-        f"seal {r['seal']}" if r["seal"] else "",
-    ]
-    print(_headline(r))
-    for line in filter(None, lines):
-        print(f"  {line}")
+    """Print the summary of a run."""
+    from orchestrator.execution.summary_text import lines
+
+    for line in lines(result):
+        print(line)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 from fmus.vehicle import BadInput
 from orchestrator.execution import repeat_command, summary
@@ -43,6 +44,34 @@ def report(
             require_same_scene(first, second, "; --different compares them all the same")
         judged, *reference_run = [(run, _judge(run)) for run in runs]
         write(*judged, page, reference_run[0] if reference_run else None)
+
+
+def summary_of(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Summary of the run in a log, evaluated anew, without its cost and its error estimate; raises LogUnreadable.
+
+    ``message`` says if the log was cut off or has no scene.
+    """
+    with Log(path) as log:
+        run, closing = RunData(log), log.closing or {"status": "failed", "message": log.cut_off, "warnings": []}
+        judged, simulated = _judge(run), run.span[1]
+        return (
+            summary.empty(run.scene.get("name", log.path.stem), run.scene.get("track", {}).get("model"))
+            | summary.balance(run)
+            | {
+                "status": closing["status"],
+                "message": closing["message"] or judged.note,
+                "warnings": closing["warnings"],
+                "simulated_time": simulated,
+                "communication_steps": closing.get("steps", 0),
+                "seal": log.seal,
+                "log": str(path),
+                "log_bytes": log.size,
+                "checks": judged.checks,
+                "observables": judged.observables,
+                "windows": summary.windows(judged.observables, simulated),
+                "phases": summary.phase_entries(run),
+            }
+        )
 
 
 def _judge(run: RunData) -> RunSummary:

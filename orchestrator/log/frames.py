@@ -16,7 +16,7 @@ from orchestrator.log.time_series import EVER, Floats
 Named = dict[str, tuple[str, Floats]]  # signal -> unit and values (m,)
 
 
-def _table(log: Log, signals: Sequence[str], window: tuple[float, float]) -> tuple[Floats, Named]:
+def columns_of(log: Log, signals: Sequence[str], window: tuple[float, float] = EVER) -> tuple[Floats, Named]:
     """Return times (m,), s, and the signals; raises NoSuchSignal if signals have different times."""
     chosen = log.choose(signals)
     whole = np.concatenate([*side_by_side(log, chosen, window)])
@@ -34,7 +34,7 @@ def to_pandas(log: Log, *signals: str, window: tuple[float, float] = EVER) -> An
     with different times, LogUnreadable, NotInstalled.
     """
     pandas = library("pandas")
-    t, columns = _table(log, signals, window)
+    t, columns = columns_of(log, signals, window)
     frame = pandas.DataFrame({name: values for name, (_, values) in columns.items()}, index=pandas.Index(t, name="t"))
     frame.attrs["units"] = {name: unit for name, (unit, _) in columns.items()}
     return frame
@@ -43,7 +43,7 @@ def to_pandas(log: Log, *signals: str, window: tuple[float, float] = EVER) -> An
 def to_arrow(log: Log, *signals: str, window: tuple[float, float] = EVER) -> Any:
     """Return a table of ``t`` and the signals, units in the metadata; raises like ``to_pandas``."""
     arrow = library("pyarrow")
-    t, columns = _table(log, signals, window)
+    t, columns = columns_of(log, signals, window)
     fields = [
         arrow.field(name, arrow.float64(), metadata={"unit": unit})
         for name, unit in (("t", "s"), *((name, unit) for name, (unit, _) in columns.items()))
@@ -53,7 +53,7 @@ def to_arrow(log: Log, *signals: str, window: tuple[float, float] = EVER) -> Any
 
 def to_polars(log: Log, *signals: str, window: tuple[float, float] = EVER) -> Any:
     """Return a DataFrame with columns ``t`` and the signals; raises like ``to_pandas``."""
-    t, columns = _table(log, signals, window)
+    t, columns = columns_of(log, signals, window)
     return library("polars").DataFrame({"t": t} | {name: values for name, (_, values) in columns.items()})
 
 
@@ -63,7 +63,7 @@ def to_xarray(log: Log, *signals: str, window: tuple[float, float] = EVER) -> An
     ``left_track.link[3].tension`` is ``left_track.link.tension`` at ``link`` = 3.
     """
     xarray = library("xarray")
-    t, columns = _table(log, signals, window)
+    t, columns = columns_of(log, signals, window)
     families: dict[str, dict[int, str]] = {}
     for name in columns:
         key, index = family(name)

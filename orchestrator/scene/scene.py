@@ -22,7 +22,7 @@ from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriv
 from orchestrator.scene.ranges import SCENE
 from orchestrator.scene.recording import ASSUMED_SPEED, aliasing_warning, links_every
 from orchestrator.scene.run_tables import RunTable, short_coupling
-from orchestrator.scene.settings import keys, merge_tables, set_key, setting
+from orchestrator.scene.settings import keys, merge_tables, pairs, set_key
 from orchestrator.scene.start_tables import GroundTable, StartTable, VehicleStartTable
 from orchestrator.scene.tables import BenchTable, ChainTable, Check, RigTable
 from orchestrator.scene.track_table import TrackModelTable, short_track
@@ -85,6 +85,10 @@ class Scene(FrozenTable):
     def resolved(self) -> dict[str, Any]:
         """The scene as plain SI numbers; ``from_table`` is the inverse."""
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+    def changed(self, settings: Sequence[str] | Mapping[str, Any]) -> Scene:
+        """The scene with other values, as of ``load``; its defaults are kept. Raises BadInput."""
+        return changed_scene(self.resolved(), settings, f"{self.name}.toml")
 
     @model_validator(mode="after")
     def _check_planar(self) -> Scene:
@@ -264,11 +268,14 @@ KINDS: dict[str, type[Scene]] = {
 }
 
 
-def load(scene: str, track: str | None = None, settings: Sequence[str] = ()) -> Scene:
-    """Load a scene of the gallery or a file, with track model and ``KEY=VALUE`` settings; raises BadInput."""
+def load(scene: str, track: str | None = None, settings: Sequence[str] | Mapping[str, Any] = ()) -> Scene:
+    """Load a scene of the gallery or a file, with track model and settings; raises BadInput.
+
+    Settings are ``KEY=VALUE`` texts as of ``--set``, or a table as ``{"vehicle.track.mass": 20, "run.stop": "3 s"}``.
+    """
     name, table = gallery.read(scene)
     points.read(table, Path(scene).parent, f"{name}.toml")
-    changes = [setting(text) for text in settings]
+    changes = pairs(settings)
     _kind(table, f"{name}.toml")
     _complete_table(table, f"{name}.toml", track, changes)
     for key, value in changes:
@@ -310,12 +317,12 @@ def from_table(table: Mapping[str, Any], where: str) -> Scene:
         raise BadInput(_validation_sentence(error, where, kind)) from None
 
 
-def changed_scene(resolved: dict[str, Any], settings: Sequence[str], where: str) -> Scene:
-    """Apply ``KEY=VALUE`` settings to a resolved scene, which is modified; reads no file.
+def changed_scene(resolved: dict[str, Any], settings: Sequence[str] | Mapping[str, Any], where: str) -> Scene:
+    """Apply settings, as of ``load``, to a resolved scene, which is modified; reads no file.
 
     Raises BadInput, with a message that begins with ``where``.
     """
-    for key, value in map(setting, settings):
+    for key, value in pairs(settings):
         set_key(resolved, SHORT_KEYS.get(key, key), value)
     return from_table(resolved, where)
 

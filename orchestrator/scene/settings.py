@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, get_args
 
 from pydantic import BaseModel
@@ -25,6 +25,13 @@ def setting(text: str) -> tuple[str, Any]:
     except (ValueError, RecursionError):
         parsed = {}
     return key.strip(), parsed["value"] if len(parsed) == 1 else value.strip()
+
+
+def pairs(settings: Sequence[str] | Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """Keys and values of ``KEY=VALUE`` texts or of a table with dotted keys, whose values may be of numpy."""
+    if isinstance(settings, Mapping):
+        return [(key, getattr(value, "tolist", lambda value=value: value)()) for key, value in settings.items()]
+    return [setting(text) for text in settings]
 
 
 def set_key(table: dict[str, Any], key: str, value: Any) -> None:

@@ -165,7 +165,7 @@ def test_what_is_no_log_is_told(cotrack):
 
 # cells of a notebook
 
-CELL = """import orchestrator as cotrack
+CELL = """import cotrack
 found = cotrack.analyse({path!r}, {what!r}, {window}{options})
 table = found.table().frame()"""
 OPTIONS = {"spectrum": ", signals='left_track.tension.max'"}

@@ -1,4 +1,4 @@
-"""Names that ``import orchestrator as cotrack`` offers, whatever else of the package is imported."""
+"""Names that ``import cotrack`` offers, whatever else of the package is imported."""
 
 import pkgutil
 import subprocess
@@ -6,7 +6,9 @@ import sys
 from importlib import import_module
 from importlib.util import find_spec
 from inspect import signature
+from pathlib import Path
 
+import cotrack as installed
 import pytest
 
 import orchestrator as cotrack
@@ -39,10 +41,11 @@ def test_what_is_offered_can_be_called(submodules, tmp_path):
     assert {"straight", "hanging_chain"} <= set(cotrack.scenes())
     for name in cotrack.OFFERED:
         assert signature(getattr(cotrack, name)).parameters or name == "scenes"
+        assert getattr(installed, name) is getattr(cotrack, name)
     one, two = tmp_path / "one.mcap", tmp_path / "two.mcap"
     for path, start in ((one, "rest"), (two, "displaced")):
-        result = cotrack.run(cotrack.load("hanging_chain", "flexible", ["run.stop=0.02", f"track.start={start}"]), path)
-        assert result["status"] == "ok"
+        scene = cotrack.load("hanging_chain", "flexible", ["run.stop=0.02", f"track.start={start}"])
+        assert cotrack.run(scene, log=path, estimate=False, progress=False).summary["status"] == "ok"
     with cotrack.Log(one) as log:
         assert len(log.signal("chain.tension.max")[0]) == 21
     assert cotrack.compare(one, one)["pins"].absolute == 0.0 < cotrack.compare(one, two)["pins"].absolute
@@ -50,7 +53,16 @@ def test_what_is_offered_can_be_called(submodules, tmp_path):
         _ = cotrack.anything
 
 
+def test_the_installed_module_is_that_of_the_sources():
+    """An editable installation copies it: install again after a change."""
+    source = Path(cotrack.__file__).parent / "cotrack" / "__init__.py"
+    assert Path(installed.__file__).read_text() == source.read_text()
+    assert {*installed.__all__} == {*cotrack.OFFERED, "__version__"} == {*dir(installed)}
+    with pytest.raises(AttributeError, match="module 'cotrack' has no attribute 'anything'"):
+        _ = installed.anything
+
+
 def test_the_package_alone_imports_nothing_else(environment):
-    code = "import sys, orchestrator; print({name.split('.')[0] for name in sys.modules} & {'fmus', 'numpy', 'fmpy'})"
+    code = "import sys, cotrack; print({name.split('.')[0] for name in sys.modules} & {'fmus', 'numpy', 'fmpy'})"
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"

@@ -68,18 +68,34 @@ def draw(
     waterfall: bool = False,
     place: bool = False,
 ) -> None:
+    """Write a picture of signals; see ``figure_of``, whose arguments it has. Raises BadInput for a bad ``output``."""
+    check_output(output, KINDS)
+    figure = figure_of(logs, signals, window, frequency=frequency, order=order, waterfall=waterfall, place=place)
+    with atomic_write(output) as temporary:
+        figure.savefig(temporary, dpi=120)
+
+
+def figure_of(
+    logs: Sequence[Path],
+    signals: Sequence[str],
+    window: Window = EVER,
+    *,
+    frequency: bool = False,
+    order: bool = False,
+    waterfall: bool = False,
+    place: bool = False,
+) -> Figure:
     """Draw signals ("*" stands for anything) of one or more logs.
 
     :param frequency: amplitudes over frequency, Hz, instead of values over time.
     :param order: over tooth orders.
     :param waterfall: a map of a family as "left_track.link[*].tension", by its members and time (or frequency).
     :param place: a map by place on the circuit (``circuit.py``) and time.
-    :raises BadInput: for what cannot be drawn or written. Raises Missing, NoSuchSignal, LogUnreadable.
+    :raises BadInput: for what cannot be drawn. Raises Missing, NoSuchSignal, LogUnreadable.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    check_output(output, KINDS)
     frequency = frequency or order
     if place and frequency:
         raise BadInput("places on the circuit are drawn over time, not over frequency or tooth order")
@@ -100,8 +116,7 @@ def draw(
         _draw_curves(figure, curves, x_label, frequency)
     if len(logs) == 1:
         figure.suptitle(logs[0].stem, fontsize=10, parse_math=False)
-    with atomic_write(output) as temporary:
-        figure.savefig(temporary, dpi=120)
+    return figure
 
 
 def _chosen(run: RunData, signals: Sequence[str], window: Window) -> Iterator[tuple[str, list[int], Floats]]:

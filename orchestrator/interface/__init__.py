@@ -1,0 +1,1 @@
+"""Python interface: runs as objects, for scripts and notebooks."""

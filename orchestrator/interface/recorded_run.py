@@ -1,0 +1,113 @@
+"""A run by its log: signals, pictures, tables, analyses and the report as methods of one object."""
+
+from __future__ import annotations
+
+import html
+import os
+from collections.abc import Mapping
+from functools import cached_property
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from orchestrator.execution import reported, summary, summary_text
+from orchestrator.interface.picture import Picture
+from orchestrator.interface.signal import Signal
+from orchestrator.log.frames import columns_of, to_pandas
+from orchestrator.log.reader import Log, NoSuchSignal
+from orchestrator.results.analyses import catalogue
+from orchestrator.results.analyses.signal_picture import figure_of
+from orchestrator.results.difference import ObservableDifference, differences_of_logs
+from orchestrator.results.run_data import Window
+
+AnyPath = str | os.PathLike[str]
+
+
+class Run:
+    """A run that ``cotrack.run`` made, or the run in a log: ``cotrack.Run("logs/turn-flexible.mcap")``.
+
+    Printed, it is its summary. The log stays on disk and is opened when values are asked for. Raises LogUnreadable.
+
+    :ivar log: path of the log.
+    """
+
+    def __init__(self, log: AnyPath, result: Mapping[str, Any] | None = None) -> None:
+        self.log = Path(log)
+        if result is None:
+            Log(self.log).close()  # raises LogUnreadable
+        else:
+            self.summary = dict(result)
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """The summary, as ``cotrack run --json`` prints it; of an older log, without what only the run itself knew."""
+        return reported.summary_of(self.log)
+
+    @property
+    def ok(self) -> bool:
+        """Whether the run ended well and met every check: exit status 0 of ``cotrack run``."""
+        return summary.is_passed(self.summary)
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Names of all recorded signals, "instance.variable"."""
+        with Log(self.log) as log:
+            return log.signals
+
+    def __getitem__(self, name: str) -> Signal:
+        """Return a signal, "chassis.speed", or a family, "left_track.link[*].tension"; raises NoSuchSignal.
+
+        Members of a family are recorded together and have one unit; raises NoSuchSignal for a pattern of others.
+        """
+        with Log(self.log) as log:
+            if "*" not in name:
+                return Signal(name, log.unit(name), *log.signal(name))
+            t, columns = columns_of(log, [name])
+            units = {unit for unit, _ in columns.values()}
+            if len(units) > 1:
+                raise NoSuchSignal(f"{self.log}: '{name}' matches signals in {' and '.join(sorted(units))}: no family")
+            return Signal(name, units.pop(), t, np.stack([values for _, values in columns.values()], axis=1))
+
+    def frame(self, *signals: str, start: float = -inf, end: float = inf) -> Any:
+        """Return signals as a pandas table over ``t``, s; ``*`` stands for any text, units are in ``attrs["units"]``.
+
+        Raises NoSuchSignal, also for signals that were recorded at different times, and NotInstalled.
+        """
+        with Log(self.log) as log:
+            return to_pandas(log, *signals, window=(start, end))
+
+    def plot(self, *signals: str, start: float = -inf, end: float = inf, **form: bool) -> Picture:
+        """Draw signals over time; a notebook shows the result, ``.save("a.png")`` writes it.
+
+        ``form``: ``frequency=True`` or ``order=True`` (tooth orders) draws amplitudes, ``waterfall=True`` a map of a
+        family, ``place=True`` a map by place on the circuit. Raises BadInput, Missing, NoSuchSignal.
+        """
+        return Picture(figure_of([self.log], signals, Window(start, end), **form))
+
+    def analyse(self, what: str, start: float = -inf, end: float = inf, **options: Any) -> Any:
+        """Return an analysis of ``cotrack analyse``: its arrays, ``table()`` and ``table().frame()``; raises BadInput.
+
+        ``options``: ``track`` for most, ``signals`` of a spectrum, ``signal`` of an envelope.
+        """
+        return catalogue.analyse(self.log, what, (start, end), **options)
+
+    def report(self, path: AnyPath | None = None, reference: Run | AnyPath | None = None) -> Path:
+        """Write the page of the run, by default beside its log, and return its path; ``reference`` to compare with.
+
+        Raises BadInput, NotInstalled.
+        """
+        page = Path(path) if path is not None else self.log.with_suffix(".html")
+        reported.report(self.log, page, reference.log if isinstance(reference, Run) else reference)
+        return page
+
+    def compare(self, reference: Run | AnyPath) -> dict[str, ObservableDifference]:
+        """Return the difference from another run by observable; raises Missing if there is nothing in common."""
+        return differences_of_logs(self.log, reference.log if isinstance(reference, Run) else Path(reference))
+
+    def __repr__(self) -> str:
+        return "\n".join(summary_text.lines(self.summary))
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(repr(self))}</pre>"

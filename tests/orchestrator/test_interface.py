@@ -1,0 +1,117 @@
+"""Python interface: the same run, numbers and refusals as the command line."""
+
+import re
+from pathlib import Path
+
+import cotrack as package
+import numpy as np
+import pytest
+from short_run import SHORT, last
+
+from fmus.vehicle import BadInput
+from orchestrator.log.reader import Log, NoSuchSignal
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    log = tmp_path_factory.mktemp("interface") / "chain.mcap"
+    return package.run("hanging_chain", {"run.stop": 0.02}, estimate=False, log=log, progress=False)
+
+
+def test_a_run_equals_that_of_the_command_line(run, cotrack, tmp_path):
+    status, out, _ = cotrack(*SHORT, "--no-estimate", "--log", tmp_path / "command.mcap")
+    assert status == 0
+    assert run.ok
+    command, timed = last(out), {"log", "log_bytes", "seal", "startup_time", "wall_time", "cpu_time", "components"}
+    differing = {key for key in command if command[key] != run.summary[key]}
+    assert differing <= {*timed, "real_time_factor"}
+    with Log(tmp_path / "command.mcap") as other, Log(run.log) as log:
+        assert log.digest() == other.digest()
+        _, values = log.signal("chain.tension.max")
+    assert (run["chain.tension.max"].values == values).all()
+
+
+def test_an_opened_log_has_the_summary_of_its_run(run):
+    opened = package.Run(run.log)
+    for key in ("status", "checks", "observables", "energy", "simulated_time", "communication_steps", "seal"):
+        assert opened.summary[key] == run.summary[key], key
+    assert opened.ok
+    heads = {repr(each).splitlines()[0] for each in (opened, run)}
+    assert heads == {"hanging_chain, flexible links: ok; 1 of 1 checks are met"}
+    assert "real time" in repr(run)
+    assert "real time" not in repr(opened), "the cost of a run is not known from its log"
+    assert f"<pre>{repr(run)[:20]}" in run._repr_html_()
+
+
+def test_signals_have_units_and_families_a_column_for_each_member(run):
+    tension = run["chain.link[*].tension"]
+    assert (tension.unit, tension.values.shape) == ("N", (len(tension.t), 64))
+    single = run["chain.link[3].tension"]
+    assert (tension.values[:, 2] == single.values).all()
+    middle = 0.5 * (tension.t[0] + tension.t[1])
+    assert tension.at(middle) == pytest.approx(tension.values[:2].mean(axis=0), rel=1e-12)
+    assert single.at(-1.0) == single.values[0]
+    assert single.between(0.005, 0.015).t == pytest.approx([0.01])
+    assert repr(single).startswith(f"chain.link[3].tension: {len(single.t)} values from 0 to 0.02 s, ")
+    assert repr(single).endswith(" N")
+    assert f"{len(tension.t)} x 64 values" in repr(tension)
+    with pytest.raises(NoSuchSignal, match=r"did you mean 'chain\.tension\.max'"):
+        run["chain.tension.maxx"]
+    with pytest.raises(NoSuchSignal, match=r"'chain\.link\[\*\]\.\*' matches signals in N and Pa: no family"):
+        run["chain.link[*].*"]
+    frame = run.frame("chain.tension.*", start=0.01)
+    assert frame.attrs["units"]["chain.tension.max"] == "N"
+    assert frame.index[0] == pytest.approx(0.01)
+
+
+def test_pictures_pages_and_analyses(run, tmp_path):
+    picture = run.plot("chain.tension.max", end=0.01)
+    (line,) = picture.figure.axes[0].lines
+    assert line.get_xdata().max() == pytest.approx(0.01)
+    assert picture.save(tmp_path / "a.svg").read_text().lstrip().startswith("<?xml")
+    assert picture._repr_png_().startswith(b"\x89PNG")
+    with pytest.raises(BadInput, match="is no family of signals"):
+        run.plot("chain.tension.max", waterfall=True)
+    assert run.analyse("joints").table().rows
+    assert "hanging_chain" in run.report(tmp_path / "page.html").read_text()
+    assert {each.absolute for each in run.compare(package.Run(run.log)).values()} == {0.0}
+
+
+def test_settings_are_a_table_or_texts(tmp_path):
+    table = package.load("hanging_chain", settings={"vehicle.track.mass": np.float64(20), "run.stop": "20 ms"})
+    assert table == package.load("hanging_chain", None, ["vehicle.track.mass=20", "run.stop=0.02"])
+    assert (table.vehicle.track.mass, table.run.stop) == (20.0, 0.02)
+    changed = table.changed({"vehicle.track.mass": 18.02})
+    assert changed == package.load("hanging_chain", settings={"run.stop": 0.02})
+    with pytest.raises(BadInput, match=r"did you mean 'run\.stop'"):
+        table.changed({"run.stopp": 1})
+    with pytest.raises(BadInput, match=r"track = 'rigid': a scene that is loaded has its track model"):
+        package.run(table, track="rigid", log=tmp_path / "a.mcap")
+    with pytest.raises(BadInput, match="no scene 'hanging_chian': did you mean 'hanging_chain'"):
+        package.run("hanging_chian", log=tmp_path / "a.mcap")
+    assert not [*tmp_path.iterdir()]
+
+
+def test_a_run_with_a_missed_check_is_returned(tmp_path, capfd):
+    check = {"signal": "chain.tension.max", "expected": 0.0, "tolerance": 1.0}
+    settings = {"run.stop": 0.02, "expect.slack": check}
+    missed = package.run("hanging_chain", settings, log=tmp_path / "a.mcap", estimate=False)
+    assert not missed.ok
+    assert missed.summary["status"] == "ok"
+    assert "  NOT slack = " in repr(missed)
+    assert "... hanging_chain: components are built and initialised" in capfd.readouterr().err
+
+
+def test_the_example_of_the_readme_runs(tmp_path, monkeypatch, capsys):
+    """Shortened: a stop of 0.05 s and windows in it."""
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    (example,) = (block for block in re.findall(r"```python\n(.*?)```", readme, re.DOTALL) if "cotrack.run(" in block)
+    for text, short in (("stop=3", "stop=0.05"), ("start=2", "start=0.02")):
+        assert text in example
+        example = example.replace(text, short)
+    monkeypatch.chdir(tmp_path)
+    exec(example, {})
+    out = capsys.readouterr().out
+    assert out.startswith("straight, rigid links: ok")
+    assert "chassis.speed: " in out
+    assert {file.name for file in tmp_path.iterdir()} == {"logs", "tension.png", "straight.html"}
