@@ -34,8 +34,9 @@ def test_wheel_has_scenes_vehicles_and_pages_only(unpacked):
     assert (unpacked / "fmus" / "vehicles" / "m113.toml").is_file()
     assert (unpacked / "orchestrator" / "py.typed").is_file()
     assert (unpacked / "fmus" / "py.typed").is_file()
+    assert (unpacked / "cotrack" / "py.typed").is_file()
     top = {path.name for path in unpacked.iterdir() if not path.name.endswith(".dist-info")}
-    assert top == {"fmus", "orchestrator"}
+    assert top == {"cotrack", "fmus", "orchestrator"}
     assert sum(path.stat().st_size for path in unpacked.parent.glob("*.whl")) < 2_000_000
     (entries,) = unpacked.glob("*.dist-info/entry_points.txt")
     assert "cotrack = orchestrator.cli:main" in entries.read_text()
