@@ -42,7 +42,14 @@ def run(
     estimate: Annotated[
         bool, typer.Option(help="estimate the error by two coarser runs, in twice the run's time")
     ] = True,
-    log: Annotated[Path | None, typer.Option("--log", metavar="PATH", help="default logs/SCENE-TRACK.mcap")] = None,
+    analyses: Annotated[
+        list[str] | None,
+        typer.Option("--for", metavar="ANALYSIS", help="also record what this analysis of links needs, repeatable"),
+    ] = None,
+    log: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", "--log", metavar="PATH", help="the log, default logs/SCENE-TRACK.mcap"),
+    ] = None,
     native: Annotated[bool, typer.Option("--native", help="use native FMUs; results have the same bits")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
@@ -62,6 +69,8 @@ def run(
             chosen = cheapest(resolved.name, resolved.variant, fraction(error)).settings
             print(f"cotrack: --error {error}: {', '.join(chosen)}", file=sys.stderr)
             resolved = load(scene, track, [*chosen, *changes])
+        if analyses:
+            resolved = resolved.recording_for(analyses)
         from orchestrator.execution.simulate import simulate
 
         path = log or Path("logs") / f"{resolved.name}-{resolved.variant}.mcap"

@@ -7,7 +7,7 @@ scene holds the whole vehicle table under ``vehicle``, so a dotted key reaches e
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,6 +17,7 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 from fmus.ranges import range_violations
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, FrozenTable, Vehicle, first_error, value_text
+from orchestrator.results.analyses.catalogue import described
 from orchestrator.scene import gallery, points
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriveTable
 from orchestrator.scene.ranges import SCENE
@@ -89,6 +90,12 @@ class Scene(FrozenTable):
     def changed(self, settings: Sequence[str] | Mapping[str, Any]) -> Scene:
         """The scene with other values, as of ``load``; its defaults are kept. Raises BadInput."""
         return changed_scene(self.resolved(), settings, f"{self.name}.toml")
+
+    def recording_for(self, analyses: Iterable[str]) -> Scene:
+        """The scene with the link outputs that analyses need besides its own; raises BadInput for an unknown name."""
+        needed = [group for name in analyses for group in described(name).records]
+        groups = dict.fromkeys([*self.track.link_outputs, *needed])
+        return self.changed({"track.link_outputs": [*groups]})
 
     @model_validator(mode="after")
     def _check_planar(self) -> Scene:

@@ -304,3 +304,22 @@ def test_build_names_variants(cotrack, tmp_path):
     status, _, err = cotrack("build", "hanging_chain", "-o", "fmus/TrackRigid-hanging_chain.fmu/below")
     assert status == 2
     assert "cannot be made" in err
+
+
+def test_a_run_for_an_analysis_records_what_it_needs(cotrack, tmp_path):
+    """The sentence of the analysis names the option, and the option makes the analysis possible."""
+    plain, made = tmp_path / "plain.mcap", tmp_path / "made.mcap"
+    assert cotrack(*SHORT, "--no-estimate", "-o", plain)[0] == 0
+    for analysis in ("fatigue", "deformation"):
+        status, _, err = cotrack("analyse", plain, analysis)
+        assert status == 2
+        assert f"or cotrack run --for {analysis}" in err
+    assert cotrack(*SHORT, "--no-estimate", "--for", "fatigue", "--for", "deformation", "-o", made)[0] == 0
+    for analysis in ("fatigue", "deformation"):
+        assert cotrack("analyse", made, analysis)[0] == 0
+    with Log(plain) as before, Log(made) as after:
+        assert set(before.signals) < set(after.signals)
+        assert (before.signal("chain.tension.max")[1] == after.signal("chain.tension.max")[1]).all()
+    status, _, err = cotrack(*SHORT, "--for", "fatig")
+    assert status == 2
+    assert "no analysis 'fatig': one of power, spectrum" in err

@@ -34,6 +34,7 @@ class Analysis(NamedTuple):
     about: str
     options: tuple[Option, ...] = ()
     picture_options: tuple[Option, ...] = ()  # options of ``picture``
+    records: tuple[str, ...] = ()  # groups of link outputs that it needs beside the standard ones
     full_series: bool = False  # a file gets all numbers over time, frequency or length instead of the table
 
     @property
@@ -57,28 +58,43 @@ LINK = Option("link", int, "--link", "N", "deformation: the link of a picture, d
 
 ANALYSES = {
     "power": Analysis("through wheels, sprockets and motors, relative to the hull", full_series=True),
-    "spectrum": Analysis("largest peaks of signals, by frequency and tooth order", (SIGNALS, SHAPE, ORDERS), (), True),
+    "spectrum": Analysis(
+        "largest peaks of signals, by frequency and tooth order", (SIGNALS, SHAPE, ORDERS), full_series=True
+    ),
     "envelope": Analysis(
         "least, mean, largest tension by place on the circuit", (SIGNALS._replace(name="signal"), TRACK, BINS)
     ),
-    "fatigue": Analysis("rainflow cycles and damage of links", (TRACK, LINE)),
+    "fatigue": Analysis("rainflow cycles and damage of links", (TRACK, LINE), records=("fibres",)),
     "wheel-loads": Analysis("of road wheels, and how long they are lifted off"),
     "patches": Analysis("contact patches of road wheels and idlers on links"),
     "contact": Analysis("pressure under links", (TRACK,)),
     "slip": Analysis("and thrust of tracks", full_series=True),
     "joints": Analysis("extremes of joint forces, where and when", (TRACK,)),
     "links": Analysis("forces on links in their own axes", (TRACK,)),
-    "deformation": Analysis("of links along their length, in their tangent frames", (TRACK, AT), (LINK,), True),
+    "deformation": Analysis(
+        "of links along their length, in their tangent frames", (TRACK, AT), (LINK,), ("slopes",), full_series=True
+    ),
     "events": Analysis("wheels that lift off, brakes that hold, steps taken back, warnings", (TEETH,)),
     "phases": Analysis("rest, acceleration, steady motion, turns, braking: speed, yaw rate, power, slip, tension"),
     "validity": Analysis("where the run stops being valid: penetration, tooth jumps, travel of idlers, ..."),
 }
 
 
-def module_of(name: str) -> Any:
-    """Module of an analysis; raises BadInput for an unknown name."""
+def recorder_of(group: str) -> str:
+    """Name of the first analysis that needs a group of link outputs; empty if none does."""
+    return next((name for name, one in ANALYSES.items() if group in one.records), "")
+
+
+def described(name: str) -> Analysis:
+    """Description of an analysis; raises BadInput for an unknown name."""
     if name not in ANALYSES:
         raise BadInput(f"no analysis '{name}': one of {', '.join(ANALYSES)}")
+    return ANALYSES[name]
+
+
+def module_of(name: str) -> Any:
+    """Module of an analysis; raises BadInput for an unknown name."""
+    described(name)
     return import_module(f"orchestrator.results.analyses.{name.replace('-', '_')}")
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from fmus.link_outputs import INTERVAL
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses.catalogue import recorder_of
 from orchestrator.results.link_columns import POSITION, columns
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, record_durations
 
@@ -114,6 +115,7 @@ def _columns(run: RunData, track: str, signal: str) -> np.ndarray:
     found = columns(run.log.topics[topic].names if topic in run.log.topics else (), signal)
     if not found.size:
         group = GROUPS.get(signal)
-        how = f"; record it with the group '{group}' of track.link_outputs in the scene" if group else ""
+        option = f", or cotrack run --for {recorder_of(group)}" if group and recorder_of(group) else ""
+        how = f"; record it with the group '{group}' of track.link_outputs in the scene{option}" if group else ""
         raise Missing(f"{run.log.path} holds no '{track}.{signal}'{how}")
     return found
