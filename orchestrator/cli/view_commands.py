@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +17,8 @@ KINDS = {  # kinds of drawing that take an option, and their names in messages
     "--seen-from": (("film", "still"), "films and stills"),
     "--colour": (("film", "still", "rerun", "foxglove"), "films, stills (--seen-from), --rerun and --foxglove"),
     "--live": (("rerun",), "--rerun"),
+    "--from": (("film",), "films"),
+    "--to": (("film",), "films"),
 }
 
 
@@ -48,6 +51,8 @@ def view(
             "--colour", metavar="SIGNAL", help="of links in films and 3D: tension, stress, ground, wheels, sliding"
         ),
     ] = None,
+    start: Annotated[float | None, typer.Option("--from", metavar="T", help="first instant of a film, s")] = None,
+    end: Annotated[float | None, typer.Option("--to", metavar="T", help="last instant of a film, s")] = None,
 ) -> None:
     """Draw a run: a picture, a film, or a 3D scene (--rerun, --foxglove).
 
@@ -55,9 +60,12 @@ def view(
     path of the vehicle; with --seen-from one instant in the style of a film. Items that the log lacks are left out.
     """
     kind = _kind(output, above, in_rerun, in_foxglove, side)
-    given = {"--at": times, "--above": above, "--seen-from": side, "--colour": colour, "--live": live}
+    given = {
+        "--at": times, "--above": above or None, "--seen-from": side, "--colour": colour, "--live": live or None,
+        "--from": start, "--to": end,
+    }  # fmt: skip
     for option, (kinds, words) in KINDS.items():
-        if given[option] and kind not in kinds:
+        if given[option] is not None and kind not in kinds:
             raise BadInput(f"{option} is for {words}")
     if kind == "still" and times and len(times) > 1:
         raise BadInput(f"--seen-from {side}: a still shows one instant, --at is given {len(times)} times")
@@ -68,6 +76,13 @@ def view(
         (going.follow if live else rerun_scene.show)(log, output, colour)
     elif output is None:
         exit_with("-o FILE says what is written; without it there is the viewer: --rerun", 2)
+    elif kind == "film":
+        from orchestrator.results.run_data import Window
+        from orchestrator.results.views import film
+
+        film.write(
+            log, output, side or "right", colour, Window(-inf if start is None else start, inf if end is None else end)
+        )
     else:
         _write(kind, log, output, times or [], above, side or "right", colour)
     if output:
@@ -86,7 +101,7 @@ def _kind(output: Path | None, above: bool, in_rerun: bool, in_foxglove: bool, s
 
 
 def _write(kind: str, log: Path, output: Path, times: list[float], above: bool, side: str, colour: str | None) -> None:
-    """Write the file of a film, a picture, a still or a scene for Foxglove."""
+    """Write the file of a picture, a still or a scene for Foxglove."""
     if kind == "foxglove":
         from orchestrator.results.views import foxglove_scene
 
@@ -98,7 +113,4 @@ def _write(kind: str, log: Path, output: Path, times: list[float], above: bool, 
     else:
         from orchestrator.results.views import film
 
-        if kind == "film":
-            film.write(log, output, side, colour)
-        else:
-            film.still(log, output, side, colour, times[0] if times else None)
+        film.still(log, output, side, colour, times[0] if times else None)

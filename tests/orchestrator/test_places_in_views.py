@@ -70,6 +70,13 @@ def test_wheels_and_hull_stand_where_they_were_recorded(shown):
     drawn = np.array(vehicle["chassis"]["hull"]) @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
     np.testing.assert_allclose(corners, drawn + np.array([1.0, -2.0, 0.3]), atol=1e-12)
     assert len(bodies.hull.edges) == 17  # convex hull of the ten corners; a triangulation has 24
+    assert len(bodies.hull.faces) == 17 - 10 + 2  # Euler
+    for face, normal in zip(bodies.hull.faces, bodies.hull.normals, strict=True):
+        outline = bodies.hull.corners[face]
+        after, centre = np.roll(outline, -1, axis=0), bodies.hull.corners.mean(axis=0)
+        turned = 0.5 * np.cross(outline - centre, after - centre).sum(axis=0)  # area by its normal
+        np.testing.assert_allclose(turned, np.linalg.norm(turned) * normal, atol=1e-9)
+        assert (outline[0] - centre) @ normal > 0.0
 
 
 def test_pads_lie_as_deep_in_the_ground_as_was_recorded(shown):

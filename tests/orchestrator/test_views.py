@@ -129,6 +129,7 @@ def test_a_film_has_the_pictures_of_its_time(hanging, tmp_path):
     assert changed == [False, False, True] * 4  # each record is shown in three pictures, until the next one
     assert film.write(log, tmp_path / "x.gif") == 7  # 12.5 per second
     assert (tmp_path / "x.gif").read_bytes()[:6] == b"GIF89a"
+    assert film.write(log, tmp_path / "x.gif", window=Window(0.12, 0.36)) == 4
     assert {file.name for file in tmp_path.iterdir()} == {"slow.mcap", "x.mp4", "x.gif"}
 
 

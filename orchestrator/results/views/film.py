@@ -13,7 +13,7 @@ from fmus.vehicle import BadInput
 from orchestrator.log.extra import library
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
-from orchestrator.results.run_data import RunData
+from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.views import colours
 from orchestrator.results.views.arrows import METRES_PER_NEWTON, ground_arrows
 from orchestrator.results.views.bodies import EVERY, Bodies, Poses
@@ -22,7 +22,7 @@ from orchestrator.results.views.projected import (
     VIEWPOINTS,
     Camera,
     heading,
-    hull_lines,
+    hull_faces,
     make_camera,
     plane,
     polygons,
@@ -37,11 +37,12 @@ DPI = 100
 LONGEST = 3600.0  # s
 TOP, BESIDE, EDGE = 64, 130, 12  # pixels of title, colour scale and border
 MARGIN = 0.3  # m round the bodies
+OPACITY = 0.6  # of the hull, behind links and wheels: their colours are data
 SEEN_FROM = {"right": "from the right", "top": "from the top", "corner": "from a corner ahead"}
 
 
-def write(path: Path, output: Path, viewpoint: str = "right", colour: str | None = None) -> int:
-    """Write a film of a log in real time; return its number of pictures.
+def write(path: Path, output: Path, viewpoint: str = "right", colour: str | None = None, window: Window = EVER) -> int:
+    """Write a film of a window of a log, s, in real time; return its number of pictures.
 
     Raises BadInput if the log cannot be drawn or the file cannot be written, and NotInstalled.
     """
@@ -50,7 +51,7 @@ def write(path: Path, output: Path, viewpoint: str = "right", colour: str | None
     _check_viewpoint(viewpoint)
     ffmpeg = library("imageio_ffmpeg", "video") if suffix == ".mp4" else None
     with Log(path) as log:
-        bodies = Bodies(RunData(log), RATES[suffix], colour)
+        bodies = Bodies(RunData(log), RATES[suffix], colour, window)
         if bodies.t[-1] - bodies.t[0] > LONGEST:
             raise BadInput(f"{path} is {bodies.t[-1] - bodies.t[0]:.9g} s long: a film is of {LONGEST:g} s at most")
         picture = FilmPicture(bodies, viewpoint, WIDTHS[suffix])
@@ -171,9 +172,9 @@ class FilmPicture:
         self._metres = lines("0.45", 0.7)
         self._solid = PolyCollection([], facecolors=[], edgecolors="0.2", linewidths=0.3)
         self._spokes = lines("0.95", 1.0)
-        self._hull = lines(colours.to_unit_range(colours.HULL), 1.2)
+        self._hull = PolyCollection([], facecolors=[], edgecolors=colours.to_unit_range(colours.HULL), linewidths=1.2)
         self._forces = lines(colours.to_unit_range(colours.FORCE), 1.2)
-        self._artists = [self._earth, self._metres, self._solid, self._spokes, self._hull, self._forces]
+        self._artists = [self._earth, self._metres, self._hull, self._solid, self._spokes, self._forces]
         for collection in self._artists:
             self._pane.add_collection(collection, autolim=False)
         self._numbers = [self._pane.text(0, 0, "", fontsize=7, ha="center", va="top", color="0.3") for _ in range(24)]
@@ -201,7 +202,9 @@ class FilmPicture:
         self._solid.set_verts(shapes.outlines)
         self._solid.set_facecolor(list(map(tuple, shapes.colours)))
         self._spokes.set_segments(list(shapes.lines))
-        self._hull.set_segments(list(hull_lines(camera, bodies, poses, k)))
+        hull = hull_faces(camera, bodies, poses, k)
+        self._hull.set_verts(hull.outlines)
+        self._hull.set_facecolor([(*colour, OPACITY) for colour in hull.colours])
         self._forces.set_segments(list(self._arrows_of(camera, poses, k)))
         t = float(poses.t[k])
         self._clock.set_text(
@@ -231,7 +234,7 @@ class FilmPicture:
         for poses in self._bodies.blocks():
             for k in range(len(poses.t)):
                 camera = self._camera(poses, k)
-                outlines = [hull_lines(camera, self._bodies, poses, k).reshape(-1, 2)]
+                outlines = hull_faces(camera, self._bodies, poses, k).outlines
                 outlines += [camera.project(links.centres[k]) for links in poses.links.values()]
                 for wheel in self._bodies.wheels:
                     middle = camera.project(poses.wheels[wheel.name].position[k])

@@ -141,12 +141,16 @@ def _add_wheel(faces: _Faces, wheel: WheelBody, pose: BodyPose, k: int) -> None:
         faces.lines.append(faces.camera.project(in_world(lines, position, axes)))
 
 
-def hull_lines(camera: Camera, bodies: Bodies, poses: Poses, k: int) -> Floats:
-    """Return the edges (n, 2, 2) of the hull, m in the picture; none without a hull."""
-    if not (bodies.hull and poses.hull):
-        return np.empty((0, 2, 2))
-    corners = in_world(bodies.hull.corners, poses.hull.position[k], matrices(poses.hull.orientation[k]))
-    return camera.project(corners[bodies.hull.edges])
+def hull_faces(camera: Camera, bodies: Bodies, poses: Poses, k: int) -> Polygons:
+    """Return the faces of the hull that are turned to the viewer; none without a hull."""
+    faces = _Faces(camera)
+    if bodies.hull and poses.hull:
+        axes = matrices(poses.hull.orientation[k])
+        corners, normals = in_world(bodies.hull.corners, poses.hull.position[k], axes), bodies.hull.normals @ axes.T
+        tint = np.array(colours.HULL) / 255.0
+        for number in np.flatnonzero(normals @ camera.toward > 1e-6):
+            faces.add(corners[bodies.hull.faces[number]][None], tint * faces.bright(normals[number][None]))
+    return faces.sorted()
 
 
 def section(camera: Camera, profile: GroundProfile, low: float, high: float) -> tuple[Floats, Floats]:

@@ -55,7 +55,14 @@ class HullBody(NamedTuple):
     """Hull of a vehicle: convex hull of its corners; the origin of its frame is its centre of mass."""
 
     corners: Floats  # (k, 3) m
-    edges: NDArray[np.int64]  # (e, 2) indices of corners, where faces meet at an angle
+    faces: tuple[NDArray[np.int64], ...]  # indices of the corners of each flat face, anticlockwise from outside
+    normals: Floats  # (faces, 3), outwards
+
+    @property
+    def edges(self) -> NDArray[np.int64]:
+        """Indices (e, 2) of the corners between which two faces meet."""
+        pairs = [np.sort([a, b]) for face in self.faces for a, b in pairwise([*face, face[0]])]
+        return np.unique(pairs, axis=0)
 
 
 def track_body(name: str, links: int, closed: bool, vehicle: Mapping[str, Any]) -> TrackBody:
@@ -96,14 +103,24 @@ def hull_body(chassis: Mapping[str, Any] | None) -> HullBody | None:
         convex_hull = ConvexHull(corners)
     except QhullError:
         return None
-    normal: dict[tuple[int, int], list[Floats]] = {}
-    for face, equation in zip(convex_hull.simplices, convex_hull.equations, strict=True):
-        for a, b in pairwise([*face, face[0]]):
-            normal.setdefault((min(a, b), max(a, b)), []).append(equation[:3])
-    edges = [
-        edge for edge, (normal_of_face, other) in normal.items() if normal_of_face @ other < 1.0 - 1e-9
-    ]  # other edges lie in a flat face
-    return HullBody(corners, np.array(edges))
+    normals: list[Floats] = []
+    members: list[set[int]] = []  # corners of each flat face, which may be of several triangles
+    for triangle, equation in zip(convex_hull.simplices, convex_hull.equations, strict=True):
+        normal = equation[:3]
+        number = next((k for k, known in enumerate(normals) if known @ normal > 1.0 - 1e-9), len(normals))
+        if number == len(normals):
+            normals.append(normal)
+            members.append(set())
+        members[number] |= set(triangle.tolist())
+    faces = (_round(corners, [*each], normal) for each, normal in zip(members, normals, strict=True))
+    return HullBody(corners, tuple(faces), np.array(normals))
+
+
+def _round(corners: Floats, face: list[int], normal: Floats) -> NDArray[np.int64]:
+    """Sort the corners of a convex face anticlockwise about its ``normal``."""
+    offset = corners[face] - corners[face].mean(axis=0)
+    across = np.cross(normal, offset[0])
+    return np.array(face)[np.argsort(np.arctan2(offset @ across, offset @ offset[0]))]
 
 
 def rim(wheel: WheelBody, side: float) -> Floats:
