@@ -271,7 +271,8 @@ def figures_of(folder):
 
 @pytest.mark.long
 def test_a_killed_sweep_ends_with_the_rows_of_one_that_was_not(cotrack, tmp_path, environment):
-    """The killed one runs in two processes, the other in this one."""
+    """The killed one begins in two processes and continues on a Dask cluster; the other runs in this process."""
+    distributed = pytest.importorskip("dask.distributed")
     command = [*map(str, MODELS), "--vary", "chain.span=0.7:0.8:6", "-o", "killed"]
     process = subprocess.Popen([sys.executable, "-m", "orchestrator", *command], env=environment, cwd=tmp_path)
     cases, until = tmp_path / "killed" / "cases", time.monotonic() + 120
@@ -281,7 +282,9 @@ def test_a_killed_sweep_ends_with_the_rows_of_one_that_was_not(cotrack, tmp_path
     process.wait()
     before = {file.name: file.stat().st_mtime_ns for file in cases.glob("*.json")}
     assert 0 < len(before) < 12
-    assert cotrack(*command)[0] == 0
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        status, _, err = cotrack(*command, "--scheduler", cluster.scheduler_address)
+    assert status == 0, err
     assert all((cases / name).stat().st_mtime_ns == written for name, written in before.items())
     assert cotrack(*command[:-1], "whole", "--workers", 1)[0] == 0
     assert figures_of(tmp_path / "killed") == figures_of(tmp_path / "whole")
