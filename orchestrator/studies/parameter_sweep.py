@@ -140,7 +140,7 @@ def _figures(result: dict[str, Any], energy: dict[str, Any] | None, error: dict[
         "checks not met": ", ".join(not_met),
         **result["observables"],
         **{f"check {name}": check["value"] for name, check in checks.items()},
-        "estimated error": error.get("total"),
+        **({"estimated error": error["total"]} if "total" in error else {}),
         **{f"estimated error of {name}": one["total"] for name, one in errors.items()},
         **{f"estimated error of {name}, {one['unit']}": one["absolute"] for name, one in errors.items()},
         "energy residual": energy and energy["residual_relative"],
@@ -194,5 +194,5 @@ class Sweep:
 
 def _column(key: str) -> Column:
     """Column of a figure; the key of an absolute error ends with its unit, as headings do."""
-    unit = UNITS.get(key, "")
-    return Column(key, f"{key}, {unit}" if unit else key, unit=unit or key.partition(", ")[2])
+    unit, form = UNITS.get(key, ""), ".2g" if key in ("estimated error", "energy residual") else ".6g"
+    return Column(key, f"{key}, {unit}" if unit else key, form, unit=unit or key.partition(", ")[2])

@@ -163,21 +163,21 @@ def test_rows_equal_single_runs_bit_by_bit(cotrack, tmp_path):
 def test_the_function_returns_the_table_that_it_writes(tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     settings = ["chain.links=8", "run.stop=0.02", "expect.rest.expected=1"]
-    vary = ["vehicle.material.relaxation_time=1:2 ms"]
-    arguments = dict(sample=2, seed=7, settings=settings, track="flexible", estimated=False, keep_logs=True)
+    vary = ["vehicle.track.mass=20:25 kg"]
+    arguments = dict(sample=2, seed=7, settings=settings, track="rigid", estimated=False, keep_logs=True)
     table = offered.sweep("hanging_chain", vary, tmp_path, **arguments)
     assert table.csv() == (tmp_path / "sweep.csv").read_text()
     assert table.notes == ("Latin hypercube of 2 points, seed 7",)
     assert json.loads((tmp_path / "sweep.json").read_text())["seed"] == 7
     read, frame = parquet.read_table(tmp_path / "sweep.parquet"), table.frame()
     assert read.schema.field("sag").metadata == {b"unit": b"m"}
-    assert read.schema.field("vehicle.material.relaxation_time").metadata == {b"unit": b"ms"}
+    assert read.schema.field("vehicle.track.mass").metadata == {b"unit": b"kg"}
     assert read["sag"].to_pylist() == frame["sag"].tolist()
-    assert read["estimated error"].to_pylist() == [None, None]
+    assert "estimated error" not in read.column_names
     assert frame["checks not met"].tolist() == ["rest", "rest"]
     for name in frame["log"]:
         with offered.Log(tmp_path / name) as log:
-            assert log.closing["status"] == "ok"
+            assert (log.closing["status"], log.metadata["run"]["track"]) == ("ok", "rigid")
 
 
 def fake(monkeypatch, *ends):
@@ -186,6 +186,7 @@ def fake(monkeypatch, *ends):
 
     def simulate(scene, path, **options):
         scenes.append(scene)
+        assert (options["native"], options["estimated"]) == (False, True)
         end = queue.pop(0)
         if isinstance(end, BaseException):
             raise end
@@ -200,19 +201,19 @@ def fake(monkeypatch, *ends):
 def test_a_case_that_fails_is_a_row_with_its_sentence(cotrack, monkeypatch, tmp_path):
     open_ledger = {"residual_relative": 0.4, "integration_relative": {}}
     unknown = {"total": None, "observables": {}, "message": "the run is too short"}
+    checks = {"rest": {"value": 0.5, "ok": False}}
     lost = {"status": "failed", "message": "link 7 is lost", "error": None}
-    fake(
-        monkeypatch,
-        BadInput("no idler position"),
-        {"energy": open_ledger, "message": "40 % is open"},
-        lost,
-        {"error": unknown},
-    )
+    ended = {"error": unknown, "checks": checks}
+    fake(monkeypatch, BadInput("no idler position"), {"energy": open_ledger, "message": "40 % is open"}, lost, ended)
     status, _, err = cotrack(*MODELS, *SPANS, "-o", "found")
     assert status == 1
     assert "4 rows, 3 not as they should be" in err
     assert "cotrack: hanging_chain: track.model=rigid, chain.span=0.7: BadInput: no idler position\n" in err
     rows = rows_of(tmp_path / "found")
+    assert [*rows[0]] == [
+        "track.model", "chain.span", "status", "checks", "checks not met", "sag, m", "check rest", "estimated error",
+        "energy residual", "warnings", "wall_time, s", "log", "note",
+    ]  # fmt: skip
     assert [row["status"] for row in rows] == ["failed", "ok", "failed", "ok"]
     assert [row["sag, m"] for row in rows] == ["", "1.0", "1.0", "1.0"]
     assert (rows[0]["track.model"], rows[0]["note"]) == ("rigid", "BadInput: no idler position")
