@@ -20,9 +20,9 @@ def size(unit: str) -> float:
 
 
 def in_si(unit: str) -> str:
-    """Name of the SI unit of a unit: "N" for "kN", "m/s" for "mm/s", "1" for "%"."""
+    """Name of the SI unit of a unit: "N" for "kN", "m/s" for "mm/s", "" for "%"."""
     if unit == "%":
-        return "1"
+        return ""
     return unit[1:] if unit[:1] in PREFIXES and unit[1:] in PREFIXED else unit
 
 

@@ -14,13 +14,14 @@ from orchestrator.studies.files import Picture
 from orchestrator.studies.variations import Design, Variation
 
 MOST_CURVES = 8  # that a legend names
-MOST_MAPS = 4  # side by side
+MOST_MAPS = 4  # of a figure
+ACROSS = 4  # panes in a line, unless a figure has more
 
 Record = Mapping[str, Any]  # of a case, by key of the columns
 
 
 def draw(design: Design, table: Table, title: str) -> Picture:
-    """Draw the columns of numbers behind the varied keys, a line of panes for each."""
+    """Draw the columns of numbers behind the varied keys, panes over every key and maps for each."""
     from matplotlib.figure import Figure
 
     records, variations = table.records(), design.variations
@@ -29,13 +30,17 @@ def draw(design: Design, table: Table, title: str) -> Picture:
     words = [one for one in variations if not one.is_number]
     combinations = list(product(*([value.shown for value in one.values] for one in words)))
     maps = combinations if len(numbers) == 2 and len(combinations) <= MOST_MAPS else []
-    across, down = len(variations) + len(maps), max(len(drawn), 1)
-    figure = Figure(figsize=(4.4 * across, 2.6 * down + 0.5), layout="constrained")
-    panes = figure.subplots(down, across, squeeze=False)
+    across = len(variations) + len(maps)  # panes of a figure
+    side_by_side = max(ACROSS // across, 1)  # figures
+    down = max(-(-len(drawn) // side_by_side), 1)
+    figure = Figure(figsize=(4.4 * across * side_by_side, 2.6 * down + 0.5), layout="constrained")
+    panes = figure.subplots(down, across * side_by_side, squeeze=False).reshape(-1, across)
+    for pane in panes[len(drawn) :].flat:
+        pane.set_axis_off()
     for line, column in zip(panes, drawn, strict=False):
         for pane, one in zip(line, variations, strict=False):
             _draw_curves(pane, design, one, records, column)
-            if line is panes[0] and 1 < len(pane.lines) <= MOST_CURVES:
+            if column is drawn[0] and 1 < len(pane.lines) <= MOST_CURVES:
                 pane.legend(fontsize=7)
         values = [_number(record[column.key]) for record in records]
         for pane, combination in zip(line[len(variations) :], maps, strict=True):

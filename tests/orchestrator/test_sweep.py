@@ -180,6 +180,12 @@ def test_the_function_returns_the_table_that_it_writes(tmp_path):
             assert (log.closing["status"], log.metadata["run"]["track"]) == ("ok", "rigid")
 
 
+def test_units_of_observables_are_those_of_the_json_object():
+    names = ("settlement", "weight", "slip", "steering_moment", "power_left", "yaw_rate", "speed")
+    assert [parameter_sweep.UNITS[name] for name in names] == ["m", "N", "", "N m", "W", "rad/s", "m/s"]
+    assert {*parameter_sweep.UNITS.values()} <= {"", "m", "m/s", "N", "N m", "W", "rad/s", "s"}
+
+
 def fake(monkeypatch, *ends):
     """Replace the runs by these: exceptions to raise, or entries of a summary; return the scenes that ran."""
     scenes, queue = [], list(ends)
