@@ -21,6 +21,7 @@ OFFERED = {  # public name: module, name in the module
     "to_arrow": ("log.frames", "to_arrow"),
     "analyse": ("results.analyses.catalogue", "analyse"),
     "report": ("execution.reported", "report"),
+    "sweep": ("studies.parameter_sweep", "sweep"),
     "compare": ("results.difference", "differences_of_logs"),
 }
 

@@ -26,6 +26,7 @@ from orchestrator.cli.result_commands import compare, replay
 from orchestrator.cli.run_commands import resume, run, truth
 from orchestrator.cli.scene_commands import build, scenes, show, warm
 from orchestrator.cli.study_commands import study
+from orchestrator.cli.sweep_commands import sweep
 from orchestrator.cli.view_commands import view
 
 app = typer.Typer(
@@ -50,6 +51,7 @@ for command in (
     plot,
     report,
     study,
+    sweep,
     truth,
     warm,
 ):

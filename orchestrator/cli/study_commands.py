@@ -15,6 +15,7 @@ from orchestrator.cli.common import narration
 
 if TYPE_CHECKING:
     from orchestrator.studies import Case
+    from orchestrator.studies.parameter_sweep import Sweep
 
 Output = Annotated[Path | None, typer.Option("-o", "--output", metavar="DIR", help="folder for tables and figures")]
 Quick = Annotated[bool, typer.Option("--quick", help="fewer cases, below five minutes on two cores")]
@@ -67,7 +68,7 @@ def folder_of(name: str, output: Path | None) -> Path:
 
 
 def conduct(
-    name: str, module: ModuleType, cases: Sequence[Case], output: Path, workers: int, scheduler: str | None
+    name: str, module: ModuleType | Sweep, cases: Sequence[Case], output: Path, workers: int, scheduler: str | None
 ) -> NoReturn:
     """Run the cases of a study, write its files, print its table and exit; raises BadInput."""
     from orchestrator.studies import pool

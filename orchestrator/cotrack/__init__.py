@@ -25,9 +25,10 @@ if TYPE_CHECKING:
     from orchestrator.results.difference import differences_of_logs as compare
     from orchestrator.scene.gallery import names as scenes
     from orchestrator.scene.scene import load
+    from orchestrator.studies.parameter_sweep import sweep
 
 __all__ = [
-    "Log", "Run", "__version__", "analyse", "compare", "export", "load", "report", "run", "scenes",
+    "Log", "Run", "__version__", "analyse", "compare", "export", "load", "report", "run", "scenes", "sweep",
     "to_arrow", "to_pandas", "to_polars", "to_xarray",
 ]  # fmt: skip
 

@@ -22,9 +22,9 @@ class Interrupt:
 
 
 @contextmanager
-def interruptible() -> Iterator[Interrupt]:
+def interruptible(interrupt: Interrupt | None = None) -> Iterator[Interrupt]:
     """Install the handler; while it is deferring, the first signal lets the step end and the log be closed."""
-    interrupt = Interrupt()
+    interrupt = interrupt or Interrupt()
     main = threading.current_thread() is threading.main_thread()
     signals = [signal.SIGINT, signal.SIGTERM] if main else []
     before = [signal.signal(number, interrupt) for number in signals]

@@ -45,22 +45,24 @@ def simulate(
     estimated: bool = False,
     native: bool = False,
     continuation: Continuation | None = None,
+    interrupt: Interrupt | None = None,
 ) -> dict[str, Any]:
     """Build, run, record and evaluate a scene; return the summary (``summary.empty``).
 
     ``narration`` receives the progress. ``estimated``: two additional coarser runs estimate the error; they take twice
     the run's own time. ``native``: use native FMUs, which give the same numbers; the coarser runs use
     Python FMUs. ``continuation``: checkpoint of an earlier run (``resume``).
+    ``interrupt``: tells afterwards whether a signal came, also one after the last step or during a coarser run.
 
     Before the first step raises BadInput, BuildFailed, ComponentFailed, CouplingFailed, LogFailed or KeyboardInterrupt
     and writes no log. Later failures are reported in the summary's status and message.
     """
     check_writable(path)
-    with interruptible() as interrupt:
+    with interruptible(interrupt) as handler:
         try:
-            return _simulate(scene, path, logger, narration, estimated, interrupt, native, continuation)
+            return _simulate(scene, path, logger, narration, estimated, handler, native, continuation)
         except (BuildFailed, ComponentFailed):
-            if interrupt.requested:  # an interruption makes a component report a failure
+            if handler.requested:  # an interruption makes a component report a failure
                 raise KeyboardInterrupt from None
             raise
 

@@ -80,6 +80,14 @@ class Table(NamedTuple):
         frame.attrs["units"] = {column.key: column.unit for column in self.columns}
         return frame
 
+    def arrow(self) -> Any:
+        """Table of pyarrow with units in the metadata of the columns, missing values null; raises NotInstalled."""
+        arrow = library("pyarrow")
+        arrays = [arrow.array([row[k] for row in self.rows], from_pandas=True) for k in range(len(self.columns))]
+        pairs = zip(self.columns, arrays, strict=True)
+        fields = [arrow.field(column.key, array.type, metadata={"unit": column.unit}) for column, array in pairs]
+        return arrow.table(arrays, schema=arrow.schema(fields))
+
     def __str__(self) -> str:
         cells = [[column.head for column in self.columns], *self._texts("-")]
         widths = [max(map(len, column)) for column in zip(*cells, strict=True)]

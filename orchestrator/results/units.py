@@ -19,6 +19,13 @@ def size(unit: str) -> float:
     return PREFIXES.get(unit[:1], 1.0) if unit[1:] in PREFIXED else 1.0
 
 
+def in_si(unit: str) -> str:
+    """Name of the SI unit of a unit: "N" for "kN", "m/s" for "mm/s", "" for "%"."""
+    if unit == "%":
+        return ""
+    return unit[1:] if unit[:1] in PREFIXES and unit[1:] in PREFIXED else unit
+
+
 def scaled(largest: float, unit: str) -> tuple[float, str]:
     """Size and name of the unit, in SI units, that is handy for values up to ``largest``."""
     if unit not in SCALED:

@@ -26,6 +26,6 @@ def progress_bar(title: str, count: int) -> Iterator[Callable[[Case], None]]:
         def tell(case: Case) -> None:
             bar.update(task, advance=1, last=case.name)
             if not console.is_terminal:
-                console.print(f"{next(done)}/{count} {case.name}", markup=False, highlight=False)
+                console.print(f"{next(done)}/{count} {case.name}", markup=False, highlight=False, soft_wrap=True)
 
         yield tell

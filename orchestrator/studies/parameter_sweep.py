@@ -1,0 +1,205 @@
+"""Sweep: runs of a scene with varied settings, a row of figures for each.
+
+Its folder holds ``sweep.json`` (which sweep it is), the rows of finished cases (``store``), tables and a picture.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from fmus.vehicle import BadInput, path_text, value_text
+from orchestrator.execution import summary
+from orchestrator.execution.interrupt import Interrupt
+from orchestrator.execution.labels import LABELS
+from orchestrator.execution.simulate import simulate
+from orchestrator.files.budget import DOCUMENT, read_file
+from orchestrator.log.extra import NotInstalled, library
+from orchestrator.results.table import Column, Table
+from orchestrator.results.units import in_si
+from orchestrator.results.whole_file import atomic_write
+from orchestrator.scene.products import make_folder
+from orchestrator.scene.scene import SHORT_KEYS, Scene, load
+from orchestrator.scene.settings import pairs
+from orchestrator.studies import Case, files, pool
+from orchestrator.studies.row import Row
+from orchestrator.studies.store import Store
+from orchestrator.studies.sweep_picture import draw
+from orchestrator.studies.variations import Design
+
+HIDDEN = ("checks not met", "log", "warnings", "wall_time")  # in the whole table alone
+UNITS = {"wall_time": "s", **{name: in_si(unit) for name, (_, unit, _) in LABELS.items()}}
+
+
+def sweep(  # noqa: PLR0913, the options of the command
+    scene: str,
+    vary: Sequence[str] | Mapping[str, Iterable[Any]],
+    output: str | os.PathLike[str],
+    *,
+    sample: int | None = None,
+    seed: int = 0,
+    track: str | None = None,
+    settings: Sequence[str] | Mapping[str, Any] = (),
+    native: bool = False,
+    estimate: bool = True,
+    keep_logs: bool = False,
+    workers: int = 1,
+    scheduler: str | None = None,
+) -> Table:
+    """Run a scene for all values of ``vary``; return the table that it writes into the folder ``output``.
+
+    ``vary``: texts ``KEY=a:b:n`` or ``KEY=x,y,z``, or a table of values by key, ``{"drive.speed": [10, 15, 20]}``.
+
+    An interrupted sweep of the same folder continues. ``sample``: number of points of a Latin hypercube over the ranges
+    ``KEY=a:b``. Several ``workers`` are processes, for which a script needs ``if __name__ == "__main__":``;
+    ``scheduler``: address of a Dask cluster. A case that fails is a row whose note is the reason. Raises BadInput
+    before the first run.
+    """
+    folder = Path(output)
+    texts = (
+        [f"{key}={','.join(map(str, values))}" for key, values in vary.items()] if isinstance(vary, Mapping) else vary
+    )
+    design = Design.of(texts, sample, seed)
+    planned = plan(design, scene, folder, track, settings, native, estimate, keep_logs)
+    rows = pool.run(planned.cases, workers, scheduler, Store(folder / "cases"))
+    planned.write(folder, "sweep", rows, planned.TITLE)
+    return planned.whole_table(rows)
+
+
+def plan(
+    design: Design,
+    scene: str,
+    folder: Path,
+    track: str | None = None,
+    settings: Sequence[str] | Mapping[str, Any] = (),
+    native: bool = False,
+    estimated: bool = True,
+    keep_logs: bool = False,
+) -> Sweep:
+    """Load the scene of every case, then make the folder; raises BadInput, also for the folder of another sweep."""
+    fixed = {SHORT_KEYS.get(key, key) for key, _ in pairs(settings)} | ({"track.model"} if track else set())
+    for one in design.variations:
+        if SHORT_KEYS.get(one.key, one.key) in fixed:
+            raise BadInput(f"--vary {one.text}: its key is set by another option")
+    scenes = [
+        load(scene, track, {**dict(pairs(settings)), **dict(pairs(design.settings(point)))}) for point in design.points
+    ]
+    identity = json.dumps([native, estimated, *(one.resolved() for one in scenes)])
+    digest = hashlib.sha256(identity.encode()).hexdigest()
+    _claim(folder, {"scene": scenes[0].name, **design.stated(), "digest": digest})
+    if keep_logs:
+        make_folder(folder / "logs")
+    cases = []
+    for number, (loaded, point) in enumerate(zip(scenes, design.points, strict=True), 1):
+        log = folder.absolute() / "logs" / f"{number}.mcap" if keep_logs else None
+        name = ", ".join(design.settings(point))
+        cases.append(Case(loaded.name, name, run_case, (loaded, native, estimated, log), loaded.run.stop, math.inf))
+    return Sweep(design, cases)
+
+
+def _claim(folder: Path, definition: dict[str, Any]) -> None:
+    """Make the folder of a sweep, with its definition; raises BadInput if it is that of another sweep."""
+    file = folder / "sweep.json"
+    try:
+        held = json.loads(read_file(file, DOCUMENT))
+        digest, about = held["digest"], f"of {held['scene']} over {value_text(held['vary'])}"
+    except (FileNotFoundError, NotADirectoryError):
+        make_folder(folder)
+        with atomic_write(file) as temporary:
+            temporary.write_text(json.dumps(definition, indent=1), encoding="utf-8")
+        return
+    except (OSError, ValueError, LookupError, TypeError):
+        raise BadInput(f"{path_text(file)} is not that of a sweep: choose another folder") from None
+    if digest != definition["digest"]:
+        raise BadInput(f"-o {path_text(folder)}: holds another sweep, {about}: choose another folder")
+
+
+def run_case(scene: Scene, native: bool, estimated: bool, log: Path | None) -> list[Row]:
+    """Row of a run, whose log is deleted unless it has a path. Raises KeyboardInterrupt and as ``simulate`` does."""
+    interrupt = Interrupt()
+    with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
+        path = log or Path(folder) / "run.mcap"
+        result = simulate(scene, path, estimated=estimated, native=native, interrupt=interrupt)
+    if interrupt.requested:  # a case that a signal has cut short is not finished
+        raise KeyboardInterrupt
+    energy, error = result["energy"], result["error"] or {"message": ""}
+    unknown = f"estimated error: not known, {error['message']}" if error["message"] else ""
+    note = "; ".join(filter(None, (result["message"], unknown)))
+    ok = result["status"] == "ok" and not summary.energy_warning(energy)
+    return [Row("", "", _figures(result, energy, error) | {"log": log and f"logs/{log.name}"}, ok, note)]
+
+
+def _figures(result: dict[str, Any], energy: dict[str, Any] | None, error: dict[str, Any]) -> dict[str, Any]:
+    """Figures of a summary by column, in their order."""
+    checks, errors = result["checks"], error.get("observables", {})
+    not_met = [name for name, check in checks.items() if not check["ok"]]
+    return {
+        "status": result["status"],
+        "checks": f"{len(checks) - len(not_met)} of {len(checks)}",
+        "checks not met": ", ".join(not_met),
+        **result["observables"],
+        **{f"check {name}": check["value"] for name, check in checks.items()},
+        **({"estimated error": error["total"]} if "total" in error else {}),
+        **{f"estimated error of {name}": one["total"] for name, one in errors.items()},
+        **{f"estimated error of {name}, {one['unit']}": one["absolute"] for name, one in errors.items()},
+        "energy residual": energy and energy["residual_relative"],
+        "warnings": len(result["warnings"]) + len(result["validity"]),
+        "wall_time": result["wall_time"],
+    }
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Cases of a sweep, and what is made of their rows."""
+
+    TITLE: ClassVar[str] = "Sweep"
+    design: Design
+    cases: list[Case]
+
+    def table(self, rows: Sequence[Row], title: str = "") -> Table:
+        """Table of varied keys, outcome, observables, estimated error and energy residual."""
+        return self._table(rows, title, (*HIDDEN, "check ", "estimated error of "))
+
+    def whole_table(self, rows: Sequence[Row]) -> Table:
+        """Table of all figures, SI units; errors by observable are RMS over time, relative and absolute."""
+        return self._table(rows, "", ())
+
+    def _table(self, rows: Sequence[Row], title: str, without: tuple[str, ...]) -> Table:
+        """Table of all columns but those whose keys begin with one of the texts ``without``."""
+        fullest_first = sorted(rows, key=lambda row: -len(row.figures))  # a case that was refused has no figures
+        keys = dict.fromkeys(["status", *(key for row in fullest_first for key in row.figures), "note"])
+        columns = [Column(one.key, one.head, unit=one.unit) for one in self.design.variations]
+        columns += [_column(key) for key in keys if not key.startswith(without)]
+        records = [
+            {one.key: value.shown for one, value in zip(self.design.variations, point, strict=True)}
+            | {"status": "failed", **row.cells()}
+            for point, row in zip(self.design.points, rows, strict=True)
+        ]
+        sampled = f"Latin hypercube of {self.design.sample} points, seed {self.design.seed}"
+        return Table.of_records(title, columns, records, (sampled,) if self.design.sample else ())
+
+    def write(self, folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
+        """Write tables and picture, Parquet if pyarrow is installed; raises OSError, BadInput."""
+        title, whole = f"{title} of {self.cases[0].item}", self.whole_table(rows)
+        picture = draw(self.design, self._table(rows, "", (*HIDDEN, "estimated error of ")), title)
+        written = files.save(folder, name, self.table(rows, title), picture, {f"{name}.csv": whole.csv()})
+        with suppress(NotInstalled):
+            content, parquet = whole.arrow(), folder / f"{name}.parquet"
+            with atomic_write(parquet) as temporary:
+                library("pyarrow.parquet").write_table(content, temporary)
+            written.append(parquet)
+        return written
+
+
+def _column(key: str) -> Column:
+    """Column of a figure; the key of an absolute error ends with its unit, as headings do."""
+    unit, form = UNITS.get(key, ""), ".2g" if key in ("estimated error", "energy residual") else ".6g"
+    return Column(key, f"{key}, {unit}" if unit else key, form, unit=unit or key.partition(", ")[2])
