@@ -44,6 +44,30 @@ def test_the_envelope_of_a_spinning_loop_is_its_uniform_tension(spinning):
     assert tension_envelope.records.sum() == 64 * 6
 
 
+def test_places_have_the_names_of_parts_of_the_circuit():
+    """A stadium between a sprocket at the origin and an idler 3 m behind it, both of half a metre."""
+    along = np.linspace(0.0, 6.0 + np.pi, 200, endpoint=False) + 0.02
+    lower, upper = (
+        (along > np.pi / 4) & (along < np.pi / 4 + 3),
+        (along > 3 * np.pi / 4 + 3) & (along < 3 * np.pi / 4 + 6),
+    )
+    angle = np.where(along < np.pi, along, along - 6.0) * 2.0  # of the rims, from straight ahead downwards
+    rear = (along >= np.pi / 4 + 3) & (along <= 3 * np.pi / 4 + 3)
+    angle = np.where(rear, (along - 3.0) * 2.0, angle)
+    middle = np.stack([0.5 * np.cos(angle) - 3.0 * rear, -0.5 * np.sin(angle)], axis=1)
+    middle[lower] = np.stack([np.pi / 4 - along[lower], np.full(lower.sum(), -0.5)], axis=1)
+    middle[upper] = np.stack([along[upper] - 3 * np.pi / 4 - 6.0, np.full(upper.sum(), 0.5)], axis=1)
+    vehicle = {"track": {"pitch": 2 * 0.5 * np.sin(np.pi / 10), "face": 0.0}, "sprocket": {"teeth": 10}}
+    parts = circuit.stretches({"vehicle": {**vehicle, "idler": {"radius": 0.5}}}, along, middle)
+    assert [one.name for one in parts] == ["sprocket", "lower run", "idler", "upper run", "sprocket"]
+    near = np.sqrt((0.5 + circuit.NEAR) ** 2 - 0.25)  # of the straight part, still beside the rim
+    ends = [np.pi / 4 + near, np.pi / 4 + 3 - near, 3 * np.pi / 4 + 3 + near, 3 * np.pi / 4 + 6 - near]
+    np.testing.assert_allclose([one.end for one in parts[:-1]], ends, atol=1.5 * (along[1] - along[0]))
+    assert circuit.part(2.0, parts) == "lower run"
+    assert circuit.part(-1.0, parts) == ""
+    assert circuit.stretches({}, along, middle) == []
+
+
 def test_an_envelope_shows_what_links_feel_where_they_are(tmp_path):
     """An envelope shows tension by place: on a polygon that turns, every place has one value."""
     n, t = 40, np.arange(50) * STEP

@@ -180,6 +180,17 @@ def test_the_function_returns_the_table_that_it_writes(tmp_path):
             assert (log.closing["status"], log.metadata["run"]["track"]) == ("ok", "rigid")
 
 
+def test_values_and_settings_may_be_tables(tmp_path):
+    """The same folder goes on with texts: both are one sweep."""
+    options = dict(track="rigid", estimate=False)
+    settings = {"chain.links": 8, "run.stop": 0.02}
+    table = offered.sweep("hanging_chain", {"chain.span": [0.7, 0.75]}, tmp_path, settings=settings, **options)
+    texts = [f"{key}={value}" for key, value in settings.items()]
+    again = offered.sweep("hanging_chain", ["chain.span=0.7,0.75"], tmp_path, settings=texts, **options)
+    assert again == table
+    assert table.frame()["sag"].nunique() == 2
+
+
 def test_units_of_observables_are_those_of_the_json_object():
     names = ("settlement", "weight", "slip", "steering_moment", "power_left", "yaw_rate", "speed")
     assert [parameter_sweep.UNITS[name] for name in names] == ["m", "N", "", "N m", "W", "rad/s", "m/s"]

@@ -8,14 +8,17 @@ run.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, link_records
-from orchestrator.results.run_data import EVER, Missing, RunData, Window
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, pitch_radius
+
+NEAR = 0.06  # m: distance outside of a wheel's pitch circle within which the middle of a link lies on the wheel
 
 
 class PlacedRecords(NamedTuple):
@@ -30,6 +33,19 @@ class PlacedRecords(NamedTuple):
     pins: Floats  # (m, joints, 3) m, world; define the axes of forces as in ``link_records``
     axes: Floats  # (m, 3, 3) columns ahead, left, up of the hull, in world
     values: tuple[Floats, ...]  # one per signal, (m, n) or (m, n, 3)
+
+
+class Stretch(NamedTuple):
+    """Part of the circuit, m."""
+
+    start: float
+    end: float
+    name: str  # "sprocket", "lower run", "idler" or "upper run"
+
+    @property
+    def middle(self) -> float:
+        """Place between both ends, m."""
+        return 0.5 * (self.start + self.end)
 
 
 def records(run: RunData, track: str, window: Window = EVER, *signals: str) -> Iterator[PlacedRecords]:
@@ -79,3 +95,35 @@ def places(pins: Floats, ray: Floats) -> tuple[Floats, Floats, Floats]:
     zero = along[row, nearest] + share[row, nearest] * sides[row, nearest]
     middle = along + 0.5 * sides
     return *(((distances - zero[:, None]) % length[:, None]) for distances in (middle, along)), length  # type: ignore[return-value]
+
+
+def stretches(scene: dict[str, Any], place: Floats, middle: Floats) -> list[Stretch]:
+    """Parts of the circuit by the scene's sprocket and idler; none without them.
+
+    ``middle`` (links, 2) m: centres of the links ahead of and above the sprocket's axle. The idler touches the rearmost
+    link. A part of a single link is left out.
+    """
+    try:
+        vehicle = scene["vehicle"]
+        round_sprocket = np.linalg.norm(middle, axis=1) < pitch_radius(vehicle) + NEAR
+        rear = middle[:, 0].argmin()
+        radius = float(vehicle["idler"]["radius"]) + float(vehicle["track"]["face"])
+        idler = middle[rear] + [radius, 0.0]
+        round_idler = np.linalg.norm(middle - idler, axis=1) < radius + NEAR
+        level = 0.5 * (middle[:, 1].max() + middle[:, 1].min())
+    except (LookupError, TypeError, ValueError):
+        return []
+    runs = np.where(middle[:, 1] > level, "upper run", "lower run")
+    names = np.where(round_sprocket, "sprocket", np.where(round_idler, "idler", runs))
+    edges = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1), len(names)]
+    half_pitch = 0.5 * float(np.median(np.diff(place))) if len(place) > 1 else 0.0
+    return [
+        Stretch(float(place[first] - half_pitch), float(place[last - 1] + half_pitch), str(names[first]))
+        for first, last in pairwise(edges)
+        if last - first > 1
+    ]
+
+
+def part(place: float, parts: Sequence[Stretch]) -> str:
+    """Name of the part of the circuit that contains a place, m; empty if none does."""
+    return next((stretch.name for stretch in parts if stretch.start <= place <= stretch.end), "")

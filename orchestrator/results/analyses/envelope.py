@@ -26,15 +26,16 @@ class Envelope(NamedTuple):
     records: Floats  # (bins,) number of link records
     forward: Floats  # (bins,) m, mean place ahead of the sprocket axle, in hull axes
     up: Floats  # (bins,) m, above the axle
+    part: tuple[str, ...]  # (bins,) part of the circuit: "sprocket", "lower run", "idler", "upper run"
 
     def table(self) -> Table:
         """Table with a row for each place."""
         columns = (
             ("place", "m"), ("least", self.unit), ("mean", self.unit), ("largest", self.unit), ("ahead", "m"),
-            ("up", "m"), ("records", ""),
+            ("up", "m"), ("records", ""), ("part", ""),
         )  # fmt: skip
         values = (self.place, self.least, self.mean, self.most, self.forward, self.up, self.records.astype(int))
-        rows = list(zip(*(each.tolist() for each in values), strict=True))
+        rows = list(zip(*(each.tolist() for each in values), self.part, strict=True))
         return Table.of(f"{self.signal} by place on the circuit", columns, rows)
 
 
@@ -101,4 +102,6 @@ def of(
     length = float(np.concatenate(lengths).mean())
     place = (np.arange(bins) + 0.5) * length / bins
     forward, up = statistics.of(1)[1], statistics.of(2)[1]
-    return Envelope(f"{track}.{signal}", unit, place, *statistics.of(0), statistics.count, forward, up)
+    parts = circuit.stretches(run.scene, place, np.stack([forward, up], axis=1))
+    names = tuple(circuit.part(each, parts) for each in place)
+    return Envelope(f"{track}.{signal}", unit, place, *statistics.of(0), statistics.count, forward, up, names)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,17 +10,7 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, contact, link_records
 from orchestrator.results.analyses.link_loads import LinkLoads
 from orchestrator.results.link_columns import POSITION, TENSION
-from orchestrator.results.run_data import Missing, RunData, Window, pitch_radius
-
-NEAR = 0.06  # m: distance outside of a wheel's pitch circle within which the middle of a link lies on the wheel
-
-
-class Stretch(NamedTuple):
-    """Part of the circuit, m."""
-
-    start: float
-    end: float
-    name: str  # "sprocket", "lower run", "idler" or "upper run"
+from orchestrator.results.run_data import Missing, RunData, Window
 
 
 class Profile(NamedTuple):
@@ -32,7 +21,7 @@ class Profile(NamedTuple):
     tension: Floats  # (links,) N
     ahead: Floats  # (links,) m, of the middles, ahead of the sprocket axle in hull axes; empty for an open chain
     pressure: Floats | None  # (links,) Pa (``contact.py``); None if not recorded
-    stretches: list[Stretch]
+    stretches: list[circuit.Stretch]
 
 
 def of(run: RunData, loads: LinkLoads, t: float) -> Profile:
@@ -53,31 +42,4 @@ def of(run: RunData, loads: LinkLoads, t: float) -> Profile:
     pressure = None
     if grounded:
         pressure = contact.pressure(links.pins, links.axes, links.values[1], contact.pad_area(run))[-1, order]
-    return Profile(nearest, place, tension, middle[:, 0], pressure, _stretches(run.scene, place, middle))
-
-
-def _stretches(scene: dict[str, Any], place: Floats, middle: Floats) -> list[Stretch]:
-    """Parts of the circuit by the scene's sprocket and idler; none without them.
-
-    ``middle`` (links, 2) m: centres of the links ahead of and above the sprocket's axle. The idler touches the rearmost
-    link. A part of a single link is left out.
-    """
-    try:
-        vehicle = scene["vehicle"]
-        round_sprocket = np.linalg.norm(middle, axis=1) < pitch_radius(vehicle) + NEAR
-        rear = middle[:, 0].argmin()
-        radius = float(vehicle["idler"]["radius"]) + float(vehicle["track"]["face"])
-        idler = middle[rear] + [radius, 0.0]
-        round_idler = np.linalg.norm(middle - idler, axis=1) < radius + NEAR
-        level = 0.5 * (middle[:, 1].max() + middle[:, 1].min())
-    except (LookupError, TypeError, ValueError):
-        return []
-    runs = np.where(middle[:, 1] > level, "upper run", "lower run")
-    names = np.where(round_sprocket, "sprocket", np.where(round_idler, "idler", runs))
-    edges = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1), len(names)]
-    half_pitch = 0.5 * float(np.median(np.diff(place))) if len(place) > 1 else 0.0
-    return [
-        Stretch(float(place[first] - half_pitch), float(place[last - 1] + half_pitch), str(names[first]))
-        for first, last in pairwise(edges)
-        if last - first > 1
-    ]
+    return Profile(nearest, place, tension, middle[:, 0], pressure, circuit.stretches(run.scene, place, middle))

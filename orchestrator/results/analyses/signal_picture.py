@@ -55,6 +55,7 @@ class SignalMap(NamedTuple):
     y: Floats  # (n,)
     values: Floats  # (n, k)
     unit: str
+    parts: tuple[circuit.Stretch, ...] = ()  # named parts of y
 
 
 def draw(
@@ -173,7 +174,8 @@ def _maps(
             y = np.array(members, float)
             number = _member(names[0])
             if place:
-                yield SignalMap(title, PLACE, *_by_place(run, names[0], window, -(-len(t) // MAP)), unit)
+                x, y, values, parts = _by_place(run, names[0], window, -(-len(t) // MAP))
+                yield SignalMap(title, PLACE, x, y, values, unit, parts)
             elif frequency:
                 spectra = spectrum.of(run, names, window, orders=order)
                 x = spectra.order if order else spectra.frequency
@@ -200,14 +202,22 @@ def _grouped(t: Floats, values: Floats, stride: int) -> tuple[Floats, Floats]:
     return np.add.reduceat(t, starts) / counts, np.add.reduceat(values, starts, axis=0) / counts[:, None]
 
 
-def _by_place(run: RunData, name: str, window: Window, stride: int) -> tuple[Floats, Floats, Floats]:
-    """Times (k,), places (n,), m, and values (n, k) of the family of a signal of links or pins."""
+def _by_place(
+    run: RunData, name: str, window: Window, stride: int
+) -> tuple[Floats, Floats, Floats, tuple[circuit.Stretch, ...]]:
+    """Times (k,), places (n,), m, values (n, k) of the family of a signal of links or pins, and parts of the circuit.
+
+    The parts are those of the first record.
+    """
     track, _, rest = name.partition(".")
     signal = family(rest)[0]
     if track not in run.tracks or not signal.startswith(("link[", "joint[")):
         raise BadInput(f"'{name}' is of no link or pin of a track: it has no place on a circuit")
-    times, values, lengths = [], [], []
+    times, values, lengths, parts = [], [], [], None
     for block in circuit.records(run, track, window, signal):
+        if parts is None:
+            order = np.argsort(block.links[0])
+            parts = circuit.stretches(run.scene, block.links[0, order], block.centres[0, order])
         where = block.joints if signal.startswith("joint") else block.links
         n = where.shape[1]
         share = where / block.length[:, None]
@@ -217,7 +227,8 @@ def _by_place(run: RunData, name: str, window: Window, stride: int) -> tuple[Flo
         times.append(t)
         values.append(mean)
         lengths.append(float(block.length.mean()))
-    return np.concatenate(times), places * float(np.mean(lengths)), np.concatenate(values).T
+    place = places * float(np.mean(lengths))
+    return np.concatenate(times), place, np.concatenate(values).T, tuple(parts or ())
 
 
 def _closed_round(share: Floats, values: Floats) -> tuple[Floats, Floats]:
@@ -329,6 +340,18 @@ def _draw_maps(figure: Figure, maps: list[SignalMap], x_label: str, frequency: b
         figure.colorbar(mesh, ax=pane, label=f"{amplitude}{shown}")
         pane.set_title(family_map.title, fontsize=9, loc="left", parse_math=False)
         pane.set_ylabel(family_map.label)
+        for part in family_map.parts:
+            pane.axhline(part.start, color="1.0", linewidth=0.6)
+            pane.annotate(
+                part.name,
+                (0.0, part.middle),
+                (3, 0),
+                xycoords=("axes fraction", "data"),
+                textcoords="offset points",
+                fontsize=7,
+                color="1.0",
+                va="center",
+            )
     panes[-1].set_xlabel(x_label)
 
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses.profile import Stretch
+from orchestrator.results.analyses.circuit import Stretch
 from orchestrator.results.page.embedded import floats
 from orchestrator.results.page.words import text
 from orchestrator.results.thinned import Curve, Peak
