@@ -1,4 +1,4 @@
-"""Modules that components load: a child process starts their models in plain Python and lists them.
+"""Variables of components, and modules that they load: a child process starts their models in plain Python.
 
 Nothing is compiled: a stub of ``jit.dispatch`` imports the same modules for Python as for the compiler, so the state
 of the cache does not matter. A chain is laid out as a polygon, because its equilibrium loads no further module; a chain
@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 from fmus.cache import cached_result
 from fmus.components import KINDS, model_of
+from fmus.ports import Port
 from fmus.sources import ROOT, source_hash, sources
 
 SHORT = 5  # links of a shortened chain
@@ -31,6 +32,12 @@ class Contents(NamedTuple):
     outputs: tuple[int, ...]  # Real outputs of each component without link outputs
     link_outputs: tuple[int, ...]  # link outputs of each component
     state: tuple[int, ...]  # size of each component's state
+
+
+def component_ports(kind: str, config: Mapping[str, Any]) -> tuple[Port, ...]:
+    """Variables of a component, which is neither built nor started."""
+    ports: tuple[Port, ...] = model_of(kind)(config).ports
+    return ports
 
 
 def loaded_contents(parts: Sequence[Recipe]) -> Contents:

@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import math
 import re
+import sys
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from importlib import resources
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from annotated_types import GroupedMetadata
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    ValidationError,
+    WithJsonSchema,
+)
 
 from fmus.ranges import VEHICLE, range_violations
 
@@ -21,8 +34,9 @@ class BadInput(ValueError):
 
 
 # A number, then a unit of words and one-digit powers: pint would evaluate any formula, also 9**9**9.
+_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _QUANTITY = re.compile(
-    r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
+    rf"\s*([-+]?{_NUMBER})"
     r"(\D*(?:(?:\^|\*\*)\s*-?\d(?!\d|\s*(?:\^|\*\*))\D*)*)",
     re.ASCII,
 )
@@ -70,6 +84,9 @@ def to_si(unit: str) -> Callable[[object], float]:
     return convert
 
 
+BOUNDS = {"ge": "minimum", "gt": "exclusiveMinimum", "le": "maximum", "lt": "exclusiveMaximum"}  # in a JSON schema
+
+
 class In(GroupedMetadata):
     """Annotation of a bounded float that is read from a number (SI) or from a string with a unit."""
 
@@ -79,6 +96,19 @@ class In(GroupedMetadata):
     def __iter__(self) -> Iterator[object]:
         yield BeforeValidator(to_si(self.unit))
         yield Field(allow_inf_nan=False, **self.bounds)  # type: ignore[call-overload]
+        yield WithJsonSchema(self._schema())
+
+    def _schema(self) -> dict[str, Any]:
+        """Number within the bounds, or text of a number and a unit, whose sign alone can be checked."""
+        number = {"type": "number", **{BOUNDS[bound]: value for bound, value in self.bounds.items()}}
+        sign = "[-+]?" if max(self.bounds.get("ge", -1), self.bounds.get("gt", -1)) < 0 else "[+]?"
+        text = {"type": "string", "pattern": rf"^\s*{sign}{_NUMBER}\s*(\D|$)"}
+        return {"anyOf": [number, text], "unit": self.unit}
+
+
+def ratio(**bounds: float) -> Any:
+    """Field of a bounded number without a unit."""
+    return Field(allow_inf_nan=False, json_schema_extra={"unit": "1"}, **bounds)  # type: ignore[call-overload]
 
 
 Mass = Annotated[float, In("kg", gt=0)]
@@ -90,116 +120,205 @@ Stiffness = Annotated[float, In("N/m", ge=0)]
 Damping = Annotated[float, In("N s/m", ge=0)]
 
 
+@cache
+def _classes(module: str) -> dict[str, list[ast.stmt]]:
+    """Statements of the classes of a module, by name; its source is read, which an import has no need of."""
+    statements = ast.parse(inspect.getsource(sys.modules[module])).body
+    return {statement.name: statement.body for statement in statements if isinstance(statement, ast.ClassDef)}
+
+
 class FrozenTable(BaseModel):
-    """Frozen table that refuses unknown keys."""
+    """Frozen table that refuses unknown keys; the docstring below each key is its description in the JSON schema.
+
+    ``use_attribute_docstrings`` of pydantic would read all sources at every import, in 50 ms.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core_schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """JSON schema of the table with the meanings of its keys."""
+        schema = handler(core_schema)
+        properties = handler.resolve_ref_schema(schema)["properties"]
+        for table in reversed(cls.__mro__):
+            body = _classes(table.__module__).get(table.__name__, []) if issubclass(table, FrozenTable) else []
+            for key, text in pairwise(body):
+                match key, text:
+                    case ast.AnnAssign(target=ast.Name(name)), ast.Expr(ast.Constant(str(meaning))):
+                        alias = cls.model_fields[name].alias or name
+                        properties[alias]["description"] = " ".join(meaning.split())
+        return schema
 
 
 class ChassisTable(FrozenTable):  # noqa: D101
     mass: Mass
-    inertia: tuple[Inertia, Inertia, Inertia]  # roll, pitch, yaw
+    """mass of the hull"""
+    inertia: tuple[Inertia, Inertia, Inertia]
+    """moments of inertia of the hull about its centre of mass: roll, pitch, yaw"""
     centre: tuple[Length, Length, Length]
-    hull: tuple[tuple[Length, Length, Length], ...] = ()  # points that can touch the ground
+    """centre of mass of the hull, from the middle of the sprocket axle line: x forward, y left, z up"""
+    hull: tuple[tuple[Length, Length, Length], ...] = ()
+    """points of the hull that can touch the ground if ground.hull is true"""
 
 
 class SprocketTable(FrozenTable):  # noqa: D101
     mass: Mass
+    """mass of a sprocket"""
     spin_inertia: Inertia
+    """moment of inertia about the axle"""
     transverse_inertia: Inertia
+    """moment of inertia across the axle"""
     teeth: Annotated[int, Field(ge=6, le=40)]
+    """number of teeth"""
     outer_radius: Distance
+    """radius of the tips of the teeth; must exceed the pitch radius"""
     pin_radius: Distance
+    """radius of the cylinders on the links that the teeth seat"""
     seat_clearance: Distance
+    """radius of a seat between two teeth less the pin radius"""
     flank_angle: Annotated[float, In("rad", gt=0.0, lt=1.2)]
+    """angle of a flank against the radius through the seat, leaning outward"""
     tip_radius: Distance
+    """rounding of the tip of a tooth"""
 
 
 class IdlerTable(FrozenTable):  # noqa: D101
     mass: Mass
+    """mass of an idler"""
     spin_inertia: Inertia
+    """moment of inertia about the axle"""
     transverse_inertia: Inertia
+    """moment of inertia across the axle"""
     radius: Distance
+    """radius of the rim"""
     width: Distance
+    """width of the rim"""
     x: Length
+    """position forward of the sprocket axle, as drawn; the idler is moved until the track has its tension"""
     z: Length
+    """position above the sprocket axle"""
 
 
 class RoadWheelTable(FrozenTable):  # noqa: D101
     mass: Mass
+    """mass of a road wheel"""
     spin_inertia: Inertia
+    """moment of inertia about the axle"""
     transverse_inertia: Inertia
+    """moment of inertia across the axle"""
     radius: Distance
+    """radius of the rim"""
     width: Distance
+    """width of the rim"""
     x: Annotated[tuple[Length, ...], Field(min_length=1, max_length=12)]
+    """positions forward of the sprocket axle, front to rear; their number is that of the wheels of a side"""
     z: Length
+    """position above the sprocket axle"""
 
 
 class RoadArmTable(FrozenTable):  # noqa: D101
     mass: Mass
+    """mass of a road arm, whose centre of mass is in its middle"""
     pin_inertia: Inertia
+    """moment of inertia about the pivot's axis, through the centre of mass"""
     long_inertia: Inertia
-    pivot: tuple[Length, Length]  # (x, z) from the wheel centre
+    """moment of inertia about the long axis of the arm"""
+    pivot: tuple[Length, Length]
+    """(x, z) of the pivot from the wheel centre"""
 
 
 class SuspensionTable(FrozenTable):  # noqa: D101
     stiffness: Stiffness
+    """stiffness of the spring along the spring-damper"""
     damping: Damping
+    """damping along the spring-damper"""
     on_arm: tuple[Length, Length]
+    """(x, z) of the end on the road arm, from the wheel centre"""
     on_chassis: tuple[Length, Length]
+    """(x, z) of the end on the hull, from the wheel centre as drawn"""
     preload: Force
+    """push of the spring in the drawn position"""
 
 
 class TensionerTable(FrozenTable):  # noqa: D101
     stiffness: Stiffness
+    """stiffness of the idler's spring, along x"""
     damping: Damping
+    """damping of the idler, along x"""
     preload: Force
-    travel: Distance = 0.1  # of the idler, either way from its place at the start
+    """push on the idler besides the one that balances the track at the start"""
+    travel: Distance = 0.1
+    """displacement of the idler, either way from its place at the start, beyond which a run warns"""
 
 
 class TrackTable(FrozenTable):  # noqa: D101
     links: Annotated[int, Field(ge=4, le=4096)]
+    """number of links of a track"""
     lateral: Length
+    """distance of the track's plane from the plane of symmetry"""
     pitch: Distance
+    """distance between the pins of a link"""
     mass: Mass
-    inertia: tuple[Inertia, Inertia, Inertia]  # about the link's own x (along), y (pin), z (normal)
+    """mass of a link"""
+    inertia: tuple[Inertia, Inertia, Inertia]
+    """moments of inertia of a link about its own x (along), y (pin), z (normal)"""
     face: Annotated[float, In("m", ge=0)]
+    """distance of the contact faces, pad and wheel side, from the line of the pins"""
     width: Distance
+    """width of a link"""
     tension: Force
+    """mean static tension at the start, for which the idler's place is solved"""
 
 
 class SectionTable(FrozenTable):  # noqa: D101
     area: Annotated[float, In("m^2", gt=0)]
+    """area of the section"""
     bending: Annotated[float, In("m^4", gt=0)]
+    """second moment of area for bending in the plane of the track"""
     lateral_bending: Annotated[float, In("m^4", gt=0)]
-    torsion: Annotated[float, In("m^4", gt=0)]  # Saint-Venant's constant
+    """second moment of area for bending to the side, of beams"""
+    torsion: Annotated[float, In("m^4", gt=0)]
+    """torsion constant of Saint-Venant, of beams; at most bending + lateral_bending"""
     outer_fibre: Distance
+    """distance of the outer fibre from the neutral axis, for the stress of bending"""
 
 
 class MaterialTable(FrozenTable):  # noqa: D101
     youngs_modulus: Annotated[float, In("Pa", gt=0)]
+    """Young's modulus"""
     shear_modulus: Annotated[float, In("Pa", gt=0)]
+    """shear modulus, of beams"""
     relaxation_time: Annotated[float, In("s", ge=0)]
+    """damping constants of the material over its Young's modulus"""
 
 
 class ContactLawTable(FrozenTable):
     """Contact law: normal force with spring and damper, regularised Coulomb friction."""
 
     law: Literal["linear", "hunt_crossley"] = "linear"
+    """law of the normal force"""
     stiffness: Stiffness
+    """normal stiffness"""
     damping: Damping
-    friction: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    """normal damping"""
+    friction: Annotated[float, ratio(ge=0)]
+    """coefficient of friction"""
     friction_velocity: Annotated[float, In("m/s", gt=0)]
+    """regularisation velocity of friction: below it a contact creeps instead of sticking"""
 
 
 class ContactTable(FrozenTable):  # noqa: D101
     sprocket: ContactLawTable
+    """contact of a pin with a tooth"""
     wheel: ContactLawTable
+    """contact of a link with a road wheel or an idler"""
     ground: ContactLawTable
+    """contact of a link with the ground"""
 
 
 class GuideTable(FrozenTable):  # noqa: D101
     clearance: Annotated[float, In("m", ge=0)]
+    """lateral play of a guide horn, on each side, between the discs of a wheel; of rigid links and beams"""
 
 
 def _check_consistency(vehicle: Vehicle) -> Vehicle:
@@ -225,19 +344,33 @@ class VehicleTable(FrozenTable):
     """All data of a vehicle, SI, in its drawn (start) position."""
 
     name: str
+    """name of the vehicle"""
     gravity: Annotated[float, In("m/s^2", ge=0)]
+    """acceleration of gravity, downwards"""
     chassis: ChassisTable
+    """hull with all that is fixed to it"""
     sprocket: SprocketTable
+    """driving wheel of each side; the middle of the axle line is the origin of all positions"""
     idler: IdlerTable
+    """rear wheel of each side, which tensions the track"""
     road_wheel: RoadWheelTable
+    """wheels of each side that run on the track; all are alike"""
     road_arm: RoadArmTable
+    """arms between hull and road wheels; all are alike"""
     suspension: SuspensionTable
+    """spring-dampers between hull and road arms; all are alike"""
     tensioner: TensionerTable
+    """spring-damper between hull and idler"""
     track: TrackTable
+    """chain of links of each side"""
     section: SectionTable
+    """cross-section of flexible links"""
     material: MaterialTable
+    """material of flexible links"""
     contact: ContactTable
+    """laws of contact"""
     guide: GuideTable
+    """guide horns, which keep the track under the wheels"""
 
     @property
     def pitch_radius(self) -> float:
@@ -268,9 +401,14 @@ def path_text(path: object) -> str:
     return text if len(text) <= 80 else f"'...{text[-76:]}"
 
 
+def foremost(error: ValidationError) -> Any:
+    """Error of a validation to report: an unknown key, because a misspelt one leaves another missing, or the first."""
+    return min(error.errors(), key=lambda each: each["type"] != "extra_forbidden")
+
+
 def first_error(error: ValidationError, where: str) -> str:
-    """First error of a validation as one sentence."""
-    first = error.errors()[0]
+    """Foremost error of a validation as one sentence."""
+    first = foremost(error)
     key = _short(".".join(str(part) for part in first["loc"]))
     if first["type"] == "extra_forbidden":
         return f"{where}: unknown key '{key}'"

@@ -20,6 +20,7 @@ from orchestrator import __version__
 from orchestrator.cli import log_commands
 from orchestrator.cli.analysis_commands import analyse, plot
 from orchestrator.cli.common import USAGE_ERROR, message_and_status, narration, print_message, print_notices, show_usage
+from orchestrator.cli.key_commands import keys, new, schema
 from orchestrator.cli.moved import bench
 from orchestrator.cli.report_commands import report
 from orchestrator.cli.result_commands import compare, replay
@@ -40,6 +41,9 @@ app = typer.Typer(
 app.add_typer(log_commands.app, name="log")
 for command in (
     scenes,
+    keys,
+    schema,
+    new,
     show,
     build,
     run,

@@ -18,6 +18,7 @@ from orchestrator.cosim.graph import Recordable
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import ProgressBar, ReachedPoint
 from orchestrator.execution import estimate, summary
+from orchestrator.execution.checked_signals import require_signals
 from orchestrator.execution.companion_runs import record_companion
 from orchestrator.execution.interrupt import Interrupt, interruptible
 from orchestrator.execution.loading import load_scene
@@ -58,6 +59,8 @@ def simulate(
     and writes no log. Later failures are reported in the summary's status and message.
     """
     check_writable(path)
+    if continuation is None:  # the checks of a log's scene have been compared before its run
+        require_signals(scene)
     with interruptible(interrupt) as handler:
         try:
             return _simulate(scene, path, logger, narration, estimated, handler, native, continuation)

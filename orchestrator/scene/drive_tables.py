@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import BeforeValidator, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from fmus.vehicle import Distance, FrozenTable, In, to_si
-from orchestrator.scene.values import SIDES, Duration, Place, Side, Time, false_as_none
+from fmus.vehicle import Distance, FrozenTable, In, ratio, to_si
+from orchestrator.scene.values import OR_FALSE, SIDES, Angle, Duration, Place, Side, Time
 
 POINTS_OF = {  # and the modes that use them
     "speed_points": ("speed", "controller"),
@@ -27,25 +27,35 @@ class DriveTable(FrozenTable):
     """
 
     mode: Literal["speed", "torque", "controller"]
+    """prescribed speed; constant motor torque and brake; or a torque that controls the speed"""
     speed: Annotated[float, In("rad/s")] = 0.0
+    """speed against the mount after the ramp"""
     ramp_start: Time = 0.0
+    """time at which the ramp of the speed begins"""
     ramp_time: Time = 1.0
-    stop: Time | None = None  # time at which the sprocket is locked for good, after the ramp
+    """length of the ramp, half a cosine from 0 to speed"""
+    stop: Time | None = None
+    """time at which the sprocket is locked for good, after the ramp"""
     stop_time: Duration = 1e-3
+    """time that the stop takes, along half a cosine"""
     torque: Annotated[float, In("N m")] = 0.0
+    """torque of the motor in mode 'torque'"""
     torque_limit: Annotated[float, In("N m", gt=0)] | None = None
+    """largest torque of the motor in mode 'controller', either way"""
     brake: Annotated[float, In("N m", ge=0)] = 0.0
-    # Points [time, value] or a CSV file of them, instead of a constant: linear between points, constant outside.
-    speed_points: tuple[tuple[Time, Annotated[float, In("rad/s")]], ...] | None = None  # replace ramp and stop
+    """torque of the brake, not in mode 'speed'"""
+    speed_points: tuple[tuple[Time, Annotated[float, In("rad/s")]], ...] | None = None
+    """[time, speed] or a CSV file of them, instead of ramp and stop: linear between points, constant outside"""
     torque_points: tuple[tuple[Time, Annotated[float, In("N m")]], ...] | None = None
+    """[time, torque] or a CSV file of them, instead of torque"""
     brake_points: tuple[tuple[Time, Annotated[float, In("N m", ge=0)]], ...] | None = None
-
-    # Full-load curve of the engine, [speed, torque] of its shaft, or a CSV file; the gear ratio moves it to the
-    # sprocket.
+    """[time, torque] of the brake or a CSV file of them, instead of brake"""
     engine_points: tuple[tuple[Annotated[float, In("rad/s", ge=0)], Annotated[float, In("N m", ge=0)]], ...] | None = (
         None
     )
-    gear_ratio: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None  # engine speed over sprocket speed
+    """full-load curve of an engine that limits the motor: [speed, torque] of its shaft, or a CSV file of them"""
+    gear_ratio: Annotated[float, ratio(gt=0)] | None = None
+    """engine speed over sprocket speed"""
 
     @model_validator(mode="after")
     def _check_points(self) -> DriveTable:
@@ -82,6 +92,7 @@ class SteeringTable(DriveTable):
     """Drive of the speed difference, right less left, of a steering differential."""
 
     mode: Literal["speed", "torque", "controller"] = "speed"
+    """prescribed speed difference; constant motor torque and brake; or a torque that controls the difference"""
 
     @model_validator(mode="after")
     def _check_mode(self) -> SteeringTable:
@@ -100,8 +111,11 @@ class VehicleDriveTable(DriveTable):
     """
 
     left: DriveTable | None = None
+    """what the left side has instead of the keys of [drive]"""
     right: DriveTable | None = None
-    steering: Annotated[SteeringTable | None, BeforeValidator(false_as_none)] = None
+    """what the right side has instead of the keys of [drive]"""
+    steering: Annotated[SteeringTable | None, OR_FALSE] = None
+    """steering differential: drives the right speed less the left one, [drive] their mean; excludes left and right"""
 
     @model_validator(mode="before")
     @classmethod
@@ -172,22 +186,34 @@ class DriverTable(FrozenTable):
     take the driver's defaults.
     """
 
-    # [length, curvature], left positive, a negative length backwards, [0, angle] on the spot; or a CSV file of them.
-    arcs: Annotated[tuple[Arc, ...] | None, BeforeValidator(false_as_none)] = None
-    # [x, y] of a smooth path, or a CSV file of them.
-    points: Annotated[tuple[tuple[Place, Place], ...] | None, BeforeValidator(false_as_none)] = None
-    heading: Annotated[float, In("rad")] | None = None
+    arcs: Annotated[tuple[Arc, ...] | None, OR_FALSE] = None
+    """[length, curvature], left positive, a negative length backwards, [0, angle] on the spot; or a CSV file of them"""
+    points: Annotated[tuple[tuple[Place, Place], ...] | None, OR_FALSE] = None
+    """[x, y] of a smooth path, or a CSV file of them"""
+    heading: Angle | None = None
+    """heading to hold, from that of the start, where there is no path"""
     speed: Annotated[float, In("m/s", ge=0, le=1e3)] = 0.0
+    """speed after the ramp"""
     ramp_start: Time = 0.0
+    """time at which the ramp of the speed begins"""
     ramp_time: Time = 1.0
-    speed_points: tuple[tuple[Time, Annotated[float, In("m/s", ge=0)]], ...] | None = None  # replace the ramp
-    deceleration: Annotated[float, In("m/s^2", gt=0)] | None = None  # before curves and the end of the path
-    lateral_acceleration: Annotated[float, In("m/s^2", gt=0)] | None = None  # limits speed and curvature
-    reach: Distance | None = None  # least look-ahead distance
-    preview: Time | None = None  # look-ahead time
-    width: Distance | None = None  # distance of two tracks without slip that would turn the vehicle alike: for errors
-    friction: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None  # assumed for the plan; default: ground
-    grip: Annotated[float, Field(ge=0.05, le=0.9)] | None = None  # share of the friction that the plan uses
+    """length of the ramp, half a cosine from 0 to speed"""
+    speed_points: tuple[tuple[Time, Annotated[float, In("m/s", ge=0)]], ...] | None = None
+    """[time, speed] or a CSV file of them, instead of the ramp"""
+    deceleration: Annotated[float, In("m/s^2", gt=0)] | None = None
+    """deceleration before curves and the end of the path"""
+    lateral_acceleration: Annotated[float, In("m/s^2", gt=0)] | None = None
+    """largest speed times yaw rate: limits speed and curvature"""
+    reach: Distance | None = None
+    """least look-ahead distance"""
+    preview: Time | None = None
+    """look-ahead time; the larger of both counts"""
+    width: Distance | None = None
+    """distance of two tracks without slip that would turn the vehicle alike; without it 1.4 times that of the tracks"""
+    friction: Annotated[float, ratio(ge=0)] | None = None
+    """friction assumed for the plan; without it that of the ground"""
+    grip: Annotated[float, ratio(ge=0.05, le=0.9)] | None = None
+    """share of the friction that the plan uses"""
 
     @model_validator(mode="after")
     def _check_path(self) -> DriverTable:

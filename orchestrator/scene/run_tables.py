@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from fmus.vehicle import FrozenTable, In
+from fmus.vehicle import FrozenTable, In, ratio
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.results.validity.limits import ALLOWED
-from orchestrator.scene.values import Duration, Every, false_as_none
+from orchestrator.scene.values import OR_FALSE, Duration, Every
 
+if TYPE_CHECKING:
+    Allowed = str
+else:
+    Allowed = Literal[tuple(ALLOWED)]
+
+SchemeName = Literal["tracks_first", "jacobi", "gauss_seidel", "iterative", "energy_corrected"]
 OPTIONS = {
     "hold": ("jacobi", "gauss_seidel"),
     "tolerance": ("iterative",),
@@ -21,10 +27,14 @@ OPTIONS = {
 class CouplingTable(FrozenTable):
     """Coupling scheme and its options; the scheme's defaults apply to the rest."""
 
-    scheme: Literal["tracks_first", "jacobi", "gauss_seidel", "iterative", "energy_corrected"] = "tracks_first"
-    hold: Literal["linear", "constant"] | None = None  # extrapolate inputs to the middle of the step, or hold them
-    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None  # relative change of inputs that ends the iteration
-    iterations: Annotated[int, Field(ge=1)] | None = None  # most iterations in a step
+    scheme: SchemeName = "tracks_first"
+    """rule by which inputs over a communication step follow from outputs"""
+    hold: Literal["linear", "constant"] | None = None
+    """inputs are extrapolated to the middle of the step, or held"""
+    tolerance: Annotated[float, ratio(gt=0, lt=1)] | None = None
+    """relative change of inputs that ends the iteration"""
+    iterations: Annotated[int, Field(ge=1)] | None = None
+    """most iterations in a step"""
 
     @model_validator(mode="after")
     def _check_options(self) -> CouplingTable:
@@ -46,12 +56,16 @@ class CouplingTable(FrozenTable):
 class VariableStepTable(FrozenTable):
     """Communication step controlled by an error estimate; ``run.step`` is the first one."""
 
-    # Of a step: its error over the size of what the connection carries, or its power residual over that of the bonds.
-    tolerance: Annotated[float, Field(gt=0, lt=1)]
+    tolerance: Annotated[float, ratio(gt=0, lt=1)]
+    """largest error of a step over the size of what a connection carries, or power residual over the bonds' power"""
     estimate: Literal["doubling", "power"] = "doubling"
-    energy: Annotated[float, In("J", gt=0)] | None = None  # least reference energy of a power residual
+    """error of a step by a comparison with two half steps, or by the power residual of the ports"""
+    energy: Annotated[float, In("J", gt=0)] | None = None
+    """least reference energy of a power residual"""
     shortest: Duration = 1e-5
+    """shortest communication step"""
     longest: Duration = 0.1
+    """longest communication step"""
 
     @model_validator(mode="after")
     def _check_order(self) -> VariableStepTable:
@@ -83,19 +97,25 @@ class RunTable(FrozenTable):
     """Duration, steps and recording of a run."""
 
     stop: Duration
-    step: Duration  # communication step H
-    coupling: Annotated[CouplingTable, BeforeValidator(short_coupling)] = CouplingTable()
-    # None or false: all steps have length H.
-    variable: Annotated[VariableStepTable | None, BeforeValidator(false_as_none)] = None
-    inputs: bool = True  # false: inputs and checkpoints are not recorded; the log can be neither replayed nor resumed
-    outputs: Every = 1  # interval of recorded outputs in communication steps
-    links: Every | None = None  # interval of recorded per-link outputs; default: ``recording``
-    between: bool = False  # also record mean, least and most between two records of links
-    # Interval of checkpoints in the log, s; false: none.
-    checkpoints: Annotated[Duration | None, BeforeValidator(false_as_none)] = 0.5
-    allow: Annotated[
-        tuple[str, ...], BeforeValidator(_allowed_kinds)
-    ] = ()  # kinds of ``results/validity`` that do not fail
+    """end of the run, a multiple of step"""
+    step: Duration
+    """communication step H; with a variable step, the first one"""
+    coupling: Annotated[CouplingTable, BeforeValidator(short_coupling, SchemeName | CouplingTable)] = CouplingTable()
+    """coupling of the components, or the name of its scheme alone"""
+    variable: Annotated[VariableStepTable | None, OR_FALSE] = None
+    """control of the communication step by its error; false or no table: all steps have the length step"""
+    inputs: bool = True
+    """inputs and checkpoints are recorded; without them the log can be neither replayed nor resumed"""
+    outputs: Every = 1
+    """communication steps from one record of outputs to the next"""
+    links: Every | None = None
+    """communication steps from one record of link outputs to the next; without it ten records a tooth, 10 at most"""
+    between: bool = False
+    """mean, least and most of link outputs between two records are recorded too"""
+    checkpoints: Annotated[Duration | None, OR_FALSE] = 0.5
+    """time from one checkpoint in the log to the next; false: none"""
+    allow: Annotated[tuple[str, ...], BeforeValidator(_allowed_kinds, Allowed | tuple[Allowed, ...])] = ()
+    """kinds of failures of the validity ledger that become warnings"""
 
     @model_validator(mode="after")
     def _check_steps(self) -> RunTable:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,38 +15,49 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 
 from fmus.ranges import range_violations
 from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput, FrozenTable, Vehicle, first_error, value_text
+from fmus.vehicle import BadInput, Force, FrozenTable, Vehicle, first_error, foremost, path_text, value_text
 from orchestrator.results.analyses.catalogue import described
 from orchestrator.scene import gallery, points
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriveTable
 from orchestrator.scene.ranges import SCENE
 from orchestrator.scene.recording import ASSUMED_SPEED, aliasing_warning, links_every
 from orchestrator.scene.run_tables import RunTable, short_coupling
-from orchestrator.scene.settings import keys, merge_tables, pairs, set_key
+from orchestrator.scene.settings import keys, merge_tables, near_keys, pairs, set_key
 from orchestrator.scene.start_tables import GroundTable, StartTable, VehicleStartTable
 from orchestrator.scene.tables import BenchTable, ChainTable, Check, RigTable
 from orchestrator.scene.track_table import TrackModelTable, short_track
-from orchestrator.scene.values import SIDES, Side, false_as_none
+from orchestrator.scene.values import OR_FALSE, SIDES, SOLVED, Side, TrackName
 
 # Settings of a drive in mode controller that are allowed beside a driver.
 OF_CONTROLLERS = ("torque_limit", "brake", "brake_points", "engine_points", "gear_ratio")
 OUTER_TRACK = 1.2  # speed of the outer track in a turn, relative to the vehicle
+NEAREST = 3  # most keys that a message suggests
 SHORT_KEYS = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys that may stand for one of their own
 
 
 class Scene(FrozenTable):
     """Scene of FMUs, one of them a track; subclasses add what they assemble."""
 
-    name: Annotated[str, Field(pattern=r"^[^/\\\x00]+$")]  # also names the log
+    name: Annotated[str, Field(pattern=r"^[^/\\\x00]+$")]
+    """name of the scene and of its log; without it that of the file"""
     title: str
+    """one line about the scene"""
     assembly: str
+    """kind of scene, on which the other tables depend"""
     run: RunTable
+    """duration, steps, coupling and recording"""
     expect: dict[str, Check] = Field(default_factory=dict)
+    """checks by their names: expected values of signals, or of measures"""
     vehicle: Vehicle
-    track: Annotated[TrackModelTable, BeforeValidator(short_track)]
+    """name of a vehicle, a TOML file, or a table with the key base and the differences from that vehicle"""
+    track: Annotated[TrackModelTable, BeforeValidator(short_track, TrackName | TrackModelTable)]
+    """model of the links and numerical method, or the name of the model alone"""
     start: StartTable = StartTable()
-    placed: bool = False  # True once the idler is where the chain carries its static tension
-    planar: bool = False  # cable chains without lateral dofs: all motion is in the plane of the track
+    """place and state of the vehicle at the start, world frame"""
+    placed: bool = Field(default=False, json_schema_extra=SOLVED)
+    """the idler is where the chain carries its static tension"""
+    planar: bool = False
+    """cable chains without lateral dofs: all motion is in the plane of the track"""
 
     @model_validator(mode="after")
     def _check_ranges(self) -> Scene:
@@ -134,6 +144,7 @@ class ChainScene(Scene):
 
     assembly: Literal["chain"]
     chain: ChainTable
+    """chain without wheels"""
 
     @model_validator(mode="after")
     def _check_chain(self) -> ChainScene:
@@ -149,7 +160,9 @@ class BenchScene(Scene):
 
     assembly: Literal["bench"]
     bench: BenchTable
+    """open chain over one sprocket, its ends pulled by constant forces"""
     drive: DriveTable
+    """drive of the sprocket"""
 
     @model_validator(mode="after")
     def _check_bench(self) -> BenchScene:
@@ -167,8 +180,11 @@ class RigScene(Scene):
 
     assembly: Literal["rig"]
     rig: RigTable
+    """closed chain round a sprocket and a smooth idler with fixed axles"""
     drive: DriveTable
+    """drive of the sprocket"""
     idler_drive: DriveTable
+    """drive or brake of the idler"""
 
     @property
     def teeth_rate(self) -> float:
@@ -181,13 +197,19 @@ class VehicleScene(Scene):
 
     assembly: Literal["vehicle"]
     start: VehicleStartTable = VehicleStartTable()
-    tracks: tuple[Side, ...] = SIDES  # a side without a track has no drive either
+    """place and state of the vehicle at the start, world frame"""
+    tracks: tuple[Side, ...] = SIDES
+    """sides with a track; a side without one has no drive either"""
     ground: GroundTable = GroundTable()
+    """ground beyond its level, and contacts beyond those of the tracks"""
     drive: VehicleDriveTable
-    # None or false: the drives follow their own settings.
-    driver: Annotated[DriverTable | None, BeforeValidator(false_as_none)] = None
-    push: float = 0.0  # N, share of the tensioners' preload that balances the tension of placed tracks
-    symmetric: bool = False  # only the left half runs; the right one mirrors it
+    """drive of the sprockets of both sides"""
+    driver: Annotated[DriverTable | None, OR_FALSE] = None
+    """driver whose demands the drives follow; false or no table: they follow their own settings"""
+    push: Force = Field(default=0.0, json_schema_extra=SOLVED)
+    """share of the tensioners' preload that balances the tension of placed tracks"""
+    symmetric: bool = False
+    """only the left half runs; the right one mirrors it"""
 
     @field_validator("tracks")
     @classmethod
@@ -284,11 +306,11 @@ def load(scene: str, track: str | None = None, settings: Sequence[str] | Mapping
     points.read(table, Path(scene).parent, f"{name}.toml")
     changes = pairs(settings)
     _kind(table, f"{name}.toml")
-    _complete_table(table, f"{name}.toml", track, changes)
+    vehicle_file = _complete_table(table, f"{name}.toml", track, changes)
     for key, value in changes:
         set_key(table, key, value)
     points.read(table, Path(), f"{name}.toml")
-    return from_table({"name": name, **table}, f"{name}.toml")
+    return from_table({"name": name, **table}, f"{name}.toml", vehicle_file)
 
 
 def _kind(table: Mapping[str, Any], where: str) -> type[Scene]:
@@ -301,8 +323,11 @@ def _kind(table: Mapping[str, Any], where: str) -> type[Scene]:
     raise BadInput(f"{where}: assembly = {value_text(assembly)}: must be one of {', '.join(KINDS)}")
 
 
-def _complete_table(table: dict[str, Any], where: str, track: str | None, changes: list[tuple[str, Any]]) -> None:
-    """Complete a raw table with its whole vehicle; ``changes`` gain the track model and lose the vehicle."""
+def _complete_table(table: dict[str, Any], where: str, track: str | None, changes: list[tuple[str, Any]]) -> str:
+    """Complete a raw table with its whole vehicle; ``changes`` gain the track model and lose the vehicle.
+
+    Returns the name of the vehicle's file, empty for a vehicle of the package.
+    """
     if track is not None:
         changes.insert(0, ("track.model", track))
     table["track"] = short_track(table.get("track", {}))
@@ -311,16 +336,24 @@ def _complete_table(table: dict[str, Any], where: str, track: str | None, change
     for key, value in changes:
         if key == "vehicle":
             table["vehicle"] = value
-    table["vehicle"] = _whole_vehicle(table.get("vehicle"), where)
+    vehicle = table.get("vehicle")
+    table["vehicle"] = _whole_vehicle(vehicle, where)
     changes[:] = [(SHORT_KEYS.get(key, key), value) for key, value in changes if key != "vehicle"]
+    source = vehicle.get("base", "") if isinstance(vehicle, dict) else str(vehicle)
+    return source if source.endswith(".toml") else ""
 
 
-def from_table(table: Mapping[str, Any], where: str) -> Scene:
-    """Validate a scene whose vehicle is a whole table; raises BadInput with one sentence."""
+def from_table(table: Mapping[str, Any], where: str, vehicle_file: str = "") -> Scene:
+    """Validate a scene whose vehicle is a whole table; raises BadInput with one sentence.
+
+    The sentence begins with ``where``, about the vehicle also with ``vehicle_file``.
+    """
     kind = _kind(table, where)
     try:
         return kind.model_validate(dict(table))
     except ValidationError as error:
+        in_vehicle = vehicle_file and foremost(error)["loc"][:1] == ("vehicle",)
+        where = f"{where} with vehicle {path_text(vehicle_file)}" if in_vehicle else where
         raise BadInput(_validation_sentence(error, where, kind)) from None
 
 
@@ -350,10 +383,12 @@ def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:
 
 
 def _validation_sentence(error: ValidationError, where: str, model: type[Scene]) -> str:
-    """One sentence for a validation error, with the nearest known key for an unknown one."""
-    text = first_error(error, where)
-    first = error.errors()[0]
+    """One sentence for a validation error, with the nearest known keys for an unknown one."""
+    text, first = first_error(error, where), foremost(error)
     if first["type"] != "extra_forbidden":
         return text
-    near = get_close_matches(".".join(map(str, first["loc"])), keys(model), n=1)
-    return f"{text}: did you mean '{near[0]}'?" if near else text
+    key = ".".join(map(str, first["loc"]))
+    if others := [name for name, kind in KINDS.items() if key in keys(kind)]:
+        return f"{text}: it needs assembly = {' or '.join(map(repr, others))}"
+    near = near_keys(key, keys(model))[:NEAREST]
+    return f"{text}: did you mean {' or '.join(map(repr, near))}?" if near else text

@@ -1,14 +1,19 @@
-"""Settings ``KEY=VALUE`` with dotted keys, applied to the tables of a file."""
+"""Settings ``KEY=VALUE`` with dotted keys, applied to the tables of a file; all keys of a table."""
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, get_args
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
+from functools import cache
+from typing import Any
 
 from pydantic import BaseModel
 
 from fmus.vehicle import BadInput
+
+Schema = dict[str, Any]  # JSON schema
+CHOSEN = "NAME"  # in place of a part of a key that a file chooses: the names of checks
 
 
 def setting(text: str) -> tuple[str, Any]:
@@ -60,11 +65,32 @@ def merge_tables(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str
     return result
 
 
-def keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
+def entries(table: Schema, tables: Schema, above: str = "") -> Iterator[tuple[str, Schema, bool]]:
+    """Dotted keys of a JSON schema of a table, their schemas, and whether the table needs them.
+
+    CHOSEN stands for a name that the file gives; ``tables``: the schema's definitions; ``above``: prefix of the keys.
+    """
+    named = {CHOSEN: more} if (more := table.get("additionalProperties")) else {}
+    for name, entry in {**table.get("properties", {}), **named}.items():
+        yield f"{above}{name}", entry, name in table.get("required", ())
+        for part in (entry, *entry.get("anyOf", ())):
+            inner = tables[part["$ref"].rpartition("/")[2]] if "$ref" in part else part
+            if inner.get("type") == "object":
+                yield from entries(inner, tables, f"{above}{name}.")
+
+
+@cache
+def keys(model: type[BaseModel]) -> tuple[str, ...]:
     """All dotted keys of a model."""
-    for name, field in model.model_fields.items():
-        key = prefix + (field.alias or name)
-        yield key
-        for part in (field.annotation, *get_args(field.annotation)):
-            if isinstance(part, type) and issubclass(part, BaseModel):
-                yield from keys(part, f"{key}.")
+    schema = model.model_json_schema()
+    return tuple(key for key, *_ in entries(schema, schema["$defs"]))
+
+
+def near_keys(key: str, known: Iterable[str]) -> list[str]:
+    """Known keys that an unknown one may mean: a similar one of its table, else all of its name, else a similar one."""
+    table, _, name = key.rpartition(".")
+    named = [one.replace(CHOSEN, key.split(".")[1]) if key.startswith("expect.") else one for one in known]
+    siblings = [one.rpartition(".")[2] for one in named if one.rpartition(".")[0] == table]
+    if near := get_close_matches(name, siblings, 1):
+        return [f"{table}.{near[0]}".lstrip(".")]
+    return [one for one in named if one.rpartition(".")[2] == name] or get_close_matches(key, named, 1)

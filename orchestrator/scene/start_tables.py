@@ -5,39 +5,52 @@ from __future__ import annotations
 from math import pi, remainder
 from typing import Annotated, Literal
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
-from fmus.vehicle import Distance, FrozenTable, In
-from orchestrator.scene.values import Place
+from fmus.vehicle import Distance, FrozenTable, In, Length
+from orchestrator.scene.values import SOLVED, Angle, Place
+
+Joint = Annotated[float, Field(allow_inf_nan=False, json_schema_extra={"unit": "rad, m"})]
 
 
 class StartTable(FrozenTable):
     """Place of the vehicle at the start, world frame."""
 
     position: tuple[Place, Place, Place] = (0.0, 0.0, 0.0)
-    heading: Annotated[float, In("rad")] = 0.0
+    """place of the middle of the sprocket axle line, as drawn"""
+    heading: Angle = 0.0
+    """heading about the vertical, to the left"""
 
 
 class EquilibriumTable(FrozenTable):
     """Equilibrium position of hull, arms and idlers, from the drawn position (``fmus.equilibrium``)."""
 
-    height: float  # m, centre of mass of the hull
-    roll: float  # rad
-    pitch: float
-    left: tuple[float, ...]  # angles of the arms, front to rear, rad, and slide of the idler, m
-    right: tuple[float, ...]
+    height: Length
+    """rise of the hull's centre of mass"""
+    roll: Angle
+    """roll of the hull"""
+    pitch: Angle
+    """pitch of the hull"""
+    left: tuple[Joint, ...]
+    """on the left side: angles of the arms, front to rear, rad, and slide of the idler, m"""
+    right: tuple[Joint, ...]
+    """the same on the right side"""
 
 
 class VehicleStartTable(StartTable):
     """Start of a vehicle, which may be raised, pitched, or rolled by half a turn."""
 
-    height: Place = 0.0  # sprocket axle above its drawn place
-    pitch: Annotated[float, In("rad")] = 0.0  # about the sprocket axle, nose down positive
-    roll: Annotated[float, In("rad")] = 0.0  # about the long axis, before the pitch: half a turn or none
-    # equilibrium: at rest on springs and tracks, the default. drawn: springs without load, so the vehicle drops; the
-    # default of a raised or turned vehicle.
+    height: Place = 0.0
+    """sprocket axle above its drawn place"""
+    pitch: Angle = 0.0
+    """rotation about the sprocket axle, nose down positive"""
+    roll: Angle = 0.0
+    """rotation about the long axis, before the pitch: half a turn or none"""
     state: Literal["equilibrium", "drawn"] | None = None
-    equilibrium: EquilibriumTable | None = None  # solved
+    """'equilibrium': at rest on springs and tracks, the default; 'drawn': springs without load, so the vehicle drops,
+    the default of a raised or turned vehicle"""
+    equilibrium: EquilibriumTable | None = Field(default=None, json_schema_extra=SOLVED)
+    """equilibrium of hull, arms and idlers, from the drawn position"""
 
     @model_validator(mode="after")
     def _check_rest(self) -> VehicleStartTable:
@@ -70,15 +83,22 @@ class VehicleStartTable(StartTable):
 class BumpTable(FrozenTable):
     """Trapezoidal obstacle across the path, with rounded edges, in the frame of the start."""
 
-    start: Place  # its beginning, ahead of the sprocket axle
+    start: Place
+    """beginning of the obstacle, ahead of the sprocket axle"""
     rise: Distance
-    slope: Annotated[float, In("rad", gt=0, lt=1.5)]  # both ramps
-    length: Annotated[float, In("m", ge=0)]  # flat top
-    radius: Distance  # all four edges
+    """height of the obstacle"""
+    slope: Annotated[float, In("rad", gt=0, lt=1.5)]
+    """slope of both ramps"""
+    length: Annotated[float, In("m", ge=0)]
+    """length of the flat top"""
+    radius: Distance
+    """radius of all four edges"""
 
 
 class GroundTable(FrozenTable):
     """Ground beyond its level, and contacts beyond those of the tracks."""
 
-    hull: bool = False  # contact at the points vehicle.chassis.hull
+    hull: bool = False
+    """the points vehicle.chassis.hull touch the ground"""
     bump: BumpTable | None = None
+    """obstacle across the path"""

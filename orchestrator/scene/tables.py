@@ -6,25 +6,38 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from fmus.vehicle import Distance, Force, FrozenTable, In
+from fmus.vehicle import Distance, Force, FrozenTable, In, ratio
 from orchestrator.results import measures
 from orchestrator.scene.gallery import hint
 from orchestrator.scene.values import Time, TrackName
+
+MeasureName = Annotated[str, Field(json_schema_extra={"enum": sorted(measures.NAMES)})]
+Checked = Field(allow_inf_nan=False, json_schema_extra={"unit": "that of the signal or measure"})
 
 
 class Check(FrozenTable):
     """Expected value of a signal reduced over a window, or of a named measure."""
 
-    signal: str | None = None  # instance.variable
+    signal: str | None = None
+    """signal, instance.variable, that is checked"""
     reduce: Literal["mean", "min", "max", "last", "drop", "ripple", "rms"] = "mean"
-    measure: str | None = None
-    of: str = ""  # side ("left", "right") or component of a measure
+    """number that is made of the signal's values in the window; drop: first less last, ripple: range over mean"""
+    measure: MeasureName | None = None
+    """measure that is checked, instead of a signal"""
+    of: str = ""
+    """side ('left', 'right') or component of a measure"""
     start: Time = Field(0.0, alias="from")
-    end: Time | None = Field(None, alias="to")  # default: the end of the run
-    expected: Annotated[float, Field(allow_inf_nan=False)]
-    tolerance: Annotated[float, Field(ge=0, allow_inf_nan=False)]
-    relative: bool = False  # the tolerance is a fraction of the expected value
-    track: TrackName | None = None  # only for this track model
+    """begin of the window"""
+    end: Time | None = Field(None, alias="to")
+    """end of the window; without it the end of the run"""
+    expected: Annotated[float, Checked]
+    """expected value"""
+    tolerance: Annotated[float, Field(ge=0), Checked]
+    """largest difference from the expected value"""
+    relative: bool = False
+    """the tolerance is a fraction of the expected value"""
+    track: TrackName | None = None
+    """the check is for this track model only"""
 
     @model_validator(mode="after")
     def _check_source(self) -> Check:
@@ -39,10 +52,15 @@ class ChainTable(FrozenTable):
     """Open chain between two pins at equal height, or fixed at the first pin only, or a free loop."""
 
     links: Annotated[int, Field(ge=2, le=4096)]
+    """number of links"""
     ends: Literal["pinned", "held", "loop"] = "pinned"
-    span: Annotated[float, Field(gt=0, lt=1)] | None = None  # pinned: distance of the pins over the length of the chain
-    spin: Annotated[float, In("rad/s")] = 0.0  # loop without gravity: initial speed about y
-    ovalling: Annotated[float, In("rad/s")] = 0.0  # additional speed of its links, times cos(2 angle)
+    """chain between two pins, held at its first pin only, or closed and free without gravity"""
+    span: Annotated[float, ratio(gt=0, lt=1)] | None = None
+    """of a pinned chain, which needs it: distance of the pins over the length of the chain"""
+    spin: Annotated[float, In("rad/s")] = 0.0
+    """of a loop: initial speed about y"""
+    ovalling: Annotated[float, In("rad/s")] = 0.0
+    """of a loop: additional speed of its links, times cos(2 angle)"""
 
     @model_validator(mode="after")
     def _check_ends(self) -> ChainTable:
@@ -60,14 +78,21 @@ class BenchTable(FrozenTable):
     """Open chain over one sprocket, its ends pulled by constant forces."""
 
     links: Annotated[int, Field(ge=8, le=4096)]
-    upper: Force  # pull at the end of the upper (incoming) span, towards -x
-    lower: Force  # pull at the end of the lower (outgoing) span, towards -x
+    """number of links"""
+    upper: Force
+    """pull at the end of the upper (incoming) span, towards -x"""
+    lower: Force
+    """pull at the end of the lower (outgoing) span, towards -x"""
     transverse_damping: Annotated[float, In("N s/m", ge=0)] = 0.0
+    """damping of each pin's motion across the chain"""
 
 
 class RigTable(FrozenTable):
     """Closed chain round a sprocket and a smooth idler with fixed axles."""
 
     links: Annotated[int, Field(ge=8, le=4096)]
-    axle_distance: Distance  # as drawn; the idler is moved until the chain carries the tension
+    """number of links"""
+    axle_distance: Distance
+    """distance of the axles as drawn; the idler is moved until the chain carries the tension"""
     tension: Force
+    """mean static tension of the chain"""

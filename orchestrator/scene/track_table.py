@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from fmus.link_outputs import GROUPS, STANDARD
 from fmus.ports import TOLERANCES
 from fmus.track_choices import TRACKS, TrackKind, models_with
-from fmus.vehicle import FrozenTable, In
+from fmus.vehicle import FrozenTable, In, ratio
 from orchestrator.scene.values import Duration, TrackName
 
-Tolerance = Annotated[float, Field(ge=TOLERANCES.least, le=TOLERANCES.most)]
+Tolerance = Annotated[float, ratio(ge=TOLERANCES.least, le=TOLERANCES.most)]
+AbsoluteTolerance = Annotated[Tolerance, Field(json_schema_extra={"unit": "m, rad, m/s, rad/s"})]
 
 
 Elasticity = Literal["small_deformation", "general", "engineering"]
@@ -29,7 +30,13 @@ def _output_groups(value: object) -> object:
     raise ValueError(f"must be true, false, 'all' or a list of {', '.join(GROUPS)}")
 
 
-LinkOutputs = Annotated[tuple[str, ...], BeforeValidator(_output_groups)]
+if TYPE_CHECKING:
+    GroupName = str
+else:
+    GroupName = Literal[tuple(GROUPS)]
+
+
+LinkOutputs = Annotated[tuple[str, ...], BeforeValidator(_output_groups, bool | Literal["all"] | tuple[GroupName, ...])]
 
 
 class FmuParameter(NamedTuple):
@@ -49,28 +56,40 @@ class TrackModelTable(FrozenTable):
     """
 
     model: TrackName
+    """track model: the kind of links"""
     element: Annotated[Literal["cable", "beam"] | None, FmuParameter()] = None
-    elasticity: Annotated[Elasticity | None, FmuParameter()] = None  # of cables
-    # Of cables: fixed ones stay in their plane. Default: by the scene.
+    """finite element of flexible links"""
+    elasticity: Annotated[Elasticity | None, FmuParameter()] = None
+    """strain energy of cables"""
     axes: Annotated[Literal["fixed", "free"] | None, FmuParameter()] = None
+    """fixed axes keep cables in the plane of their track, free ones turn with it; a vehicle that turns has free ones"""
     formulation: Annotated[Literal["augmented", "recursive"] | None, METHOD] = None
-    # Of cables: pins by elimination, or as constraints with multipliers.
+    """coordinates of rigid links: of bodies with constraints, or of joints"""
     joints: Annotated[Literal["eliminated", "constrained"] | None, METHOD] = None
-    # Coordinates for an explicit integrator.
+    """pins of cables by elimination, or as constraints with multipliers"""
     coordinates: Annotated[Literal["nodal", "cholesky"] | None, METHOD] = None
-    # Of a loop: how the last link joins the first.
+    """coordinates of cables for an explicit integrator"""
     closure: Annotated[Literal["pin", "spring"] | None, FmuParameter()] = None
+    """how the last link of a loop joins the first"""
     closure_stiffness: Annotated[Annotated[float, In("N/m", gt=0)] | None, FmuParameter("closure.stiffness")] = None
+    """stiffness of a closing spring"""
     closure_damping: Annotated[Annotated[float, In("N s/m", ge=0)] | None, FmuParameter("closure.damping")] = None
+    """damping of a closing spring"""
     integrator: Annotated[Literal["generalized_alpha", "hht", "runge_kutta", "adams"] | None, METHOD] = None
-    step: Annotated[Duration | None, METHOD] = None  # largest internal step
-    # Of an implicit integrator; at least 0.5 for hht.
-    spectral_radius: Annotated[Annotated[float, Field(ge=0, le=1)] | None, METHOD] = None
-    rtol: Annotated[Tolerance | None, FmuParameter("adams.rtol", method=True)] = None  # of integrator = 'adams'
-    # The same, in m, rad, m/s and rad/s.
-    atol: Annotated[Tolerance | None, FmuParameter("adams.atol", method=True)] = None
+    """time integration of the links"""
+    step: Annotated[Duration | None, METHOD] = None
+    """largest internal step"""
+    spectral_radius: Annotated[Annotated[float, ratio(ge=0, le=1)] | None, METHOD] = None
+    """spectral radius of an implicit integrator at high frequencies; of hht at least 0.5, its default"""
+    rtol: Annotated[Tolerance | None, FmuParameter("adams.rtol", method=True)] = None
+    """relative error of an internal step, of integrator = 'adams'"""
+    atol: Annotated[AbsoluteTolerance | None, FmuParameter("adams.atol", method=True)] = None
+    """absolute error of an internal step, of integrator = 'adams'"""
     start: Annotated[Literal["rest", "displaced", "polygon", "straight", "folded"] | None, FmuParameter()] = None
-    link_outputs: LinkOutputs = STANDARD  # groups of ``fmus.link_outputs``
+    """layout at the start: static equilibrium, displaced from it, or a polygon of links without load; a held chain:
+    straight or folded"""
+    link_outputs: LinkOutputs = STANDARD
+    """groups of outputs per link; true: the standard groups, false: none"""
 
     @classmethod
     def fmu_parameters(cls) -> dict[str, FmuParameter]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field
+from annotated_types import GroupedMetadata
+from pydantic import BeforeValidator, Field
 
 from fmus.track_choices import TRACKS
 from fmus.vehicle import In
@@ -14,6 +16,9 @@ Duration = Annotated[float, In("s", gt=0)]
 
 
 Time = Annotated[float, In("s", ge=0)]
+
+
+Angle = Annotated[float, In("rad")]
 
 
 Place = Annotated[float, In("m", ge=-1e6, le=1e6)]  # beyond, a double cannot resolve contact penetrations
@@ -28,6 +33,9 @@ else:
     TrackName = Literal[tuple(TRACKS)]  # the track model
 
 
+SOLVED: dict[str, Any] = {"readOnly": True}  # in the JSON schema of a key that a run solves for
+
+
 Side = Literal["left", "right"]
 
 
@@ -37,3 +45,18 @@ SIDES: tuple[Side, Side] = ("left", "right")
 def false_as_none(value: object) -> object:
     """Read ``false`` as None, which TOML lacks."""
     return None if value is False else value
+
+
+def _add_false(schema: dict[str, Any]) -> None:
+    schema["anyOf"].append({"const": False})
+
+
+class OrFalse(GroupedMetadata):
+    """Annotation of an optional value that a file may set to ``false``, because TOML has no null."""
+
+    def __iter__(self) -> Iterator[object]:
+        yield BeforeValidator(false_as_none)
+        yield Field(json_schema_extra=_add_false)
+
+
+OR_FALSE = OrFalse()

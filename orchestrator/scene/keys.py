@@ -1,0 +1,205 @@
+"""Keys of scene files and vehicle files with unit, allowed values, default and meaning, and measures of checks.
+
+They are read from the JSON schemas of the files, measures from their functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
+from itertools import groupby
+from typing import Any, NamedTuple
+
+from fmus.loaded import component_ports
+from fmus.track_choices import TRACKS
+from orchestrator.results import measures
+from orchestrator.results.table import Table
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.scene import KINDS, load
+from orchestrator.scene.settings import Schema, entries
+from orchestrator.scene.toml_schema import scene_schema, vehicle_schema
+from orchestrator.scene.toml_text import toml_text
+from orchestrator.scene.track_table import TrackModelTable
+
+REQUIRED = "required"
+MOST_NAMES = 12  # that are listed
+SYMBOLS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
+# Parameters of drives and driver with other names than their keys, and those whose default depends on the scene.
+PARAMETERS = {
+    "torque_limit": "torque.limit",
+    "gear_ratio": "gear.ratio",
+    "lateral_acceleration": "acceleration.lateral",
+}
+OF_THE_SCENE = ("axes", "width", "friction")
+OVERRIDES = "drive.left.", "drive.right."  # without them the keys of [drive] count
+COMPONENTS = {"drive": "SprocketDrive", "idler_drive": "SprocketDrive", "driver": "Driver"}
+
+
+class Key(NamedTuple):
+    """Key of a file, or a measure."""
+
+    key: str  # dotted
+    unit: str  # "1": a ratio; empty: no quantity
+    allowed: str
+    default: str  # TOML text; empty: without it nothing, or what the meaning says
+    meaning: str
+    assembly: str = ""  # kinds of scenes that have the key; empty: all
+    solved: bool = False  # a run solves for it
+
+
+ASSEMBLY = Key._fields.index("assembly")
+PAGE = """# Keys of scenes and vehicles
+
+`cotrack keys --markdown` writes this page. Numbers have the unit given, or are texts with one ("2 ms"); the unit 1
+is a ratio. A key without default may be left out, unless it is required. A vehicle file has the tables of `[vehicle]`,
+named without `vehicle.`."""
+
+
+def scene_keys() -> list[Key]:
+    """All keys of scene files, table by table, those of the whole vehicle included."""
+    schema = scene_schema()
+    found: dict[str, dict[str, Key]] = {}
+    for assembly, kind in KINDS.items():
+        for key, entry, required in entries(schema["$defs"][kind.__name__], schema["$defs"]):
+            if not key.startswith("vehicle.") or key == "vehicle.base":
+                found.setdefault(key, {})[assembly] = _key(key, entry, required)
+    return _by_table([_merged(kinds) for kinds in found.values()]) + vehicle_keys("vehicle.")
+
+
+def vehicle_keys(above: str = "") -> list[Key]:
+    """All keys of vehicle files, table by table, with this prefix."""
+    schema = vehicle_schema()
+    return _by_table([_key(*entry) for entry in entries(schema, schema["$defs"], above)])
+
+
+def measure_keys() -> list[Key]:
+    """All measures; their meaning is the first sentence of their docstring."""
+    return [
+        Key(name, measures.UNITS[measure], "", "", (measure.__doc__ or "").partition("\n")[0].rstrip("."))
+        for name, measure in measures.NAMES.items()
+    ]
+
+
+def key_text(key: Key) -> str:
+    """Key in two lines: unit, allowed values and default; meaning."""
+    default = key.default if key.default in ("", REQUIRED) else f"default {key.default}"
+    kinds, solved = key.assembly and f"assembly {key.assembly}", "solved by the run" * key.solved
+    return f"{key.key}: {', '.join(filter(None, (facts(key), default, kinds, solved)))}\n    {key.meaning}"
+
+
+def facts(key: Key) -> str:
+    """Unit and allowed values of a key in words."""
+    return ", ".join(filter(None, (key.unit if key.unit != "1" else "ratio", key.allowed)))
+
+
+def page(keys: Iterable[Key], measured: Iterable[Key]) -> str:
+    """Reference of keys and measures as Markdown, a section for each table."""
+    keys, blocks = list(keys), [PAGE]
+    about = {key.key: key for key in keys}
+    for table, rows in groupby(keys, table_of):
+        key = about.get(table)
+        heads = f"## [{table}]", key and key.meaning, key and key.assembly and f"Assembly: {key.assembly}."
+        blocks += ["\n\n".join(filter(None, heads)) if table else "## Scene", _markdown(rows)]
+    if measured := list(measured):
+        blocks += ["## Measures", _markdown(measured)]
+    return "\n\n".join(blocks)
+
+
+def _markdown(rows: Iterable[Key]) -> str:
+    """Table of keys of one table, without the names of the table and columns that are empty in all rows."""
+    short = [(f"`{key.key.rpartition('.')[2]}`", *key[1 : ASSEMBLY + 1]) for key in rows]
+    of_some = len({row[ASSEMBLY] for row in short}) > 1
+    used = [k for k in range(ASSEMBLY + of_some) if any(row[k] for row in short)]
+    columns = [(Key._fields[k], "") for k in used]
+    return Table.of("", columns, [[row[k] for k in used] for row in short]).markdown().rstrip()
+
+
+def table_of(key: Key) -> str:
+    """Dotted name of the table of a key; empty at the top."""
+    return key.key.rpartition(".")[0]
+
+
+def _by_table(keys: Sequence[Key]) -> list[Key]:
+    tables = list(dict.fromkeys(map(table_of, keys)))
+    return sorted(keys, key=lambda key: tables.index(table_of(key)))
+
+
+def _merged(kinds: dict[str, Key]) -> Key:
+    """Key that several kinds of scenes have."""
+    *_, last = kinds.values()
+    allowed = " or ".join(dict.fromkeys(key.allowed for key in kinds.values()))
+    return last._replace(allowed=allowed, assembly="" if len(kinds) == len(KINDS) else ", ".join(kinds))
+
+
+def _key(key: str, entry: Schema, required: bool) -> Key:
+    default = None if key.startswith(OVERRIDES) else entry.get("default", _fmu_default(key))
+    text = REQUIRED if required else "" if default is None else toml_text(default)
+    units = ", ".join(dict.fromkeys(_units(entry)))
+    return Key(key, units, _allowed(entry), text, entry.get("description", ""), solved=entry.get("readOnly", False))
+
+
+def _units(entry: Schema) -> Iterator[str]:
+    """Units of a value, or of the entries of a list."""
+    if "unit" in entry:
+        yield entry["unit"]
+    for part in (*entry.get("anyOf", ()), *entry.get("prefixItems", ()), *filter(None, [entry.get("items")])):
+        yield from _units(part)
+
+
+def _allowed(entry: Schema) -> str:
+    """Allowed values in words."""
+    match entry:
+        case {"unit": _, "anyOf": [number, _]}:  # the other one is the same as a text
+            return _allowed(number)
+        case {"enum": values} if len(values) > MOST_NAMES:
+            return f"one of {len(values)} names"
+        case {"enum": values}:
+            return " or ".join(map(toml_text, values))
+        case {"const": value}:
+            return toml_text(value)
+        case {"anyOf": parts}:
+            return " or ".join(dict.fromkeys(map(_allowed, parts)))
+        case {"prefixItems": parts}:
+            return f"[{', '.join(map(_allowed, parts))}]"
+        case {"items": part}:
+            return f"list of {_allowed(part)}"
+        case {"type": "boolean"}:
+            return "true or false"
+        case {"type": "integer", **bounds}:
+            return f"whole number, {_range(bounds)}"
+        case {"type": "number", **bounds}:
+            return _range(bounds) or "number"
+        case {"type": "string"}:
+            return "text"
+    return "table"
+
+
+def _range(bounds: Schema) -> str:
+    if "minimum" in bounds and "maximum" in bounds:
+        return f"{bounds['minimum']:g} to {bounds['maximum']:g}"
+    return ", ".join(f"{symbol} {bounds[bound]:g}" for bound, symbol in SYMBOLS.items() if bound in bounds)
+
+
+def _fmu_default(key: str) -> Any:
+    """Default of the FMU's parameter that a key sets; None where there is none, or it depends on the scene."""
+    table, _, name = key.rpartition(".")
+    owner = table.partition(".")[0]
+    if name in OF_THE_SCENE:
+        return None
+    if owner == "track" and name in TrackModelTable.fmu_parameters():
+        parameter = TrackModelTable.fmu_parameters()[name].name
+        found = [defaults[parameter] for kind in TRACKS.values() if parameter in (defaults := _defaults()[kind.fmu])]
+        return found[0]
+    return _defaults()[COMPONENTS[owner]].get(PARAMETERS.get(name, name)) if owner in COMPONENTS else None
+
+
+@cache
+def _defaults() -> dict[str, dict[str, Any]]:
+    """Defaults of the parameters of each kind of component of a vehicle with a driver."""
+    parts = [part for model in TRACKS for part in assemble(load("serpentine", model)).parts]
+    return {
+        part.kind: {
+            port.name: port.start for port in component_ports(part.kind, part.config) if port.causality == "parameter"
+        }
+        for part in parts
+    }

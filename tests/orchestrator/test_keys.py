@@ -1,0 +1,392 @@
+"""Keys of scenes and vehicles: their meanings, the reference page, schemas for editors, commented files, hints."""
+
+import copy
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+from jsonschema import Draft202012Validator
+from short_run import last
+
+from fmus.vehicle import BadInput
+from orchestrator.execution.checked_signals import require_signals
+from orchestrator.results import measures
+from orchestrator.scene import commented, gallery
+from orchestrator.scene.keys import OVERRIDES, facts, key_text, measure_keys, page, scene_keys, vehicle_keys
+from orchestrator.scene.scene import KINDS, load
+from orchestrator.scene.settings import entries, keys, near_keys
+from orchestrator.scene.toml_schema import scene_schema, vehicle_schema
+from orchestrator.scene.toml_text import toml_text
+
+ORCHESTRATOR = Path(gallery.__file__).parents[1]
+KEYS = {key.key: key for key in scene_keys()}
+
+
+def types(entry):
+    """All types of values in a schema of a key."""
+    inner = (*entry.get("anyOf", ()), *entry.get("prefixItems", ()), *filter(None, [entry.get("items")]))
+    return {entry.get("type"), *(kind for part in inner for kind in types(part))}
+
+
+def test_every_key_has_a_meaning_and_every_quantity_a_unit():
+    schema, count = scene_schema(), 0
+    for kind in KINDS.values():
+        for key, entry, _ in entries(schema["$defs"][kind.__name__], schema["$defs"]):
+            found = KEYS[key]
+            assert len(found.meaning) > 10 or key == "expect.NAME", key
+            assert not found.meaning.endswith("."), key
+            assert bool(found.unit) == ("number" in types(entry)), key
+            count += bool(found.unit)
+    assert count > 200
+    assert {key for kind in KINDS.values() for key in keys(kind)} == KEYS.keys() - {"vehicle.base"}
+    for measure in measure_keys():
+        assert measure.unit, measure
+        assert len(measure.meaning) > 10, measure
+    assert [measure.key for measure in measure_keys()] == [*measures.NAMES]
+
+
+@pytest.mark.parametrize(
+    ("key", "text"),
+    [
+        ("run.stop", "run.stop: s, 1e-09 to 1e+09, required\n    end of the run, a multiple of step"),
+        (
+            "run.checkpoints",
+            "run.checkpoints: s, > 0 or false, default 0.5\n    time from one checkpoint",
+        ),
+        ("track.step", "track.step: s, 1e-12 to 10, default 0.001\n    largest internal step"),
+        ("track.rtol", "track.rtol: ratio, 1e-13 to 0.1, default 1e-06\n    relative error of an internal step"),
+        ("track.model", 'track.model: "flexible" or "rigid", required\n'),
+        ("chain.links", "chain.links: whole number, 2 to 4096, required, assembly chain\n    number of links"),
+        ("driver.lateral_acceleration", "driver.lateral_acceleration: m/s^2, > 0, default 10.0, assembly vehicle\n"),
+        ("drive.gear_ratio", "drive.gear_ratio: ratio, > 0, default 1.0, assembly bench, rig, vehicle\n"),
+        ("drive.left.ramp_time", "drive.left.ramp_time: s, >= 0, assembly vehicle\n"),
+        (
+            "drive.speed_points",
+            "drive.speed_points: s, rad/s, list of [>= 0, number] or text, assembly bench",
+        ),
+        ("vehicle.contact.ground.friction", "vehicle.contact.ground.friction: ratio, 0 to 100, required\n    coeff"),
+        ("vehicle.chassis.inertia", "vehicle.chassis.inertia: kg m^2, [> 0, > 0, > 0], required\n    moments of"),
+        ("vehicle.tensioner.travel", "vehicle.tensioner.travel: m, 1e-06 to 50, default 0.1\n"),
+        ("push", "push: N, number, default 0.0, assembly vehicle, solved by the run\n    share of the tensioners'"),
+        (
+            "expect.NAME.measure",
+            f"expect.NAME.measure: one of {len(measures.NAMES)} names\n    measure that is",
+        ),
+    ],
+)
+def test_text_of_a_key(key, text):
+    assert key_text(KEYS[key]).startswith(text)
+
+
+def test_the_reference_page_is_that_of_the_code():
+    """If this fails: cotrack keys --markdown > orchestrator/keys.md."""
+    written = (ORCHESTRATOR / "keys.md").read_text(encoding="utf-8")
+    assert written == page(scene_keys(), measure_keys()) + "\n"
+
+
+def test_keys_command(cotrack):
+    status, out, _ = cotrack("keys", "Friction_V")
+    assert status == 0
+    assert [line.partition(":")[0] for line in out.splitlines()[::2]] == [
+        f"vehicle.contact.{pair}.friction_velocity" for pair in ("sprocket", "wheel", "ground")
+    ]
+    found = json.loads(cotrack("keys", "--json")[1].splitlines()[-1])
+    assert len(found["keys"]) == len(KEYS)
+    assert {"key": "sag", "unit": "m"}.items() <= found["measures"][0].items()
+    assert "yaw_rate: rad/s\n    Rate of the heading" in cotrack("keys", "heading")[1]
+    status, _, err = cotrack("keys", "zzz")
+    assert (status, err) == (2, "cotrack: no key and no measure has 'zzz' in its name or meaning\n")
+
+
+# --- schemas ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def check():
+    """Return a function that gives the messages of the schema of a kind of file for a raw table."""
+    checkers = {"scene": Draft202012Validator(scene_schema()), "vehicle": Draft202012Validator(vehicle_schema())}
+    for checker in checkers.values():
+        checker.check_schema(checker.schema)
+
+    def messages(kind, table):
+        errors = [*checkers[kind].iter_errors(table)]
+        return [each.message for error in errors for each in error.context or [error]]
+
+    return messages
+
+
+@pytest.mark.parametrize("name", gallery.names())
+def test_files_of_the_gallery_fit_the_schema(check, name):
+    assert check("scene", gallery.read(name)[1]) == []
+
+
+def test_the_packaged_vehicle_fits_the_schema(check):
+    vehicle = gallery.read_vehicle("m113")
+    assert check("vehicle", vehicle) == []
+    for key in ("name", "chassis", "gravity"):
+        assert check("vehicle", {k: v for k, v in vehicle.items() if k != key}) == [f"{key!r} is a required property"]
+    assert check("vehicle", {**vehicle, "masss": 1}) == [
+        "Additional properties are not allowed ('masss' was unexpected)"
+    ]
+
+
+ACCEPTED = (
+    ("run.step", "2 ms"), ("run.step", 2e-3), ("run.coupling", "jacobi"), ("run.coupling", {"scheme": "jacobi"}),
+    ("run.variable", False), ("run.checkpoints", False), ("run.allow", "penetration"), ("track", "rigid"),
+    ("track.link_outputs", "all"), ("track.link_outputs", ["wheels"]), ("vehicle", "own.toml"), ("driver", False),
+    ("vehicle", {"base": "m113", "chassis": {"mass": "6 t"}}), ("drive.speed_points", "speed.csv"),
+    ("drive.speed_points", [[0, 0], ["1 s", "5 rad/s"]]), ("start.heading", "-90 deg"),
+    ("drive", {"left": {"mode": "speed"}}), ("driver", {"arcs": [["4 m", 0.1], [0, "90 deg"]]}), ("name", "other"),
+    ("vehicle.track.tension", "-1 kN"),
+)  # fmt: skip
+REFUSED = (
+    ("run.stepp", 1.0), ("drive.sped", 1.0), ("vehicle.mass", 1.0), ("chain", {"links": 8}),
+    ("expect.energy.signl", "a"), ("run.step", 20.0), ("run.step", "-2 ms"), ("run.step", "soon"), ("run.step", True),
+    ("run.outputs", 0),
+    ("vehicle.chassis.mass", 0.0), ("vehicle.chassis.mass", 1e300), ("vehicle.contact.ground.friction", -0.1),
+    ("vehicle.sprocket.teeth", 41), ("track", "soft"), ("track.integrator", "euler"), ("start.position", [0, 0]),
+    ("drive.left.brake", 1e12), ("drive.speed_points", [[0, 0, 0]]), ("expect.energy.measure", "energi"),
+    ("tracks", ["top"]),
+)  # fmt: skip
+
+
+def test_schema_and_command_accept_and_refuse_the_same(check, tmp_path):
+    """Values that the schema accepts are read, those that it refuses are refused."""
+    (tmp_path / "speed.csv").write_text("0,0\n1,5\n")
+    for values, refused in ((ACCEPTED, False), (REFUSED, True)):
+        for key, value in values:
+            table = copy.deepcopy(gallery.read("straight")[1])
+            *path, name = key.split(".")
+            place = table
+            if path[:1] == ["vehicle"]:
+                table["vehicle"] = {"base": "m113"}
+            for part in path:
+                place = place.setdefault(part, {})
+            place[name] = value
+            assert bool(check("scene", table)) == refused, (key, value)
+            if refused:
+                (tmp_path / "own.toml").write_text(toml_lines(table))
+                with pytest.raises(BadInput):
+                    load(str(tmp_path / "own.toml"))
+
+
+def toml_lines(table):
+    return "\n".join(toml_text({key: value})[2:-2] for key, value in table.items())
+
+
+def test_schema_command(cotrack):
+    for kind, made in (("scene", scene_schema()), ("vehicle", vehicle_schema())):
+        status, out, _ = cotrack("schema", kind)
+        assert (status, json.loads(out)) == (0, made)
+    friction = made["$defs"]["ContactLawTable"]["properties"]["friction"]
+    assert friction == {
+        "type": "number", "minimum": 0, "maximum": 100.0, "unit": "1", "description": "coefficient of friction",
+    }  # fmt: skip
+    assert cotrack("schema", "boat")[0] == 2
+
+
+# --- commented files -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", gallery.names())
+def test_a_commented_scene_resolves_as_its_source(cotrack, check, tmp_path, name):
+    assert cotrack("new", "scene", "own", "--from", name) == (0, "own.toml\n", "")
+    source, written = load(name).resolved(), load("own.toml").resolved()
+    assert (source.pop("name"), written.pop("name")) == (name, "own")
+    assert written == source
+    text = (tmp_path / "own.toml").read_text(encoding="utf-8")
+    assert check("scene", tomllib.loads(text)) == []
+    assert "stop = " in text
+    for key in KEYS.values():
+        wanted = not key.assembly or source["assembly"] in key.assembly.split(", ")
+        if key.meaning and not key.solved and not key.key.startswith(("vehicle.", *OVERRIDES, "start.equilibrium.")):
+            assert (key.meaning in text) >= wanted, key.key
+
+
+def test_defaults_in_comments_are_those_of_the_scene(tmp_path, monkeypatch):
+    """A commented key of a table that the file has may be uncommented: nothing changes, or another key must be set."""
+    monkeypatch.chdir(tmp_path)
+    path = commented.new_file("scene", "own")
+    lines, same, refused = path.read_text(encoding="utf-8").splitlines(), 0, []
+    source, active = load("own.toml").resolved(), True
+    for i, line in enumerate(lines):
+        active = not line.startswith("# [") if "[" in line.split("=")[0] else active
+        key, _, rest = line.removeprefix("# ").partition(" = ")
+        if not active or not line.startswith("# ") or rest.strip().startswith("#") or " " in key or not rest:
+            continue
+        path.write_text("\n".join([*lines[:i], line[2:], *lines[i + 1 :]]), encoding="utf-8")
+        try:
+            resolved = load("own.toml").resolved()
+        except BadInput as error:
+            refused.append(key if " needs " in str(error) else str(error))
+            continue
+        for table in ("run", "track", "drive"):
+            resolved[table] = {name: resolved[table][name] for name in source[table]}
+        assert {**resolved, "name": "own"} == source, line
+        same += 1
+    assert same == 21
+    assert refused == ["formulation", "closure_stiffness", "closure_damping", "rtol", "atol", "gear_ratio"]
+
+
+def test_a_commented_vehicle_is_its_source(cotrack, check, tmp_path):
+    assert cotrack("new", "vehicle", "tank.toml") == (0, "tank.toml\n", "")
+    source, written = (
+        load("straight", None, [f"vehicle={name}"]).resolved()["vehicle"] for name in ("m113", "tank.toml")
+    )
+    assert (source.pop("name"), written.pop("name")) == ("m113", "tank")
+    assert written == source
+    text = (tmp_path / "tank.toml").read_text(encoding="utf-8")
+    assert check("vehicle", tomllib.loads(text)) == []
+    assert 'mass = "5489.24 kg"  # kg: mass of the hull\n' in text
+    assert '# law = "linear"  # law of the normal force ("linear" or "hunt_crossley")\n' in text
+    assert all(key.meaning in text and facts(key) for key in vehicle_keys())
+    assert cotrack("new", "vehicle", "second", "--from", "tank.toml")[0] == 0
+
+
+def test_points_of_a_source_elsewhere_are_written(tmp_path, monkeypatch):
+    (tmp_path / "far").mkdir()
+    (tmp_path / "far" / "speed.csv").write_text("0,0\n1,5\n")
+    table = gallery.read("straight")[1]
+    (tmp_path / "far" / "a.toml").write_text(
+        toml_lines({**table, "drive": {"mode": "speed", "speed_points": "speed.csv"}})
+    )
+    monkeypatch.chdir(tmp_path)
+    commented.new_file("scene", "b", "far/a.toml")
+    assert load("b.toml").drive.speed_points == ((0.0, 0.0), (1.0, 5.0))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("scene", "own"), "'own.toml' exists already, and is not replaced: give another name"),
+        (("vehicle", "own.toml"), "'own.toml' exists already, and is not replaced: give another name"),
+        (("scene", "link"), "'link.toml' exists already, and is not replaced: give another name"),
+        (("scene", "far/own"), "'far/own' is no name of a file in the current folder"),
+        (("scene", ""), "'' is no name of a file in the current folder"),
+        (("scene", "new", "--from", "straigt"), "no scene 'straigt': did you mean 'straight'?"),
+        (("vehicle", "new", "--from", "leopard"), "no vehicle 'leopard': give a .toml file or one of m113"),
+        (("scene", "x" * 300), "cannot be written: File name too long"),
+    ],
+)
+def test_a_file_that_cannot_be_new_is_one_sentence(cotrack, tmp_path, arguments, said):
+    (tmp_path / "own.toml").write_text("mine")
+    (tmp_path / "link.toml").symlink_to(tmp_path / "nowhere")
+    status, out, err = cotrack("new", *arguments)
+    assert (status, out, len(err.splitlines())) == (2, "", 1)
+    assert said in err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["link.toml", "own.toml"]
+    assert (tmp_path / "own.toml").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    "value",
+    [0, -1.5, 1e-10, 1e300, float("inf"), True, 'a "b" \\ \n ü', [1, [2.0, "x"]], {"a": {"b c": 1}, "d": []}, {}],
+)
+def test_text_of_values_reads_back(value):
+    assert tomllib.loads(f"x = {toml_text(value)}") == {"x": value}
+
+
+# --- hints -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("key", "near"),
+    [
+        ("run.stepp", ["run.step"]),
+        ("drive.sped", ["drive.speed"]),
+        ("drive.left.sped", ["drive.left.speed"]),
+        ("runn", ["run"]),
+        ("stepp", ["run.step"]),
+        ("vehicle.contact.ground.frction", ["vehicle.contact.ground.friction"]),
+        ("expect.rest.signl", ["expect.rest.signal"]),
+        ("hull", ["vehicle.chassis.hull", "ground.hull"]),
+        ("qqq", []),
+    ],
+)
+def test_near_keys(key, near):
+    assert near_keys(key, keys(KINDS["vehicle"])) == near
+    assert near_keys("vehicle.mass", keys(KINDS["vehicle"]))[:2] == ["vehicle.chassis.mass", "vehicle.sprocket.mass"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('step = "1.25', 'stepp = "1.25', "own.toml: unknown key 'run.stepp': did you mean 'run.step'?"),
+        ("speed = ", "sped = ", "own.toml: unknown key 'drive.sped': did you mean 'drive.speed'?"),
+        ("model = ", "modell = ", "own.toml: unknown key 'track.modell': did you mean 'track.model'?"),
+        ("[drive]", "[drives]", "own.toml: unknown key 'drives': did you mean 'drive'?"),
+        ("[drive]", "[chain]\nlinks = 8\n[drive]", "own.toml: unknown key 'chain': it needs assembly = 'chain'"),
+        (
+            "tolerance = 0.002,",
+            "tolerence = 0.002,",
+            "'expect.chain_left.tolerence': did you mean 'expect.chain_left.tolerance'?",
+        ),
+        (
+            'vehicle = "m113"',
+            'vehicle = { base = "m113", mass = 3 }',
+            "own.toml: unknown key 'vehicle.mass': did you mean 'vehicle.chassis.mass' or 'vehicle.sprocket.mass' or"
+            " 'vehicle.idler.mass'?",
+        ),
+        (
+            'vehicle = "m113"',
+            'vehicle = "tank.toml"',
+            "own.toml with vehicle 'tank.toml': unknown key 'vehicle.track.lateal': did you mean 'vehicle.track.late",
+        ),
+    ],
+)
+def test_a_misspelt_key_of_a_file_is_told_the_nearest(tmp_path, monkeypatch, old, new, said):
+    monkeypatch.chdir(tmp_path)
+    text = (ORCHESTRATOR / "gallery" / "straight.toml").read_text(encoding="utf-8")
+    assert old in text
+    (tmp_path / "own.toml").write_text(text.replace(old, new, 1))
+    commented.new_file("vehicle", "tank")
+    vehicle = (tmp_path / "tank.toml").read_text(encoding="utf-8")
+    (tmp_path / "tank.toml").write_text(vehicle.replace("lateral = ", "lateal = "))
+    with pytest.raises(BadInput) as caught:
+        load("own.toml")
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("scene", "signal", "said"),
+    [
+        ("straight", "left_track.tension.maxx", "no such signal: did you mean 'left_track.tension.max'?"),
+        ("straight", "leftrack.tension.max", "no component 'leftrack': did you mean 'left_track'?"),
+        ("straight", "driver.path.progress", "no component 'driver': did you mean 'left_drive'?"),
+        ("straight", "left_track.link[65].tension", "no such signal: did you mean 'left_track.link["),
+        ("straight", "hull.speed", "no component 'hull': there are left_track, right_track, left_drive, "),
+        ("straight", "left_track", "no such signal: "),
+        ("hanging_chain", "chain.solver.steps", "no such signal: "),
+    ],
+)
+def test_signals_of_checks_are_known_before_anything_is_built(cotrack, monkeypatch, scene, signal, said):
+    monkeypatch.setattr("orchestrator.execution.simulate.load_scene", lambda *_: pytest.fail("it is built"))
+    check = f'expect.own={{signal="{signal}", expected=1, tolerance=1}}'
+    status, out, err = cotrack("run", scene, "--json", "--set", check)
+    assert (status, len(err.splitlines())) == (2, 1)
+    assert err.startswith(f"cotrack: {scene}.toml: expect.own.signal = '{signal}': {said}")
+    assert last(out)["message"] in err
+
+
+@pytest.mark.parametrize(
+    ("settings", "signal"),
+    [
+        ((), "left_track.link[64].tension"),
+        ((), "chassis.settlement"),
+        ((), "chassis.left.idler.force.x"),
+        ((), "stats.left_track.steps"),
+        (("run.between=true",), "left_track.link[64].tension.mean"),
+        (("expect.own.track=rigid",), "no.matter"),
+    ],
+)
+def test_known_signals_of_checks_are_not_refused(settings, signal):
+    check = f'expect.own={{signal="{signal}", expected=1, tolerance=1}}'
+    require_signals(load("straight", None, [check, *settings]))
+    other = {"run.between=true": "run.between=false", "expect.own.track=rigid": "expect.own.track=flexible"}
+    if settings:
+        with pytest.raises(BadInput, match=r"expect\.own\.signal"):
+            require_signals(load("straight", None, [check, *(other[one] for one in settings)]))
+    if signal.startswith("chassis.left"):
+        with pytest.raises(BadInput, match="no such signal"):
+            require_signals(load("straight", None, [check, "run.inputs=false"]))
