@@ -13,6 +13,9 @@ from orchestrator.log.extra import library
 
 FORM = ".5g"
 LEAST = 1e-100  # smaller numbers are shown as 0
+ROUNDING = {  # smaller figures of a run are rounding, and 0 in the text of a table, though not in its CSV
+    "N": 1e-7, "kN": 1e-10, "N.m": 1e-7, "kN m": 1e-10, "m/s": 1e-12, "rad/s": 1e-12, "kW": 1e-10,
+}  # fmt: skip
 ABOUT = "about"  # column that describes a row
 COST = "cost"  # time or size: less is better; compared between checkouts
 VERDICTS = {True: "ok", False: "NOT"}
@@ -26,6 +29,7 @@ class Column(NamedTuple):
     form: str = ""  # format of numbers in text; empty: floats with 5 digits
     role: str = ""  # ABOUT, COST or neither
     unit: str = ""
+    least: float = LEAST  # smaller numbers are shown as 0
 
 
 class Table(NamedTuple):
@@ -40,9 +44,12 @@ class Table(NamedTuple):
     def of(
         cls, title: str, columns: Iterable[tuple[str, str]], rows: Sequence[Sequence[Any]], notes: tuple[str, ...] = ()
     ) -> Table:
-        """Table of columns that are given by name and unit, "" for none."""
-        heads = [(name, f"{name}, {unit}" if unit else name, "", "", unit) for name, unit in columns]
-        return cls(title, tuple(map(Column._make, heads)), rows, notes)
+        """Table of columns of a run, given by name and unit, "" for none."""
+        known = tuple(
+            Column(name, f"{name}, {unit}" if unit else name, unit=unit, least=ROUNDING.get(unit, LEAST))
+            for name, unit in columns
+        )
+        return cls(title, known, rows, notes)
 
     @classmethod
     def of_records(
@@ -103,16 +110,19 @@ class Table(NamedTuple):
 
     def _texts(self, missing: str) -> list[list[str]]:
         return [
-            [cell_text(cell, column.form) or missing for cell, column in zip(row, self.columns, strict=True)]
+            [
+                cell_text(cell, column.form, column.least) or missing
+                for cell, column in zip(row, self.columns, strict=True)
+            ]
             for row in self.rows
         ]
 
 
-def cell_text(cell: Any, form: str) -> str:
-    """Cell as text, a number in its format; empty if it is missing."""
+def cell_text(cell: Any, form: str, least: float = LEAST) -> str:
+    """Cell as text, a number in its format, 0 below ``least``; empty if it is missing."""
     cell = _exact(cell)
     if isinstance(cell, float):
-        return f"{cell if abs(cell) > LEAST else 0.0:{form or FORM}}"
+        return f"{cell if abs(cell) > least else 0.0:{form or FORM}}"
     return f"{cell:{form}}" if form and not isinstance(cell, str) else str(cell)
 
 

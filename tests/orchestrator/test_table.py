@@ -31,6 +31,16 @@ def test_an_analysis_gives_columns_by_name_and_unit():
     assert table.records()[0] == {"what": "a | b", "force": 1.23456789, "count": 3}
 
 
+def test_rounding_of_a_run_is_shown_as_zero():
+    """In the text alone, by the unit; a share of 1e-15 may be a finding."""
+    columns = (("force", "kN"), ("turning", "rad/s"), ("damage", ""))
+    table = Table.of("title", columns, [(-5.4e-13, 4e-16, 8e-14), (-5.4e-9, 4e-12, 8e-14)])
+    assert str(table).splitlines()[2:] == [
+        "        0               0   8e-14", " -5.4e-09           4e-12   8e-14"
+    ]  # fmt: skip
+    assert table.csv().splitlines()[1] == "-5.4e-13,4e-16,8e-14"
+
+
 def test_a_study_gives_columns_by_key_and_format():
     columns = (Column("cost", "cost, s", ".2f"), Column("count", "count", ",d"), Column("ok", "ok"))
     table = Table.of_records("", columns, [{"cost": 1.0, "count": 1000, "ok": False, "more": 1}, {"ok": True}])

@@ -15,7 +15,7 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, link_records
 from orchestrator.results.link_axes import link_axes
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
-from orchestrator.results.table import Table
+from orchestrator.results.table import ROUNDING, Table
 
 KINDS = {"joint": "joint[*].force", "ground": "link[*].ground.force", "wheels": "link[*].wheels.force"}
 AXES = ("along", "across", "outwards")
@@ -73,7 +73,9 @@ def _summarise(parts: Iterable[LinkForces]) -> LinkForceSummary:
     rows = []
     for key, block_extremes in gathered.items():
         least, total, most, time = np.array(block_extremes).T
-        rows.append((*key, float(least.min()), float(total.sum() / time.sum()), float(most.max())))
+        figures = np.array([least.min(), total.sum() / time.sum(), most.max()])
+        figures[np.abs(figures) < ROUNDING[key[2]]] = 0.0  # by row, because a column has several units
+        rows.append((*key, float(figures[0]), float(figures[1]), float(figures[2])))
     return LinkForceSummary(track, rows)
 
 
