@@ -17,7 +17,6 @@ from orchestrator.results.measured_record import MeasuredSignal
 from orchestrator.results.run_data import Missing, record_durations
 
 GRID = 1_000_000  # most grid intervals of both records
-TRIALS = 40  # of the refinement, in two intervals of the sparser record
 SHARE = 0.5  # of the shorter record, in which records must overlap
 PRECISION = 1e-10  # s
 
@@ -28,20 +27,22 @@ def find_shift(pairs: Sequence[Pair]) -> float:
     """Shift, s, to be added to the measured times; raises Missing if no measured signal varies."""
     from scipy.optimize import minimize_scalar
 
-    varying = [pair for pair in pairs if np.nanstd(pair[2].values) > 0.0 and len(pair[0]) > 1]
+    varying = [pair for pair in pairs if len(pair[0]) > 1 and len(set(pair[2].values[~np.isnan(pair[2].values)])) > 1]
     if not varying:
         raise Missing("no shift can be found: no mapped signal varies in the file")
 
     def cost(shift: float) -> float:
         return float(sum(_cost(pair, shift) for pair in varying))
 
-    intervals = [float(np.median(np.diff(t))) for pair in varying for t in (pair[0], pair[2].t)]
-    coarse = _on_grid(varying, min(intervals))
-    trials = coarse + max(intervals) * np.linspace(-1.0, 1.0, TRIALS + 1)
-    best = float(trials[np.argmin([cost(trial) for trial in trials])])
-    reach = 2.0 * max(intervals) / TRIALS
-    # The tolerance of scipy grows with the variable, so it counts from the best trial.
-    refined = minimize_scalar(lambda more: cost(best + more), bounds=(-reach, reach), options={"xatol": PRECISION})
+    # The finer record sets the grid, so that an undersampled oscillation has its least difference there too.
+    finest = min(float(np.median(np.diff(t))) for pair in varying for t in (pair[0], pair[2].t) if len(t) > 1)
+    span = sum(float(t[-1] - t[0]) for t in (varying[0][0], varying[0][2].t))
+    interval = max(finest, span / GRID)
+    best = _on_grid(varying, interval)
+    # The tolerance of scipy grows with the variable, so it counts from the best shift.
+    refined = minimize_scalar(
+        lambda more: cost(best + more), bounds=(-2.0 * interval, 2.0 * interval), options={"xatol": PRECISION}
+    )
     return best + float(refined.x) if refined.fun < cost(best) else best
 
 
@@ -63,7 +64,6 @@ def _on_grid(pairs: Sequence[Pair], interval: float) -> float:
 
     start, end = max(float(t[0]) for t, _, _ in pairs), min(float(t[-1]) for t, _, _ in pairs)
     begin, stop = pairs[0][2].t[[0, -1]].tolist()  # one clock for all measured signals
-    interval = max(interval, (end - start + stop - begin) / GRID)
     total: Floats | float = 0.0
     for t, values, measured in pairs:
         mean, deviation = np.nanmean(measured.values), np.nanstd(measured.values)

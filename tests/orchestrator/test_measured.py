@@ -118,9 +118,11 @@ def test_windows_and_phases(run, write, tmp_path):
     assert (compared[3].start, compared[3].end) == pytest.approx((3.018, 6.052), abs=2.5e-3)
 
 
-@pytest.mark.parametrize(("shift", "rate"), [(1.2345, 1000), (-0.7, 1000), (0.0, 37), (1.7e9, 100), (-123.4567, 400)])
+@pytest.mark.parametrize(
+    ("shift", "rate"), [(1.23456789, 1000), (-0.7, 1000), (0.0, 37), (1.7e9, 100), (-123.4567891, 400)]
+)
 def test_a_shift_is_found(run, write, shift, rate):
-    t = np.arange(0.25, 1.75, 1.0 / rate)
+    t = np.arange(0.25 if rate == 1000 else 0.2501234, 1.75, 1.0 / rate)  # if as dense, at records of the run
     v, force = np.interp(t, T, SPEED), np.interp(t, T, FORCE)
     v[5:8] = np.nan
     file = write("t,v [km/h],F [kN]", t - shift, 3.6 * v, force / 1e3)
@@ -138,11 +140,21 @@ def test_the_record_may_be_longer_than_the_run_and_offset(run, write):
     t = np.linspace(0.0, 6.0, 1201)
     x = t - 2.5
     v = 3.0 + np.sin(2.0 * np.pi * x) + 0.3 * np.sin(9.0 * x) + 0.05
+    v[-1] = SPEED[0]  # equal in an overlap of one instant, which is too short
     comparison = run.compare_measured(write("t,v", t, v), {"chassis.speed": "v"}, shift="find")
     assert comparison.shift == pytest.approx(-2.5, abs=1e-3)
     assert only(comparison).mean == pytest.approx(-0.05, abs=1e-4)
     with pytest.raises(Missing, match="no shift can be found: no mapped signal varies in the file"):
         run.compare_measured(write("t,v", t, 0.0 * t), {"chassis.speed": "v"}, shift="find")
+
+
+def test_the_shift_of_an_undersampled_oscillation_is_found(write, tmp_path):
+    values = SPEED + np.sin(2.0 * np.pi * 40.0 * T)
+    path = made(tmp_path / "a.mcap", {"/chassis/out": [("speed", "m/s")]}, {"/chassis/out": (T, values[:, None])})
+    t = np.arange(0.2501234, 1.75, 1.0 / 37.0)
+    file = write("t,v", t - 1.23456789, np.interp(t, T, values))
+    found = package.Run(path).compare_measured(file, {"chassis.speed": "v"}, shift="find")
+    assert found.shift == pytest.approx(1.23456789, abs=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -235,6 +247,8 @@ def test_the_command_prints_and_judges(run, write, cotrack):
     assert cotrack(*command, "--allow", f"{relative + 1e-9}")[0] == 0
     status, out, _ = cotrack(*command, "--allow", f"chassis.speed={relative - 1e-9}")
     assert (status, out.splitlines()[-1]) == (1, f"NOT chassis.speed: relative {relative:.3g}, allowed {relative:g}")
+    more = ("--map", "chassis.slip=v:1", "--allow", "10")  # one of two is met
+    assert cotrack(*command, *more, "--allow", "chassis.speed=0")[0] == 1
     status, out, _ = cotrack(*command, "--json", "--allow", "0.05", "--to", "1")
     result = json.loads(out)
     assert (status, result["ok"], result["reference"]["shift"], result["window"]["to"]) == (1, False, 1.5, 1.0)
