@@ -14,7 +14,7 @@ import typer
 from fmus.vehicle import BadInput
 from orchestrator.cli import printed
 from orchestrator.cli.common import LogPath, beside
-from orchestrator.cli.measured_options import FIND, ClockOption, MapOption, ShiftOption, columns_by_signal, parsed_shift
+from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, columns_by_signal
 from orchestrator.results.analyses.catalogue import ANALYSES, Option, module_of
 from orchestrator.results.page.words import and_list
 
@@ -162,7 +162,7 @@ def plot(
     """
     from orchestrator.log.reader import Log
     from orchestrator.results.analyses import signal_picture
-    from orchestrator.results.measured_difference import read_shifted
+    from orchestrator.results.measured_difference import FIND, read_shifted
     from orchestrator.results.run_data import RunData, Window
 
     logs = [Path(name) for name in names if name.endswith(".mcap") or Path(name).is_file()]
@@ -177,9 +177,7 @@ def plot(
     measured: list[MeasuredSignal] = []
     if file is not None:
         with Log(logs[0]) as log:
-            measured, seconds = read_shifted(
-                RunData(log), file, columns, clock, parsed_shift(shift), Window(start, end)
-            )
+            measured, seconds = read_shifted(RunData(log), file, columns, clock, shift, Window(start, end))
         if shift == FIND:
             print(printed.plain(f"{file}: {seconds:.6g} s added to its times"))
     signal_picture.draw(

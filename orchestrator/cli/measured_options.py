@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite
 from typing import Annotated
 
 import typer
 
 from fmus.vehicle import BadInput
-
-FIND = "find"
 
 MapOption = Annotated[
     list[str] | None,
@@ -39,16 +36,3 @@ def columns_by_signal(mapped: Sequence[str] | None, clock: str, shift: str, has_
     if not has_file and (columns or clock or shift != "0"):
         raise BadInput("--map, --clock and --shift belong to the CSV file of a test, which is not given")
     return columns
-
-
-def parsed_shift(text: str) -> float | str:
-    """Shift in s, or FIND; raises BadInput."""
-    if text == FIND:
-        return text
-    try:
-        shift = float(text)
-    except ValueError:
-        shift = float("nan")
-    if not isfinite(shift):
-        raise BadInput(f"--shift {text}: must be a time in s or '{FIND}'")
-    return shift

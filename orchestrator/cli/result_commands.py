@@ -15,7 +15,7 @@ from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.cli import printed
 from orchestrator.cli.common import LogPath, Settings, exit_with, log_warning
-from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, columns_by_signal, parsed_shift
+from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, columns_by_signal
 
 if TYPE_CHECKING:
     from orchestrator.results.run_data import Window
@@ -152,7 +152,7 @@ def compare(
     if columns:
         if different or align != "time" or bitwise or picture:
             raise BadInput("--different, --align, --bits and -o are for two logs, and --map is for a CSV file")
-        how = {"clock": clock, "shift": parsed_shift(shift), "window": window, "by_phase": by_phase}
+        how = {"clock": clock, "shift": shift, "window": window, "by_phase": by_phase}
         result, text = _compare_measured(run, reference, columns, allowed or (), how)
     else:
         result = _compare_logs((run, reference), different, window, align, allowed or (), bitwise, picture)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fmus.vehicle import BadInput
 from orchestrator.log.time_series import Floats
 from orchestrator.results import measured_record
 from orchestrator.results.analyses import phases
@@ -22,7 +23,7 @@ from orchestrator.results.measured_record import MeasuredSignal
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, record_durations, within
 from orchestrator.results.table import Column, Table
 
-WHOLE = "whole"
+WHOLE, FIND = "whole", "find"
 COLUMNS = (
     Column("signal", "signal"), Column("window", "window"), Column("start", "from, s"), Column("end", "to, s"),
     Column("unit", "unit"), Column("rms", "RMS", ".4g"), Column("relative", "relative", ".3g"),
@@ -75,12 +76,24 @@ def read_shifted(
 
     :param columns: "COLUMN[:UNIT]" by signal; see ``measured_record.read``, also for ``clock``.
     :param shift: s, added to the times of the file, or "find" for that of the least difference in the window.
-    :raises BadInput: for what ``measured_record.read`` refuses. Raises NoSuchSignal, Missing.
+    :raises BadInput: for what ``measured_record.read`` refuses, and another text as shift. Raises NoSuchSignal, Missing.
     """
     measured = measured_record.read(file, columns, run.log.unit, clock)
-    if isinstance(shift, str):
-        shift = find_shift([(*run.signal(each.signal, window), each) for each in measured])
-    return [each.shifted(shift) for each in measured], shift
+    if shift == FIND:
+        seconds = find_shift([(*run.signal(each.signal, window), each) for each in measured])
+    else:
+        seconds = _seconds(shift)
+    return [each.shifted(seconds) for each in measured], seconds
+
+
+def _seconds(shift: float | str) -> float:
+    try:
+        seconds = float(shift)
+    except ValueError:
+        seconds = np.nan
+    if not np.isfinite(seconds):
+        raise BadInput(f"shift {shift}: must be a time in s or '{FIND}'")
+    return seconds
 
 
 def compare_measured(
@@ -123,7 +136,7 @@ def _differences(
         elif name == WHOLE:
             raise Missing(
                 f"'{measured.column}', {measured.t[0]:g} to {measured.t[-1]:g} s on the clock of the run, and"
-                f" '{measured.signal}', {t_run[0]:g} to {t_run[-1]:g} s, have no instants in common"
+                f" '{measured.signal}', {t_run[0]:g} to {t_run[-1]:g} s, have no values in common"
                 f"{'' if window == EVER else f' from {window.start:g} to {window.end:g} s'}: a shift moves the former"
             )
 

@@ -188,7 +188,7 @@ def test_other_refusals(run, write, cotrack, tmp_path):
         Missing, match=r"'v', 5 to 7 s on the clock of the run, and 'chassis\.speed', 0 to 2 s, have no"
     ):
         run.compare_measured(late, {"chassis.speed": "v"})
-    with pytest.raises(Missing, match=r"have no instants in common from 3 to inf s"):
+    with pytest.raises(Missing, match=r"have no values in common from 3 to inf s"):
         run.compare_measured(late, {"chassis.speed": "v"}, shift=-5.0, start=3.0)
     with pytest.raises(NoSuchSignal, match=r"no signal 'chassis\.sped'; did you mean 'chassis\.speed'"):
         run.compare_measured(late, {"chassis.sped": "v"})
@@ -200,7 +200,7 @@ def test_other_refusals(run, write, cotrack, tmp_path):
     mapped = ("--map", "chassis.speed=v")
     for options, sentence in (
         ((), "a measured record needs --map SIGNAL=COLUMN, for example"),
-        ((*mapped, "--shift", "late"), "--shift late: must be a time in s or 'find'"),
+        ((*mapped, "--shift", "late"), "shift late: must be a time in s or 'find'"),
         ((*mapped, "--bits"), "--different, --align, --bits and -o are for two logs"),
         (("--map", "v"), "--map v: must be SIGNAL=COLUMN or SIGNAL=COLUMN:UNIT"),
         ((*mapped, "--map", "chassis.speed=w"), "--map chassis.speed=w: 'chassis.speed' has a column already, 'v'"),
