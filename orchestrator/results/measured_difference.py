@@ -76,7 +76,7 @@ def read_shifted(
 
     :param columns: "COLUMN[:UNIT]" by signal; see ``measured_record.read``, also for ``clock``.
     :param shift: s, added to the times of the file, or "find" for that of the least difference in the window.
-    :raises BadInput: for what ``measured_record.read`` refuses, and another text as shift. Raises NoSuchSignal, Missing.
+    :raises BadInput: for what ``measured_record.read`` refuses, and another text. Raises NoSuchSignal, Missing.
     """
     measured = measured_record.read(file, columns, run.log.unit, clock)
     if shift == FIND:
