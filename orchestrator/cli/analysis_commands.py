@@ -14,10 +14,12 @@ import typer
 from fmus.vehicle import BadInput
 from orchestrator.cli import printed
 from orchestrator.cli.common import LogPath, beside
+from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, columns_by_signal
 from orchestrator.results.analyses.catalogue import ANALYSES, Option, module_of
 from orchestrator.results.page.words import and_list
 
 if TYPE_CHECKING:
+    from orchestrator.results.measured_record import MeasuredSignal
     from orchestrator.results.table import Table
 
 From = Annotated[float, typer.Option("--from", metavar="T", help="first instant, s")]
@@ -147,23 +149,39 @@ def plot(
     order: Annotated[bool, typer.Option("--order", help="amplitudes over tooth orders")] = False,
     waterfall: Annotated[bool, typer.Option("--waterfall", help="map of a family as link[*].tension")] = False,
     place: Annotated[bool, typer.Option("--place", help="map by place on the circuit of the chain")] = False,
+    file: Annotated[
+        Path | None, typer.Option("--with", metavar="FILE.csv", help="measured record, drawn beside the first log")
+    ] = None,
+    mapped: MapOption = None,
+    clock: ClockOption = "",
+    shift: ShiftOption = "0",
 ) -> None:
     """Draw signals over time, frequency or tooth order, or as a map.
 
     Several logs share the axes, for example: cotrack plot a.mcap b.mcap 'left_track.link[*].tension' -o tension.png
     """
+    from orchestrator.log.reader import Log
     from orchestrator.results.analyses import signal_picture
-    from orchestrator.results.run_data import Window
+    from orchestrator.results.measured_difference import FIND, read_shifted
+    from orchestrator.results.run_data import RunData, Window
 
     logs = [Path(name) for name in names if name.endswith(".mcap") or Path(name).is_file()]
-    signals = [name for name in names if Path(name) not in logs]
+    columns = columns_by_signal(mapped, clock, shift, file is not None)
+    signals = [name for name in names if Path(name) not in logs] or [*columns]
     if not logs:
         raise BadInput("plot needs a log: a file, or a name that ends in .mcap")
     if not signals:
         raise BadInput("plot needs a signal: 'cotrack log info --signals LOG' lists them")
     _check_window(start, end)
     target = output or beside(logs[0], "-plot.png")
+    measured: list[MeasuredSignal] = []
+    if file is not None:
+        with Log(logs[0]) as log:
+            measured, seconds = read_shifted(RunData(log), file, columns, clock, shift, Window(start, end))
+        if shift == FIND:
+            print(printed.plain(f"{file}: {seconds:.6g} s added to its times"))
     signal_picture.draw(
-        logs, signals, target, Window(start, end), frequency=spectrum, order=order, waterfall=waterfall, place=place
-    )
+        logs, signals, target, Window(start, end), frequency=spectrum, order=order, waterfall=waterfall, place=place,
+        measured=measured,
+    )  # fmt: skip
     print(target)

@@ -9,13 +9,14 @@ from fmus.vehicle import BadInput
 from orchestrator.log.bitwise import BitDifference as Bits
 from orchestrator.results.difference import ObservableDifference
 from orchestrator.results.divergence import Divergence
+from orchestrator.results.measured_difference import WHOLE, MeasuredComparison
 from orchestrator.results.run_data import RunData, Window
 
 SHOWN = 12  # largest number of printed signals that only one log has
 
 
-def limits(allowed: Sequence[str], differences: Mapping[str, ObservableDifference]) -> dict[str, float]:
-    """Parse allowed differences, "NAME=RELATIVE" or "RELATIVE", by observable; raises BadInput."""
+def limits(allowed: Sequence[str], decisive: Mapping[str, bool]) -> dict[str, float]:
+    """Parse allowed differences, "NAME=RELATIVE" or "RELATIVE" (all decisive ones), by observable; raises BadInput."""
     limit_of: dict[str, float] = {}
     for text in allowed:
         name, _, number = text.rpartition("=")
@@ -25,11 +26,9 @@ def limits(allowed: Sequence[str], differences: Mapping[str, ObservableDifferenc
             limit = -1.0
         if not limit >= 0.0:
             raise BadInput(f"--allow {text}: must be [NAME=]RELATIVE, a number from 0 on")
-        if name and name not in differences:
-            raise BadInput(f"--allow {text}: no observable '{name}': one of {', '.join(differences)}")
-        limit_of |= (
-            {name: limit} if name else {each: limit for each, difference in differences.items() if difference.decisive}
-        )
+        if name and name not in decisive:
+            raise BadInput(f"--allow {text}: no observable '{name}': one of {', '.join(decisive)}")
+        limit_of |= {name: limit} if name else {each: limit for each, counts in decisive.items() if counts}
     return limit_of
 
 
@@ -53,8 +52,8 @@ def table(
         for name, difference in differences.items()
     }
     result: dict[str, Any] = {
-        "run": _about(run),
-        "reference": _about(reference),
+        "run": about(run),
+        "reference": about(reference),
         "window": {"from": window.start, "to": window.end},
         "observables": observables,
         "bits": None if divergence is None else _bits(divergence),
@@ -63,9 +62,31 @@ def table(
     return result | {"ok": not exceeded and (divergence is None or divergence.first is None)}
 
 
-def _about(run: RunData) -> dict[str, Any]:
-    about = run.log.metadata.get("run", {})
-    return {"log": str(run.log.path), **{key: about.get(key) for key in ("scene", "track", "coupling", "step", "stop")}}
+def measured_table(
+    run: RunData, compared: MeasuredComparison, window: Window, allowed: Sequence[str]
+) -> dict[str, Any]:
+    """Return the result of a comparison with a measured record as one JSON object; raises BadInput for ``allowed``."""
+    rows = [each._asdict() for each in compared.differences]
+    signals = {row["signal"]: row for row in rows if row["window"] == WHOLE}
+    for name, limit in limits(allowed, dict.fromkeys(signals, True)).items():
+        signals[name] |= {"allowed": limit, "ok": signals[name]["relative"] <= limit}
+    return {
+        "run": about(run),
+        "reference": {"file": str(compared.file), "shift": compared.shift, "notes": compared.notes},
+        "window": {"from": window.start, "to": window.end},
+        "observables": signals,
+        "phases": [row for row in rows if row["window"] != WHOLE],
+        "ok": all(signal.get("ok", True) for signal in signals.values()),
+    }
+
+
+def about(run: RunData) -> dict[str, Any]:
+    """Return the path of a log, and scene, track, coupling, step and stop of its run."""
+    recorded = run.log.metadata.get("run", {})
+    return {
+        "log": str(run.log.path),
+        **{key: recorded.get(key) for key in ("scene", "track", "coupling", "step", "stop")},
+    }
 
 
 def _bits(divergence: Divergence) -> dict[str, Any]:
@@ -89,11 +110,7 @@ def _place(difference: Bits) -> dict[str, Any]:
 
 def lines(result: Mapping[str, Any]) -> Iterator[str]:
     """Yield the lines of text for the result of a comparison."""
-    for role, key in (("run", "run"), ("reference", "reference")):
-        about = result[key]
-        what = ", ".join(str(about[name]) for name in ("scene", "track", "coupling") if about[name])
-        step = f", step {about['step']} s" if about["step"] else ""
-        yield f"{role:10} {about['log']}: {what}{step}"
+    yield from (run_line(role, result[role]) for role in ("run", "reference"))
     start, end = result["window"]["from"], result["window"]["to"]
     if (start, end) != (float("-inf"), float("inf")):
         yield f"from {start:g} to {end:g} s"
@@ -105,6 +122,23 @@ def lines(result: Mapping[str, Any]) -> Iterator[str]:
         yield f"{name:18} {observable['rms']:10.3g} {observable['unit']:5} {observable['relative']:9.2g}{note}"
     if result["bits"] is not None:
         yield from _bit_lines(result["bits"])
+
+
+def measured_lines(result: Mapping[str, Any], compared: MeasuredComparison) -> Iterator[str]:
+    """Yield the lines of text for a comparison with a measured record and its ``measured_table``."""
+    yield run_line("run", result["run"])
+    yield from str(compared.table()).splitlines()
+    for name, signal in result["observables"].items():
+        if "ok" in signal:
+            verdict = "ok " if signal["ok"] else "NOT"
+            yield f"{verdict} {name}: relative {signal['relative']:.3g}, allowed {signal['allowed']:g}"
+
+
+def run_line(role: str, of_run: Mapping[str, Any]) -> str:
+    """Line about a run, from the object of ``about``."""
+    what = ", ".join(str(of_run[name]) for name in ("scene", "track", "coupling") if of_run[name])
+    step = f", step {of_run['step']} s" if of_run["step"] else ""
+    return f"{role:10} {of_run['log']}: {what}{step}"
 
 
 def _bit_lines(bits: Mapping[str, Any]) -> Iterator[str]:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterator, Sequence
 from math import inf
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,6 +15,10 @@ from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.cli import printed
 from orchestrator.cli.common import LogPath, Settings, exit_with, log_warning
+from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, columns_by_signal
+
+if TYPE_CHECKING:
+    from orchestrator.results.run_data import Window
 
 
 def replay(
@@ -102,7 +107,9 @@ def _write_answer(log: Path, opened: Any, path: Path, picture: Path | None, wind
 
 def compare(
     run: Annotated[Path, typer.Argument(metavar="A", help="an MCAP log")],
-    reference: Annotated[Path, typer.Argument(metavar="B", help="the reference, another MCAP log")],
+    reference: Annotated[
+        Path, typer.Argument(metavar="B", help="the reference, another MCAP log; with --map the CSV file of a test")
+    ],
     different: Annotated[bool, typer.Option("--different", help="also compare runs of different scenes")] = False,
     start: Annotated[float, typer.Option("--from", metavar="T", help="first instant of the comparison, s")] = -inf,
     end: Annotated[float, typer.Option("--to", metavar="T", help="last instant, s")] = inf,
@@ -121,6 +128,10 @@ def compare(
     picture: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="picture of the growth, .png or .svg")
     ] = None,
+    mapped: MapOption = None,
+    clock: ClockOption = "",
+    shift: ShiftOption = "0",
+    by_phase: Annotated[bool, typer.Option("--phases", help="with --map: also by phase of the run")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="one JSON object on stdout")] = False,
 ) -> None:
     """Print how much two runs of a scene differ, by observable; with --bits, where they first differ.
@@ -129,17 +140,68 @@ def compare(
     difference between their scenes, vehicle included, is refused, unless --different is given. With --align, --from
     and --to count along travel or from the event, and observables averaged over seconds are left out. Exit status 1
     if an allowed difference is exceeded or, with --bits, if any bit differs.
+
+    With --map, B is a CSV file of measured signals: a header of names with units as "v [km/h]", a clock, numbers. The
+    command prints how much the mapped signals differ, and --allow limits their relative RMS difference.
     """
-    from orchestrator.cli.compared import limits, lines, table
+    from orchestrator.cli.compared import lines
+    from orchestrator.results.run_data import Window
+
+    window = Window(start, end)
+    columns = columns_by_signal(mapped, clock, shift, bool(mapped) or by_phase or reference.suffix.lower() == ".csv")
+    if columns:
+        if different or align != "time" or bitwise or picture:
+            raise BadInput("--different, --align, --bits and -o are for two logs, and --map is for a CSV file")
+        how = {"clock": clock, "shift": shift, "window": window, "by_phase": by_phase}
+        result, text = _compare_measured(run, reference, columns, allowed or (), how)
+    else:
+        result = _compare_logs((run, reference), different, window, align, allowed or (), bitwise, picture)
+        text = lines(result)
+    if as_json:
+        print(json.dumps(printed.finite(result)))
+    else:
+        for line in text:
+            print(printed.plain(line))
+    sys.exit(0 if result["ok"] else 1)
+
+
+def _compare_measured(
+    run: Path, file: Path, columns: dict[str, str], allowed: Sequence[str], how: dict[str, Any]
+) -> tuple[dict[str, Any], Iterator[str]]:
+    """Return the result of a comparison with a measured record, and its lines of text."""
+    from orchestrator.cli.compared import measured_lines, measured_table
+    from orchestrator.log.reader import Log
+    from orchestrator.results.measured_difference import compare_measured
+    from orchestrator.results.run_data import RunData
+
+    with Log(run) as run_log:
+        run_log.notice_seal()
+        data = RunData(run_log)
+        compared = compare_measured(data, file, columns, **how)
+        result = measured_table(data, compared, how["window"], allowed)
+    return result, measured_lines(result, compared)
+
+
+def _compare_logs(
+    logs: tuple[Path, Path],
+    different: bool,
+    window: Window,
+    align: str,
+    allowed: Sequence[str],
+    bitwise: bool,
+    picture: Path | None,
+) -> dict[str, Any]:
+    """Return the result of a comparison of two runs; draw the growth of their difference."""
+    from orchestrator.cli.compared import limits, table
     from orchestrator.log.reader import Log
     from orchestrator.results.alignment import alignment
     from orchestrator.results.difference import differences
     from orchestrator.results.divergence import divergence
     from orchestrator.results.growth_picture import draw
-    from orchestrator.results.run_data import RunData, Window
+    from orchestrator.results.run_data import RunData
     from orchestrator.scene.same_scene import require_same_scene
 
-    window = Window(start, end)
+    run, reference = logs
     with Log(run) as run_log, Log(reference) as reference_log:
         run_log.notice_seal()
         reference_log.notice_seal()
@@ -151,14 +213,9 @@ def compare(
                 "; --different compares them all the same",
             )
         observables = differences(run_data, reference_data, window, alignment(align))
-        limit_of = limits(allowed or (), observables)
+        limit_of = limits(allowed, {name: each.decisive for name, each in observables.items()})
         bit_divergence = divergence(run_log, reference_log, window) if bitwise or picture else None
         result = table(run_data, reference_data, window, observables, limit_of, bit_divergence)
     if picture and bit_divergence is not None:
         draw(bit_divergence, picture)
-    if as_json:
-        print(json.dumps(printed.finite(result)))
-    else:
-        for line in lines(result):
-            print(printed.plain(line))
-    sys.exit(0 if result["ok"] else 1)
+    return result

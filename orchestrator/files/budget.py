@@ -24,6 +24,8 @@ from typing import Any
 TOML = 1 << 18  # bytes of a TOML file, which takes up to 2 s per MB to parse; long tables of points are CSV files
 CSV = 4 << 20  # bytes of a table of points
 ROWS = 50_000  # of a table of points
+MEASURED, MEASURED_ROWS = 16 << 20, 250_000  # bytes and lines of a measured record
+CSV_LINE = 1 << 16  # characters of a line of a CSV file
 DOCUMENT = 8 << 20  # bytes of a JSON or XML document, which takes up to 25 times its size in memory
 AT_ONCE = 64 << 20  # bytes read or unpacked into memory at once: a record or a chunk of a log, a file in an FMU
 FMU = 1 << 30  # bytes of an FMU

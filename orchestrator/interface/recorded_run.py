@@ -20,7 +20,8 @@ from orchestrator.log.reader import Log, NoSuchSignal
 from orchestrator.results.analyses import catalogue
 from orchestrator.results.analyses.signal_picture import figure_of
 from orchestrator.results.difference import ObservableDifference, differences_of_logs
-from orchestrator.results.run_data import Window
+from orchestrator.results.measured_difference import MeasuredComparison, compare_measured
+from orchestrator.results.run_data import RunData, Window
 
 AnyPath = str | os.PathLike[str]
 
@@ -78,7 +79,7 @@ class Run:
         with Log(self.log) as log:
             return to_pandas(log, *signals, window=(start, end))
 
-    def plot(self, *signals: str, start: float = -inf, end: float = inf, **form: bool) -> Picture:
+    def plot(self, *signals: str, start: float = -inf, end: float = inf, **form: Any) -> Picture:
         """Draw signals over time; a notebook shows the result, ``.save("a.png")`` writes it.
 
         ``form``: ``frequency=True`` or ``order=True`` (tooth orders) draws amplitudes, ``waterfall=True`` a map of a
@@ -105,6 +106,28 @@ class Run:
     def compare(self, reference: Run | AnyPath) -> dict[str, ObservableDifference]:
         """Return the difference from another run by observable; raises Missing if there is nothing in common."""
         return differences_of_logs(self.log, reference.log if isinstance(reference, Run) else Path(reference))
+
+    def compare_measured(
+        self,
+        file: AnyPath,
+        columns: Mapping[str, str],
+        *,
+        shift: float | str = 0.0,
+        clock: str = "",
+        start: float = -inf,
+        end: float = inf,
+        by_phase: bool = False,
+    ) -> MeasuredComparison:
+        """Return the difference from a CSV file of measured signals; ``.table()`` is printed, ``.shift`` in s.
+
+        :param columns: "COLUMN" or "COLUMN:UNIT" by signal, ``{"chassis.speed": "v:km/h"}``.
+        :param shift: s, added to the times of the file, or "find".
+        :param clock: column of the time, by default "t" or "time".
+        :raises BadInput: for a file that cannot be used. Raises NoSuchSignal, and Missing without common time.
+        """
+        how: dict[str, Any] = {"clock": clock, "shift": shift, "window": Window(start, end), "by_phase": by_phase}
+        with Log(self.log) as log:
+            return compare_measured(RunData(log), Path(file), columns, **how)
 
     def __repr__(self) -> str:
         return "\n".join(summary_text.lines(self.summary))

@@ -94,13 +94,13 @@ def worst(by_observable: dict[str, ObservableDifference]) -> float:
 
 def difference(run: ObservableSamples, reference: ObservableSamples, observable: Observable) -> ObservableDifference:
     """RMS difference over the common time, absolute and relative; raises Missing without common time."""
-    t = _instants(run, reference)
+    t = instants(run, reference)
     if len(t) <= run.mean:
         raise Missing("the two logs have no time in common")
     a, b = aligned(run, reference)
     lengths = np.diff(t) if run.mean else record_durations(t)
-    absolute = _rms(a - b, lengths)
-    relative = absolute / max(_rms(b, lengths), observable.floor)
+    absolute = rms(a - b, lengths)
+    relative = absolute / max(rms(b, lengths), observable.floor)
     return ObservableDifference(absolute, relative, observable.unit, observable.decisive)
 
 
@@ -121,12 +121,13 @@ def _within(signal: ObservableSamples, window: Window) -> ObservableSamples:
 
 def aligned(run: ObservableSamples, reference: ObservableSamples) -> tuple[Floats, Floats]:
     """Values of both signals at the instants of the sparser one: interpolated, or means between instants."""
-    t = _instants(run, reference)
+    t = instants(run, reference)
     a, b = _sampled(run, t), _sampled(reference, t)
     return (a - a[:1], b - b[:1]) if reference.from_start else (a, b)
 
 
-def _instants(run: ObservableSamples, reference: ObservableSamples) -> Floats:
+def instants(run: ObservableSamples, reference: ObservableSamples) -> Floats:
+    """Instants of the sparser signal in the common time; raises Missing for a signal without samples."""
     if not len(run.t) or not len(reference.t):
         raise Missing("a log holds no step")
     common = Window(max(run.t[0], reference.t[0]), min(run.t[-1], reference.t[-1]))
@@ -143,7 +144,7 @@ def _sampled(signal: ObservableSamples, t: Floats) -> Floats:
     return np.diff(sums, axis=0) / np.diff(t)[:, None]
 
 
-def _rms(values: Floats, lengths: Floats) -> float:
+def rms(values: Floats, lengths: Floats) -> float:
     """RMS over time of the norms of rows."""
     return float(np.sqrt(np.average(np.sum(values**2, axis=1), weights=lengths)))
 

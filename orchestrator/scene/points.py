@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from fmus.vehicle import BadInput
-from orchestrator.files.budget import CSV, ROWS, OverBudget, read_file
+from orchestrator.files.budget import CSV, ROWS
+from orchestrator.files.csv_lines import csv_lines
 
 Tables = dict[str, Any]  # raw scene
 POINTS = ("speed_points", "torque_points", "brake_points", "engine_points", "points", "arcs")
@@ -40,10 +41,7 @@ def _drives(table: Tables) -> Iterator[tuple[str, dict[str, Any]]]:
 def _read_pairs(path: Path, key: str) -> list[list[float]]:
     """Pairs of numbers, SI, from a file with two columns; a first line of words is skipped."""
     try:
-        lines = read_file(path, CSV).decode("utf-8-sig").splitlines(keepends=True)
-        if len(lines) > ROWS:
-            raise OverBudget(f"it has {len(lines)} lines, and {ROWS} are allowed")
-        rows = [(number, row) for number, row in enumerate(csv.reader(lines), 1) if row]
+        rows = [*csv_lines(path, CSV, ROWS)]
     except (OSError, ValueError, csv.Error) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise BadInput(f"{key} = '{path}': cannot be read: {reason}") from None

@@ -242,6 +242,8 @@ def table(path: Path, kind: str) -> Path:
         path.write_text("\n".join(f"{i},1" for i in range(1_000_000)))
     elif kind == "as many rows as allowed":
         path.write_text("\n".join(f"{i},1" for i in range(50_000)))
+    elif kind == "as many lines as measured":
+        path.write_text("\n".join(f"{i},{i % 2}" for i in range(250_000)))
     elif kind == "long row":
         path.write_text(",".join(["1"] * 5_000_000))
     elif kind == "open quote":

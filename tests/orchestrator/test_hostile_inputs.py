@@ -97,6 +97,18 @@ def test_tables_of_points(environment, tmp_path):
         check(valid, command, result)
 
 
+def test_measured_records(environment, tmp_path):
+    files = [hostile.table(tmp_path / f"{kind}.csv", kind) for kind in (*hostile.TABLES, "as many lines as measured")]
+    files += [hostile.pipe(tmp_path / "pipe.csv"), hostile.sparse(tmp_path / "sparse.csv"), "/dev/zero"]
+    small = tmp_path / "small.csv"
+    small.write_text("0,1\n1,2\n2,3\n")
+    options = ("--clock", "0", "--map", "chain.speed=1", "--shift", "find")
+    commands = [["compare", SMALL, file, *options] for file in [small, *files]]
+    valid, *results = measured(commands, environment, tmp_path)
+    for command, result in zip(commands[1:], results, strict=True):
+        check(valid, command, result)
+
+
 def test_fmus(environment, tmp_path):
     files = [hostile.fmu(tmp_path / f"{kind}.fmu", kind) for kind in hostile.FMUS]
     files += [hostile.pipe(tmp_path / "pipe.fmu"), hostile.sparse(tmp_path / "sparse.fmu"), "/dev/zero"]

@@ -18,7 +18,8 @@ from orchestrator.log.reader import Log
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, spectrum
-from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window
+from orchestrator.results.measured_record import MeasuredSignal
+from orchestrator.results.run_data import BLOCK, EVER, Missing, RunData, Window, within
 from orchestrator.results.thinned import TimeEnvelope
 from orchestrator.results.units import scaled
 from orchestrator.results.whole_file import atomic_write, check_output
@@ -68,10 +69,13 @@ def draw(
     order: bool = False,
     waterfall: bool = False,
     place: bool = False,
+    measured: Sequence[MeasuredSignal] = (),
 ) -> None:
     """Write a picture of signals; see ``figure_of``, whose arguments it has. Raises BadInput for a bad ``output``."""
     check_output(output, KINDS)
-    figure = figure_of(logs, signals, window, frequency=frequency, order=order, waterfall=waterfall, place=place)
+    figure = figure_of(
+        logs, signals, window, frequency=frequency, order=order, waterfall=waterfall, place=place, measured=measured
+    )
     with atomic_write(output) as temporary:
         figure.savefig(temporary, dpi=120)
 
@@ -85,6 +89,7 @@ def figure_of(
     order: bool = False,
     waterfall: bool = False,
     place: bool = False,
+    measured: Sequence[MeasuredSignal] = (),
 ) -> Figure:
     """Draw signals ("*" stands for anything) of one or more logs.
 
@@ -92,6 +97,7 @@ def figure_of(
     :param order: over tooth orders.
     :param waterfall: a map of a family as "left_track.link[*].tension", by its members and time (or frequency).
     :param place: a map by place on the circuit (``circuit.py``) and time.
+    :param measured: signals of a test, on the clock of the runs, drawn with the others over time.
     :raises BadInput: for what cannot be drawn. Raises Missing, NoSuchSignal, LogUnreadable.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -100,6 +106,8 @@ def figure_of(
     frequency = frequency or order
     if place and frequency:
         raise BadInput("places on the circuit are drawn over time, not over frequency or tooth order")
+    if measured and (frequency or waterfall or place):
+        raise BadInput("measured signals are drawn as curves over time only")
     figure = Figure(layout="constrained")
     FigureCanvasAgg(figure)
     x_label = "tooth order" if order else "frequency, Hz" if frequency else "t, s"
@@ -114,6 +122,7 @@ def figure_of(
         for number, path in enumerate(logs):
             with Log(path) as log:
                 curves += [*_curves(RunData(log), signals, window, frequency, order, number, len(logs) > 1)]
+        curves += [_measured_curve(each, window, len(logs)) for each in measured]
         _draw_curves(figure, curves, x_label, frequency)
     if len(logs) == 1:
         figure.suptitle(logs[0].stem, fontsize=10, parse_math=False)
@@ -155,6 +164,18 @@ def _thinned(run: RunData, topic: str, columns: list[int], window: Window, t: Fl
     for block in run.log.blocks({topic: columns}, BLOCK, window=window):
         envelope.add(block[topic].t, block[topic].values)
     return [(curve.t, curve.y) for curve in map(envelope.curve, range(len(columns)))]
+
+
+def _measured_curve(measured: MeasuredSignal, window: Window, number: int) -> LabelledCurve:
+    """Curve of a measured signal in the style of the log of this number; raises Missing without values."""
+    inside = within(measured.t, window) & ~np.isnan(measured.values)
+    if not inside.any():
+        raise Missing(f"'{measured.column}' was not measured between {window.start:g} and {window.end:g} s")
+    t, values = measured.t[inside], measured.values[inside]
+    envelope = TimeEnvelope(float(t[0]), float(t[-1]), 1, CURVE)
+    envelope.add(t, values[:, None])
+    x, y = envelope.curve(0)
+    return LabelledCurve(f"{measured.column}, measured", measured.unit, x, y, number, measured.signal)
 
 
 def _maps(

@@ -1,0 +1,30 @@
+"""Lines of CSV files of others, read one at a time with limits."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator
+from pathlib import Path
+
+from orchestrator.files.budget import CSV_LINE, OverBudget, read_file
+
+
+def csv_lines(path: Path, most: int, most_lines: int, delimiters: str = ",") -> Iterator[tuple[int, list[str]]]:
+    """Yield number and cells of each line that is not empty; no cell goes over the end of a line.
+
+    :param most: bytes of the file at most.
+    :param delimiters: the first of these that the first line contains separates cells; else the last one.
+    :raises OSError: and ValueError (OverBudget, text that is not UTF-8), csv.Error.
+    """
+    delimiter = ""
+    with io.StringIO(read_file(path, most).decode("utf-8-sig"), newline=None) as lines:
+        for number, line in enumerate(lines, 1):
+            if number > most_lines:
+                raise OverBudget(f"it has more than {most_lines} lines")
+            if len(line) > CSV_LINE:
+                raise OverBudget(f"line {number} has more than {CSV_LINE} characters")
+            delimiter = delimiter or next((mark for mark in delimiters if mark in line), delimiters[-1])
+            for cells in csv.reader([line], delimiter=delimiter):
+                if cells:
+                    yield number, cells

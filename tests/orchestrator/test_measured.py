@@ -1,0 +1,271 @@
+"""Measured records beside a run: figures by hand, units, clocks, found shifts, refusals."""
+
+import json
+import re
+from math import sqrt
+
+import numpy as np
+import pytest
+from analysis_logs import made
+from test_phases import made as made_vehicle
+from test_phases import times, trapezoid
+
+import orchestrator as package
+from fmus.vehicle import BadInput
+from orchestrator.files import budget
+from orchestrator.files.csv_lines import csv_lines
+from orchestrator.log.reader import NoSuchSignal
+from orchestrator.results.analyses.signal_picture import figure_of
+from orchestrator.results.measured_record import read
+from orchestrator.results.run_data import Missing
+
+STEP = 1e-3
+T = STEP * np.arange(2001)
+SPEED = 3.0 + np.sin(2.0 * np.pi * T) + 0.3 * np.sin(9.0 * T)
+FORCE = 2e4 + 5e3 * np.cos(7.0 * T)
+UNITS = {"chassis.speed": "m/s", "chassis.force": "N", "chassis.slip": "1"}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A run of 2 s with a speed, a force and a constant slip."""
+    topics = {"/chassis/out": [("speed", "m/s"), ("force", "N"), ("slip", "1")]}
+    values = np.stack([SPEED, FORCE, np.full(len(T), 0.25)], axis=1)
+    path = made(
+        tmp_path_factory.mktemp("measured") / "a.mcap", topics, {"/chassis/out": (T, values)}, None, ("chassis",)
+    )
+    return package.Run(path)
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Return ``write(header, *columns)``, which writes ``m.csv`` with all digits; NaN is an empty cell."""
+
+    def write(header, *columns):
+        rows = ["" if value != value else repr(float(value)) for row in zip(*columns, strict=True) for value in row]
+        n = len(columns)
+        lines = [header, *(",".join(rows[k : k + n]) for k in range(0, len(rows), n))]
+        (tmp_path / "m.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return tmp_path / "m.csv"
+
+    return write
+
+
+def only(comparison):
+    (difference,) = comparison.differences
+    return difference
+
+
+@pytest.mark.parametrize(
+    ("head", "column", "factor"),
+    [
+        ("v [km/h]", "v", 3.6), ('"v, km/h"', "v, km/h", 3.6), (" v (mm/s) ", "v", 1e3), ("v", "v:km/h", 3.6),
+        ("v [mm/s]", "v [mm/s]:km/h", 3.6), ("v", "v", 1.0), ("a:b", "a:b", 1.0), ("v (front) [m/s]", "v (front)", 1.0),
+    ],
+)  # fmt: skip
+def test_an_offset_in_any_unit(run, write, head, column, factor):
+    d = only(run.compare_measured(write(f"{head},t", factor * (SPEED + 0.25), T), {"chassis.speed": column}))
+    assert (d.unit, d.instants, d.left_out, d.start, d.end) == ("m/s", 2001, 0, 0.0, 2.0)
+    expected = 0.25, 0.25 / sqrt(np.mean((SPEED + 0.25) ** 2)), -0.25, -0.25, 1.0
+    assert (d.rms, d.relative, d.mean, d.largest, d.correlation) == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_column_without_unit_is_noted(run, write):
+    file = write("t,v,F [kN]", T, SPEED, FORCE / 1e3)
+    comparison = run.compare_measured(file, {"chassis.speed": "v", "chassis.force": "F"})
+    assert comparison.notes == ("'v' has no unit and is taken in m/s",)
+    assert [d.rms for d in comparison.differences] == pytest.approx([0.0, 0.0], abs=1e-11)
+    slip = run.compare_measured(write("t,s [-],q [%]", T, 0.0 * T + 0.5, 0.0 * T + 25.0), {"chassis.slip": "s"})
+    assert only(slip).mean == -0.25
+    assert np.isnan(only(slip).correlation)
+    assert only(run.compare_measured(slip.file, {"chassis.slip": "q"})).rms == pytest.approx(0.0, abs=1e-15)
+
+
+def test_another_rate_and_unequal_steps_count_by_time(run, write):
+    t = 0.01 * np.arange(201)  # two whole periods: the squares of a sine make n/2
+    d = only(run.compare_measured(write("t,v", t, SPEED[::10] + 0.1 * np.sin(2 * np.pi * t)), {"chassis.speed": "v"}))
+    assert (d.instants, d.rms) == (201, pytest.approx(0.1 * sqrt(100 / 201), abs=1e-12))
+    assert (abs(d.largest), d.at % 0.5) == (pytest.approx(0.1, abs=1e-12), pytest.approx(0.25))
+    uneven = SPEED[[0, 100, 400]] - np.array([1.0, 2.0, 3.0])
+    d = only(run.compare_measured(write("time [ms],v", [0, 100, 400], uneven), {"chassis.speed": "v"}))
+    assert (d.rms, d.mean) == pytest.approx((sqrt((0.1 + 0.4 + 2.7) / 0.5), (0.1 + 0.2 + 0.9) / 0.5), abs=1e-12)
+    assert (d.largest, d.at) == pytest.approx((3.0, 0.4))
+    finer = np.linspace(0.0, 2.0, 8001)  # the run is the sparser record
+    d = only(run.compare_measured(write("t,v", finer, np.interp(finer, T, SPEED)), {"chassis.speed": "v"}))
+    assert (d.instants, d.rms) == (2001, pytest.approx(0.0, abs=1e-12))
+
+
+def test_gaps_are_left_out_and_counted(run, write):
+    v = SPEED + 0.5
+    v[[0, 700, 701, 2000]] = np.nan
+    v[900] = np.inf
+    d = only(run.compare_measured(write("t,v", T, v), {"chassis.speed": "v"}))
+    assert (d.instants, d.left_out, d.start, d.end) == (1996, 5, STEP, 1.999)
+    assert (d.rms, d.mean) == pytest.approx((0.5, -0.5), abs=1e-12)
+
+
+def test_windows_and_phases(run, write, tmp_path):
+    file = write("t,v", T, SPEED + (T > 1.0))
+    d = only(run.compare_measured(file, {"chassis.speed": "v"}, start=0.5, end=1.0))
+    assert (d.start, d.end, d.instants, d.rms) == (0.5, 1.0, 501, pytest.approx(0.0, abs=1e-12))
+    assert only(run.compare_measured(file, {"chassis.speed": "v"}, start=1.001)).mean == pytest.approx(-1.0, abs=1e-12)
+    t = times(8.5)
+    vehicle = package.Run(made_vehicle(tmp_path / "v.mcap", t, trapezoid(t)))
+    record = write("t,v", t[t < 7.0], (trapezoid(t) + 0.2)[t < 7.0])
+    compared = vehicle.compare_measured(record, {"chassis.speed": "v:1"}, by_phase=True).differences
+    assert [d.window for d in compared] == ["whole", "rest", "acceleration", "steady", "braking"]  # no rest after 7 s
+    assert [d.mean for d in compared] == pytest.approx([-0.2] * 5, abs=1e-12)
+    assert (compared[3].start, compared[3].end) == pytest.approx((3.018, 6.052), abs=2.5e-3)
+
+
+@pytest.mark.parametrize(
+    ("shift", "rate"), [(1.23456789, 1000), (-0.7, 1000), (0.0, 37), (1.7e9, 100), (-123.4567891, 400)]
+)
+def test_a_shift_is_found(run, write, shift, rate):
+    t = np.arange(0.25 if rate == 1000 else 0.2501234, 1.75, 1.0 / rate)  # if as dense, at records of the run
+    v, force = np.interp(t, T, SPEED), np.interp(t, T, FORCE)
+    v[5:8] = np.nan
+    file = write("t,v [km/h],F [kN]", t - shift, 3.6 * v, force / 1e3)
+    accuracy = 1e-8 if abs(shift) < 1e6 else 1e-6  # of a number that counts seconds since 1970
+    for columns in ({"chassis.speed": "v"}, {"chassis.speed": "v", "chassis.force": "F"}):
+        comparison = run.compare_measured(file, columns, shift="find")
+        assert comparison.shift == pytest.approx(shift, abs=accuracy)
+        assert all(d.relative < 10.0 * accuracy for d in comparison.differences)
+    given = run.compare_measured(file, {"chassis.speed": "v"}, shift=shift)
+    assert only(given).rms == pytest.approx(0.0, abs=1e-12 if abs(shift) < 1e6 else 1e-5)
+
+
+def test_the_record_may_be_longer_than_the_run_and_offset(run, write):
+    """A known function over 6 s, of which the run holds 2, with an offset."""
+    t = np.linspace(0.0, 6.0, 1201)
+    x = t - 2.5
+    v = 3.0 + np.sin(2.0 * np.pi * x) + 0.3 * np.sin(9.0 * x) + 0.05
+    v[-1] = SPEED[0]  # equal in an overlap of one instant, which is too short
+    comparison = run.compare_measured(write("t,v", t, v), {"chassis.speed": "v"}, shift="find")
+    assert comparison.shift == pytest.approx(-2.5, abs=1e-3)
+    assert only(comparison).mean == pytest.approx(-0.05, abs=1e-4)
+    with pytest.raises(Missing, match="no shift can be found: no mapped signal varies in the file"):
+        run.compare_measured(write("t,v", t, 0.0 * t), {"chassis.speed": "v"}, shift="find")
+
+
+def test_the_shift_of_an_undersampled_oscillation_is_found(write, tmp_path):
+    values = SPEED + np.sin(2.0 * np.pi * 40.0 * T)
+    path = made(tmp_path / "a.mcap", {"/chassis/out": [("speed", "m/s")]}, {"/chassis/out": (T, values[:, None])})
+    t = np.arange(0.2501234, 1.75, 1.0 / 37.0)
+    file = write("t,v", t - 1.23456789, np.interp(t, T, values))
+    found = package.Run(path).compare_measured(file, {"chassis.speed": "v"}, shift="find")
+    assert found.shift == pytest.approx(1.23456789, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "sentence"),
+    [
+        ("t,v\n0,1\n", "w", "m.csv has no column 'w': it has t, v"),
+        ("v,F\n0,1\n", "v", "m.csv has no column 't' or 'time': --clock names another"),
+        ("t,v [km/h],v [m/s]\n0,1,1\n", "v", "m.csv has 2 columns 'v': name one with its unit as in the file"),
+        ("t,v [kN]\n0,1\n", "v", "m.csv: column 'v' in kN must be a quantity in m/s: Cannot convert from 'kilonewton'"),
+        ("t,v\n0,1\n", "v:knts", "m.csv: column 'v' in knts must be a quantity in m/s: 'knts' is not defined"),
+        ("t,v\n0,1\n1,abc\n", "v", "m.csv, line 3: 'v' must be a number or empty, not 'abc'"),
+        ("t;v\n0;1,5\n", "v", "m.csv, line 2: 'v' must be a number or empty, not '1,5'"),
+        ("t,v\n0,1\n\n1\n", "v", "m.csv, line 4: there are 1 cells, and none for 'v'"),
+        ("t,v\n0,1\n2,1\n\n1.5,1\n", "v", "m.csv, line 5: the clock 't' must increase: 1.5 s after 2 s"),
+        ("t,v\n0,1\n0,1\n", "v", "m.csv, line 3: the clock 't' must increase: 0 s after 0 s"),
+        ("t,v\n0,1\n,1\n", "v", "m.csv, line 3: the clock 't' must be a number below 1e+12 s"),
+        ("t,v\n", "v", "m.csv holds no line of numbers below its header"),
+        ("", "v", "m.csv has no column 't' or 'time': --clock names another"),
+    ],
+)
+def test_a_bad_file_is_refused_in_a_sentence(run, cotrack, tmp_path, text, column, sentence):
+    (tmp_path / "m.csv").write_text(text)
+    status, out, err = cotrack("compare", run.log, "m.csv", "--map", f"chassis.speed={column}")
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith(f"cotrack: {sentence}")
+
+
+def test_other_refusals(run, write, cotrack, tmp_path):
+    late = write("t,v", T + 5.0, SPEED)
+    with pytest.raises(
+        Missing, match=r"'v', 5 to 7 s on the clock of the run, and 'chassis\.speed', 0 to 2 s, have no"
+    ):
+        run.compare_measured(late, {"chassis.speed": "v"})
+    with pytest.raises(Missing, match=r"have no values in common from 3 to inf s"):
+        run.compare_measured(late, {"chassis.speed": "v"}, shift=-5.0, start=3.0)
+    with pytest.raises(NoSuchSignal, match=r"no signal 'chassis\.sped'; did you mean 'chassis\.speed'"):
+        run.compare_measured(late, {"chassis.sped": "v"})
+    with pytest.raises(BadInput, match=r"none\.csv cannot be read: No such file"):
+        read(tmp_path / "none.csv", {}, UNITS.get)
+    (tmp_path / "latin.csv").write_bytes("t,v [\xb0]\n".encode("latin-1"))
+    with pytest.raises(BadInput, match=r"latin\.csv cannot be read: 'utf-8' codec can't decode"):
+        read(tmp_path / "latin.csv", {}, UNITS.get)
+    mapped = ("--map", "chassis.speed=v")
+    for options, sentence in (
+        ((), "a measured record needs --map SIGNAL=COLUMN, for example"),
+        ((*mapped, "--shift", "late"), "shift late: must be a time in s or 'find'"),
+        ((*mapped, "--bits"), "--different, --align, --bits and -o are for two logs"),
+        (("--map", "v"), "--map v: must be SIGNAL=COLUMN or SIGNAL=COLUMN:UNIT"),
+        ((*mapped, "--map", "chassis.speed=w"), "--map chassis.speed=w: 'chassis.speed' has a column already, 'v'"),
+        (
+            (*mapped, "--shift", "-5", "--allow", "speed=1"),
+            "--allow speed=1: no observable 'speed': one of chassis.speed",
+        ),
+    ):
+        status, out, err = cotrack("compare", run.log, "m.csv", *options)
+        assert (status, out, err.count("\n")) == (2, "", 1)
+        assert err.startswith(f"cotrack: {sentence}")
+    assert "which is not given" in cotrack("compare", run.log, run.log, "--shift", "1")[2]
+    assert "which is not given" in cotrack("plot", run.log, "chassis.speed", *mapped)[2]
+
+
+def test_readers_have_limits(tmp_path, monkeypatch):
+    file = tmp_path / "a.csv"
+    file.write_text("t\tv\n\n1\t2\n")
+    assert [*csv_lines(file, 10, 3, ";\t,")] == [(1, ["t", "v"]), (3, ["1", "2"])]
+    for most, lines, sentence in ((8, 3, "it has more than 8 bytes"), (9, 2, "it has more than 2 lines")):
+        with pytest.raises(budget.OverBudget, match=sentence):
+            [*csv_lines(file, most, lines)]
+    file.write_text(f"t{',v' * (budget.CSV_LINE // 2)}\n")
+    with pytest.raises(budget.OverBudget, match="line 1 has more than 65536 characters"):
+        [*csv_lines(file, 1 << 20, 3)]
+
+
+def test_the_command_prints_and_judges(run, write, cotrack):
+    apart = 0.25 + 0.5 * (T[1000] == T)
+    file = write("clock,v [km/h]", T - 1.5, 3.6 * (SPEED + apart))
+    command = ("compare", run.log, file, "--map", "chassis.speed=v", "--clock", "clock", "--shift", "1.5")
+    status, out, _ = cotrack(*command)
+    assert status == 0
+    _, title, head, row = out.splitlines()
+    assert title == f"run minus {file}, 1.5 s added to its times"
+    assert re.split("  +", head) == [
+        "signal", "window", "from, s", "to, s", "unit", "RMS", "relative", "mean", "largest", "at, s", "correlation",
+        "instants", "left out",
+    ]  # fmt: skip
+    rms, relative = sqrt(np.mean(apart**2)), sqrt(np.mean(apart**2) / np.mean((SPEED + apart) ** 2))
+    figures = [f"{rms:.4g}", f"{relative:.3g}", f"{-apart.mean():.4g}", "-0.75", "1"]
+    correlation = f"{np.corrcoef(SPEED, SPEED + apart)[0, 1]:.6f}"
+    assert row.split() == ["chassis.speed", "whole", "0", "2", "m/s", *figures, correlation, "2001", "0"]
+    assert cotrack(*command, "--allow", f"{relative + 1e-9}")[0] == 0
+    status, out, _ = cotrack(*command, "--allow", f"chassis.speed={relative - 1e-9}")
+    assert (status, out.splitlines()[-1]) == (1, f"NOT chassis.speed: relative {relative:.3g}, allowed {relative:g}")
+    more = ("--map", "chassis.slip=v:1", "--allow", "10")  # one of two is met
+    assert cotrack(*command, *more, "--allow", "chassis.speed=0")[0] == 1
+    status, out, _ = cotrack(*command, "--json", "--allow", "0.05", "--to", "1")
+    result = json.loads(out)
+    assert (status, result["ok"], result["reference"]["shift"], result["window"]["to"]) == (1, False, 1.5, 1.0)
+    assert result["observables"]["chassis.speed"]["rms"] == pytest.approx(sqrt(np.mean(apart[:1001] ** 2)), abs=1e-12)
+    assert result["observables"]["chassis.speed"]["end"] == 1.0
+
+
+def test_measured_curves_are_drawn(run, write, cotrack):
+    file = write("t [ms],v [km/h],F [kN]", 1e3 * T[:1500] - 100.0, 3.6 * SPEED[:1500], FORCE[:1500] / 1e3)
+    options = ("--with", file, "--map", "chassis.speed=v", "--map", "chassis.force=F", "--shift", "find", "-o", "a.svg")
+    status, out, err = cotrack("plot", run.log, *options)
+    assert (status, out, err) == (0, f"{file}: 0.1 s added to its times\na.svg\n", "")
+    measured = [each.shifted(0.1) for each in read(file, {"chassis.speed": "v"}, UNITS.get)]
+    (pane,) = figure_of([run.log], ["chassis.speed"], measured=measured).axes
+    first, second = pane.lines
+    assert (first.get_label(), second.get_label()) == ("chassis.speed", "v, measured")
+    assert second.get_xdata()[[0, -1]] == pytest.approx([0.0, 1.499], abs=2e-3)
+    assert second.get_ydata().max() == pytest.approx(SPEED[:1500].max(), abs=1e-12)
+    status, _, err = cotrack("plot", run.log, "chassis.speed", *options, "--spectrum")
+    assert (status, err) == (2, "cotrack: measured signals are drawn as curves over time only\n")
