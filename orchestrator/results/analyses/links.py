@@ -48,7 +48,10 @@ class LinkForceSummary(NamedTuple):
     def table(self) -> Table:
         """Table with a row for each component."""
         columns = (("of a link", ""), ("axis", ""), ("unit", ""), ("least", ""), ("mean", ""), ("largest", ""))
-        return Table.of(f"Forces on the links of {self.track} in their axes", columns, self.rows)
+        rows = [  # rounding is left out here, because a column of the table has several units
+            (*row[:3], *(value if abs(value) > ROUNDING[row[2]] else 0.0 for value in row[3:])) for row in self.rows
+        ]
+        return Table.of(f"Forces on the links of {self.track} in their axes", columns, rows)
 
 
 def summary(run: RunData, track: str = "", window: Window = EVER) -> LinkForceSummary:
@@ -73,9 +76,7 @@ def _summarise(parts: Iterable[LinkForces]) -> LinkForceSummary:
     rows = []
     for key, block_extremes in gathered.items():
         least, total, most, time = np.array(block_extremes).T
-        figures = np.array([least.min(), total.sum() / time.sum(), most.max()])
-        figures[np.abs(figures) < ROUNDING[key[2]]] = 0.0  # by row, because a column has several units
-        rows.append((*key, float(figures[0]), float(figures[1]), float(figures[2])))
+        rows.append((*key, float(least.min()), float(total.sum() / time.sum()), float(most.max())))
     return LinkForceSummary(track, rows)
 
 
