@@ -17,13 +17,16 @@ from orchestrator.results.page.ending import ending
 from orchestrator.results.page.evaluation import Evaluation, RunSummary, attempt, evaluate
 from orchestrator.results.page.events import event_section
 from orchestrator.results.page.exactness import exactness
+from orchestrator.results.page.fatigue import fatigue
 from orchestrator.results.page.loads import loads
 from orchestrator.results.page.motion import drive, motion
+from orchestrator.results.page.orders import orders
 from orchestrator.results.page.phases import phases
 from orchestrator.results.page.player import player as player_of
 from orchestrator.results.page.provenance import comparison, provenance
 from orchestrator.results.page.section import PageSection, Pair
 from orchestrator.results.page.tension import tension
+from orchestrator.results.page.turn import turn
 from orchestrator.results.page.words import text
 from orchestrator.results.run_data import RunData
 from orchestrator.results.units import number
@@ -57,7 +60,7 @@ def document(run: Evaluation, reference: Evaluation | None, plots: str) -> str:
         checks(pair),
         exactness(pair),
         *filter(None, [phases(pair), player, comparison(pair)]),
-        *(section for make in (ending, motion, drive, energy, tension, loads)
+        *(section for make in (ending, motion, turn, drive, orders, energy, tension, fatigue, loads)
           if (section := attempt(lambda make=make: make(pair), run.missing))),  # type: ignore[misc]
         event_section(pair),
         provenance(pair, f"plotly.js {version[1]}" if version else "plotly.js"),

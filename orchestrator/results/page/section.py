@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 from orchestrator.results.analyses.curves import SignalCurve
-from orchestrator.results.page.charts import Chart, Trace, lines
+from orchestrator.results.page.charts import Chart, Trace, lines, shared_legend
 from orchestrator.results.page.evaluation import Evaluation
 
 
@@ -76,10 +76,14 @@ class Content:
             f'<div class="chart {size}" id="chart-{key}" role="img" aria-label="{title}"></div></figure>'
         )
 
+    def as_grid(self) -> None:
+        """Put the figures so far side by side, below the legend that they share."""
+        self.html = f'{shared_legend(self.charts)}<div class="grid">{self.html}</div>'
+
     def as_section(self, key: str, name: str, title: str) -> PageSection | None:
         """Section with the figures side by side; None without any."""
-        html = f'<div class="grid">{self.html}</div>'
-        return PageSection(key, name, title, html, self.charts) if self.charts else None
+        self.as_grid()
+        return PageSection(key, name, title, self.html, self.charts) if self.charts else None
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], classes: str = "") -> str:
