@@ -168,7 +168,59 @@
     return `rgb(${mixed[k].map((low, i) => Math.round(low + (place - k) * (mixed[k + 1][i] - low))).join(",")})`;
   };
 
+  const fromAbove = (view) => {
+    const canvas = document.getElementById("above"), pen = canvas.getContext("2d"), [along, across] = view.half;
+    const hull = floats(view.hull), heading = floats(view.heading), feet = shorts(view.feet), arrows = shorts(view.arrows);
+    const first = view.counts.reduce((sums, count) => [...sums, sums[sums.length - 1] + count], [0]);
+    const line = (points, stroke, thick) => {
+      pen.beginPath();
+      points.forEach(([x, y]) => pen.lineTo(x, y));
+      pen.strokeStyle = colour(stroke);
+      pen.lineWidth = thick;
+      pen.stroke();
+    };
+    return (k) => {
+      const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = Math.min(0.5 * width, 400);
+      canvas.style.height = `${height}px`;
+      [canvas.width, canvas.height] = [width * ratio, height * ratio];
+      const scale = height / 2 / view.reach, [hx, hy] = [hull[2 * k], hull[2 * k + 1]], wide = 0.5 * width / scale;
+      const at = (x, y) => [0.5 * width + scale * x, 0.5 * height - scale * y]; // metres beside the hull
+      pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+      for (let x = Math.ceil(hx - wide); x <= hx + wide; x++) line([at(x - hx, view.reach), at(x - hx, -view.reach)], "line", 1);
+      for (let y = Math.ceil(hy - view.reach); y <= hy + view.reach; y++) line([at(wide, y - hy), at(-wide, y - hy)], "line", 1);
+      line(view.counts.map((_, i) => at(hull[2 * i] - hx, hull[2 * i + 1] - hy)), "muted", 1);
+      const c = Math.cos(heading[k]), s = Math.sin(heading[k]);
+      pen.fillStyle = colour("c0");
+      pen.globalAlpha = 0.35;
+      for (let i = first[k]; i < first[k + 1]; i++) {
+        const x = feet[2 * i] * view.unit, y = feet[2 * i + 1] * view.unit;
+        pen.beginPath();
+        [[1, 1], [1, -1], [-1, -1], [-1, 1]].forEach(([p, q]) => {
+          const [a, b] = [0.94 * p * along, q * across];
+          pen.lineTo(...at(x + c * a - s * b, y + s * a + c * b));
+        });
+        pen.fill();
+      }
+      pen.globalAlpha = 1;
+      for (let i = first[k]; i < first[k + 1]; i++) {
+        const x = feet[2 * i] * view.unit, y = feet[2 * i + 1] * view.unit;
+        const u = arrows[2 * i] * view.unit, v = arrows[2 * i + 1] * view.unit, size = Math.hypot(u, v);
+        if (size < 0.02) continue;
+        const [tx, ty] = [x + u, y + v], head = Math.min(0.1, 0.4 * size) / size;
+        line([at(x, y), at(tx, ty)], "bad", 1.3);
+        line([at(tx - head * (u - 0.5 * v), ty - head * (v + 0.5 * u)), at(tx, ty), at(tx - head * (u + 0.5 * v), ty - head * (v - 0.5 * u))], "bad", 1.3);
+      }
+      pen.beginPath();
+      pen.arc(...at(0, 0), 4, 0, 2 * Math.PI);
+      pen.fillStyle = colour("ink");
+      pen.fill();
+      pen.font = `600 14px ${getComputedStyle(document.body).fontFamily}`;
+      pen.fillText(`arrows: force of the ground on a link, up to ${number(1e-3 * view.largest, 3)} kN`, 2, 16);
+    };
+  };
+
   const player = (view) => {
+    const above = view.above ? fromAbove(view.above) : () => {};
     const canvas = document.getElementById("picture"), pen = canvas.getContext("2d");
     const slider = document.getElementById("time"), clock = document.getElementById("clock");
     const button = document.getElementById("play"), pace = document.getElementById("pace");
@@ -188,6 +240,7 @@
       `The ${view.track.replaceAll("_", " ")} seen from the vehicle's right; ahead is to the right. ${view.pictures} pictures` +
       (view.pictures > 1 ? `, one every ${number((t[t.length - 1] - t[0]) / (view.pictures - 1), 2)} s.` : ".") +
       (view.ground ? " Marks on the ground are 1 m apart." : "") +
+      (view.above ? " From above: both tracks about the hull's centre of mass and its way; the squares are 1 m wide." : "") +
       (reference ? " The thin line is the chain of the reference at the same time; each is seen from its own sprocket." : "");
 
     const size = () => {
@@ -300,6 +353,7 @@
       pen.fillStyle = colour("ink");
       pen.font = `600 14px ${getComputedStyle(document.body).fontFamily}`;
       pen.fillText(words.join("   "), 2, 16);
+      above(k);
       clock.textContent = `${t[k].toFixed(2)} s`;
       slider.value = k;
       slider.setAttribute("aria-valuetext", clock.textContent);
