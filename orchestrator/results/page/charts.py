@@ -16,6 +16,7 @@ from orchestrator.results.units import scaled
 
 Chart = dict[str, Any]
 COLOURS = 6  # of the page
+DASHES = ("9 9", "3 3", "9 3 3 3", "15 15")  # of references, as page.js has them
 FLAT = 1e-5  # of the largest value
 
 
@@ -108,9 +109,10 @@ def shared_legend(charts: Mapping[str, Chart]) -> str:
 def _entry(name: str, colour: int, reference: bool, keys: Sequence[str]) -> str:
     """Entry of the legend of the charts ``keys``, which hides and shows a curve, HTML."""
     look = "reference" if reference else f"c{colour % COLOURS}"
-    return (
-        f'<button type="button" class="{look}" data-trace="{text(name)}" data-charts="{" ".join(keys)}">{name}</button>'
-    )
+    dashes = DASHES[colour % len(DASHES)] if reference else "none"
+    sample = f'<svg width="30" height="4" stroke-dasharray="{dashes}"><path d="M0 2H30"/></svg>'
+    where = f'data-trace="{text(name)}" data-charts="{" ".join(keys)}"'
+    return f'<button type="button" class="{look}" {where}>{sample}{name}</button>'
 
 
 def waterfall(rows: Sequence[tuple[str, float, str]]) -> Chart:

@@ -8,7 +8,7 @@
   const number = (x, digits) => Number(x).toPrecision(digits || 4).replace(/\.?0+$/, "").replace("-", "\u2212");
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const narrow = () => window.innerWidth < 560;
-  const PAPER = { zoom: 0.7, half: 338, whole: 700, height: 170, wide: 200, tall: 280 }; // pixels on A4; zoom as in page.css
+  const PAPER = { zoom: 0.7, half: 338, whole: 700, height: 155, wide: 185, tall: 250 }; // pixels on A4; zoom as in page.css
   const TICKS = [-3, -2, -1, 0, 1, 2, 3].flatMap((power) => [1, 2, 5].map((digit) => Number(`${digit}e${power}`))); // of a log axis
   let seek = () => {};
 

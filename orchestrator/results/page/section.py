@@ -30,8 +30,10 @@ class Pair(NamedTuple):
     def lines(self, labelled: Sequence[tuple[str, str]], colour: int = 0) -> list[Trace]:
         """Curves of signals, given with their labels, of both runs; signals that a run lacks are left out.
 
-        Colours count from ``colour``.
+        Colours count from ``colour``. A single signal is named after its run if there are two.
         """
+        if self.reference and len(labelled) == 1:
+            labelled = [(labelled[0][0], "run")]
         recorded = [
             (signal, name, k) for k, (signal, name) in enumerate(labelled, colour) if signal in self.run.signals
         ]
@@ -46,12 +48,16 @@ class Pair(NamedTuple):
         for k, (signal, name) in enumerate(labelled, colour):
             if other := others.get(signal):  # one band is enough: the reference of a band is its mean
                 curve = other.moving_mean.over(window) if means.get(signal) else other.curve
-                traces.append(Trace(f"{name}, reference", curve, k, reference=True))
+                traces.append(Trace(_of_reference(name), curve, k, reference=True))
         return traces
 
     def over_time(self, quantity: str, unit: str, traces: Sequence[Trace]) -> Chart:
         """Chart of lines over time."""
         return lines(quantity, unit, traces, window=self.run.ripple.description)
+
+
+def _of_reference(name: str) -> str:
+    return "reference" if name == "run" else f"{name}, reference"
 
 
 def _alike(first: SignalCurve, second: SignalCurve) -> bool:

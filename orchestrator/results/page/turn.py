@@ -59,7 +59,7 @@ def _window(evaluation: Evaluation) -> float:
 def _radius(pair: Pair) -> Chart | None:
     """Chart of the radius over time; None without the motion of the hull."""
     drawn = []
-    for evaluation, name in ((pair.run, "radius"), (pair.reference, "radius, reference")):
+    for evaluation, name in ((pair.run, "run"), (pair.reference, "reference")):
         if evaluation and {GROUND_SPEED, YAW_RATE} <= evaluation.signals.keys():
             signals = evaluation.signals
             curve = radius(signals[GROUND_SPEED], signals[YAW_RATE], _window(pair.run))
