@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from orchestrator.results import turning
@@ -11,9 +13,10 @@ from orchestrator.results.page.charts import Chart, Trace, lines
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import Content, PageSection, Pair, table
 from orchestrator.results.page.words import quantity, side, text
-from orchestrator.results.run_data import Window
+from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.units import number
 
+Measure = Callable[[RunData, str, Window], float]
 PATH = "driver.path.lateral_error"
 NOTE = (
     "Means over the phases in which the vehicle turns. To the left is positive, for moment and yaw rate"
@@ -77,11 +80,11 @@ def _by_side(evaluation: Evaluation) -> str:
 def _row(evaluation: Evaluation, phase: Phase) -> tuple[str, ...]:
     run, window = evaluation.run, Window(phase.start, phase.end)
 
-    def mean(measure: object, of: str, unit: str) -> str:
-        value = attempt(lambda: measure(run, of, window), [])  # type: ignore[operator]
+    def mean(measure: Measure, of: str, unit: str) -> str:
+        value = attempt(lambda: measure(run, of, window), [])
         return "" if value is None else quantity(value, unit)
 
-    def sides(measure: object, unit: str) -> str:
+    def sides(measure: Measure, unit: str) -> str:
         return "<br>".join(mean(measure, of, unit) for of in turning.SIGN)
 
     return (
