@@ -15,6 +15,7 @@ from orchestrator.results.units import number
 
 HIGHEST = 8.0  # tooth order that is drawn
 SLOW = 0.5  # tooth order: below it are motions of the hull
+COVERED = 1e-2  # of the largest amplitude: the curve of one side covers that of the other
 PASSINGS = 8.0  # of teeth: a phase with fewer resolves no orders
 
 
@@ -65,12 +66,14 @@ def _spectra(evaluation: Evaluation, signals: list[str]) -> dict[str, Spectrum]:
 
 def _traces(signals: list[str], spectra: dict[str, Spectrum], reference: bool = False) -> list[Trace]:
     """Traces of spectra up to HIGHEST, in the colours of all signals' places."""
-    traces = []
+    traces: list[Trace] = []
+    tops = [found.peak(SLOW * found.teeth)[1] for found in spectra.values()]
+    covered = len(tops) == 2 and not reference and max(tops) - min(tops) <= COVERED * max(tops)
     for signal, found in spectra.items():
         drawn = slice(1, int((found.order <= HIGHEST).sum()))
         curve = Curve(found.order[drawn], found.amplitude[drawn, 0])
         name = f"{side(signal.partition('.tension')[0])}{', reference' * reference}"
-        traces.append(Trace(name, curve, signals.index(signal), reference=reference))
+        traces.append(Trace(name, curve, signals.index(signal), reference=reference, behind=covered and not traces))
     return traces
 
 
