@@ -50,7 +50,7 @@ def drives(run: RunData) -> list[str]:
 def of(run: RunData, signals: Iterable[str]) -> dict[str, SignalCurve]:
     """Curves of the outputs, "instance.variable", that the log has and that are numbers; raises LogUnreadable."""
     wanted = common_steps.columns(run, [name for name in dict.fromkeys(signals) if run.has(name)])
-    gathered = {topic: _CurveCollector(run, len(places)) for topic, places in wanted.items()}
+    gathered = {topic: CurveCollector(run, len(places)) for topic, places in wanted.items()}
     for piece in run.log.stream(wanted):
         for topic, series in piece.items():
             gathered[topic].add(series.t, series.values)
@@ -64,7 +64,7 @@ def of(run: RunData, signals: Iterable[str]) -> dict[str, SignalCurve]:
 def loads(run: RunData) -> dict[str, SignalCurve]:
     """Curves of the loads of road wheels (``wheel_loads.py``), "track.road_wheel[1].load"; raises Missing."""
     names = wheel_loads.names(run)
-    gathered = _CurveCollector(run, len(names))
+    gathered = CurveCollector(run, len(names))
     for t, values in wheel_loads.blocks(run):
         gathered.add(t, values)
     return gathered.curves([f"{name}.load" for name in names], ["N"] * len(names))
@@ -124,7 +124,7 @@ def ripple(run: RunData, drives: Sequence[str], signals: Mapping[str, SignalCurv
     return Ripple(count * passing, f"{name} at top speed, {number(1e3 * count * passing, 3)} ms")
 
 
-class _CurveCollector:
+class CurveCollector:
     """Curves, extremes and integrals of some signals, from samples in the order of time."""
 
     def __init__(self, run: RunData, count: int) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +15,8 @@ from orchestrator.results.thinned import Curve, Peak
 from orchestrator.results.units import scaled
 
 Chart = dict[str, Any]
+COLOURS = 6  # of the page
+DASHES = ("9 9", "3 3", "9 3 3 3", "15 15")  # of references, as page.js has them
 FLAT = 1e-5  # of the largest value
 
 
@@ -77,9 +79,40 @@ def lines(
         ],
         "sections": [[stretch.start, stretch.end, text(stretch.name)] for stretch in stretches],
         "mark": [mark.t, mark.value / factor] if mark else None,
+        "named": len(curves) > 1,  # its legend names the curves
+        "banded": any(line.mean for line in curves),  # its legend says what line and band are
         "window": text(window) if any(line.mean for line in curves) else "",
         "flat": [(low - 0.1 * size) / factor, (high + 0.1 * size) / factor] if level else None,
     }
+
+
+def shared_legend(charts: Mapping[str, Chart]) -> str:
+    """Legend of the curves that charts have in common, and of bands, HTML; the charts lose what it says."""
+    keys_of: dict[tuple[tuple[str, int, bool], ...], list[str]] = {}
+    for key, chart in charts.items():
+        entries = tuple((trace["name"], trace["colour"], trace["reference"]) for trace in chart.get("traces", ()))
+        keys_of.setdefault(entries, []).append(key)
+    legend = ""
+    for entries, keys in keys_of.items():
+        if len(entries) > 1 and len(keys) > 1:
+            legend += "".join(_entry(*entry, keys) for entry in entries)
+            for key in keys:
+                charts[key]["named"] = False
+    banded = [chart for chart in charts.values() if chart.get("window")]
+    if len(charts) > 1 and banded:
+        legend += f"<span>line: mean over {banded[0]['window']}; light: least to most</span>"
+        for chart in banded:
+            chart["banded"] = False
+    return f'<div class="key">{legend}</div>' if legend else ""
+
+
+def _entry(name: str, colour: int, reference: bool, keys: Sequence[str]) -> str:
+    """Entry of the legend of the charts ``keys``, which hides and shows a curve, HTML."""
+    look = "reference" if reference else f"c{colour % COLOURS}"
+    dashes = DASHES[colour % len(DASHES)] if reference else "none"
+    sample = f'<svg width="30" height="4" stroke-dasharray="{dashes}"><path d="M0 2H30"/></svg>'
+    where = f'data-trace="{text(name)}" data-charts="{" ".join(keys)}"'
+    return f'<button type="button" class="{look}" {where}>{sample}{name}</button>'
 
 
 def waterfall(rows: Sequence[tuple[str, float, str]]) -> Chart:

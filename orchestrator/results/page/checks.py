@@ -84,7 +84,7 @@ def _subject(check: Any) -> str:
         return ""
     measure = _measure(check)
     if measure is not None:
-        what = text(_paragraphs(measure)[0].rstrip("."))
+        what = text(_paragraphs(measure)[0].partition("; raises ")[0].rstrip("."))
     else:
         what = f"{text(check.get('reduce', ''))} of {text(check.get('signal', ''))}"
     of = f", {text(check['of'])}" if check.get("of") else ""

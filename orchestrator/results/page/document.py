@@ -17,13 +17,16 @@ from orchestrator.results.page.ending import ending
 from orchestrator.results.page.evaluation import Evaluation, RunSummary, attempt, evaluate
 from orchestrator.results.page.events import event_section
 from orchestrator.results.page.exactness import exactness
+from orchestrator.results.page.fatigue import fatigue
 from orchestrator.results.page.loads import loads
 from orchestrator.results.page.motion import drive, motion
+from orchestrator.results.page.orders import orders
 from orchestrator.results.page.phases import phases
 from orchestrator.results.page.player import player as player_of
 from orchestrator.results.page.provenance import comparison, provenance
 from orchestrator.results.page.section import PageSection, Pair
 from orchestrator.results.page.tension import tension
+from orchestrator.results.page.turn import turn
 from orchestrator.results.page.words import text
 from orchestrator.results.run_data import RunData
 from orchestrator.results.units import number
@@ -57,7 +60,7 @@ def document(run: Evaluation, reference: Evaluation | None, plots: str) -> str:
         checks(pair),
         exactness(pair),
         *filter(None, [phases(pair), player, comparison(pair)]),
-        *(section for make in (ending, motion, drive, energy, tension, loads)
+        *(section for make in (ending, motion, turn, drive, orders, energy, tension, fatigue, loads)
           if (section := attempt(lambda make=make: make(pair), run.missing))),  # type: ignore[misc]
         event_section(pair),
         provenance(pair, f"plotly.js {version[1]}" if version else "plotly.js"),
@@ -73,16 +76,20 @@ def document(run: Evaluation, reference: Evaluation | None, plots: str) -> str:
 
 
 def _player(run: Evaluation, reference: Evaluation | None) -> PageSection | None:
-    """Section with the side view of the track with the largest tension."""
+    """Section with the side view of the track with the largest tension; from above as well if the vehicle turns."""
     chain = run.most_loaded
     if chain is None:
         return None
     other = reference.chains.get(chain.track) if reference else None
     other_run = reference.run if reference and other and other.pins else None
-    view = attempt(lambda: player_of(run.run, chain.track, other_run), run.missing)
-    return PageSection("view", "Side view", "What does it look like?", _VIEW, {"player": view}) if view else None
+    view = attempt(lambda: player_of(run.run, chain.track, other_run, bool(run.turns)), run.missing)
+    if view is None:
+        return None
+    html = _VIEW.replace('<div class="controls">', f'{_ABOVE}<div class="controls">') if view["above"] else _VIEW
+    return PageSection("view", "View", "What does it look like?", html, {"player": view})
 
 
+_ABOVE = '<canvas id="above" role="img" aria-label="the vehicle from above"></canvas>'
 _VIEW = """<figure class="player"><canvas id="picture" role="img" aria-label="side view of one track"></canvas>
 <div class="controls"><button type="button" id="play" aria-label="play or pause">Play</button>
 <input type="range" id="time" min="0" value="0" step="1" aria-label="time">

@@ -112,4 +112,4 @@ def _powers(flows: list[Flow]) -> str:
     rows = [(flow.name, quantity(flow.power, "W"), percent(flow.power / supplied)) for flow in large_flows]
     rows.append(("<b>sum, unaccounted for</b>", quantity(unaccounted, "W", 3), percent(unaccounted / supplied, 2)))
     head = "Where power comes from, and (\N{MINUS SIGN}) where it goes", "", "of what comes"
-    return table(head, rows)
+    return table(head, rows, "numbers")

@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeVar
 
 from orchestrator.log.container_reader import LogUnreadable
-from orchestrator.results.analyses import curves, link_loads, phases, wheel_loads
+from orchestrator.log.extra import NotInstalled
+from orchestrator.results.analyses import curves, link_loads, phases, turn_curves, wheel_loads
 from orchestrator.results.analyses.curves import Ripple, SignalCurve
 from orchestrator.results.analyses.link_loads import LinkLoads
 from orchestrator.results.analyses.phases import Phase
@@ -17,9 +18,9 @@ from orchestrator.results.thinned import Curve
 
 Made = TypeVar("Made")
 ALIKE = 1e-6  # relative difference of values that count as equal
-HULL = ("speed", "distance", "pitch", "roll", "yaw", "settlement")
-# errors of an evaluation if the log lacks something, or holds something odd
-EVALUATION_ERRORS = (LookupError, ValueError, TypeError, ArithmeticError, AttributeError)
+HULL = ("speed", "distance", "pitch", "roll", "yaw", "settlement", "chassis.angular_velocity.z")
+# errors of an evaluation if the log lacks something, or holds something odd, or a library is missing
+EVALUATION_ERRORS = (NotInstalled, LookupError, ValueError, TypeError, ArithmeticError, AttributeError)
 
 
 class RunSummary(NamedTuple):
@@ -51,6 +52,11 @@ class Evaluation(NamedTuple):
         return signal_curve.moving_mean.over(window) if signal_curve.curve.is_band(*self.run.span) else None
 
     @property
+    def turns(self) -> tuple[Phase, ...]:
+        """Phases in which the vehicle turns."""
+        return tuple(phase for phase in self.phases if phase.turning)
+
+    @property
     def most_loaded(self) -> LinkLoads | None:
         """Track with the largest tension, of equal ones the first; None without records of links."""
         tensions = {track: loads.most["tension"].value for track, loads in self.chains.items()}
@@ -73,6 +79,7 @@ def evaluate(run: RunData, summary: RunSummary) -> Evaluation:
     drives = curves.drives(run)
     names = [f"chassis.{name}" for name in HULL]
     names += [f"chassis.chassis.position.{axis}" for axis in "xyz"]
+    names.append("driver.path.lateral_error")
     names += [f"{drive}{name}" for drive in drives for name in ("torque", "speed", "power")]
     for track in run.tracks:
         names += [f"{track}.{name}" for name in ("speed", "slip", "stress.max", "ground.force.z", "penetration.max")]
@@ -85,6 +92,8 @@ def evaluate(run: RunData, summary: RunSummary) -> Evaluation:
         if loads := attempt(lambda track=track: link_loads.of(run, track), missing):  # type: ignore[misc]
             chains[track] = loads
     run_phases = attempt(lambda: phases.of(run).phases, missing) if "chassis.speed" in signals else None
+    if any(phase.turning for phase in run_phases or ()):
+        signals |= attempt(lambda: turn_curves.of(run), missing) or {}
     return Evaluation(
         run, summary, signals, drives, chains, attempt(lambda: ledger(run), missing),
         attempt(lambda: curves.energies(run), missing) or {}, curves.ripple(run, drives, signals),

@@ -41,7 +41,8 @@ def loads(pair: Pair) -> PageSection | None:
         chart = pair.over_time("force", "N", drawn)
         content.add_figure("ground", chart, "Vertical force of the ground", "On each track.")
     if content.html:
-        content.html = f'<div class="grid">{content.html}</div>{_table(evaluation)}'
+        content.as_grid()
+        content.html += _table(evaluation)
     _pressure(evaluation, content)
     title = "What do wheels and ground carry?"
     return PageSection("loads", "Loads", title, content.html, content.charts) if content.charts else None

@@ -8,7 +8,7 @@ from orchestrator.results.analyses.curves import SignalCurve
 from orchestrator.results.page.charts import Chart, Trace, lines
 from orchestrator.results.page.evaluation import attempt
 from orchestrator.results.page.section import Content, PageSection, Pair
-from orchestrator.results.page.words import plain, quantity
+from orchestrator.results.page.words import quantity, side
 from orchestrator.results.run_data import EVER
 from orchestrator.results.thinned import Curve
 from orchestrator.results.units import number
@@ -43,7 +43,7 @@ def motion(pair: Pair) -> PageSection | None:
         content.add_figure("settlement", chart, "Settlement", "The hull's centre of mass below its drawn place.")
     if way := _way(pair):
         content.add_figure("way", way, "Way from above", "World axes; the centre of mass of the hull.")
-    drawn = pair.lines([(f"{track}.speed", plain(track)) for track in evaluation.run.tracks])
+    drawn = pair.lines([(f"{track}.speed", side(track)) for track in evaluation.run.tracks])
     if any(np.abs(line.curve.y).max() > AT_REST for line in drawn):
         chart = pair.over_time("speed", "m/s", drawn)
         content.add_figure("chain-speed", chart, "Speed of the chain", "Along itself, seen from the vehicle.")
@@ -83,12 +83,12 @@ def drive(pair: Pair) -> PageSection | None:
     for key, title, variable, note in DRIVES:
         signals = [signal for prefix in evaluation.drives if (signal := evaluation.signals.get(f"{prefix}{variable}"))]
         if signals:
-            drawn = pair.lines([(f"{prefix}{variable}", plain(prefix.rstrip("."))) for prefix in evaluation.drives])
+            drawn = pair.lines([(f"{prefix}{variable}", side(prefix.rstrip("."))) for prefix in evaluation.drives])
             chart = pair.over_time(variable, signals[0].unit, drawn)
             top = max(signals, key=lambda signal: abs(signal.largest.value)).largest
             largest = f"Largest: {quantity(top.value, signals[0].unit)} at {number(top.t)} s."
             content.add_figure(key, chart, title, f"{note} {largest}")
-    slips = pair.lines([(f"{track}.slip", plain(track)) for track in evaluation.run.tracks])
+    slips = pair.lines([(f"{track}.slip", side(track)) for track in evaluation.run.tracks])
     if any(np.any(line.curve.y) for line in slips):
         chart = pair.over_time("slip", "mm/s", [line.scaled_by(1e3) for line in slips])
         content.add_figure("slip", chart, "Slip on the ground", SLIP)

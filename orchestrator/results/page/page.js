@@ -8,14 +8,15 @@
   const number = (x, digits) => Number(x).toPrecision(digits || 4).replace(/\.?0+$/, "").replace("-", "\u2212");
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const narrow = () => window.innerWidth < 560;
-  const PAPER = 640; // pixels that a sheet is wide
+  const PAPER = { zoom: 0.7, half: 338, whole: 700, height: 155, wide: 185, tall: 250 }; // pixels on A4; zoom as in page.css
+  const TICKS = [-3, -2, -1, 0, 1, 2, 3].flatMap((power) => [1, 2, 5].map((digit) => Number(`${digit}e${power}`))); // of a log axis
   let seek = () => {};
 
   // --- charts ---------------------------------------------------------------------------------------
 
   const axis = (title, more) => ({
     title: { text: title, font: { size: 12 }, standoff: 8 },
-    gridcolor: colour("line"), zerolinecolor: colour("line"), linecolor: colour("line"), automargin: true,
+    gridcolor: colour("line"), zerolinecolor: colour("line"), linecolor: colour("line"), automargin: true, exponentformat: "power",
     tickfont: { size: 11 }, ...more,
   });
 
@@ -44,9 +45,13 @@
 
   const unit = (title) => (title.includes(", ") ? ` ${title.split(", ").pop()}` : ""); // of an axis
 
-  const lines = (chart) => {
+  const hidden = (chart, trace) => [...document.querySelectorAll(".key .off")].some((entry) =>
+    entry.dataset.trace === trace && entry.dataset.charts.split(" ").includes(chart));
+
+  const lines = (chart, key) => {
     const curve = (trace, of, more) => ({
       type: "scatter", mode: trace.points ? "lines+markers" : "lines", name: trace.name, legendgroup: trace.name,
+      visible: hidden(key, trace.name) ? "legendonly" : true,
       x: Array.from(floats(of.t)), y: Array.from(floats(of.y)),
       line: trace.reference
         ? { color: colour("ink"), width: 1.2, dash: ["dash", "dot", "dashdot", "longdash"][trace.colour % 4] }
@@ -59,7 +64,7 @@
     const traces = bands.map((trace) => curve({ ...trace, behind: false }, trace, { opacity: 0.3, showlegend: false }))
       .concat(chart.traces.map((trace) => curve(trace, trace.mean || trace, trace.mean
         ? { hovertemplate: `%{y:.4g}${unit(chart.y)}<br>time %{x:.4g} s<extra>${trace.name}, mean</extra>` } : {})));
-    if (chart.window) { // two entries of the legend that say what line and band are
+    if (chart.banded) { // two entries of the legend that say what line and band are
       const entry = (name, look) => traces.push({ type: "scatter", mode: "lines", name, x: [null], y: [null], hoverinfo: "skip",
         line: { color: colour("muted"), width: 1.5 }, ...look });
       entry(`line: mean over ${narrow() ? chart.window.replace(" at top speed", "") : chart.window}`, {});
@@ -69,8 +74,9 @@
       traces.push({ type: "scatter", mode: "markers", x: [chart.mark[0]], y: [chart.mark[1]], hoverinfo: "skip", cliponaxis: false,
         showlegend: false, marker: { size: 10, color: "rgba(0,0,0,0)", line: { width: 2, color: colour("bad") } } });
     }
-    const range = chart.timed ? { range: data.span } : {}, named = chart.traces.length > 1 || chart.window !== "";
-    const y = chart.equal ? { scaleanchor: "x", scaleratio: 1 } : chart.flat ? { range: chart.flat } : {};
+    const range = chart.timed ? { range: data.span } : {}, named = chart.named || chart.banded;
+    const y = chart.equal ? { scaleanchor: "x", scaleratio: 1 } : chart.flat ? { range: chart.flat }
+      : chart.log ? { type: "log", tickvals: TICKS, ticktext: TICKS.map(String) } : {};
     return [traces, layout({ xaxis: axis(chart.x, range), yaxis: axis(chart.y, y), ...sectioned(chart),
       showlegend: named, margin: { l: 52, r: 12, t: named ? 28 : 10, b: 42 } })];
   };
@@ -136,7 +142,7 @@
   const draw = (name, chart) => {
     const place = document.getElementById(`chart-${name}`);
     if (!place) return;
-    place.classList.toggle("banded", Boolean(chart.window)); // its legend needs two more rows
+    place.classList.toggle("banded", Boolean(chart.banded)); // its legend needs two more rows
     const [traces, look] = kinds[chart.kind](chart, name);
     Plotly.react(place, traces, look, config).then(() => {
       if (place.dataset.told || !(chart.timed || chart.kind === "heat")) return;
@@ -146,6 +152,10 @@
   };
   document.querySelectorAll("select[data-chart]").forEach((select) => select.addEventListener("change",
     () => draw(select.dataset.chart, data.charts[select.dataset.chart])));
+  document.querySelectorAll(".key button").forEach((entry) => entry.addEventListener("click", () => {
+    entry.classList.toggle("off");
+    entry.dataset.charts.split(" ").forEach((name) => draw(name, data.charts[name]));
+  }));
   const drawAll = () => Object.entries(data.charts).forEach(([name, chart]) => draw(name, chart));
 
   // --- side view ------------------------------------------------------------------------------------
@@ -158,7 +168,59 @@
     return `rgb(${mixed[k].map((low, i) => Math.round(low + (place - k) * (mixed[k + 1][i] - low))).join(",")})`;
   };
 
+  const fromAbove = (view) => {
+    const canvas = document.getElementById("above"), pen = canvas.getContext("2d"), [along, across] = view.half;
+    const hull = floats(view.hull), heading = floats(view.heading), feet = shorts(view.feet), arrows = shorts(view.arrows);
+    const first = view.counts.reduce((sums, count) => [...sums, sums[sums.length - 1] + count], [0]);
+    const line = (points, stroke, thick) => {
+      pen.beginPath();
+      points.forEach(([x, y]) => pen.lineTo(x, y));
+      pen.strokeStyle = colour(stroke);
+      pen.lineWidth = thick;
+      pen.stroke();
+    };
+    return (k) => {
+      const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = Math.min(0.5 * width, 400);
+      canvas.style.height = `${height}px`;
+      [canvas.width, canvas.height] = [width * ratio, height * ratio];
+      const scale = height / 2 / view.reach, [hx, hy] = [hull[2 * k], hull[2 * k + 1]], wide = 0.5 * width / scale;
+      const at = (x, y) => [0.5 * width + scale * x, 0.5 * height - scale * y]; // metres beside the hull
+      pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+      for (let x = Math.ceil(hx - wide); x <= hx + wide; x++) line([at(x - hx, view.reach), at(x - hx, -view.reach)], "line", 1);
+      for (let y = Math.ceil(hy - view.reach); y <= hy + view.reach; y++) line([at(wide, y - hy), at(-wide, y - hy)], "line", 1);
+      line(view.counts.map((_, i) => at(hull[2 * i] - hx, hull[2 * i + 1] - hy)), "muted", 1);
+      const c = Math.cos(heading[k]), s = Math.sin(heading[k]);
+      pen.fillStyle = colour("c0");
+      pen.globalAlpha = 0.35;
+      for (let i = first[k]; i < first[k + 1]; i++) {
+        const x = feet[2 * i] * view.unit, y = feet[2 * i + 1] * view.unit;
+        pen.beginPath();
+        [[1, 1], [1, -1], [-1, -1], [-1, 1]].forEach(([p, q]) => {
+          const [a, b] = [0.94 * p * along, q * across];
+          pen.lineTo(...at(x + c * a - s * b, y + s * a + c * b));
+        });
+        pen.fill();
+      }
+      pen.globalAlpha = 1;
+      for (let i = first[k]; i < first[k + 1]; i++) {
+        const x = feet[2 * i] * view.unit, y = feet[2 * i + 1] * view.unit;
+        const u = arrows[2 * i] * view.unit, v = arrows[2 * i + 1] * view.unit, size = Math.hypot(u, v);
+        if (size < 0.02) continue;
+        const [tx, ty] = [x + u, y + v], head = Math.min(0.1, 0.4 * size) / size;
+        line([at(x, y), at(tx, ty)], "bad", 1.3);
+        line([at(tx - head * (u - 0.5 * v), ty - head * (v + 0.5 * u)), at(tx, ty), at(tx - head * (u + 0.5 * v), ty - head * (v - 0.5 * u))], "bad", 1.3);
+      }
+      pen.beginPath();
+      pen.arc(...at(0, 0), 4, 0, 2 * Math.PI);
+      pen.fillStyle = colour("ink");
+      pen.fill();
+      pen.font = `600 14px ${getComputedStyle(document.body).fontFamily}`;
+      pen.fillText(`arrows: force of the ground on a link, up to ${number(1e-3 * view.largest, 3)} kN`, 2, 16);
+    };
+  };
+
   const player = (view) => {
+    const above = view.above ? fromAbove(view.above) : () => {};
     const canvas = document.getElementById("picture"), pen = canvas.getContext("2d");
     const slider = document.getElementById("time"), clock = document.getElementById("clock");
     const button = document.getElementById("play"), pace = document.getElementById("pace");
@@ -178,6 +240,7 @@
       `The ${view.track.replaceAll("_", " ")} seen from the vehicle's right; ahead is to the right. ${view.pictures} pictures` +
       (view.pictures > 1 ? `, one every ${number((t[t.length - 1] - t[0]) / (view.pictures - 1), 2)} s.` : ".") +
       (view.ground ? " Marks on the ground are 1 m apart." : "") +
+      (view.above ? " From above: both tracks about the hull's centre of mass and its way; the squares are 1 m wide." : "") +
       (reference ? " The thin line is the chain of the reference at the same time; each is seen from its own sprocket." : "");
 
     const size = () => {
@@ -290,6 +353,7 @@
       pen.fillStyle = colour("ink");
       pen.font = `600 14px ${getComputedStyle(document.body).fontFamily}`;
       pen.fillText(words.join("   "), 2, 16);
+      above(k);
       clock.textContent = `${t[k].toFixed(2)} s`;
       slider.value = k;
       slider.setAttribute("aria-valuetext", clock.textContent);
@@ -355,8 +419,20 @@
   drawAll();
   dark.addEventListener("change", drawAll);
   const everyChart = (look) => document.querySelectorAll(".chart").forEach((place) => Plotly.relayout(place, look(place)));
-  window.addEventListener("beforeprint", () => everyChart((place) => ({ width: Math.min(place.clientWidth, PAPER) })));
-  window.addEventListener("afterprint", () => everyChart(() => ({ width: null, autosize: true })));
+  const onPaper = (place) => ({
+    width: (place.closest(".grid") ? PAPER.half : PAPER.whole) / PAPER.zoom,
+    height: PAPER[["wide", "tall"].find((size) => place.classList.contains(size)) || "height"] / PAPER.zoom,
+  });
+  let opened = [];
+  window.addEventListener("beforeprint", () => {
+    opened = [...document.querySelectorAll("details:not([open])")];
+    opened.forEach((part) => { part.open = true; });
+    everyChart(onPaper);
+  });
+  window.addEventListener("afterprint", () => {
+    opened.forEach((part) => { part.open = false; });
+    everyChart(() => ({ width: null, height: null, autosize: true }));
+  });
   const links = new Map([...document.querySelectorAll("nav a")].map((link) => [link.hash.slice(1), link]));
   const watcher = new IntersectionObserver((seen) => seen.forEach((entry) => {
     const link = links.get(entry.target.id);

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.log.time_series import Floats
+from orchestrator.results.page.above import above
 from orchestrator.results.page.embedded import floats, shorts
 from orchestrator.results.rotation import body_axis, matrices
 from orchestrator.results.run_data import RunData
@@ -22,11 +23,11 @@ MARGIN = 0.15  # m round the drawn bodies
 ABOVE = 0.4  # m over the chain at most: hulls are high
 
 
-def player(run: RunData, track: str, reference: RunData | None = None) -> dict[str, Any]:
+def player(run: RunData, track: str, reference: RunData | None = None, turns: bool = False) -> dict[str, Any]:
     """Pictures of a track, and the chain of a reference that is drawn over them, as a JSON table.
 
-    Places are ahead of the axle of the track's sprocket and over the ground, or over the first axle, m. Raises
-    LogUnreadable, and ValueError if poses were not recorded.
+    ``turns``: the vehicle from above as well. Places are ahead of the axle of the track's sprocket and over the
+    ground, or over the first axle, m. Raises LogUnreadable, and ValueError if poses were not recorded.
     """
     bodies = Bodies(run, EVERY, track=track)
     if not bodies.tracks:
@@ -72,6 +73,7 @@ def player(run: RunData, track: str, reference: RunData | None = None) -> dict[s
         "hull": None if hull is None else shorts(hull, UNIT),
         "ground": _ground(bodies, cameras),
         "speed": None if speeds is None else floats(np.interp(poses.t, bodies.t, speeds)),
+        "above": above(run, poses.t) if turns else None,
         "reference": _chain(reference, track, poses.t) if reference else None,
     }
 

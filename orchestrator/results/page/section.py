@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 from orchestrator.results.analyses.curves import SignalCurve
-from orchestrator.results.page.charts import Chart, Trace, lines
+from orchestrator.results.page.charts import Chart, Trace, lines, shared_legend
 from orchestrator.results.page.evaluation import Evaluation
 
 
@@ -30,8 +30,10 @@ class Pair(NamedTuple):
     def lines(self, labelled: Sequence[tuple[str, str]], colour: int = 0) -> list[Trace]:
         """Curves of signals, given with their labels, of both runs; signals that a run lacks are left out.
 
-        Colours count from ``colour``.
+        Colours count from ``colour``. A single signal is named after its run if there are two.
         """
+        if self.reference and len(labelled) == 1:
+            labelled = [(labelled[0][0], "run")]
         recorded = [
             (signal, name, k) for k, (signal, name) in enumerate(labelled, colour) if signal in self.run.signals
         ]
@@ -46,12 +48,16 @@ class Pair(NamedTuple):
         for k, (signal, name) in enumerate(labelled, colour):
             if other := others.get(signal):  # one band is enough: the reference of a band is its mean
                 curve = other.moving_mean.over(window) if means.get(signal) else other.curve
-                traces.append(Trace(f"{name}, reference", curve, k, reference=True))
+                traces.append(Trace(_of_reference(name), curve, k, reference=True))
         return traces
 
     def over_time(self, quantity: str, unit: str, traces: Sequence[Trace]) -> Chart:
         """Chart of lines over time."""
         return lines(quantity, unit, traces, window=self.run.ripple.description)
+
+
+def _of_reference(name: str) -> str:
+    return "reference" if name == "run" else f"{name}, reference"
 
 
 def _alike(first: SignalCurve, second: SignalCurve) -> bool:
@@ -76,10 +82,14 @@ class Content:
             f'<div class="chart {size}" id="chart-{key}" role="img" aria-label="{title}"></div></figure>'
         )
 
+    def as_grid(self) -> None:
+        """Put the figures so far side by side, below the legend that they share."""
+        self.html = f'{shared_legend(self.charts)}<div class="grid">{self.html}</div>'
+
     def as_section(self, key: str, name: str, title: str) -> PageSection | None:
         """Section with the figures side by side; None without any."""
-        html = f'<div class="grid">{self.html}</div>'
-        return PageSection(key, name, title, html, self.charts) if self.charts else None
+        self.as_grid()
+        return PageSection(key, name, title, self.html, self.charts) if self.charts else None
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], classes: str = "") -> str:

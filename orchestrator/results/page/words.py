@@ -32,6 +32,12 @@ def instance(name: str) -> str:
     return text(plain(name))
 
 
+def side(name: str) -> str:
+    """Side of a component or track, "left" or "right", else its name in words; not escaped."""
+    words = plain(name).split()
+    return next((word for word in words if word in ("left", "right")), " ".join(words))
+
+
 def wheel_name(name: str) -> str:
     """Name of a wheel in words, "wheel 2" for "road_wheel[2]", not escaped."""
     return name.replace("road_wheel[", "wheel ").replace("]", "").replace("_", " ")

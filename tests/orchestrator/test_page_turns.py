@@ -1,0 +1,294 @@
+"""Turns, tooth orders, fatigue, shared legends and print of the page, computed again from the log."""
+
+import base64
+import html as markup
+import re
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from packed import unpacked
+from page_logs import embedded, page, signal, vehicle_log, written
+
+from orchestrator.execution.reported import report
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.results.page.above import LONGEST, UNIT, above
+from orchestrator.results.page.document import _asset
+from orchestrator.results.page.words import quantity
+from orchestrator.results.run_data import RunData
+from orchestrator.scene.scene import load
+
+SPEEDS = [f"drive.{side}.speed_points=[[0.05,0],[0.7,{speed}]]" for side, speed in (("left", 6), ("right", 9))]
+SIDES = ("left", "right")
+vehicle = pytest.fixture(scope="module")(vehicle_log)
+
+
+@pytest.fixture(scope="module")
+def turning(tmp_path_factory):
+    """Log of a vehicle of rigid links that drives off and turns to the left at 6 and 9 rad/s."""
+    path = tmp_path_factory.mktemp("page") / "turning.mcap"
+    assert simulate(load("turn", "rigid", ["run.stop=2 s", *SPEEDS]), path)["status"] == "ok"
+    return path
+
+
+@pytest.fixture(scope="module")
+def shown(turning):
+    """Its page."""
+    return page(turning)
+
+
+@pytest.fixture(scope="module")
+def record(turning):
+    """Values of the log by signal, and of the chassis's time by "t"."""
+    names = [f"chassis.{name}" for name in ("yaw", "chassis.velocity.x", "chassis.velocity.y", "chassis.position.x")]
+    names += ["chassis.chassis.angular_velocity.z", "chassis.chassis.position.y"]
+    for side in SIDES:
+        names += [f"{side}_track.{name}" for name in ("slip", "tension.max", "ground.force.x", "ground.force.y")]
+        names += [f"{side}_drive.{name}" for name in ("torque", "speed", "energy.work")]
+    with Log(turning) as log:
+        values = {name: signal(log, name)[1] for name in names}
+        return values | {"t": signal(log, "chassis.yaw")[0], "vehicle": log.table("scene.json")["vehicle"]}
+
+
+def value(cell):
+    """SI value of a quantity in a cell."""
+    size, unit = re.fullmatch(r"(\S+) (.+)", cell.replace("\N{MINUS SIGN}", "-")).groups()
+    return float(size) * (1e3 if unit[0] == "k" else 1e-3 if unit[:2] == "mm" else 1.0)
+
+
+def ahead_and_left(record, x, y):
+    c, s = np.cos(record["yaw"]), np.sin(record["yaw"])
+    return c * record[x] + s * record[y], c * record[y] - s * record[x]
+
+
+def thrusts(record):
+    record["yaw"] = record["chassis.yaw"]
+    tracks = [f"{side}_track.ground.force" for side in SIDES]
+    return [ahead_and_left(record, f"{track}.x", f"{track}.y")[0] for track in tracks]
+
+
+# --- turns -----------------------------------------------------------------------------------------
+
+
+def curves_are_those_of(record, charts):
+    left, right = thrusts(record)
+    moment = record["vehicle"]["track"]["lateral"] * (right - left)
+    for key, place, values in (
+        ("yaw-rate", 0, record["chassis.chassis.angular_velocity.z"]),
+        ("moment", 0, 1e-3 * moment),
+        ("thrust", 0, 1e-3 * left),
+        ("thrust", 1, 1e-3 * right),
+    ):
+        drawn = unpacked(charts[key]["traces"][place]["y"])
+        assert (drawn.min(), drawn.max()) == pytest.approx((values.min(), values.max()), rel=1e-6), key
+    (trace,) = charts["radius"]["traces"]
+    t, radius = unpacked(trace["t"]), unpacked(trace["y"])
+    speed = np.hypot(record["chassis.chassis.velocity.x"], record["chassis.chassis.velocity.y"])
+    step = np.diff(record["t"], prepend=0.0)
+    way, yaw = np.cumsum(speed * step), np.unwrap(record["chassis.yaw"])
+    for moment_of_time in (1.1, 1.4, 1.7):
+        k = int(np.abs(t - moment_of_time).argmin())
+        (way_0, way_1), (yaw_0, yaw_1) = (np.interp([t[k] - 0.25, t[k] + 0.25], record["t"], y) for y in (way, yaw))
+        assert radius[k] == pytest.approx((way_1 - way_0) / abs(yaw_1 - yaw_0), rel=2e-3)
+    assert np.isnan(radius[0]), "at rest there is no radius"
+
+
+def table_is_that_of(record, html):
+    table = re.search(r"<h3>By side</h3>.*?<tbody>(.*?)</tbody>", html, re.S)[1]
+    rows = [re.findall(r"<td>(.*?)</td>", row, re.S) for row in re.findall(r"<tr>(.*?)</tr>", table, re.S)]
+    assert [row[0] for row in rows] == ["<b>turn left</b>"]
+    _, start, end, moment, centre, _, thrust, slip, power = (markup.unescape(cell) for cell in rows[0])
+    inside = (record["t"] > float(start) - 1e-6) & (record["t"] < float(end) + 1e-6)
+    means = [each[inside].mean() for each in thrusts(record)]
+    arm, rate = record["vehicle"]["track"]["lateral"], record["chassis.chassis.angular_velocity.z"][inside].mean()
+    sideways = ahead_and_left(record, "chassis.chassis.velocity.x", "chassis.chassis.velocity.y")[1]
+    work = [record[f"{side}_drive.energy.work"][inside] for side in SIDES]
+    time = np.ptp(record["t"][inside])
+    for cell, expected in (
+        (moment, [arm * (means[1] - means[0])]),
+        (centre, [-sideways[inside].mean() / rate]),
+        (thrust, means),
+        (slip, [record[f"{side}_track.slip"][inside].mean() for side in SIDES]),
+        (power, [(each[-1] - each[0]) / time for each in work]),
+    ):
+        assert [value(each) for each in cell.split("<br>")] == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_turn_is_that_of_the_log(turning, shown, record, scaled):
+    curves_are_those_of(record, embedded(shown)["charts"])
+    table_is_that_of(record, shown)
+    with Log(turning) as log:
+        scaled(log, "/left_track/out", "ground.force.x", 1.03)
+    html = page(turning)
+    with pytest.raises(AssertionError):
+        curves_are_those_of(record, embedded(html)["charts"])
+    with pytest.raises(AssertionError):
+        table_is_that_of(record, html)
+
+
+def shorts(content):
+    return np.frombuffer(base64.b64decode(content), "<i2").reshape(-1, 2) * UNIT
+
+
+def from_above_is_that_of(record, view, tracks):
+    feet, arrows = shorts(view["feet"]), shorts(view["arrows"])
+    assert view["counts"] == [len(feet)]
+    row = int(np.abs(record["t"] - tracks[0].t[-1]).argmin())
+    hull = [record[f"chassis.chassis.position.{axis}"][row] for axis in "xy"]
+    assert unpacked(view["hull"]) == pytest.approx(hull, abs=1e-6)
+    found = []
+    for series in tracks:
+        places, forces = (
+            series.values[-1][[series.names.index(name.format(i + 1, axis)) for i in range(64) for axis in "xy"]]
+            for name in ("joint[{}].position.{}", "link[{}].ground.force.{}")
+        )
+        pins = places.reshape(64, 2)
+        found += zip(0.5 * (pins + np.roll(pins, -1, axis=0)) - hull, forces.reshape(64, 2), strict=True)
+    assert view["largest"] == pytest.approx(max(np.hypot(*force) for _, force in found))
+    for place, force in found:
+        if np.hypot(*force) > 0.03 * view["largest"]:
+            k = np.linalg.norm(feet - place, axis=1).argmin()
+            assert feet[k] == pytest.approx(place, abs=0.02), "a link's middle is between its pins"
+            assert arrows[k] == pytest.approx(force * LONGEST / view["largest"], abs=UNIT)
+
+
+def test_links_from_above_stand_and_push_where_the_log_says(turning, record, scaled):
+    with Log(turning) as log:
+        tracks = [log.read(f"/{side}_track/links") for side in SIDES]
+        from_above_is_that_of(record, above(RunData(log), np.array([2.0])), tracks)
+        names = [f"link[{i + 1}].ground.force.y" for i in range(64)]
+        most = max(names, key=lambda name: abs(tracks[0].values[-1, tracks[0].names.index(name)]))
+        scaled(log, "/left_track/links", most, 1.03)
+    with Log(turning) as log, pytest.raises(AssertionError):
+        from_above_is_that_of(record, above(RunData(log), np.array([2.0])), tracks)
+
+
+# --- tooth orders ----------------------------------------------------------------------------------
+
+
+def orders_are_those_of(record, html):
+    note = re.search(r"longest phase at constant speed: turn left, (\S+) to (\S+) s", html)
+    inside = (record["t"] > float(note[1]) - 1e-6) & (record["t"] < float(note[2]) + 1e-6)
+    t = record["t"][inside]
+    weights = np.sin(np.pi * np.arange(len(t)) / len(t)) ** 2
+    teeth = record["vehicle"]["sprocket"]["teeth"]
+    peaks = {}
+    for chart, name in (("torque-orders", "drive.torque"), ("tension-orders", "track.tension.max")):
+        shown = embedded(html)["charts"][chart]
+        for trace, side in zip(shown["traces"], SIDES, strict=True):
+            assert trace["name"] == side
+            passing = teeth * record[f"{side}_drive.speed"][inside].mean() / (2.0 * np.pi)
+            y = record[f"{side}_{name}"][inside] / (1e3 if "k" in shown["y"] else 1.0)
+            orders, amplitudes = unpacked(trace["t"]), unpacked(trace["y"])
+            assert orders[-1] <= 8.0 < orders[-1] + orders[0]
+            for k in (0, 3, len(orders) // 2, int(np.argmax(np.where(orders > 0.5, amplitudes, 0.0)))):
+                waves = np.exp(-2j * np.pi * orders[k] * passing * (t - t[0]))
+                own = 2.0 * abs(np.sum((y - y.mean()) * weights * waves)) / weights.sum()
+                assert amplitudes[k] == pytest.approx(own, rel=2e-3, abs=1e-4 * float(amplitudes.max()))
+            peaks[chart, side] = (own * (1e3 if "k" in shown["y"] else 1.0), orders[k], orders[k] * passing)
+    size, order, frequency = max((peak for key, peak in peaks.items() if key[0] == "torque-orders"))
+    sentence = re.search(r"Largest: ([\d.]+ k?N m) at order ([\d.]+), ([\d.]+) Hz, (left|right)\.", html)
+    told = value(sentence[1]), float(sentence[2]), float(sentence[3])
+    assert told == pytest.approx((size, order, frequency), rel=6e-3)
+
+
+def test_tooth_orders_are_those_of_the_log(turning, shown, record, scaled):
+    orders_are_those_of(record, shown)
+    with Log(turning) as log:
+        scaled(log, "/left_drive/out", "speed", 1.03)
+    with pytest.raises(AssertionError):
+        orders_are_those_of(record, page(turning))
+
+
+# --- fatigue ---------------------------------------------------------------------------------------
+
+
+def pulsating(path, size=1.0):
+    """Log of two links: ten cycles of 200 MPa at the outer fibre of the second, of 50 MPa elsewhere."""
+    t = np.linspace(0.0, 1.0, 401)
+    wave = 25e6 * np.cos(20.0 * np.pi * t)
+    links = {f"link[{i}].fibre.{fibre}": wave for i in (1, 2) for fibre in ("outer", "inner")}
+    links["link[2].fibre.outer"] = 4.0 * size * wave
+    links |= {f"link[{i}].tension": wave for i in (1, 2)}
+    return written(path, {"a.travel": t, "a.tension.max": t}, t, links=links)
+
+
+def fatigue_is_as_computed(html):
+    row = re.search(r'id="fatigue">.*?<tbody><tr>(.*?)</tr>', html, re.S)[1]
+    cells = re.findall(r"<td>(.*?)</td>", row)
+    damage = 10.0 * (200e6 / 100e6) ** 3 / 2e6
+    assert cells[:3] == ["a", "link 2", "outer"]
+    assert float(cells[3].split()[0]) == pytest.approx(1.0 / 3600.0 / damage, rel=1e-3)
+    assert [float(cell.replace("\N{MINUS SIGN}", "-")) for cell in cells[4:6]] == pytest.approx([damage, 10.0])
+    assert cells[6] == quantity(200e6, "Pa")
+    outer, inner = embedded(html)["charts"]["damage"]["traces"]
+    assert unpacked(outer["y"])[1] == pytest.approx(damage, rel=1e-3)
+    assert unpacked(inner["y"]) == pytest.approx([damage / 64.0] * 2, rel=1e-3)
+
+
+def test_fatigue_is_miners_sum(tmp_path, monkeypatch):
+    pytest.importorskip("rainflow")
+    fatigue_is_as_computed(page(pulsating(tmp_path / "a.mcap")))
+    with pytest.raises(AssertionError):
+        fatigue_is_as_computed(page(pulsating(tmp_path / "b.mcap", 1.03)))
+    monkeypatch.setitem(sys.modules, "rainflow", None)
+    html = page(tmp_path / "a.mcap")
+    assert 'id="fatigue"' not in html
+    assert "rainflow is not installed" in html
+
+
+# --- sections and legends --------------------------------------------------------------------------
+
+
+def test_a_section_that_does_not_apply_is_not_there(vehicle, shown):
+    anchors = {f'<a href="#{key}">' for key in ("turn", "orders", "fatigue")}
+    html = page(vehicle)
+    assert not any(anchor in html for anchor in anchors)
+    assert embedded(html)["player"]["above"] is None
+    assert 'id="above"' not in html
+    assert {anchor for anchor in anchors if anchor in shown} == {'<a href="#turn">', '<a href="#orders">'}
+    assert 'id="above"' in shown
+
+
+def test_charts_of_the_same_curves_share_a_legend(shown):
+    charts = embedded(shown)["charts"]
+    keys = re.findall(r'data-trace="([\w ]+)" data-charts="([^"]+)"', shown)
+    assert ("left", "torque sprocket-speed power slip") in keys
+    assert ("right", "torque-orders tension-orders") in keys
+    shared = {key for _, charts_of_entry in keys for key in charts_of_entry.split()}
+    assert {"wheels-0", "wheels-1"} <= shared
+    for key in shared:
+        names = [trace["name"] for trace in charts[key]["traces"]]
+        assert {name for name, of in keys if key in of.split()} == {*names}
+        assert not charts[key]["named"]
+    assert charts["tension"]["named"], "a chart alone keeps its legend"
+    assert charts["pitch"]["named"], "no other chart has its curves"
+
+
+# --- print -----------------------------------------------------------------------------------------
+
+
+def test_charts_are_drawn_for_the_zoom_of_the_print():
+    zoom = re.search(r"\.chart, .*zoom: ([\d.]+);", _asset("page.css"))[1]
+    assert f"zoom: {zoom}," in _asset("page.js")
+    assert "@page { size: A4;" in _asset("page.css")
+
+
+CHROMIUM = shutil.which("chromium")
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not CHROMIUM, reason="needs Chromium")
+def test_a_page_prints_on_twelve_sheets_of_a4(turning, tmp_path):
+    pytest.importorskip("plotly")
+    report(turning, tmp_path / "a.html")
+    command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
+    command += ["--virtual-time-budget=15000", f"--print-to-pdf={tmp_path / 'a.pdf'}", (tmp_path / "a.html").as_uri()]
+    subprocess.run(command, check=True, capture_output=True, timeout=120)
+    sheets = (tmp_path / "a.pdf").read_bytes()
+    assert 5 < len(re.findall(rb"/Type\s*/Page\b", sheets)) <= 12
+    width, height = map(float, re.search(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", sheets).groups())
+    assert (width, height) == pytest.approx((595.3, 841.9), abs=1.0)
