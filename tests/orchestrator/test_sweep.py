@@ -131,6 +131,7 @@ def test_what_is_varied_must_be_given(cotrack):
 # --- rows ---
 
 
+@pytest.mark.long
 def test_rows_equal_single_runs_bit_by_bit(cotrack, tmp_path):
     status, out, err = cotrack(*MODELS, *SPANS, "-o", "found")
     assert status == 0, err
@@ -164,7 +165,7 @@ def test_the_function_returns_the_table_that_it_writes(tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     settings = ["chain.links=8", "run.stop=0.02", "expect.rest.expected=1"]
     vary = ["vehicle.track.mass=20:25 kg"]
-    arguments = dict(sample=2, seed=7, settings=settings, track="rigid", estimate=False, keep_logs=True)
+    arguments = dict(sample=2, seed=7, settings=settings, track="flexible", estimate=False, keep_logs=True)
     table = offered.sweep("hanging_chain", vary, tmp_path, **arguments)
     assert table.csv() == (tmp_path / "sweep.csv").read_text()
     assert table.notes == ("Latin hypercube of 2 points, seed 7",)
@@ -177,12 +178,18 @@ def test_the_function_returns_the_table_that_it_writes(tmp_path):
     assert frame["checks not met"].tolist() == ["rest", "rest"]
     for name in frame["log"]:
         with offered.Log(tmp_path / name) as log:
-            assert (log.closing["status"], log.metadata["run"]["track"]) == ("ok", "rigid")
+            assert (log.closing["status"], log.metadata["run"]["track"]) == ("ok", "flexible")
+
+
+def test_cases_have_the_track_model_of_the_option(tmp_path):
+    design = Design.of(["chain.span=0.7,0.8"])
+    planned = parameter_sweep.plan(design, "hanging_chain", tmp_path / "found", track="rigid")
+    assert [case.arguments[0].variant for case in planned.cases] == ["rigid", "rigid"]
 
 
 def test_values_and_settings_may_be_tables(tmp_path):
     """The same folder goes on with texts: both are one sweep."""
-    options = dict(track="rigid", estimate=False)
+    options = dict(track="flexible", estimate=False)
     settings = {"chain.links": 8, "run.stop": 0.02}
     table = offered.sweep("hanging_chain", {"chain.span": [0.7, 0.75]}, tmp_path, settings=settings, **options)
     texts = [f"{key}={value}" for key, value in settings.items()]
