@@ -104,6 +104,7 @@ class Model(TrackModel):
         tolerance = p["tolerance"] * (BEAM_PART if beam else 1.0)
         self.method = ImplicitMethod(integrator_coefficients(p), tolerance, True)
         self.link = self._beams(young, tau) if beam else self._cables(element, elasticity, axes, young, tau)
+        self._nodal_link = self.link
         axial = young * self.vehicle["section"]["area"]
         self.stiffness = max(axial, self.closing.stiffness * self.pitch if self.closing else 0.0)  # axial, N
         self.kit = kit(type(self.link))
@@ -118,8 +119,8 @@ class Model(TrackModel):
 
     @property
     def stable_step(self) -> float:
-        """See ``TrackModel``."""
-        return stable(self.link)
+        """See ``TrackModel``; joints and coordinates of a run change nothing in it."""
+        return stable(self._nodal_link)
 
     def begin_run(self) -> None:
         """Change to the wanted joints and coordinates, then begin as ``TrackModel.begin_run``."""
