@@ -32,7 +32,7 @@ def run(
     """Run a scene, record it, evaluate its checks and estimate its error, as ``cotrack run`` does.
 
     :param scene: name in the gallery, TOML file, or a scene of ``cotrack.load``.
-    :param settings: values by dotted key, ``{"vehicle.track.mass": 20, "ground.friction": 0.5}``; numbers are in SI
+    :param settings: values by dotted key, ``{"vehicle.track.mass": 20, "run.stop": "3 s"}``; numbers are in SI
         units, texts may have others ("2 ms"). ``KEY=VALUE`` texts, as of ``--set``, are allowed too.
     :param track: "flexible" or "rigid", instead of the scene's.
     :param stop: end of the run, s.
@@ -54,7 +54,8 @@ def run(
         raise BadInput(f"track = '{track}': a scene that is loaded has its track model; cotrack.load takes another one")
     path = Path(log) if log is not None else Path("logs") / f"{resolved.name}-{resolved.variant}.mcap"
     with Narration(_write_progress) if progress else nullcontext() as narration:
-        return Run(path, simulate(resolved, path, narration=narration, estimated=estimate, native=native))
+        result = simulate(resolved, path, narration=narration, estimated=estimate, native=native)
+    return Run(result["log"] or path, result)
 
 
 def _write_progress(line: str) -> None:

@@ -130,7 +130,9 @@ class Run:
             return compare_measured(RunData(log), Path(file), columns, **how)
 
     def __repr__(self) -> str:
-        return "\n".join(summary_text.lines(self.summary))
+        head, *below = summary_text.lines(self.summary)
+        message = self.summary["message"]
+        return "\n".join([head, *([f"  {message}"] if message else []), *below])
 
     def _repr_html_(self) -> str:
         return f"<pre>{html.escape(repr(self))}</pre>"

@@ -64,10 +64,9 @@ def sweep(  # noqa: PLR0913, the options of the command
     before the first run.
     """
     folder = Path(output)
-    texts = (
-        [f"{key}={','.join(map(str, values))}" for key, values in vary.items()] if isinstance(vary, Mapping) else vary
-    )
-    design = Design.of(texts, sample, seed)
+    if isinstance(vary, Mapping):
+        vary = [f"{key}={','.join(map(str, values))}" for key, values in vary.items()]
+    design = Design.of(vary, sample, seed)
     planned = plan(design, scene, folder, track, settings, native, estimate, keep_logs)
     rows = pool.run(planned.cases, workers, scheduler, Store(folder / "cases"))
     planned.write(folder, "sweep", rows, planned.TITLE)
@@ -85,13 +84,12 @@ def plan(
     keep_logs: bool = False,
 ) -> Sweep:
     """Load the scene of every case, then make the folder; raises BadInput, also for the folder of another sweep."""
-    fixed = {SHORT_KEYS.get(key, key) for key, _ in pairs(settings)} | ({"track.model"} if track else set())
+    common = dict(pairs(settings))
+    fixed = {SHORT_KEYS.get(key, key) for key in common} | ({"track.model"} if track else set())
     for one in design.variations:
         if SHORT_KEYS.get(one.key, one.key) in fixed:
             raise BadInput(f"--vary {one.text}: its key is set by another option")
-    scenes = [
-        load(scene, track, {**dict(pairs(settings)), **dict(pairs(design.settings(point)))}) for point in design.points
-    ]
+    scenes = [load(scene, track, common | dict(pairs(design.settings(point)))) for point in design.points]
     identity = json.dumps([native, estimated, *(one.resolved() for one in scenes)])
     digest = hashlib.sha256(identity.encode()).hexdigest()
     _claim(folder, {"scene": scenes[0].name, **design.stated(), "digest": digest})

@@ -9,6 +9,7 @@ import pytest
 from short_run import SHORT, last
 
 from fmus.vehicle import BadInput
+from orchestrator.interface import calls
 from orchestrator.log.reader import Log, NoSuchSignal
 
 
@@ -100,6 +101,20 @@ def test_a_run_with_a_missed_check_is_returned(tmp_path, capfd):
     assert missed.summary["status"] == "ok"
     assert "  NOT slack = " in repr(missed)
     assert "... hanging_chain: components are built and initialised" in capfd.readouterr().err
+
+
+def test_a_run_that_failed_says_why(run):
+    """Its log is the one that the run left, which may have another name than the one that was asked for."""
+    left = run.log.with_name("chain.running.mcap")
+    failed = package.Run(left, run.summary | {"status": "failed", "message": "the disk is full", "log": str(left)})
+    assert not failed.ok
+    assert repr(failed).splitlines()[1] == "  the disk is full"
+
+
+def test_the_log_of_a_run_is_the_one_that_it_left(tmp_path, monkeypatch):
+    left = tmp_path / "a.running.mcap"
+    monkeypatch.setattr(calls, "simulate", lambda scene, path, **options: {"log": str(left)})
+    assert package.run("hanging_chain", log=tmp_path / "a.mcap", progress=False).log == left
 
 
 def test_the_example_of_the_readme_runs(tmp_path, monkeypatch, capsys):

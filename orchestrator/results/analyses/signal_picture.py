@@ -59,23 +59,10 @@ class SignalMap(NamedTuple):
     parts: tuple[circuit.Stretch, ...] = ()  # named parts of y
 
 
-def draw(
-    logs: Sequence[Path],
-    signals: Sequence[str],
-    output: Path,
-    window: Window = EVER,
-    *,
-    frequency: bool = False,
-    order: bool = False,
-    waterfall: bool = False,
-    place: bool = False,
-    measured: Sequence[MeasuredSignal] = (),
-) -> None:
-    """Write a picture of signals; see ``figure_of``, whose arguments it has. Raises BadInput for a bad ``output``."""
+def draw(logs: Sequence[Path], signals: Sequence[str], output: Path, window: Window = EVER, **form: Any) -> None:
+    """Write a picture of signals; ``form`` and errors as of ``figure_of``. Raises BadInput for a bad ``output``."""
     check_output(output, KINDS)
-    figure = figure_of(
-        logs, signals, window, frequency=frequency, order=order, waterfall=waterfall, place=place, measured=measured
-    )
+    figure = figure_of(logs, signals, window, **form)
     with atomic_write(output) as temporary:
         figure.savefig(temporary, dpi=120)
 
