@@ -200,8 +200,11 @@ def _pack(stage: Path, shells: Sequence[Shell], packages: Sequence[Path]) -> Ite
         yield archive(files | documentation(files["modelDescription.xml"], readme_beside(shell.script), INCLUDED))
 
 
-def archive(files: Mapping[str, bytes]) -> bytes:
-    """Bytes of a zip archive without its checksum; equal files give equal bytes (fixed order, no times)."""
+def archive(files: Mapping[str, bytes], comment: bytes = bytes(CHECKSUM)) -> bytes:
+    """Bytes of a zip archive without its comment; equal files give equal bytes (fixed order, no times).
+
+    By default the comment is the checksum of a file of the cache, which is added there.
+    """
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as target:
         for name in sorted(files):
@@ -209,8 +212,8 @@ def archive(files: Mapping[str, bytes]) -> bytes:
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.external_attr = 0o644 << 16
             target.writestr(entry, files[name])
-        target.comment = bytes(CHECKSUM)  # space for the checksum
-    return packed.getvalue()[:-CHECKSUM]
+        target.comment = comment
+    return packed.getvalue()[: packed.tell() - len(comment)]
 
 
 def _child() -> None:

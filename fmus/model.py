@@ -72,6 +72,15 @@ def no_rotation(numbers, t, name, u, i):
     return not 0.9 < length < 1.1
 
 
+@kernel
+def not_given(steps, u, i):
+    """Whether a motion is still to come: before the first step (``steps`` 0) its quaternion at ``u[i]`` is zero.
+
+    Some tools begin with zeros in all inputs and exchange values for the first time after their first step.
+    """
+    return steps == 0 and u[i] == 0.0 and u[i + 1] == 0.0 and u[i + 2] == 0.0 and u[i + 3] == 0.0
+
+
 class FreeParameters(NamedTuple):
     """Parameters that stay settable in a native FMU: only ``start_kernel`` is computed again when they change."""
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from fmus.jit import allocating, kernel
 from fmus.link_outputs import AXIS, DEPTH, FIBRES, FORCE, GROUND, POSITION, SLIDING, SLOPES, STRESS, TENSION, WHEELS
-from fmus.model import no_rotation, too_many_steps
+from fmus.model import no_rotation, not_given, too_many_steps
 from fmus.physics.chain import adaptive, on_links
 from fmus.physics.chain.communication_step import CommunicationStep
 from fmus.physics.chain.environment import Environment
@@ -18,7 +18,7 @@ from fmus.physics.chain.kinds import fibres, observe_links, pin_axes, slopes
 from fmus.physics.chain.report import GROUND as ON_GROUND
 from fmus.physics.chain.report import REJECTED, REPORT, STEPS
 from fmus.physics.elementary import acos
-from fmus.physics.wheels import WIDTH, read_states, to_world
+from fmus.physics.wheels import WIDTH, read_state, to_world
 from fmus.ports import STATE
 from fmus.sentences import GAPS
 from fmus.start import lay_frame
@@ -180,10 +180,13 @@ def _read_wheels(c, messages, t, h, u):
     """Read the wheels from the inputs and check them; 0, or the failure."""
     if too_many_steps(messages[0], t, h, c.longest):
         return TOO_LONG
-    turned_wheel = read_states(u, c.frame, c.rows)
-    if turned_wheel >= 0:
-        no_rotation(messages[0], t, turned_wheel, u, STATE * turned_wheel + 3)
-        return NO_WHEEL
+    for k in range(u.size // STATE):
+        if not_given(c.counters[STEPS], u, STATE * k + 3):
+            for i in range(WIDTH):
+                c.rows[k, i] = c.start_rows[k, i]
+        elif not read_state(u[STATE * k : STATE * k + STATE], c.frame, c.rows[k]):
+            no_rotation(messages[0], t, k, u, STATE * k + 3)
+            return NO_WHEEL
     if c.counters[STEPS] == 0 and u.size > 0:
         farthest, wheel = 0.0, 0
         for k in range(c.rows.shape[0]):

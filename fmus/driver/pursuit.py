@@ -154,7 +154,7 @@ def step(c, messages, t, h, u):
     x, inputs, was_lost = c.state, c.inputs, c.state[LOST] != 0.0
     for i in range(u.size):
         inputs[i] = u[i]
-    rest_if_unconnected(inputs, 0, c.unconnected, c.rest_motion, 0)
+    rest_if_unconnected(inputs, 0, c.unconnected, c.rest_motion, 0, c.counters[0])
     if no_rotation(messages[0], t, 0, inputs, 3):
         return BAD_QUATERNION
     advance(c, t, h, inputs)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from fmus.drives.shaft import ANGLE, PORT_WORK, RATE, SHAFT
 from fmus.jit import kernel
+from fmus.model import not_given
 from fmus.physics.arrays import Four, Vector
 from fmus.physics.elementary import cos, sin
 from fmus.physics.rotation import put_quat, quat_advance, quat_multiply, quat_normalise, quat_rotate
@@ -43,15 +44,16 @@ class ExtrapolatedMount(NamedTuple):
 
 
 @kernel
-def rest_if_unconnected(inputs, first, unconnected, rest_motion, i):
+def rest_if_unconnected(inputs, first, unconnected, rest_motion, i, steps):
     """Set a mount that nothing moves to its motion at rest.
 
-    A mount ``inputs[first : first + 13]`` whose inputs equal their start values, ``unconnected[i : i + 13]``, is
-    replaced by ``rest_motion[i : i + 13]``.
+    A mount ``inputs[first : first + 13]`` whose inputs equal their start values, ``unconnected[i : i + 13]``, or whose
+    motion is not given yet after ``steps`` steps, is replaced by ``rest_motion[i : i + 13]``.
     """
-    for k in range(13):
-        if inputs[first + k] != unconnected[i + k]:
-            return
+    if not not_given(steps, inputs, first + 3):
+        for k in range(13):
+            if inputs[first + k] != unconnected[i + k]:
+                return
     for k in range(13):
         inputs[first + k] = rest_motion[i + k]
 

@@ -73,6 +73,15 @@ def build_native(
     )
 
 
+def targets_windows() -> bool:
+    """Whether the compiler at hand makes libraries for Windows."""
+    try:
+        compiler(WINDOWS)
+    except NoCompiler:
+        return False
+    return True
+
+
 def with_constants(kind: str, config: Mapping[str, Any], parameters: Mapping[str, float | int | str]) -> dict[str, Any]:
     """Config with the parameters that are not free, so that components alike in them share an FMU."""
     values = {**config.get(KEY, {}), **parameters}

@@ -52,29 +52,38 @@ def move(rows: Floats, tau: float, out: Floats) -> None:
 def read_states(u: Floats, frame: Floats, rows: Floats) -> int:
     """Convert wheel states ``u`` (13 m) to ``rows`` (m, 15) in the track's frame.
 
-    ``u``: position m, quaternion, velocity m/s, angular velocity rad/s, in the world. ``frame`` (5): origin of the
-    track's frame in the world, cosine and sine of its heading about z. Rows without a state stay unchanged. Returns -1,
-    or the first wheel with a number that is not finite or a quaternion whose length differs from 1 by ``UNIT`` or more.
+    Rows without a state stay unchanged. Returns -1, or the first wheel whose state is none (``read_state``).
     """
-    c, s, wrong = frame[3], frame[4], -1
+    wrong = -1
     for k in range(u.size // 13):
-        a = u[13 * k : 13 * k + 13]
-        x, y = a[0] - frame[0], a[1] - frame[1]
-        rows[k, 0], rows[k, 1], rows[k, 2] = c * x + s * y, c * y - s * x, a[2] - frame[2]
-        rows[k, 3], rows[k, 4], rows[k, 5] = c * a[7] + s * a[8], c * a[8] - s * a[7], a[9]
-        rows[k, 6], rows[k, 7], rows[k, 8] = c * a[10] + s * a[11], c * a[11] - s * a[10], a[12]
-        n = np.sqrt(a[3] ** 2 + a[4] ** 2 + a[5] ** 2 + a[6] ** 2)
-        unknown = 0.0  # 0 times a number that is not finite is NaN
-        for m in range(13):
-            unknown += 0.0 * a[m]
-        if wrong < 0 and not abs(n - 1.0 + unknown) < UNIT:
+        if not read_state(u[13 * k : 13 * k + 13], frame, rows[k]) and wrong < 0:
             wrong = k
-        w, i, j, l = a[3] / n, a[4] / n, a[5] / n, a[6] / n
-        x, y = 2.0 * (i * j - w * l), 1.0 - 2.0 * (i * i + l * l)  # the body's y axis
-        rows[k, 9], rows[k, 10], rows[k, 11] = c * x + s * y, c * y - s * x, 2.0 * (j * l + w * i)
-        x, y = 1.0 - 2.0 * (j * j + l * l), 2.0 * (i * j + w * l)  # the body's x axis
-        rows[k, 12], rows[k, 13], rows[k, 14] = c * x + s * y, c * y - s * x, 2.0 * (i * l - w * j)
     return wrong
+
+
+@kernel
+def read_state(a: Floats, frame: Floats, row: Floats) -> bool:
+    """Convert the state ``a`` (13) of a wheel to its ``row`` (15) in the track's frame.
+
+    ``a``: position m, quaternion, velocity m/s, angular velocity rad/s, in the world. ``frame`` (5): origin of the
+    track's frame in the world, cosine and sine of its heading about z. Returns whether all numbers are finite and the
+    length of the quaternion differs from 1 by less than ``UNIT``.
+    """
+    c, s = frame[3], frame[4]
+    x, y = a[0] - frame[0], a[1] - frame[1]
+    row[0], row[1], row[2] = c * x + s * y, c * y - s * x, a[2] - frame[2]
+    row[3], row[4], row[5] = c * a[7] + s * a[8], c * a[8] - s * a[7], a[9]
+    row[6], row[7], row[8] = c * a[10] + s * a[11], c * a[11] - s * a[10], a[12]
+    n = np.sqrt(a[3] ** 2 + a[4] ** 2 + a[5] ** 2 + a[6] ** 2)
+    unknown = 0.0  # 0 times a number that is not finite is NaN
+    for m in range(13):
+        unknown += 0.0 * a[m]
+    w, i, j, l = a[3] / n, a[4] / n, a[5] / n, a[6] / n
+    x, y = 2.0 * (i * j - w * l), 1.0 - 2.0 * (i * i + l * l)  # the body's y axis
+    row[9], row[10], row[11] = c * x + s * y, c * y - s * x, 2.0 * (j * l + w * i)
+    x, y = 1.0 - 2.0 * (j * j + l * l), 2.0 * (i * j + w * l)  # the body's x axis
+    row[12], row[13], row[14] = c * x + s * y, c * y - s * x, 2.0 * (i * l - w * j)
+    return abs(n - 1.0 + unknown) < UNIT
 
 
 @kernel

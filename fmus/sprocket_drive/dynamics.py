@@ -73,7 +73,7 @@ def step(c, messages, t, h, u):
     p, x, inputs = c.drive, c.state, c.inputs
     for i in range(u.size):
         inputs[i] = u[i]
-    rest_if_unconnected(inputs, 0, c.unconnected, c.rest_motion, 0)
+    rest_if_unconnected(inputs, 0, c.unconnected, c.rest_motion, 0, c.counters[0])
     if no_rotation(messages[0], t, 0, inputs, 3):
         return BAD_QUATERNION
     steps = substeps(p, h)

@@ -124,7 +124,7 @@ def step(c, messages, t, h, u):
     for i in range(u.size):
         inputs[i] = u[i]
     for k in range(2):
-        rest_if_unconnected(inputs, k * SIDE, c.unconnected, c.rest_motion, k * SIDE)
+        rest_if_unconnected(inputs, k * SIDE, c.unconnected, c.rest_motion, k * SIDE, c.counters[0])
     for k in range(2):
         if no_rotation(messages[0], t, k, inputs, k * SIDE + 3):
             return BAD_QUATERNION

@@ -12,6 +12,10 @@ from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.cli.common import SceneName, Settings, TrackOption
 
+VehicleOption = Annotated[
+    str | None, typer.Option("--vehicle", metavar="FILE", help="vehicle file, instead of the scene's")
+]
+
 
 def scenes() -> None:
     """List the scenes of the gallery."""
@@ -36,9 +40,7 @@ def build(
     everything: Annotated[bool, typer.Option("--all", help="every distinct FMU of the gallery")] = False,
     track: TrackOption = None,
     settings: Settings = None,
-    vehicle: Annotated[
-        str | None, typer.Option("--vehicle", metavar="FILE", help="vehicle file, instead of the scene's")
-    ] = None,
+    vehicle: VehicleOption = None,
     native: Annotated[bool, typer.Option("--native", help="native FMUs; parameters of the start are constant")] = False,
     windows: Annotated[
         bool, typer.Option("--windows", help="with --native: add libraries for Windows to those for Linux")
@@ -55,7 +57,7 @@ def build(
         raise BadInput("give a scene or --all, not both")
     if windows and not native:
         raise BadInput("--windows needs --native: Python FMUs run on every system that has Python")
-    changes = [*([f"vehicle={vehicle}"] if vehicle else ()), *(settings or ())]
+    changes = _with_vehicle(vehicle, settings)
     models = [track] if track else list(TRACKS)
     if everything:
         requested = products.gallery_products(models, changes)
@@ -65,6 +67,32 @@ def build(
         requested = products.scene_products([load(scene, track, changes)])
     for file in products.build_to(output, requested, native, windows):
         print(file)
+
+
+def ssp(
+    scene: SceneName,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="the archive, FILE.ssp")],
+    track: TrackOption = None,
+    settings: Settings = None,
+    vehicle: VehicleOption = None,
+    python: Annotated[bool, typer.Option("--python", help="FMUs that run in Python instead of native ones")] = False,
+) -> None:
+    """Write a scene's FMUs and their connections into one SSP archive, for other tools.
+
+    The FMUs are native ones, for Linux, and for Windows if the compiler ziglang is installed.
+    """
+    from orchestrator.scene.scene import load
+    from orchestrator.scene.ssp import write_ssp
+
+    if output.suffix != ".ssp":
+        raise BadInput(f"{output}: the name of the archive must end in .ssp")
+    write_ssp(load(scene, track, _with_vehicle(vehicle, settings)), output, native=not python)
+    print(output)
+
+
+def _with_vehicle(vehicle: str | None, settings: Settings) -> list[str]:
+    """Settings with the vehicle file first."""
+    return [*([f"vehicle={vehicle}"] if vehicle else ()), *(settings or ())]
 
 
 def warm(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from fmus.build import Product, build_all
 from fmus.defaults import EXPERIMENT, KEY
@@ -36,11 +37,8 @@ def scene_products(scenes: Sequence[Scene]) -> list[Product]:
     products: list[Product] = []
     for scene in scenes:
         for part in sorted(assemble(placed(scene)).parts, key=_side):
-            # Another tool takes link means over its own communication step.
-            parameters = {name: value for name, value in part.parameters.items() if name != INTERVAL}
-            times = {"stop": scene.run.stop, "step": scene.run.step}
-            config = part.config | {KEY: parameters, EXPERIMENT: times}
-            mirrored = parameters | {"start.lateral": abs(_side(part))}  # one FMU serves both sides
+            config = product_config(scene, part)
+            mirrored = config[KEY] | {"start.lateral": abs(_side(part))}  # one FMU serves both sides
             key = json.dumps([part.kind, part.config, mirrored], sort_keys=True)
             if key in keys:
                 continue
@@ -51,6 +49,13 @@ def scene_products(scenes: Sequence[Scene]) -> list[Product]:
             names.add(name)
             products.append((part.kind, config, name))
     return products
+
+
+def product_config(scene: Scene, part: Part) -> dict[str, Any]:
+    """Config of the FMU of a part for another tool: the part's parameters are its defaults."""
+    # Another tool takes link means over its own communication step.
+    parameters = {name: value for name, value in part.parameters.items() if name != INTERVAL}
+    return part.config | {KEY: parameters, EXPERIMENT: {"stop": scene.run.stop, "step": scene.run.step}}
 
 
 def _side(part: Part) -> float:

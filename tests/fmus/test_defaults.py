@@ -9,8 +9,10 @@ from toy.model import Model as Toy
 
 from fmus.build import BuildFailed
 from fmus.defaults import check_names, configured_ports
-from fmus.model import InvalidParameter
+from fmus.driver.model import Model as Driver
+from fmus.model import InvalidParameter, StepFailed
 from fmus.sprocket_drive.model import Model as Drive
+from fmus.steering_differential.model import Model as Differential
 from fmus.track_rigid.model import Model as RigidTrack
 from orchestrator.cosim.component import Component
 from orchestrator.scene.assembly import assemble
@@ -88,13 +90,16 @@ def part(name):
     return next(part for part in assemble(placed(load("rig", "rigid"))).parts if part.name == name)
 
 
-def unconnected(model, parameters, shift=0.0):
-    """Outputs after ten steps with the declared inputs; ``shift`` moves the first connector's x, m."""
+def unconnected(model, parameters, shift=0.0, blank=()):
+    """Outputs after ten steps with the declared inputs; ``shift`` moves the first connector's x, m.
+
+    In the steps ``blank`` all inputs are zero.
+    """
     model.initialise({port.name: port.start for port in model.ports if port.causality == "parameter"} | parameters)
     u = np.array([port.start for port in model.ports if port.causality == "input"])
     u[0] += shift
     for k in range(10):
-        model.step(k * H, H, u)
+        model.step(k * H, H, 0.0 * u if k in blank else u)
     outputs = [p for p in model.ports if p.causality == "output" and isinstance(p.start, float)]
     y = np.zeros(len(outputs) - model.link_ports)
     model.outputs(y)
@@ -124,6 +129,27 @@ def test_declared_motions_of_inputs_are_those_of_the_configured_start(kind, name
     assert declared[f"{connector}.position.y"] == pytest.approx(-2.0 - c * 1.0795)
     assert declared[f"{connector}.orientation.w"] == pytest.approx(np.cos(0.35) * np.cos(0.1))
     assert declared[f"{connector}.orientation.y"] == pytest.approx(np.cos(0.35) * np.sin(0.1))
+
+
+KINDS = {
+    "track": (RigidTrack, "rig", "track"),
+    "drive": (Drive, "rig", "drive"),
+    "differential": (Differential, "differential", "differential"),
+    "driver": (Driver, "serpentine", "driver"),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_zeros_before_the_first_exchange_are_no_motion(kind):
+    """Tools that exchange after their first step begin with zeros: the part stays where it starts, at its own place."""
+    model, scene, name = KINDS[kind]
+    component = next(p for p in assemble(placed(load(scene, "rigid"))).parts if p.name == name)
+    own = {**component.parameters, **PLACE}
+    config = component.config | {"parameters": own}
+    outputs = unconnected(model(config), own)
+    assert unconnected(model(config), own, blank=(0,)) == pytest.approx(outputs, rel=1e-6, abs=1e-8)
+    with pytest.raises(StepFailed, match=r"is no rotation: its length is 0"):
+        unconnected(model(config), own, blank=(1,))
 
 
 def test_a_drive_that_nothing_moves_is_a_fixed_axle_on_either_side():

@@ -1,0 +1,138 @@
+"""SSP archives of scenes: valid, complete, and run by other tools."""
+
+import io
+import sys
+import zipfile
+from pathlib import Path
+from xml.etree.ElementTree import fromstring
+
+import fmpy.ssp
+import numpy as np
+import pytest
+from fmpy.ssp.simulation import simulate_ssp
+from fmpy.ssp.ssd import read_ssd
+from lxml import etree
+
+from fmus.vehicle import BadInput
+from orchestrator.cli import main
+from orchestrator.scene.assembly import assemble
+from orchestrator.scene.placing import placed
+from orchestrator.scene.scene import load
+from orchestrator.scene.ssp import write_ssp
+
+SCHEMAS = Path(fmpy.ssp.__file__).parent / "schema"
+NAMESPACES = {name: f"http://ssp-standard.org/SSP1/SystemStructure{full}"
+              for name, full in (("ssd", "Description"), ("ssc", "Common"), ("ssv", "ParameterValues"))}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory):
+    """Archive of the rig with rigid links and FMUs that run in Python."""
+    file = tmp_path_factory.mktemp("ssp") / "rig.ssp"
+    write_ssp(load("rig", "rigid", ["run.stop=1.5 s"]), file, native=False)
+    return file
+
+
+@pytest.fixture(scope="module")
+def structure(rig):
+    with zipfile.ZipFile(rig) as archive:
+        return etree.fromstring(archive.read("SystemStructure.ssd"))
+
+
+def schema(name):
+    return etree.XMLSchema(etree.parse(str(SCHEMAS / f"SystemStructure{name}.xsd")))
+
+
+def test_structure_and_values_are_valid(structure):
+    description, values = schema("Description"), schema("ParameterValues")
+    description.assertValid(structure)
+    sets = structure.findall(".//ssv:ParameterSet", NAMESPACES)
+    assert len(sets) == 3
+    for one in sets:
+        values.assertValid(etree.ElementTree(one))
+    structure.find(".//ssd:Connector", NAMESPACES).set("kind", "entrance")
+    assert not description.validate(structure)
+    structure.find(".//ssd:Connector", NAMESPACES).set("kind", "input")
+
+
+def test_connections_connectors_and_values_are_those_of_the_scene(rig, structure):
+    assembly = assemble(placed(load("rig", "rigid")))
+    wanted = {
+        (connection.source, output, connection.target, into)
+        for connection in assembly.connections
+        for output, into in zip(connection.outputs, connection.inputs, strict=True)
+    }
+    ends = ("startElement", "startConnector", "endElement", "endConnector")
+    found = [
+        tuple(connection.get(end) for end in ends) for connection in structure.findall(".//ssd:Connection", NAMESPACES)
+    ]
+    assert len(found) == len(wanted) == 38
+    assert set(found) == wanted
+    inputs = {pair[2:] for pair in wanted}
+    for part in assembly.parts:
+        component = structure.find(f".//ssd:Component[@name='{part.name}']", NAMESPACES)
+        with zipfile.ZipFile(rig) as archive:
+            fmu = zipfile.ZipFile(io.BytesIO(archive.read(component.get("source"))))
+        variables = {v.get("name"): v for v in fromstring(fmu.read("modelDescription.xml")).iter("ScalarVariable")}
+        connectors = component.findall(".//ssd:Connector", NAMESPACES)
+        assert {c.get("name") for c in connectors} == {
+            name for name, variable in variables.items()
+            if (part.name, name) in inputs
+            or (variable.get("causality") in ("output", "parameter") and not name.startswith(("link[", "joint[")))
+        }  # fmt: skip
+        for connector in connectors:
+            variable = variables[connector.get("name")]
+            assert connector.get("kind") == variable.get("causality")
+            assert etree.QName(connector[0]).localname == variable[0].tag
+            assert connector[0].get("unit") == variable[0].get("unit")
+        values = component.findall(".//ssv:Parameter", NAMESPACES)
+        given = {value.get("name"): float(value[0].get("value")) for value in values}
+        reals = {name: value for name, value in part.parameters.items() if isinstance(value, float)}
+        reals.pop("link_outputs.interval", None)
+        assert given == reals
+        assert given == {name: float(variables[name][0].get("start")) for name in given}
+    experiment = structure.find("ssd:DefaultExperiment", NAMESPACES)
+    assert float(experiment.get("stopTime")) == 1.5
+
+
+def test_equal_scenes_give_equal_bytes(rig, tmp_path):
+    write_ssp(load("rig", "rigid", ["run.stop=1.5 s"]), tmp_path / "again.ssp", native=False)
+    assert (tmp_path / "again.ssp").read_bytes() == rig.read_bytes()
+
+
+def test_fmpy_runs_the_rig(rig):
+    """The runner of FMPy exchanges values for the first time after its first step: it begins with zeros."""
+    rows = simulate_ssp(str(rig), stop_time=0.02, step_size=1e-3)
+    assert len(rows) >= 20
+    tension = rows["track.tension.mean"]
+    assert np.ptp(tension) < 1e-3 * tension[0]
+    assert tension[-1] == pytest.approx(15000.0, rel=0.05)
+
+
+def test_bad_files_are_refused_before_anything_is_built(monkeypatch, capsys, tmp_path):
+    with pytest.raises(BadInput, match="there is no folder"):
+        write_ssp(load("rig", "rigid"), tmp_path / "none" / "rig.ssp")
+    monkeypatch.setattr(sys, "argv", ["cotrack", "ssp", "rig", "-o", str(tmp_path / "rig.zip")])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.endswith("rig.zip: the name of the archive must end in .ssp\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.long
+def test_every_side_of_a_vehicle_has_its_place(tmp_path):
+    """A tool that ignores the parameter values of the archive drives the whole vehicle, not half of it."""
+    file = tmp_path / "turn.ssp"
+    write_ssp(load("turn", "rigid", ["run.stop=0.1 s"]), file, native=False)
+    assert len(read_ssd(str(file)).system.connections) == 304
+    rows = simulate_ssp(str(file), stop_time=0.05, step_size=1e-3)
+    for side, lateral in (("left", 1.0795), ("right", -1.0795)):
+        for part in ("track", "drive"):
+            with zipfile.ZipFile(file) as archive:
+                fmu = zipfile.ZipFile(io.BytesIO(archive.read(f"resources/{side}_{part}.fmu")))
+            root = fromstring(fmu.read("modelDescription.xml"))
+            assert float(root.find(".//ScalarVariable[@name='start.lateral']/Real").get("start")) == lateral
+    assert rows["chassis.chassis.position.z"][-1] == pytest.approx(0.3758, abs=1e-3)
+    assert rows["chassis.chassis.position.y"][-1] == pytest.approx(0.0, abs=1e-6)
+    assert rows["left_track.tension.mean"][-1] == pytest.approx(rows["right_track.tension.mean"][-1], rel=1e-2)
