@@ -68,7 +68,7 @@ def summary_of(path: str | os.PathLike[str]) -> dict[str, Any]:
                 "log_bytes": log.size,
                 "checks": judged.checks,
                 "observables": judged.observables,
-                "windows": summary.windows(judged.observables, simulated),
+                "windows": judged.windows,
                 "phases": summary.phase_entries(run),
             }
         )
@@ -77,14 +77,15 @@ def summary_of(path: str | os.PathLike[str]) -> dict[str, Any]:
 def _judge(run: RunData) -> RunSummary:
     """Evaluate checks and observables by the scene in the log; without one, return the reason."""
     if not run.scene:
-        return RunSummary({}, {}, "the log does not say of which scene it is")
+        return RunSummary({}, {}, note="the log does not say of which scene it is")
     try:
         scene = from_table(run.scene, f"{run.log.path}: scene.json")
     except BadInput as error:
-        return RunSummary({}, {}, str(error))
+        return RunSummary({}, {}, note=str(error))
     simulated = run.span[1]
     return RunSummary(
         summary.checks(run, scene, simulated),
-        summary.observables(run, scene, simulated),
+        (found := summary.observables(run, scene, simulated)),
+        summary.windows(found, scene, simulated),
         command=repeat_command.command(run),
     )

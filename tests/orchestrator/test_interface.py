@@ -44,6 +44,20 @@ def test_an_opened_log_has_the_summary_of_its_run(run):
     assert f"<pre>{repr(run)[:20]}" in run._repr_html_()
 
 
+def test_figures_are_means_over_the_window_of_the_scene(tmp_path):
+    settings = {"run.stop": 0.02, "run.window": {"from": "5 ms", "to": 0.01}}
+    run = package.run("hanging_chain", settings, estimate=False, log=tmp_path / "a.mcap", progress=False)
+    values = run["chain.tension.mean"].between(0.005, 0.01).values
+    assert len(values) == 6
+    for each in (run, package.Run(run.log)):
+        assert each.summary["observables"]["tension_mean"] == pytest.approx(values.mean(), rel=1e-12)
+        assert each.summary["windows"]["tension_mean"] == {"from": 0.005, "to": 0.01}
+        assert each.summary["windows"]["tension_max"] == {"from": 0.0, "to": 0.02}
+        assert "  mean of 0.005 to 0.01 s: mean link tension " in repr(each)
+    with pytest.raises(BadInput, match=r"run\.window: from = 2 s must be before to = 1 s"):
+        package.load("hanging_chain", settings={"run.window": {"from": 2, "to": 1}})
+
+
 def test_signals_have_units_and_families_a_column_for_each_member(run):
     tension = run["chain.link[*].tension"]
     assert (tension.unit, tension.values.shape) == ("N", (len(tension.t), 64))

@@ -277,7 +277,7 @@ def test_a_step_that_is_long_for_a_link_between_wheel_and_ground(ms, long):
 
 def said_on_page(path):
     with Log(path) as log:
-        return heading.verdict(evaluate(RunData(log), RunSummary({}, {}, "")))
+        return heading.verdict(evaluate(RunData(log), RunSummary({}, {})))
 
 
 @pytest.fixture(scope="module")
