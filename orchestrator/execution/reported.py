@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fmus.vehicle import BadInput
-from orchestrator.execution import repeat_command, summary
+from orchestrator.execution import recorded_results, repeat_command, summary
 from orchestrator.log.reader import Log
 from orchestrator.results.page.document import SUFFIXES, plotting, write
 from orchestrator.results.page.evaluation import RunSummary
@@ -47,19 +47,22 @@ def report(
 
 
 def summary_of(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Summary of the run in a log, evaluated anew, without its cost and its error estimate; raises LogUnreadable.
+    """Summary of the run in a log, evaluated anew, its cost and its error estimate as recorded; raises LogUnreadable.
 
     ``message`` says if the log was cut off or has no scene.
     """
     with Log(path) as log:
         run, closing = RunData(log), log.closing or {"status": "failed", "message": log.cut_off, "warnings": []}
         judged, simulated = _judge(run), run.span[1]
+        balance = summary.balance(run)
+        sentences = closing["message"] or judged.note, summary.energy_warning(balance["energy"])
         return (
             summary.empty(run.scene.get("name", log.path.stem), run.scene.get("track", {}).get("model"))
-            | summary.balance(run)
+            | balance
+            | recorded_results.decode(closing.get("results", {}))
             | {
                 "status": closing["status"],
-                "message": closing["message"] or judged.note,
+                "message": "; ".join(filter(None, sentences)),
                 "warnings": closing["warnings"],
                 "simulated_time": simulated,
                 "communication_steps": closing.get("steps", 0),

@@ -39,12 +39,12 @@ def _pace(r: dict[str, Any]) -> str:
     """Return the line about run time and real-time factor; empty for a run whose cost is not known."""
     if not r["wall_time"]:
         return ""
+    simulated = f"{r['simulated_time']:.6g} s simulated in {r['wall_time']:.3g} s"
     factor = r["real_time_factor"]
-    pace = f"{factor:.3g} times as fast as" if factor >= 1.0 or not factor else f"{1.0 / factor:.3g} times slower than"
-    return (
-        f"{r['simulated_time']:.6g} s simulated in {r['wall_time']:.3g} s, {pace} real time,"
-        f" after {r['startup_time']:.3g} s of start-up"
-    )
+    if not factor:  # in a log of an earlier version
+        return simulated
+    pace = f"{factor:.3g} times as fast as" if factor >= 1.0 else f"{1.0 / factor:.3g} times slower than"
+    return f"{simulated}, {pace} real time, after {r['startup_time']:.3g} s of start-up"
 
 
 def _observables(r: dict[str, Any]) -> list[str]:

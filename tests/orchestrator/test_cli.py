@@ -2,6 +2,7 @@
 
 import json
 import os
+import sys
 import time
 from pathlib import Path
 
@@ -308,7 +309,7 @@ def test_build_names_variants(cotrack, tmp_path):
     assert "cannot be made" in err
 
 
-def test_a_run_for_an_analysis_records_what_it_needs(cotrack, tmp_path):
+def test_a_run_for_an_analysis_records_what_it_needs(cotrack, tmp_path, monkeypatch):
     """The sentence of the analysis names the option, and the option makes the analysis possible."""
     plain, made = tmp_path / "plain.mcap", tmp_path / "made.mcap"
     assert cotrack(*SHORT, "--no-estimate", "-o", plain)[0] == 0
@@ -325,3 +326,7 @@ def test_a_run_for_an_analysis_records_what_it_needs(cotrack, tmp_path):
     status, _, err = cotrack(*SHORT, "--for", "fatig")
     assert status == 2
     assert "no analysis 'fatig': one of power, spectrum" in err
+    monkeypatch.setitem(sys.modules, "rainflow", None)
+    status, _, err = cotrack(*SHORT, "--for", "deformation", "--for", "fatigue", "-o", "none.mcap")
+    assert (status, Path("none.mcap").exists()) == (2, False), "a run is made for an analysis that cannot be made"
+    assert err.startswith("cotrack: rainflow is not installed: pip install -c constraints.txt -e '.[analysis]' in ")
