@@ -69,7 +69,11 @@ def test_signals_have_units_and_families_a_column_for_each_member(run):
     assert single.at(-1.0) == single.values[0]
     assert single.between(0.005, 0.015).t == pytest.approx([0.01])
     assert repr(single).startswith(f"chain.link[3].tension: {len(single.t)} values from 0 to 0.02 s, ")
-    assert repr(single).endswith(" N")
+    assert (single.max.value, single.min.value) == (single.values.max(), single.values.min())
+    assert single.at(single.max.t) == single.max.value
+    assert repr(single).endswith(f" to {single.max.value:.5g} N, largest at {single.max.t:.4g} s")
+    assert tension.max.value == tension.values.max()
+    assert tension.max.value in tension.at(tension.max.t)
     assert f"{len(tension.t)} x 64 values" in repr(tension)
     with pytest.raises(NoSuchSignal, match=r"did you mean 'chain\.tension\.max'"):
         run["chain.tension.maxx"]
