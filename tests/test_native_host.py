@@ -107,7 +107,7 @@ def test_no_step_allocates(scene, links, tmp_path):
 def test_libcosim_drives_the_vehicle(tmp_path):
     """libcosim drives 3 s of ``straight`` with the bits of the same calls here.
 
-    Needs `pip install 'cotrack[hosts]'`.
+    Needs the extra `hosts`.
     """
     pytest.importorskip("libcosimpy")
     settings = ("run.step=1 ms", "track.step=1 ms", "run.stop=3 s")

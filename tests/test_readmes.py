@@ -8,6 +8,7 @@ from typing import NamedTuple
 import pytest
 
 from fmus import components
+from fmus.loaded import component_ports
 from fmus.physics.contact.laws import LAWS
 from fmus.track_choices import TRACKS
 from orchestrator.cosim.coupling import SCHEMES
@@ -54,6 +55,16 @@ LISTS = {
     "standard FMUs": Listed("fmus/README.md", r"^`cotrack build -o FOLDER` writes (.*)$", STANDARD, r"(\w+)\.fmu"),
     "laws": Listed("fmus/physics/README.md", r"^\| `contact/laws\.py` \| (.*) \|$", LAWS, r"`(\w+)\.py`"),
 }
+
+
+def test_common_signals_are_those_of_a_vehicle():
+    """Names and units of the table in logs/README.md are those of the components."""
+    text = (ROOT / "logs" / "README.md").read_text(encoding="utf-8")
+    listed = dict(re.findall(r"(?m)^\| `((?:left_|chassis|driver)[^`]*\.[^`]*)` \| (\S+) \|", text))
+    parts = [(part.name, component_ports(part.kind, part.config)) for part in assemble(load("serpentine")).parts]
+    units = {f"{name}.{port.name}": port.unit for name, ports in parts for port in ports}
+    assert len(listed) == 17
+    assert {name: units.get(name) for name in listed} == listed
 
 
 @pytest.mark.parametrize("name", LISTS)

@@ -213,6 +213,14 @@ def test_a_side_says_what_differs():
     assert type(again).model_validate(again.resolved()).resolved() == again.resolved()
 
 
+def test_sides_need_no_common_mode():
+    """Without any mode the sides have that of the default; a key that this mode would ignore is refused below."""
+    drive = load("straight", "rigid", ["drive={left={speed=3}, right={speed=4}}"]).drive
+    assert [(each.mode, each.speed) for each in drive.motors().values()] == [("speed", 3.0), ("speed", 4.0)]
+    braked = load("straight", "rigid", ["drive={brake=5, left={mode='torque'}, right={mode='controller'}}"]).drive
+    assert [(each.mode, each.brake) for each in braked.motors().values()] == [("torque", 5.0), ("controller", 5.0)]
+
+
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
@@ -222,7 +230,7 @@ def test_a_side_says_what_differs():
         (("drive.left.speed=fast",), "drive.left.speed = 'fast'"),
         (("drive.left.speed=8", "track.axes=fixed"), "track.axes = 'fixed' keeps cables in their plane"),
         (("drive.left.speed=8", "drive.middle.speed=8"), "unknown key 'drive.middle'"),
-        (("drive={left={speed=3}, right={mode='speed'}}",), "key 'drive.left.mode' is missing"),
+        (("drive={left={speed=3}, right={torque=5}}",), "drive.right: torque needs mode = 'torque', not 'speed'"),
         (
             ("drive={left={mode='speed'}, rigth={mode='speed'}}",),
             "unknown key 'drive.rigth': did you mean",

@@ -44,8 +44,10 @@ def spring_ports(side: str, wheels: int) -> list[Port]:
 
 def chassis_ports() -> list[Port]:
     """Pose and progress of the chassis."""
+    *motion, yaw_rate = motion_ports("chassis", "output")
     return [
-        *motion_ports("chassis", "output"),
+        *motion,
+        yaw_rate._replace(text=f"{yaw_rate.text}: its yaw rate"),
         Port("pitch", "output", "rad", "pitch of the chassis about y, nose down is positive"),
         Port("roll", "output", "rad", "roll of the chassis about x, right side down is positive"),
         Port("yaw", "output", "rad", "yaw of the chassis about z, from the world's x axis"),

@@ -17,6 +17,9 @@ SOURCES = tuple(HERE / name for name in ("shell.c", "runtime.c", "processor.c"))
 FLAGS = "-std=c11", "-O2", "-fvisibility=hidden", "-fno-sanitize=all", "-g0", "-shared", "-s"
 
 
+INSTALLATION = "pip install -c constraints.txt -e '.[native]' in the clone of cotrack brings"
+
+
 class NoCompiler(RuntimeError):
     """A C compiler is missing or failed; the message is one sentence."""
 
@@ -26,11 +29,11 @@ def compiler(platform: Platform = LINUX) -> list[str]:
     if find_spec("ziglang"):
         return [sys.executable, "-m", "ziglang", "cc", "-target", platform.target]
     if platform != LINUX:
-        raise NoCompiler("libraries for Windows need the compiler ziglang: pip install 'cotrack[native]' brings it")
+        raise NoCompiler(f"libraries for Windows need the compiler ziglang: {INSTALLATION} it")
     for name in ("cc", "gcc", "clang"):
         if path := shutil.which(name):
             return [path]
-    raise NoCompiler("native FMUs need a C compiler: pip install 'cotrack[native]' brings one")
+    raise NoCompiler(f"native FMUs need a C compiler: {INSTALLATION} one")
 
 
 def compiler_release() -> str:

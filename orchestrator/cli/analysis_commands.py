@@ -15,7 +15,7 @@ from fmus.vehicle import BadInput
 from orchestrator.cli import printed
 from orchestrator.cli.common import LogPath, beside
 from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, columns_by_signal
-from orchestrator.results.analyses.catalogue import ANALYSES, Option, module_of
+from orchestrator.results.analyses.catalogue import ANALYSES, TRACK, Option, module_of
 from orchestrator.results.page.words import and_list
 
 if TYPE_CHECKING:
@@ -79,8 +79,12 @@ def analyse(
     with Log(log) as opened:
         full_series = output and analysis.full_series
         compute = module.of if full_series else getattr(module, "summary", module.of)  # a table needs the summary only
-        result = compute(RunData(opened), window=Window(start, end), **_given_options(analysis.options, given))
+        run = RunData(opened)
+        result = compute(run, window=Window(start, end), **_given_options(analysis.options, given))
     table = result.table()
+    if TRACK in analysis.options and not (analysis.all_tracks or given[_argument(TRACK.flag)]) and run.tracks[1:]:
+        others = " or ".join(f"{TRACK.flag} {name}" for name in run.tracks[1:])
+        table = table._replace(notes=(*table.notes, f"of {run.tracks[0]} alone: {others} for the other"))
     if output and output.suffix.lower() in picture_suffixes:
         module.picture(result, output, **_given_options(analysis.picture_options, given))
     elif output:

@@ -70,7 +70,11 @@ def run(
             print(f"cotrack: --error {error}: {', '.join(chosen)}", file=sys.stderr)
             resolved = load(scene, track, [*chosen, *changes])
         if analyses:
+            from orchestrator.results.analyses.catalogue import require_library
+
             resolved = resolved.recording_for(analyses)
+            for name in analyses:
+                require_library(name)
         from orchestrator.execution.simulate import simulate
 
         path = log or Path("logs") / f"{resolved.name}-{resolved.variant}.mcap"

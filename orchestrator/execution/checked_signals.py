@@ -6,6 +6,8 @@ from fmus.loaded import component_ports
 from fmus.vehicle import BadInput, value_text
 from orchestrator.cosim import interval_statistics
 from orchestrator.cosim.component import LINK_FAMILIES
+from orchestrator.log.signal_names import did_you_mean, worded
+from orchestrator.results import measures
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.gallery import hint
 from orchestrator.scene.parts import Part
@@ -20,22 +22,29 @@ def require_signals(scene: Scene) -> None:
     signals = {name: check.signal for name, check in checks.items() if check.signal is not None}
     parts = {part.name: part for part in assemble(scene).parts} if signals else {}
     for name, signal in signals.items():
-        instance, _, variable = signal.partition(".")
-        where = f"{scene.name}.toml: expect.{name}.signal = {value_text(signal)}"
+        instance = signal.partition(".")[0]
         if signal.startswith(STATISTICS):
             continue
-        if instance not in parts:
-            raise BadInput(f"{where}: no component '{instance}': {hint(instance, parts, 'there are')}")
-        known = _recorded(scene, parts[instance])
-        if variable not in known:
-            near = hint(signal, [f"{instance}.{one}" for one in known], "there are")
-            raise BadInput(f"{where}: no such signal: {near}")
+        searched = [parts[instance]] if instance in parts else parts.values()
+        known = {one: text for part in searched for one, text in _recorded(scene, part).items()}
+        if signal in known:
+            continue
+        where = f"{scene.name}.toml: expect.{name}.signal = {value_text(signal)}"
+        problem = "no such signal" if instance in parts else f"no component '{instance}'"
+        if found := worded(signal, known, known):
+            near = did_you_mean(found)
+        else:
+            near = hint(signal, known, "there are") if instance in parts else hint(instance, parts, "there are")
+        measure = signal.rpartition(".")[2]
+        raise BadInput(f"{where}: {problem}: {near}{f' Or measure = {measure!r}?' * (measure in measures.NAMES)}")
 
 
-def _recorded(scene: Scene, part: Part) -> list[str]:
-    """Variables of a component that a log has."""
+def _recorded(scene: Scene, part: Part) -> dict[str, str]:
+    """Signals of a component that a log has, and their descriptions."""
     causalities = ("input", "output") if scene.run.inputs else ("output",)
     ports = component_ports(part.kind, part.config)
-    names = [port.name for port in ports if port.causality in causalities and isinstance(port.start, float)]
-    links = tuple(name for name in names if name.startswith(LINK_FAMILIES))
-    return [*names, *(interval_statistics.names(links) if scene.records_statistics else ())]
+    texts = {port.name: port.text for port in ports if port.causality in causalities and isinstance(port.start, float)}
+    if scene.records_statistics:
+        links = tuple(name for name in texts if name.startswith(LINK_FAMILIES))
+        texts |= dict.fromkeys(interval_statistics.names(links), "")
+    return {f"{part.name}.{name}": text for name, text in texts.items()}

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fmus.vehicle import BadInput
-from orchestrator.execution import repeat_command, summary
+from orchestrator.execution import recorded_results, repeat_command, summary
 from orchestrator.log.reader import Log
 from orchestrator.results.page.document import SUFFIXES, plotting, write
 from orchestrator.results.page.evaluation import RunSummary
@@ -47,19 +47,22 @@ def report(
 
 
 def summary_of(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Summary of the run in a log, evaluated anew, without its cost and its error estimate; raises LogUnreadable.
+    """Summary of the run in a log, evaluated anew, its cost and its error estimate as recorded; raises LogUnreadable.
 
     ``message`` says if the log was cut off or has no scene.
     """
     with Log(path) as log:
         run, closing = RunData(log), log.closing or {"status": "failed", "message": log.cut_off, "warnings": []}
         judged, simulated = _judge(run), run.span[1]
+        balance = summary.balance(run)
+        sentences = closing["message"] or judged.note, summary.energy_warning(balance["energy"])
         return (
             summary.empty(run.scene.get("name", log.path.stem), run.scene.get("track", {}).get("model"))
-            | summary.balance(run)
+            | balance
+            | recorded_results.decode(closing.get("results", {}))
             | {
                 "status": closing["status"],
-                "message": closing["message"] or judged.note,
+                "message": "; ".join(filter(None, sentences)),
                 "warnings": closing["warnings"],
                 "simulated_time": simulated,
                 "communication_steps": closing.get("steps", 0),
@@ -68,7 +71,7 @@ def summary_of(path: str | os.PathLike[str]) -> dict[str, Any]:
                 "log_bytes": log.size,
                 "checks": judged.checks,
                 "observables": judged.observables,
-                "windows": summary.windows(judged.observables, simulated),
+                "windows": judged.windows,
                 "phases": summary.phase_entries(run),
             }
         )
@@ -77,14 +80,15 @@ def summary_of(path: str | os.PathLike[str]) -> dict[str, Any]:
 def _judge(run: RunData) -> RunSummary:
     """Evaluate checks and observables by the scene in the log; without one, return the reason."""
     if not run.scene:
-        return RunSummary({}, {}, "the log does not say of which scene it is")
+        return RunSummary({}, {}, note="the log does not say of which scene it is")
     try:
         scene = from_table(run.scene, f"{run.log.path}: scene.json")
     except BadInput as error:
-        return RunSummary({}, {}, str(error))
+        return RunSummary({}, {}, note=str(error))
     simulated = run.span[1]
     return RunSummary(
         summary.checks(run, scene, simulated),
-        summary.observables(run, scene, simulated),
+        (found := summary.observables(run, scene, simulated)),
+        summary.windows(found, scene, simulated),
         command=repeat_command.command(run),
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
@@ -17,7 +16,7 @@ from orchestrator.cosim.component import ComponentFailed, Logger
 from orchestrator.cosim.graph import Recordable
 from orchestrator.cosim.narration import Narration
 from orchestrator.cosim.observers import ProgressBar, ReachedPoint
-from orchestrator.execution import estimate, summary
+from orchestrator.execution import estimate, recorded_results, summary
 from orchestrator.execution.checked_signals import require_signals
 from orchestrator.execution.companion_runs import record_companion
 from orchestrator.execution.interrupt import Interrupt, interruptible
@@ -117,7 +116,7 @@ def _simulate(
                         record = partial(record_companion, interrupt)
                         result["error"] = estimate.estimate(run.scene, recorder.file, result, record)
                 status, message = _verdict(outcome, result["validity"])
-                recorder.close(status, message, outcome.steps, _results(result), result["warnings"])
+                recorder.close(status, message, outcome.steps, recorded_results.encode(result), result["warnings"])
                 result["seal"] = recorder.seal
                 file = path
         except LogFailed as failure:
@@ -169,19 +168,6 @@ def _evaluate_log(
     except LogUnreadable as error:  # another process has changed the file
         return {"status": "failed", "message": str(error)}, []
     return entries | summary.judgement(outcome.message, entries), run_events
-
-
-def _results(result: Mapping[str, Any]) -> dict[str, str]:
-    """Return the results in the closing record: errors, cost, validity."""
-    energy = result["energy"] or {}
-    chosen = {
-        "wall_time": result["wall_time"],
-        "cpu_time": result["cpu_time"],
-        "energy_residual": energy.get("residual_relative"),
-        "error": result["error"],
-        "validity": result["validity"] or None,
-    }
-    return {name: json.dumps(value) for name, value in chosen.items() if value is not None}
 
 
 def warnings(components: Mapping[str, Recordable]) -> list[dict[str, Any]]:

@@ -20,7 +20,7 @@ from orchestrator.scene.scene import ChainScene, Scene, VehicleScene
 from orchestrator.scene.tables import Check
 from orchestrator.scene.values import SIDES
 
-LAST = 1.0  # s: observables are means over the last second of a run, except the next two groups
+LAST = 1.0  # s: without run.window observables are means over the last second, except the next two groups
 OF_THE_RUN = ("tension_max", "distance", "path_error")  # largest value of the run, or difference from start to end
 TIMELESS = ("weight",)
 LARGEST_RESIDUAL = 0.05  # share of the work above which an energy residual gives a warning
@@ -60,7 +60,7 @@ def evaluate(run: RunData, scene: Scene, simulated: float) -> dict[str, Any]:
     return balance(run) | {
         "checks": checks(run, scene, simulated),
         "observables": (found := observables(run, scene, simulated)),
-        "windows": windows(found, simulated),
+        "windows": windows(found, scene, simulated),
         "phases": phase_entries(run),
     }
 
@@ -88,12 +88,19 @@ def phase_entries(run: RunData) -> list[dict[str, Any]]:
         return []
 
 
-def windows(names: Iterable[str], simulated: float) -> dict[str, dict[str, float]]:
+def averaging_window(scene: Scene, simulated: float) -> Window:
+    """Return the window of the observables that are means: ``run.window``, else the last second."""
+    given = scene.run.window
+    if given is None:
+        return Window(max(0.0, simulated - LAST), simulated)
+    return Window(given.start, simulated if given.end is None else min(given.end, simulated))
+
+
+def windows(names: Iterable[str], scene: Scene, simulated: float) -> dict[str, dict[str, float]]:
     """Return the averaging window of each observable, s."""
-    last = max(0.0, simulated - LAST)
-    return {
-        name: {"from": 0.0 if name in OF_THE_RUN else last, "to": simulated} for name in names if name not in TIMELESS
-    }
+    averaged, whole = averaging_window(scene, simulated), Window(0.0, simulated)
+    found = {name: whole if name in OF_THE_RUN else averaged for name in names if name not in TIMELESS}
+    return {name: {"from": window.start, "to": window.end} for name, window in found.items()}
 
 
 def energy_warning(energy: dict[str, Any] | None) -> str:
@@ -123,10 +130,23 @@ def invalidity(entries: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
+def missed_checks(result: Mapping[str, Any]) -> list[str]:
+    """Return the names of the checks that are not met."""
+    return [name for name, check in result["checks"].items() if not check["ok"]]
+
+
+def verdict(result: Mapping[str, Any]) -> str:
+    """Return "ok" if a run ended well, met its checks and closed its energy balance; else what is wrong."""
+    if result["status"] != "ok":
+        return str(result["status"])
+    wrong = [f"checks NOT met: {', '.join(missed)}"] if (missed := missed_checks(result)) else []
+    wrong += ["energy balance open"] if energy_warning(result["energy"]) else []
+    return "; ".join(wrong) or "ok"
+
+
 def is_passed(result: Mapping[str, Any]) -> bool:
     """True if a run ended well, met its checks and closed its energy balance."""
-    checked = all(check["ok"] for check in result["checks"].values())
-    return result["status"] == "ok" and checked and not energy_warning(result["energy"])
+    return verdict(result) == "ok"
 
 
 def checks(run: RunData, scene: Scene, simulated: float) -> dict[str, dict[str, Any]]:
@@ -179,53 +199,53 @@ def _number_or_reason(evaluate: Callable[[], float], measure: str | None = None)
 
 def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float]:
     """Evaluate the observables of this kind of scene; for their averaging windows see ``windows``."""
-    last = Window(max(0.0, simulated - LAST), simulated)
+    averaged = averaging_window(scene, simulated)
     if not run.tracks:
         return {}
     track = run.tracks[0]
     functions: dict[str, Callable[[], float]] = {
         "tension_max": lambda: run.largest([f"{track}.tension.max" for track in run.tracks]),
-        "tension_mean": lambda: float(np.mean([run.mean(f"{each}.tension.mean", last) for each in run.tracks])),
+        "tension_mean": lambda: float(np.mean([run.mean(f"{each}.tension.mean", averaged) for each in run.tracks])),
     }
     if isinstance(scene, VehicleScene):
         vehicle = scene
         functions |= {
             "distance": lambda: run.ends("chassis.distance")[1],
-            "speed": lambda: run.mean("chassis.speed", last),
-            "settlement": lambda: run.mean("chassis.settlement", last),
-            "ground_force": lambda: measures.ground_force(run, "", last),
+            "speed": lambda: run.mean("chassis.speed", averaged),
+            "settlement": lambda: run.mean("chassis.settlement", averaged),
+            "ground_force": lambda: measures.ground_force(run, "", averaged),
             "weight": lambda: weight(vehicle),
         }
         if scene.driver is not None and (scene.driver.arcs or scene.driver.points):
             functions["path_error"] = lambda: turning.path_error(run, "", EVER)
         functions |= (
-            _turning(run, last, joined=scene.drive.steering is not None)
+            _turning(run, averaged, joined=scene.drive.steering is not None)
             if scene.turns
-            else {"slip": lambda: measures.slip(run, "", last)}
+            else {"slip": lambda: measures.slip(run, "", averaged)}
         )
     elif isinstance(scene, ChainScene) and scene.chain.ends == "pinned" and scene.track.link_outputs:
         functions |= {
-            "sag": lambda: measures.sag(run, "", last),
-            "end_tension": lambda: measures.end_tension(run, "", last),
+            "sag": lambda: measures.sag(run, "", averaged),
+            "end_tension": lambda: measures.end_tension(run, "", averaged),
         }
     else:
-        functions["speed"] = lambda: run.mean(f"{track}.speed", last)
+        functions["speed"] = lambda: run.mean(f"{track}.speed", averaged)
     return {name: _number_or_reason(value)[0] for name, value in functions.items()}
 
 
-def _turning(run: RunData, last: Window, joined: bool) -> dict[str, Callable[[], float]]:
+def _turning(run: RunData, averaged: Window, joined: bool) -> dict[str, Callable[[], float]]:
     """Return the functions for the observables of a steered vehicle."""
     functions: dict[str, Callable[[], float]] = {
-        "yaw_rate": lambda: turning.yaw_rate(run, "", last),
-        "turn_radius": lambda: turning.turn_radius(run, "", last),
-        "steering_moment": lambda: turning.steering_moment(run, "", last),
+        "yaw_rate": lambda: turning.yaw_rate(run, "", averaged),
+        "turn_radius": lambda: turning.turn_radius(run, "", averaged),
+        "steering_moment": lambda: turning.steering_moment(run, "", averaged),
     }
     for name, measure in (("slip", turning.track_slip), ("power", turning.drive_power)):
-        functions |= {f"{name}_{side}": partial(measure, run, side, last) for side in SIDES}
+        functions |= {f"{name}_{side}": partial(measure, run, side, averaged) for side in SIDES}
     if joined:
         for motor in ("propulsion", "steering"):
-            functions[f"power_{motor}"] = partial(turning.drive_power, run, motor, last)
-        functions["power_regenerated"] = partial(turning.regenerated_power, run, "", last)
+            functions[f"power_{motor}"] = partial(turning.drive_power, run, motor, averaged)
+        functions["power_regenerated"] = partial(turning.regenerated_power, run, "", averaged)
     return functions
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from orchestrator.execution import summary
 from orchestrator.execution.labels import LABELS
 from orchestrator.results.units import size
 from orchestrator.results.validity.exceedance import Exceedance
@@ -27,23 +28,23 @@ def _error(error: dict[str, Any]) -> str:
 
 
 def _headline(r: dict[str, Any]) -> str:
-    """Return the first line: scene, links, status, number of met checks."""
+    """Return the first line: scene, links, verdict, number of met checks."""
     links = f", {r['track']} links" if r["track"] else ""
-    met = sum(check["ok"] for check in r["checks"].values())
+    met = len(r["checks"]) - len(summary.missed_checks(r))
     checks = f"; {met} of {len(r['checks'])} checks are met" if r["checks"] else ""
-    return f"{r['scene']}{links}: {r['status']}{checks}"
+    return f"{r['scene']}{links}: {summary.verdict(r)}{checks}"
 
 
 def _pace(r: dict[str, Any]) -> str:
     """Return the line about run time and real-time factor; empty for a run whose cost is not known."""
     if not r["wall_time"]:
         return ""
+    simulated = f"{r['simulated_time']:.6g} s simulated in {r['wall_time']:.3g} s"
     factor = r["real_time_factor"]
-    pace = f"{factor:.3g} times as fast as" if factor >= 1.0 or not factor else f"{1.0 / factor:.3g} times slower than"
-    return (
-        f"{r['simulated_time']:.6g} s simulated in {r['wall_time']:.3g} s, {pace} real time,"
-        f" after {r['startup_time']:.3g} s of start-up"
-    )
+    if not factor:  # in a log of an earlier version
+        return simulated
+    pace = f"{factor:.3g} times as fast as" if factor >= 1.0 else f"{1.0 / factor:.3g} times slower than"
+    return f"{simulated}, {pace} real time, after {r['startup_time']:.3g} s of start-up"
 
 
 def _observables(r: dict[str, Any]) -> list[str]:
@@ -53,18 +54,16 @@ def _observables(r: dict[str, Any]) -> list[str]:
         name, unit, digits = LABELS[key]
         if value == value and not (r["phases"] and key in OF_PHASES):
             where = _track_of_largest_tension(r["phases"]) if key == "tension_max" else ""
-            window = _window(r["windows"].get(key, {"from": 0.0, "to": r["simulated_time"]}))
+            window = _window(r["windows"].get(key, {"from": 0.0, "to": r["simulated_time"]}), r["simulated_time"])
             lines.setdefault(window, []).append(f"{name} {value / size(unit):.{digits}g} {unit}{where}")
     return [f"{window}: {', '.join(texts)}" for window, texts in lines.items()]
 
 
-def _window(window: dict[str, float]) -> str:
+def _window(window: dict[str, float], simulated: float) -> str:
     """Return the averaging window in words."""
-    return (
-        f"mean of {window['from']:.6g} to {window['to']:.6g} s"
-        if window["from"]
-        else f"whole run, 0 to {window['to']:.6g} s"
-    )
+    start, end = window["from"], window["to"]
+    is_whole = start == 0.0 and end == simulated
+    return f"{'whole run,' if is_whole else 'mean of'} {start:.6g} to {end:.6g} s"
 
 
 def _phases(phases: list[dict[str, Any]]) -> list[str]:

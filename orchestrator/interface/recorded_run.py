@@ -43,7 +43,7 @@ class Run:
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """The summary, as ``cotrack run --json`` prints it; of an older log, without what only the run itself knew."""
+        """The summary, as ``cotrack run --json`` prints it; of an older log without parts of the cost."""
         return reported.summary_of(self.log)
 
     @property

@@ -9,6 +9,13 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 
 
+class Extreme(NamedTuple):
+    """Largest or smallest value of a signal, of a family that of all members, and when it was first recorded."""
+
+    t: float  # s
+    value: float
+
+
 class Signal(NamedTuple):
     """Values of a signal over time; of a family as "left_track.link[*].tension", a column for each member."""
 
@@ -28,11 +35,25 @@ class Signal(NamedTuple):
         interpolated = np.array([np.interp(t, self.t, column) for column in columns])
         return interpolated.reshape(self.values.shape[1:])
 
+    @property
+    def max(self) -> Extreme:
+        """Largest value and its time; raises ValueError without values."""
+        return self._extreme(int(self.values.argmax()))
+
+    @property
+    def min(self) -> Extreme:
+        """Smallest value and its time; raises ValueError without values."""
+        return self._extreme(int(self.values.argmin()))
+
+    def _extreme(self, place: int) -> Extreme:
+        row = place // (self.values.size // len(self.t))
+        return Extreme(float(self.t[row]), float(self.values.flat[place]))
+
     def __repr__(self) -> str:
         columns = f" x {self.values.shape[1]}" if self.values.ndim > 1 else ""
         if not self.values.size:
             return f"{self.name}: no values"
         return (
             f"{self.name}: {len(self.t)}{columns} values from {self.t[0]:g} to {self.t[-1]:g} s,"
-            f" {self.values.min():.5g} to {self.values.max():.5g} {self.unit}"
+            f" {self.min.value:.5g} to {self.max.value:.5g} {self.unit}, largest at {self.max.t:.4g} s"
         )

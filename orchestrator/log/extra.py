@@ -16,4 +16,9 @@ def library(name: str, extra: str = "analysis") -> ModuleType:
         return import_module(name)
     except ImportError:
         package = name.partition(".")[0]
-        raise NotInstalled(f"{package} is not installed: pip install 'cotrack[{extra}]'") from None
+        raise NotInstalled(f"{package} is not installed: {installation(extra)}") from None
+
+
+def installation(extra: str) -> str:
+    """Words that say how an extra is installed; cotrack is on no package index."""
+    return f"pip install -c constraints.txt -e '.[{extra}]' in the clone of cotrack brings it"

@@ -12,6 +12,7 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
+from functools import cached_property
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ from orchestrator.log.contents import LogContents
 from orchestrator.log.message_records import Messages
 from orchestrator.log.stream import NotInOrder, Stream
 from orchestrator.log.time_series import EVER, Floats, Series, empty_series, join_series
+from orchestrator.log.variable_texts import variable_texts
 
 
 class NoSuchSignal(LookupError):
@@ -127,6 +129,19 @@ class Log(AbstractContextManager["Log"]):
         if not isinstance(table, dict):
             raise LogUnreadable(f"{self.path}: the attachment '{name}' is no JSON object")
         return table
+
+    def texts_of(self, instance: str) -> dict[str, str]:
+        """Return the model description's texts by variable; none if it is missing or damaged."""
+        try:
+            return variable_texts(self.attachment(f"{instance}.modelDescription.xml"))
+        except (LogUnreadable, NoSuchSignal):
+            return {}
+
+    @cached_property
+    def _texts(self) -> dict[str, str]:
+        """Texts by "instance.variable"."""
+        owners = dict.fromkeys(map(signal_names.owner, self.topics))
+        return {f"{one}.{variable}": text for one in owners for variable, text in self.texts_of(one).items()}
 
     def read(self, topic: str) -> Series:
         """Return all messages of a topic; raises NoSuchSignal, LogUnreadable.
@@ -283,7 +298,8 @@ class Log(AbstractContextManager["Log"]):
     def find(self, signal: str) -> tuple[str, int]:
         """Return topic and column of "instance.variable"; raises NoSuchSignal."""
         if signal not in self._places:
-            raise NoSuchSignal(f"{self.path} has no signal '{signal}'{signal_names.near(signal, self._places)}")
+            near = signal_names.near(signal, self._places, self._texts)
+            raise NoSuchSignal(f"{self.path} has no signal '{signal}'{near}")
         return self._places[signal]
 
     def signal(self, name: str) -> tuple[Floats, Floats]:

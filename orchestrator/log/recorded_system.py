@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from typing import Annotated, Any
-from xml.etree import ElementTree
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from fmus.vehicle import first_error
-from orchestrator.files.budget import DOCUMENT, check_size
 from orchestrator.log.reader import Log, LogUnreadable
 
 Integer = Annotated[int, Field(ge=-(2**31), lt=2**31)]  # of FMI
@@ -66,11 +64,4 @@ def system_of(log: Log) -> dict[str, Any]:
 def description_of(log: Log, signal: str) -> str:
     """Return the model description's text on "instance.variable"; "" if it is missing or damaged."""
     instance, _, variable = signal.partition(".")
-    try:
-        content = log.attachment(f"{instance}.modelDescription.xml")
-        check_size(content, DOCUMENT)
-        tree = ElementTree.fromstring(content)
-    except (LogUnreadable, ElementTree.ParseError, LookupError, ValueError):  # LookupError: no such attachment
-        return ""
-    texts = (each.get("description", "") for each in tree.iter("ScalarVariable") if each.get("name") == variable)
-    return next(texts, "")
+    return log.texts_of(instance).get(variable, "")

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+
+MOST = 3  # names that a message suggests
+NO_TEXTS: Mapping[str, str] = MappingProxyType({})
 
 
 def owner(topic: str) -> str:
@@ -18,7 +22,26 @@ def matches(pattern: str, text: str) -> bool:
     return re.fullmatch(".*".join(map(re.escape, pattern.split("*"))), text) is not None
 
 
-def near(name: str, known: Mapping[str, object]) -> str:
-    """Return "; did you mean ...?" with the known name nearest to ``name``, or an empty text."""
-    close = difflib.get_close_matches(name, known, 1, 0.0 if len(known) < 4 else 0.6)
-    return f"; did you mean '{close[0]}'?" if close else ""
+def near(name: str, known: Mapping[str, object], texts: Mapping[str, str] = NO_TEXTS) -> str:
+    """Return "; did you mean ...?" with known names like an unknown one, or an empty text.
+
+    ``texts``: descriptions of known names.
+    """
+    close = worded(name, known, texts) or difflib.get_close_matches(name, known, 1, 0.0 if len(known) < 4 else 0.6)
+    return f"; {did_you_mean(close)}" if close else ""
+
+
+def worded(name: str, known: Iterable[str], texts: Mapping[str, str]) -> list[str]:
+    """Return the shortest names, MOST at most, that have all words of ``name`` in themselves or their descriptions."""
+    words = _words(name)
+    found = [one for one in known if words and words <= _words(one) | _words(texts.get(one, ""))]
+    return sorted(found, key=len)[:MOST]
+
+
+def did_you_mean(names: Iterable[str]) -> str:
+    """Return the question "did you mean 'a' or 'b'?"."""
+    return f"did you mean {' or '.join(map(repr, names))}?"
+
+
+def _words(text: str) -> set[str]:
+    return set(re.findall(r"[a-z]+|[0-9]+", text.lower()))

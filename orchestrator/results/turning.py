@@ -15,7 +15,7 @@ SLOWEST = 1e-4  # rad/s: a slower turn has no radius
 
 
 def yaw_rate(run: RunData, of: str, window: Window) -> float:
-    """Rate of the heading, rad/s."""
+    """Mean rate of the heading, rad/s; its signal, chassis.chassis.angular_velocity.z, has every step."""
     return run.mean("chassis.chassis.angular_velocity.z", window)
 
 

@@ -26,7 +26,7 @@ class DriveTable(FrozenTable):
     constant; ``torque`` is a constant motor torque; ``controller`` reaches the speed with a limited torque.
     """
 
-    mode: Literal["speed", "torque", "controller"]
+    mode: Literal["speed", "torque", "controller"] = "speed"
     """prescribed speed; constant motor torque and brake; or a torque that controls the speed"""
     speed: Annotated[float, In("rad/s")] = 0.0
     """speed against the mount after the ramp"""
@@ -56,6 +56,19 @@ class DriveTable(FrozenTable):
     """full-load curve of an engine that limits the motor: [speed, torque] of its shaft, or a CSV file of them"""
     gear_ratio: Annotated[float, ratio(gt=0)] | None = None
     """engine speed over sprocket speed"""
+
+    @model_validator(mode="after")
+    def _check_default_mode(self) -> DriveTable:
+        if "mode" not in self.model_fields_set:
+            self._check_mode()
+        return self
+
+    def _check_mode(self) -> None:
+        """Raise ValueError for settings that the mode would ignore."""
+        modes_of = {"torque": ("torque",), "torque_limit": ("controller",), "brake": ("torque", "controller")}
+        for key, modes in modes_of.items():
+            if getattr(self, key) and self.mode not in modes:
+                raise ValueError(f"{key} needs mode = {' or '.join(map(repr, modes))}, not '{self.mode}'")
 
     @model_validator(mode="after")
     def _check_points(self) -> DriveTable:
@@ -95,12 +108,8 @@ class SteeringTable(DriveTable):
     """prescribed speed difference; constant motor torque and brake; or a torque that controls the difference"""
 
     @model_validator(mode="after")
-    def _check_mode(self) -> SteeringTable:
-        """Raise ValueError for settings that the mode, given or default, would ignore."""
-        modes_of = {"torque": ("torque",), "torque_limit": ("controller",), "brake": ("torque", "controller")}
-        for key, modes in modes_of.items():
-            if getattr(self, key) and self.mode not in modes:
-                raise ValueError(f"{key} needs mode = {' or '.join(map(repr, modes))}, not '{self.mode}'")
+    def _check_given_mode(self) -> SteeringTable:
+        self._check_mode()
         return self
 
 

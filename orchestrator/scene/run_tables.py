@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from fmus.vehicle import FrozenTable, In, ratio
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.results.validity.limits import ALLOWED
-from orchestrator.scene.values import OR_FALSE, Duration, Every
+from orchestrator.scene.values import OR_FALSE, Duration, Every, Time
 
 if TYPE_CHECKING:
     Allowed = str
@@ -93,6 +93,21 @@ def _allowed_kinds(allowed: object) -> object:
     raise ValueError(f"must be a list of {', '.join(ALLOWED)}: failures that become warnings")
 
 
+class WindowTable(FrozenTable):
+    """Window of time of the figures that are means."""
+
+    start: Time = Field(0.0, alias="from")
+    """begin of the window"""
+    end: Time | None = Field(None, alias="to")
+    """end of the window; without it the end of the run"""
+
+    @model_validator(mode="after")
+    def _check_order(self) -> WindowTable:
+        if self.end is not None and self.start >= self.end:
+            raise ValueError(f"from = {self.start:g} s must be before to = {self.end:g} s")
+        return self
+
+
 class RunTable(FrozenTable):
     """Duration, steps and recording of a run."""
 
@@ -114,6 +129,8 @@ class RunTable(FrozenTable):
     """mean, least and most of link outputs between two records are recorded too"""
     checkpoints: Annotated[Duration | None, OR_FALSE] = 0.5
     """time from one checkpoint in the log to the next; false: none"""
+    window: Annotated[WindowTable | None, OR_FALSE] = None
+    """window of the summary's figures that are means; false or no table: the last second"""
     allow: Annotated[tuple[str, ...], BeforeValidator(_allowed_kinds, Allowed | tuple[Allowed, ...])] = ()
     """kinds of failures of the validity ledger that become warnings"""
 

@@ -24,7 +24,7 @@ from orchestrator.scene.recording import ASSUMED_SPEED, aliasing_warning, links_
 from orchestrator.scene.run_tables import RunTable, short_coupling
 from orchestrator.scene.settings import keys, merge_tables, near_keys, pairs, set_key
 from orchestrator.scene.start_tables import GroundTable, StartTable, VehicleStartTable
-from orchestrator.scene.tables import BenchTable, ChainTable, Check, RigTable
+from orchestrator.scene.tables import BenchTable, ChainTable, Check, RigTable, refuse_reduced_measures
 from orchestrator.scene.track_table import TrackModelTable, short_track
 from orchestrator.scene.values import OR_FALSE, SIDES, SOLVED, Side, TrackName
 
@@ -310,6 +310,7 @@ def load(scene: str, track: str | None = None, settings: Sequence[str] | Mapping
     for key, value in changes:
         set_key(table, key, value)
     points.read(table, Path(), f"{name}.toml")
+    refuse_reduced_measures(table.get("expect"), f"{name}.toml")
     return from_table({"name": name, **table}, f"{name}.toml", vehicle_file)
 
 
@@ -364,6 +365,7 @@ def changed_scene(resolved: dict[str, Any], settings: Sequence[str] | Mapping[st
     """
     for key, value in pairs(settings):
         set_key(resolved, SHORT_KEYS.get(key, key), value)
+    refuse_reduced_measures(resolved.get("expect"), where)
     return from_table(resolved, where)
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from fmus.vehicle import Distance, Force, FrozenTable, In, ratio
+from fmus.vehicle import BadInput, Distance, Force, FrozenTable, In, ratio, value_text
 from orchestrator.results import measures
 from orchestrator.scene.gallery import hint
 from orchestrator.scene.values import Time, TrackName
@@ -21,7 +22,8 @@ class Check(FrozenTable):
     signal: str | None = None
     """signal, instance.variable, that is checked"""
     reduce: Literal["mean", "min", "max", "last", "drop", "ripple", "rms"] = "mean"
-    """number that is made of the signal's values in the window; drop: first less last, ripple: range over mean"""
+    """number that is made of the signal's records in the window, not smoothed; drop: first less last, ripple: range
+    over mean; not beside measure"""
     measure: MeasureName | None = None
     """measure that is checked, instead of a signal"""
     of: str = ""
@@ -39,6 +41,10 @@ class Check(FrozenTable):
     track: TrackName | None = None
     """the check is for this track model only"""
 
+    @model_serializer(mode="wrap")
+    def _serialise(self, serialise: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: value for key, value in serialise(self).items() if key != "reduce" or self.measure is None}
+
     @model_validator(mode="after")
     def _check_source(self) -> Check:
         if (self.signal is None) == (self.measure is None):
@@ -46,6 +52,14 @@ class Check(FrozenTable):
         if self.measure is not None and self.measure not in measures.NAMES:
             raise ValueError(f"no measure '{self.measure}': {hint(self.measure, sorted(measures.NAMES), 'one of')}")
         return self
+
+
+def refuse_reduced_measures(checks: object, where: str) -> None:
+    """Raise BadInput if a check of a raw table reduces a measure; a log of an earlier version has such checks."""
+    for name, check in checks.items() if isinstance(checks, Mapping) else ():
+        if isinstance(check, Mapping) and check.get("measure") is not None and "reduce" in check:
+            key = f"{where}: expect.{name}.reduce = {value_text(check['reduce'])}"
+            raise BadInput(f"{key}: is for a signal; measure = {value_text(check['measure'])} is a number already")
 
 
 class ChainTable(FrozenTable):

@@ -49,8 +49,8 @@ def scene_schema() -> Schema:
     base = {"type": "string", "description": "vehicle, a name or a TOML file, that has all keys that are not given"}
     tables["VehicleTable"]["properties"] = {"base": base, **vehicle["properties"]}
     tables |= vehicle["$defs"]
-    for name in ("VehicleTable", *vehicle["$defs"], "DriveTable", "VehicleDriveTable"):
-        tables[name].pop("required", None)  # another table, the base or that of the other side, may have the key
+    for name in ("VehicleTable", *vehicle["$defs"]):
+        tables[name].pop("required", None)  # the base may have the key
     for table in tables.values():
         for key in {*POINTS} & {*table["properties"]}:
             table["properties"][key]["anyOf"].append({"type": "string"})  # the name of a CSV file

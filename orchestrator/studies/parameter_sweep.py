@@ -35,7 +35,8 @@ from orchestrator.studies.store import Store
 from orchestrator.studies.sweep_picture import draw
 from orchestrator.studies.variations import Design
 
-HIDDEN = ("checks not met", "log", "warnings", "wall_time")  # in the whole table alone
+NOT_MET = "checks not met"
+HIDDEN = ("log", "warnings", "wall_time", "estimated error of ")  # in the whole table alone
 UNITS = {"wall_time": "s", **{name: in_si(unit) for name, (_, unit, _) in LABELS.items()}}
 
 
@@ -138,11 +139,11 @@ def run_case(scene: Scene, native: bool, estimated: bool, log: Path | None) -> l
 def _figures(result: dict[str, Any], energy: dict[str, Any] | None, error: dict[str, Any]) -> dict[str, Any]:
     """Figures of a summary by column, in their order."""
     checks, errors = result["checks"], error.get("observables", {})
-    not_met = [name for name, check in checks.items() if not check["ok"]]
+    not_met = summary.missed_checks(result)
     return {
         "status": result["status"],
         "checks": f"{len(checks) - len(not_met)} of {len(checks)}",
-        "checks not met": ", ".join(not_met),
+        NOT_MET: ", ".join(not_met),
         **result["observables"],
         **{f"check {name}": check["value"] for name, check in checks.items()},
         **({"estimated error": error["total"]} if "total" in error else {}),
@@ -163,8 +164,9 @@ class Sweep:
     cases: list[Case]
 
     def table(self, rows: Sequence[Row], title: str = "") -> Table:
-        """Table of varied keys, outcome, observables, estimated error and energy residual."""
-        return self._table(rows, title, (*HIDDEN, "check ", "estimated error of "))
+        """Table of varied keys, outcome, observables, values of checks, estimated error and energy residual."""
+        missed = any(row.figures.get(NOT_MET) for row in rows)
+        return self._table(rows, title, HIDDEN if missed else (*HIDDEN, NOT_MET))
 
     def whole_table(self, rows: Sequence[Row]) -> Table:
         """Table of all figures, SI units; errors by observable are RMS over time, relative and absolute."""
@@ -187,7 +189,7 @@ class Sweep:
     def write(self, folder: Path, name: str, rows: Sequence[Row], title: str) -> list[Path]:
         """Write tables and picture, Parquet if pyarrow is installed; raises OSError, BadInput."""
         title, whole = f"{title} of {self.cases[0].item}", self.whole_table(rows)
-        picture = draw(self.design, self._table(rows, "", (*HIDDEN, "estimated error of ")), title)
+        picture = draw(self.design, self._table(rows, "", HIDDEN), title)
         written = files.save(folder, name, self.table(rows, title), picture, {f"{name}.csv": whole.csv()})
         with suppress(NotInstalled):
             content, parquet = whole.arrow(), folder / f"{name}.parquet"

@@ -21,6 +21,7 @@ from pathlib import Path
 from pebble import ProcessExpired, ProcessPool
 
 from fmus.vehicle import BadInput
+from orchestrator.log.extra import installation
 from orchestrator.studies import Case
 from orchestrator.studies.row import Row
 from orchestrator.studies.store import Store
@@ -124,7 +125,7 @@ def _on_cluster(cases: Sequence[Case], remaining: Sequence[int], address: str) -
         from dask.distributed import Client
         from dask.distributed import as_completed as completed
     except ImportError:
-        raise BadInput(f"--scheduler {address}: needs Dask, pip install 'cotrack[dask]'") from None
+        raise BadInput(f"--scheduler {address}: Dask is not installed: {installation('dask')}") from None
     try:
         client = Client(address, timeout=SCHEDULER_TIMEOUT)
     except (OSError, ValueError) as error:

@@ -204,6 +204,11 @@ def test_an_analysis_takes_one_module_and_one_entry(cotrack, driven, monkeypatch
     status, out, _ = cotrack("analyse", driven, "toy", "--track", "left_track")
     assert status == 0
     assert "weight, N\n      1.5" in out
+    note = "of left_track alone: --track right_track for the other\n"
+    for tracks, given, ends_with_note in ((1, "", False), (2, "", True), (2, "left_track", False)):
+        monkeypatch.setattr(RunData, "tracks", ("left_track", "right_track")[:tracks])
+        out = cotrack("analyse", driven, "toy", *(("--track", given) if given else ()))[1]
+        assert out.endswith(note) == ends_with_note
     status, _, err = cotrack("analyse", driven, "toy", "--teeth")
     assert (status, err) == (2, "cotrack: --teeth is an option of events, not of toy\n")
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import sys
 import time
 from pathlib import Path
 
@@ -11,11 +12,13 @@ from short_run import SHORT, last
 
 from orchestrator.cli import printed
 from orchestrator.execution import summary
+from orchestrator.execution.summary_text import lines
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.tools import WHOLE, verify
 from orchestrator.results.analyses.phases import Phase
 from orchestrator.scene import gallery
+from orchestrator.scene.scene import load
 
 KEYS = {
     "scene", "track", "status", "message", "simulated_time", "startup_time", "wall_time", "cpu_time",
@@ -49,6 +52,7 @@ def test_an_open_ledger_is_not_a_success(cotrack, tmp_path):
         assert (result["status"], result["checks"]) == ("ok", {})
         assert status == wanted, (step, result["energy"])
         assert ("ledger" in err) == bool(wanted)
+        assert lines(result)[0] == f"fall, flexible links: {'energy balance open' if wanted else 'ok'}"
 
 
 def test_run_ends_with_one_json_object(cotrack, tmp_path):
@@ -88,6 +92,7 @@ def test_a_failed_check_is_exit_1(cotrack):
     result = last(out)
     assert result["status"] == "ok"
     assert result["checks"]["rest"]["ok"] is False
+    assert lines(result)[0] == "hanging_chain, flexible links: checks NOT met: rest; 0 of 1 checks are met"
 
 
 @pytest.mark.parametrize(
@@ -237,7 +242,7 @@ def test_turns_of_the_last_second_are_left_to_phases(capsys):
     observables = {"tension_max": 42e3, "weight": 1.5e5, "speed": 0.0, "yaw_rate": -1e-5, "turn_radius": 242.6}
     result = summary.empty("turn", "flexible") | {
         "simulated_time": 9.0, "observables": observables, "phases": [turned],
-        "windows": summary.windows(observables, 9.0),
+        "windows": summary.windows(observables, load("turn"), 9.0),
     }  # fmt: skip
     printed.summary(result)
     out = capsys.readouterr().out
@@ -304,7 +309,7 @@ def test_build_names_variants(cotrack, tmp_path):
     assert "cannot be made" in err
 
 
-def test_a_run_for_an_analysis_records_what_it_needs(cotrack, tmp_path):
+def test_a_run_for_an_analysis_records_what_it_needs(cotrack, tmp_path, monkeypatch):
     """The sentence of the analysis names the option, and the option makes the analysis possible."""
     plain, made = tmp_path / "plain.mcap", tmp_path / "made.mcap"
     assert cotrack(*SHORT, "--no-estimate", "-o", plain)[0] == 0
@@ -321,3 +326,7 @@ def test_a_run_for_an_analysis_records_what_it_needs(cotrack, tmp_path):
     status, _, err = cotrack(*SHORT, "--for", "fatig")
     assert status == 2
     assert "no analysis 'fatig': one of power, spectrum" in err
+    monkeypatch.setitem(sys.modules, "rainflow", None)
+    status, _, err = cotrack(*SHORT, "--for", "deformation", "--for", "fatigue", "-o", "none.mcap")
+    assert (status, Path("none.mcap").exists()) == (2, False), "a run is made for an analysis that cannot be made"
+    assert err.startswith("cotrack: rainflow is not installed: pip install -c constraints.txt -e '.[analysis]' in ")

@@ -13,7 +13,10 @@ from orchestrator.cli import main, printed
 from orchestrator.execution import precision
 from orchestrator.execution.estimate import companions, estimate
 from orchestrator.execution.precision import Setting, cheapest, fraction, pareto_front
+from orchestrator.execution.recorded_results import decode
+from orchestrator.execution.reported import summary_of
 from orchestrator.execution.simulate import simulate
+from orchestrator.execution.summary_text import lines
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import (
     Observable,
@@ -184,6 +187,16 @@ def test_the_log_closes_with_error_and_cost(swings):
     assert results["error"] == swings[2.0]["error"]
     assert results["wall_time"] == swings[2.0]["wall_time"]
     assert results["energy_residual"] == swings[2.0]["energy"]["residual_relative"]
+    opened = summary_of(swings[2.0]["log"])
+    assert {key for key, value in swings[2.0].items() if opened[key] != value} == set()
+    assert "\n  estimated error: " in "\n".join(lines(opened))
+    with Log(swings[2.0]["log"]) as log:
+        texts = log.closing["results"]
+    assert decode(texts) == decode(texts | {"validity": "nonsense"})
+    earlier = decode({name: text for name, text in texts.items() if name in ("wall_time", "error")})
+    assert (earlier["wall_time"], earlier["error"]) == (swings[2.0]["wall_time"], swings[2.0]["error"])
+    for odd in ({"error": "1"}, {"error": texts["error"].replace("true", "false")}, {"wall_time": "["}):
+        assert decode(texts | odd) == decode({})
 
 
 def test_a_run_too_short_says_so(tmp_path):

@@ -229,7 +229,7 @@ def test_samples_lie_on_straight_lines(chunked):
 def test_a_library_that_is_missing_is_a_sentence_and_exit_2(small, tmp_path, monkeypatch, package):
     ask = {"pandas": to_pandas, "xarray": to_xarray, "polars": to_polars, "pyarrow": to_arrow}[package]
     monkeypatch.setitem(sys.modules, package, None)
-    sentence = rf"^{package} is not installed: pip install 'cotrack\[analysis\]'$"
+    sentence = rf"^{package} is not installed: pip install -c constraints.txt -e '\.\[analysis\]' in the clone"
     with Log(small) as log, pytest.raises(NotInstalled, match=sentence) as missing:
         ask(log, "chassis.speed")
     assert message_and_status(missing.value)[1] == 2

@@ -37,11 +37,26 @@ def test_an_opened_log_has_the_summary_of_its_run(run):
     for key in ("status", "checks", "observables", "energy", "simulated_time", "communication_steps", "seal"):
         assert opened.summary[key] == run.summary[key], key
     assert opened.ok
-    heads = {repr(each).splitlines()[0] for each in (opened, run)}
-    assert heads == {"hanging_chain, flexible links: ok; 1 of 1 checks are met"}
-    assert "real time" in repr(run)
-    assert "real time" not in repr(opened), "the cost of a run is not known from its log"
+    assert repr(opened) == repr(run)
+    head, pace, *_, cost, _, _ = repr(run).splitlines()
+    assert head == "hanging_chain, flexible links: ok; 1 of 1 checks are met"
+    assert "real time, after" in pace
+    assert cost.startswith("  chain ")
     assert f"<pre>{repr(run)[:20]}" in run._repr_html_()
+
+
+def test_figures_are_means_over_the_window_of_the_scene(tmp_path):
+    settings = {"run.stop": 0.02, "run.window": {"from": "5 ms", "to": 0.01}}
+    run = package.run("hanging_chain", settings, estimate=False, log=tmp_path / "a.mcap", progress=False)
+    values = run["chain.tension.mean"].between(0.005, 0.01).values
+    assert len(values) == 6
+    for each in (run, package.Run(run.log)):
+        assert each.summary["observables"]["tension_mean"] == pytest.approx(values.mean(), rel=1e-12)
+        assert each.summary["windows"]["tension_mean"] == {"from": 0.005, "to": 0.01}
+        assert each.summary["windows"]["tension_max"] == {"from": 0.0, "to": 0.02}
+        assert "  mean of 0.005 to 0.01 s: mean link tension " in repr(each)
+    with pytest.raises(BadInput, match=r"run\.window: from = 2 s must be before to = 1 s"):
+        package.load("hanging_chain", settings={"run.window": {"from": 2, "to": 1}})
 
 
 def test_signals_have_units_and_families_a_column_for_each_member(run):
@@ -54,7 +69,11 @@ def test_signals_have_units_and_families_a_column_for_each_member(run):
     assert single.at(-1.0) == single.values[0]
     assert single.between(0.005, 0.015).t == pytest.approx([0.01])
     assert repr(single).startswith(f"chain.link[3].tension: {len(single.t)} values from 0 to 0.02 s, ")
-    assert repr(single).endswith(" N")
+    assert (single.max.value, single.min.value) == (single.values.max(), single.values.min())
+    assert single.at(single.max.t) == single.max.value
+    assert repr(single).endswith(f" to {single.max.value:.5g} N, largest at {single.max.t:.4g} s")
+    assert tension.max.value == tension.values.max()
+    assert tension.max.value in tension.at(tension.max.t)
     assert f"{len(tension.t)} x 64 values" in repr(tension)
     with pytest.raises(NoSuchSignal, match=r"did you mean 'chain\.tension\.max'"):
         run["chain.tension.maxx"]

@@ -351,6 +351,13 @@ def test_a_misspelt_key_of_a_file_is_told_the_nearest(tmp_path, monkeypatch, old
 @pytest.mark.parametrize(
     ("scene", "signal", "said"),
     [
+        (
+            "turn",
+            "chassis.yaw_rate",
+            "no such signal: did you mean 'chassis.chassis.angular_velocity.z'? Or measure = 'yaw_rate'?\n",
+        ),
+        ("turn", "yaw_rate", "no component 'yaw_rate': did you mean 'chassis.chassis.angular_velocity.z'? Or measure"),
+        ("straight", "left_track.tension", "no such signal: did you mean 'left_track.tension.min' or 'left_track.tens"),
         ("straight", "left_track.tension.maxx", "no such signal: did you mean 'left_track.tension.max'?"),
         ("straight", "leftrack.tension.max", "no component 'leftrack': did you mean 'left_track'?"),
         ("straight", "driver.path.progress", "no component 'driver': did you mean 'left_drive'?"),

@@ -253,7 +253,8 @@ def test_without_the_library_there_is_one_sentence(cotrack, vehicle, tmp_path, m
     monkeypatch.setitem(sys.modules, "plotly.offline", None)
     status, out, err = cotrack("report", vehicle, "-o", "x.html")
     assert (status, out) == (2, "")
-    assert err == "cotrack: plotly is not installed: pip install 'cotrack[report]'\n"
+    command = "pip install -c constraints.txt -e '.[report]'"
+    assert err == f"cotrack: plotly is not installed: {command} in the clone of cotrack brings it\n"
     assert not list(tmp_path.iterdir())
 
 

@@ -114,6 +114,8 @@ def test_turns_are_found_to_a_step_and_through_zero(tmp_path):
     assert right.radius == pytest.approx(3.0 * (3.51 - 1.03) / heading, rel=2e-3)
     assert right.radius != pytest.approx(3.0 * (3.51 - 1.03) / (1.03 * heading), rel=2e-3)
     assert of[0].radius != of[0].radius, "without a turn the radius is NaN"
+    assert phases.Phases(tuple(of)).table().notes[0].startswith("largest yaw rate: of means over 0.5 s; ")
+    assert phases.Phases((of[0],)).table().notes == ()
 
 
 def test_the_begin_of_a_slow_turn_is_straight(tmp_path):

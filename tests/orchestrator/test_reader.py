@@ -68,6 +68,20 @@ def test_signals_by_name(small):
         assert "chassis.left.road_arm[3].angle" in log.signals
 
 
+def test_an_unknown_signal_is_searched_in_descriptions(tmp_path):
+    """A damaged description leaves names like the unknown one."""
+    topics = {"/chassis/out": [(name, "1") for name in ("turning.z", "yaw", "tension.min", "tension.max", "x")]}
+    described = b'<m><ScalarVariable name="turning.z" description="Its yaw rate, world"/></m>'
+    for content, found in ((described, "turning.z"), (described[:-1], "yaw"), (b"", "yaw")):
+        with Recorder(tmp_path / "a.mcap", topics, {"chassis.modelDescription.xml": content}, {}) as recorder:
+            recorder.close("ok", "", 0)
+        with Log(tmp_path / "a.mcap") as log:
+            with pytest.raises(NoSuchSignal, match=rf"'chassis\.yaw_rate'; did you mean 'chassis\.{found}'\?"):
+                log.signal("chassis.yaw_rate")
+            with pytest.raises(NoSuchSignal, match=r"mean 'chassis\.tension\.min' or 'chassis\.tension\.max'"):
+                log.signal("tension")
+
+
 def test_what_a_log_does_not_hold_is_one_sentence(small):
     with Log(small) as log:
         with pytest.raises(NoSuchSignal, match=r"has no signal 'chassis\.sped'; did you mean 'chassis\.speed'\?"):

@@ -208,12 +208,28 @@ def test_unknown_scene_names_the_nearest(tmp_path):
         ('x = { signal = "a.b", expected = 1, tolerance = -1 }', "greater than or equal to 0"),
         ('x = { signal = "a.b", reduce = "median", expected = 1, tolerance = 1 }', "reduce"),
         ('x = { signal = "a.b", expect = 1, tolerance = 1 }', "expect"),
+        (
+            'x = { measure = "sag", reduce = "mean", expected = 1, tolerance = 1 }',
+            "expect.x.reduce = 'mean': is for a signal; measure = 'sag' is a number already",
+        ),
     ],
 )
 def test_bad_checks(tmp_path, check, said):
     with pytest.raises(BadInput) as error:
         load(scene_file(tmp_path, more=f"[expect]\n{check}\n"))
     assert said in str(error.value)
+
+
+def test_a_measure_is_not_reduced():
+    """A setting is refused; a log of an earlier version, whose checks of measures hold the default, is read."""
+    scene = load("turn")
+    with pytest.raises(BadInput, match=r"turn\.toml: expect\.radius\.reduce = 'max': is for a signal"):
+        scene.changed({"expect.radius.reduce": "max"})
+    resolved = scene.resolved()
+    assert "reduce" not in resolved["expect"]["radius"]
+    assert load("hard_stop").resolved()["expect"]["nod"]["reduce"] == "max"
+    earlier = {**resolved, "expect": {name: {**check, "reduce": "mean"} for name, check in resolved["expect"].items()}}
+    assert from_table(earlier, "scene.json") == scene
 
 
 def test_keys_reach_the_vehicle():

@@ -229,8 +229,14 @@ def test_a_case_that_fails_is_a_row_with_its_sentence(cotrack, monkeypatch, tmp_
     lost = {"status": "failed", "message": "link 7 is lost", "error": None}
     ended = {"error": unknown, "checks": checks}
     fake(monkeypatch, BadInput("no idler position"), {"energy": open_ledger, "message": "40 % is open"}, lost, ended)
-    status, _, err = cotrack(*MODELS, *SPANS, "-o", "found")
+    status, out, err = cotrack(*MODELS, *SPANS, "-o", "found")
     assert status == 1
+    head, _, *shown = out.splitlines()
+    assert head == (
+        "| track.model | chain.span | status | checks | checks not met | sag, m | check rest | estimated error |"
+        " energy residual | note |"
+    )
+    assert shown[3].startswith("| flexible | 0.8 | ok | 0 of 1 | rest | 1 | 0.5 |")
     assert "4 rows, 3 not as they should be" in err
     assert "cotrack: hanging_chain: track.model=rigid, chain.span=0.7: BadInput: no idler position\n" in err
     rows = rows_of(tmp_path / "found")

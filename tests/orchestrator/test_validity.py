@@ -21,6 +21,7 @@ from orchestrator.results.validity.exceedance import recorded_entries
 from orchestrator.results.validity.piece import LENGTH
 from orchestrator.results.validity.tooth_jump import jumps
 from orchestrator.scene import gallery
+from orchestrator.scene.ranges import implausible_numbers
 from orchestrator.scene.scene import load
 
 TEETH, LINKS = 10, 64
@@ -277,7 +278,7 @@ def test_a_step_that_is_long_for_a_link_between_wheel_and_ground(ms, long):
 
 def said_on_page(path):
     with Log(path) as log:
-        return heading.verdict(evaluate(RunData(log), RunSummary({}, {}, "")))
+        return heading.verdict(evaluate(RunData(log), RunSummary({}, {})))
 
 
 @pytest.fixture(scope="module")
@@ -380,8 +381,28 @@ def test_the_implausible_is_said_everywhere(cotrack, caplog):
         assert warning in log.closing["warnings"]
 
 
+SIX = "vehicle.road_wheel.x=[-0.655, -1.19, -1.725, -2.26, -2.79, -3.322]"
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        (
+            (SIX,),
+            "own.toml: vehicle.road_wheel.x.3 = -2.26 m and vehicle.road_wheel.x.4 = -2.79 m: these wheels overlap,"
+            " 0.53 m apart; plausible is at least 0.61 m, vehicle.road_wheel.radius + vehicle.road_wheel.radius",
+        ),
+        ((SIX, "vehicle.road_wheel.radius=0.265"), None),
+        ((SIX, "vehicle.road_wheel.radius=0.266"), "0.53 m apart; plausible is at least 0.532 m"),
+        (("vehicle.road_wheel.x.4=-3.5",), "vehicle.road_wheel.x.4 = -3.5 m and vehicle.idler.x = -4 m: these wheels"),
+        (("vehicle.road_wheel.x.0=-0.4",), "the sprocket's place = 0 m and vehicle.road_wheel.x.0 = -0.4 m: these"),
+    ],
+)
+def test_wheels_that_overlap_are_told(settings, said):
+    warnings = implausible_numbers(load("straight", "rigid", settings).resolved(), "own.toml")
+    assert [said in each for each in warnings] == ([True] if said else [])
+
+
 @pytest.mark.parametrize("name", gallery.names())
 def test_the_gallery_is_plausible(name):
-    from orchestrator.scene.ranges import implausible_numbers
-
     assert implausible_numbers(load(name).resolved(), name) == []

@@ -13,6 +13,7 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 from fmus.vehicle import BadInput
+from orchestrator.log.extra import library
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import EVER, RunData, Window
 
@@ -35,6 +36,8 @@ class Analysis(NamedTuple):
     options: tuple[Option, ...] = ()
     picture_options: tuple[Option, ...] = ()  # options of ``picture``
     records: tuple[str, ...] = ()  # groups of link outputs that it needs beside the standard ones
+    library: str = ""  # of the extra analysis, which it needs
+    all_tracks: bool = False  # without a given track it is of all, else of the first
     full_series: bool = False  # a file gets all numbers over time, frequency or length instead of the table
 
     @property
@@ -64,12 +67,12 @@ ANALYSES = {
     "envelope": Analysis(
         "least, mean, largest tension by place on the circuit", (SIGNALS._replace(name="signal"), TRACK, BINS)
     ),
-    "fatigue": Analysis("rainflow cycles and damage of links", (TRACK, LINE), records=("fibres",)),
+    "fatigue": Analysis("rainflow cycles and damage of links", (TRACK, LINE), records=("fibres",), library="rainflow"),
     "wheel-loads": Analysis("of road wheels, and how long they are lifted off"),
     "patches": Analysis("contact patches of road wheels and idlers on links"),
     "contact": Analysis("pressure under links", (TRACK,)),
     "slip": Analysis("and thrust of tracks", full_series=True),
-    "joints": Analysis("extremes of joint forces, where and when", (TRACK,)),
+    "joints": Analysis("extremes of joint forces, where and when", (TRACK,), all_tracks=True),
     "links": Analysis("forces on links in their own axes", (TRACK,)),
     "deformation": Analysis(
         "of links along their length, in their tangent frames", (TRACK, AT), (LINK,), ("slopes",), full_series=True
@@ -90,6 +93,12 @@ def described(name: str) -> Analysis:
     if name not in ANALYSES:
         raise BadInput(f"no analysis '{name}': one of {', '.join(ANALYSES)}")
     return ANALYSES[name]
+
+
+def require_library(name: str) -> None:
+    """Raise NotInstalled if an analysis lacks its library, BadInput for an unknown name."""
+    if needed := described(name).library:
+        library(needed)
 
 
 def module_of(name: str) -> Any:

@@ -83,7 +83,9 @@ class Phases(NamedTuple):
             ("at last", "m/s"), ("yaw rate", "rad/s"), ("largest", "rad/s"), ("radius", "m"), ("power", "kW"),
             ("slip left", "m/s"), ("slip right", "m/s"), ("largest tension", "kN"), ("at", "s"), ("in", ""),
         )  # fmt: skip
-        return Table.of(f"{len(self.phases)} phases", columns, rows)
+        note = f"largest yaw rate: of means over {HELD:g} s; a check of the signal takes single records"
+        notes = (note,) if any(phase.turning for phase in self.phases) else ()
+        return Table.of(f"{len(self.phases)} phases", columns, rows, notes)
 
 
 def sentence(phase: Mapping[str, Any]) -> str:

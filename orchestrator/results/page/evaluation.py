@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar
 
 from orchestrator.log.container_reader import LogUnreadable
@@ -28,6 +29,7 @@ class RunSummary(NamedTuple):
 
     checks: Mapping[str, Mapping[str, Any]]  # by name: value, expected, tolerance, ok, note
     observables: Mapping[str, float]
+    windows: Mapping[str, Mapping[str, float]] = MappingProxyType({})  # averaging window by observable, s
     note: str = ""  # reason if there are none
     command: str | None = None  # command that makes the run again
 

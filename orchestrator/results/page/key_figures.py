@@ -124,9 +124,15 @@ def _loads(evaluation: Evaluation, figures: dict[str, Any]) -> list[Tile]:
         if "weight" not in carried:
             tiles.append(Tile("Ground carries", force, ""))
         else:
-            note = f"ground carries {force}, mean of the last second" if force else ""
+            note = f"ground carries {force}, {_averaged(evaluation)}" if force else ""
             tiles.append(Tile("Weight", quantity(carried["weight"], "N"), note))
     return tiles
+
+
+def _averaged(evaluation: Evaluation) -> str:
+    """Averaging window of the ground's force in words."""
+    window = evaluation.summary.windows["ground_force"]
+    return f"mean of {number(window['from'])} to {number(window['to'])} s"
 
 
 def _energy(figures: dict[str, Any]) -> list[Tile]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import Any, NamedTuple
 
+from orchestrator.log.extra import installation
 from tests.benchmarks.process import Failed, isolated
 
 
@@ -26,7 +27,7 @@ PEERS = (Peer("Exudyn", "exudyn", "exudyn_loops"), Peer("MuJoCo", "mujoco", "muj
 def runs(peer: Peer, case: str, quick: bool, repeats: int) -> tuple[list[dict[str, Any]], str]:
     """Runs of a case by a peer, or the reason why there are none."""
     if find_spec(peer.package) is None:
-        return [], f"{peer.name} is not installed: pip install 'cotrack[benchmark]'"
+        return [], f"{peer.name} is not installed: {installation('benchmark')}"
     try:
         return isolated(f"peers.{peer.module}", case=case, quick=quick, repeats=repeats), ""
     except Failed as reason:
