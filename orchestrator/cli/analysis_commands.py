@@ -14,7 +14,7 @@ import typer
 from fmus.vehicle import BadInput
 from orchestrator.cli import printed
 from orchestrator.cli.common import LogPath, beside
-from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, columns_by_signal
+from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, WithOption, measured_file
 from orchestrator.results.analyses.catalogue import ANALYSES, TRACK, Option, module_of
 from orchestrator.results.page.words import and_list
 
@@ -153,9 +153,7 @@ def plot(
     order: Annotated[bool, typer.Option("--order", help="amplitudes over tooth orders")] = False,
     waterfall: Annotated[bool, typer.Option("--waterfall", help="map of a family as link[*].tension")] = False,
     place: Annotated[bool, typer.Option("--place", help="map by place on the circuit of the chain")] = False,
-    file: Annotated[
-        Path | None, typer.Option("--with", metavar="FILE.csv", help="measured record, drawn beside the first log")
-    ] = None,
+    file: WithOption = None,
     mapped: MapOption = None,
     clock: ClockOption = "",
     shift: ShiftOption = "0",
@@ -166,24 +164,28 @@ def plot(
     """
     from orchestrator.log.reader import Log
     from orchestrator.results.analyses import signal_picture
-    from orchestrator.results.measured_difference import FIND, read_shifted
+    from orchestrator.results.measured_difference import read_shifted
+    from orchestrator.results.measured_record import FIND
     from orchestrator.results.run_data import RunData, Window
 
     logs = [Path(name) for name in names if name.endswith(".mcap") or Path(name).is_file()]
-    columns = columns_by_signal(mapped, clock, shift, file is not None)
-    signals = [name for name in names if Path(name) not in logs] or [*columns]
+    source = measured_file(file, mapped, clock, shift)
+    signals = [name for name in names if Path(name) not in logs] or [*(source.columns if source else ())]
     if not logs:
         raise BadInput("plot needs a log: a file, or a name that ends in .mcap")
     if not signals:
         raise BadInput("plot needs a signal: 'cotrack log info --signals LOG' lists them")
     _check_window(start, end)
     target = output or beside(logs[0], "-plot.png")
-    measured: list[MeasuredSignal] = []
-    if file is not None:
+    measured: Sequence[MeasuredSignal] = ()
+    if source:
         with Log(logs[0]) as log:
-            measured, seconds = read_shifted(RunData(log), file, columns, clock, shift, Window(start, end))
+            record = read_shifted(RunData(log), source, Window(start, end))
+        measured = record.signals
         if shift == FIND:
-            print(printed.plain(f"{file}: {seconds:.6g} s added to its times"))
+            print(printed.plain(f"{file}: {record.shift:.6g} s added to its times"))
+        for note in record.notes:
+            print(printed.plain(note))
     signal_picture.draw(
         logs, signals, target, Window(start, end), frequency=spectrum, order=order, waterfall=waterfall, place=place,
         measured=measured,

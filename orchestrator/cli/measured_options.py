@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from fmus.vehicle import BadInput
 
+if TYPE_CHECKING:
+    from orchestrator.results.measured_record import MeasuredFile
+
+WithOption = Annotated[
+    Path | None, typer.Option("--with", metavar="FILE.csv", help="measured record, shown beside the run")
+]
 MapOption = Annotated[
     list[str] | None,
     typer.Option("--map", metavar="SIGNAL=COLUMN[:UNIT]", help="column of the CSV file for a signal, repeatable"),
@@ -21,8 +28,13 @@ ShiftOption = Annotated[
 ]
 
 
-def columns_by_signal(mapped: Sequence[str] | None, clock: str, shift: str, has_file: bool) -> dict[str, str]:
-    """Parse ``--map``; raises BadInput, also for options of a file without one or without a map."""
+def measured_file(file: Path | None, mapped: Sequence[str] | None, clock: str, shift: str) -> MeasuredFile | None:
+    """Parse the options of a CSV file; None without one.
+
+    Raises BadInput, also for options without a file and a file without a map.
+    """
+    from orchestrator.results.measured_record import MeasuredFile
+
     columns: dict[str, str] = {}
     for text in mapped or ():
         signal, _, column = text.partition("=")
@@ -31,8 +43,8 @@ def columns_by_signal(mapped: Sequence[str] | None, clock: str, shift: str, has_
         if signal in columns:
             raise BadInput(f"--map {text}: '{signal}' has a column already, '{columns[signal]}'")
         columns[signal] = column
-    if has_file and not columns:
-        raise BadInput("a measured record needs --map SIGNAL=COLUMN, for example --map 'chassis.speed=v'")
-    if not has_file and (columns or clock or shift != "0"):
+    if file is None and (columns or clock or shift != "0"):
         raise BadInput("--map, --clock and --shift belong to the CSV file of a test, which is not given")
-    return columns
+    if file is not None and not columns:
+        raise BadInput("a measured record needs --map SIGNAL=COLUMN, for example --map 'chassis.speed=v'")
+    return None if file is None else MeasuredFile(file, columns, clock, shift)

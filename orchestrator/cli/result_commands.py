@@ -15,9 +15,10 @@ from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.cli import printed
 from orchestrator.cli.common import LogPath, Settings, exit_with, log_warning
-from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, columns_by_signal
+from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, measured_file
 
 if TYPE_CHECKING:
+    from orchestrator.results.measured_record import MeasuredFile
     from orchestrator.results.run_data import Window
 
 
@@ -148,12 +149,11 @@ def compare(
     from orchestrator.results.run_data import Window
 
     window = Window(start, end)
-    columns = columns_by_signal(mapped, clock, shift, bool(mapped) or by_phase or reference.suffix.lower() == ".csv")
-    if columns:
+    is_measured = bool(mapped) or by_phase or reference.suffix.lower() == ".csv"
+    if measured := measured_file(reference if is_measured else None, mapped, clock, shift):
         if different or align != "time" or bitwise or picture:
             raise BadInput("--different, --align, --bits and -o are for two logs, and --map is for a CSV file")
-        how = {"clock": clock, "shift": shift, "window": window, "by_phase": by_phase}
-        result, text = _compare_measured(run, reference, columns, allowed or (), how)
+        result, text = _compare_measured(run, measured, window, by_phase, allowed or ())
     else:
         result = _compare_logs((run, reference), different, window, align, allowed or (), bitwise, picture)
         text = lines(result)
@@ -166,7 +166,7 @@ def compare(
 
 
 def _compare_measured(
-    run: Path, file: Path, columns: dict[str, str], allowed: Sequence[str], how: dict[str, Any]
+    run: Path, measured: MeasuredFile, window: Window, by_phase: bool, allowed: Sequence[str]
 ) -> tuple[dict[str, Any], Iterator[str]]:
     """Return the result of a comparison with a measured record, and its lines of text."""
     from orchestrator.cli.compared import measured_lines, measured_table
@@ -177,8 +177,8 @@ def _compare_measured(
     with Log(run) as run_log:
         run_log.notice_seal()
         data = RunData(run_log)
-        compared = compare_measured(data, file, columns, **how)
-        result = measured_table(data, compared, how["window"], allowed)
+        compared = compare_measured(data, measured, window, by_phase)
+        result = measured_table(data, compared, window, allowed)
     return result, measured_lines(result, compared)
 
 

@@ -10,6 +10,8 @@ from typing import Any
 from fmus.vehicle import BadInput
 from orchestrator.execution import recorded_results, repeat_command, summary
 from orchestrator.log.reader import Log
+from orchestrator.results.measured_difference import compare_measured
+from orchestrator.results.measured_record import MeasuredFile
 from orchestrator.results.page.document import SUFFIXES, plotting, write
 from orchestrator.results.page.evaluation import RunSummary
 from orchestrator.results.run_data import RunData
@@ -23,17 +25,20 @@ def report(
     output: str | os.PathLike[str],
     reference: str | os.PathLike[str] | None = None,
     different: bool = False,
+    measured: MeasuredFile | None = None,
 ) -> None:
     """Write the page of a log; with ``reference`` also a comparison (``different``: of different scenes).
 
-    Raises BadInput, LogUnreadable, NotInstalled.
+    ``measured``: a CSV file of measured signals, compared over the run and in each of its phases.
+
+    Raises BadInput, LogUnreadable, NotInstalled; with ``measured`` also NoSuchSignal and Missing.
     """
     page = Path(output)
     check_output(page, SUFFIXES)
     logs = [Path(log) for log in (path, reference) if log is not None]
-    for each in logs:
+    for each in [*logs, *([Path(measured.path)] if measured else [])]:
         if page.exists() and each.exists() and page.samefile(each):
-            raise BadInput(f"-o {page}: is a log that is read")
+            raise BadInput(f"-o {page}: is a file that is read")
     plotting()
     with ExitStack() as stack:
         runs = [RunData(stack.enter_context(Log(log))) for log in logs]
@@ -42,8 +47,10 @@ def report(
         if len(runs) > 1 and not different:
             first, second = ((f"{log}", run.scene) for log, run in zip(logs, runs, strict=True))
             require_same_scene(first, second, "; --different compares them all the same")
+        run = runs[0]
+        compared = compare_measured(run, measured, by_phase=bool(summary.phase_entries(run))) if measured else None
         judged, *reference_run = [(run, _judge(run)) for run in runs]
-        write(*judged, page, reference_run[0] if reference_run else None)
+        write(*judged, page, reference_run[0] if reference_run else None, compared)
 
 
 def summary_of(path: str | os.PathLike[str]) -> dict[str, Any]:

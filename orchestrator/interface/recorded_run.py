@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from fmus.vehicle import BadInput
 from orchestrator.execution import reported, summary, summary_text
 from orchestrator.interface.picture import Picture
 from orchestrator.interface.signal import Signal
@@ -21,6 +22,7 @@ from orchestrator.results.analyses import catalogue
 from orchestrator.results.analyses.signal_picture import figure_of
 from orchestrator.results.difference import ObservableDifference, differences_of_logs
 from orchestrator.results.measured_difference import MeasuredComparison, compare_measured
+from orchestrator.results.measured_record import MeasuredFile
 from orchestrator.results.run_data import RunData, Window
 
 AnyPath = str | os.PathLike[str]
@@ -94,13 +96,29 @@ class Run:
         """
         return catalogue.analyse(self.log, what, (start, end), **options)
 
-    def report(self, path: AnyPath | None = None, reference: Run | AnyPath | None = None) -> Path:
-        """Write the page of the run, by default beside its log, and return its path; ``reference`` to compare with.
+    def report(
+        self,
+        path: AnyPath | None = None,
+        reference: Run | AnyPath | None = None,
+        *,
+        measured: AnyPath | None = None,
+        columns: Mapping[str, str] | None = None,
+        shift: float | str = 0.0,
+        clock: str = "",
+    ) -> Path:
+        """Write the page of the run, by default beside its log, and return its path.
 
-        Raises BadInput, NotInstalled.
+        :param reference: a run to compare with.
+        :param measured: a CSV file of measured signals to compare with, with ``columns``, ``shift`` and ``clock`` as
+            of ``compare_measured``.
+        :raises BadInput: for what cannot be compared. Raises NotInstalled, NoSuchSignal, Missing.
         """
+        if measured is None and (columns or clock or shift):
+            raise BadInput("columns, shift and clock belong to measured, a CSV file, which is not given")
         page = Path(path) if path is not None else self.log.with_suffix(".html")
-        reported.report(self.log, page, reference.log if isinstance(reference, Run) else reference)
+        other = reference.log if isinstance(reference, Run) else reference
+        source = None if measured is None else MeasuredFile(measured, columns or {}, clock, shift)
+        reported.report(self.log, page, other, measured=source)
         return page
 
     def compare(self, reference: Run | AnyPath) -> dict[str, ObservableDifference]:
@@ -125,9 +143,9 @@ class Run:
         :param clock: column of the time, by default "t" or "time".
         :raises BadInput: for a file that cannot be used. Raises NoSuchSignal, and Missing without common time.
         """
-        how: dict[str, Any] = {"clock": clock, "shift": shift, "window": Window(start, end), "by_phase": by_phase}
+        source = MeasuredFile(file, columns, clock, shift)
         with Log(self.log) as log:
-            return compare_measured(RunData(log), Path(file), columns, **how)
+            return compare_measured(RunData(log), source, Window(start, end), by_phase)
 
     def __repr__(self) -> str:
         head, *below = summary_text.lines(self.summary)

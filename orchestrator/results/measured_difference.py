@@ -7,7 +7,7 @@ one before, as in ``difference.py``.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,15 +15,14 @@ import numpy as np
 
 from fmus.vehicle import BadInput
 from orchestrator.log.time_series import Floats
-from orchestrator.results import measured_record
 from orchestrator.results.analyses import phases
 from orchestrator.results.clock_shift import find_shift
 from orchestrator.results.difference import ObservableSamples, aligned, instants, rms
-from orchestrator.results.measured_record import MeasuredSignal
+from orchestrator.results.measured_record import FIND, MeasuredFile, MeasuredSignal, read
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, record_durations, within
 from orchestrator.results.table import Column, Table
 
-WHOLE, FIND = "whole", "find"
+WHOLE = "whole"
 COLUMNS = (
     Column("signal", "signal"), Column("window", "window"), Column("start", "from, s"), Column("end", "to, s"),
     Column("unit", "unit"), Column("rms", "RMS", ".4g"), Column("relative", "relative", ".3g"),
@@ -50,13 +49,41 @@ class SignalDifference(NamedTuple):
     left_out: int  # instants next to gaps
 
 
-class MeasuredComparison(NamedTuple):
-    """Differences of a run from a measured record."""
+class MeasuredRecord(NamedTuple):
+    """Measured signals on the clock of a run."""
 
     file: Path
     shift: float  # s, added to the times of the file
+    signals: tuple[MeasuredSignal, ...]
+    doubt: str  # sentence on another shift that is nearly as good; "" without one
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what was assumed."""
+        units = (f"'{each.column}' has no unit and is taken in {each.unit}" for each in self.signals if each.assumed)
+        return *units, *filter(None, [self.doubt])
+
+
+class MeasuredComparison(NamedTuple):
+    """Differences of a run from a measured record."""
+
+    record: MeasuredRecord
     differences: tuple[SignalDifference, ...]
-    notes: tuple[str, ...]
+
+    @property
+    def file(self) -> Path:
+        """CSV file."""
+        return self.record.file
+
+    @property
+    def shift(self) -> float:
+        """Time added to those of the file, s."""
+        return self.record.shift
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what was assumed."""
+        return self.record.notes
 
     def table(self) -> Table:
         """Table with a row for each signal and window."""
@@ -64,26 +91,20 @@ class MeasuredComparison(NamedTuple):
         return Table.of_records(title, COLUMNS, [each._asdict() for each in self.differences], self.notes)
 
 
-def read_shifted(
-    run: RunData,
-    file: Path,
-    columns: Mapping[str, str],
-    clock: str = "",
-    shift: float | str = 0.0,
-    window: Window = EVER,
-) -> tuple[list[MeasuredSignal], float]:
-    """Measured signals on the clock of the run, and their shift, s.
+def read_shifted(run: RunData, source: MeasuredFile, window: Window = EVER) -> MeasuredRecord:
+    """Measured signals on the clock of the run; a shift to be found is that of the least difference in the window.
 
-    :param columns: "COLUMN[:UNIT]" by signal; see ``measured_record.read``, also for ``clock``.
-    :param shift: s, added to the times of the file, or "find" for that of the least difference in the window.
-    :raises BadInput: for what ``measured_record.read`` refuses, and another text. Raises NoSuchSignal, Missing.
+    Raises BadInput for what ``measured_record.read`` refuses, and another shift. Raises NoSuchSignal, Missing.
     """
-    measured = measured_record.read(file, columns, run.log.unit, clock)
-    if shift == FIND:
-        seconds = find_shift([(*run.signal(each.signal, window), each) for each in measured])
+    file = Path(source.path)
+    if not source.columns:
+        raise BadInput(f"{file}: no signal has a column, for example {{'chassis.speed': 'v'}}")
+    measured = read(file, source.columns, run.log.unit, source.clock)
+    if source.shift == FIND:
+        seconds, doubt = find_shift([(*run.signal(each.signal, window), each) for each in measured])
     else:
-        seconds = _seconds(shift)
-    return [each.shifted(seconds) for each in measured], seconds
+        seconds, doubt = _seconds(source.shift), ""
+    return MeasuredRecord(file, seconds, tuple(each.shifted(seconds) for each in measured), doubt)
 
 
 def _seconds(shift: float | str) -> float:
@@ -97,26 +118,18 @@ def _seconds(shift: float | str) -> float:
 
 
 def compare_measured(
-    run: RunData,
-    file: Path,
-    columns: Mapping[str, str],
-    *,
-    clock: str = "",
-    shift: float | str = 0.0,
-    window: Window = EVER,
-    by_phase: bool = False,
+    run: RunData, source: MeasuredFile, window: Window = EVER, by_phase: bool = False
 ) -> MeasuredComparison:
     """Difference of a run from a measured record in a window and, on request, in each phase of the run in it.
 
-    See ``read_shifted``, also for what is raised; Missing also without common time.
+    See ``read_shifted`` for what is raised; Missing also without common time.
     """
-    measured, seconds = read_shifted(run, file, columns, clock, shift, window)
+    record = read_shifted(run, source, window)
     windows = [(WHOLE, window)]
     if by_phase:
         windows += [(phases.phase_name(p), Window(p.start, p.end)) for p in phases.of(run, window).phases]
-    found = [each for signal in measured for each in _differences(run, signal, windows)]
-    notes = [f"'{each.column}' has no unit and is taken in {each.unit}" for each in measured if each.assumed]
-    return MeasuredComparison(file, seconds, tuple(found), tuple(notes))
+    found = [each for signal in record.signals for each in _differences(run, signal, windows)]
+    return MeasuredComparison(record, tuple(found))
 
 
 def _differences(

@@ -7,6 +7,7 @@ gap. The clock must increase from line to line.
 from __future__ import annotations
 
 import csv
+import os
 from array import array
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -20,7 +21,17 @@ from orchestrator.files.csv_lines import csv_lines
 from orchestrator.log.time_series import Floats
 
 CLOCKS = ("t", "time")
+FIND = "find"
 LATEST = 1e12  # s: a clock that counts ns without saying so is beyond
+
+
+class MeasuredFile(NamedTuple):
+    """CSV file of a test and its relation to a run."""
+
+    path: str | os.PathLike[str]
+    columns: Mapping[str, str]  # "COLUMN" or "COLUMN:UNIT" by signal of the run
+    clock: str = ""  # column of the time, in s if no unit is given; by default "t" or "time"
+    shift: float | str = 0.0  # s, added to its times, or FIND for that of the least difference
 
 
 class MeasuredSignal(NamedTuple):

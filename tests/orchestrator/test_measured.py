@@ -158,6 +158,32 @@ def test_the_shift_of_an_undersampled_oscillation_is_found(write, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("wave", "other"),
+    [
+        (np.sin(2.0 * np.pi * T / 0.4), True),
+        (np.sin(2.0 * np.pi * T / 0.4) + 0.01 * np.sin(5.0 * T), True),
+        (np.sin(2.0 * np.pi * T / 0.4) + 0.2 * np.sin(5.0 * T), False),
+        (SPEED, False),
+        (np.clip(T, 0.5, 1.0), False),  # a ramp: shifts about the best one are nearly as good
+    ],
+)
+def test_another_shift_that_is_nearly_as_good_is_named(write, tmp_path, wave, other):
+    path = made(tmp_path / "a.mcap", {"/chassis/out": [("speed", "m/s")]}, {"/chassis/out": (T, wave[:, None])})
+    noise = 0.002 * np.random.default_rng(1).normal(size=len(T))
+    file = write("t,v [m/s]", T[400:1600] - 5.0, (wave + noise)[400:1600])
+    found = package.Run(path).compare_measured(file, {"chassis.speed": "v"}, shift="find")
+    if not other:
+        assert (found.shift, found.notes) == (pytest.approx(5.0, abs=1e-3), ())
+        return
+    (note,) = found.notes
+    numbers = [float(text) for text in re.findall(r"[\d.]+(?= s)", note)]
+    assert found.shift == pytest.approx(numbers[1], rel=1e-5)
+    assert (numbers[0] - numbers[1] + 0.2) % 0.4 == pytest.approx(0.2, abs=2e-3)
+    assert re.search(r"s: RMS (0\.29|1\.7) % of the measured variation instead of 0\.29 %; --shift S chooses$", note)
+    assert note in str(found.table())
+
+
+@pytest.mark.parametrize(
     ("text", "column", "sentence"),
     [
         ("t,v\n0,1\n", "w", "m.csv has no column 'w': it has t, v"),

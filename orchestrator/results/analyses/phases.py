@@ -145,7 +145,11 @@ def phase_name(phase: Phase) -> str:
 
 
 def of(run: RunData, window: Window = EVER) -> Phases:
-    """Phases of a vehicle; raises Missing without the motion of a hull."""
+    """Phases of a vehicle, computed once; raises Missing without the motion of a hull."""
+    return run.compute_once(f"phases in {window}", lambda run: _found(run, window))
+
+
+def _found(run: RunData, window: Window) -> Phases:
     motion = _read(run, window)
     t, v, yaw_rate = motion.t, motion.columns["chassis.speed"], motion.columns["chassis.chassis.angular_velocity.z"]
     speeds, turns = _speed_states(t, v), _yaw_states(t, yaw_rate)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from orchestrator.log.extra import library
+from orchestrator.results.measured_difference import MeasuredComparison
 from orchestrator.results.page import heading, key_figures
 from orchestrator.results.page.balance import energy
 from orchestrator.results.page.checks import checks
@@ -19,6 +20,7 @@ from orchestrator.results.page.events import event_section
 from orchestrator.results.page.exactness import exactness
 from orchestrator.results.page.fatigue import fatigue
 from orchestrator.results.page.loads import loads
+from orchestrator.results.page.measured import measured
 from orchestrator.results.page.motion import drive, motion
 from orchestrator.results.page.orders import orders
 from orchestrator.results.page.phases import phases
@@ -42,24 +44,38 @@ def plotting() -> str:
     return str(library("plotly.offline", "report").get_plotlyjs())
 
 
-def write(run: RunData, summary: RunSummary, output: Path, reference: tuple[RunData, RunSummary] | None = None) -> None:
-    """Write the page of a run and its reference, whole or not at all; raises LogUnreadable, NotInstalled, BadInput."""
+def write(
+    run: RunData,
+    summary: RunSummary,
+    output: Path,
+    reference: tuple[RunData, RunSummary] | None = None,
+    compared: MeasuredComparison | None = None,
+) -> None:
+    """Write the page of a run and its reference, whole or not at all; raises LogUnreadable, NotInstalled, BadInput.
+
+    ``compared``: difference of the run from measured signals.
+    """
     plots = plotting()
-    page = document(evaluate(run, summary), evaluate(*reference) if reference else None, plots)
+    page = document(evaluate(run, summary), evaluate(*reference) if reference else None, plots, compared)
     with atomic_write(output) as temporary:
         temporary.write_text(page, encoding="utf-8")
 
 
-def document(run: Evaluation, reference: Evaluation | None, plots: str) -> str:
-    """HTML page of a run and its reference; ``plots``: script of the plotting library. Raises LogUnreadable."""
+def document(
+    run: Evaluation, reference: Evaluation | None, plots: str, compared: MeasuredComparison | None = None
+) -> str:
+    """HTML page of a run and its reference; ``plots``: script of the plotting library. Raises LogUnreadable.
+
+    ``compared``: difference of the run from measured signals.
+    """
     figures = key_figures.figures(run)
-    pair = Pair(run, reference, figures)
+    pair = Pair(run, reference, figures, compared)
     player = _player(run, reference)
     version = re.search(r"plotly\.js v([\d.]+)", plots[:400])
     parts = [
         checks(pair),
         exactness(pair),
-        *filter(None, [phases(pair), player, comparison(pair)]),
+        *filter(None, [phases(pair), player, comparison(pair), measured(pair)]),
         *(section for make in (ending, motion, turn, drive, orders, energy, tension, fatigue, loads)
           if (section := attempt(lambda make=make: make(pair), run.missing))),  # type: ignore[misc]
         event_section(pair),

@@ -1,0 +1,140 @@
+"""Section of a page with measured signals: figures from the raw log and the CSV file, curves, refusals."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from packed import unpacked
+from page_logs import embedded
+from test_phases import made, phases_of, times, trapezoid
+
+import orchestrator as package
+from fmus.vehicle import BadInput
+from orchestrator.log.reader import Log
+from orchestrator.results.units import number, percent
+
+MAPPED = ("--map", "chassis.speed=v", "--map", "left_track.tension.max=F")
+EARLIER = 12.5  # s, of the clock of the test
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """Log of a vehicle that accelerates and brakes, with a tension that rises with the time."""
+    t = times(8.5)
+    return made(tmp_path_factory.mktemp("measured") / "v.mcap", t, trapezoid(t), tension=1e4 + 1e3 * t)
+
+
+@pytest.fixture(scope="module")
+def test_csv(tmp_path_factory):
+    """Record of a test of 7.5 s at 100 Hz, with a gap in the force."""
+    t = np.arange(0.0, 7.505, 0.01)
+    force = np.where((t > 2.0) & (t < 4.0), np.nan, 1e4 + 990.0 * t)
+    rows = zip(t + EARLIER, 100.0 * (trapezoid(t) + 0.2 * np.sin(3.0 * t)), force / 1e3, strict=True)
+    lines = [",".join("" if value != value else repr(float(value)) for value in row) for row in rows]
+    path = tmp_path_factory.mktemp("measured") / "test.csv"
+    path.write_text("\n".join(["time [s],v [%],F [kN]", *lines]))
+    return path
+
+
+def section(html):
+    """Cells of the section's table by row, without HTML."""
+    found = re.search(r'<section id="measured">(.*?)</section>', html, re.S)[1]
+    rows = re.findall(r"<tr>(<td>.*?)</tr>", found)
+    return found, [[re.sub("<.*?>", " ", cell).split() for cell in re.findall("<td>(.*?)</td>", row)] for row in rows]
+
+
+def test_the_figures_are_those_of_the_raw_log_and_the_file(run, test_csv, cotrack, tmp_path):
+    status, out, _ = cotrack("report", run, "--with", test_csv, *MAPPED, "--shift", -EARLIER, "-o", "x.html")
+    assert (status, out) == (0, "x.html\n")
+    found, rows = section((tmp_path / "x.html").read_text(encoding="utf-8"))
+    table = np.genfromtxt(test_csv, delimiter=",", skip_header=1)
+    windows = [("whole", 0.0, 8.5), *((one.kind, one.start, one.end) for one in phases_of(run))]
+    expected = []
+    with Log(run) as log:
+        for name, column in (("chassis.speed", table[:, 1] / 100.0), ("left_track.tension.max", 1e3 * table[:, 2])):
+            raw = log.read(log.find(name)[0])
+            at = {round(float(t), 6): value for t, value in zip(raw.t, raw.values[:, log.find(name)[1]], strict=True)}
+            t = np.array([round(moment - EARLIER, 6) for moment in table[:, 0]])
+            apart = np.array([at[moment] for moment in t]) - column
+            for window, start, end in windows:
+                inside = (t >= start - 1e-9) & (t <= end + 1e-9)
+                known = inside & ~np.isnan(column)
+                rms, of = np.sqrt(np.mean(apart[known] ** 2)), np.sqrt(np.mean(column[known] ** 2))
+                k = np.flatnonzero(known)[np.abs(apart[known]).argmax()]
+                expected.append(
+                    (window, number(rms, 3), percent(rms / of), number(apart[known].mean(), 3), number(apart[k], 3),
+                     number(t[k]), int(known.sum()), int((inside & ~known).sum()))
+                )  # fmt: skip
+    shown = [
+        (row[1][0], row[2][0], " ".join(row[3]), row[4][0], row[5][0], row[5][-2], int(row[7][0]),
+         int(row[7][1]) if len(row[7]) > 1 else 0)
+        for row in rows
+    ]  # fmt: skip
+    assert shown == expected
+    assert {"acceleration", "braking", "steady"} < {window for window, *_ in expected}
+    assert sum(left_out for *_, left_out in expected if left_out) == 2 * 199, "whole, and the phases that the gap is in"
+    assert "<b>test.csv</b>, \N{MINUS SIGN}12.5 s added to its times" in found
+    assert [row[0] for row in rows if row[0]] == [["speed", "chassis"], ["tension.max", "left_track"]]
+
+
+def test_both_curves_are_drawn(run, test_csv, tmp_path):
+    columns = {"chassis.speed": "v", "left_track.tension.max": "F"}
+    page = package.Run(run).report(tmp_path / "x.html", measured=test_csv, columns=columns, shift=-EARLIER)
+    charts = embedded(page.read_text(encoding="utf-8"))["charts"]
+    speed, force = charts["measured-0"], charts["measured-1"]
+    assert [trace["name"] for trace in speed["traces"]] == ["run", "measured"]
+    assert (speed["y"], force["y"]) == ("speed", "tension.max, kN")
+    own, test = ((unpacked(trace["t"]), unpacked(trace["y"])) for trace in force["traces"])
+    assert own[1] == pytest.approx(10.0 + own[0], rel=1e-6)
+    gap = np.isnan(test[1])
+    assert (gap.sum(), test[0][gap][0]) == (1, pytest.approx(3.0, abs=1e-6))
+    assert test[1][~gap] == pytest.approx(10.0 + 0.99 * test[0][~gap], rel=1e-6)
+    assert test[0][[0, -1]] == pytest.approx([0.0, 7.5], abs=1e-6)
+    v = unpacked(speed["traces"][1]["t"]), unpacked(speed["traces"][1]["y"])
+    assert v[1] == pytest.approx(trapezoid(v[0]) + 0.2 * np.sin(3.0 * v[0]), abs=1e-5)
+
+
+def test_a_page_without_a_measured_record_has_no_section(run, tmp_path):
+    html = package.Run(run).report(tmp_path / "x.html").read_text(encoding="utf-8")
+    assert 'id="measured"' not in html
+    assert "measured" not in embedded(html)["charts"]
+
+
+def test_a_run_without_a_hull_has_no_phases(tmp_path):
+    log = Path(__file__).with_name("logs") / "without_fmu.mcap"
+    with Log(log) as opened:
+        name = opened.signals[0]
+        t, values = opened.signal(name)
+    np.savetxt(tmp_path / "m.csv", np.stack([t, values], axis=1), delimiter=",", header="t,x", comments="")
+    page = package.Run(log).report(tmp_path / "x.html", measured=tmp_path / "m.csv", columns={name: "x"})
+    _, rows = section(page.read_text(encoding="utf-8"))
+    assert [row[1][0] for row in rows] == ["whole"]
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (("--with", "none.csv", *MAPPED), "none.csv cannot be read: No such file or directory"),
+        (("--with", "m.csv"), "a measured record needs --map SIGNAL=COLUMN"),
+        (("--shift", "1"), "--map, --clock and --shift belong to the CSV file of a test, which is not given"),
+        (("--with", "m.csv", "--map", "chassis.speed=w"), "m.csv has no column 'w': it has t, v"),
+        (("--with", "m.csv", "--map", "chassis.sped=v"), "no signal 'chassis.sped'; did you mean 'chassis.speed'"),
+        (("--with", "m.csv", "--map", "chassis.speed=v", "--shift", "99"), "have no values in common"),
+        (("--with", "x.html", "--map", "chassis.speed=v"), "-o x.html: is a file that is read"),
+    ],
+)
+def test_bad_options_give_a_sentence_and_no_page(run, cotrack, tmp_path, options, sentence):
+    (tmp_path / "m.csv").write_text("t,v\n0,1\n1,2\n")
+    (tmp_path / "x.html").write_text("before")
+    status, out, err = cotrack("report", run, "-o", "x.html", *options)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert sentence in err
+    assert (tmp_path / "x.html").read_text() == "before"
+
+
+def test_columns_need_a_file(run, tmp_path):
+    with pytest.raises(BadInput, match="columns, shift and clock belong to measured, a CSV file, which is not given"):
+        package.Run(run).report(tmp_path / "x.html", shift="find")
+    with pytest.raises(BadInput, match=r"m\.csv: no signal has a column"):
+        package.Run(run).report(tmp_path / "x.html", measured="m.csv")
