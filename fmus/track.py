@@ -124,6 +124,11 @@ def failures(wheels: Sequence[str]) -> tuple[Sentence, ...]:
             tuple(wheels),
         ),
         Sentence(
+            "at t = {0:.6g} s the {1:name} is {2:.3g} m from the {4:name}, at the start it was {3:.3g} m from it: the"
+            " motion of each wheel must be connected",
+            tuple(wheels),
+        ),
+        Sentence(
             "at t = {0:.6g} s a wheel's axis is {1:.1f} degrees off the pin axis: cables with axes = 'fixed' stay in"
             " their plane, a vehicle that turns or rolls needs axes = 'free'"
         ),

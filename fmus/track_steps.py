@@ -28,7 +28,8 @@ ALIGNED = 0.9999939076577904  # cos 0.2 deg: a larger angle is a warning, becaus
 OUT_OF_PLANE = 0.9961946980917455  # cos 5 deg: a larger angle is a failure, because the results are wrong
 MOST_HALVINGS = 5  # halvings in one communication step, more of which are a warning
 # Failures; the failure of an integrator is added to the last two.
-NO_WHEEL, TOO_LONG, ELSEWHERE, ASKEW, IMPLICIT, EXPLICIT = 1, 2, 3, 4, 4, 8
+NO_WHEEL, TOO_LONG, ELSEWHERE, APART, ASKEW, IMPLICIT, EXPLICIT = 1, 2, 3, 4, 5, 5, 9
+MOST_APART = 5.0  # pitches by which the distance of a wheel from the first one may differ from that at the start
 HALVED, TILTED = WARNINGS = range(2)  # warnings, each given once: flags at the end of the state
 
 
@@ -199,6 +200,12 @@ def _read_wheels(c, messages, t, h, u):
         if farthest > c.pitch:
             messages[0, 0], messages[0, 1], messages[0, 2], messages[0, 3] = t, wheel, farthest, c.lateral
             return ELSEWHERE
+    for k in range(1, u.size // STATE):
+        distance, start_distance = _distance(c.rows, k), _distance(c.start_rows, k)
+        if not abs(distance - start_distance) < MOST_APART * c.pitch:
+            messages[0, 0], messages[0, 1], messages[0, 2] = t, k, distance
+            messages[0, 3], messages[0, 4] = start_distance, 0
+            return APART
     if c.plane == 1 and u.size > 0:
         cosine = 1.0
         for k in range(c.rows.shape[0]):
@@ -211,6 +218,12 @@ def _read_wheels(c, messages, t, h, u):
             c.given_warnings[TILTED] = messages[1 + TILTED, 0] = 1.0
             messages[1 + TILTED, 1], messages[1 + TILTED, 2] = deviation, t
     return 0
+
+
+@kernel
+def _distance(rows, k):
+    """Distance of wheel k from the first one, m."""
+    return np.sqrt((rows[k, 0] - rows[0, 0]) ** 2 + (rows[k, 1] - rows[0, 1]) ** 2 + (rows[k, 2] - rows[0, 2]) ** 2)
 
 
 @allocating

@@ -385,6 +385,24 @@ def test_state_is_everything(track):
     assert np.array_equal(model.counters, first_counters)
 
 
+@pytest.mark.parametrize(("share", "refused"), [(1.02, True), (0.98, False), (1e12, True)])
+def test_wheels_that_come_apart_are_not_connected(track, share, refused):
+    """A wheel must not be more than five pitches farther from the sprocket than at the start, at any time."""
+    model, state = track
+    model.state[:] = state
+    model.step(0.0, 1e-3, inputs(model, 0.0, 0.0))
+    u = inputs(model, 0.0, 0.0)
+    u[-13] -= share * 5.0 * VEHICLE["track"]["pitch"]
+    said = ""
+    try:
+        model.step(1e-3, 1e-3, u)
+    except StepFailed as failure:  # a chain that is pulled so far fails as well
+        said = str(failure)
+    name = model.wheel_list[-1]["name"]
+    assert (f"the {name} is " in said and "the motion of each wheel must be connected" in said) == refused
+    model.begin_run()
+
+
 def test_bad_parameters_and_hopeless_steps(track):
     model = hanging()
     with pytest.raises(InvalidParameter, match=r"spectral_radius = 1\.5: must be between 0 and 1"):
@@ -399,6 +417,7 @@ def test_bad_parameters_and_hopeless_steps(track):
     u[5] = np.nan
     with pytest.raises(StepFailed, match=r"at t = 0 s the input sprocket.orientation.y is not finite"):
         rolled.step(0.0, 1e-3, u)
+    rolled.step(0.0, 1e-3, inputs(rolled, 0.0, 0.0))  # zeros before the first step are no motion yet
     u = inputs(rolled, 0.0, 0.0)
     u[3:7] = 0.0
     with pytest.raises(StepFailed, match=r"t = 2 s the input sprocket.orientation is no rotation: its length is 0"):
