@@ -30,7 +30,7 @@ from orchestrator.log.contents import LogContents
 from orchestrator.log.message_records import Messages
 from orchestrator.log.stream import NotInOrder, Stream
 from orchestrator.log.time_series import EVER, Floats, Series, empty_series, join_series
-from orchestrator.log.variable_texts import variable_texts
+from orchestrator.log.variable_texts import recorded_texts
 
 
 class NoSuchSignal(LookupError):
@@ -130,18 +130,11 @@ class Log(AbstractContextManager["Log"]):
             raise LogUnreadable(f"{self.path}: the attachment '{name}' is no JSON object")
         return table
 
-    def texts_of(self, instance: str) -> dict[str, str]:
-        """Return the model description's texts by variable; none if it is missing or damaged."""
-        try:
-            return variable_texts(self.attachment(f"{instance}.modelDescription.xml"))
-        except (LogUnreadable, NoSuchSignal):
-            return {}
-
     @cached_property
     def _texts(self) -> dict[str, str]:
         """Texts by "instance.variable"."""
         owners = dict.fromkeys(map(signal_names.owner, self.topics))
-        return {f"{one}.{variable}": text for one in owners for variable, text in self.texts_of(one).items()}
+        return {f"{one}.{variable}": text for one in owners for variable, text in recorded_texts(self, one).items()}
 
     def read(self, topic: str) -> Series:
         """Return all messages of a topic; raises NoSuchSignal, LogUnreadable.

@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from fmus.vehicle import first_error
 from orchestrator.log.reader import Log, LogUnreadable
+from orchestrator.log.variable_texts import recorded_texts
 
 Integer = Annotated[int, Field(ge=-(2**31), lt=2**31)]  # of FMI
 
@@ -64,4 +65,4 @@ def system_of(log: Log) -> dict[str, Any]:
 def description_of(log: Log, signal: str) -> str:
     """Return the model description's text on "instance.variable"; "" if it is missing or damaged."""
     instance, _, variable = signal.partition(".")
-    return log.texts_of(instance).get(variable, "")
+    return recorded_texts(log, instance).get(variable, "")

@@ -208,7 +208,7 @@ def test_an_analysis_takes_one_module_and_one_entry(cotrack, driven, monkeypatch
     for tracks, given, ends_with_note in ((1, "", False), (2, "", True), (2, "left_track", False)):
         monkeypatch.setattr(RunData, "tracks", ("left_track", "right_track")[:tracks])
         out = cotrack("analyse", driven, "toy", *(("--track", given) if given else ()))[1]
-        assert out.endswith(note) == ends_with_note
+        assert (out.endswith(note), "alone" in out) == (ends_with_note, ends_with_note)
     status, _, err = cotrack("analyse", driven, "toy", "--teeth")
     assert (status, err) == (2, "cotrack: --teeth is an option of events, not of toy\n")
 
