@@ -32,7 +32,8 @@ from orchestrator.scene.values import OR_FALSE, SIDES, SOLVED, Side, TrackName
 OF_CONTROLLERS = ("torque_limit", "brake", "brake_points", "engine_points", "gear_ratio")
 OUTER_TRACK = 1.2  # speed of the outer track in a turn, relative to the vehicle
 NEAREST = 3  # most keys that a message suggests
-SHORT_KEYS = {"track": "track.model", "run.coupling": "run.coupling.scheme"}  # keys that may stand for one of their own
+# keys that may stand for one of their own, unless their value is a table
+SHORT_KEYS = {"track": "track.model", "run.coupling": "run.coupling.scheme"}
 
 
 class Scene(FrozenTable):
@@ -339,9 +340,14 @@ def _complete_table(table: dict[str, Any], where: str, track: str | None, change
             table["vehicle"] = value
     vehicle = table.get("vehicle")
     table["vehicle"] = _whole_vehicle(vehicle, where)
-    changes[:] = [(SHORT_KEYS.get(key, key), value) for key, value in changes if key != "vehicle"]
+    changes[:] = [(_full_key(key, value), value) for key, value in changes if key != "vehicle"]
     source = vehicle.get("base", "") if isinstance(vehicle, dict) else str(vehicle)
     return source if source.endswith(".toml") else ""
+
+
+def _full_key(key: str, value: object) -> str:
+    """Key that a setting sets."""
+    return key if isinstance(value, dict) else SHORT_KEYS.get(key, key)
 
 
 def from_table(table: Mapping[str, Any], where: str, vehicle_file: str = "") -> Scene:
@@ -364,7 +370,7 @@ def changed_scene(resolved: dict[str, Any], settings: Sequence[str] | Mapping[st
     Raises BadInput, with a message that begins with ``where``.
     """
     for key, value in pairs(settings):
-        set_key(resolved, SHORT_KEYS.get(key, key), value)
+        set_key(resolved, _full_key(key, value), value)
     refuse_reduced_measures(resolved.get("expect"), where)
     return from_table(resolved, where)
 

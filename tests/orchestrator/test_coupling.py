@@ -268,7 +268,7 @@ def test_variable_steps_cost_no_more_than_fixed_ones_of_the_same_error():
 BRIEF = ("run.stop=12 ms", "run.links=1", "drive.ramp_time=0.01 s")
 WAYS = {
     **{name: (f"run.coupling={name}",) for name in SCHEMES},
-    "held": ("run.coupling=jacobi", "run.coupling.hold=constant"),
+    "held": ("run.coupling={scheme='jacobi', hold='constant'}",),
     "variable": ("run.variable.tolerance=1e-4", "run.variable.longest=4 ms"),
     "power": ("run.variable.estimate=power", "run.variable.tolerance=1e-4", "run.variable.longest=4 ms"),
 }
