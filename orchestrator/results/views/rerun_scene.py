@@ -23,9 +23,10 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
 from orchestrator.results.views.arrows import ground_arrows
 from orchestrator.results.views.bodies import Bodies, BodyPose, Poses
+from orchestrator.results.views.chain_profile import ChainProfile, chain_profiles, tensions
 from orchestrator.results.views.colours import Scale
 from orchestrator.results.views.files import check_name
-from orchestrator.results.views.plots import Plot, curves, plots
+from orchestrator.results.views.plots import LOADS, MOTION, Plot, curves, plots
 from orchestrator.results.views.shapes import WheelBody, spokes
 from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, faceted, prism
 from orchestrator.results.whole_file import atomic_write
@@ -43,12 +44,12 @@ def show(path: Path, output: Path | None = None, colour: str | None = None) -> N
     """
     with opened(path, output) as scene, Log(path) as log:
         run = RunData(log)
-        bodies, side_plots, run_events = Bodies(run, RATE, colour), plots(log), events.of(run).events
+        bodies, side_plots, run_events = Bodies(run, RATE, colour), plots(run), events.of(run).events
         scale = bodies.colour_range()
         scene.start(bodies, side_plots, scale, bool(run_events))
         scene.send_shapes(bodies, Reach().with_bodies(bodies))
         scene.send_poses(bodies, scale)
-        scene.send_curves(log, side_plots)
+        scene.send_curves(run, side_plots)
         scene.send_events(run_events)
 
 
@@ -81,10 +82,12 @@ class RerunRecording:
     def __init__(self, rerun: ModuleType, blueprints: ModuleType, recording: Any, name: str, file: Path | None) -> None:
         self._rerun, self._blueprints, self._recording = rerun, blueprints, recording
         self._name, self._file = name, file
+        self._chains: list[ChainProfile] = []
 
     def start(self, bodies: Bodies, side_plots: list[Plot], scale: Scale, with_events: bool = False) -> None:
         """Open the viewer or the file and arrange its views, one of them for events (``with_events``)."""
-        arranged = _arranged(self._blueprints, bodies, side_plots, scale, with_events)
+        self._chains = chain_profiles(bodies.run)
+        arranged = _arranged(self._blueprints, bodies, side_plots, self._chains, scale, with_events)
         self._recording.send_recording_name(f"{self._name}: {bodies.title}")
         if self._file is None:
             self._recording.spawn(default_blueprint=arranged)
@@ -106,14 +109,21 @@ class RerunRecording:
             self._recording.log("world/ground/metres", marks, static=True)
 
     def send_poses(self, bodies: Bodies, scale: Scale) -> None:
-        """Send the poses of all bodies at all instants."""
+        """Send the poses of all bodies at all instants, and the tensions along chains."""
         for poses in bodies.blocks():
             _send_poses(self._rerun, self._recording, bodies, poses, scale)
+        pitch = bodies.scene["vehicle"]["track"]["pitch"]
+        for chain in self._chains:
+            for t, place, tension in tensions(bodies.run, chain.track, bodies.t):
+                self._recording.set_time(TIMELINE, duration=t)
+                height, along = tension.astype(np.float32), place.astype(np.float32)
+                bars = self._rerun.BarChart(height, abscissa=along, widths=np.full(len(place), pitch))
+                self._recording.log(path_of("chain", chain.track), bars)
 
-    def send_curves(self, log: Log, side_plots: list[Plot], window: tuple[float, float] = EVER) -> None:
+    def send_curves(self, run: RunData, side_plots: list[Plot], window: tuple[float, float] = EVER) -> None:
         """Send all records of the plots' signals in a window, s."""
         rerun = self._rerun
-        for plot, signal, t, values in curves(log, side_plots, window):
+        for plot, signal, t, values in curves(run, side_plots, window):
             times = [rerun.TimeColumn(TIMELINE, duration=t)]
             place = path_of("plots", plot.name, signal)
             self._recording.send_columns(place, times, rerun.Scalars.columns(scalars=values))
@@ -198,17 +208,31 @@ def _send_motion(rerun: ModuleType, recording: Any, path: str, times: list[Any],
     recording.send_columns(path, times, rerun.Transform3D.columns(translation=pose.position, quaternion=turned))
 
 
-def _arranged(blueprints: ModuleType, bodies: Bodies, side_plots: list[Plot], scale: Scale, with_events: bool) -> Any:
-    """Arrange space to the left, curves to the right; the eye follows the hull if there is one."""
+def _arranged(
+    blueprints: ModuleType,
+    bodies: Bodies,
+    side_plots: list[Plot],
+    chains: list[ChainProfile],
+    scale: Scale,
+    with_events: bool,
+) -> Any:
+    """Arrange space over chains to the left, tabs of curves to the right; the eye follows the hull if there is one."""
     eye, target = _eye(bodies)
     controls = {"position": eye, "look_target": target, "eye_up": (0.0, 0.0, 1.0)}
     if bodies.hull:
         controls["tracking_entity"] = FOLLOWED
     eye_controls = blueprints.EyeControls3D(**controls)
-    space = blueprints.Spatial3DView(origin="world", name=bodies.legend(scale), eye_controls=eye_controls)
-    views = [blueprints.TimeSeriesView(origin=path_of("plots", plot.name), name=plot.title) for plot in side_plots]
-    views += [blueprints.TextLogView(origin=EVENTS, name="events")] if with_events else []
-    panes = [space, blueprints.Vertical(*views)] if views else [space]
+    left = blueprints.Spatial3DView(origin="world", name=bodies.legend(scale), eye_controls=eye_controls)
+    if chains:
+        bars = (blueprints.BarChartView(origin=path_of("chain", each.track), name=each.title) for each in chains)
+        left = blueprints.Vertical(left, blueprints.Horizontal(*bars), row_shares=[7, 3])
+    tabs = []
+    for group in (LOADS, MOTION):
+        chosen = [plot for plot in side_plots if plot.group == group]
+        views = [blueprints.TimeSeriesView(origin=path_of("plots", plot.name), name=plot.title) for plot in chosen]
+        tabs += [blueprints.Vertical(*views, name=group)] if views else []
+    tabs += [blueprints.TextLogView(origin=EVENTS, name="events")] if with_events else []
+    panes = [left, blueprints.Tabs(*tabs, active_tab=0)] if tabs else [left]
     shares = [3, 2][: len(panes)]
     return blueprints.Blueprint(
         blueprints.Horizontal(*panes, column_shares=shares),
