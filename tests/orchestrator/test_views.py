@@ -82,12 +82,17 @@ def test_rerun_holds_the_boxes_of_bodies(driven, tmp_path):
     (batch,) = timed["/world/links/left_track"]
     np.testing.assert_allclose(np.array(batch["time"].cast("int64").to_pylist()) * 1e-9, poses.t, atol=1e-9)
     links = poses.links["left_track"]
-    np.testing.assert_allclose(batch["Boxes3D:centers"].to_pylist(), links.centres, atol=1e-6)
+    body = bodies.tracks[0].parts[0]
+    np.testing.assert_allclose(
+        batch["Boxes3D:centers"].to_pylist(), links.centres + links.axes @ body.centre, atol=1e-6
+    )
     turned = np.array(batch["Boxes3D:quaternions"].to_pylist())
     np.testing.assert_allclose(matrices(np.roll(turned, 1, axis=-1)), links.axes, atol=1e-6)
-    np.testing.assert_allclose(
-        batch["Boxes3D:half_sizes"].to_pylist(), np.broadcast_to(bodies.tracks[0].half, (3, 64, 3)), atol=1e-7
-    )
+    sizes = static["/world/links/left_track"][0]["Boxes3D:half_sizes"].to_pylist()
+    np.testing.assert_allclose(sizes[0], np.broadcast_to(body.half, (64, 3)), atol=1e-7)
+    (placed,) = timed["/world/links/left_track/pads\\ and\\ horns"]
+    np.testing.assert_allclose(placed["InstancePoses3D:translations"].to_pylist(), links.centres, atol=1e-6)
+    assert placed["InstancePoses3D:quaternions"].to_pylist() == batch["Boxes3D:quaternions"].to_pylist()
     wheel = bodies.wheels[3].name
     (batch,) = timed["/world/wheels/" + wheel.replace("/", "\\/").replace("[", "\\[").replace("]", "\\]")]
     np.testing.assert_allclose(

@@ -292,6 +292,21 @@
       pen.closePath();
     };
 
+    const drawParts = (kind, pinAt) => { // of all links; in the frame of a link, along and outwards
+      const part = view.parts[kind];
+      if (!part) return;
+      pen.fillStyle = `rgb(${part.colour.join(",")})`;
+      for (let i = 0; i < view.links; i++) {
+        const [ax, ay] = pinAt(i), [bx, by] = pinAt((i + 1) % view.pinCount);
+        pen.save();
+        pen.translate(0.5 * (ax + bx), 0.5 * (ay + by));
+        pen.rotate(Math.atan2(by - ay, bx - ax));
+        pen.scale(scale, -scale);
+        pen.fillRect(part.low[0], part.low[1], part.high[0] - part.low[0], part.high[1] - part.low[1]);
+        pen.restore();
+      }
+    };
+
     const paint = () => {
       const k = now, pinAt = (i) => [X(pins[2 * (k * view.pinCount + i)] * view.unit), Y(pins[2 * (k * view.pinCount + i) + 1] * view.unit)];
       pen.clearRect(0, 0, width, height);
@@ -303,6 +318,7 @@
         pen.fillStyle = colour("hull");
         pen.fill();
       }
+      drawParts("horn", pinAt); // between the discs of wheels
       wheels.forEach((wheel) => {
         const x = X(wheel.centre[2 * k] * view.unit), y = Y(wheel.centre[2 * k + 1] * view.unit);
         outline(wheel, k, x, y);
@@ -333,6 +349,7 @@
         pen.strokeStyle = viridis((pull - view.least) / (view.most - view.least));
         pen.stroke();
       }
+      drawParts("pad", pinAt);
       if (reference && k < view.reference.pictures) {
         const count = view.reference.pinCount;
         pen.beginPath();

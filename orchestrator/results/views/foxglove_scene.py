@@ -187,12 +187,17 @@ def _shapes(kinds: ModuleType, bodies: Bodies, t: float) -> Iterator[Any]:
 def _wheel(kinds: ModuleType, wheel: WheelBody) -> dict[str, Any]:
     if len(wheel.outline):
         return {"triangles": [_triangles(kinds, prism(wheel), colours.WHEEL[wheel.kind])]}
-    pose = kinds.Pose(position=_vector(kinds, (0.0, 0.0, 0.0)), orientation=_quaternion(kinds, UPRIGHT))
-    cylinder = kinds.CylinderPrimitive(
-        pose=pose, size=_vector(kinds, (2 * wheel.radius, 2 * wheel.radius, wheel.width)), bottom_scale=1.0,
-        top_scale=1.0, color=_colour(kinds, colours.WHEEL[wheel.kind]),
-    )  # fmt: skip
-    return {"cylinders": [cylinder]}
+    cylinders = [
+        kinds.CylinderPrimitive(
+            pose=kinds.Pose(
+                position=_vector(kinds, (0.0, 0.5 * (right + left), 0.0)), orientation=_quaternion(kinds, UPRIGHT)
+            ),
+            size=_vector(kinds, (2 * wheel.radius, 2 * wheel.radius, left - right)),
+            bottom_scale=1.0, top_scale=1.0, color=_colour(kinds, colours.WHEEL[wheel.kind]),
+        )
+        for right, left in wheel.discs
+    ]  # fmt: skip
+    return {"cylinders": cylinders}
 
 
 def _entities(kinds: ModuleType, bodies: Bodies, poses: Poses, k: int, scale: Scale) -> Iterator[Any]:
@@ -201,20 +206,21 @@ def _entities(kinds: ModuleType, bodies: Bodies, poses: Poses, k: int, scale: Sc
     for track in bodies.tracks:
         links = poses.links[track.name]
         colour_values = None if links.colour is None else links.colour[k]
-        size = _vector(kinds, 2.0 * track.half)
-        cubes = [
-            kinds.CubePrimitive(
-                pose=kinds.Pose(position=_vector(kinds, centre), orientation=_quaternion(kinds, quaternion)),
-                size=size,
-                color=_colour(kinds, colour),
-            )
-            for centre, quaternion, colour in zip(
-                links.centres[k].tolist(),
-                quaternions(links.axes[k]).tolist(),
-                colours.map_colours(colour_values, (track.links,), scale).tolist(),
-                strict=True,
-            )
-        ]
+        turned = [_quaternion(kinds, quaternion) for quaternion in quaternions(links.axes[k]).tolist()]
+        cubes = []
+        for part in track.parts:
+            size, centres = _vector(kinds, 2.0 * part.half), links.centres[k] + links.axes[k] @ part.centre
+            paint = colours.map_colours(colour_values, (track.links,), scale).tolist()
+            if part.kind in colours.PART:
+                paint = [colours.PART[part.kind]] * track.links
+            cubes += [
+                kinds.CubePrimitive(
+                    pose=kinds.Pose(position=_vector(kinds, centre), orientation=orientation),
+                    size=size,
+                    color=_colour(kinds, colour),
+                )
+                for centre, orientation, colour in zip(centres.tolist(), turned, paint, strict=True)
+            ]
         yield kinds.SceneEntity(timestamp=stamp, frame_id=WORLD, id=f"links of {track.name}", cubes=cubes)
         if links.ground is not None:
             origins, vectors, _ = ground_arrows(track, links, slice(k, k + 1))

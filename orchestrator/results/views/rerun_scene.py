@@ -27,8 +27,8 @@ from orchestrator.results.views.chain_profile import ChainProfile, chain_profile
 from orchestrator.results.views.colours import Scale
 from orchestrator.results.views.files import check_name
 from orchestrator.results.views.plots import LOADS, MOTION, Plot, curves, plots
-from orchestrator.results.views.shapes import WheelBody, spokes
-from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, faceted, prism
+from orchestrator.results.views.shapes import TrackBody, WheelBody, spokes
+from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, block, faceted, prism
 from orchestrator.results.whole_file import atomic_write
 
 RATE = 50.0  # instants a second
@@ -146,14 +146,28 @@ def _send_shapes(rerun: ModuleType, recording: Any, bodies: Bodies) -> None:
     """Send shapes of wheels and hull, each in its own frame."""
     recording.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     for track in bodies.tracks:
-        solid = rerun.Boxes3D.from_fields(fill_mode="solid")
+        body, *fittings = track.parts
+        sizes = np.broadcast_to(body.half, (track.links, 3))
+        solid = rerun.Boxes3D.from_fields(fill_mode="solid", half_sizes=sizes)
         recording.log(path_of("world", "links", track.name), solid, static=True)
+        corners, normals = zip(*(faceted(block(part)) for part in fittings), strict=True)
+        paint = [np.tile(colours.PART[part.kind], (len(each), 1)) for part, each in zip(fittings, corners, strict=True)]
+        mesh = rerun.Mesh3D(
+            vertex_positions=np.concatenate(corners), vertex_normals=np.concatenate(normals),
+            vertex_colors=np.concatenate(paint).astype(np.uint8),
+        )  # fmt: skip
+        recording.log(_fittings(track), mesh, static=True)
     for wheel in bodies.wheels:
         _send_wheel(rerun, recording, wheel)
     if bodies.hull:
         lines = bodies.hull.corners[bodies.hull.edges]
         shape = rerun.LineStrips3D(lines, colors=[colours.HULL], radii=0.012)
         recording.log(FOLLOWED, shape, static=True)
+
+
+def _fittings(track: TrackBody) -> str:
+    """Return the path of the pads and horns of all links: one mesh at many poses."""
+    return path_of("world", "links", track.name, "pads and horns")
 
 
 def _mesh(rerun: ModuleType, surface: Triangles, colour: tuple[int, int, int]) -> Any:
@@ -167,7 +181,8 @@ def _send_wheel(rerun: ModuleType, recording: Any, wheel: WheelBody) -> None:
         shape = _mesh(rerun, prism(wheel), colours.WHEEL[wheel.kind])
     else:
         shape = rerun.Cylinders3D(
-            lengths=[wheel.width], radii=[wheel.radius], quaternions=[UPRIGHT], colors=[colours.WHEEL[wheel.kind]],
+            lengths=np.ptp(wheel.discs, axis=1), radii=[wheel.radius] * len(wheel.discs), quaternions=[UPRIGHT],
+            centers=[(0.0, y, 0.0) for y in wheel.discs.mean(axis=1)], colors=[colours.WHEEL[wheel.kind]],
             fill_mode="solid",
         )  # fmt: skip
     recording.log(f"{place}/shape", shape, static=True)
@@ -180,15 +195,15 @@ def _send_poses(rerun: ModuleType, recording: Any, bodies: Bodies, poses: Poses,
     times = [rerun.TimeColumn(TIMELINE, duration=poses.t)]
     for track in bodies.tracks:
         links = poses.links[track.name]
-        box_count = count * track.links
+        turned, links_of_instants = quaternions(links.axes).reshape(-1, 4), [track.links] * count
         boxes = rerun.Boxes3D.columns(
-            half_sizes=np.broadcast_to(track.half, (box_count, 3)),
-            centers=links.centres.reshape(-1, 3),
-            quaternions=quaternions(links.axes).reshape(-1, 4),
+            centers=(links.centres + links.axes @ track.parts[0].centre).reshape(-1, 3),
+            quaternions=turned,
             colors=colours.map_colours(links.colour, (count, track.links), scale).reshape(-1, 3),
         )
-        links_of_instants = [track.links] * count
         recording.send_columns(path_of("world", "links", track.name), times, boxes.partition(links_of_instants))
+        placed = rerun.InstancePoses3D.columns(translations=links.centres.reshape(-1, 3), quaternions=turned)
+        recording.send_columns(_fittings(track), times, placed.partition(links_of_instants))
         if links.ground is not None:
             origins, vectors, counts = ground_arrows(track, links)
             arrows = rerun.Arrows3D.columns(
