@@ -12,9 +12,10 @@ from fmus.vehicle import BadInput
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.analyses import events, link_loads, profile, wheel_loads
+from orchestrator.results.page import player
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import RunData, Window, within
-from orchestrator.results.views import film, foxglove_scene, projected, rerun_scene, side_view
+from orchestrator.results.views import arrows, film, foxglove_scene, projected, rerun_scene, side_view
 from orchestrator.results.views.bodies import Bodies
 from orchestrator.results.views.plots import curves, plots
 from orchestrator.scene.scene import load
@@ -333,6 +334,39 @@ def test_without_an_extra_there_is_a_sentence(cotrack, hanging, monkeypatch, tmp
     status, _, err = cotrack("view", hanging, *arguments)
     assert (status, said in err) == (2, True), err
     assert not list(tmp_path.iterdir())
+
+
+def test_a_run_has_one_colour_scale_in_all_its_pictures(driven, tmp_path):
+    with Log(driven) as log:
+        names = [f"{side}_track.link[{i + 1}].tension" for side in ("left", "right") for i in range(64)]
+        t = log.signal("left_track.link[1].tension")[0]
+        largest = log.sample(names, t).max(axis=1) / 1e3
+        most = float(np.quantile(largest, 0.98, method="higher"))
+        assert largest[t > 0.03].max() < 0.95 * most
+        expected = pytest.approx((0.0, most), rel=1e-12)
+        run = RunData(log)
+        still = Bodies(run, 1e4, window=(0.03, np.inf))
+        still.select_instants([0.04])
+        for bodies in (still, Bodies(run, 10.0), Bodies(RunData(log), 1e4, track="right_track")):
+            assert bodies.colour_range() == expected
+        assert film.FilmPicture(still, "corner", 400)._scale == expected
+        view = player.player(RunData(log), "left_track")
+        assert (view["least"], view["most"]) == expected
+    pytest.importorskip("foxglove")
+    panels = json.loads(foxglove_scene.write(driven, tmp_path / "x.mcap").read_text())["configById"]
+    shown = f"links by link tension, kN: 0 (dark) to {most:.3g} (light)"
+    assert panels["3D!space"]["foxglovePanelTitle"] == f"{shown}; arrows: forces of the ground, 20 kN a metre"
+
+
+def test_arrows_of_a_round_force_show_the_scale_of_others():
+    assert arrows.scale_arrow(0.999) == (0.5, "10 kN")
+    assert arrows.scale_arrow(1.0) == (1.0, "20 kN")
+    assert arrows.scale_arrow(0.045, 1e-3) == (pytest.approx(0.02), "0.02 kN")
+    (drawn, short) = arrows.with_heads(np.array([[[0.0, 0.0], [2.0, 0.0]], [[0.0, 0.0], [0.0, 0.03]]]), 0.5)
+    np.testing.assert_allclose(drawn[[0, 1, 3]], [[0, 0], [2, 0], [2, 0]], atol=1e-15)
+    np.testing.assert_allclose(sorted(drawn[[2, 4]].tolist()), [[1.5, -0.25], [1.5, 0.25]], atol=1e-15)
+    np.testing.assert_allclose(short[[0, 1, 3]], [[0, 0], [0, 0.03], [0, 0.03]], atol=1e-15)
+    np.testing.assert_allclose(short[[2, 4], 1], 0.02, atol=1e-15)  # a third of the arrow
 
 
 def test_curves_are_every_record(driven):

@@ -44,7 +44,7 @@ def player(run: RunData, track: str, reference: RunData | None = None, turns: bo
     outlines = [pins.reshape(-1, 2)] + ([] if hull is None else [hull.reshape(-1, 2)])
     low, high = (np.concatenate(outlines).min(axis=0) - MARGIN), (np.concatenate(outlines).max(axis=0) + MARGIN)
     high[1] = min(high[1], pins[..., 1].max() + ABOVE)
-    least, most = bodies.colour_range([poses])
+    least, most = bodies.colour_range()
     speeds = bodies.speeds()
     return {
         "track": track,

@@ -34,7 +34,7 @@ def chain_profiles(run: RunData) -> list[ChainProfile]:
             with suppress(Missing):
                 first = next(profile.tensions(run, track))
                 parts = [f"{part.name} {part.start:.1f} to {part.end:.1f} m" for part in first.stretches]
-                title = "; ".join([f"{track}: tension, kN, by place on the circuit, m", *parts])
+                title = "; ".join([f"{track}: tension, kN, over place on the circuit, m", *parts])
                 profiles.append(ChainProfile(track, title))
     return profiles
 

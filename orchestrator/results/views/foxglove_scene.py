@@ -25,7 +25,7 @@ from orchestrator.results.analyses import events
 from orchestrator.results.rotation import quaternions
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
-from orchestrator.results.views.arrows import ground_arrows
+from orchestrator.results.views.arrows import ground_arrows, legend, scale_on_hull
 from orchestrator.results.views.bodies import Bodies, Poses
 from orchestrator.results.views.chain_profile import ChainProfile, chain_profiles, tensions
 from orchestrator.results.views.colours import Scale
@@ -175,6 +175,17 @@ def _shapes(kinds: ModuleType, bodies: Bodies, t: float) -> Iterator[Any]:
         edges = bodies.hull.corners[bodies.hull.edges]
         lines = [_lines(kinds, edges, 0.024, colours.HULL)]
         yield kinds.SceneEntity(timestamp=stamp, frame_id="hull", id="hull", frame_locked=True, lines=lines)
+    if standing := scale_on_hull(bodies):
+        foot, arrow = standing
+        tip = foot + np.array([0.0, 0.0, arrow.length])
+        text = kinds.TextPrimitive(
+            pose=kinds.Pose(position=_vector(kinds, tip), orientation=_quaternion(kinds, (0.0, 0.0, 0.0, 1.0))),
+            billboard=True, font_size=14.0, scale_invariant=True, color=_colour(kinds, colours.FORCE), text=arrow.label,
+        )  # fmt: skip
+        lines = [_lines(kinds, np.stack([foot, tip])[None], 0.02, colours.FORCE)]
+        yield kinds.SceneEntity(
+            timestamp=stamp, frame_id="hull", id="scale of forces", frame_locked=True, lines=lines, texts=[text]
+        )
     if bodies.ground:
         surface, metres = Reach().with_bodies(bodies).ground(bodies.ground)
         mesh = _triangles(kinds, surface, colours.EARTH)
@@ -302,7 +313,7 @@ def _space(bodies: Bodies, scale: Scale) -> dict[str, Any]:
     # Lichtblick hides the axes of a frame, and its line to the world, by the frame's name only
     frames = [WORLD, *(wheel.name for wheel in bodies.wheels), *(["hull"] if bodies.hull else [])]
     return {
-        "foxglovePanelTitle": bodies.legend(scale),
+        "foxglovePanelTitle": bodies.legend(scale) + legend(bodies),
         "cameraState": {
             "perspective": True, "distance": 9.0, "phi": 60.0, "thetaOffset": -60.0, "fovy": 45.0, "near": 0.1,
             "far": 5000.0, "target": [0, 0, 0], "targetOffset": [0, 0, 0], "targetOrientation": [0, 0, 0, 1],

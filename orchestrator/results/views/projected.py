@@ -105,7 +105,7 @@ class _Faces:
 def polygons(camera: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale, lower: bool = False) -> Polygons:
     """Return the visible faces of links and wheels at the k-th instant, the nearest last.
 
-    ``lower``: only links whose outer face looks down, without wheels.
+    ``lower``: only the bodies of links whose outer face looks down.
     """
     faces = _Faces(camera)
     for track in bodies.tracks:
@@ -116,7 +116,7 @@ def polygons(camera: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale,
         normals = np.swapaxes(axes @ NORMALS.T, 1, 2)  # (links, faces, 3)
         down = axes[:, 2, 2] < 0.0
         link, face = np.nonzero((normals @ camera.toward > 1e-6) & (down | (not lower))[:, None])
-        for part in track.parts:
+        for part in track.parts[:1] if lower else track.parts:
             chosen = face != COVERED.get(part.kind, -1)
             of, side = link[chosen], face[chosen]
             corners = in_world(boxes(part, side), links.centres[k, of], axes[of])

@@ -21,7 +21,7 @@ from orchestrator.results.analyses import events
 from orchestrator.results.rotation import quaternions
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
-from orchestrator.results.views.arrows import ground_arrows
+from orchestrator.results.views.arrows import ground_arrows, legend, scale_on_hull
 from orchestrator.results.views.bodies import Bodies, BodyPose, Poses
 from orchestrator.results.views.chain_profile import ChainProfile, chain_profiles, tensions
 from orchestrator.results.views.colours import Scale
@@ -163,6 +163,11 @@ def _send_shapes(rerun: ModuleType, recording: Any, bodies: Bodies) -> None:
         lines = bodies.hull.corners[bodies.hull.edges]
         shape = rerun.LineStrips3D(lines, colors=[colours.HULL], radii=0.012)
         recording.log(FOLLOWED, shape, static=True)
+    if standing := scale_on_hull(bodies):
+        foot, arrow = standing
+        vector = (0.0, 0.0, arrow.length)
+        arrows = rerun.Arrows3D(origins=[foot], vectors=[vector], colors=[colours.FORCE], labels=[arrow.label])
+        recording.log(path_of("world", "hull", "scale of forces"), arrows, static=True)
 
 
 def _fittings(track: TrackBody) -> str:
@@ -237,7 +242,9 @@ def _arranged(
     if bodies.hull:
         controls["tracking_entity"] = FOLLOWED
     eye_controls = blueprints.EyeControls3D(**controls)
-    left = blueprints.Spatial3DView(origin="world", name=bodies.legend(scale), eye_controls=eye_controls)
+    left = blueprints.Spatial3DView(
+        origin="world", name=bodies.legend(scale) + legend(bodies), eye_controls=eye_controls
+    )
     if chains:
         bars = (blueprints.BarChartView(origin=path_of("chain", each.track), name=each.title) for each in chains)
         left = blueprints.Vertical(left, blueprints.Horizontal(*bars), row_shares=[7, 3])

@@ -125,7 +125,7 @@ def _figure(bodies: Bodies) -> Figure:
     from matplotlib.figure import Figure
 
     poses = [*bodies.blocks(1)]
-    views, scale, speeds = [side_view(bodies, block) for block in poses], bodies.colour_range(poses), bodies.speeds()
+    views, scale, speeds = [side_view(bodies, block) for block in poses], bodies.colour_range(), bodies.speeds()
     limits = extent(views)
     wide, high = (end - begin for begin, end in limits)
     upright = high > UPRIGHT * wide
