@@ -33,8 +33,8 @@ def chain_profiles(run: RunData) -> list[ChainProfile]:
         if all(link_records.has(run, track, signal) for signal in (TENSION, POSITION)):
             with suppress(Missing):
                 first = next(profile.tensions(run, track))
-                parts = [f"{part.name} {part.start:.1f} to {part.end:.1f} m" for part in first.stretches]
-                title = "; ".join([f"{track}: tension, kN, over place on the circuit, m", *parts])
+                parts = [f"{part.name} {part.start:z.1f} to {part.end:z.1f} m" for part in first.stretches]
+                title = "; ".join([f"{track}: tension, kN, over place along it, m", *parts])
                 profiles.append(ChainProfile(track, title))
     return profiles
 
