@@ -8,6 +8,7 @@ from packed import unpacked
 from scipy.spatial.transform import Rotation
 from view_logs import STEP, bodies_of, driven_log, hanging_log, stretched
 
+from fmus.physics.contact.guide import HORN
 from fmus.vehicle import BadInput, read_table, vehicle
 from orchestrator.log.reader import Log
 from orchestrator.results.ground_profile import ground
@@ -16,8 +17,8 @@ from orchestrator.results.rotation import matrices, quaternions
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import foxglove_scene, projected, rerun_scene, side_view, top_view
 from orchestrator.results.views.bodies import Bodies
-from orchestrator.results.views.shapes import teeth
-from orchestrator.results.views.solids import across, prism, strip
+from orchestrator.results.views.shapes import HORN_SIZE, teeth
+from orchestrator.results.views.solids import across, block, prism, strip
 
 driven = pytest.fixture(scope="module")(driven_log)
 hanging = pytest.fixture(scope="module")(hanging_log)
@@ -174,11 +175,14 @@ def test_triangles_of_sprocket_and_ground_look_outwards(shown):
     x, y = sprocket.outline.T
     area = 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
     volume = float(np.einsum("ni,ni->", a, np.cross(b, c))) / 6.0
-    assert volume == pytest.approx(area * sprocket.width, rel=1e-12)  # positive: triangles face outwards
+    assert volume == pytest.approx(area * (sprocket.width - sprocket.gap), rel=1e-12)  # positive: they face outwards
     tips = np.hypot(x, y)
     assert tips.max() == pytest.approx(bodies.scene["vehicle"]["sprocket"]["outer_radius"], rel=1e-12)
     pitch_radius = 0.0762 / np.sin(np.pi / 10)
     assert tips.min() == pytest.approx(pitch_radius - 0.015, rel=1e-12)
+    for part in bodies.tracks[0].parts:
+        a, b, c = triangles(block(part))
+        assert float(np.einsum("ni,ni->", a, np.cross(b, c))) / 6.0 == pytest.approx(8.0 * part.half.prod(), rel=1e-12)
     a, b, c = triangles(strip(across(bodies.ground, bodies.ground.corners_between(-6.0, 4.0), 5.0)))
     normal = np.cross(b - a, c - a)
     assert (normal[:, 2] > 0).all()
@@ -192,7 +196,7 @@ AT, LINK = 0.02, 5  # s; from 1
 
 @pytest.fixture(scope="module")
 def marked(driven):
-    """A right corner of a link and the first tooth tip of the left sprocket, from the log alone."""
+    """A right corner of a link, one of its horn's tip, and the first tooth tip of the left sprocket, from the log."""
     with Log(driven) as log:
         vehicle = RunData(log).scene["vehicle"]
 
@@ -208,9 +212,13 @@ def marked(driven):
     chain, sprocket = vehicle["track"], vehicle["sprocket"]
     left = np.cross(out, along)
     corner = 0.5 * (before + after) - 0.47 * chain["pitch"] * along - 0.5 * chain["width"] * left - chain["face"] * out
+    length, width = (
+        0.5 * share * whole for share, whole in zip(HORN_SIZE, (0.94 * chain["pitch"], chain["width"]), strict=True)
+    )
+    horn = 0.5 * (before + after) - length * along - width * left - (chain["face"] + HORN) * out
     angle = -0.8 * np.pi / sprocket["teeth"]
     ahead, up = sprocket["outer_radius"] * np.array([np.cos(angle), np.sin(angle)])
-    return corner, axle + turned.apply([ahead, -0.5 * chain["width"], up])
+    return corner, horn, axle + turned.apply([ahead, -0.5 * chain["width"], up])
 
 
 def missed(points, vertices):
@@ -234,9 +242,10 @@ def test_flat_drawings_place_a_link_and_a_tooth_where_they_were(instant, marked)
         vertices = np.concatenate(projected.polygons(seen, bodies, poses, 0, (0.0, 1.0)).outlines)
         assert missed(seen.project(np.stack(marked)), vertices) < 1e-9, eye
     view = side_view.side_view(bodies, poses)
-    boxes, rims = view.links.reshape(-1, 2), np.concatenate([outline for _, _, outline in view.wheels])
-    corner, tip = view.camera.project(np.stack(marked))
+    boxes, rims = view.links["body"].reshape(-1, 2), np.concatenate([outline for _, _, outline in view.wheels])
+    corner, horn, tip = view.camera.project(np.stack(marked))
     assert missed([corner], boxes) < 1e-9
+    assert missed([horn], view.links["horn"].reshape(-1, 2)) < 1e-9
     assert missed([tip], rims) < 1e-9
     assert missed([corner], 1.03 * boxes) > 1e-3
     assert missed([tip], 1.03 * rims) > 1e-3
@@ -272,8 +281,13 @@ def test_the_player_places_a_link_and_a_tooth_where_they_were(instant, marked, m
     angle = unpacked(sprocket["angle"])[k]
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     outline = places(sprocket["centre"]) + np.array(sprocket["outline"]) @ turn.T
-    corner, tip = seen.project(np.stack(marked))
+    part = view["parts"]["horn"]
+    tips = [0.5 * (a + b) + part["low"][0] * along + part["low"][1] * outwards]
+    corner, horn, tip = seen.project(np.stack(marked))
     assert missed([corner], corners) < 3 * player.UNIT
+    assert missed([horn], tips) < 3 * player.UNIT
+    pad = view["parts"]["pad"]
+    assert pad["high"][1] == pytest.approx(0.5 * view["thick"], rel=1e-12)  # pads end at the outer face
     assert missed([tip], outline) < 3 * player.UNIT
     assert missed([tip], np.array(outline) - 5 * player.UNIT) > 3 * player.UNIT
 
@@ -285,17 +299,23 @@ def test_rerun_places_a_link_and_a_tooth_where_they_were(driven, marked, tmp_pat
     for piece in chunk.RrdReader(tmp_path / "run.rrd").stream():
         batches.setdefault((piece.entity_path, piece.is_static), piece.to_record_batch())
     boxes = batches["/world/links/left_track", False]
-    centres, turned, half = (
-        np.array(boxes[f"Boxes3D:{name}"].to_pylist())[1] for name in ("centers", "quaternions", "half_sizes")
+    centres, turned = (
+        np.array(boxes[f"Boxes3D:{name}"].to_pylist())[1] for name in ("centers", "quaternions")
     )  # at 20 ms
+    half = np.array(batches["/world/links/left_track", True]["Boxes3D:half_sizes"].to_pylist())[0]
     corners = centres + np.einsum("nij,nj->ni", Rotation.from_quat(turned).as_matrix(), half * [-1.0, -1.0, -1.0])
     assert missed(marked[:1], corners) < 1e-6
+    others = "/world/links/left_track/pads\\ and\\ horns"
+    places = np.array(batches[others, False]["InstancePoses3D:translations"].to_pylist())[1]
+    vertices = np.array(batches[others, True]["Mesh3D:vertex_positions"].to_pylist())[0]
+    moved = places[:, None] + np.einsum("nij,vj->nvi", Rotation.from_quat(turned).as_matrix(), vertices)
+    assert missed(marked[1:2], moved.reshape(-1, 3)) < 1e-6
     wheel = "/world/wheels/left_track\\/sprocket"
     place = batches[wheel, False]
     position = np.array(place["Transform3D:translation"].to_pylist())[1, 0]
     turn = Rotation.from_quat(np.array(place["Transform3D:quaternion"].to_pylist())[1, 0])
     vertices = np.array(batches[f"{wheel}/shape", True]["Mesh3D:vertex_positions"].to_pylist())[0]
-    assert missed(marked[1:], position + turn.apply(vertices)) < 1e-6
+    assert missed(marked[2:], position + turn.apply(vertices)) < 1e-6
 
 
 def test_foxglove_places_a_link_and_a_tooth_where_they_were(driven, marked, tmp_path):
@@ -312,11 +332,11 @@ def test_foxglove_places_a_link_and_a_tooth_where_they_were(driven, marked, tmp_
         + Rotation.from_quat(numbers(cube.pose.orientation, "xyzw")).apply(-0.5 * numbers(cube.size))
         for cube in links
     ]
-    assert missed(marked[:1], corners) < 1e-9
+    assert missed(marked[:2], corners) < 1e-9
     frame = next(each for each in messages["/frames"][1].transforms if each.child_frame_id == "left_track/sprocket")
     shape = next(each for each in messages["/shapes"][0].entities if each.id == "left_track/sprocket").triangles[0]
     turn = Rotation.from_quat(numbers(frame.rotation, "xyzw"))
-    assert missed(marked[1:], numbers(frame.translation) + turn.apply([numbers(p) for p in shape.points])) < 1e-9
+    assert missed(marked[2:], numbers(frame.translation) + turn.apply([numbers(p) for p in shape.points])) < 1e-9
 
 
 def decoded(path, topic):

@@ -11,10 +11,11 @@ from view_logs import bodies_of, driven_log, hanging_log, stretched
 from fmus.vehicle import BadInput
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
-from orchestrator.results.analyses import events
+from orchestrator.results.analyses import events, link_loads, profile, wheel_loads
+from orchestrator.results.page import player
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import RunData, Window, within
-from orchestrator.results.views import film, foxglove_scene, projected, rerun_scene, side_view
+from orchestrator.results.views import arrows, film, foxglove_scene, projected, rerun_scene, side_view
 from orchestrator.results.views.bodies import Bodies
 from orchestrator.results.views.plots import curves, plots
 from orchestrator.scene.scene import load
@@ -36,6 +37,37 @@ def test_cameras_keep_lengths_and_show_ahead_to_the_right(eye):
         np.testing.assert_allclose(seen.project(seen.centre + 2 * ahead + [0, 0, 3]), [2, 3], atol=1e-15)
 
 
+LOADS = "loads_left_track/left_track.road_wheel\\[2\\].load"
+
+
+def by_place(log, times):
+    """Places, m, and tensions, kN, of the left track by the analysis ``profile``, which the report shows."""
+    run = RunData(log)
+    loads = link_loads.of(run, "left_track")
+    return [(each.place, each.tension / 1e3) for each in (profile.of(run, loads, t) for t in times)]
+
+
+def wheel_load(log):
+    """Loads of the second road wheel on the left, kN, by the analysis ``wheel_loads``."""
+    run = RunData(log)
+    column = wheel_loads.names(run).index("left_track.road_wheel[2]")
+    return np.concatenate([values[:, column] for _, values in wheel_loads.blocks(run)]) / 1e3
+
+
+def pa_rows(batches):
+    """Values and abscissae of bars in batches of Rerun, in the order of time."""
+    rows = {}
+    for batch in batches:
+        for t, bars, places in zip(
+            batch["time"].cast("int64").to_pylist(),
+            batch["BarChart:values"].to_pylist(),
+            batch["BarChart:abscissa"].to_pylist(),
+            strict=True,
+        ):
+            rows[t] = bars[0]["buffer"], places[0]["buffer"]
+    return [rows[t] for t in sorted(rows)]
+
+
 def test_rerun_holds_the_boxes_of_bodies(driven, tmp_path):
     chunk = pytest.importorskip("rerun.chunk")
     rerun_scene.show(driven, tmp_path / "run.rrd", "ground")
@@ -51,12 +83,17 @@ def test_rerun_holds_the_boxes_of_bodies(driven, tmp_path):
     (batch,) = timed["/world/links/left_track"]
     np.testing.assert_allclose(np.array(batch["time"].cast("int64").to_pylist()) * 1e-9, poses.t, atol=1e-9)
     links = poses.links["left_track"]
-    np.testing.assert_allclose(batch["Boxes3D:centers"].to_pylist(), links.centres, atol=1e-6)
+    body = bodies.tracks[0].parts[0]
+    np.testing.assert_allclose(
+        batch["Boxes3D:centers"].to_pylist(), links.centres + links.axes @ body.centre, atol=1e-6
+    )
     turned = np.array(batch["Boxes3D:quaternions"].to_pylist())
     np.testing.assert_allclose(matrices(np.roll(turned, 1, axis=-1)), links.axes, atol=1e-6)
-    np.testing.assert_allclose(
-        batch["Boxes3D:half_sizes"].to_pylist(), np.broadcast_to(bodies.tracks[0].half, (3, 64, 3)), atol=1e-7
-    )
+    sizes = static["/world/links/left_track"][0]["Boxes3D:half_sizes"].to_pylist()
+    np.testing.assert_allclose(sizes[0], np.broadcast_to(body.half, (64, 3)), atol=1e-7)
+    (placed,) = timed["/world/links/left_track/pads\\ and\\ horns"]
+    np.testing.assert_allclose(placed["InstancePoses3D:translations"].to_pylist(), links.centres, atol=1e-6)
+    assert placed["InstancePoses3D:quaternions"].to_pylist() == batch["Boxes3D:quaternions"].to_pylist()
     wheel = bodies.wheels[3].name
     (batch,) = timed["/world/wheels/" + wheel.replace("/", "\\/").replace("[", "\\[").replace("]", "\\]")]
     np.testing.assert_allclose(
@@ -68,6 +105,14 @@ def test_rerun_holds_the_boxes_of_bodies(driven, tmp_path):
         np.array(timed["/world/hull"][0]["Transform3D:translation"].to_pylist())[:, 0], poses.hull.position, atol=1e-6
     )
     assert sum(piece.num_rows for piece in timed["/plots/speed/chassis.speed"]) == 41  # every record
+    bars = pa_rows(timed["/chain/left_track"])
+    with Log(driven) as log:
+        expected = by_place(log, poses.t)
+    np.testing.assert_allclose([values for values, _ in bars], [tension for _, tension in expected], rtol=1e-6)
+    np.testing.assert_allclose([places for _, places in bars], [place for place, _ in expected], atol=1e-3)
+    loads = [batch["Scalars:scalars"].to_pylist() for batch in timed[f"/plots/{LOADS}"]]
+    with Log(driven) as log:
+        np.testing.assert_allclose(np.ravel(np.concatenate(loads)), wheel_load(log), rtol=1e-12)
     (record,) = timed["/events"]
     with Log(driven) as log:
         happened = events.of(RunData(log)).events
@@ -102,11 +147,30 @@ def test_foxglove_holds_scenes_frames_and_curves(driven, tmp_path):
     assert [at for at, _ in messages] == [round(event.t * 1e9) for event in happened] != []
     assert all(event.text.encode() in data for event, (_, data) in zip(happened, messages, strict=True))
     np.testing.assert_allclose(np.array(speed), np.stack([t * 1e9, values], axis=1), atol=1e-6)
-    asked = re.findall(r"/plots/[^.]*(?=\.value)", layout.read_text())
-    assert sorted(asked) == sorted(topic for topic in count if topic.startswith("/plots/"))
     panels = json.loads(layout.read_text())
-    named = re.findall(r'"((?:3D|Plot|RosOut)!\w+)"', json.dumps(panels["layout"]))
+    shown = json.dumps([panels["layout"], panels["configById"]["Tab!curves"]])
+    named = re.findall(r'"((?:3D|Plot|Tab|RosOut)!\w+)"', shown)
     assert sorted(named) == sorted(panels["configById"])
+    with (tmp_path / "x.mcap").open("rb") as file:
+        sent = [(channel.topic, message.data) for _, channel, message in make_reader(file).iter_messages()]
+    first = dict(reversed(sent))
+    for path in re.findall(r'"value": "(/[^"]+)"', layout.read_text()):
+        topic, _, field = path.partition(".")
+        value = json.loads(first[topic])[field.removesuffix("[:]")]
+        assert isinstance(value, list) == field.endswith("[:]"), path
+    assert {f"Plot!{name}" for name in ("chain_left_track", "loads_right_track", "yaw_rate", "slip")} < {*named}
+    assert {topic for topic in count if topic.startswith(("/plots/", "/chain/"))} == {
+        path.partition(".")[0] for path in re.findall(r'"value": "(/[^"]+)"', layout.read_text())
+    }
+    loads, chain = (
+        [json.loads(data) for topic, data in sent if topic == wanted]
+        for wanted in ("/plots/loads_left_track/left_track_road_wheel_2__load", "/chain/left_track")
+    )
+    with Log(driven) as log:
+        np.testing.assert_allclose([each["value"] for each in loads], wheel_load(log), rtol=1e-6)
+        for each, (place, tension) in zip(chain, by_place(log, [0.0, 0.02, 0.04]), strict=True):
+            np.testing.assert_allclose(each["place"], place, atol=1e-3)  # the zero is that of the first record
+            np.testing.assert_allclose(each["tension"], tension, atol=6e-5)
     hidden = panels["configById"]["3D!space"]["transforms"]
     assert {"frame:world", "frame:hull"} < hidden.keys()
     assert not any(each["visible"] for each in hidden.values())
@@ -272,19 +336,55 @@ def test_without_an_extra_there_is_a_sentence(cotrack, hanging, monkeypatch, tmp
     assert not list(tmp_path.iterdir())
 
 
+def test_a_run_has_one_colour_scale_in_all_its_pictures(driven, tmp_path):
+    with Log(driven) as log:
+        names = [f"{side}_track.link[{i + 1}].tension" for side in ("left", "right") for i in range(64)]
+        t = log.signal("left_track.link[1].tension")[0]
+        largest = log.sample(names, t).max(axis=1) / 1e3
+        most = float(np.quantile(largest, 0.98, method="higher"))
+        assert largest[t > 0.03].max() < 0.95 * most
+        expected = pytest.approx((0.0, most), rel=1e-12)
+        run = RunData(log)
+        still = Bodies(run, 1e4, window=(0.03, np.inf))
+        still.select_instants([0.04])
+        for bodies in (still, Bodies(run, 10.0), Bodies(RunData(log), 1e4, track="right_track")):
+            assert bodies.colour_range() == expected
+        assert film.FilmPicture(still, "corner", 400)._scale == expected
+        view = player.player(RunData(log), "left_track")
+        assert (view["least"], view["most"]) == expected
+    pytest.importorskip("foxglove")
+    panels = json.loads(foxglove_scene.write(driven, tmp_path / "x.mcap").read_text())["configById"]
+    shown = f"links by link tension, kN: 0 (dark) to {most:.3g} (light)"
+    assert panels["3D!space"]["foxglovePanelTitle"] == f"{shown}; arrows: forces of the ground, 20 kN a metre"
+
+
+def test_arrows_of_a_round_force_show_the_scale_of_others():
+    assert arrows.scale_arrow(0.999) == (0.5, "10 kN")
+    assert arrows.scale_arrow(1.0) == (1.0, "20 kN")
+    assert arrows.scale_arrow(0.045, 1e-3) == (pytest.approx(0.02), "0.02 kN")
+    (drawn, short) = arrows.with_heads(np.array([[[0.0, 0.0], [2.0, 0.0]], [[0.0, 0.0], [0.0, 0.03]]]), 0.5)
+    np.testing.assert_allclose(drawn[[0, 1, 3]], [[0, 0], [2, 0], [2, 0]], atol=1e-15)
+    np.testing.assert_allclose(sorted(drawn[[2, 4]].tolist()), [[1.5, -0.25], [1.5, 0.25]], atol=1e-15)
+    np.testing.assert_allclose(short[[0, 1, 3]], [[0, 0], [0, 0.03], [0, 0.03]], atol=1e-15)
+    np.testing.assert_allclose(short[[2, 4], 1], 0.02, atol=1e-15)  # a third of the arrow
+
+
 def test_curves_are_every_record(driven):
     with Log(driven) as log:
-        wanted = plots(log)
-        assert [plot.name for plot in wanted] == ["speed", "torque", "power", "tension"]
+        wanted = plots(RunData(log))
+        assert [(plot.group, plot.name) for plot in wanted] == [
+            *(("loads", name) for name in ("tension", "loads_left_track", "loads_right_track")),
+            *(("motion", name) for name in ("speed", "yaw_rate", "slip", "torque", "power")),
+        ]
         pieces = {}
-        for plot, signal, t, values in curves(log, wanted, (0.01, 0.02)):
+        for plot, signal, t, values in curves(RunData(log), wanted, (0.01, 0.02)):
             pieces.setdefault((plot.name, signal), []).append((t, values))
         t, values = (np.concatenate(each) for each in zip(*pieces["tension", "left_track.tension.max"], strict=True))
         times, recorded = log.signal("left_track.tension.max")
         kept = within(times, Window(0.01, 0.02))
         np.testing.assert_array_equal(t, times[kept])
         np.testing.assert_allclose(values, recorded[kept] / 1e3, rtol=1e-15)
-        assert len(pieces) == 1 + 2 + 2 + 4
+        assert len(pieces) == 4 + 10 + 1 + 1 + 2 + 2 + 2
 
 
 def test_a_run_that_blew_up_is_shown_up_to_there(hanging, tmp_path):

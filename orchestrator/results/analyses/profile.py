@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -9,8 +10,8 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, contact, link_records
 from orchestrator.results.analyses.link_loads import LinkLoads
-from orchestrator.results.link_columns import POSITION, TENSION
-from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.results.link_columns import POSITION, TENSION, columns
+from orchestrator.results.run_data import EVER, Missing, RunData, Window
 
 
 class Profile(NamedTuple):
@@ -24,6 +25,28 @@ class Profile(NamedTuple):
     stretches: list[circuit.Stretch]
 
 
+class Tensions(NamedTuple):
+    """Tensions of all links in a block of records, in the order of their places."""
+
+    t: Floats  # (m,) s
+    place: Floats  # (m, links) m, on the circuit; along an open chain
+    tension: Floats  # (m, links) N
+    stretches: list[circuit.Stretch]  # of the block's first record; none of an open chain
+
+
+def tensions(run: RunData, track: str, window: Window = EVER) -> Iterator[Tensions]:
+    """Tensions by place in the link records of a window, in blocks; raises Missing, LogUnreadable."""
+    if link_records.count(run, track) != len(columns(run.log.topics[f"/{track}/links"].names, POSITION)):
+        for block in link_records.records(run, track, window, POSITION, TENSION):
+            length = np.linalg.norm(np.diff(block.values[0], axis=1), axis=2)
+            yield Tensions(block.t, np.cumsum(length, axis=1) - 0.5 * length, block.values[1], [])
+        return
+    for links in circuit.records(run, track, window, TENSION):
+        order = np.argsort(links.links, axis=1)
+        place, tension = (np.take_along_axis(values, order, axis=1) for values in (links.links, links.values[0]))
+        yield Tensions(links.t, place, tension, circuit.stretches(run.scene, place[0], links.centres[0, order[0]]))
+
+
 def of(run: RunData, loads: LinkLoads, t: float) -> Profile:
     """Profile in the link record nearest to a time; raises Missing, LogUnreadable."""
     if loads.pins < loads.links:
@@ -31,9 +54,8 @@ def of(run: RunData, loads: LinkLoads, t: float) -> Profile:
     k = int(np.abs(loads.t - t).argmin())
     nearest = float(loads.t[k])
     if not loads.closed:
-        block = next(link_records.records(run, loads.track, Window(nearest, nearest), POSITION, TENSION))
-        length = np.linalg.norm(np.diff(block.values[0][0], axis=0), axis=1)
-        return Profile(nearest, np.cumsum(length) - 0.5 * length, block.values[1][0], np.empty(0), None, [])
+        block = next(tensions(run, loads.track, Window(nearest, nearest)))
+        return Profile(nearest, block.place[0], block.tension[0], np.empty(0), None, [])
     grounded = link_records.has(run, loads.track, contact.SIGNAL)
     window = Window(float(loads.t[max(k - 1, 0)]), nearest)  # axes of forces need the record before
     links = next(circuit.records(run, loads.track, window, TENSION, *[contact.SIGNAL] * grounded))

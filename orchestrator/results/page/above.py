@@ -11,6 +11,7 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.page.embedded import floats, shorts
 from orchestrator.results.rotation import body_axis
 from orchestrator.results.run_data import RunData
+from orchestrator.results.views.arrows import scale_arrow
 from orchestrator.results.views.bodies import EVERY, Bodies, LinkPoses
 
 UNIT = 5e-4  # m: unit of places beside the hull, which are integers of two bytes
@@ -48,6 +49,7 @@ def above(run: RunData, t: Floats) -> dict[str, Any] | None:
         "arrows": shorts(force * LONGEST / largest, UNIT),
         "unit": UNIT,
         "largest": largest,
+        "scale": scale_arrow(LONGEST, LONGEST / largest)._asdict(),
         "half": (bodies.tracks[0].half[:2]).tolist(),
         "reach": float(np.abs(feet).max()) + MARGIN,
     }

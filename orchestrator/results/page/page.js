@@ -202,19 +202,23 @@
         pen.fill();
       }
       pen.globalAlpha = 1;
-      for (let i = first[k]; i < first[k + 1]; i++) {
-        const x = feet[2 * i] * view.unit, y = feet[2 * i + 1] * view.unit;
-        const u = arrows[2 * i] * view.unit, v = arrows[2 * i + 1] * view.unit, size = Math.hypot(u, v);
-        if (size < 0.02) continue;
-        const [tx, ty] = [x + u, y + v], head = Math.min(0.1, 0.4 * size) / size;
+      const arrow = (x, y, u, v) => {
+        const size = Math.hypot(u, v), [tx, ty] = [x + u, y + v], head = Math.min(0.1, 0.4 * size) / size;
+        if (size < 0.02) return;
         line([at(x, y), at(tx, ty)], "bad", 1.3);
         line([at(tx - head * (u - 0.5 * v), ty - head * (v + 0.5 * u)), at(tx, ty), at(tx - head * (u + 0.5 * v), ty - head * (v - 0.5 * u))], "bad", 1.3);
+      };
+      for (let i = first[k]; i < first[k + 1]; i++) {
+        arrow(...[feet, arrows].flatMap((pairs) => [pairs[2 * i] * view.unit, pairs[2 * i + 1] * view.unit]));
       }
+      const { length, label } = view.scale, corner = view.reach - 12 / scale;
+      arrow(-wide + 4 / scale, -corner, length, 0);
       pen.beginPath();
       pen.arc(...at(0, 0), 4, 0, 2 * Math.PI);
       pen.fillStyle = colour("ink");
       pen.fill();
       pen.font = `600 14px ${getComputedStyle(document.body).fontFamily}`;
+      pen.fillText(label, ...at(-wide + 10 / scale + length, -corner - 5 / scale));
       pen.fillText(`arrows: force of the ground on a link, up to ${number(1e-3 * view.largest, 3)} kN`, 2, 16);
     };
   };
@@ -292,6 +296,21 @@
       pen.closePath();
     };
 
+    const drawParts = (kind, pinAt) => { // of all links; in the frame of a link, along and outwards
+      const part = view.parts[kind];
+      if (!part) return;
+      pen.fillStyle = `rgb(${part.colour.join(",")})`;
+      for (let i = 0; i < view.links; i++) {
+        const [ax, ay] = pinAt(i), [bx, by] = pinAt((i + 1) % view.pinCount);
+        pen.save();
+        pen.translate(0.5 * (ax + bx), 0.5 * (ay + by));
+        pen.rotate(Math.atan2(by - ay, bx - ax));
+        pen.scale(scale, -scale);
+        pen.fillRect(part.low[0], part.low[1], part.high[0] - part.low[0], part.high[1] - part.low[1]);
+        pen.restore();
+      }
+    };
+
     const paint = () => {
       const k = now, pinAt = (i) => [X(pins[2 * (k * view.pinCount + i)] * view.unit), Y(pins[2 * (k * view.pinCount + i) + 1] * view.unit)];
       pen.clearRect(0, 0, width, height);
@@ -303,6 +322,7 @@
         pen.fillStyle = colour("hull");
         pen.fill();
       }
+      drawParts("horn", pinAt); // between the discs of wheels
       wheels.forEach((wheel) => {
         const x = X(wheel.centre[2 * k] * view.unit), y = Y(wheel.centre[2 * k + 1] * view.unit);
         outline(wheel, k, x, y);
@@ -333,6 +353,7 @@
         pen.strokeStyle = viridis((pull - view.least) / (view.most - view.least));
         pen.stroke();
       }
+      drawParts("pad", pinAt);
       if (reference && k < view.reference.pictures) {
         const count = view.reference.pinCount;
         pen.beginPath();

@@ -12,9 +12,10 @@ from orchestrator.results.page.embedded import floats, shorts
 from orchestrator.results.rotation import body_axis, matrices
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views.bodies import EVERY, Bodies, BodyPose, Poses
+from orchestrator.results.views.colours import PART
 from orchestrator.results.views.pose_columns import nearest
 from orchestrator.results.views.projected import Camera, side_camera
-from orchestrator.results.views.shapes import DRAWN, HullBody, in_world
+from orchestrator.results.views.shapes import DRAWN, HullBody, LinkPart, in_world
 
 RATE = 25.0  # pictures a second at most
 MOST = 500  # pictures in all
@@ -43,7 +44,7 @@ def player(run: RunData, track: str, reference: RunData | None = None, turns: bo
     outlines = [pins.reshape(-1, 2)] + ([] if hull is None else [hull.reshape(-1, 2)])
     low, high = (np.concatenate(outlines).min(axis=0) - MARGIN), (np.concatenate(outlines).max(axis=0) + MARGIN)
     high[1] = min(high[1], pins[..., 1].max() + ABOVE)
-    least, most = bodies.colour_range([poses])
+    least, most = bodies.colour_range()
     speeds = bodies.speeds()
     return {
         "track": track,
@@ -61,6 +62,7 @@ def player(run: RunData, track: str, reference: RunData | None = None, turns: bo
         "high": high.tolist(),
         "drawn": DRAWN,
         "thick": 2.0 * float(shape.half[2]),
+        "parts": {part.kind: _upright(part) for part in shape.parts[1:]},
         "wheels": [
             {
                 "radius": wheel.radius,
@@ -76,6 +78,12 @@ def player(run: RunData, track: str, reference: RunData | None = None, turns: bo
         "above": above(run, poses.t) if turns else None,
         "reference": _chain(reference, track, poses.t) if reference else None,
     }
+
+
+def _upright(part: LinkPart) -> dict[str, Any]:
+    """Part of a link from the side: least and largest place along and outwards from the middle of the link, m."""
+    low, high = (part.centre - part.half)[[0, 2]], (part.centre + part.half)[[0, 2]]
+    return {"low": low.tolist(), "high": high.tolist(), "colour": PART[part.kind]}
 
 
 def _chain(run: RunData, track: str, t: Floats) -> dict[str, Any]:

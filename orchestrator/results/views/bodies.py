@@ -6,7 +6,7 @@ are read block by block, so memory does not grow with the length of the log.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,6 +30,8 @@ AXIS, GROUND = "joint[*].axis", LINK_COLOURS["ground"].signal
 EVERY = 1e9  # instants a second, more than any log has
 BLOCK = 100  # instants in memory at once
 SIDES = ("left", "right")
+SCALED, LEAST = 25.0, 100  # instants a second, and least number of them, that determine the colour scale
+SLIGHT = 0.01  # of the largest value: a scale begins at 0 if the least one is smaller
 HIGH = 0.98  # share of the instants whose largest value is within the colour scale
 
 
@@ -139,19 +141,34 @@ class Bodies:
             return None
         return self._log.sample(["chassis.speed"], self.t)[:, 0]
 
-    def colour_range(self, blocks: Iterable[Poses] | None = None) -> Scale:
-        """Limits of the colour scale for these poses, or all; peaks of a few instants may exceed them."""
-        if not self.colour:
+    def colour_range(self) -> Scale:
+        """Limits of the colour scale, one for all pictures of the run: instants, windows and tracks have no part in it.
+
+        It is that of a fixed pace over the run; peaks of a few instants may exceed it.
+        """
+        if not (colour := self.colour):
             return 0.0, 1.0
+        start, end = self.run.span
+        rate = max(SCALED, LEAST / (end - start)) if end > start else SCALED
+        try:
+            return self.run.compute_once(
+                f"colour scale, {colour}", lambda run: Bodies(run, rate, colour)._extreme_colours()
+            )
+        except BadInput:  # another track cannot be drawn
+            return self._extreme_colours()
+
+    def _extreme_colours(self) -> Scale:
+        """Least and largest value of the colouring signal, within HIGH of the instants; 0 is between them."""
         low, high = [], []
-        for poses in blocks if blocks is not None else self.blocks():
+        for poses in self.blocks():
             colours = np.concatenate(
                 [links.colour for links in poses.links.values() if links.colour is not None], axis=1
             )
             low.append(colours.min(axis=1))
             high.append(colours.max(axis=1))
-        least = min(0.0, float(np.quantile(np.concatenate(low), 1.0 - HIGH, method="lower")))
+        least = float(np.quantile(np.concatenate(low), 1.0 - HIGH, method="lower"))
         largest = float(np.quantile(np.concatenate(high), HIGH, method="higher"))
+        least = least if least < -SLIGHT * abs(largest) else 0.0
         return least, largest if largest > least else least + 1.0
 
     def blocks(self, size: int = BLOCK) -> Iterator[Poses]:

@@ -13,6 +13,7 @@ Scale = tuple[float, float]  # least and largest value
 MAP = "viridis"
 STEEL = (150, 155, 160)
 WHEEL = {"sprocket": (120, 120, 125), "road_wheel": (90, 95, 100), "idler": (90, 95, 100)}
+PART = {"pad": (58, 58, 60), "horn": STEEL}  # of links; bodies show a signal
 SPOKE = (225, 225, 225)
 HULL = (70, 95, 70)
 EARTH = (176, 160, 136)

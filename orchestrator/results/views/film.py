@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.views import colours
-from orchestrator.results.views.arrows import METRES_PER_NEWTON, ground_arrows
+from orchestrator.results.views.arrows import ground_arrows, has_forces, scale_arrow, with_heads
 from orchestrator.results.views.bodies import EVERY, Bodies, Poses
 from orchestrator.results.views.files import check_name
 from orchestrator.results.views.projected import (
@@ -30,6 +30,9 @@ from orchestrator.results.views.projected import (
 )
 from orchestrator.results.whole_file import atomic_write
 
+if TYPE_CHECKING:
+    from matplotlib.collections import LineCollection
+
 RATES = {".mp4": 25, ".gif": 12.5}  # pictures a second; a GIF has whole hundredths of a second
 STILL = ".png"
 WIDTHS = {".mp4": 1280, ".gif": 800, STILL: 1280}  # pixels
@@ -37,6 +40,7 @@ DPI = 100
 LONGEST = 3600.0  # s
 TOP, BESIDE, EDGE = 64, 130, 12  # pixels of title, colour scale and border
 MARGIN = 0.3  # m round the bodies
+ARROW, HEAD = 0.15, 0.06  # longest scale arrow over the width of the picture; size of the heads of arrows, m
 OPACITY = 0.6  # of the hull, behind links and wheels: their colours are data
 SEEN_FROM = {"right": "from the right", "top": "from the top", "corner": "from a corner ahead"}
 
@@ -154,8 +158,7 @@ class FilmPicture:
         if bodies.colour:
             self._scale_of_colours(figure)
         self._clock = figure.text(EDGE / width, 1 - 36 / height, "", va="top", fontsize=10, parse_math=False)
-        has_forces = any(links.ground is not None for links in next(bodies.blocks(1)).links.values())
-        self._arrows = f",  red: forces of the ground, {1e-3 / METRES_PER_NEWTON:.3g} kN a metre" if has_forces else ""
+        self._arrows = ",  red: forces of the ground" if has_forces(bodies) else ""
         self._without = ",  without the upper run of links" if self._lower else ""
         self._add_artists()
         self._canvas.draw()
@@ -175,11 +178,24 @@ class FilmPicture:
         self._hull = PolyCollection([], facecolors=[], edgecolors=colours.to_unit_range(colours.HULL), linewidths=1.2)
         self._forces = lines(colours.to_unit_range(colours.FORCE), 1.2)
         self._artists = [self._earth, self._metres, self._hull, self._solid, self._spokes, self._forces]
+        if self._arrows:
+            self._artists.append(self._add_scale_of_forces(lines(colours.to_unit_range(colours.FORCE), 1.6)))
         for collection in self._artists:
             self._pane.add_collection(collection, autolim=False)
         self._numbers = [self._pane.text(0, 0, "", fontsize=7, ha="center", va="top", color="0.3") for _ in range(24)]
         for artist in (*self._artists, *self._numbers, self._clock):
             artist.set_animated(True)
+
+    def _add_scale_of_forces(self, arrow: LineCollection) -> LineCollection:
+        """Place the arrow that shows the scale of forces in the upper right corner, with its force under it."""
+        (left, right), top = self._pane.get_xlim(), self._pane.get_ylim()[1]
+        scale, metre = scale_arrow(ARROW * (right - left)), (right - left) / self._pane.get_window_extent().width
+        end = np.array([right - 14 * metre, top - 14 * metre])
+        arrow.set_segments([*with_heads(np.stack([end - [scale.length, 0.0], end])[None], HEAD)])
+        x, y = end - [0.5 * scale.length, 6 * metre]
+        self._scale_of_forces = self._pane.text(x, y, scale.label, fontsize=9, ha="center", va="top")
+        self._scale_of_forces.set_animated(True)
+        return arrow
 
     def frames(self, rate: float) -> Iterator[NDArray[np.uint8]]:
         """Yield pictures (height, width, 4) in real time, up to the last instant; each stays until the next."""
@@ -205,14 +221,15 @@ class FilmPicture:
         hull = hull_faces(camera, bodies, poses, k)
         self._hull.set_verts(hull.outlines)
         self._hull.set_facecolor([(*colour, OPACITY) for colour in hull.colours])
-        self._forces.set_segments(list(self._arrows_of(camera, poses, k)))
+        self._forces.set_segments(list(with_heads(self._arrows_of(camera, poses, k), HEAD)))
         t = float(poses.t[k])
         self._clock.set_text(
             f"{SEEN_FROM[self._viewpoint]},  t = {t:.2f} s{self._motion(t)}{self._arrows}{self._without}"
         )
         self._canvas.restore_region(self._empty)
         renderer = self._canvas.get_renderer()
-        for artist in (*self._artists, *(text for text in self._numbers if text.get_text())):
+        texts = [*self._numbers, *([self._scale_of_forces] if self._arrows else [])]
+        for artist in (*self._artists, *(text for text in texts if text.get_text())):
             artist.draw(renderer)
         self._clock.draw(renderer)
         return np.array(self._canvas.buffer_rgba())

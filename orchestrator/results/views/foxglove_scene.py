@@ -25,18 +25,23 @@ from orchestrator.results.analyses import events
 from orchestrator.results.rotation import quaternions
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
-from orchestrator.results.views.arrows import ground_arrows
+from orchestrator.results.views.arrows import ground_arrows, legend, scale_on_hull
 from orchestrator.results.views.bodies import Bodies, Poses
+from orchestrator.results.views.chain_profile import ChainProfile, chain_profiles, tensions
 from orchestrator.results.views.colours import Scale
 from orchestrator.results.views.files import check_name
-from orchestrator.results.views.plots import Plot, curves, plots
+from orchestrator.results.views.plots import LOADS, MOTION, Plot, curves, plots
 from orchestrator.results.views.shapes import WheelBody, spokes
 from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, prism
 from orchestrator.results.whole_file import atomic_write
 
 RATE = 50.0  # instants a second
 WORLD = "world"
+SPACE, TABS, EVENTS = "3D!space", "Tab!curves", "RosOut!events"  # panels
 NUMBER = {"type": "object", "properties": {"value": {"type": "number"}}}
+NUMBERS = {"type": "array", "items": {"type": "number"}}
+PLACES = {"type": "object", "properties": {"place": NUMBERS, "tension": NUMBERS}}
+DIGITS, PLACED = 7, 4  # digits of curves; after the point of places, m, and their tensions, kN
 DAMAGING = re.compile(r"\W")
 
 
@@ -52,15 +57,15 @@ def write(path: Path, output: Path, colour: str | None = None) -> Path:
     layout = output.with_name(f"{output.stem}.layout.json")
     with Log(path) as log:
         bodies = Bodies(RunData(log), RATE, colour)
-        side_plots = plots(log)
+        side_plots, chains = plots(bodies.run), chain_profiles(bodies.run)
         scale = bodies.colour_range()
         with atomic_write(layout) as arranged, atomic_write(output) as scenes:
-            arranged.write_text(json.dumps(_layout(bodies, side_plots, scale), indent=1), encoding="utf-8")
-            _write(bodies, side_plots, scale, scenes)
+            arranged.write_text(json.dumps(_layout(bodies, side_plots, chains, scale), indent=1), encoding="utf-8")
+            _write(bodies, side_plots, chains, scale, scenes)
     return layout
 
 
-def _write(bodies: Bodies, side_plots: list[Plot], scale: Scale, output: Path) -> None:
+def _write(bodies: Bodies, side_plots: list[Plot], chains: list[ChainProfile], scale: Scale, output: Path) -> None:
     foxglove, channels, kinds = (library(f"foxglove{part}", "view") for part in ("", ".channels", ".messages"))
     context = foxglove.Context()  # without the topics of other contexts
     with foxglove.open_mcap(output, allow_overwrite=True, context=context):
@@ -85,11 +90,16 @@ def _write(bodies: Bodies, side_plots: list[Plot], scale: Scale, output: Path) -
                 moved = [*_frames(kinds, poses, k)]
                 frames.log(kinds.FrameTransforms(transforms=moved), log_time=_nanoseconds(t))
             last = float(poses.t[-1])
-            for _, signal, times, values in curves(bodies.run.log, side_plots, (after, last)):
+            for _, signal, times, values in curves(bodies.run, side_plots, (after, last)):
                 for t, value in zip(times, values, strict=True):
                     if np.isfinite(value):  # JSON has no other numbers
-                        numbers[signal].log({"value": float(value)}, log_time=_nanoseconds(t))
+                        numbers[signal].log({"value": float(f"{value:.{DIGITS}g}")}, log_time=_nanoseconds(t))
             after = last + 1e-6
+        for chain in chains:
+            channel = foxglove.Channel(_chain_topic(chain), schema=PLACES, context=context)
+            for t, place, tension in tensions(bodies.run, chain.track, bodies.t):
+                message = {"place": np.round(place, PLACED).tolist(), "tension": np.round(tension, PLACED).tolist()}
+                channel.log(message, log_time=_nanoseconds(t))
 
 
 def _entry(kinds: ModuleType, event: Event) -> Any:
@@ -108,6 +118,10 @@ def _stamp(kinds: ModuleType, t: float) -> Any:
 def _topic(plot: Plot, signal: str) -> str:
     """Return the topic of a signal, without characters that Foxglove's paths exclude."""
     return f"/plots/{plot.name}/{DAMAGING.sub('_', signal)}"
+
+
+def _chain_topic(chain: ChainProfile) -> str:
+    return f"/chain/{DAMAGING.sub('_', chain.track)}"
 
 
 def _vector(kinds: ModuleType, values: Any) -> Any:
@@ -161,6 +175,17 @@ def _shapes(kinds: ModuleType, bodies: Bodies, t: float) -> Iterator[Any]:
         edges = bodies.hull.corners[bodies.hull.edges]
         lines = [_lines(kinds, edges, 0.024, colours.HULL)]
         yield kinds.SceneEntity(timestamp=stamp, frame_id="hull", id="hull", frame_locked=True, lines=lines)
+    if standing := scale_on_hull(bodies):
+        foot, arrow = standing
+        tip = foot + np.array([0.0, 0.0, arrow.length])
+        text = kinds.TextPrimitive(
+            pose=kinds.Pose(position=_vector(kinds, tip), orientation=_quaternion(kinds, (0.0, 0.0, 0.0, 1.0))),
+            billboard=True, font_size=14.0, scale_invariant=True, color=_colour(kinds, colours.FORCE), text=arrow.label,
+        )  # fmt: skip
+        lines = [_lines(kinds, np.stack([foot, tip])[None], 0.02, colours.FORCE)]
+        yield kinds.SceneEntity(
+            timestamp=stamp, frame_id="hull", id="scale of forces", frame_locked=True, lines=lines, texts=[text]
+        )
     if bodies.ground:
         surface, metres = Reach().with_bodies(bodies).ground(bodies.ground)
         mesh = _triangles(kinds, surface, colours.EARTH)
@@ -173,12 +198,17 @@ def _shapes(kinds: ModuleType, bodies: Bodies, t: float) -> Iterator[Any]:
 def _wheel(kinds: ModuleType, wheel: WheelBody) -> dict[str, Any]:
     if len(wheel.outline):
         return {"triangles": [_triangles(kinds, prism(wheel), colours.WHEEL[wheel.kind])]}
-    pose = kinds.Pose(position=_vector(kinds, (0.0, 0.0, 0.0)), orientation=_quaternion(kinds, UPRIGHT))
-    cylinder = kinds.CylinderPrimitive(
-        pose=pose, size=_vector(kinds, (2 * wheel.radius, 2 * wheel.radius, wheel.width)), bottom_scale=1.0,
-        top_scale=1.0, color=_colour(kinds, colours.WHEEL[wheel.kind]),
-    )  # fmt: skip
-    return {"cylinders": [cylinder]}
+    cylinders = [
+        kinds.CylinderPrimitive(
+            pose=kinds.Pose(
+                position=_vector(kinds, (0.0, 0.5 * (right + left), 0.0)), orientation=_quaternion(kinds, UPRIGHT)
+            ),
+            size=_vector(kinds, (2 * wheel.radius, 2 * wheel.radius, left - right)),
+            bottom_scale=1.0, top_scale=1.0, color=_colour(kinds, colours.WHEEL[wheel.kind]),
+        )
+        for right, left in wheel.discs
+    ]  # fmt: skip
+    return {"cylinders": cylinders}
 
 
 def _entities(kinds: ModuleType, bodies: Bodies, poses: Poses, k: int, scale: Scale) -> Iterator[Any]:
@@ -187,20 +217,21 @@ def _entities(kinds: ModuleType, bodies: Bodies, poses: Poses, k: int, scale: Sc
     for track in bodies.tracks:
         links = poses.links[track.name]
         colour_values = None if links.colour is None else links.colour[k]
-        size = _vector(kinds, 2.0 * track.half)
-        cubes = [
-            kinds.CubePrimitive(
-                pose=kinds.Pose(position=_vector(kinds, centre), orientation=_quaternion(kinds, quaternion)),
-                size=size,
-                color=_colour(kinds, colour),
-            )
-            for centre, quaternion, colour in zip(
-                links.centres[k].tolist(),
-                quaternions(links.axes[k]).tolist(),
-                colours.map_colours(colour_values, (track.links,), scale).tolist(),
-                strict=True,
-            )
-        ]
+        turned = [_quaternion(kinds, quaternion) for quaternion in quaternions(links.axes[k]).tolist()]
+        cubes = []
+        for part in track.parts:
+            size, centres = _vector(kinds, 2.0 * part.half), links.centres[k] + links.axes[k] @ part.centre
+            paint = colours.map_colours(colour_values, (track.links,), scale).tolist()
+            if part.kind in colours.PART:
+                paint = [colours.PART[part.kind]] * track.links
+            cubes += [
+                kinds.CubePrimitive(
+                    pose=kinds.Pose(position=_vector(kinds, centre), orientation=orientation),
+                    size=size,
+                    color=_colour(kinds, colour),
+                )
+                for centre, orientation, colour in zip(centres.tolist(), turned, paint, strict=True)
+            ]
         yield kinds.SceneEntity(timestamp=stamp, frame_id=WORLD, id=f"links of {track.name}", cubes=cubes)
         if links.ground is not None:
             origins, vectors, _ = ground_arrows(track, links, slice(k, k + 1))
@@ -221,49 +252,78 @@ def _frames(kinds: ModuleType, poses: Poses, k: int) -> Iterator[Any]:
         )  # fmt: skip
 
 
-def _layout(bodies: Bodies, side_plots: list[Plot], scale: Scale) -> dict[str, Any]:
-    """Return a layout in the application's import format: space to the left, curves to the right."""
-    space = "3D!space"
-    # Lichtblick hides the axes of a frame, and its line to the world, by the frame's name only
-    frames = [WORLD, *(wheel.name for wheel in bodies.wheels), *(["hull"] if bodies.hull else [])]
-    panels: dict[str, Any] = {
-        space: {
-            "foxglovePanelTitle": bodies.legend(scale),
-            "cameraState": {
-                "perspective": True, "distance": 9.0, "phi": 60.0, "thetaOffset": -60.0, "fovy": 45.0, "near": 0.1,
-                "far": 5000.0, "target": [0, 0, 0], "targetOffset": [0, 0, 0], "targetOrientation": [0, 0, 0, 1],
-            },
-            "followMode": "follow-position",
-            "followTf": "hull" if bodies.hull else WORLD,
-            "fixedFrame": WORLD,
-            "scene": {"transforms": {"visible": False, "showLabel": False, "axisSize": 0.0}},
-            "transforms": {f"frame:{frame}": {"visible": False} for frame in frames},
-            "publish": {}, "imageMode": {},
-            "topics": {"/scene": {"visible": True}, "/shapes": {"visible": True, "computeVertexNormals": True}},
-            "layers": {},
-        }
-    }  # fmt: skip
+def _layout(bodies: Bodies, side_plots: list[Plot], chains: list[ChainProfile], scale: Scale) -> dict[str, Any]:
+    """Return a layout in the application's import format: space over chains to the left, tabs of curves to the right.
+
+    A chain is drawn at the time shown: tension over place.
+    """
+    panels: dict[str, Any] = {SPACE: _space(bodies, scale)}
     for plot in side_plots:
-        panels[f"Plot!{plot.name}"] = {
-            "foxglovePanelTitle": plot.title,
-            "paths": [
-                {"value": f"{_topic(plot, signal)}.value", "label": signal, "enabled": True,
-                 "timestampMethod": "receiveTime"}
-                for signal in plot.signals
-            ],
-            "isSynced": True, "showLegend": True, "legendDisplay": "floating", "showPlotValuesInLegend": False,
-            "showXAxisLabels": True, "showYAxisLabels": True, "xAxisVal": "timestamp", "sidebarDimension": 240,
-        }  # fmt: skip
-    panels["RosOut!events"] = {"foxglovePanelTitle": "events", "topicToRender": events_topic.TOPIC, "minLogLevel": 1}
-    rows = list(panels)[1:]
-    stack: Any = rows[-1]
-    for number, row in enumerate(reversed(rows[:-1]), 2):
-        stack = {"direction": "column", "first": row, "second": stack, "splitPercentage": 100.0 / number}
-    whole = {"direction": "row", "first": space, "second": stack, "splitPercentage": 60.0}
+        lines = [(f"{_topic(plot, signal)}.value", signal) for signal in plot.signals]
+        panels[f"Plot!{plot.name}"] = _plot(plot.title, lines) | {"xAxisVal": "timestamp"}
+    for chain in chains:
+        topic = _chain_topic(chain)
+        places = {"xAxisVal": "currentCustom", "xAxisPath": {"value": f"{topic}.place[:]", "enabled": True}}
+        lines = [(f"{topic}.tension[:]", "tension, kN")]
+        panels[_chain_panel(chain)] = _plot(chain.title, lines) | places | {"isSynced": False, "minYValue": 0}
+    panels[EVENTS] = {"foxglovePanelTitle": "events", "topicToRender": events_topic.TOPIC, "minLogLevel": 1}
+    rows = {group: [f"Plot!{plot.name}" for plot in side_plots if plot.group == group] for group in (LOADS, MOTION)}
+    tabs = [{"title": group, "layout": _divided("column", panes)} for group, panes in rows.items() if panes]
+    tabs.append({"title": "events", "layout": EVENTS})
+    panels[TABS] = {"activeTabIdx": 0, "tabs": tabs}
+    left: Any = SPACE
+    if chains:
+        row = _divided("row", [_chain_panel(chain) for chain in chains])
+        left = {"direction": "column", "first": SPACE, "second": row, "splitPercentage": 70.0}
     return {
         "configById": panels,
         "globalVariables": {},
         "userNodes": {},
         "playbackConfig": {"speed": 1.0},
-        "layout": whole,
+        "layout": {"direction": "row", "first": left, "second": TABS, "splitPercentage": 60.0},
     }
+
+
+def _chain_panel(chain: ChainProfile) -> str:
+    return f"Plot!chain_{DAMAGING.sub('_', chain.track)}"
+
+
+def _divided(direction: str, panels: list[str]) -> Any:
+    """Return the layout of panels that share a row or a column evenly."""
+    stack: Any = panels[-1]
+    for number, panel in enumerate(reversed(panels[:-1]), 2):
+        stack = {"direction": direction, "first": panel, "second": stack, "splitPercentage": 100.0 / number}
+    return stack
+
+
+def _plot(title: str, lines: list[tuple[str, str]]) -> dict[str, Any]:
+    """Return a panel with curves: paths of messages and their labels."""
+    return {
+        "foxglovePanelTitle": title,
+        "paths": [
+            {"value": path, "label": label, "enabled": True, "timestampMethod": "receiveTime"} for path, label in lines
+        ],
+        "isSynced": True, "showLegend": True, "legendDisplay": "floating", "showPlotValuesInLegend": False,
+        "showXAxisLabels": True, "showYAxisLabels": True, "sidebarDimension": 240,
+    }  # fmt: skip
+
+
+def _space(bodies: Bodies, scale: Scale) -> dict[str, Any]:
+    """Return the panel of the bodies; the eye follows the hull if there is one."""
+    # Lichtblick hides the axes of a frame, and its line to the world, by the frame's name only
+    frames = [WORLD, *(wheel.name for wheel in bodies.wheels), *(["hull"] if bodies.hull else [])]
+    return {
+        "foxglovePanelTitle": bodies.legend(scale) + legend(bodies),
+        "cameraState": {
+            "perspective": True, "distance": 9.0, "phi": 60.0, "thetaOffset": -60.0, "fovy": 45.0, "near": 0.1,
+            "far": 5000.0, "target": [0, 0, 0], "targetOffset": [0, 0, 0], "targetOrientation": [0, 0, 0, 1],
+        },
+        "followMode": "follow-position",
+        "followTf": "hull" if bodies.hull else WORLD,
+        "fixedFrame": WORLD,
+        "scene": {"transforms": {"visible": False, "showLabel": False, "axisSize": 0.0}},
+        "transforms": {f"frame:{frame}": {"visible": False} for frame in frames},
+        "publish": {}, "imageMode": {},
+        "topics": {"/scene": {"visible": True}, "/shapes": {"visible": True, "computeVertexNormals": True}},
+        "layers": {},
+    }  # fmt: skip

@@ -32,15 +32,16 @@ def follow(path: Path, output: Path | None = None, colour: str | None = None) ->
         for log, end in _grown(path):
             if end <= sent:
                 continue
-            side_plots = plots(log)
+            run = RunData(log)
+            side_plots = plots(run)
             try:
-                bodies = Bodies(RunData(log), rerun_scene.RATE, colour, (sent + AFTER, end))
+                bodies = Bodies(run, rerun_scene.RATE, colour, (sent + AFTER, end))
             except NoInstant:  # there are steps, but no link record yet
                 if log.being_written:
                     continue
                 if not started:
                     raise
-                scene.send_curves(log, side_plots, (sent + AFTER, end))
+                scene.send_curves(run, side_plots, (sent + AFTER, end))
                 continue
             if not started:
                 low, high = bodies.colour_range()
@@ -49,7 +50,7 @@ def follow(path: Path, output: Path | None = None, colour: str | None = None) ->
             grown = reach.with_bodies(bodies)
             scene.send_shapes(bodies, grown, before=reach if sent >= 0.0 else None)
             scene.send_poses(bodies, scale)
-            scene.send_curves(log, side_plots, (sent + AFTER, end))
+            scene.send_curves(run, side_plots, (sent + AFTER, end))
             sent, reach = end, grown
 
 

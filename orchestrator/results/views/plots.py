@@ -1,15 +1,25 @@
-"""Curves beside a view of bodies: speed, torque, power and tension, as far as a log has them."""
+"""Curves beside a view of bodies, as far as a log has them: tension, wheel loads, speed, yaw rate, slip, drives.
+
+Values are those of the log and of the analysis ``wheel_loads``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from contextlib import suppress
+from itertools import chain
 from typing import NamedTuple
 
-from orchestrator.log.reader import Log
+import numpy as np
+
 from orchestrator.log.time_series import EVER, Floats
+from orchestrator.results.analyses import wheel_loads
+from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.results.units import size
 
 LONGEST = 1e9  # s: later times are damage
+ROUNDING = 1e-9  # of each shown unit: smaller values are rounding, and are shown as 0
+LOADS, MOTION = "loads", "motion"  # groups of plots, which viewers show in turn
 
 
 class Plot(NamedTuple):
@@ -19,20 +29,23 @@ class Plot(NamedTuple):
     title: str  # with the unit
     size: float  # of that unit
     signals: tuple[str, ...]  # "instance.variable"
+    group: str
 
 
 ABOUT = (
-    ("speed", "speed", "m/s", ("speed",), "m/s"),
-    ("torque", "torque of the drives", "kN m", ("torque", "left.torque", "right.torque"), "N.m"),
-    ("power", "power of the drives", "kW", ("power", "left.power", "right.power"), "W"),
-    ("tension", "tension of a track, largest and mean link", "kN", ("tension.max", "tension.mean"), "N"),
+    ("tension", "tension of a track, largest and mean link", "kN", ("tension.max", "tension.mean"), "N", LOADS),
+    ("speed", "speed", "m/s", ("speed",), "m/s", MOTION),
+    ("yaw_rate", "yaw rate, to the left", "rad/s", ("chassis.angular_velocity.z",), "rad/s", MOTION),
+    ("slip", "slip of a track on the ground", "m/s", ("slip",), "m/s", MOTION),
+    ("torque", "torque of the drives", "kN m", ("torque", "left.torque", "right.torque"), "N.m", MOTION),
+    ("power", "power of the drives", "kW", ("power", "left.power", "right.power"), "W", MOTION),
 )
 
 
-def plots(log: Log) -> list[Plot]:
-    """Return the plots whose signals a log holds."""
-    plots_of_log = []
-    for name, title, shown_unit, variables, unit in ABOUT:
+def plots(run: RunData) -> list[Plot]:
+    """Return the plots whose signals a log holds, group by group."""
+    log, plots_of_run = run.log, []
+    for name, title, shown_unit, variables, unit, group in ABOUT:
         signals = [
             log.name(topic, column)
             for topic, about in log.topics.items()
@@ -42,21 +55,51 @@ def plots(log: Log) -> list[Plot]:
         ]
         if "chassis.speed" in signals:
             signals = ["chassis.speed"]
-        if signals:
-            plots_of_log.append(Plot(name, f"{title}, {shown_unit}", size(shown_unit), tuple(signals)))
-    return plots_of_log
+        if signals and (name != "slip" or run.scene.get("assembly") == "vehicle"):
+            plots_of_run.append(Plot(name, f"{title}, {shown_unit}", size(shown_unit), tuple(signals), group))
+    loads = _load_columns(run)
+    for track in run.tracks:
+        if signals := [name for name in loads if name.startswith(f"{track}.")]:
+            title = f"loads of the road wheels of {track}, kN"
+            plots_of_run.append(Plot(f"loads_{track}", title, size("kN"), tuple(signals), LOADS))
+    return sorted(plots_of_run, key=lambda plot: plot.group)
+
+
+def _load_columns(run: RunData) -> dict[str, int]:
+    """Columns of the loads of road wheels in ``wheel_loads.blocks``, by names as in the report."""
+    return {f"{name}.load": column for column, name in enumerate(wheel_loads.names(run))}
 
 
 def curves(
-    log: Log, chosen: list[Plot], window: tuple[float, float] = EVER
+    run: RunData, chosen: list[Plot], window: tuple[float, float] = EVER
 ) -> Iterator[tuple[Plot, str, Floats, Floats]]:
     """Yield plot, signal, times (m,), s, and values (m,) in the unit of the title: all records, in blocks."""
-    places = {signal: (plot, log.find(signal)) for plot in chosen for signal in plot.signals}
+    plot_of_signal = {signal: plot for plot in chosen for signal in plot.signals}
+    for signal, t, values in chain(_recorded(run, plot_of_signal, window), _loads(run, plot_of_signal, window)):
+        plot, kept = plot_of_signal[signal], (t >= 0.0) & (t < LONGEST)
+        shown = values[kept] * (1.0 / plot.size)
+        yield plot, signal, t[kept], np.where(np.abs(shown) < ROUNDING, 0.0, shown)
+
+
+Curves = Iterator[tuple[str, Floats, Floats]]  # signal, times (m,), s, and values (m,), SI
+
+
+def _recorded(run: RunData, signals: Collection[str], window: tuple[float, float]) -> Curves:
+    """Yield those of the signals that the log itself holds."""
+    places = {signal: run.log.find(signal) for signal in signals if signal in run.log}
     columns: dict[str, list[int]] = {}
-    for _, (topic, column) in places.values():
+    for topic, column in places.values():
         columns.setdefault(topic, []).append(column)
-    for piece in log.stream(columns, window):
-        for signal, (plot, (topic, column)) in places.items():
+    for piece in run.log.stream(columns, window):
+        for signal, (topic, column) in places.items():
             if topic in piece:
-                series = piece[topic].rows((piece[topic].t >= 0.0) & (piece[topic].t < LONGEST))
-                yield plot, signal, series.t, series.values[:, columns[topic].index(column)] * (1.0 / plot.size)
+                yield signal, piece[topic].t, piece[topic].values[:, columns[topic].index(column)]
+
+
+def _loads(run: RunData, signals: Collection[str], window: tuple[float, float]) -> Curves:
+    """Yield the loads of road wheels among the signals; none of a damaged log whose components differ in steps."""
+    loads = {name: column for name, column in _load_columns(run).items() if name in signals}
+    with suppress(Missing):
+        for t, values in wheel_loads.blocks(run, Window(*window)) if loads else ():
+            for name, column in loads.items():
+                yield name, t, values[:, column]

@@ -62,7 +62,7 @@ class PoseColumns:
         common, *others = sorted((series.t for series in times.values()), key=len)
         end = max((float(t[-1]) for t in (common, *others) if len(t)), default=0.0)
         for other in others:
-            common = common[_matched(common, other)[1]] if len(other) else other
+            common = common[matched_times(common, other)[1]] if len(other) else other
         return common[(common >= 0.0) & (common < LONGEST)], end
 
     def read(self, t: Floats) -> dict[str, Floats]:
@@ -70,7 +70,7 @@ class PoseColumns:
         values_by_topic = {topic: np.full((len(t), len(columns)), np.nan) for topic, columns in self.columns.items()}
         for piece in self._log.stream(self.columns, (float(t[0]), float(t[-1]))):
             for topic, series in piece.items():
-                rows, matched = _matched(series.t, t)
+                rows, matched = matched_times(series.t, t)
                 values_by_topic[topic][rows[matched]] = series.values[matched]
         return values_by_topic
 
@@ -89,7 +89,7 @@ def nearest(t: Floats, times: Floats) -> NDArray[np.int64]:
     return np.where(times - t[after - 1] < t[after] - times, after - 1, after)
 
 
-def _matched(t: Floats, among: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def matched_times(t: Floats, among: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Index (m,) of each time among others, and True (m,) where it occurs."""
     place = np.minimum(np.searchsorted(among, t - SAME), len(among) - 1)
     return place, np.abs(among[place] - t) <= SAME

@@ -12,10 +12,12 @@ from orchestrator.results.rotation import body_axis, matrices
 from orchestrator.results.views import colours
 from orchestrator.results.views.bodies import Bodies, BodyPose, Poses
 from orchestrator.results.views.colours import Scale
-from orchestrator.results.views.shapes import FACES, NORMALS, SPOKES, WheelBody, in_world, rim, spokes
+from orchestrator.results.views.shapes import NORMALS, SPOKES, WheelBody, boxes, in_world, rim, spokes
 
 VIEWPOINTS = ("right", "top", "corner")
 LIGHT = np.array([0.35, -0.45, 0.82])  # direction towards the light: ahead, left, up
+COVERED = {"pad": 5, "horn": 4}  # faces of a part of a link that its body covers
+DISC_BACK = 0.6  # of a disc's distance from the middle of its wheel, so that its rim is drawn under links, over horns
 IN_FRONT = 0.05  # m: links are drawn over the wheels under them
 
 
@@ -103,7 +105,7 @@ class _Faces:
 def polygons(camera: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale, lower: bool = False) -> Polygons:
     """Return the visible faces of links and wheels at the k-th instant, the nearest last.
 
-    ``lower``: only links whose outer face looks down, without wheels.
+    ``lower``: only the bodies of links whose outer face looks down.
     """
     faces = _Faces(camera)
     for track in bodies.tracks:
@@ -114,29 +116,36 @@ def polygons(camera: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale,
         normals = np.swapaxes(axes @ NORMALS.T, 1, 2)  # (links, faces, 3)
         down = axes[:, 2, 2] < 0.0
         link, face = np.nonzero((normals @ camera.toward > 1e-6) & (down | (not lower))[:, None])
-        corners = in_world(FACES[face] * track.half, links.centres[k, link], axes[link])
-        faces.add(corners, paint[link] * faces.bright(normals[link, face]), IN_FRONT)
+        for part in track.parts[:1] if lower else track.parts:
+            chosen = face != COVERED.get(part.kind, -1)
+            of, side = link[chosen], face[chosen]
+            corners = in_world(boxes(part, side), links.centres[k, of], axes[of])
+            tints = np.array(colours.PART[part.kind]) / 255.0 if part.kind in colours.PART else paint[of]
+            faces.add(corners, tints * faces.bright(normals[of, side]), 0.0 if part.kind == "horn" else IN_FRONT)
     for wheel in () if lower else bodies.wheels:
         _add_wheel(faces, wheel, poses.wheels[wheel.name], k)
     return faces.sorted()
 
 
 def _add_wheel(faces: _Faces, wheel: WheelBody, pose: BodyPose, k: int) -> None:
-    """Add the visible part of the rim, and the face with its spokes unless it is seen edge on."""
+    """Add the visible part of the rims, and the faces, the near one with spokes, unless they are seen edge on."""
     position, axes = pose.position[k], matrices(pose.orientation[k])
     toward = float(axes[:, 1] @ faces.camera.toward)
     side = 1.0 if toward > 0.0 else -1.0
-    near, far = (in_world(rim(wheel, which), position, axes) for which in (side, -side))
     grey = np.array(colours.WHEEL[wheel.kind]) / 255.0
-    if abs(toward) < 0.999:
-        after = np.roll(near, -1, axis=0)
-        normals = np.cross(axes[:, 1], after - near)
-        normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-        shown = normals @ faces.camera.toward > 1e-6
-        bands = np.stack([near, after, np.roll(far, -1, axis=0), far], axis=1)
-        faces.add(bands[shown], grey * faces.bright(normals[shown]))
+    for disc in wheel.discs:
+        near, far = (in_world(rim(wheel, y), position, axes) for y in (disc[::-1] if side > 0.0 else disc))
+        if abs(toward) < 0.999:
+            after = np.roll(near, -1, axis=0)
+            normals = np.cross(axes[:, 1], after - near)
+            normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+            shown = normals @ faces.camera.toward > 1e-6
+            bands = np.stack([near, after, np.roll(far, -1, axis=0), far], axis=1)
+            back = DISC_BACK * float(disc.mean()) * toward
+            faces.add(bands[shown], grey * faces.bright(normals[shown]), -back)
+        if abs(toward) > 1e-3:
+            faces.add(near[None], np.minimum(grey * 1.35, 1.0)[None])
     if abs(toward) > 1e-3:
-        faces.add(near[None], np.minimum(grey * 1.35, 1.0)[None])
         lines = spokes(wheel)[: SPOKES // 2] if side < 0.0 else spokes(wheel)[SPOKES // 2 :]
         faces.lines.append(faces.camera.project(in_world(lines, position, axes)))
 

@@ -21,13 +21,14 @@ from orchestrator.results.analyses import events
 from orchestrator.results.rotation import quaternions
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
-from orchestrator.results.views.arrows import ground_arrows
+from orchestrator.results.views.arrows import ground_arrows, legend, scale_on_hull
 from orchestrator.results.views.bodies import Bodies, BodyPose, Poses
+from orchestrator.results.views.chain_profile import ChainProfile, chain_profiles, tensions
 from orchestrator.results.views.colours import Scale
 from orchestrator.results.views.files import check_name
-from orchestrator.results.views.plots import Plot, curves, plots
-from orchestrator.results.views.shapes import WheelBody, spokes
-from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, faceted, prism
+from orchestrator.results.views.plots import LOADS, MOTION, Plot, curves, plots
+from orchestrator.results.views.shapes import TrackBody, WheelBody, spokes
+from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, block, faceted, prism
 from orchestrator.results.whole_file import atomic_write
 
 RATE = 50.0  # instants a second
@@ -43,12 +44,12 @@ def show(path: Path, output: Path | None = None, colour: str | None = None) -> N
     """
     with opened(path, output) as scene, Log(path) as log:
         run = RunData(log)
-        bodies, side_plots, run_events = Bodies(run, RATE, colour), plots(log), events.of(run).events
+        bodies, side_plots, run_events = Bodies(run, RATE, colour), plots(run), events.of(run).events
         scale = bodies.colour_range()
         scene.start(bodies, side_plots, scale, bool(run_events))
         scene.send_shapes(bodies, Reach().with_bodies(bodies))
         scene.send_poses(bodies, scale)
-        scene.send_curves(log, side_plots)
+        scene.send_curves(run, side_plots)
         scene.send_events(run_events)
 
 
@@ -81,10 +82,12 @@ class RerunRecording:
     def __init__(self, rerun: ModuleType, blueprints: ModuleType, recording: Any, name: str, file: Path | None) -> None:
         self._rerun, self._blueprints, self._recording = rerun, blueprints, recording
         self._name, self._file = name, file
+        self._chains: list[ChainProfile] = []
 
     def start(self, bodies: Bodies, side_plots: list[Plot], scale: Scale, with_events: bool = False) -> None:
         """Open the viewer or the file and arrange its views, one of them for events (``with_events``)."""
-        arranged = _arranged(self._blueprints, bodies, side_plots, scale, with_events)
+        self._chains = chain_profiles(bodies.run)
+        arranged = _arranged(self._blueprints, bodies, side_plots, self._chains, scale, with_events)
         self._recording.send_recording_name(f"{self._name}: {bodies.title}")
         if self._file is None:
             self._recording.spawn(default_blueprint=arranged)
@@ -106,14 +109,21 @@ class RerunRecording:
             self._recording.log("world/ground/metres", marks, static=True)
 
     def send_poses(self, bodies: Bodies, scale: Scale) -> None:
-        """Send the poses of all bodies at all instants."""
+        """Send the poses of all bodies at all instants, and the tensions along chains."""
         for poses in bodies.blocks():
             _send_poses(self._rerun, self._recording, bodies, poses, scale)
+        pitch = bodies.scene["vehicle"]["track"]["pitch"]
+        for chain in self._chains:
+            for t, place, tension in tensions(bodies.run, chain.track, bodies.t):
+                self._recording.set_time(TIMELINE, duration=t)
+                height, along = tension.astype(np.float32), place.astype(np.float32)
+                bars = self._rerun.BarChart(height, abscissa=along, widths=np.full(len(place), pitch))
+                self._recording.log(path_of("chain", chain.track), bars)
 
-    def send_curves(self, log: Log, side_plots: list[Plot], window: tuple[float, float] = EVER) -> None:
+    def send_curves(self, run: RunData, side_plots: list[Plot], window: tuple[float, float] = EVER) -> None:
         """Send all records of the plots' signals in a window, s."""
         rerun = self._rerun
-        for plot, signal, t, values in curves(log, side_plots, window):
+        for plot, signal, t, values in curves(run, side_plots, window):
             times = [rerun.TimeColumn(TIMELINE, duration=t)]
             place = path_of("plots", plot.name, signal)
             self._recording.send_columns(place, times, rerun.Scalars.columns(scalars=values))
@@ -136,14 +146,33 @@ def _send_shapes(rerun: ModuleType, recording: Any, bodies: Bodies) -> None:
     """Send shapes of wheels and hull, each in its own frame."""
     recording.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     for track in bodies.tracks:
-        solid = rerun.Boxes3D.from_fields(fill_mode="solid")
+        body, *fittings = track.parts
+        sizes = np.broadcast_to(body.half, (track.links, 3))
+        solid = rerun.Boxes3D.from_fields(fill_mode="solid", half_sizes=sizes)
         recording.log(path_of("world", "links", track.name), solid, static=True)
+        corners, normals = zip(*(faceted(block(part)) for part in fittings), strict=True)
+        paint = [np.tile(colours.PART[part.kind], (len(each), 1)) for part, each in zip(fittings, corners, strict=True)]
+        mesh = rerun.Mesh3D(
+            vertex_positions=np.concatenate(corners), vertex_normals=np.concatenate(normals),
+            vertex_colors=np.concatenate(paint).astype(np.uint8),
+        )  # fmt: skip
+        recording.log(_fittings(track), mesh, static=True)
     for wheel in bodies.wheels:
         _send_wheel(rerun, recording, wheel)
     if bodies.hull:
         lines = bodies.hull.corners[bodies.hull.edges]
         shape = rerun.LineStrips3D(lines, colors=[colours.HULL], radii=0.012)
         recording.log(FOLLOWED, shape, static=True)
+    if standing := scale_on_hull(bodies):
+        foot, arrow = standing
+        vector = (0.0, 0.0, arrow.length)
+        arrows = rerun.Arrows3D(origins=[foot], vectors=[vector], colors=[colours.FORCE], labels=[arrow.label])
+        recording.log(path_of("world", "hull", "scale of forces"), arrows, static=True)
+
+
+def _fittings(track: TrackBody) -> str:
+    """Return the path of the pads and horns of all links: one mesh at many poses."""
+    return path_of("world", "links", track.name, "pads and horns")
 
 
 def _mesh(rerun: ModuleType, surface: Triangles, colour: tuple[int, int, int]) -> Any:
@@ -157,7 +186,8 @@ def _send_wheel(rerun: ModuleType, recording: Any, wheel: WheelBody) -> None:
         shape = _mesh(rerun, prism(wheel), colours.WHEEL[wheel.kind])
     else:
         shape = rerun.Cylinders3D(
-            lengths=[wheel.width], radii=[wheel.radius], quaternions=[UPRIGHT], colors=[colours.WHEEL[wheel.kind]],
+            lengths=np.ptp(wheel.discs, axis=1), radii=[wheel.radius] * len(wheel.discs), quaternions=[UPRIGHT],
+            centers=[(0.0, y, 0.0) for y in wheel.discs.mean(axis=1)], colors=[colours.WHEEL[wheel.kind]],
             fill_mode="solid",
         )  # fmt: skip
     recording.log(f"{place}/shape", shape, static=True)
@@ -170,15 +200,15 @@ def _send_poses(rerun: ModuleType, recording: Any, bodies: Bodies, poses: Poses,
     times = [rerun.TimeColumn(TIMELINE, duration=poses.t)]
     for track in bodies.tracks:
         links = poses.links[track.name]
-        box_count = count * track.links
+        turned, links_of_instants = quaternions(links.axes).reshape(-1, 4), [track.links] * count
         boxes = rerun.Boxes3D.columns(
-            half_sizes=np.broadcast_to(track.half, (box_count, 3)),
-            centers=links.centres.reshape(-1, 3),
-            quaternions=quaternions(links.axes).reshape(-1, 4),
+            centers=(links.centres + links.axes @ track.parts[0].centre).reshape(-1, 3),
+            quaternions=turned,
             colors=colours.map_colours(links.colour, (count, track.links), scale).reshape(-1, 3),
         )
-        links_of_instants = [track.links] * count
         recording.send_columns(path_of("world", "links", track.name), times, boxes.partition(links_of_instants))
+        placed = rerun.InstancePoses3D.columns(translations=links.centres.reshape(-1, 3), quaternions=turned)
+        recording.send_columns(_fittings(track), times, placed.partition(links_of_instants))
         if links.ground is not None:
             origins, vectors, counts = ground_arrows(track, links)
             arrows = rerun.Arrows3D.columns(
@@ -198,17 +228,33 @@ def _send_motion(rerun: ModuleType, recording: Any, path: str, times: list[Any],
     recording.send_columns(path, times, rerun.Transform3D.columns(translation=pose.position, quaternion=turned))
 
 
-def _arranged(blueprints: ModuleType, bodies: Bodies, side_plots: list[Plot], scale: Scale, with_events: bool) -> Any:
-    """Arrange space to the left, curves to the right; the eye follows the hull if there is one."""
+def _arranged(
+    blueprints: ModuleType,
+    bodies: Bodies,
+    side_plots: list[Plot],
+    chains: list[ChainProfile],
+    scale: Scale,
+    with_events: bool,
+) -> Any:
+    """Arrange space over chains to the left, tabs of curves to the right; the eye follows the hull if there is one."""
     eye, target = _eye(bodies)
     controls = {"position": eye, "look_target": target, "eye_up": (0.0, 0.0, 1.0)}
     if bodies.hull:
         controls["tracking_entity"] = FOLLOWED
     eye_controls = blueprints.EyeControls3D(**controls)
-    space = blueprints.Spatial3DView(origin="world", name=bodies.legend(scale), eye_controls=eye_controls)
-    views = [blueprints.TimeSeriesView(origin=path_of("plots", plot.name), name=plot.title) for plot in side_plots]
-    views += [blueprints.TextLogView(origin=EVENTS, name="events")] if with_events else []
-    panes = [space, blueprints.Vertical(*views)] if views else [space]
+    left = blueprints.Spatial3DView(
+        origin="world", name=bodies.legend(scale) + legend(bodies), eye_controls=eye_controls
+    )
+    if chains:
+        bars = (blueprints.BarChartView(origin=path_of("chain", each.track), name=each.title) for each in chains)
+        left = blueprints.Vertical(left, blueprints.Horizontal(*bars), row_shares=[7, 3])
+    tabs = []
+    for group in (LOADS, MOTION):
+        chosen = [plot for plot in side_plots if plot.group == group]
+        views = [blueprints.TimeSeriesView(origin=path_of("plots", plot.name), name=plot.title) for plot in chosen]
+        tabs += [blueprints.Vertical(*views, name=group)] if views else []
+    tabs += [blueprints.TextLogView(origin=EVENTS, name="events")] if with_events else []
+    panes = [left, blueprints.Tabs(*tabs, active_tab=0)] if tabs else [left]
     shares = [3, 2][: len(panes)]
     return blueprints.Blueprint(
         blueprints.Horizontal(*panes, column_shares=shares),

@@ -57,6 +57,12 @@ class DrawnRoadWheel(DrawnIdler):
     z: Number
 
 
+class DrawnGuide(BaseModel):
+    """Lateral play of guide horns, m."""
+
+    clearance: SizeOrNone
+
+
 class DrawnHull(BaseModel):
     """Centre of mass and corners of the hull in the vehicle frame, m."""
 
@@ -72,6 +78,7 @@ class DrawnVehicle(BaseModel):
     road_wheel: DrawnRoadWheel
     idler: DrawnIdler
     chassis: DrawnHull | None = None
+    guide: DrawnGuide | None = None
 
 
 class DrawnBump(BaseModel):

@@ -1,11 +1,11 @@
-"""Shapes of bodies in their own frames: links are boxes, wheels cylinders or toothed discs.
+"""Shapes of bodies in their own frames: links are of boxes, wheels of two discs, round or toothed.
 
 A body frame is x ahead, y left, z up; in the frame of a link x is from pin to pin and z outwards, away from the wheels.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -17,6 +17,9 @@ from orchestrator.results.run_data import pitch_radius
 
 DRAWN = 0.94  # length of a drawn link over the pitch: gaps show where links end
 THINNEST = 0.005  # m, half thickness of a link whose face contains the pin line
+HORN = 0.05  # m, height of a guide horn over the inner face, as ``fmus/physics/contact/guide.py`` has it
+HORN_SIZE = (0.3, 0.12)  # length and width over those of the drawn link; chosen
+PAD_SIZE = (0.5, 0.72, 0.3)  # length, width and thickness over those of the drawn link; chosen
 SPOKES = 6  # on both faces of a wheel together
 RIM = 28  # corners of a round rim
 FACES = np.array([  # corners of a box by face, and the outward normals of the faces
@@ -31,24 +34,40 @@ NORMALS = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0,
 RIGHT = 3  # face of a box that is visible from the right
 
 
+class LinkPart(NamedTuple):
+    """Box of a link, in the frame of the link, whose origin is midway between its pins."""
+
+    kind: str  # body, pad or horn
+    centre: Floats  # (3) m
+    half: Floats  # (3) half sizes along, across, outwards, m
+
+
 class TrackBody(NamedTuple):
-    """Links of a track: boxes."""
+    """Links of a track."""
 
     name: str  # instance
     links: int
     closed: bool  # the last link ends at the first pin
-    half: Floats  # (3) half sizes along, across, outwards, m
+    half: Floats  # (3) half sizes along, across, outwards, m, of body and pad together
+    parts: tuple[LinkPart, ...]  # the body first
 
 
 class WheelBody(NamedTuple):
-    """Wheel, about its body y axis."""
+    """Wheel of two discs, between which guide horns run, about its body y axis."""
 
     name: str  # left_track/road_wheel[1]
     kind: str  # sprocket, road_wheel or idler
     track: str  # instance of its track; "chassis" without one
     radius: float  # m; for a sprocket the radius of the pin seats
     width: float  # m
+    gap: float  # m, between the discs; 0 for a single disc
     outline: Floats  # (k, 2) of a sprocket with teeth, ahead and up, m; empty for round wheels
+
+    @property
+    def discs(self) -> Floats:
+        """Right and left ends (discs, 2) of the discs, m."""
+        y, inside = 0.5 * self.width, 0.5 * self.gap
+        return np.array([[-y, -inside], [inside, y]] if inside > 0.0 else [[-y, y]])
 
 
 class HullBody(NamedTuple):
@@ -69,15 +88,29 @@ def track_body(name: str, links: int, closed: bool, vehicle: Mapping[str, Any]) 
     """Return the links of a track from a vehicle table."""
     chain = vehicle["track"]
     half = np.array([0.5 * DRAWN * chain["pitch"], 0.5 * chain["width"], max(chain["face"], THINNEST)])
-    return TrackBody(name, links, closed, half)
+    return TrackBody(name, links, closed, half, tuple(_parts(half, vehicle.get("guide") is not None)))
+
+
+def _parts(half: Floats, guided: bool) -> Iterator[LinkPart]:
+    """Yield the body of a link, its pad, which ends at the outer face, and its horn on the inner face."""
+    thick = PAD_SIZE[2] * half[2]
+    yield LinkPart("body", np.array([0.0, 0.0, -thick]), half - [0.0, 0.0, thick])
+    yield LinkPart("pad", np.array([0.0, 0.0, half[2] - thick]), half * PAD_SIZE)
+    if guided:
+        yield LinkPart("horn", np.array([0.0, 0.0, -half[2] - 0.5 * HORN]), half * [*HORN_SIZE, 0.5 * HORN / half[2]])
 
 
 def wheel_body(name: str, kind: str, track: str, vehicle: Mapping[str, Any]) -> WheelBody:
     """Return a wheel from a vehicle table; a sprocket is as wide as a link."""
+    guide = vehicle.get("guide")
+    gap = HORN_SIZE[1] * vehicle["track"]["width"] + 2.0 * guide["clearance"] if guide else 0.0
     if kind != "sprocket":
-        return WheelBody(name, kind, track, vehicle[kind]["radius"], vehicle[kind]["width"], np.empty((0, 2)))
+        width = vehicle[kind]["width"]
+        return WheelBody(
+            name, kind, track, vehicle[kind]["radius"], width, gap if gap < width else 0.0, np.empty((0, 2))
+        )
     radius = pitch_radius(vehicle) - vehicle["sprocket"]["pin_radius"]
-    return WheelBody(name, kind, track, radius, vehicle["track"]["width"], teeth(vehicle))
+    return WheelBody(name, kind, track, radius, vehicle["track"]["width"], gap, teeth(vehicle))
 
 
 def teeth(vehicle: Mapping[str, Any]) -> Floats:
@@ -123,13 +156,13 @@ def _round(corners: Floats, face: list[int], normal: Floats) -> NDArray[np.int64
     return np.array(face)[np.argsort(np.arctan2(offset @ across, offset @ offset[0]))]
 
 
-def rim(wheel: WheelBody, side: float) -> Floats:
-    """Corners (k, 3) of a wheel's face to the left (``side`` 1) or right (-1), in its body frame, m."""
+def rim(wheel: WheelBody, y: float) -> Floats:
+    """Corners (k, 3) of a wheel's face at a distance ``y``, m, to the left of its middle, in its body frame, m."""
     flat = wheel.outline
     if not len(flat):
         angle = 2.0 * np.pi * np.arange(RIM) / RIM
         flat = wheel.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return np.insert(flat, 1, 0.5 * side * wheel.width, axis=1)
+    return np.insert(flat, 1, y, axis=1)
 
 
 def spokes(wheel: WheelBody) -> Floats:
@@ -139,6 +172,11 @@ def spokes(wheel: WheelBody) -> Floats:
     lines = np.stack([0.15 * end, end], axis=1)
     aside = np.array([0.0, 0.5 * wheel.width + 0.004, 0.0])
     return np.concatenate([lines - aside, lines + aside])
+
+
+def boxes(part: LinkPart, faces: Any = slice(None)) -> Floats:
+    """Corners (faces, 4, 3) of faces of a part of a link, or (4, 3) of one, in the frame of the link, m."""
+    return np.asarray(FACES[faces] * part.half + part.centre)
 
 
 def in_world(corners: Floats, position: Floats, axes: Floats) -> Floats:

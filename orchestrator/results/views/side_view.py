@@ -15,11 +15,11 @@ from orchestrator.results.picture import save_figure
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import EVER, RunData, Window, within
 from orchestrator.results.views.bodies import EVERY, Bodies, NoInstant, Poses
-from orchestrator.results.views.colours import MAP, Scale, map_colours
+from orchestrator.results.views.colours import MAP, PART, Scale, map_colours, to_unit_range
 from orchestrator.results.views.files import PICTURES, check_name
 from orchestrator.results.views.pose_columns import nearest
 from orchestrator.results.views.projected import Camera, section, side_camera
-from orchestrator.results.views.shapes import FACES, RIGHT, in_world, rim
+from orchestrator.results.views.shapes import RIGHT, boxes, in_world, rim
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,7 +43,7 @@ class SideView(NamedTuple):
     t: float  # s
     camera: Camera
     pins: Floats  # (nodes, 2)
-    links: Floats  # (links, 4, 2) corners
+    links: dict[str, Floats]  # (links, 4, 2) corners of their bodies, pads and horns
     colour: Floats | None  # (links,)
     wheels: list[tuple[str, Floats, Floats]]  # kind, centre (2,) and outline (k, 2)
 
@@ -70,14 +70,16 @@ def side_view(bodies: Bodies, poses: Poses, k: int = 0) -> SideView:
     """Return the first track at the k-th instant."""
     track, links = bodies.tracks[0], poses.links[bodies.tracks[0].name]
     camera = side_camera(bodies, poses, k, track.name)
-    boxes = in_world(FACES[RIGHT] * track.half, links.centres[k], links.axes[k])
+    parts = {
+        part.kind: camera.project(in_world(boxes(part, RIGHT), links.centres[k], links.axes[k])) for part in track.parts
+    }
     wheels = []
     for wheel in bodies.wheels:
         position, orientation = (part[k] for part in poses.wheels[wheel.name])
-        outline = in_world(rim(wheel, -1.0), position, matrices(orientation))
+        outline = in_world(rim(wheel, -0.5 * wheel.width), position, matrices(orientation))
         wheels.append((wheel.kind, camera.project(position), camera.project(outline)))
     colour = None if links.colour is None else links.colour[k]
-    return SideView(float(poses.t[k]), camera, camera.project(links.pins[k]), camera.project(boxes), colour, wheels)
+    return SideView(float(poses.t[k]), camera, camera.project(links.pins[k]), parts, colour, wheels)
 
 
 def extent(views: Sequence[SideView]) -> Extent:
@@ -88,16 +90,24 @@ def extent(views: Sequence[SideView]) -> Extent:
 
 
 def draw_view(pane: Axes, view: SideView, ground: GroundProfile | None, scale: Scale, limits: Extent) -> None:
-    """Draw a track and the ground under it."""
+    """Draw a track and the ground under it; horns are behind the discs of wheels."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Polygon
 
+    paint = map_colours(view.colour, (len(view.links["body"]),), scale) / 255.0
+
+    def draw_links(kind: str, order: float) -> None:
+        faces = paint if kind == "body" else [to_unit_range(PART[kind])]
+        outlines = list(view.links.get(kind, ()))
+        pane.add_collection(PolyCollection(outlines, facecolors=faces, edgecolors="0.25", linewidths=0.3, zorder=order))
+
+    draw_links("horn", 0.5)
     for kind, centre, outline in view.wheels:
         face, edge = SHADES[kind]
         pane.add_patch(Polygon(outline, facecolor=face, edgecolor=edge))
         pane.plot(*centre, ".", color="0.4", markersize=3)
-    paint = map_colours(view.colour, (len(view.links),), scale) / 255.0
-    pane.add_collection(PolyCollection(list(view.links), facecolors=paint, edgecolors="0.25", linewidths=0.3))
+    draw_links("body", 1.0)
+    draw_links("pad", 1.0)
     if ground is not None:
         line, _ = section(view.camera, ground, *limits[0])
         pane.fill_between(line[:, 0], line[:, 1], limits[1][0], color="0.8", zorder=0)
@@ -115,7 +125,7 @@ def _figure(bodies: Bodies) -> Figure:
     from matplotlib.figure import Figure
 
     poses = [*bodies.blocks(1)]
-    views, scale, speeds = [side_view(bodies, block) for block in poses], bodies.colour_range(poses), bodies.speeds()
+    views, scale, speeds = [side_view(bodies, block) for block in poses], bodies.colour_range(), bodies.speeds()
     limits = extent(views)
     wide, high = (end - begin for begin, end in limits)
     upright = high > UPRIGHT * wide

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from orchestrator.log.time_series import Floats
 from orchestrator.results.ground_profile import GroundProfile, whole_metres
 from orchestrator.results.views.bodies import Bodies
-from orchestrator.results.views.shapes import WheelBody, rim
+from orchestrator.results.views.shapes import LinkPart, WheelBody, boxes, rim
 
 ROOM = 5.0  # m of ground beyond the bodies' positions
 OVER = 0.003  # m, height of lines above the ground
@@ -67,9 +67,22 @@ def strip(pairs: Floats) -> Triangles:
 
 def prism(wheel: WheelBody) -> Triangles:
     """Return a toothed wheel in its body frame."""
-    right, left = rim(wheel, -1.0), rim(wheel, 1.0)
-    count, half = len(right), 0.5 * wheel.width
-    corners = np.concatenate([right, left, [[0.0, -half, 0.0], [0.0, half, 0.0]]])
+    discs = [_disc(rim(wheel, right), rim(wheel, left)) for right, left in wheel.discs]
+    corners, numbers = zip(*discs, strict=True)
+    return Triangles(np.concatenate(corners), np.concatenate([n + k * len(corners[0]) for k, n in enumerate(numbers)]))
+
+
+def block(part: LinkPart) -> Triangles:
+    """Return a part of a link in the frame of the link."""
+    corners = boxes(part).reshape(-1, 3)
+    numbers = np.arange(len(corners)).reshape(-1, 4)
+    return Triangles(corners, np.concatenate([numbers[:, [0, 1, 2]], numbers[:, [0, 2, 3]]]))
+
+
+def _disc(right: Floats, left: Floats) -> Triangles:
+    """Return the solid between two equal outlines (k, 3), m, round the axis y."""
+    count = len(right)
+    corners = np.concatenate([right, left, [[0.0, right[0, 1], 0.0], [0.0, left[0, 1], 0.0]]])
     first = np.arange(count)
     second = np.roll(first, -1)
     numbers = np.concatenate([

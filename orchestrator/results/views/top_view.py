@@ -16,6 +16,7 @@ from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.picture import save_figure
 from orchestrator.results.run_data import EVER, RunData, Window, within
+from orchestrator.results.views.arrows import scale_arrow
 from orchestrator.results.views.bodies import EVERY, Bodies, NoInstant, Poses
 from orchestrator.results.views.files import PICTURES, check_name
 from orchestrator.results.views.projected import make_camera, polygons
@@ -100,12 +101,14 @@ def _draw_views(pane: Axes, views: Sequence[TopView], size: float) -> None:
         pane.add_collection(PolyCollection(view.links, facecolors="C0", edgecolors="none", alpha=0.35))
         arrows = view.force * longest / largest
         visible = np.hypot(*arrows.T) > SHORTEST * longest
-        pane.quiver(
+        drawn = pane.quiver(
             *view.feet[visible].T, *arrows[visible].T, angles="xy", scale_units="xy", scale=1.0, color="C3", zorder=3,
             width=0.0015 if by_link else 0.003,
         )  # fmt: skip
         pane.plot(*view.hull, "o", color="0.3", markersize=3)
         pane.annotate(f"{view.t:.3g} s", tuple(view.hull), textcoords="offset points", xytext=(4, 4), fontsize=8)
+    scale = scale_arrow(longest, longest / largest)
+    pane.quiverkey(drawn, 0.92, 0.04, scale.length, scale.label, color="C3", fontproperties={"size": 8})
     what = "link" if by_link else "track"
     pane.plot([], [], color="C3", label=f"force of the ground on a {what}, up to {largest / 1e3:.3g} kN")
 
