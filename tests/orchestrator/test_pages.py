@@ -54,8 +54,12 @@ def blocks(page):
 
 def pattern(shown):
     """Pattern of an output that is shown with "..." for what is left out, within a line or whole lines."""
-    lines = [r"(?:.*\n)*?" if line == "..." else ".*?".join(map(re.escape, line.split("..."))) + "\n" for line in shown]
-    return re.compile("".join(lines))
+    return re.compile(
+        "".join(
+            r"(?:.*\n)*?" if line.strip() == "..." else ".*?".join(map(re.escape, line.split("..."))) + "\n"
+            for line in shown
+        )
+    )
 
 
 def missing(shown, printed):
@@ -64,7 +68,7 @@ def missing(shown, printed):
     for k in range(1, len(lines) + 1):
         if not pattern(lines[:k]).match(printed):
             return lines[k - 1]
-    return None if not lines or lines[-1] == "..." or pattern(lines).fullmatch(printed) else "the end"
+    return None if not lines or lines[-1].strip() == "..." or pattern(lines).fullmatch(printed) else "the end"
 
 
 def test_what_is_shown_is_compared():
@@ -75,6 +79,7 @@ def test_what_is_shown_is_compared():
     assert missing("...\nfour\n", printed) == "four"
     assert missing("one\ntwo 2\n", printed) == "the end"
     assert missing("one\n...\n", printed) is None
+    assert missing("one\n  ...\n", printed) is None
     assert missing("", printed) is None
     fast = "  8 s simulated in 2.8 s, 2.84 times as fast as real time, after 0.963 s of start-up\n"
     slow = "  8 s simulated in 9.8 s, 1.2 times slower than real time, after 12 s of start-up\n"
@@ -151,11 +156,11 @@ class Reader:
             elif block.language == "console":
                 for line, shown in COMMAND.findall(block.text):
                     printed = self.printed(line)
-                    assert (page, line, missing(shown, printed), printed) == (page, line, None, printed)
+                    assert not (lacks := missing(shown, printed)), f"{page}, {line}: {lacks!r} is not printed\n{printed}"
             elif block.language == "python":
                 exec(compile(block.text, page, "exec"), self.names)
                 printed = self.capsys.readouterr().out
-                assert (page, missing(block.output, printed), printed) == (page, None, printed)
+                assert not (lacks := missing(block.output, printed)), f"{page}: {lacks!r} is not printed\n{printed}"
 
     def printed(self, line):
         """Refusals and stdout of a command line."""
