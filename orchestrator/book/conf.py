@@ -22,3 +22,5 @@ html_additional_pages = {"index": "start.html"}
 templates_path = ["."]
 html_copy_source = False
 html_show_sourcelink = False
+html_show_copyright = False
+html_show_search_summary = False  # it would ask a server for the pages
