@@ -156,11 +156,13 @@ class Reader:
             elif block.language == "console":
                 for line, shown in COMMAND.findall(block.text):
                     printed = self.printed(line)
-                    assert not (lacks := missing(shown, printed)), f"{page}, {line}: {lacks!r} is not printed\n{printed}"
+                    lacks = missing(shown, printed)
+                    assert lacks is None, f"{page}, {line}: {lacks!r} is not printed\n{printed}"
             elif block.language == "python":
                 exec(compile(block.text, page, "exec"), self.names)
                 printed = self.capsys.readouterr().out
-                assert not (lacks := missing(block.output, printed)), f"{page}: {lacks!r} is not printed\n{printed}"
+                lacks = missing(block.output, printed)
+                assert lacks is None, f"{page}: {lacks!r} is not printed\n{printed}"
 
     def printed(self, line):
         """Refusals and stdout of a command line."""
