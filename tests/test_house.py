@@ -216,8 +216,9 @@ def test_rooms_import_from_storeys_below_alone():
 
 
 def test_every_module_of_the_orchestrator_is_in_a_room():
-    known = {room for storey in STOREYS for room in storey} | {"__init__.py", "__main__.py", "cotrack"}
+    known = {room for storey in STOREYS for room in storey} | {"__init__.py", "__main__.py", "cotrack", "book"}
     assert {file.relative_to(ORCHESTRATOR).parts[0] for file in sources(ORCHESTRATOR)} == known
+    assert [file.name for file in sources(ORCHESTRATOR / "book")] == ["conf.py"], "the site's configuration alone"
 
 
 def test_orchestrator_reaches_into_fmus_through_few_doors():

@@ -41,12 +41,16 @@ class Listed(NamedTuple):
 
 LISTS = {
     "scenes": Listed("README.md", r"^\| scene \| content \|\n\| --- \| --- \|\n((?:\|.*\n)+)", gallery.names(), ROW),
-    "analyses": Listed("README.md", r"^cotrack analyse LOG (\S+)$", ANALYSES),
-    "commands of studies": Listed("README.md", r"^cotrack study ([a-z-]+)", STUDIES),
+    "analyses": Listed("orchestrator/commands.md", r"^cotrack analyse LOG (\S+)$", ANALYSES),
+    "definitions of analyses": Listed("orchestrator/analyses.md", r"^## ([a-z-]+)$", ANALYSES),
+    "commands of studies": Listed("orchestrator/commands.md", r"^cotrack study ([a-z-]+)", STUDIES),
     "studies": Listed("orchestrator/README.md", r"lists the studies of a scene: (.*?)\. ", STUDIES),
-    "validations": Listed("README.md", r"^python -m tests\.validation ([a-z-]+)", VALIDATIONS),
+    "validations": Listed("orchestrator/commands.md", r"^python -m tests\.validation ([a-z-]+)", VALIDATIONS),
     "option --coupling": Listed(
-        "README.md", r"--coupling (\w+ +# or .*)$", {*SCHEMES} - {CouplingTable().scheme}, r"\b(?!or\b)\w+"
+        "orchestrator/commands.md",
+        r"--coupling (\w+ +# or .*)$",
+        {*SCHEMES} - {CouplingTable().scheme},
+        r"\b(?!or\b)\w+",
     ),
     "couplings": Listed("orchestrator/README.md", r"^\| coupling \| order \|.*\n\|.*\n((?:\|.*\n)+)", SCHEMES, ROW),
     "components": Listed(

@@ -2,7 +2,7 @@
 
 For each component, with the powers of its ports by its own inputs and outputs,
     integration part = work of drives + received through ports - change of stored energy - dissipated - covered.
-The ports' part of a port is the work of its wrench on the taker's motion less that on the motion at the giver's input.
+The ports' part of a port is the work of its wrench on the motion at the giver's input less that on the taker's motion.
 The giver extrapolates this motion, which jumps at the next communication point; the mean of the wrenches before and
 after the jump works on it.
 The residual is the sum of all parts: work - change - dissipated - covered.

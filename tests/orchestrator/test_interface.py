@@ -136,9 +136,9 @@ def test_the_log_of_a_run_is_the_one_that_it_left(tmp_path, monkeypatch):
     assert package.run("hanging_chain", log=tmp_path / "a.mcap", progress=False).log == left
 
 
-def test_the_example_of_the_readme_runs(tmp_path, monkeypatch, capsys):
+def test_the_example_of_the_recipes_runs(tmp_path, monkeypatch, capsys):
     """Shortened: a stop of 0.05 s and windows in it."""
-    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    readme = (Path(__file__).parents[2] / "orchestrator" / "recipes.md").read_text(encoding="utf-8")
     (example,) = (block for block in re.findall(r"```python\n(.*?)```", readme, re.DOTALL) if "cotrack.run(" in block)
     for text, short in (("stop=3", "stop=0.05"), ("start=2", "start=0.02")):
         assert text in example

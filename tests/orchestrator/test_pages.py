@@ -1,0 +1,209 @@
+"""The pages of the book: their files, commands, Python and output are real."""
+
+import ast
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from conftest import click_command, messages
+
+from orchestrator.cli import app
+
+ROOT = Path(__file__).parents[2]
+BOOK = ROOT / "orchestrator"
+# Pages that are worked through one after the other in one folder, because later ones use logs of earlier ones.
+READ = {
+    "tutorial": ["orchestrator/tutorial.md"],
+    "first visit": ["README.md", "orchestrator/recipes.md"],
+    "analyses": ["orchestrator/analyses.md"],
+    "accuracy": ["orchestrator/accuracy.md"],
+    "formulas": ["orchestrator/how_it_works.md"],
+}
+PAGES = [page for pages in READ.values() for page in pages]
+# Blocks of no output: text; commands for a shell (installation, a whole list), of which only the names are checked.
+SHOWN = {"text", "sh"}
+RUN = {"console", "python", "toml"}
+
+BLOCK = re.compile(r"(?:^`([\w.]+)`:\n\n)?^```(\w*)\n(.*?)^```$(?:\n\n```text\n(.*?)^```$)?", re.DOTALL | re.MULTILINE)
+COMMAND = re.compile(r"^\$ (.*)\n((?:(?!\$ ).*\n)*)", re.MULTILINE)
+# What depends on the machine and is shown as an example.
+MEASURED = re.compile(
+    r"simulated in \S+ s, \S+ times (?:as fast as|slower than) real time, after \S+ s of start-up"
+    r"|took \S+ s more|(?<=\.mcap )\(\S+ [kM]B\)"
+)
+
+
+class Block(NamedTuple):
+    """Block of a page."""
+
+    file: str  # name of the file whose content it is; "" if none
+    language: str
+    text: str
+    output: str  # of Python
+
+
+def blocks(page):
+    return [Block(*found) for found in BLOCK.findall((ROOT / page).read_text(encoding="utf-8"))]
+
+
+def pattern(shown):
+    """Pattern of an output that is shown with "..." for what is left out, within a line or whole lines."""
+    return re.compile(
+        "".join(
+            r"(?:.*\n)*?" if line.strip() == "..." else ".*?".join(map(re.escape, line.split("..."))) + "\n"
+            for line in shown
+        )
+    )
+
+
+def missing(shown, printed):
+    """First shown line without which the rest would be printed; None if all is printed."""
+    lines, printed = MEASURED.sub("", shown).splitlines(), MEASURED.sub("", printed)
+    for k in range(1, len(lines) + 1):
+        if not pattern(lines[:k]).match(printed):
+            return lines[k - 1]
+    return None if not lines or lines[-1].strip() == "..." or pattern(lines).fullmatch(printed) else "the end"
+
+
+def test_what_is_shown_is_compared():
+    printed = "one\ntwo 2\nthree\n"
+    assert missing("one\n...\nthree\n", printed) is None
+    assert missing("one\ntwo ...\nthree\n", printed) is None
+    assert missing("one\nthree\n", printed) == "three"
+    assert missing("...\nfour\n", printed) == "four"
+    assert missing("one\ntwo 2\n", printed) == "the end"
+    assert missing("one\n...\n", printed) is None
+    assert missing("one\n  ...\n", printed) is None
+    assert missing("", printed) is None
+    fast = "  8 s simulated in 2.8 s, 2.84 times as fast as real time, after 0.963 s of start-up\n"
+    slow = "  8 s simulated in 9.8 s, 1.2 times slower than real time, after 12 s of start-up\n"
+    assert missing(fast, slow) is None
+    assert missing(fast, slow.replace("8 s", "7 s", 1)) is not None
+    assert missing("  log logs/a.mcap (55.3 MB)\n", "  log logs/a.mcap (900 kB)\n") is None
+    assert missing("  log logs/a.mcap (55.3 MB)\n", "  log logs/b.mcap (55.3 MB)\n") is not None
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_block_is_run_or_declared(page):
+    """No block escapes the comparison by its language, by an output that nothing printed or by an odd fence."""
+    found = blocks(page)
+    text = (ROOT / page).read_text(encoding="utf-8")
+    assert text.count("```") == 2 * sum(1 + bool(block.output) for block in found)
+    for block in found:
+        assert block.language in RUN | SHOWN, block
+        assert block.file or block.language != "toml", block
+        assert block.language == "python" or not block.output, block
+        if block.language == "console":
+            assert block.text == "".join(f"$ {line}\n{shown}" for line, shown in COMMAND.findall(block.text))
+        if block.language == "python" and "print(" in block.text and not block.file:
+            assert block.output, "prints, but shows nothing"
+
+
+def test_named_modules_exist():
+    text = (BOOK / "how_it_works.md").read_text(encoding="utf-8")
+    named = re.findall(r"`([\w/]+/\w+\.py)`", text)
+    assert len(named) > 40
+    assert [path for path in named if not (ROOT / path).is_file()] == []
+
+
+def command_lines(page):
+    """Commands of the blocks ``sh`` of a page, without their comments; lists "a|b" as their first entry."""
+    lines = [
+        line.partition(" #")[0] for block in blocks(page) if block.language == "sh" for line in block.text.splitlines()
+    ]
+    return [[word.partition("|")[0] for word in shlex.split(line)] for line in lines if line.startswith("cotrack ")]
+
+
+def test_listed_commands_are_known():
+    """Every command of the list exists, with its options."""
+    listed = command_lines("orchestrator/commands.md")
+    assert len(listed) == 40
+    for line in listed:
+        refusal(line[1:])
+    with pytest.raises(Exception, match="no-such-option"):
+        refusal(["run", "straight", "--no-such-option"])
+
+
+def refusal(arguments):
+    """Parse arguments; raises click's error for an unknown command or option."""
+    command = click_command(app)
+    while hasattr(command, "commands"):
+        name, *arguments = arguments
+        assert name in command.commands, name
+        command = command.commands[name]
+    parser = command.make_parser(command.context_class(command))
+    parser.parse_args(list(arguments))
+
+
+class Reader:
+    """Works through pages in a folder."""
+
+    def __init__(self, cotrack, capsys):
+        self.cotrack, self.capsys = cotrack, capsys
+        self.names = {}
+
+    def work_through(self, page):
+        """Do what a page says; raises AssertionError with the line that is not printed."""
+        for block in blocks(page):
+            if block.file:
+                Path(block.file).write_text(block.text, encoding="utf-8")
+            elif block.language == "console":
+                for line, shown in COMMAND.findall(block.text):
+                    printed = self.printed(line)
+                    lacks = missing(shown, printed)
+                    assert lacks is None, f"{page}, {line}: {lacks!r} is not printed\n{printed}"
+            elif block.language == "python":
+                exec(compile(block.text, page, "exec"), self.names)
+                printed = self.capsys.readouterr().out
+                lacks = missing(block.output, printed)
+                assert lacks is None, f"{page}: {lacks!r} is not printed\n{printed}"
+
+    def printed(self, line):
+        """Refusals and stdout of a command line."""
+        words = shlex.split(line, comments=True)
+        if words[0] == "cotrack" and not {"|", ">"} & set(words):
+            _, out, err = self.cotrack(*words[1:])
+            return "".join(f"{each}\n" for each in err.splitlines() if each.startswith("cotrack: ")) + out
+        shell = f'cotrack() {{ "{sys.executable}" -m orchestrator "$@"; }}\npython() {{ "{sys.executable}" "$@"; }}\n'
+        path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+        done = subprocess.run(
+            ["bash", "-c", shell + line], env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True
+        )
+        assert done.returncode == 0, (line, messages(done.stderr))
+        return done.stdout
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("pages", READ.values(), ids=READ)
+def test_pages_print_what_they_show(pages, cotrack, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("tests").symlink_to(ROOT / "tests")
+    reader = Reader(cotrack, capsys)
+    for page in pages:
+        reader.work_through(page)
+
+
+@pytest.mark.long
+def test_the_notebook_runs(tmp_path, monkeypatch):
+    """Its cells in order; the value of each last line is shown by a notebook."""
+    monkeypatch.chdir(tmp_path)
+    notebook = json.loads((BOOK / "first_steps.ipynb").read_text(encoding="utf-8"))
+    names, values = {}, []
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            *body, last = ast.parse("".join(cell["source"])).body
+            exec(compile(ast.Module(body, []), "cell", "exec"), names)
+            values.append(eval(compile(ast.Expression(last.value), "cell", "eval"), names))
+    assert all(value is not None for value in values)
+    assert names["run"].ok
+    light, heavy = (run["left_track.tension.max"].values.max() for run in (names["run"], names["other"]))
+    assert 0.9 * light < heavy != light
+    sags = names["table"].frame()["sag"]
+    assert sags.is_monotonic_decreasing
+    assert {file.name for file in tmp_path.iterdir()} == {"logs", "spans"}
