@@ -1,6 +1,7 @@
 """Documentation and licences of an FMU (FMI 2.0.4, section 2.3): files of its folder ``documentation``.
 
-The page has the README of the component and a table of the variables, both without links to other files.
+The page has the README of the component, the page on coupling, and a table of the variables, without links to other
+files.
 """
 
 from __future__ import annotations
@@ -34,9 +35,9 @@ def documentation(description: bytes, readme: str, included: Sequence[str]) -> d
 
 
 def readme_beside(script: Path) -> str:
-    """README of the folder of an FMU's shell; empty where there is none."""
-    path = script.with_name("README.md")
-    return path.read_text(encoding="utf-8") if path.is_file() else ""
+    """README of the folder of an FMU's shell, then the page on coupling one level above; empty where there is none."""
+    pages = (script.with_name("README.md"), script.parents[1] / "coupling.md")
+    return "\n\n".join(page.read_text(encoding="utf-8") for page in pages if page.is_file())
 
 
 def key_parts(readme: str, included: Sequence[str]) -> tuple[str, ...]:

@@ -91,4 +91,5 @@ def test_description_names_author_version_licence_and_the_scenes_experiment():
 def test_every_component_has_a_readme_that_a_build_depends_on(kind):
     readme = readme_beside(ROOT / KINDS[kind])
     assert readme.startswith("# ")
+    assert "## Which connector goes where" in readme
     assert readme in key_parts(readme, ("numba",))
