@@ -15,7 +15,7 @@ from orchestrator.results.analyses import events, link_loads, profile, wheel_loa
 from orchestrator.results.page import player
 from orchestrator.results.rotation import matrices
 from orchestrator.results.run_data import RunData, Window, within
-from orchestrator.results.views import arrows, film, foxglove_scene, projected, rerun_scene, side_view
+from orchestrator.results.views import arrows, chain_profile, film, foxglove_scene, projected, rerun_scene, side_view
 from orchestrator.results.views.bodies import Bodies
 from orchestrator.results.views.plots import curves, plots
 from orchestrator.scene.scene import load
@@ -54,7 +54,19 @@ def wheel_load(log):
     return np.concatenate([values[:, column] for _, values in wheel_loads.blocks(run)]) / 1e3
 
 
-def pa_rows(batches):
+def origins_of_views(run):
+    """Entities that the views of a blueprint show."""
+    origins = []
+
+    class Noted:
+        def __getattr__(self, name):
+            return lambda *_, **options: origins.append(options.get("origin"))
+
+    rerun_scene._arranged(Noted(), Bodies(run, 50.0), plots(run), chain_profile.chain_profiles(run), (0.0, 1.0), True)
+    return [origin for origin in origins if origin]
+
+
+def bar_charts(batches):
     """Values and abscissae of bars in batches of Rerun, in the order of time."""
     rows = {}
     for batch in batches:
@@ -105,7 +117,11 @@ def test_rerun_holds_the_boxes_of_bodies(driven, tmp_path):
         np.array(timed["/world/hull"][0]["Transform3D:translation"].to_pylist())[:, 0], poses.hull.position, atol=1e-6
     )
     assert sum(piece.num_rows for piece in timed["/plots/speed/chassis.speed"]) == 41  # every record
-    bars = pa_rows(timed["/chain/left_track"])
+    with Log(driven) as log:
+        origins = origins_of_views(RunData(log))
+    assert len(origins) == 1 + 2 + 3 + 5 + 1
+    assert all(any(path.startswith("/" + origin.strip("/")) for path in {*timed, *static}) for origin in origins)
+    bars = bar_charts(timed["/chain/left_track"])
     with Log(driven) as log:
         expected = by_place(log, poses.t)
     np.testing.assert_allclose([values for values, _ in bars], [tension for _, tension in expected], rtol=1e-6)
