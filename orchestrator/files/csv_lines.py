@@ -25,6 +25,6 @@ def csv_lines(path: Path, most: int, most_lines: int, delimiters: str = ",") -> 
             if len(line) > CSV_LINE:
                 raise OverBudget(f"line {number} has more than {CSV_LINE} characters")
             delimiter = delimiter or next((mark for mark in delimiters if mark in line), delimiters[-1])
-            for cells in csv.reader([line], delimiter=delimiter):
+            for cells in csv.reader([line], delimiter=delimiter, skipinitialspace=True):
                 if cells:
                     yield number, cells
