@@ -19,6 +19,10 @@ def matches(pattern: str, text: str) -> bool:
 
 
 def near(name: str, known: Mapping[str, object]) -> str:
-    """Return "; did you mean ...?" with the known name nearest to ``name``, or an empty text."""
-    close = difflib.get_close_matches(name, known, 1, 0.0 if len(known) < 4 else 0.6)
+    """Return "; did you mean ...?" with the known name nearest to ``name``, or an empty text.
+
+    The shortest name that ends with ``name`` counts as the nearest.
+    """
+    ending = sorted((each for each in known if each.endswith(f".{name}")), key=len)
+    close = ending or difflib.get_close_matches(name, known, 1, 0.0 if len(known) < 4 else 0.6)
     return f"; did you mean '{close[0]}'?" if close else ""
