@@ -59,9 +59,9 @@ class Campaign:
         self.finds: dict[tuple[str, str], dict[str, Any]] = {}  # kind and signature -> first find and count
 
     def run(self, seconds: float) -> None:
-        """Play cases until the time is over; kinds get time by their shares."""
+        """Play cases until the time is over, one of each kind at least; kinds get time by their shares."""
         end = time.monotonic() + seconds
-        while time.monotonic() < end:
+        while time.monotonic() < end or not all(self.used.values()):
             kind = min(self.kinds, key=lambda one: self.used[one] / SHARES[one])
             seed = self.next_seed[kind]
             self.next_seed[kind] += 1
