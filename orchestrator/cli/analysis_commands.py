@@ -13,7 +13,7 @@ import typer
 
 from fmus.vehicle import BadInput
 from orchestrator.cli import printed
-from orchestrator.cli.common import LogPath, beside
+from orchestrator.cli.common import LogPath, beside, check_window
 from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, WithOption, measured_file
 from orchestrator.results.analyses.catalogue import ANALYSES, TRACK, Option, module_of
 from orchestrator.results.page.words import and_list
@@ -72,7 +72,7 @@ def analyse(
     module = module_of(what)
     analysis = ANALYSES[what]
     _check_options(what, given)
-    _check_window(start, end)
+    check_window(start, end)
     picture_suffixes = PICTURES if hasattr(module, "picture") else ()
     if output:
         check_output(output, (".csv", *picture_suffixes))
@@ -133,12 +133,6 @@ def _as_json(log: Path, what: str, table: Table) -> dict[str, Any]:
     return {"log": str(log), "what": what, "title": table.title, "units": units, "rows": rows, "notes": table.notes}
 
 
-def _check_window(start: float, end: float) -> None:
-    """Raise BadInput for an empty window."""
-    if not start <= end:
-        raise BadInput(f"--from {start:g} --to {end:g}: the first instant must not be after the last")
-
-
 def plot(
     names: Annotated[
         list[str],
@@ -175,7 +169,7 @@ def plot(
         raise BadInput("plot needs a log: a file, or a name that ends in .mcap")
     if not signals:
         raise BadInput("plot needs a signal: 'cotrack log info --signals LOG' lists them")
-    _check_window(start, end)
+    check_window(start, end)
     target = output or beside(logs[0], "-plot.png")
     measured: Sequence[MeasuredSignal] = ()
     if source:

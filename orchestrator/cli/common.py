@@ -24,7 +24,7 @@ from orchestrator.log.notices import LogNotice
 
 FMI_WARNING = 1
 LONGEST_MESSAGE = 380  # characters of an error: names and values of the user may have any length
-LONGEST_USAGE = 300  # of an error in the command line: typer adds the name of the argument
+LONGEST_USAGE = 300  # of an error in the command line
 USAGE_ERROR: Any = typer.BadParameter.__base__  # unknown commands and options too; typer has no public name for it
 # Errors of a stream that accepts no more data.
 CLOSED_STREAM = (errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, errno.EDQUOT)
@@ -45,6 +45,12 @@ def beside(log: Path, ending: str) -> Path:
     if not log.name:
         raise BadInput(f"the log {log} cannot be read: it is a directory")
     return log.with_name(f"{log.stem}{ending}")
+
+
+def check_window(start: float, end: float) -> None:
+    """Raise BadInput for an empty window."""
+    if not start <= end:
+        raise BadInput(f"--from {start:g} --to {end:g}: the first instant must not be after the last")
 
 
 def print_progress(line: str) -> None:
@@ -75,8 +81,9 @@ def message_and_status(error: Exception) -> tuple[str, int]:
 
 
 def show_usage(error: Any) -> int:
-    """Print a USAGE_ERROR, its message shortened, and the usage of the command; return the exit status."""
-    error.message = shortened(error.message, LONGEST_USAGE)
+    """Print a USAGE_ERROR, its message in one short line, and the usage of the command; return the exit status."""
+    message = shortened(" ".join(error.format_message().split()), LONGEST_USAGE)
+    error.format_message = lambda: message
     error.show()
     return int(error.exit_code)
 

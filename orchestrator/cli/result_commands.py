@@ -14,7 +14,7 @@ import typer
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.cli import printed
-from orchestrator.cli.common import LogPath, Settings, exit_with, log_warning
+from orchestrator.cli.common import LogPath, Settings, check_window, exit_with, log_warning
 from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, measured_file
 
 if TYPE_CHECKING:
@@ -148,6 +148,7 @@ def compare(
     from orchestrator.cli.compared import lines
     from orchestrator.results.run_data import Window
 
+    check_window(start, end)
     window = Window(start, end)
     is_measured = bool(mapped) or by_phase or reference.suffix.lower() == ".csv"
     if measured := measured_file(reference if is_measured else None, mapped, clock, shift):

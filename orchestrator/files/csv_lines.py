@@ -18,13 +18,18 @@ def csv_lines(path: Path, most: int, most_lines: int, delimiters: str = ",") -> 
     :raises OSError: and ValueError (OverBudget, text that is not UTF-8), csv.Error.
     """
     delimiter = ""
-    with io.StringIO(read_file(path, most).decode("utf-8-sig"), newline=None) as lines:
+    try:
+        text = read_file(path, most).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        byte = f"byte {error.object[error.start]:#x} at {error.start}"
+        raise ValueError(f"it is no text in UTF-8 ({byte}): save it as CSV in UTF-8") from None
+    with io.StringIO(text, newline=None) as lines:
         for number, line in enumerate(lines, 1):
             if number > most_lines:
                 raise OverBudget(f"it has more than {most_lines} lines")
             if len(line) > CSV_LINE:
                 raise OverBudget(f"line {number} has more than {CSV_LINE} characters")
             delimiter = delimiter or next((mark for mark in delimiters if mark in line), delimiters[-1])
-            for cells in csv.reader([line], delimiter=delimiter):
+            for cells in csv.reader([line], delimiter=delimiter, skipinitialspace=True):
                 if cells:
                     yield number, cells

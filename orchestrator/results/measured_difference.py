@@ -99,6 +99,9 @@ def read_shifted(run: RunData, source: MeasuredFile, window: Window = EVER) -> M
     file = Path(source.path)
     if not source.columns:
         raise BadInput(f"{file}: no signal has a column, for example {{'chassis.speed': 'v'}}")
+    for signal, column in source.columns.items():
+        if signal not in run.log and column in run.log:
+            raise BadInput(f"'{signal}' is no signal of the run, but '{column}' is: the map is {column}={signal}")
     measured = read(file, source.columns, run.log.unit, source.clock)
     if source.shift == FIND:
         seconds, doubt = find_shift([(*run.signal(each.signal, window), each) for each in measured])
@@ -113,7 +116,7 @@ def _seconds(shift: float | str) -> float:
     except ValueError:
         seconds = np.nan
     if not np.isfinite(seconds):
-        raise BadInput(f"shift {shift}: must be a time in s or '{FIND}'")
+        raise BadInput(f"shift {shift}: must be a number of s, or '{FIND}'")
     return seconds
 
 
@@ -147,10 +150,11 @@ def _differences(
         if known.any():
             yield _difference(measured, name, t[known], a[known], b[known], durations[known], int(inside.sum()))
         elif name == WHOLE:
+            where = "" if window == EVER else f" from {window.start:g} to {window.end:g} s"
             raise Missing(
-                f"'{measured.column}', {measured.t[0]:g} to {measured.t[-1]:g} s on the clock of the run, and"
-                f" '{measured.signal}', {t_run[0]:g} to {t_run[-1]:g} s, have no values in common"
-                f"{'' if window == EVER else f' from {window.start:g} to {window.end:g} s'}: a shift moves the former"
+                f"'{measured.column}', {measured.t[0]:.10g} to {measured.t[-1]:.10g} s on the clock of the run, and"
+                f" '{measured.signal}', {t_run[0]:.10g} to {t_run[-1]:.10g} s, have no values in common{where}"
+                f"{'' if len(t) else '; a shift, in s or find, moves the former'}"
             )
 
 

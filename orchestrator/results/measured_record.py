@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 from array import array
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -86,9 +88,12 @@ def read(
         reason = error.strerror if isinstance(error, OSError) else error
         raise BadInput(f"{path} cannot be read: {reason}") from None
     line_of, *values = np.array(numbers).reshape(-1, 1 + len(found)).T
-    factors = [_factor(path, column) for column in found]
+    factors = [_factor(path, column, signal) for column, signal in zip(found, asked, strict=True)]
     t, *series = (np.where(np.isfinite(v), v * factor, np.nan) for v, factor in zip(values, factors, strict=True))
     _check_clock(path, found[0].name, line_of, t)
+    for column, row in zip(found[1:], series, strict=True):
+        if np.isnan(row).all():
+            raise BadInput(f"{path}: column '{column.name}' holds no number")
     return [
         MeasuredSignal(signal, column.name, column.unit, t, row, not column.given_unit)
         for signal, column, row in zip(columns, found[1:], series, strict=True)
@@ -109,7 +114,8 @@ def _clock(path: Path, heads: Sequence[tuple[str, str]]) -> str:
     for name, _ in heads:
         if name.lower() in CLOCKS:
             return name
-    raise BadInput(f"{path} has no column 't' or 'time': --clock names another")
+    named = ", ".join(name for name, _ in heads) or "nothing"
+    raise BadInput(f"{path} has no column 't' or 'time', its first line names {named}: --clock names the time")
 
 
 def _column(path: Path, header: Sequence[str], heads: Sequence[tuple[str, str]], text: str, unit: str) -> _Column:
@@ -125,13 +131,14 @@ def _column(path: Path, header: Sequence[str], heads: Sequence[tuple[str, str]],
     raise BadInput(f"{path} has no column '{text}': it has {', '.join(name for name, _ in heads) or 'none'}")
 
 
-def _factor(path: Path, column: _Column) -> float:
+def _factor(path: Path, column: _Column, signal: str) -> float:
     """Size of the column's unit in the unit of the signal; raises BadInput for another dimension."""
     given = {"-": "1"}.get(column.given_unit, column.given_unit)
     try:
         return 1.0 if given in ("", column.unit) else to_si(column.unit)(f"1 {given}")
-    except ValueError as error:
-        raise BadInput(f"{path}: column '{column.name}' in {given} {error}") from None
+    except ValueError:
+        wanted = f"{column.unit}, the unit of {signal}" if signal else column.unit
+        raise BadInput(f"{path}: column '{column.name}' is in {given}, which does not convert to {wanted}") from None
 
 
 def _number(path: Path, line: int, cells: Sequence[str], column: _Column) -> float:
@@ -140,8 +147,19 @@ def _number(path: Path, line: int, cells: Sequence[str], column: _Column) -> flo
     except IndexError:
         raise BadInput(f"{path}, line {line}: there are {len(cells)} cells, and none for '{column.name}'") from None
     except ValueError:
-        cell = cells[column.number]
-        raise BadInput(f"{path}, line {line}: '{column.name}' must be a number or empty, not '{cell}'") from None
+        cell = cells[column.number].strip()
+        hint = _hint(cell, column)
+        raise BadInput(f"{path}, line {line}: '{column.name}' must be a number or empty, not '{cell}'{hint}") from None
+
+
+def _hint(cell: str, column: _Column) -> str:
+    """What a cell that is no number seems to be."""
+    if re.fullmatch(r"[-+]?\d+,\d+", cell):
+        return "; decimals have a point"
+    with suppress(ValueError):
+        to_si(column.unit)(f"1 {cell}")
+        return f"; a unit belongs into the first line, '{column.name} [{cell}]'"
+    return ""
 
 
 def _check_clock(path: Path, name: str, line_of: Floats, t: Floats) -> None:
@@ -154,5 +172,5 @@ def _check_clock(path: Path, name: str, line_of: Floats, t: Floats) -> None:
     stays = np.flatnonzero(np.diff(t) <= 0.0)
     if len(stays):
         k = stays[0] + 1
-        steps = f"{t[k]:.9g} s after {t[k - 1]:.9g} s"
+        steps = f"{t[k]:.15g} s after {t[k - 1]:.15g} s"
         raise BadInput(f"{path}, line {line_of[k]:.0f}: the clock '{name}' must increase: {steps}")

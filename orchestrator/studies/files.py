@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from orchestrator.results.table import Table
+from orchestrator.results.whole_file import atomic_write
 
 Picture = Any  # figure of matplotlib, which is imported late because it is slow
 
@@ -14,13 +15,15 @@ Picture = Any  # figure of matplotlib, which is imported late because it is slow
 def save(folder: Path, stem: str, table: Table, picture: Picture, more: Mapping[str, str] | None = None) -> list[Path]:
     """Write a table as CSV and Markdown, ``more`` texts by file name, and the picture as PNG and SVG.
 
-    Returns the paths. Raises OSError if the folder cannot be written.
+    Each is written whole or not at all. Returns the paths. Raises OSError, BadInput if the folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     texts = {f"{stem}.csv": table.csv(), **(more or {}), f"{stem}.md": table.markdown("#")}
     for file, text in texts.items():
-        (folder / file).write_text(text, encoding="utf-8")
+        with atomic_write(folder / file) as temporary:
+            temporary.write_text(text, encoding="utf-8")
     pictures = [folder / f"{stem}.png", folder / f"{stem}.svg"]
     for path in pictures:
-        picture.savefig(path)
+        with atomic_write(path) as temporary:
+            picture.savefig(temporary)
     return [*(folder / file for file in texts), *pictures]

@@ -26,9 +26,23 @@ BASES = {
     "chain": ("run", "hanging_chain", *SMALL, "--stop", "0.02", *ENDING),
     "rigid": ("run", "hanging_chain", "--track", "rigid", *SMALL, "--stop", "0.02", *ENDING),
 }
+SWEEP = (
+    "sweep",
+    "hanging_chain",
+    *SMALL,
+    "--set",
+    "run.stop=0.002",
+    "--vary",
+    "chain.span=0.7,0.75",
+    "--no-estimate",
+    "--workers",
+    "1",
+)
+FOUND = ("--map", "chain.tension.max=chain.tension.max [N]", "--shift", "find")
 WARM = (("show", "straight"), ("show", "rig", "--set", "rig.tension=1 ounce"), ("--help",))
 LOG_KINDS = ("logs", "checkpoints")
 CALLING = {"calls", "states"}  # kinds that call an FMU
+READING = ("commands", "measured")  # kinds that read the base log as it is
 
 
 class Bench:
@@ -50,6 +64,11 @@ class Bench:
             for arguments in WARM:
                 _status([*arguments])
             _status(["plot", str(self.bases["chain"]), "chain.tension.max", "-o", str(folder / "plot.png")])
+            if "sweeps" in kinds:
+                _status([*SWEEP, "-o", str(folder / "sweep")])
+            if "measured" in kinds:
+                _status(["log", "export", str(self.bases["chain"]), "-o", str(folder / "m.csv")])
+                _status(["compare", str(self.bases["chain"]), str(folder / "m.csv"), *FOUND])
         self._logs: dict[str, Any] = {}
         if "caches" in kinds:
             caches.prepare(folder)
@@ -72,8 +91,9 @@ class Bench:
         if case["kind"] in CALLING:
             return oracle.wrongs(oracle.play(sequences.act(case), room, oracle.STARTING, oracle.STARTING))
         for name, content in case.get("files", {}).items():
+            (room / name).parent.mkdir(exist_ok=True)
             _lay(room / name, content)
-        if case["kind"] == "commands":
+        if case["kind"] in READING:
             os.link(self.bases["chain"], room / "a.mcap")
         if case["kind"] in LOG_KINDS:
             try:
@@ -81,7 +101,8 @@ class Bench:
             except (LookupError, TypeError, ValueError, OverflowError, struct.error):
                 return []  # no record can hold it, or an edit does not fit what an earlier one left
             os.link(self.bases[case["base"]], room / "whole.mcap")
-        ended = oracle.play(oracle.command(case["arguments"]), room)
+        cpu = oracle.STARTING if case["kind"] == "sweeps" else oracle.CPU
+        ended = oracle.play(oracle.command(case["arguments"]), room, cpu)
         return oracle.wrongs(ended, refusal_is_alone=case["kind"] not in LOG_KINDS)
 
 

@@ -36,6 +36,7 @@ LONGEST = 400  # characters of a sentence
 STATUSES = (0, 1, 2, 3)
 FAILED = 99  # exit status of a case whose own check has failed
 PARTIAL = re.compile(r"\.[0-9a-f]{8,32}$|\.tmp$|\.part$")  # names of files that are being written
+PROGRESS = re.compile(r"\.\.\. |\d+/\d+ |\d+ rows, \d+ not as they should be$")  # lines of a command that goes on
 USAGE = re.compile(r"Usage: |Try |\s*$")  # lines of click about the command line
 
 
@@ -200,7 +201,7 @@ def wrongs(ended: Ended, refusal_is_alone: bool = True) -> list[str]:
     found += [f"traceback: {said[-1]}" for line in said[:1000] if line.startswith("Traceback")]
     found += [f"internal error: {text}" for text in sentences if "internal error" in text]
     found += [f"a sentence of {len(text)} characters: {text}" for text in sentences if len(text) > LONGEST]
-    others = [line for line in said if not line.startswith((*beginnings, "... "))]
+    others = [line for line in said if not line.startswith(beginnings) and not PROGRESS.match(line)]
     if ended.status == 2:
         others = [line for line in others if not USAGE.match(line)]
     found += [f"stderr has: {line}" for line in others[:1] if not any(text.startswith("traceback") for text in found)]

@@ -68,7 +68,7 @@ def setting(draw: random.Random, scene: str) -> str:
     return f"{key}={text if draw.random() < 0.9 else text.strip(chr(34))}"
 
 
-def _takes_long(text: str) -> bool:
+def takes_long(text: str) -> bool:
     """Whether a run with this setting may take long for a good reason, or compile other kernels."""
     key, _, value = text.partition("=")
     if key.rpartition(".")[2] in KERNELS:
@@ -86,7 +86,7 @@ def draw(chance: random.Random) -> dict[str, Any]:
     scene = chance.choice(("hanging_chain", *gallery.names()))
     settings = [setting(chance, scene) for _ in range(chance.choice((1, 1, 1, 2, 3)))]
     track = chance.choice(RUN.get(scene, ("flexible", "rigid")))
-    if scene in RUN and not any(map(_takes_long, settings)):
+    if scene in RUN and not any(map(takes_long, settings)):
         settings = [*SMALL, *settings]
         ending = ["--no-estimate", "--json", "--log", "a.mcap"]
         if not any(text.startswith("run.st") for text in settings):

@@ -132,13 +132,20 @@ FLAGS = (
     "--waterfall",
     "--place",
     "--above",
+    "--markdown",
+    "--phases",
 )
 OPTIONS = (
     *FLAGS, "--from", "--to", "--at", "-o", "--signal", "--topic", "--track", "--bins", "--sn", "--shape", "--link",
     "--align",
     "--allow", "--component", "--set", "--stop", "--step", "--as", "--colour", "--seen-from",
+    "--for", "--vary", "--map", "--with", "--shift", "--clock",
 )  # fmt: skip
 COMMANDS = (
+    ("keys",), ("keys", "friction"), ("keys", "friction", "--json"), ("keys", "--markdown"), ("schema", "scene"),
+    ("schema", "vehicle"), ("new", "scene", "own"), ("new", "vehicle", "own"),
+    ("new", "scene", "own", "--from", "turn"),
+    ("new", "vehicle", "own", "--from", "a.mcap"),
     ("scenes",), ("show", "rig"), ("log", "info", "a.mcap"), ("log", "verify", "a.mcap"),
     ("log", "recover", "a.mcap", "-o", "b.mcap"),
     ("log", "recover", "a.mcap"), ("log", "export", "a.mcap", "-o", "out.csv"),
@@ -155,4 +162,6 @@ COMMANDS = (
     ("truth", "none"), ("run", "none"), ("build", "none", "-o", "out"), ("warm", "none"),
     ("run", "hanging_chain", "--set", "chain.links=8", "--set", "expect={}", "--stop", "0.002",
         "--no-estimate", "--log", "b.mcap"),
+    ("run", "hanging_chain", "--set", "chain.links=8", "--set", "expect={}", "--stop", "0.002", "--no-estimate",
+        "--for", "fatigue", "--for", "links", "--log", "b.mcap"),
 )  # fmt: skip

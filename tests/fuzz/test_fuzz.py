@@ -19,7 +19,7 @@ from tests.fuzz.__main__ import CORPUS, SHARES
 from tests.fuzz.expected import EXPECTED
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="forks under limits of Linux")
-HALVES = "settings,scenes,vehicles,caches,checkpoints", "points,commands,logs,calls,states"
+HALVES = "settings,scenes,vehicles,caches,checkpoints,sweeps", "points,commands,logs,calls,states,measured"
 
 
 def fuzz(environment, folder, *arguments, timeout=600):

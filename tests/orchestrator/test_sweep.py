@@ -1,13 +1,16 @@
 """Sweeps: their points, rows equal to single runs, what continues after an end, what is refused."""
 
 import csv
+import errno
 import json
+import os
 import pickle
 import re
 import signal
 import subprocess
 import sys
 import time
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
@@ -18,7 +21,7 @@ import orchestrator as offered
 from fmus.vehicle import BadInput
 from orchestrator.execution import summary
 from orchestrator.results.table import Column, Table
-from orchestrator.studies import parameter_sweep, sweep_picture
+from orchestrator.studies import files, parameter_sweep, sweep_picture
 from orchestrator.studies.variations import MOST, Design
 
 CHAIN = ("--set", "chain.links=8", "--set", "run.stop=0.02 s")
@@ -300,25 +303,57 @@ def figures_of(folder):
     return [{key: cell for key, cell in row.items() if key != "wall_time, s"} for row in rows_of(folder)]
 
 
-@pytest.mark.long
-def test_a_killed_sweep_ends_with_the_rows_of_one_that_was_not(cotrack, tmp_path, environment):
-    """The killed one begins in two processes and continues on a Dask cluster; the other runs in this process."""
-    distributed = pytest.importorskip("dask.distributed")
-    command = [*map(str, MODELS), "--vary", "chain.span=0.7:0.8:6", "-o", "killed"]
-    process = subprocess.Popen([sys.executable, "-m", "orchestrator", *command], env=environment, cwd=tmp_path)
-    cases, until = tmp_path / "killed" / "cases", time.monotonic() + 120
-    while not (cases.exists() and any(cases.iterdir())) and time.monotonic() < until and process.poll() is None:
-        time.sleep(0.01)
-    process.send_signal(signal.SIGKILL)
+KILLED = [*map(str, MODELS), "--vary", "chain.span=0.7:0.8:12", "--no-estimate"]  # 24 cases
+
+
+def begin(environment, folder, *options):
+    """Start the sweep in a process group of its own."""
+    command = [sys.executable, "-m", "orchestrator", *KILLED, *options, "-o", folder.name]
+    return subprocess.Popen(command, env=environment, cwd=folder.parent, start_new_session=True)
+
+
+@pytest.fixture(scope="module")
+def whole(environment, tmp_path_factory):
+    """Folder of the sweep without an interruption."""
+    folder = tmp_path_factory.mktemp("sweep") / "whole"
+    assert begin(environment, folder, "--workers", "2").wait() == 0
+    return folder
+
+
+def stored(folder):
+    """Time of writing of each finished case, ns."""
+    return {file.name: file.stat().st_mtime_ns for file in (folder / "cases").glob("*.json")}
+
+
+def kill_with_more_cases(process, folder):
+    """Kill the process group once it has finished a case; return what is stored."""
+    before, until = len(stored(folder)), time.monotonic() + 120
+    while len(stored(folder)) == before and time.monotonic() < until and process.poll() is None:
+        time.sleep(0.005)
+    os.killpg(process.pid, signal.SIGKILL)
     process.wait()
-    before = {file.name: file.stat().st_mtime_ns for file in cases.glob("*.json")}
-    assert 0 < len(before) < 12
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
-        status, _, err = cotrack(*command, "--scheduler", cluster.scheduler_address)
-    assert status == 0, err
-    assert all((cases / name).stat().st_mtime_ns == written for name, written in before.items())
-    assert cotrack(*command[:-1], "whole", "--workers", 1)[0] == 0
-    assert figures_of(tmp_path / "killed") == figures_of(tmp_path / "whole")
+    assert before < len(stored(folder)) < 24
+    return stored(folder)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("where", ["one process", "two processes", "Dask"])
+def test_a_sweep_that_is_killed_twice_ends_with_the_rows_of_one_that_was_not(whole, environment, tmp_path, where):
+    """A kill takes the workers too; cases that are finished are not run again."""
+    with ExitStack() as stack:
+        options = ["--workers", "2" if where == "two processes" else "1"]
+        if where == "Dask":
+            distributed = pytest.importorskip("dask.distributed")
+            local = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
+            options = ["--scheduler", stack.enter_context(local).scheduler_address]
+        folder = tmp_path / "killed"
+        first = kill_with_more_cases(begin(environment, folder, *options), folder)
+        second = kill_with_more_cases(begin(environment, folder, *options), folder)
+        assert not (folder / "sweep.csv").exists()
+        assert begin(environment, folder, *options).wait() == 0
+    assert first.items() < second.items() < stored(folder).items()
+    assert figures_of(folder) == figures_of(whole)
+    assert {file.name for file in folder.iterdir()} == {file.name for file in whole.iterdir()}, "a partial file is left"
 
 
 def test_cases_can_be_sent_to_other_machines(tmp_path):
@@ -329,6 +364,22 @@ def test_cases_can_be_sent_to_other_machines(tmp_path):
     assert [case.arguments[0].chain.span for case in sent] == [0.7, 0.8]
     assert [repr(case) for case in sent] == [repr(case) for case in cases]
     assert re.search("chain.span=0.7$", cases[0].name)
+
+
+def test_tables_and_pictures_are_written_whole_or_not_at_all(tmp_path):
+    class Full:
+        """Picture for which the disk has no room."""
+
+        def savefig(self, path):
+            path.write_bytes(b"half")
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    (tmp_path / "sweep.png").write_bytes(b"before")
+    with pytest.raises(BadInput, match=r"sweep\.png.* cannot be written: No space left on device"):
+        files.save(tmp_path, "sweep", Table("", (Column("a", "a"),), [(1.0,)]), Full())
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir() if file.suffix != ".md"} == {
+        "sweep.csv": b"a\n1.0\n", "sweep.png": b"before",
+    }  # fmt: skip
 
 
 # --- picture ---
