@@ -95,6 +95,23 @@ def test_both_curves_are_drawn(run, test_csv, tmp_path):
     assert v[1] == pytest.approx(trapezoid(v[0]) + 0.2 * np.sin(3.0 * v[0]), abs=1e-5)
 
 
+def test_moving_means_end_where_nothing_was_measured(tmp_path):
+    """A run that is drawn as a band is drawn with moving means of both."""
+    t = times(4.0)
+    log = made(tmp_path / "band.mcap", t, 0.0 * t, tension=1e4 + 500.0 * np.sin(200.0 * np.pi * t))
+    rows = [f"{0.01 * k!r},{'' if 100 < k < 200 else 9.9}" for k in range(50, 301)]
+    (tmp_path / "m.csv").write_text("\n".join(["t,F [kN]", *rows]))
+    columns = {"left_track.tension.max": "F"}
+    page = package.Run(log).report(tmp_path / "x.html", measured=tmp_path / "m.csv", columns=columns)
+    run, test = embedded(page.read_text(encoding="utf-8"))["charts"]["measured-0"]["traces"]
+    assert run["mean"]
+    moments, values = unpacked(test["t"]), unpacked(test["y"])
+    known = ~np.isnan(values)
+    assert values[known] == pytest.approx(9.9, rel=1e-6)
+    assert not (known & (moments > 1.0001) & (moments < 1.9999)).any()
+    assert moments[[0, -1]] == pytest.approx([0.5, 3.0], abs=0.01)
+
+
 def test_a_page_without_a_measured_record_has_no_section(run, tmp_path):
     html = package.Run(run).report(tmp_path / "x.html").read_text(encoding="utf-8")
     assert 'id="measured"' not in html
