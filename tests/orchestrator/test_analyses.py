@@ -216,3 +216,13 @@ def test_an_analysis_takes_one_module_and_one_entry(cotrack, driven, monkeypatch
 def test_a_cell_that_asks_for_nothing_we_know_is_told(driven):
     with pytest.raises(BadInput, match="no analysis 'weather': one of power, spectrum"):
         analyse(driven, "weather")
+    with pytest.raises(BadInput, match=r"fatigue has no option 'slope': there is track: .*; sn: S-N line .*; signal: "):
+        analyse(driven, "fatigue", slope=3)
+    assert "    spectrum: signal, shape, order\n" in analyse.__doc__
+
+
+def test_options_have_the_names_of_the_command_line_and_older_ones(driven):
+    by_name = analyse(driven, "fatigue", sn="90 MPa,1e6,5", track="left").tracks[0]
+    assert by_name.line == analyse(driven, "fatigue", line="90e6,1e6,5").tracks[0].line
+    peaks = [analyse(driven, "spectrum", **{name: "left_track.tension.max"}).peak() for name in ("signal", "signals")]
+    assert peaks[0] == peaks[1]

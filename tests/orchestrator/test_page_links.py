@@ -79,7 +79,10 @@ def test_the_largest_force_in_a_pin_is_that_of_the_joints(vehicle):
     assert extremes.most[0, 3] == pytest.approx(most.value, rel=1e-12)
     assert (extremes.most_t[0, 3], extremes.most_joint[0, 3]) == (most.t, most.member)
     html = page(vehicle)
-    assert f"The largest force in a pin is {quantity(most.value, 'N')} where link {most.member} of left track begins" in html
+    assert (
+        f"The largest force in a pin is {quantity(most.value, 'N')} where link {most.member} of left track begins"
+        in html
+    )
 
 
 def test_places_are_those_of_the_analysis(vehicle):

@@ -19,6 +19,7 @@ from orchestrator.results.page.above import LONGEST, UNIT, above
 from orchestrator.results.page.document import _asset
 from orchestrator.results.page.words import quantity
 from orchestrator.results.run_data import RunData
+from orchestrator.results.units import hours, number
 from orchestrator.scene.scene import load
 
 SPEEDS = [f"drive.{side}.speed_points=[[0.05,0],[0.7,{speed}]]" for side, speed in (("left", 6), ("right", 9))]
@@ -206,14 +207,14 @@ def test_tooth_orders_are_those_of_the_log(turning, shown, record, scaled):
 # --- fatigue ---------------------------------------------------------------------------------------
 
 
-def pulsating(path, size=1.0):
+def pulsating(path, size=1.0, scene=None):
     """Log of two links: ten cycles of 200 MPa at the outer fibre of the second, of 50 MPa elsewhere."""
     t = np.linspace(0.0, 1.0, 401)
     wave = 25e6 * np.cos(20.0 * np.pi * t)
     links = {f"link[{i}].fibre.{fibre}": wave for i in (1, 2) for fibre in ("outer", "inner")}
     links["link[2].fibre.outer"] = 4.0 * size * wave
     links |= {f"link[{i}].tension": wave for i in (1, 2)}
-    return written(path, {"a.travel": t, "a.tension.max": t}, t, links=links)
+    return written(path, {"a.travel": t, "a.tension.max": t}, t, scene, links=links)
 
 
 def fatigue_is_as_computed(html):
@@ -224,6 +225,9 @@ def fatigue_is_as_computed(html):
     assert float(cells[3].split()[0]) == pytest.approx(1.0 / 3600.0 / damage, rel=1e-3)
     assert [float(cell.replace("\N{MINUS SIGN}", "-")) for cell in cells[4:6]] == pytest.approx([damage, 10.0])
     assert cells[6] == quantity(200e6, "Pa")
+    assert cells[7] == quantity(200e6 * (10.0 / 2e6) ** (1.0 / 3.0), "Pa")
+    assert "mean along a link at its outer and inner fibre" in html
+    assert "Stress is recorded every 2.5 ms (run.links)" in html
     outer, inner = embedded(html)["charts"]["damage"]["traces"]
     assert unpacked(outer["y"])[1] == pytest.approx(damage, rel=1e-3)
     assert unpacked(inner["y"]) == pytest.approx([damage / 64.0] * 2, rel=1e-3)
@@ -234,10 +238,32 @@ def test_fatigue_is_miners_sum(tmp_path, monkeypatch):
     fatigue_is_as_computed(page(pulsating(tmp_path / "a.mcap")))
     with pytest.raises(AssertionError):
         fatigue_is_as_computed(page(pulsating(tmp_path / "b.mcap", 1.03)))
+    assert [hours(value) for value in (0.0123456, 12.3456, 9519120.4, 1.414e7)] == [
+        "0.01235 h", "12.35 h", "9.519e6 h", "1.414e7 h"
+    ]  # fmt: skip
     monkeypatch.setitem(sys.modules, "rainflow", None)
     html = page(tmp_path / "a.mcap")
     assert 'id="fatigue"' not in html
     assert "rainflow is not installed" in html
+
+
+def test_a_report_takes_an_own_line(tmp_path, cotrack):
+    pytest.importorskip("plotly")
+    log = pulsating(tmp_path / "a.mcap")
+    assert cotrack("report", log, "--sn", "90 MPa,1e6,5", "-o", tmp_path / "a.html")[0] == 0
+    html = (tmp_path / "a.html").read_text()
+    damage = 10.0 * (200.0 / 90.0) ** 5 / 1e6
+    assert f"<td>{number(damage, 3)}</td>" in html
+    assert "S-N line: 1e+06 cycles at a stress range of 90 MPa, slope 5." in html
+    status, _, err = cotrack("report", log, "--sn", "90 mm,1e6,5", "-o", tmp_path / "b.html")
+    assert (status, (tmp_path / "b.html").exists()) == (2, False)
+    assert "--sn 90 mm,1e6,5: must be stress range, cycles and slope" in err
+
+
+def test_rigid_links_have_no_fatigue_and_the_page_says_why(tmp_path):
+    html = page(pulsating(tmp_path / "a.mcap", scene={"track": {"model": "rigid"}}))
+    assert 'id="fatigue"' not in html
+    assert "rigid links have no stress" in html
 
 
 # --- sections and legends --------------------------------------------------------------------------

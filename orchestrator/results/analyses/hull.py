@@ -71,7 +71,8 @@ def _interpolated(t: Floats, times: Floats, values: Floats) -> Floats:
 
 
 def tracks(run: RunData, name: str = "") -> tuple[str, ...]:
-    """Names of all tracks, or of the given one; raises Missing."""
+    """Names of all tracks, or of the given one, of "left_track" also by "left"; raises Missing."""
+    name = f"{name}_track" if f"{name}_track" in run.tracks else name
     if not run.tracks:
         raise Missing(f"{run.log.path} holds no track")
     if name and name not in run.tracks:
