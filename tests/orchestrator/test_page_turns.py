@@ -17,6 +17,7 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.page.above import LONGEST, UNIT, above
 from orchestrator.results.page.document import _asset
+from orchestrator.results.page.orders import longest_constant
 from orchestrator.results.page.words import quantity
 from orchestrator.results.run_data import RunData
 from orchestrator.results.units import hours, number
@@ -69,6 +70,16 @@ def thrusts(record):
     record["yaw"] = record["chassis.yaw"]
     tracks = [f"{side}_track.ground.force" for side in SIDES]
     return [ahead_and_left(record, f"{track}.x", f"{track}.y")[0] for track in tracks]
+
+
+def test_the_tension_of_the_vehicle_table_is_that_of_the_drawn_position(vehicle, turning):
+    """As keys.md says: the m113 starts with it as drawn, and with 12 % less in equilibrium."""
+    starts = []
+    for path in (vehicle, turning):
+        with Log(path) as log:
+            wanted = log.table("scene.json")["vehicle"]["track"]["tension"]
+            starts.append(signal(log, "left_track.tension.mean")[1][0] / wanted)
+    assert starts == pytest.approx([1.0, 0.88], abs=5e-3)
 
 
 # --- turns -----------------------------------------------------------------------------------------
@@ -171,16 +182,22 @@ def test_links_from_above_stand_and_push_where_the_log_says(turning, record, sca
 
 
 def orders_are_those_of(record, html):
-    note = re.search(r"longest phase at constant speed: turn left, (\S+) to (\S+) s", html)
-    inside = (record["t"] > float(note[1]) - 1e-6) & (record["t"] < float(note[2]) + 1e-6)
-    t = record["t"][inside]
-    weights = np.sin(np.pi * np.arange(len(t)) / len(t)) ** 2
+    note = re.search(
+        r"constant speed, turn left, while [^:]*: (?:left )?(\S+) to (\S+) s(?:, right (\S+) to (\S+) s)?", html
+    )
+    spans = {"left": note.groups()[:2], "right": note.groups()[2:] if note[3] else note.groups()[:2]}
     teeth = record["vehicle"]["sprocket"]["teeth"]
     peaks = {}
     for chart, name in (("torque-orders", "drive.torque"), ("tension-orders", "track.tension.max")):
         shown = embedded(html)["charts"][chart]
         for trace, side in zip(shown["traces"], SIDES, strict=True):
             assert trace["name"] == side
+            start, end = map(float, spans[side])
+            speed = record[f"{side}_drive.speed"]
+            inside = (record["t"] > start - 1e-6) & (record["t"] < end + 1e-6)
+            assert np.ptp(speed[inside]) < 0.03 * speed[inside].mean()
+            t = record["t"][inside]
+            weights = np.sin(np.pi * np.arange(len(t)) / len(t)) ** 2
             passing = teeth * record[f"{side}_drive.speed"][inside].mean() / (2.0 * np.pi)
             y = record[f"{side}_{name}"][inside] / (1e3 if "k" in shown["y"] else 1.0)
             orders, amplitudes = unpacked(trace["t"]), unpacked(trace["y"])
@@ -194,6 +211,18 @@ def orders_are_those_of(record, html):
     sentence = re.search(r"Largest: ([\d.]+ k?N m) at order ([\d.]+), ([\d.]+) Hz, (left|right)\.", html)
     told = value(sentence[1]), float(sentence[2]), float(sentence[3])
     assert told == pytest.approx((size, order, frequency), rel=6e-3)
+
+
+def test_orders_leave_out_the_ramps_of_the_sprocket():
+    """The speed ramps until 1 s and from 4 s on, and ripples by 4 % as teeth pass: the flat part remains."""
+    t = np.linspace(0.0, 6.0, 4801)
+    speed = np.interp(t, [0.0, 1.0, 4.0, 6.0], [2.0, 12.0, 12.0, 2.0])
+    rippling = speed * (1.0 + 0.04 * np.cos(2.0 * np.pi * 19.1 * t))
+    window = longest_constant(t, rippling, 2.0 / 19.1)
+    assert 1.0 - 0.01 < window.start < 1.0 + 2 * 2.0 / 19.1
+    assert 4.0 - 2 * 2.0 / 19.1 < window.end < 4.0 + 0.03
+    whole = longest_constant(t, np.full(4801, 12.0), 0.1)
+    assert (whole.start, whole.end) == pytest.approx((0.0, 6.0), abs=2e-3)
 
 
 def test_tooth_orders_are_those_of_the_log(turning, shown, record, scaled):
