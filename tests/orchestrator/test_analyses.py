@@ -198,6 +198,8 @@ def test_every_analysis_takes_three_lines_of_a_notebook(driven, what):
     exec(cell, names)
     assert len(cell.splitlines()) == 3
     assert len(names["table"]) == len(names["found"].table().rows) > -(what in ("events", "validity"))
+    assert all(name == " ".join(name.split()) for name in names["table"].columns), "blanks in the name of a column"
+    assert names["table"].columns.is_unique
     assert list(names["table"].columns) == [column.key for column in names["found"].table().columns]
 
 

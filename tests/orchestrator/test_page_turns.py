@@ -182,9 +182,8 @@ def test_links_from_above_stand_and_push_where_the_log_says(turning, record, sca
 
 
 def orders_are_those_of(record, html):
-    note = re.search(
-        r"constant speed, turn left, while [^:]*: (?:left )?(\S+) to (\S+) s(?:, right (\S+) to (\S+) s)?", html
-    )
+    spans = r"(?:left )?(\S+) to (\S+) s(?:, right (\S+) to (\S+) s)?"
+    note = re.search(f"constant speed, turn left, while [^:]*: {spans}", html)
     spans = {"left": note.groups()[:2], "right": note.groups()[2:] if note[3] else note.groups()[:2]}
     teeth = record["vehicle"]["sprocket"]["teeth"]
     peaks = {}

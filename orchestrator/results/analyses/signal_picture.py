@@ -282,7 +282,7 @@ def _profiles(
                 parts = circuit.stretches(run.scene, block.links[0, links], block.centres[0, links])
                 label = f"{key} at {nearest:.4g} s" + (f", {run.log.path.stem}" if several else "")
                 unit = run.log.topics[topic].units[columns[0]]
-                yield LabelledCurve(label, unit, where[order], block.values[0][0, order], number, label), parts
+                yield LabelledCurve(label, unit, where[order], block.values[0][0, order], number, key), parts
 
 
 def _draw_profiles(figure: Figure, logs: Sequence[Path], signals: Sequence[str], at: Sequence[float]) -> None:
