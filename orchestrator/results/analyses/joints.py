@@ -30,8 +30,10 @@ class JointForces(NamedTuple):
         """Table with a row for each track and axis."""
         rows = [
             (
-                track, axis, float(self.least[i, k]) / 1e3, int(self.least_joint[i, k]), float(self.least_t[i, k]),
-                float(self.most[i, k]) / 1e3, int(self.most_joint[i, k]), float(self.most_t[i, k]), self.most_part[i][k],
+                track, axis,
+                float(self.least[i, k]) / 1e3, int(self.least_joint[i, k]), float(self.least_t[i, k]),
+                float(self.most[i, k]) / 1e3, int(self.most_joint[i, k]), float(self.most_t[i, k]),
+                self.most_part[i][k],
             )
             for i, track in enumerate(self.tracks)
             for k, axis in enumerate((*links.AXES, "size"))

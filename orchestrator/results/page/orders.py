@@ -61,7 +61,7 @@ def constant_speed(evaluation: Evaluation) -> Phase | None:
 
 def _intervals(evaluation: Evaluation, signals: list[str]) -> str:
     """Intervals of the spectra of signals, "left 2.6 to 6 s, right 2.7 to 6 s"; one if all are alike."""
-    windows = {side(name.partition(".")[0]): steady_window(evaluation, name) for name in signals}
+    windows = {side(name): steady_window(evaluation, name) for name in signals if evaluation.run.has(name)}
     texts = {name: f"{number(each.start)} to {number(each.end)} s" for name, each in windows.items() if each}
     if len({*texts.values()}) == 1:
         return next(iter(texts.values()))
@@ -76,11 +76,11 @@ def steady_window(evaluation: Evaluation, signal: str) -> Window | None:
     phase = constant_speed(evaluation)
     if phase is None:
         return None
-    run, instance, window = evaluation.run, signal.partition(".")[0], Window(phase.start, phase.end)
+    run, window = evaluation.run, Window(phase.start, phase.end)
     return attempt(
         lambda: longest_constant(
-            *run.signal(hull.sprocket_speed(run, instance), window),
-            RIPPLE / spectrum.tooth_passing_frequency(run, instance, window),
+            *run.signal(hull.sprocket_speed(run, signal), window),
+            RIPPLE / spectrum.tooth_passing_frequency(run, signal, window),
         ),
         evaluation.missing,
     )
