@@ -68,6 +68,20 @@ VEHICLE = (
 )  # fmt: skip
 
 
+def impossible_sections(vehicle: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a sentence if no section of links has the second moment of area: at most area times fibre distance squared.
+
+    A run warns of it. It is no mistake for certain: an unsymmetric section may reach farther at its inner fibre.
+    """
+    section = vehicle["section"]
+    area, fibre, bending = section["area"], section["outer_fibre"], section["bending"]
+    if bending > area * fibre**2:
+        yield (
+            f"vehicle.section.bending = {bending:.4g} m^4: is more than any section of area = {area:.4g} m^2 within"
+            f" outer_fibre = {fibre:.4g} m has, area x outer_fibre^2 = {area * fibre**2:.4g} m^4"
+        )
+
+
 def range_violations(
     table: Mapping[str, Any], ranges: Sequence[PlausibleRange], which: str, above: str = ""
 ) -> Iterator[str]:

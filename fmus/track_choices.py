@@ -22,6 +22,7 @@ class TrackKind(NamedTuple):
     conflict: Callable[[Mapping[str, Any]], str | None]  # reason, a sentence, why they do; None for no conflict
     size: Callable[[Mapping[str, Any], int, int], str]  # bodies and equations of so many links and pins, in words
     wide: Callable[[Mapping[str, Any]], bool]  # True for contact points beside the middle of a link, and guides
+    stressed: bool  # True if links have stress
     planar: Mapping[str, str] = {}  # values that motion in a plane needs; empty: there is none
 
 
@@ -82,6 +83,7 @@ TRACKS = {  # by the name of the model in a scene
         conflict_of_links,
         size_of_links,
         lambda p: p["element"] == "beam" or p["axes"] == "free",
+        True,
         IN_PLANE,
     ),
     "rigid": TrackKind(
@@ -91,6 +93,7 @@ TRACKS = {  # by the name of the model in a scene
         conflict_of_bodies,
         size_of_bodies,
         lambda p: True,
+        False,
     ),
 }
 

@@ -267,7 +267,7 @@ class TrackTable(FrozenTable):  # noqa: D101
     width: Distance
     """width of a link"""
     tension: Force
-    """mean static tension at the start, for which the idler's place is solved"""
+    """mean static tension as drawn, for which the idler's place is solved; in equilibrium less (m113: 12 % less)"""
 
 
 class SectionTable(FrozenTable):  # noqa: D101

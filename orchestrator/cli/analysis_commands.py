@@ -147,6 +147,10 @@ def plot(
     order: Annotated[bool, typer.Option("--order", help="amplitudes over tooth orders")] = False,
     waterfall: Annotated[bool, typer.Option("--waterfall", help="map of a family as link[*].tension")] = False,
     place: Annotated[bool, typer.Option("--place", help="map by place on the circuit of the chain")] = False,
+    at: Annotated[
+        list[float] | None,
+        typer.Option("--at", metavar="T", help="with --place: curves over the place at an instant, s; repeatable"),
+    ] = None,
     file: WithOption = None,
     mapped: MapOption = None,
     clock: ClockOption = "",
@@ -182,6 +186,6 @@ def plot(
             print(printed.plain(note))
     signal_picture.draw(
         logs, signals, target, Window(start, end), frequency=spectrum, order=order, waterfall=waterfall, place=place,
-        measured=measured,
+        at=at or (), measured=measured,
     )  # fmt: skip
     print(target)

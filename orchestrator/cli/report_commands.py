@@ -9,6 +9,7 @@ import typer
 
 from orchestrator.cli.common import LogPath
 from orchestrator.cli.measured_options import ClockOption, MapOption, ShiftOption, WithOption, measured_file
+from orchestrator.results.analyses.catalogue import SN_HELP
 
 
 def report(
@@ -22,6 +23,7 @@ def report(
     mapped: MapOption = None,
     clock: ClockOption = "",
     shift: ShiftOption = "0",
+    sn: Annotated[str, typer.Option("--sn", metavar="RANGE,CYCLES,SLOPE", help=SN_HELP)] = "",
 ) -> None:
     """Write one HTML page about a run, with a player; it needs a browser only.
 
@@ -31,5 +33,5 @@ def report(
     """
     from orchestrator.execution.reported import report as write
 
-    write(log, output, reference, different, measured_file(file, mapped, clock, shift))
+    write(log, output, reference, different, measured_file(file, mapped, clock, shift), sn)
     print(output)

@@ -10,6 +10,7 @@ from typing import Any
 from fmus.vehicle import BadInput
 from orchestrator.execution import recorded_results, repeat_command, summary
 from orchestrator.log.reader import Log
+from orchestrator.results.analyses.fatigue import StressLifeLine
 from orchestrator.results.measured_difference import compare_measured
 from orchestrator.results.measured_record import MeasuredFile
 from orchestrator.results.page.document import SUFFIXES, plotting, write
@@ -26,15 +27,18 @@ def report(
     reference: str | os.PathLike[str] | None = None,
     different: bool = False,
     measured: MeasuredFile | None = None,
+    sn: str = "",
 ) -> None:
     """Write the page of a log; with ``reference`` also a comparison (``different``: of different scenes).
 
-    ``measured``: a CSV file of measured signals, compared over the run and in each of its phases.
+    ``measured``: a CSV file of measured signals, compared over the run and in each of its phases. ``sn``: S-N line of
+    the fatigue, "stress range,cycles,slope", as "90 MPa,1e6,5".
 
     Raises BadInput, LogUnreadable, NotInstalled; with ``measured`` also NoSuchSignal and Missing.
     """
     page = Path(output)
     check_output(page, SUFFIXES)
+    line = StressLifeLine.read(sn) if sn else None
     logs = [Path(log) for log in (path, reference) if log is not None]
     for each in [*logs, *([Path(measured.path)] if measured else [])]:
         if page.exists() and each.exists() and page.samefile(each):
@@ -50,7 +54,7 @@ def report(
         run = runs[0]
         compared = compare_measured(run, measured, by_phase=bool(summary.phase_entries(run))) if measured else None
         judged, *reference_run = [(run, _judge(run)) for run in runs]
-        write(*judged, page, reference_run[0] if reference_run else None, compared)
+        write(*judged, page, reference_run[0] if reference_run else None, compared, line)
 
 
 def summary_of(path: str | os.PathLike[str]) -> dict[str, Any]:

@@ -92,9 +92,11 @@ class Run:
     def analyse(self, what: str, start: float = -inf, end: float = inf, **options: Any) -> Any:
         """Return an analysis of ``cotrack analyse``: its arrays, ``table()`` and ``table().frame()``; raises BadInput.
 
-        ``options``: ``track`` for most, ``signals`` of a spectrum, ``signal`` of an envelope.
+        ``options`` are those of the command line, below.
         """
         return catalogue.analyse(self.log, what, (start, end), **options)
+
+    analyse.__doc__ = f"{(analyse.__doc__ or '').rstrip()}{catalogue.options_listed('        ')}"
 
     def report(
         self,
@@ -105,12 +107,14 @@ class Run:
         columns: Mapping[str, str] | None = None,
         shift: float | str = 0.0,
         clock: str = "",
+        sn: str = "",
     ) -> Path:
         """Write the page of the run, by default beside its log, and return its path.
 
         :param reference: a run to compare with.
         :param measured: a CSV file of measured signals to compare with, with ``columns``, ``shift`` and ``clock`` as
             of ``compare_measured``.
+        :param sn: S-N line of the fatigue, "stress range,cycles,slope", as "90 MPa,1e6,5".
         :raises BadInput: for what cannot be compared. Raises NotInstalled, NoSuchSignal, Missing.
         """
         if measured is None and (columns or clock or shift):
@@ -118,7 +122,7 @@ class Run:
         page = Path(path) if path is not None else self.log.with_suffix(".html")
         other = reference.log if isinstance(reference, Run) else reference
         source = None if measured is None else MeasuredFile(measured, columns or {}, clock, shift)
-        reported.report(self.log, page, other, measured=source)
+        reported.report(self.log, page, other, measured=source, sn=sn)
         return page
 
     def compare(self, reference: Run | AnyPath) -> dict[str, ObservableDifference]:

@@ -291,7 +291,8 @@ class Log(AbstractContextManager["Log"]):
     def find(self, signal: str) -> tuple[str, int]:
         """Return topic and column of "instance.variable"; raises NoSuchSignal."""
         if signal not in self._places:
-            near = signal_names.near(signal, self._places, self._texts)
+            near = signal_names.components(signal, self._places)
+            near = near or signal_names.near(signal, self._places, self._texts)
             raise NoSuchSignal(f"{self.path} has no signal '{signal}'{near}")
         return self._places[signal]
 

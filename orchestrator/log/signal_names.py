@@ -31,6 +31,14 @@ def near(name: str, known: Mapping[str, object], texts: Mapping[str, str] = NO_T
     return f"; {did_you_mean(close)}" if close else ""
 
 
+def components(name: str, known: Iterable[str]) -> str:
+    """Return a hint at the components of a vector or rotation that is called by its name, or an empty text."""
+    parts = [one.removeprefix(f"{name}.") for one in known if one.startswith(f"{name}.")]
+    if not parts or not {*parts} <= {*"wxyz"}:
+        return ""
+    return f": it has the components {', '.join(f'.{part}' for part in sorted(parts))}; '{name}.*' is all of them"
+
+
 def worded(name: str, known: Iterable[str], texts: Mapping[str, str]) -> list[str]:
     """Return the shortest names, MOST at most, that have all words of ``name`` in themselves or their descriptions."""
     words = _words(name)

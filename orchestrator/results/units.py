@@ -46,6 +46,12 @@ def number(value: float, digits: int = 4) -> str:
     return text.replace("-", "\N{MINUS SIGN}")
 
 
+def hours(value: float) -> str:
+    """Finite time with four digits: "12.35 h", "9.52e6 h"."""
+    mantissa, _, exponent = f"{value:.3e}".partition("e")
+    return f"{value:.4g} h" if -3 <= int(exponent) < 5 else f"{float(mantissa):g}e{int(exponent)} h"
+
+
 def percent(share: float, digits: int = 3) -> str:
     """Fraction in per cent."""
     return f"{number(100.0 * share, digits)} %"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from fmus.ranges import VEHICLE, PlausibleRange, range_violations
+from fmus.ranges import VEHICLE, PlausibleRange, impossible_sections, range_violations
 from orchestrator.scene.wheel_gaps import overlapping_wheels
 
 TURNING = "a sprocket of 0.25 m makes 180 km/h at 200 rad/s"
@@ -40,5 +40,6 @@ def implausible_numbers(scene: Mapping[str, Any], where: str) -> list[str]:
     sentences = [*range_violations(scene, SCENE, "plausible")]
     if isinstance(vehicle, Mapping):
         sentences += range_violations(vehicle, VEHICLE, "plausible", "vehicle.")
+        sentences += impossible_sections(vehicle)
         sentences += overlapping_wheels(vehicle) if scene.get("assembly") == "vehicle" else ()
     return [f"{where}: {sentence}" for sentence in sentences]

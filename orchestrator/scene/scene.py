@@ -7,7 +7,7 @@ scene holds the whole vehicle table under ``vehicle``, so a dotted key reaches e
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 from fmus.ranges import range_violations
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, Force, FrozenTable, Vehicle, first_error, foremost, path_text, value_text
-from orchestrator.results.analyses.catalogue import described
+from orchestrator.results.analyses.catalogue import UNSTRESSED, described
 from orchestrator.scene import gallery, points
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriveTable
 from orchestrator.scene.ranges import SCENE
@@ -102,8 +102,14 @@ class Scene(FrozenTable):
         """The scene with other values, as of ``load``; its defaults are kept. Raises BadInput."""
         return changed_scene(self.resolved(), settings, f"{self.name}.toml")
 
-    def recording_for(self, analyses: Iterable[str]) -> Scene:
-        """The scene with the link outputs that analyses need besides its own; raises BadInput for an unknown name."""
+    def recording_for(self, analyses: Sequence[str]) -> Scene:
+        """The scene with the link outputs that analyses need besides its own.
+
+        Raises BadInput for an unknown name, and for an analysis of stress that the links do not have.
+        """
+        for name in analyses:
+            if described(name).stress and not self.track.kind.stressed:
+                raise BadInput(f"--for {name}: {self.track.kind.links} have no stress: {UNSTRESSED}")
         needed = [group for name in analyses for group in described(name).records]
         groups = dict.fromkeys([*self.track.link_outputs, *needed])
         return self.changed({"track.link_outputs": [*groups]})

@@ -93,7 +93,9 @@ def plan(
     scenes = [load(scene, track, common | dict(pairs(design.settings(point)))) for point in design.points]
     identity = json.dumps([native, estimated, *(one.resolved() for one in scenes)])
     digest = hashlib.sha256(identity.encode()).hexdigest()
-    _claim(folder, {"scene": scenes[0].name, **design.stated(), "digest": digest})
+    stated = {"track": scenes[0].variant, "settings": {key: str(value) for key, value in sorted(common.items())}}
+    options = {"native": native, "estimated": estimated}
+    _claim(folder, {"scene": scenes[0].name, **design.stated(), **stated, **options, "digest": digest})
     if keep_logs:
         make_folder(folder / "logs")
     cases = []
@@ -110,6 +112,7 @@ def _claim(folder: Path, definition: dict[str, Any]) -> None:
     try:
         held = json.loads(read_file(file, DOCUMENT))
         digest, about = held["digest"], f"of {held['scene']} over {value_text(held['vary'])}"
+        other = _differences(held, definition)
     except (FileNotFoundError, NotADirectoryError):
         make_folder(folder)
         with atomic_write(file) as temporary:
@@ -118,7 +121,19 @@ def _claim(folder: Path, definition: dict[str, Any]) -> None:
     except (OSError, ValueError, LookupError, TypeError):
         raise BadInput(f"{path_text(file)} is not that of a sweep: choose another folder") from None
     if digest != definition["digest"]:
-        raise BadInput(f"-o {path_text(folder)}: holds another sweep, {about}: choose another folder")
+        raise BadInput(f"-o {path_text(folder)}: holds another sweep, {about}: {other}: choose another folder")
+
+
+def _differences(held: Mapping[str, Any], definition: Mapping[str, Any]) -> str:
+    """What differs between two definitions of sweeps, "track 'rigid' there, 'flexible' here", in words."""
+    compared = held.keys() & definition.keys() - {"settings", "digest"}
+    pairs_of = [(name, held[name], definition[name]) for name in sorted(compared)]
+    if isinstance(there := held.get("settings"), Mapping):
+        here = definition["settings"]
+        pairs_of += [(f"--set {key}", there.get(key, "not set"), here.get(key, "not set"))
+                     for key in sorted({*there, *here})]  # fmt: skip
+    found = [f"{name} is {value_text(a)} there and {value_text(b)} here" for name, a, b in pairs_of if a != b]
+    return "; ".join(found) or "a setting, a file or cotrack itself has changed"
 
 
 def run_case(scene: Scene, native: bool, estimated: bool, log: Path | None) -> list[Row]:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
-from orchestrator.results.analyses import power, signal_picture
+from orchestrator.results.analyses import circuit, power, signal_picture
 from orchestrator.results.analyses.catalogue import ANALYSES, TRACK, Analysis, analyse, module_of
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.table import Table
@@ -88,6 +88,7 @@ def test_analyse_refuses_in_one_sentence(cotrack, driven, tmp_path, arguments, s
         ("left_track.tension.max", "left_track.speed", "chassis.speed"),
         ("left_track.link[*].tension", "--waterfall"),
         ("left_track.link[*].tension", "--place"),
+        ("left_track.link[*].tension", "--place", "--at", "0.1", "--at", "0.15"),
         ("left_track.link[*].tension", "--spectrum", "--waterfall"),
         ("left_track.tension.max", "--order"),
     ],
@@ -97,6 +98,23 @@ def test_plot_draws_every_kind(cotrack, driven, tmp_path, options):
     assert (status, out, err) == (0, "a.png\n", "")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     assert [file.name for file in tmp_path.iterdir()] == ["a.png"]
+
+
+@pytest.mark.parametrize("given", [{"at": [0.101]}, {"window": Window(0.1, 0.1)}])
+def test_a_profile_has_every_link_at_its_place(driven, given):
+    """Tension along the chain at 0.1 s: each link's value at its place from the analysis of places."""
+    with Log(driven) as log:
+        run = RunData(log)
+        series = log.read("/left_track/links")
+        row = np.abs(series.t - 0.1).argmin()
+        tension = [series.values[row, series.names.index(f"link[{i + 1}].tension")] for i in range(64)]
+        places = next(circuit.records(run, "left_track", Window(series.t[row], series.t[row]))).links[0]
+    figure = signal_picture.figure_of([driven], ["left_track.link[*].tension"], **{"place": True, **given})
+    curve = figure.axes[0].get_lines()[0]
+    order = np.argsort(places)
+    np.testing.assert_allclose(curve.get_xdata(), places[order])
+    np.testing.assert_allclose(curve.get_ydata(), np.array(tension)[order] / 1e3)
+    assert figure.axes[0].get_xlabel().startswith("along the chain")
 
 
 def test_curves_of_long_records_are_thinned_as_those_of_the_page(tmp_path):
@@ -145,6 +163,8 @@ def test_plot_of_several_logs_names_them(cotrack, driven, spinning, tmp_path):
         (("left_track.nothing", "-o", "a.png"), "has no signal 'left_track.nothing'"),
         (("left_track.speed", "-o", "a.bmp"), "its name must end in .png, .svg or .pdf"),
         (("left_track.speed", "--waterfall", "-o", "a.png"), "is no family of signals"),
+        (("left_track.link[*].tension", "--waterfall", "--from", "0.1", "--to", "0.1"), "a map needs two"),
+        (("left_track.link[*].tension", "--at", "0.1"), "--at takes an instant of --place"),
         (("chassis.left.suspension[*].force", "--place", "-o", "a.png"), "of no link or pin of a track"),
         (("left_track.link[*].tension", "--place", "--order", "-o", "a.png"), "drawn over time"),
         (("left_track.speed", "--from", "9", "-o", "a.png"), "no records on /left_track/out"),
@@ -178,6 +198,8 @@ def test_every_analysis_takes_three_lines_of_a_notebook(driven, what):
     exec(cell, names)
     assert len(cell.splitlines()) == 3
     assert len(names["table"]) == len(names["found"].table().rows) > -(what in ("events", "validity"))
+    assert all(name == " ".join(name.split()) for name in names["table"].columns), "blanks in the name of a column"
+    assert names["table"].columns.is_unique
     assert list(names["table"].columns) == [column.key for column in names["found"].table().columns]
 
 
@@ -216,3 +238,13 @@ def test_an_analysis_takes_one_module_and_one_entry(cotrack, driven, monkeypatch
 def test_a_cell_that_asks_for_nothing_we_know_is_told(driven):
     with pytest.raises(BadInput, match="no analysis 'weather': one of power, spectrum"):
         analyse(driven, "weather")
+    with pytest.raises(BadInput, match=r"fatigue has no option 'slope': there is track: .*; sn: S-N line .*; signal: "):
+        analyse(driven, "fatigue", slope=3)
+    assert "    spectrum: signal, shape, order\n" in analyse.__doc__
+
+
+def test_options_have_the_names_of_the_command_line_and_older_ones(driven):
+    by_name = analyse(driven, "fatigue", sn="90 MPa,1e6,5", track="left").tracks[0]
+    assert by_name.line == analyse(driven, "fatigue", line="90e6,1e6,5").tracks[0].line
+    peaks = [analyse(driven, "spectrum", **{name: "left_track.tension.max"}).peak() for name in ("signal", "signals")]
+    assert peaks[0] == peaks[1]

@@ -326,6 +326,9 @@ def test_a_run_for_an_analysis_records_what_it_needs(cotrack, tmp_path, monkeypa
     status, _, err = cotrack(*SHORT, "--for", "fatig")
     assert status == 2
     assert "no analysis 'fatig': one of power, spectrum" in err
+    status, _, err = cotrack(*SHORT, "--track", "rigid", "--for", "fatigue", "-o", "none.mcap")
+    assert (status, Path("none.mcap").exists()) == (2, False)
+    assert "--for fatigue: rigid links have no stress" in err
     monkeypatch.setitem(sys.modules, "rainflow", None)
     status, _, err = cotrack(*SHORT, "--for", "deformation", "--for", "fatigue", "-o", "none.mcap")
     assert (status, Path("none.mcap").exists()) == (2, False), "a run is made for an analysis that cannot be made"

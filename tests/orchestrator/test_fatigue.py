@@ -49,15 +49,69 @@ def test_damage_is_that_of_miner(tmp_path):
     by_hand = sum(n * (s * 20e6 / 100e6) ** 3 for s, n in ((3, 0.5), (4, 1.5), (6, 0.5), (8, 1.0), (9, 0.5))) / 2e6
     with Log(stressed(tmp_path / "f.mcap", stress)) as log:
         run = RunData(log)
-        assessment = fatigue.of(run)
-        steeper = fatigue.of(run, line=fatigue.StressLifeLine(slope=5.0))
+        (assessment,) = fatigue.of(run).tracks
+        (steeper,) = fatigue.of(run, sn=fatigue.StressLifeLine(slope=5.0)).tracks
         with pytest.raises(BadInput, match=r"slope = 0: must be greater than 0"):
-            fatigue.of(run, line=fatigue.StressLifeLine(slope=0.0))
+            fatigue.of(run, sn=fatigue.StressLifeLine(slope=0.0))
     np.testing.assert_allclose(assessment.damage, by_hand * np.array([[1.0, 8.0], [0.125, 0.0]]), rtol=1e-12)
     np.testing.assert_allclose(assessment.largest[:, 0], [180e6, 90e6])
     np.testing.assert_allclose(assessment.cycles, [[4.0, 4.0], [4.0, 0.0]])
     assert steeper.damage[0, 1] / steeper.damage[0, 0] == pytest.approx(32.0)
     assert assessment.life == pytest.approx(8 * STEP / 3600 / (8 * by_hand))
+    same = 2e6 * (assessment.equivalent / 100e6) ** 3 / 2e6  # damage of 2e6 cycles of the equivalent range
+    np.testing.assert_allclose(same, assessment.damage, rtol=1e-12)
+    assert [row[1:3] for row in assessment.rows()] == [(1, "inner"), (2, "outer")], "the worst link comes first"
+
+
+@pytest.mark.parametrize("text", ["90e6,1e6,5", "90 MPa,1e6,5", " 90000 kPa , 1e6 , 5"])
+def test_a_line_is_read_with_units(text):
+    assert fatigue.StressLifeLine.read(text) == pytest.approx((90e6, 1e6, 5.0), rel=1e-12)
+
+
+@pytest.mark.parametrize("text", ["90 mm,1e6,5", "90e6,1e6", "90e6,1e6,0", "nan,1e6,5"])
+def test_a_line_that_is_none_is_one_sentence(text):
+    with pytest.raises(BadInput, match=f"--sn {text}: "):
+        fatigue.StressLifeLine.read(text)
+
+
+def test_equivalent_ranges_of_a_force_of_both_tracks(tmp_path):
+    """Ten cycles of 30 kN on link 2 of b: 30 kN (10 / 1000)^(1/4) at 1000 cycles and a slope of 4, by hand."""
+    t = np.arange(41) * STEP
+    wave = 15e3 * np.cos(0.5 * np.pi * np.arange(41))
+    topics, rows = {}, {}
+    for name, sizes in (("a", (0.5, 0.2)), ("b", (0.1, 1.0))):
+        topics[f"/{name}/links"] = [("link[1].tension", "N"), ("link[2].tension", "N")]
+        topics[f"/{name}/out"] = [("travel", "m")]
+        rows[f"/{name}/links"] = t, wave[:, None] * np.array(sizes)
+        rows[f"/{name}/out"] = t, t[:, None]
+    path = made(tmp_path / "f.mcap", topics, rows, {"track": {"model": "rigid"}}, ("a", "b"))
+    with Log(path) as log:
+        run = RunData(log)
+        found = fatigue.of(run, signal="tension", sn="1,1000,4")
+        again = fatigue.of(run, signal=["b.link[*].tension"], sn="1,1000,4")
+        with pytest.raises(Missing, match="rigid links have no stress"):
+            fatigue.of(run)
+    for each, sizes in zip(found.tracks, ((0.5, 0.2), (0.1, 1.0)), strict=True):
+        np.testing.assert_allclose(each.equivalent[:, 0], 30e3 * np.array(sizes) * 0.01**0.25, rtol=1e-12)
+    records = found.table().records()
+    assert [(row["track"], row["link"]) for row in records] == [("a", 1), ("a", 2), ("b", 2), ("b", 1)]
+    assert records[2]["equivalent range"] == pytest.approx(30.0 * 0.01**0.25)
+    assert [column.unit for column in found.table().columns] == ["", "", "kN", "kN", ""]
+    assert [each.track for each in again.tracks] == ["b"]
+    assert "recorded every 1 ms (run.links)" in found.table().notes[-1]
+
+
+def test_the_table_has_the_worst_links_and_the_file_all(tmp_path):
+    t = np.arange(9) * STEP
+    sizes = np.random.default_rng(1).permutation(25) + 1.0
+    topics = {"/track/links": [(f"link[{i + 1}].tension", "N") for i in range(25)], "/track/out": [("travel", "m")]}
+    rows = {"/track/links": (t, E1049[:, None] * sizes), "/track/out": (t, t[:, None])}
+    with Log(made(tmp_path / "f.mcap", topics, rows)) as log:
+        found = fatigue.of(RunData(log), signal="tension")
+    worst = np.argsort(-sizes)[:10] + 1
+    assert [row["link"] for row in found.table().records()] == worst.tolist()
+    assert len(found.series().rows) == 25
+    assert "the 10 worst of 25 links" in found.table().notes[0]
 
 
 def test_blocks_of_records_do_not_change_cycles(tmp_path, monkeypatch):
@@ -66,9 +120,9 @@ def test_blocks_of_records_do_not_change_cycles(tmp_path, monkeypatch):
     stress = 1e7 * np.random.default_rng(2).normal(size=(60, 4))
     path = stressed(tmp_path / "f.mcap", stress)
     with Log(path) as log:
-        whole = fatigue.of(RunData(log))
+        (whole,) = fatigue.of(RunData(log)).tracks
         monkeypatch.setattr(link_records, "SIZE", 7)
-        np.testing.assert_array_equal(fatigue.of(RunData(log)).damage, whole.damage)
+        np.testing.assert_array_equal(fatigue.of(RunData(log)).tracks[0].damage, whole.damage)
 
 
 def test_without_fibres_one_sentence_says_what_to_record(spinning):

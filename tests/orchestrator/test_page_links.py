@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+from analysis_logs import made
 from packed import unpacked
 from page_logs import HOSTILE, PLOTS, embedded, page, side_of_links, vehicle_log, written
 
@@ -77,7 +78,11 @@ def test_the_largest_force_in_a_pin_is_that_of_the_joints(vehicle):
         most, extremes = link_loads.of(run, "left_track").most["force"], joints.of(run, "left_track")
     assert extremes.most[0, 3] == pytest.approx(most.value, rel=1e-12)
     assert (extremes.most_t[0, 3], extremes.most_joint[0, 3]) == (most.t, most.member)
-    assert f"The largest force in a pin is {quantity(most.value, 'N')} where link {most.member} begins" in page(vehicle)
+    html = page(vehicle)
+    assert (
+        f"The largest force in a pin is {quantity(most.value, 'N')} where link {most.member} of left track begins"
+        in html
+    )
 
 
 def test_places_are_those_of_the_analysis(vehicle):
@@ -133,13 +138,13 @@ def test_every_link_that_bears_the_most_has_its_curves(tmp_path):
     assert "Link 1 of a, which bore the most tension</h3>" in html
     assert "Link 2 of a, which had the most stress and had the most force in its pin</h3>" in html
     assert {key for key in charts if key.startswith("link-")} == {
-        f"link-{link}-{key}" for link in (1, 2) for key in ("tension", "stress", "force")
+        f"link-0-{link}-{key}" for link in (1, 2) for key in ("tension", "stress", "force")
     }
     force = np.linalg.norm([links[f"joint[2].force.{axis}"] for axis in "xyz"], axis=0)
     for key, values, moment, size in (
-        ("link-1-tension", links["link[1].tension"], 0.3, 1e-3),
-        ("link-2-stress", links["link[2].stress"], 0.7, 1e-6),
-        ("link-2-force", force, 0.5, 1e-3),
+        ("link-0-1-tension", links["link[1].tension"], 0.3, 1e-3),
+        ("link-0-2-stress", links["link[2].stress"], 0.7, 1e-6),
+        ("link-0-2-force", force, 0.5, 1e-3),
     ):
         (trace,) = charts[key]["traces"]
         assert unpacked(trace["t"]) == pytest.approx(t, abs=1e-6), "all samples fit"
@@ -148,6 +153,41 @@ def test_every_link_that_bears_the_most_has_its_curves(tmp_path):
     t, links = bearing(5.2e3)  # 4 % more, at another pin
     html = page(written(tmp_path / "b.mcap", {"a.travel": t}, t, links=links))
     assert "Link 3 of a, which had the most force in its pin</h3>" in html
+
+
+def test_largest_loads_are_over_all_tracks(tmp_path):
+    """Each largest load is of the track that bears it: tension of a, the others of b."""
+    t, _ = bearing()
+    rows = {(track, link): {} for track in "ab" for link in (1, 2)}
+    for key, row in rows.items():
+        row["tension"], row["stress"], row["force"] = np.full(101, 100.0), np.full(101, 1e6), np.full(101, 50.0)
+        row["tension"][30] = {("a", 2): 900.0, ("b", 1): 800.0}.get(key, 100.0)
+        row["tension"][60] = {("a", 1): -40.0, ("b", 2): -70.0}.get(key, 100.0)
+        row["stress"][50] = {("a", 1): 6e6, ("b", 2): 7e6}.get(key, 1e6)
+        row["force"][40] = {("a", 2): 60.0, ("b", 1): 70.0}.get(key, 50.0)
+    topics = {f"/{track}/links": [] for track in "ab"} | {f"/{track}/out": [("travel", "m")] for track in "ab"}
+    columns = {topic: [t] if topic.endswith("out") else [] for topic in topics}
+    for (track, link), row in rows.items():
+        for name, values in ((f"link[{link}].tension", "tension"), (f"link[{link}].stress", "stress")):
+            topics[f"/{track}/links"].append((name, "N"))
+            columns[f"/{track}/links"].append(row[values])
+        for axis in "xyz":
+            topics[f"/{track}/links"].append((f"joint[{link}].force.{axis}", "N"))
+            columns[f"/{track}/links"].append(row["force"] * (axis == "x"))
+    log = made(
+        tmp_path / "a.mcap", topics, {topic: (t, np.stack(each, axis=1)) for topic, each in columns.items()}, None,
+        ("a", "b"),
+    )  # fmt: skip
+    html = page(log)
+    assert "The largest tension in the records of links is 900 N in link 2 of a at 0.3 s. " in html
+    assert "The largest stress is 7 MPa in link 2 of b at 0.5 s. " in html
+    assert "The largest force in a pin is 70 N where link 1 of b begins at 0.4 s. " in html
+    assert "The smallest tension is \N{MINUS SIGN}70 N in link 2 of b at 0.6 s: there the link is pressed." in html
+    assert "Link 2 of a, which bore the most tension</h3>" in html
+    assert "Link 2 of b, which had the most stress</h3>" in html
+    assert "Link 1 of b, which had the most force in its pin</h3>" in html
+    (trace,) = embedded(html)["charts"]["link-1-2-stress"]["traces"]
+    assert unpacked(trace["y"]).max() == pytest.approx(7.0)
 
 
 # --- events ----------------------------------------------------------------------------------------

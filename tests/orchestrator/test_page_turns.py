@@ -17,8 +17,10 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.page.above import LONGEST, UNIT, above
 from orchestrator.results.page.document import _asset
+from orchestrator.results.page.orders import longest_constant
 from orchestrator.results.page.words import quantity
 from orchestrator.results.run_data import RunData
+from orchestrator.results.units import hours, number
 from orchestrator.scene.scene import load
 
 SPEEDS = [f"drive.{side}.speed_points=[[0.05,0],[0.7,{speed}]]" for side, speed in (("left", 6), ("right", 9))]
@@ -68,6 +70,16 @@ def thrusts(record):
     record["yaw"] = record["chassis.yaw"]
     tracks = [f"{side}_track.ground.force" for side in SIDES]
     return [ahead_and_left(record, f"{track}.x", f"{track}.y")[0] for track in tracks]
+
+
+def test_the_tension_of_the_vehicle_table_is_that_of_the_drawn_position(vehicle, turning):
+    """As keys.md says: the m113 starts with it as drawn, and with 12 % less in equilibrium."""
+    starts = []
+    for path in (vehicle, turning):
+        with Log(path) as log:
+            wanted = log.table("scene.json")["vehicle"]["track"]["tension"]
+            starts.append(signal(log, "left_track.tension.mean")[1][0] / wanted)
+    assert starts == pytest.approx([1.0, 0.88], abs=5e-3)
 
 
 # --- turns -----------------------------------------------------------------------------------------
@@ -170,16 +182,21 @@ def test_links_from_above_stand_and_push_where_the_log_says(turning, record, sca
 
 
 def orders_are_those_of(record, html):
-    note = re.search(r"longest phase at constant speed: turn left, (\S+) to (\S+) s", html)
-    inside = (record["t"] > float(note[1]) - 1e-6) & (record["t"] < float(note[2]) + 1e-6)
-    t = record["t"][inside]
-    weights = np.sin(np.pi * np.arange(len(t)) / len(t)) ** 2
+    spans = r"(?:left )?(\S+) to (\S+) s(?:, right (\S+) to (\S+) s)?"
+    note = re.search(f"constant speed, turn left, while [^:]*: {spans}", html)
+    spans = {"left": note.groups()[:2], "right": note.groups()[2:] if note[3] else note.groups()[:2]}
     teeth = record["vehicle"]["sprocket"]["teeth"]
     peaks = {}
     for chart, name in (("torque-orders", "drive.torque"), ("tension-orders", "track.tension.max")):
         shown = embedded(html)["charts"][chart]
         for trace, side in zip(shown["traces"], SIDES, strict=True):
             assert trace["name"] == side
+            start, end = map(float, spans[side])
+            speed = record[f"{side}_drive.speed"]
+            inside = (record["t"] > start - 1e-6) & (record["t"] < end + 1e-6)
+            assert np.ptp(speed[inside]) < 0.03 * speed[inside].mean()
+            t = record["t"][inside]
+            weights = np.sin(np.pi * np.arange(len(t)) / len(t)) ** 2
             passing = teeth * record[f"{side}_drive.speed"][inside].mean() / (2.0 * np.pi)
             y = record[f"{side}_{name}"][inside] / (1e3 if "k" in shown["y"] else 1.0)
             orders, amplitudes = unpacked(trace["t"]), unpacked(trace["y"])
@@ -195,6 +212,18 @@ def orders_are_those_of(record, html):
     assert told == pytest.approx((size, order, frequency), rel=6e-3)
 
 
+def test_orders_leave_out_the_ramps_of_the_sprocket():
+    """The speed ramps until 1 s and from 4 s on, and ripples by 4 % as teeth pass: the flat part remains."""
+    t = np.linspace(0.0, 6.0, 4801)
+    speed = np.interp(t, [0.0, 1.0, 4.0, 6.0], [2.0, 12.0, 12.0, 2.0])
+    rippling = speed * (1.0 + 0.04 * np.cos(2.0 * np.pi * 19.1 * t))
+    window = longest_constant(t, rippling, 2.0 / 19.1)
+    assert 1.0 - 0.01 < window.start < 1.0 + 2 * 2.0 / 19.1
+    assert 4.0 - 2 * 2.0 / 19.1 < window.end < 4.0 + 0.03
+    whole = longest_constant(t, np.full(4801, 12.0), 0.1)
+    assert (whole.start, whole.end) == pytest.approx((0.0, 6.0), abs=2e-3)
+
+
 def test_tooth_orders_are_those_of_the_log(turning, shown, record, scaled):
     orders_are_those_of(record, shown)
     with Log(turning) as log:
@@ -206,14 +235,14 @@ def test_tooth_orders_are_those_of_the_log(turning, shown, record, scaled):
 # --- fatigue ---------------------------------------------------------------------------------------
 
 
-def pulsating(path, size=1.0):
+def pulsating(path, size=1.0, scene=None):
     """Log of two links: ten cycles of 200 MPa at the outer fibre of the second, of 50 MPa elsewhere."""
     t = np.linspace(0.0, 1.0, 401)
     wave = 25e6 * np.cos(20.0 * np.pi * t)
     links = {f"link[{i}].fibre.{fibre}": wave for i in (1, 2) for fibre in ("outer", "inner")}
     links["link[2].fibre.outer"] = 4.0 * size * wave
     links |= {f"link[{i}].tension": wave for i in (1, 2)}
-    return written(path, {"a.travel": t, "a.tension.max": t}, t, links=links)
+    return written(path, {"a.travel": t, "a.tension.max": t}, t, scene, links=links)
 
 
 def fatigue_is_as_computed(html):
@@ -224,6 +253,9 @@ def fatigue_is_as_computed(html):
     assert float(cells[3].split()[0]) == pytest.approx(1.0 / 3600.0 / damage, rel=1e-3)
     assert [float(cell.replace("\N{MINUS SIGN}", "-")) for cell in cells[4:6]] == pytest.approx([damage, 10.0])
     assert cells[6] == quantity(200e6, "Pa")
+    assert cells[7] == quantity(200e6 * (10.0 / 2e6) ** (1.0 / 3.0), "Pa")
+    assert "mean along a link at its outer and inner fibre" in html
+    assert "Stress is recorded every 2.5 ms (run.links)" in html
     outer, inner = embedded(html)["charts"]["damage"]["traces"]
     assert unpacked(outer["y"])[1] == pytest.approx(damage, rel=1e-3)
     assert unpacked(inner["y"]) == pytest.approx([damage / 64.0] * 2, rel=1e-3)
@@ -234,10 +266,32 @@ def test_fatigue_is_miners_sum(tmp_path, monkeypatch):
     fatigue_is_as_computed(page(pulsating(tmp_path / "a.mcap")))
     with pytest.raises(AssertionError):
         fatigue_is_as_computed(page(pulsating(tmp_path / "b.mcap", 1.03)))
+    assert [hours(value) for value in (0.0123456, 12.3456, 9519120.4, 1.414e7)] == [
+        "0.01235 h", "12.35 h", "9.519e6 h", "1.414e7 h"
+    ]  # fmt: skip
     monkeypatch.setitem(sys.modules, "rainflow", None)
     html = page(tmp_path / "a.mcap")
     assert 'id="fatigue"' not in html
     assert "rainflow is not installed" in html
+
+
+def test_a_report_takes_an_own_line(tmp_path, cotrack):
+    pytest.importorskip("plotly")
+    log = pulsating(tmp_path / "a.mcap")
+    assert cotrack("report", log, "--sn", "90 MPa,1e6,5", "-o", tmp_path / "a.html")[0] == 0
+    html = (tmp_path / "a.html").read_text()
+    damage = 10.0 * (200.0 / 90.0) ** 5 / 1e6
+    assert f"<td>{number(damage, 3)}</td>" in html
+    assert "S-N line: 1e+06 cycles at a stress range of 90 MPa, slope 5." in html
+    status, _, err = cotrack("report", log, "--sn", "90 mm,1e6,5", "-o", tmp_path / "b.html")
+    assert (status, (tmp_path / "b.html").exists()) == (2, False)
+    assert "--sn 90 mm,1e6,5: must be stress range, cycles and slope" in err
+
+
+def test_rigid_links_have_no_fatigue_and_the_page_says_why(tmp_path):
+    html = page(pulsating(tmp_path / "a.mcap", scene={"track": {"model": "rigid"}}))
+    assert 'id="fatigue"' not in html
+    assert "rigid links have no stress" in html
 
 
 # --- sections and legends --------------------------------------------------------------------------

@@ -82,6 +82,20 @@ def test_an_unknown_signal_is_searched_in_descriptions(tmp_path):
                 log.signal("tension")
 
 
+def test_a_vector_is_told_by_its_components(tmp_path):
+    topics = {"/track/links": [*((f"joint[4].force.{axis}", "N") for axis in "xyz"), ("joint[4].force_peak", "N")]}
+    with Recorder(tmp_path / "a.mcap", topics, {}, {}) as recorder:
+        recorder.close("ok", "", 0)
+    said = (
+        r"has no signal 'track\.joint\[4\]\.force': it has the components \.x, \.y, \.z; 'track\.joint\[4\]\.force\.\*'"
+    )
+    with Log(tmp_path / "a.mcap") as log:
+        with pytest.raises(NoSuchSignal, match=said):
+            log.signal("track.joint[4].force")
+        with pytest.raises(NoSuchSignal, match="did you mean"):
+            log.signal("track.joint[4].forc")
+
+
 def test_what_a_log_does_not_hold_is_one_sentence(small):
     with Log(small) as log:
         with pytest.raises(NoSuchSignal, match=r"has no signal 'chassis\.sped'; did you mean 'chassis\.speed'\?"):

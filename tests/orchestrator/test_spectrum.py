@@ -66,6 +66,30 @@ def test_orders_are_multiples_of_the_rate_of_teeth(tmp_path):
     assert order_spectrum.order[order_spectrum.amplitude[1:, 0].argmax() + 1] == pytest.approx(1.0, abs=1e-6)
 
 
+def test_a_differential_has_a_speed_for_each_side(tmp_path):
+    """Orders of the right half shaft and track are those of the right sprocket, twice as fast as the left one."""
+    t = np.arange(2000) * STEP
+    connections = [
+        {"source": f"{side}_track", "outputs": ["sprocket.force.x"], "target": "drive",
+         "inputs": [f"{side}.sprocket.force.x"]}
+        for side in ("left", "right")
+    ]  # fmt: skip
+    drive = [
+        (f"{side}.{name}", unit) for side in ("left", "right") for name, unit in (("speed", "rad/s"), ("torque", "N.m"))
+    ]
+    values = np.stack([np.full(2000, 6.0), sines(t), np.full(2000, 12.0), sines(t)], axis=1)
+    topics = {"/drive/out": drive} | {f"/{side}_track/out": [("travel", "m")] for side in ("left", "right")}
+    rows = {topic: (t, values if topic == "/drive/out" else sines(t)[:, None]) for topic in topics}
+    names = ("left_track", "right_track", "drive")
+    path = made(tmp_path / "s.mcap", topics, rows, {"vehicle": {"sprocket": {"teeth": 10}}}, names, connections)
+    with Log(path) as log:
+        teeth = {
+            name: spectrum.of(RunData(log), name, orders=True).teeth
+            for name in ("drive.left.torque", "drive.right.torque", "left_track.travel", "right_track.travel")
+        }
+    assert [*teeth.values()] == pytest.approx([60.0 / (2 * np.pi), 120.0 / (2 * np.pi)] * 2)
+
+
 def test_a_scene_without_teeth_is_told(tmp_path):
     t = np.arange(100) * STEP
     connection = {

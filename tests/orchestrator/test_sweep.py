@@ -283,12 +283,18 @@ def test_a_folder_holds_one_sweep(cotrack, monkeypatch, tmp_path):
     fake(monkeypatch, *({} for _ in range(8)))
     assert cotrack(*MODELS, *SPANS, "-o", "found")[0] == 0
     kept = {file: file.read_bytes() for file in (tmp_path / "found").iterdir() if file.is_file()}
-    for other in (("--no-estimate",), ("--native",), ("--set", "run.step=2 ms"), ("--vary", "run.links=1,2")):
+    vary = "['track.model=rigid,flexible', 'chain.span=0.7:0.8:2']"
+    for other, differs in (
+        (("--no-estimate",), "estimated is True there and False here"),
+        (("--native",), "native is False there and True here"),
+        (("--set", "run.step=2 ms"), "--set run.step is 'not set' there and '2 ms' here"),
+        (("--vary", "run.links=1,2"), f"vary is {vary} there and {vary[:-1]}, 'run.links=1,2'] here"),
+    ):
         status, out, err = cotrack(*MODELS, *SPANS, *other, "-o", "found")
         assert (status, out) == (2, "")
         assert err == (
-            "cotrack: -o 'found': holds another sweep, of hanging_chain over ['track.model=rigid,flexible',"
-            " 'chain.span=0.7:0.8:2']: choose another folder\n"
+            f"cotrack: -o 'found': holds another sweep, of hanging_chain over {vary}: {differs}:"
+            " choose another folder\n"
         )
     assert kept == {file: file.read_bytes() for file in kept}
     assert cotrack(*MODELS, *SPANS, "-o", "found")[0] == 0

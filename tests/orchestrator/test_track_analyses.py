@@ -158,6 +158,23 @@ def test_joints_are_the_extremes_of_links(driven):
         np.testing.assert_allclose(printed, [[values.min() / 1e3, values.mean() / 1e3, values.max() / 1e3]], rtol=1e-9)
 
 
+def test_the_largest_force_of_a_pin_has_its_part_of_the_circuit(driven):
+    """Parts of the largest forces, by where the pin is: near the sprocket's axle, at the rear end, above or below."""
+    with Log(driven) as log:
+        run = RunData(log)
+        extremes, pins = joints.of(run), run.links("left_track")
+    seen = set()
+    for joint, t, part in zip(extremes.most_joint[0], extremes.most_t[0], extremes.most_part[0], strict=True):
+        row = int(np.abs(pins.t - t).argmin())
+        x, z = pins.forward[row], pins.up[row]
+        k = int(joint) - 1
+        run_part = "upper run" if z[k] > 0.5 * (z.min() + z.max()) else "lower run"
+        wheel = "sprocket" if np.hypot(x[k], z[k]) < 0.45 else "idler" if x[k] < x.min() + 0.6 else run_part
+        assert part in (wheel, run_part)
+        seen.add(part if wheel == run_part else "")
+    assert seen - {""}, "no pin is far from both wheels"
+
+
 # deformation
 
 ROD, GRADIENT = 0.2, (1.0 + 1e-5, 0.0, 2e-5)  # m; at the first pin of a made-up element

@@ -395,6 +395,12 @@ SIX = "vehicle.road_wheel.x=[-0.655, -1.19, -1.725, -2.26, -2.79, -3.322]"
         ((SIX, "vehicle.road_wheel.radius=0.265"), None),
         ((SIX, "vehicle.road_wheel.radius=0.266"), "0.53 m apart; plausible is at least 0.532 m"),
         (("vehicle.road_wheel.x.4=-3.5",), "vehicle.road_wheel.x.4 = -3.5 m and vehicle.idler.x = -4 m: these wheels"),
+        (("vehicle.section.outer_fibre=0.0116",), None),  # a section of two thin flanges, 2.04e-6 m^4
+        (
+            ("vehicle.section.outer_fibre=0.0115",),
+            "own.toml: vehicle.section.bending = 2.03e-06 m^4: is more than any section of area = 0.01516 m^2 within"
+            " outer_fibre = 0.0115 m has, area x outer_fibre^2 = 2.005e-06 m^4",
+        ),
         (("vehicle.road_wheel.x.0=-0.4",), "the sprocket's place = 0 m and vehicle.road_wheel.x.0 = -0.4 m: these"),
     ],
 )

@@ -9,6 +9,7 @@ may have ``series()`` with all numbers. ``ANALYSES`` defines the command ``cotra
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -28,6 +29,11 @@ class Option(NamedTuple):
     help: str
     least: int | None = None
 
+    @property
+    def keyword(self) -> str:
+        """Its name from Python: that of the flag."""
+        return self.flag.removeprefix("--")
+
 
 class Analysis(NamedTuple):
     """Description and options of an analysis."""
@@ -36,6 +42,7 @@ class Analysis(NamedTuple):
     options: tuple[Option, ...] = ()
     picture_options: tuple[Option, ...] = ()  # options of ``picture``
     records: tuple[str, ...] = ()  # groups of link outputs that it needs beside the standard ones
+    stress: bool = False  # rigid links have none, so a run of them is not recorded for it
     library: str = ""  # of the extra analysis, which it needs
     all_tracks: bool = False  # without a given track it is of all, else of the first
     full_series: bool = False  # a file gets all numbers over time, frequency or length instead of the table
@@ -46,28 +53,40 @@ class Analysis(NamedTuple):
         return tuple(option.flag for option in (*self.options, *self.picture_options))
 
 
-TRACK = Option("track", str, "--track", "NAME", "by default the first, of joints all")
+UNSTRESSED = "fatigue needs flexible links, or a force (cotrack analyse LOG fatigue --signal tension)"
+SN_HELP = "S-N line of fatigue: stress range, cycles, slope; default 100e6,2e6,3, units as in '90 MPa,1e6,5'"
+
+TRACK = Option("track", str, "--track", "NAME", "left_track or left; by default the first, of fatigue and joints all")
 SIGNALS = Option(
     "signals", list[str], "--signal", "NAME",
-    "of a spectrum: instance.variable, * for anything; repeatable; of an envelope: link[*].tension or the like",
+    "of a spectrum: instance.variable, * for anything; repeatable; of an envelope: link[*].tension or the like; of "
+    "fatigue: a force, as tension, instead of the stress",
 )  # fmt: skip
+SIGNAL = SIGNALS._replace(name="signal")
 SHAPE = Option("shape", str, "--shape", "hann|flat-top", "window of a spectrum, default hann")
 ORDERS = Option("orders", bool, "--order", None, "of a spectrum: tooth orders too")
 BINS = Option("bins", int, "--bins", "N", "of an envelope, default one a link", 0)
-LINE = Option("line", str, "--sn", "PA,CYCLES,SLOPE", "S-N line of fatigue, default 100e6,2e6,3")
+SN = Option("sn", str, "--sn", "RANGE,CYCLES,SLOPE", SN_HELP)
 TEETH = Option("teeth", bool, "--teeth", None, "events: each tooth that passes")
 AT = Option("at", list[float], "--at", "T", "deformation: an instant, s; repeatable; default last")
 LINK = Option("link", int, "--link", "N", "deformation: the link of a picture, default 1")
+
+FORMER = {"line": "sn"}  # names of options in older versions
 
 ANALYSES = {
     "power": Analysis("through wheels, sprockets and motors, relative to the hull", full_series=True),
     "spectrum": Analysis(
         "largest peaks of signals, by frequency and tooth order", (SIGNALS, SHAPE, ORDERS), full_series=True
     ),
-    "envelope": Analysis(
-        "least, mean, largest tension by place on the circuit", (SIGNALS._replace(name="signal"), TRACK, BINS)
+    "envelope": Analysis("least, mean, largest tension by place on the circuit", (SIGNAL, TRACK, BINS)),
+    "fatigue": Analysis(
+        "rainflow cycles of links: damage, equivalent ranges of stress or of a force",
+        (TRACK, SN, SIGNAL),
+        records=("fibres",),
+        stress=True,
+        library="rainflow",
+        all_tracks=True,
     ),
-    "fatigue": Analysis("rainflow cycles and damage of links", (TRACK, LINE), records=("fibres",), library="rainflow"),
     "wheel-loads": Analysis("of road wheels, and how long they are lifted off"),
     "patches": Analysis("contact patches of road wheels and idlers on links"),
     "contact": Analysis("pressure under links", (TRACK,)),
@@ -110,9 +129,29 @@ def module_of(name: str) -> Any:
 def analyse(path: str | os.PathLike[str], what: str, window: tuple[float, float] = EVER, **options: Any) -> Any:
     """Analyse a log in a window of time, s; the result has arrays, ``table()`` and its ``frame()``.
 
-    ``options`` are the arguments of ``of``: ``track`` for most, ``signals`` of a spectrum, ``signal`` of an envelope.
-    Raises BadInput for an unknown name, Missing, LogUnreadable, NoSuchSignal.
+    ``options`` are those of the command line, below. Raises BadInput for an unknown analysis or option, Missing,
+    LogUnreadable, NoSuchSignal.
     """
-    analysis = module_of(what)
+    analysis, arguments = module_of(what), _arguments(what, options)
     with Log(path) as log:
-        return analysis.of(RunData(log), window=Window(*window), **options)
+        return analysis.of(RunData(log), window=Window(*window), **arguments)
+
+
+def _arguments(what: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments of ``of`` for options by their name here, on the command line or in older versions."""
+    known = {name: option.name for option in ANALYSES[what].options for name in (option.keyword, option.name)}
+    known |= {old: new for old, new in FORMER.items() if new in known}
+    for name in options:
+        if name not in known:
+            listed = "; ".join(f"{option.keyword}: {option.help}" for option in ANALYSES[what].options)
+            raise BadInput(f"{what} has no option '{name}': there is {listed or 'none'}, and the window of time")
+    return {known[name]: value for name, value in options.items()}
+
+
+def options_listed(indent: str) -> str:
+    """Options of the analyses, a line each, for docstrings."""
+    lines = [f"{name}: {', '.join(o.keyword for o in one.options) or 'none'}" for name, one in ANALYSES.items()]
+    return "\n\n" + "".join(f"{indent}{line}\n" for line in lines) + indent
+
+
+analyse.__doc__ = f"{(analyse.__doc__ or '').rstrip()}{options_listed('    ')}"

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.vehicle import BadInput
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, hull, link_records
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
@@ -79,11 +78,7 @@ def of(
     The number of bins is ``bins`` or the number of links. The signal may begin with the name of its track. Raises
     Missing, BadInput for several signals.
     """
-    signal, *more = [signal] if isinstance(signal, str) else signal
-    if more:
-        raise BadInput(f"an envelope is of one signal, not of {1 + len(more)}")
-    track = next((name for name in run.tracks if signal.startswith(f"{name}.")), track)
-    signal = signal.removeprefix(f"{track}.")
+    track, signal = link_records.one_signal(run, track, signal, "an envelope")
     track = hull.tracks(run, track)[0]
     unit = link_records.unit(run, track, signal)
     statistics: PlaceBins | None = None

@@ -1,23 +1,31 @@
-"""Fatigue of links: rainflow cycles of the stress at outer and inner fibres, with Miner's rule.
+"""Fatigue of links: rainflow cycles, with Miner's rule and equivalent ranges.
 
 Damage sums are those of Palmgren and Miner. The stress is the mean along a link at the two faces of the section,
-axial and bending. Notches must be in the given S-N line. Mean stress has no influence.
+axial and bending: it is less than the largest along the link. Notches must be in the given S-N line. Mean stress has
+no influence. The equivalent range of a record is the range that does its damage in the cycles of the S-N line; it is
+defined for forces of links too, by cycles and slope alone.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from fmus.vehicle import BadInput
+from fmus.track_choices import TRACKS
+from fmus.vehicle import BadInput, to_si
 from orchestrator.log.extra import library
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, link_records
+from orchestrator.results.analyses.catalogue import UNSTRESSED
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
+from orchestrator.results.units import hours
 
 FIBRES = ("outer", "inner")
+SHOWN = 10  # links of a track in the printed table
+ALONG = "stress: mean along a link at its outer and inner fibre, which is less than the largest along the link"
 
 
 class StressLifeLine(NamedTuple):
@@ -29,23 +37,40 @@ class StressLifeLine(NamedTuple):
 
     @classmethod
     def read(cls, text: str) -> StressLifeLine:
-        """Parse "stress,cycles,slope"; raises BadInput."""
+        """Parse "stress,cycles,slope", the stress range in Pa or with its unit; raises BadInput."""
         try:
-            stress, cycles, slope = map(float, text.split(","))
+            stress, cycles, slope = text.split(",")
+            line = cls(to_si("Pa")(stress.strip()), float(cycles), float(slope))
         except ValueError:
-            raise BadInput(f"--sn {text}: must be stress range in Pa, cycles and slope, as 100e6,2e6,3") from None
-        return cls(stress, cycles, slope)
+            raise BadInput(
+                f"--sn {text}: must be stress range, cycles and slope, as 100e6,2e6,3 or '100 MPa,2e6,3'"
+            ) from None
+        return line.checked(f"--sn {text}")
+
+    def checked(self, where: str) -> StressLifeLine:
+        """The line itself; raises BadInput, which begins with ``where``, unless its numbers are positive."""
+        for name, value in self._asdict().items():
+            if not 0.0 < value < np.inf:
+                raise BadInput(f"{where}: {name} = {value:g}: must be greater than 0 and finite")
+        return self
+
+    def __str__(self) -> str:
+        return f"S-N line: {self.cycles:g} cycles at a stress range of {self.stress / 1e6:g} MPa, slope {self.slope:g}"
 
 
-class Fatigue(NamedTuple):
-    """Damage by link and fibre (outer, inner)."""
+class TrackFatigue(NamedTuple):
+    """Cycles and damage of the links of a track, by fibre (outer, inner); of a force in a single column."""
 
     track: str
+    signal: str  # "" for the stress of fibres, else the signal, "link[*].tension"
+    unit: str
     window: Window  # recorded time, s
     line: StressLifeLine
-    damage: Floats  # (links, 2) share of life consumed in the window
-    cycles: Floats  # (links, 2) number, half cycles as 0.5
-    largest: Floats  # (links, 2) Pa, largest range
+    damage: Floats  # (links, 2) share of life consumed in the window; (links, 1) NaN for a force
+    cycles: Floats  # (links, n) number, half cycles as 0.5
+    largest: Floats  # (links, n) in the unit, largest range
+    equivalent: Floats  # (links, n) in the unit, range that does the same damage in ``line.cycles`` cycles
+    interval: float  # s, mean time between records
 
     @property
     def life(self) -> float:
@@ -53,46 +78,126 @@ class Fatigue(NamedTuple):
         most = float(self.damage.max())
         return (self.window.end - self.window.start) / 3600.0 / most if most else float("inf")
 
+    @property
+    def worst(self) -> tuple[int, int]:
+        """Place of the most damaged link and its fibre in the arrays."""
+        link, column = np.unravel_index(int(self.equivalent.argmax()), self.equivalent.shape)
+        return int(link), int(column)
+
+    def rows(self) -> list[tuple[str | int | float, ...]]:
+        """Rows of the table by damage, one for each link: its worse fibre."""
+        worse = self.equivalent.argmax(axis=1)
+        size = 1e6 if self.unit == "Pa" else 1e3 if self.unit == "N" else 1.0
+        rows: list[tuple[str | int | float, ...]] = []
+        for i in np.argsort(-self.equivalent.max(axis=1), kind="stable"):
+            k = worse[i]
+            ranges = float(self.equivalent[i, k]) / size, float(self.largest[i, k]) / size
+            damage = () if self.signal else (FIBRES[k], float(self.damage[i, k]))
+            rows.append((self.track, int(i) + 1, *damage, *ranges, float(self.cycles[i, k])))
+        return rows
+
+
+class Fatigue(NamedTuple):
+    """Fatigue of one or more tracks."""
+
+    tracks: tuple[TrackFatigue, ...]
+
     def table(self) -> Table:
-        """Table with a row for each link: its worse fibre."""
-        worse = self.damage.argmax(axis=1)
-        rows = [
-            (i + 1, FIBRES[k], float(self.damage[i, k]), float(self.cycles[i, k]), float(self.largest[i, k]) / 1e6)
-            for i, k in enumerate(worse)
-        ]
-        columns = (("link", ""), ("fibre", ""), ("damage", ""), ("cycles", ""), ("largest range", "MPa"))
-        line = self.line
+        """Table of the most damaged links of each track."""
+        return self._table(SHOWN)
+
+    def series(self) -> Table:
+        """Table of all links."""
+        return self._table(None)
+
+    def _table(self, most: int | None) -> Table:
+        first = self.tracks[0]
+        unit = {"Pa": "MPa", "N": "kN"}.get(first.unit, first.unit)
+        damage = () if first.signal else (("fibre", ""), ("damage", ""))
+        columns = (
+            ("track", ""), ("link", ""), *damage, ("equivalent range", unit), ("largest range", unit), ("cycles", ""),
+        )  # fmt: skip
+        rows = [row for each in self.tracks for row in each.rows()[:most]]
+        start, end = (f"{moment:.6g}" for moment in first.window)
+        links = max(len(each.damage) for each in self.tracks)
         notes = (
-            f"S-N line: {line.cycles:g} cycles at a range of {line.stress / 1e6:g} MPa, slope {line.slope:g}",
-            f"the first link breaks after {self.life:.4g} h of this",
+            [f"the {most} worst of {links} links of each track; -o FILE.csv has all"] if most and links > most else []
         )
-        title = f"Fatigue of {self.track}, {self.window.start:.6g} to {self.window.end:.6g} s"
-        return Table.of(title, columns, rows, notes)
+        title = f"Fatigue{f' by {first.signal}' * bool(first.signal)}, {start} to {end} s"
+        return Table.of(title, columns, rows, (*notes, *self.notes()))
+
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on S-N line, lives, stress and records."""
+        first = self.tracks[0]
+        line = first.line
+        same = f"equivalent range: {line.cycles:g} cycles of it do the same damage at a slope of {line.slope:g}"
+        recorded = f"recorded every {1e3 * first.interval:.4g} ms (run.links); longer intervals miss peaks"
+        if first.signal:
+            return same, recorded
+        lives = [
+            f"the first link of {each.track} breaks after {hours(each.life)} of this"
+            if np.isfinite(each.life)
+            else f"no link of {each.track} is damaged"
+            for each in self.tracks
+        ]
+        return (str(line), *lives, same, ALONG, recorded)
 
 
-def of(run: RunData, track: str = "", window: Window = EVER, line: StressLifeLine | str | None = None) -> Fatigue:
-    """Fatigue of each link of a track, by default the first; raises Missing, BadInput, NotInstalled."""
-    line = StressLifeLine.read(line) if isinstance(line, str) else line or StressLifeLine()
-    for name, value in line._asdict().items():
-        if not 0.0 < value < np.inf:
-            raise BadInput(f"the S-N line's {name} = {value:g}: must be greater than 0 and finite")
-    track = hull.tracks(run, track)[0]
+def of(
+    run: RunData,
+    track: str = "",
+    window: Window = EVER,
+    sn: StressLifeLine | str | None = None,
+    signal: str | Sequence[str] = "",
+) -> Fatigue:
+    """Fatigue of each link of a track, by default of all tracks; raises Missing, BadInput, NotInstalled.
+
+    ``sn``: S-N line. ``signal``: a force of links instead of the stress of fibres, "tension" or "link[*].tension";
+    a vector counts by its norm.
+    """
+    line = StressLifeLine.read(sn) if isinstance(sn, str) else (sn or StressLifeLine()).checked("the S-N line")
+    track, signal = link_records.one_signal(run, track, signal, "fatigue")
+    signal = f"link[*].{signal}" if signal and "[" not in signal else signal
+    model = run.scene.get("track", {}).get("model")
+    if not signal and model in TRACKS and not TRACKS[model].stressed:
+        raise Missing(f"{run.log.path}: {TRACKS[model].links} have no stress: {UNSTRESSED}")
+    return Fatigue(tuple(_of_track(run, name, window, line, signal) for name in hull.tracks(run, track)))
+
+
+def _of_track(run: RunData, track: str, window: Window, line: StressLifeLine, signal: str) -> TrackFatigue:
+    """Fatigue of each link of a track."""
+    signals = [signal] if signal else [f"link[*].fibre.{fibre}" for fibre in FIBRES]
     columns: list[list[Floats]] = []
     times: list[float] = []
-    for block in link_records.records(run, track, window, *(f"link[*].fibre.{fibre}" for fibre in FIBRES)):
-        stress = np.concatenate(block.values, axis=1)
-        if not np.isfinite(stress).all():
-            raise Missing(f"{run.log.path}: stress of '{track}' is no finite number from {block.t[0]:g} s on")
-        columns = columns or [[] for _ in range(stress.shape[1])]
-        for gathered, column in zip(columns, stress.T, strict=True):
+    count = 0
+    for block in link_records.records(run, track, window, *signals):
+        sizes = [each if each.ndim == 2 else np.linalg.norm(each, axis=2) for each in block.values]
+        values = np.concatenate(sizes, axis=1)
+        if not np.isfinite(values).all():
+            what = f"'{track}.{signal}'" if signal else f"stress of '{track}'"
+            raise Missing(f"{run.log.path}: {what} is no finite number from {block.t[0]:g} s on")
+        columns = columns or [[] for _ in range(values.shape[1])]
+        for gathered, column in zip(columns, values.T, strict=True):
             gathered.append(turning_points(column))
         times += [float(block.t[0]), float(block.t[-1])]
+        count += len(block.t)
     counted = [rainflow_cycles(np.concatenate(column)) for column in columns]
     found = np.array(
-        [(np.sum(n * (s / line.stress) ** line.slope) / line.cycles, n.sum(), s.max(initial=0.0)) for s, n in counted]
+        [(equivalent_range(s, n, line.cycles, line.slope), n.sum(), s.max(initial=0.0)) for s, n in counted]
     )
-    damage, number, largest = (each.reshape(2, -1).T for each in found.T)
-    return Fatigue(track, Window(times[0], times[-1]), line, damage, number, largest)
+    equivalent, number, largest = (each.reshape(len(signals), -1).T for each in found.T)
+    damage = np.full_like(equivalent, np.nan) if signal else (equivalent / line.stress) ** line.slope
+    unit, span = link_records.unit(run, track, signals[0]), Window(times[0], times[-1])
+    interval = (span.end - span.start) / max(count - 1, 1)
+    return TrackFatigue(track, signal, unit, span, line, damage, number, largest, equivalent, interval)
+
+
+def equivalent_range(ranges: Floats, counts: Floats, cycles: float, slope: float) -> float:
+    """Range that does in so many cycles the damage of ranges (k,) with their counts (k,), by Miner's rule."""
+    largest = ranges.max(initial=0.0)
+    if not largest > 0.0:
+        return 0.0
+    return float(largest * (np.sum(counts * (ranges / largest) ** slope) / cycles) ** (1.0 / slope))
 
 
 def turning_points(values: Floats) -> Floats:

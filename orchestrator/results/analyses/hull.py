@@ -24,16 +24,20 @@ def sprocket(run: RunData, track: str) -> WrenchPort | None:
     return next((port for port in ports(run) if port.giver == track and port.giver_connector == "sprocket"), None)
 
 
-def sprocket_speed(run: RunData, instance: str) -> str:
-    """Signal of the sprocket's speed in the hull, rad/s, for a track or drive, else for the first one.
+def sprocket_speed(run: RunData, of: str) -> str:
+    """Signal of the sprocket's speed in the hull, rad/s, for a signal of a track or drive, else for the first one.
 
-    Raises Missing without a sprocket.
+    A steering differential has two sprockets: "drive.right.torque" belongs to the right one. Raises Missing without a
+    sprocket.
     """
     sprocket_ports = [port for port in ports(run) if port.giver_connector == "sprocket"]
     if not sprocket_ports:
         raise Missing(f"{run.log.path} holds no sprocket that turns")
-    port = next((port for port in sprocket_ports if instance in (port.giver, port.taker)), sprocket_ports[0])
-    return f"{port.taker}.{port.taker_connector.removesuffix('sprocket')}speed"
+    sides = [f"{port.taker}.{port.taker_connector.removesuffix('sprocket')}" for port in sprocket_ports]
+    instances = [(port.giver, port.taker) for port in sprocket_ports]
+    own = [side for side in sides if of.startswith(side)]
+    own += [side for side, both in zip(sides, instances, strict=True) if of.partition(".")[0] in both]
+    return f"{(own or sides)[0]}speed"
 
 
 def poses(run: RunData, track: str, t: Floats) -> HullAxes:
@@ -71,7 +75,8 @@ def _interpolated(t: Floats, times: Floats, values: Floats) -> Floats:
 
 
 def tracks(run: RunData, name: str = "") -> tuple[str, ...]:
-    """Names of all tracks, or of the given one; raises Missing."""
+    """Names of all tracks, or of the given one, of "left_track" also by "left"; raises Missing."""
+    name = f"{name}_track" if f"{name}_track" in run.tracks else name
     if not run.tracks:
         raise Missing(f"{run.log.path} holds no track")
     if name and name not in run.tracks:

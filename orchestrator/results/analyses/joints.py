@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, link_records, links
+from orchestrator.results.analyses import circuit, hull, link_records, links
 from orchestrator.results.analyses.extremes import Extreme, larger, smaller
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
@@ -23,21 +23,24 @@ class JointForces(NamedTuple):
     most_joint: Floats  # (tracks, 4)
     least_t: Floats  # (tracks, 4) s
     most_t: Floats  # (tracks, 4) s
+    most_part: tuple[tuple[str, ...], ...]  # (tracks, 4) part of the circuit (``circuit.py``); "" on an open chain
     interval: float  # s, averaging interval of the forces; 0: instantaneous
 
     def table(self) -> Table:
         """Table with a row for each track and axis."""
         rows = [
             (
-                track, axis, float(self.least[i, k]) / 1e3, int(self.least_joint[i, k]), float(self.least_t[i, k]),
+                track, axis,
+                float(self.least[i, k]) / 1e3, int(self.least_joint[i, k]), float(self.least_t[i, k]),
                 float(self.most[i, k]) / 1e3, int(self.most_joint[i, k]), float(self.most_t[i, k]),
+                self.most_part[i][k],
             )
             for i, track in enumerate(self.tracks)
             for k, axis in enumerate((*links.AXES, "size"))
         ]  # fmt: skip
         columns = (
-            ("track", ""), ("axis", ""), ("least", "kN"), ("at joint", ""), ("at", "s"), ("largest", "kN"),
-            ("at joint ", ""), ("at ", "s"),
+            ("track", ""), ("axis", ""), ("least", "kN"), ("least at joint", ""), ("least at", "s"), ("largest", "kN"),
+            ("largest at joint", ""), ("largest at", "s"), ("largest on", ""),
         )  # fmt: skip
         note = () if self.interval == 0.0 else (f"means over {1e3 * self.interval:.4g} ms, as recorded",)
         return Table.of("Joint forces on the link that begins at the pin, in its axes", columns, rows, note)
@@ -47,8 +50,25 @@ def of(run: RunData, track: str = "", window: Window = EVER) -> JointForces:
     """Extreme joint forces of all tracks or one; raises Missing."""
     names = hull.tracks(run, track)
     extremes = np.array([_extremes(run, name, window) for name in names])
+    parts = tuple(_parts(run, name, each[3], each[5]) for name, each in zip(names, extremes, strict=True))
     steps = max(link_records.interval(run, name) for name in names)
-    return JointForces._make([names, *(extremes[:, k] for k in range(6)), steps * _step(run)])
+    return JointForces._make([names, *(extremes[:, k] for k in range(6)), parts, steps * _step(run)])
+
+
+def _parts(run: RunData, track: str, joints: Floats, times: Floats) -> tuple[str, ...]:
+    """Part of the circuit of a track on which each pin is at its time, s; "" for open chains and without wheels."""
+    found = []
+    for joint, t in zip(joints.astype(int), times, strict=True):
+        try:
+            block = next(circuit.records(run, track, Window(t, t)))
+        except Missing:
+            return ("",) * len(joints)
+        order = np.argsort(block.links[0])
+        parts = circuit.stretches(run.scene, block.links[0, order], block.centres[0, order])
+        place = float(block.joints[0, joint - 1])
+        nearest = min(parts, key=lambda one: max(one.start - place, place - one.end), default=None)
+        found.append(nearest.name if nearest else "")
+    return tuple(found)
 
 
 def _step(run: RunData) -> float:

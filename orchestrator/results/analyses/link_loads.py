@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -37,15 +38,6 @@ class LinkLoads(NamedTuple):
     def closed(self) -> bool:
         """True if the last link ends at the first pin."""
         return self.pins == self.links
-
-    @property
-    def bearers(self) -> dict[int, list[str]]:
-        """Links with a largest load, and the names of these loads."""
-        found: dict[int, list[str]] = {}
-        for name, extreme in self.most.items():
-            if name == "tension" or extreme.value > 0.0:
-                found.setdefault(extreme.member, []).append(name)
-        return found
 
 
 def of(run: RunData, track: str) -> LinkLoads:
@@ -93,18 +85,18 @@ def tensions_in(run: RunData, track: str, span: tuple[float, float], like: LinkL
     return envelope.upper
 
 
-def curves(run: RunData, loads: LinkLoads) -> dict[int, dict[str, tuple[Curve, Peak]]]:
-    """Curves of the loads of each link with a largest load, with their peaks; raises LogUnreadable."""
-    kinds = [name for name, signal in SIGNALS.items() if link_records.has(run, loads.track, signal)]
-    members = [link - 1 for link in loads.bearers]
+def curves(run: RunData, track: str, links: Sequence[int]) -> dict[int, dict[str, tuple[Curve, Peak]]]:
+    """Curves of the loads of some links of a track, with their peaks; raises LogUnreadable."""
+    kinds = [name for name, signal in SIGNALS.items() if link_records.has(run, track, signal)]
+    members = [link - 1 for link in links]
     envelope = TimeEnvelope(*run.span, len(kinds) * len(members))
-    for block in link_records.records(run, loads.track, EVER, *(SIGNALS[name] for name in kinds)):
+    for block in link_records.records(run, track, EVER, *(SIGNALS[name] for name in kinds)):
         sizes = [_size(values) for values in block.values]
         chosen = [
             values[:, k] if k < values.shape[1] else np.full(len(block.t), np.nan) for k in members for values in sizes
         ]
         envelope.add(block.t, np.stack(chosen, axis=1))
-    by_link: dict[int, dict[str, tuple[Curve, Peak]]] = {link: {} for link in loads.bearers}
+    by_link: dict[int, dict[str, tuple[Curve, Peak]]] = {link: {} for link in links}
     for k, (link, name) in enumerate((link, name) for link in by_link for name in kinds):
         if peak := envelope.largest(k):
             by_link[link][name] = envelope.curve(k), peak

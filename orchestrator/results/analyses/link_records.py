@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from fmus.link_outputs import INTERVAL
+from fmus.vehicle import BadInput
 from orchestrator.log.schema import family
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses.catalogue import recorder_of
@@ -50,6 +51,18 @@ def interval(run: RunData, track: str) -> int:
         if instance["name"] == track:
             return int(instance.get("parameters", {}).get(INTERVAL, 0))
     return 0
+
+
+def one_signal(run: RunData, track: str, signal: str | Sequence[str], what: str) -> tuple[str, str]:
+    """Track and signal of links, whose name may begin with that of the track; raises BadInput for several signals.
+
+    ``what``: the analysis, in the sentence.
+    """
+    signal, *more = [signal] if isinstance(signal, str) else signal
+    if more:
+        raise BadInput(f"{what} is of one signal, not of {1 + len(more)}")
+    track = next((name for name in run.tracks if signal.startswith(f"{name}.")), track)
+    return track, signal.removeprefix(f"{track}.")
 
 
 def midway(pins: Floats, before: Floats | None) -> Floats:

@@ -76,6 +76,7 @@ def figure_of(
     order: bool = False,
     waterfall: bool = False,
     place: bool = False,
+    at: Sequence[float] = (),
     measured: Sequence[MeasuredSignal] = (),
 ) -> Figure:
     """Draw signals ("*" stands for anything) of one or more logs.
@@ -83,7 +84,8 @@ def figure_of(
     :param frequency: amplitudes over frequency, Hz, instead of values over time.
     :param order: over tooth orders.
     :param waterfall: a map of a family as "left_track.link[*].tension", by its members and time (or frequency).
-    :param place: a map by place on the circuit (``circuit.py``) and time.
+    :param place: a map by place on the circuit (``circuit.py``) and time; of a single record curves over the place.
+    :param at: instants, s: curves over the place in the records nearest to them, instead of a map.
     :param measured: signals of a test, on the clock of the runs, drawn with the others over time.
     :raises BadInput: for what cannot be drawn. Raises Missing, NoSuchSignal, LogUnreadable.
     """
@@ -93,6 +95,8 @@ def figure_of(
     frequency = frequency or order
     if place and frequency:
         raise BadInput("places on the circuit are drawn over time, not over frequency or tooth order")
+    if at and not place:
+        raise BadInput("--at takes an instant of --place, values by place on the circuit")
     if measured and (frequency or waterfall or place):
         raise BadInput("measured signals are drawn as curves over time only")
     figure = Figure(layout="constrained")
@@ -101,9 +105,16 @@ def figure_of(
     if waterfall or place:
         maps = []
         for path in logs:
+            if at:
+                break
             with Log(path) as log:
                 maps += [*_maps(RunData(log), signals, window, frequency, order, place, len(logs) > 1)]
-        _draw_maps(figure, maps, x_label, frequency)
+        if place and (at or all(len(each.x) == 1 for each in maps)):
+            _draw_profiles(figure, logs, signals, at or [float(maps[0].x[0])])
+        elif single := next((each.title for each in maps if len(each.x) < 2), ""):
+            raise Missing(f"'{single}' has a single record in the window: a map needs two")
+        else:
+            _draw_maps(figure, maps, x_label, frequency)
     else:
         curves = []
         for number, path in enumerate(logs):
@@ -172,13 +183,9 @@ def _maps(
     for pattern in signals:
         for topic, columns, t in _chosen(run, [pattern], window):
             names = [run.log.name(topic, column) for column in columns]
-            keys, members = zip(*map(family, names), strict=True)
-            if None in members or len(set(keys)) != 1:
-                raise BadInput(f"'{pattern}' is no family of signals as left_track.link[*].tension: it makes no map")
-            if len(names) < 2:
-                raise BadInput(f"'{pattern}' is a single signal: it makes no map")
+            key, members = _family(names, pattern)
             unit = run.log.topics[topic].units[columns[0]]
-            title = keys[0] + (f", {run.log.path.stem}" if several else "")
+            title = key + (f", {run.log.path.stem}" if several else "")
             y = np.array(members, float)
             number = _member(names[0])
             if place:
@@ -191,6 +198,16 @@ def _maps(
             else:
                 x, values = _means(run, topic, columns, window, -(-len(t) // MAP))
                 yield SignalMap(title, number, x, y, values.T, unit)
+
+
+def _family(names: Sequence[str], pattern: str) -> tuple[str, list[int]]:
+    """Name and members of a family of signals; raises BadInput for others."""
+    keys, members = zip(*map(family, names), strict=True)
+    if None in members or len(set(keys)) != 1:
+        raise BadInput(f"'{pattern}' is no family of signals as left_track.link[*].tension: it makes no map")
+    if len(names) < 2:
+        raise BadInput(f"'{pattern}' is a single signal: it makes no map")
+    return keys[0], list(members)
 
 
 def _means(run: RunData, topic: str, columns: list[int], window: Window, stride: int) -> tuple[Floats, Floats]:
@@ -217,10 +234,7 @@ def _by_place(
 
     The parts are those of the first record.
     """
-    track, _, rest = name.partition(".")
-    signal = family(rest)[0]
-    if track not in run.tracks or not signal.startswith(("link[", "joint[")):
-        raise BadInput(f"'{name}' is of no link or pin of a track: it has no place on a circuit")
+    track, signal = _on_circuit(run, name)
     times, values, lengths, parts = [], [], [], None
     for block in circuit.records(run, track, window, signal):
         if parts is None:
@@ -237,6 +251,54 @@ def _by_place(
         lengths.append(float(block.length.mean()))
     place = places * float(np.mean(lengths))
     return np.concatenate(times), place, np.concatenate(values).T, tuple(parts or ())
+
+
+def _on_circuit(run: RunData, name: str) -> tuple[str, str]:
+    """Track and signal of a name, "link[*].tension"; raises BadInput for a signal of no link or pin."""
+    track, _, rest = name.partition(".")
+    signal = family(rest)[0]
+    if track not in run.tracks or not signal.startswith(("link[", "joint[")):
+        raise BadInput(f"'{name}' is of no link or pin of a track: it has no place on a circuit")
+    return track, signal
+
+
+def _profiles(
+    run: RunData, signals: Sequence[str], at: Sequence[float], number: int, several: bool
+) -> Iterator[tuple[LabelledCurve, list[circuit.Stretch]]]:
+    """Families of a log over the place on the circuit, in the records nearest to some times, s; parts of the circuit.
+
+    Raises BadInput for a signal without a family or a place, Missing.
+    """
+    for pattern in signals:
+        for topic, columns, t in _chosen(run, [pattern], EVER):
+            names = [run.log.name(topic, column) for column in columns]
+            key, _ = _family(names, pattern)
+            track, signal = _on_circuit(run, names[0])
+            for moment in at:
+                nearest = float(t[np.abs(t - moment).argmin()])
+                block = next(circuit.records(run, track, Window(nearest, nearest), signal))
+                where = (block.joints if signal.startswith("joint") else block.links)[0]
+                order, links = np.argsort(where), np.argsort(block.links[0])
+                parts = circuit.stretches(run.scene, block.links[0, links], block.centres[0, links])
+                label = f"{key} at {nearest:.4g} s" + (f", {run.log.path.stem}" if several else "")
+                unit = run.log.topics[topic].units[columns[0]]
+                yield LabelledCurve(label, unit, where[order], block.values[0][0, order], number, key), parts
+
+
+def _draw_profiles(figure: Figure, logs: Sequence[Path], signals: Sequence[str], at: Sequence[float]) -> None:
+    """Draw families over the place on the circuit at some instants, with the parts of the first one."""
+    drawn = []
+    for number, path in enumerate(logs):
+        with Log(path) as log:
+            drawn += [*_profiles(RunData(log), signals, at, number, len(logs) > 1)]
+    _draw_curves(figure, [curve for curve, _ in drawn], PLACE, False)
+    pane = figure.axes[0]
+    for part in drawn[0][1]:
+        pane.axvline(part.start, color="0.6", linewidth=0.6)
+        pane.annotate(
+            part.name, (part.middle, 1.0), (0, 3), xycoords=("data", "axes fraction"), textcoords="offset points",
+            fontsize=7, ha="center",
+        )  # fmt: skip
 
 
 def _closed_round(share: Floats, values: Floats) -> tuple[Floats, Floats]:

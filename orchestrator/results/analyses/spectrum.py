@@ -105,14 +105,14 @@ def of(
     t, values, resampled = resample_evenly(series.t, series.values)
     frequency, amplitude = amplitudes(t, values, shape)
     span = Window(float(t[0]), float(t[-1]))
-    teeth = tooth_passing_frequency(run, names[0].partition(".")[0], span) if orders else float("nan")
+    teeth = tooth_passing_frequency(run, names[0], span) if orders else float("nan")
     units = tuple(run.log.topics[topic].units[column] for column in columns)
     return Spectrum(names, units, frequency, amplitude, teeth, span, shape, resampled)
 
 
-def tooth_passing_frequency(run: RunData, instance: str, window: Window) -> float:
-    """Mean tooth passing frequency of an instance's sprocket, or the first, Hz; raises Missing."""
-    signal = hull.sprocket_speed(run, instance)
+def tooth_passing_frequency(run: RunData, of: str, window: Window) -> float:
+    """Mean tooth passing frequency of the sprocket of a signal, or the first, Hz; raises Missing."""
+    signal = hull.sprocket_speed(run, of)
     t, speed = run.signal(signal, window)
     rate = hull.vehicle_number(run, "sprocket", "teeth") * abs(mean(t, speed)) / (2.0 * np.pi)
     if not rate > 0.0:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from orchestrator.log.extra import library
+from orchestrator.results.analyses.fatigue import StressLifeLine
 from orchestrator.results.measured_difference import MeasuredComparison
 from orchestrator.results.page import heading, key_figures
 from orchestrator.results.page.balance import energy
@@ -50,26 +51,31 @@ def write(
     output: Path,
     reference: tuple[RunData, RunSummary] | None = None,
     compared: MeasuredComparison | None = None,
+    line: StressLifeLine | None = None,
 ) -> None:
     """Write the page of a run and its reference, whole or not at all; raises LogUnreadable, NotInstalled, BadInput.
 
-    ``compared``: difference of the run from measured signals.
+    ``compared``: difference of the run from measured signals; ``line``: S-N line of the fatigue.
     """
     plots = plotting()
-    page = document(evaluate(run, summary), evaluate(*reference) if reference else None, plots, compared)
+    page = document(evaluate(run, summary), evaluate(*reference) if reference else None, plots, compared, line)
     with atomic_write(output) as temporary:
         temporary.write_text(page, encoding="utf-8")
 
 
 def document(
-    run: Evaluation, reference: Evaluation | None, plots: str, compared: MeasuredComparison | None = None
+    run: Evaluation,
+    reference: Evaluation | None,
+    plots: str,
+    compared: MeasuredComparison | None = None,
+    line: StressLifeLine | None = None,
 ) -> str:
     """HTML page of a run and its reference; ``plots``: script of the plotting library. Raises LogUnreadable.
 
-    ``compared``: difference of the run from measured signals.
+    ``compared``: difference of the run from measured signals; ``line``: S-N line of the fatigue.
     """
     figures = key_figures.figures(run)
-    pair = Pair(run, reference, figures, compared)
+    pair = Pair(run, reference, figures, compared, line)
     player = _player(run, reference)
     version = re.search(r"plotly\.js v([\d.]+)", plots[:400])
     parts = [

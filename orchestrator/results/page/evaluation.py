@@ -61,11 +61,29 @@ class Evaluation(NamedTuple):
     @property
     def most_loaded(self) -> LinkLoads | None:
         """Track with the largest tension, of equal ones the first; None without records of links."""
-        tensions = {track: loads.most["tension"].value for track, loads in self.chains.items()}
-        largest = max(tensions.values(), default=0.0)
-        return next(
-            (self.chains[track] for track, value in tensions.items() if value >= largest - ALIKE * abs(largest)), None
-        )
+        return self.largest("tension")
+
+    def largest(self, load: str) -> LinkLoads | None:
+        """Track with the largest load of links, as ``LinkLoads.most`` has it; of equal ones the first."""
+        values = {track: loads.most[load].value for track, loads in self.chains.items() if load in loads.most}
+        most = max(values.values(), default=0.0)
+        return next((self.chains[track] for track, value in values.items() if value >= most - ALIKE * abs(most)), None)
+
+    @property
+    def bearers(self) -> dict[tuple[str, int], list[str]]:
+        """Tracks and links with a largest load of the whole run, and the names of these loads."""
+        found: dict[tuple[str, int], list[str]] = {}
+        for load in link_loads.SIGNALS:
+            loads = self.largest(load)
+            if loads and (load == "tension" or loads.most[load].value > 0.0):
+                found.setdefault((loads.track, loads.most[load].member), []).append(load)
+        return found
+
+    @property
+    def slackest(self) -> LinkLoads | None:
+        """Track with the smallest tension, of equal ones the first; None without records of links."""
+        least = min((loads.slackest.value for loads in self.chains.values()), default=0.0)
+        return next((one for one in self.chains.values() if one.slackest.value <= least + ALIKE * abs(least)), None)
 
     def result(self, name: str) -> Any:
         """Result in the closing record; None without it."""

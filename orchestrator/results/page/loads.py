@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
-from orchestrator.results.analyses import contact, link_records, wheel_loads
+from orchestrator.results.analyses import contact, wheel_loads
 from orchestrator.results.analyses.events import lifted
 from orchestrator.results.analyses.profile import Profile
 from orchestrator.results.analyses.unloaded import SETTLING, is_settling, starts_as_drawn
 from orchestrator.results.page.charts import Trace, heat, lines
-from orchestrator.results.page.evaluation import Evaluation, attempt
+from orchestrator.results.page.evaluation import ALIKE, Evaluation, attempt
 from orchestrator.results.page.key_figures import COMING_TO_REST
 from orchestrator.results.page.section import Content, PageSection, Pair, table
 from orchestrator.results.page.tension import profiles
@@ -86,14 +88,16 @@ def _table(evaluation: Evaluation) -> str:
 
 
 def _pressure(evaluation: Evaluation, content: Content) -> None:
-    """Figures of the pressure under links: along the vehicle, and over time."""
-    grounded = (
-        loads for loads in evaluation.chains.values() if link_records.has(evaluation.run, loads.track, contact.SIGNAL)
-    )
-    chain = next(grounded, None)
-    pressures = attempt(lambda: contact.over_time(evaluation.run, chain), evaluation.missing) if chain else None
-    if chain is None or pressures is None:
+    """Figures of the pressure under links of the track with the largest: along the vehicle, and over time."""
+    found = [
+        (chain, pressures)
+        for chain in evaluation.chains.values()
+        if (pressures := attempt(partial(contact.over_time, evaluation.run, chain), evaluation.missing))
+    ]
+    if not found:
         return
+    largest = max(pressures.peak.value for _, pressures in found)
+    chain, pressures = next(one for one in found if one[1].peak.value >= largest - ALIKE * abs(largest))
     track = instance(chain.track)
     if drawn_profiles := [profile for profile in profiles(evaluation, chain) if profile.pressure is not None]:
         drawn = [_under(profile, k) for k, profile in enumerate(drawn_profiles)]
@@ -112,6 +116,9 @@ def _pressure(evaluation: Evaluation, content: Content) -> None:
             note += f"; {quantity(float(np.nanmax(later)), 'Pa')} at most after {number(COMING_TO_REST)} s"
     mark = peak.t, peak.member, f"link {peak.member}, {number(peak.t, 3)} s"
     chart = heat("pressure", "Pa", pressures.middle, np.maximum(pressures.most, 0.0), mark)
+    for other, lower in found:
+        if other is not chain:
+            note += f". Of {instance(other.track)}: {quantity(lower.peak.value, 'Pa')} at most"
     content.add_figure("pressure-map", chart, f"Pressure under every link over time, {track}", f"{note}.", "tall")
 
 

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-from orchestrator.results.analyses import spectrum
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import hull, spectrum
 from orchestrator.results.analyses.phases import Phase, phase_name
 from orchestrator.results.analyses.spectrum import Spectrum
 from orchestrator.results.page.charts import Trace, lines
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import Content, PageSection, Pair
 from orchestrator.results.page.words import quantity, side, text
-from orchestrator.results.run_data import Window
+from orchestrator.results.run_data import Window, mean
 from orchestrator.results.thinned import Curve
-from orchestrator.results.units import number
+from orchestrator.results.units import number, percent
 
 HIGHEST = 8.0  # tooth order that is drawn
 SLOW = 0.5  # tooth order: below it are motions of the hull
 COVERED = 1e-2  # of the largest amplitude: the curve of one side covers that of the other
+CONSTANT = 0.01  # of the mean speed: tolerance of a constant speed
+RIPPLE = 2.0  # tooth passings: averaging time of the sprocket's speed
 PASSINGS = 8.0  # of teeth: a phase with fewer resolves no orders
 
 
@@ -36,9 +44,12 @@ def orders(pair: Pair) -> PageSection | None:
                 drawn += _traces(signals, _spectra(pair.reference, [*spectra]), reference=True)
             chart = lines("amplitude", next(iter(spectra.values())).units[0], drawn, x="tooth order", timed=False)
             content.add_figure(f"{key}-orders", chart, title, _largest(spectra, several=len(signals) > 1))
-    name, span = text(phase_name(phase)), f"{number(phase.start)} to {number(phase.end)} s"
     section = content.as_section("orders", "Tooth orders", "What do the teeth excite?")
-    note = f"Amplitudes in the longest phase at constant speed: {name}, {span}. Order 1 is one tooth that passes."
+    note = (
+        f"Amplitudes in the longest phase at constant speed, {text(phase_name(phase))}, while the sprocket of a signal"
+    )
+    note += f" keeps its mean speed to {percent(CONSTANT)}: {_intervals(run, [*run.drives, *tensions])}."
+    note += " Order 1 is one tooth that passes."
     return section._replace(html=f"<p class='muted'>{note}</p>{section.html}") if section else None
 
 
@@ -48,18 +59,59 @@ def constant_speed(evaluation: Evaluation) -> Phase | None:
     return max(held, key=lambda phase: phase.end - phase.start, default=None)
 
 
-def _spectra(evaluation: Evaluation, signals: list[str]) -> dict[str, Spectrum]:
-    """Spectra of signals in the longest phase at constant speed, of those whose sprocket passes enough teeth."""
+def _intervals(evaluation: Evaluation, signals: list[str]) -> str:
+    """Intervals of the spectra of signals, "left 2.6 to 6 s, right 2.7 to 6 s"; one if all are alike."""
+    windows = {side(name): steady_window(evaluation, name) for name in signals if evaluation.run.has(name)}
+    texts = {name: f"{number(each.start)} to {number(each.end)} s" for name, each in windows.items() if each}
+    if len({*texts.values()}) == 1:
+        return next(iter(texts.values()))
+    return ", ".join(f"{text(name)} {span}" for name, span in texts.items())
+
+
+def steady_window(evaluation: Evaluation, signal: str) -> Window | None:
+    """Longest part of the longest phase at constant speed in which a signal's sprocket keeps its mean speed.
+
+    A phase of the hull may include ramps of the sprockets. None without a phase or a sprocket.
+    """
     phase = constant_speed(evaluation)
     if phase is None:
-        return {}
-    window, spectra = Window(phase.start, phase.end), {}
+        return None
+    run, window = evaluation.run, Window(phase.start, phase.end)
+    return attempt(
+        lambda: longest_constant(
+            *run.signal(hull.sprocket_speed(run, signal), window),
+            RIPPLE / spectrum.tooth_passing_frequency(run, signal, window),
+        ),
+        evaluation.missing,
+    )
+
+
+def longest_constant(t: Floats, speed: Floats, slice_length: float) -> Window:
+    """Longest interval in which means of a speed (m,) over slices, s, stay within CONSTANT of the interval's mean.
+
+    Slices of some tooth passings leave out the ripple of a sprocket's speed.
+    """
+    edges = np.linspace(t[0], t[-1], max(2, int((t[-1] - t[0]) / slice_length) + 1))
+    slices = [(a, b) for a, b in pairwise(np.searchsorted(t, edges)) if b > a]
+    level = np.array([mean(t[a:b], speed[a:b]) for a, b in slices])
+    best = 0, 0
+    first = 0
+    for last in range(len(level)):
+        while np.abs(level[first : last + 1] - level[first : last + 1].mean()).max() > CONSTANT * abs(level[last]):
+            first += 1
+        best = max(best, (first, last + 1), key=lambda pair: pair[1] - pair[0])
+    return Window(float(t[slices[best[0]][0]]), float(t[slices[best[1] - 1][1] - 1]))
+
+
+def _spectra(evaluation: Evaluation, signals: list[str]) -> dict[str, Spectrum]:
+    """Spectra of signals while their sprocket keeps its speed, of those for which enough teeth pass."""
+    spectra = {}
     for signal in filter(evaluation.run.has, signals):
-        found = attempt(
-            lambda signal=signal: spectrum.of(evaluation.run, signal, window, orders=True),  # type: ignore[misc]
-            evaluation.missing,
+        window = steady_window(evaluation, signal)
+        found = window and attempt(
+            partial(spectrum.of, evaluation.run, signal, window, orders=True), evaluation.missing
         )
-        if found and found.teeth * (phase.end - phase.start) >= PASSINGS:
+        if window and found and found.teeth * (window.end - window.start) >= PASSINGS:
             spectra[signal] = found
     return spectra
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 from orchestrator.results.analyses.curves import SignalCurve
+from orchestrator.results.analyses.fatigue import StressLifeLine
 from orchestrator.results.measured_difference import MeasuredComparison
 from orchestrator.results.page.charts import Chart, Trace, lines, shared_legend
 from orchestrator.results.page.evaluation import Evaluation
@@ -28,6 +29,7 @@ class Pair(NamedTuple):
     reference: Evaluation | None
     figures: dict[str, Any]  # key figures of the run (``key_figures.figures``)
     measured: MeasuredComparison | None = None
+    line: StressLifeLine | None = None  # S-N line of the fatigue; None: the default one
 
     def lines(self, labelled: Sequence[tuple[str, str]], colour: int = 0) -> list[Trace]:
         """Curves of signals, given with their labels, of both runs; signals that a run lacks are left out.

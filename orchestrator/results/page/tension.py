@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from orchestrator.log.time_series import Floats
@@ -12,7 +14,7 @@ from orchestrator.results.page.charts import Trace, heat, lines
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.section import Content, PageSection, Pair
 from orchestrator.results.page.words import and_list, instance, plain, quantity
-from orchestrator.results.thinned import Curve
+from orchestrator.results.thinned import Curve, Peak
 from orchestrator.results.units import number
 
 INSTANTS = 4  # evenly spaced instants of profiles
@@ -21,6 +23,11 @@ CHOICE = """<label class="choice">shown: <select data-chart="tension-map"><optio
 </select></label>"""
 BEARS = {"tension": "bore the most tension", "stress": "had the most stress", "force": "had the most force in its pin"}
 NO_LINKS = "The record holds no outputs of single links: which link bore the most is not known."
+LARGEST = (  # load, its name, unit, and the words before and after the number of its link
+    ("tension", "largest tension in the records of links", "N", "in link", ""),
+    ("stress", "largest stress", "Pa", "in link", ""),
+    ("force", "largest force in a pin", "N", "where link", " begins"),
+)
 LOADS = (
     ("tension", "Tension", "N"),
     ("stress", "Axial stress of tension and bending, at its most stressed fibre", "Pa"),
@@ -38,31 +45,32 @@ def tension(pair: Pair) -> PageSection | None:
         chart, note = pair.over_time("tension", "N", drawn), "Over all links of a track, at every step."
         content.add_figure("tension", chart, "Largest and mean tension", note, "wide")
     if loads := evaluation.most_loaded:
-        content.html += _largest(evaluation, loads)
+        content.html += _largest(evaluation)
         _along(evaluation, loads, content)
         _map(pair, loads, content)
-        _bearers(evaluation, loads, content)
+        _bearers(evaluation, content)
     elif tracks:
         content.html += f"<p class='muted'>{NO_LINKS}</p>"
     title = "What does the chain bear?"
     return PageSection("tension", "Tension", title, content.html, content.charts) if content.charts else None
 
 
-def _largest(evaluation: Evaluation, loads: LinkLoads) -> str:
-    """Sentences on the extreme loads of links, HTML."""
-    worst, slack = loads.most["tension"], loads.slackest
-    stressed, loaded = loads.most.get("stress"), loads.most.get("force")
-    sentence = f"The largest tension in the records of links is <b>{quantity(worst.value, 'N')}</b>"
-    sentence += f" in <b>link {worst.member}</b> of {instance(loads.track)} at {number(worst.t)} s"
-    if stressed and stressed.value > 0.0:
-        sentence += f". The largest stress is {quantity(stressed.value, 'Pa')} in link {stressed.member}"
-        sentence += f" at {number(stressed.t)} s"
-    if loaded:
-        sentence += f". The largest force in a pin is {quantity(loaded.value, 'N')} where link {loaded.member} begins,"
-        sentence += f" at {number(loaded.t)} s"
-    sentence += f". The smallest tension is {quantity(slack.value, 'N')} in link {slack.member} at {number(slack.t)} s"
-    sentence += ": there the link is pressed" if slack.value < 0.0 else ""
-    return f'<p class="lead">{sentence}.{_other_track(evaluation)}</p>'
+def _largest(evaluation: Evaluation) -> str:
+    """Sentences on the extreme loads of the links of all tracks, HTML."""
+    sentences = [
+        f"The {what} is {quantity(loads.most[load].value, unit)} {where} {loads.most[load].member} of"
+        f" {instance(loads.track)}{ending} at {number(loads.most[load].t)} s"
+        for load, what, unit, where, ending in LARGEST
+        if (loads := evaluation.largest(load)) and (load == "tension" or loads.most[load].value > 0.0)
+    ]
+    if track := evaluation.slackest:
+        slack = track.slackest
+        pressed = ": there the link is pressed" if slack.value < 0.0 else ""
+        sentences.append(
+            f"The smallest tension is {quantity(slack.value, 'N')} in link {slack.member} of {instance(track.track)}"
+            f" at {number(slack.t)} s{pressed}"
+        )
+    return f'<p class="lead">{". ".join(sentences)}.{_other_track(evaluation)}</p>'
 
 
 def _other_track(evaluation: Evaluation) -> str:
@@ -73,7 +81,7 @@ def _other_track(evaluation: Evaluation) -> str:
         (track_loads.track, track_loads.most["tension"].value) for track_loads in evaluation.chains.values()
     )
     if abs(first[1] - second[1]) <= 1e-3 * abs(first[1]):
-        return " The other track bears as much, to a thousandth."
+        return " The largest tensions of both tracks agree to a thousandth."
     track, value = min(first, second, key=lambda track_loads: track_loads[1])
     return f" In {instance(track)} the largest tension is {quantity(value, 'N')}."
 
@@ -129,16 +137,25 @@ def _of_reference(pair: Pair, loads: LinkLoads) -> Floats | None:
     return attempt(lambda: link_loads.tensions_in(reference.run, loads.track, span, loads), pair.run.missing)
 
 
-def _bearers(evaluation: Evaluation, loads: LinkLoads, content: Content) -> None:
-    """Figures of the loads over time of each link with a largest load."""
-    for link, parts in link_loads.curves(evaluation.run, loads).items():
-        most = and_list([BEARS[what] for what in loads.bearers[link]])
-        content.html += f"<h3 class='group'>Link {link} of {instance(loads.track)}, which {most}</h3><div class='grid'>"
-        for key, title, unit in LOADS:
-            if key in parts and parts[key][1].value > 0.0:
-                curve, peak = parts[key]
-                note = f"Largest: {quantity(peak.value, unit)} at {number(peak.t)} s."
-                content.add_figure(
-                    f"link-{link}-{key}", lines(key, unit, [Trace(key, curve, 0)], mark=peak), title, note
-                )
-        content.html += "</div>"
+def _bearers(evaluation: Evaluation, content: Content) -> None:
+    """Figures of the loads over time of each link with a largest load of the whole run."""
+    bearers = evaluation.bearers
+    for side, track in enumerate(evaluation.chains):
+        of_track = {link: what for (name, link), what in bearers.items() if name == track}
+        if not of_track:
+            continue
+        for link, parts in link_loads.curves(evaluation.run, track, [*of_track]).items():
+            most = and_list([BEARS[what] for what in of_track[link]])
+            content.html += f"<h3 class='group'>Link {link} of {instance(track)}, which {most}</h3><div class='grid'>"
+            _curves(f"link-{side}-{link}", parts, content)
+            content.html += "</div>"
+
+
+def _curves(key: str, parts: Mapping[str, tuple[Curve, Peak]], content: Content) -> None:
+    """Figures of the loads of a link over time."""
+    for load, title, unit in LOADS:
+        if load in parts and parts[load][1].value > 0.0:
+            curve, peak = parts[load]
+            note = f"Largest: {quantity(peak.value, unit)} at {number(peak.t)} s."
+            chart = lines(load, unit, [Trace(load, curve, 0)], mark=peak)
+            content.add_figure(f"{key}-{load}", chart, title, note)
