@@ -270,6 +270,8 @@ def test_numbers_are_told_in_handy_units():
     assert quantity(3129734.7, "Pa") == "3.13 MPa"
     assert quantity(-153.9, "J") == "\N{MINUS SIGN}153.9 J"
     assert quantity(7101.03, "N.m") == "7.101 kN m"
+    assert quantity(1.8e-11, "W") == "0 W"
+    assert quantity(1.8e-6, "W") == "1.8e\N{MINUS SIGN}06 W"
     assert number(123456.0) == "123456"
     assert number(0.00037) == "0.00037"
     assert number(float("nan")) == "not a number"

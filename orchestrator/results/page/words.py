@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 from typing import Any
 
+from orchestrator.results.table import ROUNDING
 from orchestrator.results.units import number, scaled
 
 MOST = 300  # characters of a text from a log
@@ -17,7 +18,8 @@ def text(value: Any) -> str:
 
 
 def quantity(value: float, unit: str, digits: int = 4) -> str:
-    """Value with its unit, "27.78 kN", escaped for HTML."""
+    """Value with its unit, "27.78 kN", escaped for HTML; rounding is 0."""
+    value = 0.0 if abs(value) < ROUNDING.get(unit, 0.0) else value
     factor, name = scaled(value, unit)
     return f"{number(value / factor, digits)} {text(name)}".strip()
 
