@@ -203,7 +203,7 @@ def _pack(stage: Path, shells: Sequence[Shell], packages: Sequence[Path]) -> Ite
 def archive(files: Mapping[str, bytes], comment: bytes = bytes(CHECKSUM)) -> bytes:
     """Bytes of a zip archive without its comment; equal files give equal bytes (fixed order, no times).
 
-    By default the comment is the checksum of a file of the cache, which is added there.
+    By default the comment is the space of the checksum, which the cache adds.
     """
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as target:

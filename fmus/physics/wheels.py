@@ -49,16 +49,13 @@ def move(rows: Floats, tau: float, out: Floats) -> None:
 
 
 @kernel
-def read_states(u: Floats, frame: Floats, rows: Floats) -> int:
-    """Convert wheel states ``u`` (13 m) to ``rows`` (m, 15) in the track's frame.
+def read_states(u: Floats, frame: Floats, rows: Floats) -> None:
+    """Convert wheel states ``u`` (13 m) to ``rows`` (m, 15) in the track's frame; see ``read_state``.
 
-    Rows without a state stay unchanged. Returns -1, or the first wheel whose state is none (``read_state``).
+    Rows without a state stay unchanged.
     """
-    wrong = -1
     for k in range(u.size // 13):
-        if not read_state(u[13 * k : 13 * k + 13], frame, rows[k]) and wrong < 0:
-            wrong = k
-    return wrong
+        read_state(u[13 * k : 13 * k + 13], frame, rows[k])
 
 
 @kernel

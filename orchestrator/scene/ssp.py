@@ -109,6 +109,6 @@ def _page(scene: Scene, components: list[StructuredComponent]) -> bytes:
         step=scene.run.step,
         stop=scene.run.stop,
     )
-    body = MarkdownIt("commonmark").enable("table").render(text)
+    body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
     head = f'<meta charset="utf-8"><title>{escape(scene.name)}</title>'
     return f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head><body>\n{body}</body></html>\n'.encode()

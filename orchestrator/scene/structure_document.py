@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement, register_namespace, tostring
 
+from orchestrator.cosim.component import LINK_FAMILIES
 from orchestrator.cosim.graph import Connection
 
 VERSION = "1.0"
@@ -17,7 +18,6 @@ NAMESPACES = {
     for letters, name in (("ssc", "Common"), ("ssd", "Description"), ("ssv", "ParameterValues"))
 }
 ENDS = ("startElement", "startConnector", "endElement", "endConnector")  # attributes of a connection
-LINK_FAMILIES = ("link[", "joint[")  # prefixes of outputs that are no connectors: there are 700 to a track
 
 
 class StructuredComponent(NamedTuple):
@@ -37,9 +37,10 @@ def structure_document(
     connections: Iterable[Connection],
     stop: float,
 ) -> bytes:
-    """SystemStructure.ssd: outputs (but those of links), parameters and connected inputs are connectors, with units.
+    """SystemStructure.ssd: outputs, parameters and connected inputs are connectors, with units.
 
-    Inputs without a connection are none, because some tools set every input connector to zero.
+    Outputs of links are none: there are 700 to a track. Inputs without a connection are none either, because some tools
+    set every input connector to zero.
 
     :param text: description of the system, one line.
     :param stop: end of the DefaultExperiment, s; it begins at 0.

@@ -26,7 +26,7 @@ def run(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def test_csv(tmp_path_factory):
+def measured_csv(tmp_path_factory):
     """Record of a test of 7.5 s at 100 Hz, with a gap in the force."""
     t = np.arange(0.0, 7.505, 0.01)
     force = np.where((t > 2.0) & (t < 4.0), np.nan, 1e4 + 990.0 * t)
@@ -44,11 +44,11 @@ def section(html):
     return found, [[re.sub("<.*?>", " ", cell).split() for cell in re.findall("<td>(.*?)</td>", row)] for row in rows]
 
 
-def test_the_figures_are_those_of_the_raw_log_and_the_file(run, test_csv, cotrack, tmp_path):
-    status, out, _ = cotrack("report", run, "--with", test_csv, *MAPPED, "--shift", -EARLIER, "-o", "x.html")
+def test_the_figures_are_those_of_the_raw_log_and_the_file(run, measured_csv, cotrack, tmp_path):
+    status, out, _ = cotrack("report", run, "--with", measured_csv, *MAPPED, "--shift", -EARLIER, "-o", "x.html")
     assert (status, out) == (0, "x.html\n")
     found, rows = section((tmp_path / "x.html").read_text(encoding="utf-8"))
-    table = np.genfromtxt(test_csv, delimiter=",", skip_header=1)
+    table = np.genfromtxt(measured_csv, delimiter=",", skip_header=1)
     windows = [("whole", 0.0, 8.5), *((one.kind, one.start, one.end) for one in phases_of(run))]
     expected = []
     with Log(run) as log:
@@ -78,9 +78,9 @@ def test_the_figures_are_those_of_the_raw_log_and_the_file(run, test_csv, cotrac
     assert [row[0] for row in rows if row[0]] == [["speed", "chassis"], ["tension.max", "left_track"]]
 
 
-def test_both_curves_are_drawn(run, test_csv, tmp_path):
+def test_both_curves_are_drawn(run, measured_csv, tmp_path):
     columns = {"chassis.speed": "v", "left_track.tension.max": "F"}
-    page = package.Run(run).report(tmp_path / "x.html", measured=test_csv, columns=columns, shift=-EARLIER)
+    page = package.Run(run).report(tmp_path / "x.html", measured=measured_csv, columns=columns, shift=-EARLIER)
     charts = embedded(page.read_text(encoding="utf-8"))["charts"]
     speed, force = charts["measured-0"], charts["measured-1"]
     assert [trace["name"] for trace in speed["traces"]] == ["run", "measured"]

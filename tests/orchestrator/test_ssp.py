@@ -18,7 +18,7 @@ from orchestrator.cli import main
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
-from orchestrator.scene.ssp import write_ssp
+from orchestrator.scene.ssp import _page, write_ssp
 
 SCHEMAS = Path(fmpy.ssp.__file__).parent / "schema"
 NAMESPACES = {name: f"http://ssp-standard.org/SSP1/SystemStructure{full}"
@@ -107,6 +107,12 @@ def test_fmpy_runs_the_rig(rig):
     tension = rows["track.tension.mean"]
     assert np.ptp(tension) < 1e-3 * tension[0]
     assert tension[-1] == pytest.approx(15000.0, rel=0.05)
+
+
+def test_a_title_is_no_html():
+    page = _page(load("rig", "rigid").model_copy(update={"title": "<script>A & B</script>"}), []).decode()
+    assert "&lt;script&gt;A &amp; B&lt;/script&gt;" in page
+    assert "<script" not in page
 
 
 def test_bad_files_are_refused_before_anything_is_built(monkeypatch, capsys, tmp_path):
