@@ -1,4 +1,4 @@
-"""What ``import cotrack`` offers (``cotrack/__init__.py``, installed under that name): the names of ``OFFERED``.
+"""Names that ``import cotrack`` offers (``cotrack/__init__.py``, installed under that name): those of ``OFFERED``.
 
 A name is imported when it is first used, so importing the package is fast and its generic modules need nothing else.
 """

@@ -368,3 +368,8 @@ def test_constraints_are_plain_pins():
         name, equals, number = line.partition("==")
         assert all((name, equals, number)), line
         assert not set(line) & set(" ;@/<>~!"), line
+
+
+def test_docstrings_open_with_their_subject():
+    for file in (*sources(FMUS), *sources(ORCHESTRATOR), *sources(PROOF)):
+        assert not re.search('"""(What|Those) ', file.read_text(encoding="utf-8")), file

@@ -66,7 +66,7 @@ def encode(summary: Mapping[str, Any]) -> dict[str, str]:
 
 
 def decode(results: Mapping[str, str]) -> dict[str, Any]:
-    """Return cost and error estimate as entries of a summary; of results that are none of a run, those of no run."""
+    """Return cost and error estimate as entries of a summary; those of an empty run if the texts are damaged."""
     try:
         known = {name: json.loads(text) for name, text in results.items() if name in Results.model_fields}
         return Results.model_validate(known).model_dump()

@@ -153,7 +153,7 @@ def _number(path: Path, line: int, cells: Sequence[str], column: _Column) -> flo
 
 
 def _hint(cell: str, column: _Column) -> str:
-    """What a cell that is no number seems to be."""
+    """Sentence part that guesses the mistake in a cell that is not a number; empty without a guess."""
     if re.fullmatch(r"[-+]?\d+,\d+", cell):
         return "; decimals have a point"
     with suppress(ValueError):

@@ -39,8 +39,8 @@ def structure_document(
 ) -> bytes:
     """SystemStructure.ssd: outputs, parameters and connected inputs are connectors, with units.
 
-    Outputs of links are none: there are 700 to a track. Inputs without a connection are none either, because some tools
-    set every input connector to zero.
+    Outputs of links are left out: there are 700 to a track. Inputs without a connection are left out too, because some
+    tools set every input connector to zero.
 
     :param text: description of the system, one line.
     :param stop: end of the DefaultExperiment, s; it begins at 0.

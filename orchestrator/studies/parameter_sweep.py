@@ -125,7 +125,7 @@ def _claim(folder: Path, definition: dict[str, Any]) -> None:
 
 
 def _differences(held: Mapping[str, Any], definition: Mapping[str, Any]) -> str:
-    """What differs between two definitions of sweeps, "track 'rigid' there, 'flexible' here", in words."""
+    """Differences between two definitions of sweeps, as "track is 'rigid' there and 'flexible' here"."""
     compared = held.keys() & definition.keys() - {"settings", "digest"}
     pairs_of = [(name, held[name], definition[name]) for name in sorted(compared)]
     if isinstance(there := held.get("settings"), Mapping):

@@ -73,7 +73,7 @@ class Design(NamedTuple):
         return cls(variations, tuple(points), sample, seed)
 
     def stated(self) -> dict[str, Any]:
-        """What makes it, for a file."""
+        """Definition of the design as plain data, for a file."""
         return {"vary": [one.text for one in self.variations], "sample": self.sample, "seed": self.seed}
 
     def settings(self, point: Sequence[Value]) -> tuple[str, ...]:

@@ -273,7 +273,7 @@ def moved(q, x):
 
 @pytest.mark.long
 def test_wheels_links_and_pins_get_the_change_of_the_forces(track):
-    """What Newton's last correction adds is the derivative of what an evaluation gives, if no pin opens.
+    """Newton's last correction adds the derivative of the values of an evaluation, if no pin opens.
 
     As in the matrix, the rates outweigh the positions.
     """

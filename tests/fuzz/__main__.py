@@ -98,7 +98,7 @@ class Campaign:
 
 
 def replay(bench: Bench, names: list[str]) -> dict[str, list[str]]:
-    """What is wrong with each case of the corpus."""
+    """Play the cases of the corpus; return the faults of each."""
     found = {}
     for file in sorted(CORPUS.glob("*.json")):
         if not names or file.stem in names:

@@ -1,4 +1,4 @@
-"""What cases are played on: files that were made once, and the way from a case to what is wrong.
+"""Bench on which cases are played: files that are made once, and the way from a case to its faults.
 
 A case is an object of JSON: ``kind`` and ``arguments`` of a command line; ``files`` by name (text, or {"link": target},
 {"fifo": true}, {"bytes": base64}); ``edits`` of the base log, which becomes ``mutant.mcap``; or what its kind defines.

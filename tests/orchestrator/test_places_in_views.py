@@ -5,6 +5,7 @@ import base64
 import numpy as np
 import pytest
 from packed import unpacked
+from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
 from view_logs import STEP, bodies_of, driven_log, hanging_log, stretched
 
@@ -18,7 +19,7 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.views import foxglove_scene, projected, rerun_scene, side_view, top_view
 from orchestrator.results.views.bodies import Bodies
 from orchestrator.results.views.shapes import HORN_SIZE, teeth
-from orchestrator.results.views.solids import across, block, prism, strip
+from orchestrator.results.views.solids import across, block, convex, prism, strip
 
 driven = pytest.fixture(scope="module")(driven_log)
 hanging = pytest.fixture(scope="module")(hanging_log)
@@ -183,6 +184,9 @@ def test_triangles_of_sprocket_and_ground_look_outwards(shown):
     for part in bodies.tracks[0].parts:
         a, b, c = triangles(block(part))
         assert float(np.einsum("ni,ni->", a, np.cross(b, c))) / 6.0 == pytest.approx(8.0 * part.half.prod(), rel=1e-12)
+    a, b, c = triangles(convex(bodies.hull))
+    volume = float(np.einsum("ni,ni->", a, np.cross(b, c))) / 6.0
+    assert volume == pytest.approx(ConvexHull(bodies.hull.corners).volume, rel=1e-12)
     a, b, c = triangles(strip(across(bodies.ground, bodies.ground.corners_between(-6.0, 4.0), 5.0)))
     normal = np.cross(b - a, c - a)
     assert (normal[:, 2] > 0).all()
@@ -253,6 +257,43 @@ def test_flat_drawings_place_a_link_and_a_tooth_where_they_were(instant, marked)
     track, links = bodies.tracks[0], poses.links["left_track"]
     under = links.centres[0, lowest] + links.axes[0, lowest] @ (track.half * [1.0, 1.0, -1.0])
     assert missed([under[:2]], np.concatenate(top_view.top_view(bodies, poses).links)) < 1e-9
+
+
+@pytest.mark.parametrize("eye", ["right", "corner"])
+def test_the_hull_hides_what_lies_behind_it(instant, eye):
+    """Rays from points to the viewer are searched for points inside of the hull."""
+    _, bodies, poses = instant
+    hull, position, axes = bodies.hull, poses.hull.position[0], matrices(poses.hull.orientation[0])
+    camera = projected.make_camera(eye, 0.4, position)
+    points = position + np.random.default_rng(1).uniform(-3.0, 3.0, (400, 3)) @ axes.T
+    inside = Delaunay(hull.corners @ axes.T + position)
+
+    def crosses(of):
+        rays = of[:, None] + np.linspace(0.0, 12.0, 600)[:, None] * camera.toward
+        return (inside.find_simplex(rays) >= 0).any(axis=1)
+
+    crossing = crosses(points)
+    assert 20 < crossing.sum() < 200
+    assert projected.hides(hull, camera, position, axes, points[crossing]).all()
+    outline = ConvexHull(camera.project(hull.corners @ axes.T + position)).equations
+    covered = (camera.project(points) @ outline[:, :2].T + outline[:, 2] < -0.05).all(axis=1)
+    np.testing.assert_array_equal(projected.hides(hull, camera, position, axes, points)[covered], crossing[covered])
+
+
+def test_links_behind_the_hull_are_drawn_before_it(instant):
+    _, bodies, poses = instant
+    camera = projected.make_camera("corner", 0.4, poses.hull.position[0])
+    whole = projected.polygons(camera, bodies, poses, 0, (0.0, 1.0))
+    layers = projected.layers(camera, bodies, poses, 0, (0.0, 1.0))
+    assert len(layers.hidden.outlines) + len(layers.visible.outlines) == len(whole.outlines)
+    position, axes = poses.hull.position[0], matrices(poses.hull.orientation[0])
+    hidden = {
+        side: projected.hides(bodies.hull, camera, position, axes, poses.links[f"{side}_track"].centres[0]).mean()
+        for side in ("left", "right")
+    }
+    assert hidden["left"] > 0.6  # the camera is on the right: the left track is the far one
+    assert hidden["right"] < 0.1
+    assert len(layers.hull.outlines) == np.count_nonzero(bodies.hull.normals @ axes.T @ camera.toward > 0.0)
 
 
 def test_the_player_places_a_link_and_a_tooth_where_they_were(instant, marked, monkeypatch):

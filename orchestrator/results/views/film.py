@@ -19,10 +19,13 @@ from orchestrator.results.views.arrows import ground_arrows, has_forces, scale_a
 from orchestrator.results.views.bodies import EVERY, Bodies, Poses
 from orchestrator.results.views.files import check_name
 from orchestrator.results.views.projected import (
+    NOTHING,
     VIEWPOINTS,
     Camera,
+    Layers,
     heading,
     hull_faces,
+    layers,
     make_camera,
     plane,
     polygons,
@@ -41,7 +44,7 @@ LONGEST = 3600.0  # s
 TOP, BESIDE, EDGE = 64, 130, 12  # pixels of title, colour scale and border
 MARGIN = 0.3  # m round the bodies
 ARROW, HEAD = 0.15, 0.06  # longest scale arrow over the width of the picture; size of the heads of arrows, m
-OPACITY = 0.6  # of the hull, behind links and wheels: their colours are data
+OPACITY = 0.85  # of the hull: what it hides shines through
 SEEN_FROM = {"right": "from the right", "top": "from the top", "corner": "from a corner ahead"}
 
 
@@ -173,11 +176,17 @@ class FilmPicture:
 
         self._earth = PolyCollection([], facecolors=[], edgecolors="0.5", linewidths=0.4)
         self._metres = lines("0.45", 0.7)
-        self._solid = PolyCollection([], facecolors=[], edgecolors="0.2", linewidths=0.3)
-        self._spokes = lines("0.95", 1.0)
-        self._hull = PolyCollection([], facecolors=[], edgecolors=colours.to_unit_range(colours.HULL), linewidths=1.2)
+        self._hidden, self._solid = (
+            PolyCollection([], facecolors=[], edgecolors="0.2", linewidths=0.3) for _ in range(2)
+        )
+        self._hidden_spokes, self._spokes = lines("0.95", 1.0), lines("0.95", 1.0)
+        edge = colours.to_unit_range(colours.HULL_EDGE)
+        self._hull = PolyCollection([], facecolors=[], edgecolors=edge, linewidths=1.0)
         self._forces = lines(colours.to_unit_range(colours.FORCE), 1.2)
-        self._artists = [self._earth, self._metres, self._hull, self._solid, self._spokes, self._forces]
+        self._artists = [
+            self._earth, self._metres, self._hidden, self._hidden_spokes, self._hull, self._solid, self._spokes,
+            self._forces,
+        ]  # fmt: skip
         if self._arrows:
             self._artists.append(self._add_scale_of_forces(lines(colours.to_unit_range(colours.FORCE), 1.6)))
         for collection in self._artists:
@@ -212,15 +221,22 @@ class FilmPicture:
             yield last_frame
 
     def _draw(self, poses: Poses, k: int) -> NDArray[np.uint8]:
-        bodies, camera = self._bodies, self._camera(poses, k)
+        bodies, camera, scale = self._bodies, self._camera(poses, k), self._scale
         self._ground(camera)
-        shapes = polygons(camera, bodies, poses, k, self._scale, self._lower)
-        self._solid.set_verts(shapes.outlines)
-        self._solid.set_facecolor(list(map(tuple, shapes.colours)))
-        self._spokes.set_segments(list(shapes.lines))
-        hull = hull_faces(camera, bodies, poses, k)
-        self._hull.set_verts(hull.outlines)
-        self._hull.set_facecolor([(*colour, OPACITY) for colour in hull.colours])
+        if self._viewpoint == "top":  # the hull would cover the tracks
+            hull, links = hull_faces(camera, bodies, poses, k), polygons(camera, bodies, poses, k, scale, self._lower)
+            shown = Layers(NOTHING, hull, links)
+        else:
+            shown = layers(camera, bodies, poses, k, scale)
+        for solid, spokes, shapes in (
+            (self._hidden, self._hidden_spokes, shown.hidden),
+            (self._solid, self._spokes, shown.visible),
+        ):
+            solid.set_verts(shapes.outlines)
+            solid.set_facecolor(list(map(tuple, shapes.colours)))
+            spokes.set_segments(list(shapes.lines))
+        self._hull.set_verts(shown.hull.outlines)
+        self._hull.set_facecolor([(*colour, OPACITY) for colour in shown.hull.colours])
         self._forces.set_segments(list(with_heads(self._arrows_of(camera, poses, k), HEAD)))
         t = float(poses.t[k])
         self._clock.set_text(

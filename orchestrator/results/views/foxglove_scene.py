@@ -31,8 +31,8 @@ from orchestrator.results.views.chain_profile import ChainProfile, chain_profile
 from orchestrator.results.views.colours import Scale
 from orchestrator.results.views.files import check_name
 from orchestrator.results.views.plots import LOADS, MOTION, Plot, curves, plots
-from orchestrator.results.views.shapes import WheelBody, spokes
-from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, prism
+from orchestrator.results.views.shapes import HullBody, WheelBody, spokes
+from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, convex, prism
 from orchestrator.results.whole_file import atomic_write
 
 RATE = 50.0  # instants a second
@@ -82,6 +82,9 @@ def _write(bodies: Bodies, side_plots: list[Plot], chains: list[ChainProfile], s
             log_channel.log(_entry(kinds, event), log_time=_nanoseconds(event.t))
         begin = float(bodies.t[0])
         shapes.log(kinds.SceneUpdate(entities=[*_shapes(kinds, bodies, begin)]), log_time=_nanoseconds(begin))
+        if bodies.hull:
+            hull = channels.SceneUpdateChannel("/hull", context=context)
+            hull.log(kinds.SceneUpdate(entities=[_hull(kinds, bodies.hull, begin)]), log_time=_nanoseconds(begin))
         after = -np.inf
         for poses in bodies.blocks():
             for k, t in enumerate(poses.t):
@@ -164,17 +167,13 @@ def _triangles(kinds: ModuleType, surface: Triangles, colour: Any) -> Any:
 
 
 def _shapes(kinds: ModuleType, bodies: Bodies, t: float) -> Iterator[Any]:
-    """Yield the shapes of wheels, hull and ground, each in its own frame."""
+    """Yield the shapes of wheels and ground, each in its own frame, and the scale of forces."""
     stamp = _stamp(kinds, t)
     for wheel in bodies.wheels:
         yield kinds.SceneEntity(
             timestamp=stamp, frame_id=wheel.name, id=wheel.name, frame_locked=True,
             lines=[_lines(kinds, spokes(wheel), 0.016, colours.SPOKE)], **_wheel(kinds, wheel),
         )  # fmt: skip
-    if bodies.hull:
-        edges = bodies.hull.corners[bodies.hull.edges]
-        lines = [_lines(kinds, edges, 0.024, colours.HULL)]
-        yield kinds.SceneEntity(timestamp=stamp, frame_id="hull", id="hull", frame_locked=True, lines=lines)
     if standing := scale_on_hull(bodies):
         foot, arrow = standing
         tip = foot + np.array([0.0, 0.0, arrow.length])
@@ -193,6 +192,15 @@ def _shapes(kinds: ModuleType, bodies: Bodies, t: float) -> Iterator[Any]:
         yield kinds.SceneEntity(
             timestamp=stamp, frame_id=WORLD, id="ground", frame_locked=True, triangles=[mesh], lines=[marks]
         )
+
+
+def _hull(kinds: ModuleType, hull: HullBody, t: float) -> Any:
+    """Return the hull in its own frame; it has a topic of its own, so that it can be hidden."""
+    edges = _lines(kinds, hull.corners[hull.edges], 0.024, colours.HULL_EDGE)
+    faces = _triangles(kinds, convex(hull), colours.HULL)
+    return kinds.SceneEntity(
+        timestamp=_stamp(kinds, t), frame_id="hull", id="hull", frame_locked=True, lines=[edges], triangles=[faces]
+    )
 
 
 def _wheel(kinds: ModuleType, wheel: WheelBody) -> dict[str, Any]:
@@ -324,6 +332,9 @@ def _space(bodies: Bodies, scale: Scale) -> dict[str, Any]:
         "scene": {"transforms": {"visible": False, "showLabel": False, "axisSize": 0.0}},
         "transforms": {f"frame:{frame}": {"visible": False} for frame in frames},
         "publish": {}, "imageMode": {},
-        "topics": {"/scene": {"visible": True}, "/shapes": {"visible": True, "computeVertexNormals": True}},
+        "topics": {
+            "/scene": {"visible": True},
+            **{topic: {"visible": True, "computeVertexNormals": True} for topic in ("/shapes", "/hull")},
+        },
         "layers": {},
     }  # fmt: skip

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.ground_profile import UP, GroundProfile, whole_metres
@@ -12,12 +14,13 @@ from orchestrator.results.rotation import body_axis, matrices
 from orchestrator.results.views import colours
 from orchestrator.results.views.bodies import Bodies, BodyPose, Poses
 from orchestrator.results.views.colours import Scale
-from orchestrator.results.views.shapes import NORMALS, SPOKES, WheelBody, boxes, in_world, rim, spokes
+from orchestrator.results.views.shapes import NORMALS, SPOKES, HullBody, WheelBody, boxes, in_world, rim, spokes
 
 VIEWPOINTS = ("right", "top", "corner")
 LIGHT = np.array([0.35, -0.45, 0.82])  # direction towards the light: ahead, left, up
 COVERED = {"pad": 5, "horn": 4}  # faces of a part of a link that its body covers
 DISC_BACK = 0.6  # of a disc's distance from the middle of its wheel, so that its rim is drawn under links, over horns
+SEEN = 1e-6  # cosine to the viewer of a face that is seen
 IN_FRONT = 0.05  # m: links are drawn over the wheels under them
 
 
@@ -74,20 +77,37 @@ def heading(poses: Poses, k: int, start: float) -> float:
     return float(np.arctan2(y, x))
 
 
+NOTHING = Polygons([], np.empty((0, 3)), np.empty((0, 2, 2)))
+
+
+class Layers(NamedTuple):
+    """Picture of a vehicle in the order in which its parts are drawn."""
+
+    hidden: Polygons  # links and wheels behind or inside the hull
+    hull: Polygons
+    visible: Polygons  # links and wheels before the hull
+
+
+def _all(middles: Floats) -> NDArray[np.bool_]:
+    return np.ones(len(middles), bool)
+
+
 class _Faces:
     """Collector of faces, which are drawn with the nearest last."""
 
     def __init__(self, camera: Camera) -> None:
         self.camera = camera
         self.outlines: list[Floats] = []
+        self.middles: list[Floats] = [np.empty((0, 3))]
         self.depths: list[Floats] = [np.empty(0)]
         self.tints: list[Floats] = [np.empty((0, 3))]
-        self.lines: list[Floats] = [np.empty((0, 2, 2))]
+        self.lines: list[Floats] = [np.empty((0, 2, 3))]
 
     def add(self, corners: Floats, tints: Floats, front: float = 0.0) -> None:
         """Add faces (n, k, 3), m, world, with colours (n, 3); ``front``, m, moves them nearer in the order."""
         self.outlines += list(self.camera.project(corners))
-        self.depths.append(corners.mean(axis=1) @ self.camera.toward + front)
+        self.middles.append(corners.mean(axis=1))
+        self.depths.append(self.middles[-1] @ self.camera.toward + front)
         self.tints.append(tints)
 
     def bright(self, normals: Floats) -> Floats:
@@ -95,11 +115,14 @@ class _Faces:
         light, toward = normals @ (LIGHT / np.linalg.norm(LIGHT)), normals @ self.camera.toward
         return np.clip(0.62 + 0.2 * np.maximum(light, 0.0) + 0.3 * np.maximum(toward, 0.0), 0.0, 1.0)[:, None]
 
-    def sorted(self) -> Polygons:
-        """Return all faces in drawing order."""
+    def sorted(self, chosen: Callable[[Floats], NDArray[np.bool_]] = _all) -> Polygons:
+        """Return in drawing order the faces and lines whose middles (n, 3), m, world, are ``chosen``."""
         order = np.argsort(np.concatenate(self.depths), kind="stable")
+        order = order[chosen(np.concatenate(self.middles)[order])]
+        lines = np.concatenate(self.lines)
+        lines = lines[chosen(lines.mean(axis=1))]
         outlines = [self.outlines[i] for i in order]
-        return Polygons(outlines, np.concatenate(self.tints)[order], np.concatenate(self.lines))
+        return Polygons(outlines, np.concatenate(self.tints)[order], self.camera.project(lines))
 
 
 def polygons(camera: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale, lower: bool = False) -> Polygons:
@@ -107,6 +130,35 @@ def polygons(camera: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale,
 
     ``lower``: only the bodies of links whose outer face looks down.
     """
+    return _links_and_wheels(camera, bodies, poses, k, scale, lower).sorted()
+
+
+def layers(camera: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale) -> Layers:
+    """Return links, wheels and hull at the k-th instant; a face is hidden if the hull hides its middle."""
+    faces = _links_and_wheels(camera, bodies, poses, k, scale)
+
+    def is_hidden(middles: Floats) -> NDArray[np.bool_]:
+        if not (bodies.hull and poses.hull):
+            return np.zeros(len(middles), bool)
+        return hides(bodies.hull, camera, poses.hull.position[k], matrices(poses.hull.orientation[k]), middles)
+
+    hidden, visible = faces.sorted(is_hidden), faces.sorted(lambda middles: ~is_hidden(middles))
+    return Layers(hidden, hull_faces(camera, bodies, poses, k), visible)
+
+
+def hides(hull: HullBody, camera: Camera, position: Floats, axes: Floats, points: Floats) -> NDArray[np.bool_]:
+    """True for points (n, 3), m, world, inside the hull or behind it, and for some beside its outline.
+
+    The hull is convex: it hides what lies behind the planes of all of its faces that are turned to the viewer.
+    """
+    turned = hull.normals @ axes.T @ camera.toward > SEEN
+    heights = (points - position) @ axes @ hull.normals[turned].T - hull.offsets[turned]
+    return np.asarray((heights <= 0.0).all(axis=1))
+
+
+def _links_and_wheels(
+    camera: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale, lower: bool = False
+) -> _Faces:
     faces = _Faces(camera)
     for track in bodies.tracks:
         links = poses.links[track.name]
@@ -115,7 +167,7 @@ def polygons(camera: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale,
         axes = links.axes[k]
         normals = np.swapaxes(axes @ NORMALS.T, 1, 2)  # (links, faces, 3)
         down = axes[:, 2, 2] < 0.0
-        link, face = np.nonzero((normals @ camera.toward > 1e-6) & (down | (not lower))[:, None])
+        link, face = np.nonzero((normals @ camera.toward > SEEN) & (down | (not lower))[:, None])
         for part in track.parts[:1] if lower else track.parts:
             chosen = face != COVERED.get(part.kind, -1)
             of, side = link[chosen], face[chosen]
@@ -124,7 +176,7 @@ def polygons(camera: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale,
             faces.add(corners, tints * faces.bright(normals[of, side]), 0.0 if part.kind == "horn" else IN_FRONT)
     for wheel in () if lower else bodies.wheels:
         _add_wheel(faces, wheel, poses.wheels[wheel.name], k)
-    return faces.sorted()
+    return faces
 
 
 def _add_wheel(faces: _Faces, wheel: WheelBody, pose: BodyPose, k: int) -> None:
@@ -139,7 +191,7 @@ def _add_wheel(faces: _Faces, wheel: WheelBody, pose: BodyPose, k: int) -> None:
             after = np.roll(near, -1, axis=0)
             normals = np.cross(axes[:, 1], after - near)
             normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-            shown = normals @ faces.camera.toward > 1e-6
+            shown = normals @ faces.camera.toward > SEEN
             bands = np.stack([near, after, np.roll(far, -1, axis=0), far], axis=1)
             back = DISC_BACK * float(disc.mean()) * toward
             faces.add(bands[shown], grey * faces.bright(normals[shown]), -back)
@@ -147,7 +199,7 @@ def _add_wheel(faces: _Faces, wheel: WheelBody, pose: BodyPose, k: int) -> None:
             faces.add(near[None], np.minimum(grey * 1.35, 1.0)[None])
     if abs(toward) > 1e-3:
         lines = spokes(wheel)[: SPOKES // 2] if side < 0.0 else spokes(wheel)[SPOKES // 2 :]
-        faces.lines.append(faces.camera.project(in_world(lines, position, axes)))
+        faces.lines.append(in_world(lines, position, axes))
 
 
 def hull_faces(camera: Camera, bodies: Bodies, poses: Poses, k: int) -> Polygons:
@@ -157,7 +209,7 @@ def hull_faces(camera: Camera, bodies: Bodies, poses: Poses, k: int) -> Polygons
         axes = matrices(poses.hull.orientation[k])
         corners, normals = in_world(bodies.hull.corners, poses.hull.position[k], axes), bodies.hull.normals @ axes.T
         tint = np.array(colours.HULL) / 255.0
-        for number in np.flatnonzero(normals @ camera.toward > 1e-6):
+        for number in np.flatnonzero(normals @ camera.toward > SEEN):
             faces.add(corners[bodies.hull.faces[number]][None], tint * faces.bright(normals[number][None]))
     return faces.sorted()
 
@@ -170,7 +222,7 @@ def section(camera: Camera, profile: GroundProfile, low: float, high: float) -> 
     """
     middle, slant = float(profile.station(camera.centre)), float(camera.right @ profile.ahead)
     x = np.linspace(low, high, 400)
-    if abs(slant) > 1e-6:
+    if abs(slant) > SEEN:
         corners = (profile.along - middle) / slant
         x = np.sort(np.concatenate([x, corners[(corners > low) & (corners < high)]]))
     line = np.stack([x, profile.height_at(middle + slant * x) - camera.centre[2]], axis=1)

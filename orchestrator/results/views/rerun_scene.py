@@ -28,7 +28,7 @@ from orchestrator.results.views.colours import Scale
 from orchestrator.results.views.files import check_name
 from orchestrator.results.views.plots import LOADS, MOTION, Plot, curves, plots
 from orchestrator.results.views.shapes import TrackBody, WheelBody, spokes
-from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, block, faceted, prism
+from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, block, convex, faceted, prism
 from orchestrator.results.whole_file import atomic_write
 
 RATE = 50.0  # instants a second
@@ -161,8 +161,9 @@ def _send_shapes(rerun: ModuleType, recording: Any, bodies: Bodies) -> None:
         _send_wheel(rerun, recording, wheel)
     if bodies.hull:
         lines = bodies.hull.corners[bodies.hull.edges]
-        shape = rerun.LineStrips3D(lines, colors=[colours.HULL], radii=0.012)
+        shape = rerun.LineStrips3D(lines, colors=[colours.HULL_EDGE], radii=0.012)
         recording.log(FOLLOWED, shape, static=True)
+        recording.log(f"{FOLLOWED}/faces", _mesh(rerun, convex(bodies.hull), colours.HULL), static=True)
     if standing := scale_on_hull(bodies):
         foot, arrow = standing
         vector = (0.0, 0.0, arrow.length)

@@ -78,6 +78,11 @@ class HullBody(NamedTuple):
     normals: Floats  # (faces, 3), outwards
 
     @property
+    def offsets(self) -> Floats:
+        """Distances (faces) of the planes of the faces from the origin along their normals, m."""
+        return np.array([self.corners[face[0]] @ normal for face, normal in zip(self.faces, self.normals, strict=True)])
+
+    @property
     def edges(self) -> NDArray[np.int64]:
         """Indices (e, 2) of the corners between which two faces meet."""
         pairs = [np.sort([a, b]) for face in self.faces for a, b in pairwise([*face, face[0]])]

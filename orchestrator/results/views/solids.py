@@ -1,7 +1,8 @@
-"""Triangulated surfaces of shapes that viewers lack: toothed sprockets and the ground."""
+"""Triangulated surfaces of shapes that viewers lack: toothed sprockets, the hull and the ground."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from orchestrator.log.time_series import Floats
 from orchestrator.results.ground_profile import GroundProfile, whole_metres
 from orchestrator.results.views.bodies import Bodies
-from orchestrator.results.views.shapes import LinkPart, WheelBody, boxes, rim
+from orchestrator.results.views.shapes import HullBody, LinkPart, WheelBody, boxes, rim
 
 ROOM = 5.0  # m of ground beyond the bodies' positions
 OVER = 0.003  # m, height of lines above the ground
@@ -77,6 +78,12 @@ def block(part: LinkPart) -> Triangles:
     corners = boxes(part).reshape(-1, 3)
     numbers = np.arange(len(corners)).reshape(-1, 4)
     return Triangles(corners, np.concatenate([numbers[:, [0, 1, 2]], numbers[:, [0, 2, 3]]]))
+
+
+def convex(hull: HullBody) -> Triangles:
+    """Return the hull in its own frame."""
+    fans = [[(face[0], *pair) for pair in pairwise(face[1:])] for face in hull.faces]
+    return Triangles(hull.corners, np.concatenate(fans))
 
 
 def _disc(right: Floats, left: Floats) -> Triangles:
