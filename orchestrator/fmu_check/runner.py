@@ -80,7 +80,6 @@ def in_child(name: str, fmu: Path, step: float | None, limit: float) -> Verdict:
                     stdout=subprocess.DEVNULL,
                     stderr=stream,
                     env={**os.environ, "PYTHONPATH": path},
-                    cwd=folder,
                     timeout=limit,
                 )
                 end = _end(child.returncode, errors)

@@ -47,7 +47,7 @@ def check(subject: Subject) -> Verdict:
     return Verdict(note, tuple(faults))
 
 
-def _serialised(instance: Instance, state: Any) -> Any:
+def _serialised(instance: Instance, state: Any) -> bytes:
     size = c_size_t()
     instance.must("SerializedFMUstateSize", state, byref(size))
     content = (c_char * size.value)()
