@@ -12,9 +12,8 @@ from orchestrator.fmu_check.verdict import Refused, Verdict, listed
 
 def check(subject: Subject) -> Verdict:
     """Compare a run with a second one, with two that step in turn, and with one whose steps another thread makes."""
-    with Instance(subject) as instance:
-        instance.initialise()
-        expected = instance.run()
+    inputs = f"vary by {subject.amplitude:g}" if subject.amplitude else "keep their start values"
+    (expected,) = _again(subject)
     faults = []
     for where, runs in (
         ("in a second run", _again),
@@ -23,12 +22,11 @@ def check(subject: Subject) -> Verdict:
     ):
         subject.begin(where)
         try:
-            names = {name for run in runs(subject) for name in subject.differing(expected, run)}
+            names = dict.fromkeys(name for run in runs(subject) for name in subject.differing(expected, run))
         except Refused as refusal:
             faults.append(f"{where}: {refusal}")
         else:
-            faults += [f"{where} {listed(sorted(names))} differ"] if names else []
-    inputs = f"vary by {subject.amplitude:g}" if subject.amplitude else "keep their start values"
+            faults += [f"{where} {listed([*names])} differ"] if names else []
     return Verdict(f"{STEPS} steps of {subject.step:g} s, inputs {inputs}: the same bits", tuple(faults))
 
 

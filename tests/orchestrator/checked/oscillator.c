@@ -51,7 +51,8 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
     if (type != fmi2CoSimulation) return 0;
     Instance *c = calloc(1, sizeof *c);
 #ifdef LEAK
-    memset(malloc(100000), 1, 100000);
+    void *volatile lost = malloc(100000);
+    memset(lost, 1, 100000);
 #endif
     begin(c);
     return c;
