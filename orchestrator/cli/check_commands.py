@@ -56,7 +56,7 @@ def _begin(fmu: str, name: str) -> None:
 
 def _print_table(fmu: Path, verdicts: Mapping[str, Verdict]) -> None:
     wrong = sum(bool(verdict.faults) for verdict in verdicts.values())
-    print(f"{fmu}: {wrong} of {len(verdicts)} checks are wrong" if wrong else f"{fmu}: nothing is wrong")
+    print(f"{fmu}: " + (f"something is wrong in {wrong} of {len(verdicts)} checks" if wrong else "nothing is wrong"))
     for name, verdict in verdicts.items():
         print(f"  {name:{max(map(len, verdicts))}}  {verdict.result:14}  {printed.plain(verdict.detail)}")
 

@@ -21,5 +21,5 @@ def check(subject: Subject) -> Verdict:
     except NotApplicable as refusal:
         faults.append(str(refusal))
     documented = "documented" if (folder / "documentation" / "index.html").is_file() else "no documentation"
-    note = f"valid; {documented}; binaries for {', '.join(binaries)}, of which that for {fmpy.platform} is loaded"
+    note = f"valid; {documented}; binaries for {', '.join(binaries)}, that for {fmpy.platform} loads"
     return Verdict(note, tuple(faults))

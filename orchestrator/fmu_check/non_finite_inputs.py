@@ -22,10 +22,11 @@ def check(subject: Subject) -> Verdict:
                 instance.initialise()
                 instance.step(0)
                 status = instance.set_real(variable.valueReference, value)
-                taken, wrong = False, fatal(status)
+                is_taken, wrong = False, fatal(status)
                 if status <= WARNING:
-                    taken, wrong = instance.attempt_step(subject.step, subject.step)
-            refused += not taken
+                    is_taken, wrong = instance.attempt_step(subject.step, subject.step)
+            refused += not is_taken
             faults += with_faults(f"{variable.name} = {value:g}", wrong)
-    note = f"{refused} of {len(VALUES) * len(subject.inputs)} values are refused, with the others outputs are finite"
-    return Verdict(note, tuple(faults))
+    taken = len(VALUES) * len(subject.inputs) - refused
+    others = f"; with {taken} others all outputs are finite" if taken else ""
+    return Verdict(f"{refused} values are refused{others}", tuple(faults))

@@ -10,7 +10,7 @@ from contextlib import suppress
 from functools import partial
 from typing import NamedTuple
 
-from orchestrator.fmu_check.instance import WARNING, Instance, Subject, fatal, with_faults
+from orchestrator.fmu_check.instance import WARNING, Instance, Subject, fatal
 from orchestrator.fmu_check.verdict import NotApplicable, Refused, Verdict, listed
 
 UNKNOWN = 2**31 - 1  # a value reference that no variable has
@@ -57,15 +57,20 @@ MISUSES = (
 
 def check(subject: Subject) -> Verdict:
     """Make each call outside its phase in an instance of its own, then calls that are allowed."""
-    refused, faults = 0, []
+    refused = 0
+    wrong: dict[str, list[str]] = {}  # calls by fault
     for misuse in MISUSES:
         subject.begin(f"in {misuse.name}")
         with suppress(NotApplicable), Instance(subject) as instance:
             _enter(instance, misuse.phase)
             status = misuse.call(instance, subject)
             refused += status > WARNING
-            faults += with_faults(misuse.name, fatal(status) if status > WARNING else ["accepted"])
-    for part in (_foreign_guid, _terminated, _reset):
+            for fault in fatal(status) if status > WARNING else ["accepted"]:
+                wrong.setdefault(fault, []).append(misuse.name)
+    if _takes_foreign_guid(subject):
+        wrong.setdefault("accepted", []).append("fmi2Instantiate with another guid")
+    faults = [f"{fault}: {', '.join(calls)}" for fault, calls in wrong.items()]
+    for part in (_terminated, _reset):
         try:
             faults += part(subject)
         except Refused as refusal:
@@ -84,14 +89,13 @@ def _enter(instance: Instance, phase: str) -> None:
             instance.must("Terminate")
 
 
-def _foreign_guid(subject: Subject) -> list[str]:
-    """Another guid in place of the FMU's is refused."""
+def _takes_foreign_guid(subject: Subject) -> bool:
     subject.begin("in fmi2Instantiate with another guid")
     try:
         with Instance(subject, GUID):
-            return ["fmi2Instantiate with another guid: accepted"]
+            return True
     except Refused:
-        return []
+        return False
 
 
 def _terminated(subject: Subject) -> list[str]:
