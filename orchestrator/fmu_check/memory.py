@@ -8,7 +8,7 @@ from pathlib import Path
 from orchestrator.fmu_check.instance import Instance, Subject
 from orchestrator.fmu_check.verdict import NotApplicable, Verdict
 
-CYCLES, WARM_UP = 200, 20
+CYCLES, WARM_UP = 200, 50
 LIMIT = 10.0  # MB
 STATUS = Path("/proc/self/status")
 

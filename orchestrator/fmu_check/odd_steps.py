@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from orchestrator.fmu_check.instance import Instance, Subject, with_faults
-from orchestrator.fmu_check.verdict import Verdict, listed
+from orchestrator.fmu_check.verdict import Verdict
 
 SHORT = "1e-6 s"
 # Steps that follow two ordinary ones: gap before the step, its length, both in communication steps.
@@ -20,7 +20,7 @@ CASES: dict[str, tuple[tuple[float, float], ...]] = {
 
 def check(subject: Subject) -> Verdict:
     """Make unusual steps, each kind in an instance of its own."""
-    kinds: dict[bool, list[str]] = {True: [], False: []}
+    kinds: dict[str, list[str]] = {"taken": [], "refused": []}
     faults = []
     for name, steps in CASES.items():
         subject.begin(f"in a step of {name}")
@@ -34,6 +34,6 @@ def check(subject: Subject) -> Verdict:
                     taken, wrong = instance.attempt_step(t, length * subject.step)
                     t += length * subject.step
                     faults += with_faults(f"step of {name}", wrong)
-        kinds[taken].append(name)
-    taken_or_not = (f"{verb}: {listed(kinds[is_taken], 9)}" for verb, is_taken in (("taken", True), ("refused", False)))
-    return Verdict("; ".join(taken_or_not), tuple(faults))
+        kinds["taken" if taken else "refused"].append(name)
+    note = "; ".join(f"{kind}: {', '.join(names) or 'none'}" for kind, names in kinds.items())
+    return Verdict(note, tuple(faults))
