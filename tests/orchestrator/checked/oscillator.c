@@ -39,6 +39,10 @@ static void begin(Instance *c) {
     c->t = 0.0;
 }
 
+#ifdef EXIT_ABORTS
+__attribute__((destructor)) static void end(void) { abort(); }
+#endif
+
 EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
 EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 EXPORT fmi2Status fmi2SetDebugLogging(fmi2Component p, fmi2Boolean on, size_t n, const fmi2String names[]) { return fmi2OK; }
@@ -96,6 +100,9 @@ EXPORT fmi2Status fmi2Terminate(fmi2Component p) {
 #ifdef TERMINATE_ABORTS
     if (c->phase == TERMINATED) abort();
 #endif
+#ifdef TERMINATE_EXITS
+    if (c->phase == TERMINATED) _Exit(7);
+#endif
 #ifdef REFUSALS_ARE_FATAL
     if (c->phase != RUNNING) return fmi2Fatal;
 #endif
@@ -129,6 +136,9 @@ EXPORT fmi2Status fmi2SetReal(fmi2Component p, const fmi2ValueReference v[], siz
         if (v[i] >= N) return fmi2Error;
 #ifndef ANY_INPUT
         if (v[i] == FORCE && !isfinite(from[i])) return fmi2Error;
+#endif
+#ifdef SMALL_INPUT
+        if (v[i] == FORCE && fabs(from[i]) > 1e-4) return fmi2Error;
 #endif
         REQUIRE(v[i] == FORCE ? c->phase != TERMINATED : v[i] >= START_X && c->phase <= INITIALISING);
     }
