@@ -6,7 +6,7 @@
 #include "fmi2.h"
 
 enum { FORCE, X, V, START_X, STIFFNESS, DAMPING, N };            /* value references */
-enum { INSTANTIATED, INITIALISING, RUNNING, TERMINATED };         /* phases */
+enum { INSTANTIATED, INITIALISING, RUNNING, TERMINATED, LOST };   /* phases */
 static const double START[N] = { 0.0, 0.0, 0.0, 0.1, 40.0, 0.5 }; /* of a mass of 1 kg */
 
 typedef struct {
@@ -62,7 +62,10 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
     return c;
 }
 
-EXPORT void fmi2FreeInstance(fmi2Component p) { free(p); }
+EXPORT void fmi2FreeInstance(fmi2Component p) {
+    if (((Instance *)p)->phase == LOST) abort(); /* no function may be called after fmi2Fatal */
+    free(p);
+}
 
 #ifdef ANY_PHASE
 #define REQUIRE(condition)
@@ -104,7 +107,10 @@ EXPORT fmi2Status fmi2Terminate(fmi2Component p) {
     if (c->phase == TERMINATED) _Exit(7);
 #endif
 #ifdef REFUSALS_ARE_FATAL
-    if (c->phase != RUNNING) return fmi2Fatal;
+    if (c->phase != RUNNING) {
+        c->phase = LOST;
+        return fmi2Fatal;
+    }
 #endif
     REQUIRE(c->phase == RUNNING);
     c->phase = TERMINATED;
