@@ -12,7 +12,8 @@ from orchestrator.fmu_check.verdict import Refused, Verdict, listed
 
 def check(subject: Subject) -> Verdict:
     """Compare a run with a second one, with two that step in turn, and with one whose steps another thread makes."""
-    inputs = f"vary by {subject.amplitude:g}" if subject.amplitude else "keep their start values"
+    varied = f"inputs vary by {subject.amplitude:g}" if subject.amplitude else "inputs keep their start values"
+    inputs = varied if subject.inputs else "no Real inputs"
     (expected,) = _again(subject)
     faults = []
     for where, runs in (
@@ -27,7 +28,7 @@ def check(subject: Subject) -> Verdict:
             faults.append(f"{where}: {refusal}")
         else:
             faults += [f"{where} {listed([*names])} differ"] if names else []
-    return Verdict(f"{STEPS} steps of {subject.step:g} s, inputs {inputs}: the same bits", tuple(faults))
+    return Verdict(f"{STEPS} steps of {subject.step:g} s, {inputs}: the same bits", tuple(faults))
 
 
 def _again(subject: Subject) -> list[Floats]:
