@@ -24,7 +24,7 @@ STOREYS = (
     ("kernels",),
     ("log",),
     ("cosim", "results"),
-    ("scene",),
+    ("scene", "fmu_check"),
     ("execution",),
     ("studies",),
     ("interface",),
@@ -34,7 +34,7 @@ STOREYS = (
 GENERIC = [
     *(
         file.relative_to(ORCHESTRATOR).as_posix()
-        for place in ("files", "kernels", "cosim/coupling", "log")
+        for place in ("files", "kernels", "cosim/coupling", "log", "fmu_check")
         for file in sorted((ORCHESTRATOR / place).glob("*.py"))
         if file.name not in ("recorded_system.py", "tools.py")  # a log's system.json as the project writes it
     ),

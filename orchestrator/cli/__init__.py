@@ -19,6 +19,7 @@ import typer
 from orchestrator import __version__
 from orchestrator.cli import log_commands
 from orchestrator.cli.analysis_commands import analyse, plot
+from orchestrator.cli.check_commands import check
 from orchestrator.cli.common import USAGE_ERROR, message_and_status, narration, print_message, print_notices, show_usage
 from orchestrator.cli.key_commands import keys, new, schema
 from orchestrator.cli.moved import bench
@@ -47,6 +48,7 @@ for command in (
     show,
     build,
     ssp,
+    check,
     run,
     resume,
     replay,

@@ -126,7 +126,8 @@ class Component(AbstractContextManager["Component"]):
     itself holds it. Every failure raises ComponentFailed, with the message that the FMU logged, if any.
     """
 
-    def __init__(self, fmu: Path, name: str, logger: Logger | None = None) -> None:
+    def __init__(self, fmu: Path, name: str, logger: Logger | None = None, guid: str | None = None) -> None:
+        """Load and instantiate an FMU; ``guid``: another one than that of its description, which it should refuse."""
         self.name = name
         self._logger = logger
         self._messages: list[tuple[int, str]] = []
@@ -137,10 +138,9 @@ class Component(AbstractContextManager["Component"]):
         self._step_call: Record | None = None
         self._call_time = 0.0  # s inside the FMU, without steps by ``step_call``
         self._phase = "made"
-        folder = unpack(Path(fmu))
-        self.description = _description(folder, fmu)
+        folder, self.description = describe(fmu)
         self._sort_variables()
-        self._load(folder, fmu)
+        self._load(folder, fmu, guid or self.description.guid or "")
 
     def _sort_variables(self) -> None:
         variables = self.description.modelVariables
@@ -175,7 +175,7 @@ class Component(AbstractContextManager["Component"]):
     def _references(self, names: tuple[str, ...]) -> Any:
         return (c_uint * len(names))(*(self._variables[name].valueReference for name in names))
 
-    def _load(self, folder: Path, fmu: Path) -> None:
+    def _load(self, folder: Path, fmu: Path, guid: str) -> None:
         identifier = self.description.coSimulation.modelIdentifier
         library = folder / "binaries" / fmpy.platform / f"{identifier}{fmpy.sharedLibraryExtension}"
         if not library.is_file():
@@ -198,7 +198,7 @@ class Component(AbstractContextManager["Component"]):
         handle = self._fmu.fmi2Instantiate(
             self.name.encode(),
             1,  # co-simulation
-            (self.description.guid or "").encode(),
+            guid.encode(),
             _location(folder / "resources").encode(),
             byref(self._callbacks),
             False,
@@ -209,6 +209,11 @@ class Component(AbstractContextManager["Component"]):
             raise ComponentFailed(f"{self.name}: {self._first_error() or 'the FMU cannot be instantiated'}")
         self._handle = handle
         self._phase = "instantiated"
+
+    @property
+    def functions(self) -> tuple[Any, int]:
+        """Library of the FMI functions, and the instance, their first argument: for calls that no method makes."""
+        return self._library, self._handle
 
     def unit(self, name: str) -> str:
         """Return the unit of a variable as the FMU names it, '1' if it has none."""
@@ -481,6 +486,16 @@ class Component(AbstractContextManager["Component"]):
         self.close()
 
 
+class BadDescription(ComponentFailed):
+    """The modelDescription.xml of an FMU cannot be read."""
+
+
+def describe(fmu: Path) -> tuple[Path, Any]:
+    """Unpack an FMU of FMI 2.0 for co-simulation; return its folder and its description. Raises ComponentFailed."""
+    folder = unpack(Path(fmu))
+    return folder, _description(folder, fmu)
+
+
 def _description(folder: Path, fmu: Path) -> Any:
     content = b""
     with suppress(OSError):
@@ -492,7 +507,7 @@ def _description(folder: Path, fmu: Path) -> Any:
     try:
         description = _parsed(folder, content)
     except Exception as error:
-        raise ComponentFailed(f"'{fmu}' is not an FMU: bad modelDescription.xml: {error}") from None
+        raise BadDescription(f"'{fmu}' is not an FMU: bad modelDescription.xml: {error}") from None
     if description.coSimulation is None:
         raise ComponentFailed(f"'{fmu}' is an FMU for model exchange: only FMI 2.0 for co-simulation is run")
     return description

@@ -1,0 +1,127 @@
+"""Checks of an FMU, each in a child process whose crash or hang is a fault of the FMU.
+
+The child is ``python -m orchestrator.fmu_check.runner CHECK FMU STEP JOURNAL``. Its journal is a JSON object: where the
+check is, replaced at the end by the verdict. Streams cannot serve, because an FMU may write to them.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from orchestrator.cosim.component import BadDescription, describe
+from orchestrator.fmu_check import (
+    dependencies,
+    description,
+    memory,
+    non_finite_inputs,
+    odd_steps,
+    phases,
+    repeatability,
+    states,
+    units,
+)
+from orchestrator.fmu_check.instance import Subject
+from orchestrator.fmu_check.verdict import NotApplicable, Refused, Verdict
+
+CHECKS: dict[str, Callable[[Subject], Verdict]] = {
+    "description": description.check,
+    "units": units.check,
+    "dependencies": dependencies.check,
+    "states": states.check,
+    "repeatability": repeatability.check,
+    "odd steps": odd_steps.check,
+    "non-finite inputs": non_finite_inputs.check,
+    "phases": phases.check,
+    "memory": memory.check,
+}
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def require_fmu(fmu: Path) -> None:
+    """Raise ComponentFailed for what is no FMU of FMI 2.0 for co-simulation; checks report a bad description."""
+    with suppress(BadDescription):
+        describe(fmu)
+
+
+def verdicts(fmu: Path, step: float | None, limit: float, begun: Callable[[str], None]) -> dict[str, Verdict]:
+    """Make all checks of an FMU; return their verdicts.
+
+    :param step: communication step, s; None: the FMU's own.
+    :param limit: time limit of a check, s.
+    :param begun: called with the name of each check before it.
+    """
+    results = {}
+    for name in CHECKS:
+        begun(name)
+        results[name] = in_child(name, fmu, step, limit)
+    return results
+
+
+def in_child(name: str, fmu: Path, step: float | None, limit: float) -> Verdict:
+    """Make one check in a child process; return its verdict."""
+    path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+    with TemporaryDirectory() as folder:
+        journal, errors = Path(folder, "journal"), Path(folder, "errors")
+        journal.write_text("{}", encoding="utf-8")
+        arguments = [name, str(fmu.absolute()), "" if step is None else repr(step), str(journal)]
+        with errors.open("wb") as stream:
+            try:
+                child = subprocess.run(
+                    [sys.executable, "-m", "orchestrator.fmu_check.runner", *arguments],
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    stderr=stream,
+                    env={**os.environ, "PYTHONPATH": path},
+                    timeout=limit,
+                )
+                end = _end(child.returncode, errors)
+            except subprocess.TimeoutExpired:
+                end = f"the process was stopped after {limit:g} s"
+        content = json.loads(journal.read_text(encoding="utf-8"))
+    note, faults, applicable = content.get("verdict", ("", (), True))
+    if end:
+        where = "at its exit" if "verdict" in content else content.get("at", "at the start")
+        faults = (*faults, f"{end} {where}")
+    return Verdict(note, tuple(faults), applicable)
+
+
+def _end(code: int, errors: Path) -> str:
+    """Say how a child process ended; empty if well."""
+    if code == 0:
+        return ""
+    if code < 0:
+        return f"the process was ended by {signal.Signals(-code).name}"
+    lines = errors.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+    return f"the process ended with exit status {code}" + (f" ({lines[-1]})" if lines else "")
+
+
+def judged(name: str, subject: Subject) -> Verdict:
+    """Make a check in this process; return its verdict."""
+    try:
+        return CHECKS[name](subject)
+    except NotApplicable as reason:
+        return Verdict(str(reason), applicable=False)
+    except Refused as refusal:
+        return Verdict("", (str(refusal),))
+
+
+def main(name: str, fmu: str, step: str, journal: str) -> None:
+    """Make a check as a child process."""
+
+    def write(**content: object) -> None:
+        Path(journal).write_text(json.dumps(content), encoding="utf-8")
+
+    subject = Subject(Path(fmu), float(step) if step else None, lambda words: write(at=words))
+    write(verdict=judged(name, subject))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
