@@ -51,17 +51,23 @@ def run(
         typer.Option("-o", "--output", "--log", metavar="PATH", help="the log, default logs/SCENE-TRACK.mcap"),
     ] = None,
     native: Annotated[bool, typer.Option("--native", help="use native FMUs; results have the same bits")] = False,
+    replaced: Annotated[
+        list[str] | None,
+        typer.Option("--replace", metavar="NAME=FMU", help="your FMU in place of this part of the scene, repeatable"),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
     """Run a scene, record it, evaluate its checks and estimate its error."""
     narration(f"{scene}: the scene is read")
     from orchestrator.execution import summary
+    from orchestrator.scene.fmu_table import replacing_fmu
     from orchestrator.scene.scene import load
 
     result, status = summary.empty(scene, track), 2
     overrides = (("stop", stop), ("step", step), ("coupling", coupling))
     changes = [*(settings or ()), *(f"run.{k}={v}" for k, v in overrides if v is not None)]
     try:
+        changes += [replacing_fmu(text) for text in replaced or ()]
         resolved = load(scene, track, changes)
         if error is not None:
             from orchestrator.execution.precision import cheapest, fraction

@@ -76,7 +76,9 @@ def _unpack_missing(archive: zipfile.ZipFile, folder: Path) -> Path:
     source_folders = set()
     for name in dict.fromkeys(archive.namelist()):
         entry = archive.getinfo(name)
-        parts = [part for part in name.split("/") if part not in ("", ".", "..")]
+        parts = [part for part in name.split("/") if part not in ("", ".")]
+        if ".." in parts:
+            raise zipfile.BadZipFile(f"it holds a file outside of it, '{name}'")
         file = folder.joinpath(*parts)
         if _BYTECODE in parts:
             continue

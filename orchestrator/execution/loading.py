@@ -41,7 +41,7 @@ def _compile_in_processes(scene: Scene) -> list[subprocess.Popen[str]]:
     if scene.placed:
         return []
     parts = reversed(assemble(scene).parts)  # the first part of each kind; its start does not depend on inputs
-    kinds = {part.kind: (part.kind, part.config, part.parameters) for part in parts}
+    kinds = {part.kind: (part.kind, part.config, part.parameters) for part in parts if part.fmu is None}
     rigid, cables = (kinds.pop(TRACKS[name].fmu, None) for name in ("rigid", "flexible"))
     tracks, others = [rigid] if rigid else [], [*kinds.values()]
     # A step of cables last, when the start has compiled what they share; alone, both would compile it at once.

@@ -151,6 +151,8 @@ def _built_model(log: Log, entry: Mapping[str, Any], track: str | None, settings
     if settings:
         scene = changed_scene(scene.resolved(), settings, f"{log.path}: scene.json")
     part = _part(scene, name)
+    if part.fmu is not None and track is None:
+        raise BadInput(f"'{name}' was an FMU of the user, and a file that a log names is not run: name it with --with")
     if track is not None and part.kind != TRACKS[track].fmu:
         raise BadInput(f"--with {track}: '{name}' is no track")
     native = track is None and log.metadata.get("run", {}).get("fmus") == NATIVE

@@ -29,7 +29,9 @@ from orchestrator.log.recorder import LogFailed, check_writable
 from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import contact_step
+from orchestrator.scene.assembly import assemble
 from orchestrator.scene.ranges import implausible_numbers
+from orchestrator.scene.replacement import require_fit
 from orchestrator.scene.scene import Scene
 
 REFERENCE_ENERGY = 1.0  # J, of the power residual until a bond has carried more, unless the scene sets it
@@ -82,11 +84,15 @@ def _simulate(
     start = time.perf_counter()
     result = summary.empty(scene.name, scene.variant)
     announce = narration or (lambda line: None)
+    assembly = assemble(scene)
+    unfit = require_fit(f"{scene.name}.toml", *assembly, variable_steps=scene.run.variable is not None)
+    if given := [part.name for part in assembly.parts if part.fmu is not None]:
+        announce(f"{scene.name}: FMUs of yours run as {', '.join(given)}: an FMU runs code with your rights")
     reached = ReachedPoint()
     with ExitStack() as stack:
         announce(f"{scene.name}: components are built and initialised")
         run = PreparedRun.prepare(*load_scene(scene, stack, logger, native), continuation)
-        result["warnings"] = early_warnings = _early_warnings(run, logger)
+        result["warnings"] = early_warnings = _early_warnings(run, logger, unfit)
         log_opened, file = False, path
         try:
             about, further_metadata = {"fmus": NATIVE} if native else {}, continuation.metadata if continuation else {}
@@ -138,10 +144,10 @@ def _verdict(outcome: master.RunOutcome, validity: Sequence[Mapping[str, Any]]) 
     return "failed", "; ".join(filter(None, (outcome.message, invalidity)))
 
 
-def _early_warnings(run: PreparedRun, logger: Logger | None) -> list[dict[str, Any]]:
-    """Return warnings about recording and scene; the logger gets them too."""
+def _early_warnings(run: PreparedRun, logger: Logger | None, unfit: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:
+    """Return warnings about FMUs of the user (``unfit``), recording and scene; the logger gets them too."""
     aliases = run.scene.aliasing_warning if any_links(run.components) else ""
-    sentences = [("log", NO_INPUTS)] * (not run.scene.run.inputs)
+    sentences = [*unfit, *[("log", NO_INPUTS)] * (not run.scene.run.inputs)]
     sentences += [("log", aliases)] * bool(aliases) + _implausible_numbers(run.scene)
     if logger:
         for component, text in sentences:

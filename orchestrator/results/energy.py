@@ -84,6 +84,9 @@ def _ledger(run: RunData) -> Ledger:
     accounts = changes(run)
     if not any(accounts.values()):
         raise Missing("the log holds no energies")
+    joined = [name for port in ports(run) for name in (port.giver, port.taker)]
+    if lacking := [name for name in joined if not accounts[name]]:  # an FMU of the user
+        raise Missing(f"the log holds no energies of '{lacking[0]}'")
     received = dict.fromkeys(run.instances, 0.0)
     port_loss = 0.0
     for port, (given, taken) in _works(run).items():

@@ -166,7 +166,7 @@ def _allowed(entry: Schema) -> str:
         case {"type": "boolean"}:
             return "true or false"
         case {"type": "integer", **bounds}:
-            return f"whole number, {_range(bounds)}"
+            return ", ".join(filter(None, ("whole number", _range(bounds))))
         case {"type": "number", **bounds}:
             return _range(bounds) or "number"
         case {"type": "string"}:

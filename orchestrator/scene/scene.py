@@ -19,6 +19,7 @@ from fmus.vehicle import BadInput, Force, FrozenTable, Vehicle, first_error, for
 from orchestrator.results.analyses.catalogue import UNSTRESSED, described
 from orchestrator.scene import gallery, points
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriveTable
+from orchestrator.scene.fmu_table import FmuTable, set_folder
 from orchestrator.scene.ranges import SCENE
 from orchestrator.scene.recording import ASSUMED_SPEED, aliasing_warning, links_every
 from orchestrator.scene.run_tables import RunTable, short_coupling
@@ -59,6 +60,8 @@ class Scene(FrozenTable):
     """the idler is where the chain carries its static tension"""
     planar: bool = False
     """cable chains without lateral dofs: all motion is in the plane of the track"""
+    fmu: dict[str, FmuTable] | None = None
+    """FMUs of the user by the names of the parts in whose place they run"""
 
     @model_validator(mode="after")
     def _check_ranges(self) -> Scene:
@@ -101,6 +104,11 @@ class Scene(FrozenTable):
     def changed(self, settings: Sequence[str] | Mapping[str, Any]) -> Scene:
         """The scene with other values, as of ``load``; its defaults are kept. Raises BadInput."""
         return changed_scene(self.resolved(), settings, f"{self.name}.toml")
+
+    def require_own_parts(self, what: str) -> None:
+        """Raise BadInput if an FMU of the user is in place of a part; ``what``: subject of the sentence."""
+        for name, fmu in (self.fmu or {}).items():
+            raise BadInput(f"{self.name}.toml: fmu.{name}.file = {path_text(fmu.file)}: {what} parts of cotrack alone")
 
     def recording_for(self, analyses: Sequence[str]) -> Scene:
         """The scene with the link outputs that analyses need besides its own.
@@ -311,6 +319,7 @@ def load(scene: str, track: str | None = None, settings: Sequence[str] | Mapping
     """
     name, table = gallery.read(scene)
     points.read(table, Path(scene).parent, f"{name}.toml")
+    set_folder(table, Path(scene).parent)
     changes = pairs(settings)
     _kind(table, f"{name}.toml")
     vehicle_file = _complete_table(table, f"{name}.toml", track, changes)

@@ -52,6 +52,7 @@ def write_ssp(scene: Scene, file: Path, native: bool = True) -> None:
     """
     if not file.parent.is_dir():
         raise BadInput(f"{file} cannot be written: there is no folder {file.parent}")
+    scene.require_own_parts("an archive has")
     scene = placed(scene)
     assembly = assemble(scene)
     products: list[Product] = [(part.kind, product_config(scene, part), part.name) for part in assembly.parts]
