@@ -13,17 +13,18 @@ from orchestrator.cosim.graph import System
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene
+from orchestrator.scene.system_scene import SystemScene
 
 LOW_PRIORITY = 10  # niceness of compiling processes other than the longest one
 
 
 def load_scene(
-    scene: Scene, stack: ExitStack, logger: Logger | None, native: bool = False
-) -> tuple[Scene, System, dict[str, Component]]:
+    scene: SystemScene, stack: ExitStack, logger: Logger | None, native: bool = False
+) -> tuple[SystemScene, System, dict[str, Component]]:
     """Place a scene, build its graph, load its components; raises BadInput, BuildFailed, ComponentFailed."""
-    processes = _compile_in_processes(scene)
+    processes = _compile_in_processes(scene) if isinstance(scene, Scene) else []
     try:
-        scene = placed(scene)
+        scene = placed(scene) if isinstance(scene, Scene) else scene
         graph = system(assemble(scene), native)
         for process in processes:
             process.wait()

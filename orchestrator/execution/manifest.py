@@ -28,7 +28,7 @@ from orchestrator.files.budget import open_file
 from orchestrator.log import schema
 from orchestrator.log.log_format import INPUTS, UNRECORDED
 from orchestrator.log.recorder import Recorder
-from orchestrator.scene.scene import Scene
+from orchestrator.scene.system_scene import SystemScene
 
 PACKAGES = ("numpy", "scipy", "numba", "pythonfmu", "fmpy", "mcap", "protobuf")
 NATIVE = "native"  # kind of FMUs, in the metadata of a log
@@ -37,7 +37,7 @@ STATS_PERIOD = 0.1  # s of simulated time between records of solver cost
 
 def open_log(
     path: Path,
-    scene: Scene,
+    scene: SystemScene,
     graph: System,
     components: Mapping[str, Recordable],
     scheme: Scheme,
@@ -72,7 +72,7 @@ def open_log(
 
 
 def manifest(
-    scene: Scene, graph: System, components: Mapping[str, Recordable]
+    scene: SystemScene, graph: System, components: Mapping[str, Recordable]
 ) -> tuple[dict[str, list[tuple[str, str]]], dict[str, bytes], dict[str, dict[str, str]]]:
     """Return topics -> (variable, unit), attachments and metadata of a log before step 0."""
     topics: dict[str, list[tuple[str, str]]] = {}
@@ -177,7 +177,7 @@ def _types(components: Mapping[str, Recordable]) -> dict[str, str]:
     }
 
 
-def _strides(scene: Scene, components: Mapping[str, Recordable]) -> dict[str, int]:
+def _strides(scene: SystemScene, components: Mapping[str, Recordable]) -> dict[str, int]:
     """Return topic -> recording interval in communication steps."""
     every = {"out": scene.run.outputs, "links": scene.links_every}
     return {f"/{name}/{kind}": steps for name in components for kind, steps in every.items()}

@@ -25,7 +25,8 @@ from orchestrator.log.time_series import EVER
 from orchestrator.scene.assembly import assemble, build_parts
 from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import Scene, changed_scene, from_table
+from orchestrator.scene.scene import Scene, any_from_table, changed_scene, from_table, with_track
+from orchestrator.scene.system_scene import SystemScene
 
 
 class ReplayModel(NamedTuple):
@@ -34,7 +35,7 @@ class ReplayModel(NamedTuple):
     fmu: Path
     parameters: replays.Parameters
     stage: int
-    scene: Scene | None  # None for a given FMU
+    scene: SystemScene | None  # None for a given FMU
     as_recorded: bool  # True if FMU and parameters are those of the log
     native: bool = False
     settings: Sequence[str] = ()  # KEY=VALUE, changes of the scene in the log
@@ -133,7 +134,8 @@ def _given_model(log: Log, entry: Mapping[str, Any], fmu: Path) -> ReplayModel:
         as_recorded = sha256(fmu) == entry["sha256"]
     except OSError as error:
         raise BadInput(f"the FMU '{fmu}' cannot be read: {error.strerror}") from None
-    scene = _scene(log) if as_recorded and "scene.json" in log.attachments else None
+    known = as_recorded and "scene.json" in log.attachments
+    scene = any_from_table(log.table("scene.json"), f"{log.path}: scene.json") if known else None
     return ReplayModel(fmu, entry.get("parameters", {}), entry.get("stage", 0), scene, as_recorded)
 
 
@@ -149,7 +151,7 @@ def _built_model(log: Log, entry: Mapping[str, Any], track: str | None, settings
     if track is not None:
         scene = scene.model_copy(update={"planar": False, "track": scene.track.of_model(track)}).with_axes()
     if settings:
-        scene = changed_scene(scene.resolved(), settings, f"{log.path}: scene.json")
+        scene = with_track(changed_scene(scene.resolved(), settings, f"{log.path}: scene.json"))
     part = _part(scene, name)
     if part.fmu is not None and track is None:
         raise BadInput(f"'{name}' was an FMU of the user, and a file that a log names is not run: name it with --with")

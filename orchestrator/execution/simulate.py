@@ -33,6 +33,7 @@ from orchestrator.scene.assembly import assemble
 from orchestrator.scene.ranges import implausible_numbers
 from orchestrator.scene.replacement import require_fit
 from orchestrator.scene.scene import Scene
+from orchestrator.scene.system_scene import SystemScene
 
 REFERENCE_ENERGY = 1.0  # J, of the power residual until a bond has carried more, unless the scene sets it
 NO_INPUTS = "inputs are not recorded (run.inputs = false): the log cannot be replayed or resumed"
@@ -40,7 +41,7 @@ LOW_PRIORITY = 10  # niceness of compiling processes other than the longest one
 
 
 def simulate(
-    scene: Scene,
+    scene: SystemScene,
     path: Path,
     logger: Logger | None = None,
     narration: Narration | None = None,
@@ -72,7 +73,7 @@ def simulate(
 
 
 def _simulate(
-    scene: Scene,
+    scene: SystemScene,
     path: Path,
     logger: Logger | None,
     narration: Narration | None,
@@ -117,7 +118,7 @@ def _simulate(
                     entries, run_events = _evaluate_log(run.scene, recorder.file, outcome, result["warnings"])
                     result |= entries
                     recorder.write_events(run_events)
-                    if estimated and result["status"] == "ok":
+                    if estimated and result["status"] == "ok" and isinstance(run.scene, Scene):
                         announce(f"{scene.name}: the error is estimated by up to two runs with longer steps")
                         record = partial(record_companion, interrupt)
                         result["error"] = estimate.estimate(run.scene, recorder.file, result, record)
@@ -157,13 +158,13 @@ def _early_warnings(run: PreparedRun, logger: Logger | None, unfit: Sequence[tup
     return [{"component": component, "text": text, "time": 0.0, "count": 1} for component, text in sentences]
 
 
-def _implausible_numbers(scene: Scene) -> list[tuple[str, str]]:
+def _implausible_numbers(scene: SystemScene) -> list[tuple[str, str]]:
     """Return warnings about numbers of the scene outside the plausible range."""
     return [("scene", sentence) for sentence in implausible_numbers(scene.resolved(), f"{scene.name}.toml")]
 
 
 def _evaluate_log(
-    scene: Scene, path: Path, outcome: master.RunOutcome, warnings: Sequence[Mapping[str, Any]]
+    scene: SystemScene, path: Path, outcome: master.RunOutcome, warnings: Sequence[Mapping[str, Any]]
 ) -> tuple[dict[str, Any], list[Event]]:
     """Evaluate energy, checks, observables and events from the log; return summary entries and events."""
     try:

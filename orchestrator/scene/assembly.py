@@ -11,6 +11,7 @@ from fmus.equilibrium import stances
 from fmus.vehicle import BadInput
 from orchestrator.cosim.graph import Connection, Instance, System
 from orchestrator.scene import replacement
+from orchestrator.scene.free_scene import FreeScene
 from orchestrator.scene.gallery import hint
 from orchestrator.scene.parts import (
     AXLE,
@@ -34,7 +35,8 @@ from orchestrator.scene.parts import (
     vehicle_track_config,
     wheel_connections,
 )
-from orchestrator.scene.scene import BenchScene, ChainScene, RigScene, Scene, VehicleScene
+from orchestrator.scene.scene import BenchScene, ChainScene, RigScene, Scene, VehicleScene, with_track
+from orchestrator.scene.system_scene import SystemScene
 
 
 class Assembly(NamedTuple):
@@ -44,11 +46,15 @@ class Assembly(NamedTuple):
     connections: tuple[Connection, ...]
 
 
-def assemble(scene: Scene) -> Assembly:
+def assemble(scene: SystemScene) -> Assembly:
     """Assemble a scene: its parts and connections, and nothing that it does not declare.
 
     Raises BadInput if the scene has an FMU for a part that it has not.
     """
+    if isinstance(scene, FreeScene):
+        parts = (Part(name, "", {}, {}, table.stage, table) for name, table in scene.fmu.items())
+        return Assembly(tuple(parts), scene.wiring())
+    scene = with_track(scene)
     assembly, fmus = _assembled(scene), scene.fmu or {}
     names = [part.name for part in assembly.parts]
     for name in fmus:

@@ -63,10 +63,15 @@ def require_fit(
     An FMU must have the connected variables of its part as Reals in the same units. What else its part outputs, and
     units that it does not declare, are warnings. ``variable_steps``: it must take communication steps of any length.
     """
-    warnings = []
-    for each in replacements(where, parts):
+    warnings: list[tuple[str, str]] = []
+    found = replacements(where, parts)
+    by_name = {each.part.name: each for each in found}
+    for each in found:
         if variable_steps and not each.description.coSimulation.canHandleVariableCommunicationStepSize:
             raise BadInput(f"{each.where}: it takes equal communication steps only, and run.variable varies them")
+        if not each.part.kind:  # of a free system: its connections decide
+            warnings += _fit_connections(each, by_name, connections)
+            continue
         ports = {port.name: port for port in component_ports(each.part.kind, each.part.config)}
         connected = {name: (causality, peer) for causality, name, peer in _connected(each.part.name, connections)}
         sentences = [_check_variable(each, ports[name], *ends) for name, ends in connected.items()]
@@ -86,9 +91,33 @@ def _connected(name: str, connections: Sequence[Connection]) -> Iterator[tuple[s
             yield from (("input", *ends) for ends in zip(inputs, (f"{source}.{o}" for o in outputs), strict=True))
 
 
+def _fit_connections(
+    each: Replacement, others: Mapping[str, Replacement], connections: Sequence[Connection]
+) -> Iterator[tuple[str, str]]:
+    """Warnings about the variables of an FMU that a free system connects; raises BadInput if they do not fit."""
+    for causality, name, peer in _connected(each.part.name, connections):
+        unit = _connected_real(each, name, causality, peer).unit
+        if causality == "input":
+            source, _, output = peer.partition(".")
+            other = others[source]
+            given = getattr(other.variables.get(output), "unit", None)
+            if unit and given:
+                bases = base_unit(each.description, unit), base_unit(other.description, given)
+                if differs := difference(unit, bases[0], given, bases[1]):
+                    raise BadInput(f"{each.where}: '{name}' {differs} by {peer}")
+            elif unit or given:
+                yield each.part.name, f"'{name}' has the unit {unit or 'none'}, and {peer} {given or 'none'}"
+
+
 def _check_variable(each: Replacement, port: Port, causality: str, peer: str) -> str:
     """Warning about a connected variable, or an empty text; raises BadInput if it is missing or another one."""
-    name, way = port.name, "goes to" if causality == "output" else "comes from"
+    _connected_real(each, port.name, causality, peer)
+    return _check_unit(each, port)
+
+
+def _connected_real(each: Replacement, name: str, causality: str, peer: str) -> Any:
+    """Connected variable of an FMU; raises BadInput if it is missing, of another causality or no Real."""
+    way = "goes to" if causality == "output" else "comes from"
     variable = each.variables.get(name)
     if variable is None:
         near = get_close_matches(
@@ -100,7 +129,7 @@ def _check_variable(each: Replacement, port: Port, causality: str, peer: str) ->
         raise BadInput(f"{each.where}: '{name}' is of causality {variable.causality}, but {way} {peer}: {causality}")
     if variable.type != "Real":
         raise BadInput(f"{each.where}: {causality} '{name}' is of type {variable.type}: only Reals are connected")
-    return _check_unit(each, port)
+    return variable
 
 
 def _check_unit(each: Replacement, port: Port) -> str:
