@@ -135,6 +135,7 @@ class Component(AbstractContextManager["Component"]):
         self._warnings = WarningList(name)
         self._clock = np.zeros(1)  # s, beginning of the last step
         self._states: list[ComponentState] = []
+        self.start_inputs: dict[str, float] = {}  # inputs given before the start, by name
         self._handle: Any = None
         self._step_call: Record | None = None
         self._call_time = 0.0  # s inside the FMU, without steps by ``step_call``
@@ -319,6 +320,14 @@ class Component(AbstractContextManager["Component"]):
         self.read_links()
         self.read_counters()
         self.wall_time = 0.0
+
+    def start_with(self, inputs: Mapping[str, float]) -> None:
+        """Set inputs before ``initialise``; raises ComponentFailed for an unknown one."""
+        for name, value in inputs.items():
+            if name not in self.inputs:
+                raise ComponentFailed(f"{self.name}: there is no input '{name}'")
+            self.u[self.inputs.index(name)] = value
+        self.start_inputs = dict(inputs)
 
     def _set_parameter(self, name: str, value: float | int | str) -> None:
         if name in self.constants:

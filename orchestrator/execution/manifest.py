@@ -78,7 +78,7 @@ def manifest(
     topics: dict[str, list[tuple[str, str]]] = {}
     attachments = {
         "scene.json": as_json(scene.resolved()),
-        "system.json": as_json(system_table(graph)),
+        "system.json": as_json(system_table(graph, components)),
     }
     for name, component in components.items():
         families = {"in": component.inputs, "out": component.outputs, "links": component.links}
@@ -110,8 +110,8 @@ def manifest(
     return topics, attachments, metadata
 
 
-def system_table(graph: System) -> dict[str, Any]:
-    """Return the system graph as plain data, with the hash of every FMU."""
+def system_table(graph: System, components: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Return the system graph as plain data, with the hash of every FMU, and inputs given before the start."""
     return {
         "instances": [
             {
@@ -119,11 +119,16 @@ def system_table(graph: System) -> dict[str, Any]:
                 **({} if instance.fmu is None else _file(instance.fmu)),
                 "parameters": dict(instance.parameters),
                 "stage": instance.stage,
+                **_start_inputs((components or {}).get(instance.name)),
             }
             for instance in graph.instances
         ],
         "connections": [connection._asdict() for connection in graph.connections],
     }
+
+
+def _start_inputs(component: Any) -> dict[str, Any]:
+    return {"inputs": component.start_inputs} if isinstance(component, Component) and component.start_inputs else {}
 
 
 def provenance() -> dict[str, str]:

@@ -64,7 +64,7 @@ class Replay(NamedTuple):
             raise BadInput(f"{path} is the log itself: give another name")
         instance = Instance(name, model.fmu, dict(self.parameters), model.stage)
         attachments = {
-            "system.json": as_json(system_table(System((instance,), ()))),
+            "system.json": as_json(system_table(System((instance,), ()), {name: self.component})),
             f"{name}.modelDescription.xml": model_description(model.fmu),
         }
         if model.scene is not None:
@@ -105,6 +105,7 @@ def open_replay(
         else:
             model = _built_model(log, entry, other, settings)
         with Component(model.fmu, name, logger) as component:
+            component.start_with(entry.get("inputs", {}))
             settable = set(component.parameters)
             parameters = {key: value for key, value in model.parameters.items() if key in settable}
             yield Replay(log, component, parameters, model)

@@ -1,6 +1,7 @@
 """FMUs of the user in place of parts of a scene: they drive, or are refused in one sentence before the first step."""
 
 import json
+import math
 import shutil
 import zipfile
 
@@ -114,6 +115,29 @@ def test_a_foreign_drive_turns_as_ours_with_the_same_torque(driven, tmp_path):
         (_, there), (_, here) = foreign.signal("drive.speed"), own.signal("drive.speed")
     assert np.abs(there - here).max() < 2e-3 * np.abs(here).max()
     assert np.abs(here).max() > 0.1
+
+
+def test_foreign_drives_move_a_vehicle_as_ours_do(drive, tmp_path):
+    """Their mounts are where the vehicle is from the start on; the log holds the inputs of the start for replays."""
+    inertia = load("straight").vehicle.sprocket.spin_inertia
+    given = {"file": str(drive), "parameters": {"torque": TORQUE, "inertia": inertia}}
+    parts = {"fmu": {"left_drive": given, "right_drive": given}}
+    short = {**SHORT, "run.stop": 0.05}
+    logs = {}
+    for name, settings in (("own", {"drive": OWN["drive"]}), ("foreign", parts)):
+        logs[name] = tmp_path / f"{name}.mcap"
+        summary = simulate(load("straight", "rigid", {**short, **settings}), logs[name])
+        assert summary["status"] == "ok", summary["message"]
+        assert [math.isnan(phase["power"]) for phase in summary["phases"]] == [name == "foreign"]
+    with Log(logs["own"]) as own, Log(logs["foreign"]) as foreign:
+        for signal in ("chassis.speed", "left_drive.angle", "right_track.tension.mean"):
+            (_, here), (_, there) = own.signal(signal), foreign.signal(signal)
+            assert np.abs(there - here).max() < 0.01 * np.abs(here).max(), signal
+        instances = {each["name"]: each for each in foreign.table("system.json")["instances"]}
+        assert instances["right_drive"]["inputs"]["mount.position.y"] == pytest.approx(-1.0795)
+        assert "inputs" not in instances["chassis"]
+    with open_replay(logs["foreign"], "left_drive", str(drive)) as replay:
+        assert replay.verify().equal
 
 
 def test_what_a_foreign_drive_lacks_is_said(driven):
