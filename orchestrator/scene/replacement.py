@@ -166,4 +166,5 @@ def _missing(each: Replacement, ports: Mapping[str, Port]) -> str:
     if not names:
         return ""
     listed = shorten(", ".join(dict.fromkeys(name.partition("[")[0] for name in names)), NAMED, placeholder=" ...")
-    return f"the FMU has no outputs {listed}: results that need them are missing"
+    energy = ", and the energy balance," * any(name.startswith("energy.") for name in names)
+    return f"the FMU has no outputs {listed}: results that need them{energy} are missing"

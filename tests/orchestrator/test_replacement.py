@@ -117,6 +117,7 @@ def test_a_foreign_drive_turns_as_ours_with_the_same_torque(driven, tmp_path):
     assert np.abs(here).max() > 0.1
 
 
+@pytest.mark.long
 def test_foreign_drives_move_a_vehicle_as_ours_do(drive, tmp_path):
     """Their mounts are where the vehicle is from the start on; the log holds the inputs of the start for replays."""
     inertia = load("straight").vehicle.sprocket.spin_inertia
@@ -146,7 +147,7 @@ def test_what_a_foreign_drive_lacks_is_said(driven):
     texts = [warning["text"] for warning in summary["warnings"] if warning["component"] == "drive"]
     assert texts == [
         "the FMU has no outputs torque, energy.kinetic, energy.work, energy.dissipated, port.work, power,"
-        " solver.steps, solver.evaluations: results that need them are missing"
+        " solver.steps, solver.evaluations: results that need them, and the energy balance, are missing"
     ]
     assert summary["energy"] is None
     assert summary["components"]["drive"]["steps"] == 100
