@@ -73,7 +73,7 @@ def run(
         if error is not None:
             from orchestrator.execution.precision import cheapest, fraction
 
-            chosen = cheapest(resolved.name, resolved.variant, fraction(error)).settings
+            chosen = cheapest(with_track(resolved).name, resolved.variant, fraction(error)).settings
             print(f"cotrack: --error {error}: {', '.join(chosen)}", file=sys.stderr)
             resolved = load_runnable(scene, track, [*chosen, *changes])
         if analyses:

@@ -25,8 +25,10 @@ from orchestrator.log.time_series import EVER
 from orchestrator.scene.assembly import assemble, build_parts
 from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import Scene, any_from_table, changed_scene, from_table, with_track
+from orchestrator.scene.scene import Scene, any_from_table, changed_scene, with_track
 from orchestrator.scene.system_scene import SystemScene
+
+OF_THE_USER = "'{}' was an FMU of the user, and a file that a log names is not run: name it with --with"
 
 
 class ReplayModel(NamedTuple):
@@ -136,7 +138,7 @@ def _given_model(log: Log, entry: Mapping[str, Any], fmu: Path) -> ReplayModel:
     except OSError as error:
         raise BadInput(f"the FMU '{fmu}' cannot be read: {error.strerror}") from None
     known = as_recorded and "scene.json" in log.attachments
-    scene = any_from_table(log.table("scene.json"), f"{log.path}: scene.json") if known else None
+    scene = _scene(log) if known else None
     return ReplayModel(fmu, entry.get("parameters", {}), entry.get("stage", 0), scene, as_recorded)
 
 
@@ -149,13 +151,15 @@ def _built_model(log: Log, entry: Mapping[str, Any], track: str | None, settings
     if "scene.json" not in log.attachments:
         raise BadInput(f"{log.path} does not say of which scene '{name}' is: name its FMU with --with")
     scene = _scene(log)
+    if not isinstance(scene, Scene):
+        raise BadInput(OF_THE_USER.format(name))
     if track is not None:
         scene = scene.model_copy(update={"planar": False, "track": scene.track.of_model(track)}).with_axes()
     if settings:
         scene = with_track(changed_scene(scene.resolved(), settings, f"{log.path}: scene.json"))
     part = _part(scene, name)
     if part.fmu is not None and track is None:
-        raise BadInput(f"'{name}' was an FMU of the user, and a file that a log names is not run: name it with --with")
+        raise BadInput(OF_THE_USER.format(name))
     if track is not None and part.kind != TRACKS[track].fmu:
         raise BadInput(f"--with {track}: '{name}' is no track")
     native = track is None and log.metadata.get("run", {}).get("fmus") == NATIVE
@@ -169,8 +173,8 @@ def _built_model(log: Log, entry: Mapping[str, Any], track: str | None, settings
     return ReplayModel(fmu, entry.get("parameters", {}), part.stage, scene, True, native)
 
 
-def _scene(log: Log) -> Scene:
-    return from_table(log.table("scene.json"), f"{log.path}: scene.json")
+def _scene(log: Log) -> SystemScene:
+    return any_from_table(log.table("scene.json"), f"{log.path}: scene.json")
 
 
 def _part(scene: Scene, name: str) -> Part:

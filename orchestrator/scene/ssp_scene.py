@@ -11,7 +11,8 @@ from fmus.vehicle import BadInput, path_text, value_text
 from orchestrator.cosim.component import ComponentFailed, description_of
 from orchestrator.files.budget import DOCUMENT, OverBudget, read_file
 from orchestrator.scene.assembly import Assembly, assemble
-from orchestrator.scene.free_scene import Pair
+from orchestrator.scene.free_scene import FreeScene, Pair
+from orchestrator.scene.gallery import hint
 from orchestrator.scene.scene import Scene, changed_scene, from_table, load_any
 from orchestrator.scene.settings import pairs
 from orchestrator.scene.ssp import SCENE
@@ -44,7 +45,11 @@ def load_ssp(file: Path, track: str | None, settings: Sequence[str] | Mapping[st
     _require_units(structure, where)
     scene = _own_scene(structure, where)
     table = _free_table(structure) if scene is None else scene.resolved()
-    return changed_scene(table, settings, where)
+    changed = changed_scene(table, settings, where)
+    if isinstance(changed, FreeScene) and (more := changed.fmu.keys() - structure.fmus.keys()):
+        name = min(more)
+        raise BadInput(f"{where}: fmu.{name}: no such component: {hint(name, structure.fmus, 'the components are')}")
+    return changed
 
 
 def _require_units(structure: Structure, where: str) -> None:
@@ -85,11 +90,10 @@ def _own_scene(structure: Structure, where: str) -> Scene | None:
         raise BadInput(f"{where}: {SCENE} cannot be read: {error}") from None
     if not isinstance(table, dict):
         raise BadInput(f"{where}: {SCENE} = {value_text(table)}: must be a table")
-    table.pop("fmu", None)  # the FMUs are those of the archive, not files elsewhere
     scene = from_table(table, f"{where}: {SCENE}")
     if not scene.placed:
         raise BadInput(f"{where}: {SCENE} is not placed")
-    assembly = assemble(scene)
+    assembly = assemble(scene)  # its FMUs are replaced by those of the archive, never files elsewhere
     return from_table({**table, "fmu": _fmus(structure, assembly)}, where) if _is_that(structure, assembly) else None
 
 

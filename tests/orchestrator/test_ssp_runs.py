@@ -130,6 +130,15 @@ def test_commands_on_a_free_system(lag, cotrack, tmp_path):
     assert cotrack("plot", "logs/lags.mcap", "a.x", "-o", "a.png")[0] == 0
     assert cotrack("log", "verify", "logs/lags.mcap")[0] == 0
     assert cotrack("replay", "logs/lags.mcap", "--component", "a", "--with", lag)[0] == 0
+    status, out, _ = cotrack("compare", "logs/lags.mcap", "logs/lags.mcap", "--different", "--bits")
+    assert (status, out.splitlines()[-1]) == (0, "bit by bit equal: 402 numbers, to t = 0.2 s")
+    for command, said in (
+        (("replay", "logs/lags.mcap"), "'a' was an FMU of the user"),
+        (("run", "lags.ssp", "--replace", "c=x.fmu"), "fmu.c: no such component: the components are a, b"),
+        (("show", "lags.ssp"), "cotrack run alone takes SSP archives"),
+    ):
+        status, _, err = cotrack(*command)
+        assert (status, said in err) == (2, True), err
     for command in (("analyse", "logs/lags.mcap", "power"), ("view", "logs/lags.mcap"), ("resume", "logs/lags.mcap")):
         status, _, err = cotrack(*command)
         assert (status, len(err.splitlines())) == (2, 1), (command, err)
