@@ -42,6 +42,7 @@ GENERIC = [
         f"cosim/{name}.py"
         for name in (
             "interval_statistics",
+            "base_units",
             "component",
             "fmu_files",
             "component_warnings",

@@ -53,16 +53,22 @@ def _expected(name: str, check: Check) -> str:
 def _parts(scene: Scene) -> tuple[list[str], list[str]]:
     """Return lines for present parts and lines for absent ones."""
     assembly, present = assemble(scene), []
-    wide = max(len(part.kind) for part in assembly.parts)
+    wide = max(len(_kind(part)) for part in assembly.parts)
     for part in assembly.parts:
         n_inputs = sum(len(c.inputs) for c in assembly.connections if c.target == part.name)
         n_outputs = sum(len(c.outputs) for c in assembly.connections if c.source == part.name)
         size = f"{_size(scene, part)}; {n_inputs} values in, {n_outputs} out a step"
-        present.append(f"{part.name:12} {part.kind:{wide}} {size}")
+        present.append(f"{part.name:12} {_kind(part):{wide}} {size}")
     return present, _absent_parts(scene, assembly)
 
 
+def _kind(part: Part) -> str:
+    return part.kind if part.fmu is None else "FMU"
+
+
 def _size(scene: Scene, part: Part) -> str:
+    if part.fmu is not None:
+        return part.fmu.file
     if part.stage == TRACK:
         track = part.config["track"]
         links, pins = track["links"], track["links"] - (0 if track["closed"] else 1)
@@ -108,11 +114,12 @@ def _absent_parts(scene: Scene, assembly: Assembly) -> list[str]:
 
 
 def _evaluated(scene: Scene, assembly: Assembly) -> Iterator[str]:
-    loaded = loaded_contents([(part.kind, part.config, part.parameters) for part in assembly.parts])
-    contact_pairs = [f"{part.name:12} {pair}" for part in assembly.parts for pair in pairs(scene, part)]
+    own = [part for part in assembly.parts if part.fmu is None]
+    loaded = loaded_contents([(part.kind, part.config, part.parameters) for part in own])
+    contact_pairs = [f"{part.name:12} {pair}" for part in own for pair in pairs(scene, part)]
     yield from _section("contact pairs", contact_pairs or ["none: no contact law is loaded"])
     yield "outputs"
-    sizes = zip(assembly.parts, loaded.outputs, loaded.link_outputs, loaded.state, strict=True)
+    sizes = zip(own, loaded.outputs, loaded.link_outputs, loaded.state, strict=True)
     for part, outputs, links, state in sizes:
         every = f" and {links} of links every {scene.links_every} steps" if links else ""
         yield f"  {part.name:12} {outputs} a step{every}; {state} numbers of state"

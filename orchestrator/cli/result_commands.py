@@ -213,7 +213,8 @@ def _compare_logs(
                 (f"{reference}", reference_data.scene),
                 "; --different compares them all the same",
             )
-        observables = differences(run_data, reference_data, window, alignment(align))
+        bits_alone = (bitwise or picture) and not run_data.scene  # free FMUs have no observables
+        observables = {} if bits_alone else differences(run_data, reference_data, window, alignment(align))
         limit_of = limits(allowed, {name: each.decisive for name, each in observables.items()})
         bit_divergence = divergence(run_log, reference_log, window) if bitwise or picture else None
         result = table(run_data, reference_data, window, observables, limit_of, bit_divergence)

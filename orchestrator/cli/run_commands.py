@@ -51,33 +51,40 @@ def run(
         typer.Option("-o", "--output", "--log", metavar="PATH", help="the log, default logs/SCENE-TRACK.mcap"),
     ] = None,
     native: Annotated[bool, typer.Option("--native", help="use native FMUs; results have the same bits")] = False,
+    replaced: Annotated[
+        list[str] | None,
+        typer.Option("--replace", metavar="NAME=FMU", help="your FMU in place of this part of the scene, repeatable"),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
     """Run a scene, record it, evaluate its checks and estimate its error."""
     narration(f"{scene}: the scene is read")
     from orchestrator.execution import summary
-    from orchestrator.scene.scene import load
+    from orchestrator.scene.fmu_table import replacing_fmu
+    from orchestrator.scene.scene import with_track
+    from orchestrator.scene.ssp_scene import load_runnable
 
     result, status = summary.empty(scene, track), 2
     overrides = (("stop", stop), ("step", step), ("coupling", coupling))
     changes = [*(settings or ()), *(f"run.{k}={v}" for k, v in overrides if v is not None)]
     try:
-        resolved = load(scene, track, changes)
+        changes += [replacing_fmu(text) for text in replaced or ()]
+        resolved = load_runnable(scene, track, changes)
         if error is not None:
             from orchestrator.execution.precision import cheapest, fraction
 
-            chosen = cheapest(resolved.name, resolved.variant, fraction(error)).settings
+            chosen = cheapest(with_track(resolved).name, resolved.variant, fraction(error)).settings
             print(f"cotrack: --error {error}: {', '.join(chosen)}", file=sys.stderr)
-            resolved = load(scene, track, [*chosen, *changes])
+            resolved = load_runnable(scene, track, [*chosen, *changes])
         if analyses:
             from orchestrator.results.analyses.catalogue import require_library
 
-            resolved = resolved.recording_for(analyses)
+            resolved = with_track(resolved).recording_for(analyses)
             for name in analyses:
                 require_library(name)
         from orchestrator.execution.simulate import simulate
 
-        path = log or Path("logs") / f"{resolved.name}-{resolved.variant}.mcap"
+        path = log or Path("logs") / resolved.log_name
         result = simulate(resolved, path, log_warning, narration, estimated=estimate, native=native)
         status = 0 if summary.is_passed(result) else 1
     except KeyboardInterrupt:

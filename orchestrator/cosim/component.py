@@ -46,15 +46,16 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
+from orchestrator.cosim.base_units import base_unit
 from orchestrator.cosim.component_warnings import ComponentWarning, WarningList
 from orchestrator.cosim.fmu_files import unpack
+from orchestrator.cosim.graph import ComponentEnded
 from orchestrator.cosim.graph import ComponentFailed as ComponentFailed
 from orchestrator.kernels.tables import Record, StepCall, record
 
 Floats = NDArray[np.float64]
 Logger = Callable[[str, int, str], None]  # instance, FMI status, message; of a warning only the first of its kind
 
-BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd")  # an angle has no dimension
 LINK_FAMILIES = ("link[", "joint[")  # prefixes of per-link outputs, which are read and recorded at their own rate
 ARRAY = ("links.base.lo", "links.base.hi", "links.size")  # address (two words) and bytes of the array of link outputs
 SETTERS: dict[str, tuple[str, Any, Any]] = {  # FMI type: setter, C type, allowed Python types
@@ -64,7 +65,8 @@ SETTERS: dict[str, tuple[str, Any, Any]] = {  # FMI type: setter, C type, allowe
     "Boolean": ("fmi2SetBoolean", c_int, bool),
     "String": ("fmi2SetString", c_char_p, str),
 }
-_WARNING, _DISCARD, _FATAL = 1, 2, 4
+_WARNING, _DISCARD, _ERROR, _FATAL, _PENDING = range(1, 6)
+_LAST_SUCCESSFUL_TIME, _TERMINATED = 2, 3  # kinds of a status
 CALLS = {"set_real": "fmi2SetReal", "do_step": "fmi2DoStep", "get_real": "fmi2GetReal"}
 _WRAPPER = "Fatal py exception encountered: "  # pythonfmu: the sentence is on the last line
 
@@ -134,6 +136,7 @@ class Component(AbstractContextManager["Component"]):
         self._warnings = WarningList(name)
         self._clock = np.zeros(1)  # s, beginning of the last step
         self._states: list[ComponentState] = []
+        self.start_inputs: dict[str, float] = {}  # inputs given before the start, by name
         self._handle: Any = None
         self._step_call: Record | None = None
         self._call_time = 0.0  # s inside the FMU, without steps by ``step_call``
@@ -153,7 +156,8 @@ class Component(AbstractContextManager["Component"]):
         self.inputs = names("input", "Real")
         self.outputs = tuple(n for n in outputs if not n.startswith(LINK_FAMILIES))
         self.links = tuple(n for n in outputs if n.startswith(LINK_FAMILIES))
-        self.integers = names("output", "Integer")
+        whole, self._truths = (*names("output", "Integer"), *names("output", "Enumeration")), names("output", "Boolean")
+        self.integers = (*whole, *self._truths)
         self.parameters = tuple(v.name for v in variables if v.causality == "parameter")
         self.constants = {v.name: v.start for v in variables if v.variability == "constant"}
         self.u = np.array([float(self._variables[n].start or 0.0) for n in self.inputs])
@@ -164,7 +168,8 @@ class Component(AbstractContextManager["Component"]):
         self._u = self._group(self.inputs, self.u, c_double)
         self._y = self._group(self.outputs, self.y, c_double, self.links[:1])
         self._y_links = self._group(self.links, self.y_links, c_double)
-        self._counters = self._group(self.integers, self.counters, c_int)
+        self._counters = self._group(whole, self.counters, c_int)
+        self._truth_values = self._group(self._truths, self.counters[len(whole) :], c_int)
         self._link_address = 0  # address of the FMU's array of link outputs; 0: unknown
 
     def _group(
@@ -176,14 +181,11 @@ class Component(AbstractContextManager["Component"]):
         return (c_uint * len(names))(*(self._variables[name].valueReference for name in names))
 
     def _load(self, folder: Path, fmu: Path, guid: str) -> None:
-        identifier = self.description.coSimulation.modelIdentifier
-        library = folder / "binaries" / fmpy.platform / f"{identifier}{fmpy.sharedLibraryExtension}"
-        if not library.is_file():
-            raise ComponentFailed(f"'{fmu}' has no binary for {fmpy.platform}")
+        library = _binary(folder, self.description, fmu)
         try:
             self._fmu = FMU2Slave(
                 guid=self.description.guid,
-                modelIdentifier=identifier,
+                modelIdentifier=self.description.coSimulation.modelIdentifier,
                 unzipDirectory=str(folder),
                 instanceName=self.name,
                 libraryPath=str(library),
@@ -221,11 +223,8 @@ class Component(AbstractContextManager["Component"]):
 
     def dimension(self, name: str) -> tuple[float, ...] | None:
         """Return the exponents of kg, m, s, A, K, mol, cd and 10 in a variable's unit; None if unknown."""
-        for unit in self.description.unitDefinitions:
-            base = unit.baseUnit
-            if unit.name == self._variables[name].unit and base is not None:
-                return (*(float(getattr(base, quantity)) for quantity in BASE_UNITS), math.log10(base.factor))
-        return None
+        base = base_unit(self.description, self._variables[name].unit)
+        return None if base is None else (*base.exponents, math.log10(base.factor))
 
     @property
     def wall_time(self) -> float:
@@ -280,7 +279,23 @@ class Component(AbstractContextManager["Component"]):
     def _failure(self, function: str, status: int) -> ComponentFailed:
         if status >= _FATAL:
             self._phase = "lost"
-        sentence = self._first_error() or f"{function} failed with FMI status {status}"
+        if function == "fmi2DoStep" and status == _DISCARD and not any(each >= _ERROR for each, _ in self._messages):
+            return self._discarded_step()
+        return ComponentFailed(f"{self.name}: {self._first_error() or _status_text(function, status)}")
+
+    def _discarded_step(self) -> ComponentFailed:
+        """Outcome of a step that the FMU has not completed, but does not call an error."""
+        ended, reached = c_int(), c_double(math.nan)
+        self._library.fmi2GetBooleanStatus(self._handle, _TERMINATED, byref(ended))
+        self._library.fmi2GetRealStatus(self._handle, _LAST_SUCCESSFUL_TIME, byref(reached))
+        start, said = float(self._clock[0]), self._first_error()
+        time_known = start <= reached.value < math.inf
+        if ended.value:
+            time = reached.value if time_known else start
+            return ComponentEnded(f"{self.name} has ended the run at t = {time:.6g} s{f': {said}' if said else ''}")
+        sentence = said or _status_text("fmi2DoStep", _DISCARD)
+        if time_known:
+            sentence += f"; the step from t = {start:.6g} s ended at t = {reached.value:.6g} s: a shorter one may help"
         return ComponentFailed(f"{self.name}: {sentence}")
 
     # -------------------------------------------------------------- initialisation and steps
@@ -310,6 +325,14 @@ class Component(AbstractContextManager["Component"]):
         self.read_links()
         self.read_counters()
         self.wall_time = 0.0
+
+    def start_with(self, inputs: Mapping[str, float]) -> None:
+        """Set inputs before ``initialise``; raises ComponentFailed for an unknown one."""
+        for name, value in inputs.items():
+            if name not in self.inputs:
+                raise ComponentFailed(f"{self.name}: there is no input '{name}'")
+            self.u[self.inputs.index(name)] = value
+        self.start_inputs = dict(inputs)
 
     def _set_parameter(self, name: str, value: float | int | str) -> None:
         if name in self.constants:
@@ -398,8 +421,9 @@ class Component(AbstractContextManager["Component"]):
             self._link_address = (high & 0xFFFFFFFF) << 32 | low & 0xFFFFFFFF if size == self.y_links.nbytes else 0
 
     def read_counters(self) -> None:
-        """Read the Integer outputs into ``counters``."""
+        """Read the Integer, Enumeration and Boolean outputs, in this order, into ``counters``."""
         self._exchange(self._library.fmi2GetInteger, self._counters)
+        self._exchange(self._library.fmi2GetBoolean, self._truth_values)
 
     def _exchange(self, function: Callable[..., Any], group: tuple[Any, int, Any]) -> None:
         if group[1]:
@@ -494,6 +518,27 @@ def describe(fmu: Path) -> tuple[Path, Any]:
     """Unpack an FMU of FMI 2.0 for co-simulation; return its folder and its description. Raises ComponentFailed."""
     folder = unpack(Path(fmu))
     return folder, _description(folder, fmu)
+
+
+def description_of(fmu: Path) -> Any:
+    """Model description of an FMU, as of fmpy; raises ComponentFailed unless it is one that can be loaded here."""
+    folder, description = describe(fmu)
+    _binary(folder, description, fmu)
+    return description
+
+
+def _binary(folder: Path, description: Any, fmu: Path) -> Path:
+    name = f"{description.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
+    library = folder / "binaries" / fmpy.platform / name
+    if not library.is_file():
+        raise ComponentFailed(f"'{fmu}' has no binary for {fmpy.platform}")
+    return library
+
+
+def _status_text(function: str, status: int) -> str:
+    if status == _PENDING:
+        return f"{function} returned before it was done (fmi2Pending): asynchronous steps are not supported"
+    return f"{function} failed with FMI status {status}"
 
 
 def _description(folder: Path, fmu: Path) -> Any:

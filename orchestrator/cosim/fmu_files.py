@@ -1,4 +1,4 @@
-"""Files of an FMU, unpacked into a cache folder named by its content."""
+"""Files of an FMU, or of an archive of FMUs, unpacked into a cache folder named by its content."""
 
 from __future__ import annotations
 
@@ -25,25 +25,27 @@ DESCRIPTION = "modelDescription.xml"
 _BYTECODE = "__pycache__"
 
 
-def unpack(fmu: Path) -> Path:
+def unpack(file: Path, description: str = DESCRIPTION, kind: str = "FMU") -> Path:
     """Unpack an FMU into a cache folder named by its content; return the folder. Raises ComponentFailed.
+
+    ``description``: file that an archive of this ``kind`` must have.
 
     A file that differs from the packed one is replaced; a process that has the old one open keeps it. If the cache
     cannot be used, a temporary folder lasts until the end of the process.
     """
     try:
-        stream = open_file(fmu)
+        stream = open_file(file)
     except FileNotFoundError:
-        raise ComponentFailed(f"there is no FMU '{fmu}'") from None
+        raise ComponentFailed(f"there is no {kind} '{file}'") from None
     except OSError as error:
-        raise ComponentFailed(f"cannot read the FMU '{fmu}': {error.strerror}") from None
+        raise ComponentFailed(f"cannot read the {kind} '{file}': {error.strerror}") from None
     try:
         check_zip(stream)
         place = Path("unpacked", hashlib.file_digest(stream, "sha256").hexdigest()[:24])
         with stream, zipfile.ZipFile(stream) as archive:
-            if DESCRIPTION not in archive.namelist():
-                raise ComponentFailed(f"'{fmu}' is not an FMU: it has no {DESCRIPTION}")
-            _check_size(archive, os.fstat(stream.fileno()).st_size)
+            if description not in archive.namelist():
+                raise ComponentFailed(f"'{file}' is not an {kind}: it has no {description}")
+            _check_size(archive, os.fstat(stream.fileno()).st_size, description)
             try:
                 return _unpack_missing(archive, private_folder(cache_folder() / place))
             except OSError:
@@ -51,21 +53,21 @@ def unpack(fmu: Path) -> Path:
     except ComponentFailed:
         raise
     except OverBudget as excess:
-        raise ComponentFailed(f"the FMU '{fmu}' is not unpacked: {excess}") from None
+        raise ComponentFailed(f"the {kind} '{file}' is not unpacked: {excess}") from None
     except OSError as error:
-        raise ComponentFailed(f"cannot unpack the FMU '{fmu}': {error}") from None
+        raise ComponentFailed(f"cannot unpack the {kind} '{file}': {error}") from None
     except Exception as error:  # every compression method has its own error class
-        raise ComponentFailed(f"'{fmu}' is not an FMU: it is not a zip archive that can be read: {error}") from None
+        raise ComponentFailed(f"'{file}' is not an {kind}: it is not a zip archive that can be read: {error}") from None
 
 
-def _check_size(archive: zipfile.ZipFile, size: int) -> None:
+def _check_size(archive: zipfile.ZipFile, size: int, description: str) -> None:
     """Raise OverBudget if an archive of ``size`` bytes declares too many files or bytes; zipfile unpacks no more."""
     budget = UnpackedBudget(size)
     for entry in archive.infolist():
         budget.take(entry.file_size)
-    described = archive.getinfo(DESCRIPTION)
+    described = archive.getinfo(description)
     if described.file_size > DESCRIBED + DESCRIBED_RATIO * min(described.compress_size, size):
-        raise OverBudget(f"its {DESCRIPTION} unpacks to more than its size allows: {described.file_size} bytes")
+        raise OverBudget(f"its {description} unpacks to more than its size allows: {described.file_size} bytes")
 
 
 def _unpack_missing(archive: zipfile.ZipFile, folder: Path) -> Path:
@@ -76,7 +78,9 @@ def _unpack_missing(archive: zipfile.ZipFile, folder: Path) -> Path:
     source_folders = set()
     for name in dict.fromkeys(archive.namelist()):
         entry = archive.getinfo(name)
-        parts = [part for part in name.split("/") if part not in ("", ".", "..")]
+        parts = [part for part in name.split("/") if part not in ("", ".")]
+        if ".." in parts:
+            raise zipfile.BadZipFile(f"it holds a file outside of it, '{name}'")
         file = folder.joinpath(*parts)
         if _BYTECODE in parts:
             continue

@@ -50,6 +50,10 @@ class ComponentFailed(RuntimeError):
     """An FMU cannot be loaded or a call failed; the message is one sentence with the instance name."""
 
 
+class ComponentEnded(ComponentFailed):
+    """An FMU has ended the simulation in order; the message is one sentence with the instance name and the time."""
+
+
 class Steppable(Protocol):
     """Interface of a component for the master (``component.Component`` implements it).
 

@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol
 
 from orchestrator.cosim.component import ComponentFailed
 from orchestrator.cosim.coupling.scheme import CouplingFailed, Scheme
+from orchestrator.cosim.graph import ComponentEnded
 
 # Called as (k, t, h): k steps are done, the time is t, the last step took h. An observer that need not see every step
 # has a method patience(k): the number of steps after the first k until it must be called.
@@ -56,7 +57,7 @@ class RunOutcome(NamedTuple):
     """Outcome of a run."""
 
     status: str  # "ok", "failed" or "interrupted"
-    message: str  # one sentence, empty if ok
+    message: str  # one sentence, empty if ok, unless a component has ended the run
     steps: int  # communication steps done by all components
     time: float  # s, reached by all components
 
@@ -84,6 +85,8 @@ def run(
                 return RunOutcome("interrupted", f"interrupted at t = {t:.6g} s", k, t)
             try:
                 done, t, h = next(steps, (0, t, 0.0))
+            except ComponentEnded as end:
+                return RunOutcome("ok", str(end), k, t)
             except (ComponentFailed, CouplingFailed) as failure:
                 return RunOutcome("failed", str(failure), k, t)
             if not done:

@@ -13,7 +13,7 @@ from typing import Any
 from fmus.saved import SlaveState, from_bytes, to_bytes
 from fmus.vehicle import BadInput
 from orchestrator.cosim.component import Component
-from orchestrator.scene.scene import Scene, changed_scene
+from orchestrator.scene.scene import Scene, changed_scene, with_track
 
 MAY_CHANGE = ("run.stop", "run.checkpoints", "run.allow")  # keys of ``run`` that a branch may change
 
@@ -22,7 +22,7 @@ def branched_scene(scene: Scene, settings: Sequence[str], where: str) -> Scene:
     """Return the scene with changed numbers; raises BadInput for a change of anything else."""
     options = "; ".join(settings)
     before = scene.resolved()
-    branch = changed_scene(scene.resolved(), settings, where)
+    branch = with_track(changed_scene(scene.resolved(), settings, where))
     for key in _structural_changes(before, branch.resolved()):
         if not key.startswith("expect") and key not in MAY_CHANGE:
             raise BadInput(

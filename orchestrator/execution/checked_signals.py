@@ -11,12 +11,12 @@ from orchestrator.results import measures
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.gallery import hint
 from orchestrator.scene.parts import Part
-from orchestrator.scene.scene import Scene
+from orchestrator.scene.system_scene import SystemScene
 
 STATISTICS = "stats."  # signals of the cost of a component
 
 
-def require_signals(scene: Scene) -> None:
+def require_signals(scene: SystemScene) -> None:
     """Raise BadInput if a check of a scene, of its track model, names a signal that a log of the scene lacks."""
     checks = {name: check for name, check in scene.expect.items() if check.track in (None, scene.variant)}
     signals = {name: check.signal for name, check in checks.items() if check.signal is not None}
@@ -24,6 +24,8 @@ def require_signals(scene: Scene) -> None:
     for name, signal in signals.items():
         instance = signal.partition(".")[0]
         if signal.startswith(STATISTICS):
+            continue
+        if instance in parts and parts[instance].fmu is not None:  # a check of what it lacks is not met
             continue
         searched = [parts[instance]] if instance in parts else parts.values()
         known = {one: text for part in searched for one, text in _recorded(scene, part).items()}
@@ -39,8 +41,10 @@ def require_signals(scene: Scene) -> None:
         raise BadInput(f"{where}: {problem}: {near}{f' Or measure = {measure!r}?' * (measure in measures.NAMES)}")
 
 
-def _recorded(scene: Scene, part: Part) -> dict[str, str]:
+def _recorded(scene: SystemScene, part: Part) -> dict[str, str]:
     """Signals of a component that a log has, and their descriptions."""
+    if not part.kind:  # an FMU of a free system
+        return {}
     causalities = ("input", "output") if scene.run.inputs else ("output",)
     ports = component_ports(part.kind, part.config)
     texts = {port.name: port.text for port in ports if port.causality in causalities and isinstance(port.start, float)}

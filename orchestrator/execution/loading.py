@@ -2,29 +2,33 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
 
 from fmus.ahead import start_compilation
 from fmus.track_choices import TRACKS
 from orchestrator.cosim.component import Component, Logger
 from orchestrator.cosim.coupling import power_residual
-from orchestrator.cosim.graph import System
+from orchestrator.cosim.graph import Connection, System
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import Scene
+from orchestrator.scene.system_scene import SystemScene
 
 LOW_PRIORITY = 10  # niceness of compiling processes other than the longest one
 
 
 def load_scene(
-    scene: Scene, stack: ExitStack, logger: Logger | None, native: bool = False
-) -> tuple[Scene, System, dict[str, Component]]:
+    scene: SystemScene, stack: ExitStack, logger: Logger | None, native: bool = False
+) -> tuple[SystemScene, System, dict[str, Component]]:
     """Place a scene, build its graph, load its components; raises BadInput, BuildFailed, ComponentFailed."""
-    processes = _compile_in_processes(scene)
+    processes = _compile_in_processes(scene) if isinstance(scene, Scene) else []
     try:
-        scene = placed(scene)
-        graph = system(assemble(scene), native)
+        scene = placed(scene) if isinstance(scene, Scene) else scene
+        assembly = assemble(scene)
+        graph, given = system(assembly, native), [part.name for part in assembly.parts if part.fmu is not None]
         for process in processes:
             process.wait()
     except BaseException:  # bad input, or a signal, which the processes need not have received
@@ -33,7 +37,7 @@ def load_scene(
         for process in processes:
             process.wait()
         raise
-    return scene, graph, load_components(graph, scene.run.stop, stack, logger)
+    return scene, graph, load_components(graph, scene.run.stop, stack, logger, given)
 
 
 def _compile_in_processes(scene: Scene) -> list[subprocess.Popen[str]]:
@@ -41,7 +45,7 @@ def _compile_in_processes(scene: Scene) -> list[subprocess.Popen[str]]:
     if scene.placed:
         return []
     parts = reversed(assemble(scene).parts)  # the first part of each kind; its start does not depend on inputs
-    kinds = {part.kind: (part.kind, part.config, part.parameters) for part in parts}
+    kinds = {part.kind: (part.kind, part.config, part.parameters) for part in parts if part.fmu is None}
     rigid, cables = (kinds.pop(TRACKS[name].fmu, None) for name in ("rigid", "flexible"))
     tracks, others = [rigid] if rigid else [], [*kinds.values()]
     # A step of cables last, when the start has compiled what they share; alone, both would compile it at once.
@@ -51,15 +55,35 @@ def _compile_in_processes(scene: Scene) -> list[subprocess.Popen[str]]:
     return [process for process in processes if process is not None]
 
 
-def load_components(graph: System, stop: float, stack: ExitStack, logger: Logger | None = None) -> dict[str, Component]:
-    """Load and initialise every instance; they are unloaded with the stack."""
+def load_components(
+    graph: System, stop: float, stack: ExitStack, logger: Logger | None = None, given: Collection[str] = ()
+) -> dict[str, Component]:
+    """Load and initialise every instance; they are unloaded with the stack.
+
+    Our FMUs start by their parameters. The instances ``given`` by the user are initialised last, by their stages, with
+    inputs from the instances before them.
+    """
     components = {
         instance.name: stack.enter_context(Component(instance.fmu, instance.name, logger))
         for instance in graph.instances
         if instance.fmu is not None
     }
-    for instance in graph.instances:
+    initialised: dict[str, Component] = {}
+    for instance in sorted(graph.instances, key=lambda one: one.stage if one.name in given else -math.inf):
         component = components[instance.name]
+        if instance.name in given:
+            component.start_with(_start_inputs(instance.name, graph.connections, initialised))
         component.initialise(instance.parameters, 0.0, stop)
+        initialised[instance.name] = component
     power_residual.check_bonds(graph.connections, lambda instance, name: components[instance].dimension(name))
     return components
+
+
+def _start_inputs(name: str, connections: Sequence[Connection], sources: Mapping[str, Component]) -> dict[str, float]:
+    """Inputs of a component from initialised sources."""
+    return {
+        into: float(source.y[source.outputs.index(output)])
+        for connection in connections
+        if connection.target == name and (source := sources.get(connection.source))
+        for output, into in zip(connection.outputs, connection.inputs, strict=True)
+    }

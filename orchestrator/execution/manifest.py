@@ -28,7 +28,7 @@ from orchestrator.files.budget import open_file
 from orchestrator.log import schema
 from orchestrator.log.log_format import INPUTS, UNRECORDED
 from orchestrator.log.recorder import Recorder
-from orchestrator.scene.scene import Scene
+from orchestrator.scene.system_scene import SystemScene
 
 PACKAGES = ("numpy", "scipy", "numba", "pythonfmu", "fmpy", "mcap", "protobuf")
 NATIVE = "native"  # kind of FMUs, in the metadata of a log
@@ -37,7 +37,7 @@ STATS_PERIOD = 0.1  # s of simulated time between records of solver cost
 
 def open_log(
     path: Path,
-    scene: Scene,
+    scene: SystemScene,
     graph: System,
     components: Mapping[str, Recordable],
     scheme: Scheme,
@@ -72,13 +72,13 @@ def open_log(
 
 
 def manifest(
-    scene: Scene, graph: System, components: Mapping[str, Recordable]
+    scene: SystemScene, graph: System, components: Mapping[str, Recordable]
 ) -> tuple[dict[str, list[tuple[str, str]]], dict[str, bytes], dict[str, dict[str, str]]]:
     """Return topics -> (variable, unit), attachments and metadata of a log before step 0."""
     topics: dict[str, list[tuple[str, str]]] = {}
     attachments = {
         "scene.json": as_json(scene.resolved()),
-        "system.json": as_json(system_table(graph)),
+        "system.json": as_json(system_table(graph, components)),
     }
     for name, component in components.items():
         families = {"in": component.inputs, "out": component.outputs, "links": component.links}
@@ -110,8 +110,8 @@ def manifest(
     return topics, attachments, metadata
 
 
-def system_table(graph: System) -> dict[str, Any]:
-    """Return the system graph as plain data, with the hash of every FMU."""
+def system_table(graph: System, components: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Return the system graph as plain data, with the hash of every FMU, and inputs given before the start."""
     return {
         "instances": [
             {
@@ -119,11 +119,16 @@ def system_table(graph: System) -> dict[str, Any]:
                 **({} if instance.fmu is None else _file(instance.fmu)),
                 "parameters": dict(instance.parameters),
                 "stage": instance.stage,
+                **_start_inputs((components or {}).get(instance.name)),
             }
             for instance in graph.instances
         ],
         "connections": [connection._asdict() for connection in graph.connections],
     }
+
+
+def _start_inputs(component: Any) -> dict[str, Any]:
+    return {"inputs": component.start_inputs} if isinstance(component, Component) and component.start_inputs else {}
 
 
 def provenance() -> dict[str, str]:
@@ -177,7 +182,7 @@ def _types(components: Mapping[str, Recordable]) -> dict[str, str]:
     }
 
 
-def _strides(scene: Scene, components: Mapping[str, Recordable]) -> dict[str, int]:
+def _strides(scene: SystemScene, components: Mapping[str, Recordable]) -> dict[str, int]:
     """Return topic -> recording interval in communication steps."""
     every = {"out": scene.run.outputs, "links": scene.links_every}
     return {f"/{name}/{kind}": steps for name in components for kind, steps in every.items()}

@@ -129,6 +129,7 @@ def run(
     steps, evaluations, rejected steps and restarts, and the mean order. Raises BadInput, BuildFailed or
     ComponentFailed before the first step.
     """
+    scene.require_own_parts("a monolith has")
     scene = placed(scene)
     assembly = assemble(scene)
     graph = system(assembly)

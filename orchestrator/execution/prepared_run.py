@@ -21,7 +21,7 @@ from orchestrator.execution.manifest import STATS_PERIOD
 from orchestrator.log.message_records import MOST_STEPS
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.run_tables import RunTable
-from orchestrator.scene.scene import Scene
+from orchestrator.scene.system_scene import SystemScene
 
 REFERENCE_ENERGY = 1.0  # J, of the power residual until a bond has carried more, unless the scene sets it
 
@@ -40,7 +40,7 @@ class Continuation(NamedTuple):
 class PreparedRun(NamedTuple):
     """Scene with wired components at their start or at a checkpoint."""
 
-    scene: Scene
+    scene: SystemScene
     graph: System
     components: dict[str, Component]
     scheme: Scheme
@@ -50,7 +50,7 @@ class PreparedRun(NamedTuple):
     @classmethod
     def prepare(
         cls,
-        scene: Scene,
+        scene: SystemScene,
         graph: System,
         components: dict[str, Component],
         continuation: Continuation | None = None,
@@ -81,7 +81,7 @@ class PreparedRun(NamedTuple):
             logging.continue_after(*restored_point)
             reached(*restored_point)
         observers: list[master.Observer] = [logging]
-        if scene.run.inputs and (period := scene.run.checkpoints) and checkpoint.can_save(scheme):
+        if scene.resumable and scene.run.inputs and (period := scene.run.checkpoints) and checkpoint.can_save(scheme):
             stride = (
                 scene.links_every if scene.records_statistics else 1
             )  # statistics between two records are not in a checkpoint

@@ -25,7 +25,10 @@ from orchestrator.log.time_series import EVER
 from orchestrator.scene.assembly import assemble, build_parts
 from orchestrator.scene.parts import Part
 from orchestrator.scene.placing import placed
-from orchestrator.scene.scene import Scene, changed_scene, from_table
+from orchestrator.scene.scene import Scene, any_from_table, changed_scene, with_track
+from orchestrator.scene.system_scene import SystemScene
+
+OF_THE_USER = "'{}' was an FMU of the user, and a file that a log names is not run: name it with --with"
 
 
 class ReplayModel(NamedTuple):
@@ -34,7 +37,7 @@ class ReplayModel(NamedTuple):
     fmu: Path
     parameters: replays.Parameters
     stage: int
-    scene: Scene | None  # None for a given FMU
+    scene: SystemScene | None  # None for a given FMU
     as_recorded: bool  # True if FMU and parameters are those of the log
     native: bool = False
     settings: Sequence[str] = ()  # KEY=VALUE, changes of the scene in the log
@@ -63,7 +66,7 @@ class Replay(NamedTuple):
             raise BadInput(f"{path} is the log itself: give another name")
         instance = Instance(name, model.fmu, dict(self.parameters), model.stage)
         attachments = {
-            "system.json": as_json(system_table(System((instance,), ()))),
+            "system.json": as_json(system_table(System((instance,), ()), {name: self.component})),
             f"{name}.modelDescription.xml": model_description(model.fmu),
         }
         if model.scene is not None:
@@ -104,6 +107,7 @@ def open_replay(
         else:
             model = _built_model(log, entry, other, settings)
         with Component(model.fmu, name, logger) as component:
+            component.start_with(entry.get("inputs", {}))
             settable = set(component.parameters)
             parameters = {key: value for key, value in model.parameters.items() if key in settable}
             yield Replay(log, component, parameters, model)
@@ -133,7 +137,8 @@ def _given_model(log: Log, entry: Mapping[str, Any], fmu: Path) -> ReplayModel:
         as_recorded = sha256(fmu) == entry["sha256"]
     except OSError as error:
         raise BadInput(f"the FMU '{fmu}' cannot be read: {error.strerror}") from None
-    scene = _scene(log) if as_recorded and "scene.json" in log.attachments else None
+    known = as_recorded and "scene.json" in log.attachments
+    scene = _scene(log) if known else None
     return ReplayModel(fmu, entry.get("parameters", {}), entry.get("stage", 0), scene, as_recorded)
 
 
@@ -146,11 +151,15 @@ def _built_model(log: Log, entry: Mapping[str, Any], track: str | None, settings
     if "scene.json" not in log.attachments:
         raise BadInput(f"{log.path} does not say of which scene '{name}' is: name its FMU with --with")
     scene = _scene(log)
+    if not isinstance(scene, Scene):
+        raise BadInput(OF_THE_USER.format(name))
     if track is not None:
         scene = scene.model_copy(update={"planar": False, "track": scene.track.of_model(track)}).with_axes()
     if settings:
-        scene = changed_scene(scene.resolved(), settings, f"{log.path}: scene.json")
+        scene = with_track(changed_scene(scene.resolved(), settings, f"{log.path}: scene.json"))
     part = _part(scene, name)
+    if part.fmu is not None and track is None:
+        raise BadInput(OF_THE_USER.format(name))
     if track is not None and part.kind != TRACKS[track].fmu:
         raise BadInput(f"--with {track}: '{name}' is no track")
     native = track is None and log.metadata.get("run", {}).get("fmus") == NATIVE
@@ -164,8 +173,8 @@ def _built_model(log: Log, entry: Mapping[str, Any], track: str | None, settings
     return ReplayModel(fmu, entry.get("parameters", {}), part.stage, scene, True, native)
 
 
-def _scene(log: Log) -> Scene:
-    return from_table(log.table("scene.json"), f"{log.path}: scene.json")
+def _scene(log: Log) -> SystemScene:
+    return any_from_table(log.table("scene.json"), f"{log.path}: scene.json")
 
 
 def _part(scene: Scene, name: str) -> Part:

@@ -51,6 +51,7 @@ def resume(
         if path.exists() and path.samefile(source):
             raise BadInput(f"{path} is the log itself: give another name")
         scene = _scene(log, stop)
+        scene.require_own_parts("a file that a log names is not run, so resume needs")
         number, reached = _last_checkpoint(log, at, scene.run)
         if scene.run.stop < reached - 1e-9:
             raise BadInput(f"stop = {scene.run.stop:g} s is before the checkpoint at {reached:g} s")

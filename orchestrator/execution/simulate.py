@@ -29,8 +29,11 @@ from orchestrator.log.recorder import LogFailed, check_writable
 from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import contact_step
+from orchestrator.scene.assembly import assemble
 from orchestrator.scene.ranges import implausible_numbers
+from orchestrator.scene.replacement import require_fit
 from orchestrator.scene.scene import Scene
+from orchestrator.scene.system_scene import SystemScene
 
 REFERENCE_ENERGY = 1.0  # J, of the power residual until a bond has carried more, unless the scene sets it
 NO_INPUTS = "inputs are not recorded (run.inputs = false): the log cannot be replayed or resumed"
@@ -38,7 +41,7 @@ LOW_PRIORITY = 10  # niceness of compiling processes other than the longest one
 
 
 def simulate(
-    scene: Scene,
+    scene: SystemScene,
     path: Path,
     logger: Logger | None = None,
     narration: Narration | None = None,
@@ -70,7 +73,7 @@ def simulate(
 
 
 def _simulate(
-    scene: Scene,
+    scene: SystemScene,
     path: Path,
     logger: Logger | None,
     narration: Narration | None,
@@ -82,11 +85,15 @@ def _simulate(
     start = time.perf_counter()
     result = summary.empty(scene.name, scene.variant)
     announce = narration or (lambda line: None)
+    assembly = assemble(scene)
+    unfit = require_fit(f"{scene.name}.toml", *assembly, variable_steps=scene.run.variable is not None)
+    if given := [part.name for part in assembly.parts if part.fmu is not None]:
+        announce(f"{scene.name}: FMUs of yours run as {', '.join(given)}: an FMU runs code with your rights")
     reached = ReachedPoint()
     with ExitStack() as stack:
         announce(f"{scene.name}: components are built and initialised")
         run = PreparedRun.prepare(*load_scene(scene, stack, logger, native), continuation)
-        result["warnings"] = early_warnings = _early_warnings(run, logger)
+        result["warnings"] = early_warnings = _early_warnings(run, logger, unfit)
         log_opened, file = False, path
         try:
             about, further_metadata = {"fmus": NATIVE} if native else {}, continuation.metadata if continuation else {}
@@ -111,7 +118,7 @@ def _simulate(
                     entries, run_events = _evaluate_log(run.scene, recorder.file, outcome, result["warnings"])
                     result |= entries
                     recorder.write_events(run_events)
-                    if estimated and result["status"] == "ok":
+                    if estimated and result["status"] == "ok" and isinstance(run.scene, Scene):
                         announce(f"{scene.name}: the error is estimated by up to two runs with longer steps")
                         record = partial(record_companion, interrupt)
                         result["error"] = estimate.estimate(run.scene, recorder.file, result, record)
@@ -138,10 +145,10 @@ def _verdict(outcome: master.RunOutcome, validity: Sequence[Mapping[str, Any]]) 
     return "failed", "; ".join(filter(None, (outcome.message, invalidity)))
 
 
-def _early_warnings(run: PreparedRun, logger: Logger | None) -> list[dict[str, Any]]:
-    """Return warnings about recording and scene; the logger gets them too."""
+def _early_warnings(run: PreparedRun, logger: Logger | None, unfit: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:
+    """Return warnings about FMUs of the user (``unfit``), recording and scene; the logger gets them too."""
     aliases = run.scene.aliasing_warning if any_links(run.components) else ""
-    sentences = [("log", NO_INPUTS)] * (not run.scene.run.inputs)
+    sentences = [*unfit, *[("log", NO_INPUTS)] * (not run.scene.run.inputs)]
     sentences += [("log", aliases)] * bool(aliases) + _implausible_numbers(run.scene)
     if logger:
         for component, text in sentences:
@@ -151,13 +158,13 @@ def _early_warnings(run: PreparedRun, logger: Logger | None) -> list[dict[str, A
     return [{"component": component, "text": text, "time": 0.0, "count": 1} for component, text in sentences]
 
 
-def _implausible_numbers(scene: Scene) -> list[tuple[str, str]]:
+def _implausible_numbers(scene: SystemScene) -> list[tuple[str, str]]:
     """Return warnings about numbers of the scene outside the plausible range."""
     return [("scene", sentence) for sentence in implausible_numbers(scene.resolved(), f"{scene.name}.toml")]
 
 
 def _evaluate_log(
-    scene: Scene, path: Path, outcome: master.RunOutcome, warnings: Sequence[Mapping[str, Any]]
+    scene: SystemScene, path: Path, outcome: master.RunOutcome, warnings: Sequence[Mapping[str, Any]]
 ) -> tuple[dict[str, Any], list[Event]]:
     """Evaluate energy, checks, observables and events from the log; return summary entries and events."""
     try:

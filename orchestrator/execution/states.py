@@ -44,6 +44,7 @@ def states_at(scene: Scene, time: float, narration: Narration | None = None) -> 
     The scene's stop is ignored. Raises BadInput if ``time`` is not a multiple of the communication step, and the
     errors of ``simulate``.
     """
+    scene.require_own_parts("states of models are those of")
     run = scene.run.model_copy(update={"stop": time, "checkpoints": time})
     steps = run.steps
     if not steps or abs(time / run.step - steps) > 1e-6:

@@ -16,7 +16,8 @@ from orchestrator.results.energy import ledger
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance
 from orchestrator.results.validity.ledger import validity
-from orchestrator.scene.scene import ChainScene, Scene, VehicleScene
+from orchestrator.scene.scene import ChainScene, VehicleScene
+from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.tables import Check
 from orchestrator.scene.values import SIDES
 
@@ -55,7 +56,7 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
     }
 
 
-def evaluate(run: RunData, scene: Scene, simulated: float) -> dict[str, Any]:
+def evaluate(run: RunData, scene: SystemScene, simulated: float) -> dict[str, Any]:
     """Evaluate energy, checks, observables, phases and validity of a log that covers ``simulated`` s."""
     return balance(run) | {
         "checks": checks(run, scene, simulated),
@@ -88,7 +89,7 @@ def phase_entries(run: RunData) -> list[dict[str, Any]]:
         return []
 
 
-def averaging_window(scene: Scene, simulated: float) -> Window:
+def averaging_window(scene: SystemScene, simulated: float) -> Window:
     """Return the window of the observables that are means: ``run.window``, else the last second."""
     given = scene.run.window
     if given is None:
@@ -96,7 +97,7 @@ def averaging_window(scene: Scene, simulated: float) -> Window:
     return Window(given.start, simulated if given.end is None else min(given.end, simulated))
 
 
-def windows(names: Iterable[str], scene: Scene, simulated: float) -> dict[str, dict[str, float]]:
+def windows(names: Iterable[str], scene: SystemScene, simulated: float) -> dict[str, dict[str, float]]:
     """Return the averaging window of each observable, s."""
     averaged, whole = averaging_window(scene, simulated), Window(0.0, simulated)
     found = {name: whole if name in OF_THE_RUN else averaged for name in names if name not in TIMELESS}
@@ -149,7 +150,7 @@ def is_passed(result: Mapping[str, Any]) -> bool:
     return verdict(result) == "ok"
 
 
-def checks(run: RunData, scene: Scene, simulated: float) -> dict[str, dict[str, Any]]:
+def checks(run: RunData, scene: SystemScene, simulated: float) -> dict[str, dict[str, Any]]:
     """Evaluate the checks whose window the run covers.
 
     Tolerances in the result are absolute; a note gives the reason for a missing value.
@@ -197,7 +198,7 @@ def _number_or_reason(evaluate: Callable[[], float], measure: str | None = None)
     return value, "" if np.isfinite(value) else "no finite number comes out of what was recorded"
 
 
-def observables(run: RunData, scene: Scene, simulated: float) -> dict[str, float]:
+def observables(run: RunData, scene: SystemScene, simulated: float) -> dict[str, float]:
     """Evaluate the observables of this kind of scene; for their averaging windows see ``windows``."""
     averaged = averaging_window(scene, simulated)
     if not run.tracks:

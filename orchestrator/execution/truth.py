@@ -62,6 +62,7 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
     components' integrators. Two processes that want the same truth build it once; a damaged one is built again.
     Raises TruthFailed, BadInput (also if it cannot be stored), LogFailed or ComponentFailed.
     """
+    scene.require_own_parts("a truth has")
     if scene.track.element == "beam":
         raise BadInput("truth: track.element = 'beam': the monolith knows chains of cables and rigid links only")
     scene = physical_scene(scene)

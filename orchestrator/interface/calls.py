@@ -13,12 +13,14 @@ from fmus.vehicle import BadInput
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution.simulate import simulate
 from orchestrator.interface.recorded_run import Run
-from orchestrator.scene.scene import Scene, load
+from orchestrator.scene.scene import changed_scene
 from orchestrator.scene.settings import pairs
+from orchestrator.scene.ssp_scene import load_runnable
+from orchestrator.scene.system_scene import SystemScene
 
 
 def run(
-    scene: str | os.PathLike[str] | Scene,
+    scene: str | os.PathLike[str] | SystemScene,
     settings: Mapping[str, Any] | Sequence[str] = (),
     *,
     track: str | None = None,
@@ -31,7 +33,7 @@ def run(
 ) -> Run:
     """Run a scene, record it, evaluate its checks and estimate its error, as ``cotrack run`` does.
 
-    :param scene: name in the gallery, TOML file, or a scene of ``cotrack.load``.
+    :param scene: name in the gallery, TOML file, SSP archive, or a scene of ``cotrack.load``.
     :param settings: values by dotted key, ``{"vehicle.track.mass": 20, "run.stop": "3 s"}``; numbers are in SI
         units, texts may have others ("2 ms"). ``KEY=VALUE`` texts, as of ``--set``, are allowed too.
     :param track: "flexible" or "rigid", instead of the scene's.
@@ -46,13 +48,13 @@ def run(
     """
     overrides = {"run.stop": stop, "run.step": step}
     changes = dict(pairs(settings)) | {key: value for key, value in overrides.items() if value is not None}
-    if not isinstance(scene, Scene):
-        resolved = load(os.fspath(scene), track, changes)
+    if not isinstance(scene, SystemScene):
+        resolved: SystemScene = load_runnable(os.fspath(scene), track, changes)
     elif track is None:
-        resolved = scene.changed(changes) if changes else scene
+        resolved = changed_scene(scene.resolved(), changes, f"{scene.name}.toml") if changes else scene
     else:
         raise BadInput(f"track = '{track}': a scene that is loaded has its track model; cotrack.load takes another one")
-    path = Path(log) if log is not None else Path("logs") / f"{resolved.name}-{resolved.variant}.mcap"
+    path = Path(log) if log is not None else Path("logs") / resolved.log_name
     with Narration(_write_progress) if progress else nullcontext() as narration:
         result = simulate(resolved, path, narration=narration, estimated=estimate, native=native)
     return Run(result["log"] or path, result)

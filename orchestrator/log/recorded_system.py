@@ -23,6 +23,7 @@ class _Instance(_StrictModel):
     sha256: str | None = None
     parameters: dict[str, bool | Integer | float | str] = Field(default_factory=dict)
     stage: Integer = 0
+    inputs: dict[str, float] = Field(default_factory=dict)  # given before the start
 
 
 class _Connection(_StrictModel):

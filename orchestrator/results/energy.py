@@ -69,8 +69,13 @@ def changes(run: RunData) -> dict[str, dict[str, float]]:
 
 
 def powers(run: RunData, window: Window) -> dict[str, dict[str, float]]:
-    """Mean change of each energy of a component over a window, W; of both sides if the other side mirrors it."""
+    """Mean change of each energy of a component over a window, W; of both sides if the other side mirrors it.
+
+    Empty if the energies of a component are missing.
+    """
     found: dict[str, dict[str, float]] = {}
+    if without_energies(run):
+        return found
     for name in run.instances:
         for kind in ("work", "dissipated", "covered", *STORED):
             if run.has(signal := f"{name}.energy.{kind}"):
@@ -84,6 +89,8 @@ def _ledger(run: RunData) -> Ledger:
     accounts = changes(run)
     if not any(accounts.values()):
         raise Missing("the log holds no energies")
+    if lacking := without_energies(run):
+        raise Missing(f"the log holds no energies of '{lacking[0]}'")
     received = dict.fromkeys(run.instances, 0.0)
     port_loss = 0.0
     for port, (given, taken) in _works(run).items():
@@ -193,6 +200,16 @@ def ports(run: RunData) -> list[WrenchPort]:
         for output, taken in zip(connection["outputs"], connection["inputs"], strict=True)
         if output.endswith(".force.x")
     ]
+
+
+def without_energies(run: RunData) -> list[str]:
+    """Components at wheels and mounts that output no energies, as an FMU of the user may."""
+    joined = dict.fromkeys(name for port in ports(run) for name in (port.giver, port.taker))
+    topics = {name: run.log.topics.get(f"/{name}/out") for name in joined}
+    return [
+        name for name, topic in topics.items()
+        if topic is not None and not any(variable.startswith("energy.") for variable in topic.names)
+    ]  # fmt: skip
 
 
 def _energy_changes(run: RunData, instance: str) -> dict[str, float]:

@@ -52,12 +52,14 @@ class RunData:
     With a window, EVER included, each call reads what it needs and nothing is cached; without one, a topic is read
     once.
 
-    ``scene`` is the logged table, unchecked (``scene.from_table``); empty for an FMU of unknown scene.
+    ``scene`` is the logged table, unchecked (``scene.from_table``); empty for an FMU of unknown scene and for a system
+    of free FMUs.
     """
 
     def __init__(self, log: Log) -> None:
         self.log = log
-        self.scene: dict[str, Any] = log.table("scene.json") if "scene.json" in log.attachments else {}
+        scene: dict[str, Any] = log.table("scene.json") if "scene.json" in log.attachments else {}
+        self.scene = {} if scene.get("assembly") == "fmus" else scene
         self.system: dict[str, Any] = system_of(log)
         self._results: dict[str, Any] = {}
         self._links: dict[tuple[str, Window | None], Links] = {}

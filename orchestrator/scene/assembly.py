@@ -8,7 +8,11 @@ from typing import Any, NamedTuple
 
 from fmus.build import Product, build_all
 from fmus.equilibrium import stances
+from fmus.vehicle import BadInput
 from orchestrator.cosim.graph import Connection, Instance, System
+from orchestrator.scene import replacement
+from orchestrator.scene.free_scene import FreeScene
+from orchestrator.scene.gallery import hint
 from orchestrator.scene.parts import (
     AXLE,
     CHASSIS,
@@ -31,7 +35,8 @@ from orchestrator.scene.parts import (
     vehicle_track_config,
     wheel_connections,
 )
-from orchestrator.scene.scene import BenchScene, ChainScene, RigScene, Scene, VehicleScene
+from orchestrator.scene.scene import BenchScene, ChainScene, RigScene, Scene, VehicleScene, with_track
+from orchestrator.scene.system_scene import SystemScene
 
 
 class Assembly(NamedTuple):
@@ -41,8 +46,25 @@ class Assembly(NamedTuple):
     connections: tuple[Connection, ...]
 
 
-def assemble(scene: Scene) -> Assembly:
-    """Assemble a scene: its parts and connections, and nothing that it does not declare."""
+def assemble(scene: SystemScene) -> Assembly:
+    """Assemble a scene: its parts and connections, and nothing that it does not declare.
+
+    Raises BadInput if the scene has an FMU for a part that it has not.
+    """
+    if isinstance(scene, FreeScene):
+        parts = (Part(name, "", {}, {}, table.stage, table) for name, table in scene.fmu.items())
+        return Assembly(tuple(parts), scene.wiring())
+    scene = with_track(scene)
+    assembly, fmus = _assembled(scene), scene.fmu or {}
+    names = [part.name for part in assembly.parts]
+    for name in fmus:
+        if name not in names:
+            raise BadInput(f"{scene.name}.toml: fmu.{name}: no such part: {hint(name, names, 'the parts are')}")
+    return assembly._replace(parts=tuple(part._replace(fmu=fmus.get(part.name)) for part in assembly.parts))
+
+
+def _assembled(scene: Scene) -> Assembly:
+    """Assembly of our own parts."""
     match scene:
         case ChainScene():
             return _chain(scene)
@@ -56,13 +78,17 @@ def assemble(scene: Scene) -> Assembly:
 
 
 def system(assembly: Assembly, native: bool = False) -> System:
-    """Build the FMUs of an assembly, each distinct one once, and return it as a graph.
+    """Build the FMUs of an assembly, each distinct one once, and return it as a graph; FMUs of the user are as given.
 
     ``native``: build native FMUs; parts that differ by free parameters only share one.
     """
-    files = build_parts(assembly.parts, native)
+    own = [part for part in assembly.parts if part.fmu is None]
+    files = dict(zip((part.name for part in own), build_parts(own, native), strict=True))
     instances = tuple(
-        Instance(part.name, file, part.parameters, part.stage) for part, file in zip(assembly.parts, files, strict=True)
+        replacement.instance(part, part.fmu)
+        if part.fmu is not None
+        else Instance(part.name, files[part.name], part.parameters, part.stage)
+        for part in assembly.parts
     )
     return System(instances, assembly.connections)
 

@@ -15,10 +15,11 @@ from typing import Any
 from fmus.vehicle import BadInput, path_text, value_text, vehicle
 from orchestrator.files.replacing import replacing
 from orchestrator.scene import gallery, points
+from orchestrator.scene.fmu_table import set_folder
 from orchestrator.scene.keys import OVERRIDES, REQUIRED, Key, facts, scene_keys, table_of, vehicle_keys
 from orchestrator.scene.run_tables import short_coupling
 from orchestrator.scene.scene import load
-from orchestrator.scene.settings import CHOSEN
+from orchestrator.scene.settings import CHOSEN, NAMED
 from orchestrator.scene.toml_text import toml_text
 from orchestrator.scene.track_table import short_track
 
@@ -55,15 +56,18 @@ def scene_text(source: str) -> str:
     assembly = load(source).assembly
     _, table = gallery.read(source)
     points.read(table, Path(source).parent, source)
+    set_folder(table, Path(source).parent)
     table["track"] = short_track(table["track"])
     if "coupling" in table["run"]:
         table["run"]["coupling"] = short_coupling(table["run"]["coupling"])
     kinds = [key for key in scene_keys() if not key.assembly or assembly in key.assembly.split(", ")]
-    own = [key for key in kinds if not key.key.startswith(("vehicle.", "expect."))]
+    own = [key for key in kinds if not key.key.startswith(("vehicle.", *NAMED))]
     about = {key.key: key for key in kinds}
     vehicle_lines = _verbatim(table, about["vehicle"], ()) if isinstance(table["vehicle"], dict) else ()
-    checks = [key for key in kinds if key.key.startswith(f"expect.{CHOSEN}.")]
-    lines = [*_lines(table, own), *vehicle_lines, *_verbatim(table, about["expect"], checks)]
+    lines = [*_lines(table, own), *vehicle_lines]
+    for name in NAMED:
+        inner = [key for key in kinds if key.key.startswith(f"{name}{CHOSEN}.") and key.meaning]
+        lines += _verbatim(table, about[name.rstrip(".")], inner)
     return "\n".join([HEAD.format(kind="scene", source=path_text(source)), *lines, ""])
 
 

@@ -42,6 +42,8 @@ def read(scene: str) -> tuple[str, dict[str, Any]]:
     path = Path(scene)
     if path.suffix == ".toml":
         return path.stem, _read_file(path, "scene")
+    if path.suffix == ".ssp":
+        raise BadInput(f"{path_text(path)}: cotrack run alone takes SSP archives")
     if scene in names():
         source = resources.files("orchestrator") / "gallery" / f"{scene}.toml"
         return scene, tomllib.loads(source.read_text(encoding="utf-8"))

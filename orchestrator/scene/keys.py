@@ -15,7 +15,7 @@ from fmus.track_choices import TRACKS
 from orchestrator.results import measures
 from orchestrator.results.table import Table
 from orchestrator.scene.assembly import assemble
-from orchestrator.scene.scene import KINDS, load
+from orchestrator.scene.scene import KINDS, Scene, load
 from orchestrator.scene.settings import Schema, entries
 from orchestrator.scene.toml_schema import scene_schema, vehicle_schema
 from orchestrator.scene.toml_text import toml_text
@@ -52,7 +52,8 @@ PAGE = """# Keys of scenes and vehicles
 
 `cotrack keys --markdown` writes this page. Numbers have the unit given, or are texts with one ("2 ms"); the unit 1
 is a ratio. A key without default may be left out, unless it is required. A vehicle file has the tables of `[vehicle]`,
-named without `vehicle.`."""
+named without `vehicle.`. A scene with assembly = "fmus" has the keys name, title, assembly, run, expect, fmu and
+connections alone."""
 
 
 def scene_keys() -> list[Key]:
@@ -125,10 +126,12 @@ def _by_table(keys: Sequence[Key]) -> list[Key]:
 
 
 def _merged(kinds: dict[str, Key]) -> Key:
-    """Key that several kinds of scenes have."""
-    *_, last = kinds.values()
+    """Key that several kinds of scenes have; the page says which of them those of free FMUs have."""
     allowed = " or ".join(dict.fromkeys(key.allowed for key in kinds.values()))
-    return last._replace(allowed=allowed, assembly="" if len(kinds) == len(KINDS) else ", ".join(kinds))
+    kinds = {name: key for name, key in kinds.items() if issubclass(KINDS[name], Scene)} or kinds
+    *_, last = kinds.values()
+    everywhere = len(kinds) == sum(issubclass(kind, Scene) for kind in KINDS.values())
+    return last._replace(allowed=allowed, assembly="" if everywhere else ", ".join(kinds))
 
 
 def _key(key: str, entry: Schema, required: bool) -> Key:
@@ -166,7 +169,7 @@ def _allowed(entry: Schema) -> str:
         case {"type": "boolean"}:
             return "true or false"
         case {"type": "integer", **bounds}:
-            return f"whole number, {_range(bounds)}"
+            return ", ".join(filter(None, ("whole number", _range(bounds))))
         case {"type": "number", **bounds}:
             return _range(bounds) or "number"
         case {"type": "string"}:

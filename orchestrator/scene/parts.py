@@ -12,6 +12,7 @@ from fmus.stance import Stance
 from fmus.track_choices import HHT, TRACKS
 from orchestrator.cosim.graph import Connection
 from orchestrator.scene.drive_tables import DriverTable, DriveTable
+from orchestrator.scene.fmu_table import FmuTable
 from orchestrator.scene.scene import RigScene, Scene, VehicleScene
 from orchestrator.scene.start_tables import VehicleStartTable
 from orchestrator.scene.values import Side
@@ -41,10 +42,11 @@ class Part(NamedTuple):
     """Component before it is built."""
 
     name: str
-    kind: str  # kind of FMU, a key of fmus.components.KINDS
+    kind: str  # kind of FMU, a key of fmus.components.KINDS; empty for an FMU of a free system
     config: dict[str, Any]  # packed into the FMU beside the model
     parameters: Parameters  # set before initialisation
     stage: int  # lower stages step first: DRIVER to CHASSIS
+    fmu: FmuTable | None = None  # FMU of the user that runs in its place
 
 
 def chassis_config(scene: VehicleScene) -> dict[str, Any]:

@@ -36,6 +36,7 @@ def scene_products(scenes: Sequence[Scene]) -> list[Product]:
     names: set[str] = set()
     products: list[Product] = []
     for scene in scenes:
+        scene.require_own_parts("cotrack build makes")
         for part in sorted(assemble(placed(scene)).parts, key=_side):
             config = product_config(scene, part)
             mirrored = config[KEY] | {"start.lateral": abs(_side(part))}  # one FMU serves both sides

@@ -13,18 +13,19 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
-from fmus.ranges import range_violations
 from fmus.track_choices import TRACKS
-from fmus.vehicle import BadInput, Force, FrozenTable, Vehicle, first_error, foremost, path_text, value_text
+from fmus.vehicle import BadInput, Force, Vehicle, first_error, foremost, path_text, value_text
 from orchestrator.results.analyses.catalogue import UNSTRESSED, described
 from orchestrator.scene import gallery, points
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriveTable
-from orchestrator.scene.ranges import SCENE
-from orchestrator.scene.recording import ASSUMED_SPEED, aliasing_warning, links_every
-from orchestrator.scene.run_tables import RunTable, short_coupling
+from orchestrator.scene.fmu_table import FmuTable, set_folder
+from orchestrator.scene.free_scene import FreeScene
+from orchestrator.scene.recording import ASSUMED_SPEED
+from orchestrator.scene.run_tables import short_coupling
 from orchestrator.scene.settings import keys, merge_tables, near_keys, pairs, set_key
 from orchestrator.scene.start_tables import GroundTable, StartTable, VehicleStartTable
-from orchestrator.scene.tables import BenchTable, ChainTable, Check, RigTable, refuse_reduced_measures
+from orchestrator.scene.system_scene import SystemScene
+from orchestrator.scene.tables import BenchTable, ChainTable, RigTable, refuse_reduced_measures
 from orchestrator.scene.track_table import TrackModelTable, short_track
 from orchestrator.scene.values import OR_FALSE, SIDES, SOLVED, Side, TrackName
 
@@ -36,19 +37,9 @@ NEAREST = 3  # most keys that a message suggests
 SHORT_KEYS = {"track": "track.model", "run.coupling": "run.coupling.scheme"}
 
 
-class Scene(FrozenTable):
+class Scene(SystemScene):
     """Scene of FMUs, one of them a track; subclasses add what they assemble."""
 
-    name: Annotated[str, Field(pattern=r"^[^/\\\x00]+$")]
-    """name of the scene and of its log; without it that of the file"""
-    title: str
-    """one line about the scene"""
-    assembly: str
-    """kind of scene, on which the other tables depend"""
-    run: RunTable
-    """duration, steps, coupling and recording"""
-    expect: dict[str, Check] = Field(default_factory=dict)
-    """checks by their names: expected values of signals, or of measures"""
     vehicle: Vehicle
     """name of a vehicle, a TOML file, or a table with the key base and the differences from that vehicle"""
     track: Annotated[TrackModelTable, BeforeValidator(short_track, TrackName | TrackModelTable)]
@@ -59,48 +50,17 @@ class Scene(FrozenTable):
     """the idler is where the chain carries its static tension"""
     planar: bool = False
     """cable chains without lateral dofs: all motion is in the plane of the track"""
-
-    @model_validator(mode="after")
-    def _check_ranges(self) -> Scene:
-        for complaint in range_violations(self.model_dump(exclude={"vehicle", "expect"}), SCENE, "possible"):
-            raise ValueError(complaint)
-        return self
-
-    @field_validator("expect")
-    @classmethod
-    def _check_names(cls, value: dict[str, Check]) -> dict[str, Check]:
-        for name in value:
-            if not name.isidentifier():
-                raise ValueError(f"'{name}' is no name for a check")
-        return value
-
-    @property
-    def teeth_rate(self) -> float:
-        """Teeth per second at top speed as far as known; 0 without teeth."""
-        return 0.0
-
-    @property
-    def links_every(self) -> int:
-        """Communication steps between two records of links."""
-        return self.run.links or links_every(self.run.step, self.teeth_rate)
-
-    @property
-    def records_statistics(self) -> bool:
-        """True if the log has link statistics between two records."""
-        return self.run.between or bool(self.aliasing_warning)
-
-    @property
-    def aliasing_warning(self) -> str:
-        """Sentence if link records alias the frequency of the teeth, else empty."""
-        return aliasing_warning(self.links_every, self.run.step, self.teeth_rate)
-
-    def resolved(self) -> dict[str, Any]:
-        """The scene as plain SI numbers; ``from_table`` is the inverse."""
-        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+    fmu: dict[str, FmuTable] | None = None
+    """FMUs of the user by the names of the parts in whose place they run"""
 
     def changed(self, settings: Sequence[str] | Mapping[str, Any]) -> Scene:
         """The scene with other values, as of ``load``; its defaults are kept. Raises BadInput."""
-        return changed_scene(self.resolved(), settings, f"{self.name}.toml")
+        return with_track(changed_scene(self.resolved(), settings, f"{self.name}.toml"))
+
+    def require_own_parts(self, what: str) -> None:
+        """Raise BadInput if an FMU of the user is in place of a part; ``what``: subject of the sentence."""
+        for name, fmu in (self.fmu or {}).items():
+            raise BadInput(f"{self.name}.toml: fmu.{name}.file = {path_text(fmu.file)}: {what} parts of cotrack alone")
 
     def recording_for(self, analyses: Sequence[str]) -> Scene:
         """The scene with the link outputs that analyses need besides its own.
@@ -113,6 +73,11 @@ class Scene(FrozenTable):
         needed = [group for name in analyses for group in described(name).records]
         groups = dict.fromkeys([*self.track.link_outputs, *needed])
         return self.changed({"track.link_outputs": [*groups]})
+
+    @property
+    def resumable(self) -> bool:
+        """True if all FMUs are parts of cotrack."""
+        return not self.fmu
 
     @model_validator(mode="after")
     def _check_planar(self) -> Scene:
@@ -296,32 +261,48 @@ class VehicleScene(Scene):
                     )
 
 
-KINDS: dict[str, type[Scene]] = {
+KINDS: dict[str, type[SystemScene]] = {
     "chain": ChainScene,
     "bench": BenchScene,
     "rig": RigScene,
     "vehicle": VehicleScene,
+    "fmus": FreeScene,
 }
 
 
 def load(scene: str, track: str | None = None, settings: Sequence[str] | Mapping[str, Any] = ()) -> Scene:
+    """Load a scene with a track, as of ``load_any``; raises BadInput."""
+    return with_track(load_any(scene, track, settings))
+
+
+def with_track(scene: SystemScene) -> Scene:
+    """The scene, if it has a track; else raises BadInput."""
+    if not isinstance(scene, Scene):
+        raise BadInput(f"{scene.name}.toml: assembly = '{scene.assembly}': here a scene with a track is needed")
+    return scene
+
+
+def load_any(scene: str, track: str | None = None, settings: Sequence[str] | Mapping[str, Any] = ()) -> SystemScene:
     """Load a scene of the gallery or a file, with track model and settings; raises BadInput.
 
     Settings are ``KEY=VALUE`` texts as of ``--set``, or a table as ``{"vehicle.track.mass": 20, "run.stop": "3 s"}``.
     """
     name, table = gallery.read(scene)
     points.read(table, Path(scene).parent, f"{name}.toml")
+    set_folder(table, Path(scene).parent)
     changes = pairs(settings)
-    _kind(table, f"{name}.toml")
-    vehicle_file = _complete_table(table, f"{name}.toml", track, changes)
+    kind = _kind(table, f"{name}.toml")
+    if track is not None and not issubclass(kind, Scene):
+        raise BadInput(f"{name}.toml: track = {value_text(track)}: assembly = '{table['assembly']}' has no track")
+    vehicle_file = _complete_table(table, f"{name}.toml", track, changes) if issubclass(kind, Scene) else ""
     for key, value in changes:
         set_key(table, key, value)
     points.read(table, Path(), f"{name}.toml")
     refuse_reduced_measures(table.get("expect"), f"{name}.toml")
-    return from_table({"name": name, **table}, f"{name}.toml", vehicle_file)
+    return any_from_table({"name": name, **table}, f"{name}.toml", vehicle_file)
 
 
-def _kind(table: Mapping[str, Any], where: str) -> type[Scene]:
+def _kind(table: Mapping[str, Any], where: str) -> type[SystemScene]:
     """Class of scene that a table describes; raises BadInput."""
     assembly = table.get("assembly")
     if isinstance(assembly, str) and assembly in KINDS:
@@ -356,7 +337,12 @@ def _full_key(key: str, value: object) -> str:
     return key if isinstance(value, dict) else SHORT_KEYS.get(key, key)
 
 
-def from_table(table: Mapping[str, Any], where: str, vehicle_file: str = "") -> Scene:
+def from_table(table: Mapping[str, Any], where: str) -> Scene:
+    """Validate a scene with a track, as of ``any_from_table``; raises BadInput."""
+    return with_track(any_from_table(table, where))
+
+
+def any_from_table(table: Mapping[str, Any], where: str, vehicle_file: str = "") -> SystemScene:
     """Validate a scene whose vehicle is a whole table; raises BadInput with one sentence.
 
     The sentence begins with ``where``, about the vehicle also with ``vehicle_file``.
@@ -370,7 +356,7 @@ def from_table(table: Mapping[str, Any], where: str, vehicle_file: str = "") -> 
         raise BadInput(_validation_sentence(error, where, kind)) from None
 
 
-def changed_scene(resolved: dict[str, Any], settings: Sequence[str] | Mapping[str, Any], where: str) -> Scene:
+def changed_scene(resolved: dict[str, Any], settings: Sequence[str] | Mapping[str, Any], where: str) -> SystemScene:
     """Apply settings, as of ``load``, to a resolved scene, which is modified; reads no file.
 
     Raises BadInput, with a message that begins with ``where``.
@@ -378,7 +364,7 @@ def changed_scene(resolved: dict[str, Any], settings: Sequence[str] | Mapping[st
     for key, value in pairs(settings):
         set_key(resolved, _full_key(key, value), value)
     refuse_reduced_measures(resolved.get("expect"), where)
-    return from_table(resolved, where)
+    return any_from_table(resolved, where)
 
 
 def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:
@@ -396,7 +382,7 @@ def _whole_vehicle(vehicle: object, where: str) -> dict[str, Any]:
     return merge_tables(gallery.read_vehicle(base), changes)
 
 
-def _validation_sentence(error: ValidationError, where: str, model: type[Scene]) -> str:
+def _validation_sentence(error: ValidationError, where: str, model: type[SystemScene]) -> str:
     """One sentence for a validation error, with the nearest known keys for an unknown one."""
     text, first = first_error(error, where), foremost(error)
     if first["type"] != "extra_forbidden":

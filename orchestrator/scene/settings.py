@@ -13,7 +13,8 @@ from pydantic import BaseModel
 from fmus.vehicle import BadInput
 
 Schema = dict[str, Any]  # JSON schema
-CHOSEN = "NAME"  # in place of a part of a key that a file chooses: the names of checks
+CHOSEN = "NAME"  # in place of a part of a key that a file chooses: the names of checks, of parts with an FMU
+NAMED = "expect.", "fmu."  # tables whose tables have such names
 
 
 def setting(text: str) -> tuple[str, Any]:
@@ -89,7 +90,7 @@ def keys(model: type[BaseModel]) -> tuple[str, ...]:
 def near_keys(key: str, known: Iterable[str]) -> list[str]:
     """Known keys that an unknown one may mean: a similar one of its table, else all of its name, else a similar one."""
     table, _, name = key.rpartition(".")
-    named = [one.replace(CHOSEN, key.split(".")[1]) if key.startswith("expect.") else one for one in known]
+    named = [one.replace(CHOSEN, key.split(".")[1]) if key.startswith(NAMED) else one for one in known]
     siblings = [one.rpartition(".")[2] for one in named if one.rpartition(".")[0] == table]
     if near := get_close_matches(name, siblings, 1):
         return [f"{table}.{near[0]}".lstrip(".")]

@@ -9,6 +9,7 @@ archive therefore has the right side of the vehicle at its place.
 from __future__ import annotations
 
 import io
+import json
 import zipfile
 from html import escape
 from pathlib import Path
@@ -25,8 +26,9 @@ from orchestrator.scene.assembly import assemble, build_native_all
 from orchestrator.scene.placing import placed
 from orchestrator.scene.products import product_config
 from orchestrator.scene.scene import Scene
-from orchestrator.scene.structure_document import StructuredComponent, structure_document
+from orchestrator.scene.structure_document import DOCUMENT_NAME, StructuredComponent, structure_document
 
+SCENE = "resources/scene.json"  # the placed scene, by which ``cotrack run`` steps the archive
 PAGE = """# {title}
 
 {count} FMUs for co-simulation (FMI 2.0), made by cotrack {version} from the scene `{name}`. Each FMU has its own
@@ -52,6 +54,7 @@ def write_ssp(scene: Scene, file: Path, native: bool = True) -> None:
     """
     if not file.parent.is_dir():
         raise BadInput(f"{file} cannot be written: there is no folder {file.parent}")
+    scene.require_own_parts("an archive has")
     scene = placed(scene)
     assembly = assemble(scene)
     products: list[Product] = [(part.kind, product_config(scene, part), part.name) for part in assembly.parts]
@@ -68,7 +71,8 @@ def write_ssp(scene: Scene, file: Path, native: bool = True) -> None:
         values = {name: float(value) for name, value in part.parameters.items() if name in settable - {INTERVAL}}
         components.append(StructuredComponent(part.name, source, description, values))
     tool = f"cotrack {__version__}"
-    files["SystemStructure.ssd"] = structure_document(
+    files[SCENE] = json.dumps(scene.resolved(), indent=1, sort_keys=True).encode()
+    files[DOCUMENT_NAME] = structure_document(
         scene.name, scene.title, tool, components, assembly.connections, scene.run.stop
     )
     files["documentation/index.html"] = _page(scene, components)

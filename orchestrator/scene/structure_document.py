@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element, SubElement, register_namespace, tostr
 from orchestrator.cosim.component import LINK_FAMILIES
 from orchestrator.cosim.graph import Connection
 
-VERSION = "1.0"
+DOCUMENT_NAME, VERSION = "SystemStructure.ssd", "1.0"
 NAMESPACES = {
     letters: f"http://ssp-standard.org/SSP1/SystemStructure{name}"
     for letters, name in (("ssc", "Common"), ("ssd", "Description"), ("ssv", "ParameterValues"))

@@ -56,8 +56,8 @@ def scene_schema() -> Schema:
             table["properties"][key]["anyOf"].append({"type": "string"})  # the name of a CSV file
     for table in (tables[kind.__name__] for kind in KINDS.values()):
         table["required"].remove("name")
-        whole = table["properties"]["vehicle"]
-        whole["anyOf"] = [{"type": "string"}, {"$ref": whole.pop("$ref")}]
+        if whole := table["properties"].get("vehicle"):
+            whole["anyOf"] = [{"type": "string"}, {"$ref": whole.pop("$ref")}]
         _add_ranges(table, tables, SCENE)
     return {
         "$schema": TomlSchema.schema_dialect,

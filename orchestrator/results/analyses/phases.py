@@ -23,6 +23,7 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.broken_line import LineFitter, breaks
+from orchestrator.results.energy import without_energies
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, record_durations
 from orchestrator.results.table import Table
 
@@ -178,7 +179,7 @@ def _read(run: RunData, window: Window) -> _Motion:
         raise Missing(f"{run.log.path} holds too few steps for phases")
     values["work"] = (
         np.sum([n * values[name] for name, n in work_copies.items()], axis=0)
-        if work_copies
+        if work_copies and not without_energies(run)
         else np.full_like(t, np.nan)
     )
     return _Motion(t[:steps], {name: column[:steps] for name, column in values.items()})

@@ -1,0 +1,120 @@
+"""SSP archive as a scene: an archive of ours is stepped as its scene, with the FMUs in it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from fmus.vehicle import BadInput, path_text, value_text
+from orchestrator.cosim.component import ComponentFailed, description_of
+from orchestrator.files.budget import DOCUMENT, OverBudget, read_file
+from orchestrator.scene.assembly import Assembly, assemble
+from orchestrator.scene.free_scene import FreeScene, Pair
+from orchestrator.scene.gallery import hint
+from orchestrator.scene.scene import Scene, changed_scene, from_table, load_any
+from orchestrator.scene.settings import pairs
+from orchestrator.scene.ssp import SCENE
+from orchestrator.scene.structure_reader import Structure, read_structure
+from orchestrator.scene.system_scene import SystemScene
+
+ENDING = ".ssp"
+OPEN = "run", "expect", "fmu", "title", "name"  # tables and keys of a scene that an archive leaves open
+STEP = 1e-3  # s, communication step of a system that is not ours: an archive does not say one
+
+
+def load_runnable(scene: str, track: str | None, settings: Sequence[str] | Mapping[str, Any]) -> SystemScene:
+    """Scene of the gallery, of a file, or of an SSP archive, with settings as of ``load_any``; raises BadInput."""
+    return load_ssp(Path(scene), track, settings) if scene.endswith(ENDING) else load_any(scene, track, settings)
+
+
+def load_ssp(file: Path, track: str | None, settings: Sequence[str] | Mapping[str, Any]) -> SystemScene:
+    """Scene of an SSP archive, whose parts are the FMUs in the archive with the parameter values of its SSD.
+
+    An archive of ours is stepped as the scene in it: with its order, steps and checks. Any other one is a free system.
+    Settings change how it runs, its checks and the FMUs alone, because these have their numbers. Raises BadInput.
+    """
+    where = path_text(file)
+    if track is not None:
+        raise BadInput(f"{where}: --track {track}: the FMUs of an archive are as they are")
+    for key, _ in pairs(settings):
+        if key.partition(".")[0] not in OPEN:
+            raise BadInput(f"{where}: {key}: the FMUs of an archive are as they are: set {', '.join(OPEN[:3])} alone")
+    structure = read_structure(file)
+    _require_units(structure, where)
+    scene = _own_scene(structure, where)
+    table = _free_table(structure) if scene is None else scene.resolved()
+    changed = changed_scene(table, settings, where)
+    if isinstance(changed, FreeScene) and (more := changed.fmu.keys() - structure.fmus.keys()):
+        name = min(more)
+        raise BadInput(f"{where}: fmu.{name}: no such component: {hint(name, structure.fmus, 'the components are')}")
+    return changed
+
+
+def _require_units(structure: Structure, where: str) -> None:
+    """Raise BadInput if a connector has another unit than its variable: values would have to be converted."""
+    for name, file in structure.fmus.items():
+        try:
+            variables = {variable.name: variable for variable in description_of(file).modelVariables}
+        except ComponentFailed as failure:
+            raise BadInput(f"{where}: {name}: {failure}") from None
+        for (component, connector), unit in structure.units.items():
+            if component == name and connector in variables and unit != (given := variables[connector].unit or "none"):
+                about = f"connector '{name}.{connector}' has the unit '{unit}', and its variable '{given}'"
+                raise BadInput(f"{where}: {about}: values are not converted")
+
+
+def _free_table(structure: Structure) -> dict[str, Any]:
+    """Table of a free system."""
+    return {
+        "name": structure.name,
+        "title": structure.title,
+        "assembly": "fmus",
+        "run": {"step": STEP, **({} if structure.stop is None else {"stop": structure.stop})},
+        "fmu": {
+            name: {"file": str(file), "parameters": structure.values[name]} for name, file in structure.fmus.items()
+        },
+        "connections": [str(Pair(*pair)) for pair in structure.connections],
+    }
+
+
+def _own_scene(structure: Structure, where: str) -> Scene | None:
+    """Scene in an archive, if its parts and connections are those of the archive."""
+    file = structure.folder / SCENE
+    if not file.is_file():
+        return None
+    try:
+        table = json.loads(read_file(file, DOCUMENT))
+    except (OSError, OverBudget, ValueError, RecursionError) as error:
+        raise BadInput(f"{where}: {SCENE} cannot be read: {error}") from None
+    if not isinstance(table, dict):
+        raise BadInput(f"{where}: {SCENE} = {value_text(table)}: must be a table")
+    scene = from_table(table, f"{where}: {SCENE}")
+    if not scene.placed:
+        raise BadInput(f"{where}: {SCENE} is not placed")
+    assembly = assemble(scene)  # its FMUs are replaced by those of the archive, never files elsewhere
+    return from_table({**table, "fmu": _fmus(structure, assembly)}, where) if _is_that(structure, assembly) else None
+
+
+def _is_that(structure: Structure, assembly: Assembly) -> bool:
+    pairs_of_assembly = {
+        (connection.source, output, connection.target, into)
+        for connection in assembly.connections
+        for output, into in zip(connection.outputs, connection.inputs, strict=True)
+    }
+    parts = {part.name for part in assembly.parts}
+    return structure.fmus.keys() == parts and set(structure.connections) == pairs_of_assembly
+
+
+def _fmus(structure: Structure, assembly: Assembly) -> dict[str, Any]:
+    """Tables of the FMUs; parameter values that the scene has as well follow the scene, if that is changed."""
+    return {
+        part.name: {
+            "file": str(structure.fmus[part.name]),
+            "parameters": {
+                name: value for name, value in structure.values[part.name].items() if part.parameters.get(name) != value
+            },
+        }
+        for part in assembly.parts
+    }

@@ -1,0 +1,122 @@
+"""Small FMUs in C that are no FMUs of cotrack: models in `foreign`, compiled with the compiler of native FMUs."""
+
+import subprocess
+import uuid
+import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree.ElementTree import Element, SubElement, tostring
+
+import fmpy
+
+from fmus.native.link import FLAGS, HERE, compiler
+from fmus.ports import UNITS, motion_ports, wrench_ports
+
+SOURCES = Path(__file__).parent / "foreign"
+Base = Mapping[str, float]  # attributes of a BaseUnit
+
+
+class Variable(NamedTuple):
+    """Variable of a model, called in C like here with underscores for dots."""
+
+    name: str
+    causality: str
+    start: float | int | bool = 0.0
+    kind: str = "Real"
+    unit: str = ""
+
+
+def ports(name: str, causality: str, of: str) -> list[Variable]:
+    """Variables of a motion or a wrench as ``fmus.ports`` names them."""
+    made = motion_ports(name, causality) if of == "motion" else wrench_ports(name, causality)
+    return [Variable(port.name, causality, port.start, unit="" if port.unit == "1" else port.unit) for port in made]
+
+
+DRIVE = (
+    *ports("mount", "input", "motion"),
+    *ports("sprocket", "input", "wrench"),
+    *ports("sprocket", "output", "motion"),
+    *ports("mount", "output", "wrench"),
+    Variable("speed", "output", unit="rad/s"),
+    Variable("angle", "output", unit="rad"),
+    Variable("rate", "local", unit="rad/s"),
+    Variable("torque", "parameter", 300.0, unit="N.m"),
+    Variable("inertia", "parameter", 10.0),
+    Variable("end", "parameter", 1e9, unit="s"),
+    Variable("manner", "parameter", 0, "Integer"),
+    Variable("steps", "output", 0, "Integer"),
+    Variable("fast", "output", False, "Boolean"),
+)
+
+
+def build(
+    file: Path,
+    model: str,
+    variables: Sequence[Variable],
+    units: Mapping[str, Base] = UNITS,
+    library: bytes | None = None,
+) -> Path:
+    """Build the FMU of a model in `foreign`; ``library``: take this one, of the same variables, instead."""
+    guid = str(uuid.uuid5(uuid.NAMESPACE_OID, repr(variables)))
+    reals = [variable for variable in variables if variable.kind == "Real"]
+    others = [variable for variable in variables if variable.kind != "Real"]
+    root = _description(model, guid, variables, units)
+    for element, variable in zip(root.iter("ScalarVariable"), variables, strict=True):
+        row = reals if variable.kind == "Real" else others
+        element.set("valueReference", str(row.index(variable)))
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("modelDescription.xml", tostring(root))
+        archive.writestr(
+            f"binaries/{fmpy.platform}/{model}{fmpy.sharedLibraryExtension}",
+            library or _compiled(file.with_suffix(".so"), model, _header(guid, reals, others)),
+        )
+    return file
+
+
+def library_of(fmu: Path) -> bytes:
+    """Library in an FMU."""
+    with zipfile.ZipFile(fmu) as archive:
+        return archive.read(next(name for name in archive.namelist() if name.startswith("binaries/")))
+
+
+def _compiled(library: Path, model: str, header: str) -> bytes:
+    folder = library.parent
+    (folder / "model.h").write_text(header)
+    includes = [f"-I{place}" for place in (folder, SOURCES, HERE)]
+    command = [*compiler(), *FLAGS, "-ffp-contract=off", *includes, "-o", str(library), SOURCES / f"{model}.c", "-lm"]
+    subprocess.run(command, check=True)
+    return library.read_bytes()
+
+
+def _header(guid: str, reals: Sequence[Variable], others: Sequence[Variable]) -> str:
+    """Places and start values of the variables, for the model in C."""
+    lines = [f'#define GUID "{guid}"', f"#define REALS {len(reals) + 1}", f"#define INTEGERS {len(others) + 1}"]
+    for kind, array, row in (("double", "REAL_START", reals), ("int", "INTEGER_START", others)):
+        names = [variable.name.replace(".", "_") for variable in row]
+        lines.append(f"enum {{ {', '.join([*names, f'{array}_END'])} }};")
+        starts = [repr(float(each.start) if kind == "double" else int(each.start)) for each in row]
+        lines.append(f"static const {kind} {array}[] = {{{', '.join([*starts, '0'])}}};")
+    return "\n".join([*lines, ""])
+
+
+def _description(model: str, guid: str, variables: Sequence[Variable], units: Mapping[str, Base]) -> Element:
+    root = Element("fmiModelDescription", fmiVersion="2.0", modelName=f"Foreign {model}", guid=guid)
+    SubElement(root, "CoSimulation", modelIdentifier=model, canHandleVariableCommunicationStepSize="true")
+    definitions = SubElement(root, "UnitDefinitions")
+    for unit in dict.fromkeys(variable.unit for variable in variables if variable.unit in units):
+        base = {name: str(value) for name, value in units[unit].items()}
+        SubElement(SubElement(definitions, "Unit", name=unit), "BaseUnit", base)
+    element = SubElement(root, "ModelVariables")
+    for variable in variables:
+        fixed = variable.causality == "parameter"
+        variability = "fixed" if fixed else "continuous" if variable.kind == "Real" else "discrete"
+        scalar = SubElement(
+            element, "ScalarVariable", name=variable.name, causality=variable.causality, variability=variability
+        )
+        attributes = {"unit": variable.unit} if variable.unit else {}
+        if variable.causality in ("input", "parameter"):
+            attributes["start"] = repr(variable.start).lower()
+        SubElement(scalar, variable.kind, attributes)
+    SubElement(root, "ModelStructure")
+    return root

@@ -1,0 +1,397 @@
+"""FMUs of the user in place of parts of a scene: they drive, or are refused in one sentence before the first step."""
+
+import json
+import math
+import shutil
+import zipfile
+
+import foreign_fmus
+import numpy as np
+import pytest
+from foreign_fmus import DRIVE, UNITS, Variable, library_of
+
+from fmus.vehicle import BadInput
+from orchestrator.execution import monolithic, truth
+from orchestrator.execution.replay_model import open_replay
+from orchestrator.execution.resume import resume
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.results.energy import ledger
+from orchestrator.results.run_data import Missing, RunData
+from orchestrator.scene.assembly import assemble, system
+from orchestrator.scene.commented import scene_text
+from orchestrator.scene.placing import placed
+from orchestrator.scene.products import scene_products
+from orchestrator.scene.replacement import require_fit
+from orchestrator.scene.scene import load
+from orchestrator.scene.ssp import write_ssp
+
+H, TORQUE, INERTIA = 1e-3, 2000.0, 20.0
+SHORT = {"run.stop": 0.1, "run.step": H, "expect": {}, "track.link_outputs": False}
+OWN = {**SHORT, "drive": {"mode": "torque", "torque": TORQUE}, "vehicle.sprocket.spin_inertia": INERTIA}
+PARAMETERS = {"torque": TORQUE, "inertia": INERTIA}
+
+
+def rig(fmu=None, parameters=PARAMETERS, **settings):
+    """The rig with rigid links, in short."""
+    entry = {"fmu.drive": {"file": str(fmu), "parameters": dict(parameters)}} if fmu else {}
+    return load("rig", "rigid", {**SHORT, **entry, **settings})
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    """FMU of a drive that is not ours."""
+    return foreign_fmus.build(tmp_path_factory.mktemp("foreign") / "MyDrive.fmu", "drive", DRIVE)
+
+
+@pytest.fixture(scope="module")
+def driven(drive, tmp_path_factory):
+    """Log and summary of the rig with that drive."""
+    path = tmp_path_factory.mktemp("driven") / "rig.mcap"
+    return path, simulate(rig(drive), path)
+
+
+def changed(drive, file, change, units=UNITS):
+    """The drive with other variables in its description."""
+    variables = [new for each in DRIVE if (new := change(each)) is not None]
+    return foreign_fmus.build(file, "drive", variables, units, library_of(drive))
+
+
+def without(*names):
+    return lambda each: None if each.name in names else each
+
+
+def with_unit(name, unit):
+    return lambda each: each._replace(unit=unit) if each.name == name else each
+
+
+def test_a_copy_of_our_own_drive_gives_the_same_records(tmp_path, cotrack):
+    """Log and digest are those of the scene without --replace; the log says what ran."""
+    settings = [f"--set={key}={json.dumps(value)}" for key, value in SHORT.items()]
+    own = next(i for i in system(assemble(placed(rig()))).instances if i.name == "drive")
+    shutil.copy(own.fmu, tmp_path / "MyDrive.fmu")
+    runs = {}
+    for name, options in (("own", ()), ("replaced", ("--replace", "drive=MyDrive.fmu"))):
+        log = tmp_path / f"{name}.mcap"
+        said = cotrack("run", "rig", "--track", "rigid", *settings, "--no-estimate", *options, "-o", log)
+        assert said[0] == 0, said
+        with Log(log) as opened:
+            instances = {each["name"]: each for each in opened.table("system.json")["instances"]}
+            runs[name] = opened.digest(), instances["drive"], opened.table("scene.json")
+    assert runs["own"][0] == runs["replaced"][0]
+    assert runs["own"][1]["parameters"] == runs["replaced"][1]["parameters"]
+    assert runs["own"][1]["sha256"] == runs["replaced"][1]["sha256"]
+    assert runs["replaced"][1]["fmu"] == "MyDrive.fmu"
+    assert runs["replaced"][2]["fmu"] == {"drive": {"file": str(tmp_path / "MyDrive.fmu"), "parameters": {}}}
+    assert "fmu" not in runs["own"][2]
+
+
+def test_a_foreign_drive_drives(driven):
+    """Its momentum is the impulse of its torque and of the chain's, to rounding; its work is all that there is."""
+    path, summary = driven
+    assert summary["status"] == "ok", summary["message"]
+    with Log(path) as log:
+        outputs, inputs = log.read("/drive/out"), log.read("/drive/in")
+        speed = outputs.values[:, outputs.names.index("speed")]
+        angle = outputs.values[:, outputs.names.index("angle")]
+        chain = inputs.values[:, inputs.names.index("sprocket.torque.y")]
+        momentum = INERTIA * np.diff(speed)
+        assert np.abs(momentum - H * (TORQUE + chain)).max() < 1e-12 * np.abs(momentum).max() + 1e-12
+        assert np.abs(chain).max() > 100.0
+        assert angle[-1] == pytest.approx(H * (speed[1:-1].sum() + 0.5 * speed[-1]), rel=1e-12)
+        run = RunData(log)
+        held = 0.5 * INERTIA * speed[-1] ** 2
+        for part in ("track", "idler_drive"):
+            for kind in ("kinetic", "strain", "contact", "dissipated", "covered"):
+                if run.has(signal := f"{part}.energy.{kind}"):
+                    start, end = run.ends(signal)
+                    held += end - start
+        assert held == pytest.approx(TORQUE * angle[-1], rel=0.02)
+
+
+def test_a_foreign_drive_turns_as_ours_with_the_same_torque(driven, tmp_path):
+    simulate(load("rig", "rigid", OWN), tmp_path / "own.mcap")
+    with Log(driven[0]) as foreign, Log(tmp_path / "own.mcap") as own:
+        (_, there), (_, here) = foreign.signal("drive.speed"), own.signal("drive.speed")
+    assert np.abs(there - here).max() < 2e-3 * np.abs(here).max()
+    assert np.abs(here).max() > 0.1
+
+
+@pytest.mark.long
+def test_foreign_drives_move_a_vehicle_as_ours_do(drive, tmp_path):
+    """Their mounts are where the vehicle is from the start on; the log holds the inputs of the start for replays."""
+    inertia = load("straight").vehicle.sprocket.spin_inertia
+    given = {"file": str(drive), "parameters": {"torque": TORQUE, "inertia": inertia}}
+    parts = {"fmu": {"left_drive": given, "right_drive": given}}
+    short = {**SHORT, "run.stop": 0.05}
+    logs = {}
+    for name, settings in (("own", {"drive": OWN["drive"]}), ("foreign", parts)):
+        logs[name] = tmp_path / f"{name}.mcap"
+        summary = simulate(load("straight", "rigid", {**short, **settings}), logs[name])
+        assert summary["status"] == "ok", summary["message"]
+        assert [math.isnan(phase["power"]) for phase in summary["phases"]] == [name == "foreign"]
+    with Log(logs["own"]) as own, Log(logs["foreign"]) as foreign:
+        for signal in ("chassis.speed", "left_drive.angle", "right_track.tension.mean"):
+            (_, here), (_, there) = own.signal(signal), foreign.signal(signal)
+            assert np.abs(there - here).max() < 0.01 * np.abs(here).max(), signal
+        instances = {each["name"]: each for each in foreign.table("system.json")["instances"]}
+        assert instances["right_drive"]["inputs"]["mount.position.y"] == pytest.approx(-1.0795)
+        assert "inputs" not in instances["chassis"]
+    with open_replay(logs["foreign"], "left_drive", str(drive)) as replay:
+        assert replay.verify().equal
+
+
+def test_what_a_foreign_drive_lacks_is_said(driven):
+    """Units, outputs and the energy balance; its other outputs are recorded."""
+    path, summary = driven
+    texts = [warning["text"] for warning in summary["warnings"] if warning["component"] == "drive"]
+    assert texts == [
+        "the FMU has no outputs torque, energy.kinetic, energy.work, energy.dissipated, port.work, power,"
+        " solver.steps, solver.evaluations: results that need them, and the energy balance, are missing"
+    ]
+    assert summary["energy"] is None
+    assert summary["components"]["drive"]["steps"] == 100
+    with Log(path) as log:
+        _, fast = log.signal("stats.drive.fast")
+        _, speed = log.signal("drive.speed")
+        assert set(fast) == {0.0, 1.0}
+        assert fast[-1] == (speed[-1] > 1.0)
+        with pytest.raises(Missing, match="the log holds no energies of 'drive'"):
+            ledger(RunData(log))
+
+
+def test_that_an_fmu_runs_its_code_is_said_once(drive, tmp_path):
+    lines = []
+    simulate(rig(drive, **{"run.stop": 2 * H}), tmp_path / "rig.mcap", narration=Said(lines))
+    said = "rig: FMUs of yours run as drive: an FMU runs code with your rights"
+    assert [line for line in lines if "rights" in line] == [said]
+
+
+class Said:
+    """Narration that keeps its lines."""
+
+    def __init__(self, lines):
+        self._lines = lines
+
+    def __call__(self, line):
+        self._lines.append(line)
+
+    def set_detail(self, detail):
+        pass
+
+
+@pytest.mark.parametrize("python", [False, True], ids=["by kernels", "by Python"])
+@pytest.mark.parametrize(
+    ("manner", "status", "message"),
+    [
+        (1, "ok", "drive has ended the run at t = 0.0205 s"),
+        (
+            2,
+            "failed",
+            "drive: fmi2DoStep failed with FMI status 2; the step from t = 0.02 s ended at t = 0.0205 s: a shorter one"
+            " may help",
+        ),
+        (
+            3,
+            "failed",
+            "drive: fmi2DoStep returned before it was done (fmi2Pending): asynchronous steps are not supported",
+        ),
+        (4, "failed", "drive: fmi2DoStep failed with FMI status 3"),
+    ],
+)
+def test_a_step_that_is_not_done(drive, tmp_path, monkeypatch, manner, status, message, python):
+    """An FMU that ends the simulation ends the run in order; the log holds all steps before."""
+    if python:
+        monkeypatch.setattr("orchestrator.cosim.coupling.scheme.CAN_STEP", False)
+    path = tmp_path / "rig.mcap"
+    summary = simulate(rig(drive, {**PARAMETERS, "end": 0.0205, "manner": manner}), path)
+    assert (summary["status"], summary["message"]) == (status, message)
+    assert (summary["communication_steps"], summary["simulated_time"]) == (20, pytest.approx(0.02))
+    with Log(path) as log:
+        assert log.closing["status"] == status
+        assert len(log.signal("drive.speed")[0]) == 21
+        assert not log.seal_faults()
+
+
+# --- refusals --------------------------------------------------------------------------------------
+
+
+def test_what_does_not_fit_is_refused(drive, tmp_path):
+    """Scene, key, file and variable are named."""
+    whole = {**UNITS, "deg/s": {"rad": 1, "s": -1, "factor": 0.0174532925199433}, "Nm": UNITS["N.m"]}
+    output, out = "sprocket.velocity.x", "output 'sprocket.velocity.x'"
+    cases = (
+        (without(output), f"it has no {out}, which goes to track.{output}: did you mean 'sprocket.velocity.z'?"),
+        (
+            lambda each: each._replace(causality="local") if each.name == output else each,
+            f"'{output}' is of causality local, but goes to track.{output}: output",
+        ),
+        (
+            lambda each: each._replace(kind="Integer", start=0) if each.name == output else each,
+            f"{out} is of type Integer: only Reals are connected",
+        ),
+        (with_unit("sprocket.torque.y", "N"), "'sprocket.torque.y' has the unit 'N', and 'N.m' is needed"),
+        (
+            with_unit("sprocket.angular_velocity.y", "deg/s"),
+            "'sprocket.angular_velocity.y' has the unit 'deg/s', which is 0.0174532925 'rad/s': values are not"
+            " converted",
+        ),
+        (
+            with_unit("sprocket.force.x", "kip"),
+            "'sprocket.force.x' has the unit 'kip', which the FMU does not define, and 'N' is needed",
+        ),
+    )
+    for change, sentence in cases:
+        fmu = changed(drive, tmp_path / "other.fmu", change, whole)
+        with pytest.raises(BadInput) as caught:
+            simulate(rig(fmu), tmp_path / "rig.mcap")
+        assert str(caught.value).endswith(f": {sentence}")
+        assert str(caught.value).startswith("rig.toml: fmu.drive.file = '")
+        assert "other.fmu'" in str(caught.value)
+        assert not (tmp_path / "rig.mcap").exists()
+    assembly = assemble(rig(changed(drive, tmp_path / "other.fmu", with_unit("sprocket.torque.y", "Nm"), whole)))
+    assert len(require_fit("rig.toml", *assembly, variable_steps=True)) == 1
+    assembly = assemble(rig(changed(drive, tmp_path / "other.fmu", with_unit("sprocket.torque.y", ""), whole)))
+    assert require_fit("rig.toml", *assembly, variable_steps=True)[0] == (
+        "drive",
+        "'sprocket.torque.y' declares no unit: it is taken in N.m",
+    )
+
+
+def test_what_is_no_fmu_for_this_machine_is_refused(drive, tmp_path):
+    def packed(name, *files):
+        with zipfile.ZipFile(tmp_path / name, "w", zipfile.ZIP_DEFLATED) as archive, zipfile.ZipFile(drive) as source:
+            for kept in source.namelist():
+                if kept not in dict(files):
+                    archive.writestr(kept, source.read(kept))
+            for file, content in files:
+                if content is not None:
+                    archive.writestr(file, content)
+        return tmp_path / name
+
+    with zipfile.ZipFile(drive) as source:
+        description, (library,) = source.read("modelDescription.xml"), (n for n in source.namelist() if "bin" in n)
+    (tmp_path / "text.fmu").write_text("no archive")
+    cases = {
+        tmp_path / "none.fmu": "there is no FMU ",
+        tmp_path / "text.fmu": "is not an FMU: it is not a zip archive",
+        packed("3.fmu", ("modelDescription.xml", description.replace(b'"2.0"', b'"3.0"'))): "is an FMU of FMI 3.0",
+        packed("bare.fmu", (library, None)): "has no binary for ",
+        packed("up.fmu", ("resources/../../up", b"x")): "it holds a file outside of it, 'resources/../../up'",
+        packed(
+            "bomb.fmu", *((f"resources/{k}", bytes(1 << 24)) for k in range(4))
+        ): "is not unpacked: it unpacks to more",
+    }
+    for file, sentence in cases.items():
+        with pytest.raises(BadInput) as caught:
+            simulate(rig(file), tmp_path / "rig.mcap")
+        assert str(caught.value).startswith("rig.toml: fmu.drive.file: ")
+        assert sentence in str(caught.value)
+        assert "\n" not in str(caught.value)
+    assert not (tmp_path / "up").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--replace", "drve=a.fmu"), "rig.toml: fmu.drve: no such part: did you mean 'drive'?"),
+        (("--replace", "x=a.fmu"), "rig.toml: fmu.x: no such part: the parts are track, drive, idler_drive"),
+        (("--replace", "drive"), "--replace drive: must be NAME=FMU, the name of a part and a file"),
+        (("--set", "fmu.drive.fil=a.fmu"), "rig.toml: unknown key 'fmu.drive.fil': did you mean 'fmu.drive.file'?"),
+        (("--replace", "drive=FMU", "--set", "fmu.drive.parameters.torqe=3"), "did you mean 'torque'?"),
+        (
+            ("--replace", "drive=FMU", "--set", "fmu.drive.parameters.torque='high'"),
+            "drive: parameter 'torque' = 'high': must be of type Real",
+        ),
+        (
+            ("--replace", "drive=FMU", "--set", "fmu.drive.parameters.manner=1.5"),
+            "drive: parameter 'manner' = 1.5: must be of type Integer",
+        ),
+        (("--replace", "drive=FMU", "--set", "fmu.drive.parameters.torque=[1]"), "fmu.drive.parameters.torque"),
+    ],
+)
+def test_bad_arguments_are_one_sentence(cotrack, drive, tmp_path, arguments, said):
+    shutil.copy(drive, tmp_path / "FMU")
+    status, _, err = cotrack(
+        "run", "rig", "--track", "rigid", "--stop", "2 ms", "--json", "--set", "expect={}", *arguments
+    )
+    assert status == 2
+    errors = [line for line in err.splitlines() if "cotrack: " in line]
+    assert said in errors[-1]
+    assert not (tmp_path / "logs").exists()
+
+
+def test_what_needs_parts_of_ours_refuses(drive, driven, tmp_path):
+    scene, log = rig(drive), driven[0]
+    for call in (
+        lambda: truth.truth(scene),
+        lambda: monolithic.run(scene, tmp_path / "log.mcap"),
+        lambda: write_ssp(scene, tmp_path / "rig.ssp"),
+        lambda: scene_products([scene]),
+        lambda: resume(log, tmp_path / "resumed.mcap"),
+    ):
+        with pytest.raises(BadInput, match=r"rig\.toml: fmu\.drive\.file = '.*': .* parts of cotrack alone"):
+            call()
+    with pytest.raises(BadInput, match="'drive' was an FMU of the user"), open_replay(log, "drive", None):
+        pass
+    with open_replay(log, "drive", str(drive)) as replay:
+        assert replay.verify().equal
+    with open_replay(log, "track", None) as replay:
+        assert replay.verify().equal
+
+
+def test_steps_of_one_length_are_not_varied(drive, tmp_path):
+    with zipfile.ZipFile(drive) as source, zipfile.ZipFile(tmp_path / "fixed.fmu", "w") as fixed:
+        for name in source.namelist():
+            fixed.writestr(name, source.read(name).replace(b'StepSize="true"', b'StepSize="false"'))
+    simulate(rig(tmp_path / "fixed.fmu", **{"run.stop": 2 * H}), tmp_path / "rig.mcap")
+    variable = {"run.variable": {"tolerance": 1e-3, "estimate": "power"}}
+    with pytest.raises(BadInput, match="it takes equal communication steps only"):
+        simulate(rig(tmp_path / "fixed.fmu", **variable), tmp_path / "rig.mcap")
+
+
+# --- files -----------------------------------------------------------------------------------------
+
+
+def test_a_path_is_relative_to_its_scene_or_to_the_folder(cotrack, drive, tmp_path):
+    text = scene_text("rig").replace("# [fmu]", "[fmu]")
+    (tmp_path / "far").mkdir()
+    assert "# file: text: FMU for co-simulation" in text
+    (tmp_path / "far" / "own.toml").write_text(text + '[fmu.drive]\nfile = "MyDrive.fmu"\n')
+    assert load(str(tmp_path / "far" / "own.toml")).fmu["drive"].file == str(tmp_path / "far" / "MyDrive.fmu")
+    assert load("rig", None, ["fmu.drive.file=MyDrive.fmu"]).fmu["drive"].file == str(tmp_path / "MyDrive.fmu")
+    again = scene_text(str(tmp_path / "far" / "own.toml"))
+    (tmp_path / "again.toml").write_text(again)
+    assert load("again.toml").fmu["drive"].file == str(tmp_path / "far" / "MyDrive.fmu")
+
+
+def test_the_place_of_the_part_is_set_in_a_copy_for_the_other_side(tmp_path):
+    """Of the part's parameters an FMU gets those that it declares by name and type; its table has the last word."""
+    scene = load("straight", "rigid", {"start.state": "drawn"})
+    fmu = next(i.fmu for i in system(assemble(scene)).instances if i.name == "left_drive")
+    given = {"file": str(fmu), "parameters": {"brake.torque": 7.0}}
+    replaced = load("straight", "rigid", {"start.state": "drawn", "fmu.right_drive": given})
+    assert [part.name for part in assemble(replaced).parts if part.fmu] == ["right_drive"]
+    instances = {i.name: i for i in system(assemble(replaced)).instances}
+    own = {i.name: i for i in system(assemble(scene)).instances}
+    assert instances["right_drive"].parameters == {**own["right_drive"].parameters, "brake.torque": 7.0}
+    assert (
+        instances["right_drive"].parameters["start.lateral"] < 0.0 < instances["left_drive"].parameters["start.lateral"]
+    )
+
+
+def test_show_names_the_fmu(cotrack, drive):
+    status, out, _ = cotrack("show", "rig", "--track", "rigid", "--set", f"fmu.drive.file={drive}")
+    assert status == 0
+    assert f"  drive        FMU           {drive}; 6 values in, 13 out a step\n" in out
+
+
+def test_other_types_of_outputs_are_counted(tmp_path):
+    """Integer, Enumeration and Boolean outputs are read in this order; String outputs are left out."""
+    more = (Variable("way", "output", 2, "Enumeration"), Variable("word", "output", 0, "String"))
+    fmu = foreign_fmus.build(tmp_path / "more.fmu", "drive", (*DRIVE, *more))
+    summary = simulate(rig(fmu, **{"run.stop": 2 * H}), tmp_path / "rig.mcap")
+    with Log(tmp_path / "rig.mcap") as log:
+        assert log.topics["/stats/drive"].names == ("steps", "way", "fast", "wall_time")
+        assert log.signal("stats.drive.way")[1].tolist() == [2.0]
+    assert summary["components"]["drive"]["way"] == 2

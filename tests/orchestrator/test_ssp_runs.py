@@ -1,0 +1,240 @@
+"""Runs of SSP archives: ours give the records of their scene, others are free systems of FMUs."""
+
+import json
+import zipfile
+
+import foreign_fmus
+import numpy as np
+import pytest
+from foreign_fmus import Variable
+
+from fmus.vehicle import BadInput
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.results.run_data import RunData
+from orchestrator.scene.free_scene import FreeScene
+from orchestrator.scene.scene import Scene, load, load_any
+from orchestrator.scene.ssp import write_ssp
+from orchestrator.scene.ssp_scene import load_ssp
+
+SHORT = {"run.stop": "20 ms", "expect": {}}
+T1, T2, START = 0.2, 0.5, 3.0
+LAG = (
+    Variable("u", "input", unit="N"),
+    Variable("x", "output", unit="N"),
+    Variable("start", "parameter", 0.0, unit="N"),
+    Variable("T", "parameter", 1.0, unit="s"),
+    Variable("whole", "output", 0, "Integer"),
+)
+SPACES = " ".join(
+    f'xmlns:{letters}="http://ssp-standard.org/SSP1/SystemStructure{name}"'
+    for letters, name in (("ssd", "Description"), ("ssc", "Common"), ("ssv", "ParameterValues"))
+)
+SSV = f"""<ssv:ParameterSet {SPACES} version="1.0" name="second"><ssv:Parameters>
+<ssv:Parameter name="T"><ssv:Real value="{T2}"/></ssv:Parameter></ssv:Parameters></ssv:ParameterSet>"""
+SSD = f"""<ssd:SystemStructureDescription {SPACES} version="1.0" name="lags"><ssd:System name="lags"><ssd:Elements>
+<ssd:Component name="a" type="application/x-fmu-sharedlibrary" source="resources/lag.fmu">
+<ssd:Connectors><ssd:Connector name="x" kind="output"><ssc:Real unit="N"/></ssd:Connector></ssd:Connectors>
+<ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet version="1.0" name="first">
+<ssv:Parameters><ssv:Parameter name="T"><ssv:Real value="{T1}"/></ssv:Parameter>
+<ssv:Parameter name="start"><ssv:Real value="{START}"/></ssv:Parameter></ssv:Parameters>
+</ssv:ParameterSet></ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings></ssd:Component>
+<ssd:Component name="b" source="resources/lag.fmu"><ssd:ParameterBindings>
+<ssd:ParameterBinding source="values/b.ssv"/></ssd:ParameterBindings></ssd:Component>
+</ssd:Elements><ssd:Connections>
+<ssd:Connection startElement="a" startConnector="x" endElement="b" endConnector="u"/>
+<ssd:Connection startElement="b" startConnector="x" endElement="a" endConnector="u"/>
+</ssd:Connections></ssd:System><ssd:DefaultExperiment startTime="0" stopTime="1"/></ssd:SystemStructureDescription>"""
+
+
+@pytest.fixture(scope="module")
+def lag(tmp_path_factory):
+    return foreign_fmus.build(tmp_path_factory.mktemp("lag") / "lag.fmu", "lag", LAG)
+
+
+@pytest.fixture(scope="module")
+def chain(tmp_path_factory):
+    """Archive of a hanging chain."""
+    file = tmp_path_factory.mktemp("chain") / "chain.ssp"
+    write_ssp(load("hanging_chain", "rigid", SHORT), file, native=False)
+    return file
+
+
+def packed(file, lag, ssd=SSD, **more):
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("SystemStructure.ssd", ssd)
+        archive.writestr("values/b.ssv", SSV)
+        archive.write(lag, "resources/lag.fmu")
+        for name, content in more.items():
+            archive.writestr(name, content)
+    return file
+
+
+def digest(scene, path):
+    summary = simulate(scene, path)
+    assert summary["status"] == "ok", summary["message"]
+    with Log(path) as log:
+        return log.digest()
+
+
+def rewritten(file, target, change):
+    """Copy of an archive with another SystemStructure.ssd."""
+    with zipfile.ZipFile(file) as source, zipfile.ZipFile(target, "w") as copy:
+        for name in source.namelist():
+            content = source.read(name)
+            copy.writestr(name, change(content) if name == "SystemStructure.ssd" else content)
+    return target
+
+
+def test_an_archive_of_ours_gives_the_records_of_its_scene(chain, tmp_path):
+    scene = load_ssp(chain, None, ())
+    assert scene.name == "hanging_chain"
+    own = digest(load("hanging_chain", "rigid", SHORT), tmp_path / "own.mcap")
+    assert digest(scene, tmp_path / "ssp.mcap") == own
+    shorter = {"run.stop": "10 ms", "expect": {}}
+    own = digest(load("hanging_chain", "rigid", shorter), tmp_path / "own.mcap")
+    assert digest(load_ssp(chain, None, ["run.stop=10 ms"]), tmp_path / "ssp.mcap") == own
+
+
+def test_values_of_the_archive_count(chain, tmp_path):
+    """A value in the SSD that differs from the scene's is set; without a connection it is another system."""
+    other = rewritten(chain, tmp_path / "other.ssp", lambda text: text.replace(b'value="0.0"', b'value="0.25"', 1))
+    (table,) = load_ssp(other, None, ()).fmu.values()
+    assert list(table.parameters.values()) == [0.25]
+    (same,) = load_ssp(chain, None, ()).fmu.values()
+    assert same.parameters == {}
+
+
+def test_an_archive_of_others_is_a_free_system(lag, tmp_path):
+    """Two first-order systems: the exact solution, with an error of order 2 in the communication step."""
+    file, errors = packed(tmp_path / "lags.ssp", lag), []
+    rate, level, gap = 1 / T1 + 1 / T2, T1 * START / (T1 + T2), START * T2 / (T1 + T2)
+    for step in (4e-3, 2e-3, 1e-3):
+        summary = simulate(load_ssp(file, None, {"run.step": step}), tmp_path / "lags.mcap", estimated=True)
+        assert summary["status"] == "ok"
+        assert (summary["energy"], summary["error"]) == (None, None)
+        with Log(tmp_path / "lags.mcap") as log:
+            t, x = log.signal("a.x")
+            assert RunData(log).scene == {}
+            assert set(log.topics) == {f"/{kind}" for kind in ("a/in", "a/out", "b/in", "b/out", "stats/a", "stats/b")}
+        errors.append(np.abs(x - level - gap * np.exp(-rate * t)).max())
+    assert errors[-1] < 1e-4
+    assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(2.0, abs=0.1)
+
+
+def test_commands_on_a_free_system(lag, cotrack, tmp_path):
+    packed(tmp_path / "lags.ssp", lag)
+    status, out, _ = cotrack("run", "lags.ssp", "--stop", "0.2 s", "--step", "2 ms")
+    assert status == 0
+    assert out.startswith("lags: ok\n  0.2 s simulated in ")
+    assert cotrack("plot", "logs/lags.mcap", "a.x", "-o", "a.png")[0] == 0
+    assert cotrack("log", "verify", "logs/lags.mcap")[0] == 0
+    assert cotrack("replay", "logs/lags.mcap", "--component", "a", "--with", lag)[0] == 0
+    status, out, _ = cotrack("compare", "logs/lags.mcap", "logs/lags.mcap", "--different", "--bits")
+    assert (status, out.splitlines()[-1]) == (0, "bit by bit equal: 402 numbers, to t = 0.2 s")
+    for command, said in (
+        (("replay", "logs/lags.mcap"), "'a' was an FMU of the user"),
+        (("run", "lags.ssp", "--replace", "c=x.fmu"), "fmu.c: no such component: the components are a, b"),
+        (("show", "lags.ssp"), "cotrack run alone takes SSP archives"),
+    ):
+        status, _, err = cotrack(*command)
+        assert (status, said in err) == (2, True), err
+    for command in (("analyse", "logs/lags.mcap", "power"), ("view", "logs/lags.mcap"), ("resume", "logs/lags.mcap")):
+        status, _, err = cotrack(*command)
+        assert (status, len(err.splitlines())) == (2, 1), (command, err)
+
+
+def test_a_free_system_in_a_scene_file(lag, tmp_path, cotrack):
+    text = f"""title = "Two lags"
+assembly = "fmus"
+connections = ["a.x -> b.u", "b.x -> a.u"]
+run = {{ stop = "0.2 s", step = "1 ms" }}
+[fmu.a]
+file = "lag.fmu"
+parameters = {{ T = {T1}, start = {START} }}
+[fmu.b]
+file = "lag.fmu"
+parameters = {{ T = {T2} }}
+stage = 1
+[expect]
+level = {{ signal = "a.x", reduce = "last", expected = 1.3856, tolerance = 0.001 }}
+"""
+    (tmp_path / "lag.fmu").write_bytes(lag.read_bytes())
+    (tmp_path / "lags.toml").write_text(text)
+    status, out, _ = cotrack("run", "lags.toml")
+    assert (status, "1 of 1 checks are met" in out) == (0, True), out
+    scene = load_any("lags.toml")
+    assert isinstance(scene, FreeScene)
+    assert not isinstance(scene, Scene)
+    cases = (
+        ("connections.0=a.x", "connections: 'a.x': must be 'instance.output -> instance.input'"),
+        ("connections.0=c.x -> b.u", "no FMU 'c': there are a, b"),
+        ("connections.1=a.x -> b.u", "the input has another connection"),
+        ("connections.0=a.y -> b.u", "it has no output 'y', which goes to b.u"),
+        ("connections.0=a.whole -> b.u", "output 'whole' is of type Integer: only Reals are connected"),
+        ("vehicle=m113", "unknown key 'vehicle'"),
+        ("expect.level.signal=c.x", "no component 'c': there are a, b"),
+    )
+    for setting, said in cases:
+        status, _, err = cotrack("run", "lags.toml", "--set", setting)
+        assert status == 2, setting
+        assert said in err, err
+        assert len(err.splitlines()) == 1
+    for command in (("truth", "lags.toml"), ("ssp", "lags.toml", "-o", "x.ssp"), ("show", "lags.toml")):
+        status, _, err = cotrack(*command)
+        assert (status, "here a scene with a track is needed" in err) == (2, True), err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('source="resources/lag.fmu"', 'source="../lag.fmu"', "source = '../lag.fmu': must be a file in the archive"),
+        ('source="resources/lag.fmu"', 'source="file:///lag.fmu"', "must be a file in the archive"),
+        ('source="resources/lag.fmu"', 'source="/lag.fmu"', "must be a file in the archive"),
+        ('source="resources/lag.fmu"', 'source="a.fmu"', "there is no such file in the archive"),
+        ('source="values/b.ssv"', 'source="http://a.org/b.ssv"', "must be a file in the archive"),
+        ("</ssd:Elements>", '<ssd:System name="c"/></ssd:Elements>', "systems in systems are not supported"),
+        ("</ssd:Elements>", "<ssd:SignalDictionaryReference/></ssd:Elements>", "signal dictionaries are not supported"),
+        (
+            'endConnector="u"/>',
+            'endConnector="u"><ssc:LinearTransformation factor="2"/></ssd:Connection>',
+            "conversions on connections are not supported (LinearTransformation)",
+        ),
+        ('startElement="a" ', "", "only connections between components are supported"),
+        ('unit="N"', 'unit="kN"', "connector 'a.x' has the unit 'kN', and its variable 'N': values are not converted"),
+        ('version="1.0" name="lags"', 'version="2.0" name="lags"', "SSP 2.0: only SSP 1.0 is run"),
+        (f'value="{T1}"', 'value="soon"', "parameter 'T': must be a Real without a unit of its own, an Integer"),
+        ('name="b" source', 'name="b/c" source', "a component is called 'b/c': its name must have no dot and no slash"),
+        ('stopTime="1"', 'stopTime="1.00005"', "run: stop = 1.00005 s must be a multiple of step = 0.001 s"),
+        (' stopTime="1"', "", "key 'run.stop' is missing"),
+        ("<ssd:Connections>", "<ssd:Connections", "SystemStructure.ssd cannot be read"),
+        ("x-fmu-sharedlibrary", "x-ssp-package", "only FMUs for co-simulation are run"),
+    ],
+)
+def test_what_an_archive_must_not_have_is_one_sentence(lag, tmp_path, old, new, said):
+    assert old in SSD
+    with pytest.raises(BadInput) as caught:
+        load_ssp(packed(tmp_path / "lags.ssp", lag, SSD.replace(old, new, 1)), None, ())
+    assert said in str(caught.value)
+    assert "lags.ssp" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_files_of_an_archive_stay_in_it(lag, chain, tmp_path):
+    with pytest.raises(BadInput, match="it holds a file outside of it"):
+        load_ssp(packed(tmp_path / "lags.ssp", lag, **{"../up": b""}), None, ())
+    with pytest.raises(BadInput, match="there is no SSP archive"):
+        load_ssp(tmp_path / "none.ssp", None, ())
+    with pytest.raises(BadInput, match=r"it has no SystemStructure\.ssd"):
+        load_ssp(lag, None, ())
+    with pytest.raises(BadInput, match="--track rigid: the FMUs of an archive are as they are"):
+        load_ssp(chain, "rigid", ())
+    with pytest.raises(BadInput, match=r"vehicle\.track\.mass: the FMUs of an archive are as they are"):
+        load_ssp(chain, None, ["vehicle.track.mass=3"])
+    table = load("hanging_chain", "rigid", {"fmu.chain.file": "/elsewhere.fmu"}).resolved() | {"placed": True}
+    with zipfile.ZipFile(chain) as source, zipfile.ZipFile(tmp_path / "own.ssp", "w") as copy:
+        for name in source.namelist():
+            content = json.dumps(table) if name == "resources/scene.json" else source.read(name)
+            copy.writestr(name, content)
+    (fmu,) = load_ssp(tmp_path / "own.ssp", None, ()).fmu.values()
+    assert fmu.file.endswith("/resources/chain.fmu")
