@@ -1,4 +1,4 @@
-"""What scenes of all kinds share: name, duration, steps, recording, checks."""
+"""Parts that scenes of all kinds share: name, duration, steps, recording, checks."""
 
 from __future__ import annotations
 
