@@ -345,6 +345,8 @@ class VehicleTable(FrozenTable):
 
     name: str
     """name of the vehicle"""
+    title: str = ""
+    """one line about the vehicle"""
     gravity: Annotated[float, In("m/s^2", ge=0)]
     """acceleration of gravity, downwards"""
     chassis: ChassisTable
@@ -378,6 +380,12 @@ class VehicleTable(FrozenTable):
         from math import pi, sin
 
         return self.track.pitch / (2.0 * sin(pi / self.sprocket.teeth))
+
+    def total_mass(self, tracks: int = 2) -> float:
+        """Mass of all bodies with this number of tracks, kg."""
+        wheels = len(self.road_wheel.x) * (self.road_wheel.mass + self.road_arm.mass)
+        side = self.sprocket.mass + self.idler.mass + wheels
+        return self.chassis.mass + 2.0 * side + tracks * self.track.links * self.track.mass
 
 
 Vehicle = Annotated[VehicleTable, AfterValidator(_check_consistency)]
@@ -430,10 +438,14 @@ def vehicle(data: Mapping[str, Any], where: str) -> VehicleTable:
         raise BadInput(f"{where}: {error}") from None
 
 
+def names() -> list[str]:
+    """Names of the packaged vehicles."""
+    return sorted(file.name.removesuffix(".toml") for file in (resources.files("fmus") / "vehicles").iterdir())
+
+
 def read_table(name: str) -> tuple[dict[str, Any], str]:
     """Raw table of a packaged vehicle, and its file name for messages; raises BadInput."""
-    folder = resources.files("fmus") / "vehicles"
-    known = sorted(file.name.removesuffix(".toml") for file in folder.iterdir())
-    if name not in known:
-        raise BadInput(f"no vehicle {value_text(name)}: give a .toml file or one of {', '.join(known)}")
-    return tomllib.loads((folder / f"{name}.toml").read_text(encoding="utf-8")), f"{name}.toml"
+    if name not in names():
+        raise BadInput(f"no vehicle {value_text(name)}: give a .toml file or one of {', '.join(names())}")
+    file = resources.files("fmus") / "vehicles" / f"{name}.toml"
+    return tomllib.loads(file.read_text(encoding="utf-8")), file.name

@@ -13,7 +13,8 @@ from orchestrator.scene.track_table import TrackModelTable
 
 # Keys of name, computation, recording and checks: runs that differ in these alone are runs of one scene.
 COMPUTED = (
-    "name", "title", "expect", "run", "planar", "symmetric", "vehicle.name", "vehicle.tensioner.travel",
+    "name", "title", "expect", "run", "planar", "symmetric",
+    "vehicle.name", "vehicle.title", "vehicle.tensioner.travel",
     *(f"track.{key}" for key in TrackModelTable.model_fields if key != "start"),
     "start.state", "start.equilibrium", "push",
 )  # fmt: skip
