@@ -216,6 +216,23 @@ class RoadWheelTable(FrozenTable):  # noqa: D101
     """position above the sprocket axle"""
 
 
+class ReturnRollerTable(FrozenTable):  # noqa: D101
+    mass: Mass
+    """mass of a return roller"""
+    spin_inertia: Inertia
+    """moment of inertia about the axle"""
+    transverse_inertia: Inertia
+    """moment of inertia across the axle"""
+    radius: Distance
+    """radius of the rim"""
+    width: Distance
+    """width of the rim"""
+    x: Annotated[tuple[Length, ...], Field(min_length=1, max_length=12)]
+    """positions forward of the sprocket axle, front to rear; their number is that of the rollers of a side"""
+    z: Length
+    """position above the sprocket axle"""
+
+
 class RoadArmTable(FrozenTable):  # noqa: D101
     mass: Mass
     """mass of a road arm, whose centre of mass is in its middle"""
@@ -357,6 +374,8 @@ class VehicleTable(FrozenTable):
     """rear wheel of each side, which tensions the track"""
     road_wheel: RoadWheelTable
     """wheels of each side that run on the track; all are alike"""
+    return_roller: ReturnRollerTable | None = None
+    """rollers of each side, on fixed axles, that carry the upper run of the track; all are alike"""
     road_arm: RoadArmTable
     """arms between hull and road wheels; all are alike"""
     suspension: SuspensionTable
@@ -384,7 +403,8 @@ class VehicleTable(FrozenTable):
     def total_mass(self, tracks: int = 2) -> float:
         """Mass of all bodies with this number of tracks, kg."""
         wheels = len(self.road_wheel.x) * (self.road_wheel.mass + self.road_arm.mass)
-        side = self.sprocket.mass + self.idler.mass + wheels
+        rollers = len(self.return_roller.x) * self.return_roller.mass if self.return_roller else 0.0
+        side = self.sprocket.mass + self.idler.mass + wheels + rollers
         return self.chassis.mass + 2.0 * side + tracks * self.track.links * self.track.mass
 
 

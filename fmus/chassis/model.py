@@ -16,14 +16,21 @@ from fmus.model import TOO_MANY_STEPS, ComponentModel, FreeParameters, InvalidPa
 from fmus.physics.arrays import Floats
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.ports import POSITIVE, WRENCH, Port, motion_ports, start_pose_ports, wrench_ports
+from fmus.return_rollers import return_rollers
 from fmus.sentences import GAPS, Sentence, format_sentence
 from fmus.stance import roll_pitch_quaternion, stance
 from fmus.start import KEYS
 
 
-def stations(wheels: int) -> list[str]:
-    """Names of the places of a side on which a track acts: road wheels, idler, sprocket."""
-    return [*(f"road_wheel[{i + 1}]" for i in range(wheels)), "idler", "sprocket"]
+def stations(vehicle: Mapping[str, Any]) -> list[str]:
+    """Names of the places of a side on which a track acts: road wheels, idler, return rollers, sprocket."""
+    wheels, rollers = len(vehicle["road_wheel"]["x"]), len(return_rollers(vehicle)["x"])
+    return [
+        *(f"road_wheel[{i + 1}]" for i in range(wheels)),
+        "idler",
+        *(f"return_roller[{i + 1}]" for i in range(rollers)),
+        "sprocket",
+    ]
 
 
 def spring_ports(side: str, wheels: int) -> list[Port]:
@@ -67,7 +74,7 @@ def touch_ports() -> list[Port]:
 
 
 class Model(ComponentModel):
-    """Chassis, road arms, springs, wheels, idlers, sprocket masses, on the sides that have ports.
+    """Chassis, road arms, springs, wheels, idlers, rollers, sprocket masses, on the sides that have ports.
 
     ``config``: {"vehicle": vehicle table in SI, "chassis": {"sides": ["left", "right"] or ["left"], "ground"}}. With
     the left side alone the right side is computed too, with the left side's wrenches mirrored. ``ground``, where hull
@@ -90,7 +97,7 @@ class Model(ComponentModel):
         self._contacts: Any = None
         x, y, z = map(float, vehicle["chassis"]["centre"])
         self._centre = x, y, z
-        places = [f"{side}.{name}" for side in sides for name in stations(self._wheels)]
+        places = [f"{side}.{name}" for side in sides for name in stations(vehicle)]
         self.ports: tuple[Port, ...] = (
             *(port for place in places for port in wrench_ports(place, "input")),
             *(port for place in places for port in motion_ports(place, "output")),
@@ -138,14 +145,14 @@ class Model(ComponentModel):
         if start is not None:
             x, y, z = self._centre
             self._hull = stance((x, y, z + start["height"], *roll_pitch_quaternion(start["roll"], start["pitch"])))
-            self._leaves[:] = *start["left"], *start["right"]
+            self._leaves.reshape(2, -1)[:, : self._wheels + 1] = start["left"], start["right"]
         state = np.zeros_like(self.state)
         state[:7], state[ROOT : ROOT + self._leaves.size] = self._hull, self._leaves
         return state
 
     def _set_start(self, config: Mapping[str, Any]) -> None:
         """Set hull, leaves and tensioners of the start."""
-        self._hull, self._leaves = stance(self._centre), np.zeros(2 * (self._wheels + 1))
+        self._hull, self._leaves = stance(self._centre), np.zeros(len(self.tree.is_arm))
         self.start_state(config.get("start"))
         bare = (self._ground or {}).get("bare", ())
         left, right = (float(config.get("push", 0.0)) if side in bare else 0.0 for side in ("left", "right"))
@@ -182,4 +189,4 @@ class Model(ComponentModel):
         if not ROOT <= index < ROOT + LEAF * leaves:
             return "chassis"
         side, k = divmod((index - ROOT) % leaves, leaves // 2)
-        return f"{('left', 'right')[side]} " + ("idler" if k == self._wheels else f"road_arm[{k + 1}]")
+        return f"{('left', 'right')[side]} {stations(self._vehicle)[k].replace('road_wheel', 'road_arm')}"

@@ -23,6 +23,7 @@ import numpy as np
 from fmus.jit import kernel, plain
 from fmus.physics.arrays import Floats
 from fmus.physics.elementary import asin, atan2, hypot, sin
+from fmus.return_rollers import return_rollers
 
 ITERATIONS = 20  # of Newton's method
 TOLERANCE = 1e-8  # residual over the weight at which the iteration ends
@@ -83,10 +84,13 @@ def _bodies(v: Mapping[str, Any]) -> Any:
         v[name] for name in ("chassis", "sprocket", "idler", "road_wheel", "road_arm", "track")
     )
     yield hull["mass"], *hull["centre"], hull["inertia"][2]
+    roller = return_rollers(v)
     loop = track["links"] * track["mass"]
     for y in (-track["lateral"], track["lateral"]):
         yield sprocket["mass"], 0.0, y, 0.0, sprocket["transverse_inertia"]
         yield idler["mass"], idler["x"], y, idler["z"], idler["transverse_inertia"]
+        for x in roller["x"]:
+            yield roller["mass"], x, y, roller["z"], roller["transverse_inertia"]
         for x in wheel["x"]:
             yield wheel["mass"], x, y, wheel["z"], wheel["transverse_inertia"]
             yield arm["mass"], x + 0.5 * arm["pivot"][0], y, wheel["z"] + 0.5 * arm["pivot"][1], arm["pin_inertia"]

@@ -31,9 +31,7 @@ def vehicles() -> None:
         print(f"{name:10} {size}: {table.title}")
 
 
-def show(
-    scene: SceneName, track: TrackOption = None, settings: Settings = None, vehicle: VehicleOption = None
-) -> None:
+def show(scene: SceneName, track: TrackOption = None, settings: Settings = None, vehicle: VehicleOption = None) -> None:
     """Print the parts of a scene with their sizes, and the parts that are left out."""
     from orchestrator.cli.inventory import lines
     from orchestrator.scene.scene import load

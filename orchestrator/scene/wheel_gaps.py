@@ -32,6 +32,11 @@ def overlapping_wheels(vehicle: Mapping[str, Any]) -> Iterator[str]:
         for k, x in enumerate(road["x"])
     ]
     wheels.append(_Wheel("vehicle.idler.x", "vehicle.idler.radius", idler["x"], idler["z"], idler["radius"]))
+    if roller := vehicle.get("return_roller"):
+        wheels += [
+            _Wheel(f"vehicle.return_roller.x.{k}", "vehicle.return_roller.radius", x, roller["z"], roller["radius"])
+            for k, x in enumerate(roller["x"])
+        ]
     gap, (a, b) = min((_gap(a, b), (a, b)) for a, b in combinations(wheels, 2))
     if gap < -ROUNDING:
         needed = a.radius + b.radius
