@@ -194,7 +194,8 @@ class IdlerTable(FrozenTable):  # noqa: D101
     width: Distance
     """width of the rim"""
     x: Length
-    """position forward of the sprocket axle, as drawn; the idler is moved until the track has its tension"""
+    """position forward of the sprocket axle, as drawn; the idler is moved until the track has its tension. Positive:
+    the sprocket is at the rear"""
     z: Length
     """position above the sprocket axle"""
 
@@ -263,7 +264,7 @@ class TensionerTable(FrozenTable):  # noqa: D101
     damping: Damping
     """damping of the idler, along x"""
     preload: Force
-    """push on the idler besides the one that balances the track at the start"""
+    """push on the idler, away from the sprocket, besides the one that balances the track at the start"""
     travel: Distance = 0.1
     """displacement of the idler, either way from its place at the start, beyond which a run warns"""
 
@@ -371,7 +372,7 @@ class VehicleTable(FrozenTable):
     sprocket: SprocketTable
     """driving wheel of each side; the middle of the axle line is the origin of all positions"""
     idler: IdlerTable
-    """rear wheel of each side, which tensions the track"""
+    """wheel of each side at the other end, which tensions the track"""
     road_wheel: RoadWheelTable
     """wheels of each side that run on the track; all are alike"""
     return_roller: ReturnRollerTable | None = None

@@ -68,7 +68,8 @@ def wheel_offset(tree, k, d):
 def compression(tree, k, d):
     """Compression of the spring of leaf k since the drawn position, m, and its derivative by d. (2)"""
     if tree.is_arm[k] == 0:
-        return d, 1.0
+        sense = tree.on_arm[k, 0]
+        return sense * d, sense
     x, z, c, s = tree.on_arm[k, 0], tree.on_arm[k, 1], cos(d), sin(d)
     ax, az = c * x + s * z, c * z - s * x
     bx, bz = ax - tree.on_chassis[k, 0], az - tree.on_chassis[k, 1]

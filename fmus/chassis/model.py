@@ -45,7 +45,12 @@ def spring_ports(side: str, wheels: int) -> list[Port]:
         ]
     return [
         *ports,
-        Port(f"{side}.tensioner.force", "output", "N", f"push of the {side} tensioner on its idler, rearward"),
+        Port(
+            f"{side}.tensioner.force",
+            "output",
+            "N",
+            f"push of the {side} tensioner on its idler, away from the sprocket",
+        ),
     ]
 
 

@@ -42,7 +42,9 @@ class VehicleTree(NamedTuple):
     along: Floats  # (n,) kg
     transverse: Floats  # (n,) wheel's transverse inertia, kg m2
     spin_inertia: Floats  # (n,) kg m2
-    on_arm: Floats  # (n, 2) x and z of the spring's end on the arm, from the pin, drawn position, m
+    # (n, 2) x and z of the spring's end on the arm, from the pin, drawn position, m; of an idler 1 behind the sprocket
+    # and -1 ahead of it, then 0: the sense of x in which it compresses its spring; 0 for a return roller
+    on_arm: Floats
     on_chassis: Floats  # (n, 2) x and z of the spring's end on the chassis, from the pin, m
     drawn_length: Floats  # (n,) of the spring-damper in the drawn position, m
     stiffness: Floats  # (n,) N/m
@@ -108,7 +110,7 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
         along=leaves((arm["pin_inertia"] - arm["long_inertia"]) / length_squared + reduced, 0.0, 0.0),
         transverse=leaves(wheel["transverse_inertia"], idler["transverse_inertia"], roller["transverse_inertia"]),
         spin_inertia=leaves(wheel["spin_inertia"], idler["spin_inertia"], roller["spin_inertia"]),
-        on_arm=leaves(on_arm, (0.0, 0.0), (0.0, 0.0)),
+        on_arm=leaves(on_arm, (-1.0 if idler["x"] > 0.0 else 1.0, 0.0), (0.0, 0.0)),
         on_chassis=leaves(on_chassis, (0.0, 0.0), (0.0, 0.0)),
         drawn_length=leaves(hypot(*(on_chassis - on_arm).tolist()), 0.0, 0.0),
         stiffness=leaves(spring["stiffness"], tensioner["stiffness"], 0.0),
