@@ -67,7 +67,7 @@ class FlexibleTrack(NamedTuple):
 def equilibrium(chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack]) -> VehicleEquilibrium:
     """Static equilibrium of a chassis, given by its config, on tracks by side ("left", "right").
 
-    With equal tracks on both sides and a hull that does not lean sideways, only the left half is solved. The result is
+    With equal sides and a hull that does not lean sideways, only the left half is solved. The result is
     cached for this build. Raises BadInput.
     """
     request = [source_hash(), chassis, tracks]
@@ -102,7 +102,8 @@ def upright_stance(place: Stance, pitch: float) -> Stance:
 
 def is_asymmetric(chassis: Mapping[str, Any], tracks: Sequence[str]) -> bool:
     """Whether the two sides carry different loads, so that the hull rolls."""
-    return len(tracks) == 1 or chassis["vehicle"]["chassis"]["centre"][1] != 0.0
+    vehicle = chassis["vehicle"]
+    return len(tracks) == 1 or vehicle["chassis"]["centre"][1] != 0.0 or bool(vehicle.get("right"))
 
 
 class _Vehicle:

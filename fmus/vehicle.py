@@ -8,7 +8,7 @@ import math
 import re
 import sys
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib import resources
 from itertools import pairwise
@@ -27,6 +27,7 @@ from pydantic import (
 )
 
 from fmus.ranges import VEHICLE, range_violations
+from fmus.sides import SIDES, of_side
 
 
 class BadInput(ValueError):
@@ -288,6 +289,39 @@ class TrackTable(FrozenTable):  # noqa: D101
     """mean static tension as drawn, for which the idler's place is solved; in equilibrium less (m113: 12 % less)"""
 
 
+class RightTrackTable(FrozenTable):  # noqa: D101
+    links: Annotated[int, Field(ge=4, le=4096)]
+    """number of links of the right track"""
+
+
+class RightWheelTable(FrozenTable):  # noqa: D101
+    x: Annotated[tuple[Length, ...], Field(min_length=1, max_length=12)]
+    """positions forward of the sprocket axle, front to rear, as many as on the left side"""
+
+
+class RightIdlerTable(FrozenTable):  # noqa: D101
+    x: Length
+    """position forward of the sprocket axle, as drawn; moved like that of the left idler"""
+
+
+class RightTensionerTable(FrozenTable):  # noqa: D101
+    preload: Force
+    """push on the right idler, away from the sprocket, besides the one that balances the track at the start"""
+
+
+class RightTable(FrozenTable):  # noqa: D101
+    track: RightTrackTable | None = None
+    """track of the right side"""
+    road_wheel: RightWheelTable | None = None
+    """road wheels of the right side"""
+    return_roller: RightWheelTable | None = None
+    """return rollers of the right side"""
+    idler: RightIdlerTable | None = None
+    """idler of the right side"""
+    tensioner: RightTensionerTable | None = None
+    """spring-damper of the right idler"""
+
+
 class SectionTable(FrozenTable):  # noqa: D101
     area: Annotated[float, In("m^2", gt=0)]
     """area of the section"""
@@ -348,6 +382,14 @@ def _check_consistency(vehicle: Vehicle) -> Vehicle:
         )
     for complaint in range_violations(vehicle.model_dump(), VEHICLE, "possible"):
         raise ValueError(complaint)
+    left, right = (of_side(vehicle.model_dump(), side) for side in SIDES)
+    for name in ("road_wheel", "return_roller"):
+        here, there = (len((table[name] or {}).get("x", ())) for table in (left, right))
+        if here != there:
+            raise ValueError(f"right.{name}.x: has {there} positions, must have {here}, as many as {name}.x")
+    if left["idler"]["x"] * right["idler"]["x"] < 0.0:
+        x = right["idler"]["x"]
+        raise ValueError(f"right.idler.x = {x} m: must be on the side of the sprocket that idler.x is on")
     section = vehicle.section
     polar = section.bending + section.lateral_bending
     if section.torsion > polar:
@@ -385,6 +427,8 @@ class VehicleTable(FrozenTable):
     """spring-damper between hull and idler"""
     track: TrackTable
     """chain of links of each side"""
+    right: RightTable | None = None
+    """differences of the right side from the left one, which all other tables describe; without it both are alike"""
     section: SectionTable
     """cross-section of flexible links"""
     material: MaterialTable
@@ -401,12 +445,17 @@ class VehicleTable(FrozenTable):
 
         return self.track.pitch / (2.0 * sin(pi / self.sprocket.teeth))
 
-    def total_mass(self, tracks: int = 2) -> float:
-        """Mass of all bodies with this number of tracks, kg."""
+    def of_side(self, side: str) -> VehicleTable:
+        """The table that describes a side."""
+        return VehicleTable.model_validate(of_side(self.model_dump(), side)) if self.right else self
+
+    def total_mass(self, tracks: Sequence[str] = SIDES) -> float:
+        """Mass of all bodies with tracks on these sides, kg."""
         wheels = len(self.road_wheel.x) * (self.road_wheel.mass + self.road_arm.mass)
         rollers = len(self.return_roller.x) * self.return_roller.mass if self.return_roller else 0.0
-        side = self.sprocket.mass + self.idler.mass + wheels + rollers
-        return self.chassis.mass + 2.0 * side + tracks * self.track.links * self.track.mass
+        wheels_of_side = self.sprocket.mass + self.idler.mass + wheels + rollers
+        links = sum(self.of_side(side).track.links for side in tracks)
+        return self.chassis.mass + 2.0 * wheels_of_side + links * self.track.mass
 
 
 Vehicle = Annotated[VehicleTable, AfterValidator(_check_consistency)]

@@ -18,6 +18,7 @@ from fmus.physics.integrate.runge_kutta import RK4
 from fmus.ports import POSITIVE, WRENCH, Port, motion_ports, start_pose_ports, wrench_ports
 from fmus.return_rollers import return_rollers
 from fmus.sentences import GAPS, Sentence, format_sentence
+from fmus.sides import SIDES, of_side
 from fmus.stance import roll_pitch_quaternion, stance
 from fmus.start import KEYS
 
@@ -85,7 +86,8 @@ class Model(ComponentModel):
     the left side alone the right side is computed too, with the left side's wrenches mirrored. ``ground``, where hull
     or bare wheels touch it: see ``contacts.contacts``. ``start``: a ``fmus.equilibrium.VehicleEquilibrium`` as a
     mapping, by default the drawn position. ``push``, N: the part of tensioner.preload that balances a track; the
-    tensioner of a side without a track lacks it.
+    tensioner of a side without a track lacks it. The parameter tensioner.preload is that of the left side; the right
+    one differs from it as in the vehicle table.
     """
 
     start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
@@ -160,8 +162,9 @@ class Model(ComponentModel):
         self._hull, self._leaves = stance(self._centre), np.zeros(len(self.tree.is_arm))
         self.start_state(config.get("start"))
         bare = (self._ground or {}).get("bare", ())
-        left, right = (float(config.get("push", 0.0)) if side in bare else 0.0 for side in ("left", "right"))
-        self._missing_preload = left, right
+        left, right = (float(config.get("push", 0.0)) if side in bare else 0.0 for side in SIDES)
+        own = [of_side(self._vehicle, side)["tensioner"]["preload"] for side in SIDES]
+        self._missing_preload = left, right + (own[0] - own[1])
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Start at rest at the start pose; raises InvalidParameter."""

@@ -19,6 +19,7 @@ from fmus.jit import allocating
 from fmus.physics.arrays import Floats
 from fmus.physics.elementary import hypot
 from fmus.return_rollers import return_rollers
+from fmus.sides import SIDES, of_side
 
 Integers = NDArray[np.int64]
 
@@ -78,12 +79,8 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
         return np.concatenate([side, side])
 
     pivot = np.array(arm["pivot"])  # from the wheel centre, like all points of the table
-    hinge = np.array(
-        [[x + pivot[0], lateral, wheel["z"] + pivot[1]] for x in wheel["x"]]
-        + [[idler["x"], lateral, idler["z"]]]
-        + [[x, lateral, roller["z"]] for x in roller["x"]]
-    )
-    hinge = np.concatenate([hinge, hinge * [1, -1, 1]]) - origin
+    left, right = (_hinges(of_side(vehicle, side)) for side in SIDES)
+    hinge = np.concatenate([left, right * [1, -1, 1]]) - origin
     mounts = np.array([[0.0, lateral, 0.0], [0.0, -lateral, 0.0]]) - origin
     on_arm, on_chassis = np.array(spring["on_arm"]) - pivot, np.array(spring["on_chassis"]) - pivot
 
@@ -94,7 +91,7 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
     length_squared = float((pivot * pivot).sum())
     per_unit = np.arange(2 * count)
     sources = np.concatenate([per_unit + per_unit // count, [count, 2 * count + 1]])  # inputs: leaves, then the mount
-    right = np.concatenate([per_unit >= count, [False, True]])
+    on_right = np.concatenate([per_unit >= count, [False, True]])
     return VehicleTree(
         gravity=float(vehicle["gravity"]),
         mass=mass,
@@ -118,8 +115,8 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
         preload=leaves(spring["preload"], tensioner["preload"], 0.0),
         travel=leaves(0.0, idler["radius"], 0.0),
         sprocket=mounts,
-        input_index=np.where(right & (sides == 1), sources - count - 1, sources),
-        mirror=np.where(right & (sides == 1), -1.0, 1.0),
+        input_index=np.where(on_right & (sides == 1), sources - count - 1, sources),
+        mirror=np.where(on_right & (sides == 1), -1.0, 1.0),
         rotation=np.eye(3),
         root_mass=np.zeros((6, 6)),
         root_force=np.zeros(6),
@@ -127,6 +124,14 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
         coupling=np.zeros((2 * count, 6)),
         leaf_force=np.zeros(2 * count),
     )
+
+
+def _hinges(table: Mapping[str, Any]) -> Floats:
+    """Hinges (leaves, 3) of a side with this vehicle table, at the left, in the vehicle frame, m."""
+    wheel, idler, roller = table["road_wheel"], table["idler"], return_rollers(table)
+    (ahead, up), lateral = table["road_arm"]["pivot"], table["track"]["lateral"]
+    arms = [[x + ahead, lateral, wheel["z"] + up] for x in wheel["x"]]
+    return np.array([*arms, [idler["x"], lateral, idler["z"]], *([x, lateral, roller["z"]] for x in roller["x"])])
 
 
 def _with_sprockets(

@@ -27,7 +27,8 @@ def vehicles() -> None:
 
     for name in names():
         table = vehicle(*read_table(name))
-        size = f"{table.total_mass():6.0f} kg, {table.track.links} links, {len(table.road_wheel.x)} road wheels a side"
+        links = " and ".join(map(str, dict.fromkeys(table.of_side(side).track.links for side in ("left", "right"))))
+        size = f"{table.total_mass():6.0f} kg, {links} links, {len(table.road_wheel.x)} road wheels a side"
         print(f"{name:10} {size}: {table.title}")
 
 

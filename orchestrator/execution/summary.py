@@ -251,4 +251,4 @@ def _turning(run: RunData, averaged: Window, joined: bool) -> dict[str, Callable
 
 def weight(scene: VehicleScene) -> float:
     """Compute the weight of all bodies of a vehicle scene, N."""
-    return scene.vehicle.gravity * scene.vehicle.total_mass(len(scene.tracks))
+    return scene.vehicle.gravity * scene.vehicle.total_mass(scene.tracks)

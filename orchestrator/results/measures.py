@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from fmus.sides import of_side
 from orchestrator.results import turning
 from orchestrator.results.energy import drift, ledger, ports
 from orchestrator.results.run_data import (
@@ -305,15 +306,15 @@ def energy_drift(run: RunData, of: str, window: Window) -> float:
 
 
 def _run_tension(run: RunData, of: str, window: Window, where: str) -> float:
-    vehicle = run.scene["vehicle"]
-    first, last, idler = vehicle["road_wheel"]["x"][0], vehicle["road_wheel"]["x"][-1], vehicle["idler"]["x"]
-    middle, reach = {
-        "top": (idler / 2, abs(idler) / 2 - 2 * RUN_REACH),
-        "rear": ((last + min(idler, 0.0)) / 2, RUN_REACH),
-        "front": ((first + max(idler, 0.0)) / 2, RUN_REACH),
-    }[where]
     means = []
     for track in (_track(run, of),) if of else run.tracks:
+        vehicle = of_side(run.scene["vehicle"], track.removesuffix("_track"))
+        first, last, idler = vehicle["road_wheel"]["x"][0], vehicle["road_wheel"]["x"][-1], vehicle["idler"]["x"]
+        middle, reach = {
+            "top": (idler / 2, abs(idler) / 2 - 2 * RUN_REACH),
+            "rear": ((last + min(idler, 0.0)) / 2, RUN_REACH),
+            "front": ((first + max(idler, 0.0)) / 2, RUN_REACH),
+        }[where]
         links = run.links(track, window)
         forward, up = _middles(links)
         split = vehicle["road_wheel"]["z"] if where == "top" else -0.1

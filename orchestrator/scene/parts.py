@@ -129,9 +129,9 @@ def rig_track_config(scene: RigScene) -> dict[str, Any]:
     return track_config(scene, links=rig.links, closed=True, wheels=wheels, gravity=0.0, tension=rig.tension)
 
 
-def vehicle_track_config(scene: VehicleScene) -> dict[str, Any]:
-    """Config of the track of a vehicle, round its wheels as drawn."""
-    vehicle = scene.vehicle
+def vehicle_track_config(scene: VehicleScene, side: str) -> dict[str, Any]:
+    """Config of the track of a side of a vehicle, round its wheels as drawn."""
+    vehicle = scene.vehicle.of_side(side)
     wheels = [
         sprocket(),
         *_rims("road_wheel", vehicle.road_wheel),

@@ -21,7 +21,10 @@ COMPUTED = (
 
 
 # Results of the search for the static tension: their last digits differ between versions.
-SEARCHED = ("vehicle.idler.x", "vehicle.tensioner.preload", "rig.axle_distance")
+SEARCHED = (
+    *(f"vehicle.{side}{key}" for side in ("", "right.") for key in ("idler.x", "tensioner.preload")),
+    "rig.axle_distance",
+)
 
 
 TOLERANCE = 1e-5  # relative tolerance
