@@ -12,8 +12,8 @@ def of_side(vehicle: Mapping[str, Any], side: str) -> Mapping[str, Any]:
     """Vehicle table of a side."""
     table = dict(vehicle)
     for name, differences in ((vehicle.get("right") or {}) if side == "right" else {}).items():
-        given = {key: value for key, value in (differences or {}).items() if value is not None}
-        table[name] = {**(vehicle.get(name) or {}), **given}
+        if given := {key: value for key, value in (differences or {}).items() if value is not None}:
+            table[name] = {**(vehicle.get(name) or {}), **given}
     return table
 
 

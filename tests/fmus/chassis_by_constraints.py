@@ -201,9 +201,11 @@ def add_idler(assembly, lateral, leaf):
     assembly.constraints.same_rotation(CHASSIS, body, [a_x, a_z])
     assembly.constraints.same_distance(CHASSIS, body, r, [a_y, a_z])
     tensioner = assembly.table["tensioner"]
-    push = tensioner["preload"] + tensioner["stiffness"] * leaf.position + tensioner["damping"] * leaf.rate
-    assembly.bodies.load(body, frame.centre + r, -push * a_x)
-    assembly.bodies.load(CHASSIS, frame.centre + r, push * a_x)
+    away = np.sign(idler["x"]) * a_x  # from the sprocket
+    inwards = -np.sign(idler["x"])
+    push = tensioner["preload"] + inwards * (tensioner["stiffness"] * leaf.position + tensioner["damping"] * leaf.rate)
+    assembly.bodies.load(body, frame.centre + r, push * away)
+    assembly.bodies.load(CHASSIS, frame.centre + r, -push * away)
     assembly.units.append(body)
     assembly.leaves.append((body, None))
 
