@@ -10,7 +10,7 @@ import numpy as np
 from fmus.chassis.begin import begin
 from fmus.chassis.dynamics import ENERGY_SUMS, LEAF, ROOT, Parts, step, step_failure
 from fmus.chassis.observe import write_outputs
-from fmus.chassis.tree import packed, tree, unpacked
+from fmus.chassis.tree import VehicleTree, fastest_rate, packed, tree, unpacked
 from fmus.defaults import parameter_values
 from fmus.model import TOO_MANY_STEPS, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
@@ -21,6 +21,14 @@ from fmus.sentences import GAPS, Sentence, format_sentence
 from fmus.sides import SIDES, of_side
 from fmus.stance import roll_pitch_quaternion, stance
 from fmus.start import KEYS
+
+RESOLVED = 0.5  # largest product of the default internal step and the rate of a spring-damper
+LEAST_STEP = 1e-5  # s, of such a default: faster springs make the run fail
+
+
+def _resolving_step(tree: VehicleTree) -> float:
+    """Internal step that resolves the springs and dampers, s."""
+    return max(LEAST_STEP, RESOLVED / max(fastest_rate(tree), 1.0))
 
 
 def stations(vehicle: Mapping[str, Any]) -> list[str]:
@@ -121,8 +129,8 @@ class Model(ComponentModel):
             Port("solver.evaluations", "output", "1", "evaluations of the accelerations since the start", 0),
             *start_pose_ports(),
             # friction of a loaded wheel is fast: mu N R^2 / (v_reg I) = 1e3 1/s for 10 kN
-            Port("step", "parameter", "s", "largest internal step", 1e-4 if self._ground else 1e-3,
-                 allowed=POSITIVE),
+            Port("step", "parameter", "s", "largest internal step",
+                 min(1e-4 if self._ground else 1e-3, _resolving_step(self.tree)), allowed=POSITIVE),
             Port("suspension.preload", "parameter", "N", "push of each suspension spring when drawn",
                  float(vehicle["suspension"]["preload"])),
             Port("tensioner.preload", "parameter", "N", "push of each tensioner on its idler when drawn, less what"

@@ -126,6 +126,20 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
     )
 
 
+def fastest_rate(tree: VehicleTree) -> float:
+    """Bound of the rates of the springs and dampers on their leaves with the hull at rest, 1/s."""
+    fastest = 0.0
+    for k in range(len(tree.is_arm)):
+        mass, slope_squared = float(tree.leaf_mass[k]), 1.0
+        if tree.is_arm[k]:
+            (x, z), end = tree.arm[k], tree.on_arm[k]
+            mass = mass * tree.fraction[k] ** 2 * (x * x + z * z) + tree.across[k]
+            slope_squared = float((end * end).sum())  # a spring across the line to its end has the largest lever
+        stiffness, damping = (slope_squared * constant[k] / mass for constant in (tree.stiffness, tree.damping))
+        fastest = max(fastest, damping, float(np.sqrt(stiffness)))
+    return fastest
+
+
 def _hinges(table: Mapping[str, Any]) -> Floats:
     """Hinges (leaves, 3) of a side with this vehicle table, at the left, in the vehicle frame, m."""
     wheel, idler, roller = table["road_wheel"], table["idler"], return_rollers(table)

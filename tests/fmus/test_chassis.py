@@ -234,6 +234,22 @@ def test_accelerations_agree_with_maximal_coordinates(seed, rollers, idler_x):
 # --- manners ---
 
 
+def test_the_default_step_resolves_a_light_idler_with_a_strong_damper():
+    """The default step follows the fastest spring-damper; with 1 ms this idler's damper makes energy."""
+    light = {"idler.mass": 35.76, "tensioner.damping": 1e5}
+
+    def residual(**parameters):
+        probe = Probe(light, **parameters)
+        probe["left.idler.force.x"] = 2e4
+        probe.run(0.05)
+        return abs(probe.energy + probe["energy.dissipated"] - probe["port.work"]) / probe["port.work"]
+
+    steps = [port.start for probe in (Probe(), Probe(light)) for port in probe.model.ports if port.name == "step"]
+    assert steps == [1e-3, pytest.approx(0.5 * 35.76 / 1e5)]
+    assert residual() < 1e-4
+    assert residual(step=1e-3) > 1e-2
+
+
 def test_cost_in_evaluations():
     probe = Probe(step=1e-3)
     probe.run(0.01, 2.5e-3)
