@@ -67,7 +67,7 @@ class FlexibleTrack(NamedTuple):
 def equilibrium(chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack]) -> VehicleEquilibrium:
     """Static equilibrium of a chassis, given by its config, on tracks by side ("left", "right").
 
-    With equal tracks on both sides and a hull that does not lean sideways, only the left half is solved. The result is
+    With equal sides and a hull that does not lean sideways, only the left half is solved. The result is
     cached for this build. Raises BadInput.
     """
     request = [source_hash(), chassis, tracks]
@@ -87,7 +87,7 @@ def stances(chassis: Mapping[str, Any]) -> dict[str, Stance]:
     whole_config = {**chassis["chassis"], "sides": ["left", "right"]}
     model, lateral = Chassis({"vehicle": vehicle, "chassis": whole_config}), vehicle["track"]["lateral"]
     motions = _motions(model, model.start_state())
-    names = stations(len(vehicle["road_wheel"]["x"]))
+    names = stations(vehicle)
     return {
         f"{side}.{name}": stance((x, y - sign * lateral, *rest[:5]))
         for side, sign, side_motions in zip(("left", "right"), (1.0, -1.0), motions, strict=True)
@@ -102,7 +102,8 @@ def upright_stance(place: Stance, pitch: float) -> Stance:
 
 def is_asymmetric(chassis: Mapping[str, Any], tracks: Sequence[str]) -> bool:
     """Whether the two sides carry different loads, so that the hull rolls."""
-    return len(tracks) == 1 or chassis["vehicle"]["chassis"]["centre"][1] != 0.0
+    vehicle = chassis["vehicle"]
+    return len(tracks) == 1 or vehicle["chassis"]["centre"][1] != 0.0 or bool(vehicle.get("right"))
 
 
 class _Vehicle:
@@ -113,7 +114,7 @@ class _Vehicle:
         sides = ["left"] if self.half else ["left", "right"]
         self.chassis = Chassis({**chassis, "chassis": {**chassis["chassis"], "sides": sides}})
         self.chassis.initialise({})
-        self.leaves = len(self.chassis.tree.is_arm) // 2
+        self.leaves = len(chassis["vehicle"]["road_wheel"]["x"]) + 1  # with a coordinate, on a side
         self._chains = {sides.index(side): _ChainOnWheels(track) for side, track in tracks.items() if side in sides}
         self.unknowns = [
             HEIGHT,
@@ -140,9 +141,9 @@ class _Vehicle:
             wrenches[side] = chain.wheel_wrenches(motions[side], guess[ROLL], guess[PITCH])
         out = np.zeros_like(x)
         rates(self.chassis.tree, self.chassis.parts.contacts, x, wrenches.ravel(), out)
-        n = 2 * self.leaves
-        leaf_accelerations = out[ROOT + 2 * n : ROOT + 3 * n][: guess.size - LEAVES]
-        return np.array([out[9], out[10], out[11], *leaf_accelerations])[self.unknowns]
+        n = len(self.chassis.tree.is_arm)
+        leaf_accelerations = out[ROOT + 2 * n : ROOT + 3 * n].reshape(2, -1)[:, : self.leaves].ravel()
+        return np.array([out[9], out[10], out[11], *leaf_accelerations[: guess.size - LEAVES]])[self.unknowns]
 
 
 class _ChainOnWheels:
@@ -155,7 +156,7 @@ class _ChainOnWheels:
         self._last: tuple[Floats, Floats] = np.zeros((0, WIDTH)), np.zeros((0, WRENCH))  # rows, wrenches
 
     def wheel_wrenches(self, motions: Floats, roll: float, pitch: float) -> Floats:
-        """Wrenches (wheels, 6) on the road wheels, idler and sprocket with these motions (wheels, 13)."""
+        """Wrenches (wheels, 6) on the wheels and the sprocket with these motions (wheels, 13)."""
         rest_motions = np.zeros((len(motions), STATE))
         rest_motions[:, [0, 2]], rest_motions[:, 3:7] = motions[:, [0, 2]], roll_pitch_quaternion(0.0, pitch)
         rows = np.zeros((len(motions), WIDTH))

@@ -32,14 +32,15 @@ VEHICLE = (
     PlausibleRange("chassis.mass", "kg", (5.0, 2e6), (1e-3, 1e8), MACHINE),
     *(
         PlausibleRange(f"{part}.mass", "kg", (0.01, 2e4), (1e-6, 1e7), PART)
-        for part in ("sprocket", "idler", "road_wheel", "road_arm")
+        for part in ("sprocket", "idler", "road_wheel", "return_roller", "road_arm")
     ),
     *(
         PlausibleRange(f"{part}.spin_inertia", "kg m^2", (1e-6, 2e4), (1e-12, 1e8), PART)
-        for part in ("sprocket", "idler", "road_wheel")
+        for part in ("sprocket", "idler", "road_wheel", "return_roller")
     ),
     *(
-        PlausibleRange(f"{part}.radius", "m", (0.01, 2.0), (1e-3, 50.0), PART) for part in ("idler", "road_wheel")
+        PlausibleRange(f"{part}.radius", "m", (0.01, 2.0), (1e-3, 50.0), PART)
+        for part in ("idler", "road_wheel", "return_roller")
     ),
     PlausibleRange("suspension.stiffness", "N/m", (0.0, 1e9), (0.0, 1e13),
                    "stiffer than the contacts, a spring is rigid"),

@@ -18,15 +18,15 @@ from fmus.sources import source_hash
 from fmus.track_flexible.model import Model
 from fmus.vehicle import BadInput
 
-FORWARD, BACKWARD = 0.06, 0.06  # largest distance of the wheel from its drawn place, m, forward and backward
+REACH = 0.06  # largest distance of the wheel from its drawn place, m
 
 
 def tension_wheel(
     config: Mapping[str, Any], name: str, tension: float, keys: str = "vehicle.track"
 ) -> tuple[float, float]:
-    """Position x of the wheel ``name``, m, for a mean static ``tension``, N, and the push along -x on it.
+    """Position x of the wheel ``name``, m, for a mean static ``tension``, N, and the push on it.
 
-    The push, N, holds the wheel there against the chain.
+    The push, N, away from the sprocket at the origin, holds the wheel there against the chain.
 
     ``config`` is the config of a track, ``keys`` the table in which the user gave links and tension (for messages). The
     result is cached for this build. Raises BadInput when the chain cannot carry that tension with the wheel within
@@ -41,6 +41,7 @@ def _search(config: Mapping[str, Any], name: str, tension: float, keys: str) -> 
     track = config["track"]
     index = next(i for i, wheel in enumerate(track["wheels"]) if wheel["name"] == name)
     drawn = float(track["wheels"][index]["position"][0])
+    outwards = 1.0 if drawn > 0.0 else -1.0  # away from the sprocket
 
     def settled(x: float) -> Model:
         wheels = [dict(wheel) for wheel in track["wheels"]]
@@ -54,7 +55,7 @@ def _search(config: Mapping[str, Any], name: str, tension: float, keys: str) -> 
             return float(settled(x).report[T_MEAN]) - tension
         except (InvalidParameter, StepFailed):
             # cannot be laid out: the chain hangs slack round too short a path, and does not close round too long a one
-            return -tension if x > drawn else 1e6
+            return -tension if outwards * (x - drawn) < 0.0 else 1e6
 
     try:
         settled(drawn)
@@ -62,15 +63,15 @@ def _search(config: Mapping[str, Any], name: str, tension: float, keys: str) -> 
         raise BadInput(f"{keys}.links = {track['links']}: {error}") from None
     except StepFailed as error:
         raise BadInput(f"the chain does not come to rest on its drawn wheels: {error}") from None
-    low, high = drawn - BACKWARD, drawn + FORWARD
-    tight, slack = excess(low), excess(high)
+    low, high = drawn - REACH, drawn + REACH
+    tight, slack = (excess(drawn + sense * REACH) for sense in (outwards, -outwards))
     if not tight > 0.0 > slack:
         raise BadInput(
-            f"{keys}.tension = {tension:.6g} N: not reached with the {name} within {BACKWARD * 1e3:.0f} mm of "
+            f"{keys}.tension = {tension:.6g} N: not reached with the {name} within {REACH * 1e3:.0f} mm of "
             f"x = {drawn:.4g} m ({track['links']} links of {config['vehicle']['track']['pitch']} m)"
         )
     x = round(float(scipy.optimize.brentq(excess, low, high, xtol=1e-8)), 8)
     try:
-        return x, round(float(settled(x).s.mean[index, 0]), 3)
+        return x, round(-outwards * float(settled(x).s.mean[index, 0]), 3)
     except StepFailed as error:
         raise BadInput(f"vehicle.track.tension = {tension:.6g} N: {error}") from None

@@ -8,7 +8,7 @@ import math
 import re
 import sys
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib import resources
 from itertools import pairwise
@@ -27,6 +27,7 @@ from pydantic import (
 )
 
 from fmus.ranges import VEHICLE, range_violations
+from fmus.sides import SIDES, of_side
 
 
 class BadInput(ValueError):
@@ -194,7 +195,8 @@ class IdlerTable(FrozenTable):  # noqa: D101
     width: Distance
     """width of the rim"""
     x: Length
-    """position forward of the sprocket axle, as drawn; the idler is moved until the track has its tension"""
+    """position forward of the sprocket axle, as drawn; the idler is moved until the track has its tension. Positive:
+    the sprocket is at the rear"""
     z: Length
     """position above the sprocket axle"""
 
@@ -212,6 +214,23 @@ class RoadWheelTable(FrozenTable):  # noqa: D101
     """width of the rim"""
     x: Annotated[tuple[Length, ...], Field(min_length=1, max_length=12)]
     """positions forward of the sprocket axle, front to rear; their number is that of the wheels of a side"""
+    z: Length
+    """position above the sprocket axle"""
+
+
+class ReturnRollerTable(FrozenTable):  # noqa: D101
+    mass: Mass
+    """mass of a return roller"""
+    spin_inertia: Inertia
+    """moment of inertia about the axle"""
+    transverse_inertia: Inertia
+    """moment of inertia across the axle"""
+    radius: Distance
+    """radius of the rim"""
+    width: Distance
+    """width of the rim"""
+    x: Annotated[tuple[Length, ...], Field(min_length=1, max_length=12)]
+    """positions forward of the sprocket axle, front to rear; their number is that of the rollers of a side"""
     z: Length
     """position above the sprocket axle"""
 
@@ -246,7 +265,7 @@ class TensionerTable(FrozenTable):  # noqa: D101
     damping: Damping
     """damping of the idler, along x"""
     preload: Force
-    """push on the idler besides the one that balances the track at the start"""
+    """push on the idler, away from the sprocket, besides the one that balances the track at the start"""
     travel: Distance = 0.1
     """displacement of the idler, either way from its place at the start, beyond which a run warns"""
 
@@ -268,6 +287,39 @@ class TrackTable(FrozenTable):  # noqa: D101
     """width of a link"""
     tension: Force
     """mean static tension as drawn, for which the idler's place is solved; in equilibrium less (m113: 12 % less)"""
+
+
+class RightTrackTable(FrozenTable):  # noqa: D101
+    links: Annotated[int, Field(ge=4, le=4096)]
+    """number of links of the right track"""
+
+
+class RightWheelTable(FrozenTable):  # noqa: D101
+    x: Annotated[tuple[Length, ...], Field(min_length=1, max_length=12)]
+    """positions forward of the sprocket axle, front to rear, as many as on the left side"""
+
+
+class RightIdlerTable(FrozenTable):  # noqa: D101
+    x: Length
+    """position forward of the sprocket axle, as drawn; moved like that of the left idler"""
+
+
+class RightTensionerTable(FrozenTable):  # noqa: D101
+    preload: Force
+    """push on the right idler, away from the sprocket, besides the one that balances the track at the start"""
+
+
+class RightTable(FrozenTable):  # noqa: D101
+    track: RightTrackTable | None = None
+    """track of the right side"""
+    road_wheel: RightWheelTable | None = None
+    """road wheels of the right side"""
+    return_roller: RightWheelTable | None = None
+    """return rollers of the right side"""
+    idler: RightIdlerTable | None = None
+    """idler of the right side"""
+    tensioner: RightTensionerTable | None = None
+    """spring-damper of the right idler"""
 
 
 class SectionTable(FrozenTable):  # noqa: D101
@@ -330,6 +382,14 @@ def _check_consistency(vehicle: Vehicle) -> Vehicle:
         )
     for complaint in range_violations(vehicle.model_dump(), VEHICLE, "possible"):
         raise ValueError(complaint)
+    left, right = (of_side(vehicle.model_dump(), side) for side in SIDES)
+    for name in ("road_wheel", "return_roller"):
+        here, there = (len((table[name] or {}).get("x", ())) for table in (left, right))
+        if here != there:
+            raise ValueError(f"right.{name}.x: has {there} positions, must have {here}, as many as {name}.x")
+    if left["idler"]["x"] * right["idler"]["x"] < 0.0:
+        x = right["idler"]["x"]
+        raise ValueError(f"right.idler.x = {x} m: must be on the side of the sprocket that idler.x is on")
     section = vehicle.section
     polar = section.bending + section.lateral_bending
     if section.torsion > polar:
@@ -345,6 +405,8 @@ class VehicleTable(FrozenTable):
 
     name: str
     """name of the vehicle"""
+    title: str = ""
+    """one line about the vehicle"""
     gravity: Annotated[float, In("m/s^2", ge=0)]
     """acceleration of gravity, downwards"""
     chassis: ChassisTable
@@ -352,9 +414,11 @@ class VehicleTable(FrozenTable):
     sprocket: SprocketTable
     """driving wheel of each side; the middle of the axle line is the origin of all positions"""
     idler: IdlerTable
-    """rear wheel of each side, which tensions the track"""
+    """wheel of each side at the other end, which tensions the track"""
     road_wheel: RoadWheelTable
     """wheels of each side that run on the track; all are alike"""
+    return_roller: ReturnRollerTable | None = None
+    """rollers of each side, on fixed axles, that carry the upper run of the track; all are alike"""
     road_arm: RoadArmTable
     """arms between hull and road wheels; all are alike"""
     suspension: SuspensionTable
@@ -363,6 +427,8 @@ class VehicleTable(FrozenTable):
     """spring-damper between hull and idler"""
     track: TrackTable
     """chain of links of each side"""
+    right: RightTable | None = None
+    """differences of the right side from the left one, which all other tables describe; without it both are alike"""
     section: SectionTable
     """cross-section of flexible links"""
     material: MaterialTable
@@ -378,6 +444,18 @@ class VehicleTable(FrozenTable):
         from math import pi, sin
 
         return self.track.pitch / (2.0 * sin(pi / self.sprocket.teeth))
+
+    def of_side(self, side: str) -> VehicleTable:
+        """The table that describes a side."""
+        return VehicleTable.model_validate(of_side(self.model_dump(), side)) if self.right else self
+
+    def total_mass(self, tracks: Sequence[str] = SIDES) -> float:
+        """Mass of all bodies with tracks on these sides, kg."""
+        wheels = len(self.road_wheel.x) * (self.road_wheel.mass + self.road_arm.mass)
+        rollers = len(self.return_roller.x) * self.return_roller.mass if self.return_roller else 0.0
+        wheels_of_side = self.sprocket.mass + self.idler.mass + wheels + rollers
+        links = sum(self.of_side(side).track.links for side in tracks)
+        return self.chassis.mass + 2.0 * wheels_of_side + links * self.track.mass
 
 
 Vehicle = Annotated[VehicleTable, AfterValidator(_check_consistency)]
@@ -430,10 +508,14 @@ def vehicle(data: Mapping[str, Any], where: str) -> VehicleTable:
         raise BadInput(f"{where}: {error}") from None
 
 
+def names() -> list[str]:
+    """Names of the packaged vehicles."""
+    return sorted(file.name.removesuffix(".toml") for file in (resources.files("fmus") / "vehicles").iterdir())
+
+
 def read_table(name: str) -> tuple[dict[str, Any], str]:
     """Raw table of a packaged vehicle, and its file name for messages; raises BadInput."""
-    folder = resources.files("fmus") / "vehicles"
-    known = sorted(file.name.removesuffix(".toml") for file in folder.iterdir())
-    if name not in known:
-        raise BadInput(f"no vehicle {value_text(name)}: give a .toml file or one of {', '.join(known)}")
-    return tomllib.loads((folder / f"{name}.toml").read_text(encoding="utf-8")), f"{name}.toml"
+    if name not in names():
+        raise BadInput(f"no vehicle {value_text(name)}: give a .toml file or one of {', '.join(names())}")
+    file = resources.files("fmus") / "vehicles" / f"{name}.toml"
+    return tomllib.loads(file.read_text(encoding="utf-8")), file.name

@@ -21,12 +21,13 @@ from orchestrator.scene.scene import load
 
 MODELS = tuple(TRACKS)
 STEERED = "pivot", "serpentine", "brake_turn", "differential"  # in full only as studies: ``turn`` represents them
+OTHERS = "marder", "robot", "rear_drive"  # in full only as studies: ``test_vehicle_layouts`` represents them
 SLOW = "settle", "turn", "rig", "sprocket_bench"  # seconds of run time
 
 
 def marks(name, model):
     """By default a scene runs in full with flexible links, or begins if it takes seconds."""
-    if name in STEERED:
+    if name in (*STEERED, *OTHERS):
         return [pytest.mark.study]
     return [] if model == "flexible" and name not in SLOW else [pytest.mark.long]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fmus.chassis.dynamics import ROOT, energies
+from fmus.chassis.dynamics import ROOT, energies, is_fixed
 from fmus.chassis.tree import unpacked
 from fmus.jit import allocating, kernel
 from fmus.stance import part_at_rest
@@ -18,7 +18,8 @@ def begin(c, messages, p):
     n = tree.is_arm.size
     x[:] = 0.0
     for k in range(n):
-        tree.preload[k] = p[PRELOADS] if tree.is_arm[k] == 1 else p[PRELOADS + 1] - c.missing_preload[2 * k // n]
+        if not is_fixed(tree, k):
+            tree.preload[k] = p[PRELOADS] if tree.is_arm[k] == 1 else p[PRELOADS + 1] - c.missing_preload[2 * k // n]
         x[ROOT + k] = c.leaves[k]
     hull = part_at_rest(p, c.hull)
     for i in range(7):

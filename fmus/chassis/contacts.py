@@ -18,6 +18,7 @@ from fmus.physics.contact.face import point_contact_force
 from fmus.physics.contact.ground import GroundShape, ground_face, surface_depth
 from fmus.physics.point import Memory, memory
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
+from fmus.return_rollers import return_rollers
 
 STORED, POWER, FORCE = 0, 1, 2  # indices in the sums; the force has three numbers
 
@@ -29,7 +30,7 @@ class ChassisContacts(NamedTuple):
     law: Any  # a law of ``physics.contact.laws``
     frame: np.ndarray  # (5) origin of that frame in the world, m; cosine and sine of its heading
     points: np.ndarray  # (m, 3) points of the hull, frame B, m
-    radius: np.ndarray  # (n) radius of wheels without a track, 0 for others, m
+    radius: np.ndarray  # (n) radius of road wheels and idlers without a track, 0 for others, m
     half_width: np.ndarray  # (n) half the width of their rims, m
     f: np.ndarray  # (6 n + 6) force and torque, in B: on wheels about their centres, then on the hull about O
     sums: np.ndarray  # (5) stored energy, J; dissipated power, W; force of the ground, N, world
@@ -44,15 +45,15 @@ def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: 
     wheel, idler, origin = vehicle["road_wheel"], vehicle["idler"], np.array(vehicle["chassis"]["centre"])
     hull = vehicle["chassis"]["hull"] if ground["hull"] else []
     bare = [1.0 if side in ground["bare"] else 0.0 for side in ("left", "right")]
-    count, z = len(wheel["x"]), np.zeros
-    leaves = 2 * (count + 1)
+    count, rollers, z = len(wheel["x"]), len(return_rollers(vehicle)["x"]), np.zeros
+    leaves = 2 * (count + 1 + rollers)
     return ChassisContacts(
         ground_shape(vehicle, float(parameters["start.height"]), ground.get("bump")),
         contact_law("ground", parameters, vehicle["contact"]["ground"]),
         np.zeros(5),
         np.array(hull, dtype=float).reshape(-1, 3) - origin,
-        np.kron(bare, [*[wheel["radius"]] * count, idler["radius"]]),
-        0.5 * np.kron(bare, [*[wheel["width"]] * count, idler["width"]]),
+        np.kron(bare, [*[wheel["radius"]] * count, idler["radius"], *[0.0] * rollers]),
+        0.5 * np.kron(bare, [*[wheel["width"]] * count, idler["width"], *[0.0] * rollers]),
         z(6 * leaves + 6),
         z(5),
         memory(),

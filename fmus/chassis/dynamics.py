@@ -49,6 +49,12 @@ class Parts(NamedTuple):
 
 
 @kernel
+def is_fixed(tree, k):
+    """Whether leaf k is a return roller, whose coordinate stays 0."""
+    return tree.is_arm[k] == 0 and tree.travel[k] == 0.0
+
+
+@kernel
 def wheel_offset(tree, k, d):
     """Wheel centre of leaf k from its hinge, m, and the derivative by its coordinate d, in B. (1)"""
     if tree.is_arm[k] == 0:
@@ -62,7 +68,8 @@ def wheel_offset(tree, k, d):
 def compression(tree, k, d):
     """Compression of the spring of leaf k since the drawn position, m, and its derivative by d. (2)"""
     if tree.is_arm[k] == 0:
-        return d, 1.0
+        sense = tree.on_arm[k, 0]
+        return sense * d, sense
     x, z, c, s = tree.on_arm[k, 0], tree.on_arm[k, 1], cos(d), sin(d)
     ax, az = c * x + s * z, c * z - s * x
     bx, bz = ax - tree.on_chassis[k, 0], az - tree.on_chassis[k, 1]
@@ -208,7 +215,10 @@ def rates(tree, contacts, x, u, out):
         put(Q[k], 3, add(cross(c, scale(m, lc)), Jt))
         leaf_tensor(tree, k, r, J)
         add_body(M, m, c, J)
-        eliminate(M, b, Q, k, g[k], generalized_mass)
+        if is_fixed(tree, k):
+            g[k], Q[k] = 0.0, 0.0
+        else:
+            eliminate(M, b, Q, k, g[k], generalized_mass)
 
         out[d + k], out[spin + k] = qd, x[spin_rate + k] - w[1]
         out[spin_rate + k] = torque[1] / tree.spin_inertia[k]  # (4)

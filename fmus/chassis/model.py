@@ -10,20 +10,36 @@ import numpy as np
 from fmus.chassis.begin import begin
 from fmus.chassis.dynamics import ENERGY_SUMS, LEAF, ROOT, Parts, step, step_failure
 from fmus.chassis.observe import write_outputs
-from fmus.chassis.tree import packed, tree, unpacked
+from fmus.chassis.tree import VehicleTree, fastest_rate, packed, tree, unpacked
 from fmus.defaults import parameter_values
 from fmus.model import TOO_MANY_STEPS, ComponentModel, FreeParameters, InvalidParameter
 from fmus.physics.arrays import Floats
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.ports import POSITIVE, WRENCH, Port, motion_ports, start_pose_ports, wrench_ports
+from fmus.return_rollers import return_rollers
 from fmus.sentences import GAPS, Sentence, format_sentence
+from fmus.sides import SIDES, of_side
 from fmus.stance import roll_pitch_quaternion, stance
 from fmus.start import KEYS
 
+RESOLVED = 0.5  # largest product of the default internal step and the rate of a spring-damper
+LEAST_STEP = 1e-5  # s, of such a default: faster springs make the run fail
 
-def stations(wheels: int) -> list[str]:
-    """Names of the places of a side on which a track acts: road wheels, idler, sprocket."""
-    return [*(f"road_wheel[{i + 1}]" for i in range(wheels)), "idler", "sprocket"]
+
+def _resolving_step(tree: VehicleTree) -> float:
+    """Internal step that resolves the springs and dampers, s."""
+    return max(LEAST_STEP, RESOLVED / max(fastest_rate(tree), 1.0))
+
+
+def stations(vehicle: Mapping[str, Any]) -> list[str]:
+    """Names of the places of a side on which a track acts: road wheels, idler, return rollers, sprocket."""
+    wheels, rollers = len(vehicle["road_wheel"]["x"]), len(return_rollers(vehicle)["x"])
+    return [
+        *(f"road_wheel[{i + 1}]" for i in range(wheels)),
+        "idler",
+        *(f"return_roller[{i + 1}]" for i in range(rollers)),
+        "sprocket",
+    ]
 
 
 def spring_ports(side: str, wheels: int) -> list[Port]:
@@ -38,7 +54,12 @@ def spring_ports(side: str, wheels: int) -> list[Port]:
         ]
     return [
         *ports,
-        Port(f"{side}.tensioner.force", "output", "N", f"push of the {side} tensioner on its idler, rearward"),
+        Port(
+            f"{side}.tensioner.force",
+            "output",
+            "N",
+            f"push of the {side} tensioner on its idler, away from the sprocket",
+        ),
     ]
 
 
@@ -67,13 +88,14 @@ def touch_ports() -> list[Port]:
 
 
 class Model(ComponentModel):
-    """Chassis, road arms, springs, wheels, idlers, sprocket masses, on the sides that have ports.
+    """Chassis, road arms, springs, wheels, idlers, rollers, sprocket masses, on the sides that have ports.
 
     ``config``: {"vehicle": vehicle table in SI, "chassis": {"sides": ["left", "right"] or ["left"], "ground"}}. With
     the left side alone the right side is computed too, with the left side's wrenches mirrored. ``ground``, where hull
     or bare wheels touch it: see ``contacts.contacts``. ``start``: a ``fmus.equilibrium.VehicleEquilibrium`` as a
     mapping, by default the drawn position. ``push``, N: the part of tensioner.preload that balances a track; the
-    tensioner of a side without a track lacks it.
+    tensioner of a side without a track lacks it. The parameter tensioner.preload is that of the left side; the right
+    one differs from it as in the vehicle table.
     """
 
     start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
@@ -90,7 +112,7 @@ class Model(ComponentModel):
         self._contacts: Any = None
         x, y, z = map(float, vehicle["chassis"]["centre"])
         self._centre = x, y, z
-        places = [f"{side}.{name}" for side in sides for name in stations(self._wheels)]
+        places = [f"{side}.{name}" for side in sides for name in stations(vehicle)]
         self.ports: tuple[Port, ...] = (
             *(port for place in places for port in wrench_ports(place, "input")),
             *(port for place in places for port in motion_ports(place, "output")),
@@ -107,8 +129,8 @@ class Model(ComponentModel):
             Port("solver.evaluations", "output", "1", "evaluations of the accelerations since the start", 0),
             *start_pose_ports(),
             # friction of a loaded wheel is fast: mu N R^2 / (v_reg I) = 1e3 1/s for 10 kN
-            Port("step", "parameter", "s", "largest internal step", 1e-4 if self._ground else 1e-3,
-                 allowed=POSITIVE),
+            Port("step", "parameter", "s", "largest internal step",
+                 min(1e-4 if self._ground else 1e-3, _resolving_step(self.tree)), allowed=POSITIVE),
             Port("suspension.preload", "parameter", "N", "push of each suspension spring when drawn",
                  float(vehicle["suspension"]["preload"])),
             Port("tensioner.preload", "parameter", "N", "push of each tensioner on its idler when drawn, less what"
@@ -138,18 +160,19 @@ class Model(ComponentModel):
         if start is not None:
             x, y, z = self._centre
             self._hull = stance((x, y, z + start["height"], *roll_pitch_quaternion(start["roll"], start["pitch"])))
-            self._leaves[:] = *start["left"], *start["right"]
+            self._leaves.reshape(2, -1)[:, : self._wheels + 1] = start["left"], start["right"]
         state = np.zeros_like(self.state)
         state[:7], state[ROOT : ROOT + self._leaves.size] = self._hull, self._leaves
         return state
 
     def _set_start(self, config: Mapping[str, Any]) -> None:
         """Set hull, leaves and tensioners of the start."""
-        self._hull, self._leaves = stance(self._centre), np.zeros(2 * (self._wheels + 1))
+        self._hull, self._leaves = stance(self._centre), np.zeros(len(self.tree.is_arm))
         self.start_state(config.get("start"))
         bare = (self._ground or {}).get("bare", ())
-        left, right = (float(config.get("push", 0.0)) if side in bare else 0.0 for side in ("left", "right"))
-        self._missing_preload = left, right
+        left, right = (float(config.get("push", 0.0)) if side in bare else 0.0 for side in SIDES)
+        own = [of_side(self._vehicle, side)["tensioner"]["preload"] for side in SIDES]
+        self._missing_preload = left, right + (own[0] - own[1])
 
     def initialise(self, parameters: Mapping[str, float | int | str]) -> None:
         """Start at rest at the start pose; raises InvalidParameter."""
@@ -182,4 +205,4 @@ class Model(ComponentModel):
         if not ROOT <= index < ROOT + LEAF * leaves:
             return "chassis"
         side, k = divmod((index - ROOT) % leaves, leaves // 2)
-        return f"{('left', 'right')[side]} " + ("idler" if k == self._wheels else f"road_arm[{k + 1}]")
+        return f"{('left', 'right')[side]} {stations(self._vehicle)[k].replace('road_wheel', 'road_arm')}"

@@ -6,7 +6,7 @@ that of the ports in ``model.py``. There is no physics here.
 
 from __future__ import annotations
 
-from fmus.chassis.dynamics import ROOT, compression, energies, wheel_offset
+from fmus.chassis.dynamics import ROOT, compression, energies, is_fixed, wheel_offset
 from fmus.chassis.touch import touch
 from fmus.chassis.tree import unpacked
 from fmus.jit import allocating, kernel
@@ -27,7 +27,7 @@ def put_motion(y, i, x, A, r, dr, q, w):
 
 @allocating
 def put_sides(tree, x, sides, y, i):
-    """Write the motions (13 each) of wheels, idler and sprocket mount of each side."""
+    """Write the motions (13 each) of road wheels, idler, return rollers and sprocket mount of each side."""
     n, still = len(tree.is_arm), (0.0, 0.0, 0.0)
     A, w = tree.rotation, vector(x, 10)
     put_matrix(A, x[3:7])
@@ -68,7 +68,7 @@ def put_springs(tree, x, sides, y, i):
         if tree.is_arm[k] == 1:
             y[i], y[i + 1], y[i + 2] = d, push, tree.drawn_length[k] - e
             i += 3
-        else:
+        elif not is_fixed(tree, k):
             y[i] = push
             i += 1
     return i

@@ -1,7 +1,8 @@
 """Vehicle without tracks as a star-shaped tree: a free body, and leaves with one coordinate each.
 
-A leaf is a road arm with its wheel (turns about a pin) or an idler (slides along the chassis); its wheel has a
-separate spin. Leaves are ordered side by side, left first: road arms from the front, then the idler.
+A leaf is a road arm with its wheel (turns about a pin), an idler (slides along the chassis) or a return roller (a
+slide without travel, whose coordinate stays 0); its wheel has a separate spin. Leaves are ordered side by side, left
+first: road arms from the front, the idler, return rollers from the front.
 Frame B is the chassis' own, axes x forward, y left, z up in the drawn position, origin O in the chassis'
 centre of mass. Pins and slides lie along B's y and x axes, so a leaf moves in a plane y = const of B.
 """
@@ -17,6 +18,8 @@ from numpy.typing import NDArray
 from fmus.jit import allocating
 from fmus.physics.arrays import Floats
 from fmus.physics.elementary import hypot
+from fmus.return_rollers import return_rollers
+from fmus.sides import SIDES, of_side
 
 Integers = NDArray[np.int64]
 
@@ -29,10 +32,10 @@ class VehicleTree(NamedTuple):
     total_mass: float  # with all leaves, kg
     centre: Floats  # (3,) centre of mass of chassis with sprockets, m
     inertia: Floats  # (3, 3) of chassis with sprockets about that centre, without the sprockets' spin, kg m2
-    is_arm: Integers  # (n,) 1 for a road arm, 0 for an idler
-    hinge: Floats  # (n, 3) pin of the arm, or drawn wheel centre of the idler, m
-    arm: Floats  # (n, 2) x and z of the wheel centre from the pin in the drawn position, m; 0 for an idler
-    fraction: Floats  # (n,) centre of mass of arm and wheel on the line from pin to wheel centre; 1 for an idler
+    is_arm: Integers  # (n,) 1 for a road arm, 0 for an idler or a return roller
+    hinge: Floats  # (n, 3) pin of the arm, or drawn wheel centre of the others, m
+    arm: Floats  # (n, 2) x and z of the wheel centre from the pin in the drawn position, m; 0 for the others
+    fraction: Floats  # (n,) centre of mass of arm and wheel on the line from pin to wheel centre; 1 for the others
     leaf_mass: Floats  # (n,) arm and wheel, kg
     # Inertia of a leaf about its centre of mass: J w = across w - along (r.w) r + transverse (w_x, 0, w_z), r
     # from the pin to the wheel centre; without the wheel's spin.
@@ -40,13 +43,15 @@ class VehicleTree(NamedTuple):
     along: Floats  # (n,) kg
     transverse: Floats  # (n,) wheel's transverse inertia, kg m2
     spin_inertia: Floats  # (n,) kg m2
-    on_arm: Floats  # (n, 2) x and z of the spring's end on the arm, from the pin, drawn position, m
+    # (n, 2) x and z of the spring's end on the arm, from the pin, drawn position, m; of an idler 1 behind the sprocket
+    # and -1 ahead of it, then 0: the sense of x in which it compresses its spring; 0 for a return roller
+    on_arm: Floats
     on_chassis: Floats  # (n, 2) x and z of the spring's end on the chassis, from the pin, m
     drawn_length: Floats  # (n,) of the spring-damper in the drawn position, m
     stiffness: Floats  # (n,) N/m
     damping: Floats  # (n,) N s/m
     preload: Floats  # (n,) push of the spring in the drawn position, N
-    travel: Floats  # (n,) largest motion of an idler on its slide, m
+    travel: Floats  # (n,) largest motion of an idler on its slide, m; 0 for a return roller
     sprocket: Floats  # (2, 3) centres of the sprocket mounts, left and right, m
     input_index: Integers  # (n + 2,) index of the wrench input that acts on a unit: leaves, left mount, right mount
     mirror: Floats  # (n + 2,) 1, or -1 where the input is that of the other side, mirrored in the plane y = 0 of B
@@ -61,23 +66,21 @@ class VehicleTree(NamedTuple):
 
 def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
     """Tree of a vehicle table; with ``sides`` = 1 the right side gets the left side's wrenches, mirrored."""
-    body, sprocket, idler = vehicle["chassis"], vehicle["sprocket"], vehicle["idler"]
+    body, sprocket, idler, roller = vehicle["chassis"], vehicle["sprocket"], vehicle["idler"], return_rollers(vehicle)
     wheel, arm, spring = vehicle["road_wheel"], vehicle["road_arm"], vehicle["suspension"]
     tensioner, lateral = vehicle["tensioner"], vehicle["track"]["lateral"]
     origin = np.array(body["centre"])
-    count = len(wheel["x"]) + 1  # leaves a side
-    last = np.arange(count) == count - 1  # the idler
+    arms, rollers = len(wheel["x"]), len(roller["x"])
+    count = arms + 1 + rollers  # leaves a side
 
-    def leaves(road: Any, idling: Any) -> Floats:
-        """Array over all leaves with one value for arms and one for idlers."""
-        side = np.where(last.reshape(-1, *[1] * np.ndim(road)), np.asarray(idling, float), np.asarray(road, float))
+    def leaves(road: Any, idling: Any, rolling: Any) -> Floats:
+        """Array over all leaves with one value for arms, one for idlers and one for return rollers."""
+        side = np.repeat(np.array([road, idling, rolling], dtype=float), [arms, 1, rollers], axis=0)
         return np.concatenate([side, side])
 
     pivot = np.array(arm["pivot"])  # from the wheel centre, like all points of the table
-    hinge = np.array(
-        [[x + pivot[0], lateral, wheel["z"] + pivot[1]] for x in wheel["x"]] + [[idler["x"], lateral, idler["z"]]]
-    )
-    hinge = np.concatenate([hinge, hinge * [1, -1, 1]]) - origin
+    left, right = (_hinges(of_side(vehicle, side)) for side in SIDES)
+    hinge = np.concatenate([left, right * [1, -1, 1]]) - origin
     mounts = np.array([[0.0, lateral, 0.0], [0.0, -lateral, 0.0]]) - origin
     on_arm, on_chassis = np.array(spring["on_arm"]) - pivot, np.array(spring["on_chassis"]) - pivot
 
@@ -88,32 +91,32 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
     length_squared = float((pivot * pivot).sum())
     per_unit = np.arange(2 * count)
     sources = np.concatenate([per_unit + per_unit // count, [count, 2 * count + 1]])  # inputs: leaves, then the mount
-    right = np.concatenate([per_unit >= count, [False, True]])
+    on_right = np.concatenate([per_unit >= count, [False, True]])
     return VehicleTree(
         gravity=float(vehicle["gravity"]),
         mass=mass,
-        total_mass=mass + 2 * ((count - 1) * leaf_mass + idler["mass"]),
+        total_mass=mass + 2 * (arms * leaf_mass + idler["mass"] + rollers * roller["mass"]),
         centre=centre,
         inertia=inertia,
-        is_arm=leaves(1, 0).astype(np.int64),
+        is_arm=leaves(1, 0, 0).astype(np.int64),
         hinge=hinge,
-        arm=leaves(-pivot, [0.0, 0.0]),
-        fraction=leaves((wheel["mass"] + 0.5 * arm["mass"]) / leaf_mass, 1.0),
-        leaf_mass=leaves(leaf_mass, idler["mass"]),
-        across=leaves(arm["pin_inertia"] + reduced * length_squared, 0.0),
-        along=leaves((arm["pin_inertia"] - arm["long_inertia"]) / length_squared + reduced, 0.0),
-        transverse=leaves(wheel["transverse_inertia"], idler["transverse_inertia"]),
-        spin_inertia=leaves(wheel["spin_inertia"], idler["spin_inertia"]),
-        on_arm=leaves(on_arm, [0.0, 0.0]),
-        on_chassis=leaves(on_chassis, [0.0, 0.0]),
-        drawn_length=leaves(hypot(*(on_chassis - on_arm).tolist()), 0.0),
-        stiffness=leaves(spring["stiffness"], tensioner["stiffness"]),
-        damping=leaves(spring["damping"], tensioner["damping"]),
-        preload=leaves(spring["preload"], tensioner["preload"]),
-        travel=leaves(0.0, idler["radius"]),
+        arm=leaves(-pivot, (0.0, 0.0), (0.0, 0.0)),
+        fraction=leaves((wheel["mass"] + 0.5 * arm["mass"]) / leaf_mass, 1.0, 1.0),
+        leaf_mass=leaves(leaf_mass, idler["mass"], roller["mass"]),
+        across=leaves(arm["pin_inertia"] + reduced * length_squared, 0.0, 0.0),
+        along=leaves((arm["pin_inertia"] - arm["long_inertia"]) / length_squared + reduced, 0.0, 0.0),
+        transverse=leaves(wheel["transverse_inertia"], idler["transverse_inertia"], roller["transverse_inertia"]),
+        spin_inertia=leaves(wheel["spin_inertia"], idler["spin_inertia"], roller["spin_inertia"]),
+        on_arm=leaves(on_arm, (-1.0 if idler["x"] > 0.0 else 1.0, 0.0), (0.0, 0.0)),
+        on_chassis=leaves(on_chassis, (0.0, 0.0), (0.0, 0.0)),
+        drawn_length=leaves(hypot(*(on_chassis - on_arm).tolist()), 0.0, 0.0),
+        stiffness=leaves(spring["stiffness"], tensioner["stiffness"], 0.0),
+        damping=leaves(spring["damping"], tensioner["damping"], 0.0),
+        preload=leaves(spring["preload"], tensioner["preload"], 0.0),
+        travel=leaves(0.0, idler["radius"], 0.0),
         sprocket=mounts,
-        input_index=np.where(right & (sides == 1), sources - count - 1, sources),
-        mirror=np.where(right & (sides == 1), -1.0, 1.0),
+        input_index=np.where(on_right & (sides == 1), sources - count - 1, sources),
+        mirror=np.where(on_right & (sides == 1), -1.0, 1.0),
         rotation=np.eye(3),
         root_mass=np.zeros((6, 6)),
         root_force=np.zeros(6),
@@ -121,6 +124,28 @@ def tree(vehicle: Mapping[str, Any], sides: int) -> VehicleTree:
         coupling=np.zeros((2 * count, 6)),
         leaf_force=np.zeros(2 * count),
     )
+
+
+def fastest_rate(tree: VehicleTree) -> float:
+    """Bound of the rates of the springs and dampers on their leaves with the hull at rest, 1/s."""
+    fastest = 0.0
+    for k in range(len(tree.is_arm)):
+        mass, slope_squared = float(tree.leaf_mass[k]), 1.0
+        if tree.is_arm[k]:
+            (x, z), end = tree.arm[k], tree.on_arm[k]
+            mass = mass * tree.fraction[k] ** 2 * (x * x + z * z) + tree.across[k]
+            slope_squared = float((end * end).sum())  # a spring across the line to its end has the largest lever
+        stiffness, damping = (slope_squared * constant[k] / mass for constant in (tree.stiffness, tree.damping))
+        fastest = max(fastest, damping, float(np.sqrt(stiffness)))
+    return fastest
+
+
+def _hinges(table: Mapping[str, Any]) -> Floats:
+    """Hinges (leaves, 3) of a side with this vehicle table, at the left, in the vehicle frame, m."""
+    wheel, idler, roller = table["road_wheel"], table["idler"], return_rollers(table)
+    (ahead, up), lateral = table["road_arm"]["pivot"], table["track"]["lateral"]
+    arms = [[x + ahead, lateral, wheel["z"] + up] for x in wheel["x"]]
+    return np.array([*arms, [idler["x"], lateral, idler["z"]], *([x, lateral, roller["z"]] for x in roller["x"])])
 
 
 def _with_sprockets(

@@ -17,6 +17,7 @@ from fmus.model import NO_ROTATION, ComponentModel, FreeParameters, InvalidParam
 from fmus.physics.arrays import Floats
 from fmus.ports import NOT_NEGATIVE, POSITIVE, STATE, Port, Range, motion_ports, start_pose_ports
 from fmus.sentences import Sentence
+from fmus.sides import wheel_places
 from fmus.start import KEYS, start_pose
 
 SHARE = Range(0.05, 0.9, "between 0.05 and 0.9")
@@ -84,7 +85,7 @@ class Model(ComponentModel):
         vehicle = config["vehicle"]
         x, y, z = (float(part) for part in vehicle["chassis"]["centre"])
         self._centre = x, y, z
-        self._ahead = float(np.mean(vehicle["road_wheel"]["x"])) - x
+        self._ahead = float(np.mean(wheel_places(vehicle))) - x
         self._footing, _ = footing(vehicle)
         self._creep = float(vehicle["contact"]["ground"]["friction_velocity"])
         self._radius = vehicle["sprocket"]["teeth"] * vehicle["track"]["pitch"] / (2.0 * np.pi)

@@ -23,6 +23,8 @@ import numpy as np
 from fmus.jit import kernel, plain
 from fmus.physics.arrays import Floats
 from fmus.physics.elementary import asin, atan2, hypot, sin
+from fmus.return_rollers import return_rollers
+from fmus.sides import of_side, wheel_places
 
 ITERATIONS = 20  # of Newton's method
 TOLERANCE = 1e-8  # residual over the weight at which the iteration ends
@@ -55,8 +57,9 @@ def footing(vehicle: Mapping[str, Any]) -> tuple[Footing, float]:
     ahead, up = (masses * x).sum() / mass, (masses * z).sum() / mass
     inertia = own_inertia.sum() + (masses * ((x - ahead) ** 2 + y**2)).sum()
     track, wheel, gravity = vehicle["track"], vehicle["road_wheel"], float(vehicle["gravity"])
-    wheels = np.array(wheel["x"], dtype=float) - ahead
-    shares = _shares(vehicle, wheels, 0.5 * mass * gravity)
+    places = wheel_places(vehicle)
+    wheels = np.array(places) - ahead
+    shares = _shares({**vehicle, "road_wheel": {**wheel, "x": places}}, wheels, 0.5 * mass * gravity)
     middle = float((shares * wheels).sum())
     edge = 0.25 * track["width"]
     unshifted = Footing(
@@ -79,14 +82,17 @@ def footing(vehicle: Mapping[str, Any]) -> tuple[Footing, float]:
 
 def _bodies(v: Mapping[str, Any]) -> Any:
     """Yield mass, position (3) and inertia about its own vertical of each body; a track counts as a rod."""
-    hull, sprocket, idler, wheel, arm, track = (
-        v[name] for name in ("chassis", "sprocket", "idler", "road_wheel", "road_arm", "track")
-    )
-    yield hull["mass"], *hull["centre"], hull["inertia"][2]
-    loop = track["links"] * track["mass"]
-    for y in (-track["lateral"], track["lateral"]):
+    yield v["chassis"]["mass"], *v["chassis"]["centre"], v["chassis"]["inertia"][2]
+    for side, sign in (("right", -1.0), ("left", 1.0)):
+        table = of_side(v, side)
+        sprocket, idler, wheel, arm, track = (
+            table[name] for name in ("sprocket", "idler", "road_wheel", "road_arm", "track")
+        )
+        y, roller, loop = sign * track["lateral"], return_rollers(table), track["links"] * track["mass"]
         yield sprocket["mass"], 0.0, y, 0.0, sprocket["transverse_inertia"]
         yield idler["mass"], idler["x"], y, idler["z"], idler["transverse_inertia"]
+        for x in roller["x"]:
+            yield roller["mass"], x, y, roller["z"], roller["transverse_inertia"]
         for x in wheel["x"]:
             yield wheel["mass"], x, y, wheel["z"], wheel["transverse_inertia"]
             yield arm["mass"], x + 0.5 * arm["pivot"][0], y, wheel["z"] + 0.5 * arm["pivot"][1], arm["pin_inertia"]

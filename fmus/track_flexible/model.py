@@ -39,7 +39,8 @@ from fmus.track_choices import (
 from fmus.track_closure import PIN, SPRING, closure_ports
 from fmus.track_flexible import parameters
 
-REST_RESIDUAL = 1e-3  # residual of static equilibrium, N
+REST_RESIDUAL = 1e-3  # residual of static equilibrium, N, or if that is less:
+REST_ACCELERATION = 1e-4  # that residual over the mass of a link, m/s2
 LAST_PSEUDO_STEP = 10.0  # last pseudo step of a chain between pins, s: its slowest modes come to rest too
 SHEAR = 5.0 / 6.0  # correction of a beam's shear stiffness, rectangular section
 ELEMENTS = {"cable": NODE, "planar": PLANAR_NODE, "beam": BEAM_NODE}  # number of coordinates of a pin
@@ -340,7 +341,8 @@ class Model(TrackModel):
 
     def _rest_tolerance(self) -> float:
         """Largest residual of static equilibrium, N."""
-        return max(REST_RESIDUAL, self._rounding())
+        light = REST_ACCELERATION * float(self.vehicle["track"]["mass"])
+        return max(min(REST_RESIDUAL, light), self._rounding())
 
     def settle_pins(self, pins: Floats) -> None:
         """Set the state to straight links at rest between the ``pins`` (nodes, 2), m."""

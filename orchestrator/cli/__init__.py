@@ -26,7 +26,7 @@ from orchestrator.cli.moved import bench
 from orchestrator.cli.report_commands import report
 from orchestrator.cli.result_commands import compare, replay
 from orchestrator.cli.run_commands import resume, run, truth
-from orchestrator.cli.scene_commands import build, scenes, show, ssp, warm
+from orchestrator.cli.scene_commands import build, scenes, show, ssp, vehicles, warm
 from orchestrator.cli.study_commands import study
 from orchestrator.cli.sweep_commands import sweep
 from orchestrator.cli.view_commands import view
@@ -42,6 +42,7 @@ app = typer.Typer(
 app.add_typer(log_commands.app, name="log")
 for command in (
     scenes,
+    vehicles,
     keys,
     schema,
     new,

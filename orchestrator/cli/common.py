@@ -38,6 +38,15 @@ Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="a dotted key of the resolved scene, repeatable"),
 ]
+VehicleOption = Annotated[
+    str | None,
+    typer.Option("--vehicle", metavar="VEHICLE", help="a packaged vehicle or a TOML file, instead of the scene's"),
+]
+
+
+def with_vehicle(vehicle: str | None, settings: list[str] | None) -> list[str]:
+    """Return the settings with the vehicle first."""
+    return [*([f"vehicle={vehicle}"] if vehicle is not None else ()), *(settings or ())]
 
 
 def beside(log: Path, ending: str) -> Path:

@@ -87,7 +87,8 @@ def _size(scene: Scene, part: Part) -> str:
     arms = len(vehicle["road_wheel"]["x"])
     sides = len(part.config["chassis"]["sides"])
     mirrored = ", their mirror images" if sides == 1 else ""
-    return f"1 hull, {arms * sides} arms with wheels, {sides} idlers, {sides} mounts{mirrored}"
+    rollers = f"{len(roller['x']) * sides} return rollers, " if (roller := vehicle["return_roller"]) else ""
+    return f"1 hull, {arms * sides} arms with wheels, {sides} idlers, {rollers}{sides} mounts{mirrored}"
 
 
 def _absent_parts(scene: Scene, assembly: Assembly) -> list[str]:

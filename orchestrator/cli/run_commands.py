@@ -15,12 +15,14 @@ from orchestrator.cli.common import (
     SceneName,
     Settings,
     TrackOption,
+    VehicleOption,
     beside,
     exit_with,
     log_warning,
     message_and_status,
     narration,
     print_message,
+    with_vehicle,
 )
 
 
@@ -28,6 +30,7 @@ def run(
     scene: SceneName,
     track: TrackOption = None,
     settings: Settings = None,
+    vehicle: VehicleOption = None,
     stop: Annotated[str | None, typer.Option("--stop", metavar="T", help="end, '2 s' or a number")] = None,
     step: Annotated[
         str | None, typer.Option("--step", metavar="H", help="communication step, '1 ms' or a number")
@@ -66,7 +69,7 @@ def run(
 
     result, status = summary.empty(scene, track), 2
     overrides = (("stop", stop), ("step", step), ("coupling", coupling))
-    changes = [*(settings or ()), *(f"run.{k}={v}" for k, v in overrides if v is not None)]
+    changes = [*with_vehicle(vehicle, settings), *(f"run.{k}={v}" for k, v in overrides if v is not None)]
     try:
         changes += [replacing_fmu(text) for text in replaced or ()]
         resolved = load_runnable(scene, track, changes)
@@ -135,6 +138,7 @@ def truth(
     scene: SceneName,
     track: TrackOption = None,
     settings: Settings = None,
+    vehicle: VehicleOption = None,
     stop: Annotated[str | None, typer.Option("--stop", metavar="T", help="end, '2 s' or a number")] = None,
     against: Annotated[
         Path | None, typer.Option("--against", metavar="LOG", help="print the error of this run of the scene")
@@ -153,7 +157,7 @@ def truth(
     from orchestrator.scene.same_scene import require_same_scene
     from orchestrator.scene.scene import load
 
-    changes = [*(settings or ()), *([f"run.stop={stop}"] if stop is not None else ())]
+    changes = [*with_vehicle(vehicle, settings), *([f"run.stop={stop}"] if stop is not None else ())]
     resolved = load(scene, track, changes)
     if against:
         with Log(against) as log:

@@ -10,11 +10,7 @@ import typer
 
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
-from orchestrator.cli.common import SceneName, Settings, TrackOption
-
-VehicleOption = Annotated[
-    str | None, typer.Option("--vehicle", metavar="FILE", help="vehicle file, instead of the scene's")
-]
+from orchestrator.cli.common import SceneName, Settings, TrackOption, VehicleOption, with_vehicle
 
 
 def scenes() -> None:
@@ -25,12 +21,23 @@ def scenes() -> None:
         print(f"{name:16} {gallery.read(name)[1]['title']}")
 
 
-def show(scene: SceneName, track: TrackOption = None, settings: Settings = None) -> None:
+def vehicles() -> None:
+    """List the packaged vehicles."""
+    from fmus.vehicle import names, read_table, vehicle
+
+    for name in names():
+        table = vehicle(*read_table(name))
+        links = " and ".join(map(str, dict.fromkeys(table.of_side(side).track.links for side in ("left", "right"))))
+        size = f"{table.total_mass():6.0f} kg, {links} links, {len(table.road_wheel.x)} road wheels a side"
+        print(f"{name:10} {size}: {table.title}")
+
+
+def show(scene: SceneName, track: TrackOption = None, settings: Settings = None, vehicle: VehicleOption = None) -> None:
     """Print the parts of a scene with their sizes, and the parts that are left out."""
     from orchestrator.cli.inventory import lines
     from orchestrator.scene.scene import load
 
-    for line in lines(load(scene, track, settings or ())):
+    for line in lines(load(scene, track, with_vehicle(vehicle, settings))):
         print(line)
 
 
@@ -57,7 +64,7 @@ def build(
         raise BadInput("give a scene or --all, not both")
     if windows and not native:
         raise BadInput("--windows needs --native: Python FMUs run on every system that has Python")
-    changes = _with_vehicle(vehicle, settings)
+    changes = with_vehicle(vehicle, settings)
     models = [track] if track else list(TRACKS)
     if everything:
         requested = products.gallery_products(models, changes)
@@ -86,13 +93,8 @@ def ssp(
 
     if output.suffix != ".ssp":
         raise BadInput(f"{output}: the name of the archive must end in .ssp")
-    write_ssp(load(scene, track, _with_vehicle(vehicle, settings)), output, native=not python)
+    write_ssp(load(scene, track, with_vehicle(vehicle, settings)), output, native=not python)
     print(output)
-
-
-def _with_vehicle(vehicle: str | None, settings: Settings) -> list[str]:
-    """Settings with the vehicle file first."""
-    return [*([f"vehicle={vehicle}"] if vehicle else ()), *(settings or ())]
 
 
 def warm(

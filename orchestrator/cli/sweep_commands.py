@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from orchestrator.cli.common import SceneName, Settings, TrackOption
+from orchestrator.cli.common import SceneName, Settings, TrackOption, VehicleOption, with_vehicle
 from orchestrator.cli.study_commands import Scheduler, conduct
 
 
@@ -22,6 +22,7 @@ def sweep(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="folder for tables and picture")],
     track: TrackOption = None,
     settings: Settings = None,
+    vehicle: VehicleOption = None,
     sample: Annotated[
         int | None, typer.Option("--sample", metavar="N", help="points of a Latin hypercube over the ranges a:b")
     ] = None,
@@ -43,5 +44,5 @@ def sweep(
     from orchestrator.studies.variations import Design
 
     design = Design.of(vary, sample, seed)
-    planned = plan(design, scene, output, track, settings or (), native, estimate, keep_logs)
+    planned = plan(design, scene, output, track, with_vehicle(vehicle, settings), native, estimate, keep_logs)
     conduct("sweep", planned, planned.cases, output, workers, scheduler)

@@ -252,7 +252,4 @@ def _turning(run: RunData, averaged: Window, joined: bool) -> dict[str, Callable
 
 def weight(scene: VehicleScene) -> float:
     """Compute the weight of all bodies of a vehicle scene, N."""
-    v = scene.vehicle
-    wheels = len(v.road_wheel.x) * (v.road_wheel.mass + v.road_arm.mass)
-    side = v.sprocket.mass + v.idler.mass + wheels
-    return v.gravity * (v.chassis.mass + 2.0 * side + len(scene.tracks) * v.track.links * v.track.mass)
+    return scene.vehicle.gravity * scene.vehicle.total_mass(scene.tracks)

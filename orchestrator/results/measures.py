@@ -9,9 +9,21 @@ from collections.abc import Callable
 
 import numpy as np
 
+from fmus.sides import of_side
 from orchestrator.results import turning
 from orchestrator.results.energy import drift, ledger, ports
-from orchestrator.results.run_data import BLOCK, EVER, Floats, Links, RunData, Window, mean, pitch_radius, vectors
+from orchestrator.results.run_data import (
+    BLOCK,
+    EVER,
+    Floats,
+    Links,
+    RunData,
+    Window,
+    mean,
+    pitch_radius,
+    sprocket_end,
+    vectors,
+)
 
 Measure = Callable[[RunData, str, Window], float]
 
@@ -101,11 +113,12 @@ def behind_free_fall(run: RunData, of: str, window: Window) -> float:
 
 
 def pins_passed(run: RunData, of: str, window: Window) -> float:
-    """Pins that pass the front of the sprocket, forward positive, counted with the fraction of a pitch."""
-    links = run.links(_track(run, of), window)
-    angle = np.arctan2(links.up, links.forward)
-    radius = np.hypot(links.up, links.forward)
-    near = (links.forward > 0) & (radius < 1.5 * pitch_radius(run.scene["vehicle"]))
+    """Pins that pass the outer end of the sprocket, forward positive, counted with the fraction of a pitch."""
+    links, end = run.links(_track(run, of), window), sprocket_end(run.scene)
+    outwards = end * links.forward
+    angle = np.arctan2(links.up, outwards)
+    radius = np.hypot(links.up, outwards)
+    near = (outwards > 0) & (radius < 1.5 * pitch_radius(run.scene["vehicle"]))
     above = np.where(near & (angle >= 0), angle, np.inf).argmin(axis=1)  # next pin
     below = np.where(near & (angle < 0), angle, -np.inf).argmax(axis=1)  # last pin
     rows = np.arange(len(above))
@@ -114,7 +127,7 @@ def pins_passed(run: RunData, of: str, window: Window) -> float:
     towards = np.where((below - above) % pins == 1, 1.0, -1.0)  # links numbered along or against forward motion
     place = above + towards * a / (a - b)
     path = np.unwrap(place, period=pins)
-    return float(-towards[0] * (path[-1] - path[0]))
+    return float(-end * towards[0] * (path[-1] - path[0]))
 
 
 def pins_per_revolution(run: RunData, of: str, window: Window) -> float:
@@ -238,12 +251,12 @@ def tension_top(run: RunData, of: str, window: Window) -> float:
 
 
 def tension_rear(run: RunData, of: str, window: Window) -> float:
-    """Mean tension between the last road wheel and the idler, N."""
+    """Mean tension between the last road wheel and the wheel behind it, N: with the sprocket in front, the idler."""
     return _run_tension(run, of, window, "rear")
 
 
 def tension_front(run: RunData, of: str, window: Window) -> float:
-    """Mean tension between the first road wheel and the sprocket, N."""
+    """Mean tension between the first road wheel and the wheel ahead of it, N: the sprocket, or the idler."""
     return _run_tension(run, of, window, "front")
 
 
@@ -293,15 +306,15 @@ def energy_drift(run: RunData, of: str, window: Window) -> float:
 
 
 def _run_tension(run: RunData, of: str, window: Window, where: str) -> float:
-    vehicle = run.scene["vehicle"]
-    first, last, idler = vehicle["road_wheel"]["x"][0], vehicle["road_wheel"]["x"][-1], vehicle["idler"]["x"]
-    middle, reach = {
-        "top": (idler / 2, -idler / 2 - 2 * RUN_REACH),
-        "rear": ((last + idler) / 2, RUN_REACH),
-        "front": (first / 2, RUN_REACH),
-    }[where]
     means = []
     for track in (_track(run, of),) if of else run.tracks:
+        vehicle = of_side(run.scene["vehicle"], track.removesuffix("_track"))
+        first, last, idler = vehicle["road_wheel"]["x"][0], vehicle["road_wheel"]["x"][-1], vehicle["idler"]["x"]
+        middle, reach = {
+            "top": (idler / 2, abs(idler) / 2 - 2 * RUN_REACH),
+            "rear": ((last + min(idler, 0.0)) / 2, RUN_REACH),
+            "front": ((first + max(idler, 0.0)) / 2, RUN_REACH),
+        }[where]
         links = run.links(track, window)
         forward, up = _middles(links)
         split = vehicle["road_wheel"]["z"] if where == "top" else -0.1

@@ -262,6 +262,11 @@ def _average(t: Floats, values: Floats, mask: Mask, axis: int | None) -> Any:
     return np.average(np.where(mask, values, 0.0), axis, np.broadcast_to(durations * mask, values.shape))
 
 
+def sprocket_end(scene: Mapping[str, Any]) -> float:
+    """Return -1 for the scene of a vehicle with its sprocket at the rear, and 1 for others."""
+    return -1.0 if scene.get("assembly") == "vehicle" and scene["vehicle"]["idler"]["x"] > 0.0 else 1.0
+
+
 def pitch_radius(vehicle: Mapping[str, Any]) -> float:
     """Pitch radius of the pins on the sprocket of a vehicle table, m."""
     return float(vehicle["track"]["pitch"] / (2 * np.sin(np.pi / vehicle["sprocket"]["teeth"])))

@@ -168,10 +168,9 @@ def _rig(scene: RigScene) -> Assembly:
 
 
 def _vehicle(scene: VehicleScene) -> Assembly:
-    vehicle, config = scene.vehicle, vehicle_track_config(scene)
+    vehicle = scene.vehicle
     hull = chassis_config(scene)
     stands = stances(hull) if scene.start.equilibrium else {}
-    rollers = [wheel["name"] for wheel in config["track"]["wheels"] if wheel["kind"] == "rim"]
     wiring: list[Connection] = []
     tracks, drives = [], []
     if scene.drive.steering is not None:
@@ -179,6 +178,8 @@ def _vehicle(scene: VehicleScene) -> Assembly:
     sides = hull["chassis"]["sides"]
     for side in (side for side in scene.tracks if side in sides):
         track, lateral = f"{side}_track", SIDES[side] * vehicle.track.lateral
+        config = vehicle_track_config(scene, side)
+        rims = [wheel["name"] for wheel in config["track"]["wheels"] if wheel["kind"] == "rim"]
         tracks.append(track_part(scene, track, standing_track_config(scene, config, side, stands), lateral))
         if scene.drive.steering is None:
             inertia = vehicle.sprocket.spin_inertia
@@ -186,8 +187,8 @@ def _vehicle(scene: VehicleScene) -> Assembly:
             drives.append(drive_part(scene, f"{side}_drive", scene.drive.of_side(side), inertia, mount, lateral))
         drive, connector = drive_of_side(scene, side)
         wiring += wheel_connections(track, "sprocket", drive, f"{connector}sprocket")
-        for roller in rollers:
-            wiring += wheel_connections(track, roller, "chassis", f"{side}.{roller}")
+        for rim in rims:
+            wiring += wheel_connections(track, rim, "chassis", f"{side}.{rim}")
         wiring += wheel_connections(drive, f"{connector}mount", "chassis", f"{side}.sprocket")
     chassis = Part("chassis", "Chassis", hull, start_parameters(scene), CHASSIS)
     if scene.driver is None:

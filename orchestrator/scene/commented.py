@@ -85,11 +85,9 @@ def _lines(whole: Table, keys: Sequence[Key]) -> Iterator[str]:
     inner = {table_of(key) for key in keys}
     solved = tuple(f"{key.key}." for key in keys if key.solved)
     for name, group in groupby(keys, table_of):
-        table = _inner(whole, name)
-        lines = [
-            _line(key, table) for key in group if _shown(key, table or {}, inner) and not key.key.startswith(solved)
-        ]
-        if name and (lines or table is not None):
+        table, own = _inner(whole, name), list(group)
+        lines = [_line(key, table) for key in own if _shown(key, table or {}, inner) and not key.key.startswith(solved)]
+        if name and (lines or table is not None or all(key.key in inner for key in own)):
             yield f"\n{'' if table is not None else '# '}[{name}]  # {about[name].meaning}"
         yield from lines if table is not None or f"{name}." not in OVERRIDES else ()
 

@@ -38,10 +38,17 @@ def hint(name: str, known: Collection[str], introduction: str) -> str:
 
 
 def read(scene: str) -> tuple[str, dict[str, Any]]:
-    """Name and raw table of a scene of the gallery or a TOML file; raises BadInput."""
+    """Name and raw table of a scene of the gallery or a TOML file; raises BadInput.
+
+    The path of a vehicle's file in it, relative to the scene's folder, becomes one from the working folder.
+    """
     path = Path(scene)
     if path.suffix == ".toml":
-        return path.stem, _read_file(path, "scene")
+        table = _read_file(path, "scene")
+        owner, key = (table["vehicle"], "base") if isinstance(table.get("vehicle"), dict) else (table, "vehicle")
+        if isinstance(owner.get(key), str) and Path(owner[key]).suffix == ".toml":
+            owner[key] = str(path.parent / owner[key])
+        return path.stem, table
     if path.suffix == ".ssp":
         raise BadInput(f"{path_text(path)}: cotrack run alone takes SSP archives")
     if scene in names():

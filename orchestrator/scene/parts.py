@@ -10,6 +10,7 @@ from fmus.link_outputs import INTERVAL
 from fmus.ports import motion_ports, wrench_ports
 from fmus.stance import Stance
 from fmus.track_choices import HHT, TRACKS
+from fmus.vehicle import ReturnRollerTable, RoadWheelTable
 from orchestrator.cosim.graph import Connection
 from orchestrator.scene.drive_tables import DriverTable, DriveTable
 from orchestrator.scene.fmu_table import FmuTable
@@ -130,16 +131,14 @@ def rig_track_config(scene: RigScene) -> dict[str, Any]:
     return track_config(scene, links=rig.links, closed=True, wheels=wheels, gravity=0.0, tension=rig.tension)
 
 
-def vehicle_track_config(scene: VehicleScene) -> dict[str, Any]:
-    """Config of the track of a vehicle, round its wheels as drawn."""
-    vehicle = scene.vehicle
+def vehicle_track_config(scene: VehicleScene, side: str) -> dict[str, Any]:
+    """Config of the track of a side of a vehicle, round its wheels as drawn."""
+    vehicle = scene.vehicle.of_side(side)
     wheels = [
         sprocket(),
-        *(
-            rim(f"road_wheel[{i}]", vehicle.road_wheel.radius, x, vehicle.road_wheel.z)
-            for i, x in enumerate(vehicle.road_wheel.x, 1)
-        ),
+        *_rims("road_wheel", vehicle.road_wheel),
         rim("idler", vehicle.idler.radius, vehicle.idler.x, vehicle.idler.z),
+        *_rims("return_roller", vehicle.return_roller),
     ]
     config = track_config(
         scene,
@@ -262,6 +261,13 @@ def sprocket() -> dict[str, Any]:
 def rim(name: str, radius: float, x: float, z: float) -> dict[str, Any]:
     """Smooth wheel in the config of a track, m."""
     return {"name": name, "kind": "rim", "radius": radius, "position": [x, z]}
+
+
+def _rims(name: str, wheels: RoadWheelTable | ReturnRollerTable | None) -> list[dict[str, Any]]:
+    """Smooth wheels of one kind, numbered from the front."""
+    if wheels is None:
+        return []
+    return [rim(f"{name}[{i}]", wheels.radius, x, wheels.z) for i, x in enumerate(wheels.x, 1)]
 
 
 def wheel_connections(giver: str, connector: str, taker: str, taker_connector: str) -> tuple[Connection, ...]:

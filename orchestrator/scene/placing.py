@@ -8,6 +8,7 @@ from typing import Any
 
 from fmus.equilibrium import FlexibleTrack, equilibrium
 from fmus.tensioning import tension_wheel
+from fmus.vehicle import RightIdlerTable, RightTensionerTable
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.parts import Parameters, Part, rig_track_config, vehicle_track_config
 from orchestrator.scene.scene import RigScene, Scene, VehicleScene
@@ -38,11 +39,20 @@ def _tensioned_scene(scene: VehicleScene) -> VehicleScene:
     if not scene.tracks:
         return scene
     vehicle = scene.vehicle
-    x, push = _idler_position(vehicle_track_config(scene), vehicle.track.tension, "vehicle.track")
+    x, push = _idler_position(vehicle_track_config(scene, "left"), vehicle.track.tension, "vehicle.track")
     idler = vehicle.idler.model_copy(update={"x": x})
     tensioner = vehicle.tensioner.model_copy(update={"preload": vehicle.tensioner.preload + push})
-    changes = {"push": push, "vehicle": vehicle.model_copy(update={"idler": idler, "tensioner": tensioner})}
-    return scene.model_copy(update=changes)
+    update: dict[str, Any] = {"idler": idler, "tensioner": tensioner}
+    if vehicle.right is not None:
+        right = vehicle.of_side("right")
+        x, right_push = right.idler.x, push  # without a track the tensioner lacks the push
+        if "right" in scene.tracks:
+            config = vehicle_track_config(scene, "right")
+            x, right_push = _idler_position(config, vehicle.track.tension, "vehicle.right.track")
+        preload = right.tensioner.preload + right_push
+        moved = {"idler": RightIdlerTable(x=x), "tensioner": RightTensionerTable(preload=preload)}
+        update["right"] = vehicle.right.model_copy(update=moved)
+    return scene.model_copy(update={"push": push, "vehicle": vehicle.model_copy(update=update)})
 
 
 def _scene_at_rest(scene: VehicleScene) -> VehicleScene:

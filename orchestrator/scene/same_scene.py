@@ -13,14 +13,18 @@ from orchestrator.scene.track_table import TrackModelTable
 
 # Keys of name, computation, recording and checks: runs that differ in these alone are runs of one scene.
 COMPUTED = (
-    "name", "title", "expect", "run", "planar", "symmetric", "vehicle.name", "vehicle.tensioner.travel",
+    "name", "title", "expect", "run", "planar", "symmetric",
+    "vehicle.name", "vehicle.title", "vehicle.tensioner.travel",
     *(f"track.{key}" for key in TrackModelTable.model_fields if key != "start"),
     "start.state", "start.equilibrium", "push",
 )  # fmt: skip
 
 
 # Results of the search for the static tension: their last digits differ between versions.
-SEARCHED = ("vehicle.idler.x", "vehicle.tensioner.preload", "rig.axle_distance")
+SEARCHED = (
+    *(f"vehicle.{side}{key}" for side in ("", "right.") for key in ("idler.x", "tensioner.preload")),
+    "rig.axle_distance",
+)
 
 
 TOLERANCE = 1e-5  # relative tolerance

@@ -194,6 +194,8 @@ class VehicleScene(Scene):
     def _check_and_complete(self) -> VehicleScene:
         if self.symmetric and len(self.tracks) == 1:
             raise ValueError("symmetric = true needs both tracks or none")
+        if self.symmetric and self.vehicle.right is not None:
+            raise ValueError("symmetric = true needs equal sides, but the vehicle has a table right")
         if self.ground.bump and self.start.heading_and_pitch() != (self.start.heading, self.start.pitch):
             raise ValueError("ground.bump needs start.roll = 0: rolled over, the vehicle's start looks the other way")
         if self.planar and not self.symmetric:
@@ -232,7 +234,7 @@ class VehicleScene(Scene):
 
     def with_axes(self) -> VehicleScene:
         """The scene with free axes, if none are given, for cables of a vehicle that may turn or roll."""
-        track, in_plane = self.track, not self.turns and len(self.tracks) != 1
+        track, in_plane = self.track, not self.turns and len(self.tracks) != 1 and self.vehicle.right is None
         if in_plane or track.axes is not None or track.choices().get("element") != "cable":
             return self
         return self.model_copy(update={"track": track.model_copy(update={"axes": "free"})})

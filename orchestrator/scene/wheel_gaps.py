@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import Any, NamedTuple
+
+from fmus.sides import of_side
 
 ROUNDING = 1e-9  # m
 
@@ -21,17 +23,27 @@ class _Wheel(NamedTuple):
 
 
 def overlapping_wheels(vehicle: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a sentence about the two wheels of a side that overlap most, of a whole vehicle table.
+    """Yield a sentence about the two wheels of each side that overlap most, of a whole vehicle table.
 
     Interleaved road wheels, in two planes, do overlap as seen from the side, so this is no mistake for certain.
     """
-    sprocket, idler, road = (vehicle[name] for name in ("sprocket", "idler", "road_wheel"))
-    wheels = [_Wheel("the sprocket's place", "vehicle.sprocket.outer_radius", 0.0, 0.0, sprocket["outer_radius"])]
-    wheels += [
-        _Wheel(f"vehicle.road_wheel.x.{k}", "vehicle.road_wheel.radius", x, road["z"], road["radius"])
-        for k, x in enumerate(road["x"])
-    ]
-    wheels.append(_Wheel("vehicle.idler.x", "vehicle.idler.radius", idler["x"], idler["z"], idler["radius"]))
+    yield from _overlap(list(_wheels(vehicle, "vehicle.")))
+    if vehicle.get("right"):
+        yield from _overlap(list(_wheels(of_side(vehicle, "right"), "vehicle.right.")))
+
+
+def _wheels(table: Mapping[str, Any], above: str) -> Iterator[_Wheel]:
+    """Wheels of a side with this vehicle table; ``above``: prefix of the keys of their positions."""
+    sprocket, idler = table["sprocket"], table["idler"]
+    yield _Wheel("the sprocket's place", "vehicle.sprocket.outer_radius", 0.0, 0.0, sprocket["outer_radius"])
+    for name in ("road_wheel", "return_roller"):
+        for k, x in enumerate((wheels := table.get(name) or {"x": ()})["x"]):
+            yield _Wheel(f"{above}{name}.x.{k}", f"vehicle.{name}.radius", x, wheels["z"], wheels["radius"])
+    yield _Wheel(f"{above}idler.x", "vehicle.idler.radius", idler["x"], idler["z"], idler["radius"])
+
+
+def _overlap(wheels: Sequence[_Wheel]) -> Iterator[str]:
+    """Yield a sentence about the two wheels that overlap most, if any do."""
     gap, (a, b) = min((_gap(a, b), (a, b)) for a, b in combinations(wheels, 2))
     if gap < -ROUNDING:
         needed = a.radius + b.radius

@@ -7,7 +7,8 @@ constraint forces, with inertia M, constraint rows G, forces f and the remaining
     [M  G^T] [    a   ]   [  f  ]
     [G   0 ] [-lambda ] = [gamma]
 
-Of the component it knows the layout of the state alone: ``ROOT`` and the order of the leaves (arms and idler by side).
+Of the component it knows the layout of the state alone: ``ROOT`` and the order of the leaves (arms, idler and
+return rollers by side).
 """
 
 from typing import NamedTuple
@@ -110,7 +111,7 @@ class Assembly(NamedTuple):
     bodies: Bodies
     constraints: Constraints
     units: list[int]  # bodies that the inputs' wrenches load, in the order of the inputs
-    leaves: list[tuple[int, int | None]]  # wheel and its arm; idlers have no arm
+    leaves: list[tuple[int, int | None]]  # wheel and its arm; the others have no arm
 
     def from_centre(self, point):
         """Vector from the centre of mass to a point of the drawing, in the chassis frame, m."""
@@ -200,9 +201,25 @@ def add_idler(assembly, lateral, leaf):
     assembly.constraints.same_rotation(CHASSIS, body, [a_x, a_z])
     assembly.constraints.same_distance(CHASSIS, body, r, [a_y, a_z])
     tensioner = assembly.table["tensioner"]
-    push = tensioner["preload"] + tensioner["stiffness"] * leaf.position + tensioner["damping"] * leaf.rate
-    assembly.bodies.load(body, frame.centre + r, -push * a_x)
-    assembly.bodies.load(CHASSIS, frame.centre + r, push * a_x)
+    away = np.sign(idler["x"]) * a_x  # from the sprocket
+    inwards = -np.sign(idler["x"])
+    push = tensioner["preload"] + inwards * (tensioner["stiffness"] * leaf.position + tensioner["damping"] * leaf.rate)
+    assembly.bodies.load(body, frame.centre + r, push * away)
+    assembly.bodies.load(CHASSIS, frame.centre + r, -push * away)
+    assembly.units.append(body)
+    assembly.leaves.append((body, None))
+
+
+def add_return_roller(assembly, lateral, roller_x, spin):
+    """Add a return roller, whose centre is fixed to the chassis; its wheel spins freely."""
+    frame, roller = assembly.frame, assembly.table["return_roller"]
+    a_x, _, a_z = frame.axes.T
+    r = frame.axes @ assembly.from_centre([roller_x, lateral, roller["z"]])
+    inertia = (roller["transverse_inertia"], roller["spin_inertia"], roller["transverse_inertia"])
+    place, omega = frame.centre + r, assembly.wheel_omega(spin)
+    body = assembly.bodies.add(roller["mass"], inertia, frame.axes, place, frame.velocity_at(r), omega)
+    assembly.constraints.same_point(CHASSIS, body, place)
+    assembly.constraints.same_rotation(CHASSIS, body, [a_x, a_z])
     assembly.units.append(body)
     assembly.leaves.append((body, None))
 
@@ -220,14 +237,17 @@ def add_sprocket(assembly, lateral):
 
 
 def add_side(assembly, lateral, leaves):
-    """Add road wheels on their arms, idler and sprocket of one side."""
-    *of_arms, of_idler = leaves
+    """Add road wheels on their arms, idler, return rollers and sprocket of one side."""
+    count = len(assembly.table["road_wheel"]["x"])
+    of_arms, of_idler, of_rollers = leaves[:count], leaves[count], leaves[count + 1 :]
     for wheel_x, leaf in zip(assembly.table["road_wheel"]["x"], of_arms, strict=True):
         arm = arm_motion(assembly, wheel_x, lateral, leaf)
         on = add_arm(assembly, arm)
         add_road_wheel(assembly, arm, on, leaf.spin)
         add_suspension(assembly, arm, on)
     add_idler(assembly, lateral, of_idler)
+    for roller_x, leaf in zip((assembly.table["return_roller"] or {"x": ()})["x"], of_rollers, strict=True):
+        add_return_roller(assembly, lateral, roller_x, leaf.spin)
     add_sprocket(assembly, lateral)
 
 
@@ -237,7 +257,7 @@ def assemble(table, x):
     frame, bodies = Frame(x[:3], A, x[7:10], A @ x[10:13]), Bodies(table["gravity"])
     assembly = Assembly(table, frame, bodies, Constraints(bodies), [], [])
     bodies.add(table["chassis"]["mass"], table["chassis"]["inertia"], A, frame.centre, frame.velocity, frame.omega)
-    half = len(table["road_wheel"]["x"]) + 1
+    half = len(table["road_wheel"]["x"]) + 1 + len((table["return_roller"] or {"x": ()})["x"])
     n = 2 * half
     leaves = [Leaf(*x[[ROOT + k, ROOT + 2 * n + k, ROOT + 3 * n + k]]) for k in range(n)]
     add_side(assembly, table["track"]["lateral"], leaves[:half])

@@ -10,7 +10,11 @@ from fmus.chassis.model import Model
 from fmus.vehicle import read_table, vehicle
 
 TABLE = vehicle(*read_table("m113")).model_dump()
-LEAVES = 12  # left arms, left idler, right arms, right idler
+ROLLERS = {
+    "mass": 90.0, "spin_inertia": 1.4, "transverse_inertia": 0.9, "radius": 0.118, "width": 0.3,
+    "x": (-0.9, -2.1, -3.0), "z": 0.09,
+}  # fmt: skip
+LEAVES = 12  # left arms, left idler, right arms, right idler: without return rollers
 
 
 class Probe:
@@ -53,11 +57,13 @@ class Probe:
 
 def stir(model, scale=1.0, seed=5):
     """Set a state with everything in motion: turned, moving, arms and idlers displaced, wheels spinning."""
-    rng, x, n = np.random.default_rng(seed), model.state, LEAVES
+    rng, x, n = np.random.default_rng(seed), model.state, len(model.tree.is_arm)
     x[:3] = rng.normal(size=3)
     x[3:7] = Rotation.from_rotvec(scale * rng.normal(size=3)).as_quat(scalar_first=True)
     x[7:13] = scale * rng.normal(size=6)
     x[ROOT : ROOT + n] = 0.05 * scale * rng.normal(size=n)
     x[ROOT + 2 * n : ROOT + 3 * n] = scale * rng.normal(size=n)
     x[ROOT + 3 * n : ROOT + 4 * n] = 20 * scale * rng.normal(size=n)
+    x[ROOT : ROOT + n].reshape(2, -1)[:, LEAVES // 2 :] = 0.0  # return rollers
+    x[ROOT + 2 * n : ROOT + 3 * n].reshape(2, -1)[:, LEAVES // 2 :] = 0.0
     return x

@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 from chassis_by_constraints import accelerations_by_constraints
-from chassis_probe import LEAVES, TABLE, Probe, stir
+from chassis_probe import LEAVES, ROLLERS, TABLE, Probe, stir
 from scipy.spatial.transform import Rotation
 
 from fmus.chassis.dynamics import ROOT, rates
@@ -101,6 +101,28 @@ def test_a_deep_static_deflection_by_hand():
     assert push * 1.02 * abs(cross2(end, line / length)) != pytest.approx(moment, rel=1e-2)
 
 
+def test_return_rollers_are_a_part_of_the_hull_that_spins():
+    """A roller moves with the hull to rounding, carries its load into it, and a torque spins it alone."""
+    probe = Probe({"gravity": 0.0, "return_roller": ROLLERS})
+    assert probe.model.tree.total_mass == pytest.approx(BODY_MASS + 6 * 90.0, abs=1e-9)
+    probe["left.return_roller[2].torque.y"] = 7.0
+    probe["left.return_roller[3].force.z"] = probe["right.return_roller[3].force.z"] = 2e4
+    probe.run(0.5)
+    assert probe["left.return_roller[2].angular_velocity"][1] == pytest.approx(7.0 * 0.5 / 1.4, rel=1e-12)
+    hull = Rotation.from_quat([probe[f"chassis.orientation.{part}"] for part in "wxyz"], scalar_first=True)
+    place = np.array([-3.0, 1.0795, 0.09]) - TABLE["chassis"]["centre"]
+    assert probe["left.return_roller[3].position"] == pytest.approx(
+        probe["chassis.position"] + hull.apply(place), abs=1e-14
+    )
+    assert probe["port.work"] == pytest.approx(probe.energy + probe["energy.dissipated"], rel=1e-7)
+    names = [port.name for port in probe.model.ports if "return_roller" in port.name]
+    assert len(names) == 6 * (13 + 6)
+    assert [name for name in probe.names if name.endswith("tensioner.force")] == [
+        "left.tensioner.force",
+        "right.tensioner.force",
+    ]
+
+
 def test_tensioner_pushes_rearward():
     heavy = {
         "chassis.mass": 1e12,
@@ -166,17 +188,20 @@ def test_precession_of_a_symmetric_gyrostat(spin):
 # --- an independent formulation ---
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_accelerations_agree_with_maximal_coordinates(seed):
-    table = copy.deepcopy(TABLE)
+@pytest.mark.parametrize(
+    ("seed", "rollers", "idler_x"), [(0, None, -4.0), (1, None, -4.0), (2, ROLLERS, -4.0), (3, ROLLERS, 0.9)]
+)
+def test_accelerations_agree_with_maximal_coordinates(seed, rollers, idler_x):
+    table = {**copy.deepcopy(TABLE), "return_roller": rollers}
+    table["idler"]["x"] = idler_x  # ahead of the sprocket the tensioner pushes forwards
     table["chassis"]["centre"] = (-2.006, 0.13, 0.406)  # an asymmetric vehicle: no error may cancel by symmetry
     table["suspension"]["preload"], table["tensioner"]["preload"] = 4e3, 9e3
     model = Model({"vehicle": table, "chassis": {"sides": ["left", "right"]}})
     model.initialise({})
     x = stir(model, seed=seed)
-    u = 1e4 * np.random.default_rng(seed).normal(size=84)
+    u = 1e4 * np.random.default_rng(seed).normal(size=model.inputs)
     linear, angular, rate, spin = accelerations_by_constraints(table, x, u)
-    n = LEAVES
+    n = len(model.tree.is_arm)
 
     def agrees(numbers, tolerance):
         out = np.empty_like(x)
@@ -207,6 +232,22 @@ def test_accelerations_agree_with_maximal_coordinates(seed):
 
 
 # --- manners ---
+
+
+def test_the_default_step_resolves_a_light_idler_with_a_strong_damper():
+    """The default step follows the fastest spring-damper; with 1 ms this idler's damper makes energy."""
+    light = {"idler.mass": 35.76, "tensioner.damping": 1e5}
+
+    def residual(**parameters):
+        probe = Probe(light, **parameters)
+        probe["left.idler.force.x"] = 2e4
+        probe.run(0.05)
+        return abs(probe.energy + probe["energy.dissipated"] - probe["port.work"]) / probe["port.work"]
+
+    steps = [port.start for probe in (Probe(), Probe(light)) for port in probe.model.ports if port.name == "step"]
+    assert steps == [1e-3, pytest.approx(0.5 * 35.76 / 1e5)]
+    assert residual() < 1e-4
+    assert residual(step=1e-3) > 1e-2
 
 
 def test_cost_in_evaluations():

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from short_run import SHORT, last
 
+from fmus import vehicle as vehicles
 from orchestrator.cli import printed
 from orchestrator.execution import summary
 from orchestrator.execution.summary_text import lines
@@ -32,6 +33,21 @@ def test_scenes_lists_the_gallery(cotrack):
     status, out, _ = cotrack("scenes")
     assert status == 0
     assert [line.split()[0] for line in out.splitlines()] == gallery.names()
+
+
+def test_vehicles_lists_the_packaged_ones(cotrack):
+    status, out, _ = cotrack("vehicles")
+    assert status == 0
+    assert [line.split()[0] for line in out.splitlines()] == vehicles.names()
+    assert "m113        15892 kg, 64 links, 5 road wheels a side: tracked carrier" in out  # 155,896 N of weight
+
+
+def test_every_command_with_scenes_takes_a_vehicle(cotrack):
+    """A file that is missing is refused by its name, so each command reads the vehicle that it is given."""
+    options = {"build": ("-o", "built"), "ssp": ("-o", "own.ssp"), "sweep": ("--vary", "run.stop=1,2", "-o", "swept")}
+    for command in ("run", "truth", "show", "build", "ssp", "sweep"):
+        status, _, err = cotrack(command, "straight", "--vehicle", "none.toml", *options.get(command, ()))
+        assert (status, err) == (2, "cotrack: no vehicle file 'none.toml'\n"), command
 
 
 def test_show(cotrack):

@@ -17,6 +17,7 @@ from orchestrator.scene.placing import placed
 from orchestrator.scene.same_scene import require_same_scene
 from orchestrator.scene.scene import Scene, from_table, load
 from orchestrator.scene.settings import keys
+from orchestrator.scene.toml_text import toml_text
 
 BARE = """
 title = "a chain"
@@ -93,6 +94,26 @@ def test_vehicle_over_a_base(tmp_path):
     scene = load(str(file))
     assert scene.vehicle.chassis.mass == pytest.approx(6000.0)
     assert scene.vehicle.chassis.inertia == load("straight").vehicle.chassis.inertia
+
+
+@pytest.mark.parametrize("named", ['vehicle = "{}"', '[vehicle]\nbase = "{}"'])
+def test_a_vehicle_is_found_from_the_folder_of_its_scene(named, tmp_path, monkeypatch):
+    """Files that a scene names are found from its folder, those that a setting names from the working folder."""
+    (tmp_path / "far").mkdir()
+    m113 = gallery.read_vehicle("m113")
+    for folder, mass in ((tmp_path, 1000.0), (tmp_path / "far", 2000.0)):
+        own = {**m113, "name": "own", "chassis": {**m113["chassis"], "mass": mass}}
+        (folder / "own.toml").write_text("\n".join(f"{key} = {toml_text(value)}" for key, value in own.items()))
+    monkeypatch.chdir(tmp_path)
+    above, below = ("", named) if "[" in named else (named, "")
+    file = tmp_path / "far" / "scene.toml"
+    for name, mass in (("own.toml", 2000.0), ("../own.toml", 1000.0), (f"{tmp_path}/own.toml", 1000.0)):
+        file.write_text(BARE.format(vehicle=above.format(name)) + below.format(name))
+        assert load("far/scene.toml").vehicle.chassis.mass == mass, name
+        assert load("far/scene.toml", None, ["vehicle=own.toml"]).vehicle.chassis.mass == 1000.0
+    file.write_text(BARE.format(vehicle=above.format("none.toml")) + below.format("none.toml"))
+    with pytest.raises(BadInput, match=r"no vehicle file 'far/none\.toml'"):
+        load("far/scene.toml")
 
 
 @pytest.mark.parametrize(

@@ -88,7 +88,7 @@ ANALYSES = {
         all_tracks=True,
     ),
     "wheel-loads": Analysis("of road wheels, and how long they are lifted off"),
-    "patches": Analysis("contact patches of road wheels and idlers on links"),
+    "patches": Analysis("contact patches of smooth wheels on links"),
     "contact": Analysis("pressure under links", (TRACK,)),
     "slip": Analysis("and thrust of tracks", full_series=True),
     "joints": Analysis("extremes of joint forces, where and when", (TRACK,), all_tracks=True),

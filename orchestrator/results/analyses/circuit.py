@@ -3,7 +3,7 @@
 The zero is fixed in the hull: the middle of the wrap on the sprocket, where the chain crosses the line from the
 middle of the circuit through the sprocket axle (without a sprocket: the line ahead of the middle). Places grow with
 the numbers of links: from a sprocket in front down to the ground, rearwards along it, and forwards along the upper
-run.
+run; from one at the rear forwards along the upper run first.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, link_records
-from orchestrator.results.run_data import EVER, Missing, RunData, Window, pitch_radius
+from orchestrator.results.run_data import EVER, Missing, RunData, Window, pitch_radius, sprocket_end
 
 NEAR = 0.06  # m: distance outside of a wheel's pitch circle within which the middle of a link lies on the wheel
 
@@ -100,15 +100,16 @@ def places(pins: Floats, ray: Floats) -> tuple[Floats, Floats, Floats]:
 def stretches(scene: dict[str, Any], place: Floats, middle: Floats) -> list[Stretch]:
     """Parts of the circuit by the scene's sprocket and idler; none without them.
 
-    ``middle`` (links, 2) m: centres of the links ahead of and above the sprocket's axle. The idler touches the rearmost
-    link. A part of a single link is left out.
+    ``middle`` (links, 2) m: centres of the links ahead of and above the sprocket's axle. The idler touches the link
+    farthest from the sprocket's end. A part of a single link is left out.
     """
     try:
         vehicle = scene["vehicle"]
         round_sprocket = np.linalg.norm(middle, axis=1) < pitch_radius(vehicle) + NEAR
-        rear = middle[:, 0].argmin()
+        end = sprocket_end(scene)
+        farthest = (end * middle[:, 0]).argmin()
         radius = float(vehicle["idler"]["radius"]) + float(vehicle["track"]["face"])
-        idler = middle[rear] + [radius, 0.0]
+        idler = middle[farthest] + [end * radius, 0.0]
         round_idler = np.linalg.norm(middle - idler, axis=1) < radius + NEAR
         level = 0.5 * (middle[:, 1].max() + middle[:, 1].min())
     except (LookupError, TypeError, ValueError):

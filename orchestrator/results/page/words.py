@@ -42,7 +42,7 @@ def side(name: str) -> str:
 
 def wheel_name(name: str) -> str:
     """Name of a wheel in words, "wheel 2" for "road_wheel[2]", not escaped."""
-    return name.replace("road_wheel[", "wheel ").replace("]", "").replace("_", " ")
+    return name.replace("road_wheel[", "wheel ").replace("[", " ").replace("]", "").replace("_", " ")
 
 
 def wheel(name: str) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fmus.sides import of_side
 from orchestrator.results.analyses import hull
 from orchestrator.results.rotation import body_axis
 from orchestrator.results.run_data import Missing, RunData
@@ -30,8 +31,9 @@ def find(piece: Piece) -> Iterator[Exceedance]:
         travel = hull.vehicle_number(run, "tensioner", "travel")
     except Missing:
         travel = TRAVEL
-    drawn = run.scene.get("vehicle", {}).get("idler", {}).get("x", np.nan)
     for name in _idlers(run):
+        vehicle = of_side(run.scene.get("vehicle", {}), name.split(".")[1])
+        drawn = vehicle.get("idler", {}).get("x", np.nan)
         t, place = piece.vector(name)
         ahead = body_axis(piece.vector(HULL, "wxyz")[1], 0)
         x = np.einsum("mi,mi->m", place - piece.vector("chassis.chassis.position")[1], ahead)

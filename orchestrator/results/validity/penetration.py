@@ -69,7 +69,8 @@ def wheels(run: RunData, track: str) -> list[str]:
     """Names of a track's wheels with rims."""
     topic = run.log.topics.get(f"/{track}/in")
     names = [name.removesuffix(".position.x") for name in topic.names] if topic else []
-    return [name for name in dict.fromkeys(names) if name == "idler" or (name[-1] == "]" and "road_wheel[" in name)]
+    rims = "idler", "road_wheel[", "return_roller["
+    return [name for name in dict.fromkeys(names) if name.startswith(rims) and "." not in name]
 
 
 def _distance(pins: Floats) -> float:

@@ -25,7 +25,7 @@ from orchestrator.results.views.pose_columns import PoseColumns, Slot, has_motio
 from orchestrator.results.views.scene_table import drawn_scene
 from orchestrator.results.views.shapes import HullBody, TrackBody, WheelBody, hull_body, track_body, wheel_body
 
-WHEELS = ("sprocket", "road_wheel", "idler")
+WHEELS = ("sprocket", "road_wheel", "idler", "return_roller")
 AXIS, GROUND = "joint[*].axis", LINK_COLOURS["ground"].signal
 EVERY = 1e9  # instants a second, more than any log has
 BLOCK = 100  # instants in memory at once

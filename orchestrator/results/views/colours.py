@@ -12,7 +12,7 @@ from orchestrator.log.time_series import Floats
 Scale = tuple[float, float]  # least and largest value
 MAP = "viridis"
 STEEL = (150, 155, 160)
-WHEEL = {"sprocket": (120, 120, 125), "road_wheel": (90, 95, 100), "idler": (90, 95, 100)}
+WHEEL = {"sprocket": (120, 120, 125), **dict.fromkeys(("road_wheel", "idler", "return_roller"), (90, 95, 100))}
 PART = {"pad": (58, 58, 60), "horn": STEEL}  # of links; bodies show a signal
 SPOKE = (225, 225, 225)
 HULL, HULL_EDGE = (70, 95, 70), (40, 56, 40)

@@ -44,14 +44,14 @@ class DrawnSprocket(BaseModel):
     pin_radius: Size
 
 
-class DrawnIdler(BaseModel):
-    """Place and radius of the idler, m."""
+class DrawnRim(BaseModel):
+    """Dimensions of smooth wheels, m."""
 
     radius: Size
     width: Size
 
 
-class DrawnRoadWheel(DrawnIdler):
+class DrawnRoadWheel(DrawnRim):
     """Dimensions of road wheels, m, and height of their axles over the origin of the vehicle."""
 
     z: Number
@@ -76,7 +76,8 @@ class DrawnVehicle(BaseModel):
     track: DrawnLinks
     sprocket: DrawnSprocket
     road_wheel: DrawnRoadWheel
-    idler: DrawnIdler
+    idler: DrawnRim
+    return_roller: DrawnRim | None = None
     chassis: DrawnHull | None = None
     guide: DrawnGuide | None = None
 

@@ -56,7 +56,7 @@ class WheelBody(NamedTuple):
     """Wheel of two discs, between which guide horns run, about its body y axis."""
 
     name: str  # left_track/road_wheel[1]
-    kind: str  # sprocket, road_wheel or idler
+    kind: str  # sprocket, road_wheel, idler or return_roller
     track: str  # instance of its track; "chassis" without one
     radius: float  # m; for a sprocket the radius of the pin seats
     width: float  # m

@@ -32,7 +32,8 @@ MOVES = 0.05  # of the largest speed: a faster vehicle counts as moving
 UPRIGHT = 0.7  # height over width beyond which panes are side by side
 MARGIN = 0.25  # m around the pins
 HIGH, NUMBER = 4.2, 0.6  # inches: height of a pane, and of the number under it
-SHADES = {"sprocket": ("0.85", "0.5"), "road_wheel": ("0.92", "0.6"), "idler": ("0.92", "0.6")}  # face and edge
+# Face and edge of wheels.
+SHADES = {"sprocket": ("0.85", "0.5"), **dict.fromkeys(("road_wheel", "idler", "return_roller"), ("0.92", "0.6"))}
 
 Extent = tuple[tuple[float, float], tuple[float, float]]  # limits ahead and up, m
 

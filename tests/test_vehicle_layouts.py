@@ -1,0 +1,182 @@
+"""Layouts of vehicles beside that of the m113: sprocket at the rear, return rollers, sides that differ."""
+
+import copy
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from vehicle_in_process import InProcess
+
+from fmus.vehicle import BadInput, read_table, vehicle
+from orchestrator.scene.placing import placed
+from orchestrator.scene.scene import load
+
+M113 = vehicle(*read_table("m113")).model_dump(mode="json", exclude_none=True)
+ROLLERS = {
+    "mass": 90.0, "spin_inertia": 1.4, "transverse_inertia": 0.9, "radius": 0.118, "width": 0.3,
+    "x": [-1.0, -2.0, -3.0], "z": 0.096,
+}  # fmt: skip
+STAGGERED = {"track": {"links": 65}, "road_wheel": {"x": [x + 0.085 for x in M113["road_wheel"]["x"]]},
+             "idler": {"x": -4.08}}  # fmt: skip
+
+
+def changed(**parts):
+    """Table of the m113 with other parts."""
+    return {**copy.deepcopy(M113), **parts}
+
+
+def mirrored(table):
+    """Table of a vehicle mirrored in the plane x = 0: its sprocket is at the other end."""
+    table = copy.deepcopy(table)
+    table["chassis"]["centre"][0] *= -1.0
+    table["chassis"]["hull"] = [[-x, y, z] for x, y, z in table["chassis"]["hull"]]
+    table["road_arm"]["pivot"][0] *= -1.0
+    for name in ("on_arm", "on_chassis"):
+        table["suspension"][name][0] *= -1.0
+    table["idler"]["x"] *= -1.0
+    for name in ("road_wheel", "return_roller"):
+        if name in table:
+            table[name]["x"] = [-x for x in table[name]["x"]]
+    return table
+
+
+def at_rest(table, *settings):
+    """Scene `straight` with this vehicle, which rests for two seconds."""
+    return placed(load("straight", "rigid", {"vehicle": table, "track.link_outputs": False, **dict(settings)}))
+
+
+def unbalanced(running, table):
+    """Force, N, and moment about the world's origin, N m, of a chassis under the wrenches of its tracks, by hand."""
+    chassis, g = running["chassis"], table.gravity
+
+    def vector(member, name):
+        return np.array([running[member][f"{name}.{axis}"] for axis in "xyz"])
+
+    force, moment = np.zeros(3), np.zeros(3)
+
+    def add(place, f, torque=0.0):
+        nonlocal force, moment
+        force, moment = force + f, moment + np.cross(place, f) + torque
+
+    def weigh(mass, place):
+        add(place, np.array([0.0, 0.0, -mass * g]))
+
+    hull = Rotation.from_quat([chassis[f"chassis.orientation.{part}"] for part in "wxyz"], scalar_first=True)
+    centre = vector("chassis", "chassis.position")
+    weigh(table.chassis.mass, centre)
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        of_side, track = table.of_side(side), f"{side}_track"
+        weigh(table.sprocket.mass, vector("chassis", f"{side}.sprocket.position"))
+        weigh(table.idler.mass, vector("chassis", f"{side}.idler.position"))
+        for i in range(len(table.return_roller.x) if table.return_roller else 0):
+            weigh(table.return_roller.mass, vector("chassis", f"{side}.return_roller[{i + 1}].position"))
+        for i, x in enumerate(of_side.road_wheel.x, 1):
+            wheel = vector("chassis", f"{side}.road_wheel[{i}].position")
+            drawn = np.array([x, sign * table.track.lateral, table.road_wheel.z]) - table.chassis.centre
+            px, pz = table.road_arm.pivot
+            pin = centre + hull.apply(drawn + np.array([px, 0.0, pz]))
+            weigh(table.road_wheel.mass, wheel)
+            weigh(table.road_arm.mass, 0.5 * (wheel + pin))
+        wheels = [name.removesuffix(".force.x") for name in running[track].outputs if name.endswith(".force.x")]
+        for name in (name for name in wheels if name != "ground"):
+            place = vector("chassis", f"{side}.{name}.position")
+            add(place, vector(track, f"{name}.force"), vector(track, f"{name}.torque"))
+    return force, moment
+
+
+def pull_on_idler(running, table, side):
+    """Horizontal force of the chain on the idler, N, from the pin forces where its strands leave the idler."""
+    track, end = running[f"{side}_track"], np.sign(table.idler.x)
+    values = dict(zip(track.links, track.link_outputs(), strict=True))
+    pins = np.array([[values[f"joint[{i + 1}].position.{axis}"] for axis in "xz"] for i in range(table.track.links)])
+    beyond = end * (pins[:, 0] - running["chassis"][f"{side}.idler.position.x"]) > -0.5 * table.idler.radius
+    cut = np.flatnonzero(beyond != np.roll(beyond, 1))  # pins between a link of the wrap and one of a strand
+    assert len(cut) == 2
+    return sum(abs(values[f"joint[{i + 1}].force.x"]) for i in cut)
+
+
+TABLES = {
+    "m113": M113,
+    "rollers": changed(return_roller=ROLLERS),
+    "staggered": changed(return_roller=ROLLERS, right=STAGGERED),
+    **{name: vehicle(*read_table(name)).model_dump(mode="json", exclude_none=True) for name in ("marder", "robot")},
+}
+
+
+@pytest.mark.parametrize("name", [*TABLES])
+def test_a_vehicle_starts_in_balance_by_hand(name):
+    """Weights of all bodies and wrenches of the tracks balance on the chassis, and tracks carry their own weight.
+
+    The push of each tensioner is the force of the two pins beside its idler, where the chain is cut.
+    """
+    known = vehicle(TABLES[name], name)
+    running = InProcess(at_rest(TABLES[name], ("track.link_outputs", ["position", "force"])))
+    force, moment = unbalanced(running, known)
+    weight = known.total_mass() * known.gravity
+    assert np.abs(force[[0, 2]]).max() < 1e-4 * weight
+    assert np.abs(moment[:2]).max() < 5e-4 * weight  # rigid links; the search has cables
+    for side in ("left", "right"):
+        pull = pull_on_idler(running, known.of_side(side), side)
+        assert abs(running[f"{side}_track"]["idler.force.x"]) == pytest.approx(pull, rel=1e-6)
+        assert running["chassis"][f"{side}.tensioner.force"] == pytest.approx(pull, rel=5e-3)
+    ground = sum(running[f"{side}_track"]["ground.force.z"] for side in ("left", "right"))
+    assert ground == pytest.approx(weight, rel=1e-4)
+
+
+def test_a_vehicle_with_its_sprocket_at_the_rear_is_a_mirror_image():
+    """The m113 mirrored in x has mirrored idlers and rests mirrored; driven backwards it moves as the m113 forwards."""
+    table = changed(return_roller=ROLLERS)
+    here, there = at_rest(table), at_rest(mirrored(table))
+    assert there.vehicle.idler.x == pytest.approx(-here.vehicle.idler.x, abs=1e-5)
+    assert there.push == pytest.approx(here.push, rel=1e-4)
+    a, b = here.start.equilibrium, there.start.equilibrium
+    assert b.height == pytest.approx(a.height, abs=1e-5)
+    assert b.pitch == pytest.approx(-a.pitch, abs=1e-5)
+    assert b.left[:5] == pytest.approx([-angle for angle in a.left[:5]], abs=1e-4)
+    assert b.left[5] == pytest.approx(-a.left[5], abs=1e-5)
+    driven = {"drive.ramp_start": 0.0, "drive.ramp_time": 0.6, "run.stop": 1.0}
+    forwards = InProcess(at_rest(table, *driven.items(), ("drive.speed", 6.0))).run(0.8)
+    backwards = InProcess(at_rest(mirrored(table), *driven.items(), ("drive.speed", -6.0))).run(0.8)
+    distance = forwards["chassis"]["distance"]
+    assert distance > 0.5
+    assert backwards["chassis"]["distance"] == pytest.approx(-distance, rel=2e-3)
+    assert backwards["chassis"]["left.tensioner.force"] == pytest.approx(
+        forwards["chassis"]["left.tensioner.force"], rel=0.03
+    )
+
+
+def test_equal_sides_by_two_ways():
+    """A table right that repeats the left side is solved as two sides, which come to rest as one half does."""
+    one = at_rest(changed())
+    two = at_rest(changed(right={"track": {"links": 64}}))
+    a, b = one.start.equilibrium, two.start.equilibrium
+    assert two.vehicle.right.idler.x == one.vehicle.idler.x
+    assert two.vehicle.right.tensioner.preload == two.vehicle.tensioner.preload
+    assert (b.height, *b.left, *b.right) == pytest.approx((a.height, *a.left, *a.right), abs=1e-7)
+    assert b.roll == pytest.approx(0.0, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("parts", "said"),
+    [
+        ({"right": {"road_wheel": {"x": [-1.0]}}}, "right.road_wheel.x: has 1 positions, must have 5"),
+        ({"right": {"return_roller": {"x": [-1.0]}}}, "right.return_roller.x: has 1 positions, must have 0"),
+        (
+            {"right": {"idler": {"x": 4.0}}},
+            "right.idler.x = 4.0 m: must be on the side of the sprocket that idler.x is on",
+        ),
+        ({"right": {"sprocket": {"teeth": 9}}}, "unknown key 'right.sprocket'"),
+        ({"return_roller": {**ROLLERS, "radius": -1.0}}, "return_roller.radius = -1.0"),
+        ({"return_roller": {"mass": 1.0}}, "key 'return_roller.spin_inertia' is missing"),
+    ],
+)
+def test_a_wrong_layout_is_a_sentence(parts, said):
+    with pytest.raises(BadInput) as caught:
+        vehicle(changed(**parts), "own.toml")
+    assert str(caught.value).startswith("own.toml: ")
+    assert said in str(caught.value)
+
+
+def test_sides_that_differ_are_not_symmetric():
+    with pytest.raises(BadInput, match=r"symmetric = true needs equal sides, but the vehicle has a table right"):
+        load("straight", "rigid", {"vehicle": changed(right=STAGGERED), "symmetric": True})
