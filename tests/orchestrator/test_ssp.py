@@ -1,6 +1,9 @@
 """SSP archives of scenes: valid, complete, and run by other tools."""
 
 import io
+import re
+import shutil
+import subprocess
 import sys
 import zipfile
 from pathlib import Path
@@ -15,11 +18,14 @@ from lxml import etree
 
 from fmus.vehicle import BadInput
 from orchestrator.cli import main
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 from orchestrator.scene.ssp import _page, write_ssp
 
+ROOT = Path(__file__).parents[2]
 SCHEMAS = Path(fmpy.ssp.__file__).parent / "schema"
 NAMESPACES = {name: f"http://ssp-standard.org/SSP1/SystemStructure{full}"
               for name, full in (("ssd", "Description"), ("ssc", "Common"), ("ssv", "ParameterValues"))}  # fmt: skip
@@ -109,6 +115,21 @@ def test_fmpy_runs_the_rig(rig):
     assert tension[-1] == pytest.approx(15000.0, rel=0.05)
 
 
+def script_of_page(tool):
+    """Script of fmus/tools.md for a tool."""
+    page = (ROOT / "fmus" / "tools.md").read_text(encoding="utf-8")
+    return re.search(rf"^## {tool}$.*?^```python\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)[1]
+
+
+def test_the_script_for_fmpy_runs(rig, tmp_path, monkeypatch, capsys):
+    shutil.copy(rig, tmp_path / "vehicle.ssp")
+    monkeypatch.chdir(tmp_path)
+    exec(compile(script_of_page("FMPy"), "tools.md", "exec"), {})
+    tension, time = re.fullmatch(r"track\.tension\.mean = (\d+) N at (\S+) s\n", capsys.readouterr().out).groups()
+    assert float(tension) == pytest.approx(15000, rel=0.05)
+    assert time == "0.100"
+
+
 def test_a_title_is_no_html():
     page = _page(load("rig", "rigid").model_copy(update={"title": "<script>A & B</script>"}), []).decode()
     assert "&lt;script&gt;A &amp; B&lt;/script&gt;" in page
@@ -126,16 +147,39 @@ def test_bad_files_are_refused_before_anything_is_built(monkeypatch, capsys, tmp
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.long
-def test_every_side_of_a_vehicle_has_its_place(tmp_path):
-    """A tool that ignores the parameter values of the archive drives the whole vehicle, not half of it."""
-    file = tmp_path / "turn.ssp"
+@pytest.fixture(scope="module")
+def vehicle(tmp_path_factory):
+    """Archive of a vehicle that turns, with rigid links and FMUs that run in Python."""
+    file = tmp_path_factory.mktemp("ssp") / "vehicle.ssp"
     write_ssp(load("turn", "rigid", ["run.stop=0.1 s"]), file, native=False)
-    assert len(read_ssd(str(file)).system.connections) == 304
-    rows = simulate_ssp(str(file), stop_time=0.05, step_size=1e-3)
+    return file
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("tool", "package"), [("libcosim", "libcosimpy"), ("Ecos", "ecospy")])
+def test_a_host_exchanges_as_jacobi_with_held_inputs(tool, package, vehicle, environment, tmp_path):
+    """The script of the page gives the numbers of the coupling that it names; needs the package of the tool."""
+    pytest.importorskip(package)
+    shutil.copy(vehicle, tmp_path)
+    script = script_of_page(tool).replace("(4000)", "(50)")
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    shown = [float(number) for number in re.findall(r"-?\d+\.\d+(?:e-?\d+)?", done.stdout.splitlines()[-1])]
+    settings = ["run.stop=0.05 s", "run.step=1 ms", 'run.coupling={scheme="jacobi", hold="constant"}']
+    simulate(load("turn", "rigid", settings), tmp_path / "jacobi.mcap")
+    with Log(tmp_path / "jacobi.mcap") as log:
+        ours = [log.signal(f"chassis.{name}")[1][-1] for name in ("chassis.position.x", "speed")]
+    assert shown == pytest.approx(ours, rel=1e-9)
+
+
+@pytest.mark.long
+def test_every_side_of_a_vehicle_has_its_place(vehicle):
+    """A tool that ignores the parameter values of the archive drives the whole vehicle, not half of it."""
+    assert len(read_ssd(str(vehicle)).system.connections) == 304
+    rows = simulate_ssp(str(vehicle), stop_time=0.05, step_size=1e-3)
     for side, lateral in (("left", 1.0795), ("right", -1.0795)):
         for part in ("track", "drive"):
-            with zipfile.ZipFile(file) as archive:
+            with zipfile.ZipFile(vehicle) as archive:
                 fmu = zipfile.ZipFile(io.BytesIO(archive.read(f"resources/{side}_{part}.fmu")))
             root = fromstring(fmu.read("modelDescription.xml"))
             assert float(root.find(".//ScalarVariable[@name='start.lateral']/Real").get("start")) == lateral
