@@ -3,6 +3,7 @@
 import json
 import re
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -378,9 +379,12 @@ def test_a_run_has_one_colour_scale_in_all_its_pictures(driven, tmp_path):
 
 
 def test_arrows_of_a_round_force_show_the_scale_of_others():
-    assert arrows.scale_arrow(0.999) == (0.5, "10 kN")
-    assert arrows.scale_arrow(1.0) == (1.0, "20 kN")
-    assert arrows.scale_arrow(0.045, 1e-3) == (pytest.approx(0.02), "0.02 kN")
+    assert arrows.scale_arrow(0.999, 20e3) == (0.5, "10 kN")
+    assert arrows.scale_arrow(1.0, 20e3) == (1.0, "20 kN")
+    assert arrows.scale_arrow(0.045, 1e3) == (pytest.approx(0.02), "0.02 kN")
+    for links, force in ((64, 20e3), (32, 5e3), (10, 500.0)):  # as the square of the length, rounded
+        scene = {"vehicle": {"track": {"pitch": 0.1524}}}
+        assert arrows.force_of_a_metre(SimpleNamespace(tracks=[SimpleNamespace(links=links)], scene=scene)) == force
     (drawn, short) = arrows.with_heads(np.array([[[0.0, 0.0], [2.0, 0.0]], [[0.0, 0.0], [0.0, 0.03]]]), 0.5)
     np.testing.assert_allclose(drawn[[0, 1, 3]], [[0, 0], [2, 0], [2, 0]], atol=1e-15)
     np.testing.assert_allclose(sorted(drawn[[2, 4]].tolist()), [[1.5, -0.25], [1.5, 0.25]], atol=1e-15)

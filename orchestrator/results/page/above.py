@@ -49,7 +49,7 @@ def above(run: RunData, t: Floats) -> dict[str, Any] | None:
         "arrows": shorts(force * LONGEST / largest, UNIT),
         "unit": UNIT,
         "largest": largest,
-        "scale": scale_arrow(LONGEST, LONGEST / largest)._asdict(),
+        "scale": scale_arrow(LONGEST, largest / LONGEST)._asdict(),
         "half": (bodies.tracks[0].half[:2]).tolist(),
         "reach": float(np.abs(feet).max()) + MARGIN,
     }

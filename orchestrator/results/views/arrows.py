@@ -1,4 +1,4 @@
-"""Ground forces as arrows, with one scale for all vehicles, so that views can be compared."""
+"""Ground forces as arrows, with one scale for all views of vehicles of one size, so that they can be compared."""
 
 from __future__ import annotations
 
@@ -11,22 +11,35 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.views.bodies import Bodies, LinkPoses
 from orchestrator.results.views.shapes import TrackBody
 
-METRES_PER_NEWTON = 5e-5  # m of arrow per newton: 20 kN are a metre
+LENGTH, FORCE = 9.8, 20e3  # of the m113: length of a chain, m; force of an arrow of a metre, N
 SHORTEST = 0.01  # m: shorter arrows are left out
 ROUND = (5.0, 2.0, 1.0)  # first digits of the force of a scale arrow
 BEHIND = 0.4  # m from the hull to the scale arrow
 ASIDE = 0.03  # m beyond the outer edge of a link: wheels and links would hide arrows
 
 
+def force_of_a_metre(bodies: Bodies) -> float:
+    """Force whose arrow is a metre long, N: as the square of the chain's length, with a first digit of ROUND."""
+    if not bodies.tracks:
+        return FORCE
+    length = bodies.tracks[0].links * bodies.scene["vehicle"]["track"]["pitch"]
+    return _round_below(1.2 * FORCE * (length / LENGTH) ** 2)
+
+
+def _round_below(force: float) -> float:
+    power = 10.0 ** np.floor(np.log10(force))
+    return float(power * next(digit for digit in ROUND if digit * power <= force * (1.0 + 1e-9)))
+
+
 def ground_arrows(
-    track: TrackBody, links: LinkPoses, rows: Any = slice(None)
+    bodies: Bodies, track: TrackBody, links: LinkPoses, rows: Any = slice(None)
 ) -> tuple[Floats, Floats, NDArray[np.int64]]:
     """Origins (n, 3) at the pads and vectors (n, 3), m, world; and the number of arrows of each instant."""
     assert links.ground is not None
     outer = (-1.0 if track.name.startswith("right") else 1.0) * (track.half[1] + ASIDE)
     axes = links.axes[rows]
     feet = links.centres[rows] + track.half[2] * axes[..., 2] + outer * axes[..., 1]
-    vectors = METRES_PER_NEWTON * links.ground[rows]
+    vectors = links.ground[rows] / force_of_a_metre(bodies)
     visible = np.linalg.norm(vectors, axis=-1) > SHORTEST
     return feet[visible], vectors[visible], visible.sum(axis=1)
 
@@ -38,7 +51,8 @@ def has_forces(bodies: Bodies) -> bool:
 
 def legend(bodies: Bodies) -> str:
     """Words on the arrows of a view in space, to follow others; empty without forces."""
-    return f"; arrows: forces of the ground, {1e-3 / METRES_PER_NEWTON:.3g} kN a metre" if has_forces(bodies) else ""
+    force = force_of_a_metre(bodies)
+    return f"; arrows: forces of the ground, {1e-3 * force:.3g} kN a metre" if has_forces(bodies) else ""
 
 
 class ScaleArrow(NamedTuple):
@@ -48,12 +62,10 @@ class ScaleArrow(NamedTuple):
     label: str  # force with its unit
 
 
-def scale_arrow(room: float, metres_per_newton: float = METRES_PER_NEWTON) -> ScaleArrow:
+def scale_arrow(room: float, force_of_metre: float) -> ScaleArrow:
     """Return the longest arrow of a round force that fits into ``room``, m."""
-    most = room / metres_per_newton
-    power = 10.0 ** np.floor(np.log10(most))
-    force = float(power * next(digit for digit in ROUND if digit * power <= most * (1.0 + 1e-9)))
-    return ScaleArrow(force * metres_per_newton, f"{force / 1e3:g} kN")
+    force = _round_below(room * force_of_metre)
+    return ScaleArrow(force / force_of_metre, f"{force / 1e3:g} kN")
 
 
 def scale_on_hull(bodies: Bodies) -> tuple[Floats, ScaleArrow] | None:
@@ -61,7 +73,7 @@ def scale_on_hull(bodies: Bodies) -> tuple[Floats, ScaleArrow] | None:
     if bodies.hull is None or not has_forces(bodies):
         return None
     low = bodies.hull.corners.min(axis=0)
-    return low - [BEHIND, 0.0, 0.0], scale_arrow(float(np.ptp(bodies.hull.corners[:, 2])))
+    return low - [BEHIND, 0.0, 0.0], scale_arrow(float(np.ptp(bodies.hull.corners[:, 2])), force_of_a_metre(bodies))
 
 
 def with_heads(arrows: Floats, size: float) -> Floats:

@@ -15,7 +15,7 @@ from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.views import colours
-from orchestrator.results.views.arrows import ground_arrows, has_forces, scale_arrow, with_heads
+from orchestrator.results.views.arrows import force_of_a_metre, ground_arrows, has_forces, scale_arrow, with_heads
 from orchestrator.results.views.bodies import EVERY, Bodies, Poses
 from orchestrator.results.views.files import check_name
 from orchestrator.results.views.projected import (
@@ -179,14 +179,10 @@ class FilmPicture:
         self._hidden, self._solid = (
             PolyCollection([], facecolors=[], edgecolors="0.2", linewidths=0.3) for _ in range(2)
         )
-        self._hidden_spokes, self._spokes = lines("0.95", 1.0), lines("0.95", 1.0)
         edge = colours.to_unit_range(colours.HULL_EDGE)
         self._hull = PolyCollection([], facecolors=[], edgecolors=edge, linewidths=1.0)
         self._forces = lines(colours.to_unit_range(colours.FORCE), 1.2)
-        self._artists = [
-            self._earth, self._metres, self._hidden, self._hidden_spokes, self._hull, self._solid, self._spokes,
-            self._forces,
-        ]  # fmt: skip
+        self._artists = [self._earth, self._metres, self._hidden, self._hull, self._solid, self._forces]
         if self._arrows:
             self._artists.append(self._add_scale_of_forces(lines(colours.to_unit_range(colours.FORCE), 1.6)))
         for collection in self._artists:
@@ -198,7 +194,8 @@ class FilmPicture:
     def _add_scale_of_forces(self, arrow: LineCollection) -> LineCollection:
         """Place the arrow that shows the scale of forces in the upper right corner, with its force under it."""
         (left, right), top = self._pane.get_xlim(), self._pane.get_ylim()[1]
-        scale, metre = scale_arrow(ARROW * (right - left)), (right - left) / self._pane.get_window_extent().width
+        scale = scale_arrow(ARROW * (right - left), force_of_a_metre(self._bodies))
+        metre = (right - left) / self._pane.get_window_extent().width
         end = np.array([right - 14 * metre, top - 14 * metre])
         arrow.set_segments([*with_heads(np.stack([end - [scale.length, 0.0], end])[None], HEAD)])
         x, y = end - [0.5 * scale.length, 6 * metre]
@@ -228,13 +225,9 @@ class FilmPicture:
             shown = Layers(NOTHING, hull, links)
         else:
             shown = layers(camera, bodies, poses, k, scale)
-        for solid, spokes, shapes in (
-            (self._hidden, self._hidden_spokes, shown.hidden),
-            (self._solid, self._spokes, shown.visible),
-        ):
+        for solid, shapes in ((self._hidden, shown.hidden), (self._solid, shown.visible)):
             solid.set_verts(shapes.outlines)
             solid.set_facecolor(list(map(tuple, shapes.colours)))
-            spokes.set_segments(list(shapes.lines))
         self._hull.set_verts(shown.hull.outlines)
         self._hull.set_facecolor([(*colour, OPACITY) for colour in shown.hull.colours])
         self._forces.set_segments(list(with_heads(self._arrows_of(camera, poses, k), HEAD)))
@@ -316,7 +309,7 @@ class FilmPicture:
         for track in self._bodies.tracks:
             links = poses.links[track.name]
             if links.ground is not None:
-                origins, vectors, _ = ground_arrows(track, links, slice(k, k + 1))
+                origins, vectors, _ = ground_arrows(self._bodies, track, links, slice(k, k + 1))
                 arrows.append(camera.project(np.stack([origins, origins + vectors], axis=1)))
         return np.concatenate(arrows)
 

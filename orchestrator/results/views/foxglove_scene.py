@@ -242,7 +242,7 @@ def _entities(kinds: ModuleType, bodies: Bodies, poses: Poses, k: int, scale: Sc
             ]
         yield kinds.SceneEntity(timestamp=stamp, frame_id=WORLD, id=f"links of {track.name}", cubes=cubes)
         if links.ground is not None:
-            origins, vectors, _ = ground_arrows(track, links, slice(k, k + 1))
+            origins, vectors, _ = ground_arrows(bodies, track, links, slice(k, k + 1))
             pairs = np.stack([origins, origins + vectors], axis=1)
             lines = [_lines(kinds, pairs, 0.02, colours.FORCE)] if len(pairs) else []
             name = f"forces of the ground on {track.name}"

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,8 @@ VIEWPOINTS = ("right", "top", "corner")
 LIGHT = np.array([0.35, -0.45, 0.82])  # direction towards the light: ahead, left, up
 COVERED = {"pad": 5, "horn": 4}  # faces of a part of a link that its body covers
 DISC_BACK = 0.6  # of a disc's distance from the middle of its wheel, so that its rim is drawn under links, over horns
+SPOKE_WIDTH = 0.03  # of its length
+ON_DISC = 1e-3  # m: spokes are drawn next after their disc
 SEEN = 1e-6  # cosine to the viewer of a face that is seen
 IN_FRONT = 0.05  # m: links are drawn over the wheels under them
 
@@ -43,7 +44,6 @@ class Polygons(NamedTuple):
 
     outlines: list[Floats]  # (k, 2) each, m
     colours: Floats  # (n, 3), 0 to 1
-    lines: Floats  # (m, 2, 2): spokes
 
 
 def make_camera(viewpoint: str, heading: float, centre: Floats) -> Camera:
@@ -77,7 +77,7 @@ def heading(poses: Poses, k: int, start: float) -> float:
     return float(np.arctan2(y, x))
 
 
-NOTHING = Polygons([], np.empty((0, 3)), np.empty((0, 2, 2)))
+NOTHING = Polygons([], np.empty((0, 3)))
 
 
 class Layers(NamedTuple):
@@ -88,41 +88,38 @@ class Layers(NamedTuple):
     visible: Polygons  # links and wheels before the hull
 
 
-def _all(middles: Floats) -> NDArray[np.bool_]:
-    return np.ones(len(middles), bool)
-
-
 class _Faces:
     """Collector of faces, which are drawn with the nearest last."""
 
     def __init__(self, camera: Camera) -> None:
         self.camera = camera
-        self.outlines: list[Floats] = []
-        self.middles: list[Floats] = [np.empty((0, 3))]
-        self.depths: list[Floats] = [np.empty(0)]
-        self.tints: list[Floats] = [np.empty((0, 3))]
-        self.lines: list[Floats] = [np.empty((0, 2, 3))]
+        self._outlines: list[Floats] = []
+        self._depths: list[Floats] = [np.empty(0)]
+        self._tints: list[Floats] = [np.empty((0, 3))]
+        self._hidden: list[NDArray[np.bool_]] = [np.empty(0, bool)]
 
-    def add(self, corners: Floats, tints: Floats, front: float = 0.0) -> None:
-        """Add faces (n, k, 3), m, world, with colours (n, 3); ``front``, m, moves them nearer in the order."""
-        self.outlines += list(self.camera.project(corners))
-        self.middles.append(corners.mean(axis=1))
-        self.depths.append(self.middles[-1] @ self.camera.toward + front)
-        self.tints.append(tints)
+    def add(self, corners: Floats, tints: Floats, front: Any = 0.0, hidden: Any = False) -> None:
+        """Add faces (n, k, 3), m, world, with colours (n, 3); ``front`` (n), m, moves them nearer in the order.
+
+        ``hidden`` (n): the hull hides the bodies of these faces.
+        """
+        count = len(corners)
+        self._outlines += list(self.camera.project(corners))
+        self._depths.append(corners.mean(axis=1) @ self.camera.toward + front)
+        self._tints.append(np.broadcast_to(tints, (count, 3)))
+        self._hidden.append(np.broadcast_to(hidden, count))
 
     def bright(self, normals: Floats) -> Floats:
         """Brightness (n, 1) of faces with normals (n, 3); faces towards the viewer are bright in every view."""
         light, toward = normals @ (LIGHT / np.linalg.norm(LIGHT)), normals @ self.camera.toward
         return np.clip(0.62 + 0.2 * np.maximum(light, 0.0) + 0.3 * np.maximum(toward, 0.0), 0.0, 1.0)[:, None]
 
-    def sorted(self, chosen: Callable[[Floats], NDArray[np.bool_]] = _all) -> Polygons:
-        """Return in drawing order the faces and lines whose middles (n, 3), m, world, are ``chosen``."""
-        order = np.argsort(np.concatenate(self.depths), kind="stable")
-        order = order[chosen(np.concatenate(self.middles)[order])]
-        lines = np.concatenate(self.lines)
-        lines = lines[chosen(lines.mean(axis=1))]
-        outlines = [self.outlines[i] for i in order]
-        return Polygons(outlines, np.concatenate(self.tints)[order], self.camera.project(lines))
+    def sorted(self, hidden: bool | None = None) -> Polygons:
+        """Return the faces in drawing order, all or those that are hidden or not."""
+        order = np.argsort(np.concatenate(self._depths), kind="stable")
+        if hidden is not None:
+            order = order[np.concatenate(self._hidden)[order] == hidden]
+        return Polygons([self._outlines[i] for i in order], np.concatenate(self._tints)[order])
 
 
 def polygons(camera: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale, lower: bool = False) -> Polygons:
@@ -134,32 +131,33 @@ def polygons(camera: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale,
 
 
 def layers(camera: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale) -> Layers:
-    """Return links, wheels and hull at the k-th instant; a face is hidden if the hull hides its middle."""
+    """Return links, wheels and hull at the k-th instant; a link or wheel is hidden if the hull hides it whole."""
     faces = _links_and_wheels(camera, bodies, poses, k, scale)
-
-    def is_hidden(middles: Floats) -> NDArray[np.bool_]:
-        if not (bodies.hull and poses.hull):
-            return np.zeros(len(middles), bool)
-        return hides(bodies.hull, camera, poses.hull.position[k], matrices(poses.hull.orientation[k]), middles)
-
-    hidden, visible = faces.sorted(is_hidden), faces.sorted(lambda middles: ~is_hidden(middles))
-    return Layers(hidden, hull_faces(camera, bodies, poses, k), visible)
+    return Layers(faces.sorted(hidden=True), hull_faces(camera, bodies, poses, k), faces.sorted(hidden=False))
 
 
 def hides(hull: HullBody, camera: Camera, position: Floats, axes: Floats, points: Floats) -> NDArray[np.bool_]:
-    """True for points (n, 3), m, world, inside the hull or behind it, and for some beside its outline.
+    """True for points (..., 3), m, world, inside the hull or behind it, and for some beside its outline.
 
     The hull is convex: it hides what lies behind the planes of all of its faces that are turned to the viewer.
     """
     turned = hull.normals @ axes.T @ camera.toward > SEEN
     heights = (points - position) @ axes @ hull.normals[turned].T - hull.offsets[turned]
-    return np.asarray((heights <= 0.0).all(axis=1))
+    return np.asarray((heights <= 0.0).all(axis=-1))
 
 
 def _links_and_wheels(
     camera: Camera, bodies: Bodies, poses: Poses, k: int, scale: Scale, lower: bool = False
 ) -> _Faces:
     faces = _Faces(camera)
+
+    def hidden(points: Floats) -> NDArray[np.bool_]:
+        """True for bodies with these points (..., k, 3) that the hull hides whole."""
+        if not (bodies.hull and poses.hull):
+            return np.zeros(points.shape[:-2], bool)
+        at = poses.hull.position[k], matrices(poses.hull.orientation[k])
+        return np.asarray(hides(bodies.hull, camera, *at, points).all(axis=-1))
+
     for track in bodies.tracks:
         links = poses.links[track.name]
         colour_values = None if links.colour is None else links.colour[k]
@@ -168,20 +166,27 @@ def _links_and_wheels(
         normals = np.swapaxes(axes @ NORMALS.T, 1, 2)  # (links, faces, 3)
         down = axes[:, 2, 2] < 0.0
         link, face = np.nonzero((normals @ camera.toward > SEEN) & (down | (not lower))[:, None])
+        is_hidden = hidden(in_world(boxes(track.parts[0]).reshape(-1, 3), links.centres[k], axes))
         for part in track.parts[:1] if lower else track.parts:
             chosen = face != COVERED.get(part.kind, -1)
             of, side = link[chosen], face[chosen]
             corners = in_world(boxes(part, side), links.centres[k, of], axes[of])
             tints = np.array(colours.PART[part.kind]) / 255.0 if part.kind in colours.PART else paint[of]
-            faces.add(corners, tints * faces.bright(normals[of, side]), 0.0 if part.kind == "horn" else IN_FRONT)
+            front = 0.0 if part.kind == "horn" else IN_FRONT
+            faces.add(corners, tints * faces.bright(normals[of, side]), front, is_hidden[of])
     for wheel in () if lower else bodies.wheels:
-        _add_wheel(faces, wheel, poses.wheels[wheel.name], k)
+        pose = BodyPose(*(of_run[k] for of_run in poses.wheels[wheel.name]))
+        ends = np.concatenate([rim(wheel, y) for y in (wheel.discs.min(), wheel.discs.max())])
+        _add_wheel(faces, wheel, pose, bool(hidden(in_world(ends, pose.position, matrices(pose.orientation)))))
     return faces
 
 
-def _add_wheel(faces: _Faces, wheel: WheelBody, pose: BodyPose, k: int) -> None:
-    """Add the visible part of the rims, and the faces, the near one with spokes, unless they are seen edge on."""
-    position, axes = pose.position[k], matrices(pose.orientation[k])
+def _add_wheel(faces: _Faces, wheel: WheelBody, pose: BodyPose, hidden: bool) -> None:
+    """Add the visible part of the rims, and the faces, the near one with spokes, unless they are seen edge on.
+
+    :param pose: position (3) and orientation (4) at one instant.
+    """
+    position, axes = pose.position, matrices(pose.orientation)
     toward = float(axes[:, 1] @ faces.camera.toward)
     side = 1.0 if toward > 0.0 else -1.0
     grey = np.array(colours.WHEEL[wheel.kind]) / 255.0
@@ -194,12 +199,17 @@ def _add_wheel(faces: _Faces, wheel: WheelBody, pose: BodyPose, k: int) -> None:
             shown = normals @ faces.camera.toward > SEEN
             bands = np.stack([near, after, np.roll(far, -1, axis=0), far], axis=1)
             back = DISC_BACK * float(disc.mean()) * toward
-            faces.add(bands[shown], grey * faces.bright(normals[shown]), -back)
+            faces.add(bands[shown], grey * faces.bright(normals[shown]), -back, hidden)
         if abs(toward) > 1e-3:
-            faces.add(near[None], np.minimum(grey * 1.35, 1.0)[None])
+            faces.add(near[None], np.minimum(grey * 1.35, 1.0), 0.0, hidden)
     if abs(toward) > 1e-3:
         lines = spokes(wheel)[: SPOKES // 2] if side < 0.0 else spokes(wheel)[SPOKES // 2 :]
-        faces.lines.append(in_world(lines, position, axes))
+        aside = 0.5 * SPOKE_WIDTH * np.cross(lines[:, 1] - lines[:, 0], [0.0, 1.0, 0.0])[:, None]
+        bars = np.concatenate([lines - aside, lines[:, ::-1] + aside], axis=1)
+        corners = in_world(bars, position, axes)
+        outer = position + 0.5 * side * wheel.width * axes[:, 1]
+        over = (outer - corners.mean(axis=1)) @ faces.camera.toward + ON_DISC
+        faces.add(corners, np.array(colours.SPOKE) / 255.0, over, hidden)
 
 
 def hull_faces(camera: Camera, bodies: Bodies, poses: Poses, k: int) -> Polygons:

@@ -211,7 +211,7 @@ def _send_poses(rerun: ModuleType, recording: Any, bodies: Bodies, poses: Poses,
         placed = rerun.InstancePoses3D.columns(translations=links.centres.reshape(-1, 3), quaternions=turned)
         recording.send_columns(_fittings(track), times, placed.partition(links_of_instants))
         if links.ground is not None:
-            origins, vectors, counts = ground_arrows(track, links)
+            origins, vectors, counts = ground_arrows(bodies, track, links)
             arrows = rerun.Arrows3D.columns(
                 vectors=vectors, origins=origins,
                 colors=np.broadcast_to(np.array(colours.FORCE, np.uint8), (len(vectors), 3)),

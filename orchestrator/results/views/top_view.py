@@ -107,7 +107,7 @@ def _draw_views(pane: Axes, views: Sequence[TopView], size: float) -> None:
         )  # fmt: skip
         pane.plot(*view.hull, "o", color="0.3", markersize=3)
         pane.annotate(f"{view.t:.3g} s", tuple(view.hull), textcoords="offset points", xytext=(4, 4), fontsize=8)
-    scale = scale_arrow(longest, longest / largest)
+    scale = scale_arrow(longest, largest / longest)
     pane.quiverkey(drawn, 0.92, 0.04, scale.length, scale.label, color="C3", fontproperties={"size": 8})
     what = "link" if by_link else "track"
     pane.plot([], [], color="C3", label=f"force of the ground on a {what}, up to {largest / 1e3:.3g} kN")
