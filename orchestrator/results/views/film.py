@@ -43,7 +43,7 @@ DPI = 100
 LONGEST = 3600.0  # s
 TOP, BESIDE, EDGE = 64, 130, 12  # pixels of title, colour scale and border
 MARGIN = 0.3  # m round the bodies
-ARROW, HEAD = 0.15, 0.06  # longest scale arrow over the width of the picture; size of the heads of arrows, m
+ARROW, HEAD = 0.15, 0.009  # longest scale arrow, and heads of arrows, over the width of the picture
 OPACITY = 0.85  # of the hull: what it hides shines through
 SEEN_FROM = {"right": "from the right", "top": "from the top", "corner": "from a corner ahead"}
 
@@ -197,7 +197,7 @@ class FilmPicture:
         scale = scale_arrow(ARROW * (right - left), force_of_a_metre(self._bodies))
         metre = (right - left) / self._pane.get_window_extent().width
         end = np.array([right - 14 * metre, top - 14 * metre])
-        arrow.set_segments([*with_heads(np.stack([end - [scale.length, 0.0], end])[None], HEAD)])
+        arrow.set_segments([*with_heads(np.stack([end - [scale.length, 0.0], end])[None], HEAD * (right - left))])
         x, y = end - [0.5 * scale.length, 6 * metre]
         self._scale_of_forces = self._pane.text(x, y, scale.label, fontsize=9, ha="center", va="top")
         self._scale_of_forces.set_animated(True)
@@ -230,7 +230,8 @@ class FilmPicture:
             solid.set_facecolor(list(map(tuple, shapes.colours)))
         self._hull.set_verts(shown.hull.outlines)
         self._hull.set_facecolor([(*colour, OPACITY) for colour in shown.hull.colours])
-        self._forces.set_segments(list(with_heads(self._arrows_of(camera, poses, k), HEAD)))
+        head = HEAD * float(np.ptp(self._pane.get_xlim()))
+        self._forces.set_segments(list(with_heads(self._arrows_of(camera, poses, k), head)))
         t = float(poses.t[k])
         self._clock.set_text(
             f"{SEEN_FROM[self._viewpoint]},  t = {t:.2f} s{self._motion(t)}{self._arrows}{self._without}"
