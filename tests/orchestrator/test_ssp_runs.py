@@ -160,6 +160,9 @@ stage = 1
 level = {{ signal = "a.x", reduce = "last", expected = 1.3856, tolerance = 0.001 }}
 """
     (tmp_path / "lag.fmu").write_bytes(lag.read_bytes())
+    kilo = [each._replace(unit="kN" if each.unit == "N" else each.unit) for each in LAG]
+    units = {"kN": {"kg": 1, "m": 1, "s": -2, "factor": 1000}, "s": {"s": 1}}
+    foreign_fmus.build(tmp_path / "kilo.fmu", "lag", kilo, units, foreign_fmus.library_of(lag))
     (tmp_path / "lags.toml").write_text(text)
     status, out, _ = cotrack("run", "lags.toml")
     assert (status, "1 of 1 checks are met" in out) == (0, True), out
@@ -172,6 +175,7 @@ level = {{ signal = "a.x", reduce = "last", expected = 1.3856, tolerance = 0.001
         ("connections.1=a.x -> b.u", "the input has another connection"),
         ("connections.0=a.y -> b.u", "it has no output 'y', which goes to b.u"),
         ("connections.0=a.whole -> b.u", "output 'whole' is of type Integer: only Reals are connected"),
+        ("fmu.b.file=kilo.fmu", "'u' has the unit 'kN', which is 1000 'N': values are not converted (a.x)"),
         ("vehicle=m113", "unknown key 'vehicle'"),
         ("expect.level.signal=c.x", "no component 'c': there are a, b"),
     )
