@@ -175,7 +175,7 @@ level = {{ signal = "a.x", reduce = "last", expected = 1.3856, tolerance = 0.001
         ("connections.1=a.x -> b.u", "the input has another connection"),
         ("connections.0=a.y -> b.u", "it has no output 'y', which goes to b.u"),
         ("connections.0=a.whole -> b.u", "output 'whole' is of type Integer: only Reals are connected"),
-        ("fmu.b.file=kilo.fmu", "'u' has the unit 'kN', which is 1000 'N': values are not converted (a.x)"),
+        ("fmu.b.file=kilo.fmu", "'u' has the unit 'N', which is 0.001 'kN': values are not converted (b.x)"),
         ("vehicle=m113", "unknown key 'vehicle'"),
         ("expect.level.signal=c.x", "no component 'c': there are a, b"),
     )
