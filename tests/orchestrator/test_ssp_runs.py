@@ -209,6 +209,7 @@ level = {{ signal = "a.x", reduce = "last", expected = 1.3856, tolerance = 0.001
         ('version="1.0" name="lags"', 'version="2.0" name="lags"', "SSP 2.0: only SSP 1.0 is run"),
         (f'value="{T1}"', 'value="soon"', "parameter 'T': must be a Real without a unit of its own, an Integer"),
         ('name="b" source', 'name="b/c" source', "a component is called 'b/c': its name must have no dot and no slash"),
+        ('name="b" source', 'name="a" source', "its system must have components, each with a name of its own"),
         ('stopTime="1"', 'stopTime="1.00005"', "run: stop = 1.00005 s must be a multiple of step = 0.001 s"),
         (' stopTime="1"', "", "key 'run.stop' is missing"),
         ("<ssd:Connections>", "<ssd:Connections", "SystemStructure.ssd cannot be read"),
