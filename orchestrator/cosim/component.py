@@ -67,6 +67,7 @@ SETTERS: dict[str, tuple[str, Any, Any]] = {  # FMI type: setter, C type, allowe
 }
 _WARNING, _DISCARD, _ERROR, _FATAL, _PENDING = range(1, 6)
 _LAST_SUCCESSFUL_TIME, _TERMINATED = 2, 3  # kinds of a status
+WALL_TIME = "wall_time"  # recorded beside the Integer outputs of a component
 CALLS = {"set_real": "fmi2SetReal", "do_step": "fmi2DoStep", "get_real": "fmi2GetReal"}
 _WRAPPER = "Fatal py exception encountered: "  # pythonfmu: the sentence is on the last line
 
@@ -289,7 +290,7 @@ class Component(AbstractContextManager["Component"]):
         self._library.fmi2GetBooleanStatus(self._handle, _TERMINATED, byref(ended))
         self._library.fmi2GetRealStatus(self._handle, _LAST_SUCCESSFUL_TIME, byref(reached))
         start, said = float(self._clock[0]), self._first_error()
-        time_known = start <= reached.value < math.inf
+        time_known = start < reached.value < math.inf
         if ended.value:
             time = reached.value if time_known else start
             return ComponentEnded(f"{self.name} has ended the run at t = {time:.6g} s{f': {said}' if said else ''}")
@@ -524,6 +525,11 @@ def description_of(fmu: Path) -> Any:
     """Model description of an FMU, as of fmpy; raises ComponentFailed unless it is one that can be loaded here."""
     folder, description = describe(fmu)
     _binary(folder, description, fmu)
+    taken = {WALL_TIME} if any(v.name == WALL_TIME and v.type != "Real" for v in description.modelVariables) else set()
+    for name in (variable.name for variable in description.modelVariables):
+        if name in taken:
+            raise ComponentFailed(f"'{fmu}' has a variable '{name}', and there is another one of that name in its log")
+        taken.add(name)
     return description
 
 

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from orchestrator.cosim import checkpoint
-from orchestrator.cosim.component import Component
+from orchestrator.cosim.component import WALL_TIME, Component
 from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.scheme import Scheme
 from orchestrator.cosim.coupling.variable_step import VariableStep
@@ -26,7 +26,7 @@ from orchestrator.log.recorder import Recorder
 from orchestrator.log.wire import Rule, Wire
 
 REFRESH = 0.2  # s of wall time between updates of the bar
-STATS = ("wall_time",)  # last signals of /stats/<instance>, after the counters
+STATS = (WALL_TIME,)  # last signals of /stats/<instance>, after the counters
 
 
 def wires(scheme: Scheme) -> dict[str, list[Wire]]:

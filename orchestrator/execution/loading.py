@@ -60,8 +60,8 @@ def load_components(
 ) -> dict[str, Component]:
     """Load and initialise every instance; they are unloaded with the stack.
 
-    Our FMUs start by their parameters. The instances ``given`` by the user are initialised last, by their stages, with
-    inputs from the instances before them.
+    Our FMUs start by their parameters. The instances ``given`` by the user are initialised after them, with inputs from
+    the outputs of those that are initialised: the last stage first, because earlier ones step with its motion.
     """
     components = {
         instance.name: stack.enter_context(Component(instance.fmu, instance.name, logger))
@@ -69,7 +69,7 @@ def load_components(
         if instance.fmu is not None
     }
     initialised: dict[str, Component] = {}
-    for instance in sorted(graph.instances, key=lambda one: one.stage if one.name in given else -math.inf):
+    for instance in sorted(graph.instances, key=lambda one: -one.stage if one.name in given else -math.inf):
         component = components[instance.name]
         if instance.name in given:
             component.start_with(_start_inputs(instance.name, graph.connections, initialised))

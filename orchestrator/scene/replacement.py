@@ -74,10 +74,12 @@ def require_fit(
             continue
         ports = {port.name: port for port in component_ports(each.part.kind, each.part.config)}
         connected = {name: (causality, peer) for causality, name, peer in _connected(each.part.name, connections)}
-        sentences = [_check_variable(each, ports[name], *ends) for name, ends in connected.items()]
+        for name, ends in connected.items():
+            _connected_real(each, name, *ends)
         shared = [name for name in _shared_parameters(each) if isinstance(ports[name].start, float)]
-        sentences += [_check_unit(each, ports[name]) for name in shared]
-        warnings += [(each.part.name, sentence) for sentence in (*sentences, _missing(each, ports)) if sentence]
+        unitless = [name for name in (*connected, *shared) if not _has_unit(each, ports[name])]
+        sentences = _unitless(unitless), _missing(each, ports)
+        warnings += [(each.part.name, sentence) for sentence in sentences if sentence]
     return warnings
 
 
@@ -104,15 +106,9 @@ def _fit_connections(
             if unit and given:
                 bases = base_unit(each.description, unit), base_unit(other.description, given)
                 if differs := difference(unit, bases[0], given, bases[1]):
-                    raise BadInput(f"{each.where}: '{name}' {differs} by {peer}")
+                    raise BadInput(f"{each.where}: '{name}' {differs} ({peer})")
             elif unit or given:
                 yield each.part.name, f"'{name}' has the unit {unit or 'none'}, and {peer} {given or 'none'}"
-
-
-def _check_variable(each: Replacement, port: Port, causality: str, peer: str) -> str:
-    """Warning about a connected variable, or an empty text; raises BadInput if it is missing or another one."""
-    _connected_real(each, port.name, causality, peer)
-    return _check_unit(each, port)
 
 
 def _connected_real(each: Replacement, name: str, causality: str, peer: str) -> Any:
@@ -132,15 +128,15 @@ def _connected_real(each: Replacement, name: str, causality: str, peer: str) -> 
     return variable
 
 
-def _check_unit(each: Replacement, port: Port) -> str:
-    """Warning about a Real without unit, or an empty text; raises BadInput if the unit is another one."""
+def _has_unit(each: Replacement, port: Port) -> bool:
+    """Whether a Real declares the unit of the part's port; raises BadInput if it declares another one."""
     unit = each.variables[port.name].unit
     if not unit:
-        return "" if port.unit == "1" else f"'{port.name}' declares no unit: it is taken in {port.unit}"
+        return port.unit == "1"
     needed = BaseUnit(tuple(float(UNITS[port.unit].get(quantity, 0)) for quantity in QUANTITIES))
     if differs := difference(unit, base_unit(each.description, unit), port.unit, needed):
         raise BadInput(f"{each.where}: '{port.name}' {differs}")
-    return ""
+    return True
 
 
 def _shared_parameters(each: Replacement) -> Parameters:
@@ -159,12 +155,21 @@ def _shared_parameters(each: Replacement) -> Parameters:
     }
 
 
+def _unitless(names: Sequence[str]) -> str:
+    """Warning about variables without unit, or an empty text."""
+    return f"the FMU declares no unit of {_listed(names)}: it is taken to be that of the part" if names else ""
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names of variables, shortened; those of links are one."""
+    return shorten(", ".join(dict.fromkeys(name.partition("[")[0] for name in names)), NAMED, placeholder=" ...")
+
+
 def _missing(each: Replacement, ports: Mapping[str, Port]) -> str:
-    """Warning about outputs that the part has and the FMU has not, or an empty text; outputs of links are one."""
+    """Warning about outputs that the part has and the FMU has not, or an empty text."""
     there = {name for name, variable in each.variables.items() if variable.causality == "output"}
     names = [port.name for port in ports.values() if port.causality == "output" and port.name not in there]
     if not names:
         return ""
-    listed = shorten(", ".join(dict.fromkeys(name.partition("[")[0] for name in names)), NAMED, placeholder=" ...")
     energy = ", and the energy balance," * any(name.startswith("energy.") for name in names)
-    return f"the FMU has no outputs {listed}: results that need them{energy} are missing"
+    return f"the FMU has no outputs {_listed(names)}: results that need them{energy} are missing"

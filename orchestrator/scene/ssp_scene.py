@@ -60,7 +60,8 @@ def _require_units(structure: Structure, where: str) -> None:
         except ComponentFailed as failure:
             raise BadInput(f"{where}: {name}: {failure}") from None
         for (component, connector), unit in structure.units.items():
-            if component == name and connector in variables and unit != (given := variables[connector].unit or "none"):
+            given = variables[connector].unit if component == name and connector in variables else None
+            if given and given != unit:
                 about = f"connector '{name}.{connector}' has the unit '{unit}', and its variable '{given}'"
                 raise BadInput(f"{where}: {about}: values are not converted")
 

@@ -63,9 +63,10 @@ def read_structure(file: Path) -> Structure:
             raise BadInput(f"{where}: {what} are not supported ({_local(element)})")
     if system.find("ssd:ParameterBindings", NAMESPACES) is not None:
         raise BadInput(f"{where}: parameter values of the whole system are not supported, only those of components")
-    components = {_name(one, where): one for one in system.iterfind("ssd:Elements/ssd:Component", NAMESPACES)}
-    if not components:
-        raise BadInput(f"{where}: its system has no components")
+    elements = system.findall("ssd:Elements/ssd:Component", NAMESPACES)
+    components = {_name(one, where): one for one in elements}
+    if not components or len(components) < len(elements):
+        raise BadInput(f"{where}: its system must have components, each with a name of its own")
     return Structure(
         root.get("name") or file.stem,
         " ".join((system.get("description") or root.get("name") or file.stem).split()),

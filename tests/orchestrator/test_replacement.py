@@ -254,7 +254,7 @@ def test_what_does_not_fit_is_refused(drive, tmp_path):
     assembly = assemble(rig(changed(drive, tmp_path / "other.fmu", with_unit("sprocket.torque.y", ""), whole)))
     assert require_fit("rig.toml", *assembly, variable_steps=True)[0] == (
         "drive",
-        "'sprocket.torque.y' declares no unit: it is taken in N.m",
+        "the FMU declares no unit of sprocket.torque.y: it is taken to be that of the part",
     )
 
 
@@ -277,6 +277,9 @@ def test_what_is_no_fmu_for_this_machine_is_refused(drive, tmp_path):
         tmp_path / "text.fmu": "is not an FMU: it is not a zip archive",
         packed("3.fmu", ("modelDescription.xml", description.replace(b'"2.0"', b'"3.0"'))): "is an FMU of FMI 3.0",
         packed("bare.fmu", (library, None)): "has no binary for ",
+        packed("twice.fmu", ("modelDescription.xml", description.replace(b'"angle"', b'"speed"'))): (
+            "has a variable 'speed', and there is another one of that name in its log"
+        ),
         packed("up.fmu", ("resources/../../up", b"x")): "it holds a file outside of it, 'resources/../../up'",
         packed(
             "bomb.fmu", *((f"resources/{k}", bytes(1 << 24)) for k in range(4))

@@ -160,6 +160,9 @@ stage = 1
 level = {{ signal = "a.x", reduce = "last", expected = 1.3856, tolerance = 0.001 }}
 """
     (tmp_path / "lag.fmu").write_bytes(lag.read_bytes())
+    kilo = [each._replace(unit="kN" if each.unit == "N" else each.unit) for each in LAG]
+    units = {"kN": {"kg": 1, "m": 1, "s": -2, "factor": 1000}, "s": {"s": 1}}
+    foreign_fmus.build(tmp_path / "kilo.fmu", "lag", kilo, units, foreign_fmus.library_of(lag))
     (tmp_path / "lags.toml").write_text(text)
     status, out, _ = cotrack("run", "lags.toml")
     assert (status, "1 of 1 checks are met" in out) == (0, True), out
@@ -172,6 +175,7 @@ level = {{ signal = "a.x", reduce = "last", expected = 1.3856, tolerance = 0.001
         ("connections.1=a.x -> b.u", "the input has another connection"),
         ("connections.0=a.y -> b.u", "it has no output 'y', which goes to b.u"),
         ("connections.0=a.whole -> b.u", "output 'whole' is of type Integer: only Reals are connected"),
+        ("fmu.b.file=kilo.fmu", "'u' has the unit 'N', which is 0.001 'kN': values are not converted (b.x)"),
         ("vehicle=m113", "unknown key 'vehicle'"),
         ("expect.level.signal=c.x", "no component 'c': there are a, b"),
     )
@@ -205,6 +209,7 @@ level = {{ signal = "a.x", reduce = "last", expected = 1.3856, tolerance = 0.001
         ('version="1.0" name="lags"', 'version="2.0" name="lags"', "SSP 2.0: only SSP 1.0 is run"),
         (f'value="{T1}"', 'value="soon"', "parameter 'T': must be a Real without a unit of its own, an Integer"),
         ('name="b" source', 'name="b/c" source', "a component is called 'b/c': its name must have no dot and no slash"),
+        ('name="b" source', 'name="a" source', "its system must have components, each with a name of its own"),
         ('stopTime="1"', 'stopTime="1.00005"', "run: stop = 1.00005 s must be a multiple of step = 0.001 s"),
         (' stopTime="1"', "", "key 'run.stop' is missing"),
         ("<ssd:Connections>", "<ssd:Connections", "SystemStructure.ssd cannot be read"),
