@@ -139,6 +139,14 @@ def test_tensioner_pushes_rearward():
     assert probe["right.idler.position"][0] - IDLER == pytest.approx(-15e-3, rel=1e-4)  # no force holds it
 
 
+def test_the_right_tensioner_keeps_its_difference():
+    """The parameter is the left preload; the right one differs from it as in the vehicle table."""
+    own = {"tensioner.preload": 5e3, "right": {"tensioner": {"preload": 3e3}}}
+    for parameters, pushes in (({}, (5e3, 3e3)), ({"tensioner.preload": 9e3}, (9e3, 7e3))):
+        probe = Probe(own, **parameters)
+        assert (probe["left.tensioner.force"], probe["right.tensioner.force"]) == pushes
+
+
 def test_a_torque_spins_a_wheel_and_nothing_else():
     probe = Probe({"gravity": 0.0})
     probe["right.road_wheel[1].torque.y"] = 100.0
