@@ -9,7 +9,7 @@ from chassis_probe import LEAVES, ROLLERS, TABLE, Probe, stir
 from scipy.spatial.transform import Rotation
 
 from fmus.chassis.dynamics import ROOT, rates
-from fmus.chassis.model import Model
+from fmus.chassis.model import Model, default_step
 from fmus.chassis.tree import tree
 from fmus.model import InvalidParameter, StepFailed
 
@@ -254,6 +254,10 @@ def test_the_default_step_resolves_a_light_idler_with_a_strong_damper():
 
     steps = [port.start for probe in (Probe(), Probe(light)) for port in probe.model.ports if port.name == "step"]
     assert steps == [1e-3, pytest.approx(0.5 * 35.76 / 1e5)]
+    ground = {"hull": False, "bare": ["left", "right"]}
+    for inertia, step in ((26.06, 1e-4), (2.606, 0.5 * 2.606 * 0.01 / (0.3 * BODY_MASS * G / 10 * 0.305**2))):
+        table = {**TABLE, "road_wheel": {**TABLE["road_wheel"], "spin_inertia": inertia}}
+        assert default_step(tree(table, 2), table, ground) == pytest.approx(step)
     assert residual() < 1e-4
     assert residual(step=1e-3) > 1e-2
 
