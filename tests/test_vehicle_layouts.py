@@ -177,6 +177,11 @@ def test_a_wrong_layout_is_a_sentence(parts, said):
     assert said in str(caught.value)
 
 
+def test_cables_of_sides_that_differ_have_free_axes():
+    axes = [load("straight", "flexible", {"vehicle": t}).track.axes for t in (changed(), changed(right=STAGGERED))]
+    assert axes == [None, "free"]
+
+
 def test_sides_that_differ_are_not_symmetric():
     with pytest.raises(BadInput, match=r"symmetric = true needs equal sides, but the vehicle has a table right"):
         load("straight", "rigid", {"vehicle": changed(right=STAGGERED), "symmetric": True})

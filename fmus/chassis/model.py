@@ -22,13 +22,19 @@ from fmus.sides import SIDES, of_side
 from fmus.stance import roll_pitch_quaternion, stance
 from fmus.start import KEYS
 
-RESOLVED = 0.5  # largest product of the default internal step and the rate of a spring-damper
-LEAST_STEP = 1e-5  # s, of such a default: faster springs make the run fail
+RESOLVED = 0.5  # largest product of the default internal step and a rate
+LEAST_STEP, MOST_STEP, MOST_STEP_ON_GROUND = 1e-5, 1e-3, 1e-4  # s: bounds of that default
 
 
-def _resolving_step(tree: VehicleTree) -> float:
-    """Internal step that resolves the springs and dampers, s."""
-    return max(LEAST_STEP, RESOLVED / max(fastest_rate(tree), 1.0))
+def default_step(tree: VehicleTree, vehicle: Mapping[str, Any], ground: Mapping[str, Any] | None) -> float:
+    """Internal step, s, that resolves springs and dampers, and friction of bare wheels on the ground."""
+    rate, most = fastest_rate(tree), MOST_STEP_ON_GROUND if ground else MOST_STEP
+    if ground and ground["bare"]:
+        wheel, law = vehicle["road_wheel"], vehicle["contact"]["ground"]
+        load = tree.total_mass * tree.gravity / (2 * len(wheel["x"]))
+        slowing = law["friction"] * load * wheel["radius"] ** 2 / wheel["spin_inertia"]  # of a sliding wheel, m/s2
+        rate = max(rate, slowing / law["friction_velocity"])
+    return max(LEAST_STEP, min(most, RESOLVED / max(rate, 1.0)))
 
 
 def stations(vehicle: Mapping[str, Any]) -> list[str]:
@@ -128,9 +134,8 @@ class Model(ComponentModel):
             Port("solver.steps", "output", "1", "internal steps since the start", 0),
             Port("solver.evaluations", "output", "1", "evaluations of the accelerations since the start", 0),
             *start_pose_ports(),
-            # friction of a loaded wheel is fast: mu N R^2 / (v_reg I) = 1e3 1/s for 10 kN
-            Port("step", "parameter", "s", "largest internal step",
-                 min(1e-4 if self._ground else 1e-3, _resolving_step(self.tree)), allowed=POSITIVE),
+            Port("step", "parameter", "s", "largest internal step", default_step(self.tree, vehicle, self._ground),
+                 allowed=POSITIVE),
             Port("suspension.preload", "parameter", "N", "push of each suspension spring when drawn",
                  float(vehicle["suspension"]["preload"])),
             Port("tensioner.preload", "parameter", "N", "push of each tensioner on its idler when drawn, less what"

@@ -29,7 +29,8 @@ Measure = Callable[[RunData, str, Window], float]
 
 SPAN_MARGIN = 0.25  # of the axle distance: links of a span keep this distance from both axles
 AT_REST = 0.01  # m/s of chain speed
-RUN_REACH = 0.2  # m: half length of the sample in the middle between two wheels
+RUN_REACH = 0.2  # m: half length of the sample in the middle between two wheels, or two pitches of short links
+LOWER = -0.1  # m over the sprocket axle: the lower run is below it, or below half the height of small road wheels
 
 
 REDUCTIONS: dict[str, Callable[[Floats, Floats], float]] = {
@@ -310,14 +311,15 @@ def _run_tension(run: RunData, of: str, window: Window, where: str) -> float:
     for track in (_track(run, of),) if of else run.tracks:
         vehicle = of_side(run.scene["vehicle"], track.removesuffix("_track"))
         first, last, idler = vehicle["road_wheel"]["x"][0], vehicle["road_wheel"]["x"][-1], vehicle["idler"]["x"]
+        sample, height = min(RUN_REACH, 2.0 * vehicle["track"]["pitch"]), vehicle["road_wheel"]["z"]
         middle, reach = {
-            "top": (idler / 2, abs(idler) / 2 - 2 * RUN_REACH),
-            "rear": ((last + min(idler, 0.0)) / 2, RUN_REACH),
-            "front": ((first + max(idler, 0.0)) / 2, RUN_REACH),
+            "top": (idler / 2, abs(idler) / 2 - 2 * sample),
+            "rear": ((last + min(idler, 0.0)) / 2, sample),
+            "front": ((first + max(idler, 0.0)) / 2, sample),
         }[where]
         links = run.links(track, window)
         forward, up = _middles(links)
-        split = vehicle["road_wheel"]["z"] if where == "top" else -0.1
+        split = height if where == "top" else max(LOWER, 0.5 * height)
         inside = (np.abs(forward - middle) < reach) & ((up > split) if where == "top" else (up < split))
         means.append(mean(links.t, links.tension, inside))
     return float(np.mean(means))

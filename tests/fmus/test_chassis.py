@@ -9,7 +9,7 @@ from chassis_probe import LEAVES, ROLLERS, TABLE, Probe, stir
 from scipy.spatial.transform import Rotation
 
 from fmus.chassis.dynamics import ROOT, rates
-from fmus.chassis.model import Model
+from fmus.chassis.model import Model, default_step
 from fmus.chassis.tree import tree
 from fmus.model import InvalidParameter, StepFailed
 
@@ -139,6 +139,14 @@ def test_tensioner_pushes_rearward():
     assert probe["right.idler.position"][0] - IDLER == pytest.approx(-15e-3, rel=1e-4)  # no force holds it
 
 
+def test_the_right_tensioner_keeps_its_difference():
+    """The parameter is the left preload; the right one differs from it as in the vehicle table."""
+    own = {"tensioner.preload": 5e3, "right": {"tensioner": {"preload": 3e3}}}
+    for parameters, pushes in (({}, (5e3, 3e3)), ({"tensioner.preload": 9e3}, (9e3, 7e3))):
+        probe = Probe(own, **parameters)
+        assert (probe["left.tensioner.force"], probe["right.tensioner.force"]) == pushes
+
+
 def test_a_torque_spins_a_wheel_and_nothing_else():
     probe = Probe({"gravity": 0.0})
     probe["right.road_wheel[1].torque.y"] = 100.0
@@ -246,6 +254,10 @@ def test_the_default_step_resolves_a_light_idler_with_a_strong_damper():
 
     steps = [port.start for probe in (Probe(), Probe(light)) for port in probe.model.ports if port.name == "step"]
     assert steps == [1e-3, pytest.approx(0.5 * 35.76 / 1e5)]
+    ground = {"hull": False, "bare": ["left", "right"]}
+    for inertia, step in ((26.06, 1e-4), (2.606, 0.5 * 2.606 * 0.01 / (0.3 * BODY_MASS * G / 10 * 0.305**2))):
+        table = {**TABLE, "road_wheel": {**TABLE["road_wheel"], "spin_inertia": inertia}}
+        assert default_step(tree(table, 2), table, ground) == pytest.approx(step)
     assert residual() < 1e-4
     assert residual(step=1e-3) > 1e-2
 

@@ -66,6 +66,8 @@ def test_places_have_the_names_of_parts_of_the_circuit():
     assert circuit.part(2.0, parts) == "lower run"
     assert circuit.part(-1.0, parts) == ""
     assert circuit.stretches({}, along, middle) == []
+    rear_drive = {"assembly": "vehicle", "vehicle": {**vehicle, "idler": {"radius": 0.5, "x": 3.0}}}
+    assert circuit.stretches(rear_drive, along, middle * [-1.0, 1.0]) == parts
 
 
 def test_an_envelope_shows_what_links_feel_where_they_are(tmp_path):

@@ -60,6 +60,10 @@ def test_pins_are_counted_with_fractions(revolutions, reverse_numbers):
     window = Window(0.0, 1.0)
     assert measures.pins_passed(run, "", window) == pytest.approx(TEETH * revolutions, abs=0.02)
     assert measures.pins_per_revolution(run, "", window) == pytest.approx(TEETH, rel=5e-3)
+    mirrored, vehicle = links._replace(forward=-links.forward), {**RESTING, "idler": {"x": 4.0}}
+    rear = Record(mirrored, {"drive.angle": (links.t, -turned)}, assembly="vehicle", vehicle=vehicle)
+    assert measures.pins_passed(rear, "", window) == pytest.approx(-TEETH * revolutions, abs=0.02)
+    assert measures.pins_per_revolution(rear, "", window) == pytest.approx(TEETH, rel=5e-3)
     slipping = Record(links, {"drive.angle": (links.t, turned * 1.02)})
     assert measures.pins_per_revolution(slipping, "", window) != pytest.approx(TEETH, rel=1e-2)
 

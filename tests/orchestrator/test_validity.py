@@ -402,6 +402,10 @@ SIX = "vehicle.road_wheel.x=[-0.655, -1.19, -1.725, -2.26, -2.79, -3.322]"
             " outer_fibre = 0.0115 m has, area x outer_fibre^2 = 2.005e-06 m^4",
         ),
         (("vehicle.road_wheel.x.0=-0.4",), "the sprocket's place = 0 m and vehicle.road_wheel.x.0 = -0.4 m: these"),
+        (
+            ("vehicle.right={road_wheel={x=[-0.655, -1.322, -1.989, -2.656, -3.5]}}",),
+            "vehicle.right.road_wheel.x.4 = -3.5 m and vehicle.right.idler.x = -4 m: these wheels",
+        ),
     ],
 )
 def test_wheels_that_overlap_are_told(settings, said):

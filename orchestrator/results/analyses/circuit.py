@@ -18,7 +18,8 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, link_records
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, pitch_radius, sprocket_end
 
-NEAR = 0.06  # m: distance outside of a wheel's pitch circle within which the middle of a link lies on the wheel
+NEAR = 0.06  # m: distance outside of a wheel's pitch circle within which the middle of a link lies on the wheel,
+NEAR_SHORT = 0.4  # or of short links this share of their pitch
 
 
 class PlacedRecords(NamedTuple):
@@ -105,12 +106,12 @@ def stretches(scene: dict[str, Any], place: Floats, middle: Floats) -> list[Stre
     """
     try:
         vehicle = scene["vehicle"]
-        round_sprocket = np.linalg.norm(middle, axis=1) < pitch_radius(vehicle) + NEAR
-        end = sprocket_end(scene)
+        end, near = sprocket_end(scene), min(NEAR, NEAR_SHORT * float(vehicle["track"]["pitch"]))
+        round_sprocket = np.linalg.norm(middle, axis=1) < pitch_radius(vehicle) + near
         farthest = (end * middle[:, 0]).argmin()
         radius = float(vehicle["idler"]["radius"]) + float(vehicle["track"]["face"])
         idler = middle[farthest] + [end * radius, 0.0]
-        round_idler = np.linalg.norm(middle - idler, axis=1) < radius + NEAR
+        round_idler = np.linalg.norm(middle - idler, axis=1) < radius + near
         level = 0.5 * (middle[:, 1].max() + middle[:, 1].min())
     except (LookupError, TypeError, ValueError):
         return []
