@@ -169,5 +169,5 @@ def _pack(
     files = {"modelDescription.xml": description, **libraries}
     files |= documentation(description, readme_beside(ROOT / KINDS[kind]), INCLUDED)
     if float64s is not None:
-        files["terminalsAndIcons/terminalsAndIcons.xml"] = terminals.document(float64s)
+        files |= terminals.files(float64s)
     return archive(files)

@@ -28,8 +28,8 @@ def terminals(arrays: Sequence[ArrayVariable]) -> dict[str, tuple[str, ...]]:
     }
 
 
-def document(arrays: Sequence[ArrayVariable]) -> bytes:
-    """Text of the file."""
+def files(arrays: Sequence[ArrayVariable]) -> dict[str, bytes]:
+    """File of an FMU by its name; none for a component without terminals, which the schema does not allow."""
     root = Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     parent = SubElement(root, "Terminals")
     kinds = {members: kind for kind, members in KINDS.items()}
@@ -43,4 +43,5 @@ def document(arrays: Sequence[ArrayVariable]) -> bytes:
                 memberName=member,
                 variableKind="signal",
             )
-    return bytes(tostring(root, encoding="utf-8", xml_declaration=True))
+    text = bytes(tostring(root, encoding="utf-8", xml_declaration=True))
+    return {"terminalsAndIcons/terminalsAndIcons.xml": text} if len(parent) else {}
