@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
@@ -40,15 +40,7 @@ def document(
     :param experiment: ``stop`` and ``step``, s, of the DefaultExperiment (see ``defaults.EXPERIMENT``).
     """
     root = _head(name, guid, text, tool)
-    units = SubElement(root, "UnitDefinitions")
-    for unit in dict.fromkeys(port.unit for port in variables[:reals]):
-        base = {exponent: str(power) for exponent, power in UNITS[unit].items()}
-        SubElement(SubElement(units, "Unit", name=unit), "BaseUnit", base)
-    messages = SubElement(root, "LogCategories")
-    for category, meaning in categories.items():
-        SubElement(messages, "Category", name=category, description=meaning)
-    times = {"stopTime": repr(float(experiment["stop"])), "stepSize": repr(float(experiment["step"]))}
-    SubElement(root, "DefaultExperiment", {"startTime": "0", **times})
+    add_definitions(root, [port.unit for port in variables[:reals]], categories, experiment)
     element = SubElement(root, "ModelVariables")
     for reference, port in enumerate(variables):
         _variable(element, reference, port, reference < reals, reference < continuous)
@@ -56,23 +48,40 @@ def document(
     return root
 
 
+def add_definitions(
+    root: Element, units: Iterable[str], categories: Mapping[str, str], experiment: Mapping[str, Any]
+) -> None:
+    """Add the elements UnitDefinitions, LogCategories and DefaultExperiment, see ``document``."""
+    parent = SubElement(root, "UnitDefinitions")
+    for unit in dict.fromkeys(units):
+        base = {exponent: str(power) for exponent, power in UNITS[unit].items()}
+        SubElement(SubElement(parent, "Unit", name=unit), "BaseUnit", base)
+    messages = SubElement(root, "LogCategories")
+    for category, meaning in categories.items():
+        SubElement(messages, "Category", name=category, description=meaning)
+    times = {"stopTime": repr(float(experiment["stop"])), "stepSize": repr(float(experiment["step"]))}
+    SubElement(root, "DefaultExperiment", {"startTime": "0", **times})
+
+
+def origin(text: str, tool: str) -> dict[str, str]:
+    """Attributes of the root element that tell what the FMU is and who made it, see ``document``."""
+    built = int(os.environ.get("SOURCE_DATE_EPOCH") or DATE)
+    return {
+        "description": text,
+        "author": "the cotrack authors",
+        "version": version("cotrack"),
+        "copyright": "Copyright (c) 2026 the cotrack authors",
+        "license": "MIT, see documentation/licenses/license.txt",
+        "generationTool": tool,
+        "generationDateAndTime": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(built)),
+        "variableNamingConvention": "structured",
+    }
+
+
 def _head(name: str, guid: str, text: str, tool: str) -> Element:
     """Root element with the element CoSimulation."""
-    built = int(os.environ.get("SOURCE_DATE_EPOCH") or DATE)
-    root = Element(
-        "fmiModelDescription",
-        fmiVersion="2.0",
-        modelName=name,
-        guid=guid,
-        description=text,
-        author="the cotrack authors",
-        version=version("cotrack"),
-        copyright="Copyright (c) 2026 the cotrack authors",
-        license="MIT, see documentation/licenses/license.txt",
-        generationTool=tool,
-        generationDateAndTime=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(built)),
-        variableNamingConvention="structured",
-    )
+    identity = {"fmiVersion": "2.0", "modelName": name, "guid": guid}
+    root = Element("fmiModelDescription", identity | origin(text, tool))
     SubElement(
         root,
         "CoSimulation",
@@ -93,9 +102,7 @@ def _head(name: str, guid: str, text: str, tool: str) -> Element:
 
 def _variable(parent: Element, reference: int, port: Port, real: bool, continuous: bool) -> None:
     """Add the ScalarVariable of a port, a Real if ``real``, else of the type of its start value."""
-    parameter = port.causality == "parameter"
-    constant = port.causality == "local" and not isinstance(port.start, int)
-    variability = "constant" if constant else "fixed" if parameter else "continuous" if continuous else "discrete"
+    variability = variability_of(port, continuous)
     variable = SubElement(
         parent,
         "ScalarVariable",
@@ -105,16 +112,37 @@ def _variable(parent: Element, reference: int, port: Port, real: bool, continuou
         causality=port.causality,
         variability=variability,
     )
-    if port.causality != "input":
-        variable.set("initial", "exact" if parameter or constant else "calculated")
-    attributes = {"unit": port.unit} if real else {}
-    bounds = {"min": port.allowed.least, "max": port.allowed.most}
-    attributes |= {name: repr(round(bound, 12)) for name, bound in bounds.items() if math.isfinite(bound)}
-    if real and continuous and port.unit in NOMINAL:
-        attributes["nominal"] = repr(NOMINAL[port.unit])
-    if constant or port.causality in ("input", "parameter"):
+    variable.attrib |= initial(port, variability)
+    attributes = quantity(port, continuous) if real else bounds(port)
+    if variability == "constant" or port.causality in ("input", "parameter"):
         attributes["start"] = repr(float(port.start)) if real else str(port.start)
     SubElement(variable, "Real" if real else "String" if isinstance(port.start, str) else "Integer", attributes)
+
+
+def variability_of(port: Port, continuous: bool) -> str:
+    """FMI variability of a port, ``continuous`` as in ``document``."""
+    if port.causality == "local" and not isinstance(port.start, int):
+        return "constant"
+    return "fixed" if port.causality == "parameter" else "continuous" if continuous else "discrete"
+
+
+def initial(port: Port, variability: str) -> dict[str, str]:
+    """Attribute ``initial`` of a port, which an input does not have."""
+    if port.causality == "input":
+        return {}
+    return {"initial": "exact" if variability in ("fixed", "constant") else "calculated"}
+
+
+def bounds(port: Port) -> dict[str, str]:
+    """Attributes of the allowed values."""
+    both = {"min": port.allowed.least, "max": port.allowed.most}
+    return {name: repr(round(bound, 12)) for name, bound in both.items() if math.isfinite(bound)}
+
+
+def quantity(port: Port, continuous: bool) -> dict[str, str]:
+    """Attributes of a Real: unit, bounds, nominal value."""
+    nominal = {"nominal": repr(NOMINAL[port.unit])} if continuous and port.unit in NOMINAL else {}
+    return {"unit": port.unit, **bounds(port), **nominal}
 
 
 def _structure(structure: Element, variables: Sequence[Port]) -> None:

@@ -59,7 +59,7 @@ def _page(description: bytes, readme: str) -> str:
     for token in tokens:
         if token.children is not None:
             token.children = [child for child in token.children if child.type not in ("link_open", "link_close")]
-    rows = [_cells(variable) for variable in root.iter("ScalarVariable")]
+    rows = [_cells(variable) for variable in root.iterfind("ModelVariables/*")]
     head = "".join(f"<th>{column}</th>" for column in COLUMNS)
     body = "\n".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
     name = escape(root.get("modelName", ""))
@@ -75,6 +75,15 @@ def _page(description: bytes, readme: str) -> str:
 
 
 def _cells(variable: Element) -> list[str]:
-    """Cells of the columns for a variable."""
-    attributes = {**variable.attrib, **variable[0].attrib}  # the only child is the element of the type
+    """Cells of the columns for a variable of FMI 2.0 or 3.0; the sizes of an array follow its name."""
+    attributes, sizes = dict(variable.attrib), []
+    for child in variable:
+        if child.tag == "Dimension":
+            sizes.append(child.get("start", ""))
+        elif child.tag == "Start":
+            attributes["start"] = child.get("value", "")
+        else:  # the type of a variable of FMI 2.0
+            attributes |= child.attrib
+    if sizes:
+        attributes["name"] += f"[{', '.join(sizes)}]"
     return [attributes.get(column, "") for column in COLUMNS]

@@ -1,7 +1,7 @@
 """State machine of an FMU instance: phases, the FMI calls allowed in each, communication points.
 
-Source: FMI 2.0.4, section 4.2.4 (co-simulation). Both shells, `slave.py` and `native/shell.c`, use these tables. Calls
-that are not in `ALLOWED` are allowed in every phase.
+Sources: FMI 2.0.4, section 4.2.4, and FMI 3.0.2, sections 2.3 and 4.2 (co-simulation). `slave.py` and the front ends
+`native/fmi2.c` and `native/fmi3.c` use these tables. Calls that are not in them are allowed in every phase.
 
 Deviations: a call that is refused (fmi2Error) and a step that cannot be done (fmi2Discard) leave the instance as it
 was, so there are no phases for an error and a failed step: the next call, with good input or a shorter step, goes on.
@@ -42,13 +42,22 @@ ALLOWED = {
     **_before_running("fmi2SetReal", "fmi2SetInteger", "fmi2SetBoolean", "fmi2SetString"),
     **_when_initialised("fmi2GetReal", "fmi2GetInteger", "fmi2GetBoolean", "fmi2GetString"),
 }
+ALLOWED_FMI3 = {
+    "fmi3EnterInitializationMode": (InstancePhase.INSTANTIATED,),
+    "fmi3ExitInitializationMode": (InstancePhase.INITIALISING,),
+    "fmi3DoStep": (InstancePhase.RUNNING,),
+    "fmi3Terminate": (InstancePhase.RUNNING,),
+    **_before_running("fmi3SetFloat64", "fmi3SetInt64", "fmi3SetString"),
+    **_when_initialised("fmi3GetFloat64", "fmi3GetInt64", "fmi3GetString"),
+}
 
 
 def not_allowed(call: str, phase: InstancePhase) -> str:
-    """Sentence that refuses a call of ``ALLOWED`` in a phase; empty where it is allowed."""
-    if phase in ALLOWED[call]:
+    """Sentence that refuses a call of ``ALLOWED`` or ``ALLOWED_FMI3`` in a phase; empty where it is allowed."""
+    allowed = (ALLOWED | ALLOWED_FMI3)[call]
+    if phase in allowed:
         return ""
-    phases = " or ".join(each.name.lower() for each in ALLOWED[call])
+    phases = " or ".join(each.name.lower() for each in allowed)
     return f"{call} is not allowed in the phase {phase.name.lower()}, only when {phases}"
 
 

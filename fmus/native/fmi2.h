@@ -19,10 +19,4 @@ typedef struct {
     void (*stepFinished)(fmi2ComponentEnvironment, fmi2Status);
     fmi2ComponentEnvironment componentEnvironment;
 } fmi2CallbackFunctions;
-
-#if defined _WIN32
-#define EXPORT __declspec(dllexport)
-#else
-#define EXPORT __attribute__((visibility("default")))
-#endif
 #endif

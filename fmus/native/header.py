@@ -9,10 +9,11 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
+from fmus.native.arrays import ArrayVariable
 from fmus.native.emit import ANY
 from fmus.native.freeze import Frozen
 from fmus.native.platform import Platform
-from fmus.phases import ALLOWED, JUMP, LATE, RESOLUTION, SHORT, InstancePhase, not_allowed
+from fmus.phases import ALLOWED, ALLOWED_FMI3, JUMP, LATE, RESOLUTION, SHORT, InstancePhase, not_allowed
 from fmus.ports import Port
 from fmus.sentences import GAPS, Sentence
 
@@ -29,8 +30,9 @@ def header(
     sizes: Mapping[str, int],
     indices: Sequence[tuple[int, int]],
     sentences: Mapping[str, Sequence[Sentence]],
+    arrays: Sequence[ArrayVariable] | None = None,
 ) -> str:
-    """Text of ``model.h``.
+    """Text of ``model.h``, for FMI 3.0 if ``arrays`` are given, else for FMI 2.0.
 
     ``sizes``: lengths of the blocks x, n, f, k, z; ``indices``: see ``fmus.model.ModelProtocol``; ``sentences``: tables
     of texts by name.
@@ -56,7 +58,8 @@ def header(
         f"static const Range RANGE[] = {{ {', '.join([*map(_range, parameters), '{ 0, 0, 0, 0 }'])} }};",
         f"static const Index INDEX[] = {{ {''.join(checks)}{{ 0, 0 }} }};",
         *_choices(strings),
-        *_phases(),
+        *_phases(ALLOWED if arrays is None else ALLOWED_FMI3),
+        *([] if arrays is None else _arrays(arrays)),
         *(f"extern const {kind} image_{name}[];" for name, kind in
           {"x": "double", "n": "int64_t", "f": "double", "k": "int64_t", "z": "char"}.items()),
         *(line for table, rows in sentences.items() for line in _sentences(table, rows)),
@@ -72,13 +75,19 @@ def _range(port: Port) -> str:
     return f"{{ {int(port.causality == 'parameter')}, {', '.join(bounds)}, {json.dumps(port.allowed.text)} }}"
 
 
-def _phases() -> list[str]:
+def _arrays(arrays: Sequence[ArrayVariable]) -> list[str]:
+    """Table of the Float64 variables, by value reference: first Real and number of Reals."""
+    rows = "".join(f"{{ {array.first}, {len(array.elements)} }}, " for array in arrays)
+    return [f"enum {{ N_ARRAY = {len(arrays)} }};", f"static const Array ARRAY[] = {{ {rows}{{ 0, 0 }} }};"]
+
+
+def _phases(allowed: Mapping[str, Sequence[InstancePhase]]) -> list[str]:
     """Phases, and the calls with their sentence for each phase that does not allow them, see ``fmus.phases``."""
-    rows = (quoted(not_allowed(call, phase) for phase in InstancePhase) for call in ALLOWED)
+    rows = (quoted(not_allowed(call, phase) for phase in InstancePhase) for call in allowed)
     refusals = (f"{{ {row.replace(json.dumps(''), '0')} }}" for row in rows)
     return [
         f"enum {{ {', '.join(phase.name for phase in InstancePhase)} }};",
-        f"enum {{ {', '.join(f'CALL_{call}' for call in ALLOWED)} }};",
+        f"enum {{ {', '.join(f'CALL_{call}' for call in allowed)} }};",
         f"static const char *const NOT_ALLOWED[][{len(InstancePhase)}] = {{ {', '.join(refusals)} }};",
         f"static const double RESOLUTION = {RESOLUTION.hex()};",
         *_sentences("STEP_REFUSED", (SHORT, JUMP, LATE)),

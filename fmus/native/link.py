@@ -13,11 +13,20 @@ from pathlib import Path
 from fmus.native.platform import LINUX, Platform
 
 HERE = Path(__file__).parent
-SOURCES = tuple(HERE / name for name in ("shell.c", "runtime.c", "processor.c"))
 FLAGS = "-std=c11", "-O2", "-fvisibility=hidden", "-fno-sanitize=all", "-g0", "-shared", "-s"
 
 
 INSTALLATION = "pip install -c constraints.txt -e '.[native]' in the clone of cotrack brings"
+
+
+def sources(fmi: int) -> tuple[Path, ...]:
+    """C sources of a library for a version of FMI (2 or 3)."""
+    return tuple(HERE / name for name in (f"fmi{fmi}.c", "runtime.c", "processor.c"))
+
+
+def headers(fmi: int) -> tuple[Path, ...]:
+    """Files that ``sources`` include, but ``model.h``."""
+    return HERE / f"fmi{fmi}.h", HERE / "instance.h"
 
 
 class NoCompiler(RuntimeError):
@@ -44,10 +53,10 @@ def compiler_release() -> str:
     return process.stdout.partition("\n")[0]
 
 
-def link(objects: Sequence[Path], include: Path, library: Path, platform: Platform) -> None:
-    """Link ``library`` from objects and ``SOURCES``; ``include`` has ``model.h``. Raises NoCompiler."""
+def link(objects: Sequence[Path], include: Path, library: Path, platform: Platform, fmi: int) -> None:
+    """Link ``library`` from objects and ``sources(fmi)``; ``include`` has ``model.h``. Raises NoCompiler."""
     command = [*compiler(platform), *FLAGS, f"-I{include}", f"-I{HERE}", "-o", str(library)]
-    command += [*map(str, (*SOURCES, *objects)), *platform.flags]
+    command += [*map(str, (*sources(fmi), *objects)), *platform.flags]
     process = subprocess.run(command, capture_output=True, text=True)
     if process.returncode:
         errors = process.stderr.strip().splitlines()

@@ -17,12 +17,14 @@ from fmus.components import KINDS, model_of
 from fmus.defaults import KEY, check_names, configured_ports, experiment, parameter_values
 from fmus.description import document
 from fmus.documentation import documentation, key_parts, readme_beside
+from fmus.native import fmi3_description, terminals
+from fmus.native.arrays import arrays
 from fmus.native.emit import LEVELS, emit
 from fmus.native.entries import entries, free_names
 from fmus.native.header import header, image
-from fmus.native.link import HERE, SOURCES, NoCompiler, compiler, compiler_release, link
+from fmus.native.link import NoCompiler, compiler, compiler_release, headers, link, sources
 from fmus.native.platform import LINUX, WINDOWS, Platform
-from fmus.ports import Port, variables
+from fmus.ports import variables
 from fmus.sources import ROOT, source_hash
 
 NUMBA = ("0.6",)  # prefixes of the versions whose internals the runtime and the entries rely on
@@ -34,12 +36,17 @@ CATEGORIES = {
 
 
 def build_native(
-    kind: str, config: Mapping[str, Any], folder: Path | None = None, name: str | None = None, windows: bool = False
+    kind: str,
+    config: Mapping[str, Any],
+    folder: Path | None = None,
+    name: str | None = None,
+    windows: bool = False,
+    fmi: int = 2,
 ) -> Path:
     """Path of the native FMU of a kind of component, built unless the cache has it.
 
-    The FMU needs libc alone. ``windows`` adds a library for Windows to that for Linux. Parameters in
-    ``config`` are start values, and constants if they are not free. Raises BuildFailed.
+    The FMU needs libc alone. ``windows`` adds a library for Windows to that for Linux. ``fmi``: 2 or 3, for FMI 2.0
+    or 3.0. Parameters in ``config`` are start values, and constants if they are not free. Raises BuildFailed.
     """
     if kind not in KINDS:
         raise BuildFailed(f"no kind of component is called '{kind}': there are {', '.join(KINDS)}")
@@ -54,7 +61,6 @@ def build_native(
         raise BuildFailed(f"the configuration of {kind} is not JSON: {error}") from None
     except NoCompiler as error:
         raise BuildFailed(str(error)) from None
-    sources = [each.read_text(encoding="utf-8") for each in (*SOURCES, HERE / "fmi2.h")]
     parts = [
         *key_parts(readme_beside(ROOT / KINDS[kind]), INCLUDED),
         "native",
@@ -62,14 +68,14 @@ def build_native(
         version("llvmlite"),
         *compiler_parts,
         source_hash(),
-        *sources,
+        *(each.read_text(encoding="utf-8") for each in (*sources(fmi), *headers(fmi))),
         kind,
         config_text,
     ]
     digest = hashlib.sha256("\0".join(parts).encode())
     guid = str(uuid.UUID(bytes=digest.digest()[:16]))
     return build_once(
-        digest.hexdigest()[:24], f"{name or kind}.fmu", lambda: _pack(kind, config, guid, platforms), folder
+        digest.hexdigest()[:24], f"{name or kind}.fmu", lambda: _pack(kind, config, guid, platforms, fmi), folder
     )
 
 
@@ -95,7 +101,9 @@ def _model(kind: str, config: Mapping[str, Any]) -> Any:
     return model_of(kind)(config)
 
 
-def _pack(kind: str, config: Mapping[str, Any], guid: str, platforms: Sequence[Platform] = (LINUX,)) -> bytes:
+def _pack(
+    kind: str, config: Mapping[str, Any], guid: str, platforms: Sequence[Platform] = (LINUX,), fmi: int = 2
+) -> bytes:
     model = _model(kind, config)
     check_names(model.ports, config)
     ports = configured_ports(model.ports, config)
@@ -111,6 +119,7 @@ def _pack(kind: str, config: Mapping[str, Any], guid: str, platforms: Sequence[P
         port._replace(causality="local") if port.causality == "parameter" and port.name not in free_ones else port
         for port in row.row
     )
+    float64s = arrays([port for port in ports if isinstance(port.start, float)]) if fmi == 3 else None
     sizes = {
         "x": model.state.size,
         "n": model.counters.size,
@@ -126,6 +135,7 @@ def _pack(kind: str, config: Mapping[str, Any], guid: str, platforms: Sequence[P
                 sizes,
                 model.indices,
                 {"FAILURE": model.failures, "WARNING": model.warning_sentences, "REFUSED": model.refusals},
+                float64s,
             ),
             encoding="utf-8",
         )
@@ -134,30 +144,30 @@ def _pack(kind: str, config: Mapping[str, Any], guid: str, platforms: Sequence[P
             library = place / f"{kind}{platform.suffix}"
             parts = {"image": image(compiled.frozen, model.state, model.counters, platform)}
             parts |= {prefix: emit(compiled.entries, prefix, platform) for prefix in LEVELS}
-            objects = [place / f"{platform.folder}.{part}.o" for part in parts]
+            objects = [place / f"{platform.triple}.{part}.o" for part in parts]
             for path, content in zip(objects, parts.values(), strict=True):
                 path.write_bytes(content)
             try:
-                link(objects, place, library, platform)
+                link(objects, place, library, platform, fmi)
             except NoCompiler as error:
                 raise BuildFailed(str(error)) from None
-            libraries[f"binaries/{platform.folder}/{library.name}"] = library.read_bytes()
-    description = _described(kind, model, guid, ports, experiment(config))
-    pages = documentation(description, readme_beside(ROOT / KINDS[kind]), INCLUDED)
-    return archive({"modelDescription.xml": description, **libraries, **pages})
-
-
-def _described(kind: str, model: Any, guid: str, ports: tuple[Port, ...], times: Mapping[str, Any]) -> bytes:
+            libraries[f"binaries/{platform.folders[fmi]}/{library.name}"] = library.read_bytes()
+    about: dict[str, Any] = {
+        "guid": guid,
+        "text": (type(model).__doc__ or kind).strip().splitlines()[0],
+        "tool": f"cotrack, native by numba {version('numba')}",
+        "categories": CATEGORIES,
+        "experiment": experiment(config),
+    }
     reals = [port for port in ports if isinstance(port.start, float)]
-    root = document(
-        kind,
-        guid=guid,
-        text=(type(model).__doc__ or kind).strip().splitlines()[0],
-        tool=f"cotrack, native by numba {version('numba')}",
-        variables=ports,
-        reals=len(reals),
-        continuous=sum(port.causality in ("input", "output") for port in reals),
-        categories=CATEGORIES,
-        experiment=times,
-    )
-    return bytes(tostring(root, encoding="utf-8", xml_declaration=True))
+    if float64s is None:
+        continuous = sum(port.causality in ("input", "output") for port in reals)
+        root = document(kind, variables=ports, reals=len(reals), continuous=continuous, **about)
+    else:
+        root = fmi3_description.document(kind, arrays=float64s, others=ports[len(reals) :], **about)
+    description = bytes(tostring(root, encoding="utf-8", xml_declaration=True))
+    files = {"modelDescription.xml": description, **libraries}
+    files |= documentation(description, readme_beside(ROOT / KINDS[kind]), INCLUDED)
+    if float64s is not None:
+        files |= terminals.files(float64s)
+    return archive(files)

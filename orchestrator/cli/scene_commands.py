@@ -52,6 +52,7 @@ def build(
     windows: Annotated[
         bool, typer.Option("--windows", help="with --native: add libraries for Windows to those for Linux")
     ] = False,
+    fmi: Annotated[int, typer.Option("--fmi", metavar="2|3", help="with --native: version of FMI, 2.0 or 3.0")] = 2,
 ) -> None:
     """Build FMUs whose default parameters are those of the scene.
 
@@ -64,6 +65,10 @@ def build(
         raise BadInput("give a scene or --all, not both")
     if windows and not native:
         raise BadInput("--windows needs --native: Python FMUs run on every system that has Python")
+    if fmi not in (2, 3):
+        raise BadInput(f"--fmi {fmi}: there are FMUs of FMI 2 and 3")
+    if fmi == 3 and not native:
+        raise BadInput("--fmi 3 needs --native: pythonfmu, which makes Python FMUs, writes FMI 2.0 alone")
     changes = with_vehicle(vehicle, settings)
     models = [track] if track else list(TRACKS)
     if everything:
@@ -72,7 +77,7 @@ def build(
         requested = products.scene_products([load(products.STANDARD, model, changes) for model in models])
     else:
         requested = products.scene_products([load(scene, track, changes)])
-    for file in products.build_to(output, requested, native, windows):
+    for file in products.build_to(output, requested, native, windows, fmi):
         print(file)
 
 

@@ -104,11 +104,16 @@ def build_parts(parts: Sequence[Part], native: bool) -> list[Path]:
     )
 
 
-def build_native_all(products: Sequence[Product], folder: Path | None = None, windows: bool = False) -> list[Path]:
-    """Build native FMUs, with ``windows`` libraries too, one after another: numba compiles in one thread."""
+def build_native_all(
+    products: Sequence[Product], folder: Path | None = None, windows: bool = False, fmi: int = 2
+) -> list[Path]:
+    """Build native FMUs one after another, because numba compiles in one thread.
+
+    ``windows`` and ``fmi``: see ``fmus.native.pack.build_native``.
+    """
     from fmus.native.pack import build_native
 
-    return [build_native(kind, config, folder, name, windows) for kind, config, name in products]
+    return [build_native(kind, config, folder, name, windows, fmi) for kind, config, name in products]
 
 
 # --- assemblies ------------------------------------------------------------------------------------

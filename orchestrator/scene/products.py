@@ -64,13 +64,16 @@ def _side(part: Part) -> float:
     return -float(part.parameters.get("start.lateral", 0.0))
 
 
-def build_to(folder: Path, products: Sequence[Product], native: bool = False, windows: bool = False) -> list[Path]:
-    """Build FMUs into a folder; return their paths in order. ``windows`` adds libraries to native ones.
+def build_to(
+    folder: Path, products: Sequence[Product], native: bool = False, windows: bool = False, fmi: int = 2
+) -> list[Path]:
+    """Build FMUs into a folder; return their paths in order.
 
-    Raises BadInput if the folder cannot be created.
+    ``windows`` adds libraries to native ones, which may be of FMI 2.0 or 3.0 (``fmi``: 2 or 3). Raises BadInput if the
+    folder cannot be created.
     """
     make_folder(folder)
-    return build_native_all(products, folder, windows) if native else build_all(products, folder)
+    return build_native_all(products, folder, windows, fmi) if native else build_all(products, folder)
 
 
 def make_folder(folder: Path) -> None:

@@ -24,7 +24,7 @@ WORDS = (
     *(struct.pack("<q", n) for n in (1, -1, 2, 64, 1 << 20, (1 << 31) - 1, 1 << 31, (1 << 63) - 1, -(1 << 63))),
 )
 NOT_FOUND = ("IndexError", "MemoryError", "SystemError", "ZeroDivisionError", "TypeError", "KeyError")
-_FNV = 0xCBF29CE484222325, 0x100000001B3  # FNV-1a, 64 bits (Fowler, Noll, Vo), as in shell.c
+_FNV = 0xCBF29CE484222325, 0x100000001B3  # FNV-1a, 64 bits (Fowler, Noll, Vo), as in instance.h
 
 
 def altered(content: bytes, draw: random.Random, python: bool) -> bytes:

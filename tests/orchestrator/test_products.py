@@ -180,3 +180,20 @@ def test_build_takes_settings_and_refuses_what_no_fmu_can_have(monkeypatch, caps
     status, said = cotrack("build", *where, "--set", "track.elmnt=beam")
     assert status == 2
     assert "unknown key 'track.elmnt'" in said.err
+
+
+def test_build_takes_a_version_of_fmi_for_native_fmus_alone(monkeypatch, capsys, tmp_path):
+    def cotrack(*options):
+        monkeypatch.setattr(sys, "argv", ["cotrack", "build", "hanging_chain", "-o", str(tmp_path / "fmus"), *options])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return ended.value.code or 0, messages(capsys.readouterr().err)
+
+    python = "--fmi 3 needs --native: pythonfmu, which makes Python FMUs, writes FMI 2.0 alone"
+    assert cotrack("--fmi", "3") == (2, f"cotrack: {python}\n")
+    assert cotrack("--fmi", "1", "--native") == (2, "cotrack: --fmi 1: there are FMUs of FMI 2 and 3\n")
+    assert not (tmp_path / "fmus").exists()
+    versions = []
+    monkeypatch.setattr("fmus.native.pack.build_native", lambda *given: versions.append(given[-1]) or "chain.fmu")
+    assert [cotrack("--native", *option) for option in ((), ("--fmi", "3"))] == [(0, "")] * 2
+    assert versions == [2, 3]

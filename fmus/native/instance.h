@@ -1,6 +1,8 @@
-/* FMI 2.0 functions around the kernels of a component, the same for all kinds; model.h holds the component's data.
+/* Instance of a component: state machine, kernels, messages, variables, saved states; the same for all kinds of
+   components and both versions of FMI. Included once, by fmi2.c or fmi3.c; model.h holds the component's data.
 
-   Behaviour and messages are those of fmus/slave.py. No threads, no global variables. */
+   Behaviour and messages are those of fmus/slave.py. No threads, no global variables. Before the inclusion there is the
+   type Host, the callbacks of a tool; after it, log_message, which writes to it. */
 #include <math.h>
 #include <stdarg.h>
 #include <stdint.h>
@@ -8,7 +10,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fmi2.h"
+#if defined _WIN32
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+enum { STATUS_OK, STATUS_WARNING, STATUS_DISCARD, STATUS_ERROR }; /* as fmi2Status and fmi3Status */
+typedef int Status;
 
 typedef struct { const char *text, *const *names; } Sentence;
 typedef struct { int free; double least, most; const char *text; } Range; /* of a Real parameter */
@@ -56,7 +65,7 @@ typedef struct {
     int64_t *k;
     char *z, *name;
     const Kernels *run;
-    fmi2CallbackFunctions call;
+    Host host;
     int logging;
 } Instance;
 
@@ -85,29 +94,19 @@ static void fill(char *out, size_t room, Sentence s, const double *numbers) {
     out[n < room ? n : room - 1] = 0;
 }
 
-static void log_message(Instance *c, fmi2Status status, const char *category, const char *text) {
-    char escaped[2 * LONGEST]; /* FMI reads a message as a format */
-    size_t n = 0;
-    if (!c->call.logger || (status == fmi2OK && !c->logging)) return;
-    for (; *text && n + 3 < sizeof escaped; text++) {
-        if (*text == '%') escaped[n++] = '%';
-        escaped[n++] = *text;
-    }
-    escaped[n] = 0;
-    c->call.logger(c->call.componentEnvironment, c->name, status, category, escaped);
-}
+static void log_message(Instance *c, Status status, const char *category, const char *text); /* of the front end */
 
-static fmi2Status refuse(Instance *c, const char *format, ...) {
+static Status refuse(Instance *c, const char *format, ...) {
     char text[LONGEST];
     va_list more;
     va_start(more, format);
     vsnprintf(text, sizeof text, format, more);
     va_end(more);
-    log_message(c, fmi2Error, "logStatusError", text);
-    return fmi2Error;
+    log_message(c, STATUS_ERROR, "logStatusError", text);
+    return STATUS_ERROR;
 }
 
-static fmi2Status refuse_with(Instance *c, Sentence sentence, double first, double second) {
+static Status refuse_with(Instance *c, Sentence sentence, double first, double second) {
     char text[LONGEST];
     fill(text, sizeof text, sentence, (double[]){first, second});
     return refuse(c, "%s", text);
@@ -118,7 +117,7 @@ static int forbidden(Instance *c, int call) { /* 1: the phase does not allow thi
     if (sentence) refuse(c, "%s", sentence);
     return sentence != 0;
 }
-#define CHECK(call) if (forbidden(p, CALL_##call)) return fmi2Error
+#define CHECK(call) if (forbidden(p, CALL_##call)) return (Status)STATUS_ERROR
 
 /* ---- calls of the kernels */
 
@@ -148,7 +147,7 @@ static void warn(Instance *c) {
         row[0] = 0.0;
         fill(text, sizeof text, WARNING[k], row + 1);
         c->d.status = WARNED;
-        log_message(c, fmi2Warning, "logStatusWarning", text);
+        log_message(c, STATUS_WARNING, "logStatusWarning", text);
     }
 }
 
@@ -207,21 +206,18 @@ static int initialise(Instance *c) {
     return 0;
 }
 
-EXPORT fmi2Status fmi2DoStep(fmi2Component p, fmi2Real t, fmi2Real h, fmi2Boolean no_rollback) {
-    Instance *c = p;
+static Status advance(Instance *c, double t, double h) {
     Data *d = &c->d;
     int64_t failed = 0;
     struct raised *e = 0;
     char text[LONGEST];
     double slack = RESOLUTION * fmax(1.0, fabs(t));
-    (void)no_rollback;
-    CHECK(fmi2DoStep);
     if (!(isfinite(t) && isfinite(h) && h >= slack)) return refuse_with(c, STEP_REFUSED[0], t, h);
     if (fabs(t - d->now) > slack) return refuse_with(c, STEP_REFUSED[1], t, d->now);
     if (t + h - c->stop > slack) return refuse_with(c, STEP_REFUSED[2], t + h, c->stop);
     if (!finite(d->value, N_INPUT) && not_finite(c, 0, d->value, N_INPUT, "input", "@", t)) {
         d->status = FAILED;
-        return fmi2Discard;
+        return STATUS_DISCARD;
     }
     memcpy(c->state_before, d->state, sizeof c->state_before);
     memcpy(c->counter_before, d->counter, sizeof c->counter_before);
@@ -232,7 +228,7 @@ EXPORT fmi2Status fmi2DoStep(fmi2Component p, fmi2Real t, fmi2Real h, fmi2Boolea
         fill(text, sizeof text, FAILURE[failed], c->messages);
     } else if (!refresh(c, "@", t + h)) {
         d->now = t + h;
-        return fmi2OK;
+        return STATUS_OK;
     } else {
         text[0] = 0; /* already logged */
     }
@@ -241,7 +237,7 @@ EXPORT fmi2Status fmi2DoStep(fmi2Component p, fmi2Real t, fmi2Real h, fmi2Boolea
     memcpy(d->counter, c->counter_before, sizeof c->counter_before);
     if (text[0]) refuse(c, "%s", text);
     d->status = FAILED;
-    return fmi2Discard;
+    return STATUS_DISCARD;
 }
 
 /* ---- instances */
@@ -271,16 +267,11 @@ static void release(Instance *c) {
     deallocate(c);
 }
 
-EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
-EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
-
-EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
-                                     const fmi2CallbackFunctions *call, fmi2Boolean visible, fmi2Boolean logging) {
+static Instance *create(const char *name, const char *token, Host host, int logging) { /* 0: refused */
     Instance *c = allocate(sizeof *c);
-    (void)resources, (void)visible;
     if (!c) return 0;
     memset(c, 0, sizeof *c);
-    if (call) c->call = *call;
+    c->host = host;
     c->logging = logging;
     c->run = wide_processor() ? &WIDE : &ANY;
     c->name = malloc(strlen(name ? name : "") + 1);
@@ -288,80 +279,43 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
     c->k = allocate(N_K * sizeof *c->k);
     c->z = allocate(N_Z);
     if (c->name) strcpy(c->name, name ? name : "");
-    if (c->name && c->f && c->k && c->z && type == fmi2CoSimulation && guid && !strcmp(guid, GUID)) {
+    if (c->name && c->f && c->k && c->z && token && !strcmp(token, GUID)) {
         begin(c);
         return c;
     }
-    if (type != fmi2CoSimulation)
-        refuse(c, "this FMU is one for co-simulation");
-    else if (!guid || strcmp(guid, GUID))
-        refuse(c, "the guid %s is not %s, which this FMU has", guid ? guid : "(none)", GUID);
+    if (!token || strcmp(token, GUID))
+        refuse(c, "the guid %s is not %s, which this FMU has", token ? token : "(none)", GUID);
     release(c);
     return 0;
 }
 
-EXPORT void fmi2FreeInstance(fmi2Component p) {
-    if (p) release(p);
-}
-
-EXPORT fmi2Status fmi2SetDebugLogging(fmi2Component p, fmi2Boolean on, size_t n, const fmi2String categories[]) {
-    (void)n, (void)categories;
-    ((Instance *)p)->logging = on;
-    return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2SetupExperiment(fmi2Component p, fmi2Boolean a, fmi2Real tolerance, fmi2Real start, fmi2Boolean b,
-                                      fmi2Real stop) {
-    Instance *c = p;
-    (void)a, (void)tolerance;
-    CHECK(fmi2SetupExperiment);
-    if (!b) stop = NAN;
+static Status set_times(Instance *c, double start, int stops, double stop) {
+    if (!stops) stop = NAN;
     if (!isfinite(start) || stop < start) return refuse(c, "an experiment cannot last from %g to %g s", start, stop);
     c->d.now = start;
     c->stop = stop;
-    return fmi2OK;
+    return STATUS_OK;
 }
 
-EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component p) {
-    CHECK(fmi2EnterInitializationMode);
-    ((Instance *)p)->d.phase = INITIALISING;
-    return fmi2OK;
+static Status enter(Instance *c, int phase) {
+    c->d.phase = phase;
+    return STATUS_OK;
 }
 
-EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component p) {
-    Instance *c = p;
-    CHECK(fmi2ExitInitializationMode);
-    if (c->d.stale && initialise(c)) return fmi2Error;
-    c->d.phase = RUNNING;
-    return fmi2OK;
+static Status finish_initialisation(Instance *c) {
+    if (c->d.stale && initialise(c)) return STATUS_ERROR;
+    return enter(c, RUNNING);
 }
 
-EXPORT fmi2Status fmi2Terminate(fmi2Component p) {
-    CHECK(fmi2Terminate);
-    ((Instance *)p)->d.phase = TERMINATED;
-    return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2Reset(fmi2Component p) {
-    begin(p);
-    return fmi2OK;
-}
-
-/* ---- variables: Reals, Integers, Strings share one row of value references */
+/* ---- variables: Reals, Integers, Strings share one row, in which 'at' is a place */
 
 static int started(Instance *c) { return !c->d.stale || !initialise(c); }
 
-EXPORT fmi2Status fmi2GetReal(fmi2Component p, const fmi2ValueReference v[], size_t n, fmi2Real to[]) {
-    Instance *c = p;
-    int outputs = 0, links = 0;
-    CHECK(fmi2GetReal);
-    for (size_t i = 0; i < n; i++) {
-        int64_t at = v[i];
-        if (at >= N_REAL) return refuse(c, "no Real variable has the value reference %u", v[i]);
-        outputs |= at >= N_INPUT && at < FIRST_PARAMETER;
-        links |= at >= FIRST_LINK && at < FIRST_PARAMETER;
-    }
-    if (outputs && !started(c)) return fmi2Error;
+static int is_output(int64_t at) { return at >= N_INPUT && at < FIRST_PARAMETER; }
+static int is_link(int64_t at) { return at >= FIRST_LINK && at < FIRST_PARAMETER; }
+
+static int not_computed(Instance *c, int outputs, int links) { /* 1: outputs, or those of links, cannot be computed */
+    if (outputs && !started(c)) return 1;
 #if LINKS
     if (links && c->d.links_stale) {
         int64_t result;
@@ -369,114 +323,50 @@ EXPORT fmi2Status fmi2GetReal(fmi2Component p, const fmi2ValueReference v[], siz
         double *y = c->d.value + FIRST_LINK;
         if (c->run->show_links(&result, &e, OF(c), y)) {
             refuse(c, "the link outputs could not be computed");
-            return fmi2Error;
+            return 1;
         }
         if (!finite(y, N_LINK) && not_finite(c, FIRST_LINK, y, N_LINK, "output", "after the last step", 0.0))
-            return fmi2Error;
+            return 1;
         c->d.links_stale = 0;
     }
 #else
     (void)links;
 #endif
-    for (size_t i = 0; i < n; i++) to[i] = c->d.value[v[i]];
-    return fmi2OK;
+    return 0;
 }
 
-static fmi2Status settable(Instance *c, unsigned v, int is_free, int is_same) { /* refuses constants and late calls */
-    if (!is_free && is_same) return fmi2OK;
+static Status settable(Instance *c, unsigned v, int is_free, int is_same) { /* refuses constants and late calls */
+    if (!is_free && is_same) return STATUS_OK;
     if (c->d.phase == RUNNING)
         return refuse(c, "parameter '%s' is fixed: set it before the end of initialisation", NAME[v]);
     if (!is_free) return refuse(c, "'%s' is a constant of this FMU: build one with another value", NAME[v]);
     c->d.stale = 1;
-    return fmi2OK;
+    return STATUS_OK;
 }
 
-EXPORT fmi2Status fmi2SetReal(fmi2Component p, const fmi2ValueReference v[], size_t n, const fmi2Real from[]) {
-    Instance *c = p;
-    CHECK(fmi2SetReal);
-    for (size_t i = 0; i < n; i++) {
-        int64_t at = v[i];
-        if (at >= N_REAL) return refuse(c, "no Real variable has the value reference %u", v[i]);
-        if (at >= FIRST_PARAMETER) {
-            if (settable(c, v[i], RANGE[at - FIRST_PARAMETER].free, from[i] == START[at])) return fmi2Error;
-        } else if (at >= N_INPUT)
-            return refuse(c, "an output cannot be set (%s or one set with it)", NAME[v[i]]);
-    }
-    for (size_t i = 0; i < n; i++) c->d.value[v[i]] = from[i];
-    return fmi2OK;
+static Status settable_real(Instance *c, int64_t at, double value) {
+    if (at >= FIRST_PARAMETER) return settable(c, (unsigned)at, RANGE[at - FIRST_PARAMETER].free, value == START[at]);
+    if (at >= N_INPUT) return refuse(c, "an output cannot be set (%s or one set with it)", NAME[at]);
+    return STATUS_OK;
 }
 
-EXPORT fmi2Status fmi2GetInteger(fmi2Component p, const fmi2ValueReference v[], size_t n, fmi2Integer to[]) {
-    Instance *c = p;
-    CHECK(fmi2GetInteger);
-    if (!started(c)) return fmi2Error;
-    for (size_t i = 0; i < n; i++) {
-        int64_t at = (int64_t)v[i] - N_REAL, value;
-        if (at < 0 || at > N_COUNTER) return refuse(c, "no Integer variable has the value reference %u", v[i]);
-        value = at < N_COUNTER ? c->d.counter[at] : c->d.status;
-        to[i] = value > INT32_MAX ? INT32_MAX : (fmi2Integer)value;
-    }
-    return fmi2OK;
-}
+static int64_t integer_value(Instance *c, int64_t i) { return i < N_COUNTER ? c->d.counter[i] : c->d.status; }
 
-EXPORT fmi2Status fmi2SetInteger(fmi2Component p, const fmi2ValueReference v[], size_t n, const fmi2Integer from[]) {
-    (void)from;
-    CHECK(fmi2SetInteger);
-    for (size_t i = 0; i < n; i++) {
-        if (v[i] < N_REAL || v[i] > N_REAL + N_COUNTER)
-            return refuse(p, "no Integer variable has the value reference %u", v[i]);
-        return refuse(p, "output '%s' cannot be set", NAME[v[i]]);
-    }
-    return fmi2OK;
-}
+static const char *string_value(Instance *c, int64_t i) { return CHOICE[i].names[c->d.choice[i]]; }
 
-static int64_t string_at(unsigned v) { return (int64_t)v - N_REAL - N_COUNTER - 1; }
-
-EXPORT fmi2Status fmi2GetString(fmi2Component p, const fmi2ValueReference v[], size_t n, fmi2String to[]) {
-    CHECK(fmi2GetString);
-    for (size_t i = 0; i < n; i++) {
-        int64_t at = string_at(v[i]);
-        if (at < 0 || at >= N_STRING) return refuse(p, "no String variable has the value reference %u", v[i]);
-        to[i] = CHOICE[at].names[((Instance *)p)->d.choice[at]];
-    }
-    return fmi2OK;
-}
-
-static fmi2Status choose(Instance *c, unsigned v, int64_t at, const char *text) {
+static Status choose(Instance *c, unsigned v, int64_t at, const char *text) {
     Choice of = CHOICE[at];
     char known[LONGEST] = "";
     for (int k = 0; k < of.count; k++)
         if (text && !strcmp(text, of.names[k])) {
-            if (settable(c, v, of.free, 1)) return fmi2Error;
+            if (settable(c, v, of.free, 1)) return STATUS_ERROR;
             c->d.choice[at] = k;
-            return fmi2OK;
+            return STATUS_OK;
         }
-    if (settable(c, v, of.free, 0)) return fmi2Error;
+    if (settable(c, v, of.free, 0)) return STATUS_ERROR;
     for (int k = 0; k < of.count; k++)
         snprintf(known + strlen(known), sizeof known - strlen(known), "%s%s", k ? ", " : "", of.names[k]);
     return refuse(c, "%s = '%s': must be one of %s", NAME[v], text ? text : "", known);
-}
-
-EXPORT fmi2Status fmi2SetString(fmi2Component p, const fmi2ValueReference v[], size_t n, const fmi2String from[]) {
-    CHECK(fmi2SetString);
-    for (size_t i = 0; i < n; i++) {
-        int64_t at = string_at(v[i]);
-        if (at < 0 || at >= N_STRING) return refuse(p, "no String variable has the value reference %u", v[i]);
-        if (choose(p, v[i], at, from[i])) return fmi2Error;
-    }
-    return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2GetBoolean(fmi2Component p, const fmi2ValueReference v[], size_t n, fmi2Boolean to[]) {
-    (void)to;
-    CHECK(fmi2GetBoolean);
-    return n ? refuse(p, "no Boolean variable has the value reference %u", v[0]) : fmi2OK;
-}
-
-EXPORT fmi2Status fmi2SetBoolean(fmi2Component p, const fmi2ValueReference v[], size_t n, const fmi2Boolean from[]) {
-    (void)from;
-    CHECK(fmi2SetBoolean);
-    return n ? refuse(p, "no Boolean variable has the value reference %u", v[0]) : fmi2OK;
 }
 
 /* ---- FMU states: their bytes begin with a checksum of all that follows, and the guid */
@@ -491,10 +381,10 @@ static uint64_t checksum(const void *p, size_t n) { /* FNV-1a */
     return sum;
 }
 
-EXPORT fmi2Status fmi2GetFMUstate(fmi2Component p, fmi2FMUstate *to) {
-    if (!*to && !(*to = allocate(sizeof(Data)))) return refuse(p, "there is no memory for a state");
-    memcpy(*to, &((Instance *)p)->d, sizeof(Data));
-    return fmi2OK;
+static Status get_state(Instance *c, void **to) {
+    if (!*to && !(*to = allocate(sizeof(Data)))) return refuse(c, "there is no memory for a state");
+    memcpy(*to, &c->d, sizeof(Data));
+    return STATUS_OK;
 }
 
 static int impossible(const Data *s) { /* 1: no instance has this state */
@@ -510,8 +400,7 @@ static int impossible(const Data *s) { /* 1: no instance has this state */
     return !finite(s->state, N_STATE) || !finite(s->value + N_INPUT, N_OUTPUT + N_LINK);
 }
 
-EXPORT fmi2Status fmi2SetFMUstate(fmi2Component p, fmi2FMUstate from) {
-    Instance *c = p;
+static Status set_state(Instance *c, const void *from) {
     const Data *s = from;
     if (!s) return refuse(c, "this is not a state of an FMU of this build");
     if (impossible(s)) return refuse(c, "these bytes are not a saved state of this FMU: values that it cannot have");
@@ -529,94 +418,43 @@ EXPORT fmi2Status fmi2SetFMUstate(fmi2Component p, fmi2FMUstate from) {
             memcpy(&c->d, before, sizeof *before);
         }
         deallocate(before);
-        if (failed) return fmi2Error;
+        if (failed) return STATUS_ERROR;
     }
     memcpy(&c->d, s, sizeof(Data));
-    return fmi2OK;
+    return STATUS_OK;
 }
 
-EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component p, fmi2FMUstate *state) {
-    (void)p;
+static Status free_state(void **state) {
     if (state) {
         deallocate(*state);
         *state = 0;
     }
-    return fmi2OK;
+    return STATUS_OK;
 }
 
-EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component p, fmi2FMUstate state, size_t *n) {
-    (void)p, (void)state;
-    *n = sizeof(Bytes);
-    return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component p, fmi2FMUstate state, fmi2Byte to[], size_t n) {
+static Status serialise(Instance *c, const void *state, void *to, size_t n) {
     Bytes *b;
-    if (!state || n < sizeof(Bytes)) return refuse(p, "a state needs %zu bytes", sizeof(Bytes));
-    if (!(b = allocate(sizeof *b))) return refuse(p, "there is no memory for a state");
+    if (!state || n < sizeof(Bytes)) return refuse(c, "a state needs %zu bytes", sizeof(Bytes));
+    if (!(b = allocate(sizeof *b))) return refuse(c, "there is no memory for a state");
     memset(b, 0, sizeof *b);
     strcpy(b->guid, GUID);
     memcpy(&b->d, state, sizeof(Data));
     b->sum = checksum(b->guid, SUMMED);
     memcpy(to, b, sizeof *b);
     deallocate(b);
-    return fmi2OK;
+    return STATUS_OK;
 }
 
-EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component p, const fmi2Byte from[], size_t n, fmi2FMUstate *to) {
+static Status deserialise(Instance *c, const void *bytes, size_t n, void **to) {
+    const char *from = bytes;
     uint64_t sum;
-    if (n != sizeof(Bytes)) return refuse(p, "these bytes are not a saved state of this FMU");
+    if (n != sizeof(Bytes)) return refuse(c, "these bytes are not a saved state of this FMU");
     memcpy(&sum, from, sizeof sum);
     if (sum != checksum(from + offsetof(Bytes, guid), SUMMED))
-        return refuse(p, "these bytes are not a saved state: the checksum does not hold");
-    if (strncmp(from + offsetof(Bytes, guid), GUID, sizeof GUID)) return refuse(p, "the state belongs to another FMU than %s", GUID);
-    if (!*to && !(*to = allocate(sizeof(Data)))) return refuse(p, "there is no memory for a state");
+        return refuse(c, "these bytes are not a saved state: the checksum does not hold");
+    if (strncmp(from + offsetof(Bytes, guid), GUID, sizeof GUID))
+        return refuse(c, "the state belongs to another FMU than %s", GUID);
+    if (!*to && !(*to = allocate(sizeof(Data)))) return refuse(c, "there is no memory for a state");
     memcpy(*to, from + offsetof(Bytes, d), sizeof(Data));
-    return fmi2OK;
+    return STATUS_OK;
 }
-
-/* ---- functions that are not supported */
-
-EXPORT fmi2Status fmi2CancelStep(fmi2Component p) { return refuse(p, "steps are not asynchronous"); }
-
-EXPORT fmi2Status fmi2GetDirectionalDerivative(fmi2Component p, const fmi2ValueReference u[], size_t n,
-                                               const fmi2ValueReference v[], size_t m, const fmi2Real x[],
-                                               fmi2Real y[]) {
-    (void)u, (void)n, (void)v, (void)m, (void)x, (void)y;
-    return refuse(p, "there are no directional derivatives");
-}
-
-EXPORT fmi2Status fmi2SetRealInputDerivatives(fmi2Component p, const fmi2ValueReference v[], size_t n,
-                                              const fmi2Integer order[], const fmi2Real x[]) {
-    (void)v, (void)n, (void)order, (void)x;
-    return refuse(p, "inputs are not interpolated");
-}
-
-EXPORT fmi2Status fmi2GetRealOutputDerivatives(fmi2Component p, const fmi2ValueReference v[], size_t n,
-                                               const fmi2Integer order[], fmi2Real x[]) {
-    (void)v, (void)n, (void)order, (void)x;
-    return refuse(p, "there are no derivatives of outputs");
-}
-
-/* A step that is discarded ends where it began, and another one may follow: the instance never ends a run. */
-EXPORT fmi2Status fmi2GetRealStatus(fmi2Component p, const fmi2StatusKind kind, fmi2Real *to) {
-    if (kind != fmi2LastSuccessfulTime) return fmi2Discard;
-    *to = ((Instance *)p)->d.now;
-    return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2GetBooleanStatus(fmi2Component p, const fmi2StatusKind kind, fmi2Boolean *to) {
-    (void)p;
-    if (kind != fmi2Terminated) return fmi2Discard;
-    *to = 0;
-    return fmi2OK;
-}
-
-#define NO_STATUS(name, type)                                                        \
-    EXPORT fmi2Status name(fmi2Component p, const fmi2StatusKind kind, type *to) { \
-        (void)p, (void)kind, (void)to;                                               \
-        return fmi2Discard; /* steps are not asynchronous */                         \
-    }
-NO_STATUS(fmi2GetStatus, fmi2Status)
-NO_STATUS(fmi2GetIntegerStatus, fmi2Integer)
-NO_STATUS(fmi2GetStringStatus, fmi2String)

@@ -1,0 +1,114 @@
+"""modelDescription.xml of an FMI 3.0 co-simulation FMU, sibling of ``fmus.description``, with arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement
+
+from fmus.description import add_definitions, initial, origin, quantity, variability_of
+from fmus.native.arrays import ArrayVariable
+from fmus.ports import Port
+
+TIME = Port("time", "independent", "s", "time of the instance")
+
+
+def document(
+    name: str,
+    *,
+    guid: str,
+    text: str,
+    tool: str,
+    arrays: Sequence[ArrayVariable],
+    others: Sequence[Port],
+    categories: Mapping[str, str],
+    experiment: Mapping[str, Any],
+) -> Element:
+    """Root element of the document; value references go through arrays, ``others`` and the time.
+
+    :param arrays: Float64 variables; those with the causality "local" are constants.
+    :param others: Integers (outputs), then Strings (parameters).
+
+    For the other parameters see ``fmus.description.document``.
+    """
+    identity = {"fmiVersion": "3.0", "modelName": name, "instantiationToken": guid}
+    root = Element("fmiModelDescription", identity | origin(text, tool))
+    SubElement(
+        root,
+        "CoSimulation",
+        modelIdentifier=name,
+        needsExecutionTool="false",
+        canBeInstantiatedOnlyOncePerProcess="false",
+        canGetAndSetFMUState="true",
+        canSerializeFMUState="true",
+        providesDirectionalDerivatives="false",
+        providesAdjointDerivatives="false",
+        providesPerElementDependencies="false",
+        canHandleVariableCommunicationStepSize="true",
+        maxOutputDerivativeOrder="0",
+        providesIntermediateUpdate="false",
+        mightReturnEarlyFromDoStep="false",
+        canReturnEarlyAfterIntermediateUpdate="false",
+        hasEventMode="false",
+    )
+    add_definitions(root, [*(array.elements[0].unit for array in arrays), TIME.unit], categories, experiment)
+    variables = SubElement(root, "ModelVariables")
+    for reference, array in enumerate(arrays):
+        _float(variables, reference, array)
+    for reference, port in enumerate(others, len(arrays)):
+        _other(variables, reference, port)
+    SubElement(
+        variables,
+        "Float64",
+        name=TIME.name,
+        valueReference=str(len(arrays) + len(others)),
+        description=TIME.text,
+        causality=TIME.causality,
+        variability="continuous",
+        unit=TIME.unit,
+    )
+    _structure(SubElement(root, "ModelStructure"), [*(array.elements[0] for array in arrays), *others])
+    return root
+
+
+def _head(parent: Element, type_: str, reference: int, port: Port, variability: str) -> Element:
+    """Element of a variable with the attributes that all types have."""
+    attributes = {
+        "name": port.name,
+        "valueReference": str(reference),
+        "description": port.text + (f" ({', '.join(port.choices)})" if port.choices else ""),
+        "causality": port.causality,
+        "variability": variability,
+    }
+    return SubElement(parent, type_, attributes | initial(port, variability))
+
+
+def _float(parent: Element, reference: int, array: ArrayVariable) -> None:
+    """Add a Float64 with its dimensions."""
+    first = array.elements[0]._replace(name=array.name, text=array.text)
+    continuous = first.causality in ("input", "output")
+    variable = _head(parent, "Float64", reference, first, variability_of(first, continuous))
+    variable.attrib |= quantity(first, continuous)
+    if first.causality != "output":
+        variable.set("start", " ".join(repr(float(port.start)) for port in array.elements))
+    for size in array.shape:
+        SubElement(variable, "Dimension", start=str(size))
+
+
+def _other(parent: Element, reference: int, port: Port) -> None:
+    """Add an Int64 output or a String parameter."""
+    is_text = isinstance(port.start, str)
+    variable = _head(parent, "String" if is_text else "Int64", reference, port, variability_of(port, False))
+    if is_text:
+        SubElement(variable, "Start", value=str(port.start))
+
+
+def _structure(structure: Element, ports: Sequence[Port]) -> None:
+    """Add outputs and initial unknowns, with the dependencies of ``fmus.description``."""
+    outputs, known = (
+        [str(reference) for reference, port in enumerate(ports) if port.causality == causality]
+        for causality in ("output", "parameter")
+    )
+    for tag, dependencies in (("Output", ""), ("InitialUnknown", " ".join(known))):
+        for reference in outputs:
+            SubElement(structure, tag, valueReference=reference, dependencies=dependencies)
