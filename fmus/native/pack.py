@@ -144,14 +144,15 @@ def _pack(
             library = place / f"{kind}{platform.suffix}"
             parts = {"image": image(compiled.frozen, model.state, model.counters, platform)}
             parts |= {prefix: emit(compiled.entries, prefix, platform) for prefix in LEVELS}
-            objects = [place / f"{platform.triple}.{part}.o" for part in parts]
+            objects = [place / f"{platform.folder}.{part}.o" for part in parts]
             for path, content in zip(objects, parts.values(), strict=True):
                 path.write_bytes(content)
             try:
                 link(objects, place, library, platform, fmi)
             except NoCompiler as error:
                 raise BuildFailed(str(error)) from None
-            libraries[f"binaries/{platform.folders[fmi]}/{library.name}"] = library.read_bytes()
+            folder = platform.fmi3_folder if fmi == 3 else platform.folder
+            libraries[f"binaries/{folder}/{library.name}"] = library.read_bytes()
     about: dict[str, Any] = {
         "guid": guid,
         "text": (type(model).__doc__ or kind).strip().splitlines()[0],

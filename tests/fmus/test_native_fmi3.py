@@ -28,8 +28,10 @@ from fmus.native.pack import build_native, with_constants
 from fmus.native.terminals import KINDS, terminals
 from fmus.ports import NOT_NEGATIVE, Port, motion_ports, variables, wrench_ports
 from orchestrator.cosim.fmu_files import unpack
-from orchestrator.scene.assembly import assemble
+from orchestrator.scene.assembly import assemble, build_native_all
+from orchestrator.scene.products import scene_products
 from orchestrator.scene.scene import load
+from tests import own_master
 
 FMPY = Path(fmpy.__file__).parent
 OK, DISCARD, ERROR = 0, 2, 3
@@ -295,6 +297,67 @@ def test_304_connections_of_a_vehicle_are_16_pairs_of_terminals():
             array.add(ends_of_array)
             pair.add(frozenset((part, members[part][name]) for part, name in ends_of_array))
     assert (len(scalar), len(array), len(pair)) == (304, 96, 16)
+
+
+class Plugged(Three):
+    """Instance whose terminals are connected by the rule "plug": members by name, outputs to inputs."""
+
+    def __init__(self, file):
+        super().__init__(file)
+        self.variables = {v.name: v for v in self.description.modelVariables}
+        root = etree.parse(unpack(file) / "terminalsAndIcons/terminalsAndIcons.xml")
+        self.terminals = {t.get("name"): {m.get("memberName"): m.get("variableName") for m in t} for t in
+                          root.iter("Terminal")}  # fmt: skip
+        self.feeds = []
+
+    def plug(self, terminal, other, others):
+        ours, theirs = self.terminals[terminal], other.terminals[others]
+        assert ours.keys() == theirs.keys()
+        for member in ours:
+            mine, its = self.variables[ours[member]], other.variables[theirs[member]]
+            assert {mine.causality, its.causality} == {"input", "output"}
+            taker, to, giver, of = (self, mine, other, its) if mine.causality == "input" else (other, its, self, mine)
+            taker.feeds.append((to.valueReference, giver.slave, of.valueReference, of.shape[0]))
+
+    def step(self, t, h):
+        for to, giver, of, size in self.feeds:
+            self.slave.setFloat64([to], giver.getFloat64([of], size))
+        self.slave.doStep(t, h)
+
+
+@pytest.mark.long
+def test_a_vehicle_drives_by_16_pairs_of_terminals_to_the_bits_of_304_connections(tmp_path):
+    products = scene_products([load("straight")])
+    for version in (2, 3):
+        build_native_all(products, tmp_path / str(version), fmi=version)
+    expected = own_master.main(tmp_path / "2", stop=0.05, speed=20.5, ramp=(0.0, 0.2))
+    names = [f"{side}_{part}" for part in ("track", "drive") for side in ("left", "right")] + ["chassis"]
+    kinds = {"track": "TrackFlexible", "drive": "SprocketDrive", "chassis": "Chassis"}
+    fmus = {name: Plugged(tmp_path / f"3/{kinds[name.rpartition('_')[2]]}.fmu") for name in names}
+    chassis, pairs = fmus["chassis"], 0
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        track, drive = fmus[f"{side}_track"], fmus[f"{side}_drive"]
+        plugs = [(track, "sprocket", drive, "sprocket"), (drive, "mount", chassis, f"{side}.sprocket")]
+        plugs += [(track, wheel, chassis, f"{side}.{wheel}") for wheel in track.terminals if wheel != "sprocket"]
+        for one, terminal, other, others in plugs:
+            one.plug(terminal, other, others)
+        pairs += len(plugs)
+        profile = {"speed.end": 20.5, "ramp.start": 0.0, "ramp.end": 0.2}
+        for each, values in ((track, {}), (drive, profile)):
+            for name, value in {"start.lateral": sign * 1.0795, **values}.items():
+                each.slave.setFloat64([each.variables[name].valueReference], [value])
+    assert pairs == 16
+    for fmu in fmus.values():
+        fmu.start({})
+    for k in range(40):
+        for fmu in fmus.values():
+            fmu.step(k * 1.25e-3, 1.25e-3)
+    x, _, z = chassis.slave.getFloat64([chassis.variables["chassis.position"].valueReference], 3)
+    (speed,) = chassis.slave.getFloat64([chassis.variables["speed"].valueReference])
+    for fmu in fmus.values():
+        fmu.slave.freeInstance()
+    assert dict(zip(expected, (x, z, speed), strict=True)) == expected
+    assert abs(speed) > 0.01
 
 
 def test_reals_that_differ_stay_scalars():
