@@ -211,7 +211,7 @@ static Status advance(Instance *c, double t, double h) {
     int64_t failed = 0;
     struct raised *e = 0;
     char text[LONGEST];
-    double slack = RESOLUTION * fmax(1.0, fabs(t));
+    double slack = RESOLUTION * (fabs(t) > 1.0 ? fabs(t) : 1.0); /* fmax would need libm */
     if (!(isfinite(t) && isfinite(h) && h >= slack)) return refuse_with(c, STEP_REFUSED[0], t, h);
     if (fabs(t - d->now) > slack) return refuse_with(c, STEP_REFUSED[1], t, d->now);
     if (t + h - c->stop > slack) return refuse_with(c, STEP_REFUSED[2], t + h, c->stop);

@@ -60,7 +60,6 @@ def link(objects: Sequence[Path], include: Path, library: Path, platform: Platfo
     process = subprocess.run(command, capture_output=True, text=True)
     if process.returncode:
         errors = process.stderr.strip().splitlines()
-        first = next(
-            (line for line in [*errors, "no message"] if "error" in line), errors[-1] if errors else "no message"
-        )
-        raise NoCompiler(f"{library.name} could not be linked: {first}")
+        telling = [line for line in errors if "undefined reference" in line or "error:" in line]
+        first = [*telling, *errors[-1:], "no message"][0]
+        raise NoCompiler(f"{library.name} could not be linked by {Path(command[0]).name}: {first}")

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from textwrap import shorten
 from typing import Any
 
 from fmus.build import BuildFailed
@@ -29,7 +30,7 @@ from orchestrator.log.recorder import LogFailed, check_writable
 from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import contact_step
-from orchestrator.scene.assembly import assemble
+from orchestrator.scene.assembly import Assembly, assemble
 from orchestrator.scene.ranges import implausible_numbers
 from orchestrator.scene.replacement import require_fit
 from orchestrator.scene.scene import Scene
@@ -37,6 +38,7 @@ from orchestrator.scene.system_scene import SystemScene
 
 REFERENCE_ENERGY = 1.0  # J, of the power residual until a bond has carried more, unless the scene sets it
 NO_INPUTS = "inputs are not recorded (run.inputs = false): the log cannot be replayed or resumed"
+MOST_NARRATED = 300  # characters of a line about parameters
 LOW_PRIORITY = 10  # niceness of compiling processes other than the longest one
 
 
@@ -93,6 +95,8 @@ def _simulate(
     with ExitStack() as stack:
         announce(f"{scene.name}: components are built and initialised")
         run = PreparedRun.prepare(*load_scene(scene, stack, logger, native), continuation)
+        for line in _shared_parameters(run, assembly):
+            announce(f"{scene.name}: {line}")
         result["warnings"] = early_warnings = _early_warnings(run, logger, unfit)
         log_opened, file = False, path
         try:
@@ -135,6 +139,17 @@ def _simulate(
     if log_opened:
         result["log"] = str(file)
     return result | {"log_bytes": file.stat().st_size if log_opened and file.exists() else 0}
+
+
+def _shared_parameters(run: PreparedRun, assembly: Assembly) -> Iterator[str]:
+    """Yield a line for each FMU of the user that gets parameters of the scene."""
+    tables = {part.name: part.fmu for part in assembly.parts}
+    for instance in run.graph.instances:
+        table = tables[instance.name]
+        own = {} if table is None else table.parameters
+        given = [f"{name} = {value}" for name, value in instance.parameters.items() if name not in own]
+        if table is not None and given:
+            yield shorten(f"{instance.name} gets from the scene {', '.join(given)}", MOST_NARRATED, placeholder=" ...")
 
 
 def _verdict(outcome: master.RunOutcome, validity: Sequence[Mapping[str, Any]]) -> tuple[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -95,7 +96,11 @@ def _own_scene(structure: Structure, where: str) -> Scene | None:
     if not scene.placed:
         raise BadInput(f"{where}: {SCENE} is not placed")
     assembly = assemble(scene)  # its FMUs are replaced by those of the archive, never files elsewhere
-    return from_table({**table, "fmu": _fmus(structure, assembly)}, where) if _is_that(structure, assembly) else None
+    if _is_that(structure, assembly):
+        return from_table({**table, "fmu": _fmus(structure, assembly)}, where)
+    sentence = "%s: parts or connections are not those of its scene: it runs as a free system"
+    logging.getLogger("cotrack").warning(sentence, where)
+    return None
 
 
 def _is_that(structure: Structure, assembly: Assembly) -> bool:

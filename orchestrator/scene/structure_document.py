@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
-from xml.etree.ElementTree import Element, SubElement, register_namespace, tostring
+from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
 
 from orchestrator.cosim.component import LINK_FAMILIES
 from orchestrator.cosim.graph import Connection
@@ -63,6 +63,7 @@ def structure_document(
             SubElement(wiring, _tag("ssd:Connection"), dict(zip(ENDS, pair, strict=True)))
     _add_units(root, components)
     SubElement(root, _tag("ssd:DefaultExperiment"), startTime="0.0", stopTime=repr(float(stop)))
+    indent(root)
     return bytes(tostring(root, encoding="utf-8", xml_declaration=True))
 
 

@@ -247,6 +247,17 @@ def test_a_library_for_windows_needs_what_windows_has():
     assert {b"fmi2Instantiate", b"fmi2DoStep", b"fmi2GetReal", b"fmi2SerializeFMUstate"} <= exported
 
 
+@pytest.mark.skipif(not shutil.which("cc"), reason="needs the compiler of the system")
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_compiler_of_the_system_links_a_library(monkeypatch, tmp_path, fmi):
+    part = ran(DRIVE).part
+    monkeypatch.setattr(link, "find_spec", lambda name: None)
+    changed = {**part.config, "parameters": {"speed.end": 4.25}}
+    file = build_native(part.kind, changed, tmp_path, fmi=fmi)
+    with zipfile.ZipFile(file) as packed:
+        assert any(name.endswith("SprocketDrive.so") for name in packed.namelist())
+
+
 def test_what_is_missing_is_a_sentence(monkeypatch):
     part = ran(DRIVE).part
     changed = {**part.config, "parameters": {"speed.end": 4.0}}

@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define EXPORT __attribute__((visibility("default")))
+
 typedef struct {
     double r[REALS], reached; /* the time that is told after a step that was not done */
     int i[INTEGERS], ended, waits;

@@ -9,6 +9,8 @@ enum { FORCE, X, V, START_X, STIFFNESS, DAMPING, N };            /* value refere
 enum { INSTANTIATED, INITIALISING, RUNNING, TERMINATED, LOST };   /* phases */
 static const double START[N] = { 0.0, 0.0, 0.0, 0.1, 40.0, 0.5 }; /* of a mass of 1 kg */
 
+#define EXPORT __attribute__((visibility("default")))
+
 typedef struct {
     double value[N], t;
     int phase;
