@@ -105,6 +105,15 @@ def test_values_of_the_archive_count(chain, tmp_path):
     assert same.parameters == {}
 
 
+def test_another_part_makes_a_free_system(chain, tmp_path, caplog):
+    assert isinstance(load_ssp(chain, None, ()), Scene)
+    assert not caplog.messages
+    file = rewritten(chain, tmp_path / "links.ssp", lambda text: text.replace(b'name="chain"', b'name="links"'))
+    assert isinstance(load_ssp(file, None, ()), FreeScene)
+    (message,) = caplog.messages
+    assert message.endswith("links.ssp': parts or connections are not those of its scene: it runs as a free system")
+
+
 def test_an_archive_of_others_is_a_free_system(lag, tmp_path):
     """Two first-order systems: the exact solution, with an error of order 2 in the communication step."""
     file, errors = packed(tmp_path / "lags.ssp", lag), []
