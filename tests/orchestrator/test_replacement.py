@@ -167,7 +167,8 @@ def test_that_an_fmu_runs_its_code_is_said_once(drive, tmp_path):
     assert [line for line in lines if "rights" in line] == [said]
     assert [line for line in lines if "gets from the scene" in line] == []
     own = next(i for i in system(assemble(placed(rig()))).instances if i.name == "drive")
-    simulate(rig(own.fmu, **{"run.stop": 2 * H}), tmp_path / "rig.mcap", narration=Said(lines))
+    replaced = rig().changed({"fmu.drive.file": str(own.fmu), "run.stop": 2 * H})
+    simulate(replaced, tmp_path / "rig.mcap", narration=Said(lines))
     (line,) = [line for line in lines if "gets from the scene" in line]
     name, value = next(iter(own.parameters.items()))
     assert line.startswith(f"rig: drive gets from the scene {name} = {value}")
