@@ -248,7 +248,7 @@ def test_a_library_for_windows_needs_what_windows_has():
 
 
 @pytest.mark.skipif(not shutil.which("cc"), reason="needs the compiler of the system")
-@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("fmi", [2, pytest.param(3, marks=pytest.mark.long)])
 def test_the_compiler_of_the_system_links_a_library(monkeypatch, tmp_path, fmi):
     part = ran(DRIVE).part
     monkeypatch.setattr(link, "find_spec", lambda name: None)

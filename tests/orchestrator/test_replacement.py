@@ -109,6 +109,7 @@ def test_a_foreign_drive_drives(driven):
         assert held == pytest.approx(TORQUE * angle[-1], rel=0.02)
 
 
+@pytest.mark.long
 def test_a_foreign_drive_turns_as_ours_with_the_same_torque(driven, tmp_path):
     simulate(load("rig", "rigid", OWN), tmp_path / "own.mcap")
     with Log(driven[0]) as foreign, Log(tmp_path / "own.mcap") as own:
