@@ -135,6 +135,7 @@ KEYS: dict[str, Acts] = {
     "vehicle.track.links": Acts("vehicle", ALL, 65),
     "vehicle.track.pitch": Acts("eleven teeth", ALL, 0.1527),
     "vehicle.track.width": Acts("vehicle", WIDE),  # a cable has contact on its line
+    "vehicle.road_wheel.x.5": Acts("two sides", ("rigid",)),  # the m113 has five wheels a side
     "vehicle.return_roller.*": Acts("two sides", ("rigid",)),
     "vehicle.right.*": Acts("two sides", ("rigid",)),
     "vehicle.*.width": Acts("on one track"),
