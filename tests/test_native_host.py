@@ -85,7 +85,12 @@ def test_a_host_without_an_environment_drives_the_vehicle(scene, links, tmp_path
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="the counter needs glibc")
 @pytest.mark.parametrize(
-    ("scene", "links"), [("straight", "flexible"), ("serpentine", "rigid"), ("differential", "rigid")]
+    ("scene", "links"),
+    [
+        ("straight", "flexible"),
+        pytest.param("serpentine", "rigid", marks=pytest.mark.study),  # as differential, but for the driver
+        ("differential", "rigid"),
+    ],
 )
 def test_no_step_allocates(scene, links, tmp_path):
     counter = tmp_path / "allocations.so"
