@@ -325,7 +325,7 @@ class Plugged(Three):
         self.slave.doStep(t, h)
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_a_vehicle_drives_by_16_pairs_of_terminals_to_the_bits_of_304_connections(tmp_path):
     products = scene_products([load("straight")])
     for version in (2, 3):

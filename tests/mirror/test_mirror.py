@@ -259,6 +259,13 @@ def described() -> dict[str, set[str]]:
     return outputs
 
 
+# Outputs of longer chains, a sixth wheel and return rollers; the m113 of the mirror has none. Equal code computes them
+# for each link and wheel; test_vehicle_layouts.py balances the forces on rollers, test_chassis.py tests their motion.
+OF_OTHERS = re.compile(
+    r"(left\.|right\.)?(return_roller|(road_wheel|road_arm|suspension)\[6\])|(link|joint)\[(6[6-9]|7\d)\]|link\[65\]"
+)
+
+
 @pytest.mark.long
 def test_no_output_is_without_a_check():
     """Every output has a run that shows it and a check; the test lists those without."""
@@ -268,7 +275,8 @@ def test_no_output_is_without_a_check():
             looked_at = set(noticed(kind)) | {STATUS} | (set(COUNTED) if fmu.startswith("Track") else set())
             if kind == "turning":  # runs on wheels only, so it has no last pin of an open chain
                 looked_at |= {output for output in outputs if output.startswith("joint[65].")}
-            without += [f"{kind}: {output}" for output in sorted(outputs - looked_at)]
+            missing = (output for output in sorted(outputs - looked_at) if not OF_OTHERS.match(output))
+            without += [f"{kind}: {output}" for output in missing]
     assert not without
     assert len(described()["TrackRigid"]) > 500
 

@@ -36,7 +36,7 @@ def mean_tension(coupling, order):
     return sum(samples) / len(samples)
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_a_track_must_see_its_wheels_at_one_instant():
     right = mean_tension(TracksFirst, (0, 1, 2))
     assert mean_tension(Latest, (0, 1, 2)) == right
