@@ -117,7 +117,7 @@ def begun3(case, parameters=True):
 
 
 @pytest.mark.parametrize(
-    "case", [DRIVE, *(pytest.param(case, marks=pytest.mark.long) for case in (CHAIN, CHASSIS))], ids=lambda c: c.part
+    "case", [DRIVE, *(pytest.param(case, marks=pytest.mark.study) for case in (CHAIN, CHASSIS))], ids=lambda c: c.part
 )
 def test_both_versions_of_fmi_give_the_same_bits(case):
     run = ran(case)
@@ -226,7 +226,7 @@ def test_what_the_description_denies_is_not_instantiated():
 
 
 @pytest.mark.parametrize(
-    "case", [DRIVE, *(pytest.param(case, marks=pytest.mark.long) for case in (CHAIN, CHASSIS))], ids=lambda c: c.part
+    "case", [DRIVE, *(pytest.param(case, marks=pytest.mark.study) for case in (CHAIN, CHASSIS))], ids=lambda c: c.part
 )
 def test_description_and_terminals_are_valid_and_agree(case):
     file = native3(case)

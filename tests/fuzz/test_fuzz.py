@@ -53,7 +53,7 @@ class TestSecondHalf:
 @pytest.mark.long
 @pytest.mark.parametrize("half", HALVES)
 def test_minutes_of_random_cases(environment, tmp_path, half):
-    run_half(environment, tmp_path, half, "1.5", "2")
+    run_half(environment, tmp_path, half, "1", "2")
 
 
 @pytest.mark.long

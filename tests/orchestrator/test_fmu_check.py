@@ -243,7 +243,7 @@ def test_bad_input_has_status_2(oscillator, cotrack, arguments, sentence):
     assert sentence in err
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_native_fmus_of_ours_have_no_fault_and_python_ones_the_known_ones():
     """pythonfmu makes fmi2Fatal of every exception, and takes any guid."""
     kind, config, _ = next(each for each in scene_products([load("rig", "rigid")]) if each[0] == "SprocketDrive")

@@ -118,7 +118,7 @@ def test_a_foreign_drive_turns_as_ours_with_the_same_torque(driven, tmp_path):
     assert np.abs(here).max() > 0.1
 
 
-@pytest.mark.long
+@pytest.mark.study
 def test_foreign_drives_move_a_vehicle_as_ours_do(drive, tmp_path):
     """Their mounts are where the vehicle is from the start on; the log holds the inputs of the start for replays."""
     inertia = load("straight").vehicle.sprocket.spin_inertia
