@@ -88,8 +88,8 @@ def test_a_host_without_an_environment_drives_the_vehicle(scene, links, tmp_path
     ("scene", "links"),
     [
         ("straight", "flexible"),
-        pytest.param("serpentine", "rigid", marks=pytest.mark.study),  # as differential, but for the driver
-        ("differential", "rigid"),
+        pytest.param("serpentine", "rigid", marks=pytest.mark.study),
+        pytest.param("differential", "rigid", marks=pytest.mark.study),
     ],
 )
 def test_no_step_allocates(scene, links, tmp_path):
