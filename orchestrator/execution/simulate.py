@@ -36,10 +36,8 @@ from orchestrator.scene.replacement import require_fit
 from orchestrator.scene.scene import Scene
 from orchestrator.scene.system_scene import SystemScene
 
-REFERENCE_ENERGY = 1.0  # J, of the power residual until a bond has carried more, unless the scene sets it
 NO_INPUTS = "inputs are not recorded (run.inputs = false): the log cannot be replayed or resumed"
 MOST_NARRATED = 300  # characters of a line about parameters
-LOW_PRIORITY = 10  # niceness of compiling processes other than the longest one
 
 
 def simulate(

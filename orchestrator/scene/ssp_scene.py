@@ -12,7 +12,7 @@ from fmus.vehicle import BadInput, path_text, value_text
 from orchestrator.cosim.component import ComponentFailed, description_of
 from orchestrator.files.budget import DOCUMENT, OverBudget, read_file
 from orchestrator.scene.assembly import Assembly, assemble
-from orchestrator.scene.free_scene import FreeScene, Pair
+from orchestrator.scene.free_scene import FreeScene
 from orchestrator.scene.gallery import hint
 from orchestrator.scene.scene import Scene, changed_scene, from_table, load_any
 from orchestrator.scene.settings import pairs
@@ -77,7 +77,7 @@ def _free_table(structure: Structure) -> dict[str, Any]:
         "fmu": {
             name: {"file": str(file), "parameters": structure.values[name]} for name, file in structure.fmus.items()
         },
-        "connections": [str(Pair(*pair)) for pair in structure.connections],
+        "connections": [*map(str, structure.connections)],
     }
 
 

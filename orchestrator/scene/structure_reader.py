@@ -15,10 +15,10 @@ from fmus.vehicle import BadInput, path_text, value_text
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.files.budget import DOCUMENT, OverBudget, read_file
+from orchestrator.scene.free_scene import Pair
 from orchestrator.scene.structure_document import DOCUMENT_NAME, ENDS, NAMESPACES, VERSION
 
 Scalar = bool | int | float | str  # value of a parameter
-Pair = tuple[str, str, str, str]  # source, output, target, input
 FMU_TYPES = ("application/x-fmu-sharedlibrary", None)
 UNSUPPORTED = {
     "System": "systems in systems",
@@ -156,7 +156,7 @@ def _pair(connection: Element, where: str) -> Pair:
     if source is None or output is None or target is None or into is None:
         ends = ", ".join(f"{end} = {value_text(connection.get(end))}" for end in ENDS)
         raise BadInput(f"{where}: connection {ends}: only connections between components are supported")
-    return source, output, target, into
+    return Pair(source, output, target, into)
 
 
 def _stop(root: Element, where: str) -> float | None:

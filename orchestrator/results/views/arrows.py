@@ -11,6 +11,7 @@ from orchestrator.log.time_series import Floats
 from orchestrator.results.views.bodies import Bodies, LinkPoses
 from orchestrator.results.views.shapes import TrackBody
 
+ALMOST = 1.2  # a force that is this much below a round one counts as that
 LENGTH, FORCE = 9.8, 20e3  # of the m113: length of a chain, m; force of an arrow of a metre, N
 SHORTEST = 0.01  # m: shorter arrows are left out
 ROUND = (5.0, 2.0, 1.0)  # first digits of the force of a scale arrow
@@ -23,7 +24,7 @@ def force_of_a_metre(bodies: Bodies) -> float:
     if not bodies.tracks:
         return FORCE
     length = bodies.tracks[0].links * bodies.scene["vehicle"]["track"]["pitch"]
-    return _round_below(1.2 * FORCE * (length / LENGTH) ** 2)
+    return _round_below(ALMOST * FORCE * (length / LENGTH) ** 2)
 
 
 def _round_below(force: float) -> float:
