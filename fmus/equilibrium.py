@@ -35,6 +35,7 @@ from fmus.physics.wheels import WIDTH, read_states
 from fmus.ports import STATE, WRENCH
 from fmus.sources import source_hash
 from fmus.stance import Stance, roll_pitch_quaternion, stance
+from fmus.start import LEVEL
 from fmus.track_flexible.model import Model as Cables
 from fmus.vehicle import BadInput
 
@@ -160,8 +161,7 @@ class _ChainOnWheels:
         rest_motions = np.zeros((len(motions), STATE))
         rest_motions[:, [0, 2]], rest_motions[:, 3:7] = motions[:, [0, 2]], roll_pitch_quaternion(0.0, pitch)
         rows = np.zeros((len(motions), WIDTH))
-        level = np.array([0.0, 0.0, 0.0, 1.0, 0.0])
-        plain(read_states)(np.roll(rest_motions, 1, axis=0).ravel(), level, rows)  # a track has its sprocket first
+        plain(read_states)(np.roll(rest_motions, 1, axis=0).ravel(), LEVEL, rows)  # a track has its sprocket first
         if not np.array_equal(rows, self._last[0]):
             wrenches = self._rest_wrenches(rows)
             if roll:  # each face has half of the stiffness

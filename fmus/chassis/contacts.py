@@ -15,10 +15,12 @@ from fmus.chassis.dynamics import ROOT, wheel_offset
 from fmus.contacts import contact_law, ground_shape
 from fmus.jit import kernel
 from fmus.physics.contact.face import point_contact_force
-from fmus.physics.contact.ground import GroundShape, ground_face, surface_depth
+from fmus.physics.contact.ground import GroundShape, ground_face
 from fmus.physics.point import Memory, memory
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
+from fmus.physics.wheels import from_frame, into_frame
 from fmus.return_rollers import return_rollers
+from fmus.start import FRAME
 
 STORED, POWER, FORCE = 0, 1, 2  # indices in the sums; the force has three numbers
 
@@ -28,7 +30,7 @@ class ChassisContacts(NamedTuple):
 
     ground: GroundShape  # in the frame of the start
     law: Any  # a law of ``physics.contact.laws``
-    frame: np.ndarray  # (5) origin of that frame in the world, m; cosine and sine of its heading
+    frame: np.ndarray  # (12) of the start, see ``fmus.start``
     points: np.ndarray  # (m, 3) points of the hull, frame B, m
     radius: np.ndarray  # (n) radius of road wheels and idlers without a track, 0 for others, m
     half_width: np.ndarray  # (n) half the width of their rims, m
@@ -50,7 +52,7 @@ def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: 
     return ChassisContacts(
         ground_shape(vehicle, float(parameters["start.height"]), ground.get("bump")),
         contact_law("ground", parameters, vehicle["contact"]["ground"]),
-        np.zeros(5),
+        np.zeros(FRAME),
         np.array(hull, dtype=float).reshape(-1, 3) - origin,
         np.kron(bare, [*[wheel["radius"]] * count, idler["radius"], *[0.0] * rollers]),
         0.5 * np.kron(bare, [*[wheel["width"]] * count, idler["width"], *[0.0] * rollers]),
@@ -67,16 +69,13 @@ def _add_contact(contacts, A, share, index, p, velocity, centre):
     p, velocity, centre: of the point, world; ``share`` scales the stiffness; A: rotation of B (3, 3).
     """
     frame, sums, f = contacts.frame, contacts.sums, contacts.f
-    c, s = frame[3], frame[4]
-    d0, d1 = p[0] - frame[0], p[1] - frame[1]
-    x = (c * d0 + s * d1, c * d1 - s * d0, p[2] - frame[2])
-    v = (c * velocity[0] + s * velocity[1], c * velocity[1] - s * velocity[0], velocity[2])
+    x = into_frame(frame, p[0] - frame[0], p[1] - frame[1], p[2] - frame[2])
+    v = into_frame(frame, velocity[0], velocity[1], velocity[2])
     depth, face = ground_face(contacts.ground, x, v)
     if depth <= 0.0:
         return
     contact = point_contact_force(contacts.law, share, depth, face, 0.0, False, contacts.memory, 0)
-    g = contact.f
-    force = (c * g[0] - s * g[1], s * g[0] + c * g[1], g[2])
+    force = from_frame(frame, contact.f)
     sums[STORED] += contact.energy
     sums[POWER] += contact.friction + contact.damping
     put(sums, FORCE, add(vector(sums, FORCE), force))
@@ -107,9 +106,9 @@ def touch(contacts, tree, x, A, v, w):
         velocity = to_world(A, add(add(v, cross(w, r)), scale(x[ROOT + 2 * n + k], dr)))
         turning = to_world(A, (w[0], x[ROOT + 3 * n + k], w[2]))
         # the deepest point of the rim lies along the ground's normal under the centre
-        ahead = frame[3] * (centre[0] - frame[0]) + frame[4] * (centre[1] - frame[1])
-        _, n0, n2, _ = surface_depth(contacts.ground, ahead, centre[2] - frame[2])
-        down = (-n0 * frame[3], -n0 * frame[4], -n2)
+        below = into_frame(frame, centre[0] - frame[0], centre[1] - frame[1], centre[2] - frame[2])
+        _, face = ground_face(contacts.ground, below, velocity)
+        down = from_frame(frame, scale(-1.0, face.n))
         down = add(down, scale(-dot(down, axle), axle))
         length = np.sqrt(dot(down, down))
         if length < 1e-3:  # the wheel lies flat

@@ -20,7 +20,7 @@ from fmus.return_rollers import return_rollers
 from fmus.sentences import GAPS, Sentence, format_sentence
 from fmus.sides import SIDES, of_side
 from fmus.stance import roll_pitch_quaternion, stance
-from fmus.start import KEYS
+from fmus.start import FRAME, KEYS
 
 RESOLVED = 0.5  # largest product of the default internal step and a rate
 LEAST_STEP, MOST_STEP, MOST_STEP_ON_GROUND = 1e-5, 1e-3, 1e-4  # s: bounds of that default
@@ -145,7 +145,7 @@ class Model(ComponentModel):
         self.state: Floats = np.zeros(ROOT + LEAF * len(self.tree.is_arm) + ENERGY_SUMS)
         self.counters = np.zeros(2, dtype=np.int64)
         self._stages = np.zeros((len(RK4.b) + 1, len(self.state)))
-        self._start = np.zeros(5)
+        self._start = np.zeros(FRAME + 4)
         self._set_start(config["chassis"])
         self.inputs = WRENCH * len(places)
         names = tuple(self._part(i) for i in range(self.state.size))
