@@ -11,9 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.model import InvalidParameter
+from fmus.physics.arrays import Vector
 from fmus.physics.contact.ground import GroundShape, bumpy_ground
 from fmus.physics.contact.laws import LAWS
 from fmus.physics.contact.teeth import Teeth, teeth
+from fmus.standing import ground_level
+
+STANDING = (0.0, 0.0, 0.0)
 
 
 class Contacts(NamedTuple):
@@ -25,6 +29,7 @@ class Contacts(NamedTuple):
     clearance: float  # lateral play of the guides on each side, m
     ground: int  # 1 where there is a ground
     shape: GroundShape  # shape of the ground in the track's frame
+    belt: Vector  # velocity of the ground's surface in that frame, m/s
     sprocket: Any  # contact law (``physics.contact.laws``) of pins with teeth,
     wheel: Any  # of links with rims
     soil: Any  # and of links with the ground
@@ -64,6 +69,7 @@ def contacts(
         vehicle["guide"]["clearance"],
         int(ground),
         ground_shape(vehicle, float(parameters["start.height"]), bump),
+        STANDING,
         laws["sprocket"],
         laws["wheel"],
         laws["ground"],
@@ -76,8 +82,7 @@ def ground_shape(vehicle: Mapping[str, Any], height: float, bump: Mapping[str, f
     With height 0 the pads just touch it under the road wheels of the drawn position; ``bump`` as in ``bumpy_ground``.
     Raises InvalidParameter.
     """
-    wheel, face = vehicle["road_wheel"], vehicle["track"]["face"]
-    level = wheel["z"] - wheel["radius"] - 2.0 * face - height
+    level = ground_level(vehicle) - height
     try:
         return bumpy_ground(level, **bump) if bump else GroundShape(level)
     except ValueError as error:
@@ -100,3 +105,16 @@ def without_friction(partners: Contacts) -> Contacts:
         wheel=partners.wheel._replace(mu=0.0),
         soil=partners.soil._replace(mu=0.0),
     )
+
+
+def held_on_slope(partners: Contacts, gravity: Vector) -> Contacts:
+    """Copy of the partners with the friction of the ground that balances ``gravity``, m/s2, along the slope.
+
+    Regularised friction holds a vehicle only while it creeps, all its points at one velocity. Here the ground moves
+    instead and friction is sharp, so that each point at rest carries its share: the slope times its normal force.
+    """
+    slope = -gravity[0] / gravity[2] if gravity[2] else 0.0
+    if slope == 0.0:
+        return partners
+    belt = (-1.0 if slope > 0.0 else 1.0, 0.0, 0.0)
+    return partners._replace(belt=belt, soil=partners.soil._replace(mu=abs(slope), v_reg=0.0))

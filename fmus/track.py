@@ -321,6 +321,10 @@ class TrackModel(ComponentModel):
             raise InvalidParameter(f"{link_outputs.INTERVAL} = {self.interval:g}: must be a whole number")
         self.contacts = self.contact_partners(p)
         self.environment = self._environment()
+        self.in_plane = self.environment  # loads of the static equilibrium
+        ahead, across, up = self.environment.gravity
+        if ahead or across:
+            self.in_plane = self.environment._replace(gravity=(ahead, 0.0, up))
         level = StartPose(0.0, 0.0, 0.0, 0.0, 0.0, self.pose.pitch)
         wheels = np.array([plain(part_at_rest)(level, start_stance(wheel)) for wheel in self.wheel_list]).ravel()
         plain(read_states)(wheels, LEVEL, self.start_rows)

@@ -164,6 +164,7 @@ class Model(ComponentModel):
         """State with the start pose 0; ``start``, a mapping as the config's, replaces that."""
         if start is not None:
             x, y, z = self._centre
+            y += start.get("lateral", 0.0)
             self._hull = stance((x, y, z + start["height"], *roll_pitch_quaternion(start["roll"], start["pitch"])))
             self._leaves.reshape(2, -1)[:, : self._wheels + 1] = start["left"], start["right"]
         state = np.zeros_like(self.state)

@@ -9,6 +9,7 @@ from fmus.equilibrium import upright_stance
 from fmus.link_outputs import INTERVAL
 from fmus.ports import motion_ports, wrench_ports
 from fmus.stance import Stance
+from fmus.standing import standing_pose
 from fmus.track_choices import HHT, TRACKS
 from fmus.vehicle import ReturnRollerTable, RoadWheelTable
 from orchestrator.cosim.graph import Connection
@@ -250,6 +251,9 @@ def start_parameters(scene: Scene) -> Parameters:
     if isinstance(scene.start, VehicleStartTable):
         heading, pitch = scene.start.heading_and_pitch()
         pose |= {"start.heading": heading, "start.height": scene.start.height, "start.pitch": pitch}
+    if isinstance(scene, VehicleScene) and scene.ground.is_sloping:
+        ground = 0.0 + scene.ground.grade * x + scene.ground.bank * y, scene.ground.grade, scene.ground.bank
+        pose |= standing_pose(scene.vehicle.model_dump(), scene.start.position, scene.start.heading, ground)
     return pose
 
 

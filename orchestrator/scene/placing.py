@@ -61,7 +61,10 @@ def _scene_at_rest(scene: VehicleScene) -> VehicleScene:
         return scene
     parts = {part.name: part for part in assemble(scene.model_copy(update={"symmetric": False})).parts}
     tracks = {side: _equilibrium_track(scene, part) for side in SIDES if (part := parts.get(f"{side}_track"))}
-    solution = EquilibriumTable(**_solved_equilibrium(json.dumps([parts["chassis"].config, tracks]))._asdict())
+    pose = parts["chassis"].parameters
+    slope = pose.get("start.slope.pitch", 0.0), pose.get("start.slope.roll", 0.0)
+    problem = json.dumps([parts["chassis"].config, tracks, slope])
+    solution = EquilibriumTable(**_solved_equilibrium(problem)._asdict())
     return scene.model_copy(update={"start": scene.start.model_copy(update={"equilibrium": solution})})
 
 
@@ -78,8 +81,8 @@ def _equilibrium_track(scene: VehicleScene, part: Part) -> tuple[dict[str, Any],
 @cache
 def _solved_equilibrium(problem: str) -> Any:
     """Equilibrium, solved once per process."""
-    chassis, tracks = json.loads(problem)
-    return equilibrium(chassis, {side: FlexibleTrack(*track) for side, track in tracks.items()})
+    chassis, tracks, slope = json.loads(problem)
+    return equilibrium(chassis, {side: FlexibleTrack(*track) for side, track in tracks.items()}, tuple(slope))
 
 
 def _idler_position(config: dict[str, Any], tension: float, keys: str) -> tuple[float, float]:

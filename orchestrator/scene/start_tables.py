@@ -35,6 +35,8 @@ class EquilibriumTable(FrozenTable):
     """on the left side: angles of the arms, front to rear, rad, and slide of the idler, m"""
     right: tuple[Joint, ...]
     """the same on the right side"""
+    lateral: Length = 0.0
+    """shift of the hull, to the left: on a side slope it slides until the guides touch"""
 
 
 class VehicleStartTable(StartTable):
@@ -102,3 +104,12 @@ class GroundTable(FrozenTable):
     """the points vehicle.chassis.hull touch the ground"""
     bump: BumpTable | None = None
     """obstacle across the path"""
+    grade: float = 0.0
+    """rise along x"""
+    bank: float = 0.0
+    """rise along y"""
+
+    @property
+    def is_sloping(self) -> bool:
+        """Whether the ground is a slope."""
+        return (self.grade, self.bank) != (0.0, 0.0)

@@ -210,6 +210,7 @@ def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_r
                 y = (2.0 * m - 1.0) * lateral
                 along_axes = locate(links, x, w, i, section, y)
                 p, v = to_ground(links, x, w, *along_axes)
+                v = add(v, scale(-1.0, contacts.belt))
                 depth, face = ground_face(contacts.shape, p, v)
                 if depth <= 0.0:
                     continue
