@@ -1,0 +1,114 @@
+"""Ground beyond level and bump: from the plain table ``ground`` of a scene or configuration to a ``Terrain``.
+
+Keys and units (SI) are those of ``orchestrator.scene.ground_tables``; a missing key and None mean the same. The frame
+of the ground is that of the start, level: x ahead, y left, z up, z = 0 on the level part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from fmus.physics.arrays import Floats
+from fmus.physics.contact.terrain.fade import EVERYWHERE
+from fmus.physics.contact.terrain.friction import REGION
+from fmus.physics.contact.terrain.heightmap import HeightMap
+from fmus.physics.contact.terrain.obstacles import Obstacle, bump, half_round, profile, step
+from fmus.physics.contact.terrain.plane import Plane
+from fmus.physics.contact.terrain.profile import TOP, Z
+from fmus.physics.contact.terrain.rough import Rough
+from fmus.physics.contact.terrain.shape import Kerb, Terrain
+from fmus.physics.contact.terrain.surface import fill_heights
+from fmus.physics.contact.terrain.washboard import Washboard
+
+KEYS = ("grade", "bank", "step", "half_round", "washboard", "rough", "heightmap", "trench", "kerb", "friction")
+HERE = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)  # frame of a component that is that of the ground
+BLEND = 0.5  # m: between the tracks of a vehicle
+
+Table = Mapping[str, Any]
+
+
+def needs_terrain(ground: Table) -> bool:
+    """Whether a ground has more than a level and a bump."""
+    return any(ground.get(key) for key in KEYS)
+
+
+def terrain(ground: Table) -> Terrain:
+    """Terrain of a ``ground`` table, with the frame of the ground; ValueError for obstacles that overlap."""
+    waves = ground.get("washboard")
+    return Terrain(
+        np.array(HERE),
+        _plane(ground),
+        profile(_obstacles(ground)),
+        _kerb(ground.get("kerb")),
+        Washboard(**_given(waves)) if waves else Washboard(),
+        Rough(np.zeros((0, 4))),
+        HeightMap(np.zeros((0, 0)), np.zeros((0, 0))),
+        BLEND,
+        _regions(ground.get("friction") or ()),
+    )
+
+
+def heights(ground: Table, x: Floats, y: Floats) -> Floats:
+    """Heights of the ground at the points ``x``, ``y``, m (any one shape), over its level part."""
+    x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+    out = np.empty(x.size)
+    fill_heights(terrain(ground), x.ravel(), y.ravel(), out)
+    return out.reshape(x.shape)
+
+
+def frictionless(shape: Terrain) -> Terrain:
+    """Copy of a terrain whose regions have no friction of their own."""
+    return shape._replace(regions=np.zeros((0, REGION)))
+
+
+def _given(table: Table) -> dict[str, Any]:
+    return {key: value for key, value in table.items() if value is not None}
+
+
+def _plane(ground: Table) -> Plane:
+    start, length = ground.get("incline_start"), ground.get("incline_length")
+    return Plane(
+        float(ground.get("grade") or 0.0),
+        float(ground.get("bank") or 0.0),
+        EVERYWHERE if start is None else float(start),
+        1.0 if length is None else float(length),
+    )
+
+
+def _obstacles(ground: Table) -> list[Obstacle]:
+    obstacles = []
+    if one := ground.get("bump"):
+        obstacles.append(bump(**one))
+    if one := ground.get("step"):
+        obstacles += [step("step", x, one["rise"], one["radius"]) for x in one["x"]]
+    if one := ground.get("half_round"):
+        obstacles += [half_round("half_round", x, one["radius"], one["fillet"]) for x in one["x"]]
+    if one := ground.get("trench"):
+        start, end = one["start"], one["start"] + one["width"]
+        obstacles.append(step("trench", start, -one["depth"], one["radius"]))
+        obstacles.append(step("trench", end, one["depth"], one["radius"]))
+    return obstacles
+
+
+def _kerb(table: Table | None) -> Kerb:
+    """Kerb from its table: beyond y, seen from the middle, the ground is higher by its rise."""
+    if not table:
+        return Kerb(profile(()))
+    y, rise = table["y"], table["rise"]
+    row = profile([step("kerb", y, rise if y >= 0.0 else -rise, table["radius"])])
+    if y < 0.0:  # 0 is the height of the middle
+        row[:, [Z, TOP]] += rise
+    start = table.get("start")
+    return Kerb(row, EVERYWHERE if start is None else start, table.get("length") or 1.0)
+
+
+def _regions(regions: Any) -> Floats:
+    """Rows of ``friction``."""
+    rows = []
+    for each in regions:
+        factor, value = each.get("factor"), each.get("value")
+        rows.append([*each["x"], *each["y"], *((0.0, value) if factor is None else (factor, 0.0))])
+    return np.array(rows, dtype=float).reshape(-1, REGION)
