@@ -30,7 +30,6 @@ from fmus.chassis.observe import put_sides
 from fmus.jit import plain
 from fmus.model import InvalidParameter, StepFailed
 from fmus.physics.arrays import Floats, Vector
-from fmus.physics.elementary import atan2, hypot
 from fmus.physics.elimination import solved
 from fmus.physics.vector import scale
 from fmus.physics.wheels import WIDTH, read_states
@@ -65,7 +64,7 @@ class FlexibleTrack(NamedTuple):
     """Track of the vehicle, modelled with flexible links."""
 
     config: Mapping[str, Any]  # of a flexible track
-    parameters: Mapping[str, Any]  # those that differ from the defaults: how the loop is closed
+    parameters: Mapping[str, Any]  # those that differ from the defaults: how the loop is closed, the pose on a slope
 
 
 def equilibrium(
@@ -124,7 +123,8 @@ class _Vehicle:
         self.gravity: Vector = scale(float(chassis["vehicle"]["gravity"]), down)
         across = self.gravity[1] / chassis["vehicle"]["gravity"] if chassis["vehicle"]["gravity"] else 0.0
         self.lateral = float(np.sign(across)) * chassis["vehicle"]["guide"]["clearance"]
-        self.half = roll == 0.0 and not is_asymmetric(chassis, tuple(tracks))
+        uneven = any("terrain" in track.config["track"] for track in tracks.values())
+        self.half = roll == 0.0 and not uneven and not is_asymmetric(chassis, tuple(tracks))
         sides = ["left"] if self.half else ["left", "right"]
         self.chassis = Chassis({**chassis, "chassis": {**chassis["chassis"], "sides": sides}})
         self.chassis.initialise({})
@@ -168,10 +168,9 @@ class _ChainOnWheels:
     """A chain that is brought to rest on given wheels; the search begins at the last equilibrium."""
 
     def __init__(self, track: FlexibleTrack, gravity: Vector) -> None:
-        ahead, across, up = gravity
-        in_plane = {**track.config["track"], "gravity": hypot(ahead, up)}
-        self._model = Cables({**track.config, "track": in_plane, "link_outputs": False})
-        self._model.initialise({**track.parameters, "start.slope.pitch": atan2(ahead, -up)})
+        self._model = Cables({**track.config, "link_outputs": False})
+        self._model.initialise(track.parameters)
+        _, across, up = gravity
         self._lateral = across / up if up else 0.0  # lateral force on a road wheel, over its vertical load
         wheels = self._model.wheel_list
         rims = (wheel for wheel in wheels if wheel["kind"] == "rim")

@@ -1,7 +1,7 @@
 """Ground beyond level and bump: from the plain table ``ground`` of a scene or configuration to a ``Terrain``.
 
 Keys and units (SI) are those of ``orchestrator.scene.ground_tables``; a missing key and None mean the same. The frame
-of the ground is that of the start, level: x ahead, y left, z up, z = 0 on the level part.
+of the ground has the axes of the world and its origin, but z = 0 is the level part.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from fmus.jit import plain
 from fmus.physics.arrays import Floats
 from fmus.physics.contact.terrain.fade import EVERYWHERE
 from fmus.physics.contact.terrain.friction import REGION
@@ -22,6 +23,7 @@ from fmus.physics.contact.terrain.rough import Rough
 from fmus.physics.contact.terrain.shape import Kerb, Terrain
 from fmus.physics.contact.terrain.surface import fill_heights
 from fmus.physics.contact.terrain.washboard import Washboard
+from fmus.start import FRAME, StartPose, lay_frame
 
 KEYS = ("grade", "bank", "step", "half_round", "washboard", "rough", "heightmap", "trench", "kerb", "friction")
 HERE = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)  # frame of a component that is that of the ground
@@ -51,17 +53,23 @@ def terrain(ground: Table) -> Terrain:
     )
 
 
+def terrain_at(ground: Table, pose: StartPose, lateral: float) -> Terrain:
+    """Terrain of a ``ground`` table in the frame of a component at the start, ``lateral`` m left of the vehicle's.
+
+    The ground's frame is the world's, but for the height ``level`` of its level part, m.
+    """
+    frame = np.zeros(FRAME)
+    plain(lay_frame)(pose, 0.0, lateral, 0.0, frame)
+    frame[2] -= ground["level"]
+    return terrain(ground)._replace(frame=frame)
+
+
 def heights(ground: Table, x: Floats, y: Floats) -> Floats:
     """Heights of the ground at the points ``x``, ``y``, m (any one shape), over its level part."""
     x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
     out = np.empty(x.size)
     fill_heights(terrain(ground), x.ravel(), y.ravel(), out)
     return out.reshape(x.shape)
-
-
-def frictionless(shape: Terrain) -> Terrain:
-    """Copy of a terrain whose regions have no friction of their own."""
-    return shape._replace(regions=np.zeros((0, REGION)))
 
 
 def _given(table: Table) -> dict[str, Any]:

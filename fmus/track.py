@@ -346,6 +346,9 @@ class TrackModel(ComponentModel):
             keys["v_reg"] = f"contact.{pair}.friction_velocity"
             numbers |= {f"contacts.{field}.{key}": f"{{{name}}}" for key, name in keys.items() if name in names}
         fixed = KEYS[HEIGHT:]  # they change the static equilibrium of the chain
+        if self.config.get("terrain"):  # its place on the ground too
+            fixed = self.start_parameters
+            del numbers["common.lateral"]
         return FreeParameters(numbers, tuple(name for name in self.start_parameters if name not in fixed))
 
     def begin_run(self) -> None:
@@ -399,7 +402,7 @@ class TrackModel(ComponentModel):
             return None
         from fmus.contacts import contacts
 
-        return contacts(self.vehicle, self.wheel_list, bool(self.config["ground"]), self.config.get("bump"), p)
+        return contacts(self.vehicle, self.wheel_list, self.config if self.config["ground"] else None, p)
 
     def _environment(self) -> Environment:
         ends = self.config.get("ends")

@@ -195,8 +195,10 @@ class Model(ComponentModel):
         self.begin(values, parts)
 
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
-        """All parameters; with contacts of the ground all but the height."""
-        start_only = tuple(name for name in self.start_parameters if not (self._ground and name == "start.height"))
+        """All parameters; with contacts of the ground all but the height, on a terrain all but the pose."""
+        ground = self._ground or {}
+        fixed = KEYS if ground.get("terrain") else ("start.height",) if ground else ()
+        start_only = tuple(name for name in self.start_parameters if name not in fixed)
         return FreeParameters({"longest": "{step}"}, start_only)
 
     def fault_sentence(self, t: float, code: int, state: Floats) -> str:

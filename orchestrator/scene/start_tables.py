@@ -108,8 +108,3 @@ class GroundTable(FrozenTable):
     """rise along x"""
     bank: float = 0.0
     """rise along y"""
-
-    @property
-    def is_sloping(self) -> bool:
-        """Whether the ground is a slope."""
-        return (self.grade, self.bank) != (0.0, 0.0)

@@ -31,6 +31,10 @@ class GroundShape(NamedTuple):
     sine: float = 0.0  # sine of the ramp angle
     cosine: float = 1.0  # cosine of the ramp angle
 
+    def without_friction(self) -> GroundShape:
+        """The shape itself: it has no friction of its own."""
+        return self
+
 
 def bumpy_ground(height: float, start: float, rise: float, slope: float, length: float, radius: float) -> GroundShape:
     """Return a GroundShape with a bump that starts at x = ``start``; lengths in m.

@@ -38,3 +38,7 @@ class Terrain(NamedTuple):
     heightmap: HeightMap
     blend: float  # left and right profiles turn into one another over this length on both sides of y = 0, m
     regions: np.ndarray  # (m, REGION) regions of friction: see ``friction``
+
+    def without_friction(self) -> Terrain:
+        """Copy whose regions have no friction of their own."""
+        return self._replace(regions=self.regions[:0])
