@@ -15,7 +15,7 @@ from fmus.jit import plain
 from fmus.physics.arrays import Floats
 from fmus.physics.contact.terrain.fade import EVERYWHERE
 from fmus.physics.contact.terrain.friction import REGION
-from fmus.physics.contact.terrain.heightmap import HeightMap
+from fmus.physics.contact.terrain.heightmap import HeightMap, height_map
 from fmus.physics.contact.terrain.obstacles import Obstacle, bump, half_round, profile, step
 from fmus.physics.contact.terrain.plane import Plane
 from fmus.physics.contact.terrain.profile import TOP, Z
@@ -23,6 +23,7 @@ from fmus.physics.contact.terrain.rough import Rough
 from fmus.physics.contact.terrain.shape import Kerb, Terrain
 from fmus.physics.contact.terrain.surface import fill_heights
 from fmus.physics.contact.terrain.washboard import Washboard
+from fmus.roughness import rough_ground
 from fmus.start import FRAME, StartPose, lay_frame
 
 KEYS = ("grade", "bank", "step", "half_round", "washboard", "rough", "heightmap", "trench", "kerb", "friction")
@@ -38,7 +39,10 @@ def needs_terrain(ground: Table) -> bool:
 
 
 def terrain(ground: Table) -> Terrain:
-    """Terrain of a ``ground`` table, with the frame of the ground; ValueError for obstacles that overlap."""
+    """Terrain of a ``ground`` table, with the frame of the ground.
+
+    Raises ValueError for obstacles that overlap, edges too round for a bump and a period too short for the band.
+    """
     waves = ground.get("washboard")
     return Terrain(
         np.array(HERE),
@@ -46,8 +50,8 @@ def terrain(ground: Table) -> Terrain:
         profile(_obstacles(ground)),
         _kerb(ground.get("kerb")),
         Washboard(**_given(waves)) if waves else Washboard(),
-        Rough(np.zeros((0, 4))),
-        HeightMap(np.zeros((0, 0)), np.zeros((0, 0))),
+        rough_ground(one) if (one := ground.get("rough")) else Rough(np.zeros((0, 4))),
+        _heightmap(ground.get("heightmap")),
         BLEND,
         _regions(ground.get("friction") or ()),
     )
@@ -77,19 +81,14 @@ def _given(table: Table) -> dict[str, Any]:
 
 
 def _plane(ground: Table) -> Plane:
-    start, length = ground.get("incline_start"), ground.get("incline_length")
-    return Plane(
-        float(ground.get("grade") or 0.0),
-        float(ground.get("bank") or 0.0),
-        EVERYWHERE if start is None else float(start),
-        1.0 if length is None else float(length),
-    )
+    grade, bank = float(ground.get("grade") or 0.0), float(ground.get("bank") or 0.0)
+    return Plane(grade, bank, _start(ground, "incline_start"), float(ground.get("incline_length") or 1.0))
 
 
 def _obstacles(ground: Table) -> list[Obstacle]:
     obstacles = []
     if one := ground.get("bump"):
-        obstacles.append(bump(**one))
+        obstacles.append(bump(**one))  # edges too round for it are refused there
     if one := ground.get("step"):
         obstacles += [step("step", x, one["rise"], one["radius"]) for x in one["x"]]
     if one := ground.get("half_round"):
@@ -109,8 +108,19 @@ def _kerb(table: Table | None) -> Kerb:
     row = profile([step("kerb", y, rise if y >= 0.0 else -rise, table["radius"])])
     if y < 0.0:  # 0 is the height of the middle
         row[:, [Z, TOP]] += rise
-    start = table.get("start")
-    return Kerb(row, EVERYWHERE if start is None else start, table.get("length") or 1.0)
+    return Kerb(row, _start(table), float(table.get("length") or 1.0))
+
+
+def _heightmap(table: Table | None) -> HeightMap:
+    if not table:
+        return HeightMap(np.zeros((0, 0)), np.zeros((0, 0)))
+    made = height_map(np.array(table["heights"], dtype=float), table["corner"], table["spacing"])
+    return made._replace(start=_start(table), length=float(table.get("length") or 1.0))
+
+
+def _start(table: Table, key: str = "start") -> float:
+    """Beginning along x, or EVERYWHERE."""
+    return EVERYWHERE if table.get(key) is None else float(table[key])
 
 
 def _regions(regions: Any) -> Floats:

@@ -34,6 +34,20 @@ PRIMITIVES = {
     "kerb": {"kerb": {"y": 0.3, "rise": 0.15, "radius": 0.1, "start": 1.0, "length": 2.0}},
     "kerb on the right": {"kerb": {"y": -0.3, "rise": 0.15, "radius": 0.1}},
 }
+PRIMITIVES["rough"] = {
+    "rough": {
+        "iso_class": "E", "seed": 3, "period": 40.0, "band": (0.05, 2.83), "correlated": False, "start": 1, "length": 2,
+    },
+}  # fmt: skip
+PRIMITIVES["height map"] = {
+    "heightmap": {
+        "heights": 0.05 * np.random.default_rng(4).normal(size=(20, 12)),
+        "corner": (1.0, -1.4),
+        "spacing": (0.25, 0.3),
+        "start": 1.0,
+        "length": 1.0,
+    }
+}
 GROUNDS = PRIMITIVES | {
     "uneven": PRIMITIVES["incline"] | PRIMITIVES["washboard"],
     "all": {key: value for ground in PRIMITIVES.values() for key, value in ground.items() if key != "bump"}
@@ -76,7 +90,9 @@ def nearest_distance(ground, p: np.ndarray) -> float:
     return float(np.sqrt(found.fun))
 
 
-@pytest.mark.parametrize("name", ["incline", "half rounds", "bump", "washboard", "kerb", "uneven", "all"])
+@pytest.mark.parametrize(
+    "name", ["incline", "half rounds", "bump", "washboard", "kerb", "rough", "height map", "uneven", "all"]
+)
 def test_depth_is_the_true_distance(name):
     ground, rng = GROUNDS[name], np.random.default_rng(4)
     shape, below = terrain(ground), rng.uniform(0.001, 0.02, 12)
@@ -281,3 +297,47 @@ def test_profiles_are_smooth_chains():
 def test_a_level_or_a_bump_needs_no_terrain():
     assert not needs_terrain({"hull": True, "bump": PRIMITIVES["bump"]["bump"], "grade": 0.0, "friction": None})
     assert all(needs_terrain(ground) for name, ground in GROUNDS.items() if name != "bump")
+
+
+def grid(function, n=41, m=31, dx=0.1, dy=0.08, corner=(1.0, -1.2)):
+    x, y = corner[0] + dx * np.arange(n), corner[1] + dy * np.arange(m)
+    return {"heights": function(*np.meshgrid(x, y, indexing="ij")), "corner": corner, "spacing": (dx, dy)}
+
+
+def test_a_height_map_of_a_plane_is_the_plane():
+    mapped = terrain({"heightmap": grid(lambda x, y: 0.2 * x - 0.1 * y)})
+    plane = terrain({"grade": 0.2, "bank": -0.1})
+    rng = np.random.default_rng(0)
+    for x, y, z in rng.uniform((1.1, -1.1, -0.02), (4.9, 1.1, 0.0), (300, 3)):
+        assert surface(mapped, x, y) == pytest.approx(surface(plane, x, y), abs=1e-12)
+        p = (x, y, surface(plane, x, y)[0] + z)
+        depth, face = ground_face(mapped, p, STILL)
+        expected, there = ground_face(plane, p, STILL)
+        assert depth == pytest.approx(expected, abs=1e-12)
+        assert face.n == pytest.approx(there.n, abs=1e-12)
+        assert expected == pytest.approx(-z / np.sqrt(1.05), abs=1e-12)
+
+
+def test_a_height_map_of_a_parabola_inside_and_of_a_sine():
+    """Parabolas are exact inside; the largest error of a sine falls with the third power of the spacing."""
+    mapped = terrain({"heightmap": grid(lambda x, y: x * x - x * y + 0.5 * y * y)})
+    for x, y in np.random.default_rng(1).uniform((1.2, -1.0), (4.8, 1.0), (50, 2)):
+        expected = (x * x - x * y + 0.5 * y * y, 2.0 * x - y, y - x, 2.0, -1.0, 1.0)
+        assert surface(mapped, x, y) == pytest.approx(expected, abs=1e-10)
+    errors = []
+    for fine in (1, 2, 4):
+        wave = grid(lambda x, y: 0.05 * np.sin(np.pi * x), 40 * fine + 1, 9, 0.1 / fine)
+        x = np.linspace(1.5, 4.5, 2001)
+        errors.append(np.abs(heights({"heightmap": wave}, x, -1.0) - 0.05 * np.sin(np.pi * x)).max())
+    assert errors[0] == pytest.approx(2.53e-5, rel=0.02)  # bilinear: 6.2e-4
+    assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx([3.0, 3.0], abs=0.2)
+
+
+def test_a_height_map_goes_on_beyond_its_edges():
+    uneven = grid(lambda x, y: 0.1 * np.sin(3.0 * x) * np.cos(2.0 * y))
+    ground = {"heightmap": uneven}
+    assert (heights(ground, [0.3, -5.0], [0.2, 0.2]) == heights(ground, 1.0, 0.2)).all()
+    assert heights(ground, 2.0, 7.0) == heights(ground, 2.0, -1.2 + 0.08 * 30)
+    fading = {"heightmap": uneven | {"start": 2.0, "length": 1.0}}
+    assert heights(fading, 2.0, 0.1) == 0.0
+    assert heights(fading, 3.0, 0.1) == heights(ground, 3.0, 0.1)

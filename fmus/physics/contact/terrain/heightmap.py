@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.jit import kernel
+from fmus.physics.arrays import Floats
 from fmus.physics.contact.terrain.fade import EVERYWHERE, fade
 from fmus.physics.contact.terrain.sum import Six, times
 
@@ -28,6 +29,22 @@ class HeightMap(NamedTuple):
     dy: float = 1.0  # m
     start: float = EVERYWHERE  # x where the map begins, m
     length: float = 1.0  # length over which it fades in, m
+
+
+def height_map(heights: Floats, corner: tuple[float, float], spacing: tuple[float, float]) -> HeightMap:
+    """Map of ``heights`` (n, m), m, over x and y, at least two each way, from a ``corner`` and ``spacing``, m."""
+    padded = np.pad(heights, 1)
+    padded[0], padded[-1] = 2.0 * padded[1] - padded[2], 2.0 * padded[-2] - padded[-3]  # a plane goes on
+    padded[:, 0], padded[:, -1] = 2.0 * padded[:, 1] - padded[:, 2], 2.0 * padded[:, -2] - padded[:, -3]
+    cells = [range(0, size - 1, CELL) for size in heights.shape]
+    tops = [[_top_of(padded[i : i + CELL + 3, j : j + CELL + 3]) for j in cells[1]] for i in cells[0]]
+    return HeightMap(padded, np.array(tops), *corner, *spacing)
+
+
+def _top_of(heights: Floats) -> float:
+    """Bound of the interpolated heights inside a grid, m: weights are negative down to -1/8, across -9/32."""
+    top = float(heights.max())
+    return top + 0.3 * (top - float(heights.min()))
 
 
 @kernel
