@@ -109,8 +109,8 @@ def touch(contacts, tree, x, A, v, w):
         turning = to_world(A, (w[0], x[ROOT + 3 * n + k], w[2]))
         # the deepest point of the rim lies along the ground's normal under the centre
         place = into_frame(frame, centre[0] - frame[0], centre[1] - frame[1], centre[2] - frame[2])
-        n = wheel_normal(contacts.ground, place, into_frame(frame, axle[0], axle[1], axle[2]), contacts.radius[k])
-        down = from_frame(frame, scale(-1.0, n))
+        normal = wheel_normal(contacts.ground, place, into_frame(frame, axle[0], axle[1], axle[2]), contacts.radius[k])
+        down = from_frame(frame, scale(-1.0, normal))
         down = add(down, scale(-dot(down, axle), axle))
         length = np.sqrt(dot(down, down))
         if length < 1e-3:  # the wheel lies flat

@@ -8,7 +8,7 @@ from contact_parts import LAW
 from pressed import PointContact, soil
 from scipy.optimize import minimize
 
-from fmus.ground import frictionless, heights, needs_terrain, terrain
+from fmus.ground import heights, needs_terrain, terrain
 from fmus.physics.contact import grounds
 from fmus.physics.contact.ground import bumpy_ground
 from fmus.physics.contact.hunt_crossley import HuntCrossley
@@ -268,7 +268,7 @@ def test_friction_by_region():
             there = grounds.ground_law(shape, law, (*place, 0.0))
             assert there == law._replace(mu=mu)
             assert type(there) is type(law)
-    assert grounds.ground_law(frictionless(shape), LAW, (2.5, 1.0, 0.0)) == LAW
+    assert grounds.ground_law(shape.without_friction(), LAW, (2.5, 1.0, 0.0)) == LAW
     assert grounds.ground_law(bumpy_ground(0.0, 1.0, 0.1, 0.5, 1.0, 0.1), LAW, (2.5, 1.0, 0.0)) == LAW
 
 
