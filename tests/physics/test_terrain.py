@@ -261,7 +261,10 @@ def test_links_that_are_passed_over_touch_nothing(name):
 
 
 def test_friction_by_region():
-    regions = [{"x": [1.0, 3.0], "y": [-9.0, 9.0], "factor": 0.5}, {"x": [2.0, 9.0], "y": [0.0, 9.0], "value": 0.7}]
+    regions = [
+        {"x": [1.0, 3.0], "y": [-9.0, 9.0], "factor": 0.5},
+        {"x": [2.0, 9.0], "y": [0.0, 9.0], "coefficient": 0.7},
+    ]
     shape = terrain({"friction": regions})
     for law in (LAW, HuntCrossley(2e6, 5e3, 0.3, 0.05)):
         for place, mu in [((0.0, 0.0), 0.3), ((1.5, 1.0), 0.15), ((2.5, -1.0), 0.15), ((2.5, 1.0), 0.7)]:
@@ -272,7 +275,7 @@ def test_friction_by_region():
     assert grounds.ground_law(bumpy_ground(0.0, 1.0, 0.1, 0.5, 1.0, 0.1), LAW, (2.5, 1.0, 0.0)) == LAW
 
 
-@pytest.mark.parametrize("region", [{"factor": 1.0}, {"value": 0.3}])
+@pytest.mark.parametrize("region", [{"factor": 1.0}, {"coefficient": 0.3}])
 def test_a_region_of_equal_friction_changes_no_bit(region):
     shape = terrain({"friction": [{"x": [-9.0, 9.0], "y": [-9.0, 9.0]} | region]})
     assert grounds.ground_law(shape, LAW, (0.1, 0.2, 0.3)) == LAW
