@@ -47,7 +47,7 @@ def terrain(ground: Table) -> Terrain:
     return Terrain(
         np.array(HERE),
         _plane(ground),
-        profile(_obstacles(ground)),
+        obstacles_profile(ground),
         _kerb(ground.get("kerb")),
         Washboard(**_given(waves)) if waves else Washboard(),
         rough_ground(one) if (one := ground.get("rough")) else Rough(np.zeros((0, 4))),
@@ -85,8 +85,9 @@ def _plane(ground: Table) -> Plane:
     return Plane(grade, bank, _start(ground, "incline_start"), float(ground.get("incline_length") or 1.0))
 
 
-def _obstacles(ground: Table) -> list[Obstacle]:
-    obstacles = []
+def obstacles_profile(ground: Table) -> Floats:
+    """Profile of the obstacles across the way, see ``obstacles.profile``; ValueError for those that overlap."""
+    obstacles: list[Obstacle] = []
     if one := ground.get("bump"):
         obstacles.append(bump(**one))  # edges too round for it are refused there
     if one := ground.get("step"):
@@ -97,7 +98,7 @@ def _obstacles(ground: Table) -> list[Obstacle]:
         start, end = one["start"], one["start"] + one["width"]
         obstacles.append(step("trench", start, -one["depth"], one["radius"]))
         obstacles.append(step("trench", end, one["depth"], one["radius"]))
-    return obstacles
+    return profile(obstacles)
 
 
 def _kerb(table: Table | None) -> Kerb:
@@ -127,6 +128,6 @@ def _regions(regions: Any) -> Floats:
     """Rows of ``friction``."""
     rows = []
     for each in regions:
-        factor, value = each.get("factor"), each.get("value")
+        factor, value = each.get("factor"), each.get("coefficient")
         rows.append([*each["x"], *each["y"], *((0.0, value) if factor is None else (factor, 0.0))])
     return np.array(rows, dtype=float).reshape(-1, REGION)
