@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fmus.physics.arrays import Floats
 from fmus.physics.contact.terrain.fade import EVERYWHERE
@@ -55,11 +56,16 @@ def terrain(ground: Table) -> Terrain:
     )
 
 
-def heights(ground: Table, x: Floats, y: Floats) -> Floats:
-    """Heights of the ground at the points ``x``, ``y``, m (any one shape), over its level part."""
+def heights(ground: Table, x: ArrayLike, y: ArrayLike) -> Floats:
+    """Heights of the ground at the points ``x``, ``y``, m (of one shape, or one number), over its level part."""
+    return heights_of(terrain(ground), x, y)
+
+
+def heights_of(shape: Terrain, x: ArrayLike, y: ArrayLike) -> Floats:
+    """As ``heights``, of a terrain that is made already."""
     x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
     out = np.empty(x.size)
-    fill_heights(terrain(ground), x.ravel(), y.ravel(), out)
+    fill_heights(shape, x.ravel(), y.ravel(), out)
     return out.reshape(x.shape)
 
 

@@ -20,10 +20,11 @@ from orchestrator.scene import gallery, points
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriveTable
 from orchestrator.scene.fmu_table import FmuTable, set_folder
 from orchestrator.scene.free_scene import FreeScene
+from orchestrator.scene.ground_tables import GroundTable
 from orchestrator.scene.recording import ASSUMED_SPEED
 from orchestrator.scene.run_tables import short_coupling
 from orchestrator.scene.settings import keys, merge_tables, near_keys, pairs, set_key
-from orchestrator.scene.start_tables import GroundTable, StartTable, VehicleStartTable
+from orchestrator.scene.start_tables import StartTable, VehicleStartTable
 from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.tables import BenchTable, ChainTable, RigTable, refuse_reduced_measures
 from orchestrator.scene.track_table import TrackModelTable, short_track
@@ -196,8 +197,13 @@ class VehicleScene(Scene):
             raise ValueError("symmetric = true needs both tracks or none")
         if self.symmetric and self.vehicle.right is not None:
             raise ValueError("symmetric = true needs equal sides, but the vehicle has a table right")
-        if self.ground.bump and self.start.heading_and_pitch() != (self.start.heading, self.start.pitch):
-            raise ValueError("ground.bump needs start.roll = 0: rolled over, the vehicle's start looks the other way")
+        shaped = self.ground.shaped_by()
+        if shaped and self.start.heading_and_pitch() != (self.start.heading, self.start.pitch):
+            raise ValueError(
+                f"ground.{shaped[0]} needs start.roll = 0: rolled over, the vehicle's start looks the other way"
+            )
+        if self.symmetric and (one_sided := self.ground.one_sided()):
+            raise ValueError(f"symmetric = true needs the same ground on both sides, but ground.{one_sided} differs")
         if self.planar and not self.symmetric:
             raise ValueError("planar = true needs symmetric = true: a vehicle on two tracks may roll and yaw")
         if self.turns:
