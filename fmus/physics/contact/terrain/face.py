@@ -25,7 +25,6 @@ from fmus.physics.vector import add, cross, dot, scale
 if TYPE_CHECKING:
     from fmus.physics.contact.laws import Law
 
-AROUND = 0.5  # bound of the distance of a link's points from its pins along the ground, m
 SAMPLES = 8  # places on each side of a wheel's centre from which its foot point is sought
 
 
@@ -117,10 +116,11 @@ def ground_face(shape: Terrain, x: VectorLike, v: Vector) -> tuple[float, Face]:
 
 @kernel
 def is_above(shape: Terrain, a: Vector, b: Vector, reach: float) -> bool:
-    """See ``grounds``."""
+    """See ``grounds``: links are four times as wide as long at most, and are tilted to their ground by 25 degrees."""
     p, q = _to_ground(shape, a), _to_ground(shape, b)
-    x, y, apart = 0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1]), max(abs(p[0] - q[0]), abs(p[1] - q[1]))
-    return min(p[2], q[2]) - reach - AROUND > top(shape, x, y, 0.5 * apart + AROUND)
+    x, y, d = 0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1]), add(q, scale(-1.0, p))
+    length = np.sqrt(dot(d, d))
+    return min(p[2], q[2]) - reach - length > top(shape, x, y, 2.5 * length + reach)
 
 
 @kernel
