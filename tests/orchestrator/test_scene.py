@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fmus import vehicle
-from fmus.start import start_pose, vehicle_quaternion
+from fmus.start import KEYS, start_pose, vehicle_quaternion
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.scene import gallery
@@ -268,7 +268,7 @@ def test_half_a_turn_of_roll():
     """The parts get the pose R_z(heading) R_y(pitch) R_x(180 deg) for half a turn of roll."""
     scene = load("settle", None, ["start.heading=0.3", "start.pitch=0.2", "start.roll=180 deg"])
     for part in assemble(scene).parts:
-        w, x, y, z = vehicle_quaternion(start_pose(part.parameters))
+        w, x, y, z = vehicle_quaternion(start_pose(dict.fromkeys(KEYS, 0.0) | part.parameters))
         rotation = Rotation.from_quat([x, y, z, w])
         rolled = Rotation.from_euler("ZYX", [0.3, 0.2, np.pi])
         assert (rotation.inv() * rolled).magnitude() < 1e-12
