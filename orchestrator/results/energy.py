@@ -10,8 +10,8 @@ Covered is the energy defect of the moving contact patch (loss or gain): ``fmus/
 work of the ports on components without energies, as FMUs of the user may be: what becomes of it there is unknown.
 
 The relative residual has the largest of these sums, or of the energies held, as its scale. A system at rest exchanges
-nothing, but its contacts hold energy at their loads, on which an error of the exchange acts: 1.4 kJ in a standing m113,
-of which the first steps of a coupling with old values lose 0.4 J.
+nothing, but its contacts hold energy at their loads, on which an error of the exchange acts: 0.7 kJ in each track of a
+standing m113. The first steps of a coupling with old values lose 0.4 J.
 """
 
 from __future__ import annotations
