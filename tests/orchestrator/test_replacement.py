@@ -176,6 +176,21 @@ def test_work_of_a_foreign_drive_is_what_its_ports_delivered(driven):
     assert "delivered by drive" in "\n".join(lines(summary))
 
 
+def test_a_part_of_the_user_is_no_other_scene(drive, driven, cotrack, tmp_path):
+    """Runs of a scene with different parts are compared, and the parts are named."""
+    simulate(rig(), tmp_path / "own.mcap")
+    simulate(rig(drive, {**PARAMETERS, "torque": 1900.0}), tmp_path / "less.mcap")
+    digits = driven[1]["fmus"]["drive"]["sha256"][:12]
+    for other, said in (
+        ("own.mcap", [f"other part: drive is MyDrive.fmu (sha256 {digits}) and the part of cotrack"]),
+        ("less.mcap", ["other part: drive: torque = 2000.0 and 1900.0"]),
+        (driven[0], []),
+    ):
+        status, out, err = cotrack("compare", driven[0], other)
+        assert status == 0, err
+        assert [line for line in out.splitlines() if line.startswith("other part")] == said
+
+
 def test_that_an_fmu_runs_its_code_is_said_once(drive, tmp_path):
     lines = []
     simulate(rig(drive, **{"run.stop": 2 * H}), tmp_path / "rig.mcap", narration=Said(lines))
