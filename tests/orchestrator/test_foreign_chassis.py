@@ -37,38 +37,41 @@ def parameters(scene):
 
 
 @pytest.fixture(scope="module")
-def chassis(tmp_path_factory):
-    return foreign_fmus.build(tmp_path_factory.mktemp("foreign") / "TheirChassis.fmu", "chassis", CHASSIS)
+def variables(parameters):
+    """Variables of the chassis, whose defaults are the parameters."""
+    return [each._replace(start=parameters.get(each.name, each.start)) for each in CHASSIS]
 
 
 @pytest.fixture(scope="module")
-def bare(tmp_path_factory):
+def chassis(variables, tmp_path_factory):
+    return foreign_fmus.build(tmp_path_factory.mktemp("foreign") / "TheirChassis.fmu", "chassis", variables)
+
+
+@pytest.fixture(scope="module")
+def bare(variables, tmp_path_factory):
     """The same chassis with nothing but the motions that tracks and drives need."""
-    needed = {f"{place}." for place in PLACES}
-    variables = [
-        each._replace(causality="local")
-        if each.causality == "output" and not each.name.startswith(tuple(needed))
-        else each
-        for each in CHASSIS
+    needed = tuple(f"{place}." for place in PLACES)
+    less = [
+        each._replace(causality="local") if each.causality == "output" and not each.name.startswith(needed) else each
+        for each in variables
     ]
-    return foreign_fmus.build(tmp_path_factory.mktemp("bare") / "Bare.fmu", "chassis", variables)
+    return foreign_fmus.build(tmp_path_factory.mktemp("bare") / "Bare.fmu", "chassis", less)
 
 
-def run(scene, fmu, parameters, path, **changes):
-    given = {"fmu.chassis": {"file": str(fmu), "parameters": parameters}}
-    return simulate(scene.changed(given | changes), path)
+def run(scene, fmu, path, **changes):
+    return simulate(scene.changed({"fmu.chassis.file": str(fmu), **changes}), path)
 
 
 @pytest.fixture(scope="module")
-def driven(scene, chassis, parameters, tmp_path_factory):
+def driven(scene, chassis, tmp_path_factory):
     path = tmp_path_factory.mktemp("driven") / "theirs.mcap"
-    return path, run(scene, chassis, parameters, path)
+    return path, run(scene, chassis, path)
 
 
 @pytest.fixture(scope="module")
-def unbalanced(scene, bare, parameters, tmp_path_factory):
+def unbalanced(scene, bare, tmp_path_factory):
     path = tmp_path_factory.mktemp("bare") / "bare.mcap"
-    return path, run(scene, bare, parameters, path, **{"track.link_outputs": True})
+    return path, run(scene, bare, path, **{"track.link_outputs": True})
 
 
 def test_it_stands_on_its_tracks(driven, scene):
@@ -84,8 +87,8 @@ def test_it_stands_on_its_tracks(driven, scene):
 
 def test_another_mass_does_not_stand(scene, chassis, parameters, tmp_path):
     """Twin of the test above: a mass of 1 % more is noticed."""
-    heavier = {**parameters, "mass": 1.01 * parameters["mass"]}
-    run(scene, chassis, heavier, tmp_path / "heavy.mcap", **{"run.stop": REST})
+    heavier = {"run.stop": REST, "fmu.chassis.parameters.mass": 1.01 * parameters["mass"]}
+    run(scene, chassis, tmp_path / "heavy.mcap", **heavier)
     with Log(tmp_path / "heavy.mcap") as log:
         _, height = RunData(log).signal("chassis.chassis.position.z")
         assert np.ptp(height) > 1e-4
@@ -116,6 +119,13 @@ def test_it_drives_at_the_speed_of_its_sprockets(driven, scene):
             data.mean("left_track.speed", DRIVEN) / (scene.vehicle.road_wheel.radius + scene.vehicle.track.face),
             rel=0.2,
         )
+
+
+@pytest.mark.long
+def test_it_meets_the_checks_of_the_shipped_scene(chassis, tmp_path):
+    result = simulate(load("straight", "rigid", {"fmu.chassis.file": str(chassis)}), tmp_path / "whole.mcap")
+    assert len(result["checks"]) == 8
+    assert summary.verdict(result) == "ok", result["checks"]
 
 
 def test_its_energies_are_in_the_ledger(driven, scaled):
