@@ -15,10 +15,11 @@ from fmus.ports import UNITS, motion_ports, wrench_ports
 
 SOURCES = Path(__file__).parent / "foreign"
 Base = Mapping[str, float]  # attributes of a BaseUnit
+IN_C = str.maketrans(".[]", "___")
 
 
 class Variable(NamedTuple):
-    """Variable of a model, called in C like here with underscores for dots."""
+    """Variable of a model, called in C like here with underscores for dots and brackets."""
 
     name: str
     causality: str
@@ -47,6 +48,30 @@ DRIVE = (
     Variable("manner", "parameter", 0, "Integer"),
     Variable("steps", "output", 0, "Integer"),
     Variable("fast", "output", False, "Boolean"),
+)
+
+PLACES = [
+    f"{side}.{place}"
+    for side in ("left", "right")
+    for place in (*(f"road_wheel[{k}]" for k in range(1, 6)), "idler", "sprocket")
+]
+CHASSIS = (
+    *(variable for place in PLACES for variable in ports(place, "input", "wrench")),
+    *(variable for place in PLACES for variable in ports(place, "output", "motion")),
+    *ports("chassis", "output", "motion"),
+    Variable("speed", "output", unit="m/s"),
+    Variable("distance", "output", unit="m"),
+    Variable("energy.kinetic", "output", unit="J"),
+    Variable("energy.gravity", "output", unit="J"),
+    *(Variable(f"state[{k}]", "local") for k in range(1, 36)),
+    *(Variable(f"{place}.start.{axis}", "parameter", unit="m") for place in (*PLACES, "centre") for axis in "xyz"),
+    Variable("pitch", "parameter", unit="rad"),
+    Variable("gravity", "parameter", 9.81, unit="m/s2"),
+    Variable("mass", "parameter", 1.0, unit="kg"),
+    *(Variable(f"inertia.{axes}", "parameter", float(axes[0] == axes[1])) for axes in ("xx", "yy", "zz", "xz")),
+    Variable("wheel.inertia", "parameter", 1.0),
+    Variable("idler.inertia", "parameter", 1.0),
+    Variable("substeps", "parameter", 4, "Integer"),
 )
 
 
@@ -93,7 +118,7 @@ def _header(guid: str, reals: Sequence[Variable], others: Sequence[Variable]) ->
     """Places and start values of the variables, for the model in C."""
     lines = [f'#define GUID "{guid}"', f"#define REALS {len(reals) + 1}", f"#define INTEGERS {len(others) + 1}"]
     for kind, array, row in (("double", "REAL_START", reals), ("int", "INTEGER_START", others)):
-        names = [variable.name.replace(".", "_") for variable in row]
+        names = [variable.name.translate(IN_C) for variable in row]
         lines.append(f"enum {{ {', '.join([*names, f'{array}_END'])} }};")
         starts = [repr(float(each.start) if kind == "double" else int(each.start)) for each in row]
         lines.append(f"static const {kind} {array}[] = {{{', '.join([*starts, '0'])}}};")

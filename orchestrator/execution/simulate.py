@@ -33,10 +33,11 @@ from orchestrator.results.validity import contact_step
 from orchestrator.scene.assembly import Assembly, assemble
 from orchestrator.scene.ranges import implausible_numbers
 from orchestrator.scene.replacement import require_fit
-from orchestrator.scene.scene import Scene
+from orchestrator.scene.scene import Scene, VehicleScene
 from orchestrator.scene.system_scene import SystemScene
 
 NO_INPUTS = "inputs are not recorded (run.inputs = false): the log cannot be replayed or resumed"
+OTHER_KERNELS = "cables have turning axes, whose kernels are others and compile for minutes the first time"
 MOST_NARRATED = 300  # characters of a line about parameters
 
 
@@ -86,11 +87,13 @@ def _simulate(
     result = summary.empty(scene.name, scene.variant)
     announce = narration or (lambda line: None)
     assembly = assemble(scene)
-    unfit = require_fit(f"{scene.name}.toml", *assembly, variable_steps=scene.run.variable is not None)
+    unfit = require_fit(scene.where, *assembly, variable_steps=scene.run.variable is not None)
     if given := [part.name for part in assembly.parts if part.fmu is not None]:
         announce(f"{scene.name}: FMUs of yours run as {', '.join(given)}: an FMU runs code with your rights")
     reached = ReachedPoint()
     with ExitStack() as stack:
+        if isinstance(scene, VehicleScene) and scene.track.axes == "free" and scene.leaves_plane:
+            announce(f"{scene.name}: {scene.leaves_plane}: {OTHER_KERNELS}")
         announce(f"{scene.name}: components are built and initialised")
         run = PreparedRun.prepare(*load_scene(scene, stack, logger, native), continuation)
         for line in _shared_parameters(run, assembly):
@@ -173,7 +176,7 @@ def _early_warnings(run: PreparedRun, logger: Logger | None, unfit: Sequence[tup
 
 def _implausible_numbers(scene: SystemScene) -> list[tuple[str, str]]:
     """Return warnings about numbers of the scene outside the plausible range."""
-    return [("scene", sentence) for sentence in implausible_numbers(scene.resolved(), f"{scene.name}.toml")]
+    return [("scene", sentence) for sentence in implausible_numbers(scene.resolved(), scene.where)]
 
 
 def _evaluate_log(

@@ -59,7 +59,7 @@ def assemble(scene: SystemScene) -> Assembly:
     names = [part.name for part in assembly.parts]
     for name in fmus:
         if name not in names:
-            raise BadInput(f"{scene.name}.toml: fmu.{name}: no such part: {hint(name, names, 'the parts are')}")
+            raise BadInput(f"{scene.where}: fmu.{name}: no such part: {hint(name, names, 'the parts are')}")
     return assembly._replace(parts=tuple(part._replace(fmu=fmus.get(part.name)) for part in assembly.parts))
 
 

@@ -171,5 +171,7 @@ def _missing(each: Replacement, ports: Mapping[str, Port]) -> str:
     names = [port.name for port in ports.values() if port.causality == "output" and port.name not in there]
     if not names:
         return ""
-    energy = ", and the energy balance," * any(name.startswith("energy.") for name in names)
-    return f"the FMU has no outputs {_listed(names)}: results that need them{energy} are missing"
+    sentence = f"the FMU has no outputs {_listed(names)}: results that need them are missing"
+    part_has, fmu_has = (any(name.startswith("energy.") for name in each) for each in (names, there))
+    outside = "; it outputs no energies: the energy balance takes what passes its ports as delivered to it"
+    return sentence + outside * (part_has and not fmu_has)

@@ -56,12 +56,12 @@ class Scene(SystemScene):
 
     def changed(self, settings: Sequence[str] | Mapping[str, Any]) -> Scene:
         """The scene with other values, as of ``load``; its defaults are kept. Raises BadInput."""
-        return with_track(changed_scene(self.resolved(), settings, f"{self.name}.toml"))
+        return with_track(changed_scene(self.resolved(), settings, self.where)).read_from(self._archive)
 
     def require_own_parts(self, what: str) -> None:
         """Raise BadInput if an FMU of the user is in place of a part; ``what``: subject of the sentence."""
         for name, fmu in (self.fmu or {}).items():
-            raise BadInput(f"{self.name}.toml: fmu.{name}.file = {path_text(fmu.file)}: {what} parts of cotrack alone")
+            raise BadInput(f"{self.where}: fmu.{name}.file = {path_text(fmu.file)}: {what} parts of cotrack alone")
 
     def recording_for(self, analyses: Sequence[str]) -> Scene:
         """The scene with the link outputs that analyses need besides its own.
@@ -246,11 +246,21 @@ class VehicleScene(Scene):
         """True if the sides are driven differently."""
         return self.drive.steers or self.drive.steering is not None or self.driver is not None
 
+    @property
+    def leaves_plane(self) -> str:
+        """Reason why tracks may leave their planes; empty if they stay in them."""
+        if self.turns:
+            return "the sides are driven differently"
+        if self.vehicle.right is not None:
+            return "the sides of the vehicle differ"
+        if one_sided := self.ground.one_sided(self.start.heading):
+            return f"ground.{one_sided} rolls the vehicle"
+        return "one side alone has a track" if len(self.tracks) == 1 else ""
+
     def with_axes(self) -> VehicleScene:
         """The scene with free axes, if none are given, for cables of a vehicle that may turn or roll."""
-        track, in_plane = self.track, not self.turns and len(self.tracks) != 1 and self.vehicle.right is None
-        in_plane = in_plane and self.ground.one_sided(self.start.heading) is None
-        if in_plane or track.axes is not None or track.choices().get("element") != "cable":
+        track = self.track
+        if not self.leaves_plane or track.axes is not None or track.choices().get("element") != "cable":
             return self
         return self.model_copy(update={"track": track.model_copy(update={"axes": "free"})})
 
@@ -295,7 +305,9 @@ def load(scene: str, track: str | None = None, settings: Sequence[str] | Mapping
 def with_track(scene: SystemScene) -> Scene:
     """The scene, if it has a track; else raises BadInput."""
     if not isinstance(scene, Scene):
-        raise BadInput(f"{scene.name}.toml: assembly = '{scene.assembly}': here a scene with a track is needed")
+        raise BadInput(
+            f"{scene.where}: assembly = '{scene.assembly}' can be run and shown; here a scene with a track is needed"
+        )
     return scene
 
 

@@ -15,9 +15,9 @@ from orchestrator.execution import monolithic, truth
 from orchestrator.execution.replay_model import open_replay
 from orchestrator.execution.resume import resume
 from orchestrator.execution.simulate import simulate
+from orchestrator.execution.summary_text import lines
 from orchestrator.log.reader import Log
-from orchestrator.results.energy import ledger
-from orchestrator.results.run_data import Missing, RunData
+from orchestrator.results.run_data import RunData
 from orchestrator.scene.assembly import assemble, system
 from orchestrator.scene.commented import scene_text
 from orchestrator.scene.placing import placed
@@ -143,22 +143,52 @@ def test_foreign_drives_move_a_vehicle_as_ours_do(drive, tmp_path):
 
 
 def test_what_a_foreign_drive_lacks_is_said(driven):
-    """Units, outputs and the energy balance; its other outputs are recorded."""
+    """Units, outputs and energies; its other outputs are recorded."""
     path, summary = driven
     texts = [warning["text"] for warning in summary["warnings"] if warning["component"] == "drive"]
     assert texts == [
         "the FMU has no outputs torque, energy.kinetic, energy.work, energy.dissipated, port.work, power,"
-        " solver.steps, solver.evaluations: results that need them, and the energy balance, are missing"
+        " solver.steps, solver.evaluations: results that need them are missing; it outputs no energies: the energy"
+        " balance takes what passes its ports as delivered to it"
     ]
-    assert summary["energy"] is None
     assert summary["components"]["drive"]["steps"] == 100
     with Log(path) as log:
         _, fast = log.signal("stats.drive.fast")
         _, speed = log.signal("drive.speed")
         assert set(fast) == {0.0, 1.0}
         assert fast[-1] == (speed[-1] > 1.0)
-        with pytest.raises(Missing, match="the log holds no energies of 'drive'"):
-            ledger(RunData(log))
+
+
+def test_work_of_a_foreign_drive_is_what_its_ports_delivered(driven):
+    """Its motor's work less its energy of motion; that of 1 % less torque is told from it."""
+    path, summary = driven
+    assert summary["energy"]["work"] == 0.0
+    assert "drive" not in summary["energy"]["integration"]
+    assert abs(summary["energy"]["residual_relative"]) < 5e-3
+    with Log(path) as log:
+        run = RunData(log)
+        angle, speed = (run.ends(f"drive.{name}")[1] for name in ("angle", "speed"))
+    delivered = -summary["energy"]["delivered"]["drive"]
+    given = TORQUE * angle - 0.5 * INERTIA * speed**2
+    assert delivered == pytest.approx(given, rel=5e-3)
+    assert delivered != pytest.approx(given - 0.01 * TORQUE * angle, rel=5e-3)
+    assert summary["fmus"]["drive"]["file"] == "MyDrive.fmu"
+    assert "delivered by drive" in "\n".join(lines(summary))
+
+
+def test_a_part_of_the_user_is_no_other_scene(drive, driven, cotrack, tmp_path):
+    """Runs of a scene with different parts are compared, and the parts are named."""
+    simulate(rig(), tmp_path / "own.mcap")
+    simulate(rig(drive, {**PARAMETERS, "torque": 1900.0}), tmp_path / "less.mcap")
+    digits = driven[1]["fmus"]["drive"]["sha256"][:12]
+    for other, said in (
+        ("own.mcap", [f"other part: drive is MyDrive.fmu (sha256 {digits}) and the part of cotrack"]),
+        ("less.mcap", ["other part: drive: torque = 2000.0 and 1900.0"]),
+        (driven[0], []),
+    ):
+        status, out, err = cotrack("compare", driven[0], other)
+        assert status == 0, err
+        assert [line for line in out.splitlines() if line.startswith("other part")] == said
 
 
 def test_that_an_fmu_runs_its_code_is_said_once(drive, tmp_path):

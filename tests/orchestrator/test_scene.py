@@ -342,11 +342,11 @@ def test_scene_and_vehicle_files_of_any_content_are_one_sentence(tmp_path, repla
 
 
 def test_runs_of_one_scene():
-    """Runs of one scene may differ in computation, recording, name and checks, in nothing else."""
+    """Runs of one scene may differ in computation, recording, name, checks and FMUs of the user, in nothing else."""
     whole = load("straight").resolved()
     for change in (
         "track=rigid", "track.element=beam", "track.step=1 ms", "run.stop=1 s", "run.step=2 ms", "run.links=1",
-        "run.coupling=jacobi", "name=other", "title=other", "symmetric=true", "expect={}",
+        "run.coupling=jacobi", "name=other", "title=other", "symmetric=true", "expect={}", "fmu.chassis.file=a.fmu",
     ):  # fmt: skip
         require_same_scene(("a", load("straight", None, [change]).resolved()), ("b", whole))
     for change, said in (
