@@ -22,7 +22,7 @@ from orchestrator.execution.checked_signals import require_signals
 from orchestrator.execution.companion_runs import record_companion
 from orchestrator.execution.interrupt import Interrupt, interruptible
 from orchestrator.execution.loading import load_scene
-from orchestrator.execution.manifest import NATIVE, open_log
+from orchestrator.execution.manifest import NATIVE, attach_texts, open_log
 from orchestrator.execution.prepared_run import Continuation, PreparedRun, outcome_entries
 from orchestrator.log.events_topic import Event
 from orchestrator.log.reader import Log, LogUnreadable
@@ -113,6 +113,7 @@ def _simulate(
                 result["startup_time"] = time.perf_counter() - start
                 interrupt.deferring = True
                 outcome = run.step_to_end(observers, interrupt, result)
+                attach_texts(recorder, run.components)
                 recorder.write_remaining()
                 result["warnings"] = [*early_warnings, *warnings(run.components)]
                 if outcome.steps:

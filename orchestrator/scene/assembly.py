@@ -10,7 +10,7 @@ from fmus.build import Product, build_all
 from fmus.equilibrium import stances
 from fmus.vehicle import BadInput
 from orchestrator.cosim.graph import Connection, Instance, System
-from orchestrator.scene import replacement
+from orchestrator.scene.conversions import typed, user_instances
 from orchestrator.scene.free_scene import FreeScene
 from orchestrator.scene.gallery import hint
 from orchestrator.scene.parts import (
@@ -84,13 +84,12 @@ def system(assembly: Assembly, native: bool = False) -> System:
     """
     own = [part for part in assembly.parts if part.fmu is None]
     files = dict(zip((part.name for part in own), build_parts(own, native), strict=True))
+    given = user_instances(*assembly)
     instances = tuple(
-        replacement.instance(part, part.fmu)
-        if part.fmu is not None
-        else Instance(part.name, files[part.name], part.parameters, part.stage)
+        given.get(part.name) or Instance(part.name, files[part.name], part.parameters, part.stage)
         for part in assembly.parts
     )
-    return System(instances, assembly.connections)
+    return System(instances, typed(assembly.connections, assembly.parts))
 
 
 def build_parts(parts: Sequence[Part], native: bool) -> list[Path]:

@@ -1,8 +1,8 @@
 """FMUs of the user in place of parts: they fit the connections of the part, or are refused before the first step.
 
 A replacement is stepped in the stage of its part. It gets the parameters of the part that it declares by the same name
-and type (the place at the start, a demanded speed), then those of its table ``[fmu.NAME]``. Only its Real variables are
-connected; its units must be those of the part, because values are not converted.
+and type (the place at the start, a demanded speed), then those of its table ``[fmu.NAME]``. Its connected variables are
+Reals; ``conversions`` has what is converted.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 from fmus.loaded import component_ports
 from fmus.ports import UNITS, Port
 from fmus.vehicle import BadInput, path_text
-from orchestrator.cosim.base_units import QUANTITIES, BaseUnit, base_unit, difference
+from orchestrator.cosim.base_units import QUANTITIES, BaseUnit, base_unit, difference, unit_of
 from orchestrator.cosim.component import SETTERS, ComponentFailed, description_of
-from orchestrator.cosim.graph import Connection, Instance
+from orchestrator.cosim.graph import Connection
 from orchestrator.scene.fmu_table import FmuTable
 from orchestrator.scene.parts import Parameters, Part
 
@@ -32,6 +32,7 @@ class Replacement(NamedTuple):
     where: str  # key and file, for messages
     description: Any
     variables: Mapping[str, Any]  # by name
+    ports: Mapping[str, Port]  # of the part, by name; none in a free system
 
 
 def replacements(where: str, parts: Sequence[Part]) -> list[Replacement]:
@@ -46,13 +47,8 @@ def _replacement(where: str, part: Part, table: FmuTable) -> Replacement:
     except ComponentFailed as failure:
         raise BadInput(f"{key}: {failure}") from None
     variables = {variable.name: variable for variable in description.modelVariables}
-    return Replacement(part, f"{key} = {path_text(table.file)}", description, variables)
-
-
-def instance(part: Part, table: FmuTable) -> Instance:
-    """Instance of the FMU of the user in place of a part; raises BadInput."""
-    parameters = _shared_parameters(_replacement("scene", part, table))
-    return Instance(part.name, Path(table.file), {**parameters, **table.parameters}, part.stage)
+    ports = {port.name: port for port in component_ports(part.kind, part.config)} if part.kind else {}
+    return Replacement(part, f"{key} = {path_text(table.file)}", description, variables, ports)
 
 
 def require_fit(
@@ -60,8 +56,9 @@ def require_fit(
 ) -> list[tuple[str, str]]:
     """Warnings about FMUs of the user, as part and sentence; raises BadInput, beginning with ``where``.
 
-    An FMU must have the connected variables of its part as Reals in the same units. What else its part outputs, and
-    units that it does not declare, are warnings. ``variable_steps``: it must take communication steps of any length.
+    An FMU must have the connected variables of its part as Reals of the same dimension; FMUs that are connected to each
+    other, variables of equal types. What else its part outputs, and units that it does not declare, are warnings.
+    ``variable_steps``: it must take communication steps of any length.
     """
     warnings: list[tuple[str, str]] = []
     found = replacements(where, parts)
@@ -72,20 +69,20 @@ def require_fit(
         if not each.part.kind:  # of a free system: its connections decide
             warnings += _fit_connections(each, by_name, connections)
             continue
-        ports = {port.name: port for port in component_ports(each.part.kind, each.part.config)}
         connected = {name: (causality, peer) for causality, name, peer in _connected(each.part.name, connections)}
         for name, ends in connected.items():
-            _connected_real(each, name, *ends)
-        shared = [name for name in _shared_parameters(each) if isinstance(ports[name].start, float)]
-        unitless = [name for name in (*connected, *shared) if not _has_unit(each, ports[name])]
-        sentences = _unitless(unitless), _missing(each, ports)
+            if (variable := _connected_variable(each, name, *ends)).type != "Real":
+                raise BadInput(f"{each.where}: {ends[0]} '{name}' is of type {variable.type}, and a Real is needed")
+        shared = [name for name in shared_parameters(each) if isinstance(each.ports[name].start, float)]
+        unitless = [name for name in (*connected, *shared) if not _has_unit(each, each.ports[name])]
+        sentences = _unitless(unitless), _missing(each)
         warnings += [(each.part.name, sentence) for sentence in sentences if sentence]
     return warnings
 
 
 def _connected(name: str, connections: Sequence[Connection]) -> Iterator[tuple[str, str, str]]:
     """Causality and name of every connected variable of a component, and the variable at the other end."""
-    for source, outputs, target, inputs, _, rates, _ in connections:
+    for source, outputs, target, inputs, _, rates, *_ in connections:
         if source == name:
             yield from (("output", *ends) for ends in zip(outputs, (f"{target}.{i}" for i in inputs), strict=True))
             yield from (("output", rate, target) for rate in rates)
@@ -98,21 +95,43 @@ def _fit_connections(
 ) -> Iterator[tuple[str, str]]:
     """Warnings about the variables of an FMU that a free system connects; raises BadInput if they do not fit."""
     for causality, name, peer in _connected(each.part.name, connections):
-        unit = _connected_real(each, name, causality, peer).unit
-        if causality == "input":
-            source, _, output = peer.partition(".")
-            other = others[source]
-            given = getattr(other.variables.get(output), "unit", None)
-            if unit and given:
-                bases = base_unit(each.description, unit), base_unit(other.description, given)
-                if differs := difference(unit, bases[0], given, bases[1]):
+        variable = _connected_variable(each, name, causality, peer)
+        source, _, output = peer.partition(".")
+        given = others[source].variables.get(output) if causality == "input" else None
+        if given is None:  # an output, or an input of which its source complains
+            continue
+        if given.type != variable.type:
+            types = f"is of type {variable.type}, and {peer} of type {given.type}"
+            raise BadInput(f"{each.where}: input '{name}' {types}: only equal types are connected")
+        if variable.type == "Real":
+            units = unit_of(variable), unit_of(given)
+            if all(units):
+                base, needed = base_unit(each.description, variable), base_unit(others[source].description, given)
+                if differs := difference(units[0], base, units[1], needed):
                     raise BadInput(f"{each.where}: '{name}' {differs} ({peer})")
-            elif unit or given:
-                yield each.part.name, f"'{name}' has the unit {unit or 'none'}, and {peer} {given or 'none'}"
+            elif any(units):
+                yield each.part.name, f"'{name}' has the unit {units[0] or 'none'}, and {peer} {units[1] or 'none'}"
+        elif not _items(given).items() <= _items(variable).items():
+            items = f"the items {_items(variable)}, and {peer} {_items(given)}"
+            raise BadInput(f"{each.where}: input '{name}' has {items}: it must have those of its source")
+        if variable.type != "Real" and name in _transformed(each.part.name, connections):
+            about = f"input '{name}' is of type {variable.type}"
+            raise BadInput(f"{each.where}: {about}: only Reals have a factor or an offset ({peer})")
 
 
-def _connected_real(each: Replacement, name: str, causality: str, peer: str) -> Any:
-    """Connected variable of an FMU; raises BadInput if it is missing, of another causality or no Real."""
+def _transformed(name: str, connections: Sequence[Connection]) -> set[str]:
+    """Inputs of a component whose connections have a factor or an offset."""
+    return {into for each in connections if each.target == name for into, _ in each.transformations}
+
+
+def _items(variable: Any) -> dict[int, str]:
+    """Names of the items of an Enumeration by their values; none of another type."""
+    items = variable.declaredType.items if variable.type == "Enumeration" and variable.declaredType else ()
+    return {int(item.value): item.name for item in items}
+
+
+def _connected_variable(each: Replacement, name: str, causality: str, peer: str) -> Any:
+    """Connected variable of an FMU; raises BadInput if it is missing or of another causality."""
     way = "goes to" if causality == "output" else "comes from"
     variable = each.variables.get(name)
     if variable is None:
@@ -123,23 +142,26 @@ def _connected_real(each: Replacement, name: str, causality: str, peer: str) -> 
         raise BadInput(f"{each.where}: it has no {causality} '{name}', which {way} {peer}{hint}")
     if variable.causality != causality:
         raise BadInput(f"{each.where}: '{name}' is of causality {variable.causality}, but {way} {peer}: {causality}")
-    if variable.type != "Real":
-        raise BadInput(f"{each.where}: {causality} '{name}' is of type {variable.type}: only Reals are connected")
     return variable
 
 
 def _has_unit(each: Replacement, port: Port) -> bool:
-    """Whether a Real declares the unit of the part's port; raises BadInput if it declares another one."""
-    unit = each.variables[port.name].unit
+    """Whether a Real declares a unit of the dimension of the part's port; raises BadInput for another one."""
+    variable = each.variables[port.name]
+    unit = unit_of(variable)
     if not unit:
         return port.unit == "1"
-    needed = BaseUnit(tuple(float(UNITS[port.unit].get(quantity, 0)) for quantity in QUANTITIES))
-    if differs := difference(unit, base_unit(each.description, unit), port.unit, needed):
+    if differs := difference(unit, base_unit(each.description, variable), port.unit, port_unit(port)):
         raise BadInput(f"{each.where}: '{port.name}' {differs}")
     return True
 
 
-def _shared_parameters(each: Replacement) -> Parameters:
+def port_unit(port: Port) -> BaseUnit:
+    """Unit of a port of a part."""
+    return BaseUnit(tuple(float(UNITS[port.unit].get(quantity, 0)) for quantity in QUANTITIES))
+
+
+def shared_parameters(each: Replacement) -> Parameters:
     """Parameters of the part that the FMU declares by the same name and type and its table does not set.
 
     Constants of native FMUs are among them: a wrong one is refused when it is set.
@@ -165,10 +187,10 @@ def _listed(names: Sequence[str]) -> str:
     return shorten(", ".join(dict.fromkeys(name.partition("[")[0] for name in names)), NAMED, placeholder=" ...")
 
 
-def _missing(each: Replacement, ports: Mapping[str, Port]) -> str:
+def _missing(each: Replacement) -> str:
     """Warning about outputs that the part has and the FMU has not, or an empty text."""
     there = {name for name, variable in each.variables.items() if variable.causality == "output"}
-    names = [port.name for port in ports.values() if port.causality == "output" and port.name not in there]
+    names = [port.name for port in each.ports.values() if port.causality == "output" and port.name not in there]
     if not names:
         return ""
     energy = ", and the energy balance," * any(name.startswith("energy.") for name in names)
