@@ -53,10 +53,11 @@ def _expected(name: str, check: Check) -> str:
 def _parts(scene: Scene) -> tuple[list[str], list[str]]:
     """Return lines for present parts and lines for absent ones."""
     assembly, present = assemble(scene), []
+    connections = (*assembly.connections, *assembly.user_connections)
     wide = max(len(_kind(part)) for part in assembly.parts)
     for part in assembly.parts:
-        n_inputs = sum(len(c.inputs) for c in assembly.connections if c.target == part.name)
-        n_outputs = sum(len(c.outputs) for c in assembly.connections if c.source == part.name)
+        n_inputs = sum(len(c.inputs) for c in connections if c.target == part.name)
+        n_outputs = sum(len(c.outputs) for c in connections if c.source == part.name)
         size = f"{_size(scene, part)}; {n_inputs} values in, {n_outputs} out a step"
         present.append(f"{part.name:12} {_kind(part):{wide}} {size}")
     return present, _absent_parts(scene, assembly)

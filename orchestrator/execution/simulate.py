@@ -30,9 +30,8 @@ from orchestrator.log.recorder import LogFailed, check_writable
 from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import contact_step
-from orchestrator.scene.assembly import Assembly, assemble
+from orchestrator.scene.assembly import Assembly, assemble, unfit
 from orchestrator.scene.ranges import implausible_numbers
-from orchestrator.scene.replacement import require_fit
 from orchestrator.scene.scene import Scene
 from orchestrator.scene.system_scene import SystemScene
 
@@ -86,7 +85,7 @@ def _simulate(
     result = summary.empty(scene.name, scene.variant)
     announce = narration or (lambda line: None)
     assembly = assemble(scene)
-    unfit = require_fit(f"{scene.name}.toml", *assembly, variable_steps=scene.run.variable is not None)
+    misfits = unfit(scene, assembly)
     if given := [part.name for part in assembly.parts if part.fmu is not None]:
         announce(f"{scene.name}: FMUs of yours run as {', '.join(given)}: an FMU runs code with your rights")
     reached = ReachedPoint()
@@ -95,7 +94,7 @@ def _simulate(
         run = PreparedRun.prepare(*load_scene(scene, stack, logger, native), continuation)
         for line in _shared_parameters(run, assembly):
             announce(f"{scene.name}: {line}")
-        result["warnings"] = early_warnings = _early_warnings(run, logger, unfit)
+        result["warnings"] = early_warnings = _early_warnings(run, logger, misfits)
         log_opened, file = False, path
         try:
             about, further_metadata = {"fmus": NATIVE} if native else {}, continuation.metadata if continuation else {}
@@ -159,10 +158,12 @@ def _verdict(outcome: master.RunOutcome, validity: Sequence[Mapping[str, Any]]) 
     return "failed", "; ".join(filter(None, (outcome.message, invalidity)))
 
 
-def _early_warnings(run: PreparedRun, logger: Logger | None, unfit: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:
-    """Return warnings about FMUs of the user (``unfit``), recording and scene; the logger gets them too."""
+def _early_warnings(
+    run: PreparedRun, logger: Logger | None, misfits: Sequence[tuple[str, str]]
+) -> list[dict[str, Any]]:
+    """Return warnings about FMUs of the user (``misfits``), recording and scene; the logger gets them too."""
     aliases = run.scene.aliasing_warning if any_links(run.components) else ""
-    sentences = [*unfit, *[("log", NO_INPUTS)] * (not run.scene.run.inputs)]
+    sentences = [*misfits, *[("log", NO_INPUTS)] * (not run.scene.run.inputs)]
     sentences += [("log", aliases)] * bool(aliases) + _implausible_numbers(run.scene)
     if logger:
         for component, text in sentences:

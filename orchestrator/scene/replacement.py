@@ -1,8 +1,8 @@
 """FMUs of the user in place of parts: they fit the connections of the part, or are refused before the first step.
 
 A replacement is stepped in the stage of its part. It gets the parameters of the part that it declares by the same name
-and type (the place at the start, a demanded speed), then those of its table ``[fmu.NAME]``. Its connected variables are
-Reals; ``conversions`` has what is converted.
+and type (the place at the start, a demanded speed), then those of its table ``[fmu.NAME]``. The connections of its part
+carry Reals.
 """
 
 from __future__ import annotations
@@ -52,32 +52,22 @@ def _replacement(where: str, part: Part, table: FmuTable) -> Replacement:
 
 
 def require_fit(
-    where: str, parts: Sequence[Part], connections: Sequence[Connection], variable_steps: bool
-) -> list[tuple[str, str]]:
-    """Warnings about FMUs of the user, as part and sentence; raises BadInput, beginning with ``where``.
+    each: Replacement, connections: Sequence[Connection], variable_steps: bool
+) -> Iterator[tuple[str, str]]:
+    """Warnings about an FMU of the user, as part and sentence; raises BadInput.
 
-    An FMU must have the connected variables of its part as Reals of the same dimension; FMUs that are connected to each
-    other, variables of equal types. What else its part outputs, and units that it does not declare, are warnings.
-    ``variable_steps``: it must take communication steps of any length.
+    It must have the connected variables of its part as Reals of the same dimension. What else its part outputs, and
+    units that it does not declare, are warnings. ``variable_steps``: it must take communication steps of any length.
     """
-    warnings: list[tuple[str, str]] = []
-    found = replacements(where, parts)
-    by_name = {each.part.name: each for each in found}
-    for each in found:
-        if variable_steps and not each.description.coSimulation.canHandleVariableCommunicationStepSize:
-            raise BadInput(f"{each.where}: it takes equal communication steps only, and run.variable varies them")
-        if not each.part.kind:  # of a free system: its connections decide
-            warnings += _fit_connections(each, by_name, connections)
-            continue
-        connected = {name: (causality, peer) for causality, name, peer in _connected(each.part.name, connections)}
-        for name, ends in connected.items():
-            if (variable := _connected_variable(each, name, *ends)).type != "Real":
-                raise BadInput(f"{each.where}: {ends[0]} '{name}' is of type {variable.type}, and a Real is needed")
-        shared = [name for name in shared_parameters(each) if isinstance(each.ports[name].start, float)]
-        unitless = [name for name in (*connected, *shared) if not _has_unit(each, each.ports[name])]
-        sentences = _unitless(unitless), _missing(each)
-        warnings += [(each.part.name, sentence) for sentence in sentences if sentence]
-    return warnings
+    if variable_steps and not each.description.coSimulation.canHandleVariableCommunicationStepSize:
+        raise BadInput(f"{each.where}: it takes equal communication steps only, and run.variable varies them")
+    connected = {name: (causality, peer) for causality, name, peer in _connected(each.part.name, connections)}
+    for name, ends in connected.items():
+        if (variable := connected_variable(each.where, each.variables, name, *ends)).type != "Real":
+            raise BadInput(f"{each.where}: {ends[0]} '{name}' is of type {variable.type}, and a Real is needed")
+    shared = [name for name in shared_parameters(each) if isinstance(each.ports[name].start, float)]
+    unitless = [name for name in (*connected, *shared) if not _has_unit(each, each.ports[name])]
+    yield from ((each.part.name, sentence) for sentence in (_unitless(unitless), _missing(each)) if sentence)
 
 
 def _connected(name: str, connections: Sequence[Connection]) -> Iterator[tuple[str, str, str]]:
@@ -90,58 +80,16 @@ def _connected(name: str, connections: Sequence[Connection]) -> Iterator[tuple[s
             yield from (("input", *ends) for ends in zip(inputs, (f"{source}.{o}" for o in outputs), strict=True))
 
 
-def _fit_connections(
-    each: Replacement, others: Mapping[str, Replacement], connections: Sequence[Connection]
-) -> Iterator[tuple[str, str]]:
-    """Warnings about the variables of an FMU that a free system connects; raises BadInput if they do not fit."""
-    for causality, name, peer in _connected(each.part.name, connections):
-        variable = _connected_variable(each, name, causality, peer)
-        source, _, output = peer.partition(".")
-        given = others[source].variables.get(output) if causality == "input" else None
-        if given is None:  # an output, or an input of which its source complains
-            continue
-        if given.type != variable.type:
-            types = f"is of type {variable.type}, and {peer} of type {given.type}"
-            raise BadInput(f"{each.where}: input '{name}' {types}: only equal types are connected")
-        if variable.type == "Real":
-            units = unit_of(variable), unit_of(given)
-            if all(units):
-                base, needed = base_unit(each.description, variable), base_unit(others[source].description, given)
-                if differs := difference(units[0], base, units[1], needed):
-                    raise BadInput(f"{each.where}: '{name}' {differs} ({peer})")
-            elif any(units):
-                yield each.part.name, f"'{name}' has the unit {units[0] or 'none'}, and {peer} {units[1] or 'none'}"
-        elif not _items(given).items() <= _items(variable).items():
-            items = f"the items {_items(variable)}, and {peer} {_items(given)}"
-            raise BadInput(f"{each.where}: input '{name}' has {items}: it must have those of its source")
-        if variable.type != "Real" and name in _transformed(each.part.name, connections):
-            about = f"input '{name}' is of type {variable.type}"
-            raise BadInput(f"{each.where}: {about}: only Reals have a factor or an offset ({peer})")
-
-
-def _transformed(name: str, connections: Sequence[Connection]) -> set[str]:
-    """Inputs of a component whose connections have a factor or an offset."""
-    return {into for each in connections if each.target == name for into, _ in each.transformations}
-
-
-def _items(variable: Any) -> dict[int, str]:
-    """Names of the items of an Enumeration by their values; none of another type."""
-    items = variable.declaredType.items if variable.type == "Enumeration" and variable.declaredType else ()
-    return {int(item.value): item.name for item in items}
-
-
-def _connected_variable(each: Replacement, name: str, causality: str, peer: str) -> Any:
-    """Connected variable of an FMU; raises BadInput if it is missing or of another causality."""
+def connected_variable(at: str, variables: Mapping[str, Any], name: str, causality: str, peer: str) -> Any:
+    """Connected variable of a component; raises BadInput, beginning with ``at``, if it lacks it or its causality."""
     way = "goes to" if causality == "output" else "comes from"
-    variable = each.variables.get(name)
+    variable = variables.get(name)
     if variable is None:
-        near = get_close_matches(
-            name, [other.name for other in each.variables.values() if other.causality == causality], 1
-        )
+        near = get_close_matches(name, [one for one, other in variables.items() if other.causality == causality], 1)
         hint = f": did you mean '{near[0]}'?" if near else ""
-        raise BadInput(f"{each.where}: it has no {causality} '{name}', which {way} {peer}{hint}")
+        raise BadInput(f"{at}: it has no {causality} '{name}', which {way} {peer}{hint}")
     if variable.causality != causality:
-        raise BadInput(f"{each.where}: '{name}' is of causality {variable.causality}, but {way} {peer}: {causality}")
+        raise BadInput(f"{at}: '{name}' is of causality {variable.causality}, but {way} {peer}: {causality}")
     return variable
 
 

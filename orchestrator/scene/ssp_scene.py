@@ -13,8 +13,9 @@ from orchestrator.cosim.base_units import unit_of
 from orchestrator.cosim.component import ComponentFailed, description_of
 from orchestrator.files.budget import DOCUMENT, OverBudget, read_file
 from orchestrator.scene.assembly import Assembly, assemble
-from orchestrator.scene.free_scene import FreeScene, Pair
+from orchestrator.scene.free_scene import FreeScene
 from orchestrator.scene.gallery import hint
+from orchestrator.scene.pair import Pair
 from orchestrator.scene.scene import Scene, changed_scene, from_table, load_any
 from orchestrator.scene.settings import pairs
 from orchestrator.scene.ssp import SCENE
@@ -113,7 +114,7 @@ def _own_scene(structure: Structure, where: str) -> Scene | None:
 def _is_that(structure: Structure, assembly: Assembly) -> bool:
     pairs_of_assembly = {
         Pair(connection.source, output, connection.target, into)
-        for connection in assembly.connections
+        for connection in (*assembly.connections, *assembly.user_connections)
         for output, into in zip(connection.outputs, connection.inputs, strict=True)
     }
     parts = {part.name for part in assembly.parts}

@@ -16,7 +16,7 @@ from orchestrator.cosim.base_units import Conversion
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.files.budget import DOCUMENT, OverBudget, read_file
-from orchestrator.scene.free_scene import Pair
+from orchestrator.scene.pair import Pair
 from orchestrator.scene.structure_document import DOCUMENT_NAME, ENDS, NAMESPACES, VERSION
 
 Scalar = bool | int | float | str  # value of a parameter

@@ -348,7 +348,7 @@ def test_what_cannot_be_connected_is_refused(files, tmp_path):
         (
             other["gears"],
             "a.gear -> b.gear_in",
-            "input 'gear_in' has the items {1: 'low', 2: 'high', 3: 'reverse'}, and",
+            "input 'gear_in' has the items 1 low, 2 high, 3 reverse, and",
         ),
         (other["lengths"], "a.x -> b.u", "'u' has the unit 'mm', and 'N' is needed (a.x)"),
         (other["unknown"], "a.x -> b.u", "'u' has the unit 'kip', which the FMU does not define, and 'N' is needed"),

@@ -18,11 +18,10 @@ from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.results.energy import ledger
 from orchestrator.results.run_data import Missing, RunData
-from orchestrator.scene.assembly import assemble, system
+from orchestrator.scene.assembly import assemble, system, unfit
 from orchestrator.scene.commented import scene_text
 from orchestrator.scene.placing import placed
 from orchestrator.scene.products import scene_products
-from orchestrator.scene.replacement import require_fit
 from orchestrator.scene.scene import load
 from orchestrator.scene.ssp import write_ssp
 
@@ -209,6 +208,65 @@ def test_a_drive_in_other_units_drives_as_well(drive, large, tmp_path, run):
         pass
 
 
+MORE = (
+    Variable("ticks", "input", 0, "Integer"),
+    Variable("gate", "input", False, "Boolean"),
+    Variable("pull", "input", unit="kN"),
+)
+
+
+@pytest.fixture(scope="module")
+def brake(tmp_path_factory):
+    """The drive at the place of the idler, with further inputs."""
+    units, place = {**UNITS, "kN": {**UNITS["N"], "factor": 1e3}}, -placed(rig()).rig.axle_distance
+    there = [each._replace(start=place) if each.name.endswith("mount.position.x") else each for each in DRIVE]
+    return foreign_fmus.build(tmp_path_factory.mktemp("brake") / "Brake.fmu", "drive", (*there, *MORE), units)
+
+
+def braked(drive, brake, *connections):
+    """The rig with FMUs of the user at both ends, and connections to them."""
+    given = {"file": str(brake), "parameters": {"torque": 0.0, "inertia": INERTIA}}
+    return rig(drive, **{"fmu.idler_drive": given, "connections": connections})
+
+
+def test_further_connections_reach_fmus_of_the_user(drive, brake, tmp_path):
+    """Discrete values of the beginning of the step, Reals as the coupling holds them; parts of ours may be sources."""
+    texts = ("drive.steps -> idler_drive.ticks", "drive.fast -> idler_drive.gate")
+    real = "2 * track.tension.mean + 1 -> idler_drive.pull"
+    scene = braked(drive, brake, *texts, real)
+    summary = simulate(scene, tmp_path / "rig.mcap")
+    assert summary["status"] == "ok", summary["message"]
+    with Log(tmp_path / "rig.mcap") as log:
+        given = {name: log.signal(f"idler_drive.{name}")[1] for name in ("ticks", "gate", "pull")}
+        fast, speed, tension = (log.signal(each)[1] for each in ("drive.fast", "drive.speed", "track.tension.mean"))
+        assert given["ticks"].tolist() == [*range(100)]
+        assert given["gate"].tolist() == fast[:-1].tolist() == (np.abs(speed[:-1]) > 1.0).tolist()
+        assert np.array_equal(given["pull"], 2e-3 * (0.5 * (tension[:-1] + tension[1:])) + 1.0)
+        assert log.unit("idler_drive.pull") == "kN"
+        assert "fast" not in log.topics["/idler_drive/out"].names
+    with open_replay(tmp_path / "rig.mcap", "idler_drive", str(brake)) as replay:
+        assert replay.verify().equal
+
+
+@pytest.mark.parametrize(
+    ("connection", "said"),
+    [
+        ("drive.steps -> track.slip", "connections to track: only FMUs in place of parts get further inputs"),
+        ("drve.steps -> idler_drive.ticks", "no component 'drve': did you mean 'drive'?"),
+        ("track.slip -> drive.sprocket.force.x", "the input has another connection"),
+        ("track.link[1].tension -> idler_drive.pull", "track: it has no output 'link[1].tension', which goes to"),
+        ("track.travel -> idler_drive.pull", "'pull' has the unit 'kN', and 'm' is needed (track.travel)"),
+        ("track.solver.steps -> idler_drive.gate", "is of type Boolean, and track.solver.steps of type Integer"),
+        ("track.status, idler_drive.ticks", "must be 'instance.output -> instance.input'"),
+    ],
+)
+def test_further_connections_that_cannot_be(drive, brake, tmp_path, connection, said):
+    with pytest.raises(BadInput) as caught:
+        simulate(braked(drive, brake, connection), tmp_path / "rig.mcap")
+    assert said in str(caught.value)
+    assert str(caught.value).startswith("rig.toml: ")
+
+
 def test_parameters_of_the_part_are_converted(tmp_path):
     brake = Variable("brake.torque", "parameter", 0.0, unit="kN.m")
     units = {**UNITS, "kN.m": {**UNITS["N.m"], "factor": 1e3}}
@@ -309,10 +367,10 @@ def test_what_does_not_fit_is_refused(drive, tmp_path):
         assert str(caught.value).startswith("rig.toml: fmu.drive.file = '")
         assert "other.fmu'" in str(caught.value)
         assert not (tmp_path / "rig.mcap").exists()
-    assembly = assemble(rig(changed(drive, tmp_path / "other.fmu", with_unit("sprocket.torque.y", "Nm"), whole)))
-    assert len(require_fit("rig.toml", *assembly, variable_steps=True)) == 1
-    assembly = assemble(rig(changed(drive, tmp_path / "other.fmu", with_unit("sprocket.torque.y", ""), whole)))
-    assert require_fit("rig.toml", *assembly, variable_steps=True)[0] == (
+    scene = rig(changed(drive, tmp_path / "other.fmu", with_unit("sprocket.torque.y", "Nm"), whole))
+    assert len(unfit(scene, assemble(scene))) == 1
+    scene = rig(changed(drive, tmp_path / "other.fmu", with_unit("sprocket.torque.y", ""), whole))
+    assert unfit(scene, assemble(scene))[0] == (
         "drive",
         "the FMU declares no unit of sprocket.torque.y: it is taken to be that of the part",
     )

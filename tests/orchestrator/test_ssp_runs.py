@@ -177,7 +177,7 @@ level = {{ signal = "a.x", reduce = "last", expected = 1.3856, tolerance = 0.001
     assert not isinstance(scene, Scene)
     cases = (
         ("connections.0=a.x", "connections: 'a.x': must be 'instance.output -> instance.input'"),
-        ("connections.0=c.x -> b.u", "no FMU 'c': there are a, b"),
+        ("connections.0=c.x -> b.u", "no component 'c': there are a, b"),
         ("connections.1=a.x -> b.u", "the input has another connection"),
         ("connections.0=a.y -> b.u", "it has no output 'y', which goes to b.u"),
         ("connections.0=a.whole -> b.u", "'u' is of type Real, and a.whole of type Integer: only equal types are"),
