@@ -1,6 +1,6 @@
 /* A first-order lag whose input a Boolean turns, T dx/dt = +-u - x, with a temperature and discrete variables.
 
-   Every output depends on an input of its kind. A step that is longer than "longest" is broken off after that time; one
+   Every output depends on an input of its kind, also at the start. A step that is longer than "longest" is broken off after that time; one
    that would pass "end" ends the simulation. */
 #include "shell.h"
 #include <math.h>
@@ -19,7 +19,7 @@ static fmi2Status advance(Model *m, double t, double h) {
     }
     double sign = i[forward_in] ? 1.0 : -1.0;
     if (h == 0.0) {
-        r[x] = r[start], r[warmth] = r[warmth_start];
+        r[x] = r[start] + 0.01 * r[u], r[warmth] = r[warmth_start];
     } else {
         r[x] = sign * r[u] + (r[x] - sign * r[u]) * exp(-h / r[T]);
         r[warmth] += h / r[T] * (r[warmth_in] - r[warmth]);

@@ -241,9 +241,27 @@ def test_discrete_inputs_are_held_in_steps_that_are_repeated(files, tmp_path, ru
                 if into not in REALS:
                     assert inputs[into] == outputs[out][:-1], into
         assert outputs["count"] == [*range(len(outputs["count"]))]  # each step counts once
+        assert log.read("/a/in").h.max() > 4e-3, "only Reals decide on a step"
     for name in "ab":
         with open_replay(path, name, str(files[name])) as replay:
             assert replay.verify().equal
+
+
+@pytest.mark.parametrize(("scheme", "tolerance"), [("energy_corrected", 1e-12), ("iterative", 1e-5)])
+def test_units_change_nothing_but_rounding(files, tmp_path, scheme, tolerance):
+    """The same system with b in N and K; an iteration ends within its tolerance."""
+    values = {}
+    for name, b, factor, offset in (("kilo", files["b"], 1.0, 0.0), ("plain", files["a"], 1e3, 273.15)):
+        made = scene({"a": files["a"], "b": b}, coupling={"scheme": scheme})
+        cold = {"start": factor * 1.5, "limit": factor * 0.8, "warmth_start": 40.0 + offset, "T": 0.05}
+        made = made.model_copy(update={"fmu": made.fmu | {"b": made.fmu["b"].model_copy(update={"parameters": cold})}})
+        assert simulate(made, tmp_path / "mixed.mcap")["status"] == "ok"
+        with Log(tmp_path / "mixed.mcap") as log:
+            values[name] = [log.signal(signal)[1] for signal in ("a.x", "a.warmth", "b.x", "b.warmth")]
+            values[name][2] /= factor
+            values[name][3] -= offset
+    for kilo, plain in zip(*values.values(), strict=True):
+        assert np.abs(kilo - plain).max() < tolerance * np.abs(plain).max()
 
 
 def test_values_at_the_start_are_those_of_the_fmu(files, tmp_path):

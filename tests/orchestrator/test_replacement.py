@@ -248,6 +248,13 @@ def test_further_connections_reach_fmus_of_the_user(drive, brake, tmp_path):
         assert replay.verify().equal
 
 
+def test_a_further_connection_begins_in_the_unit_of_the_part(large, brake):
+    scene = braked(large, brake, "drive.mount.force.x -> idler_drive.pull")
+    instances = {each.name: each for each in system(assemble(placed(scene))).instances}
+    assert instances["drive"].conversions["mount.force.x"] == (1e3, 0.0)
+    assert instances["idler_drive"].conversions["pull"] == (1e-3, 0.0)
+
+
 @pytest.mark.parametrize(
     ("connection", "said"),
     [
