@@ -69,7 +69,7 @@ def assemble(scene: SystemScene) -> Assembly:
 
 
 def _user_connections(scene: Scene, assembly: Assembly) -> tuple[Connection, ...]:
-    """Connections that a scene adds; raises BadInput if one names no part, or an input that has another one."""
+    """Connections that a scene adds; raises BadInput if one is not to an FMU of the user, or its input has another."""
     names = [part.name for part in assembly.parts]
     taken = {(connection.target, into) for connection in assembly.connections for into in connection.inputs}
     pairs = [pair_of(text) for text in scene.connections or ()]
@@ -77,6 +77,10 @@ def _user_connections(scene: Scene, assembly: Assembly) -> tuple[Connection, ...
         require_free_inputs(pairs, names, taken)
     except ValueError as error:
         raise BadInput(f"{scene.name}.toml: {error}") from None
+    for pair in pairs:
+        if pair.target not in (scene.fmu or {}):
+            about = f"{scene.name}.toml: connections: '{pair}'"
+            raise BadInput(f"{about}: '{pair.target}' is no FMU of the user, and no other part gets further inputs")
     return joined(pairs)
 
 
