@@ -434,3 +434,19 @@ def test_steps_that_an_fmu_does_not_do(files, tmp_path, cotrack, parameters, run
         assert not len(h) or h.max() <= parameters.get("longest", H) * (1.0 + 1e-12) or "end" in parameters
         assert log.complete
     assert verify(tmp_path / "mixed.mcap").code == 0
+
+
+@pytest.mark.parametrize(
+    ("parameters", "status", "said"),
+    [("end = 0.055", 0, "a has ended the run at t = 0.055 s"), ("longest = 0.004", 1, "a shorter one may help")],
+)
+def test_exit_status_of_steps_that_are_not_done(files, tmp_path, cotrack, parameters, status, said):
+    text = f"""title = "One FMU"
+assembly = "fmus"
+run = {{ stop = "0.1 s", step = "10 ms" }}
+fmu.a = {{ file = "{files["a"]}", parameters = {{ {parameters} }} }}
+"""
+    (tmp_path / "one.toml").write_text(text)
+    given, out, err = cotrack("run", "one.toml", "-o", "one.mcap")
+    assert (given, said in out + err) == (status, True), out + err
+    assert cotrack("log", "verify", "one.mcap")[0] == 0
