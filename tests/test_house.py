@@ -47,6 +47,7 @@ GENERIC = [
             "fmu_files",
             "component_warnings",
             "graph",
+            "mixed_exchange",
             "program",
             "row_writer",
             "master",

@@ -106,8 +106,9 @@ def _parts(scene: Scene) -> tuple[list[str], list[str]]:
 def _sized(assembly: Assembly, part: Part, size: str) -> str:
     """Return the line about a part: name, kind, size, connected values."""
     wide = max(len(_kind(part)) for part in assembly.parts)
-    n_inputs = sum(len(c.inputs) for c in assembly.connections if c.target == part.name)
-    n_outputs = sum(len(c.outputs) for c in assembly.connections if c.source == part.name)
+    connections = (*assembly.connections, *assembly.user_connections)
+    n_inputs = sum(len(c.inputs) for c in connections if c.target == part.name)
+    n_outputs = sum(len(c.outputs) for c in connections if c.source == part.name)
     return f"{part.name:12} {_kind(part):{wide}} {size}; {n_inputs} values in, {n_outputs} out a step"
 
 

@@ -22,7 +22,7 @@ from orchestrator.execution.checked_signals import require_signals
 from orchestrator.execution.companion_runs import record_companion
 from orchestrator.execution.interrupt import Interrupt, interruptible
 from orchestrator.execution.loading import load_scene
-from orchestrator.execution.manifest import NATIVE, open_log
+from orchestrator.execution.manifest import NATIVE, attach_texts, open_log
 from orchestrator.execution.prepared_run import Continuation, PreparedRun, outcome_entries
 from orchestrator.log.events_topic import Event
 from orchestrator.log.reader import Log, LogUnreadable
@@ -30,9 +30,8 @@ from orchestrator.log.recorder import LogFailed, check_writable
 from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import contact_step
-from orchestrator.scene.assembly import Assembly, assemble
+from orchestrator.scene.assembly import Assembly, assemble, unfit
 from orchestrator.scene.ranges import implausible_numbers
-from orchestrator.scene.replacement import require_fit
 from orchestrator.scene.scene import Scene, VehicleScene
 from orchestrator.scene.system_scene import SystemScene
 
@@ -87,7 +86,7 @@ def _simulate(
     result = summary.empty(scene.name, scene.variant)
     announce = narration or (lambda line: None)
     assembly = assemble(scene)
-    unfit = require_fit(scene.where, *assembly, variable_steps=scene.run.variable is not None)
+    misfits = unfit(scene, assembly)
     if given := [part.name for part in assembly.parts if part.fmu is not None]:
         announce(f"{scene.name}: FMUs of yours run as {', '.join(given)}: an FMU runs code with your rights")
     reached = ReachedPoint()
@@ -98,7 +97,7 @@ def _simulate(
         run = PreparedRun.prepare(*load_scene(scene, stack, logger, native), continuation)
         for line in _shared_parameters(run, assembly):
             announce(f"{scene.name}: {line}")
-        result["warnings"] = early_warnings = _early_warnings(run, logger, unfit)
+        result["warnings"] = early_warnings = _early_warnings(run, logger, misfits)
         log_opened, file = False, path
         try:
             about, further_metadata = {"fmus": NATIVE} if native else {}, continuation.metadata if continuation else {}
@@ -116,6 +115,7 @@ def _simulate(
                 result["startup_time"] = time.perf_counter() - start
                 interrupt.deferring = True
                 outcome = run.step_to_end(observers, interrupt, result)
+                attach_texts(recorder, run.components)
                 recorder.write_remaining()
                 result["warnings"] = [*early_warnings, *warnings(run.components)]
                 if outcome.steps:
@@ -161,10 +161,12 @@ def _verdict(outcome: master.RunOutcome, validity: Sequence[Mapping[str, Any]]) 
     return "failed", "; ".join(filter(None, (outcome.message, invalidity)))
 
 
-def _early_warnings(run: PreparedRun, logger: Logger | None, unfit: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:
-    """Return warnings about FMUs of the user (``unfit``), recording and scene; the logger gets them too."""
+def _early_warnings(
+    run: PreparedRun, logger: Logger | None, misfits: Sequence[tuple[str, str]]
+) -> list[dict[str, Any]]:
+    """Return warnings about FMUs of the user (``misfits``), recording and scene; the logger gets them too."""
     aliases = run.scene.aliasing_warning if any_links(run.components) else ""
-    sentences = [*unfit, *[("log", NO_INPUTS)] * (not run.scene.run.inputs)]
+    sentences = [*misfits, *[("log", NO_INPUTS)] * (not run.scene.run.inputs)]
     sentences += [("log", aliases)] * bool(aliases) + _implausible_numbers(run.scene)
     if logger:
         for component, text in sentences:

@@ -21,6 +21,7 @@ from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriv
 from orchestrator.scene.fmu_table import FmuTable, set_folder
 from orchestrator.scene.free_scene import FreeScene
 from orchestrator.scene.ground_tables import GroundTable
+from orchestrator.scene.pair import pair_of
 from orchestrator.scene.recording import ASSUMED_SPEED
 from orchestrator.scene.run_tables import short_coupling
 from orchestrator.scene.settings import keys, merge_tables, near_keys, pairs, set_key
@@ -53,6 +54,8 @@ class Scene(SystemScene):
     """cable chains without lateral dofs: all motion is in the plane of the track"""
     fmu: dict[str, FmuTable] | None = None
     """FMUs of the user by the names of the parts in whose place they run"""
+    connections: tuple[str, ...] | None = None
+    """connections to FMUs of the user: "part.output -> part.input", or "2 * part.output + 1 -> part.input" """
 
     def changed(self, settings: Sequence[str] | Mapping[str, Any]) -> Scene:
         """The scene with other values, as of ``load``; its defaults are kept. Raises BadInput."""
@@ -79,6 +82,12 @@ class Scene(SystemScene):
     def resumable(self) -> bool:
         """True if all FMUs are parts of cotrack."""
         return not self.fmu
+
+    @model_validator(mode="after")
+    def _check_connections(self) -> Scene:
+        for text in self.connections or ():
+            pair_of(text)
+        return self
 
     @model_validator(mode="after")
     def _check_planar(self) -> Scene:
