@@ -566,7 +566,8 @@ def _description(folder: Path, fmu: Path, versions: Collection[str]) -> Any:
     except Exception as error:
         raise BadDescription(f"'{fmu}' is not an FMU: bad modelDescription.xml: {error}") from None
     if description.coSimulation is None:
-        raise ComponentFailed(f"'{fmu}' is an FMU for model exchange: {supported}")
+        other = "scheduled execution" if description.modelExchange is None else "model exchange"
+        raise ComponentFailed(f"'{fmu}' is an FMU for {other}: {supported}")
     return description
 
 

@@ -19,9 +19,9 @@ def check(subject: Subject) -> Verdict:
     feedthrough.
     """
     description, faults = subject.description, []
-    outputs = [v for v in description.modelVariables if v.causality == "output"]
+    outputs = [v for v in subject.all_variables if v.causality == "output"]
     initial = [v for v in outputs if v.initial in ("approx", "calculated")]
-    initial += [v for v in description.modelVariables if v.causality == "calculatedParameter"]
+    initial += [v for v in subject.all_variables if v.causality == "calculatedParameter"]
     for title, unknowns, expected in (
         ("Outputs", description.outputs, outputs),
         ("InitialUnknowns", description.initialUnknowns, initial),

@@ -70,9 +70,14 @@ class Subject:
     def _experiment(self, attribute: str) -> float:
         return float(getattr(self.description.defaultExperiment, attribute, None) or 0.0)
 
+    @cached_property
+    def all_variables(self) -> list[Any]:
+        """Variables without the aliases of FMI 3.0, which are further names."""
+        return [v for v in self.description.modelVariables if getattr(v, "alias", None) is None]
+
     def variables(self, causality: str, *kinds: str) -> list[Any]:
         """Return the variables of a causality and of these types."""
-        return [v for v in self.description.modelVariables if v.causality == causality and v.type in kinds]
+        return [v for v in self.all_variables if v.causality == causality and v.type in kinds]
 
     @cached_property
     def inputs(self) -> list[Any]:

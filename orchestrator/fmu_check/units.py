@@ -11,7 +11,9 @@ def check(subject: Subject) -> Verdict:
 
     A Real without a unit is right unless all are without.
     """
-    reals = [v for causality in ("input", "output", "parameter") for v in subject.variables(causality, subject.fmi.REAL)]
+    reals = [
+        v for causality in ("input", "output", "parameter") for v in subject.variables(causality, subject.fmi.REAL)
+    ]
     if not reals:
         return Verdict(f"there are no {subject.fmi.REAL} inputs, outputs and parameters", applicable=False)
     defined = {unit.name: unit for unit in subject.description.unitDefinitions}

@@ -25,8 +25,8 @@ TERMINALS = """<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals><Terminal name=
 </fmiTerminalsAndIcons>"""
 WORDS = {
     "fmi2Instantiate": "fmi3InstantiateCoSimulation", "fmi2": "fmi3", "another guid": "another instantiation token",
-    "in x, v": "in motion[1], motion[2]", "x, v differ": "motion[1], motion[2] differ", "v depends": "motion[2] depends",
-    "x = nan, v = nan": "motion[1] = nan, motion[2] = nan",
+    "in x, v": "in motion[1], motion[2]", "x, v differ": "motion[1], motion[2] differ",
+    "v depends": "motion[2] depends", "x = nan, v = nan": "motion[1] = nan, motion[2] = nan",
 }  # fmt: skip
 OWN = {
     "EARLY": ("repeatability", "fmi3DoStep returns early, which is not allowed"),
@@ -60,6 +60,14 @@ def oscillator(tmp_path_factory):
     with ThreadPoolExecutor(2) as pool:
         files = dict(zip(faults, pool.map(compiled, faults), strict=True))
     return lambda fault="": files[fault]
+
+
+@pytest.fixture
+def described(oscillator, tmp_path):
+    """Return a function that returns the oscillator with another description or terminal."""
+    with zipfile.ZipFile(oscillator()) as source:
+        library = source.extract(f"binaries/{fmpy.platform_tuple}/oscillator{fmpy.sharedLibraryExtension}", tmp_path)
+    return lambda *changes: packed(tmp_path / "changed.fmu", library, *changes)
 
 
 def packed(fmu, library, xml=XML, terminal="force"):
@@ -107,23 +115,46 @@ def test_a_planted_fault_is_found_by_its_check(oscillator, fault):
         ('<Dimension start="2"/>', "", "states", "fmi3GetFloat64 has the status fmi3Error"),
     ],
 )
-def test_a_fault_of_the_description_is_found(oscillator, tmp_path, old, new, name, words):
+def test_a_fault_of_the_description_is_found(described, old, new, name, words):
     assert old in XML
-    with zipfile.ZipFile(oscillator()) as source:
-        library = source.extract(f"binaries/{fmpy.platform_tuple}/oscillator{fmpy.sharedLibraryExtension}", tmp_path)
-    verdict = judged(name, Subject(packed(tmp_path / "changed.fmu", library, XML.replace(old, new))))
+    verdict = judged(name, Subject(described(XML.replace(old, new))))
     assert any(words in sentence for sentence in verdict.faults), verdict
 
 
-def test_terminals_and_a_library_without_functions_are_found(oscillator, tmp_path):
-    with zipfile.ZipFile(oscillator()) as source:
-        library = source.extract(f"binaries/{fmpy.platform_tuple}/oscillator{fmpy.sharedLibraryExtension}", tmp_path)
-    verdict = judged("description", Subject(packed(tmp_path / "member.fmu", library, terminal="none")))
+def test_an_alias_is_no_further_output(described):
+    size = '<Dimension start="2"/>'
+    subject = Subject(described(XML.replace(size, f'{size}<Alias name="place"/>')))
+    assert judged("dependencies", subject).faults == judged("repeatability", subject).faults == ()
+    assert [variable.name for variable in subject.outputs] == ["motion"]
+
+
+def test_faults_of_terminals_are_found(described):
+    verdict = judged("description", Subject(described(XML, "none")))
     assert verdict.faults == ("terminalsAndIcons.xml: there is no variable 'none'",)
-    verdict = judged("description", Subject(packed(tmp_path / "schema.fmu", library, terminal='a" colour="red')))
+    verdict = judged("description", Subject(described(XML, 'force" colour="red')))
     assert "The attribute 'colour' is not allowed" in verdict.faults[0]
-    verdict = judged("description", Subject(oscillator("FEW_FUNCTIONS")))
-    assert "undefined symbol: fmi3" in verdict.faults[0]
+
+
+def test_a_library_without_a_function_of_the_standard_is_found(oscillator):
+    assert "undefined symbol: fmi3" in judged("description", Subject(oscillator("FEW_FUNCTIONS"))).faults[0]
+
+
+@pytest.mark.parametrize("argument", ["--replace=drive=FMU", "--set=fmu.drive.file=FMU"])
+def test_a_run_takes_fmus_of_fmi_2_alone(oscillator, cotrack, argument):
+    shutil.copy(oscillator(), "FMU")
+    status, out, err = cotrack("run", "rig", "--track", "rigid", argument)
+    assert (status, out) == (2, "")
+    assert err.endswith("FMU' is an FMU of FMI 3.0: only FMI 2.0 for co-simulation is run\n")
+
+
+@pytest.mark.parametrize(("part", "kind"), [("ModelExchange", "model exchange"), ("ScheduledExecution", "scheduled")])
+def test_other_interfaces_are_not_checked(cotrack, part, kind):
+    with zipfile.ZipFile("other.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", XML.replace("<CoSimulation", f"<{part}"))
+    status, out, err = cotrack("check", "other.fmu")
+    assert (status, out) == (2, "")
+    assert f"'other.fmu' is an FMU for {kind}" in err
+    assert err.endswith(": only FMI 2.0 and 3.0 for co-simulation are checked\n")
 
 
 @pytest.mark.study
