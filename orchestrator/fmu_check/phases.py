@@ -1,6 +1,7 @@
 """Check of the order of calls: outside its phase a call is refused by its status.
 
-The rules are those of FMI 2.0.4, section 4.2.4, and FMI 3.0.2, sections 2.3 and 4.2. A refusal by the status Fatal is a fault, because it ends all instances of the FMU.
+The rules are those of FMI 2.0.4, section 4.2.4, and FMI 3.0.2, sections 2.3 and 4.2. A refusal by the status Fatal is a
+fault, because it ends all instances of the FMU.
 """
 
 from __future__ import annotations

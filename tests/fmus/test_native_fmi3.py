@@ -108,8 +108,8 @@ class Three:
 
 
 @contextmanager
-def begun3(case, parameters=True):
-    three = Three(native3(case))
+def begun3(case, parameters=True, **options):
+    three = Three(native3(case), **options)
     try:
         yield three.start(ran(case).part.parameters) if parameters else three
     finally:
@@ -201,16 +201,26 @@ def test_a_refused_call_says_why_and_changes_nothing():
         np.testing.assert_array_equal(three.follow(run, range(2))[0], [*y, *again])
 
 
-def test_a_step_that_cannot_be_done_is_discarded_where_it_began():
+@pytest.mark.parametrize("early_allowed", [False, True])
+def test_a_step_that_cannot_be_done_is_discarded_where_it_began(early_allowed):
+    """Before it begins, or in its middle; the standard forbids ``earlyReturn`` for a failure."""
     run = ran(DRIVE)
-    with begun3(DRIVE) as three, begun3(DRIVE) as other:
-        turn = next(v for v in three.of("input") if v.name == "mount.orientation")
-        three.slave.setFloat64([turn.valueReference], [1.0, np.nan, 0.0, 0.0])
-        event, end, early, last = c_bool(True), c_bool(True), c_bool(True), c_double(7.0)
-        pointers = [byref(each) for each in (event, end, early, last)]
-        assert three.slave.dll.fmi3DoStep(three.slave.component, 0.0, H, True, *pointers) == DISCARD
-        assert (event.value, end.value, early.value, last.value) == (False, False, False, 0.0)
-        assert three.messages[-1] == (ERROR, "input 'mount.orientation.x' is nan at t = 0")
+    with begun3(DRIVE, earlyReturnAllowed=early_allowed) as three, begun3(DRIVE) as other:
+        whole = [variable.valueReference for variable in three.of("output", "Int64")][:2]
+        for name, values, said in (
+            ("mount.orientation", [1.0, np.nan, 0.0, 0.0], "input 'mount.orientation.x' is nan at t = 0"),
+            ("sprocket.torque", [0.0, 1e308, 0.0], "at t = 0 s the sprocket's spin is not finite"),
+        ):
+            (bent,) = (variable.valueReference for variable in three.of("input") if variable.name == name)
+            good = three.slave.getFloat64([bent], len(values))
+            three.slave.setFloat64([bent], values)
+            event, end, early, last = c_bool(True), c_bool(True), c_bool(True), c_double(7.0)
+            pointers = [byref(each) for each in (event, end, early, last)]
+            assert three.slave.dll.fmi3DoStep(three.slave.component, 0.0, H, True, *pointers) == DISCARD
+            assert (event.value, end.value, early.value, last.value) == (False, False, False, 0.0)
+            assert three.messages[-1] == (ERROR, said)
+            assert three.slave.getInt64(whole) == [0, 0]
+            three.slave.setFloat64([bent], good)
         np.testing.assert_array_equal(three.follow(run, range(3))[0], other.follow(run, range(3))[0])
 
 
