@@ -59,7 +59,7 @@ class Driven:
     """Instance of an FMU of FMI 2.0 with the raw FMI functions."""
 
     fmi = 2
-    byte: type = ctypes.c_char
+    byte: Any = ctypes.c_char
 
     def __init__(self, fmu: Path) -> None:
         self.messages: list[str] = []
@@ -248,7 +248,7 @@ class Driven3(Driven):
                 return int(self.library.fmi3EnterInitializationMode(c, False, 0.0, start, not math.isnan(stop), stop))
             case "step":
                 flags, last = [ctypes.c_bool(True) for _ in range(3)], ctypes.c_double(math.nan)
-                pointers = [ctypes.byref(each) for each in (*flags, last)]
+                pointers = *map(ctypes.byref, flags), ctypes.byref(last)
                 status = int(self.library.fmi3DoStep(c, *argument, False, *pointers))
                 self._last = last.value
                 if any(flag.value for flag in flags):
