@@ -30,7 +30,7 @@ def python_fmu(case):
     ids=["drive", "drive, FMI 3.0", "chain"],
 )
 def test_a_native_fmu_answers_as_the_rules_say(case, make):
-    done = [call for seed in range(10) for call in calls.sequence(make(case), seed)]
+    done = [call for seed in range(30) for call in calls.sequence(make(case), seed)]
     assert {"enter", "exit", "step", "save", "restore", "terminate", "reset"} <= {call.name for call in done}
     outcomes = states.run(make(case), 0, 30)
     assert min(outcomes["refused"], outcomes["done"]) > 0
