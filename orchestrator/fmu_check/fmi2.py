@@ -21,7 +21,8 @@ GETTERS: tuple[tuple[str, Any, tuple[str, ...]], ...] = (  # function, C type, t
     ("GetInteger", c_int, ("Integer", "Enumeration")),
     ("GetBoolean", c_int, ("Boolean",)),
 )
-STATE, DESERIALIZE, BYTE = "FMUstate", "DeSerializeFMUstate", c_char
+STATE, DESERIALIZE = "FMUstate", "DeSerializeFMUstate"
+BYTE = c_char
 LATE = "SetupExperiment"  # a call that has to come before the first step, and its arguments
 
 

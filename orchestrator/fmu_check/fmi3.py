@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import fmpy
-from fmpy.fmi3 import FMU3Slave, fmi3IntermediateUpdateCallback, fmi3LogMessageCallback
+from fmpy.fmi3 import FMU3Slave, fmi3Byte, fmi3IntermediateUpdateCallback, fmi3LogMessageCallback
 
 from orchestrator.cosim.component import ComponentFailed, describe
 
@@ -41,7 +41,8 @@ GETTERS: tuple[tuple[str, Any, tuple[str, ...]], ...] = (
     *((f"Get{name}", c_type, (name,)) for name, c_type in _WHOLE.items()),
     ("GetBoolean", c_bool, ("Boolean",)),
 )
-STATE, DESERIALIZE, BYTE = "FMUState", "DeserializeFMUState", c_uint8
+STATE, DESERIALIZE = "FMUState", "DeserializeFMUState"
+BYTE = fmi3Byte  # FMPy's: its type has changed
 LATE = "EnterInitializationMode"
 FLAGS = ("asks for event mode, which is not used", "ends the run", "returns early, which is not allowed")
 

@@ -200,7 +200,7 @@ class Driven3(Driven):
     """Instance of an FMU of FMI 3.0: the same calls, with arrays; times come with the entry of initialisation."""
 
     fmi = 3
-    byte = ctypes.c_uint8
+    byte = fmi3.BYTE
     RENAMED: Mapping[str, str] = {"DeSerializeFMUstate": "DeserializeFMUState"}
 
     def _instantiated(self, fmu: Path) -> tuple[Any, Any, Any, Callable[[], None]]:
