@@ -128,6 +128,14 @@ def test_an_alias_is_no_further_output(described):
     assert [variable.name for variable in subject.outputs] == ["motion"]
 
 
+@pytest.mark.parametrize(("start", "values"), [("1 2 3 4", [1.0, 2.0, 3.0, 4.0]), ("5", [5.0] * 4)])
+def test_an_array_starts_with_its_elements_or_one_for_all(described, start, values):
+    array = f'start="{start}"><Dimension start="2"/><Dimension start="2"/></Float64>'
+    subject = Subject(described(XML.replace('unit="N" start="0"/>', f'unit="N" {array}')))
+    assert subject.input_values(0, 0.0).tolist() == values
+    assert [*subject.owner][:4] == ["force[1,1]", "force[1,2]", "force[2,1]", "force[2,2]"]
+
+
 def test_faults_of_terminals_are_found(described):
     verdict = judged("description", Subject(described(XML, "none")))
     assert verdict.faults == ("terminalsAndIcons.xml: there is no variable 'none'",)
