@@ -39,7 +39,7 @@ def _faults_of_terminals(file: Path, variables: set[str]) -> list[str]:
         return []
     schema = etree.XMLSchema(etree.parse(Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"))
     try:
-        root = etree.parse(file)
+        root = etree.parse(file, etree.XMLParser(resolve_entities=False))
     except etree.XMLSyntaxError as error:
         return [f"{file.name}: {error}"]
     if not schema.validate(root):
