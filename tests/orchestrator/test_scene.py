@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fmus import vehicle
-from fmus.start import start_pose, vehicle_quaternion
+from fmus.start import KEYS, start_pose, vehicle_quaternion
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput
 from orchestrator.scene import gallery
@@ -268,7 +268,7 @@ def test_half_a_turn_of_roll():
     """The parts get the pose R_z(heading) R_y(pitch) R_x(180 deg) for half a turn of roll."""
     scene = load("settle", None, ["start.heading=0.3", "start.pitch=0.2", "start.roll=180 deg"])
     for part in assemble(scene).parts:
-        w, x, y, z = vehicle_quaternion(start_pose(part.parameters))
+        w, x, y, z = vehicle_quaternion(start_pose(dict.fromkeys(KEYS, 0.0) | part.parameters))
         rotation = Rotation.from_quat([x, y, z, w])
         rolled = Rotation.from_euler("ZYX", [0.3, 0.2, np.pi])
         assert (rotation.inv() * rolled).magnitude() < 1e-12
@@ -342,11 +342,11 @@ def test_scene_and_vehicle_files_of_any_content_are_one_sentence(tmp_path, repla
 
 
 def test_runs_of_one_scene():
-    """Runs of one scene may differ in computation, recording, name and checks, in nothing else."""
+    """Runs of one scene may differ in computation, recording, name, checks and FMUs of the user, in nothing else."""
     whole = load("straight").resolved()
     for change in (
         "track=rigid", "track.element=beam", "track.step=1 ms", "run.stop=1 s", "run.step=2 ms", "run.links=1",
-        "run.coupling=jacobi", "name=other", "title=other", "symmetric=true", "expect={}",
+        "run.coupling=jacobi", "name=other", "title=other", "symmetric=true", "expect={}", "fmu.chassis.file=a.fmu",
     ):  # fmt: skip
         require_same_scene(("a", load("straight", None, [change]).resolved()), ("b", whole))
     for change, said in (
