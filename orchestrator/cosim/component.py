@@ -9,6 +9,7 @@ from __future__ import annotations
 import atexit
 import difflib
 import math
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from ctypes import (
@@ -598,10 +599,13 @@ class BadDescription(ComponentFailed):
     """The modelDescription.xml of an FMU cannot be read."""
 
 
-def describe(fmu: Path) -> tuple[Path, Any]:
-    """Unpack an FMU of FMI 2.0 for co-simulation; return its folder and its description. Raises ComponentFailed."""
+def describe(fmu: Path, versions: Collection[str] = ("2.0",)) -> tuple[Path, Any]:
+    """Unpack a co-simulation FMU of these versions of FMI; return its folder and its description.
+
+    Raises ComponentFailed.
+    """
     folder = unpack(Path(fmu))
-    return folder, _description(folder, fmu)
+    return folder, _description(folder, fmu, versions)
 
 
 def description_of(fmu: Path) -> Any:
@@ -637,20 +641,23 @@ def _status_text(function: str, status: int) -> str:
     return f"{function} failed with FMI status {status}"
 
 
-def _description(folder: Path, fmu: Path) -> Any:
+def _description(folder: Path, fmu: Path, versions: Collection[str]) -> Any:
     content = b""
     with suppress(OSError):
         content = (folder / "modelDescription.xml").read_bytes()
     head = content[:2000].decode("utf-8", "replace")
-    version = head.partition("fmiVersion")[2].partition('"')[2].partition('"')[0]
-    if version and version != "2.0":
-        raise ComponentFailed(f"'{fmu}' is an FMU of FMI {version}: only FMI 2.0 for co-simulation is run")
+    version = re.search(r"""fmiVersion\s*=\s*["']([^"']*)""", head)
+    done = "is run" if len(versions) == 1 else "are checked"
+    supported = f"only FMI {' and '.join(versions)} for co-simulation {done}"
+    if version and version[1] not in versions:
+        raise ComponentFailed(f"'{fmu}' is an FMU of FMI {version[1]}: {supported}")
     try:
         description = _parsed(folder, content)
     except Exception as error:
         raise BadDescription(f"'{fmu}' is not an FMU: bad modelDescription.xml: {error}") from None
     if description.coSimulation is None:
-        raise ComponentFailed(f"'{fmu}' is an FMU for model exchange: only FMI 2.0 for co-simulation is run")
+        other = "scheduled execution" if description.modelExchange is None else "model exchange"
+        raise ComponentFailed(f"'{fmu}' is an FMU for {other}: {supported}")
     return description
 
 
