@@ -47,7 +47,7 @@ def _free_system(scene: SystemScene) -> Iterator[str]:
 def _connectors(assembly: Assembly) -> Iterator[str]:
     """Yield a line for the connections of two groups of variables, "a.wheel.force.{x,y,z} -> b.load.{x,y,z}"."""
     groups: dict[tuple[str, str], list[tuple[str, str]]] = {}
-    for connection in assembly.connections:
+    for connection in (*assembly.connections, *assembly.user_connections):
         for output, into in zip(connection.outputs, connection.inputs, strict=True):
             (before, dot, last), (before_input, dot_input, last_input) = output.rpartition("."), into.rpartition(".")
             ends = f"{connection.source}.{before}{dot}", f"{connection.target}.{before_input}{dot_input}"
