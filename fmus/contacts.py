@@ -27,7 +27,7 @@ class Contacts(NamedTuple):
     shape: GroundShape  # shape of the ground in the track's frame
     sprocket: Any  # contact law (``physics.contact.laws``) of pins with teeth,
     wheel: Any  # of links with rims
-    soil: Any  # and of links with the ground
+    soil: Any  # and of links with the ground (``physics.contact.ground_laws``)
 
 
 def contacts(
@@ -36,8 +36,11 @@ def contacts(
     ground: bool,
     bump: Mapping[str, float] | None,
     parameters: Mapping[str, Any],
+    soil: Mapping[str, Any] | None = None,
 ) -> Contacts:
     """Contact partners from the vehicle table, the wheels of a track's config and the FMI parameters.
+
+    The ground is hard, or the ``soil`` of these numbers (``physics.contact.soil.parameters``).
 
     Raises InvalidParameter with the key, the value and what is allowed.
     """
@@ -66,7 +69,7 @@ def contacts(
         ground_shape(vehicle, float(parameters["start.height"]), bump),
         laws["sprocket"],
         laws["wheel"],
-        laws["ground"],
+        laws["ground"] if soil is None else soil_law(soil, track),
     )
 
 
@@ -93,10 +96,21 @@ def contact_law(pair: str, parameters: Mapping[str, Any], table: Mapping[str, An
     return LAWS[value("law")](*map(value, ("stiffness", "damping", "friction", "friction_velocity")))
 
 
+def soil_law(numbers: Mapping[str, Any], track: Mapping[str, Any]) -> Any:
+    """Law of a soil under the links of a vehicle's ``track`` table; raises InvalidParameter."""
+    from fmus.physics.contact.soil.parameters import soil
+
+    try:
+        return soil(numbers, track["pitch"], track["width"])
+    except ValueError as error:
+        raise InvalidParameter(f"ground.soil.{error}") from None
+
+
 def without_friction(partners: Contacts) -> Contacts:
-    """Copy of the partners without friction."""
+    """Copy of the partners without friction; soil has none before it was touched."""
+    hard = isinstance(partners.soil, tuple(LAWS.values()))
     return partners._replace(
         sprocket=partners.sprocket._replace(mu=0.0),
         wheel=partners.wheel._replace(mu=0.0),
-        soil=partners.soil._replace(mu=0.0),
+        soil=partners.soil._replace(mu=0.0) if hard else partners.soil,
     )

@@ -198,6 +198,10 @@ class VehicleScene(Scene):
             raise ValueError("symmetric = true needs equal sides, but the vehicle has a table right")
         if self.ground.bump and self.start.heading_and_pitch() != (self.start.heading, self.start.pitch):
             raise ValueError("ground.bump needs start.roll = 0: rolled over, the vehicle's start looks the other way")
+        if self.ground.soil and (self.ground.hull or len(self.tracks) < 2):
+            raise ValueError(
+                "ground.soil needs both tracks and ground.hull = false: hull and bare wheels would touch hard ground"
+            )
         if self.planar and not self.symmetric:
             raise ValueError("planar = true needs symmetric = true: a vehicle on two tracks may roll and yaw")
         if self.turns:

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from fmus.soils import SoilTable
 from fmus.vehicle import Distance, FrozenTable, In, Length
 from orchestrator.scene.values import SOLVED, Angle, Place
 
@@ -102,3 +103,5 @@ class GroundTable(FrozenTable):
     """the points vehicle.chassis.hull touch the ground"""
     bump: BumpTable | None = None
     """obstacle across the path"""
+    soil: SoilTable | None = None
+    """soil under the tracks that gives way; without it the ground is hard"""

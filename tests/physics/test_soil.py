@@ -11,10 +11,11 @@ import pytest
 from pydantic import ValidationError
 from soil_points import AREA, LOAM, PITCH, SAND, WIDTH, SoilPoint, law
 
+from fmus.physics.chain.state import FORGOTTEN
 from fmus.physics.contact.soil import pressure
 from fmus.physics.contact.soil.memory import DEEPEST, INSIDE, PRESSURE, SHEAR
 from fmus.physics.contact.soil.parameters import soil
-from fmus.physics.contact.soil.rut import CELL, FIRST, FORGOTTEN, MADE, RUT, SIDE, TILE, TILES, deepest_at, press
+from fmus.physics.contact.soil.rut import CELL, FIRST, MADE, RUT, SIDE, TILE, TILES, deepest_at, press
 from fmus.physics.contact.soil.shear import mobilise
 from fmus.soils import SoilTable, named
 

@@ -29,7 +29,7 @@ class GroundPoint(NamedTuple):
     position: Vector  # in the frame of the ground, m
     along: Vector  # from the first to the last pin of its link, m
     middle: float  # fraction of ``along`` from the point to the middle of its part of the link
-    index: int  # among all contact points of the chain
+    number: int  # among all contact points of the chain
     row: int  # among those of the ground
 
 

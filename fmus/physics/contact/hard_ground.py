@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 @kernel
 def ground_force(law: Law, point: GroundPoint, face: Face, by_rate: float, tangent: bool, w: ChainWork) -> ContactForce:
     """See ``ground_laws``."""
-    return point_contact_force(law, point.share, point.depth, face, by_rate, tangent, w.contact, point.index)
+    return point_contact_force(law, point.share, point.depth, face, by_rate, tangent, w.contact, point.number)
 
 
 @kernel

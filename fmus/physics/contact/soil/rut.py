@@ -12,11 +12,12 @@ import numpy as np
 
 from fmus.jit import kernel
 from fmus.physics.arrays import Floats
+from fmus.physics.chain.state import FORGOTTEN
 
 CELL = 0.05  # side of a cell, m
 SIDE = 16  # cells along a side of a tile: one row of tiles holds a rut straight ahead
 TILES = 62  # capacity: 50 m straight ahead
-MADE, FORGOTTEN = 0, 1  # entries: number of tiles so far; 1 if one was forgotten
+MADE = 0  # entry: number of tiles so far; FORGOTTEN follows
 FIRST = 2  # index of the first tile: its two indices, then its cells
 TILE = 2 + SIDE * SIDE
 RUT = FIRST + TILES * TILE  # length of the array
@@ -39,7 +40,7 @@ def _add_tile(rut: Floats, a: float, b: float) -> int:
     made = int(rut[MADE])
     at = FIRST + TILE * (made % TILES)
     if made >= TILES:
-        rut[FORGOTTEN] = 1.0
+        rut[FORGOTTEN] = max(rut[FORGOTTEN], 1.0)
     rut[MADE] = made + 1.0
     rut[at], rut[at + 1] = a, b
     for k in range(2, TILE):
