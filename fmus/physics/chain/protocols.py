@@ -138,7 +138,7 @@ class ChainWork(Protocol):
 
     @property
     def soil(self) -> Floats:
-        """What the ground would remember (points, k) of the evaluation; (0, 0) on hard ground."""
+        """Memory (points, k) that the ground would have after the evaluation; (0, 0) on hard ground."""
 
 
 class Contacts(Protocol):

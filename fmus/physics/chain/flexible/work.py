@@ -66,7 +66,7 @@ class Work(NamedTuple):
     joints: Any  # ``ConstrainedJoints`` of links that share no pins, else None
     still: np.ndarray  # (nodes, width) zeros
     change: np.ndarray  # (2, nodes, width) accelerations; unused by-products
-    soil: np.ndarray  # (points, k) what the ground would remember of the evaluation; (0, 0) on hard ground
+    soil: np.ndarray  # (points, k) memory that the ground would have after the evaluation; (0, 0) on hard ground
 
 
 if TYPE_CHECKING:

@@ -41,7 +41,7 @@ class Work(NamedTuple):
     N: np.ndarray  # (3, 3) derivative of the contact point by the link's rotation, m
     ground: np.ndarray  # (2, 7) poses of the supports of the first and the last pin
     still: np.ndarray  # (3, 3) rotation matrix of the supports, the identity
-    soil: np.ndarray  # (points, k) what the ground would remember of the evaluation; (0, 0) on hard ground
+    soil: np.ndarray  # (points, k) memory that the ground would have after the evaluation; (0, 0) on hard ground
 
 
 def work(
