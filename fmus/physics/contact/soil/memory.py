@@ -53,7 +53,8 @@ def commit(soil: Soil, share: float, memory: Floats, pending: Floats, rut: Float
     for row in range(memory.shape[0]):
         old, new = memory[row], pending[row]
         if new[INSIDE] > 0.0:
-            compacted += area * (compaction(soil, new[DEEPEST]) - compaction(soil, new[BEFORE]))
+            if new[DEEPEST] > new[BEFORE]:
+                compacted += area * (compaction(soil, new[DEEPEST]) - compaction(soil, new[BEFORE]))
             sheared += area * _shear_loss(soil, old, new)
             for k in range(MEMORY):
                 old[k] = new[k]

@@ -1,9 +1,8 @@
 """Rut of a track: deepest sinkage by cell of the ground, in tiles of a fixed capacity, as one flat array.
 
 A contact point presses its part of the link, a rectangle: the cells whose middles lie in it. So the parts of a track
-that is laid down cover the ground once, without gaps. Cells are smaller than such a part; the edge of a rut is known to a
-cell. Where the capacity is used up, the oldest tile is forgotten. A track knows its own rut
-only.
+that is laid down cover the ground once, without gaps. Cells are smaller than such a part; the edge of a rut is known to
+a cell. Where the capacity is used up, the oldest tile is forgotten. A track knows its own rut only.
 """
 
 from __future__ import annotations
