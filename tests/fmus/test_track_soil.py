@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from m113 import MASS, VEHICLE, P
 
-from fmus.model import InvalidParameter, StepFailed
+from fmus.model import InvalidParameter
 from fmus.physics.chain import sums
 from fmus.physics.chain.report import CONTACT, DISSIPATED, GRAVITY, KINETIC, LOST, REJECTED, STRAIN
 from fmus.physics.contact.soil.memory import DEEPEST, INSIDE, PRESSURE
+from fmus.physics.contact.soil.pressure import compaction
 from fmus.physics.contact.soil.rut import FIRST, MADE
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
@@ -37,7 +38,7 @@ def lying(kind="rigid", soil=SAND, **parameters):
     }  # fmt: skip
     model = (Rigid if kind == "rigid" else Flexible)({"vehicle": VEHICLE, "track": config, "link_outputs": False})
     model.read(parameters if kind == "rigid" else {"element": kind, **parameters})
-    model.settle(np.stack([P * np.arange(N + 1), np.full(N + 1, LEVEL + FACE)], axis=1), rest=True)
+    model.settle(np.stack([-P * np.arange(N + 1), np.full(N + 1, LEVEL + FACE)], axis=1), rest=True)
     model.begin_run()
     return model
 
@@ -102,32 +103,32 @@ def test_links_that_slide_stop_where_shear_has_taken_their_energy(chain):
     assert model.report[DISSIPATED] == pytest.approx(model.report[[COMPACTED, SHEARED]].sum(), rel=1e-3)
 
 
-def hop(model, k=0):
-    """Throw the chain up and let it land; return the energy that compaction takes."""
-    before = model.report[COMPACTED]
-    push(model, 0.0, 1.0)
-    run(model, 260, start=k)
-    return model.report[COMPACTED] - before
+def hop(model, forget=False):
+    """Throw the chain up by 2 cm and let it land; return the sinkage of its points."""
+    push(model, 0.0, 0.8)
+    run(model, 80)
+    assert model.s.rut[MADE] > 0.0
+    assert not model.s.soil.any()
+    if forget:
+        model.s.rut[FIRST:] = 0.0
+    run(model, 160, start=80)
+    return model.s.soil[model.s.soil[:, INSIDE] > 0.0, DEEPEST]
 
 
-def test_links_that_land_in_their_rut_press_it_less(chain):
-    """A second hop at the same speed hardly compacts; a rut that is forgotten is new ground."""
+def test_links_land_in_their_rut(chain):
+    """The loss by compaction is that of the deepest sinkage, hop after hop; without the rut, ground is new again."""
     model, start = chain
     model.state[:] = start
-    first = hop(model)
-    assert first > 0.2 * 0.5 * N * MASS
-    assert model.s.rut[MADE] > 0.0
+    last = hop(model).mean()
     landed = model.state.copy()
-    second = hop(model)
-    assert second < 0.2 * first
-    model.state[:] = landed
-    model.s.rut[FIRST:] = 0.0
-    push(model, 0.0, 1.0)
-    run(model, 20)
-    model.s.rut[FIRST:] = 0.0  # what was pressed as the links left
-    before = model.report[COMPACTED]
-    run(model, 240, start=20)
-    assert model.report[COMPACTED] - before > 2.0 * second
+    for forget in (False, True):
+        model.state[:] = landed
+        deepest = hop(model, forget)
+        soil = model.contacts.soil
+        expected = N * AREA * (compaction(soil, deepest.mean()) - compaction(soil, SINKAGE))
+        assert (deepest.min() > last) != forget
+        assert (model.report[COMPACTED] == pytest.approx(expected, rel=1e-3)) != forget
+        last = deepest.mean()
 
 
 def test_a_saved_state_goes_on_to_the_bit(chain):
@@ -153,20 +154,21 @@ def test_a_saved_state_goes_on_to_the_bit(chain):
             assert (model.state != ends[0]).any()
 
 
-def test_a_step_that_fails_leaves_no_trace():
-    """Newton fails at a tolerance of 0: steps are halved and rejected, and the soil remembers none of them."""
-    model = lying()
+def test_halved_steps_commit_once():
+    """Newton's iteration fails until the step is halved ten times: soil remembers what equal short steps leave."""
+    model, ends = lying(), []
     push(model, 0.1, -0.5)
     run(model, 3)
-    memory, rut = model.s.soil.copy(), model.s.rut.copy()
-    model.method = model.method._replace(tolerance=0.0)
-    model.begin_run()
-    rejected = model.counters[REJECTED]
-    with pytest.raises(StepFailed):
+    saved, longest, model.method = model.state.copy(), model.max_step, model.method._replace(tolerance=-1.0)
+    for step, rejected in ((longest, 10), (1e-3 / 1024, 0)):
+        model.state[:], model.max_step = saved, step
+        model.begin_run()
+        before = model.counters[REJECTED]
         run(model, 1, start=3)
-    assert model.counters[REJECTED] > rejected + 3
-    assert (model.s.soil == memory).all()
-    assert (model.s.rut == rut).all()
+        assert model.counters[REJECTED] == before + rejected
+        ends.append(np.append(model.s.flat, model.report))
+    assert (ends[0] == ends[1]).all()
+    assert model.report[COMPACTED] > saved[len(model.s.flat) + COMPACTED]
 
 
 def test_what_soil_needs_is_said():
