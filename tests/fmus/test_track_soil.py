@@ -13,7 +13,7 @@ from fmus.physics.chain import sums
 from fmus.physics.chain.report import CONTACT, DISSIPATED, GRAVITY, KINETIC, LOST, REJECTED, STRAIN
 from fmus.physics.contact.soil.memory import DEEPEST, INSIDE, PRESSURE
 from fmus.physics.contact.soil.pressure import compaction
-from fmus.physics.contact.soil.rut import FIRST, MADE
+from fmus.physics.contact.soil.rut import CELL, FIRST, MADE, TILE, TILES
 from fmus.track_flexible.model import Model as Flexible
 from fmus.track_rigid.model import Model as Rigid
 
@@ -45,9 +45,8 @@ def lying(kind="rigid", soil=SAND, **parameters):
 
 def push(model, along, up):
     """Add a velocity, m/s, to all of the chain."""
-    last = 1 if model.s.v.shape[1] == 8 else 2  # the height of a planar chain
     model.s.v[:, 0] += along
-    model.s.v[:, last] += up
+    model.s.v[:, 1 if getattr(model, "element", "") == "planar" else 2] += up
 
 
 def energy(model):
@@ -109,6 +108,8 @@ def hop(model, forget=False):
     run(model, 80)
     assert model.s.rut[MADE] > 0.0
     assert not model.s.soil.any()
+    cells = np.count_nonzero(model.s.rut[FIRST:].reshape(TILES, TILE)[:, 2:])
+    assert cells == pytest.approx(N * AREA / CELL**2, rel=0.1)
     if forget:
         model.s.rut[FIRST:] = 0.0
     run(model, 160, start=80)
