@@ -49,8 +49,8 @@ def _add_tile(rut: Floats, a: float, b: float) -> int:
 
 @kernel
 def _cell(x: float) -> float:
-    """Index of the cell round ``x``, m; cells have their middles at multiples of their side."""
-    return float(np.floor(x / CELL + 0.5))
+    """Index of the cell with ``x``, m; 0, the middle of a track straight ahead, is between two cells."""
+    return float(np.floor(x / CELL))
 
 
 @kernel
@@ -92,7 +92,7 @@ def press(
     at = -1
     for i in range(int(_cell(middle[0] - reach_x)), int(_cell(middle[0] + reach_x)) + 1):
         for j in range(int(_cell(middle[1] - reach_y)), int(_cell(middle[1] + reach_y)) + 1):
-            x, y = CELL * i - middle[0], CELL * j - middle[1]
+            x, y = CELL * (i + 0.5) - middle[0], CELL * (j + 0.5) - middle[1]
             if abs(c * x + s * y) > half_length or abs(c * y - s * x) > half_width:
                 continue
             if at < 0 or _tile_of(i) != a or _tile_of(j) != b:
