@@ -91,6 +91,11 @@ OUTPUTS = (
     ("energy.dissipated.material", "J", "energy lost by damping of the material of links"),
     ("energy.dissipated.joints", "J", "energy lost by damping of pins across the chain and of a closing spring"),
 )
+ON_SOIL = {  # texts of outputs that are others on soil
+    "energy.contact": "energy stored in contact springs and in sheared and pressed soil",
+    "energy.dissipated.ground_friction": "energy lost by shear of the soil",
+    "energy.dissipated.ground_damping": "energy lost by compaction and normal damping of the soil",
+}
 INTERVALS = Range(1.0, 1e6, "a whole number from 1 to 1e6")
 CAUSES = {  # of a failure of an implicit and of an explicit step
     STALLED: ("Newton's iteration of the chain did not converge", ""),
@@ -261,7 +266,8 @@ class TrackModel(ComponentModel):
             ports += motion_ports(wheel["name"], "input", plain(part_at_rest)(pose, stance((x, y + lateral, *rest))))
         for wheel in self.wheel_list:
             ports += wrench_ports(wheel["name"], "output")
-        ports += [Port(name, "output", unit, text) for name, unit, text in OUTPUTS]
+        other = ON_SOIL if self.config.get("soil") else {}
+        ports += [Port(name, "output", unit, other.get(name, text)) for name, unit, text in OUTPUTS]
         ports += link_outputs.ports(self.link_groups, self.links_count, self.nodes)
         for name in ("steps", "evaluations", "iterations", "rejected"):
             ports.append(Port(f"solver.{name}", "output", "1", f"{name} of the integrator so far", 0))
