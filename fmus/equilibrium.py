@@ -140,7 +140,7 @@ class _Vehicle:
         for side, chain in self._chains.items():
             wrenches[side] = chain.wheel_wrenches(motions[side], guess[ROLL], guess[PITCH])
         out = np.zeros_like(x)
-        rates(self.chassis.tree, self.chassis.parts.contacts, x, wrenches.ravel(), out)
+        rates(self.chassis.tree, self.chassis.parts.contacts, None, x, wrenches.ravel(), out)
         n = len(self.chassis.tree.is_arm)
         leaf_accelerations = out[ROOT + 2 * n : ROOT + 3 * n].reshape(2, -1)[:, : self.leaves].ravel()
         return np.array([out[9], out[10], out[11], *leaf_accelerations[: guess.size - LEAVES]])[self.unknowns]

@@ -162,6 +162,21 @@ class ChassisTable(FrozenTable):  # noqa: D101
     """points of the hull that can touch the ground if ground.hull is true"""
 
 
+class HitchTable(FrozenTable):  # noqa: D101
+    x: Length
+    """position forward of the sprocket axle, in the plane of symmetry"""
+    z: Length
+    """position above the sprocket axle"""
+
+
+class SeatTable(FrozenTable):  # noqa: D101
+    position: tuple[Length, Length, Length]
+    """point of the hull whose motion is that of the seat, from the middle of the sprocket axle line, as drawn"""
+
+
+SeatName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=40)]
+
+
 class SprocketTable(FrozenTable):  # noqa: D101
     mass: Mass
     """mass of a sprocket"""
@@ -411,6 +426,10 @@ class VehicleTable(FrozenTable):
     """acceleration of gravity, downwards"""
     chassis: ChassisTable
     """hull with all that is fixed to it"""
+    hitch: HitchTable | None = None
+    """point of the hull at which the vehicle tows; a scene that tows needs it"""
+    seat: dict[SeatName, SeatTable] = {}
+    """points of the hull by names of small letters, digits and _; a scene chooses those whose motion is computed"""
     sprocket: SprocketTable
     """driving wheel of each side; the middle of the axle line is the origin of all positions"""
     idler: IdlerTable

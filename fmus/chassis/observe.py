@@ -7,6 +7,7 @@ that of the ports in ``model.py``. There is no physics here.
 from __future__ import annotations
 
 from fmus.chassis.dynamics import ROOT, compression, energies, is_fixed, wheel_offset
+from fmus.chassis.fittings import put_hitch, put_seats
 from fmus.chassis.touch import touch
 from fmus.chassis.tree import unpacked
 from fmus.jit import allocating, kernel
@@ -85,6 +86,12 @@ def write_outputs(c, y):
     y[i + 1] -= c.start[4]
     y[i + 3], y[i + 4] = x[-2], x[-1]
     put_touch(c.contacts, tree, x, y, i + 5)
+    i += 5 if c.contacts is None else 9
+    put_matrix(tree.rotation, x[3:7])
+    if c.hitch is not None:
+        i = put_hitch(c.hitch, x, tree.rotation, y, i)
+    if c.seats is not None:
+        put_seats(c.seats, x, tree.rotation, y, i)
 
 
 @allocating

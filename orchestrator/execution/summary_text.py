@@ -95,15 +95,17 @@ def validity(fields: dict[str, Any]) -> str:
 def _balance(energy: dict[str, Any]) -> str:
     released = -sum(min(change, 0.0) for change in energy["stored"].values())
     parts = (("put in by the drives", energy["work"]), ("released from store", released))
-    sums = [f"{value / 1e3:.4g} kJ {what}" for what, value in (*parts, ("dissipated", energy["dissipated"])) if value]
+    lost = ("dissipated", energy["dissipated"]), ("done on the towed load", energy.get("towed", 0.0))
+    sums = [f"{value / 1e3:.4g} kJ {what}" for what, value in (*parts, *lost) if value]
     terms = f" ({', '.join(sums)})" if sums else ""
     return f"energy balance: {abs(energy['residual_relative']) * 100:.2g} % unaccounted for{terms}"
 
 
 def _ledger(energy: dict[str, Any]) -> str:
+    towed = f" + towed {energy['towed']:.6g}" if energy.get("towed") else ""
     return (
         f"ledger: work {energy['work']:.6g} J = change {energy['change']:.6g} + dissipated {energy['dissipated']:.6g}"
-        f" + covered {energy['covered']:.4g} + residual {energy['residual']:.4g}"
+        f" + covered {energy['covered']:.4g}{towed} + residual {energy['residual']:.4g}"
         f" ({energy['residual_relative'] * 100:.3g} %; ports {energy['port']:.4g} J)"
     )
 

@@ -5,7 +5,7 @@ For each component, with the powers of its ports by its own inputs and outputs,
 The ports' part of a port is the work of its wrench on the motion at the giver's input less that on the taker's motion.
 The giver extrapolates this motion, which jumps at the next communication point; the mean of the wrenches before and
 after the jump works on it.
-The residual is the sum of all parts: work - change - dissipated - covered.
+The residual is the sum of all parts: work - change - dissipated - covered - towed.
 Covered is the energy defect of the moving contact patch (loss or gain): ``fmus/physics/README.md``.
 """
 
@@ -49,6 +49,7 @@ class Ledger(NamedTuple):
     integration_relative: dict[str, float]  # to the largest of the component's own energies, or LEAST_OWN
     causes: dict[str, float]  # dissipated energy: of all tracks by cause, of others by component
     stored: dict[str, float]  # change by kind, as in STORED; negative: released
+    towed: float = 0.0  # work on a towed load
 
     @property
     def supplied(self) -> float:
@@ -77,7 +78,7 @@ def powers(run: RunData, window: Window) -> dict[str, dict[str, float]]:
     if without_energies(run):
         return found
     for name in run.instances:
-        for kind in ("work", "dissipated", "covered", *STORED):
+        for kind in ("work", "dissipated", "covered", "towed", *STORED):
             if run.has(signal := f"{name}.energy.{kind}"):
                 t, values = run.signal(signal, window)
                 rate = float(values[-1] - values[0]) / float(t[-1] - t[0]) if len(t) > 1 else 0.0
@@ -105,20 +106,21 @@ def _ledger(run: RunData) -> Ledger:
         )
 
     work, change, dissipated = total("work"), total(*STORED), total("dissipated")
-    covered = total("covered")
-    residual = work - change - dissipated - covered
+    covered, towed = total("covered"), total("towed")
+    residual = work - change - dissipated - covered - towed
     largest_stored = _largest_stored(run)
-    scale = max(abs(work), abs(change), abs(dissipated), *largest_stored.values(), LEAST)
+    scale = max(abs(work), abs(change), abs(dissipated), abs(towed), *largest_stored.values(), LEAST)
     integration = {
         name: account.get("work", 0.0)
         + received[name]
         - sum(account.get(kind, 0.0) for kind in STORED)
         - account.get("dissipated", 0.0)
         - account.get("covered", 0.0)
+        - account.get("towed", 0.0)
         for name, account in accounts.items()
     }
     transfers = {
-        name: [abs(account.get(part, 0.0)) for part in ("work", "dissipated")] for name, account in accounts.items()
+        name: [abs(account.get(part, 0.0)) for part in ("work", "dissipated", "towed")] for name, account in accounts.items()
     }
     relative = {
         name: part / max(*transfers[name], largest_stored[name], LEAST_OWN) for name, part in integration.items()
@@ -126,8 +128,9 @@ def _ledger(run: RunData) -> Ledger:
     stored = {kind: total(kind) for kind in STORED}
     causes = _causes(dict(zip(accounts, copies, strict=True)), accounts)
     return Ledger(
-        work, change, dissipated, covered, residual, residual / scale, port_loss, integration, relative, causes, stored
-    )
+        work, change, dissipated, covered, residual, residual / scale, port_loss, integration, relative, causes, stored,
+        towed,
+    )  # fmt: skip
 
 
 def _causes(copies: Mapping[str, int], accounts: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
@@ -148,7 +151,7 @@ def drift(run: RunData, window: Window) -> float:
     names = [
         (f"{name}.energy.{part}", -1.0 if part == "work" else 1.0)
         for name in run.instances
-        for part in (*STORED, "dissipated", "covered", "work")
+        for part in (*STORED, "dissipated", "covered", "towed", "work")
         if run.has(f"{name}.energy.{part}")
     ]
     most = _largest_kinetic(run)
@@ -188,7 +191,7 @@ def _largest_stored(run: RunData) -> dict[str, float]:
 
 
 def ports(run: RunData) -> list[WrenchPort]:
-    """Ports of a system: connections of a wrench."""
+    """Ports of a system: connections of a wrench. A force alone, as on a hitch, is work of the one that receives it."""
     return [
         WrenchPort(
             connection["source"],
@@ -198,7 +201,7 @@ def ports(run: RunData) -> list[WrenchPort]:
         )
         for connection in run.system["connections"]
         for output, taken in zip(connection["outputs"], connection["inputs"], strict=True)
-        if output.endswith(".force.x")
+        if output.endswith(".force.x") and output.replace(".force.", ".torque.") in connection["outputs"]
     ]
 
 

@@ -43,6 +43,7 @@ class Analysis(NamedTuple):
     picture_options: tuple[Option, ...] = ()  # options of ``picture``
     records: tuple[str, ...] = ()  # groups of link outputs that it needs beside the standard ones
     stress: bool = False  # rigid links have none, so a run of them is not recorded for it
+    seats: bool = False  # it needs the motion of a seat
     library: str = ""  # of the extra analysis, which it needs
     all_tracks: bool = False  # without a given track it is of all, else of the first
     full_series: bool = False  # a file gets all numbers over time, frequency or length instead of the table
