@@ -174,9 +174,6 @@ class SeatTable(FrozenTable):  # noqa: D101
     """point of the hull whose motion is that of the seat, from the middle of the sprocket axle line, as drawn"""
 
 
-SeatName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=40)]
-
-
 class SprocketTable(FrozenTable):  # noqa: D101
     mass: Mass
     """mass of a sprocket"""
@@ -397,6 +394,9 @@ def _check_consistency(vehicle: Vehicle) -> Vehicle:
         )
     for complaint in range_violations(vehicle.model_dump(), VEHICLE, "possible"):
         raise ValueError(complaint)
+    for name in vehicle.seat:
+        if not re.fullmatch(r"[a-z][a-z0-9_]{0,39}", name):
+            raise ValueError(f"seat.{name}: its name must have small letters, digits and _ alone, and begin with a letter")
     left, right = (of_side(vehicle.model_dump(), side) for side in SIDES)
     for name in ("road_wheel", "return_roller"):
         here, there = (len((table[name] or {}).get("x", ())) for table in (left, right))
@@ -428,7 +428,7 @@ class VehicleTable(FrozenTable):
     """hull with all that is fixed to it"""
     hitch: HitchTable | None = None
     """point of the hull at which the vehicle tows; a scene that tows needs it"""
-    seat: dict[SeatName, SeatTable] = {}
+    seat: dict[str, SeatTable] = {}
     """points of the hull by names of small letters, digits and _; a scene chooses those whose motion is computed"""
     sprocket: SprocketTable
     """driving wheel of each side; the middle of the axle line is the origin of all positions"""

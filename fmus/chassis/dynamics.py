@@ -313,20 +313,32 @@ def step(c, messages, t, h, u):
     if too_many_steps(messages[0], t, h, c.longest):
         return TOO_LONG
     tree, x, steps = unpacked(c.packed), c.state, max(1, int(np.ceil(h / c.longest - 1e-9)))
-    if c.hitch is not None:
-        set_time(c.hitch, x, t)
-    if c.seats is not None:
-        put_matrix(tree.rotation, x[3:7])
-        keep_velocities(c.seats, x, tree.rotation)
+    begin_step(c.hitch, c.seats, x, tree.rotation, t)
     steps_done, code = advance(c, x, u, h / steps, steps)
-    if c.seats is not None:
-        put_matrix(tree.rotation, x[3:7])
-        put_accelerations(c.seats, x, tree.rotation, h)
+    end_step(c.seats, x, tree.rotation, h)
     messages[0, 0] = t + steps_done * h / steps
     if code == FINE:
         c.counters[0] += steps
         c.counters[1] += len(RK4.b) * steps
     return step_failure(tree, code, x, messages[0])
+
+
+@kernel
+def begin_step(hitch, seats, x, A, t):
+    """Give hitch and seats, where there are any, what they need of the beginning of a step at t; A: scratch (3, 3)."""
+    if hitch is not None:
+        set_time(hitch, x, t)
+    if seats is not None:
+        put_matrix(A, x[3:7])
+        keep_velocities(seats, x, A)
+
+
+@kernel
+def end_step(seats, x, A, h):
+    """Set the accelerations of seats, where there are any, after a step of h s; A: scratch (3, 3)."""
+    if seats is not None:
+        put_matrix(A, x[3:7])
+        put_accelerations(seats, x, A, h)
 
 
 @kernel

@@ -98,7 +98,9 @@ def load_of(hitch, x, A, velocity):
     force = hitch.force
     if has_points(hitch.drag):
         force += evaluate(hitch.drag, dot(velocity, (A[0, 0], A[1, 0], A[2, 0])))[0]
-    return ramp(hitch, x[hitch.state])[0] * force, (-A[0, 0] / length, -A[1, 0] / length, 0.0)
+    t = x[hitch.state]
+    share = 1.0 if t >= hitch.ramp_end else ramp(hitch, t)[0]  # also at the end of a ramp without length
+    return share * force, (-A[0, 0] / length, -A[1, 0] / length, 0.0)
 
 
 @kernel

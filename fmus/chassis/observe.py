@@ -85,13 +85,8 @@ def write_outputs(c, y):
     y[i], y[i + 1], y[i + 2] = energies(tree, x)
     y[i + 1] -= c.start[4]
     y[i + 3], y[i + 4] = x[-2], x[-1]
-    put_touch(c.contacts, tree, x, y, i + 5)
-    i += 5 if c.contacts is None else 9
-    put_matrix(tree.rotation, x[3:7])
-    if c.hitch is not None:
-        i = put_hitch(c.hitch, x, tree.rotation, y, i)
-    if c.seats is not None:
-        put_seats(c.seats, x, tree.rotation, y, i)
+    i = put_touch(c.contacts, tree, x, y, i + 5)
+    put_fittings(c.hitch, c.seats, x, tree.rotation, y, i)
 
 
 @allocating
@@ -103,3 +98,15 @@ def put_touch(contacts, tree, x, y, i):
         touch(contacts, tree, x, A, to_body(A, vector(x, 7)), vector(x, 10))
         y[i] = contacts.sums[0]
         put(y, i + 1, vector(contacts.sums, 2))
+        i += 4
+    return i
+
+
+@allocating
+def put_fittings(hitch, seats, x, A, y, i):
+    """Write the outputs of hitch and seats, where there are any; A: scratch (3, 3)."""
+    put_matrix(A, x[3:7])
+    if hitch is not None:
+        i = put_hitch(hitch, x, A, y, i)
+    if seats is not None:
+        put_seats(seats, x, A, y, i)

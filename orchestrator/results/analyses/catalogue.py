@@ -71,6 +71,7 @@ SN = Option("sn", str, "--sn", "RANGE,CYCLES,SLOPE", SN_HELP)
 TEETH = Option("teeth", bool, "--teeth", None, "events: each tooth that passes")
 AT = Option("at", list[float], "--at", "T", "deformation: an instant, s; repeatable; default last")
 LINK = Option("link", int, "--link", "N", "deformation: the link of a picture, default 1")
+SEAT = Option("seat", str, "--seat", "NAME", "ride: the seat, default all")
 
 FORMER = {"line": "sn"}  # names of options in older versions
 
@@ -96,6 +97,9 @@ ANALYSES = {
     "links": Analysis("forces on links in their own axes", (TRACK,)),
     "deformation": Analysis(
         "of links along their length, in their tangent frames", (TRACK, AT), (LINK,), ("slopes",), full_series=True
+    ),
+    "ride": Analysis(
+        "vibration of seats by ISO 2631-1, absorbed power, peaks", (SEAT,), seats=True, full_series=True
     ),
     "events": Analysis("wheels that lift off, brakes that hold, steps taken back, warnings", (TEETH,)),
     "phases": Analysis("rest, acceleration, steady motion, turns, braking: speed, yaw rate, power, slip, tension"),
