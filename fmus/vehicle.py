@@ -396,7 +396,7 @@ def _check_consistency(vehicle: Vehicle) -> Vehicle:
         raise ValueError(complaint)
     for name in vehicle.seat:
         if not re.fullmatch(r"[a-z][a-z0-9_]{0,39}", name):
-            raise ValueError(f"seat.{name}: its name must have small letters, digits and _ alone, and begin with a letter")
+            raise ValueError(f"seat.{name}: a name has small letters, digits and _ alone, a letter first")
     left, right = (of_side(vehicle.model_dump(), side) for side in SIDES)
     for name in ("road_wheel", "return_roller"):
         here, there = (len((table[name] or {}).get("x", ())) for table in (left, right))

@@ -121,9 +121,7 @@ class Model(ComponentModel):
         x, y, z = map(float, vehicle["chassis"]["centre"])
         self._centre = x, y, z
         places = [f"{side}.{name}" for side in sides for name in stations(vehicle)]
-        self._fittings = Fittings(
-            vehicle, config["chassis"], WRENCH * len(places), ROOT + LEAF * len(self.tree.is_arm)
-        )
+        self._fittings = Fittings(vehicle, config["chassis"], WRENCH * len(places), ROOT + LEAF * len(self.tree.is_arm))
         self.ports: tuple[Port, ...] = (
             *(port for place in places for port in wrench_ports(place, "input")),
             *self._fittings.inputs,

@@ -120,7 +120,8 @@ def _ledger(run: RunData) -> Ledger:
         for name, account in accounts.items()
     }
     transfers = {
-        name: [abs(account.get(part, 0.0)) for part in ("work", "dissipated", "towed")] for name, account in accounts.items()
+        name: [abs(account.get(part, 0.0)) for part in ("work", "dissipated", "towed")]
+        for name, account in accounts.items()
     }
     relative = {
         name: part / max(*transfers[name], largest_stored[name], LEAST_OWN) for name, part in integration.items()

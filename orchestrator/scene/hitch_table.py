@@ -20,8 +20,8 @@ class HitchTable(FrozenTable):
     force: Force = 0.0
     """constant force of the load, rearward; negative: it pushes"""
     drag_points: tuple[tuple[Annotated[float, In("m/s")], Force], ...] | None = None
-    """[speed, force] or a CSV file of them, besides the constant force: load over the speed of the hitch along the hull,
-    linear between points, constant outside"""
+    """[speed, force] or a CSV file of them, besides the constant force: load over the speed of the hitch along the
+    hull, linear between points, constant outside"""
     ramp_start: Time = 0.0
     """time at which the ramp of the load begins"""
     ramp_time: Time = 1.0

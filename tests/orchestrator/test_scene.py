@@ -142,7 +142,7 @@ def test_a_vehicle_is_found_from_the_folder_of_its_scene(named, tmp_path, monkey
             "vehicle.section.torsion=2e-4",
             "section.torsion = 0.0002 m^4 must not exceed the polar moment bending + lateral_bending = 0.000182 m^4",
         ),
-        ("vehicle.seat.A.position=[0, 0, 0]", "seat.A: its name must have small letters, digits and _ alone"),
+        ("vehicle.seat.A.position=[0, 0, 0]", "seat.A: a name has small letters, digits and _ alone"),
         ("expect.sag.measure=sagg", "no measure 'sagg'"),
         ("chain.links.first=1", "'links' is a value, not a table"),
         ("vehicle.road_wheel.x.9=0", "must be an index below 5"),
@@ -393,7 +393,10 @@ def test_runs_of_one_scene():
         assert str(caught.value).startswith(f"a ('straight') and b ('straight') are runs of different scenes: {said}")
     with pytest.raises(BadInput, match="b does not say of which scene it is"):
         require_same_scene(("a", whole), ("b", {}))
-    older = {**whole, "vehicle": {key: table for key, table in whole["vehicle"].items() if key not in ("hitch", "seat")}}
+    older = {
+        **whole,
+        "vehicle": {key: table for key, table in whole["vehicle"].items() if key not in ("hitch", "seat")},
+    }
     require_same_scene(("a", whole), ("b", older))
     for name in ("rig", "settle"):
         flexible, rigid = (placed(load(name, model)).resolved() for model in ("flexible", "rigid"))

@@ -2,8 +2,8 @@
 
 Mobility models of the US Army limit a driver to 6 W. Two forms are in use: polynomials in the frequency of Lee and
 Pradko (SAE 680091, 1968), and a rational filter of third order. This is the filter, as Project Chrono has it
-(``ChAbsorbed_Power_Vertical`` in src/chrono/utils/ChFilters.cpp): the mean square of its response to the acceleration in
-ft/s2 is the power in W. The two differ by 16 % at 2 Hz and 25 % at 8 Hz; 6 W are 1.64 m/s2 RMS at 4.5 Hz here, 1.66
+(``ChAbsorbed_Power_Vertical`` in src/chrono/utils/ChFilters.cpp): the mean square of its response to the acceleration
+in ft/s2 is the power in W. The two differ by 16 % at 2 Hz and 25 % at 8 Hz; 6 W are 1.64 m/s2 RMS at 4.5 Hz here, 1.66
 there.
 """
 

@@ -29,11 +29,10 @@ class Weighting(NamedTuple):
     step_to: float = 0.0  # 6
     step_to_q: float = 0.0
 
-    def __call__(self, s: Any) -> Any:
+    def gains(self, s: Any) -> Any:
         """Complex gains at complex s, 1/s."""
         w1, w2, w3, w4, w5, w6 = (
-            2.0 * np.pi * f
-            for f in (self.high_pass, self.low_pass, self.zero, self.pole, self.step_from, self.step_to)
+            2.0 * np.pi * f for f in (self.high_pass, self.low_pass, self.zero, self.pole, self.step_from, self.step_to)
         )
         root = np.sqrt(2.0)
         gain = s * s / (s * s + root * w1 * s + w1 * w1)

@@ -21,6 +21,7 @@ from orchestrator.results.table import Table
 G = 9.80665  # m/s2, standard gravity
 LONGEST_STEP = 1.0 / 160.0  # s between records: the range of ISO 2631-1 ends at 80 Hz
 SHOCK_CORNER, SHOCK_POLES = 30.0, 4  # Hz: low pass before the peak that mobility models limit to 2.5 g
+STILL = 1e-9  # m/s2: less is rounding, without a crest factor
 AXES = "ahead", "left", "up"
 UP = 2
 _SEAT = re.compile(r"seat\.(\w+)\.acceleration\.x")
@@ -75,8 +76,7 @@ class SeatRide(NamedTuple):
     def rows(self) -> Iterator[tuple[str | float, ...]]:
         """Row of each axis for ``Ride.table``."""
         plain, weighted, peaks = rms(self.acceleration), self.weighted_rms, np.abs(self.weighted).max(axis=0)
-        with np.errstate(invalid="ignore"):
-            crests = peaks / weighted
+        crests = np.where(weighted > STILL, peaks / np.maximum(weighted, STILL), np.nan)
         columns = (
             plain, weighted, self.transient, self.dose, crests,
             self.low_passed.max(axis=0) / G, -self.low_passed.min(axis=0) / G,
@@ -173,6 +173,6 @@ def _ride(run: RunData, name: str, component: str, seat: str, window: Window) ->
 
     low = butterworth(SHOCK_POLES, SHOCK_CORNER)
     return SeatRide(
-        name, t[inside], own[inside], passed((WD, WD, WK)), passed((low,) * 3),
+        name, t[inside], own[inside], passed((WD.gains, WD.gains, WK.gains)), passed((low,) * 3),
         filtered(own[:, UP], step, absorption)[inside],
     ), resampled  # fmt: skip

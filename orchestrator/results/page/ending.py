@@ -57,7 +57,9 @@ def ending(pair: Pair) -> PageSection | None:
 
 def _read(run: RunData, window: Window) -> int:
     """Read all outputs of the section in one pass; return the largest number of their samples."""
-    outputs = {f"energy.{kind}" for kind in ("work", "dissipated", "covered", "towed", *STORED)} | {data[0] for data in MEANS}
+    outputs = {f"energy.{kind}" for kind in ("work", "dissipated", "covered", "towed", *STORED)} | {
+        data[0] for data in MEANS
+    }
     names = [f"{name}.{output}" for name in run.instances for output in outputs if run.has(f"{name}.{output}")]
     run.prefetch(names, window)
     return max((len(run.signal(name, window)[0]) for name in names), default=0)
