@@ -11,9 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.model import InvalidParameter
+from fmus.physics.arrays import Vector
 from fmus.physics.contact.ground import GroundShape, bumpy_ground
 from fmus.physics.contact.laws import LAWS
 from fmus.physics.contact.teeth import Teeth, teeth
+from fmus.standing import ground_level
+from fmus.start import start_pose
+
+STANDING = (0.0, 0.0, 0.0)
 
 
 class Contacts(NamedTuple):
@@ -24,7 +29,8 @@ class Contacts(NamedTuple):
     profile: Teeth  # outline of the teeth
     clearance: float  # lateral play of the guides on each side, m
     ground: int  # 1 where there is a ground
-    shape: GroundShape  # shape of the ground in the track's frame
+    shape: Any  # shape of the ground (``physics.contact.grounds``) in the track's frame
+    belt: Vector  # velocity of the ground's surface in that frame, m/s
     sprocket: Any  # contact law (``physics.contact.laws``) of pins with teeth,
     wheel: Any  # of links with rims
     soil: Any  # and of links with the ground
@@ -33,13 +39,13 @@ class Contacts(NamedTuple):
 def contacts(
     vehicle: Mapping[str, Any],
     wheels: Sequence[Mapping[str, Any]],
-    ground: bool,
-    bump: Mapping[str, float] | None,
+    ground: Mapping[str, Any] | None,
     parameters: Mapping[str, Any],
 ) -> Contacts:
     """Contact partners from the vehicle table, the wheels of a track's config and the FMI parameters.
 
-    Raises InvalidParameter with the key, the value and what is allowed.
+    ``ground`` as in ``ground_shape``; None without one. Raises InvalidParameter with the key, the value and what is
+    allowed.
     """
     laws = {pair: contact_law(pair, parameters, vehicle["contact"][pair]) for pair in ("sprocket", "wheel", "ground")}
     s, track = vehicle["sprocket"], vehicle["track"]
@@ -62,22 +68,27 @@ def contacts(
         radius,
         profile,
         vehicle["guide"]["clearance"],
-        int(ground),
-        ground_shape(vehicle, float(parameters["start.height"]), bump),
+        int(ground is not None),
+        ground_shape(vehicle, ground or {}, parameters),
+        STANDING,
         laws["sprocket"],
         laws["wheel"],
         laws["ground"],
     )
 
 
-def ground_shape(vehicle: Mapping[str, Any], height: float, bump: Mapping[str, float] | None) -> GroundShape:
-    """Ground in the frame of a vehicle that starts ``height`` m above its drawn place.
+def ground_shape(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: Mapping[str, Any]) -> Any:
+    """Shape of the ground, of a class of ``physics.contact.grounds``, in the frame of the start.
 
-    With height 0 the pads just touch it under the road wheels of the drawn position; ``bump`` as in ``bumpy_ground``.
-    Raises InvalidParameter.
+    ``ground`` may have "bump", the arguments of ``bumpy_ground``, on a ground that the pads of the drawn vehicle just
+    touch under its road wheels, or "terrain", a ground of ``fmus.ground`` with the world's height of its level part,
+    "level", m. Raises InvalidParameter.
     """
-    wheel, face = vehicle["road_wheel"], vehicle["track"]["face"]
-    level = wheel["z"] - wheel["radius"] - 2.0 * face - height
+    if terrain := ground.get("terrain"):
+        from fmus.ground import terrain_at  # only where the ground is one
+
+        return terrain_at(terrain, start_pose(parameters), float(parameters.get("start.lateral", 0.0)))
+    level, bump = ground_level(vehicle) - float(parameters["start.height"]), ground.get("bump")
     try:
         return bumpy_ground(level, **bump) if bump else GroundShape(level)
     except ValueError as error:
@@ -99,4 +110,19 @@ def without_friction(partners: Contacts) -> Contacts:
         sprocket=partners.sprocket._replace(mu=0.0),
         wheel=partners.wheel._replace(mu=0.0),
         soil=partners.soil._replace(mu=0.0),
+        shape=partners.shape.without_friction(),
     )
+
+
+def held_on_slope(partners: Contacts, gravity: Vector) -> Contacts:
+    """Copy of the partners with the friction of the ground that balances ``gravity``, m/s2, along the slope.
+
+    Regularised friction holds a vehicle only while it creeps, all its points at one velocity. Here the ground moves
+    instead and friction is sharp, so that each point at rest carries its share: the slope times its normal force.
+    """
+    slope = -gravity[0] / gravity[2] if gravity[2] else 0.0
+    if slope == 0.0:
+        return partners
+    belt = (-1.0 if slope > 0.0 else 1.0, 0.0, 0.0)
+    soil, shape = partners.soil._replace(mu=abs(slope), v_reg=0.0), partners.shape.without_friction()
+    return partners._replace(belt=belt, soil=soil, shape=shape)

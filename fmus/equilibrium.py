@@ -29,12 +29,14 @@ from fmus.chassis.model import stations
 from fmus.chassis.observe import put_sides
 from fmus.jit import plain
 from fmus.model import InvalidParameter, StepFailed
-from fmus.physics.arrays import Floats
+from fmus.physics.arrays import Floats, Vector
 from fmus.physics.elimination import solved
+from fmus.physics.vector import scale
 from fmus.physics.wheels import WIDTH, read_states
 from fmus.ports import STATE, WRENCH
 from fmus.sources import source_hash
 from fmus.stance import Stance, roll_pitch_quaternion, stance
+from fmus.start import LEVEL, StartPose
 from fmus.track_flexible.model import Model as Cables
 from fmus.vehicle import BadInput
 
@@ -55,24 +57,28 @@ class VehicleEquilibrium(NamedTuple):
     pitch: float  # rad
     left: Sequence[float]  # arm angles from the front, rad, then the idler's slide, m
     right: Sequence[float]  # likewise
+    lateral: float = 0.0  # of the hull, m: on a side slope it has slid until guides touch
 
 
 class FlexibleTrack(NamedTuple):
     """Track of the vehicle, modelled with flexible links."""
 
     config: Mapping[str, Any]  # of a flexible track
-    parameters: Mapping[str, Any]  # those that differ from the defaults: how the loop is closed
+    parameters: Mapping[str, Any]  # those that differ from the defaults: how the loop is closed, the pose on a slope
 
 
-def equilibrium(chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack]) -> VehicleEquilibrium:
+def equilibrium(
+    chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack], slope: tuple[float, float] = (0.0, 0.0)
+) -> VehicleEquilibrium:
     """Static equilibrium of a chassis, given by its config, on tracks by side ("left", "right").
 
-    With equal sides and a hull that does not lean sideways, only the left half is solved. The result is
-    cached for this build. Raises BadInput.
+    ``slope``: pitch and roll of the ground under the vehicle, rad; the result is relative to it. With equal sides and a
+    hull that does not lean sideways, only the left half is solved. The result is cached for this build. Raises
+    BadInput.
     """
-    request = [source_hash(), chassis, tracks]
+    request = [source_hash(), chassis, tracks, slope]
     try:
-        solution = cached_result("places", "equilibrium", request, lambda: _solve(_Vehicle(chassis, tracks)))
+        solution = cached_result("places", "equilibrium", request, lambda: _solve(_Vehicle(chassis, tracks, slope)))
     except (InvalidParameter, StepFailed) as error:
         raise BadInput(f"the vehicle's equilibrium was not found, start.state = 'drawn' needs none: {error}") from None
     return VehicleEquilibrium(*solution)
@@ -109,13 +115,23 @@ def is_asymmetric(chassis: Mapping[str, Any], tracks: Sequence[str]) -> bool:
 class _Vehicle:
     """Chassis and chains of a vehicle: its accelerations at given values of the unknowns."""
 
-    def __init__(self, chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack]) -> None:
-        self.half = not is_asymmetric(chassis, tuple(tracks))
+    def __init__(
+        self, chassis: Mapping[str, Any], tracks: Mapping[str, FlexibleTrack], slope: tuple[float, float]
+    ) -> None:
+        pitch, roll = slope
+        down = StartPose(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, pitch, roll).down()
+        self.gravity: Vector = scale(float(chassis["vehicle"]["gravity"]), down)
+        across = self.gravity[1] / chassis["vehicle"]["gravity"] if chassis["vehicle"]["gravity"] else 0.0
+        self.lateral = float(np.sign(across)) * chassis["vehicle"]["guide"]["clearance"]
+        uneven = any("terrain" in track.config["track"] for track in tracks.values())
+        self.half = roll == 0.0 and not uneven and not is_asymmetric(chassis, tuple(tracks))
         sides = ["left"] if self.half else ["left", "right"]
         self.chassis = Chassis({**chassis, "chassis": {**chassis["chassis"], "sides": sides}})
         self.chassis.initialise({})
         self.leaves = len(chassis["vehicle"]["road_wheel"]["x"]) + 1  # with a coordinate, on a side
-        self._chains = {sides.index(side): _ChainOnWheels(track) for side, track in tracks.items() if side in sides}
+        self._chains = {
+            sides.index(side): _ChainOnWheels(track, self.gravity) for side, track in tracks.items() if side in sides
+        }
         self.unknowns = [
             HEIGHT,
             *([] if self.half else [ROLL]),
@@ -127,7 +143,8 @@ class _Vehicle:
         """Equilibrium from the unknowns: height, roll, pitch of the hull, leaves left and right (half: left)."""
         height, roll, pitch, *leaves = guess.tolist()
         left = leaves[: self.leaves]
-        return VehicleEquilibrium(height, roll, pitch, left, left if self.half else leaves[self.leaves :])
+        right = left if self.half else leaves[self.leaves :]
+        return VehicleEquilibrium(height, roll, pitch, left, right, self.lateral)
 
     def accelerations(self, guess: Floats) -> Floats:
         """Accelerations of the free unknowns of a vehicle at rest at ``guess``, m/s2 and rad/s2.
@@ -142,6 +159,7 @@ class _Vehicle:
         out = np.zeros_like(x)
         rates(self.chassis.tree, self.chassis.parts.contacts, None, x, wrenches.ravel(), out)
         n = len(self.chassis.tree.is_arm)
+        out[9] += self.chassis.tree.gravity + self.gravity[2]  # weight across the slope; that along it is balanced
         leaf_accelerations = out[ROOT + 2 * n : ROOT + 3 * n].reshape(2, -1)[:, : self.leaves].ravel()
         return np.array([out[9], out[10], out[11], *leaf_accelerations[: guess.size - LEAVES]])[self.unknowns]
 
@@ -149,9 +167,15 @@ class _Vehicle:
 class _ChainOnWheels:
     """A chain that is brought to rest on given wheels; the search begins at the last equilibrium."""
 
-    def __init__(self, track: FlexibleTrack) -> None:
+    def __init__(self, track: FlexibleTrack, gravity: Vector) -> None:
         self._model = Cables({**track.config, "link_outputs": False})
         self._model.initialise(track.parameters)
+        _, across, up = gravity
+        self._lateral = across / up if up else 0.0  # lateral force on a road wheel, over its vertical load
+        wheels = self._model.wheel_list
+        rims = (wheel for wheel in wheels if wheel["kind"] == "rim")
+        radii = [wheel["radius"] if wheel["name"].startswith("road_wheel") else 0.0 for wheel in rims]
+        self._radius = np.array([*radii, 0.0])  # of road wheels, m; the sprocket is last here
         self._arm = 0.25 * self._model.vehicle["track"]["width"]  # lever of the two faces of a link, m
         self._last: tuple[Floats, Floats] = np.zeros((0, WIDTH)), np.zeros((0, WRENCH))  # rows, wrenches
 
@@ -160,15 +184,23 @@ class _ChainOnWheels:
         rest_motions = np.zeros((len(motions), STATE))
         rest_motions[:, [0, 2]], rest_motions[:, 3:7] = motions[:, [0, 2]], roll_pitch_quaternion(0.0, pitch)
         rows = np.zeros((len(motions), WIDTH))
-        level = np.array([0.0, 0.0, 0.0, 1.0, 0.0])
-        plain(read_states)(np.roll(rest_motions, 1, axis=0).ravel(), level, rows)  # a track has its sprocket first
+        plain(read_states)(np.roll(rest_motions, 1, axis=0).ravel(), LEVEL, rows)  # a track has its sprocket first
         if not np.array_equal(rows, self._last[0]):
             wrenches = self._rest_wrenches(rows)
             if roll:  # each face has half of the stiffness
                 lifted = self._rest_wrenches(rows + LIFT)
                 wrenches[:, 3] = (lifted - wrenches)[:, 2] / LIFT[2] * self._arm**2 * roll
+            if self._lateral:
+                self._add_lateral(wrenches)
             self._last = rows, wrenches
         return self._last[1]
+
+    def _add_lateral(self, wrenches: Floats) -> None:
+        """Add the lateral forces of a side slope, at the rims of the road wheels in proportion to their loads."""
+        loads = np.where(self._radius > 0.0, wrenches[:, 2], 0.0)
+        lateral = self._lateral * wrenches[:, 2].sum() * loads / loads.sum()
+        wrenches[:, 1] += lateral
+        wrenches[:, 3] += self._radius * lateral
 
     def _rest_wrenches(self, rows: Floats) -> Floats:
         self._model.find_equilibrium(rows)

@@ -171,4 +171,6 @@ def start_pose_ports() -> list[Port]:
         Port("start.heading", "parameter", "rad", "heading of the vehicle at the start, about z"),
         Port("start.height", "parameter", "m", "height of the vehicle over its drawn place on the ground"),
         Port("start.pitch", "parameter", "rad", "pitch of the vehicle at the start, about its sprocket axle"),
+        Port("start.slope.pitch", "parameter", "rad", "pitch of the ground at the start, downhill ahead is positive"),
+        Port("start.slope.roll", "parameter", "rad", "roll of that ground, downhill to the right is positive"),
     ]

@@ -5,15 +5,29 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from fmus.jit import kernel, plain
-from fmus.physics.elementary import cos, sin
+import numpy as np
 
-KEYS = tuple(f"start.{key}" for key in ("position.x", "position.y", "position.z", "heading", "height", "pitch"))
-X, Y, Z, HEADING, HEIGHT, PITCH = range(6)
+from fmus.jit import kernel, plain
+from fmus.physics.arrays import Vector
+from fmus.physics.elementary import cos, sin
+from fmus.physics.rotation import quat_multiply
+
+KEYS = tuple(
+    f"start.{key}"
+    for key in ("position.x", "position.y", "position.z", "heading", "height", "pitch", "slope.pitch", "slope.roll")
+)
+X, Y, Z, HEADING, HEIGHT, PITCH, SLOPE_PITCH, SLOPE_ROLL = range(8)
+AFTER_POSE = len(KEYS)  # index of the first parameter behind the pose in the ``p`` of a start kernel
+FRAME = 12  # numbers of a frame: its origin in the world, m, and its rotation matrix by rows, frame to world
+LEVEL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])  # frame of the world
 
 
 class StartPose(NamedTuple):
-    """Values of ``KEYS``: the vehicle is pitched about its y axis, turned about z, then raised and placed."""
+    """Values of ``KEYS``: the vehicle is pitched about its y axis and raised, on level ground.
+
+    Then it is rolled and pitched with the ground, turned about z, and placed. The frame of the start is that ground's:
+    z is its normal, x lies in the vertical plane of the heading.
+    """
 
     x: float  # m
     y: float  # m
@@ -21,11 +35,18 @@ class StartPose(NamedTuple):
     heading: float  # rad
     height: float  # m
     pitch: float  # rad, nose down positive
+    slope_pitch: float = 0.0  # of the ground under the vehicle, rad, downhill ahead positive
+    slope_roll: float = 0.0  # likewise, downhill to the right positive
 
     def pitch_point(self, x: Any, z: Any) -> tuple[Any, Any]:
         """Point (x, z) of the vehicle's plane y = 0 after the pitch, m, along the heading."""
         point: tuple[Any, Any] = plain(pitch_point)(self, x, z)
         return point
+
+    def down(self) -> Vector:
+        """Unit vector downwards in the frame of the start."""
+        downwards: Vector = plain(down)(self)
+        return downwards
 
     def point_at_rest(self, x: float, y: float, z: float) -> tuple[float, ...]:
         """Motion (13, as ``ports.motion_ports``) of a wheel or mount at rest at a point of the vehicle frame."""
@@ -46,11 +67,29 @@ def pitch_point(p, x, z):
 
 
 @kernel
+def tilt(p, x, y, z):
+    """Vector of the frame of the start after the roll and the pitch of the ground."""
+    cr, sr, cp, sp = cos(p[SLOPE_ROLL]), sin(p[SLOPE_ROLL]), cos(p[SLOPE_PITCH]), sin(p[SLOPE_PITCH])
+    up = sr * y + cr * z
+    return cp * x + sp * up, cr * y - sr * z, cp * up - sp * x
+
+
+@kernel
+def down(p):
+    """Unit vector downwards in the frame of the start."""
+    cp = cos(p[SLOPE_PITCH])
+    return sin(p[SLOPE_PITCH]), 0.0 - cp * sin(p[SLOPE_ROLL]), -cp * cos(p[SLOPE_ROLL])
+
+
+@kernel
 def world_position(p, x, y, z):
     """World position of a point of the vehicle frame, m."""
     x, z = pitch_point(p, x, z)
+    x, y, z = tilt(p, x, y, z)
+    raised = tilt(p, 0.0, 0.0, p[HEIGHT])
+    x, y = raised[0] + x, raised[1] + y
     c, s = cos(p[HEADING]), sin(p[HEADING])
-    return p[X] + c * x - s * y, p[Y] + s * x + c * y, p[Z] + p[HEIGHT] + z
+    return p[X] + c * x - s * y, p[Y] + s * x + c * y, p[Z] + raised[2] + z
 
 
 @kernel
@@ -58,7 +97,10 @@ def vehicle_quaternion(p):
     """Quaternion (w, x, y, z) of the vehicle, body to world."""
     ch, sh = cos(0.5 * p[HEADING]), sin(0.5 * p[HEADING])
     cp, sp = cos(0.5 * p[PITCH]), sin(0.5 * p[PITCH])
-    return ch * cp, 0.0 - sh * sp, ch * sp, sh * cp
+    cs, ss = cos(0.5 * p[SLOPE_PITCH]), sin(0.5 * p[SLOPE_PITCH])
+    cr, sr = cos(0.5 * p[SLOPE_ROLL]), sin(0.5 * p[SLOPE_ROLL])
+    sloping = quat_multiply((ch, 0.0, 0.0, sh), quat_multiply((cs, 0.0, ss, 0.0), (cr, sr, 0.0, 0.0)))
+    return quat_multiply(sloping, (cp, 0.0, sp, 0.0))
 
 
 @kernel
@@ -69,9 +111,13 @@ def point_at_rest(p, x, y, z):
 
 @kernel
 def lay_frame(p, x, y, z, frame):
-    """Write a frame (5): world position of a point of the vehicle frame, m; cosine, sine of the heading."""
+    """Write the frame of the start (FRAME) with its origin at a point of the vehicle frame, m."""
     frame[0], frame[1], frame[2] = world_position(p, x, y, z)
-    frame[3], frame[4] = cos(p[HEADING]), sin(p[HEADING])
+    c, s = cos(p[HEADING]), sin(p[HEADING])
+    axes = tilt(p, 1.0, 0.0, 0.0), tilt(p, 0.0, 1.0, 0.0), tilt(p, 0.0, 0.0, 1.0)
+    for k in range(3):
+        axis = axes[k]
+        frame[3 + k], frame[6 + k], frame[9 + k] = c * axis[0] - s * axis[1], s * axis[0] + c * axis[1], axis[2]
 
 
 @kernel

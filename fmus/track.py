@@ -1,7 +1,7 @@
 """Base of both track models: ports, parameters, the start layout, and the frame of the track.
 
-The frame of a track is at the vehicle's start position, turned by its start heading, with the track plane at y = 0: the
-joint axis is y for every heading, and the numbers are small.
+The frame of a track is at the vehicle's start position, turned by its start heading and tilted as the ground there,
+with the track plane at y = 0: the joint axis is y and the ground level for every start, and the numbers are small.
 
 The module is long because ports, layout and start of all chains are methods of one base class on the same fields.
 """
@@ -39,6 +39,7 @@ from fmus.physics.chain.report import COUNTERS, REPORT
 from fmus.physics.elementary import hypot, sin
 from fmus.physics.integrate import generalized_alpha, hht
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha
+from fmus.physics.vector import scale
 from fmus.physics.wheels import WIDTH, read_states
 from fmus.ports import (
     NOT_NEGATIVE,
@@ -54,7 +55,7 @@ from fmus.ports import (
 )
 from fmus.sentences import Sentence
 from fmus.stance import Stance, part_at_rest, stance
-from fmus.start import KEYS, StartPose, start_pose
+from fmus.start import FRAME, HEIGHT, KEYS, LEVEL, StartPose, start_pose
 from fmus.track_choices import ADAMS, EXPLICIT, HHT, INTEGRATORS
 
 # Outputs of a chain after the wrenches, in the order of its report (``chain.report``): name, unit, text.
@@ -215,7 +216,7 @@ class TrackModel(ComponentModel):
         wheels = len(self.wheel_list)
         self.rows = np.zeros((wheels, WIDTH))
         self.start_rows = np.zeros((wheels, WIDTH))
-        self.frame = np.zeros(5)
+        self.frame = np.zeros(FRAME)
         self.link_groups = link_outputs.chosen_groups(config.get("link_outputs", True), bool(self.config["ground"]))
         self.on_links_shape = link_outputs.on_links_shape(self.link_groups, self.nodes)
         self.ports = self._ports(config)
@@ -320,9 +321,13 @@ class TrackModel(ComponentModel):
             raise InvalidParameter(f"{link_outputs.INTERVAL} = {self.interval:g}: must be a whole number")
         self.contacts = self.contact_partners(p)
         self.environment = self._environment()
+        self.in_plane = self.environment  # loads of the static equilibrium
+        ahead, across, up = self.environment.gravity
+        if ahead or across:
+            self.in_plane = self.environment._replace(gravity=(ahead, 0.0, up))
         level = StartPose(0.0, 0.0, 0.0, 0.0, 0.0, self.pose.pitch)
         wheels = np.array([plain(part_at_rest)(level, start_stance(wheel)) for wheel in self.wheel_list]).ravel()
-        plain(read_states)(wheels, np.array([0.0, 0.0, 0.0, 1.0, 0.0]), self.start_rows)
+        plain(read_states)(wheels, LEVEL, self.start_rows)
         self.counters[:] = 0
         self.state[:] = 0.0
         self.prepare(p)
@@ -340,7 +345,10 @@ class TrackModel(ComponentModel):
             keys = {"c": f"contact.{pair}.damping", "mu": f"contact.{pair}.friction"}
             keys["v_reg"] = f"contact.{pair}.friction_velocity"
             numbers |= {f"contacts.{field}.{key}": f"{{{name}}}" for key, name in keys.items() if name in names}
-        fixed = ("start.height", "start.pitch")  # they change the static equilibrium of the chain
+        fixed = KEYS[HEIGHT:]  # they change the static equilibrium of the chain
+        if self.config.get("terrain"):  # its place on the ground too
+            fixed = self.start_parameters
+            del numbers["common.lateral"]
         return FreeParameters(numbers, tuple(name for name in self.start_parameters if name not in fixed))
 
     def begin_run(self) -> None:
@@ -394,7 +402,7 @@ class TrackModel(ComponentModel):
             return None
         from fmus.contacts import contacts
 
-        return contacts(self.vehicle, self.wheel_list, bool(self.config["ground"]), self.config.get("bump"), p)
+        return contacts(self.vehicle, self.wheel_list, self.config if self.config["ground"] else None, p)
 
     def _environment(self) -> Environment:
         ends = self.config.get("ends")
@@ -405,7 +413,8 @@ class TrackModel(ComponentModel):
         damping = float(self.config.get("transverse_damping", 0.0))
         toothed = [k for k, wheel in enumerate(self.wheel_list) if wheel["kind"] == "teeth"]
         mount = [*toothed, 0][0] if self.wheel_list else -1
-        return Environment(float(self.config["gravity"]), self.ends_kind, pull, damping, mount)
+        gravity = scale(float(self.config["gravity"]), self.pose.down())
+        return Environment(gravity, self.ends_kind, pull, damping, mount)
 
     def polygon(self, rest: bool = True) -> Floats:
         """Pins (nodes, 2) of the start layout, m; with ``rest`` near equilibrium. Raises InvalidParameter."""

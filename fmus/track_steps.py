@@ -21,7 +21,7 @@ from fmus.physics.elementary import acos
 from fmus.physics.wheels import WIDTH, read_state, to_world
 from fmus.ports import STATE
 from fmus.sentences import GAPS
-from fmus.start import lay_frame
+from fmus.start import AFTER_POSE, FRAME, lay_frame
 
 # Cosine of the angle between a wheel's axis and the pins of links that stay in their plane:
 ALIGNED = 0.9999939076577904  # cos 0.2 deg: a larger angle is a warning, because the plane of the links holds back
@@ -40,7 +40,7 @@ class CommonData(NamedTuple):
     plane: int  # 1: these links stay in their plane
     pitch: float  # m
     lateral: float  # of the track in the vehicle, m
-    frame: np.ndarray  # (5) of the track in the world: origin, cosine and sine of its heading
+    frame: np.ndarray  # (12) of the track in the world: origin, rotation matrix
     start_rows: np.ndarray  # (wheels, 15) states of the wheels round which the chain was laid out
     rows: np.ndarray  # (wheels, 15) states of the wheels now
     given_warnings: np.ndarray  # (WARNINGS) 1 for warnings that were given
@@ -64,14 +64,14 @@ class Parts(NamedTuple):
 def parts_without_contacts(link, environment, scheme, longest, s, work, report, counters):
     """Parts of a chain without contacts at the origin, and the array for the numbers of its sentences."""
     none = np.zeros((0, WIDTH))
-    common = CommonData(longest, 0, 0.0, 0.0, np.zeros(5), none, none, np.zeros(len(WARNINGS)), counters, 1.0)
+    common = CommonData(longest, 0, 0.0, 0.0, np.zeros(FRAME), none, none, np.zeros(len(WARNINGS)), counters, 1.0)
     return Parts(link, None, environment, scheme, common, s, work, report), np.zeros((1 + len(WARNINGS), GAPS + 1))
 
 
 class OutputData(NamedTuple):
     """Data behind the outputs of a track without its link outputs."""
 
-    frame: np.ndarray  # (5)
+    frame: np.ndarray  # (12)
     mean: np.ndarray  # (wheels, 6) mean wrenches
     report: np.ndarray
 
@@ -79,7 +79,7 @@ class OutputData(NamedTuple):
 class LinkOutputData(NamedTuple):
     """Data behind the link outputs of a track."""
 
-    frame: np.ndarray  # (5)
+    frame: np.ndarray  # (12)
     link: Any
     environment: Environment
     s: Any
@@ -96,7 +96,7 @@ def begin(c, messages, p):
 
     Sets the frame only: the state is already that of the laid-out chain.
     """
-    lay_frame(p, 0.0, p[6], 0.0, c.common.frame)
+    lay_frame(p, 0.0, p[AFTER_POSE], 0.0, c.common.frame)
     return 0
 
 

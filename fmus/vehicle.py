@@ -44,7 +44,7 @@ _QUANTITY = re.compile(
 
 
 # Factors of the units that scenes and vehicles use; pint, for all other units, takes 0.3 s to load.
-COMMON = {("ms", "s"): 1e-3, ("kN", "N"): 1e3, ("GPa", "Pa"): 1e9, ("deg", "rad"): math.pi / 180.0}
+COMMON = {("ms", "s"): 1e-3, ("kN", "N"): 1e3, ("GPa", "Pa"): 1e9, ("deg", "rad"): math.pi / 180.0, ("%", "1"): 1e-2}
 
 
 @cache

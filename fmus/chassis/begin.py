@@ -6,9 +6,9 @@ from fmus.chassis.dynamics import ROOT, energies, is_fixed
 from fmus.chassis.tree import unpacked
 from fmus.jit import allocating, kernel
 from fmus.stance import part_at_rest
-from fmus.start import HEADING, lay_frame, world_position
+from fmus.start import AFTER_POSE, FRAME, lay_frame
 
-PRELOADS = 6  # index of the preloads in ``p``, after the start pose: of suspension springs, of tensioners
+PRELOADS = AFTER_POSE  # index of the preloads in ``p``: of suspension springs, of tensioners
 
 
 @allocating
@@ -24,9 +24,10 @@ def begin(c, messages, p):
     hull = part_at_rest(p, c.hull)
     for i in range(7):
         x[i] = hull[i]
-    start[0], start[1] = x[0], x[1]
-    start[2] = world_position(p, c.centre[0], c.centre[1], c.centre[2])[2]
-    start[3], start[4] = p[HEADING], energies(tree, x)[1]
+    lay_frame(p, c.centre[0], c.centre[1], c.centre[2], start[:FRAME])
+    for i in range(3):
+        start[FRAME + i] = x[i]
+    start[FRAME + 3] = energies(tree, x)[1]
     _lay_contact_frame(c.contacts, p)
     return 0
 

@@ -15,10 +15,12 @@ from fmus.chassis.dynamics import ROOT, wheel_offset
 from fmus.contacts import contact_law, ground_shape
 from fmus.jit import kernel
 from fmus.physics.contact.face import point_contact_force
-from fmus.physics.contact.ground import GroundShape, ground_face, surface_depth
+from fmus.physics.contact.grounds import ground_face, ground_law, wheel_normal
 from fmus.physics.point import Memory, memory
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
+from fmus.physics.wheels import from_frame, into_frame
 from fmus.return_rollers import return_rollers
+from fmus.start import FRAME
 
 STORED, POWER, FORCE = 0, 1, 2  # indices in the sums; the force has three numbers
 
@@ -26,9 +28,9 @@ STORED, POWER, FORCE = 0, 1, 2  # indices in the sums; the force has three numbe
 class ChassisContacts(NamedTuple):
     """Contact partners, constant through a run, and scratch arrays; n leaves."""
 
-    ground: GroundShape  # in the frame of the start
+    ground: Any  # shape (``physics.contact.grounds``) in the frame of the start
     law: Any  # a law of ``physics.contact.laws``
-    frame: np.ndarray  # (5) origin of that frame in the world, m; cosine and sine of its heading
+    frame: np.ndarray  # (12) of the start, see ``fmus.start``
     points: np.ndarray  # (m, 3) points of the hull, frame B, m
     radius: np.ndarray  # (n) radius of road wheels and idlers without a track, 0 for others, m
     half_width: np.ndarray  # (n) half the width of their rims, m
@@ -40,7 +42,8 @@ class ChassisContacts(NamedTuple):
 def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: Mapping[str, Any]) -> ChassisContacts:
     """Contacts from the vehicle table, the config's ``ground`` and the checked parameters.
 
-    ``ground``: {"hull": bool, "bare": sides without a track, "bump"}. Raises InvalidParameter.
+    ``ground``: {"hull": bool, "bare": sides without a track}, and the keys of ``ground_shape``. Raises
+    InvalidParameter.
     """
     wheel, idler, origin = vehicle["road_wheel"], vehicle["idler"], np.array(vehicle["chassis"]["centre"])
     hull = vehicle["chassis"]["hull"] if ground["hull"] else []
@@ -48,9 +51,9 @@ def contacts(vehicle: Mapping[str, Any], ground: Mapping[str, Any], parameters: 
     count, rollers, z = len(wheel["x"]), len(return_rollers(vehicle)["x"]), np.zeros
     leaves = 2 * (count + 1 + rollers)
     return ChassisContacts(
-        ground_shape(vehicle, float(parameters["start.height"]), ground.get("bump")),
+        ground_shape(vehicle, ground, parameters),
         contact_law("ground", parameters, vehicle["contact"]["ground"]),
-        np.zeros(5),
+        np.zeros(FRAME),
         np.array(hull, dtype=float).reshape(-1, 3) - origin,
         np.kron(bare, [*[wheel["radius"]] * count, idler["radius"], *[0.0] * rollers]),
         0.5 * np.kron(bare, [*[wheel["width"]] * count, idler["width"], *[0.0] * rollers]),
@@ -67,16 +70,14 @@ def _add_contact(contacts, A, share, index, p, velocity, centre):
     p, velocity, centre: of the point, world; ``share`` scales the stiffness; A: rotation of B (3, 3).
     """
     frame, sums, f = contacts.frame, contacts.sums, contacts.f
-    c, s = frame[3], frame[4]
-    d0, d1 = p[0] - frame[0], p[1] - frame[1]
-    x = (c * d0 + s * d1, c * d1 - s * d0, p[2] - frame[2])
-    v = (c * velocity[0] + s * velocity[1], c * velocity[1] - s * velocity[0], velocity[2])
+    x = into_frame(frame, p[0] - frame[0], p[1] - frame[1], p[2] - frame[2])
+    v = into_frame(frame, velocity[0], velocity[1], velocity[2])
     depth, face = ground_face(contacts.ground, x, v)
     if depth <= 0.0:
         return
-    contact = point_contact_force(contacts.law, share, depth, face, 0.0, False, contacts.memory, 0)
-    g = contact.f
-    force = (c * g[0] - s * g[1], s * g[0] + c * g[1], g[2])
+    law = ground_law(contacts.ground, contacts.law, x)
+    contact = point_contact_force(law, share, depth, face, 0.0, False, contacts.memory, 0)
+    force = from_frame(frame, contact.f)
     sums[STORED] += contact.energy
     sums[POWER] += contact.friction + contact.damping
     put(sums, FORCE, add(vector(sums, FORCE), force))
@@ -107,9 +108,9 @@ def touch(contacts, tree, x, A, v, w):
         velocity = to_world(A, add(add(v, cross(w, r)), scale(x[ROOT + 2 * n + k], dr)))
         turning = to_world(A, (w[0], x[ROOT + 3 * n + k], w[2]))
         # the deepest point of the rim lies along the ground's normal under the centre
-        ahead = frame[3] * (centre[0] - frame[0]) + frame[4] * (centre[1] - frame[1])
-        _, n0, n2, _ = surface_depth(contacts.ground, ahead, centre[2] - frame[2])
-        down = (-n0 * frame[3], -n0 * frame[4], -n2)
+        place = into_frame(frame, centre[0] - frame[0], centre[1] - frame[1], centre[2] - frame[2])
+        normal = wheel_normal(contacts.ground, place, into_frame(frame, axle[0], axle[1], axle[2]), contacts.radius[k])
+        down = from_frame(frame, scale(-1.0, normal))
         down = add(down, scale(-dot(down, axle), axle))
         length = np.sqrt(dot(down, down))
         if length < 1e-3:  # the wheel lies flat

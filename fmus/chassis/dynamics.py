@@ -38,7 +38,7 @@ class Parts(NamedTuple):
     packed: Any  # the tree, see ``tree``
     contacts: Any  # with the ground; None where there are none
     longest: float  # longest internal step, s
-    start: np.ndarray  # (5) x, y of the centre of mass, its drawn height, m; start heading, rad; gravity energy, J
+    start: np.ndarray  # (16) frame at the drawn centre of mass, its place at the start, m, and gravity energy, J
     centre: tuple[float, float, float]  # centre of mass of the hull in the drawn position, vehicle frame, m
     hull: Stance  # of the hull at the start
     leaves: np.ndarray  # (n) coordinates of the leaves at the start

@@ -21,7 +21,7 @@ from fmus.return_rollers import return_rollers
 from fmus.sentences import GAPS, Sentence, format_sentence
 from fmus.sides import SIDES, of_side
 from fmus.stance import roll_pitch_quaternion, stance
-from fmus.start import KEYS
+from fmus.start import FRAME, KEYS
 
 RESOLVED = 0.5  # largest product of the default internal step and a rate
 LEAST_STEP, MOST_STEP, MOST_STEP_ON_GROUND = 1e-5, 1e-3, 1e-4  # s: bounds of that default
@@ -151,7 +151,7 @@ class Model(ComponentModel):
         self.state: Floats = np.zeros(self._fittings.end + ENERGY_SUMS)
         self.counters = np.zeros(2, dtype=np.int64)
         self._stages = np.zeros((len(RK4.b) + 1, len(self.state)))
-        self._start = np.zeros(5)
+        self._start = np.zeros(FRAME + 4)
         self._set_start(config["chassis"])
         self.inputs = WRENCH * len(places) + len(self._fittings.inputs)
         names = tuple(self._part(i) for i in range(self.state.size))
@@ -170,6 +170,7 @@ class Model(ComponentModel):
         """State with the start pose 0; ``start``, a mapping as the config's, replaces that."""
         if start is not None:
             x, y, z = self._centre
+            y += start.get("lateral", 0.0)
             self._hull = stance((x, y, z + start["height"], *roll_pitch_quaternion(start["roll"], start["pitch"])))
             self._leaves.reshape(2, -1)[:, : self._wheels + 1] = start["left"], start["right"]
         state = np.zeros_like(self.state)
@@ -201,8 +202,10 @@ class Model(ComponentModel):
         self.begin(values, parts)
 
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
-        """All parameters but points of a load; with contacts of the ground all but the height."""
-        start_only = tuple(name for name in self.start_parameters if not (self._ground and name == "start.height"))
+        """All parameters but points of a load; with contacts of the ground all but the height, on terrain the pose."""
+        ground = self._ground or {}
+        fixed = KEYS if ground.get("terrain") else ("start.height",) if ground else ()
+        start_only = tuple(name for name in self.start_parameters if name not in fixed)
         return FreeParameters({"longest": "{step}", **self._fittings.free}, start_only)
 
     def fault_sentence(self, t: float, code: int, state: Floats) -> str:

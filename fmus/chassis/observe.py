@@ -14,6 +14,8 @@ from fmus.jit import allocating, kernel
 from fmus.physics.elementary import asin, atan2, cos, sin
 from fmus.physics.rotation import put_matrix, put_quat, quat_multiply
 from fmus.physics.vector import add, cross, dot, put, scale, to_body, to_world, vector
+from fmus.physics.wheels import into_frame
+from fmus.start import FRAME
 
 
 @allocating
@@ -45,7 +47,7 @@ def put_sides(tree, x, sides, y, i):
 
 @allocating
 def put_chassis(tree, x, start, y, i):
-    """Write motion (13), pitch, roll, yaw, speed, distance, settlement; start: O (3, m) and heading (rad)."""
+    """Write motion (13), pitch, roll, yaw, speed, distance, settlement; start: see ``dynamics.Parts``."""
     A, zero = tree.rotation, (0.0, 0.0, 0.0)
     put_matrix(A, x[3:7])
     i = put_motion(y, i, x, A, zero, zero, x[3:7], vector(x, 10))
@@ -53,8 +55,8 @@ def put_chassis(tree, x, start, y, i):
     y[i + 1] = atan2(A[2, 1], A[2, 2])
     y[i + 2] = atan2(A[1, 0], A[0, 0])
     y[i + 3] = dot(vector(x, 7), A[:, 0])
-    y[i + 4] = (x[0] - start[0]) * cos(start[3]) + (x[1] - start[1]) * sin(start[3])
-    y[i + 5] = start[2] - x[2]
+    y[i + 4] = into_frame(start, x[0] - start[FRAME], x[1] - start[FRAME + 1], x[2] - start[FRAME + 2])[0]
+    y[i + 5] = into_frame(start, start[0] - x[0], start[1] - x[1], start[2] - x[2])[2]
     return i + 6
 
 
@@ -83,7 +85,7 @@ def write_outputs(c, y):
     i = put_chassis(tree, x, c.start, y, i)
     i = put_springs(tree, x, c.sides, y, i)
     y[i], y[i + 1], y[i + 2] = energies(tree, x)
-    y[i + 1] -= c.start[4]
+    y[i + 1] -= c.start[FRAME + 3]
     y[i + 3], y[i + 4] = x[-2], x[-1]
     i = put_touch(c.contacts, tree, x, y, i + 5)
     put_fittings(c.hitch, c.seats, x, tree.rotation, y, i)

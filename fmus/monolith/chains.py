@@ -41,7 +41,7 @@ class ChainSlot(NamedTuple):
     end: int  # end of it
     motions: np.ndarray  # (m) index of each wheel's motion in ``PortMap.motion``
     wrench: int  # index in ``PortMap.wrench`` of the first of its m + 1 wrenches; the last one is the ground's
-    frame: np.ndarray  # (5) track frame, see fmus.physics.wheels
+    frame: np.ndarray  # (12) track frame, see fmus.physics.wheels
     impulse: np.ndarray  # (m + 1, 6) impulses of its wrenches over the step, track frame, N s and N m s
     on_links: np.ndarray  # (k, c) impulses of the forces on each link over the step, N s
     report_sums: np.ndarray  # (REPORT_SUMS) report entries integrated over the step, J and m

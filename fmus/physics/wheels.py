@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.jit import kernel
-from fmus.physics.arrays import Floats, VectorLike
+from fmus.physics.arrays import Floats, Vector, VectorLike
 from fmus.physics.elementary import cos, sin
 
 WIDTH = 15
@@ -59,27 +59,45 @@ def read_states(u: Floats, frame: Floats, rows: Floats) -> None:
 
 
 @kernel
+def into_frame(frame: Floats, x: float, y: float, z: float) -> Vector:
+    """Components in the ``frame`` (12) of a vector in world axes."""
+    return (
+        frame[3] * x + frame[6] * y + frame[9] * z,
+        frame[4] * x + frame[7] * y + frame[10] * z,
+        frame[5] * x + frame[8] * y + frame[11] * z,
+    )
+
+
+@kernel
+def from_frame(frame: Floats, v: VectorLike) -> Vector:
+    """World components of a vector in the ``frame`` (12)."""
+    return (
+        frame[3] * v[0] + frame[4] * v[1] + frame[5] * v[2],
+        frame[6] * v[0] + frame[7] * v[1] + frame[8] * v[2],
+        frame[9] * v[0] + frame[10] * v[1] + frame[11] * v[2],
+    )
+
+
+@kernel
 def read_state(a: Floats, frame: Floats, row: Floats) -> bool:
     """Convert the state ``a`` (13) of a wheel to its ``row`` (15) in the track's frame.
 
-    ``a``: position m, quaternion, velocity m/s, angular velocity rad/s, in the world. ``frame`` (5): origin of the
-    track's frame in the world, cosine and sine of its heading about z. Returns whether all numbers are finite and the
-    length of the quaternion differs from 1 by less than ``UNIT``.
+    ``a``: position m, quaternion, velocity m/s, angular velocity rad/s, in the world. ``frame`` (12): origin of the
+    track's frame in the world and its rotation matrix by rows (``fmus.start``). Returns whether all numbers are finite
+    and the length of the quaternion differs from 1 by less than ``UNIT``.
     """
-    c, s = frame[3], frame[4]
-    x, y = a[0] - frame[0], a[1] - frame[1]
-    row[0], row[1], row[2] = c * x + s * y, c * y - s * x, a[2] - frame[2]
-    row[3], row[4], row[5] = c * a[7] + s * a[8], c * a[8] - s * a[7], a[9]
-    row[6], row[7], row[8] = c * a[10] + s * a[11], c * a[11] - s * a[10], a[12]
+    row[0], row[1], row[2] = into_frame(frame, a[0] - frame[0], a[1] - frame[1], a[2] - frame[2])
+    row[3], row[4], row[5] = into_frame(frame, a[7], a[8], a[9])
+    row[6], row[7], row[8] = into_frame(frame, a[10], a[11], a[12])
     n = np.sqrt(a[3] ** 2 + a[4] ** 2 + a[5] ** 2 + a[6] ** 2)
     unknown = 0.0  # 0 times a number that is not finite is NaN
     for m in range(13):
         unknown += 0.0 * a[m]
     w, i, j, l = a[3] / n, a[4] / n, a[5] / n, a[6] / n
     x, y = 2.0 * (i * j - w * l), 1.0 - 2.0 * (i * i + l * l)  # the body's y axis
-    row[9], row[10], row[11] = c * x + s * y, c * y - s * x, 2.0 * (j * l + w * i)
+    row[9], row[10], row[11] = into_frame(frame, x, y, 2.0 * (j * l + w * i))
     x, y = 1.0 - 2.0 * (j * j + l * l), 2.0 * (i * j + w * l)  # the body's x axis
-    row[12], row[13], row[14] = c * x + s * y, c * y - s * x, 2.0 * (i * l - w * j)
+    row[12], row[13], row[14] = into_frame(frame, x, y, 2.0 * (i * l - w * j))
     return abs(n - 1.0 + unknown) < UNIT
 
 
@@ -89,8 +107,5 @@ def to_world(vectors: Floats, frame: Floats, y: Floats) -> None:
 
     ``frame`` as in ``read_states``.
     """
-    c, s = frame[3], frame[4]
     for k in range(vectors.shape[0]):
-        y[3 * k] = c * vectors[k, 0] - s * vectors[k, 1]
-        y[3 * k + 1] = s * vectors[k, 0] + c * vectors[k, 1]
-        y[3 * k + 2] = vectors[k, 2]
+        y[3 * k], y[3 * k + 1], y[3 * k + 2] = from_frame(frame, vectors[k])

@@ -36,6 +36,7 @@ from fmus.model import MOST_STEPS, no_rotation
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.vector import vector
 from fmus.stance import Stance, put_part_at_rest
+from fmus.start import AFTER_POSE
 
 BAD_QUATERNION, STIFF, NOT_FINITE = 1, 2, 3  # failures
 
@@ -60,9 +61,9 @@ def begin(c, messages, p):
     if refusal:
         return refusal
     m = c.mount
-    put_part_at_rest(p, (m[0], m[1] + p[6], m[2], m[3], m[4], m[5], m[6]), c.rest_motion, 0)
+    put_part_at_rest(p, (m[0], m[1] + p[AFTER_POSE], m[2], m[3], m[4], m[5], m[6]), c.rest_motion, 0)
     x[:] = 0.0
-    start_shaft(c.drive, x, p[7])
+    start_shaft(c.drive, x, p[AFTER_POSE + 1])
     put_sprocket_motion(x, vector(c.rest_motion, 0), c.rest_motion[3:7], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     return 0
 

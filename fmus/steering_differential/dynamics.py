@@ -38,6 +38,7 @@ from fmus.model import MOST_STEPS, no_rotation
 from fmus.physics.integrate.runge_kutta import RK4
 from fmus.physics.vector import vector
 from fmus.stance import Stance, put_part_at_rest
+from fmus.start import AFTER_POSE
 
 BAD_QUATERNION, STIFF, STIFF_STEERING, NOT_FINITE = 1, 2, 3, 4  # failures
 # indices in the flat state: a sprocket on its mount on each side, then the two shafts of the gearbox
@@ -107,7 +108,7 @@ def begin(c, messages, p):
         return CONTRADICTIONS + refusal
     x[:] = 0.0
     propulsion, steering = x[PROPULSION:STEERING], x[STEERING:]
-    start_shaft(g.propulsion, propulsion, p[6])
+    start_shaft(g.propulsion, propulsion, p[AFTER_POSE])
     start_shaft(g.steering, steering, 0.0)
     for k in range(2):
         side, rest = x[RIGHT * k : RIGHT * k + WIDTH], c.rest_motion[SIDE * k : SIDE * k + 13]

@@ -383,16 +383,17 @@ class Model(TrackModel):
     def _run_release(
         self, task: int, motion: Motion | None = None, by: Slopes = NOTHING, fresh: bool = False
     ) -> IntegrationOutcome:
-        """Do a task of ``release``, whose static equilibrium is without friction."""
+        """Do a task of ``release``, whose static equilibrium is without friction but for that on a slope."""
         motion = motion or Motion(self.s.q, self.s.v, self.s.vdot, self.s.axes)
         partners, least = self.contacts, self._rest_tolerance()
         if partners is not None:
-            from fmus.contacts import without_friction as frictionless
+            from fmus.contacts import held_on_slope, without_friction
 
-            partners = frictionless(partners)
+            partners = held_on_slope(without_friction(partners), self.environment.gravity)
         longest = LAST_PSEUDO_STEP if self.ends_kind == PINNED else 0.0
         outcome: IntegrationOutcome = release(
-            *self.system(), task, Evaluation(motion, by, fresh), Rest(partners, self.start_rows, least, longest),
+            *self.system(), task, Evaluation(motion, by, fresh),
+            Rest(partners, self.in_plane, self.start_rows, least, longest),
             self.s, self.work, self.report,
         )  # fmt: skip
         return outcome

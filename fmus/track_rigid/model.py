@@ -69,6 +69,10 @@ class Model(TrackModel):
             for key in ("damping", "friction", "friction_velocity")
         }
         self._vehicle_partners = self.contact_partners({**p, **table_values})
+        if self._vehicle_partners is not None:
+            from fmus.contacts import held_on_slope
+
+            self._vehicle_partners = held_on_slope(self._vehicle_partners, self.environment.gravity)
         spring = PIN
         if p.get("closure") == SPRING:
             spring = ClosingSpring(p["closure.stiffness"], p["closure.damping"])
@@ -105,13 +109,16 @@ class Model(TrackModel):
     def find_equilibrium(self, rows: Floats) -> None:
         """See ``TrackModel``."""
         # friction and damping of the vehicle's table, so that the equilibrium does not depend on their parameters
-        links, env, s, w = self.rigid, self.environment, self.s, self.work
+        links, env, s, w = self.rigid, self.in_plane, self.s, self.work
         failure, _, link, residual = settle(links, self._vehicle_partners, env, REST, rows, s, w, self.counters)
         if failure:
             raise StepFailed(
                 f"static equilibrium of the track was not found: link {link + 1}, residual {residual:.3g} N"
             )
         self.counters[:] = 0
+        if env is not self.environment:
+            self._evaluate_start()
+            return
         write_outputs(links, env, s, w, self.report)
         self._set_joint_coordinates()
 

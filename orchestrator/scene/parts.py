@@ -9,11 +9,13 @@ from fmus.equilibrium import upright_stance
 from fmus.link_outputs import INTERVAL
 from fmus.ports import motion_ports, wrench_ports
 from fmus.stance import Stance
+from fmus.standing import ground_level, standing_pose
 from fmus.track_choices import HHT, TRACKS
 from fmus.vehicle import ReturnRollerTable, RoadWheelTable
 from orchestrator.cosim.graph import Connection
 from orchestrator.scene.drive_tables import DriverTable, DriveTable
 from orchestrator.scene.fmu_table import FmuTable
+from orchestrator.scene.footing import Footing, footing, is_plane, is_terrain
 from orchestrator.scene.scene import RigScene, Scene, VehicleScene
 from orchestrator.scene.start_tables import VehicleStartTable
 from orchestrator.scene.values import Side
@@ -123,12 +125,15 @@ def _ground_config(scene: VehicleScene) -> dict[str, Any]:
     trackless = [side for side in SIDES if side not in scene.tracks]
     if not trackless and not scene.ground.hull:
         return {}
-    return {"ground": {"hull": scene.ground.hull, "bare": trackless, **_bump(scene)}}
+    return {"ground": {"hull": scene.ground.hull, "bare": trackless, **_ground_shape(scene)}}
 
 
-def _bump(scene: VehicleScene) -> dict[str, Any]:
-    bump = scene.ground.bump
-    return {} if bump is None else {"bump": bump.model_dump()}
+def _ground_shape(scene: VehicleScene) -> dict[str, Any]:
+    """Ground as a config has it (``fmus.contacts.ground_shape``); a slope everywhere is level in the start's frame."""
+    ground, vehicle = scene.ground.model_dump(exclude_none=True), scene.vehicle.model_dump()
+    if is_terrain(ground) and not is_plane(ground):
+        return {"terrain": {**ground, "level": scene.start.position[2] + ground_level(vehicle)}}
+    return {"bump": ground["bump"]} if "bump" in ground else {}
 
 
 def rig_track_config(scene: RigScene) -> dict[str, Any]:
@@ -155,7 +160,7 @@ def vehicle_track_config(scene: VehicleScene, side: str) -> dict[str, Any]:
         ground=True,
         tension=vehicle.track.tension,
     )
-    config["track"] |= _bump(scene)
+    config["track"] |= _ground_shape(scene)
     return config
 
 
@@ -257,7 +262,24 @@ def start_parameters(scene: Scene) -> Parameters:
     if isinstance(scene.start, VehicleStartTable):
         heading, pitch = scene.start.heading_and_pitch()
         pose |= {"start.heading": heading, "start.height": scene.start.height, "start.pitch": pitch}
+    if isinstance(scene, VehicleScene):
+        pose |= _slope(scene)
     return pose
+
+
+def footing_of(scene: VehicleScene) -> Footing:
+    """Footing of the vehicle of a scene."""
+    ground, vehicle, start = scene.ground.model_dump(exclude_none=True), scene.vehicle.model_dump(), scene.start
+    return footing(ground, vehicle, start.position, start.heading)
+
+
+def _slope(scene: VehicleScene) -> Parameters:
+    """Start parameters of a vehicle that the ground under it moves or tilts."""
+    under = footing_of(scene)
+    if (under.rise, under.ahead, under.left) == (0.0, 0.0, 0.0):
+        return {}
+    ground, start = (under.rise, under.ahead, under.left), scene.start
+    return {**standing_pose(scene.vehicle.model_dump(), start.position, start.heading, ground)}
 
 
 def sprocket() -> dict[str, Any]:

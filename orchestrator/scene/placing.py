@@ -8,9 +8,9 @@ from typing import Any
 
 from fmus.equilibrium import FlexibleTrack, equilibrium
 from fmus.tensioning import tension_wheel
-from fmus.vehicle import RightIdlerTable, RightTensionerTable
+from fmus.vehicle import BadInput, RightIdlerTable, RightTensionerTable
 from orchestrator.scene.assembly import assemble
-from orchestrator.scene.parts import Parameters, Part, rig_track_config, vehicle_track_config
+from orchestrator.scene.parts import Parameters, Part, footing_of, rig_track_config, vehicle_track_config
 from orchestrator.scene.scene import RigScene, Scene, VehicleScene
 from orchestrator.scene.start_tables import EquilibriumTable
 from orchestrator.scene.values import SIDES
@@ -60,9 +60,31 @@ def _scene_at_rest(scene: VehicleScene) -> VehicleScene:
     if scene.start.state != "equilibrium":
         return scene
     parts = {part.name: part for part in assemble(scene.model_copy(update={"symmetric": False})).parts}
+    hull = {**parts["chassis"].config, "chassis": _standing_chassis(scene, parts["chassis"].config["chassis"])}
     tracks = {side: _equilibrium_track(scene, part) for side in SIDES if (part := parts.get(f"{side}_track"))}
-    solution = EquilibriumTable(**_solved_equilibrium(json.dumps([parts["chassis"].config, tracks]))._asdict())
+    pose = parts["chassis"].parameters
+    slope = pose.get("start.slope.pitch", 0.0), pose.get("start.slope.roll", 0.0)
+    problem = json.dumps([hull, tracks, slope])
+    solution = EquilibriumTable(**_solved_equilibrium(problem)._asdict())
     return scene.model_copy(update={"start": scene.start.model_copy(update={"equilibrium": solution})})
+
+
+def _standing_chassis(scene: VehicleScene, chassis: dict[str, Any]) -> dict[str, Any]:
+    """Config of the chassis for the search of the equilibrium: hull and bare wheels on a plane, or on nothing.
+
+    Raises BadInput for bare wheels on uneven ground.
+    """
+    ground = chassis.get("ground", {})
+    if "terrain" not in ground:
+        return chassis
+    if not footing_of(scene).uneven:
+        return {**chassis, "ground": {key: value for key, value in ground.items() if key != "terrain"}}
+    if ground["bare"]:
+        raise BadInput(
+            f"{scene.name}.toml: a vehicle without a track on the {ground['bare'][0]} stands on uneven ground: its"
+            " equilibrium is not known, take start.state = 'drawn' or begin where the ground is a plane"
+        )
+    return {key: value for key, value in chassis.items() if key != "ground"}
 
 
 def _equilibrium_track(scene: VehicleScene, part: Part) -> tuple[dict[str, Any], Parameters]:
@@ -71,19 +93,26 @@ def _equilibrium_track(scene: VehicleScene, part: Part) -> tuple[dict[str, Any],
     A closing spring of default stiffness changes the result by 0.3 um only, so it is left out.
     """
     soft = scene.track.closure_stiffness is not None
-    closure = {name: value for name, value in part.parameters.items() if soft and name.startswith("closure")}
-    return {**part.config, "link_outputs": False}, closure
+    values = {name: value for name, value in part.parameters.items() if soft and name.startswith("closure")}
+    config, parameters = {**part.config, "link_outputs": False}, part.parameters
+    under = footing_of(scene)
+    if not under.uneven:
+        config["track"] = {key: value for key, value in config["track"].items() if key != "terrain"}
+    if "start.slope.pitch" in parameters or under.uneven:
+        values |= {name: value for name, value in parameters.items() if name.startswith("start.")}
+    return config, values
 
 
 @cache
 def _solved_equilibrium(problem: str) -> Any:
     """Equilibrium, solved once per process."""
-    chassis, tracks = json.loads(problem)
-    return equilibrium(chassis, {side: FlexibleTrack(*track) for side, track in tracks.items()})
+    chassis, tracks, slope = json.loads(problem)
+    return equilibrium(chassis, {side: FlexibleTrack(*track) for side, track in tracks.items()}, tuple(slope))
 
 
 def _idler_position(config: dict[str, Any], tension: float, keys: str) -> tuple[float, float]:
-    return _solved_idler_position(json.dumps(config, sort_keys=True), tension, keys)
+    level = {key: value for key, value in config["track"].items() if key != "terrain"}
+    return _solved_idler_position(json.dumps({**config, "track": level}, sort_keys=True), tension, keys)
 
 
 @cache

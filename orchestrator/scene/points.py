@@ -1,4 +1,4 @@
-"""Points over time or speed, points of a path or arcs from CSV files, read with the scene: logs need no files."""
+"""Points over time or speed, points of a path, arcs or heights from files, read with the scene: logs need no files."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 from fmus.vehicle import BadInput
 from orchestrator.files.budget import CSV, ROWS
 from orchestrator.files.csv_lines import csv_lines
+from orchestrator.scene import height_files
 
 Tables = dict[str, Any]  # raw scene
 POINTS = ("speed_points", "torque_points", "brake_points", "engine_points", "drag_points", "points", "arcs")
@@ -17,7 +18,7 @@ TABLES = ("drive", "idler_drive", "driver", "hitch")
 
 
 def read(table: Tables, folder: Path, where: str) -> None:
-    """Replace the CSV files that drives, driver and hitch of a raw scene name by their points.
+    """Replace the files that drives, driver, hitch and ground of a raw scene name by their points and heights.
 
     Paths are relative to ``folder``. Raises BadInput, with a message that begins with ``where``, for files that
     cannot be read.
@@ -26,6 +27,7 @@ def read(table: Tables, folder: Path, where: str) -> None:
         for key in POINTS:
             if isinstance(drive.get(key), str):
                 drive[key] = _read_pairs(folder / drive[key], f"{where}: {name}.{key}")
+    height_files.read(table, folder, where)
 
 
 def _drives(table: Tables) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -9,6 +9,7 @@ from fmus.ranges import VEHICLE, PlausibleRange, impossible_sections, range_viol
 from orchestrator.scene.wheel_gaps import overlapping_wheels
 
 TURNING = "a sprocket of 0.25 m makes 180 km/h at 200 rad/s"
+CLIMBED = "no vehicle climbs more"
 SCENE = (
     PlausibleRange("run.stop", "s", (1e-4, 1e4), (1e-9, 1e9), "an hour is ten times as long as a test drive"),
     PlausibleRange(
@@ -30,7 +31,18 @@ SCENE = (
     ),
     PlausibleRange("driver.speed", "m/s", (0.0, 40.0), (0.0, 1e3), "tracks run 20 m/s, a few twice that"),
     PlausibleRange("start.height", "m", (-0.1, 5.0), (-1e6, 1e6), "beyond, it is a crash"),
-    PlausibleRange("ground.bump.rise", "m", (0.0, 2.0), (0.0, 1e3), "no vehicle climbs more"),
+    *(
+        PlausibleRange(f"ground.{key}", "m", (-2.0 if key.endswith("rise") else 0.0, 2.0), possible, CLIMBED)
+        for key, possible in {
+            "step.rise": (-1e3, 1e3),
+            "kerb.rise": (-1e3, 1e3),
+            "half_round.radius": (0.0, 1e3),
+            "washboard.amplitude": (0.0, 1e3),
+        }.items()
+    ),
+    PlausibleRange("ground.bump.rise", "m", (0.0, 2.0), (0.0, 1e3), CLIMBED),
+    PlausibleRange("ground.trench.depth", "m", (0.0, 10.0), (0.0, 1e3), "a tank ditch is 3 m deep"),
+    PlausibleRange("ground.trench.width", "m", (0.0, 20.0), (0.0, 1e6), "no vehicle crosses more"),
 )
 
 

@@ -20,11 +20,12 @@ from orchestrator.scene import gallery, points
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriveTable
 from orchestrator.scene.fmu_table import FmuTable, set_folder
 from orchestrator.scene.free_scene import FreeScene
+from orchestrator.scene.ground_tables import GroundTable
 from orchestrator.scene.hitch_table import HitchTable
 from orchestrator.scene.recording import ASSUMED_SPEED
 from orchestrator.scene.run_tables import short_coupling
 from orchestrator.scene.settings import keys, merge_tables, near_keys, pairs, set_key
-from orchestrator.scene.start_tables import GroundTable, StartTable, VehicleStartTable
+from orchestrator.scene.start_tables import StartTable, VehicleStartTable
 from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.tables import BenchTable, ChainTable, RigTable, refuse_reduced_measures
 from orchestrator.scene.track_table import TrackModelTable, short_track
@@ -206,8 +207,21 @@ class VehicleScene(Scene):
             raise ValueError("symmetric = true needs both tracks or none")
         if self.symmetric and self.vehicle.right is not None:
             raise ValueError("symmetric = true needs equal sides, but the vehicle has a table right")
-        if self.ground.bump and self.start.heading_and_pitch() != (self.start.heading, self.start.pitch):
-            raise ValueError("ground.bump needs start.roll = 0: rolled over, the vehicle's start looks the other way")
+        shaped = self.ground.shaped_by()
+        if shaped and self.start.heading_and_pitch() != (self.start.heading, self.start.pitch):
+            raise ValueError(
+                f"ground.{shaped[0]} needs start.roll = 0: rolled over, the vehicle's start looks the other way"
+            )
+        if self.ground.bump and len(shaped) > 1 and (self.start.heading, *self.start.position[:2]) != (0.0, 0.0, 0.0):
+            raise ValueError(
+                f"ground.bump lies ahead of the start, ground.{shaped[-1]} in the world: together they need"
+                " start.heading = 0 and start.position = [0, 0, z]"
+            )
+        one_sided = self.ground.one_sided(self.start.heading)
+        if self.symmetric and one_sided:
+            raise ValueError(f"symmetric = true needs the same ground on both sides, but ground.{one_sided} differs")
+        if one_sided and self.track.axes == "fixed":
+            raise ValueError(f"ground.{one_sided} rolls the vehicle: track.axes = 'fixed' keeps cables in their plane")
         if self.planar and not self.symmetric:
             raise ValueError("planar = true needs symmetric = true: a vehicle on two tracks may roll and yaw")
         self._check_fittings()
@@ -251,6 +265,7 @@ class VehicleScene(Scene):
     def with_axes(self) -> VehicleScene:
         """The scene with free axes, if none are given, for cables of a vehicle that may turn or roll."""
         track, in_plane = self.track, not self.turns and len(self.tracks) != 1 and self.vehicle.right is None
+        in_plane = in_plane and self.ground.one_sided(self.start.heading) is None
         if in_plane or track.axes is not None or track.choices().get("element") != "cable":
             return self
         return self.model_copy(update={"track": track.model_copy(update={"axes": "free"})})

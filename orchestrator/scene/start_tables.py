@@ -1,4 +1,4 @@
-"""Tables ``[start]`` and ``[ground]``: initial state and terrain."""
+"""Table ``[start]``: initial state."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from fmus.vehicle import Distance, FrozenTable, In, Length
+from fmus.vehicle import FrozenTable, Length
 from orchestrator.scene.values import SOLVED, Angle, Place
 
 Joint = Annotated[float, Field(allow_inf_nan=False, json_schema_extra={"unit": "rad, m"})]
@@ -35,6 +35,8 @@ class EquilibriumTable(FrozenTable):
     """on the left side: angles of the arms, front to rear, rad, and slide of the idler, m"""
     right: tuple[Joint, ...]
     """the same on the right side"""
+    lateral: Length = 0.0
+    """shift of the hull, to the left: on a side slope it slides until the guides touch"""
 
 
 class VehicleStartTable(StartTable):
@@ -78,27 +80,3 @@ class VehicleStartTable(StartTable):
         """Heading and pitch, rad, with the roll in them: R_z(h) R_y(p) R_x(pi) = R_z(h + pi) R_y(pi - p)."""
         over = abs(remainder(self.roll, 2.0 * pi)) > 1.0
         return (self.heading + pi, pi - self.pitch) if over else (self.heading, self.pitch)
-
-
-class BumpTable(FrozenTable):
-    """Trapezoidal obstacle across the path, with rounded edges, in the frame of the start."""
-
-    start: Place
-    """beginning of the obstacle, ahead of the sprocket axle"""
-    rise: Distance
-    """height of the obstacle"""
-    slope: Annotated[float, In("rad", gt=0, lt=1.5)]
-    """slope of both ramps"""
-    length: Annotated[float, In("m", ge=0)]
-    """length of the flat top"""
-    radius: Distance
-    """radius of all four edges"""
-
-
-class GroundTable(FrozenTable):
-    """Ground beyond its level, and contacts beyond those of the tracks."""
-
-    hull: bool = False
-    """the points vehicle.chassis.hull touch the ground"""
-    bump: BumpTable | None = None
-    """obstacle across the path"""

@@ -54,6 +54,9 @@ def scene_schema() -> Schema:
     for table in tables.values():
         for key in {*POINTS} & {*table["properties"]}:
             table["properties"][key]["anyOf"].append({"type": "string"})  # the name of a CSV file
+    heights = tables["HeightMapTable"]["properties"]["heights"]
+    described = {key: heights.pop(key) for key in ("description",) if key in heights}
+    tables["HeightMapTable"]["properties"]["heights"] = {**described, "anyOf": [heights, {"type": "string"}]}
     for table in (tables[kind.__name__] for kind in KINDS.values()):
         table["required"].remove("name")
         if whole := table["properties"].get("vehicle"):

@@ -20,6 +20,8 @@ JOINTED = "track.formulation=recursive", "track.integrator=runge_kutta"
 CHOLESKY = "track.coordinates=cholesky", "track.integrator=runge_kutta"
 ROUND = "drive.ramp_start=0", "drive.ramp_time=0.05", "drive.left.speed=4", "drive.right.speed=12"
 
+SLOPE = "ground.grade=0.1", "ground.bank=0.05", "start.heading=0.4"
+
 
 class Case(NamedTuple):
     """A part of a scene."""
@@ -34,7 +36,7 @@ class Case(NamedTuple):
 FEW = [
     Case("hanging_chain", "flexible", "chain"),
     Case("straight", "rigid", "left_drive", MOVING),
-    Case("straight", "rigid", "chassis", MOVING),
+    Case("straight", "rigid", "chassis", (*MOVING, *SLOPE)),
     Case("serpentine", "rigid", "driver"),
     Case("serpentine", "rigid", "right_drive"),
     Case("differential", "rigid", "differential"),
@@ -42,7 +44,7 @@ FEW = [
 MANY = [
     Case("hanging_chain", "rigid", "chain"),
     Case("straight", "flexible", "left_track", MOVING),
-    Case("straight", "rigid", "right_track", MOVING),
+    Case("straight", "rigid", "right_track", (*MOVING, *SLOPE)),
     Case("straight", "flexible", "left_track", (*MOVING, "track.element=beam")),
     Case("straight", "flexible", "left_track", (*MOVING, "symmetric=true", "planar=true")),
     Case("turn", "flexible", "left_track", (*QUICK, *ROUND)),

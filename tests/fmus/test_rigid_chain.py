@@ -33,7 +33,7 @@ class Chain:
         inertia = np.array(inertia, float)
         self.link = RigidLinks(0.5 * pitch, TRACK["face"], 0.25 * TRACK["width"], mass, inertia, ends)
         self.method = ImplicitMethod(coefficients(radius), TOLERANCE, True)
-        self.env = Environment(gravity, LOOP, np.zeros((2, 3)), 0.0, -1)
+        self.env = Environment((0.0, 0.0, -gravity), LOOP, np.zeros((2, 3)), 0.0, -1)
         sizes = shapes(n, ends.closed, 0)
         self.s, self.work = views(np.zeros(size(sizes)), sizes), work(n, ends.closed, 0)
         self.report, self.counters = np.zeros(REPORT), np.zeros(COUNTERS, np.int64)
@@ -71,7 +71,7 @@ class Chain:
     def energy(self):
         s, J = self.s, self.link.inertia
         kinetic = 0.5 * self.link.mass * (s.v[:, :3] ** 2).sum() + 0.5 * (s.v[:, 3:] ** 2 * J).sum()
-        return kinetic + self.link.mass * self.env.gravity * s.q[:, 2].sum()
+        return kinetic - self.link.mass * np.dot(s.q[:, :3].sum(axis=0), self.env.gravity)
 
     def momenta(self):
         """Linear momentum, and angular momentum about the origin, each (3)."""

@@ -17,7 +17,7 @@ def test_points_of_the_line_lie_on_the_ground(settings):
     scene = load("straight", "rigid", settings)
     profile = ground(scene.model_dump())
     bump = scene.ground.bump and scene.ground.bump.model_dump()
-    shape = ground_shape(scene.vehicle.model_dump(), 0.0, bump)
+    shape = ground_shape(scene.vehicle.model_dump(), {"bump": bump}, {"start.height": 0.0})
     along = np.concatenate([np.linspace(-1.0, 6.0, 300), profile.along])
     depths = [
         surface_depth(shape, x, z - profile.start[2])[0] for x, z in zip(along, profile.height_at(along), strict=True)

@@ -70,7 +70,7 @@ class Flexible:
     """Chain of cable links; the first pin held or not, the last one free."""
 
     def __init__(self, pins, held=False, closed=False, gravity=9.81, cable=STEEL, radius=0.8):
-        self.env = Environment(gravity, HELD if held else LOOP, np.zeros((2, 3)), 0.0, -1)
+        self.env = Environment((0.0, 0.0, -gravity), HELD if held else LOOP, np.zeros((2, 3)), 0.0, -1)
         self.report, self.counters = np.zeros(REPORT), np.zeros(COUNTERS, np.int64)
         n, nodes = (len(pins) if closed else len(pins) - 1), len(pins)
         self.links = cables.Cables(n, int(closed), cable, 0.029, 0.02, AREA, SECOND)

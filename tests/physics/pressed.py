@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fmus.physics.contact.face import Face, Penetration, contact_force, point_contact_force
-from fmus.physics.contact.ground import ground_face
+from fmus.physics.contact.grounds import ground_face
 from fmus.physics.contact.guide import guide_face
 from fmus.physics.contact.teeth import tooth_face
 from fmus.physics.contact.wheel import rim_face

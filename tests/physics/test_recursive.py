@@ -40,7 +40,7 @@ class Chain:
         n = len(pins) if ends.closed else len(pins) - 1
         self.rigid = RigidLinks(0.5 * pitch, 0.029, 0.1, MASS, np.array(inertia, float), ends, spring)
         self.links = jointed.JointedLinks(self.rigid)
-        self.env = Environment(gravity, HELD if ends.first else LOOP, np.zeros((2, 3)), 0.0, -1)
+        self.env = Environment((0.0, 0.0, -gravity), HELD if ends.first else LOOP, np.zeros((2, 3)), 0.0, -1)
         joints = count(n, ends.first)
         sizes = shapes(n, ends.closed, 0, joints=joints)
         self.s, self.w = views(np.zeros(size(sizes)), sizes), work(n, ends.closed, 0, joints=joints)
@@ -91,7 +91,7 @@ class Chain:
     def energy(self):
         s = self.s
         kinetic = 0.5 * MASS * (s.v[:, :3] ** 2).sum() + 0.5 * (s.v[:, 3:] ** 2 * self.rigid.inertia).sum()
-        return kinetic + MASS * self.env.gravity * s.q[:, 2].sum()
+        return kinetic - MASS * np.dot(s.q[:, :3].sum(axis=0), self.env.gravity)
 
     def momenta(self):
         """Linear and angular momentum about the origin (6)."""
@@ -187,7 +187,7 @@ def test_dense_mass_matrix_of_five_links(ends):
     weight = np.zeros((5, 6))
     weight[:, 2] = -MASS * G
     weight[3, 3:] = 0.0
-    chain.env = chain.env._replace(gravity=G, pull=np.array([[0.0, 0, 0], [50.0, 20.0, -30.0]]))
+    chain.env = chain.env._replace(gravity=(0.0, 0.0, -G), pull=np.array([[0.0, 0, 0], [50.0, 20.0, -30.0]]))
     A = chain.w.system.A[4]
     weight[4, :3] += chain.env.pull[1]
     weight[4, 3:] += np.cross([0.5 * P, 0, 0], A.T @ chain.env.pull[1])
@@ -263,7 +263,7 @@ def test_thrown_loop_keeps_momentum_and_energy():
     errors = []
     for h in (2e-3, 1e-3):
         chain = loop(8)
-        chain.env = chain.env._replace(gravity=0.0)
+        chain.env = chain.env._replace(gravity=(0.0, 0.0, 0.0))
         before = np.array([*chain.momenta(), chain.energy()])
         chain.run(0.5, h)
         errors.append(np.abs(np.array([*chain.momenta(), chain.energy()]) - before))

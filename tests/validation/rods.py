@@ -55,7 +55,7 @@ class Rods:
         thin = np.array([0.25, mass * pitch**2 / 12.0, mass * pitch**2 / 12.0])  # 0.25 in roll
         ends, sizes = Ends(closed, held, False), shapes(n, closed, 0)
         self.links = RigidLinks(0.5 * pitch, FACE, LATERAL, mass, thin, ends)
-        self.env = Environment(gravity, HELD if held else LOOP, np.zeros((2, 3)), 0.0, -1)
+        self.env = Environment((0.0, 0.0, -gravity), HELD if held else LOOP, np.zeros((2, 3)), 0.0, -1)
         self.method = ImplicitMethod(coefficients(radius), TOLERANCE, True)
         self.s, self.w = views(np.zeros(size(sizes)), sizes), work(n, closed, 0)
         self._slopes, self._report, self._counters = slopes(self.s), np.zeros(REPORT), np.zeros(COUNTERS, np.int64)
@@ -105,7 +105,7 @@ class Rods:
         """Kinetic and gravity energy, J."""
         s, m = self.s, self.links.mass
         kinetic = 0.5 * m * (s.v[:, :3] ** 2).sum() + 0.5 * (s.v[:, 3:] ** 2 * self.links.inertia).sum()
-        return float(kinetic + m * self.env.gravity * s.q[:, 2].sum())
+        return float(kinetic - m * np.dot(s.q[:, :3].sum(axis=0), self.env.gravity))
 
     def angular_momentum(self) -> Floats:
         """Angular momentum (3,) about the origin, kg m2/s."""

@@ -165,5 +165,9 @@ class Contacts(Protocol):
         """Contact law of links with rims and of horns with discs."""
 
     @property
+    def belt(self) -> Vector:
+        """Velocity of the ground's surface, m/s."""
+
+    @property
     def soil(self) -> Law:
         """Contact law of links with the ground."""

@@ -58,7 +58,7 @@ from fmus.physics.chain.sums import (
     add_contact,
 )
 from fmus.physics.contact.face import NOT_SINKING, Penetration, Sinking, contact_force, point_contact_force
-from fmus.physics.contact.ground import ground_face
+from fmus.physics.contact.grounds import ground_face, ground_law, is_above
 from fmus.physics.contact.teeth import tooth_face
 from fmus.physics.contact.wheel import (
     GAUSS,
@@ -192,14 +192,14 @@ def _teeth(
 @kernel
 def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_rate: float, tangent: bool) -> None:
     """Contact of the ground with the outer faces."""
-    (n, nodes), (points_across, lateral), law = count(links, x), lateral_points(links), contacts.soil
-    ground, summit = len(contacts.teeth), contacts.shape.height + contacts.shape.rise
+    (n, nodes), (points_across, lateral) = count(links, x), lateral_points(links)
+    ground, shape = len(contacts.teeth), contacts.shape
     first = POINTS * ground * nodes
     for i in range(n):
         a, b = pin_positions(links, x, w, i)
-        (_, _, first_height), _ = to_ground(links, x, w, a, a)
-        (_, _, last_height), _ = to_ground(links, x, w, b, b)
-        if min(first_height, last_height) - depth_below_pins(links, x, i) > summit:
+        first_pin, _ = to_ground(links, x, w, a, a)
+        last_pin, _ = to_ground(links, x, w, b, b)
+        if is_above(shape, first_pin, last_pin, depth_below_pins(links, x, i)):
             continue
         begin_link(links, x, w, i)
         hits = 0
@@ -210,10 +210,11 @@ def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_r
                 y = (2.0 * m - 1.0) * lateral
                 along_axes = locate(links, x, w, i, section, y)
                 p, v = to_ground(links, x, w, *along_axes)
-                depth, face = ground_face(contacts.shape, p, v)
+                v = add(v, scale(-1.0, contacts.belt))
+                depth, face = ground_face(shape, p, v)
                 if depth <= 0.0:
                     continue
-                point = first + POINTS * i + points_across * g + m
+                point, law = first + POINTS * i + points_across * g + m, ground_law(shape, contacts.soil, p)
                 force = point_contact_force(law, 0.5 / points_across, depth, face, by_rate, tangent, w.contact, point)
                 add_contact(w.sums, GROUND_FRICTION, GROUND_DAMPING, depth, force)
                 w.sums[LOAD] += force.normal

@@ -1,4 +1,4 @@
-"""Contact of a point with the ground, level or with one bump across the way.
+"""Contact of a point with the ground, level or with one bump across the way; other grounds are ``terrain``.
 
 The bump is a trapezoid with rounded edges, symmetric: a top, two ramps, and arcs of one radius between top, ramp and
 level. Depths are true distances, so the normal force has a potential on the arcs too, and a round wheel touches where
@@ -7,14 +7,18 @@ its centre is nearer than its radius.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from fmus.jit import kernel
+from fmus.jit import implemented_in, kernel
 from fmus.physics.arrays import Four, Vector, VectorLike
 from fmus.physics.contact.face import NOTHING, Face
 from fmus.physics.elementary import cos, hypot, sin
 
+if TYPE_CHECKING:
+    from fmus.physics.contact.laws import Law
 
+
+@implemented_in(ground=".ground")
 class GroundShape(NamedTuple):
     """Shape of the ground in its own frame: x ahead, z up; the same at every y."""
 
@@ -26,6 +30,10 @@ class GroundShape(NamedTuple):
     radius: float = 0.0  # radius of the rounded edges, m
     sine: float = 0.0  # sine of the ramp angle
     cosine: float = 1.0  # cosine of the ramp angle
+
+    def without_friction(self) -> GroundShape:
+        """The shape itself: it has no friction of its own."""
+        return self
 
 
 def bumpy_ground(height: float, start: float, rise: float, slope: float, length: float, radius: float) -> GroundShape:
@@ -68,7 +76,26 @@ def surface_depth(ground: GroundShape, x: float, z: float) -> Four:
 
 
 @kernel
-def ground_face(ground: GroundShape, x: VectorLike, v: Vector) -> tuple[float, Face]:
-    """Depth, m, of a point at ``x``, m, with velocity ``v``, m/s, in the ``ground``, and the Face there."""
-    depth, n0, n2, curvature = surface_depth(ground, x[0], x[2])
+def ground_face(shape: GroundShape, x: VectorLike, v: Vector) -> tuple[float, Face]:
+    """See ``grounds``; the face is valid above the ground too."""
+    depth, n0, n2, curvature = surface_depth(shape, x[0], x[2])
     return depth, Face((n0, 0.0, n2), (n2, 0.0, -n0), curvature, v, NOTHING)
+
+
+@kernel
+def is_above(shape: GroundShape, a: Vector, b: Vector, reach: float) -> bool:
+    """See ``grounds``."""
+    return min(a[2], b[2]) - reach > shape.height + shape.rise
+
+
+@kernel
+def ground_law(shape: GroundShape, law: Law, x: VectorLike) -> Law:
+    """See ``grounds``: friction is the same everywhere."""
+    return law
+
+
+@kernel
+def wheel_normal(shape: GroundShape, centre: Vector, axle: Vector, radius: float) -> Vector:
+    """See ``grounds``."""
+    _, n0, n2, _ = surface_depth(shape, centre[0], centre[2])
+    return n0, 0.0, n2

@@ -32,3 +32,9 @@ def normal(law: HuntCrossley, share: float, depth: float, rate: float) -> Four:
     if force <= 0.0:  # the faces part faster than the spring relaxes: its energy is lost
         return 0.0, 0.0, 0.0, energy
     return force, k + c * rate, c * depth, energy
+
+
+@kernel
+def with_friction(law: HuntCrossley, mu: float) -> HuntCrossley:
+    """See ``laws``."""
+    return HuntCrossley(law.k, law.c, mu, law.v_reg, law.deep)

@@ -2,7 +2,7 @@
 
 Every law has a linear spring k, which the spread contacts require for their stored and lost energies
 (``wheel.gauss_excess``, ``wheel.patch_defect``), the friction of ``face``, and its own damper. A new law needs a file
-with a class of these fields and ``normal``, and its name here and in ``fmus.vehicle``.
+with a class of these fields, ``normal`` and ``with_friction``, and its name here and in ``fmus.vehicle``.
 """
 
 # the stubs of ``dispatch`` have no bodies
@@ -34,3 +34,8 @@ def normal(law: Law, share: float, depth: float, rate: float) -> Four:
     ``rate``, m/s, is the growth of the penetration. Returns the force, N, its derivatives by depth, N/m, and by rate,
     N s/m, and the stored energy, J.
     """
+
+
+@dispatch(_of)
+def with_friction(law: Law, mu: float) -> Law:
+    """Copy of the ``law`` with another coefficient of friction."""

@@ -36,3 +36,9 @@ def normal(law: Linear, share: float, depth: float, rate: float) -> Four:
     if force <= 0.0:  # the faces part faster than the spring relaxes: its energy is lost
         return 0.0, 0.0, 0.0, 0.5 * k * depth * depth
     return force, k + c * slope * rate, c * fade, 0.5 * k * depth * depth
+
+
+@kernel
+def with_friction(law: Linear, mu: float) -> Linear:
+    """See ``laws``."""
+    return Linear(law.k, law.c, mu, law.v_reg, law.ramp)

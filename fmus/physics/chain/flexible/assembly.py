@@ -14,7 +14,7 @@ from fmus.physics.chain.flexible.axes import (
     absolute_rates,
     add_lateral_bending,
     assemble_border,
-    centre_height,
+    centre_of_mass,
     couple_inertia,
     inertia_and_weight,
     lateral_bending_energy,
@@ -29,6 +29,7 @@ from fmus.physics.chain.flexible.inertia import add_kinetic, add_mass
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.sums import MATERIAL
 from fmus.physics.chain.touch import evaluate_contacts
+from fmus.physics.vector import dot, scale
 
 if TYPE_CHECKING:
     from fmus.physics.chain.environment import Environment
@@ -52,7 +53,7 @@ def evaluate(
     """
     n, c, indices = links.n, links.element, layout(links)
     rows, dims = vector_count(c), axis_count(c)
-    whole, weight = rows * dims + len(indices.common), total_mass(c) * env.gravity
+    whole, weight = rows * dims + len(indices.common), scale(total_mass(c), env.gravity)
     clear(w, fresh)
     mass(c, w.M)
     if contacts is not None:
@@ -93,7 +94,7 @@ def evaluate(
 def totals(links: FlexibleLinks, env: Environment, x: State, w: Work) -> tuple[Four, Vector]:
     """Least, mean and largest tension, N, and largest stress, Pa; kinetic, strain and gravity energy, J."""
     n, c, q = links.n, links.element, x.q
-    weight = total_mass(c) * env.gravity
+    weight = scale(total_mass(c), env.gravity)
     kinetic, gravity = rotary_energy(links, x), 0.0
     strain_energy = spring_energy(links.closing, axis_count(c), q)
     low, high, mean, stress = np.inf, -np.inf, 0.0, 0.0
@@ -105,7 +106,7 @@ def totals(links: FlexibleLinks, env: Environment, x: State, w: Work) -> tuple[F
         absolute_rates(links, x, w)
         kinetic = add_kinetic(kinetic, w.M, w.v)
         strain_energy += energy(c, w.e) + lateral_bending_energy(links, w)
-        gravity += weight * centre_height(links, x, w)
+        gravity -= dot(weight, centre_of_mass(links, x, w))
         pull, fibre = axial(links, w)
         low, high, mean = min(low, pull), max(high, pull), mean + pull / n
         stress = max(stress, fibre)

@@ -36,8 +36,8 @@ def wrenches_from_axes(links: FlexibleLinks, x: Motion, w: Work) -> None:
 
 
 @dispatch(_of)
-def inertia_and_weight(links: FlexibleLinks, x: Motion, w: Work, weight: float, r: Floats) -> None:
-    """Write inertia forces and ``weight``, N, of the link to its residual ``r`` (rows, axes), N and N m."""
+def inertia_and_weight(links: FlexibleLinks, x: Motion, w: Work, weight: Vector, r: Floats) -> None:
+    """Write inertia forces less ``weight``, N, of the link to its residual ``r`` (rows, axes), N and N m."""
 
 
 @dispatch(_of)
@@ -133,13 +133,13 @@ def omitted_accelerations(links: FlexibleLinks, s: State, w: Work, i: int, j: in
 
 
 @dispatch(_of)
-def vertical(links: FlexibleLinks, s: State) -> Vector:
-    """Unit vector of the vertical along the axes."""
+def along_axes(links: FlexibleLinks, s: State, v: Vector) -> Vector:
+    """Components along the axes of the vector ``v`` in the frame of the start; of two axes the first two."""
 
 
 @dispatch(_of)
-def centre_height(links: FlexibleLinks, x: State, w: Work) -> float:
-    """Height of the centre of mass of the link, m."""
+def centre_of_mass(links: FlexibleLinks, x: State, w: Work) -> Vector:
+    """Centre of mass of the link in the frame of the start, m."""
 
 
 @dispatch(_of)

@@ -31,11 +31,11 @@ def wrenches_from_axes(links: FlexibleLinks, x: Motion, w: Work) -> None:
 
 
 @kernel
-def inertia_and_weight(links: FlexibleLinks, x: Motion, w: Work, weight: float, r: Floats) -> None:
+def inertia_and_weight(links: FlexibleLinks, x: Motion, w: Work, weight: Vector, r: Floats) -> None:
     """See ``axes``."""
     rows, dims = vector_count(links.element), axis_count(links.element)
     inertia.inertia(rows, dims, w.M, w.dv, r)
-    inertia.weigh(weight, links.element.l, rows // 2, dims - 1, r)
+    inertia.weigh(weight, links.element.l, rows // 2, dims, r)
 
 
 @kernel
@@ -125,16 +125,17 @@ def omitted_accelerations(links: FlexibleLinks, s: State, w: Work, i: int, j: in
 
 
 @kernel
-def vertical(links: FlexibleLinks, s: State) -> Vector:
+def along_axes(links: FlexibleLinks, s: State, v: Vector) -> Vector:
     """See ``axes``."""
-    return (0.0, 0.0, 1.0) if axis_count(links.element) == 3 else (0.0, 1.0, 0.0)
+    return v if axis_count(links.element) == 3 else (v[0], v[2], 0.0)
 
 
 @kernel
-def centre_height(links: FlexibleLinks, x: State, w: Work) -> float:
+def centre_of_mass(links: FlexibleLinks, x: State, w: Work) -> Vector:
     """See ``axes``."""
-    rows, dims = vector_count(links.element), axis_count(links.element)
-    return inertia.height(links.element.l, rows // 2, dims - 1, w.e)
+    last, l = vector_count(links.element) // 2, links.element.l
+    first, second = inertia.centre(l, last, 0, w.e), inertia.centre(l, last, 1, w.e)
+    return (first, second, inertia.centre(l, last, 2, w.e)) if axis_count(links.element) == 3 else (first, 0.0, second)
 
 
 @kernel

@@ -87,14 +87,13 @@ def wrenches_from_axes(links: TurningCables, x: Motion, w: TurningWork) -> None:
 
 
 @kernel
-def inertia_and_weight(links: TurningCables, x: Motion, w: TurningWork, weight: float, r: Floats) -> None:
+def inertia_and_weight(links: TurningCables, x: Motion, w: TurningWork, weight: Vector, r: Floats) -> None:
     """See ``axes``; adds their moment to the balance."""
     f, a, l = x.axes, w.axes, links.element.l
     _add_frame_accelerations(f, w)
     inertia.inertia(4, 3, w.M, w.dv, r)
     about_x = about_z = 0.0
-    for k in range(3):
-        inertia.weigh(weight * f[6 + k], l, 2, k, r)
+    inertia.weigh(to_axes(f, weight), l, 2, 3, r)
     for n in range(4):
         e, q = vector(w.e[n], 0), vector(r[n], 0)
         about_x += e[1] * q[2] - e[2] * q[1]
@@ -146,9 +145,9 @@ def omitted_accelerations(links: TurningCables, s: State, w: TurningWork, i: int
 
 
 @kernel
-def vertical(links: TurningCables, s: State) -> Vector:
+def along_axes(links: TurningCables, s: State, v: Vector) -> Vector:
     """See ``axes``."""
-    return vector(s.axes, 6)
+    return to_axes(s.axes, v)
 
 
 @kernel
@@ -420,12 +419,11 @@ def absolute_rates(links: TurningCables, x: State, w: TurningWork) -> None:
 
 
 @kernel
-def centre_height(links: TurningCables, x: State, w: TurningWork) -> float:
+def centre_of_mass(links: TurningCables, x: State, w: TurningWork) -> Vector:
     """See ``axes``."""
-    f, l, e, z = x.axes, links.element.l, w.e, x.axes[ORIGIN + 2]
-    for k in range(3):
-        z += f[6 + k] * inertia.height(l, 2, k, e)
-    return z
+    l, e = links.element.l, w.e
+    place = inertia.centre(l, 2, 0, e), inertia.centre(l, 2, 1, e), inertia.centre(l, 2, 2, e)
+    return start_frame_position(links, x, place)
 
 
 @kernel

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fmus.jit import kernel
-from fmus.physics.arrays import Floats
+from fmus.physics.arrays import Floats, Vector
 
 
 @kernel
@@ -26,21 +26,23 @@ def add_mass(rows: int, axes: int, M: Floats, factor: float, K: Floats) -> None:
 
 
 @kernel
-def weigh(weight: float, l: float, last: int, up: int, r: Floats) -> None:
-    """Add a link's ``weight``, N, to its residual ``r`` (rows, axes), by shape functions.
+def weigh(weight: Vector, l: float, last: int, axes: int, r: Floats) -> None:
+    """Subtract a link's ``weight``, N, by shape functions from its residual ``r`` (rows, axes).
 
-    ``l``, m, is its length, ``last`` the first row of its second node, ``up`` the index of the z axis.
+    ``l``, m, is its length, ``last`` the first row of its second node; ``axes``: 3, or 2 without y.
     """
-    r[0, up] += 0.5 * weight
-    r[1, up] += weight * l / 12.0
-    r[last, up] += 0.5 * weight
-    r[last + 1, up] -= weight * l / 12.0
+    for k in range(axes):
+        pull = weight[k] if axes == 3 else weight[2 * k]
+        r[0, k] -= 0.5 * pull
+        r[1, k] -= pull * l / 12.0
+        r[last, k] -= 0.5 * pull
+        r[last + 1, k] += pull * l / 12.0
 
 
 @kernel
-def height(l: float, last: int, up: int, e: Floats) -> float:
-    """Height of the centre of mass, m, at coordinates ``e`` (rows, axes); other arguments as in ``weigh``."""
-    return 0.5 * (e[0, up] + e[last, up]) + l / 12.0 * (e[1, up] - e[last + 1, up])
+def centre(l: float, last: int, k: int, e: Floats) -> float:
+    """Component k of the centre of mass, m, at coordinates ``e`` (rows, axes); other arguments as in ``weigh``."""
+    return 0.5 * (e[0, k] + e[last, k]) + l / 12.0 * (e[1, k] - e[last + 1, k])
 
 
 @kernel

@@ -20,7 +20,12 @@ from fmus.physics.ancf.element import axis_count, total_mass, vector_count
 from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.environment import PINNED
 from fmus.physics.chain.flexible import inertia
-from fmus.physics.chain.flexible.axes import absolute_accelerations, omitted_accelerations, start_frame_vector, vertical
+from fmus.physics.chain.flexible.axes import (
+    absolute_accelerations,
+    along_axes,
+    omitted_accelerations,
+    start_frame_vector,
+)
 from fmus.physics.chain.flexible.elements import in_space, layout
 from fmus.physics.chain.flexible.link_layout import ends
 from fmus.physics.chain.on_links import JOINT
@@ -47,19 +52,14 @@ def newton_joints(links: FlexibleLinks, env: Environment, s: State, w: Work) -> 
         axis_count(links.element),
     )
     R, load, b, x, total = w.R, w.load, w.imbalance, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    weight, up, l = total_mass(links.element) * env.gravity, vertical(links, s), links.element.l
+    weight, l = scale(total_mass(links.element), along_axes(links, s, env.gravity)), links.element.l
     for i in range(n):
         first, second = ends(indices, nodes, i)
         absolute_accelerations(links, s, w, first, second)
         put(forces[i], JOINT, x)
         total = add(total, x)
         for k in range(dims):  # (1)
-            more = (
-                total_mass(links.element) * inertia.height(l, half, k, w.dv)
-                + weight * up[k]
-                - R[i, 0, k]
-                - R[i, half, k]
-            )
+            more = total_mass(links.element) * inertia.centre(l, half, k, w.dv) - weight[k] - R[i, 0, k] - R[i, half, k]
             if w.touched[i]:
                 more += load[i, 0, k] + load[i, half, k]
             w.t[k] = more + b[second, k]

@@ -44,7 +44,8 @@ class Evaluation(NamedTuple):
 class Rest(NamedTuple):
     """Wheels at the start, and the search for static equilibrium on them."""
 
-    contacts: Contacts | None  # contact partners without friction
+    contacts: Contacts | None  # contact partners with the friction of the equilibrium alone
+    env: Environment  # loads without those across the plane of the chain
     wheels: Floats  # (m, 15) motions at the start
     tolerance: float  # largest residual, N
     longest: float  # pseudo step after which the search ends where possible, s
@@ -117,7 +118,7 @@ def release(
         worst, where = evaluate(links, contacts, env, evaluation.motion, evaluation.by, w, evaluation.fresh)
         return IntegrationOutcome(DONE, 0.0, where, worst)
     if task == REST:
-        settled = settle(links, rest.contacts, env, rest.wheels, rest.tolerance, rest.longest, s, w)
+        settled = settle(links, rest.contacts, rest.env, rest.wheels, rest.tolerance, rest.longest, s, w)
         if settled.failure != DONE:
             return settled
     failed = start_released(links, contacts, env, rest.wheels, s, w, report)

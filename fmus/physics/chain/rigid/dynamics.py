@@ -18,6 +18,7 @@ from fmus.physics.chain.speed import chain_speed
 from fmus.physics.chain.state import copy_rows
 from fmus.physics.chain.sums import END_POWER
 from fmus.physics.rigid import body
+from fmus.physics.vector import add, dot, scale, vector
 
 if TYPE_CHECKING:
     from fmus.physics.chain.environment import Environment
@@ -50,13 +51,13 @@ def observe(links: RigidLinks, env: Environment, s: State, w: Work, report: Floa
     """See ``kinds``."""
     n = s.q.shape[0]
     copy_rows(w.along, s.along)
-    low, high, mean, kinetic, height = np.inf, -np.inf, 0.0, 0.0, 0.0
+    low, high, mean, kinetic, place = np.inf, -np.inf, 0.0, 0.0, (0.0, 0.0, 0.0)
     for i in range(n):
         pull = tension(links, env, s, w, i)
         low, high, mean = min(low, pull), max(high, pull), mean + pull / n
         kinetic += body.kinetic(links.mass, links.inertia, s.v[i])
-        height += s.q[i, 2]
-    energy = kinetic, strain_energy(links, s, w), links.mass * env.gravity * height
+        place = add(place, vector(s.q[i], 0))
+    energy = kinetic, strain_energy(links, s, w), -dot(scale(links.mass, env.gravity), place)
     write(report, w, s.mean, speed(links, env, s, w), carrier(w.wheels, env.mount)[3], (low, mean, high, 0.0), energy)
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fmus.jit import implemented_in, kernel, noalias
-from fmus.physics.arrays import Floats
+from fmus.physics.arrays import Floats, Vector
 from fmus.physics.chain.rigid import closing
 from fmus.physics.chain.rigid.arms import add_force, lever, rate
 from fmus.physics.chain.rigid.state import State
@@ -121,7 +121,7 @@ def pins(links: RigidLinks, s: State, w: Work) -> None:
 
 
 @kernel
-def _inertia(links: RigidLinks, gravity: float, s: State, w: Work, by: Slopes, tangent: bool) -> None:
+def _inertia(links: RigidLinks, gravity: Vector, s: State, w: Work, by: Slopes, tangent: bool) -> None:
     """Inertia minus weight minus pin forces into the residual of the links, and their tangent; ``gravity`` in m/s2."""
     J, m, p = links.inertia, links.mass, s.lam.shape[0]
     A, R, KK, WP, WQ = w.system.A, w.system.r, w.system.K, w.system.WP, w.system.WQ
@@ -135,9 +135,8 @@ def _inertia(links: RigidLinks, gravity: float, s: State, w: Work, by: Slopes, t
             r[a] = 0.0
         pin.reaction(links.half, A[i], lam[i], lam[j], WQ[i], WP[j], r)
         for a in range(3):
-            r[a] = m * vdot[i, a] - r[a]
+            r[a] = m * vdot[i, a] - r[a] - m * gravity[a]
             r[3 + a] = J[a] * vdot[i, 3 + a] - r[3 + a]
-        r[2] += m * gravity
         r[3] += g0 * o1 * o2
         r[4] += g1 * o2 * o0
         r[5] += g2 * o0 * o1

@@ -1,0 +1,153 @@
+"""Contact of points with a terrain, for ``grounds``: depths are true distances, normals those of the nearest point.
+
+A point above the ground is found by its height alone. Of both principal curvatures a face has the larger one, as the
+turn of the normal at the point itself: that of a surface which is parallel to the ground.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmus.jit import kernel
+from fmus.physics.arrays import Vector, VectorLike
+from fmus.physics.contact.face import NOTHING, Face
+from fmus.physics.contact.laws import with_friction
+from fmus.physics.contact.terrain.fade import fade
+from fmus.physics.contact.terrain.foot import Patch, first_foot, foot_point, patch
+from fmus.physics.contact.terrain.friction import friction_at
+from fmus.physics.contact.terrain.profile import height
+from fmus.physics.contact.terrain.shape import Terrain
+from fmus.physics.contact.terrain.surface import smooth_height, surface, top
+from fmus.physics.vector import add, cross, dot, scale
+
+if TYPE_CHECKING:
+    from fmus.physics.contact.laws import Law
+
+SAMPLES = 8  # places on each side of a wheel's centre from which its foot point is sought
+
+
+@kernel
+def _to_ground(shape: Terrain, p: VectorLike) -> Vector:
+    """Point ``p`` of the component's frame in the ground's, m."""
+    f = shape.frame
+    return (
+        f[0] + (f[3] * p[0] + f[4] * p[1] + f[5] * p[2]),
+        f[1] + (f[6] * p[0] + f[7] * p[1] + f[8] * p[2]),
+        f[2] + (f[9] * p[0] + f[10] * p[1] + f[11] * p[2]),
+    )
+
+
+@kernel
+def _turn_to_ground(shape: Terrain, v: VectorLike) -> Vector:
+    """Direction ``v`` of the component's frame in the ground's."""
+    f = shape.frame
+    return (
+        f[3] * v[0] + f[4] * v[1] + f[5] * v[2],
+        f[6] * v[0] + f[7] * v[1] + f[8] * v[2],
+        f[9] * v[0] + f[10] * v[1] + f[11] * v[2],
+    )
+
+
+@kernel
+def _to_component(shape: Terrain, v: VectorLike) -> Vector:
+    """Direction ``v`` of the ground's frame in the component's."""
+    f = shape.frame
+    return (
+        f[3] * v[0] + f[6] * v[1] + f[9] * v[2],
+        f[4] * v[0] + f[7] * v[1] + f[10] * v[2],
+        f[5] * v[0] + f[8] * v[1] + f[11] * v[2],
+    )
+
+
+@kernel
+def _normal(S_s: Vector, S_t: Vector) -> Vector:
+    """Unit normal of a surface with two tangents."""
+    n = cross(S_s, S_t)
+    return scale(1.0 / np.sqrt(dot(n, n)), n)
+
+
+@kernel
+def _largest_curvature(at: Patch, n: Vector) -> tuple[float, Vector]:
+    """Principal curvature of largest size, 1/m, positive where the surface is convex, and its unit direction."""
+    _, S_s, S_t, S_ss, S_st, S_tt = at
+    size = np.sqrt(dot(S_s, S_s))
+    first = scale(1.0 / size, S_s)
+    second = cross(n, first)
+    l, along, across = -dot(n, S_ss) / (size * size), dot(S_t, first), dot(S_t, second)
+    m = (-dot(n, S_st) / size - along * l) / across
+    k = (-dot(n, S_tt) - along * (2.0 * across * m + along * l)) / (across * across)
+    half, middle = 0.5 * (l - k), 0.5 * (l + k)
+    radius = np.sqrt(half * half + m * m)
+    if radius == 0.0:
+        return middle, first
+    c, s = (half + radius, m) if half >= 0.0 else (m, radius - half)  # direction of the larger curvature
+    if middle < 0.0:
+        middle, c, s, radius = middle, -s, c, -radius
+    scaled = 1.0 / np.sqrt(c * c + s * s)
+    return middle + radius, add(scale(c * scaled, first), scale(s * scaled, second))
+
+
+@kernel
+def _foot_face(shape: Terrain, p: Vector, g: float) -> tuple[float, Vector, Vector, float]:
+    """Depth of a point ``p`` of the ground's frame, m, normal, direction of curvature, and curvature, 1/m."""
+    at = foot_point(shape, p, first_foot(shape, p, g))
+    n = _normal(at[1], at[2])
+    depth = dot(n, add(at[0], scale(-1.0, p)))
+    curvature, u = _largest_curvature(at, n)
+    return depth, n, u, curvature / (1.0 - curvature * depth)
+
+
+@kernel
+def ground_face(shape: Terrain, x: VectorLike, v: Vector) -> tuple[float, Face]:
+    """See ``grounds``; above the ground the depth is the vertical distance."""
+    p = _to_ground(shape, x)
+    g, _, _, _, _, _ = smooth_height(shape, p[0], p[1])
+    h, _, _ = height(shape.profile, p[0])
+    k, _, _ = height(shape.kerb.profile, p[1])
+    f, _, _ = fade(p[0], shape.kerb.start, shape.kerb.length)
+    depth = g + h + f * k - p[2]
+    if depth <= 0.0:
+        return depth, Face((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), 0.0, v, NOTHING)
+    depth, n, u, curvature = _foot_face(shape, p, g)
+    return depth, Face(_to_component(shape, n), _to_component(shape, u), curvature, v, NOTHING)
+
+
+@kernel
+def is_above(shape: Terrain, a: Vector, b: Vector, reach: float) -> bool:
+    """See ``grounds``: links are four times as wide as long at most, and are tilted to their ground by 25 degrees."""
+    p, q = _to_ground(shape, a), _to_ground(shape, b)
+    x, y, d = 0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1]), add(q, scale(-1.0, p))
+    length = np.sqrt(dot(d, d))
+    return min(p[2], q[2]) - reach - length > top(shape, x, y, 2.5 * length + reach)
+
+
+@kernel
+def ground_law(shape: Terrain, law: Law, x: VectorLike) -> Law:
+    """See ``grounds``."""
+    if shape.regions.shape[0] == 0:
+        return law
+    p = _to_ground(shape, x)
+    return with_friction(law, friction_at(shape.regions, law.mu, p[0], p[1]))
+
+
+@kernel
+def wheel_normal(shape: Terrain, centre: Vector, axle: Vector, radius: float) -> Vector:
+    """See ``grounds``: the nearest of the foot points that Newton's method finds from places below the wheel."""
+    p, a = _to_ground(shape, centre), _turn_to_ground(shape, axle)
+    size = np.sqrt(a[0] * a[0] + a[1] * a[1])
+    ahead = (-a[1] / size, a[0] / size) if size > 0.0 else (1.0, 0.0)
+    best, from_place = 1e300, p
+    for k in range(-SAMPLES, SAMPLES + 1):
+        way = 1.5 * k * radius / SAMPLES
+        x, y = p[0] + way * ahead[0], p[1] + way * ahead[1]
+        z, _, _, _, _, _ = surface(shape, x, y)
+        if way * way + (z - p[2]) * (z - p[2]) < best:
+            best, from_place = way * way + (z - p[2]) * (z - p[2]), (x, y, z)
+    g, _, _, _, _, _ = smooth_height(shape, from_place[0], from_place[1])
+    # walls are not below the wheel, but near to its centre
+    wall, place = first_foot(shape, p, g), first_foot(shape, from_place, g)
+    r = add(patch(shape, wall)[0], scale(-1.0, p))
+    at = foot_point(shape, p, wall if dot(r, r) < best else place)
+    return _to_component(shape, _normal(at[1], at[2]))

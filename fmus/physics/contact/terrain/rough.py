@@ -1,0 +1,51 @@
+"""Rough ground: a periodic profile along x for each side, as cubic splines over equal distances."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.jit import kernel
+from fmus.physics.arrays import Floats
+from fmus.physics.contact.terrain.fade import Three, fade
+from fmus.physics.contact.terrain.sum import Six, times
+
+
+class Rough(NamedTuple):
+    """Profiles of the left and the right side, or one for both."""
+
+    nodes: np.ndarray  # (n, 4) heights, m, and second derivatives, 1/m, of left and right; (n, 2) of both; n = 0: none
+    spacing: float = 1.0  # distance of the nodes, m
+    highest: float = 0.0  # largest height, m
+    start: float = 0.0  # x where the roughness begins, m
+    length: float = 1.0  # length over which it fades in, m
+
+
+@kernel
+def _spline(nodes: Floats, column: int, spacing: float, i: int, t: float) -> Three:
+    """Value between the nodes i and i + 1 at the fraction t, with its derivatives."""
+    j, r, d = (i + 1 if i + 1 < nodes.shape[0] else 0), 1.0 - t, spacing
+    a, b, m, k = nodes[i, column], nodes[j, column], nodes[i, column + 1], nodes[j, column + 1]
+    h = r * a + t * b + (r * (r * r - 1.0) * m + t * (t * t - 1.0) * k) * (d * d / 6.0)
+    return h, (b - a) / d + ((1.0 - 3.0 * r * r) * m + (3.0 * t * t - 1.0) * k) * (d / 6.0), r * m + t * k
+
+
+@kernel
+def rough(p: Rough, blend: float, x: float, y: float) -> Six:
+    """Height at (x, y), m, with its derivatives; left turns to right over ``blend`` m on both sides of y = 0."""
+    place, n = (x - p.start) / p.spacing, p.nodes.shape[0]
+    whole = int(place)
+    if whole > place:
+        whole -= 1
+    i, t = whole % n, place - whole
+    h, h_x, h_xx = _spline(p.nodes, 0, p.spacing, i, t)
+    envelope = fade(x, p.start, p.length)
+    if p.nodes.shape[1] == 2:
+        return times(envelope, (h, h_x, 0.0, h_xx, 0.0, 0.0))
+    r, r_x, r_xx = _spline(p.nodes, 2, p.spacing, i, t)
+    f, f_y, f_yy = fade(y, -blend, 2.0 * blend)
+    d = h - r
+    return times(
+        envelope, (r + f * d, r_x + f * (h_x - r_x), f_y * d, r_xx + f * (h_xx - r_xx), f_y * (h_x - r_x), f_yy * d)
+    )

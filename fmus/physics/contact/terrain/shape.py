@@ -1,0 +1,44 @@
+"""Terrain: the shape of the ground as a sum of primitives, in a frame of its own."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.jit import implemented_in
+from fmus.physics.contact.terrain.fade import EVERYWHERE
+from fmus.physics.contact.terrain.heightmap import HeightMap
+from fmus.physics.contact.terrain.plane import Plane
+from fmus.physics.contact.terrain.rough import Rough
+from fmus.physics.contact.terrain.washboard import Washboard
+
+
+class Kerb(NamedTuple):
+    """Profile across the way, which may rise along it."""
+
+    profile: np.ndarray  # (n, PIECE) over y, see ``profile``; n = 0: none
+    start: float = EVERYWHERE  # x where it begins to rise, m
+    length: float = 1.0  # length over which it rises, m
+
+
+@implemented_in(ground=".face")
+class Terrain(NamedTuple):
+    """Primitives of a ground, constant through a run; z is up in the ground's frame, heights are along it.
+
+    The arrays may be shared between components; ``frame`` belongs to one of them.
+    """
+
+    frame: np.ndarray  # (12) origin of the component's frame in the ground's, m, and its rotation matrix by rows
+    plane: Plane
+    profile: np.ndarray  # (n, PIECE) obstacles across the way, over x: see ``profile``; n = 0: none
+    kerb: Kerb
+    washboard: Washboard
+    rough: Rough
+    heightmap: HeightMap
+    blend: float  # left and right profiles turn into one another over this length on both sides of y = 0, m
+    regions: np.ndarray  # (m, REGION) regions of friction: see ``friction``
+
+    def without_friction(self) -> Terrain:
+        """Copy whose regions have no friction of their own."""
+        return self._replace(regions=self.regions[:0])

@@ -1,0 +1,264 @@
+"""Tables ``[ground]``: slopes, obstacles, roughness, maps and friction of the ground, in the frame of the world.
+
+Obstacles lie across the world's x axis, whatever the heading of the vehicle; with heading 0 and position 0 that is
+ahead of the sprocket axle. Only a bump alone lies in the frame of the start. Heights of all parts add; those with a
+start leave the ground level behind it.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from fmus.vehicle import Distance, FrozenTable, In, Length, ratio
+from orchestrator.scene.values import Angle, Place
+
+Slope = Annotated[float, In("1", ge=-2.0, le=2.0)]
+Radius = Annotated[float, In("m", ge=1e-3)]  # below, a link's penetration is larger than its edge
+Places = Annotated[tuple[Place, ...], Field(min_length=1, max_length=100)]
+Height = Annotated[float, Field(allow_inf_nan=False, ge=-1e4, le=1e4, json_schema_extra={"unit": "m"})]
+MOST_HEIGHTS = 200_000  # of a map: a log holds them as text
+MOST_WAVES = 6000  # of a rough profile: the time to add them grows with the square
+
+
+class BumpTable(FrozenTable):
+    """Trapezoidal obstacle across the path, with rounded edges, in the frame of the start."""
+
+    start: Place
+    """beginning of the obstacle, ahead of the sprocket axle"""
+    rise: Distance
+    """height of the obstacle"""
+    slope: Annotated[float, In("rad", gt=0, lt=1.5)]
+    """slope of both ramps"""
+    length: Annotated[float, In("m", ge=0)]
+    """length of the flat top"""
+    radius: Distance
+    """radius of all four edges"""
+
+
+class StepTable(FrozenTable):
+    """Steps across x, with vertical walls."""
+
+    x: Places
+    """places of the walls along x; several equal steps are stairs"""
+    rise: Length
+    """height of a step; down if negative"""
+    radius: Radius = 0.02
+    """radius of both edges of a step; one that is lower than two radii has no wall"""
+
+    @model_validator(mode="after")
+    def _check_rise(self) -> StepTable:
+        if self.rise == 0.0:
+            raise ValueError("rise = 0 m: a step needs a height, up or down")
+        return self
+
+
+class HalfRoundTable(FrozenTable):
+    """Half cylinders across x."""
+
+    x: Places
+    """places of their axes along x"""
+    radius: Radius
+    """radius, which is their height"""
+    fillet: Radius = 0.02
+    """radius of the concave arcs at their feet; wheels of a larger radius do not touch them"""
+
+
+class TrenchTable(FrozenTable):
+    """Trench across x, with vertical walls."""
+
+    start: Place
+    """place of the near wall along x"""
+    width: Distance
+    """distance of the walls"""
+    depth: Distance
+    """depth of its floor"""
+    radius: Radius = 0.02
+    """radius of all four edges"""
+
+
+class KerbTable(FrozenTable):
+    """Higher ground beyond a vertical wall along x."""
+
+    y: Place
+    """place of the wall along y; the ground beyond it, seen from y = 0, is higher"""
+    rise: Length
+    """height of the kerb; lower ground if negative"""
+    radius: Radius = 0.02
+    """radius of both edges"""
+    start: Place | None = None
+    """x where it begins to rise; without it, it is everywhere"""
+    length: Distance = 1.0
+    """length over which it rises"""
+
+    @model_validator(mode="after")
+    def _check_rise(self) -> KerbTable:
+        if self.rise == 0.0:
+            raise ValueError("rise = 0 m: a kerb needs a height, up or down")
+        return self
+
+
+class WashboardTable(FrozenTable):
+    """Sine waves across x, which fade in and out over one wave."""
+
+    amplitude: Distance
+    """amplitude: crests are twice as much above troughs"""
+    wavelength: Distance
+    """length of a wave"""
+    phase: Angle = 0.0
+    """phase by which the side y < 0 is behind the other; half a turn: crests beside troughs"""
+    start: Place
+    """x where they begin"""
+    end: Place | None = None
+    """x where they end; without it, nowhere"""
+
+    @model_validator(mode="after")
+    def _check_end(self) -> WashboardTable:
+        if self.end is not None and self.end < self.start + 2.0 * self.wavelength:
+            raise ValueError(f"end = {self.end:g} m must be two waves or more beyond start = {self.start:g} m")
+        return self
+
+
+class RoughTable(FrozenTable):
+    """Rough ground of ISO 8608, one profile for each side."""
+
+    iso_class: Literal["A", "B", "C", "D", "E", "F", "G", "H"]
+    """class of ISO 8608: A is a good road, D a bad one, E to H is off-road"""
+    seed: Annotated[int, Field(ge=0, le=2**53)] = 1
+    """number of the profile; a seed gives the same ground on every machine"""
+    period: Distance = 200.0
+    """length after which the profiles repeat"""
+    band: tuple[Annotated[float, In("1/m", gt=0)], Annotated[float, In("1/m", gt=0)]] = (0.011, 2.83)
+    """least and largest spatial frequency, cycles per length"""
+    correlated: bool = False
+    """the sides have one profile"""
+    start: Place
+    """x where the roughness begins"""
+    length: Distance = 2.0
+    """length over which it fades in"""
+
+    @model_validator(mode="after")
+    def _check_band(self) -> RoughTable:
+        low, high = self.band
+        if not int(high * self.period) >= low * self.period:
+            raise ValueError(
+                f"band = [{low:g}, {high:g}] 1/m has no multiple of 1/period, period = {self.period:g} m: longer period"
+            )
+        if high * self.period > MOST_WAVES:
+            raise ValueError(f"period = {self.period:g} m has more than {MOST_WAVES} waves up to {high:g} 1/m: shorter")
+        return self
+
+
+class HeightMapTable(FrozenTable):
+    """Heights on a grid, with bicubic interpolation (Catmull-Rom); beyond the grid, those of its edges."""
+
+    heights: Annotated[tuple[Annotated[tuple[Height, ...], Field(min_length=2)], ...], Field(min_length=2)]
+    """heights, m, or a file of them: lines follow x, columns y (.csv, .npy of floats); or a grey image of 16 bits
+    (.png), seen from above with x up and y to the left"""
+    range: tuple[Length, Length] | None = None
+    """heights of black and white of an image"""
+    corner: tuple[Place, Place]
+    """least x and y of the grid"""
+    spacing: tuple[Distance, Distance]
+    """distance of the grid's lines along x and y"""
+    start: Place | None = None
+    """x where the map begins; without it, the map is everywhere"""
+    length: Distance = 1.0
+    """length over which it fades in"""
+
+    @model_validator(mode="after")
+    def _check_grid(self) -> HeightMapTable:
+        columns = {len(line) for line in self.heights}
+        if len(columns) > 1:
+            raise ValueError(f"heights: all lines must have as many columns, not {min(columns)} and {max(columns)}")
+        if len(self.heights) * max(columns) > MOST_HEIGHTS:
+            raise ValueError(f"heights: {len(self.heights)} x {max(columns)} are more than {MOST_HEIGHTS}: take fewer")
+        if self.range is not None:
+            raise ValueError("range: the heights are numbers already, only an image needs those of black and white")
+        return self
+
+
+class FrictionTable(FrozenTable):
+    """Region with a friction of its own; where regions overlap, the last one holds."""
+
+    x: tuple[Place, Place]
+    """from and to along x"""
+    y: tuple[Place, Place] = (-1e6, 1e6)
+    """from and to along y"""
+    factor: Annotated[float, ratio(ge=0, le=10)] | None = None
+    """coefficient of friction over that of vehicle.contact.ground"""
+    coefficient: Annotated[float, ratio(ge=0, le=10)] | None = None
+    """coefficient of friction, instead"""
+
+    @model_validator(mode="after")
+    def _check_region(self) -> FrictionTable:
+        for key, (low, high) in (("x", self.x), ("y", self.y)):
+            if not low < high:
+                raise ValueError(f"{key} = [{low:g}, {high:g}] m must be in order")
+        if (self.factor is None) == (self.coefficient is None):
+            raise ValueError("needs one of factor and coefficient")
+        return self
+
+
+class GroundTable(FrozenTable):
+    """Ground beyond its level, and contacts beyond those of the tracks."""
+
+    hull: bool = False
+    """the points vehicle.chassis.hull touch the ground"""
+    grade: Slope | None = None
+    """slope along x, uphill positive: 0.2 or '20 %'"""
+    bank: Slope | None = None
+    """slope along y, uphill positive"""
+    incline_start: Place | None = None
+    """x where grade and bank begin; without it, they are everywhere"""
+    incline_length: Distance | None = None
+    """length over which level ground turns into grade and bank, 1 m by default"""
+    bump: BumpTable | None = None
+    """obstacle across the path"""
+    step: StepTable | None = None
+    """steps across x"""
+    half_round: HalfRoundTable | None = None
+    """half rounds across x"""
+    trench: TrenchTable | None = None
+    """trench across x"""
+    kerb: KerbTable | None = None
+    """kerb along x"""
+    washboard: WashboardTable | None = None
+    """waves across x"""
+    rough: RoughTable | None = None
+    """rough ground"""
+    heightmap: HeightMapTable | None = None
+    """map of heights"""
+    friction: Annotated[tuple[FrictionTable, ...], Field(min_length=1, max_length=100)] | None = None
+    """regions with a friction of their own: x and y, each from and to, and factor or coefficient"""
+
+    @model_validator(mode="after")
+    def _check_together(self) -> GroundTable:
+        if self.grade is None and self.bank is None and (self.incline_start, self.incline_length) != (None, None):
+            raise ValueError("incline_start and incline_length need grade or bank")
+        obstacles: dict[str, Any] = {key: getattr(self, key) for key in ("bump", "step", "half_round", "trench")}
+        given = {key: table.model_dump() for key, table in obstacles.items() if table is not None}
+        if given.keys() - {"bump"}:
+            from fmus.ground import obstacles_profile
+
+            obstacles_profile(given)  # refuses those that overlap
+        return self
+
+    def shaped_by(self) -> list[str]:
+        """Keys that make the ground uneven, inclined, or of different friction by place."""
+        keys = [key for key in GroundTable.model_fields if key not in ("hull", "incline_start", "incline_length")]
+        return [key for key in keys if getattr(self, key) not in (None, 0.0)]
+
+    def one_sided(self, heading: float) -> str | None:
+        """A key by which the ground on the left differs from that on the right for a vehicle, or None."""
+        crossed = [key for key in self.shaped_by() if key != "bump"] if heading else []
+        differs = {
+            "bank": bool(self.bank),
+            "kerb": self.kerb is not None,
+            "washboard.phase": self.washboard is not None and self.washboard.phase != 0.0,
+            "rough": self.rough is not None and not self.rough.correlated,
+            "heightmap": self.heightmap is not None,
+            "friction": any(region.y[0] != -region.y[1] for region in self.friction or ()),
+        }
+        return next((key for key, one_sided in differs.items() if one_sided), next(iter(crossed), None))

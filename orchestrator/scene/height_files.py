@@ -1,0 +1,95 @@
+"""Heights of ``[ground.heightmap]`` from CSV files, float arrays and 16-bit images, read with the scene."""
+
+from __future__ import annotations
+
+import csv
+import io
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fmus.vehicle import BadInput
+from orchestrator.files.budget import MEASURED, read_file
+from orchestrator.files.csv_lines import csv_lines
+from orchestrator.log.time_series import Floats
+from orchestrator.scene.ground_tables import MOST_HEIGHTS
+
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+HEADER = struct.Struct(">8x4x4sIIBB")  # of a PNG: its first chunk, columns, rows, bits, colour
+GREY = 0  # colour
+
+
+def read(table: dict[str, Any], folder: Path, where: str) -> None:
+    """Replace a file that ``ground.heightmap.heights`` of a raw scene names by its heights.
+
+    The path is relative to ``folder``. Raises BadInput, with a message that begins with ``where``, for files that
+    cannot be read.
+    """
+    ground = table.get("ground")
+    heightmap = ground.get("heightmap") if isinstance(ground, dict) else None
+    if not isinstance(heightmap, dict) or not isinstance(heightmap.get("heights"), str):
+        return
+    path = folder / heightmap["heights"]
+    try:
+        if path.suffix == ".csv":
+            heights = _read_csv(path)
+        elif path.suffix == ".npy":
+            heights = _read_array(path)
+        elif path.suffix == ".png":
+            heights = _read_image(path, heightmap.pop("range", None))
+        else:
+            raise ValueError("must be a file .csv, .npy or .png; write an OpenCRG road as .csv first")
+    except (OSError, ValueError, csv.Error) as error:
+        reason = f"cannot be read: {error.strerror}" if isinstance(error, OSError) else error
+        raise BadInput(f"{where}: ground.heightmap.heights = '{path}': {reason}") from None
+    heightmap["heights"] = heights.tolist()
+
+
+def _read_csv(path: Path) -> Floats:
+    rows = []
+    for number, row in csv_lines(path, MEASURED, MOST_HEIGHTS):
+        try:
+            rows.append([float(cell) for cell in row])
+        except ValueError:
+            raise ValueError(f"line {number}: must be numbers") from None
+        if len(row) != len(rows[0]):
+            raise ValueError(f"line {number}: has {len(row)} numbers, the first line {len(rows[0])}")
+    return np.array(rows)
+
+
+def _read_array(path: Path) -> Floats:
+    try:
+        array = np.load(io.BytesIO(read_file(path, MEASURED)), allow_pickle=False)
+    except Exception:  # zip archives, pickles, damaged headers
+        raise ValueError("is no array of numpy") from None
+    if not isinstance(array, np.ndarray) or array.ndim != 2 or not np.issubdtype(array.dtype, np.floating):
+        raise ValueError("must be a two-dimensional array of floats")
+    return array.astype(float)
+
+
+def _read_image(path: Path, limits: Any) -> Floats:
+    """Heights of a grey image of 16 bits, from ``limits`` of black and white."""
+    if not (isinstance(limits, list | tuple) and len(limits) == 2 and all(isinstance(z, int | float) for z in limits)):
+        raise ValueError("an image needs ground.heightmap.range = [black, white], heights in m")
+    content = read_file(path, MEASURED)
+    if not content.startswith(SIGNATURE) or len(content) < HEADER.size:
+        raise ValueError("is no PNG image")
+    _, columns, rows, bits, colour = HEADER.unpack_from(content)
+    if (bits, colour) != (16, GREY):
+        step = (limits[1] - limits[0]) / 255.0
+        kind = "grey" if colour == GREY else "colour"
+        raise ValueError(
+            f"has {bits} bits of {kind}, must be grey of 16: 8 bits make steps of {abs(step):.3g} m out of slopes"
+        )
+    if columns * rows > MOST_HEIGHTS:
+        raise ValueError(f"has {columns} x {rows} points, must have {MOST_HEIGHTS} at most")
+    from matplotlib.image import imread
+
+    try:
+        grey = np.asarray(imread(io.BytesIO(content), format="png"), dtype=float)
+    except Exception as error:
+        raise ValueError(f"is a damaged image: {error}") from None
+    whole = np.rint(grey * 65535.0) / 65535.0  # matplotlib gives single precision
+    return limits[0] + (limits[1] - limits[0]) * whole[::-1, ::-1]
