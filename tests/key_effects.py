@@ -69,6 +69,14 @@ CASES = {
     "buried": Case(
         "straight", ("tracks=[]", "ground.hull=true", "start.height=-2.5", "start.pitch=0.1", "placed=true"), 0.002
     ),
+    "towing": Case(
+        "straight",
+        (
+            *VEHICLE, "hitch.force=2e4", "hitch.drag_points=[[-5, -1e5], [5, 1e5]]", "hitch.ramp_start=0.005",
+            "hitch.ramp_time=0.02", "vehicle.seat.payload.position=[-2, 0.3, 0.5]", "seats=['driver', 'payload']",
+        ),
+        overrides=SLOWER,
+    ),
     "over a bump": Case(
         "straight",
         (
@@ -161,6 +169,9 @@ KEYS: dict[str, Acts] = {
     "vehicle.suspension.preload": Acts("vehicle", value=1e3),
     "vehicle.tensioner.preload": Acts("vehicle", value=1e3),
     "vehicle.gravity": Acts("vehicle", ALL),
+    "vehicle.hitch.?": Acts("towing", ("rigid",), seen="road_wheel*.position.?"),
+    "vehicle.seat.*": Acts("towing", ("rigid",), seen="seat.*.velocity.?"),
+    "hitch.*": Acts("towing", ("rigid",)),
     "vehicle.*": Acts("vehicle"),
     "push": Acts("on one track", value=1e3),  # on the idler without a track
     "start.position.?": Acts("vehicle", value=1.0, seen="*.position.*"),

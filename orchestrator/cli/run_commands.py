@@ -47,7 +47,7 @@ def run(
     ] = True,
     analyses: Annotated[
         list[str] | None,
-        typer.Option("--for", metavar="ANALYSIS", help="also record what this analysis of links needs, repeatable"),
+        typer.Option("--for", metavar="ANALYSIS", help="also record what this analysis needs, repeatable"),
     ] = None,
     log: Annotated[
         Path | None,

@@ -102,17 +102,18 @@ def _balance(energy: dict[str, Any]) -> str:
         (f"delivered {'by' if value < 0.0 else 'to'} {name.replace('_', ' ')}", abs(value))
         for name, value in energy["delivered"].items()
     ]
-    named = (*parts, ("dissipated", energy["dissipated"]), *delivered)
-    sums = [f"{value / 1e3:.4g} kJ {what}" for what, value in named if value]
+    lost = ("dissipated", energy["dissipated"]), ("done on the towed load", energy.get("towed", 0.0))
+    sums = [f"{value / 1e3:.4g} kJ {what}" for what, value in (*parts, *lost, *delivered) if value]
     terms = f" ({', '.join(sums)})" if sums else ""
     return f"energy balance: {abs(energy['residual_relative']) * 100:.2g} % unaccounted for{terms}"
 
 
 def _ledger(energy: dict[str, Any]) -> str:
     delivered = "".join(f" + delivered to {name} {value:.6g}" for name, value in energy["delivered"].items())
+    towed = f" + towed {energy['towed']:.6g}" if energy.get("towed") else ""
     return (
         f"ledger: work {energy['work']:.6g} J = change {energy['change']:.6g} + dissipated {energy['dissipated']:.6g}"
-        f" + covered {energy['covered']:.4g}{delivered} + residual {energy['residual']:.4g}"
+        f" + covered {energy['covered']:.4g}{towed}{delivered} + residual {energy['residual']:.4g}"
         f" ({energy['residual_relative'] * 100:.3g} %; ports {energy['port']:.4g} J)"
     )
 

@@ -5,7 +5,7 @@ For each component, with the powers of its ports by its own inputs and outputs,
 The ports' part of a port is the work of its wrench on the motion at the giver's input less that on the taker's motion.
 The giver extrapolates this motion, which jumps at the next communication point; the mean of the wrenches before and
 after the jump works on it.
-The residual is the sum of all parts: work - change - dissipated - covered - delivered.
+The residual is the sum of all parts: work - change - dissipated - covered - towed - delivered.
 Covered is the energy defect of the moving contact patch (loss or gain): ``fmus/physics/README.md``. Delivered is the
 work of the ports on components without energies, as FMUs of the user may be: what becomes of it there is unknown.
 
@@ -56,6 +56,7 @@ class Ledger(NamedTuple):
     causes: dict[str, float]  # dissipated energy: of all tracks by cause, of others by component
     stored: dict[str, float]  # change by kind, as in STORED; negative: released
     delivered: dict[str, float]  # work through ports into each component without energies; negative: out of it
+    towed: float = 0.0  # work on a towed load
 
     @property
     def supplied(self) -> float:
@@ -85,7 +86,7 @@ def powers(run: RunData, window: Window) -> dict[str, dict[str, float]]:
     if without_energies(run):
         return found
     for name in run.instances:
-        for kind in ("work", "dissipated", "covered", *STORED):
+        for kind in ("work", "dissipated", "covered", "towed", *STORED):
             if run.has(signal := f"{name}.energy.{kind}"):
                 t, values = run.signal(signal, window)
                 rate = float(values[-1] - values[0]) / float(t[-1] - t[0]) if len(t) > 1 else 0.0
@@ -111,11 +112,11 @@ def _ledger(run: RunData) -> Ledger:
         )
 
     work, change, dissipated = total("work"), total(*STORED), total("dissipated")
-    covered = total("covered")
+    covered, towed = total("covered"), total("towed")
     delivered = {name: run.copies(name) * received[name] for name in without_energies(run)}
-    residual = work - change - dissipated - covered - sum(delivered.values())
+    residual = work - change - dissipated - covered - towed - sum(delivered.values())
     largest_stored = _largest_stored(run)
-    moved = [abs(energy) for energy in (work, change, dissipated, *delivered.values())]
+    moved = [abs(energy) for energy in (work, change, dissipated, towed, *delivered.values())]
     scale = max(*moved, *largest_stored.values(), LEAST)
     integration = {
         name: account.get("work", 0.0)
@@ -123,11 +124,13 @@ def _ledger(run: RunData) -> Ledger:
         - sum(account.get(kind, 0.0) for kind in STORED)
         - account.get("dissipated", 0.0)
         - account.get("covered", 0.0)
+        - account.get("towed", 0.0)
         for name, account in accounts.items()
         if name not in delivered
     }
     transfers = {
-        name: [abs(account.get(part, 0.0)) for part in ("work", "dissipated")] for name, account in accounts.items()
+        name: [abs(account.get(part, 0.0)) for part in ("work", "dissipated", "towed")]
+        for name, account in accounts.items()
     }
     relative = {
         name: part / max(*transfers[name], largest_stored[name], LEAST_OWN) for name, part in integration.items()
@@ -137,6 +140,7 @@ def _ledger(run: RunData) -> Ledger:
     return Ledger(
         work, change, dissipated, covered, residual, residual / scale, port_loss, integration, relative, causes, stored,
         delivered,
+        towed,
     )  # fmt: skip
 
 
@@ -158,7 +162,7 @@ def drift(run: RunData, window: Window) -> float:
     names = [
         (f"{name}.energy.{part}", -1.0 if part == "work" else 1.0)
         for name in run.instances
-        for part in (*STORED, "dissipated", "covered", "work")
+        for part in (*STORED, "dissipated", "covered", "towed", "work")
         if run.has(f"{name}.energy.{part}")
     ]
     most = _largest_kinetic(run)
@@ -198,7 +202,7 @@ def _largest_stored(run: RunData) -> dict[str, float]:
 
 
 def ports(run: RunData) -> list[WrenchPort]:
-    """Ports of a system: connections of a wrench."""
+    """Ports of a system: connections of a wrench. A force alone, as on a hitch, is work of the one that receives it."""
     return [
         WrenchPort(
             connection["source"],
@@ -208,7 +212,7 @@ def ports(run: RunData) -> list[WrenchPort]:
         )
         for connection in run.system["connections"]
         for output, taken in zip(connection["outputs"], connection["inputs"], strict=True)
-        if output.endswith(".force.x")
+        if output.endswith(".force.x") and output.replace(".force.", ".torque.") in connection["outputs"]
     ]
 
 

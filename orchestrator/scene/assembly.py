@@ -22,6 +22,7 @@ from orchestrator.scene.parts import (
     Parameters,
     Part,
     chassis_config,
+    chassis_parameters,
     differential_part,
     drive_of_side,
     drive_part,
@@ -228,7 +229,7 @@ def _vehicle(scene: VehicleScene) -> Assembly:
         for rim in rims:
             wiring += wheel_connections(track, rim, "chassis", f"{side}.{rim}")
         wiring += wheel_connections(drive, f"{connector}mount", "chassis", f"{side}.sprocket")
-    chassis = Part("chassis", "Chassis", hull, start_parameters(scene), CHASSIS)
+    chassis = Part("chassis", "Chassis", hull, chassis_parameters(scene), CHASSIS)
     if scene.driver is None:
         return Assembly((*tracks, *drives, chassis), tuple(wiring))
     for part in drives:

@@ -21,6 +21,7 @@ from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriv
 from orchestrator.scene.fmu_table import FmuTable, set_folder
 from orchestrator.scene.free_scene import FreeScene
 from orchestrator.scene.ground_tables import GroundTable
+from orchestrator.scene.hitch_table import HitchTable
 from orchestrator.scene.pair import pair_of
 from orchestrator.scene.recording import ASSUMED_SPEED
 from orchestrator.scene.run_tables import short_coupling
@@ -76,7 +77,12 @@ class Scene(SystemScene):
                 raise BadInput(f"--for {name}: {self.track.kind.links} have no stress: {UNSTRESSED}")
         needed = [group for name in analyses for group in described(name).records]
         groups = dict.fromkeys([*self.track.link_outputs, *needed])
-        return self.changed({"track.link_outputs": [*groups]})
+        seated = next((name for name in analyses if described(name).seats), None)
+        return self.changed({"track.link_outputs": [*groups], **(self._all_seats(seated) if seated else {})})
+
+    def _all_seats(self, analysis: str) -> dict[str, Any]:
+        """Setting with which seats are recorded for an analysis; raises BadInput."""
+        raise BadInput(f"--for {analysis}: assembly = '{self.assembly}' has no seats")
 
     @property
     def resumable(self) -> bool:
@@ -188,6 +194,10 @@ class VehicleScene(Scene):
     """drive of the sprockets of both sides"""
     driver: Annotated[DriverTable | None, OR_FALSE] = None
     """driver whose demands the drives follow; false or no table: they follow their own settings"""
+    hitch: Annotated[HitchTable | None, OR_FALSE] = None
+    """load that the vehicle tows at vehicle.hitch; false or no table: it tows nothing"""
+    seats: tuple[str, ...] = ()
+    """seats of vehicle.seat whose position, velocity and acceleration the chassis gives"""
     push: Force = Field(default=0.0, json_schema_extra=SOLVED)
     """share of the tensioners' preload that balances the tension of placed tracks"""
     symmetric: bool = False
@@ -227,11 +237,17 @@ class VehicleScene(Scene):
             )
         if self.planar and not self.symmetric:
             raise ValueError("planar = true needs symmetric = true: a vehicle on two tracks may roll and yaw")
+        self._check_fittings()
         if self.turns:
             self._check_steering()
         if self.driver is not None:
             self._check_driver()
         return self.with_state().with_axes()
+
+    def _all_seats(self, analysis: str) -> dict[str, Any]:
+        if not self.vehicle.seat:
+            raise BadInput(f"--for {analysis}: {self.vehicle.name} has no table [seat.NAME]")
+        return {"seats": list(self.seats or self.vehicle.seat)}
 
     @property
     def teeth_rate(self) -> float:
@@ -276,6 +292,17 @@ class VehicleScene(Scene):
         if not self.leaves_plane or track.axes is not None or track.choices().get("element") != "cable":
             return self
         return self.model_copy(update={"track": track.model_copy(update={"axes": "free"})})
+
+    def _check_fittings(self) -> None:
+        """Raise ValueError for a hitch or seats that the vehicle has not."""
+        if self.hitch is not None and self.vehicle.hitch is None:
+            raise ValueError("hitch: needs vehicle.hitch, the point x, z at which the vehicle tows")
+        for name in self.seats:
+            if name not in self.vehicle.seat:
+                known = ", ".join(self.vehicle.seat) or "none"
+                raise ValueError(f"seats names {value_text(name)}: the vehicle has {known}")
+        if len(set(self.seats)) < len(self.seats):
+            raise ValueError("seats names a seat twice")
 
     def _check_steering(self) -> None:
         """Raise ValueError if the sides' drives differ and another setting forbids that."""

@@ -155,6 +155,7 @@ def _bars(run: RunData, ledger: Ledger, component_losses: dict[str, Loss]) -> li
         for name, energy in ledger.delivered.items()
     ]
     rows.append(("lost: contacts moving along links", ledger.covered, "lost"))
+    rows.append(("done on the towed load", ledger.towed, "lost"))
     least = 1e-5 * max(abs(amount) for _, amount, _ in rows)
     return [*(row for row in rows if abs(row[1]) > least), ("unaccounted for", ledger.residual, "open")]
 
