@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from vehicle_in_process import InProcess
 
-from fmus.physics.chain.report import CONTACT, DISSIPATED, LOST
+from fmus.physics.chain.report import LOST
 from fmus.physics.chain.sums import GROUND_DAMPING, LOSSES
 from fmus.physics.contact.soil import pressure
 from fmus.physics.contact.soil.memory import DEEPEST, INSIDE, PRESSURE, SHEAR
@@ -31,7 +31,7 @@ def ride():
         place = vehicle["chassis"]["chassis.position.x"]
         rows.append([vehicle.t, place, track.report[COMPACTED], pressed[:, DEEPEST].max()])
         if k == 45:
-            saved = {name: member.model.state.copy() for name, member in vehicle.members.items()}, vehicle
+            saved = {name: member.model.state.copy() for name, member in vehicle.members.items()}, vehicle.steps
     return vehicle, start, np.array(rows), saved
 
 
@@ -48,22 +48,21 @@ def test_it_stands_in_its_own_rut(ride):
     assert 0.04 < inside[:, DEEPEST].mean() < 0.0662
     assert inside[:, DEEPEST].max() < 0.206
     assert not inside[:, SHEAR : SHEAR + 3].any()
-    area = vehicle["left_track"].model.contacts.soil.length * vehicle["left_track"].model.contacts.soil.width
-    assert 0.25 * area * inside[:, PRESSURE].sum() == pytest.approx(77948.2, rel=1e-3)
+    soil = vehicle["left_track"].model.contacts.soil
+    assert 0.25 * soil.length * soil.width * inside[:, PRESSURE].sum() == pytest.approx(77948.2, rel=1e-3)
     still = rows[0]
     assert abs(still[1] - -2.006) < 1e-4
     assert still[2] < 5.0
 
 
 def test_it_is_held_back_by_compaction(ride):
-    """Between the bracket of terrain theory, 0.92 kN and 10.08 kN a track; as much as the rut has taken."""
+    """Between the bracket of terrain theory, 0.92 kN and 10.08 kN a track; of a rut as deep as the links."""
     vehicle, _, rows, _ = ride
     ahead = resistance(rows, 2.4, 3.4)
     assert 922.0 < ahead < 10079.0
     soil = vehicle["left_track"].model.contacts.soil
     depth = rows[(rows[:, 0] > 2.4) & (rows[:, 0] < 3.4), 3].max()
-    assert ahead < soil.width * pressure.compaction(soil, depth)
-    assert ahead > 0.75 * soil.width * pressure.compaction(soil, depth)
+    assert 0.85 < ahead / (soil.width * pressure.compaction(soil, depth)) < 1.15
 
 
 def test_the_way_back_in_the_rut_is_easier(ride):
@@ -75,20 +74,16 @@ def test_the_way_back_in_the_rut_is_easier(ride):
 
 
 def test_a_state_saved_in_the_rut_goes_on_to_the_bit(ride):
-    vehicle, _, _, (states, _) = ride
-    ends = []
+    vehicle, _, _, (states, steps) = ride
+    track, ends = vehicle["left_track"].model, []
     for forget in (False, False, True):
         for name, member in vehicle.members.items():
             member.model.state[:] = states[name]
             member.model.outputs(member.y)
-        track = vehicle["left_track"].model
         if forget:
             track.s.rut[FIRST:] = 0.0
-        steps = vehicle.steps
-        vehicle.run(0.3)
         vehicle.steps = steps
+        vehicle.run(0.3)
         ends.append(track.state.copy())
     assert (ends[0] == ends[1]).all()
     assert (ends[0] != ends[2]).any()
-    assert track.report[DISSIPATED] > 0.0
-    assert track.report[CONTACT] > 0.0
