@@ -93,6 +93,7 @@ OUTPUTS = (
     ("energy.dissipated.joints", "J", "energy lost by damping of pins across the chain and of a closing spring"),
 )
 ON_SOIL = {  # texts of outputs that are others on soil
+    "penetration.max": "deepest penetration of a contact with a wheel or a tooth",
     "energy.contact": "energy stored in contact springs and in sheared and pressed soil",
     "energy.dissipated.ground_friction": "energy lost by shear of the soil",
     "energy.dissipated.ground_damping": "energy lost by compaction and normal damping of the soil",

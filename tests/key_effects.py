@@ -29,7 +29,7 @@ JOINED = ("drive.steering.ramp_start=0", "drive.steering.ramp_time=0.02")
 RIG = (*QUICK, "drive.speed=2")
 SLOWER: Overrides = {"left_drive": {"speed.end": 8.0}}
 SOIL = (
-    "n=0.7, kc=5e3, kphi=1.5e6, cohesion=2e3, friction_angle=0.5, shear_deformation_modulus=0.02, elastic=1e8,"
+    "n=0.7, kc=5e3, kphi=1.5e6, cohesion=2e3, friction_angle=0.5, shear_deformation_modulus=0.02, elastic=1e7,"
     " damping=1e3, width=0.3"
 )
 CASES = {

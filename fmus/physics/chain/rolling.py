@@ -59,7 +59,7 @@ from fmus.physics.chain.sums import (
     add_contact,
 )
 from fmus.physics.contact.face import NOT_SINKING, Penetration, Sinking, contact_force, point_contact_force
-from fmus.physics.contact.ground_laws import GroundPoint, begin_ground, commit_ground, ground_force
+from fmus.physics.contact.ground_laws import GroundPoint, begin_ground, commit_ground, ground_force, penetration
 from fmus.physics.contact.grounds import ground_face, ground_law, is_above
 from fmus.physics.contact.teeth import tooth_face
 from fmus.physics.contact.wheel import (
@@ -228,7 +228,7 @@ def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_r
                     ON_FACE * i + k,
                 )
                 force = ground_force(ground_law(shape, contacts.soil, p), point, face, by_rate, tangent, w)
-                add_contact(w.sums, GROUND_FRICTION, GROUND_DAMPING, depth, force)
+                add_contact(w.sums, GROUND_FRICTION, GROUND_DAMPING, penetration(contacts.soil, depth), force)
                 w.sums[LOAD] += force.normal
                 w.sums[SLIP] -= force.normal * v[0]
                 w.sums[SIDESLIP] -= force.normal * v[1]

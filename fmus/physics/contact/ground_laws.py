@@ -39,6 +39,11 @@ def ground_force(law: Any, point: GroundPoint, face: Face, by_rate: float, tange
 
 
 @dispatch(_of)
+def penetration(law: Any, depth: float) -> float:
+    """Part of the ``depth`` of a point, m, that is a penetration of bodies, m."""
+
+
+@dispatch(_of)
 def begin_ground(law: Any, w: ChainWork) -> None:
     """Prepare ``w`` for an evaluation of the points in the ground."""
 

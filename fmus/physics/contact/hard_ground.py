@@ -20,6 +20,12 @@ def ground_force(law: Law, point: GroundPoint, face: Face, by_rate: float, tange
 
 
 @kernel
+def penetration(law: Law, depth: float) -> float:
+    """See ``ground_laws``: all of it."""
+    return depth
+
+
+@kernel
 def begin_ground(law: Law, w: ChainWork) -> None:
     """See ``ground_laws``."""
 

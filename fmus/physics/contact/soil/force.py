@@ -117,6 +117,12 @@ def ground_force(
 
 
 @kernel
+def penetration(law: Soil, depth: float) -> float:
+    """See ``ground_laws``: none, soil gives way."""
+    return 0.0
+
+
+@kernel
 def begin_ground(law: Soil, w: ChainWork) -> None:
     """See ``ground_laws``."""
     rows.clear(w.soil)
