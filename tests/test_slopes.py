@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from vehicle_in_process import InProcess
 
 from fmus.jit import plain
+from fmus.model import StepFailed
 from fmus.standing import ground_level, standing_pose
 from fmus.start import KEYS, StartPose, start_pose, vehicle_quaternion, world_position
 from fmus.vehicle import BadInput
@@ -149,3 +150,21 @@ def test_all_kinds_of_links_start_alike(kind):
 def test_what_a_slope_cannot_have_is_refused(model, settings, reason):
     with pytest.raises(BadInput, match=reason):
         load("straight", model, settings)
+
+
+@pytest.mark.parametrize(
+    ("part", "key"),
+    [
+        ("left_track", "start.slope.pitch"),
+        ("left_track", "start.slope.roll"),
+        ("chassis", "start.heading"),
+        ("left_drive", "start.slope.roll"),
+    ],
+)
+def test_parts_that_start_on_different_slopes_are_refused(part, key):
+    """A part turned by 1 degree is refused at the first step, where it would carry a multiple of the weight."""
+    scene = placed(load("straight", "rigid", (*STANDING, "ground.grade=0.1", "ground.bank=0.3")))
+    given = InProcess(scene)[part].parameters.get(key, 0.0)
+    InProcess(scene, {part: {key: given + np.radians(0.1)}}).step()  # twin
+    with pytest.raises(StepFailed, match=r"the wheels are turned by (0\.\d+|1(\.\d)?) degrees .*start\.slope\.roll"):
+        InProcess(scene, {part: {key: given + np.radians(1.0)}}).step()

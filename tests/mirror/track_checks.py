@@ -9,6 +9,7 @@ import numpy as np
 from mirror.check import Check, View
 from mirror.record import Floats
 from mirror.track_conditions import (
+    at_rest,
     explicit,
     implicit,
     implicit_elements,
@@ -86,7 +87,7 @@ CHECKS = (
     Check(r"link\[\d+\]\.wheels\.force\.[xyz]", "the reaction of wheels less that of others", links_on_wheels, 1e-9,
           1e-7, balance=True),
     Check(r"link\[\d+\]\.wheels\.force\.[xyz]", "what balances a link at rest", newton, 1e-3, 1.0, balance=True,
-          applies=straight_on),
+          applies=at_rest),
     Check(r"link\[\d+\]\.ground\.sliding\.[xyz]", "points on the ground", sliding, 1e-3, 1e-4, applies=implicit),
     Check(r"link\[\d+\]\.ground\.depth", "points on the ground", ground_depth, 1e-4, 1e-7, applies=implicit),
     Check(r"ground\.force\.[xyz]", "balance of momentum", momentum, 1e-3, 1.0, balance=True, applies=straight_on),

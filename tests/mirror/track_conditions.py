@@ -53,6 +53,11 @@ def straight_on(view: View) -> bool:
     return on_a_vehicle(view) and not turning(view)
 
 
+def at_rest(view: View) -> bool:
+    """Whether a vehicle starts at rest; on a slope it starts to creep."""
+    return straight_on(view) and view.record.scene.ground.grade is None
+
+
 def in_one_frame(view: View) -> bool:
     """Whether axes stay fixed and pins are undamped across.
 
