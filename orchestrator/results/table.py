@@ -22,6 +22,11 @@ COST = "cost"  # time or size: less is better; compared between checkouts
 VERDICTS = {True: "ok", False: "NOT"}
 
 
+def without_rounding(value: float, unit: str) -> float:
+    """Value of a run, or 0 if it is rounding."""
+    return 0.0 if abs(value) < ROUNDING.get(unit, 0.0) else value
+
+
 class Column(NamedTuple):
     """Column of a table."""
 

@@ -156,6 +156,8 @@ def vehicle_track_config(scene: VehicleScene, side: str) -> dict[str, Any]:
         tension=vehicle.track.tension,
     )
     config["track"] |= _ground_shape(scene)
+    if scene.ground.soil is not None:
+        config["track"]["soil"] = scene.ground.soil.model_dump()
     return config
 
 

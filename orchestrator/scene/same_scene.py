@@ -1,4 +1,7 @@
-"""Comparison of scenes: runs of one scene may differ only in computation, recording and checks."""
+"""Comparison of scenes: runs of one scene may differ only in computation, recording, checks and FMUs of the user.
+
+An FMU in place of a part is another model of that part of the same scene, as another track model is.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +14,9 @@ from fmus.vehicle import BadInput, value_text
 from orchestrator.scene.scene import from_table
 from orchestrator.scene.track_table import TrackModelTable
 
-# Keys of name, computation, recording and checks: runs that differ in these alone are runs of one scene.
+# Keys of name, computation, recording, checks and FMUs: runs that differ in these alone are runs of one scene.
 COMPUTED = (
-    "name", "title", "expect", "run", "planar", "symmetric",
+    "name", "title", "expect", "run", "planar", "symmetric", "fmu",
     "vehicle.name", "vehicle.title", "vehicle.tensioner.travel",
     *(f"track.{key}" for key in TrackModelTable.model_fields if key != "start"),
     "start.state", "start.equilibrium", "push",

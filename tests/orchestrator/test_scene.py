@@ -264,6 +264,20 @@ def test_scenes_are_frozen():
         scene.run.stop = 1.0
 
 
+def test_soil_has_a_name_or_numbers_and_needs_both_tracks():
+    """A key of the scene counts before that of the named soil; tracks get all numbers in SI units."""
+    scene = load("straight", None, ['ground.soil={name="dry_sand", cohesion="2 kPa"}'])
+    soil = next(part.config["track"]["soil"] for part in assemble(scene).parts if "track" in part.config)
+    assert (soil["cohesion"], soil["kphi"], soil["friction_angle"]) == (2e3, 1528.43e3, pytest.approx(0.4886921906))
+    for changes, words in (
+        (["ground.soil.name=moon"], "name = 'moon': must be one of dry_sand"),
+        (['ground.soil={name="snow", k0=0}'], "nearly elastic"),
+        (['ground.soil={name="snow"}', "tracks=['left']"], "needs both tracks and ground.hull = false"),
+    ):
+        with pytest.raises(BadInput, match=words):
+            load("straight", None, changes)
+
+
 def test_half_a_turn_of_roll():
     """The parts get the pose R_z(heading) R_y(pitch) R_x(180 deg) for half a turn of roll."""
     scene = load("settle", None, ["start.heading=0.3", "start.pitch=0.2", "start.roll=180 deg"])
@@ -342,11 +356,11 @@ def test_scene_and_vehicle_files_of_any_content_are_one_sentence(tmp_path, repla
 
 
 def test_runs_of_one_scene():
-    """Runs of one scene may differ in computation, recording, name and checks, in nothing else."""
+    """Runs of one scene may differ in computation, recording, name, checks and FMUs of the user, in nothing else."""
     whole = load("straight").resolved()
     for change in (
         "track=rigid", "track.element=beam", "track.step=1 ms", "run.stop=1 s", "run.step=2 ms", "run.links=1",
-        "run.coupling=jacobi", "name=other", "title=other", "symmetric=true", "expect={}",
+        "run.coupling=jacobi", "name=other", "title=other", "symmetric=true", "expect={}", "fmu.chassis.file=a.fmu",
     ):  # fmt: skip
         require_same_scene(("a", load("straight", None, [change]).resolved()), ("b", whole))
     for change, said in (
