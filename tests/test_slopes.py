@@ -20,6 +20,7 @@ from orchestrator.scene.scene import load
 WEIGHT, CENTRE, TREAD = 155896.4, 0.578, 2.159  # N; height of the centre of mass settled and distance of the tracks, m
 CREEP = 0.01  # m/s, friction_velocity of the ground
 STANDING = ("drive.speed=0", "run.step=1 ms", "track.step=1 ms", "track.link_outputs=false")
+HALVES = "symmetric=true", "symmetric=false"
 KINDS = {"flexible": (), "beam": ("track.element=beam",), "turning": ("track.axes=free",)}
 
 
@@ -168,3 +169,13 @@ def test_parts_that_start_on_different_slopes_are_refused(part, key):
     InProcess(scene, {part: {key: given + np.radians(0.1)}}).step()  # twin
     with pytest.raises(StepFailed, match=r"the wheels are turned by (0\.\d+|1(\.\d)?) degrees .*start\.slope\.roll"):
         InProcess(scene, {part: {key: given + np.radians(1.0)}}).step()
+
+
+def test_half_a_vehicle_climbs_as_a_whole_one():
+    settings = "ground.grade=0.2", "drive.ramp_start=0", "drive.ramp_time=0.1"
+    scenes = [load("straight", "rigid", (*settings, each, "track.link_outputs=false")) for each in HALVES]
+    half, whole = (InProcess(placed(scene)).run(0.1) for scene in scenes)
+    for name in ("chassis.velocity.x", "chassis.velocity.z", "settlement", "distance"):
+        assert half["chassis"][name] == pytest.approx(whole["chassis"][name], rel=1e-9)
+    assert half["left_track"]["ground.force.x"] == pytest.approx(whole["right_track"]["ground.force.x"], rel=1e-9)
+    assert abs(whole["chassis"]["chassis.velocity.x"]) > 1e-3

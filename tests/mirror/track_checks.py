@@ -10,9 +10,9 @@ from mirror.check import Check, View
 from mirror.record import Floats
 from mirror.track_conditions import (
     at_rest,
+    elements_lifted,
     explicit,
     implicit,
-    implicit_elements,
     implicit_on_wheels,
     in_free_air,
     in_one_frame,
@@ -98,7 +98,7 @@ CHECKS = (
     Check("slip", "points on the ground against the present heading", slip, 1e-3, 1e-5, applies=on_wheels),
     Check(r"link\[\d+\]\.tension", "strain, or pin forces from motion", tension, 1e-3, 2.0, applies=tension_known),
     Check(r"link\[\d+\]\.tension", "between what its pins carry", tension_bounds, 0.03, 50.0,
-          applies=implicit_elements),
+          applies=elements_lifted),
     Check(r"tension\.(min|mean|max)", "of all links", tension_of_all, 1e-3, 2.0, applies=tension_known),
     Check(r"link\[\d+\]\.stress", "strain at the outer fibre", stress, 1e-4, 1e-2),
     Check(r"link\[\d+\]\.fibre\.(outer|inner)", "strain in the middle", fibre, 1e-4, 0.5),

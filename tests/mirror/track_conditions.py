@@ -66,5 +66,9 @@ def in_one_frame(view: View) -> bool:
     return not turning(view) and not view.track["transverse_damping"]
 
 
-def implicit_elements(view: View) -> bool:
-    return implicit_on_wheels(view) and not isinstance(view.chain, Rigid)
+def elements_lifted(view: View) -> bool:
+    """Whether links are elements, and each of them is without contact at some instant with known accelerations."""
+    if not implicit_on_wheels(view) or isinstance(view.chain, Rigid):
+        return False
+    free = abs(view.touch.force).max(-1) == 0.0
+    return bool(free[30:].any(0).all())
