@@ -36,7 +36,7 @@ from fmus.physics.chain.layout import (
 )
 from fmus.physics.chain.outcome import PINS_OPEN, SINGULAR, STALLED, STEP_TOO_SHORT, UNSTABLE
 from fmus.physics.chain.report import COUNTERS, REPORT
-from fmus.physics.elementary import hypot, sin
+from fmus.physics.elementary import cos, hypot, sin
 from fmus.physics.integrate import generalized_alpha, hht
 from fmus.physics.integrate.generalized_alpha import GeneralizedAlpha
 from fmus.physics.vector import scale
@@ -142,6 +142,10 @@ def failures(wheels: Sequence[str]) -> tuple[Sentence, ...]:
         Sentence(
             "at t = {0:.6g} s a wheel's axis is {1:.1f} degrees off the pin axis: cables with axes = 'fixed' stay in"
             " their plane, a vehicle that turns or rolls needs axes = 'free'"
+        ),
+        Sentence(
+            "at t = {0:.6g} s the wheels are turned by {1:.2g} degrees from where the track was laid round them:"
+            " start.heading, start.pitch, start.slope.pitch and start.slope.roll of all parts must be the vehicle's"
         ),
         *(Sentence(f"{implicitly} {where}: residual {{2:.3g}} N") for _, (implicitly, _) in causes),
         *(
@@ -384,6 +388,7 @@ class TrackModel(ComponentModel):
     def begin_run(self) -> None:
         """Begin with the kernel of the chosen integrator and the prepared links."""
         self.step_kernel, scheme = self._scheme()
+        roll = float(self.config.get("roll", 0.0))
         self.begin(
             self._parameters,
             steps.Parts(
@@ -396,6 +401,7 @@ class TrackModel(ComponentModel):
                     lateral=self.lateral,
                     frame=self.frame,
                     start_rows=self.start_rows,
+                    axis=np.array([0.0, cos(roll), sin(roll)]),
                     rows=self.rows,
                     given_warnings=self.given_warnings,
                     counters=self.counters,

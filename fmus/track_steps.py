@@ -19,6 +19,7 @@ from fmus.physics.chain.report import GROUND as ON_GROUND
 from fmus.physics.chain.report import REJECTED, REPORT, STEPS
 from fmus.physics.chain.state import FORGOTTEN
 from fmus.physics.elementary import acos
+from fmus.physics.vector import add, dot, scale, vector
 from fmus.physics.wheels import WIDTH, read_state, to_world
 from fmus.ports import STATE
 from fmus.sentences import GAPS
@@ -29,7 +30,8 @@ ALIGNED = 0.9999939076577904  # cos 0.2 deg: a larger angle is a warning, becaus
 OUT_OF_PLANE = 0.9961946980917455  # cos 5 deg: a larger angle is a failure, because the results are wrong
 MOST_HALVINGS = 5  # halvings in one communication step, more of which are a warning
 # Failures; the failure of an integrator is added to the last two.
-NO_WHEEL, TOO_LONG, ELSEWHERE, APART, ASKEW, IMPLICIT, EXPLICIT = 1, 2, 3, 4, 5, 5, 9
+NO_WHEEL, TOO_LONG, ELSEWHERE, APART, ASKEW, TURNED, IMPLICIT, EXPLICIT = 1, 2, 3, 4, 5, 6, 6, 10
+MOST_TURNED = 0.9999143275740072  # cosine of the angle (0.75 deg) by which wheels may be turned at the start
 MOST_APART = 5.0  # pitches by which the distance of a wheel from the first one may differ from that at the start
 HALVED, TILTED = WARNINGS = range(2)  # warnings, each given once: flags at the end of the state
 FORGOTTEN_RUT = 2  # warning of a track on soil alone; its flag is in the rut
@@ -44,6 +46,7 @@ class CommonData(NamedTuple):
     lateral: float  # of the track in the vehicle, m
     frame: np.ndarray  # (12) of the track in the world: origin, rotation matrix
     start_rows: np.ndarray  # (wheels, 15) states of the wheels round which the chain was laid out
+    axis: np.ndarray  # (3) axis of the wheels at the start, for a chain that is laid out upright too
     rows: np.ndarray  # (wheels, 15) states of the wheels now
     given_warnings: np.ndarray  # (WARNINGS) 1 for warnings that were given
     counters: np.ndarray  # int
@@ -66,7 +69,9 @@ class Parts(NamedTuple):
 def parts_without_contacts(link, environment, scheme, longest, s, work, report, counters):
     """Parts of a chain without contacts at the origin, and the array for the numbers of its sentences."""
     none = np.zeros((0, WIDTH))
-    common = CommonData(longest, 0, 0.0, 0.0, np.zeros(FRAME), none, none, np.zeros(len(WARNINGS)), counters, 1.0)
+    common = CommonData(
+        longest, 0, 0.0, 0.0, np.zeros(FRAME), none, np.zeros(3), none, np.zeros(len(WARNINGS)), counters, 1.0
+    )
     return Parts(link, None, environment, scheme, common, s, work, report), np.zeros((1 + len(WARNINGS), GAPS + 1))
 
 
@@ -192,6 +197,7 @@ def _read_wheels(c, messages, t, h, u):
     """Read the wheels from the inputs and check them; 0, or the failure."""
     if too_many_steps(messages[0], t, h, c.longest):
         return TOO_LONG
+    cosine = 1.0
     for k in range(u.size // STATE):
         if not_given(c.counters[STEPS], u, STATE * k + 3):
             for i in range(WIDTH):
@@ -199,6 +205,8 @@ def _read_wheels(c, messages, t, h, u):
         elif not read_state(u[STATE * k : STATE * k + STATE], c.frame, c.rows[k]):
             no_rotation(messages[0], t, k, u, STATE * k + 3)
             return NO_WHEEL
+        else:
+            cosine = min(cosine, dot(vector(c.rows[k], 9), c.axis))
     if c.counters[STEPS] == 0 and u.size > 0:
         farthest, wheel = 0.0, 0
         for k in range(c.rows.shape[0]):
@@ -211,6 +219,10 @@ def _read_wheels(c, messages, t, h, u):
         if farthest > c.pitch:
             messages[0, 0], messages[0, 1], messages[0, 2], messages[0, 3] = t, wheel, farthest, c.lateral
             return ELSEWHERE
+        cosine = min(cosine, _turned(c.rows, c.start_rows))
+        if not cosine > MOST_TURNED:
+            messages[0, 0], messages[0, 1] = t, acos(max(cosine, -1.0)) * 180.0 / np.pi
+            return TURNED
     for k in range(1, u.size // STATE):
         distance, start_distance = _distance(c.rows, k), _distance(c.start_rows, k)
         if not abs(distance - start_distance) < MOST_APART * c.pitch:
@@ -229,6 +241,20 @@ def _read_wheels(c, messages, t, h, u):
             c.given_warnings[TILTED] = messages[1 + TILTED, 0] = 1.0
             messages[1 + TILTED, 1], messages[1 + TILTED, 2] = deviation, t
     return 0
+
+
+@kernel
+def _turned(rows, start_rows):
+    """Cosine of the angle between the longest line from the first wheel to another one and that at the start."""
+    last = 0
+    for k in range(1, rows.shape[0]):
+        if _distance(start_rows, k) > _distance(start_rows, last):
+            last = k
+    if _distance(start_rows, last) == 0.0:
+        return 1.0
+    line = add(vector(rows[last], 0), scale(-1.0, vector(rows[0], 0)))
+    start_line = add(vector(start_rows[last], 0), scale(-1.0, vector(start_rows[0], 0)))
+    return dot(line, start_line) / np.sqrt(dot(line, line) * dot(start_line, start_line))
 
 
 @kernel

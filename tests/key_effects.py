@@ -84,6 +84,57 @@ CASES = {
             "ground.bump.length=0.12", "ground.bump.radius=0.05",
         ),
     ),
+    "on an incline": Case(
+        "straight",
+        (
+            *VEHICLE, "ground.grade=0.1", "ground.bank=-0.05", "ground.incline_start=-3", "ground.incline_length=1",
+        ),
+    ),
+    "on patches": Case(
+        "straight",
+        (
+            *VEHICLE, "start.height=-0.03",
+            "ground.friction=[{x=[-3, -1.6], y=[-1.2, 1.2], factor=2}, {x=[-1.5, -0.5], y=[-1.2, 1.2], coefficient=0.5}]",
+        ),
+    ),
+    "on a bank": Case(
+        "straight",
+        (
+            *VEHICLE[:-3], "drive.speed=20", "ground.bank=0.1",
+            "start.equilibrium={height=-0.02, roll=0.01, pitch=0.01, left=[0.1, 0.1, 0.1, 0.1, 0.1, 0.01],"
+            " right=[0.1, 0.1, 0.1, 0.1, 0.1, 0.01], lateral=0.01}",
+        ),
+        0.002,
+    ),
+    "over obstacles": Case(
+        "straight",
+        (
+            *VEHICLE, "start.height=-0.03", "ground.step={x=[-1.5], rise=0.05, radius=0.04}",
+            "ground.half_round={x=[-2.3], radius=0.05, fillet=0.06}",
+        ),
+    ),
+    "over a trench": Case("straight", (*VEHICLE, "ground.trench={start=-2.4, width=0.4, depth=0.03, radius=0.02}")),
+    "on waves": Case(
+        "straight",
+        (
+            *VEHICLE, "ground.washboard={amplitude=0.02, wavelength=0.7, phase=1, start=-4, end=-1}",
+            "ground.rough={iso_class='E', seed=3, start=-3, length=1, period=20}",
+        ),
+    ),
+    "on a map": Case(
+        "straight",
+        (
+            *VEHICLE, "ground.heightmap={heights=[[0.01, 0.02], [0.03, 0.01]], corner=[-3, -1.2], spacing=[1.5, 2.4],"
+            " start=-4, length=2}",
+        ),
+    ),
+    "on a kerb": Case(  # hull and bare wheels feel the same ground
+        "straight",
+        (
+            *VEHICLE, "tracks=[]", "ground.hull=true", "start.height=-0.15",
+            "ground.kerb={y=1.1, rise=0.05, radius=0.02, start=-4, length=2}",
+        ),
+    ),
     "on soil": Case("straight", (*VEHICLE, f"ground.soil={{{SOIL}, k0=5e7, Au=5e9}}")),
     "on soil that springs back": Case("straight", (*VEHICLE, f"ground.soil={{{SOIL}, rebound=0.2}}")),
     "follows an error": Case(
@@ -174,6 +225,7 @@ KEYS: dict[str, Acts] = {
     "hitch.*": Acts("towing", ("rigid",)),
     "vehicle.*": Acts("vehicle"),
     "push": Acts("on one track", value=1e3),  # on the idler without a track
+    "start.equilibrium.*": Acts("on a bank", ("rigid",)),
     "start.position.?": Acts("vehicle", value=1.0, seen="*.position.*"),
     "start.heading": Acts("vehicle", value=0.5),
     "start.roll": Acts("buried", value=math.pi),
@@ -195,6 +247,24 @@ KEYS: dict[str, Acts] = {
     "driver.ramp_*": Acts("driven", ("rigid",), 0.03),
     "driver.*": Acts("driven", ("rigid",)),
     "ground.bump.*": Acts("over a bump", ALL),
+    "ground.grade": Acts("on an incline", ("rigid",)),
+    "ground.bank": Acts("on an incline", ("rigid",)),
+    "ground.incline_*": Acts("on an incline", ("rigid",)),
+    "ground.friction.0.x.*": Acts("on patches", ("rigid",), -2.3),
+    "ground.friction.1.x.*": Acts("on patches", ("rigid",), -1.0),
+    "ground.friction.*.y.0": Acts("on patches", ("rigid",), -1.0),
+    "ground.friction.*.y.1": Acts("on patches", ("rigid",), 1.0),
+    "ground.friction.*": Acts("on patches", ("rigid",)),
+    "ground.step.radius": Acts("over obstacles", ("cable", "rigid"), 0.05),
+    "ground.half_round.fillet": Acts("over obstacles", ("cable", "rigid"), 0.08),
+    "ground.rough.band.0": Acts("on waves", ("rigid",), 0.3),
+    "ground.step.*": Acts("over obstacles", ("cable", "rigid")),
+    "ground.half_round.*": Acts("over obstacles", ("cable", "rigid")),
+    "ground.trench.*": Acts("over a trench", ("rigid",)),
+    "ground.kerb.*": Acts("on a kerb"),
+    "ground.washboard.*": Acts("on waves", ("rigid",)),
+    "ground.rough.*": Acts("on waves", ("rigid",)),
+    "ground.heightmap.*": Acts("on a map", ("rigid",)),
     "ground.soil.rebound": Acts("on soil that springs back", ("rigid",)),
     "ground.soil.*": Acts("on soil", ("rigid",)),
     "track.closure_*": Acts("sprung", ("rigid",)),

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from vehicle_in_process import InProcess
 
 from fmus.jit import plain
+from fmus.model import StepFailed
 from fmus.standing import ground_level, standing_pose
 from fmus.start import KEYS, StartPose, start_pose, vehicle_quaternion, world_position
 from fmus.vehicle import BadInput
@@ -19,6 +20,7 @@ from orchestrator.scene.scene import load
 WEIGHT, CENTRE, TREAD = 155896.4, 0.578, 2.159  # N; height of the centre of mass settled and distance of the tracks, m
 CREEP = 0.01  # m/s, friction_velocity of the ground
 STANDING = ("drive.speed=0", "run.step=1 ms", "track.step=1 ms", "track.link_outputs=false")
+HALVES = "symmetric=true", "symmetric=false"
 KINDS = {"flexible": (), "beam": ("track.element=beam",), "turning": ("track.axes=free",)}
 
 
@@ -149,3 +151,31 @@ def test_all_kinds_of_links_start_alike(kind):
 def test_what_a_slope_cannot_have_is_refused(model, settings, reason):
     with pytest.raises(BadInput, match=reason):
         load("straight", model, settings)
+
+
+@pytest.mark.parametrize(
+    ("part", "key"),
+    [
+        ("left_track", "start.slope.pitch"),
+        ("left_track", "start.slope.roll"),
+        ("chassis", "start.heading"),
+        ("left_drive", "start.slope.roll"),
+    ],
+)
+def test_parts_that_start_on_different_slopes_are_refused(part, key):
+    """A part turned by 1 degree is refused at the first step, where it would carry a multiple of the weight."""
+    scene = placed(load("straight", "rigid", (*STANDING, "ground.grade=0.1", "ground.bank=0.3")))
+    given = InProcess(scene)[part].parameters.get(key, 0.0)
+    InProcess(scene, {part: {key: given + np.radians(0.1)}}).step()  # twin
+    with pytest.raises(StepFailed, match=r"the wheels are turned by (0\.\d+|1(\.\d)?) degrees .*start\.slope\.roll"):
+        InProcess(scene, {part: {key: given + np.radians(1.0)}}).step()
+
+
+def test_half_a_vehicle_climbs_as_a_whole_one():
+    settings = "ground.grade=0.2", "drive.ramp_start=0", "drive.ramp_time=0.1"
+    scenes = [load("straight", "rigid", (*settings, each, "track.link_outputs=false")) for each in HALVES]
+    half, whole = (InProcess(placed(scene)).run(0.1) for scene in scenes)
+    for name in ("chassis.velocity.x", "chassis.velocity.z", "settlement", "distance"):
+        assert half["chassis"][name] == pytest.approx(whole["chassis"][name], rel=1e-9)
+    assert half["left_track"]["ground.force.x"] == pytest.approx(whole["right_track"]["ground.force.x"], rel=1e-9)
+    assert abs(whole["chassis"]["chassis.velocity.x"]) > 1e-3

@@ -214,7 +214,9 @@ def uphill_force(run: RunData, of: str, window: Window) -> float:
         raise Missing("the ground is not inclined: it has neither grade nor bank")
     uphill = np.array([grade, bank, steepness**2]) / (steepness * np.hypot(1.0, steepness))
     forces = [[run.mean(f"{name}.ground.force.{axis}", window) for axis in "xyz"] for name in run.tracks]
-    return float(sum(run.copies(name) * force @ uphill for name, force in zip(run.tracks, np.array(forces), strict=True)))
+    return float(
+        sum(run.copies(name) * force @ uphill for name, force in zip(run.tracks, np.array(forces), strict=True))
+    )
 
 
 def slip(run: RunData, of: str, window: Window) -> float:

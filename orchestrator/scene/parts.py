@@ -75,10 +75,12 @@ def standing_track_config(
     equilibrium = scene.start.equilibrium
     if equilibrium is None:
         return config
+    rolled = {}
     if equilibrium.roll:
         stands = {name: upright_stance(stance, equilibrium.pitch) for name, stance in stands.items()}
+        rolled = {"roll": equilibrium.roll}
     wheels = [{**wheel, "start": list(stands[f"{side}.{wheel['name']}"])} for wheel in config["track"]["wheels"]]
-    return {**config, "track": {**config["track"], "wheels": wheels}}
+    return {**config, "track": {**config["track"], "wheels": wheels, **rolled}}
 
 
 def drive_of_side(scene: VehicleScene, side: Side) -> tuple[str, str]:

@@ -45,11 +45,26 @@ def test_a_hanging_chain_loads_no_contact_code(kind):
 
 
 @pytest.mark.long
+@pytest.mark.parametrize(("setting", "loads"), [("ground.grade=0.2", False), ("ground.kerb={y=1,rise=0.1}", True)])
+def test_a_scene_on_a_plane_loads_no_terrain(setting, loads):
+    """A slope is a plane in the frame of the start; another ground is a terrain (twin)."""
+    program = (
+        "import json, sys; from orchestrator.scene.assembly import assemble; from orchestrator.scene.placing import"
+        " placed; from orchestrator.scene.scene import load\n"
+        "parts = assemble(placed(load('straight', 'rigid', sys.argv[1:]))).parts\n"
+        "print(json.dumps([any('terrain' in name for name in sys.modules), any('terrain' in str(p.config) for p in parts)]))"
+    )
+    done = subprocess.run([sys.executable, "-c", program, setting], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == [loads, loads]
+
+
+@pytest.mark.long
 def test_a_chain_over_the_ground_does():
-    names = loaded("track_rigid", {"ground": True})
+    names = loaded("track_rigid", {"ground": True}, **{"start.slope.pitch": -0.2})
     assert {"fmus.contacts", "fmus.physics.chain.rigid.faces"} <= names
     assert not [name for name in names if "ancf" in name or "cable" in name or "beam" in name]
     assert not [name for name in names if "soil" in name], "hard ground"
+    assert not [name for name in names if "terrain" in name or name == "fmus.ground"], "a plane in the start's frame"
 
 
 OTHERS = {

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from orchestrator.cli import main
-from tests.fuzz import caches, logs, oracle, sequences
+from tests.fuzz import caches, grounds, logs, oracle, sequences
 
 Case = dict[str, Any]
 SMALL = ("--set", "chain.links=8", "--set", "run.links=7", "--set", "expect={}", "--set", "run.checkpoints=0.005")
@@ -74,6 +74,8 @@ class Bench:
             caches.prepare(folder)
         if not CALLING.isdisjoint(kinds):
             sequences.prepare()
+        if "grounds" in kinds:
+            grounds.prepare()
         gc.collect()
         gc.freeze()
 
@@ -88,6 +90,8 @@ class Bench:
         room = oracle.emptied(self.room)
         if case["kind"] == "caches":
             return oracle.wrongs(oracle.play(caches.act(self.folder, case), room))
+        if case["kind"] == "grounds":
+            return oracle.wrongs(oracle.play(grounds.act(case), room, oracle.STARTING))
         if case["kind"] in CALLING:
             return oracle.wrongs(oracle.play(sequences.act(case), room, oracle.STARTING, oracle.STARTING))
         for name, content in case.get("files", {}).items():

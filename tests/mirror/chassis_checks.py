@@ -10,6 +10,7 @@ import numpy as np
 from mirror.check import Check, View
 from mirror.hull import Y, ground_contacts
 from mirror.links import UP
+from mirror.motion import ground_frame
 from mirror.record import Floats
 
 PARTS = {"position": "xyz", "orientation": "wxyz", "velocity": "xyz", "angular_velocity": "xyz"}
@@ -54,14 +55,15 @@ def angles(view: View, names: Sequence[str]) -> Floats:
 
 
 def progress(view: View, names: Sequence[str]) -> Floats:
-    """Forward speed, distance along the initial heading, and settlement below the drawn height."""
-    h, heading = view.hull, float(view.part.parameters["start.heading"])
+    """Forward speed, distance along the initial heading, and settlement below the drawn height, on the ground there."""
+    h = view.hull
+    ahead, _, normal = ground_frame(view.part.parameters).as_matrix().T
     way, (origin, attitude) = h.place - h.place[0], h.start
     drawn = origin + attitude.apply(h.vehicle["chassis"]["centre"])
     quantities = {
         "speed": (h.velocity * h.attitude.apply([1.0, 0.0, 0.0])).sum(1),
-        "distance": way @ [np.cos(heading), np.sin(heading), 0.0],
-        "settlement": drawn[2] - h.place[:, 2],
+        "distance": way @ ahead,
+        "settlement": (drawn - h.place) @ normal,
     }
     return np.stack([quantities[name] for name in names], axis=1)
 

@@ -157,6 +157,6 @@ class Check(NamedTuple):
 
 
 def forward(view: View) -> Floats:
-    """Heading of the vehicle, horizontal and perpendicular to the first wheel's axle, shape (K + 1, 3)."""
-    ahead = np.cross(view.wheels.axle[:, 0], UP)
+    """Heading of the vehicle, in the plane of the start and perpendicular to the first axle, shape (K + 1, 3)."""
+    ahead = np.cross(view.wheels.axle[:, 0], view.chain.turn.apply(UP))
     return ahead / np.linalg.norm(ahead, axis=1, keepdims=True)

@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from mirror.ground import Ground
 from mirror.motion import rotation_of, start_frame
 from mirror.record import Floats, Part
-from mirror.touch import Law, Push, ground_level, press
+from mirror.touch import Law, Push, press
 
 Y = np.array([0.0, 1.0, 0.0])
 MOMENT = 1e-5  # s, for differences
@@ -218,10 +219,10 @@ class Hull:
 
 
 def ground_contacts(hull: Hull) -> tuple[Floats, Push, Floats]:
-    """Instants (p,), forces (p,) and depths, m, of hull points and bare wheels on level ground."""
+    """Instants (p,), forces (p,) and depths, m, of hull points and bare wheels on the ground."""
     part, vehicle = hull.part, hull.vehicle
     ground = part.config["chassis"]["ground"]
-    law, level = Law.of(part.parameters, vehicle["contact"], "ground"), ground_level(vehicle, part.parameters)
+    law, below = Law.of(part.parameters, vehicle["contact"], "ground"), Ground(part.scene)
     body = hull.motion_of("chassis")
     points = []
     for corner in vehicle["chassis"]["hull"] if ground["hull"] else []:
@@ -232,17 +233,17 @@ def ground_contacts(hull: Hull) -> tuple[Floats, Push, Floats]:
             continue
         table, wheel = vehicle["idler" if "idler" in name else "road_wheel"], hull.motion_of(name)
         axle = body.attitude.apply(Y)
-        down = -np.array([0.0, 0.0, 1.0]) + axle[:, 2:] * axle
+        normal = below.under(wheel.position)[1]
+        down = -normal + (normal * axle).sum(1, keepdims=True) * axle
         down /= np.linalg.norm(down, axis=1, keepdims=True)
         for side in (-0.5, 0.5):
             arm = table["radius"] * down + side * table["width"] * axle
             points.append((0.5, wheel.position + arm, wheel.velocity + np.cross(wheel.spin, arm)))
     contacts = []
     for share, x, u in points:
-        depth = level - x[:, 2]
+        depth, n = below.under(x)
         on = np.flatnonzero(depth > 0.0)
-        up = np.broadcast_to([0.0, 0.0, 1.0], (len(on), 3))
-        contacts.append((on, press(law, share, depth[on], up, u[on]), depth[on]))
+        contacts.append((on, press(law, share, depth[on], n[on], u[on]), depth[on]))
     t = np.concatenate([f[0] for f in contacts])
     pushes = Push(*(np.concatenate(p) for p in zip(*(f[1] for f in contacts), strict=True)))
     return t, pushes, np.concatenate([f[2] for f in contacts])

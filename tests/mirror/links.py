@@ -13,7 +13,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from scipy.spatial.transform import Rotation
 
-from mirror.motion import rotation_of, start_frame
+from mirror.motion import ground_frame, rotation_of, start_frame
 from mirror.record import Floats, Part
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -50,9 +50,8 @@ class Chain:
         self.pitch, self.face = self.vehicle["track"]["pitch"], self.vehicle["track"]["face"]
         self.gravity = float(track["gravity"])
         p = part.parameters
-        heading = float(p["start.heading"])
-        self.turn = Rotation.from_euler("z", heading)
-        self.ahead, self.across = self.turn.apply([1, 0, 0]), self.turn.apply([0, 1, 0])
+        self.turn = ground_frame(p)
+        self.across = self.turn.apply([0, 1, 0])
         self.origin = start_frame(p)[0] + float(p["start.lateral"]) * self.across
         self.second = (np.arange(self.n) + 1) % self.nodes  # second pin of each link
         self.read(part.state)

@@ -18,11 +18,17 @@ def rotation_of(q: Floats) -> Rotation:
 
 def start_frame(parameters: dict[str, Any]) -> tuple[Floats, Rotation]:
     """Origin and attitude of the vehicle frame at the start."""
-    x, y, z, height, heading, pitch = (
-        float(parameters[f"start.{key}"])
-        for key in ("position.x", "position.y", "position.z", "height", "heading", "pitch")
+    x, y, z, height, pitch = (
+        float(parameters[f"start.{key}"]) for key in ("position.x", "position.y", "position.z", "height", "pitch")
     )
-    return np.array([x, y, z + height]), Rotation.from_euler("ZY", [heading, pitch])
+    frame = ground_frame(parameters)
+    return np.array([x, y, z]) + frame.apply([0.0, 0.0, height]), frame * Rotation.from_euler("Y", pitch)
+
+
+def ground_frame(parameters: dict[str, Any]) -> Rotation:
+    """Axes of the start: x along the ground below the heading, z along the ground's normal."""
+    angles = (float(parameters[f"start.{key}"]) for key in ("heading", "slope.pitch", "slope.roll"))
+    return Rotation.from_euler("ZYX", [*angles])
 
 
 def place_and_attitude(numbers: Sequence[float]) -> tuple[Floats, Rotation]:

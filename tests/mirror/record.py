@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,8 @@ Floats = NDArray[np.float64]
 class Part:
     """Record of a component: K steps, K + 1 instants, the first at the start."""
 
-    def __init__(self, member: Member) -> None:
+    def __init__(self, member: Member, scene: Any) -> None:
+        self.scene = scene
         self.name, self.kind, self.config, self.parameters = member.name, member.kind, member.config, member.parameters
         self.inputs = {name: k for k, name in enumerate(member.inputs)}
         self.outputs = {name: k for k, name in enumerate([*member.outputs, *member.links, *member.counters])}
@@ -65,7 +67,7 @@ class Record:
 
     def __init__(self, system: InProcess, duration: float) -> None:
         self.scene = system.scene
-        self.parts = {name: Part(member) for name, member in system.members.items()}
+        self.parts = {name: Part(member, system.scene) for name, member in system.members.items()}
         times = [system.t]
         self._note(system, True)
         for _ in range(round(duration / system.scene.run.step)):

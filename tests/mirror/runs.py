@@ -82,14 +82,14 @@ def free(model: str, *settings: str) -> Record:
     return other("released_chain", model, "chain.links=12", "run.step=0.2 ms", *settings, overrides=fine, duration=0.04)
 
 
-def thrown() -> Record:
+def thrown(*settings: str) -> Record:
     """A vehicle without tracks, thrown nose down onto the ground so that hull and wheels touch it; it tows."""
     load_on_hitch = (
         "hitch.force=3 kN", "hitch.drag_points=[[-9, -4e3], [0, 0], [4, 1e4]]", "hitch.ramp_start=0.05 s",
         "hitch.ramp_time=0.2 s", "seats=['driver']",
     )  # fmt: skip
     scene = load("straight", "rigid", [*PLACE, "tracks=[]", "ground.hull=true", "start.height=0.3 m",
-                                       "start.pitch=0.35", "run.step=1 ms", *load_on_hitch])  # fmt: skip
+                                       "start.pitch=0.35", "run.step=1 ms", *load_on_hitch, *settings])  # fmt: skip
     system = InProcess(scene)
     for axis, force in zip("xyz", (-2e3, 1.5e3, -3e3), strict=True):  # of another component
         system["chassis"].u[system["chassis"].inputs.index(f"hitch.force.{axis}")] = force
@@ -98,6 +98,19 @@ def thrown() -> Record:
     x[7:13] = 3.0 * c + 0.5 * s, 3.0 * s - 0.5 * c, -0.5, 0.3, 0.4, 0.6
     system["chassis"].model.outputs(system["chassis"].y)
     return Record(system, 0.5)
+
+
+def sloping(model: str, *settings: str, duration: float = 0.3) -> Record:
+    """A vehicle that climbs across a slope, uphill ahead and to the left of it."""
+    return vehicle(model, "ground.grade=0.2", "ground.bank=0.12", "drive.ramp_time=0.1 s", *settings,
+                   overrides={"left_drive": {"speed.end": 18.0}}, duration=duration)  # fmt: skip
+
+
+def waving() -> Record:
+    """A vehicle on waves that end beneath it, other ones on its right side."""
+    waves = 'ground.washboard={amplitude=0.005, wavelength=0.9, phase="70 deg", start=7.0, end=11.6}'
+    place = "start.position=[12.0, 1.0, 0.4]", "start.height=2 mm"
+    return vehicle("rigid", waves, *place, "ground.grade=0.05", duration=0.2)
 
 
 def driven(*settings: str, duration: float = 0.8) -> Record:
@@ -134,6 +147,10 @@ RUNS = {
     "beam": Run(lambda: vehicle("flexible", "track.element=beam", overrides=BRAKED), ("left_track",)),
     "planar": Run(lambda: vehicle("flexible", "symmetric=true", "planar=true", *RAISED)),
     "thrown": Run(thrown),
+    "thrown on a slope": Run(partial(thrown, "ground.grade=0.2", "ground.bank=-0.3")),
+    "sloping": Run(partial(sloping, "rigid"), ("left_track",)),
+    "sloping turning": Run(partial(sloping, "flexible", "track.axes=free"), ("left_track", "chassis")),
+    "waving": Run(waving, ("left_track", "left_drive", "right_drive", "chassis")),
     "joined": Run(joined, ("left_track", "right_track", "chassis")),
     "driven": Run(  # without friction, slip follows from the width alone
         partial(driven, "driver.friction=0"), ("left_track", "right_track", "left_drive", "right_drive", "chassis")

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mirror.links import UP, Chain
+from mirror.ground import Ground
+from mirror.links import Chain
 from mirror.motion import Wheels
 from mirror.record import Floats
 
@@ -182,17 +183,18 @@ def guides(sums: _ContactSums, law: Law, m: int, radius: float, play: float) -> 
         sums.add(t[on], i[on], x[on], w[on], depth[on], push, m, GUIDE)
 
 
-def soil(sums: _ContactSums, law: Law, level: float) -> None:
+def soil(sums: _ContactSums, law: Law, ground: Ground) -> None:
     chain = sums.chain
-    near = np.minimum(chain.ends[0][..., 2], chain.ends[1][..., 2]) < level + 2.0 * chain.pitch
+    heights = [end[..., 2] - ground.height(end[..., 0], end[..., 1]) for end in chain.ends[:2]]
+    near = np.minimum(*heights) < 2.0 * chain.pitch
     t, i = np.nonzero(near)
     lie = np.zeros(near.shape)
     for side in (-1.0, 1.0):
         for y in chain.lateral:
             x, u = chain.point(t, i, 0.5 + side * SPREAD, y, chain.face)
-            depth = level - x[:, 2]
+            depth, n = ground.under(x)
             on = depth > 0.0
-            push = press(law, 0.5 / len(chain.lateral), depth[on], np.broadcast_to(UP, x[on].shape), u[on])
+            push = press(law, 0.5 / len(chain.lateral), depth[on], n[on], u[on])
             sums.add(t[on], i[on], x[on], u[on], depth[on], push, None, GROUND)
             np.add.at(sums.t.load, t[on], push.normal)
             np.add.at(sums.t.slide, t[on], push.normal[:, None] * u[on])
@@ -269,12 +271,6 @@ def teeth(sums: _ContactSums, law: Law, m: int, outline: Outline) -> None:
         sums.add(t[on], j[on], x[on], w[on], depth[on], push, m, TOOTH)
 
 
-def ground_level(vehicle: dict[str, Any], parameters: dict[str, Any]) -> float:
-    """World height of the ground, m: pads under the drawn road wheels just touch it."""
-    wheel = vehicle["road_wheel"]
-    return float(parameters["start.position.z"]) + wheel["z"] - wheel["radius"] - 2.0 * vehicle["track"]["face"]
-
-
 def touch(chain: Chain, wheels: Wheels, covering: bool = False) -> Touch:
     """All contacts of a track, or only those that cover more or less of a link as it moves."""
     part, vehicle = chain.part, chain.vehicle
@@ -290,5 +286,5 @@ def touch(chain: Chain, wheels: Wheels, covering: bool = False) -> Touch:
             disc = outline.top if toothed else wheel["radius"] + HORN
             guides(sums, laws["wheel"], m, disc, vehicle["guide"]["clearance"])
     if part.config["track"]["ground"] and not covering:
-        soil(sums, laws["ground"], ground_level(vehicle, part.parameters))
+        soil(sums, laws["ground"], Ground(part.scene))
     return sums.t

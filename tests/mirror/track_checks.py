@@ -9,9 +9,10 @@ import numpy as np
 from mirror.check import Check, View
 from mirror.record import Floats
 from mirror.track_conditions import (
+    at_rest,
+    elements_lifted,
     explicit,
     implicit,
-    implicit_elements,
     implicit_on_wheels,
     in_free_air,
     in_one_frame,
@@ -86,7 +87,7 @@ CHECKS = (
     Check(r"link\[\d+\]\.wheels\.force\.[xyz]", "the reaction of wheels less that of others", links_on_wheels, 1e-9,
           1e-7, balance=True),
     Check(r"link\[\d+\]\.wheels\.force\.[xyz]", "what balances a link at rest", newton, 1e-3, 1.0, balance=True,
-          applies=straight_on),
+          applies=at_rest),
     Check(r"link\[\d+\]\.ground\.sliding\.[xyz]", "points on the ground", sliding, 1e-3, 1e-4, applies=implicit),
     Check(r"link\[\d+\]\.ground\.depth", "points on the ground", ground_depth, 1e-4, 1e-7, applies=implicit),
     Check(r"ground\.force\.[xyz]", "balance of momentum", momentum, 1e-3, 1.0, balance=True, applies=straight_on),
@@ -97,7 +98,7 @@ CHECKS = (
     Check("slip", "points on the ground against the present heading", slip, 1e-3, 1e-5, applies=on_wheels),
     Check(r"link\[\d+\]\.tension", "strain, or pin forces from motion", tension, 1e-3, 2.0, applies=tension_known),
     Check(r"link\[\d+\]\.tension", "between what its pins carry", tension_bounds, 0.03, 50.0,
-          applies=implicit_elements),
+          applies=elements_lifted),
     Check(r"tension\.(min|mean|max)", "of all links", tension_of_all, 1e-3, 2.0, applies=tension_known),
     Check(r"link\[\d+\]\.stress", "strain at the outer fibre", stress, 1e-4, 1e-2),
     Check(r"link\[\d+\]\.fibre\.(outer|inner)", "strain in the middle", fibre, 1e-4, 0.5),

@@ -53,6 +53,11 @@ def straight_on(view: View) -> bool:
     return on_a_vehicle(view) and not turning(view)
 
 
+def at_rest(view: View) -> bool:
+    """Whether a vehicle starts at rest; on a slope it starts to creep."""
+    return straight_on(view) and view.record.scene.ground.grade is None
+
+
 def in_one_frame(view: View) -> bool:
     """Whether axes stay fixed and pins are undamped across.
 
@@ -61,5 +66,9 @@ def in_one_frame(view: View) -> bool:
     return not turning(view) and not view.track["transverse_damping"]
 
 
-def implicit_elements(view: View) -> bool:
-    return implicit_on_wheels(view) and not isinstance(view.chain, Rigid)
+def elements_lifted(view: View) -> bool:
+    """Whether links are elements, and each of them is without contact at some instant with known accelerations."""
+    if not implicit_on_wheels(view) or isinstance(view.chain, Rigid):
+        return False
+    free = abs(view.touch.force).max(-1) == 0.0
+    return bool(free[30:].any(0).all())

@@ -1,0 +1,147 @@
+"""Grounds under a vehicle: random tables ``[ground]`` and starts, through the start and a few steps."""
+
+from __future__ import annotations
+
+import random
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from fmus.model import InvalidParameter, StepFailed
+from fmus.vehicle import BadInput
+from orchestrator.scene.scene import load
+from tests.fuzz import values
+from tests.vehicle_in_process import InProcess
+
+STEPS = 3
+BASE = (
+    "track.start=polygon", "track.link_outputs=false", "drive.ramp_start=0", "drive.ramp_time=0.01", "drive.speed=5",
+    "start.state=drawn",
+)  # fmt: skip
+SETTLED = ("track.link_outputs=false",)
+
+
+def _place(chance: random.Random) -> float:
+    """A place under the vehicle, which stands between x = -4.5 m and 0.5 m, or elsewhere."""
+    return round(chance.uniform(-6.0, 2.0), chance.choice((0, 1, 3, 12)))
+
+
+def _length(chance: random.Random, usual: float) -> float:
+    return usual * 10.0 ** chance.uniform(-1.0, 0.5 if chance.random() < 0.9 else 3.0)
+
+
+def _signed(chance: random.Random, value: float) -> float:
+    return value if chance.random() < 0.6 else -value
+
+
+def _places(chance: random.Random) -> list[float]:
+    return sorted(_place(chance) for _ in range(chance.choice((1, 1, 1, 2, 3))))
+
+
+def _fading(chance: random.Random) -> dict[str, Any]:
+    return {"start": _place(chance), "length": _length(chance, 1.0)} if chance.random() < 0.5 else {}
+
+
+def _heightmap(chance: random.Random) -> dict[str, Any]:
+    rows, columns = chance.randrange(2, 7), chance.randrange(2, 7)
+    size = _length(chance, 0.05)
+    heights = [[round(chance.uniform(-size, size), 4) for _ in range(columns)] for _ in range(rows)]
+    spacing = [_length(chance, 1.0), _length(chance, 1.0)]
+    return {"heights": heights, "corner": [_place(chance), _place(chance)], "spacing": spacing, **_fading(chance)}
+
+
+def _friction(chance: random.Random) -> list[dict[str, Any]]:
+    regions = []
+    for _ in range(chance.choice((1, 2, 5))):
+        x, y = sorted((_place(chance), _place(chance) + 1e-3)), sorted((_place(chance), _place(chance) + 1e-3))
+        how = chance.choice(("factor", "coefficient"))
+        regions.append({"x": x, "y": y, how: chance.choice((0.0, 0.3, 1.0, 5.0))})
+    return regions
+
+
+TABLES: dict[str, Callable[[random.Random], Any]] = {
+    "grade": lambda chance: _signed(chance, _length(chance, 0.15)),
+    "bank": lambda chance: _signed(chance, _length(chance, 0.15)),
+    "bump": lambda chance: {
+        "start": _place(chance), "rise": _length(chance, 0.1), "slope": chance.uniform(0.05, 1.4),
+        "length": _length(chance, 0.3), "radius": _length(chance, 0.05),
+    },
+    "step": lambda chance: {
+        "x": _places(chance), "rise": _signed(chance, _length(chance, 0.2)), "radius": _length(chance, 0.02),
+    },
+    "half_round": lambda chance: {
+        "x": _places(chance), "radius": _length(chance, 0.1), "fillet": _length(chance, 0.02),
+    },
+    "trench": lambda chance: {
+        "start": _place(chance), "width": _length(chance, 1.0), "depth": _length(chance, 0.5),
+        "radius": _length(chance, 0.02),
+    },
+    "kerb": lambda chance: {
+        "y": _place(chance) / 3.0, "rise": _signed(chance, _length(chance, 0.1)), "radius": _length(chance, 0.02),
+        **_fading(chance),
+    },
+    "washboard": lambda chance: {
+        "amplitude": _length(chance, 0.02), "wavelength": _length(chance, 1.0), "start": _place(chance),
+        "phase": chance.uniform(-7.0, 7.0), **({"end": _place(chance) + 5.0} if chance.random() < 0.5 else {}),
+    },
+    "rough": lambda chance: {
+        "iso_class": chance.choice("ABCDEFGH"), "seed": chance.randrange(10), "start": _place(chance),
+        "period": chance.choice((20.0, 50.0, 200.0)), "correlated": chance.random() < 0.5,
+        "length": _length(chance, 2.0),
+    },
+    "heightmap": _heightmap,
+    "friction": _friction,
+}  # fmt: skip
+
+
+def draw(chance: random.Random) -> dict[str, Any]:
+    """A case: settings of a vehicle on a ground."""
+    chosen = chance.sample(sorted(TABLES), chance.choice((1, 1, 1, 2, 2, 3)))
+    ground = {key: TABLES[key](chance) for key in chosen}
+    if {"grade", "bank"} & ground.keys() and chance.random() < 0.3:
+        ground |= {"incline_start": _place(chance), "incline_length": _length(chance, 1.0)}
+    if chance.random() < 0.3:
+        values.change(ground, chance)
+    settings = [*(BASE if chance.random() < 0.7 else SETTLED)]
+    settings += [f"ground.{key}={values.text(one)}" for key, one in ground.items()]
+    if chance.random() < 0.5:
+        position = [_place(chance), _place(chance), round(chance.uniform(-3.0, 3.0), 2)]
+        settings += [f"start.heading={chance.uniform(-4.0, 4.0)!r}", f"start.position={position}"]
+    if chance.random() < 0.3:
+        settings.append("ground.hull=true")
+    if chance.random() < 0.2:
+        settings.append(f"tracks={chance.choice(('[]', '[' + chr(34) + 'left' + chr(34) + ']'))}")
+    elif chance.random() < 0.2:
+        settings.append("symmetric=true")
+    return {"settings": settings}
+
+
+def prepare() -> None:
+    """Load what cases load: kernels with and without a terrain, of tracks and of bare wheels."""
+    for settings in (["ground.grade=0.1"], ["ground.step={x=[-2], rise=0.01}"]):
+        for tracks in ([], ["tracks=['left']", "ground.hull=true"]):
+            vehicle = InProcess(load("straight", "rigid", [*BASE, *settings, *tracks]))
+            vehicle.step()
+
+
+def act(case: dict[str, Any]) -> Callable[[], None]:
+    """Action of a case: it ends with status 2 and a sentence, or with finite outputs."""
+
+    def play() -> None:
+        try:
+            vehicle = InProcess(load("straight", "rigid", case["settings"]))
+            for _ in range(STEPS):
+                vehicle.step()
+        except (BadInput, InvalidParameter) as error:
+            print(f"cotrack: {error}", file=sys.stderr)
+            sys.exit(2)
+        except StepFailed as error:
+            print(f"cotrack: {error}", file=sys.stderr)
+            sys.exit(3)
+        for one in vehicle.members.values():
+            odd = [name for name, value in zip(one.outputs, one.y, strict=True) if not np.isfinite(value)]
+            assert not odd, f"{one.name}.{odd[0]} is not finite"
+
+    return play
