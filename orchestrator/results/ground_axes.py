@@ -6,14 +6,12 @@ idlers as drawn; else, also on a bump, those of level ground.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from fmus.ground_keys import is_terrain
 from orchestrator.log.time_series import Floats
-from orchestrator.results.ground_surface import ground
+from orchestrator.results.ground_surface import ground, on_terrain
 from orchestrator.results.run_data import RunData
 
 POSE = ("chassis.yaw", "chassis.chassis.position.x", "chassis.chassis.position.y")
@@ -30,11 +28,6 @@ class GroundAxes(NamedTuple):
 def pose_signals(run: RunData) -> tuple[str, ...]:
     """Signals of the hull by which its place on the ground is known: its heading, on a terrain also its position."""
     return POSE if on_terrain(run.scene) else POSE[:1]
-
-
-def on_terrain(scene: Mapping[str, Any]) -> bool:
-    """Whether the vehicle of a scene stands on a terrain."""
-    return is_terrain(scene.get("ground") or {})
 
 
 def ground_axes(run: RunData, pose: Floats) -> GroundAxes:

@@ -91,14 +91,15 @@ def ground(scene: Mapping[str, Any]) -> GroundSurface | None:
     """
     if scene.get("assembly") != "vehicle":
         return None
-    start, table = scene["start"], scene.get("ground") or {}
+    start = scene["start"]
     ahead = np.array([np.cos(start["heading"]), np.sin(start["heading"]), 0.0])
     place, level = np.array(start["position"], float), level_of(scene)
-    if is_terrain(table):
+    if on_terrain(scene):
         from fmus.ground import heights_of, terrain  # loads the kernels of a terrain
 
-        return GroundSurface(place, ahead, level, np.zeros(0), np.zeros(0), partial(heights_of, terrain(table)))
-    bump = table.get("bump")
+        shape = terrain(scene["ground"])
+        return GroundSurface(place, ahead, level, np.zeros(0), np.zeros(0), partial(heights_of, shape))
+    bump = (scene.get("ground") or {}).get("bump")
     if not bump:
         return GroundSurface(place, ahead, level, np.zeros(0), np.zeros(0))
     rise, slope, radius, half = bump["rise"], bump["slope"], bump["radius"], 0.5 * bump["length"]
@@ -112,6 +113,12 @@ def ground(scene: Mapping[str, Any]) -> GroundSurface | None:
     return GroundSurface(
         place, ahead, level, np.concatenate([middle - a[::-1], middle + a]), level + np.concatenate([z[::-1], z])
     )
+
+
+def on_terrain(scene: Mapping[str, Any]) -> bool:
+    """Whether the ground of a scene, which may hold anything, is a terrain."""
+    table = scene.get("ground")
+    return isinstance(table, Mapping) and is_terrain(table)
 
 
 def level_of(scene: Mapping[str, Any]) -> float:

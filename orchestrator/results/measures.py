@@ -9,11 +9,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fmus.ground_keys import is_plane, is_terrain
+from fmus.ground_keys import is_plane
 from fmus.sides import of_side
 from orchestrator.results import turning
 from orchestrator.results.energy import drift, ledger, ports
 from orchestrator.results.ground_axes import component, ground_axes, pose_signals
+from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.run_data import (
     BLOCK,
     EVER,
@@ -250,8 +251,7 @@ def settlement_of_contacts(run: RunData, of: str, window: Window) -> float:
 
     Raises Missing on uneven ground: settlement counts from the ground at the start.
     """
-    ground = run.scene.get("ground") or {}
-    if is_terrain(ground) and not is_plane(ground):
+    if on_terrain(run.scene) and not is_plane(run.scene["ground"]):
         raise Missing("settlement_of_contacts is not known on uneven ground: settlement counts from that of the start")
     return run.mean("chassis.settlement", window) - settlement_of_springs(run, of, window)
 

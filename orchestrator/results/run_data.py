@@ -9,11 +9,11 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.ground_keys import is_terrain
 from orchestrator.log.reader import Log
 from orchestrator.log.recorded_system import system_of
 from orchestrator.log.time_series import Floats, Series
 from orchestrator.results import link_columns
+from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.link_columns import POSITION, TENSION
 from orchestrator.results.rotation import body_axis
 
@@ -205,7 +205,7 @@ class RunData:
 
     def _upright(self, t: Floats, window: Window | None) -> Floats | None:
         """Upward axis (m, 3) of the hull on a terrain; None elsewhere, where the vertical takes its place."""
-        if not (is_terrain(self.scene.get("ground") or {}) and self.has("chassis.chassis.orientation.w")):
+        if not (on_terrain(self.scene) and self.has("chassis.chassis.orientation.w")):
             return None
         early_window = window and window._replace(start=window.start - LONGEST_STEP)
         times, q = self.vectors("chassis", "out", "chassis.orientation", "wxyz", early_window)

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.results.ground_axes import component, ground_axes, on_terrain, pose_signals
+from orchestrator.results.ground_axes import component, ground_axes, pose_signals
+from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.run_data import Floats, Missing, RunData, Window, mean
 
 SIGN = {"left": -1.0, "right": 1.0}  # of the yaw moment of a forward force

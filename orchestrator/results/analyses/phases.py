@@ -24,7 +24,8 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.broken_line import LineFitter, breaks
 from orchestrator.results.energy import without_energies
-from orchestrator.results.ground_axes import on_terrain, pose_signals, split
+from orchestrator.results.ground_axes import pose_signals, split
+from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, record_durations
 from orchestrator.results.table import Table
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orchestrator.results.analyses.curves import SignalCurve
-from orchestrator.results.ground_axes import on_terrain
+from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.page.charts import Chart, Trace, lines
 from orchestrator.results.page.evaluation import attempt
 from orchestrator.results.page.section import Content, PageSection, Pair

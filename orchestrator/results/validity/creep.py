@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from orchestrator.results.analyses import hull
-from orchestrator.results.ground_axes import POSE, on_terrain, split
+from orchestrator.results.ground_axes import POSE, split
+from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.run_data import Missing, RunData, mean
 from orchestrator.results.validity import limits
 from orchestrator.results.validity.exceedance import WARNING, Exceedance

@@ -48,6 +48,7 @@ LONGEST = 3600.0  # s
 TOP, BESIDE, EDGE = 64, 130, 12  # pixels of title, colour scale and border
 MARGIN = 0.3  # m round the bodies
 ARROW, HEAD = 0.15, 0.009  # longest scale arrow, and heads of arrows, over the width of the picture
+QUADS = 6000  # of a terrain under the whole way
 FAR = 1.1  # brightness of the ground under the far track, where it is higher
 OPACITY = 0.85  # of the hull: what it hides shines through
 SEEN_FROM = {"right": "from the right", "top": "from the top", "corner": "from a corner ahead"}
@@ -288,9 +289,8 @@ class FilmPicture:
         earth = np.array(colours.to_unit_range(colours.EARTH))
         if self._viewpoint == "right":
             bottom = [[self._half, -2 * self._half], [-self._half, -2 * self._half]]
-            sections = [
-                section(camera, profile, -self._half, self._half, nearer) for nearer in self._planes(camera, poses, k)
-            ]
+            planes = self._planes(camera, poses, k) if profile.terrain else [0.0]
+            sections = [section(camera, profile, -self._half, self._half, nearer) for nearer in planes]
             self._earth.set_verts([np.concatenate([line, bottom]) for line, _ in sections])
             self._earth.set_facecolor([*([tuple(np.minimum(FAR * earth, 1.0))] * (len(sections) - 1)), tuple(earth)])
             _, metres = sections[-1]
@@ -309,7 +309,7 @@ class FilmPicture:
     def _mesh(self) -> GroundMesh:
         """Mesh of a terrain under the whole way."""
         assert self._bodies.ground
-        return Reach().with_bodies(self._bodies).mesh(self._bodies.ground, 2.0 * self._half)
+        return Reach().with_bodies(self._bodies).mesh(self._bodies.ground, 2.0 * self._half, QUADS)
 
     def _planes(self, camera: Camera, poses: Poses, k: int) -> list[float]:
         """Distances of the near faces of the tracks from the middle, towards the viewer, m, the nearest last."""
