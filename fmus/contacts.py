@@ -33,7 +33,7 @@ class Contacts(NamedTuple):
     belt: Vector  # velocity of the ground's surface in that frame, m/s
     sprocket: Any  # contact law (``physics.contact.laws``) of pins with teeth,
     wheel: Any  # of links with rims
-    soil: Any  # and of links with the ground
+    soil: Any  # and of links with the ground (``physics.contact.ground_laws``)
 
 
 def contacts(
@@ -41,11 +41,12 @@ def contacts(
     wheels: Sequence[Mapping[str, Any]],
     ground: Mapping[str, Any] | None,
     parameters: Mapping[str, Any],
+    soil: Mapping[str, Any] | None = None,
 ) -> Contacts:
     """Contact partners from the vehicle table, the wheels of a track's config and the FMI parameters.
 
-    ``ground`` as in ``ground_shape``; None without one. Raises InvalidParameter with the key, the value and what is
-    allowed.
+    ``ground`` as in ``ground_shape``, None without one; it is hard, or the ``soil`` of these numbers
+    (``physics.contact.soil.parameters``). Raises InvalidParameter with the key, the value and what is allowed.
     """
     laws = {pair: contact_law(pair, parameters, vehicle["contact"][pair]) for pair in ("sprocket", "wheel", "ground")}
     s, track = vehicle["sprocket"], vehicle["track"]
@@ -73,7 +74,7 @@ def contacts(
         STANDING,
         laws["sprocket"],
         laws["wheel"],
-        laws["ground"],
+        laws["ground"] if soil is None else soil_law(soil, track),
     )
 
 
@@ -104,12 +105,23 @@ def contact_law(pair: str, parameters: Mapping[str, Any], table: Mapping[str, An
     return LAWS[value("law")](*map(value, ("stiffness", "damping", "friction", "friction_velocity")))
 
 
+def soil_law(numbers: Mapping[str, Any], track: Mapping[str, Any]) -> Any:
+    """Law of a soil under the links of a vehicle's ``track`` table; raises InvalidParameter."""
+    from fmus.physics.contact.soil.parameters import soil
+
+    try:
+        return soil(numbers, track["pitch"], track["width"])
+    except ValueError as error:
+        raise InvalidParameter(f"ground.soil.{error}") from None
+
+
 def without_friction(partners: Contacts) -> Contacts:
-    """Copy of the partners without friction."""
+    """Copy of the partners without friction; soil has none before it was touched."""
+    hard = isinstance(partners.soil, tuple(LAWS.values()))
     return partners._replace(
         sprocket=partners.sprocket._replace(mu=0.0),
         wheel=partners.wheel._replace(mu=0.0),
-        soil=partners.soil._replace(mu=0.0),
+        soil=partners.soil._replace(mu=0.0) if hard else partners.soil,
         shape=partners.shape.without_friction(),
     )
 

@@ -157,7 +157,7 @@ class _Vehicle:
         for side, chain in self._chains.items():
             wrenches[side] = chain.wheel_wrenches(motions[side], guess[ROLL], guess[PITCH])
         out = np.zeros_like(x)
-        rates(self.chassis.tree, self.chassis.parts.contacts, x, wrenches.ravel(), out)
+        rates(self.chassis.tree, self.chassis.parts.contacts, None, x, wrenches.ravel(), out)
         n = len(self.chassis.tree.is_arm)
         out[9] += self.chassis.tree.gravity + self.gravity[2]  # weight across the slope; that along it is balanced
         leaf_accelerations = out[ROOT + 2 * n : ROOT + 3 * n].reshape(2, -1)[:, : self.leaves].ravel()

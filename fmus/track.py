@@ -56,7 +56,7 @@ from fmus.ports import (
 from fmus.sentences import Sentence
 from fmus.stance import Stance, part_at_rest, stance
 from fmus.start import FRAME, HEIGHT, KEYS, LEVEL, StartPose, start_pose
-from fmus.track_choices import ADAMS, EXPLICIT, HHT, INTEGRATORS
+from fmus.track_choices import ADAMS, EXPLICIT, HHT, IMPLICIT, INTEGRATORS
 
 # Outputs of a chain after the wrenches, in the order of its report (``chain.report``): name, unit, text.
 OUTPUTS = (
@@ -92,6 +92,12 @@ OUTPUTS = (
     ("energy.dissipated.material", "J", "energy lost by damping of the material of links"),
     ("energy.dissipated.joints", "J", "energy lost by damping of pins across the chain and of a closing spring"),
 )
+ON_SOIL = {  # texts of outputs that are others on soil
+    "penetration.max": "deepest penetration of a contact with a wheel or a tooth",
+    "energy.contact": "energy stored in contact springs and in sheared and pressed soil",
+    "energy.dissipated.ground_friction": "energy lost by shear of the soil",
+    "energy.dissipated.ground_damping": "energy lost by compaction and normal damping of the soil",
+}
 INTERVALS = Range(1.0, 1e6, "a whole number from 1 to 1e6")
 CAUSES = {  # of a failure of an implicit and of an explicit step
     STALLED: ("Newton's iteration of the chain did not converge", ""),
@@ -109,6 +115,10 @@ WARNING_SENTENCES = (
         "a wheel's axis is {0:.2f} degrees off the pin axis at t = {1:.4g} s: cables with axes = 'fixed' drive in their"
         " own plane only, turns and side slopes need axes = 'free'"
     ),
+)
+RUT_SENTENCE = Sentence(
+    "at t = {0:.6g} s the rut of the track is too long to be remembered: its oldest part counts as untouched ground, if"
+    " the track comes back to it"
 )
 
 
@@ -196,7 +206,7 @@ class TrackModel(ComponentModel):
     start_kernel, step_kernel = staticmethod(steps.begin), staticmethod(steps.implicit)
     output_kernel, link_output_kernel = staticmethod(steps.write_outputs), staticmethod(steps.write_link_outputs)
     start_parameters = *KEYS, "start.lateral"
-    warning_sentences = WARNING_SENTENCES
+    warning_sentences: tuple[Sentence, ...] = WARNING_SENTENCES
     plane = 0  # 1: links that stay in their plane
     State: Any  # class of the state's views
     link: Any  # parameters of the links
@@ -224,7 +234,20 @@ class TrackModel(ComponentModel):
         self.counters = np.zeros(COUNTERS, dtype=np.int64)
         self.inputs = STATE * wheels
         self.failures = failures([wheel["name"] for wheel in self.wheel_list])
+        self.ground_memory = self._ground_memory()
+        if self.ground_memory != state.HARD:
+            self.warning_sentences = (*WARNING_SENTENCES, RUT_SENTENCE)
         self.allocate()
+
+    def _ground_memory(self) -> state.GroundMemory:
+        """Sizes of what the ground remembers under the chain."""
+        if not self.config.get("soil"):
+            return state.HARD
+        from fmus.physics.contact.soil.memory import MEMORY, PENDING
+        from fmus.physics.contact.soil.rut import RUT
+        from fmus.physics.point import ON_FACE
+
+        return state.GroundMemory(ON_FACE * self.links_count, MEMORY, PENDING, RUT)
 
     def allocate(self) -> None:
         """Allocate the zeroed state and its views; again where a parameter changes the size of the chain."""
@@ -245,7 +268,8 @@ class TrackModel(ComponentModel):
             ports += motion_ports(wheel["name"], "input", plain(part_at_rest)(pose, stance((x, y + lateral, *rest))))
         for wheel in self.wheel_list:
             ports += wrench_ports(wheel["name"], "output")
-        ports += [Port(name, "output", unit, text) for name, unit, text in OUTPUTS]
+        other = ON_SOIL if self.config.get("soil") else {}
+        ports += [Port(name, "output", unit, other.get(name, text)) for name, unit, text in OUTPUTS]
         ports += link_outputs.ports(self.link_groups, self.links_count, self.nodes)
         for name in ("steps", "evaluations", "iterations", "rejected"):
             ports.append(Port(f"solver.{name}", "output", "1", f"{name} of the integrator so far", 0))
@@ -273,7 +297,8 @@ class TrackModel(ComponentModel):
         text = "communication steps over which forces, sliding and depth of links are means, a whole number"
         ports.append(Port(link_outputs.INTERVAL, "parameter", "1", text, 1.0, allowed=INTERVALS))
         kinds = {wheel["kind"] for wheel in self.wheel_list}
-        existing = {"sprocket": "teeth" in kinds, "wheel": bool(kinds), "ground": bool(self.config["ground"])}
+        hard = bool(self.config["ground"]) and not self.config.get("soil")
+        existing = {"sprocket": "teeth" in kinds, "wheel": bool(kinds), "ground": hard}
         for pair in (pair for pair, exists in existing.items() if exists):
             from fmus.physics.contact.laws import LAWS  # of chains that touch something
 
@@ -319,6 +344,11 @@ class TrackModel(ComponentModel):
         self.max_step, self.integrator, self.interval = p["step"], p["integrator"], p[link_outputs.INTERVAL]
         if self.interval != round(self.interval):
             raise InvalidParameter(f"{link_outputs.INTERVAL} = {self.interval:g}: must be a whole number")
+        if self.config.get("soil") and p["integrator"] in (EXPLICIT, ADAMS):
+            raise InvalidParameter(
+                f"integrator = '{p['integrator']}': soil remembers accepted steps and needs an implicit integrator,"
+                f" '{IMPLICIT}' or '{HHT}'"
+            )
         self.contacts = self.contact_partners(p)
         self.environment = self._environment()
         self.in_plane = self.environment  # loads of the static equilibrium
@@ -402,7 +432,8 @@ class TrackModel(ComponentModel):
             return None
         from fmus.contacts import contacts
 
-        return contacts(self.vehicle, self.wheel_list, self.config if self.config["ground"] else None, p)
+        ground = self.config if self.config["ground"] else None
+        return contacts(self.vehicle, self.wheel_list, ground, p, self.config.get("soil"))
 
     def _environment(self) -> Environment:
         ends = self.config.get("ends")

@@ -17,6 +17,7 @@ from fmus.physics.chain.implicit import advance
 from fmus.physics.chain.kinds import fibres, observe_links, pin_axes, slopes
 from fmus.physics.chain.report import GROUND as ON_GROUND
 from fmus.physics.chain.report import REJECTED, REPORT, STEPS
+from fmus.physics.chain.state import FORGOTTEN
 from fmus.physics.elementary import acos
 from fmus.physics.wheels import WIDTH, read_state, to_world
 from fmus.ports import STATE
@@ -31,6 +32,7 @@ MOST_HALVINGS = 5  # halvings in one communication step, more of which are a war
 NO_WHEEL, TOO_LONG, ELSEWHERE, APART, ASKEW, IMPLICIT, EXPLICIT = 1, 2, 3, 4, 5, 5, 9
 MOST_APART = 5.0  # pitches by which the distance of a wheel from the first one may differ from that at the start
 HALVED, TILTED = WARNINGS = range(2)  # warnings, each given once: flags at the end of the state
+FORGOTTEN_RUT = 2  # warning of a track on soil alone; its flag is in the rut
 
 
 class CommonData(NamedTuple):
@@ -126,6 +128,7 @@ def implicit(c, messages, t, h, u):
         return IMPLICIT + failure
     on_links.count_step(c.s, h)
     warn_of_halvings(common.given_warnings, messages, t, counters[REJECTED] - before)
+    warn_of_rut(c.s.rut, messages, t)
     return 0
 
 
@@ -135,6 +138,14 @@ def warn_of_halvings(given_warnings, messages, t, halvings):
     if halvings > MOST_HALVINGS and given_warnings[HALVED] == 0.0:
         given_warnings[HALVED] = messages[1 + HALVED, 0] = 1.0
         messages[1 + HALVED, 1], messages[1 + HALVED, 2] = halvings, t
+
+
+@kernel
+def warn_of_rut(rut, messages, t):
+    """Warn once that a part of the ``rut`` was forgotten, in the communication step at ``t``."""
+    if rut.size > 0 and rut[FORGOTTEN] == 1.0:
+        rut[FORGOTTEN] = 2.0
+        messages[1 + FORGOTTEN_RUT, 0], messages[1 + FORGOTTEN_RUT, 1] = 1.0, t
 
 
 @allocating

@@ -162,6 +162,18 @@ class ChassisTable(FrozenTable):  # noqa: D101
     """points of the hull that can touch the ground if ground.hull is true"""
 
 
+class HitchTable(FrozenTable):  # noqa: D101
+    x: Length
+    """position forward of the sprocket axle, in the plane of symmetry"""
+    z: Length
+    """position above the sprocket axle"""
+
+
+class SeatTable(FrozenTable):  # noqa: D101
+    position: tuple[Length, Length, Length]
+    """point of the hull whose motion is that of the seat, from the middle of the sprocket axle line, as drawn"""
+
+
 class SprocketTable(FrozenTable):  # noqa: D101
     mass: Mass
     """mass of a sprocket"""
@@ -382,6 +394,9 @@ def _check_consistency(vehicle: Vehicle) -> Vehicle:
         )
     for complaint in range_violations(vehicle.model_dump(), VEHICLE, "possible"):
         raise ValueError(complaint)
+    for name in vehicle.seat:
+        if not re.fullmatch(r"[a-z][a-z0-9_]{0,39}", name):
+            raise ValueError(f"seat.{name}: a name has small letters, digits and _ alone, a letter first")
     left, right = (of_side(vehicle.model_dump(), side) for side in SIDES)
     for name in ("road_wheel", "return_roller"):
         here, there = (len((table[name] or {}).get("x", ())) for table in (left, right))
@@ -411,6 +426,10 @@ class VehicleTable(FrozenTable):
     """acceleration of gravity, downwards"""
     chassis: ChassisTable
     """hull with all that is fixed to it"""
+    hitch: HitchTable | None = None
+    """point of the hull at which the vehicle tows; a scene that tows needs it"""
+    seat: dict[str, SeatTable] = {}
+    """points of the hull by names of small letters, digits and _; a scene chooses those whose motion is computed"""
     sprocket: SprocketTable
     """driving wheel of each side; the middle of the axle line is the origin of all positions"""
     idler: IdlerTable

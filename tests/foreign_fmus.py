@@ -1,5 +1,6 @@
 """Small FMUs in C that are no FMUs of cotrack: models in `foreign`, compiled with the compiler of native FMUs."""
 
+import json
 import subprocess
 import uuid
 import zipfile
@@ -15,16 +16,18 @@ from fmus.ports import UNITS, motion_ports, wrench_ports
 
 SOURCES = Path(__file__).parent / "foreign"
 Base = Mapping[str, float]  # attributes of a BaseUnit
+IN_C = str.maketrans(".[]", "___")
 
 
 class Variable(NamedTuple):
-    """Variable of a model, called in C like here with underscores for dots."""
+    """Variable of a model, called in C like here with underscores for dots and brackets."""
 
     name: str
     causality: str
-    start: float | int | bool = 0.0
+    start: float | int | bool | str = 0.0
     kind: str = "Real"
     unit: str = ""
+    items: tuple[str, ...] = ()  # of an Enumeration, counted from 1
 
 
 def ports(name: str, causality: str, of: str) -> list[Variable]:
@@ -49,6 +52,30 @@ DRIVE = (
     Variable("fast", "output", False, "Boolean"),
 )
 
+PLACES = [
+    f"{side}.{place}"
+    for side in ("left", "right")
+    for place in (*(f"road_wheel[{k}]" for k in range(1, 6)), "idler", "sprocket")
+]
+CHASSIS = (
+    *(variable for place in PLACES for variable in ports(place, "input", "wrench")),
+    *(variable for place in PLACES for variable in ports(place, "output", "motion")),
+    *ports("chassis", "output", "motion"),
+    Variable("speed", "output", unit="m/s"),
+    Variable("distance", "output", unit="m"),
+    Variable("energy.kinetic", "output", unit="J"),
+    Variable("energy.gravity", "output", unit="J"),
+    *(Variable(f"state[{k}]", "local") for k in range(1, 36)),
+    *(Variable(f"{place}.start.{axis}", "parameter", unit="m") for place in (*PLACES, "centre") for axis in "xyz"),
+    Variable("pitch", "parameter", unit="rad"),
+    Variable("gravity", "parameter", 9.81, unit="m/s2"),
+    Variable("mass", "parameter", 1.0, unit="kg"),
+    *(Variable(f"inertia.{axes}", "parameter", float(axes[0] == axes[1])) for axes in ("xx", "yy", "zz", "xz")),
+    Variable("wheel.inertia", "parameter", 1.0),
+    Variable("idler.inertia", "parameter", 1.0),
+    Variable("substeps", "parameter", 4, "Integer"),
+)
+
 
 def build(
     file: Path,
@@ -56,20 +83,25 @@ def build(
     variables: Sequence[Variable],
     units: Mapping[str, Base] = UNITS,
     library: bytes | None = None,
+    states: bool = False,
 ) -> Path:
-    """Build the FMU of a model in `foreign`; ``library``: take this one, of the same variables, instead."""
-    guid = str(uuid.uuid5(uuid.NAMESPACE_OID, repr(variables)))
-    reals = [variable for variable in variables if variable.kind == "Real"]
-    others = [variable for variable in variables if variable.kind != "Real"]
-    root = _description(model, guid, variables, units)
+    """Build the FMU of a model in `foreign`.
+
+    ``library``: take this one, of the same variables in other units, instead. ``states``: it says that it saves states.
+    """
+    guid = str(uuid.uuid5(uuid.NAMESPACE_OID, repr([each._replace(unit="", items=()) for each in variables])))
+    rows: dict[str, list[Variable]] = {"Real": [], "Integer": [], "String": []}
+    for variable in variables:
+        rows[variable.kind if variable.kind in rows else "Integer"].append(variable)
+    root = _description(model, guid, variables, units, states)
     for element, variable in zip(root.iter("ScalarVariable"), variables, strict=True):
-        row = reals if variable.kind == "Real" else others
+        row = rows[variable.kind if variable.kind in rows else "Integer"]
         element.set("valueReference", str(row.index(variable)))
     with zipfile.ZipFile(file, "w") as archive:
         archive.writestr("modelDescription.xml", tostring(root))
         archive.writestr(
             f"binaries/{fmpy.platform}/{model}{fmpy.sharedLibraryExtension}",
-            library or _compiled(file.with_suffix(".so"), model, _header(guid, reals, others)),
+            library or _compiled(file.with_suffix(".so"), model, _header(guid, rows)),
         )
     return file
 
@@ -89,24 +121,37 @@ def _compiled(library: Path, model: str, header: str) -> bytes:
     return library.read_bytes()
 
 
-def _header(guid: str, reals: Sequence[Variable], others: Sequence[Variable]) -> str:
+def _header(guid: str, rows: Mapping[str, Sequence[Variable]]) -> str:
     """Places and start values of the variables, for the model in C."""
-    lines = [f'#define GUID "{guid}"', f"#define REALS {len(reals) + 1}", f"#define INTEGERS {len(others) + 1}"]
-    for kind, array, row in (("double", "REAL_START", reals), ("int", "INTEGER_START", others)):
-        names = [variable.name.replace(".", "_") for variable in row]
+    lines = [f'#define GUID "{guid}"']
+    formats = {"Real": ("double", lambda x: repr(float(x)), "0"), "Integer": ("int", lambda x: str(int(x)), "0")}
+    formats["String"] = ("char *const", lambda x: json.dumps(x or ""), '""')
+    for kind, (c_type, text, last) in formats.items():
+        array = f"{kind.upper()}_START"
+        names = [variable.name.translate(IN_C) for variable in rows[kind]]
+        lines.append(f"#define {kind.upper()}S {len(names) + 1}")
         lines.append(f"enum {{ {', '.join([*names, f'{array}_END'])} }};")
-        starts = [repr(float(each.start) if kind == "double" else int(each.start)) for each in row]
-        lines.append(f"static const {kind} {array}[] = {{{', '.join([*starts, '0'])}}};")
+        starts = [text(each.start) for each in rows[kind]]
+        lines.append(f"static const {c_type} {array}[] = {{{', '.join([*starts, last])}}};")
     return "\n".join([*lines, ""])
 
 
-def _description(model: str, guid: str, variables: Sequence[Variable], units: Mapping[str, Base]) -> Element:
+def _description(
+    model: str, guid: str, variables: Sequence[Variable], units: Mapping[str, Base], states: bool
+) -> Element:
     root = Element("fmiModelDescription", fmiVersion="2.0", modelName=f"Foreign {model}", guid=guid)
-    SubElement(root, "CoSimulation", modelIdentifier=model, canHandleVariableCommunicationStepSize="true")
+    capabilities = {"canHandleVariableCommunicationStepSize": "true"}
+    capabilities |= {"canGetAndSetFMUstate": "true"} if states else {}
+    SubElement(root, "CoSimulation", {"modelIdentifier": model, **capabilities})
     definitions = SubElement(root, "UnitDefinitions")
     for unit in dict.fromkeys(variable.unit for variable in variables if variable.unit in units):
         base = {name: str(value) for name, value in units[unit].items()}
         SubElement(SubElement(definitions, "Unit", name=unit), "BaseUnit", base)
+    types = SubElement(root, "TypeDefinitions") if any(variable.items for variable in variables) else root
+    for variable in (variable for variable in variables if variable.items):
+        enumeration = SubElement(SubElement(types, "SimpleType", name=f"{variable.name} type"), "Enumeration")
+        for number, item in enumerate(variable.items, 1):
+            SubElement(enumeration, "Item", name=item, value=str(number))
     element = SubElement(root, "ModelVariables")
     for variable in variables:
         fixed = variable.causality == "parameter"
@@ -116,7 +161,9 @@ def _description(model: str, guid: str, variables: Sequence[Variable], units: Ma
         )
         attributes = {"unit": variable.unit} if variable.unit else {}
         if variable.causality in ("input", "parameter"):
-            attributes["start"] = repr(variable.start).lower()
+            attributes["start"] = variable.start if variable.kind == "String" else repr(variable.start).lower()
+        if variable.items:
+            attributes["declaredType"] = f"{variable.name} type"
         SubElement(scalar, variable.kind, attributes)
     SubElement(root, "ModelStructure")
     return root

@@ -28,6 +28,10 @@ LEFT, RIGHT = ("[[0.001, 0.1], [0.008, 3], [0.014, 2], [0.03, 4]]", "[[0.001, 0.
 JOINED = ("drive.steering.ramp_start=0", "drive.steering.ramp_time=0.02")
 RIG = (*QUICK, "drive.speed=2")
 SLOWER: Overrides = {"left_drive": {"speed.end": 8.0}}
+SOIL = (
+    "n=0.7, kc=5e3, kphi=1.5e6, cohesion=2e3, friction_angle=0.5, shear_deformation_modulus=0.02, elastic=1e7,"
+    " damping=1e3, width=0.3"
+)
 CASES = {
     "vehicle": Case("straight", VEHICLE, overrides=SLOWER),
     "guided": Case("straight", (*VEHICLE, "vehicle.guide.clearance=1e-5"), overrides=SLOWER),
@@ -65,6 +69,14 @@ CASES = {
     "buried": Case(
         "straight", ("tracks=[]", "ground.hull=true", "start.height=-2.5", "start.pitch=0.1", "placed=true"), 0.002
     ),
+    "towing": Case(
+        "straight",
+        (
+            *VEHICLE, "hitch.force=2e4", "hitch.drag_points=[[-5, -1e5], [5, 1e5]]", "hitch.ramp_start=0.005",
+            "hitch.ramp_time=0.02", "vehicle.seat.payload.position=[-2, 0.3, 0.5]", "seats=['driver', 'payload']",
+        ),
+        overrides=SLOWER,
+    ),
     "over a bump": Case(
         "straight",
         (
@@ -72,6 +84,8 @@ CASES = {
             "ground.bump.length=0.12", "ground.bump.radius=0.05",
         ),
     ),
+    "on soil": Case("straight", (*VEHICLE, f"ground.soil={{{SOIL}, k0=5e7, Au=5e9}}")),
+    "on soil that springs back": Case("straight", (*VEHICLE, f"ground.soil={{{SOIL}, rebound=0.2}}")),
     "follows an error": Case(
         "sprocket_bench",
         (
@@ -155,6 +169,9 @@ KEYS: dict[str, Acts] = {
     "vehicle.suspension.preload": Acts("vehicle", value=1e3),
     "vehicle.tensioner.preload": Acts("vehicle", value=1e3),
     "vehicle.gravity": Acts("vehicle", ALL),
+    "vehicle.hitch.?": Acts("towing", ("rigid",), seen="road_wheel*.position.?"),
+    "vehicle.seat.*": Acts("towing", ("rigid",), seen="seat.*.velocity.?"),
+    "hitch.*": Acts("towing", ("rigid",)),
     "vehicle.*": Acts("vehicle"),
     "push": Acts("on one track", value=1e3),  # on the idler without a track
     "start.position.?": Acts("vehicle", value=1.0, seen="*.position.*"),
@@ -178,6 +195,8 @@ KEYS: dict[str, Acts] = {
     "driver.ramp_*": Acts("driven", ("rigid",), 0.03),
     "driver.*": Acts("driven", ("rigid",)),
     "ground.bump.*": Acts("over a bump", ALL),
+    "ground.soil.rebound": Acts("on soil that springs back", ("rigid",)),
+    "ground.soil.*": Acts("on soil", ("rigid",)),
     "track.closure_*": Acts("sprung", ("rigid",)),
     "track.spectral_radius": Acts("damped", ("cable", "rigid")),
     "track.?tol": Acts("adaptive", ("rigid",), 1e-5),

@@ -47,6 +47,7 @@ GENERIC = [
             "fmu_files",
             "component_warnings",
             "graph",
+            "mixed_exchange",
             "program",
             "row_writer",
             "master",
@@ -57,7 +58,8 @@ GENERIC = [
 DOORS = {
     "fmus.ahead", "fmus.build", "fmus.cache", "fmus.defaults", "fmus.equilibrium", "fmus.ground", "fmus.ground_keys",
     "fmus.link_outputs", "fmus.loaded", "fmus.vehicle", "fmus.ports", "fmus.ranges", "fmus.saved", "fmus.sides",
-    "fmus.stance", "fmus.standing", "fmus.tensioning", "fmus.track_choices", "fmus.monolith.model", "fmus.native.pack",
+    "fmus.soils", "fmus.stance", "fmus.standing", "fmus.tensioning", "fmus.track_choices", "fmus.monolith.model",
+    "fmus.native.pack",
 }  # fmt: skip
 PROOF = ROOT / "tests"
 TO_PHYSICS = ORCHESTRATOR / "studies" / "limits.py"  # predicts the limit of a link's highest frequency

@@ -2,8 +2,8 @@
 
 State x, flat: position of O (3, world), quaternion of B (4), velocity of O (3, world), angular velocity (3,
 in B), then for n leaves: coordinates (arm angle about +y, or slide along +x; 0 in the drawn position), spin angles
-(relative to B), coordinate rates, spin rates (absolute, about B's y axis); then dissipated energy, work of the
-wrenches (J).
+(relative to B), coordinate rates, spin rates (absolute, about B's y axis); then the states of hitch and seats, where
+there are any; then dissipated energy, work of the wrenches (J).
 Derivation and symbols: README.md of this folder; its equation numbers stand at the lines.
 """
 
@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fmus.chassis.fittings import keep_velocities, pull, put_accelerations, set_time
 from fmus.chassis.touch import touch
 from fmus.chassis.tree import unpacked
 from fmus.jit import allocating, kernel
@@ -46,6 +47,8 @@ class Parts(NamedTuple):
     state: np.ndarray
     counters: np.ndarray  # (2) int: solver.steps, solver.evaluations
     stages: np.ndarray  # (5, states) work array: rates at the stages of a step, and a state
+    hitch: Any = None  # see ``hitch``; None for a chassis that tows nothing
+    seats: Any = None  # see ``seats``; None where no motion of seats is asked for
 
 
 @kernel
@@ -169,10 +172,11 @@ def solve_symmetric(M, b):
 
 
 @allocating
-def rates(tree, contacts, x, u, out):
-    """Write dx/dt at the state x to ``out``.
+def rates(tree, contacts, hitch, x, u, out):
+    """Write dx/dt at the state x to ``out``; the rates of the states of seats, which are 0, are left as they are.
 
-    u: wrenches on the units, world (6 for each input); the wrenches of the ground are added where there are contacts.
+    u: wrenches on the units, world (6 for each input); the wrenches of the ground are added where there are contacts,
+    the forces on the hitch where there is one.
     """
     n = len(tree.is_arm)
     A, M, b, J, Q, g = tree.rotation, tree.root_mass, tree.root_force, tree.tensor, tree.coupling, tree.leaf_force
@@ -187,6 +191,9 @@ def rates(tree, contacts, x, u, out):
     F, T, power = free_body(tree, A, v, w, u, M)
     if contacts is not None:
         F, T = add(F, vector(contacts.f, 6 * n)), add(T, vector(contacts.f, 6 * n + 3))
+    if hitch is not None:
+        f, torque = pull(hitch, x, A, u, out)
+        F, T = add(F, f), add(T, torque)
 
     for k in range(n):
         q, qd, y = x[d + k], x[rate + k], float(tree.is_arm[k])
@@ -291,7 +298,7 @@ def advance(c, x, u, h, steps):
     for steps_done in range(steps):
         for i in range(len(RK4.b)):
             stage(RK4, i, h, x, k, y)
-            rates(tree, c.contacts, y, u, k[i])
+            rates(tree, c.contacts, c.hitch, y, u, k[i])
         finish(RK4, h, x, k)
         code = fault(tree, x)
         if code != FINE:
@@ -306,12 +313,32 @@ def step(c, messages, t, h, u):
     if too_many_steps(messages[0], t, h, c.longest):
         return TOO_LONG
     tree, x, steps = unpacked(c.packed), c.state, max(1, int(np.ceil(h / c.longest - 1e-9)))
+    begin_step(c.hitch, c.seats, x, tree.rotation, t)
     steps_done, code = advance(c, x, u, h / steps, steps)
+    end_step(c.seats, x, tree.rotation, h)
     messages[0, 0] = t + steps_done * h / steps
     if code == FINE:
         c.counters[0] += steps
         c.counters[1] += len(RK4.b) * steps
     return step_failure(tree, code, x, messages[0])
+
+
+@kernel
+def begin_step(hitch, seats, x, A, t):
+    """Give hitch and seats, where there are any, what they need of the beginning of a step at t; A: scratch (3, 3)."""
+    if hitch is not None:
+        set_time(hitch, x, t)
+    if seats is not None:
+        put_matrix(A, x[3:7])
+        keep_velocities(seats, x, A)
+
+
+@kernel
+def end_step(seats, x, A, h):
+    """Set the accelerations of seats, where there are any, after a step of h s; A: scratch (3, 3)."""
+    if seats is not None:
+        put_matrix(A, x[3:7])
+        put_accelerations(seats, x, A, h)
 
 
 @kernel

@@ -9,6 +9,7 @@ import numpy as np
 
 from fmus.chassis.begin import begin
 from fmus.chassis.dynamics import ENERGY_SUMS, LEAF, ROOT, Parts, step, step_failure
+from fmus.chassis.fittings import Fittings
 from fmus.chassis.observe import write_outputs
 from fmus.chassis.tree import VehicleTree, fastest_rate, packed, tree, unpacked
 from fmus.defaults import parameter_values
@@ -101,7 +102,8 @@ class Model(ComponentModel):
     or bare wheels touch it: see ``contacts.contacts``. ``start``: a ``fmus.equilibrium.VehicleEquilibrium`` as a
     mapping, by default the drawn position. ``push``, N: the part of tensioner.preload that balances a track; the
     tensioner of a side without a track lacks it. The parameter tensioner.preload is that of the left side; the right
-    one differs from it as in the vehicle table.
+    one differs from it as in the vehicle table. ``hitch``: true for a chassis that tows at the ``hitch`` of the vehicle
+    table; ``seats``: names of its seats whose motion is an output.
     """
 
     start_kernel, step_kernel, output_kernel = staticmethod(begin), staticmethod(step), staticmethod(write_outputs)
@@ -119,8 +121,10 @@ class Model(ComponentModel):
         x, y, z = map(float, vehicle["chassis"]["centre"])
         self._centre = x, y, z
         places = [f"{side}.{name}" for side in sides for name in stations(vehicle)]
+        self._fittings = Fittings(vehicle, config["chassis"], WRENCH * len(places), ROOT + LEAF * len(self.tree.is_arm))
         self.ports: tuple[Port, ...] = (
             *(port for place in places for port in wrench_ports(place, "input")),
+            *self._fittings.inputs,
             *(port for place in places for port in motion_ports(place, "output")),
             *chassis_ports(),
             *(port for side in sides for port in spring_ports(side, self._wheels)),
@@ -131,6 +135,7 @@ class Model(ComponentModel):
                 ", and lost by friction and damping where it touches the ground" if self._ground else "")),
             Port("port.work", "output", "J", "work of the input wrenches since the start"),
             *(touch_ports() if self._ground else ()),
+            *self._fittings.outputs,
             Port("solver.steps", "output", "1", "internal steps since the start", 0),
             Port("solver.evaluations", "output", "1", "evaluations of the accelerations since the start", 0),
             *start_pose_ports(),
@@ -141,13 +146,14 @@ class Model(ComponentModel):
             Port("tensioner.preload", "parameter", "N", "push of each tensioner on its idler when drawn, less what"
                  " would balance a track on a side that has none",
                  float(vehicle["tensioner"]["preload"])),
+            *self._fittings.parameters,
         )  # fmt: skip
-        self.state: Floats = np.zeros(ROOT + LEAF * len(self.tree.is_arm) + ENERGY_SUMS)
+        self.state: Floats = np.zeros(self._fittings.end + ENERGY_SUMS)
         self.counters = np.zeros(2, dtype=np.int64)
         self._stages = np.zeros((len(RK4.b) + 1, len(self.state)))
         self._start = np.zeros(FRAME + 4)
         self._set_start(config["chassis"])
-        self.inputs = WRENCH * len(places)
+        self.inputs = WRENCH * len(places) + len(self._fittings.inputs)
         names = tuple(self._part(i) for i in range(self.state.size))
         self.failures = (
             Sentence(""),
@@ -191,15 +197,16 @@ class Model(ComponentModel):
         parts = Parts(
             self._packed, self._contacts, values["step"], self._start, self._centre, self._hull, self._leaves,
             self._missing_preload, len(self.sides), self.state, self.counters, self._stages,
+            self._fittings.hitch(values), self._fittings.seats(),
         )  # fmt: skip
         self.begin(values, parts)
 
     def free_parameters(self, p: Mapping[str, Any]) -> FreeParameters:
-        """All parameters; with contacts of the ground all but the height, on a terrain all but the pose."""
+        """All parameters but points of a load; with contacts of the ground all but the height, on terrain the pose."""
         ground = self._ground or {}
         fixed = KEYS if ground.get("terrain") else ("start.height",) if ground else ()
         start_only = tuple(name for name in self.start_parameters if name not in fixed)
-        return FreeParameters({"longest": "{step}"}, start_only)
+        return FreeParameters({"longest": "{step}", **self._fittings.free}, start_only)
 
     def fault_sentence(self, t: float, code: int, state: Floats) -> str:
         """Sentence of a fault ``code`` of ``state`` at ``t``."""

@@ -7,6 +7,7 @@ that of the ports in ``model.py``. There is no physics here.
 from __future__ import annotations
 
 from fmus.chassis.dynamics import ROOT, compression, energies, is_fixed, wheel_offset
+from fmus.chassis.fittings import put_hitch, put_seats
 from fmus.chassis.touch import touch
 from fmus.chassis.tree import unpacked
 from fmus.jit import allocating, kernel
@@ -86,7 +87,8 @@ def write_outputs(c, y):
     y[i], y[i + 1], y[i + 2] = energies(tree, x)
     y[i + 1] -= c.start[FRAME + 3]
     y[i + 3], y[i + 4] = x[-2], x[-1]
-    put_touch(c.contacts, tree, x, y, i + 5)
+    i = put_touch(c.contacts, tree, x, y, i + 5)
+    put_fittings(c.hitch, c.seats, x, tree.rotation, y, i)
 
 
 @allocating
@@ -98,3 +100,15 @@ def put_touch(contacts, tree, x, y, i):
         touch(contacts, tree, x, A, to_body(A, vector(x, 7)), vector(x, 10))
         y[i] = contacts.sums[0]
         put(y, i + 1, vector(contacts.sums, 2))
+        i += 4
+    return i
+
+
+@allocating
+def put_fittings(hitch, seats, x, A, y, i):
+    """Write the outputs of hitch and seats, where there are any; A: scratch (3, 3)."""
+    put_matrix(A, x[3:7])
+    if hitch is not None:
+        i = put_hitch(hitch, x, A, y, i)
+    if seats is not None:
+        put_seats(seats, x, A, y, i)

@@ -63,6 +63,10 @@ def size(model: TrackModel) -> int:
     element = getattr(model, "element", "cable")
     if element != "cable":
         raise InvalidParameter(f"element = '{element}': the monolith knows chains of cables only")
+    if model.s.soil.size > 0:
+        raise InvalidParameter(
+            "ground.soil: the monolith knows hard ground only; its steps are not accepted one by one"
+        )
     if type(model.s) not in MIRRORS:
         raise InvalidParameter(f"the monolith knows no mirror image of the state of {type(model.link).__name__}")
     return sum(part.size for part in integrated_views(model.s).values())

@@ -65,7 +65,7 @@ def rates(chains, drives, tree, ports, t, x, k):
     if tree is not None:
         for j in range(ports.inputs.size):
             u[6 * j : 6 * j + 6] = wrench[6 * ports.inputs[j] : 6 * ports.inputs[j] + 6]
-        chassis_rates(tree, None, x[ports.body : ports.shafts], u, k[ports.body : ports.shafts])
+        chassis_rates(tree, None, None, x[ports.body : ports.shafts], u, k[ports.body : ports.shafts])
     if drives is not None:
         write_powers(drives, ports.spins, t, x, k)
     return failed

@@ -103,6 +103,8 @@ class Monolith:
             raise InvalidParameter("a monolith needs a chain")
         if any("ground" in part.config["chassis"] for part in own if part.kind == "Chassis"):
             raise InvalidParameter("a monolith has no contact of hull and bare wheels with the ground")
+        if any({"hitch", "seats"} & {*part.config["chassis"]} for part in own if part.kind == "Chassis"):
+            raise InvalidParameter("a monolith tows nothing and has no seats: leave out [hitch] and seats")
         self._sources = Sources(connections)
         self._adaptive = (rtol, atol) if integrator == ADAPTIVE else None
         self._lay_out(next((part for part in own if part.kind == "Chassis"), None))

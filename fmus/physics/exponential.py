@@ -1,7 +1,7 @@
-"""Exponential, logarithm, hyperbolic sine and roots with the same bits on every processor.
+"""Exponential, logarithm, hyperbolic sine, roots and powers with the same bits on every processor.
 
 The rules, and the source of methods and coefficients, are those of ``elementary``. Errors are below 1 ulp (``sinh``,
-``root``: 2 ulp) and measured in ``tests/physics``.
+``root``, ``expm1``: 2 ulp; ``power``) and measured in ``tests/physics``.
 """
 
 from __future__ import annotations
@@ -44,6 +44,18 @@ def exp(x: float) -> float:
     far = quadratic(t, 6.61375632143793436117e-05, -1.65339022054652515390e-06, 4.13813679705723846039e-08)
     c = r - t * (1.66666666666666019037e-01 + t * (-2.77777777770155933842e-03 + t * far))
     return _scaled(1.0 - ((low - r * c / (2.0 - c)) - high), int(n))
+
+
+@kernel
+def expm1(x: float) -> float:
+    """Exponential less 1, exact to 2 ulp near 0 too."""
+    if not abs(x) < 0.5:
+        return exp(x) - 1.0
+    sum_, n = 0.0, 17.0  # series of expm1(x) / x - 1
+    while n > 1.0:
+        sum_ = (1.0 + sum_) * x / n
+        n -= 1.0
+    return x * (1.0 + sum_)
 
 
 @kernel
@@ -99,3 +111,11 @@ def root(x: float, n: int) -> float:
     for _ in range(n):
         power *= y
     return y + y * (x / power - 1.0) / n
+
+
+@kernel
+def power(x: float, y: float) -> float:
+    """Power ``x``^``y`` of a number x >= 0; its error grows with y log(x), see the tests."""
+    if x == 0.0:
+        return 0.0 if y > 0.0 else 1.0 if y == 0.0 else INFINITY if y < 0.0 else NAN
+    return exp(y * log(x))

@@ -9,6 +9,7 @@ import numpy as np
 from fmus.jit import kernel
 
 POINTS = 8  # most contact points of a link on one partner: 4 on a face, 2 on guides, 2 on a pin
+ON_FACE = 4  # of them, those on a face
 GUIDES, PINS = 4, 6  # index of the first guide point and of the first pin point
 
 

@@ -84,7 +84,15 @@ class Model(TrackModel):
             from fmus.physics.chain.flexible.constrained import NODE as OWN
 
             width = OWN
-        return shapes(width, self.mesh, len(self.wheel_list), axes, self.on_links_shape, self.coordinates == CHOLESKY)
+        return shapes(
+            width,
+            self.mesh,
+            len(self.wheel_list),
+            axes,
+            self.on_links_shape,
+            self.coordinates == CHOLESKY,
+            self.ground_memory,
+        )
 
     @property
     def mesh(self) -> int:
@@ -192,7 +200,15 @@ class Model(TrackModel):
     def _work(self, links_module: Any) -> Work:
         """Work arrays of a chain of the links of a module."""
         touching = self.contacts is not None
-        return work(links_module, self.links_count, self.mesh, len(self.wheel_list), self.on_links_shape, touching)
+        return work(
+            links_module,
+            self.links_count,
+            self.mesh,
+            len(self.wheel_list),
+            self.on_links_shape,
+            touching,
+            self.ground_memory,
+        )
 
     def _cables(self, element: str, elasticity: str, turning: str, young: float, tau: float) -> Any:
         if element == "planar":

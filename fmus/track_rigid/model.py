@@ -49,7 +49,9 @@ class Model(TrackModel):
 
     def shapes(self) -> state.Shapes:
         """Shapes of the views into the chain's state, by name."""
-        return shapes(self.links_count, self.closed, len(self.wheel_list), self.on_links_shape, self.joints)
+        return shapes(
+            self.links_count, self.closed, len(self.wheel_list), self.on_links_shape, self.joints, self.ground_memory
+        )
 
     def prepare(self, p: Mapping[str, Any]) -> None:
         """Make the links from the vehicle table, allocate state and work; raises InvalidParameter."""
@@ -85,7 +87,13 @@ class Model(TrackModel):
             self.link = JointedLinks(self.rigid)
         touching = self.contacts is not None
         self.work = work(
-            self.links_count, self.closed, len(self.wheel_list), self.on_links_shape, self.joints, touching
+            self.links_count,
+            self.closed,
+            len(self.wheel_list),
+            self.on_links_shape,
+            self.joints,
+            touching,
+            self.ground_memory,
         )
 
     @property
@@ -119,7 +127,7 @@ class Model(TrackModel):
         if env is not self.environment:
             self._evaluate_start()
             return
-        write_outputs(links, env, s, w, self.report)
+        write_outputs(links, self.contacts, env, s, w, self.report)
         self._set_joint_coordinates()
 
     def add_rates(self, turning: Floats, velocity: Floats) -> None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def check(
-    fmus: Annotated[list[Path], typer.Argument(metavar="FMU...", help="FMUs of FMI 2.0 for co-simulation")],
+    fmus: Annotated[list[Path], typer.Argument(metavar="FMU...", help="FMUs of FMI 2.0 or 3.0 for co-simulation")],
     step: Annotated[
         float | None,
         typer.Option("--step", metavar="H", help="communication step, s; default the FMU's own, else 1 ms"),
@@ -28,7 +28,7 @@ def check(
     limit: Annotated[float, typer.Option("--limit", metavar="T", help="time limit of a check, s")] = 300.0,
     as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
-    """Check any FMI 2.0 co-simulation FMUs: description, units, dependencies, states, steps, calls, memory.
+    """Check any co-simulation FMUs of FMI 2.0 or 3.0: description, units, dependencies, states, steps, calls, memory.
 
     Each check runs in a process of its own, so a crash or a hang of the FMU is a finding. The code of the FMU is run.
     The exit status is 1 if something is wrong.

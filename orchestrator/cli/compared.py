@@ -9,6 +9,7 @@ from fmus.vehicle import BadInput
 from orchestrator.log.bitwise import BitDifference as Bits
 from orchestrator.results.difference import ObservableDifference
 from orchestrator.results.divergence import Divergence
+from orchestrator.results.given_parts import part_differences
 from orchestrator.results.measured_difference import WHOLE, MeasuredComparison
 from orchestrator.results.run_data import RunData, Window
 
@@ -54,6 +55,7 @@ def table(
     result: dict[str, Any] = {
         "run": about(run),
         "reference": about(reference),
+        "parts": part_differences(run, reference),
         "window": {"from": window.start, "to": window.end},
         "observables": observables,
         "bits": None if divergence is None else _bits(divergence),
@@ -111,6 +113,7 @@ def _place(difference: Bits) -> dict[str, Any]:
 def lines(result: Mapping[str, Any]) -> Iterator[str]:
     """Yield the lines of text for the result of a comparison."""
     yield from (run_line(role, result[role]) for role in ("run", "reference"))
+    yield from (f"other part: {sentence}" for sentence in result["parts"])
     start, end = result["window"]["from"], result["window"]["to"]
     if (start, end) != (float("-inf"), float("inf")):
         yield f"from {start:g} to {end:g} s"

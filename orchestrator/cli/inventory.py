@@ -2,41 +2,88 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from math import isclose
 from typing import Any
 
 from fmus.loaded import loaded_contents
 from fmus.track_choices import TRACKS
 from orchestrator.scene.assembly import Assembly, assemble
+from orchestrator.scene.fmu_table import FmuTable
+from orchestrator.scene.pair import ARROW
 from orchestrator.scene.parts import DRIVE, DRIVER, TRACK, Part
 from orchestrator.scene.scene import Scene, VehicleScene
+from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.tables import Check
 
 CHASSIS_PARTS = "the chassis with its suspension, road wheels and tensioners"
 CONTACTS = ("contact with wheels and teeth", "contact with the ground")
 
 
-def lines(scene: Scene) -> Iterator[str]:
+def lines(scene: SystemScene) -> Iterator[str]:
     """Yield the lines of the inventory; raises BuildFailed if a component cannot start."""
+    if not isinstance(scene, Scene):
+        yield from _free_system(scene)
+        return
     yield from describe(scene)
-    yield from _evaluated(scene, assemble(scene))
+    yield from _parameters(scene)
+    assembly = assemble(scene)
+    if any(part.fmu is None for part in assembly.parts):
+        yield from _evaluated(scene, assembly)
+
+
+def _free_system(scene: SystemScene) -> Iterator[str]:
+    """Yield lines about the FMUs of a free system, their parameters and connections."""
+    assembly = assemble(scene)
+    yield from _run(scene)
+    files = ((part, part.fmu.file) for part in assembly.parts if part.fmu is not None)
+    yield from _section("in", (f"{_sized(assembly, part, file)}, stage {part.stage}" for part, file in files))
+    yield from _parameters(scene)
+    yield from _section("connections", _connectors(assembly))
+    if scene.expect:
+        yield from _section("expected", (_expected(name, check) for name, check in scene.expect.items()))
+
+
+def _connectors(assembly: Assembly) -> Iterator[str]:
+    """Yield a line for the connections of two groups of variables, "a.wheel.force.{x,y,z} -> b.load.{x,y,z}"."""
+    groups: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for connection in (*assembly.connections, *assembly.user_connections):
+        for output, into in zip(connection.outputs, connection.inputs, strict=True):
+            (before, dot, last), (before_input, dot_input, last_input) = output.rpartition("."), into.rpartition(".")
+            ends = f"{connection.source}.{before}{dot}", f"{connection.target}.{before_input}{dot_input}"
+            groups.setdefault(ends, []).append((last, last_input))
+    for (source, target), pairs_of_names in groups.items():
+        outputs, inputs = (",".join(names) for names in zip(*pairs_of_names, strict=True))
+        braces = "{{{}}}" if len(pairs_of_names) > 1 else "{}"
+        yield f"{source}{braces.format(outputs)} {ARROW} {target}{braces.format(inputs)}"
+
+
+def _parameters(scene: SystemScene) -> Iterator[str]:
+    """Yield the section of parameters of FMUs of the user by their tables."""
+    tables: Mapping[str, FmuTable] = getattr(scene, "fmu", None) or {}
+    given = [f"{name}.{key} = {value}" for name, table in tables.items() for key, value in table.parameters.items()]
+    if given:
+        yield from _section("parameters of FMUs of yours", given)
 
 
 def describe(scene: Scene) -> Iterator[str]:
     """Yield lines about the parts of a scene with their sizes, and about parts that are left out."""
+    yield from _run(scene)
+    yield f"  recorded: inputs every step, outputs every {scene.run.outputs}, links every {scene.links_every}"
+    present, absent = _parts(scene)
+    yield from _section("in", present)
+    yield from _section("left out", absent)
+    if scene.expect:
+        yield from _section("expected", (_expected(name, check) for name, check in scene.expect.items()))
+
+
+def _run(scene: SystemScene) -> Iterator[str]:
     run = scene.run
     yield f"{scene.name}: {scene.title}"
     if run.variable is None:
         yield f"  {run.stop:g} s in {run.steps} steps of {run.step * 1e3:g} ms, {run.coupling}"
     else:
         yield f"  {run.stop:g} s in variable steps ({run.variable}), {run.coupling}"
-    yield f"  recorded: inputs every step, outputs every {run.outputs}, links every {scene.links_every}"
-    present, absent = _parts(scene)
-    yield from _section("in", present)
-    yield from _section("left out", absent)
-    if scene.expect:
-        yield from _section("expected", (_expected(name, check) for name, check in scene.expect.items()))
 
 
 def _section(title: str, within: Iterable[str]) -> Iterator[str]:
@@ -52,14 +99,17 @@ def _expected(name: str, check: Check) -> str:
 
 def _parts(scene: Scene) -> tuple[list[str], list[str]]:
     """Return lines for present parts and lines for absent ones."""
-    assembly, present = assemble(scene), []
+    assembly = assemble(scene)
+    return [_sized(assembly, part, _size(scene, part)) for part in assembly.parts], _absent_parts(scene, assembly)
+
+
+def _sized(assembly: Assembly, part: Part, size: str) -> str:
+    """Return the line about a part: name, kind, size, connected values."""
     wide = max(len(_kind(part)) for part in assembly.parts)
-    for part in assembly.parts:
-        n_inputs = sum(len(c.inputs) for c in assembly.connections if c.target == part.name)
-        n_outputs = sum(len(c.outputs) for c in assembly.connections if c.source == part.name)
-        size = f"{_size(scene, part)}; {n_inputs} values in, {n_outputs} out a step"
-        present.append(f"{part.name:12} {_kind(part):{wide}} {size}")
-    return present, _absent_parts(scene, assembly)
+    connections = (*assembly.connections, *assembly.user_connections)
+    n_inputs = sum(len(c.inputs) for c in connections if c.target == part.name)
+    n_outputs = sum(len(c.outputs) for c in connections if c.source == part.name)
+    return f"{part.name:12} {_kind(part):{wide}} {size}; {n_inputs} values in, {n_outputs} out a step"
 
 
 def _kind(part: Part) -> str:

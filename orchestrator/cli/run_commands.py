@@ -47,7 +47,7 @@ def run(
     ] = True,
     analyses: Annotated[
         list[str] | None,
-        typer.Option("--for", metavar="ANALYSIS", help="also record what this analysis of links needs, repeatable"),
+        typer.Option("--for", metavar="ANALYSIS", help="also record what this analysis needs, repeatable"),
     ] = None,
     log: Annotated[
         Path | None,
@@ -152,6 +152,7 @@ def truth(
     from orchestrator.execution import truth as module
     from orchestrator.log.reader import Log
     from orchestrator.results.difference import differences_of_logs
+    from orchestrator.results.given_parts import given_parts
     from orchestrator.results.run_data import RunData
     from orchestrator.scene.placing import placed
     from orchestrator.scene.same_scene import require_same_scene
@@ -161,9 +162,10 @@ def truth(
     resolved = load(scene, track, changes)
     if against:
         with Log(against) as log:
-            require_same_scene(
-                (f"{against}", RunData(log).scene), (f"the truth of {scene}", placed(resolved).resolved())
-            )
+            run_data = RunData(log)
+            require_same_scene((f"{against}", run_data.scene), (f"the truth of {scene}", placed(resolved).resolved()))
+            for name, part in given_parts(run_data).items():
+                print_message(f"{against}: {name} is {part}, not the part of cotrack", 0)
     try:
         converged = module.truth(resolved, narration)
     except module.TruthFailed as failure:

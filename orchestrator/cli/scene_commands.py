@@ -33,11 +33,14 @@ def vehicles() -> None:
 
 
 def show(scene: SceneName, track: TrackOption = None, settings: Settings = None, vehicle: VehicleOption = None) -> None:
-    """Print the parts of a scene with their sizes, and the parts that are left out."""
-    from orchestrator.cli.inventory import lines
-    from orchestrator.scene.scene import load
+    """Print the parts of a scene with their sizes, and the parts that are left out.
 
-    for line in lines(load(scene, track, with_vehicle(vehicle, settings))):
+    Of an SSP archive and a free system: the FMUs, their parameters and connections.
+    """
+    from orchestrator.cli.inventory import lines
+    from orchestrator.scene.ssp_scene import load_runnable
+
+    for line in lines(load_runnable(scene, track, with_vehicle(vehicle, settings))):
         print(line)
 
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 import atexit
 import difflib
 import math
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from ctypes import (
     POINTER,
@@ -46,11 +47,20 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
-from orchestrator.cosim.base_units import base_unit
+from orchestrator.cosim.base_units import UNCHANGED, Conversion, base_unit, unit_of
 from orchestrator.cosim.component_warnings import ComponentWarning, WarningList
 from orchestrator.cosim.fmu_files import unpack
-from orchestrator.cosim.graph import ComponentEnded
+from orchestrator.cosim.graph import NO_CONVERSIONS, ComponentEnded
 from orchestrator.cosim.graph import ComponentFailed as ComponentFailed
+from orchestrator.cosim.mixed_exchange import (
+    START,
+    ConvertedReals,
+    MixedExchange,
+    MixedInputs,
+    MixedOutputs,
+    Texts,
+    discrete_groups,
+)
 from orchestrator.kernels.tables import Record, StepCall, record
 
 Floats = NDArray[np.float64]
@@ -129,15 +139,33 @@ class Component(AbstractContextManager["Component"]):
     itself holds it. Every failure raises ComponentFailed, with the message that the FMU logged, if any.
     """
 
-    def __init__(self, fmu: Path, name: str, logger: Logger | None = None, guid: str | None = None) -> None:
-        """Load and instantiate an FMU; ``guid``: another one than that of its description, which it should refuse."""
+    def __init__(
+        self,
+        fmu: Path,
+        name: str,
+        logger: Logger | None = None,
+        guid: str | None = None,
+        *,
+        discrete: Collection[str] = (),
+        conversions: Mapping[str, Conversion] = NO_CONVERSIONS,
+        units: Mapping[str, str] = NO_CONVERSIONS,
+    ) -> None:
+        """Load and instantiate an FMU.
+
+        ``guid``: another one than that of its description, which it should refuse. ``discrete``: connected variables
+        that are no Reals, which follow them in the arrays. ``conversions`` and ``units``: as of ``graph.Instance``.
+        """
         self.name = name
+        self._discrete, self.conversions, self.converted_units = discrete, conversions, units
+        self.texts = Texts()  # of its String outputs
+        self.input_texts: dict[str, Texts] = {}  # of the sources of String inputs
         self._logger = logger
         self._messages: list[tuple[int, str]] = []
         self._warnings = WarningList(name)
         self._clock = np.zeros(1)  # s, beginning of the last step
         self._states: list[ComponentState] = []
         self.start_inputs: dict[str, float] = {}  # inputs given before the start, by name
+        self._mixed: MixedExchange | None = None
         self._handle: Any = None
         self._step_call: Record | None = None
         self._call_time = 0.0  # s inside the FMU, without steps by ``step_call``
@@ -153,21 +181,32 @@ class Component(AbstractContextManager["Component"]):
         def names(causality: str, kind: str) -> tuple[str, ...]:
             return tuple(v.name for v in variables if v.causality == causality and v.type == kind)
 
-        outputs = names("output", "Real")
-        self.inputs = names("input", "Real")
-        self.outputs = tuple(n for n in outputs if not n.startswith(LINK_FAMILIES))
+        outputs, reals_in = names("output", "Real"), names("input", "Real")
+        reals_out = tuple(n for n in outputs if not n.startswith(LINK_FAMILIES))
+        connected = {
+            causality: [v for v in variables if v.causality == causality and v.name in self._discrete]
+            for causality in ("input", "output")
+        }
+        self._input_groups = discrete_groups(connected["input"], len(reals_in))
+        self._output_groups = discrete_groups(connected["output"], len(reals_out))
+        self.inputs = (*reals_in, *(name for group in self._input_groups for name in group.names))
+        self.outputs = (*reals_out, *(name for group in self._output_groups for name in group.names))
         self.links = tuple(n for n in outputs if n.startswith(LINK_FAMILIES))
         whole, self._truths = (*names("output", "Integer"), *names("output", "Enumeration")), names("output", "Boolean")
         self.integers = (*whole, *self._truths)
         self.parameters = tuple(v.name for v in variables if v.causality == "parameter")
         self.constants = {v.name: v.start for v in variables if v.variability == "constant"}
-        self.u = np.array([float(self._variables[n].start or 0.0) for n in self.inputs])
+        self.u = np.array([_start(self._variables[n]) for n in self.inputs])
+        self.received = self.u.copy() if set(self.inputs) & set(self.conversions) else self.u
         self.y = np.zeros(len(self.outputs) + 1)[:-1]  # memory for one link output follows
+        self._is_mixed = bool(self.conversions or self._input_groups or self._output_groups)
+        raw = np.zeros(len(reals_out) + 1)[:-1] if self._is_mixed else self.y
         self.y_links = np.zeros(len(self.links))
         self.counters = np.zeros(len(self.integers), dtype=np.int32)
         self._arrays: tuple[NDArray[Any], ...] = (self.u, self.y, self.y_links, self.counters)
-        self._u = self._group(self.inputs, self.u, c_double)
-        self._y = self._group(self.outputs, self.y, c_double, self.links[:1])
+        self._u = self._group(reals_in, self.u, c_double)
+        self._y = self._group(reals_out, raw, c_double, self.links[:1])
+        self._raw = raw
         self._y_links = self._group(self.links, self.y_links, c_double)
         self._counters = self._group(whole, self.counters, c_int)
         self._truth_values = self._group(self._truths, self.counters[len(whole) :], c_int)
@@ -196,6 +235,7 @@ class Component(AbstractContextManager["Component"]):
         # without fmpy's wrapper of each call, which costs as much as an exchange
         self._library = self._fmu.dll
         _libraries[library] = self._library  # never unloaded: Python modules may refer to it
+        self._mixed = self._mixed_exchange() if self._is_mixed else None
         _components[id(self)] = self
         self._callbacks = _callbacks(id(self))
         handle = self._fmu.fmi2Instantiate(
@@ -213,19 +253,47 @@ class Component(AbstractContextManager["Component"]):
         self._handle = handle
         self._phase = "instantiated"
 
+    def recorded_texts(self) -> dict[str, list[str]]:
+        """Texts by their numbers in the arrays, for each connected String as "instance.variable"."""
+        tables = {name: self.input_texts.get(name, self.texts) for name in self._strings}
+        return {f"{self.name}.{name}": texts.words() for name, texts in tables.items()}
+
+    def know_texts(self, texts: Mapping[str, Sequence[str]]) -> None:
+        """Number texts as an earlier run did, whose ``recorded_texts`` they are."""
+        for name in self._strings:
+            known = [text.encode() for text in texts.get(f"{self.name}.{name}", ())]
+            if name in self.inputs:
+                self.input_texts[name] = Texts(known)
+            else:
+                for text in known:
+                    self.texts.number(text)
+
+    @property
+    def _strings(self) -> list[str]:
+        groups = (*self._input_groups, *self._output_groups)
+        return [name for group in groups if group.kind == "String" for name in group.names]
+
+    def _mixed_exchange(self) -> MixedExchange:
+        starts = {name: (self._variables[name].start or "").encode() for name in self._strings}
+        converted = ConvertedReals(self.inputs, self.conversions)
+        inputs = MixedInputs(self.received, self.u, self._u, converted, self._input_groups, starts, self.input_texts)
+        converted = ConvertedReals(self.outputs, self.conversions)
+        outputs = MixedOutputs(self._raw, self.y, converted, self._output_groups, self.texts)
+        return MixedExchange(self._library, inputs, outputs)
+
     @property
     def functions(self) -> tuple[Any, int]:
         """Library of the FMI functions, and the instance, their first argument: for calls that no method makes."""
         return self._library, self._handle
 
     def unit(self, name: str) -> str:
-        """Return the unit of a variable as the FMU names it, '1' if it has none."""
-        return self._variables[name].unit or "1"
+        """Return the unit of a variable in the arrays, '1' if it has none."""
+        return self.converted_units.get(name) or unit_of(self._variables[name]) or "1"
 
     def dimension(self, name: str) -> tuple[float, ...] | None:
-        """Return the exponents of kg, m, s, A, K, mol, cd and 10 in a variable's unit; None if unknown."""
-        base = base_unit(self.description, self._variables[name].unit)
-        return None if base is None else (*base.exponents, math.log10(base.factor))
+        """Return the exponents of kg, m, s, A, K, mol, cd and 10 in an output's unit; None if unknown."""
+        base, conversion = base_unit(self.description, self._variables[name]), self.conversions.get(name, UNCHANGED)
+        return None if base is None else (*base.exponents, math.log10(base.factor / conversion.factor))
 
     @property
     def wall_time(self) -> float:
@@ -280,6 +348,8 @@ class Component(AbstractContextManager["Component"]):
     def _failure(self, function: str, status: int) -> ComponentFailed:
         if status >= _FATAL:
             self._phase = "lost"
+        if self._mixed is not None:
+            function = self._mixed.failed or function
         if function == "fmi2DoStep" and status == _DISCARD and not any(each >= _ERROR for each, _ in self._messages):
             return self._discarded_step()
         return ComponentFailed(f"{self.name}: {self._first_error() or _status_text(function, status)}")
@@ -318,7 +388,10 @@ class Component(AbstractContextManager["Component"]):
         fmu = self._library
         self._call(fmu.fmi2SetupExperiment, False, 0.0, start, stop is not None, 0.0 if stop is None else stop)
         self._call(fmu.fmi2EnterInitializationMode)
-        self.write()
+        if self._mixed is None:
+            self.write()
+        else:
+            self._call(self._mixed.set_inputs)
         self._call(fmu.fmi2ExitInitializationMode)
         self._phase = "running"
         self._find_link_array()
@@ -328,12 +401,16 @@ class Component(AbstractContextManager["Component"]):
         self.wall_time = 0.0
 
     def start_with(self, inputs: Mapping[str, float]) -> None:
-        """Set inputs before ``initialise``; raises ComponentFailed for an unknown one."""
+        """Set inputs before ``initialise``, as others output them; raises ComponentFailed for an unknown one."""
         for name, value in inputs.items():
             if name not in self.inputs:
                 raise ComponentFailed(f"{self.name}: there is no input '{name}'")
-            self.u[self.inputs.index(name)] = value
-        self.start_inputs = dict(inputs)
+            k = self.inputs.index(name)
+            self.received[k] = self.u[k] = value
+            if name in self.conversions:
+                factor, offset = self.conversions[name]
+                self.u[k] = factor * value + offset
+            self.start_inputs[name] = float(self.u[k])
 
     def _set_parameter(self, name: str, value: float | int | str) -> None:
         if name in self.constants:
@@ -353,8 +430,11 @@ class Component(AbstractContextManager["Component"]):
         self._call(getattr(self._library, setter), (c_uint * 1)(variable.valueReference), 1, content)
 
     def write(self) -> None:
-        """Set the FMU's Real inputs from ``u``."""
-        self._exchange(self._library.fmi2SetReal, self._u)
+        """Set the FMU's inputs from ``u``, or from ``received`` if some are converted."""
+        if self._mixed is None:
+            self._exchange(self._library.fmi2SetReal, self._u)
+        else:
+            self._call(self._mixed.write)
 
     def step(self, t: float, h: float) -> None:
         """Advance the FMU from t to t + h, both in s."""
@@ -362,20 +442,24 @@ class Component(AbstractContextManager["Component"]):
         self._call(self._library.fmi2DoStep, t, h, not self._states)
 
     def read(self) -> None:
-        """Read the Real outputs, without link outputs, into ``y``."""
-        self._exchange(self._library.fmi2GetReal, self._y)
+        """Read the outputs, without link outputs, into ``y``."""
+        if self._mixed is None:
+            self._exchange(self._library.fmi2GetReal, self._y)
+        else:
+            self._call(self._mixed.read, *self._y)
 
     @property
     def step_call(self) -> Record:
         """Table (a ``StepCall``) with which kernels do ``write``, ``step`` and ``read``."""
         if self._step_call is None:
             fmu = self._library
-            functions = (fmu.fmi2SetReal, fmu.fmi2DoStep, fmu.fmi2GetReal)
+            setter, getter = self._mixed.addresses if self._mixed else (fmu.fmi2SetReal, fmu.fmi2GetReal)
+            functions = (setter, fmu.fmi2DoStep, getter)
             write, step, read = (cast(function, c_void_p).value or 0 for function in functions)
-            (u_at, n_u, _), (y_at, n_y, _) = self._u, self._y
+            (u_at, _, _), (y_at, n_y, _) = self._u, self._y
             instance = int(self._handle)
-            inputs = write, addressof(u_at), n_u, self.u.ctypes.data
-            outputs = read, addressof(y_at), n_y, self.y.ctypes.data
+            inputs = write, addressof(u_at), len(self.u), self.u.ctypes.data
+            outputs = read, addressof(y_at), n_y, self._raw.ctypes.data
             call = StepCall(instance, *inputs, step, *outputs, float(self._clock[0]), 0.0, not self._states)
             self._step_call = record(call)
             self._clock = self._step_call["t"]
@@ -515,10 +599,13 @@ class BadDescription(ComponentFailed):
     """The modelDescription.xml of an FMU cannot be read."""
 
 
-def describe(fmu: Path) -> tuple[Path, Any]:
-    """Unpack an FMU of FMI 2.0 for co-simulation; return its folder and its description. Raises ComponentFailed."""
+def describe(fmu: Path, versions: Collection[str] = ("2.0",)) -> tuple[Path, Any]:
+    """Unpack a co-simulation FMU of these versions of FMI; return its folder and its description.
+
+    Raises ComponentFailed.
+    """
     folder = unpack(Path(fmu))
-    return folder, _description(folder, fmu)
+    return folder, _description(folder, fmu, versions)
 
 
 def description_of(fmu: Path) -> Any:
@@ -531,6 +618,13 @@ def description_of(fmu: Path) -> Any:
             raise ComponentFailed(f"'{fmu}' has a variable '{name}', and there is another one of that name in its log")
         taken.add(name)
     return description
+
+
+def _start(variable: Any) -> float:
+    """Start value of an input in ``u``."""
+    if variable.type == "String":
+        return START
+    return float(variable.start in ("true", "1") if variable.type == "Boolean" else variable.start or 0.0)
 
 
 def _binary(folder: Path, description: Any, fmu: Path) -> Path:
@@ -547,20 +641,23 @@ def _status_text(function: str, status: int) -> str:
     return f"{function} failed with FMI status {status}"
 
 
-def _description(folder: Path, fmu: Path) -> Any:
+def _description(folder: Path, fmu: Path, versions: Collection[str]) -> Any:
     content = b""
     with suppress(OSError):
         content = (folder / "modelDescription.xml").read_bytes()
     head = content[:2000].decode("utf-8", "replace")
-    version = head.partition("fmiVersion")[2].partition('"')[2].partition('"')[0]
-    if version and version != "2.0":
-        raise ComponentFailed(f"'{fmu}' is an FMU of FMI {version}: only FMI 2.0 for co-simulation is run")
+    version = re.search(r"""fmiVersion\s*=\s*["']([^"']*)""", head)
+    done = "is run" if len(versions) == 1 else "are checked"
+    supported = f"only FMI {' and '.join(versions)} for co-simulation {done}"
+    if version and version[1] not in versions:
+        raise ComponentFailed(f"'{fmu}' is an FMU of FMI {version[1]}: {supported}")
     try:
         description = _parsed(folder, content)
     except Exception as error:
         raise BadDescription(f"'{fmu}' is not an FMU: bad modelDescription.xml: {error}") from None
     if description.coSimulation is None:
-        raise ComponentFailed(f"'{fmu}' is an FMU for model exchange: only FMI 2.0 for co-simulation is run")
+        other = "scheduled execution" if description.modelExchange is None else "model exchange"
+        raise ComponentFailed(f"'{fmu}' is an FMU for {other}: {supported}")
     return description
 
 

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Protocol
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestrator.cosim.base_units import Conversion
 from orchestrator.cosim.component_warnings import ComponentWarning
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 # Quantity that a connection carries, which decides the input hold: "value" at the communication point; "mean" over the
-# last step; "state" at the communication point, which the receiver extrapolates with its "rate", sent beside it.
-Quantity = Literal["value", "mean", "state", "rate"]
+# last step; "state" at the communication point, which the receiver extrapolates with its "rate", sent beside it;
+# "discrete": Integers, Enumerations, Booleans or Strings of the communication point, which are held.
+Quantity = Literal["value", "mean", "state", "rate", "discrete"]
+NO_CONVERSIONS: Mapping[str, Any] = MappingProxyType({})
 
 
 class Instance(NamedTuple):
@@ -25,6 +29,9 @@ class Instance(NamedTuple):
     fmu: Path | None  # None: a component of this process, without an FMU
     parameters: Mapping[str, float | int | str]
     stage: int  # lower stages step first; instances of one stage step at once
+    # By Real: of an input from what its source outputs to what the FMU gets, of an output to what others get.
+    conversions: Mapping[str, Conversion] = NO_CONVERSIONS
+    units: Mapping[str, str] = NO_CONVERSIONS  # of outputs with a conversion
 
 
 class Connection(NamedTuple):
@@ -37,6 +44,7 @@ class Connection(NamedTuple):
     carries: Quantity = "value"
     rates: tuple[str, ...] = ()  # of values: outputs that are their time derivatives, if the source has them
     bond: str = ""  # name shared by two opposite connections whose products, in order, are a power, W
+    transformations: tuple[tuple[str, Conversion], ...] = ()  # of inputs, after the conversions of their units
 
 
 class System(NamedTuple):
@@ -108,8 +116,14 @@ class Recordable(Steppable, Protocol):
         """Read ``counters``."""
 
 
+class Converting(Steppable, Protocol):
+    """Component that converts what it receives."""
+
+    received: Floats  # inputs as their sources output them; ``u``: as the FMU gets them
+
+
 class Feed(NamedTuple):
-    """Transfer ``u[inputs] = source.y[outputs]``."""
+    """Transfer ``received[inputs] = source.y[outputs]``."""
 
     source: Steppable
     outputs: Indices
@@ -118,12 +132,19 @@ class Feed(NamedTuple):
     rates: Indices | None = None  # where the source has d/dt of the outputs
     bond: str = ""
 
+    @property
+    def held(self) -> bool:
+        """True for values of the communication point, which are neither extrapolated nor interpolated."""
+        return self.carries in ("state", "discrete")
+
 
 class Member(NamedTuple):
     """Component with the feeds of its inputs."""
 
     component: Steppable
     feeds: tuple[Feed, ...]
+    received: Floats  # inputs as their sources output them: ``component.u`` unless some are converted
+    converted: frozenset[str] = frozenset()  # names of these
 
 
 Stages = tuple[tuple[Member, ...], ...]
@@ -158,9 +179,14 @@ def wire(system: System, components: Mapping[str, Steppable]) -> Stages:
         )
     return tuple(
         tuple(
-            Member(components[instance.name], tuple(feeds[instance.name]))
+            _member(instance, components[instance.name], tuple(feeds[instance.name]))
             for instance in system.instances
             if instance.stage == stage
         )
         for stage in sorted({instance.stage for instance in system.instances})
     )
+
+
+def _member(instance: Instance, component: Steppable, feeds: tuple[Feed, ...]) -> Member:
+    converted = frozenset(component.inputs) & instance.conversions.keys()
+    return Member(component, feeds, cast(Converting, component).received if converted else component.u, converted)

@@ -39,9 +39,14 @@ def wires(scheme: Scheme) -> dict[str, list[Wire]]:
             if rule is not None:
                 source = f"/{feed.source.name}/out"
                 wire = by_source.get((source, rule), Wire(source, rule, (), ()))
-                outputs = wire.outputs + tuple(feed.source.outputs[k] for k in feed.outputs)
-                inputs = wire.inputs + tuple(member.component.inputs[k] for k in feed.inputs)
-                by_source[source, rule] = wire._replace(outputs=outputs, inputs=inputs)
+                outputs = (feed.source.outputs[k] for k in feed.outputs)
+                inputs = (member.component.inputs[k] for k in feed.inputs)
+                pairs = [pair for pair in zip(outputs, inputs, strict=True) if pair[1] not in member.converted]
+                if pairs:
+                    more_outputs, more_inputs = zip(*pairs, strict=True)
+                    by_source[source, rule] = wire._replace(
+                        outputs=wire.outputs + more_outputs, inputs=wire.inputs + more_inputs
+                    )
         by_topic[f"/{member.component.name}/in"] = list(by_source.values())
     return by_topic
 

@@ -31,7 +31,7 @@ def require_signals(scene: SystemScene) -> None:
         known = {one: text for part in searched for one, text in _recorded(scene, part).items()}
         if signal in known:
             continue
-        where = f"{scene.name}.toml: expect.{name}.signal = {value_text(signal)}"
+        where = f"{scene.where}: expect.{name}.signal = {value_text(signal)}"
         problem = "no such signal" if instance in parts else f"no component '{instance}'"
         if found := worded(signal, known, known):
             near = did_you_mean(found)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import subprocess
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 
 from fmus.ahead import start_compilation
@@ -63,11 +63,26 @@ def load_components(
     Our FMUs start by their parameters. The instances ``given`` by the user are initialised after them, with inputs from
     the outputs of those that are initialised: the last stage first, because earlier ones step with its motion.
     """
+    discrete = discrete_variables(graph.connections)
     components = {
-        instance.name: stack.enter_context(Component(instance.fmu, instance.name, logger))
+        instance.name: stack.enter_context(
+            Component(
+                instance.fmu,
+                instance.name,
+                logger,
+                discrete=discrete.get(instance.name, ()),
+                conversions=instance.conversions,
+                units=instance.units,
+            )
+        )
         for instance in graph.instances
         if instance.fmu is not None
     }
+    for connection in graph.connections:
+        if connection.carries == "discrete":
+            components[connection.target].input_texts |= dict.fromkeys(
+                connection.inputs, components[connection.source].texts
+            )
     initialised: dict[str, Component] = {}
     for instance in sorted(graph.instances, key=lambda one: -one.stage if one.name in given else -math.inf):
         component = components[instance.name]
@@ -77,6 +92,16 @@ def load_components(
         initialised[instance.name] = component
     power_residual.check_bonds(graph.connections, lambda instance, name: components[instance].dimension(name))
     return components
+
+
+def discrete_variables(connections: Iterable[Connection]) -> dict[str, set[str]]:
+    """Connected variables that are no Reals, by the names of their instances."""
+    found: dict[str, set[str]] = {}
+    for connection in connections:
+        if connection.carries == "discrete":
+            found.setdefault(connection.source, set()).update(connection.outputs)
+            found.setdefault(connection.target, set()).update(connection.inputs)
+    return found
 
 
 def _start_inputs(name: str, connections: Sequence[Connection], sources: Mapping[str, Component]) -> dict[str, float]:

@@ -22,11 +22,11 @@ from orchestrator import __version__
 from orchestrator.cosim import interval_statistics
 from orchestrator.cosim.component import Component
 from orchestrator.cosim.coupling.scheme import Scheme
-from orchestrator.cosim.graph import Recordable, System
+from orchestrator.cosim.graph import Connection, Recordable, System
 from orchestrator.cosim.observers import STATS, wires
 from orchestrator.files.budget import open_file
 from orchestrator.log import schema
-from orchestrator.log.log_format import INPUTS, UNRECORDED
+from orchestrator.log.log_format import INPUTS, TEXTS, UNRECORDED
 from orchestrator.log.recorder import Recorder
 from orchestrator.scene.system_scene import SystemScene
 
@@ -119,12 +119,19 @@ def system_table(graph: System, components: Mapping[str, Any] | None = None) -> 
                 **({} if instance.fmu is None else _file(instance.fmu)),
                 "parameters": dict(instance.parameters),
                 "stage": instance.stage,
+                **({"conversions": dict(instance.conversions)} if instance.conversions else {}),
+                **({"units": dict(instance.units)} if instance.units else {}),
                 **_start_inputs((components or {}).get(instance.name)),
             }
             for instance in graph.instances
         ],
-        "connections": [connection._asdict() for connection in graph.connections],
+        "connections": [_connection(connection) for connection in graph.connections],
     }
+
+
+def _connection(connection: Connection) -> dict[str, Any]:
+    """Table of a connection; its transformations are among the conversions of its target."""
+    return {name: value for name, value in connection._asdict().items() if name != "transformations"}
 
 
 def _start_inputs(component: Any) -> dict[str, Any]:
@@ -170,6 +177,13 @@ def _commit() -> str:
         changed = git("status", "--porcelain", "--untracked-files=no", "--", "fmus", "orchestrator")
         return git("rev-parse", "HEAD") + ("+" if changed else "")
     return ""
+
+
+def attach_texts(recorder: Recorder, components: Mapping[str, Component]) -> None:
+    """Attach the texts of connected Strings, which the log holds as numbers."""
+    texts = {signal: words for each in components.values() for signal, words in each.recorded_texts().items()}
+    if texts:
+        recorder.attach(TEXTS, as_json(texts))
 
 
 def _types(components: Mapping[str, Recordable]) -> dict[str, str]:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, value_text
+from orchestrator.cosim.base_units import Conversion
 from orchestrator.cosim.component import Component, Logger
 from orchestrator.cosim.graph import Instance, System
 from orchestrator.execution import replays
@@ -20,7 +21,7 @@ from orchestrator.execution.manifest import NATIVE, as_json, model_description, 
 from orchestrator.log import notices
 from orchestrator.log.log_format import BRANCHED
 from orchestrator.log.reader import Log
-from orchestrator.log.recorded_system import system_of
+from orchestrator.log.recorded_system import system_of, texts_of
 from orchestrator.log.time_series import EVER
 from orchestrator.scene.assembly import assemble, build_parts
 from orchestrator.scene.parts import Part
@@ -64,7 +65,8 @@ class Replay(NamedTuple):
         log, name, model = self.log, self.component.name, self.model
         if path.exists() and path.samefile(log.path):
             raise BadInput(f"{path} is the log itself: give another name")
-        instance = Instance(name, model.fmu, dict(self.parameters), model.stage)
+        own = self.component.conversions, self.component.converted_units
+        instance = Instance(name, model.fmu, dict(self.parameters), model.stage, *own)
         attachments = {
             "system.json": as_json(system_table(System((instance,), ()), {name: self.component})),
             f"{name}.modelDescription.xml": model_description(model.fmu),
@@ -106,11 +108,34 @@ def open_replay(
             model = _given_model(log, entry, Path(other))
         else:
             model = _built_model(log, entry, other, settings)
-        with Component(model.fmu, name, logger) as component:
+        own, outputs = _conversions(entry), _names(log, f"/{name}/out")
+        if own and not model.as_recorded:
+            raise BadInput(
+                f"'{name}' of the log exchanged values in units of its own FMU: no other one takes its place"
+            )
+        with Component(
+            model.fmu,
+            name,
+            logger,
+            discrete={*outputs, *_names(log, f"/{name}/in")},
+            conversions={variable: own[variable] for variable in outputs if variable in own},
+            units=entry.get("units", {}),
+        ) as component:
+            component.know_texts(texts_of(log))
             component.start_with(entry.get("inputs", {}))
             settable = set(component.parameters)
             parameters = {key: value for key, value in model.parameters.items() if key in settable}
             yield Replay(log, component, parameters, model)
+
+
+def _conversions(entry: Mapping[str, Any]) -> dict[str, Conversion]:
+    """Conversions of a component of the log. Its inputs are recorded as its FMU got them."""
+    return {variable: Conversion(*numbers) for variable, numbers in entry.get("conversions", {}).items()}
+
+
+def _names(log: Log, topic: str) -> tuple[str, ...]:
+    """Variables of a topic, none if the log has no such topic."""
+    return log.topics[topic].names if topic in log.topics else ()
 
 
 def fmu_components(path: Path) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from itertools import chain
@@ -12,6 +13,7 @@ import numpy as np
 
 from orchestrator.cosim.component import Component
 from orchestrator.log.bitwise import BitDifference, first_difference
+from orchestrator.log.log_format import TEXTS
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
 from orchestrator.log.time_series import EVER, Floats, Series
@@ -170,5 +172,7 @@ def answer(
             if len(component.y_links) and recorder.due(f"/{name}/links", k):
                 component.read_links()
                 recorder.write(f"/{name}/links", k, t, h, component.y_links)
+        if texts := component.recorded_texts():
+            recorder.attach(TEXTS, json.dumps(texts).encode())
         recorder.close("ok", "", len(inputs.t), warnings=[asdict(warning) for warning in component.warnings])
     return len(inputs.t)

@@ -84,6 +84,7 @@ def summary_of(path: str | os.PathLike[str]) -> dict[str, Any]:
                 "observables": judged.observables,
                 "windows": judged.windows,
                 "phases": summary.phase_entries(run),
+                "fmus": summary.fmu_entries(run),
             }
         )
 

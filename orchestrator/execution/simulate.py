@@ -22,7 +22,7 @@ from orchestrator.execution.checked_signals import require_signals
 from orchestrator.execution.companion_runs import record_companion
 from orchestrator.execution.interrupt import Interrupt, interruptible
 from orchestrator.execution.loading import load_scene
-from orchestrator.execution.manifest import NATIVE, open_log
+from orchestrator.execution.manifest import NATIVE, attach_texts, open_log
 from orchestrator.execution.prepared_run import Continuation, PreparedRun, outcome_entries
 from orchestrator.log.events_topic import Event
 from orchestrator.log.reader import Log, LogUnreadable
@@ -30,13 +30,13 @@ from orchestrator.log.recorder import LogFailed, check_writable
 from orchestrator.results.analyses import events
 from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import contact_step
-from orchestrator.scene.assembly import Assembly, assemble
+from orchestrator.scene.assembly import Assembly, assemble, unfit
 from orchestrator.scene.ranges import implausible_numbers
-from orchestrator.scene.replacement import require_fit
-from orchestrator.scene.scene import Scene
+from orchestrator.scene.scene import Scene, VehicleScene
 from orchestrator.scene.system_scene import SystemScene
 
 NO_INPUTS = "inputs are not recorded (run.inputs = false): the log cannot be replayed or resumed"
+OTHER_KERNELS = "cables have turning axes, whose kernels are others and compile for minutes the first time"
 MOST_NARRATED = 300  # characters of a line about parameters
 
 
@@ -86,16 +86,18 @@ def _simulate(
     result = summary.empty(scene.name, scene.variant)
     announce = narration or (lambda line: None)
     assembly = assemble(scene)
-    unfit = require_fit(f"{scene.name}.toml", *assembly, variable_steps=scene.run.variable is not None)
+    misfits = unfit(scene, assembly)
     if given := [part.name for part in assembly.parts if part.fmu is not None]:
         announce(f"{scene.name}: FMUs of yours run as {', '.join(given)}: an FMU runs code with your rights")
     reached = ReachedPoint()
     with ExitStack() as stack:
+        if isinstance(scene, VehicleScene) and scene.track.axes == "free" and scene.leaves_plane:
+            announce(f"{scene.name}: {scene.leaves_plane}: {OTHER_KERNELS}")
         announce(f"{scene.name}: components are built and initialised")
         run = PreparedRun.prepare(*load_scene(scene, stack, logger, native), continuation)
         for line in _shared_parameters(run, assembly):
             announce(f"{scene.name}: {line}")
-        result["warnings"] = early_warnings = _early_warnings(run, logger, unfit)
+        result["warnings"] = early_warnings = _early_warnings(run, logger, misfits)
         log_opened, file = False, path
         try:
             about, further_metadata = {"fmus": NATIVE} if native else {}, continuation.metadata if continuation else {}
@@ -113,6 +115,7 @@ def _simulate(
                 result["startup_time"] = time.perf_counter() - start
                 interrupt.deferring = True
                 outcome = run.step_to_end(observers, interrupt, result)
+                attach_texts(recorder, run.components)
                 recorder.write_remaining()
                 result["warnings"] = [*early_warnings, *warnings(run.components)]
                 if outcome.steps:
@@ -158,10 +161,12 @@ def _verdict(outcome: master.RunOutcome, validity: Sequence[Mapping[str, Any]]) 
     return "failed", "; ".join(filter(None, (outcome.message, invalidity)))
 
 
-def _early_warnings(run: PreparedRun, logger: Logger | None, unfit: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:
-    """Return warnings about FMUs of the user (``unfit``), recording and scene; the logger gets them too."""
+def _early_warnings(
+    run: PreparedRun, logger: Logger | None, misfits: Sequence[tuple[str, str]]
+) -> list[dict[str, Any]]:
+    """Return warnings about FMUs of the user (``misfits``), recording and scene; the logger gets them too."""
     aliases = run.scene.aliasing_warning if any_links(run.components) else ""
-    sentences = [*unfit, *[("log", NO_INPUTS)] * (not run.scene.run.inputs)]
+    sentences = [*misfits, *[("log", NO_INPUTS)] * (not run.scene.run.inputs)]
     sentences += [("log", aliases)] * bool(aliases) + _implausible_numbers(run.scene)
     if logger:
         for component, text in sentences:
@@ -173,7 +178,7 @@ def _early_warnings(run: PreparedRun, logger: Logger | None, unfit: Sequence[tup
 
 def _implausible_numbers(scene: SystemScene) -> list[tuple[str, str]]:
     """Return warnings about numbers of the scene outside the plausible range."""
-    return [("scene", sentence) for sentence in implausible_numbers(scene.resolved(), f"{scene.name}.toml")]
+    return [("scene", sentence) for sentence in implausible_numbers(scene.resolved(), scene.where)]
 
 
 def _evaluate_log(

@@ -13,6 +13,7 @@ from orchestrator.log.reader import NoSuchSignal
 from orchestrator.results import measures, turning
 from orchestrator.results.analyses import phases
 from orchestrator.results.energy import ledger
+from orchestrator.results.given_parts import given_parts
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.validity.exceedance import FAILURE, Exceedance
 from orchestrator.results.validity.ledger import validity
@@ -45,6 +46,7 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
         "log_bytes": 0,
         "seal": "",  # root of the log's seal
         "components": {},
+        "fmus": {},  # FMUs of the user by component: file name and hash
         "energy": None,
         "error": None,
         "checks": {},
@@ -59,6 +61,7 @@ def empty(scene: str, track: str | None) -> dict[str, Any]:
 def evaluate(run: RunData, scene: SystemScene, simulated: float) -> dict[str, Any]:
     """Evaluate energy, checks, observables, phases and validity of a log that covers ``simulated`` s."""
     return balance(run) | {
+        "fmus": fmu_entries(run),
         "checks": checks(run, scene, simulated),
         "observables": (found := observables(run, scene, simulated)),
         "windows": windows(found, scene, simulated),
@@ -73,6 +76,11 @@ def balance(run: RunData) -> dict[str, Any]:
     except Missing:
         energy = None
     return {"energy": energy, "validity": [entry._asdict() for entry in validity(run).entries]}
+
+
+def fmu_entries(run: RunData) -> dict[str, dict[str, str]]:
+    """Return file name and hash of the FMUs of the user, by component."""
+    return {name: {"file": part.file, "sha256": part.sha256} for name, part in given_parts(run).items()}
 
 
 def judgement(message: str, entries: Mapping[str, Any]) -> dict[str, str]:

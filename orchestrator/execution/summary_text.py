@@ -6,6 +6,8 @@ from typing import Any
 
 from orchestrator.execution import summary
 from orchestrator.execution.labels import LABELS
+from orchestrator.results.given_parts import SHOWN
+from orchestrator.results.table import without_rounding
 from orchestrator.results.units import size
 from orchestrator.results.validity.exceedance import Exceedance
 
@@ -55,7 +57,8 @@ def _observables(r: dict[str, Any]) -> list[str]:
         if value == value and not (r["phases"] and key in OF_PHASES):
             where = _track_of_largest_tension(r["phases"]) if key == "tension_max" else ""
             window = _window(r["windows"].get(key, {"from": 0.0, "to": r["simulated_time"]}), r["simulated_time"])
-            lines.setdefault(window, []).append(f"{name} {value / size(unit):.{digits}g} {unit}{where}")
+            shown = without_rounding(value / size(unit), unit)
+            lines.setdefault(window, []).append(f"{name} {shown:.{digits}g} {unit}{where}")
     return [f"{window}: {', '.join(texts)}" for window, texts in lines.items()]
 
 
@@ -95,15 +98,22 @@ def validity(fields: dict[str, Any]) -> str:
 def _balance(energy: dict[str, Any]) -> str:
     released = -sum(min(change, 0.0) for change in energy["stored"].values())
     parts = (("put in by the drives", energy["work"]), ("released from store", released))
-    sums = [f"{value / 1e3:.4g} kJ {what}" for what, value in (*parts, ("dissipated", energy["dissipated"])) if value]
+    delivered = [
+        (f"delivered {'by' if value < 0.0 else 'to'} {name.replace('_', ' ')}", abs(value))
+        for name, value in energy["delivered"].items()
+    ]
+    lost = ("dissipated", energy["dissipated"]), ("done on the towed load", energy.get("towed", 0.0))
+    sums = [f"{value / 1e3:.4g} kJ {what}" for what, value in (*parts, *lost, *delivered) if value]
     terms = f" ({', '.join(sums)})" if sums else ""
     return f"energy balance: {abs(energy['residual_relative']) * 100:.2g} % unaccounted for{terms}"
 
 
 def _ledger(energy: dict[str, Any]) -> str:
+    delivered = "".join(f" + delivered to {name} {value:.6g}" for name, value in energy["delivered"].items())
+    towed = f" + towed {energy['towed']:.6g}" if energy.get("towed") else ""
     return (
         f"ledger: work {energy['work']:.6g} J = change {energy['change']:.6g} + dissipated {energy['dissipated']:.6g}"
-        f" + covered {energy['covered']:.4g} + residual {energy['residual']:.4g}"
+        f" + covered {energy['covered']:.4g}{towed}{delivered} + residual {energy['residual']:.4g}"
         f" ({energy['residual_relative'] * 100:.3g} %; ports {energy['port']:.4g} J)"
     )
 
@@ -120,6 +130,12 @@ def _check(name: str, check: dict[str, Any]) -> str:
     return f"{'ok ' if check['ok'] else 'NOT'} {name} = {check['value']:.7g}, expected {expected}{note}"
 
 
+def _fmus(fmus: dict[str, dict[str, str]]) -> str:
+    """Return the line about FMUs of the user."""
+    parts = [f"{name} = {fmu['file']} (sha256 {fmu['sha256'][:SHOWN]})" for name, fmu in fmus.items()]
+    return f"FMUs of yours: {', '.join(parts)}"
+
+
 def _cost(name: str, cost: dict[str, Any]) -> str:
     counts = ", ".join(f"{count} {what}" for what, count in cost.items() if what != "wall_time" and count)
     return f"{name:12} {cost['wall_time']:8.3f} s  {counts}"
@@ -129,6 +145,7 @@ def lines(r: dict[str, Any]) -> list[str]:
     """Return the lines of a summary: text, checks, energy balance, cost of each component."""
     below = [
         _pace(r),
+        _fmus(r["fmus"]) if r["fmus"] else "",
         *_observables(r),
         *_phases(r["phases"]),
         _error(r["error"]) if r["error"] else "",

@@ -1,1 +1,4 @@
-"""Checks of any FMI 2.0 co-simulation FMU, each in a child process: one module per check, with a function ``check``."""
+"""Checks of any co-simulation FMU of FMI 2.0 or 3.0, each in a child process.
+
+One module per check, with a function ``check``.
+"""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from orchestrator.fmu_check.instance import Floats, Instance, Subject
+from orchestrator.fmu_check.instance import Floats, Instance, Subject, elements
 from orchestrator.fmu_check.verdict import Refused, Verdict, listed
 
 CHANGE = 1e-3  # of an input, relative, absolute below 1
@@ -19,9 +19,9 @@ def check(subject: Subject) -> Verdict:
     feedthrough.
     """
     description, faults = subject.description, []
-    outputs = [v for v in description.modelVariables if v.causality == "output"]
+    outputs = [v for v in subject.all_variables if v.causality == "output"]
     initial = [v for v in outputs if v.initial in ("approx", "calculated")]
-    initial += [v for v in description.modelVariables if v.causality == "calculatedParameter"]
+    initial += [v for v in subject.all_variables if v.causality == "calculatedParameter"]
     for title, unknowns, expected in (
         ("Outputs", description.outputs, outputs),
         ("InitialUnknowns", description.initialUnknowns, initial),
@@ -34,15 +34,15 @@ def check(subject: Subject) -> Verdict:
         with Instance(subject) as instance:
             instance.enter()
             pairs = _dependent(subject, instance)
-            faults += _undeclared("in initialisation mode", pairs, description.initialUnknowns)
+            faults += _undeclared("in initialisation mode", pairs, description.initialUnknowns, subject.owner)
             instance.must("ExitInitializationMode")
             instance.run(0, 2)
             try:
                 pairs = _dependent(subject, instance)
-            except Refused as refusal:  # FMI 2.0 allows that: a host must step between setting and getting
+            except Refused as refusal:  # FMI allows that: a host must step between setting and getting
                 note = f"direct feedthrough cannot be seen: {refusal}"
             else:
-                faults += _undeclared("after a step", pairs, description.outputs)
+                faults += _undeclared("after a step", pairs, description.outputs, subject.owner)
                 note = f"direct feedthrough: {listed([f'{u} to {y}' for u, y in pairs]) or 'none'}"
     except Refused as refusal:
         faults.append(str(refusal))
@@ -50,7 +50,7 @@ def check(subject: Subject) -> Verdict:
 
 
 def _dependent(subject: Subject, instance: Instance) -> Pairs:
-    """Pairs of an input and an output that changes with it at once; raises Refused."""
+    """Pairs of elements of an input and of an output that changes with it at once; raises Refused."""
     pairs: Pairs = []
     values = subject.input_values(1, subject.amplitude)
 
@@ -59,15 +59,16 @@ def _dependent(subject: Subject, instance: Instance) -> Pairs:
         return instance.outputs()
 
     before = outputs(values)
-    for place, variable in enumerate(subject.inputs):
+    names = [name for variable in subject.inputs for name in elements(variable)]
+    for place, name in enumerate(names):
         changed = values.copy()
         changed[place] += CHANGE * max(1.0, abs(values[place]))
-        pairs += [(variable.name, output) for output in subject.differing(before, outputs(changed))]
+        pairs += [(name, output) for output in subject.differing(before, outputs(changed))]
     instance.set_inputs(values)
     return pairs
 
 
-def _undeclared(when: str, pairs: Pairs, unknowns: Sequence[Any]) -> list[str]:
+def _undeclared(when: str, pairs: Pairs, unknowns: Sequence[Any], owner: Mapping[str, str]) -> list[str]:
     """Faults of pairs that the declared dependencies of unknowns do not contain."""
     declared = {
         unknown.variable.name: {variable.name for variable in unknown.dependencies}
@@ -77,5 +78,5 @@ def _undeclared(when: str, pairs: Pairs, unknowns: Sequence[Any]) -> list[str]:
     return [
         f"{when} {output} depends on {name}, which its dependencies do not declare"
         for name, output in pairs
-        if name not in declared.get(output, {name})
+        if owner[name] not in declared.get(owner[output], {owner[name]})
     ]

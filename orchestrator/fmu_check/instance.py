@@ -5,26 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, suppress
-from ctypes import c_double, c_int, c_uint
+from ctypes import c_double, c_uint
 from functools import cached_property
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.cosim.component import Component, ComponentFailed, describe
+from orchestrator.cosim.component import ComponentFailed, describe
+from orchestrator.fmu_check import fmi2, fmi3
 from orchestrator.fmu_check.verdict import NotApplicable, Refused, listed
 
 Floats = NDArray[np.float64]
 
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
-STATUS = "fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal"
-GETTERS: tuple[tuple[str, Any, tuple[str, ...]], ...] = (  # function, C type, FMI types
-    ("GetReal", c_double, ("Real",)),
-    ("GetInteger", c_int, ("Integer", "Enumeration")),
-    ("GetBoolean", c_int, ("Boolean",)),
-)
+STATUS = "OK", "Warning", "Discard", "Error", "Fatal"
+VERSIONS = {"2.0": fmi2, "3.0": fmi3}
 STEP = 1e-3  # s, communication step of an FMU without a default
 STEPS = 20  # communication steps of a run
 AMPLITUDES = (1e-3, 1e-6)  # of inputs that vary, relative to their start values, absolute below 1
@@ -46,9 +44,18 @@ class Subject:
     def description(self) -> Any:
         """Content of modelDescription.xml."""
         try:
-            return describe(self.fmu)[1]
+            return describe(self.fmu, VERSIONS)[1]
         except ComponentFailed as failure:
             raise NotApplicable(str(failure)) from None
+
+    @cached_property
+    def fmi(self) -> ModuleType:
+        """Functions, types and words of the FMU's version of FMI."""
+        return VERSIONS[self.description.fmiVersion[:3]]
+
+    def name(self, function: str) -> str:
+        """Return the whole name of a function."""
+        return f"{self.fmi.PREFIX}{function}"
 
     @cached_property
     def step(self) -> float:
@@ -63,19 +70,29 @@ class Subject:
     def _experiment(self, attribute: str) -> float:
         return float(getattr(self.description.defaultExperiment, attribute, None) or 0.0)
 
+    @cached_property
+    def all_variables(self) -> list[Any]:
+        """Variables without the aliases of FMI 3.0, which are further names."""
+        return [v for v in self.description.modelVariables if getattr(v, "alias", None) is None]
+
     def variables(self, causality: str, *kinds: str) -> list[Any]:
         """Return the variables of a causality and of these types."""
-        return [v for v in self.description.modelVariables if v.causality == causality and v.type in kinds]
+        return [v for v in self.all_variables if v.causality == causality and v.type in kinds]
 
     @cached_property
     def inputs(self) -> list[Any]:
-        """Real inputs."""
-        return self.variables("input", "Real")
+        """Inputs that vary: those of the type Real, or Float64."""
+        return self.variables("input", self.fmi.REAL)
 
     @cached_property
     def outputs(self) -> list[Any]:
-        """Outputs other than Strings, in the order of their values."""
-        return [variable for _, _, kinds in GETTERS for variable in self.variables("output", *kinds)]
+        """Outputs other than Strings and Binaries, in the order of their values."""
+        return [variable for _, _, kinds in self.fmi.GETTERS for variable in self.variables("output", *kinds)]
+
+    @cached_property
+    def owner(self) -> dict[str, str]:
+        """Name of the variable of each element of an input or output, by the name of the element."""
+        return {name: v.name for v in (*self.inputs, *self.outputs) for name in elements(v)}
 
     @cached_property
     def amplitude(self) -> float:
@@ -89,19 +106,41 @@ class Subject:
         return 0.0
 
     def input_values(self, k: int, amplitude: float) -> Floats:
-        """Return the values of the Real inputs over step k."""
-        start = np.array([float(v.start or 0.0) for v in self.inputs])
+        """Return the values of the inputs that vary, over step k, by element."""
+        start = np.array([value for v in self.inputs for value in _starts(v)])
         return start + amplitude * np.maximum(1.0, abs(start)) * np.sin(0.5 * (k + 1) + np.arange(start.size))
 
     def differing(self, one: Floats, other: Floats) -> list[str]:
-        """Return the names of outputs that differ in a bit; the arrays have outputs in their last axis."""
+        """Return the names of elements of outputs that differ in a bit; outputs are the last axis of the arrays."""
         differ = one.view(np.int64) != other.view(np.int64)
         differ = differ.any(axis=tuple(range(differ.ndim - 1)))
-        return [variable.name for variable, is_other in zip(self.outputs, differ, strict=True) if is_other]
+        return [name for name, is_other in zip(_names(self.outputs), differ, strict=True) if is_other]
+
+
+def size(variable: Any) -> int:
+    """Return the number of elements of a variable."""
+    return math.prod(variable.shape or ())
+
+
+def elements(variable: Any) -> list[str]:
+    """Return the names of the elements of a variable; a scalar is its own."""
+    if not variable.shape:
+        return [variable.name]
+    return [f"{variable.name}[{','.join(str(i + 1) for i in place)}]" for place in np.ndindex(*variable.shape)]
+
+
+def _names(variables: Sequence[Any]) -> list[str]:
+    return [name for variable in variables for name in elements(variable)]
+
+
+def _starts(variable: Any) -> list[float]:
+    """Return the start values of the elements of a variable; a single one is that of all."""
+    given = [float(value) for value in str(variable.start or 0.0).split()]
+    return given if len(given) == size(variable) else given[:1] * size(variable)
 
 
 class Instance(AbstractContextManager["Instance"]):
-    """Instance of an FMU; freed at the end of its ``with``, but never after fmi2Fatal.
+    """Instance of an FMU; freed at the end of its ``with``, but never after the status Fatal.
 
     Raises NotApplicable if the FMU cannot be instantiated at all or only once, Refused if it could before.
     """
@@ -113,20 +152,19 @@ class Instance(AbstractContextManager["Instance"]):
         self._messages: list[str] = []
         self._lost = self._running = False
         try:
-            self._component = Component(subject.fmu, "checked", self._hear, guid)
+            self._library, self._handle, self._close = subject.fmi.instantiate(subject.fmu, guid, self._hear)
         except ComponentFailed as failure:
             raise (Refused if subject.instances else NotApplicable)(str(failure)) from None
         subject.instances += 1
-        self._library, self._handle = self._component.functions
 
     def _hear(self, name: str, status: int, message: str) -> None:
         if status > WARNING:
             self._messages.append(" ".join(message.split()))
 
     def call(self, function: str, *arguments: Any) -> int:
-        """Make a call, named without "fmi2"; return its status."""
+        """Make a call, named without its prefix; return its status."""
         self._messages.clear()
-        status = int(getattr(self._library, f"fmi2{function}")(self._handle, *arguments))
+        status = int(getattr(self._library, self._subject.name(function))(self._handle, *arguments))
         self._lost |= status == FATAL
         if status <= WARNING and function in ("ExitInitializationMode", "Terminate", "Reset"):
             self._running = function == "ExitInitializationMode"
@@ -134,42 +172,51 @@ class Instance(AbstractContextManager["Instance"]):
 
     def must(self, function: str, *arguments: Any) -> None:
         """Make a call that has to succeed; raises Refused."""
-        status = self.call(function, *arguments)
+        self._require(function, self.call(function, *arguments))
+
+    def _require(self, function: str, status: int) -> None:
         if status > WARNING:
-            name = STATUS[status] if status <= FATAL else str(status)
+            name = self._subject.name(STATUS[status]) if status <= FATAL else str(status)
             message = f": {self._messages[0]}" if self._messages else ""
-            raise Refused(f"fmi2{function} has the status {name}{message}")
+            raise Refused(f"{self._subject.name(function)} has the status {name}{message}")
 
-    def set_real(self, reference: int, value: float) -> int:
-        """Set a Real; return the status."""
-        return self.call("SetReal", (c_uint * 1)(reference), 1, (c_double * 1)(value))
+    def set_reals(self, references: Sequence[int], values: Sequence[float] | Floats) -> int:
+        """Set variables of the type Real or Float64, all elements of each; return the status."""
+        content = (c_double * len(values))(*values)
+        return self.call(f"Set{self._subject.fmi.REAL}", *self._arguments(references, content))
 
-    def get_real(self, reference: int) -> tuple[int, float]:
-        """Return the status and the value of a Real."""
-        value = c_double()
-        return self.call("GetReal", (c_uint * 1)(reference), 1, value), value.value
+    def get_reals(self, references: Sequence[int], count: int) -> tuple[int, Floats]:
+        """Return the status and the ``count`` values of variables of the type Real or Float64."""
+        content = (c_double * count)()
+        status = self.call(f"Get{self._subject.fmi.REAL}", *self._arguments(references, content))
+        return status, np.array(content)
+
+    def _arguments(self, references: Sequence[int], content: Any) -> tuple[Any, ...]:
+        return tuple(self._subject.fmi.values((c_uint * len(references))(*references), content))
+
+    def try_inputs(self, values: Sequence[float] | Floats) -> int:
+        """Set all inputs that vary; return the status."""
+        return self.set_reals([v.valueReference for v in self._subject.inputs], values) if len(values) else OK
 
     def set_inputs(self, values: Sequence[float] | Floats) -> None:
-        """Set all Real inputs; raises Refused."""
-        if n := len(values):
-            references = (c_uint * n)(*(v.valueReference for v in self._subject.inputs))
-            self.must("SetReal", references, n, (c_double * n)(*values))
+        """Set all inputs that vary; raises Refused."""
+        self._require(f"Set{self._subject.fmi.REAL}", self.try_inputs(values))
 
     def outputs(self) -> Floats:
-        """Return all outputs; raises Refused."""
+        """Return all outputs, by element; raises Refused."""
         parts = []
-        for function, c_type, kinds in GETTERS:
-            references = [v.valueReference for v in self._subject.variables("output", *kinds)]
-            n, values = len(references), (c_type * len(references))()
-            if n:
-                self.must(function, (c_uint * n)(*references), n, values)
-            parts.append(np.array(values, dtype=float))
+        for function, c_type, kinds in self._subject.fmi.GETTERS:
+            variables = self._subject.variables("output", *kinds)
+            content = (c_type * sum(map(size, variables)))()
+            if variables:
+                self.must(function, *self._arguments([v.valueReference for v in variables], content))
+            parts.append(np.array(content, dtype=float))
         return np.concatenate(parts)
 
     def enter(self) -> None:
         """Bring a new instance into initialisation mode; raises Refused."""
-        self.must("SetupExperiment", 0, 0.0, self._subject.start, 0, 0.0)
-        self.must("EnterInitializationMode")
+        for function, *arguments in self._subject.fmi.entry(self._subject.start):
+            self.must(function, *arguments)
 
     def initialise(self) -> None:
         """Bring a new instance to its first step; raises Refused."""
@@ -180,7 +227,10 @@ class Instance(AbstractContextManager["Instance"]):
         """Make step k of a run with varying inputs; return all outputs. Raises Refused."""
         subject, h = self._subject, self._subject.step
         self.set_inputs(subject.input_values(k, subject.amplitude if amplitude is None else amplitude))
-        self.must("DoStep", subject.start + k * h, h, 0)
+        arguments = subject.fmi.step(subject.start + k * h, h)
+        self.must("DoStep", *arguments)
+        if wrong := subject.fmi.fault_of_step(arguments):
+            raise Refused(f"{subject.name('DoStep')} {wrong}")
         return self.outputs()
 
     def run(self, first: int = 0, count: int = STEPS) -> Floats:
@@ -189,22 +239,22 @@ class Instance(AbstractContextManager["Instance"]):
 
     def attempt_step(self, t: float, h: float) -> tuple[bool, list[str]]:
         """Try a step of length h from t after the start, both in s; return whether it is taken, and its faults."""
-        status = self.call("DoStep", self._subject.start + t, h, 0)
+        status = self.call("DoStep", *self._subject.fmi.step(self._subject.start + t, h))
         if status > WARNING:
-            return False, fatal(status)
-        values = zip(self._subject.outputs, self.outputs(), strict=True)
-        return True, [f"{variable.name} = {value:g}" for variable, value in values if not math.isfinite(value)]
+            return False, self.fatal(status)
+        values = zip(_names(self._subject.outputs), self.outputs(), strict=True)
+        return True, [f"{name} = {value:g}" for name, value in values if not math.isfinite(value)]
+
+    def fatal(self, status: int) -> list[str]:
+        """Return the fault of a refusal by the status Fatal."""
+        words = f"{self._subject.name(STATUS[FATAL])}, after which no instance may be used"
+        return [words] if status >= FATAL else []
 
     def __exit__(self, *ended: object) -> None:
         if self._running and not self._lost:
             self.call("Terminate")
         if not self._lost:
-            self._component.close()
-
-
-def fatal(status: int) -> list[str]:
-    """Fault of a refusal by fmi2Fatal."""
-    return ["fmi2Fatal, after which no instance may be used"] if status >= FATAL else []
+            self._close()
 
 
 def with_faults(what: str, faults: list[str]) -> list[str]:

@@ -1,6 +1,7 @@
-"""Check of the order of calls (FMI 2.0.4, section 4.2.4): outside its phase a call is refused by its status.
+"""Check of the order of calls: outside its phase a call is refused by its status.
 
-A refusal by fmi2Fatal is a fault, because it ends all instances of the FMU.
+The rules are those of FMI 2.0.4, section 4.2.4, and FMI 3.0.2, sections 2.3 and 4.2. A refusal by the status Fatal is a
+fault, because it ends all instances of the FMU.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from contextlib import suppress
 from functools import partial
 from typing import NamedTuple
 
-from orchestrator.fmu_check.instance import WARNING, Instance, Subject, fatal
+from orchestrator.fmu_check.instance import WARNING, Instance, Subject, size
 from orchestrator.fmu_check.verdict import NotApplicable, Refused, Verdict, listed
 
 UNKNOWN = 2**31 - 1  # a value reference that no variable has
@@ -20,38 +21,49 @@ GUID = "{00000000-0000-0000-0000-000000000000}"
 class Misuse(NamedTuple):
     """Call that has to be refused."""
 
-    name: str
+    function: str  # a format of ``fmi``, without prefix
+    when: str
     phase: str  # entered before: instantiated, initialising, running or terminated
     call: Callable[[Instance, Subject], int]  # returns the status
+
+    def name(self, subject: Subject) -> str:
+        """Return the words for it."""
+        return f"{subject.name(self.function.format(fmi=subject.fmi))} {self.when}"
 
 
 def _set(causality: str, instance: Instance, subject: Subject) -> int:
     """Set the first Real of a causality to its value plus 1."""
-    variables = [v for v in subject.variables(causality, "Real") if v.variability in ("fixed", "continuous")]
+    variables = [v for v in subject.variables(causality, subject.fmi.REAL) if v.variability in ("fixed", "continuous")]
     if not variables:
-        raise NotApplicable(f"there is no Real {causality}")
-    reference = variables[0].valueReference
-    return instance.set_real(reference, instance.get_real(reference)[1] + 1.0)
+        raise NotApplicable(f"there is no {subject.fmi.REAL} {causality}")
+    references = [variables[0].valueReference]
+    return instance.set_reals(references, instance.get_reals(references, size(variables[0]))[1] + 1.0)
 
 
 def _call(function: str, instance: Instance, subject: Subject) -> int:
-    arguments = {"DoStep": (subject.start, subject.step, 0), "SetupExperiment": (0, 0.0, subject.start, 0, 0.0)}
+    fmi = subject.fmi
+    arguments = {fmi.LATE: fmi.setup(subject.start), "DoStep": fmi.step(subject.start, subject.step)}
     return instance.call(function, *arguments.get(function, ()))
 
 
+def _enter_twice(instance: Instance, subject: Subject) -> int:
+    function, *arguments = subject.fmi.entry(subject.start)[-1]
+    return instance.call(function, *arguments)
+
+
 MISUSES = (
-    Misuse("fmi2DoStep before initialisation", "instantiated", partial(_call, "DoStep")),
-    Misuse("fmi2ExitInitializationMode without entry", "instantiated", partial(_call, "ExitInitializationMode")),
-    Misuse("fmi2Terminate before initialisation", "instantiated", partial(_call, "Terminate")),
-    Misuse("fmi2DoStep in initialisation mode", "initialising", partial(_call, "DoStep")),
-    Misuse("fmi2EnterInitializationMode twice", "initialising", partial(_call, "EnterInitializationMode")),
-    Misuse("fmi2SetupExperiment after initialisation", "running", partial(_call, "SetupExperiment")),
-    Misuse("fmi2SetReal of an output", "running", partial(_set, "output")),
-    Misuse("fmi2SetReal of a fixed parameter while running", "running", partial(_set, "parameter")),
-    Misuse("fmi2GetReal of an unknown value reference", "running", lambda i, s: i.get_real(UNKNOWN)[0]),
-    Misuse("fmi2SetReal of an unknown value reference", "running", lambda i, s: i.set_real(UNKNOWN, 0.0)),
-    Misuse("fmi2DoStep after fmi2Terminate", "terminated", partial(_call, "DoStep")),
-    Misuse("fmi2Terminate twice", "terminated", partial(_call, "Terminate")),
+    Misuse("DoStep", "before initialisation", "instantiated", partial(_call, "DoStep")),
+    Misuse("ExitInitializationMode", "without entry", "instantiated", partial(_call, "ExitInitializationMode")),
+    Misuse("Terminate", "before initialisation", "instantiated", partial(_call, "Terminate")),
+    Misuse("DoStep", "in initialisation mode", "initialising", partial(_call, "DoStep")),
+    Misuse("EnterInitializationMode", "twice", "initialising", _enter_twice),
+    Misuse("{fmi.LATE}", "after initialisation", "running", lambda i, s: _call(s.fmi.LATE, i, s)),
+    Misuse("Set{fmi.REAL}", "of an output", "running", partial(_set, "output")),
+    Misuse("Set{fmi.REAL}", "of a fixed parameter while running", "running", partial(_set, "parameter")),
+    Misuse("Get{fmi.REAL}", "of an unknown value reference", "running", lambda i, s: i.get_reals([UNKNOWN], 1)[0]),
+    Misuse("Set{fmi.REAL}", "of an unknown value reference", "running", lambda i, s: i.set_reals([UNKNOWN], [0.0])),
+    Misuse("DoStep", "after termination", "terminated", partial(_call, "DoStep")),
+    Misuse("Terminate", "twice", "terminated", partial(_call, "Terminate")),
 )
 
 
@@ -60,22 +72,23 @@ def check(subject: Subject) -> Verdict:
     refused = 0
     wrong: dict[str, list[str]] = {}  # calls by fault
     for misuse in MISUSES:
-        subject.begin(f"in {misuse.name}")
+        subject.begin(f"in {misuse.name(subject)}")
         with suppress(NotApplicable), Instance(subject) as instance:
             _enter(instance, misuse.phase)
             status = misuse.call(instance, subject)
             refused += status > WARNING
-            for fault in fatal(status) if status > WARNING else ["accepted"]:
-                wrong.setdefault(fault, []).append(misuse.name)
-    if _takes_foreign_guid(subject):
-        wrong.setdefault("accepted", []).append("fmi2Instantiate with another guid")
+            for fault in instance.fatal(status) if status > WARNING else ["accepted"]:
+                wrong.setdefault(fault, []).append(misuse.name(subject))
+    if _takes_foreign_token(subject):
+        wrong.setdefault("accepted", []).append(_with_another_token(subject))
     faults = [f"{fault}: {', '.join(calls)}" for fault, calls in wrong.items()]
     for part in (_terminated, _reset):
         try:
             faults += part(subject)
         except Refused as refusal:
             faults.append(str(refusal))
-    note = f"{refused} calls outside their phase and another guid are refused; fmi2Reset makes a new start"
+    words = f"{refused} calls outside their phase and another {subject.fmi.TOKEN} are refused"
+    note = f"{words}; {subject.name('Reset')} makes a new start"
     return Verdict(note, tuple(faults))
 
 
@@ -89,8 +102,12 @@ def _enter(instance: Instance, phase: str) -> None:
             instance.must("Terminate")
 
 
-def _takes_foreign_guid(subject: Subject) -> bool:
-    subject.begin("in fmi2Instantiate with another guid")
+def _with_another_token(subject: Subject) -> str:
+    return f"{subject.name(subject.fmi.INSTANTIATE)} with another {subject.fmi.TOKEN}"
+
+
+def _takes_foreign_token(subject: Subject) -> bool:
+    subject.begin(f"in {_with_another_token(subject)}")
     try:
         with Instance(subject, GUID):
             return True
@@ -99,8 +116,8 @@ def _takes_foreign_guid(subject: Subject) -> bool:
 
 
 def _terminated(subject: Subject) -> list[str]:
-    """Outputs can be read after fmi2Terminate."""
-    subject.begin("when outputs were read after fmi2Terminate")
+    """Outputs can be read after termination."""
+    subject.begin(f"when outputs were read after {subject.name('Terminate')}")
     with Instance(subject) as instance:
         instance.initialise()
         instance.must("Terminate")
@@ -109,14 +126,15 @@ def _terminated(subject: Subject) -> list[str]:
 
 
 def _reset(subject: Subject) -> list[str]:
-    """A run after fmi2Reset has the bits of a new instance, and an instance can be freed after fmi2Reset."""
-    subject.begin("in a second run after fmi2Reset")
+    """A run after a reset has the bits of a new instance, and an instance can be freed after one."""
+    reset = subject.name("Reset")
+    subject.begin(f"in a second run after {reset}")
     with Instance(subject) as instance:
         instance.initialise()
         first = instance.run()
         instance.must("Reset")
         instance.initialise()
         names = subject.differing(first, instance.run())
-        subject.begin("in fmi2FreeInstance after fmi2Reset")
+        subject.begin(f"in {subject.name('FreeInstance')} after {reset}")
         instance.must("Reset")
-    return [f"after fmi2Reset a run differs from that of a new instance in {listed(names)}"] if names else []
+    return [f"after {reset} a run differs from that of a new instance in {listed(names)}"] if names else []

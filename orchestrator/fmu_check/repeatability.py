@@ -13,7 +13,7 @@ from orchestrator.fmu_check.verdict import Refused, Verdict, listed
 def check(subject: Subject) -> Verdict:
     """Compare a run with a second one, with two that step in turn, and with one whose steps another thread makes."""
     varied = f"inputs vary by {subject.amplitude:g}" if subject.amplitude else "inputs keep their start values"
-    inputs = varied if subject.inputs else "no Real inputs"
+    inputs = varied if subject.inputs else f"no {subject.fmi.REAL} inputs"
     (expected,) = _again(subject)
     faults = []
     for where, runs in (

@@ -28,7 +28,7 @@ from orchestrator.fmu_check import (
     states,
     units,
 )
-from orchestrator.fmu_check.instance import Subject
+from orchestrator.fmu_check.instance import VERSIONS, Subject
 from orchestrator.fmu_check.verdict import NotApplicable, Refused, Verdict
 
 CHECKS: dict[str, Callable[[Subject], Verdict]] = {
@@ -46,9 +46,9 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def require_fmu(fmu: Path) -> None:
-    """Raise ComponentFailed for what is no FMU of FMI 2.0 for co-simulation; checks report a bad description."""
+    """Raise ComponentFailed for what is no co-simulation FMU of these versions; checks report a bad description."""
     with suppress(BadDescription):
-        describe(fmu)
+        describe(fmu, VERSIONS)
 
 
 def verdicts(fmu: Path, step: float | None, limit: float, begun: Callable[[str], None]) -> dict[str, Verdict]:

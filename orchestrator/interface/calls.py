@@ -51,7 +51,7 @@ def run(
     if not isinstance(scene, SystemScene):
         resolved: SystemScene = load_runnable(os.fspath(scene), track, changes)
     elif track is None:
-        resolved = changed_scene(scene.resolved(), changes, f"{scene.name}.toml") if changes else scene
+        resolved = changed_scene(scene.resolved(), changes, scene.where) if changes else scene
     else:
         raise BadInput(f"track = '{track}': a scene that is loaded has its track model; cotrack.load takes another one")
     path = Path(log) if log is not None else Path("logs") / resolved.log_name

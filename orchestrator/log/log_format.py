@@ -11,6 +11,7 @@ NAME = "format"  # of the metadata record
 VERSION = 2
 BRANCHED = "branched"  # of the metadata record of a run that continues another one with changed parameters
 INPUTS, UNRECORDED = "inputs", "not recorded"  # entry of the metadata ``run`` of a log without inputs
+TEXTS = "texts.json"  # attachment at the end: texts by the numbers that a log holds for a String, by signal
 CHECKPOINT = "checkpoint/"  # prefix of the name of an attachment, before the number of the step
 
 

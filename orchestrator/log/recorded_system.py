@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
 from fmus.vehicle import first_error
+from orchestrator.log.log_format import TEXTS
 from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.variable_texts import recorded_texts
 
@@ -24,6 +25,8 @@ class _Instance(_StrictModel):
     parameters: dict[str, bool | Integer | float | str] = Field(default_factory=dict)
     stage: Integer = 0
     inputs: dict[str, float] = Field(default_factory=dict)  # given before the start
+    conversions: dict[str, list[float]] = Field(default_factory=dict)  # factor and offset
+    units: dict[str, str] = Field(default_factory=dict)
 
 
 class _Connection(_StrictModel):
@@ -31,6 +34,9 @@ class _Connection(_StrictModel):
     outputs: list[str]
     target: str
     inputs: list[str]
+
+
+_TEXTS = TypeAdapter(dict[str, list[str]], config=ConfigDict(strict=True))
 
 
 class _System(_StrictModel):
@@ -47,6 +53,8 @@ class _System(_StrictModel):
                 raise ValueError(f"no instances '{connection.source}' and '{connection.target}' to connect")
             if len(connection.outputs) != len(connection.inputs):
                 raise ValueError("a connection does not have as many outputs as inputs")
+        if any(len(numbers) != 2 for instance in self.instances for numbers in instance.conversions.values()):
+            raise ValueError("a conversion must be a factor and an offset")
         return self
 
 
@@ -61,6 +69,15 @@ def system_of(log: Log) -> dict[str, Any]:
     except ValidationError as error:
         raise LogUnreadable(first_error(error, f"{log.path}: system.json")) from None
     return table
+
+
+def texts_of(log: Log) -> dict[str, list[str]]:
+    """Return the texts of Strings by their numbers in the log, by signal; raises LogUnreadable."""
+    table = log.table(TEXTS) if TEXTS in log.attachments else {}
+    try:
+        return _TEXTS.validate_python(table)
+    except ValidationError as error:
+        raise LogUnreadable(first_error(error, f"{log.path}: {TEXTS}")) from None
 
 
 def description_of(log: Log, signal: str) -> str:

@@ -205,6 +205,21 @@ def ground_force(run: RunData, of: str, window: Window) -> float:
     return sum(run.copies(name) * run.mean(f"{name}.ground.force.z", window) for name in touching)
 
 
+def uphill_force(run: RunData, of: str, window: Window) -> float:
+    """Mean force of the ground on all tracks up the slope of ``ground.grade`` and ``ground.bank``, N.
+
+    At constant speed it is the weight's component along the slope.
+    """
+    table = run.scene.get("ground") or {}
+    grade, bank = table.get("grade") or 0.0, table.get("bank") or 0.0
+    steepness = float(np.hypot(grade, bank))
+    if steepness == 0.0:
+        raise Missing("the ground is not inclined: it has neither grade nor bank")
+    uphill = np.array([grade, bank, steepness**2]) / (steepness * np.hypot(1.0, steepness))
+    forces = [[run.mean(f"{name}.ground.force.{axis}", window) for axis in "xyz"] for name in run.tracks]
+    return float(sum(run.copies(name) * force @ uphill for name, force in zip(run.tracks, np.array(forces), strict=True)))
+
+
 def slip(run: RunData, of: str, window: Window) -> float:
     """Load-weighted slip velocity of the ground contact points over the chain speed; 0 at rest."""
     speed = np.mean([abs(run.mean(f"{track}.speed", window)) for track in run.tracks])
@@ -394,6 +409,7 @@ UNITS: dict[Measure, str] = {
     span_moment_ratio: "1",
     tight_span_enters: "1",
     ground_force: "N",
+    uphill_force: "N",
     slip: "1",
     speed_excess: "1",
     settlement_of_springs: "m",

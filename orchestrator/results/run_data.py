@@ -54,13 +54,15 @@ class RunData:
     once.
 
     ``scene`` is the logged table, unchecked (``scene.from_table``); empty for an FMU of unknown scene and for a system
-    of free FMUs.
+    of free FMUs. ``given``: components that are FMUs of the user.
     """
 
     def __init__(self, log: Log) -> None:
         self.log = log
         scene: dict[str, Any] = log.table("scene.json") if "scene.json" in log.attachments else {}
         self.scene = {} if scene.get("assembly") == "fmus" else scene
+        fmus = scene.get("fmu")
+        self.given = frozenset(fmus if isinstance(fmus, dict) else ())
         self.system: dict[str, Any] = system_of(log)
         self._results: dict[str, Any] = {}
         self._links: dict[tuple[str, Window | None], Links] = {}

@@ -10,9 +10,10 @@ from fmus.build import Product, build_all
 from fmus.equilibrium import stances
 from fmus.vehicle import BadInput
 from orchestrator.cosim.graph import Connection, Instance, System
-from orchestrator.scene import replacement
+from orchestrator.scene.conversions import user_instance
 from orchestrator.scene.free_scene import FreeScene
 from orchestrator.scene.gallery import hint
+from orchestrator.scene.pair import joined, pair_of, require_free_inputs
 from orchestrator.scene.parts import (
     AXLE,
     CHASSIS,
@@ -21,6 +22,7 @@ from orchestrator.scene.parts import (
     Parameters,
     Part,
     chassis_config,
+    chassis_parameters,
     differential_part,
     drive_of_side,
     drive_part,
@@ -35,15 +37,18 @@ from orchestrator.scene.parts import (
     vehicle_track_config,
     wheel_connections,
 )
+from orchestrator.scene.replacement import replacements, require_fit
 from orchestrator.scene.scene import BenchScene, ChainScene, RigScene, Scene, VehicleScene, with_track
 from orchestrator.scene.system_scene import SystemScene
+from orchestrator.scene.user_connections import ends_of, require_pairs, typed
 
 
 class Assembly(NamedTuple):
     """Parts and connections of a scene."""
 
     parts: tuple[Part, ...]
-    connections: tuple[Connection, ...]
+    connections: tuple[Connection, ...]  # of our own parts, or of FMUs in their places
+    user_connections: tuple[Connection, ...] = ()  # those that the scene adds to FMUs of the user
 
 
 def assemble(scene: SystemScene) -> Assembly:
@@ -52,15 +57,41 @@ def assemble(scene: SystemScene) -> Assembly:
     Raises BadInput if the scene has an FMU for a part that it has not.
     """
     if isinstance(scene, FreeScene):
-        parts = (Part(name, "", {}, {}, table.stage, table) for name, table in scene.fmu.items())
-        return Assembly(tuple(parts), scene.wiring())
+        given = tuple(Part(name, "", {}, {}, table.stage, table) for name, table in scene.fmu.items())
+        return Assembly(given, (), joined(scene.pairs()))
     scene = with_track(scene)
     assembly, fmus = _assembled(scene), scene.fmu or {}
     names = [part.name for part in assembly.parts]
     for name in fmus:
         if name not in names:
-            raise BadInput(f"{scene.name}.toml: fmu.{name}: no such part: {hint(name, names, 'the parts are')}")
-    return assembly._replace(parts=tuple(part._replace(fmu=fmus.get(part.name)) for part in assembly.parts))
+            raise BadInput(f"{scene.where}: fmu.{name}: no such part: {hint(name, names, 'the parts are')}")
+    parts = tuple(part._replace(fmu=fmus.get(part.name)) for part in assembly.parts)
+    return assembly._replace(parts=parts, user_connections=_user_connections(scene, assembly))
+
+
+def _user_connections(scene: Scene, assembly: Assembly) -> tuple[Connection, ...]:
+    """Connections that a scene adds; raises BadInput if one is not to an FMU of the user, or its input has another."""
+    names = [part.name for part in assembly.parts]
+    taken = {(connection.target, into) for connection in assembly.connections for into in connection.inputs}
+    pairs = [pair_of(text) for text in scene.connections or ()]
+    try:
+        require_free_inputs(pairs, names, taken)
+    except ValueError as error:
+        raise BadInput(f"{scene.where}: {error}") from None
+    for pair in pairs:
+        if pair.target not in (scene.fmu or {}):
+            about = f"{scene.where}: connections: '{pair}'"
+            raise BadInput(f"{about}: '{pair.target}' is no FMU of the user, and no other part gets further inputs")
+    return joined(pairs)
+
+
+def unfit(scene: SystemScene, assembly: Assembly) -> list[tuple[str, str]]:
+    """Warnings about FMUs of the user, as part and sentence; raises BadInput if one does not fit its connections."""
+    where, variable_steps = scene.where, scene.run.variable is not None
+    found = replacements(where, assembly.parts)
+    warnings = [warning for each in found for warning in require_fit(each, assembly.connections, variable_steps)]
+    by_name = {each.part.name: each for each in found}
+    return [*warnings, *require_pairs(where, assembly.parts, by_name, assembly.user_connections)]
 
 
 def _assembled(scene: Scene) -> Assembly:
@@ -84,13 +115,16 @@ def system(assembly: Assembly, native: bool = False) -> System:
     """
     own = [part for part in assembly.parts if part.fmu is None]
     files = dict(zip((part.name for part in own), build_parts(own, native), strict=True))
+    added = assembly.user_connections
+    fmus = {each.part.name: each for each in replacements("scene", assembly.parts)}
+    ends = ends_of(assembly.parts, fmus) if added else {}
     instances = tuple(
-        replacement.instance(part, part.fmu)
-        if part.fmu is not None
+        user_instance(fmus[part.name], ends, added)
+        if part.name in fmus
         else Instance(part.name, files[part.name], part.parameters, part.stage)
         for part in assembly.parts
     )
-    return System(instances, assembly.connections)
+    return System(instances, (*assembly.connections, *typed(added, ends)))
 
 
 def build_parts(parts: Sequence[Part], native: bool) -> list[Path]:
@@ -195,7 +229,7 @@ def _vehicle(scene: VehicleScene) -> Assembly:
         for rim in rims:
             wiring += wheel_connections(track, rim, "chassis", f"{side}.{rim}")
         wiring += wheel_connections(drive, f"{connector}mount", "chassis", f"{side}.sprocket")
-    chassis = Part("chassis", "Chassis", hull, start_parameters(scene), CHASSIS)
+    chassis = Part("chassis", "Chassis", hull, chassis_parameters(scene), CHASSIS)
     if scene.driver is None:
         return Assembly((*tracks, *drives, chassis), tuple(wiring))
     for part in drives:

@@ -75,7 +75,11 @@ def vehicle_text(source: str, name: str) -> str:
     """Commented vehicle file, the packaged vehicle or the file ``source`` under another name; raises BadInput."""
     table = gallery.read_vehicle(source)
     vehicle(table, source)
-    lines = _lines({**table, "name": name}, vehicle_keys())
+    keys = vehicle_keys()
+    seats = [key for key in keys if key.key.startswith("seat.")]
+    about = next(key for key in keys if key.key == "seat")
+    lines = [*_lines({**table, "name": name}, [key for key in keys if key not in seats])]
+    lines += _verbatim(table, about, [key for key in seats if key.meaning])
     return "\n".join([HEAD.format(kind="vehicle", source=path_text(source)), *lines, ""])
 
 

@@ -50,7 +50,7 @@ def read(scene: str) -> tuple[str, dict[str, Any]]:
             owner[key] = str(path.parent / owner[key])
         return path.stem, table
     if path.suffix == ".ssp":
-        raise BadInput(f"{path_text(path)}: cotrack run alone takes SSP archives")
+        raise BadInput(f"{path_text(path)}: an SSP archive can be run and shown; here a scene is needed")
     if scene in names():
         source = resources.files("orchestrator") / "gallery" / f"{scene}.toml"
         return scene, tomllib.loads(source.read_text(encoding="utf-8"))

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from fmus.soils import SoilTable
 from fmus.vehicle import Distance, FrozenTable, In, Length, ratio
 from orchestrator.scene.values import Angle, Place
 
@@ -232,11 +233,18 @@ class GroundTable(FrozenTable):
     """map of heights"""
     friction: Annotated[tuple[FrictionTable, ...], Field(min_length=1, max_length=100)] | None = None
     """regions with a friction of their own: x and y, each from and to, and factor or coefficient"""
+    soil: SoilTable | None = None
+    """soil under the tracks that gives way; without it the ground is hard"""
 
     @model_validator(mode="after")
     def _check_together(self) -> GroundTable:
         if self.grade is None and self.bank is None and (self.incline_start, self.incline_length) != (None, None):
             raise ValueError("incline_start and incline_length need grade or bank")
+        if self.soil is not None:
+            if self.friction is not None:
+                raise ValueError("friction needs hard ground: soil has its own shear strength")
+            if self.incline_start is None and (self.grade or self.bank):
+                raise ValueError("soil needs a level start: begin the slope ahead, by incline_start")
         obstacles: dict[str, Any] = {key: getattr(self, key) for key in ("bump", "step", "half_round", "trench")}
         given = {key: table.model_dump() for key, table in obstacles.items() if table is not None}
         if given.keys() - {"bump"}:
@@ -247,7 +255,9 @@ class GroundTable(FrozenTable):
 
     def shaped_by(self) -> list[str]:
         """Keys that make the ground uneven, inclined, or of different friction by place."""
-        keys = [key for key in GroundTable.model_fields if key not in ("hull", "incline_start", "incline_length")]
+        keys = [
+            key for key in GroundTable.model_fields if key not in ("hull", "soil", "incline_start", "incline_length")
+        ]
         return [key for key in keys if getattr(self, key) not in (None, 0.0)]
 
     def one_sided(self, heading: float) -> str | None:

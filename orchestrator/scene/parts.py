@@ -54,12 +54,19 @@ class Part(NamedTuple):
 
 
 def chassis_config(scene: VehicleScene) -> dict[str, Any]:
-    """Config of the chassis: sides, start, contacts."""
+    """Config of the chassis: sides, start, contacts, hitch, seats."""
     equilibrium = scene.start.equilibrium
     chassis: dict[str, Any] = {"sides": list(SIDES)[: 1 if scene.symmetric else 2], **_ground_config(scene)}
     chassis |= {"start": equilibrium.model_dump(mode="json")} if equilibrium else {}
     chassis |= {"push": scene.push} if scene.push and len(scene.tracks) == 1 else {}
+    chassis |= {"hitch": True} if scene.hitch is not None else {}
+    chassis |= {"seats": list(scene.seats)} if scene.seats else {}
     return {"vehicle": scene.vehicle.model_dump(), "chassis": chassis}
+
+
+def chassis_parameters(scene: VehicleScene) -> Parameters:
+    """Chassis parameters that the scene sets: the start, and the load that it tows."""
+    return {**start_parameters(scene), **(scene.hitch.parameters() if scene.hitch is not None else {})}
 
 
 def standing_track_config(
@@ -155,6 +162,8 @@ def vehicle_track_config(scene: VehicleScene, side: str) -> dict[str, Any]:
         tension=vehicle.track.tension,
     )
     config["track"] |= _ground_shape(scene)
+    if scene.ground.soil is not None:
+        config["track"]["soil"] = scene.ground.soil.model_dump()
     return config
 
 

@@ -1,4 +1,4 @@
-"""Points over time, points of a path, arcs or heights from files, read with the scene: logs need no files."""
+"""Points over time or speed, points of a path, arcs or heights from files, read with the scene: logs need no files."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from orchestrator.files.csv_lines import csv_lines
 from orchestrator.scene import height_files
 
 Tables = dict[str, Any]  # raw scene
-POINTS = ("speed_points", "torque_points", "brake_points", "engine_points", "points", "arcs")
-DRIVES = ("drive", "idler_drive", "driver")
+POINTS = ("speed_points", "torque_points", "brake_points", "engine_points", "drag_points", "points", "arcs")
+TABLES = ("drive", "idler_drive", "driver", "hitch")
 
 
 def read(table: Tables, folder: Path, where: str) -> None:
-    """Replace the files that the drives and the ground of a raw scene name by their points and heights.
+    """Replace the files that drives, driver, hitch and ground of a raw scene name by their points and heights.
 
     Paths are relative to ``folder``. Raises BadInput, with a message that begins with ``where``, for files that
     cannot be read.
@@ -31,7 +31,7 @@ def read(table: Tables, folder: Path, where: str) -> None:
 
 
 def _drives(table: Tables) -> Iterator[tuple[str, dict[str, Any]]]:
-    for name in DRIVES:
+    for name in TABLES:
         drive = table.get(name)
         if isinstance(drive, dict):
             yield name, drive

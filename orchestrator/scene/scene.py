@@ -21,6 +21,8 @@ from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriv
 from orchestrator.scene.fmu_table import FmuTable, set_folder
 from orchestrator.scene.free_scene import FreeScene
 from orchestrator.scene.ground_tables import GroundTable
+from orchestrator.scene.hitch_table import HitchTable
+from orchestrator.scene.pair import pair_of
 from orchestrator.scene.recording import ASSUMED_SPEED
 from orchestrator.scene.run_tables import short_coupling
 from orchestrator.scene.settings import keys, merge_tables, near_keys, pairs, set_key
@@ -53,15 +55,17 @@ class Scene(SystemScene):
     """cable chains without lateral dofs: all motion is in the plane of the track"""
     fmu: dict[str, FmuTable] | None = None
     """FMUs of the user by the names of the parts in whose place they run"""
+    connections: tuple[str, ...] | None = None
+    """connections to FMUs of the user: "part.output -> part.input", or "2 * part.output + 1 -> part.input" """
 
     def changed(self, settings: Sequence[str] | Mapping[str, Any]) -> Scene:
         """The scene with other values, as of ``load``; its defaults are kept. Raises BadInput."""
-        return with_track(changed_scene(self.resolved(), settings, f"{self.name}.toml"))
+        return with_track(changed_scene(self.resolved(), settings, self.where)).read_from(self._archive)
 
     def require_own_parts(self, what: str) -> None:
         """Raise BadInput if an FMU of the user is in place of a part; ``what``: subject of the sentence."""
         for name, fmu in (self.fmu or {}).items():
-            raise BadInput(f"{self.name}.toml: fmu.{name}.file = {path_text(fmu.file)}: {what} parts of cotrack alone")
+            raise BadInput(f"{self.where}: fmu.{name}.file = {path_text(fmu.file)}: {what} parts of cotrack alone")
 
     def recording_for(self, analyses: Sequence[str]) -> Scene:
         """The scene with the link outputs that analyses need besides its own.
@@ -73,12 +77,23 @@ class Scene(SystemScene):
                 raise BadInput(f"--for {name}: {self.track.kind.links} have no stress: {UNSTRESSED}")
         needed = [group for name in analyses for group in described(name).records]
         groups = dict.fromkeys([*self.track.link_outputs, *needed])
-        return self.changed({"track.link_outputs": [*groups]})
+        seated = next((name for name in analyses if described(name).seats), None)
+        return self.changed({"track.link_outputs": [*groups], **(self._all_seats(seated) if seated else {})})
+
+    def _all_seats(self, analysis: str) -> dict[str, Any]:
+        """Setting with which seats are recorded for an analysis; raises BadInput."""
+        raise BadInput(f"--for {analysis}: assembly = '{self.assembly}' has no seats")
 
     @property
     def resumable(self) -> bool:
         """True if all FMUs are parts of cotrack."""
         return not self.fmu
+
+    @model_validator(mode="after")
+    def _check_connections(self) -> Scene:
+        for text in self.connections or ():
+            pair_of(text)
+        return self
 
     @model_validator(mode="after")
     def _check_planar(self) -> Scene:
@@ -179,6 +194,10 @@ class VehicleScene(Scene):
     """drive of the sprockets of both sides"""
     driver: Annotated[DriverTable | None, OR_FALSE] = None
     """driver whose demands the drives follow; false or no table: they follow their own settings"""
+    hitch: Annotated[HitchTable | None, OR_FALSE] = None
+    """load that the vehicle tows at vehicle.hitch; false or no table: it tows nothing"""
+    seats: tuple[str, ...] = ()
+    """seats of vehicle.seat whose position, velocity and acceleration the chassis gives"""
     push: Force = Field(default=0.0, json_schema_extra=SOLVED)
     """share of the tensioners' preload that balances the tension of placed tracks"""
     symmetric: bool = False
@@ -212,13 +231,23 @@ class VehicleScene(Scene):
             raise ValueError(f"symmetric = true needs the same ground on both sides, but ground.{one_sided} differs")
         if one_sided and self.track.axes == "fixed":
             raise ValueError(f"ground.{one_sided} rolls the vehicle: track.axes = 'fixed' keeps cables in their plane")
+        if self.ground.soil and (self.ground.hull or len(self.tracks) < 2):
+            raise ValueError(
+                "ground.soil needs both tracks and ground.hull = false: hull and bare wheels would touch hard ground"
+            )
         if self.planar and not self.symmetric:
             raise ValueError("planar = true needs symmetric = true: a vehicle on two tracks may roll and yaw")
+        self._check_fittings()
         if self.turns:
             self._check_steering()
         if self.driver is not None:
             self._check_driver()
         return self.with_state().with_axes()
+
+    def _all_seats(self, analysis: str) -> dict[str, Any]:
+        if not self.vehicle.seat:
+            raise BadInput(f"--for {analysis}: {self.vehicle.name} has no table [seat.NAME]")
+        return {"seats": list(self.seats or self.vehicle.seat)}
 
     @property
     def teeth_rate(self) -> float:
@@ -246,13 +275,34 @@ class VehicleScene(Scene):
         """True if the sides are driven differently."""
         return self.drive.steers or self.drive.steering is not None or self.driver is not None
 
+    @property
+    def leaves_plane(self) -> str:
+        """Reason why tracks may leave their planes; empty if they stay in them."""
+        if self.turns:
+            return "the sides are driven differently"
+        if self.vehicle.right is not None:
+            return "the sides of the vehicle differ"
+        if one_sided := self.ground.one_sided(self.start.heading):
+            return f"ground.{one_sided} rolls the vehicle"
+        return "one side alone has a track" if len(self.tracks) == 1 else ""
+
     def with_axes(self) -> VehicleScene:
         """The scene with free axes, if none are given, for cables of a vehicle that may turn or roll."""
-        track, in_plane = self.track, not self.turns and len(self.tracks) != 1 and self.vehicle.right is None
-        in_plane = in_plane and self.ground.one_sided(self.start.heading) is None
-        if in_plane or track.axes is not None or track.choices().get("element") != "cable":
+        track = self.track
+        if not self.leaves_plane or track.axes is not None or track.choices().get("element") != "cable":
             return self
         return self.model_copy(update={"track": track.model_copy(update={"axes": "free"})})
+
+    def _check_fittings(self) -> None:
+        """Raise ValueError for a hitch or seats that the vehicle has not."""
+        if self.hitch is not None and self.vehicle.hitch is None:
+            raise ValueError("hitch: needs vehicle.hitch, the point x, z at which the vehicle tows")
+        for name in self.seats:
+            if name not in self.vehicle.seat:
+                known = ", ".join(self.vehicle.seat) or "none"
+                raise ValueError(f"seats names {value_text(name)}: the vehicle has {known}")
+        if len(set(self.seats)) < len(self.seats):
+            raise ValueError("seats names a seat twice")
 
     def _check_steering(self) -> None:
         """Raise ValueError if the sides' drives differ and another setting forbids that."""
@@ -295,7 +345,9 @@ def load(scene: str, track: str | None = None, settings: Sequence[str] | Mapping
 def with_track(scene: SystemScene) -> Scene:
     """The scene, if it has a track; else raises BadInput."""
     if not isinstance(scene, Scene):
-        raise BadInput(f"{scene.name}.toml: assembly = '{scene.assembly}': here a scene with a track is needed")
+        raise BadInput(
+            f"{scene.where}: assembly = '{scene.assembly}' can be run and shown; here a scene with a track is needed"
+        )
     return scene
 
 

@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from fmus.vehicle import BadInput, path_text, value_text
+from orchestrator.cosim.base_units import unit_of
 from orchestrator.cosim.component import ComponentFailed, description_of
 from orchestrator.files.budget import DOCUMENT, OverBudget, read_file
 from orchestrator.scene.assembly import Assembly, assemble
 from orchestrator.scene.free_scene import FreeScene
 from orchestrator.scene.gallery import hint
+from orchestrator.scene.pair import Pair
 from orchestrator.scene.scene import Scene, changed_scene, from_table, load_any
 from orchestrator.scene.settings import pairs
 from orchestrator.scene.ssp import SCENE
@@ -50,21 +52,27 @@ def load_ssp(file: Path, track: str | None, settings: Sequence[str] | Mapping[st
     if isinstance(changed, FreeScene) and (more := changed.fmu.keys() - structure.fmus.keys()):
         name = min(more)
         raise BadInput(f"{where}: fmu.{name}: no such component: {hint(name, structure.fmus, 'the components are')}")
-    return changed
+    return changed.read_from(where)
 
 
 def _require_units(structure: Structure, where: str) -> None:
-    """Raise BadInput if a connector has another unit than its variable: values would have to be converted."""
+    """Raise BadInput for units that are not those by which values are converted, the units of the variables."""
+    units: dict[tuple[str, str], str] = {}
     for name, file in structure.fmus.items():
         try:
-            variables = {variable.name: variable for variable in description_of(file).modelVariables}
+            units |= {(name, variable.name): unit_of(variable) for variable in description_of(file).modelVariables}
         except ComponentFailed as failure:
             raise BadInput(f"{where}: {name}: {failure}") from None
-        for (component, connector), unit in structure.units.items():
-            given = variables[connector].unit if component == name and connector in variables else None
-            if given and given != unit:
-                about = f"connector '{name}.{connector}' has the unit '{unit}', and its variable '{given}'"
-                raise BadInput(f"{where}: {about}: values are not converted")
+    for (name, connector), unit in structure.units.items():
+        given = units.get((name, connector))
+        if given and given != unit:
+            about = f"connector '{name}.{connector}' has the unit '{unit}', and its variable '{given}'"
+            raise BadInput(f"{where}: {about}: both must have one unit")
+    for pair in structure.unconverted:
+        ends = units.get((pair.source, pair.output)), units.get((pair.target, pair.into))
+        if all(ends) and ends[0] != ends[1]:
+            about = f"'{pair}' with suppressUnitConversion, from '{ends[0]}' to '{ends[1]}'"
+            raise BadInput(f"{where}: {about}: units are always converted")
 
 
 def _free_table(structure: Structure) -> dict[str, Any]:
@@ -105,8 +113,8 @@ def _own_scene(structure: Structure, where: str) -> Scene | None:
 
 def _is_that(structure: Structure, assembly: Assembly) -> bool:
     pairs_of_assembly = {
-        (connection.source, output, connection.target, into)
-        for connection in assembly.connections
+        Pair(connection.source, output, connection.target, into)
+        for connection in (*assembly.connections, *assembly.user_connections)
         for output, into in zip(connection.outputs, connection.inputs, strict=True)
     }
     parts = {part.name for part in assembly.parts}

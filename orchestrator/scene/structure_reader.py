@@ -12,10 +12,11 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element, ParseError, fromstring
 
 from fmus.vehicle import BadInput, path_text, value_text
+from orchestrator.cosim.base_units import Conversion
 from orchestrator.cosim.fmu_files import unpack
 from orchestrator.cosim.graph import ComponentFailed
 from orchestrator.files.budget import DOCUMENT, OverBudget, read_file
-from orchestrator.scene.free_scene import Pair
+from orchestrator.scene.pair import Pair
 from orchestrator.scene.structure_document import DOCUMENT_NAME, ENDS, NAMESPACES, VERSION
 
 Scalar = bool | int | float | str  # value of a parameter
@@ -25,7 +26,6 @@ UNSUPPORTED = {
     "SignalDictionaryReference": "signal dictionaries",
     "SignalDictionary": "signal dictionaries",
     "ParameterMapping": "mappings of parameters",
-    "LinearTransformation": "conversions on connections",
     "BooleanMappingTransformation": "conversions on connections",
     "IntegerMappingTransformation": "conversions on connections",
     "EnumerationMappingTransformation": "conversions on connections",
@@ -42,6 +42,7 @@ class Structure(NamedTuple):
     values: Mapping[str, dict[str, Scalar]]  # of parameters, by component
     units: Mapping[tuple[str, str], str]  # of connectors, by component and connector
     connections: tuple[Pair, ...]
+    unconverted: tuple[Pair, ...]  # connections with suppressUnitConversion
     stop: float | None  # s, end of the DefaultExperiment
 
 
@@ -67,6 +68,7 @@ def read_structure(file: Path) -> Structure:
     components = {_name(one, where): one for one in elements}
     if not components or len(components) < len(elements):
         raise BadInput(f"{where}: its system must have components, each with a name of its own")
+    connections = system.findall("ssd:Connections/ssd:Connection", NAMESPACES)
     return Structure(
         root.get("name") or file.stem,
         " ".join((system.get("description") or root.get("name") or file.stem).split()),
@@ -74,7 +76,8 @@ def read_structure(file: Path) -> Structure:
         {name: _fmu(component, folder, f"{where}: {name}") for name, component in components.items()},
         {name: dict(_values(component, folder, f"{where}: {name}")) for name, component in components.items()},
         {(name, at): unit for name, component in components.items() for at, unit in _units(component)},
-        tuple(_pair(one, where) for one in system.iterfind("ssd:Connections/ssd:Connection", NAMESPACES)),
+        tuple(_pair(one, where) for one in connections),
+        tuple(_pair(one, where) for one in connections if one.get("suppressUnitConversion") in ("true", "1")),
         _stop(root, where),
     )
 
@@ -152,11 +155,18 @@ def _units(component: Element) -> Iterator[tuple[str, str]]:
 
 
 def _pair(connection: Element, where: str) -> Pair:
+    """Connection of two components, with its LinearTransformation; raises BadInput."""
     source, output, target, into = (connection.get(end) for end in ENDS)
     if source is None or output is None or target is None or into is None:
         ends = ", ".join(f"{end} = {value_text(connection.get(end))}" for end in ENDS)
         raise BadInput(f"{where}: connection {ends}: only connections between components are supported")
-    return Pair(source, output, target, into)
+    linear = connection.find("ssc:LinearTransformation", NAMESPACES)
+    try:
+        numbers = {key: float(value) for key, value in ({} if linear is None else linear.attrib).items()}
+        transformation = Conversion(numbers.get("factor", 1.0), numbers.get("offset", 0.0))
+    except ValueError:
+        raise BadInput(f"{where}: connection to {target}.{into}: its LinearTransformation must have numbers") from None
+    return Pair(source, output, target, into, transformation)
 
 
 def _stop(root: Element, where: str) -> float | None:

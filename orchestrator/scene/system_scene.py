@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from fmus.ranges import range_violations
 from fmus.vehicle import FrozenTable
@@ -27,6 +27,19 @@ class SystemScene(FrozenTable):
     """duration, steps, coupling and recording"""
     expect: dict[str, Check] = Field(default_factory=dict)
     """checks by their names: expected values of signals, or of measures"""
+
+    _archive: str = PrivateAttr("")  # SSP archive that it comes from
+
+    @property
+    def where(self) -> str:
+        """Beginning of messages about it: its archive, or the file of its name."""
+        return self._archive or f"{self.name}.toml"
+
+    def read_from(self, archive: str) -> Self:
+        """The scene as one that comes from an SSP archive, for messages; empty for none."""
+        read = self.model_copy()
+        read._archive = archive
+        return read
 
     @model_validator(mode="after")
     def _check_ranges(self) -> Self:

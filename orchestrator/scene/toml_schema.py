@@ -51,6 +51,7 @@ def scene_schema() -> Schema:
     tables |= vehicle["$defs"]
     for name in ("VehicleTable", *vehicle["$defs"]):
         tables[name].pop("required", None)  # the base may have the key
+    tables["SoilTable"].pop("required")  # the named soil may have it
     for table in tables.values():
         for key in {*POINTS} & {*table["properties"]}:
             table["properties"][key]["anyOf"].append({"type": "string"})  # the name of a CSV file

@@ -20,7 +20,7 @@ LEAVES = 12  # left arms, left idler, right arms, right idler: without return ro
 class Probe:
     """A model whose variables are read and set by name; inputs that are not set stay 0."""
 
-    def __init__(self, changes=None, sides=("left", "right"), **parameters):
+    def __init__(self, changes=None, sides=("left", "right"), config=None, **parameters):
         table = copy.deepcopy(TABLE)
         for key, value in (changes or {}).items():
             *path, last = key.split(".")
@@ -28,7 +28,7 @@ class Probe:
             for name in path:
                 part = part[name]
             part[last] = value
-        self.model = Model({"vehicle": table, "chassis": {"sides": list(sides)}})
+        self.model = Model({"vehicle": table, "chassis": {"sides": list(sides), **(config or {})}})
         real = [port for port in self.model.ports if isinstance(port.start, float) and port.causality != "parameter"]
         self.inputs = [port.name for port in real if port.causality == "input"]
         self.names = [port.name for port in real if port.causality == "output"]

@@ -61,6 +61,12 @@ MANY = [
     Case("hanging_chain", "flexible", "chain", (*QUICK, "track.elasticity=general")),
     Case("straight", "flexible", "right_track", (*QUICK, "drive.speed=0")),
     Case("straight", "rigid", "left_track", (*QUICK, "drive.speed=0")),
+    Case(
+        "straight",
+        "rigid",
+        "chassis",
+        (*MOVING, "hitch.force=1e4", "hitch.drag_points=[[-1, -1e4], [1, 1e4]]", "seats=['driver']"),
+    ),
     Case("straight", "rigid", "chassis", (*MOVING, "ground.hull=true", "vehicle.chassis.hull=[[-2.0, 0.0, -0.9]]")),
 ]
 

@@ -213,7 +213,7 @@ def test_accelerations_agree_with_maximal_coordinates(seed, rollers, idler_x):
 
     def agrees(numbers, tolerance):
         out = np.empty_like(x)
-        rates(numbers, None, x, u, out)
+        rates(numbers, None, None, x, u, out)
         return all(
             np.allclose(ours, theirs, rtol=tolerance, atol=tolerance * np.abs(theirs).max())
             for ours, theirs in (

@@ -153,6 +153,8 @@ from fmus.chassis.model import Model
 model = Model({{"vehicle": {TABLE!r}, "chassis": {{"sides": ["left", "right"], {ground}}}}})
 model.initialise({{}})
 model.step(0.0, 1e-3, np.zeros({6 * (LEAVES + 2)}))
+assert not any("hitch" in port.name or "seat" in port.name for port in model.ports)
+assert not {{"fmus.chassis.hitch", "fmus.chassis.seats"}} & {{*sys.modules}}
 print(any("contact" in name for name in sys.modules if name.startswith("fmus")))
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

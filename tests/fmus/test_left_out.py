@@ -49,6 +49,7 @@ def test_a_chain_over_the_ground_does():
     names = loaded("track_rigid", {"ground": True})
     assert {"fmus.contacts", "fmus.physics.chain.rigid.faces"} <= names
     assert not [name for name in names if "ancf" in name or "cable" in name or "beam" in name]
+    assert not [name for name in names if "soil" in name], "hard ground"
 
 
 OTHERS = {

@@ -55,8 +55,8 @@ def scalars(variable):
 class Three:
     """Instance of an FMU of FMI 3.0 in FMPy; ``messages`` are (status, text)."""
 
-    def __init__(self, file, **options):
-        self.description = read_model_description(file)
+    def __init__(self, file, validate=True, **options):
+        self.description = read_model_description(file, validate=validate)
         self.messages = []
         self.slave = FMU3Slave(
             guid=self.description.guid,
@@ -108,8 +108,8 @@ class Three:
 
 
 @contextmanager
-def begun3(case, parameters=True):
-    three = Three(native3(case))
+def begun3(case, parameters=True, **options):
+    three = Three(native3(case), **options)
     try:
         yield three.start(ran(case).part.parameters) if parameters else three
     finally:
@@ -201,16 +201,26 @@ def test_a_refused_call_says_why_and_changes_nothing():
         np.testing.assert_array_equal(three.follow(run, range(2))[0], [*y, *again])
 
 
-def test_a_step_that_cannot_be_done_is_discarded_where_it_began():
+@pytest.mark.parametrize("early_allowed", [False, True])
+def test_a_step_that_cannot_be_done_is_discarded_where_it_began(early_allowed):
+    """Before it begins, or in its middle; the standard forbids ``earlyReturn`` for a failure."""
     run = ran(DRIVE)
-    with begun3(DRIVE) as three, begun3(DRIVE) as other:
-        turn = next(v for v in three.of("input") if v.name == "mount.orientation")
-        three.slave.setFloat64([turn.valueReference], [1.0, np.nan, 0.0, 0.0])
-        event, end, early, last = c_bool(True), c_bool(True), c_bool(True), c_double(7.0)
-        pointers = [byref(each) for each in (event, end, early, last)]
-        assert three.slave.dll.fmi3DoStep(three.slave.component, 0.0, H, True, *pointers) == DISCARD
-        assert (event.value, end.value, early.value, last.value) == (False, False, False, 0.0)
-        assert three.messages[-1] == (ERROR, "input 'mount.orientation.x' is nan at t = 0")
+    with begun3(DRIVE, earlyReturnAllowed=early_allowed) as three, begun3(DRIVE) as other:
+        whole = [variable.valueReference for variable in three.of("output", "Int64")][:2]
+        for name, values, said in (
+            ("mount.orientation", [1.0, np.nan, 0.0, 0.0], "input 'mount.orientation.x' is nan at t = 0"),
+            ("sprocket.torque", [0.0, 1e308, 0.0], "at t = 0 s the sprocket's spin is not finite"),
+        ):
+            (bent,) = (variable.valueReference for variable in three.of("input") if variable.name == name)
+            good = three.slave.getFloat64([bent], len(values))
+            three.slave.setFloat64([bent], values)
+            event, end, early, last = c_bool(True), c_bool(True), c_bool(True), c_double(7.0)
+            pointers = [byref(each) for each in (event, end, early, last)]
+            assert three.slave.dll.fmi3DoStep(three.slave.component, 0.0, H, True, *pointers) == DISCARD
+            assert (event.value, end.value, early.value, last.value) == (False, False, False, 0.0)
+            assert three.messages[-1] == (ERROR, said)
+            assert three.slave.getInt64(whole) == [0, 0]
+            three.slave.setFloat64([bent], good)
         np.testing.assert_array_equal(three.follow(run, range(3))[0], other.follow(run, range(3))[0])
 
 
@@ -319,10 +329,56 @@ class Plugged(Three):
             taker, to, giver, of = (self, mine, other, its) if mine.causality == "input" else (other, its, self, mine)
             taker.feeds.append((to.valueReference, giver.slave, of.valueReference, of.shape[0]))
 
-    def step(self, t, h):
-        for to, giver, of, size in self.feeds:
-            self.slave.setFloat64([to], giver.getFloat64([of], size))
+    def read(self):
+        """Values for all connected inputs."""
+        return [(to, giver.getFloat64([of], size)) for to, giver, of, size in self.feeds]
+
+    def step(self, t, h, values):
+        for to, each in values:
+            self.slave.setFloat64([to], each)
         self.slave.doStep(t, h)
+
+    def show(self, names):
+        """Values of outputs, in a row."""
+        found = [self.variables[name] for name in names]
+        return self.slave.getFloat64([v.valueReference for v in found], sum(len(scalars(v)) for v in found))
+
+
+SIDES = ("left", 1.0), ("right", -1.0)
+PROFILE = {"speed.end": 20.5, "ramp.start": 0.0, "ramp.end": 0.2}
+WHEELS = *(f"road_wheel[{i}]" for i in range(1, 6)), "idler"
+
+
+def parts_of_a_vehicle():
+    """Parts in the order of their steps: their kinds, and the parameters that are not the FMU's defaults."""
+    parts = {}
+    for part, kind, more in (("track", "Track", {}), ("drive", "SprocketDrive", PROFILE)):
+        for side, sign in SIDES:
+            parts[f"{side}_{part}"] = kind, {"start.lateral": sign * 1.0795, **more}
+    return parts | {"chassis": ("Chassis", {})}
+
+
+def pairs_of_terminals():
+    """Pairs that are connected: part and terminal, part and terminal."""
+    for side, _ in SIDES:
+        track, drive = f"{side}_track", f"{side}_drive"
+        yield track, "sprocket", drive, "sprocket"
+        yield drive, "mount", "chassis", f"{side}.sprocket"
+        yield from ((track, wheel, "chassis", f"{side}.{wheel}") for wheel in WHEELS)
+
+
+def plugged_vehicle(folder, track):
+    """Parts of a vehicle, connected by terminals and initialised."""
+    parts = parts_of_a_vehicle()
+    kinds = {name: track if kind == "Track" else kind for name, (kind, _) in parts.items()}
+    fmus = {name: Plugged(folder / f"{kind}.fmu") for name, kind in kinds.items()}
+    for one, terminal, other, others in pairs_of_terminals():
+        fmus[one].plug(terminal, fmus[other], others)
+    for name, (_, values) in parts.items():
+        for parameter, value in values.items():
+            fmus[name].slave.setFloat64([fmus[name].variables[parameter].valueReference], [value])
+        fmus[name].start({})
+    return fmus
 
 
 @pytest.mark.study
@@ -331,29 +387,12 @@ def test_a_vehicle_drives_by_16_pairs_of_terminals_to_the_bits_of_304_connection
     for version in (2, 3):
         build_native_all(products, tmp_path / str(version), fmi=version)
     expected = own_master.main(tmp_path / "2", stop=0.05, speed=20.5, ramp=(0.0, 0.2))
-    names = [f"{side}_{part}" for part in ("track", "drive") for side in ("left", "right")] + ["chassis"]
-    kinds = {"track": "TrackFlexible", "drive": "SprocketDrive", "chassis": "Chassis"}
-    fmus = {name: Plugged(tmp_path / f"3/{kinds[name.rpartition('_')[2]]}.fmu") for name in names}
-    chassis, pairs = fmus["chassis"], 0
-    for side, sign in (("left", 1.0), ("right", -1.0)):
-        track, drive = fmus[f"{side}_track"], fmus[f"{side}_drive"]
-        plugs = [(track, "sprocket", drive, "sprocket"), (drive, "mount", chassis, f"{side}.sprocket")]
-        plugs += [(track, wheel, chassis, f"{side}.{wheel}") for wheel in track.terminals if wheel != "sprocket"]
-        for one, terminal, other, others in plugs:
-            one.plug(terminal, other, others)
-        pairs += len(plugs)
-        profile = {"speed.end": 20.5, "ramp.start": 0.0, "ramp.end": 0.2}
-        for each, values in ((track, {}), (drive, profile)):
-            for name, value in {"start.lateral": sign * 1.0795, **values}.items():
-                each.slave.setFloat64([each.variables[name].valueReference], [value])
-    assert pairs == 16
-    for fmu in fmus.values():
-        fmu.start({})
+    fmus = plugged_vehicle(tmp_path / "3", "TrackFlexible")
+    assert len([*pairs_of_terminals()]) == 16
     for k in range(40):
         for fmu in fmus.values():
-            fmu.step(k * 1.25e-3, 1.25e-3)
-    x, _, z = chassis.slave.getFloat64([chassis.variables["chassis.position"].valueReference], 3)
-    (speed,) = chassis.slave.getFloat64([chassis.variables["speed"].valueReference])
+            fmu.step(k * 1.25e-3, 1.25e-3, fmu.read())
+    x, _, z, speed = fmus["chassis"].show(["chassis.position", "speed"])
     for fmu in fmus.values():
         fmu.slave.freeInstance()
     assert dict(zip(expected, (x, z, speed), strict=True)) == expected

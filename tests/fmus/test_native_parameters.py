@@ -35,7 +35,10 @@ OTHERS = {  # other values of all free parameters, by kind
         **PLACE, **{f"{shaft}.{name}": value for shaft in ("propulsion", "steering") for name, value in MOTOR.items()},
         "start.angle": 0.3, "steering.mode": "torque", "extrapolation": "velocity",
     },
-    "Chassis": {**PLACE, "step": 4e-4, "suspension.preload": 9e3, "tensioner.preload": 2.1e4},
+    "Chassis": {
+        **PLACE, "step": 4e-4, "suspension.preload": 9e3, "tensioner.preload": 2.1e4, "hitch.load.force": 2e4,
+        "hitch.load.ramp.start": 0.005, "hitch.load.ramp.end": 0.03,
+    },
     "Driver": {
         **PLACE, "heading": 0.2, "speed.start": 1.0, "speed.end": 2.0, "ramp.start": 0.01, "ramp.end": 0.05,
         "deceleration": 0.8, "reach": 2.5, "preview": 1.2, "curvature.largest": 0.4, "acceleration.lateral": 0.9,

@@ -1,17 +1,19 @@
 /* FMI 2.0 for co-simulation around a model of the tests, which is no FMU of cotrack.
 
-   The builder writes model.h: GUID, the names of the variables as places in r (Reals) and i (Integers, Booleans and
-   Enumerations), and their start values. The model defines advance(). */
+   The builder writes model.h: GUID, the names of the variables as places in r (Reals), i (Integers, Booleans and
+   Enumerations) and s (Strings), and their start values. The model defines advance(). */
 #include "fmi2.h"
 #include "model.h"
 #include <stdlib.h>
 #include <string.h>
 
+#define TEXT 64 /* bytes of a String, its end included */
 #define EXPORT __attribute__((visibility("default")))
 
 typedef struct {
     double r[REALS], reached; /* the time that is told after a step that was not done */
-    int i[INTEGERS], ended, waits;
+    int i[INTEGERS], ended;
+    char s[STRINGS][TEXT];
 } Model;
 
 /* Do the step from t to t + h; outputs are set at t = h = 0 too. */
@@ -25,6 +27,7 @@ EXPORT fmi2Status fmi2Reset(fmi2Component p) {
     memset(m, 0, sizeof *m);
     memcpy(m->r, REAL_START, sizeof m->r);
     memcpy(m->i, INTEGER_START, sizeof m->i);
+    for (int k = 0; k < STRINGS; k++) strncpy(m->s[k], STRING_START[k], TEXT - 1);
     return fmi2OK;
 }
 
@@ -61,6 +64,34 @@ VALUES(Real, r)
 VALUES(Integer, i)
 VALUES(Boolean, i)
 
+EXPORT fmi2Status fmi2SetString(fmi2Component p, const fmi2ValueReference at[], size_t n, const fmi2String x[]) {
+    for (size_t k = 0; k < n; k++) strncpy(((Model *)p)->s[at[k]], x[k], TEXT - 1);
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2GetString(fmi2Component p, const fmi2ValueReference at[], size_t n, fmi2String x[]) {
+    for (size_t k = 0; k < n; k++) x[k] = ((Model *)p)->s[at[k]];
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2GetFMUstate(fmi2Component p, fmi2FMUstate *state) {
+    if (*state == NULL) *state = malloc(sizeof(Model));
+    memcpy(*state, p, sizeof(Model));
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2SetFMUstate(fmi2Component p, fmi2FMUstate state) {
+    memcpy(p, state, sizeof(Model));
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component p, fmi2FMUstate *state) {
+    (void)p;
+    free(*state);
+    *state = NULL;
+    return fmi2OK;
+}
+
 EXPORT fmi2Status fmi2DoStep(fmi2Component p, fmi2Real t, fmi2Real h, fmi2Boolean final) {
     (void)final;
     return advance(p, t, h);
@@ -85,11 +116,6 @@ REFUSED(fmi2CancelStep)
 REFUSED(fmi2GetStatus)
 REFUSED(fmi2GetIntegerStatus)
 REFUSED(fmi2GetStringStatus)
-REFUSED(fmi2SetString)
-REFUSED(fmi2GetString)
-REFUSED(fmi2GetFMUstate)
-REFUSED(fmi2SetFMUstate)
-REFUSED(fmi2FreeFMUstate)
 REFUSED(fmi2SerializedFMUstateSize)
 REFUSED(fmi2SerializeFMUstate)
 REFUSED(fmi2DeSerializeFMUstate)

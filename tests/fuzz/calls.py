@@ -1,10 +1,11 @@
 """Random sequences of FMI calls, judged by a state machine of their own.
 
-The rules here follow FMI 2.0.4, section 4.2.4, and `fmus/README.md`; they are written anew, so that a mistake in
-`fmus/phases.py` shows. A sequence is repeated without the calls that were refused: its outputs must be the same bits.
-Refusals are fmi2Error. In an FMU of pythonfmu, whose wrapper makes fmi2Fatal of every exception, they are that, and a
-refused step is fmi2Discard. After each step, the last successful time must be where the instance stands; of a step that
-was refused, pythonfmu says the time that was passed, and from then on that the instance is terminated.
+The rules here follow FMI 2.0.4, section 4.2.4, FMI 3.0.2, section 2.3, and `fmus/README.md`; they are written anew,
+so that a mistake in `fmus/phases.py` shows. A sequence is repeated without the calls that were refused: its outputs
+must be the same bits. Refusals have the status Error. In an FMU of pythonfmu, whose wrapper makes fmi2Fatal of every
+exception, they are that, and a refused step is fmi2Discard. After each step, the last successful time must be where
+the instance stands; of a step that was refused, pythonfmu says the time that was passed, and from then on that the
+instance is terminated. A step of FMI 3.0 raises no flag.
 """
 
 from __future__ import annotations
@@ -13,15 +14,16 @@ import ctypes
 import math
 import random
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from orchestrator.cosim.component import Component
+from orchestrator.cosim.component import Component, describe
 from orchestrator.cosim.fmu_files import unpack
+from orchestrator.fmu_check import fmi3
 
 OK, DISCARD, ERROR, FATAL = 0, 2, 3, 4
 LAST_SUCCESSFUL_TIME, TERMINATED = 2, 3  # kinds of a status
@@ -54,24 +56,39 @@ class Call(NamedTuple):
 
 
 class Driven:
-    """Instance of an FMU with the raw FMI functions."""
+    """Instance of an FMU of FMI 2.0 with the raw FMI functions."""
+
+    fmi = 2
+    byte: Any = ctypes.c_char
 
     def __init__(self, fmu: Path) -> None:
         self.messages: list[str] = []
-        self._component = Component(fmu, "fuzzed", lambda name, status, text: self._heard(status, text))
-        self.library, self.handle = self._component._library, self._component._handle
-        variables = self._component.description.modelVariables
+        description, self.library, self.handle, self._free = self._instantiated(fmu)
 
         def of(causality: str) -> list[Any]:
             return [
-                v for v in variables if v.type == "Real" and v.causality == causality and v.variability != "constant"
+                v
+                for v in description.modelVariables
+                if v.type in ("Real", "Float64") and v.causality == causality and v.variability != "constant"
             ]
 
         self.inputs, self.outputs, self.parameters = of("input"), of("output"), of("parameter")
-        self.starts = [float(v.start) for v in self.inputs]
+        self.starts = [self._start(v) for v in self.inputs]
         self.states: list[ctypes.c_void_p] = []
         self.python = (unpack(fmu) / "resources" / "slavemodule.txt").is_file()
         self.refused, self.refused_step = (FATAL, DISCARD) if self.python else (ERROR, ERROR)
+
+    def _instantiated(self, fmu: Path) -> tuple[Any, Any, Any, Callable[[], None]]:
+        """Description, library, instance, and the function that frees it."""
+        component = Component(fmu, "fuzzed", lambda name, status, text: self._heard(status, text))
+        return component.description, *component.functions, component.close
+
+    def _start(self, variable: Any) -> Any:
+        return float(variable.start)
+
+    def _of(self, function: str) -> Any:
+        """Function of the library by its name in FMI 2.0, without prefix."""
+        return getattr(self.library, f"fmi2{function}")
 
     def _heard(self, status: int, text: str) -> None:
         if status >= DISCARD and not text.startswith("Traceback"):
@@ -80,10 +97,10 @@ class Driven:
     def close(self) -> None:
         """Free the saved states and the instance."""
         for state in self.states:
-            self.library.fmi2FreeFMUstate(self.handle, ctypes.byref(state))
-        self._component.close()
+            self._of("FreeFMUstate")(self.handle, ctypes.byref(state))
+        self._free()
 
-    def _set(self, references: list[int], values: list[float]) -> int:
+    def _set(self, references: list[int], values: list[Any]) -> int:
         n = len(references)
         return int(
             self.library.fmi2SetReal(self.handle, (ctypes.c_uint * n)(*references), n, (ctypes.c_double * n)(*values))
@@ -114,27 +131,27 @@ class Driven:
 
     def do(self, name: str, argument: Any) -> int:
         """Make a call; its status."""
-        lib, c = self.library, self.handle
+        c = self.handle
         match name:
             case "setup":
                 start, stop = argument
-                return int(lib.fmi2SetupExperiment(c, 0, 0.0, start, int(not math.isnan(stop)), stop))
+                return int(self._of("SetupExperiment")(c, 0, 0.0, start, int(not math.isnan(stop)), stop))
             case "enter":
-                return int(lib.fmi2EnterInitializationMode(c))
+                return int(self._of("EnterInitializationMode")(c))
             case "exit":
-                return int(lib.fmi2ExitInitializationMode(c))
+                return int(self._of("ExitInitializationMode")(c))
             case "terminate":
-                return int(lib.fmi2Terminate(c))
+                return int(self._of("Terminate")(c))
             case "reset":
-                return int(lib.fmi2Reset(c))
+                return int(self._of("Reset")(c))
             case "step":
-                return int(lib.fmi2DoStep(c, *argument, 0))
+                return int(self._of("DoStep")(c, *argument, 0))
             case "input":
                 place, value = argument
                 return self._set([self.inputs[place].valueReference], [value])
             case "parameter":
                 variable = self.parameters[argument]
-                return self._set([variable.valueReference], [float(variable.start)])
+                return self._set([variable.valueReference], [self._start(variable)])
             case "set output":
                 return self._set([self.outputs[argument].valueReference], [0.0])
             case "get":
@@ -142,33 +159,34 @@ class Driven:
             case "get unknown":
                 return self.get([argument])[0]
             case "get boolean":
-                return int(lib.fmi2GetBoolean(c, None, 0, None))
+                return int(self._of("GetBoolean")(c, None, 0, None))
             case "save":
                 state = ctypes.c_void_p()
-                status = int(lib.fmi2GetFMUstate(c, ctypes.byref(state)))
+                status = int(self._of("GetFMUstate")(c, ctypes.byref(state)))
                 self.states.append(state)
                 return status
             case "restore":
-                return int(lib.fmi2SetFMUstate(c, self.states[argument]))
+                return int(self._of("SetFMUstate")(c, self.states[argument]))
             case "restore flipped":
                 return self._restore_flipped(*argument)
         raise ValueError(name)
 
     def serialised(self, at: int) -> bytes:
         """Bytes of a saved state."""
-        lib, c, size = self.library, self.handle, ctypes.c_size_t()
-        lib.fmi2SerializedFMUstateSize(c, self.states[at], ctypes.byref(size))
-        content = ctypes.create_string_buffer(size.value)
-        lib.fmi2SerializeFMUstate(c, self.states[at], content, size)
-        return content.raw
+        c, size = self.handle, ctypes.c_size_t()
+        self._of("SerializedFMUstateSize")(c, self.states[at], ctypes.byref(size))
+        content = (self.byte * size.value)()
+        self._of("SerializeFMUstate")(c, self.states[at], content, size)
+        return bytes(content)
 
     def restore(self, content: bytes) -> int:
         """Restore the state of these bytes; its status."""
-        lib, c, state = self.library, self.handle, ctypes.c_void_p()
-        status = int(lib.fmi2DeSerializeFMUstate(c, content, ctypes.c_size_t(len(content)), ctypes.byref(state)))
+        c, state = self.handle, ctypes.c_void_p()
+        array = (self.byte * len(content)).from_buffer_copy(content)
+        status = int(self._of("DeSerializeFMUstate")(c, array, ctypes.c_size_t(len(content)), ctypes.byref(state)))
         if status == OK:
-            status = int(lib.fmi2SetFMUstate(c, state))
-            lib.fmi2FreeFMUstate(c, ctypes.byref(state))
+            status = int(self._of("SetFMUstate")(c, state))
+            self._of("FreeFMUstate")(c, ctypes.byref(state))
         return status
 
     def _restore_flipped(self, at: int, place: float) -> int:
@@ -176,6 +194,81 @@ class Driven:
         changed = bytearray(self.serialised(at))
         changed[int(place * len(changed))] ^= 4
         return self.restore(bytes(changed))
+
+
+class Driven3(Driven):
+    """Instance of an FMU of FMI 3.0: the same calls, with arrays; times come with the entry of initialisation."""
+
+    fmi = 3
+    byte = fmi3.BYTE
+    RENAMED: Mapping[str, str] = {"DeSerializeFMUstate": "DeserializeFMUState"}
+
+    def _instantiated(self, fmu: Path) -> tuple[Any, Any, Any, Callable[[], None]]:
+        description = describe(fmu, ("3.0",))[1]
+        self._sizes = {v.valueReference: math.prod(v.shape) for v in description.modelVariables if v.type == "Float64"}
+        (self._time,) = (v.valueReference for v in description.modelVariables if v.causality == "independent")
+        self._last = math.nan
+        return description, *fmi3.instantiate(fmu, None, lambda name, status, text: self._heard(status, text))
+
+    def _start(self, variable: Any) -> list[float]:
+        return [float(value) for value in variable.start.split()]
+
+    def _of(self, function: str) -> Any:
+        return getattr(self.library, f"fmi3{self.RENAMED.get(function, function.replace('FMUstate', 'FMUState'))}")
+
+    def _set(self, references: list[int], values: list[Any]) -> int:
+        row = [x for v, given in zip(references, values, strict=True) for x in self._elements(v, given)]
+        content = (ctypes.c_double * len(row))(*row)
+        n = len(references)
+        return int(self.library.fmi3SetFloat64(self.handle, (ctypes.c_uint * n)(*references), n, content, len(row)))
+
+    def _elements(self, reference: int, value: Any) -> list[float]:
+        return value if isinstance(value, list) else [value] * self._sizes.get(reference, 1)
+
+    def get(self, references: list[int], lacking: int = 0) -> tuple[int, list[float]]:
+        """Status and values of variables, all elements of each; ``lacking``: places that the array is too short."""
+        n, m = len(references), sum(self._sizes.get(v, 1) for v in references) - lacking
+        content = (ctypes.c_double * m)()
+        status = self.library.fmi3GetFloat64(self.handle, (ctypes.c_uint * n)(*references), n, content, m)
+        return int(status), list(content)
+
+    def ended(self) -> tuple[float, bool]:
+        """Last successful time, which is also the variable of time; a step ends no run."""
+        status, (t,) = self.get([self._time])
+        if status != OK or t != self._last:
+            raise Wrong(f"the last successful time is {self._last}, the variable of time is {t}, status {status}")
+        return self._last, False
+
+    def do(self, name: str, argument: Any) -> int:
+        """Make a call; its status. Raises Wrong for a flag that a step has raised."""
+        c = self.handle
+        match name:
+            case "enter":
+                start, stop = argument
+                return int(self.library.fmi3EnterInitializationMode(c, False, 0.0, start, not math.isnan(stop), stop))
+            case "step":
+                flags, last = [ctypes.c_bool(True) for _ in range(3)], ctypes.c_double(math.nan)
+                pointers = *map(ctypes.byref, flags), ctypes.byref(last)
+                status = int(self.library.fmi3DoStep(c, *argument, False, *pointers))
+                self._last = last.value
+                if any(flag.value for flag in flags):
+                    raise Wrong(f"a step has raised one of the flags event, terminate, early: {flags}")
+                return status
+            case "unsupported":
+                return int(getattr(self.library, f"fmi3{argument}")(c))
+            case "get boolean":
+                return int(self.library.fmi3GetBoolean(c, None, 0, None, 0))
+            case "get too few":
+                return self.get([self.outputs[argument].valueReference], 1)[0]
+        return super().do(name, argument)
+
+
+UNSUPPORTED = "EnterEventMode", "EnterStepMode", "EnterConfigurationMode", "EvaluateDiscreteStates"
+
+
+def driven_instance(fmu: Path) -> Driven:
+    """Instance of an FMU, of its version of FMI."""
+    return Driven3(fmu) if describe(fmu, ("2.0", "3.0"))[1].fmiVersion == "3.0" else Driven(fmu)
 
 
 def _drawn(draw: random.Random, m: Machine, saved: list[Machine], driven: Driven) -> Call:
@@ -231,18 +324,30 @@ def _drawn(draw: random.Random, m: Machine, saved: list[Machine], driven: Driven
             return call("restore flipped", (at, draw.random()), False)
         return call("restore", at, True, saved[at]._replace(stop=m.stop))
 
+    def enter(times: tuple[float, float] = (0.0, math.nan)) -> Call:
+        """Entry of initialisation, which in FMI 3.0 has the start and the length of the experiment."""
+        fine, after = m.phase == "instantiated", m._replace(phase="initialising")
+        if driven.fmi == 2:
+            return call("enter", None, fine, after)
+        start, length = times
+        fine = fine and math.isfinite(start) and not length < 0.0
+        return call("enter", (start, start + length), fine, after._replace(now=start, stop=start + length))
+
+    def enter_at_odd_times() -> Call:
+        return enter((draw.choice((0.0, 0.25, -1.0, 1e3, math.nan)), draw.choice((math.nan, 0.01, -1.0))))
+
     readable = m.phase != "instantiated"
     output = draw.randrange(len(driven.outputs))
     towards = {"instantiated": "enter", "initialising": "exit"}.get(m.phase)
     if towards and draw.random() < 0.3:
-        return call(towards, None, True, m._replace(phase="initialising" if towards == "enter" else "running"))
+        return enter() if towards == "enter" else call("exit", None, True, m._replace(phase="running"))
     if not m.good_input and draw.random() < 0.5:
         return good_input()
     makers: list[tuple[float, Callable[[], Call]]] = [
         (6.0, step),
         (0.2, long_step),
-        (1.0, setup),
-        (0.5, lambda: call("enter", None, m.phase == "instantiated", m._replace(phase="initialising"))),
+        (1.0, setup if driven.fmi == 2 else enter_at_odd_times),
+        (0.5, enter),
         (0.5, lambda: call("exit", None, m.phase == "initialising", m._replace(phase="running"))),
         (0.3, lambda: call("terminate", None, m.phase == "running", m._replace(phase="terminated"))),
         (0.3, lambda: call("reset", None, True, Machine())),
@@ -251,17 +356,22 @@ def _drawn(draw: random.Random, m: Machine, saved: list[Machine], driven: Driven
         (0.5, lambda: call("set output", output, False)),
         (1.0, lambda: call("get", output, readable)),
         (0.3, lambda: call("get unknown", draw.choice((10**6, 2**31 - 1)), False)),
-        (0.3, lambda: call("get boolean", None, readable)),
+        (0.3, lambda: call("get boolean", None, readable if driven.fmi == 2 else True)),
         (0.7, lambda: call("save")),
         (1.0, restore),
     ]
+    if driven.fmi == 3:
+        makers += [
+            (0.5, lambda: call("unsupported", draw.choice(UNSUPPORTED), False)),
+            (0.5, lambda: call("get too few", output, False)),
+        ]
     weights, functions = zip(*makers, strict=True)
     return draw.choices(functions, weights)[0]()
 
 
 def sequence(fmu: Path, seed: int, length: int = 40) -> list[Call]:
     """Make a random sequence of calls; the calls that were not refused. Raises Wrong."""
-    draw, driven, machine = random.Random(seed), Driven(fmu), Machine()
+    draw, driven, machine = random.Random(seed), driven_instance(fmu), Machine()
     saved: list[Machine] = []
     done: list[Call] = []
     try:
@@ -316,7 +426,7 @@ def _judge_ending(driven: Driven, call: Call, status: int, machine: Machine) -> 
 
 def _repeat(fmu: Path, calls: list[Call], end: bytes) -> None:
     """Repeat the calls in a new instance: all must succeed and end in the same outputs, to the bit."""
-    other = Driven(fmu)
+    other = driven_instance(fmu)
     try:
         for call in calls:
             if other.do(call.name, call.argument) != OK:

@@ -22,7 +22,9 @@ from tests.fuzz import calls, states
 SANITIZERS = "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer"
 
 
-def valgrind_errors(kind: str, config: Mapping[str, Any], sequences: int, altered: int, folder: Path) -> list[str]:
+def valgrind_errors(
+    kind: str, config: Mapping[str, Any], sequences: int, altered: int, folder: Path, fmi: int = 2
+) -> list[str]:
     """Errors in the library of a native FMU, one sentence each; the report stays in ``folder``. Raises Wrong.
 
     Processors with AVX2 get the code for all processors too: valgrind 3.19 does not know all instructions of AVX.
@@ -31,14 +33,14 @@ def valgrind_errors(kind: str, config: Mapping[str, Any], sequences: int, altere
         patch.dict(os.environ, {"COTRACK_CACHE": str(folder / "cache")}),
         patch.dict("fmus.native.emit.LEVELS", wide_=emit.ANY),
     ):
-        fmu = build_native(kind, config, folder)
+        fmu = build_native(kind, config, folder, fmi=fmi)
     report = folder / f"{fmu.stem}.xml"
     tool = ["valgrind", "-q", "--leak-check=full", "--errors-for-leak-kinds=definite", "--xml=yes"]
     _run([*tool, f"--xml-file={report}"], fmu, sequences, altered, {"PYTHONMALLOC": "malloc"})
     return [_sentence(error) for error in parse(report).getroot().iter("error") if _in_library(error)]
 
 
-def sanitised(kind: str, config: Mapping[str, Any], folder: Path) -> Path:
+def sanitised(kind: str, config: Mapping[str, Any], folder: Path, fmi: int = 2) -> Path:
     """Native FMU whose C sources are compiled by gcc with its sanitizers, built into ``folder``."""
     flags = tuple(flag for flag in link.FLAGS if flag not in ("-fno-sanitize=all", "-s")) + SANITIZERS
     with (
@@ -48,7 +50,7 @@ def sanitised(kind: str, config: Mapping[str, Any], folder: Path) -> Path:
     ):
         linux = link.LINUX._replace(flags=tuple(flag for flag in link.LINUX.flags if flag != "-Wl,-z,defs"))
         with patch("fmus.native.pack.LINUX", linux):
-            return build_native(kind, config, folder)
+            return build_native(kind, config, folder, fmi=fmi)
 
 
 def run_sanitised(fmu: Path, sequences: int, altered: int) -> None:
@@ -68,7 +70,8 @@ def _run(tool: list[str], fmu: Path, sequences: int, altered: int, environment: 
 
 
 def _in_library(error: Element) -> bool:
-    return any("/binaries/linux64/" in (frame.text or "") for frame in error.iter("obj"))
+    folders = f"/binaries/{link.LINUX.folder}/", f"/binaries/{link.LINUX.fmi3_folder}/"
+    return any(folder in (frame.text or "") for frame in error.iter("obj") for folder in folders)
 
 
 def _sentence(error: Element) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ FMUS: dict[str, tuple[str, tuple[str, ...], Callable[..., Path]]] = {
     "TrackRigid": ("hanging_chain", ("chain.links=8",), build),
     "SprocketDrive": ("rig", (), build),
     "native SprocketDrive": ("rig", (), build_native),
+    "FMI 3.0 SprocketDrive": ("rig", (), partial(build_native, fmi=3)),
 }
 
 
@@ -29,9 +30,10 @@ def _fmu(name: str) -> Path:
     scene, settings, make = FMUS[name]
     products = scene_products([load(scene, "rigid", settings)])
     fmu = next(make(part, config) for part, config, _ in products if part == name.split()[-1])
-    with Component(fmu, "warm") as component:
-        component.initialise({})
-        component.step(0.0, 1e-4)
+    if make is build:  # kernels that this process has to load
+        with Component(fmu, "warm") as component:
+            component.initialise({})
+            component.step(0.0, 1e-4)
     return fmu
 
 

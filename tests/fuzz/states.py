@@ -15,7 +15,7 @@ import zlib
 from collections import Counter
 from pathlib import Path
 
-from tests.fuzz.calls import DISCARD, OK, Driven, Wrong
+from tests.fuzz.calls import DISCARD, OK, Driven, Wrong, driven_instance
 
 STEP = 1e-3  # s
 WORDS = (
@@ -59,9 +59,10 @@ def _fnv(content: bytes | bytearray) -> int:
 
 def run(fmu: Path, seed: int, count: int) -> Counter[str]:
     """Restore altered states and step from each; number of refused, discarded and done ones. Raises Wrong."""
-    draw, driven, outcomes = random.Random(seed), Driven(fmu), Counter[str]()
+    draw, driven, outcomes = random.Random(seed), driven_instance(fmu), Counter[str]()
     try:
-        for name, argument in (("enter", None), ("exit", None), *(("step", (k * STEP, STEP)) for k in range(3))):
+        times = None if driven.fmi == 2 else (0.0, math.nan)
+        for name, argument in (("enter", times), ("exit", None), *(("step", (k * STEP, STEP)) for k in range(3))):
             if driven.do(name, argument) != OK:
                 raise Wrong(f"{fmu.name}: {name} failed: {driven.messages}")
         driven.do("save", None)

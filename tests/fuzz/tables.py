@@ -155,7 +155,7 @@ COMMANDS = (
     ("view", "a.mcap", "-o", "out.png"), ("plot", "a.mcap", "chain.tension.max", "-o", "out.png"),
     ("report", "a.mcap", "-o", "out.html"),
     *(("analyse", "a.mcap", what) for what in ("power", "spectrum", "envelope", "fatigue", "joints", "links",
-        "deformation", "events",
+        "deformation", "ride", "events",
                                               "phases", "validity", "slip", "patches", "contact", "wheel-loads")),
     ("replay", "a.mcap", "--component", "chain"), ("resume", "a.mcap", "-o", "b.mcap", "--stop", "0.02"),
     ("study", "none", "rig"),

@@ -13,7 +13,7 @@ from mirror.links import UP
 from mirror.record import Floats
 
 PARTS = {"position": "xyz", "orientation": "wxyz", "velocity": "xyz", "angular_velocity": "xyz"}
-PLACE = r"(chassis|(left|right)\.(road_wheel\[\d+\]|idler|sprocket))"
+PLACE = r"(chassis|hitch|seat\.\w+|(left|right)\.(road_wheel\[\d+\]|idler|sprocket))"
 
 
 def mean(a: Floats) -> Floats:
@@ -207,7 +207,8 @@ def ledger(view: View, names: Sequence[str]) -> Floats:
     part = view.part
     stored = ["kinetic", "gravity", "spring", *(["contact"] if on_ground(view) else [])]
     stored_energy = sum(part[f"energy.{name}"] for name in stored)
-    return (part["port.work"] - (stored_energy - stored_energy[0]))[:, None]
+    towed = part["energy.towed"] if tows(view) else 0.0
+    return (part["port.work"] - towed - (stored_energy - stored_energy[0]))[:, None]
 
 
 def port_work(view: View, names: Sequence[str]) -> Floats:
@@ -240,6 +241,50 @@ def ground_energy(view: View, names: Sequence[str]) -> Floats:
     energy = np.zeros(len(view.part.t))
     np.add.at(energy, t, push.stored)
     return energy[:, None]
+
+
+# --- hitch and seats -------------------------------------------------------------------------------
+
+
+def tows(view: View) -> bool:
+    return bool(view.part.config["chassis"].get("hitch"))
+
+
+def accelerations(view: View, names: Sequence[str]) -> Floats:
+    """Change of the velocity over each step, over its length; 0 at the start."""
+    columns = []
+    for name in names:
+        seat, _, axis = name.rsplit(".", 2)
+        gain = np.diff(view.part[f"{seat}.velocity.{axis}"]) / view.part.h
+        columns.append(np.concatenate([[0.0], gain]))
+    return np.stack(columns, axis=1)
+
+
+def hitch_speed(view: View, names: Sequence[str]) -> Floats:
+    return (view.hull.motion_of("hitch").velocity * view.hull.attitude.apply([1.0, 0.0, 0.0])).sum(1)[:, None]
+
+
+def load_at(view: View, t: Floats, speed: Floats) -> Floats:
+    """Load at times and speeds of the hitch, from its parameters, N."""
+    p = view.part.parameters
+    start, end = (float(p[f"hitch.load.ramp.{key}"]) for key in ("start", "end"))
+    points = np.array([pair.split() for pair in p["hitch.load.points"].split(";")], dtype=float)
+    share = 0.5 - 0.5 * np.cos(np.pi * np.clip((t - start) / (end - start), 0.0, 1.0))
+    return share * (float(p["hitch.load.force"]) + np.interp(speed, *points.T))
+
+
+def pull(view: View, names: Sequence[str]) -> Floats:
+    return load_at(view, view.part.t, view.part["hitch.speed"])[:, None]
+
+
+def towed(view: View, names: Sequence[str]) -> Floats:
+    """Work of the load, which pulls rearward and level, and of the input force, along the way of the hitch, J."""
+    part = view.part
+    ahead = view.hull.attitude.apply([1.0, 0.0, 0.0]) * [1.0, 1.0, 0.0]
+    ahead /= np.linalg.norm(ahead, axis=1)[:, None]
+    way = np.diff(part.vector("hitch.position"), axis=0)
+    force = mean(part["hitch.pull"])[:, None] * mean(ahead) - part.input_vectors("hitch.force")
+    return running_sum(0.0, (force * way).sum(1))[:, None]
 
 
 # --- counters --------------------------------------------------------------------------------------
@@ -287,6 +332,10 @@ CHECKS = (
     Check(r"energy\.dissipated", "ledger", ledger, 0.01, 0.1, balance=True),
     Check(r"energy\.contact", "penetrations", ground_energy, 1e-6, 1e-6),
     Check(r"port\.work", "wrenches on their ways", port_work, 1e-4, 1e-3, balance=True),
+    Check(r"seat\.\w+\.acceleration\.[xyz]", "velocities", accelerations, 1e-9, 1e-9, balance=True),
+    Check(r"hitch\.speed", "motion", hitch_speed, 1e-6, 1e-7),
+    Check(r"hitch\.pull", "speed and ramp", pull, 1e-9, 1e-6, balance=True),
+    Check(r"energy\.towed", "forces on the way", towed, 1e-3, 0.1, balance=True),
     Check(r"ground\.force\.[xyz]", "contact laws", ground_force, 1e-6, 1e-3),
     Check(r"solver\.steps", "steps of the given length", steps, 0.0),
     Check(r"solver\.evaluations", "four a step", evaluations, 0.0),

@@ -63,6 +63,8 @@ class Hull:
                 arm = [self.pivot[0], 0.0, self.pivot[1]] if k < self.arms else [0.0, 0.0, 0.0]
                 self.pins.append(self.drawn[-1] + arm)
         self.mounts = [np.array([0.0, s * v["track"]["lateral"], 0.0]) - centre for s in sign]
+        self.points = {f"seat.{name}": np.array(v["seat"][name]["position"]) - centre for name in v["seat"]}
+        self.points |= {"hitch": np.array([v["hitch"]["x"], 0.0, v["hitch"]["z"]]) - centre} if v["hitch"] else {}
         self.start = start_frame(part.parameters)
         self.names = [
             f"{side}.{name}"
@@ -93,7 +95,10 @@ class Hull:
         def pose_at(tau: float) -> tuple[Floats, Rotation]:
             if name == "chassis":
                 return self.pose(tau)
-            side, place = name.split(".", 1)
+            side, _, place = name.partition(".")
+            if name in self.points:
+                origin, attitude = self.pose(tau)
+                return origin + attitude.apply(self.points[name]), attitude
             if place == "sprocket":
                 origin, attitude = self.pose(tau)
                 return origin + attitude.apply(self.mounts[("left", "right").index(side)]), attitude
@@ -205,7 +210,7 @@ class Hull:
     @cached_property
     def wrenches(self) -> list[tuple[str, Floats, Floats]]:
         """Wrenches of all steps by place: force and torque (K, 3)."""
-        places = [name.removesuffix(".force.x") for name in self.part.inputs if name.endswith(".force.x")]
+        places = [name.removesuffix(".torque.x") for name in self.part.inputs if name.endswith(".torque.x")]
         return [
             (name, self.part.input_vectors(f"{name}.force"), self.part.input_vectors(f"{name}.torque"))
             for name in places

@@ -83,10 +83,16 @@ def free(model: str, *settings: str) -> Record:
 
 
 def thrown() -> Record:
-    """A vehicle without tracks, thrown nose down onto the ground so that hull and wheels touch it."""
+    """A vehicle without tracks, thrown nose down onto the ground so that hull and wheels touch it; it tows."""
+    load_on_hitch = (
+        "hitch.force=3 kN", "hitch.drag_points=[[-9, -4e3], [0, 0], [4, 1e4]]", "hitch.ramp_start=0.05 s",
+        "hitch.ramp_time=0.2 s", "seats=['driver']",
+    )  # fmt: skip
     scene = load("straight", "rigid", [*PLACE, "tracks=[]", "ground.hull=true", "start.height=0.3 m",
-                                       "start.pitch=0.35", "run.step=1 ms"])  # fmt: skip
+                                       "start.pitch=0.35", "run.step=1 ms", *load_on_hitch])  # fmt: skip
     system = InProcess(scene)
+    for axis, force in zip("xyz", (-2e3, 1.5e3, -3e3), strict=True):  # of another component
+        system["chassis"].u[system["chassis"].inputs.index(f"hitch.force.{axis}")] = force
     x = system["chassis"].model.state
     c, s = np.cos(np.radians(37.0)), np.sin(np.radians(37.0))
     x[7:13] = 3.0 * c + 0.5 * s, 3.0 * s - 0.5 * c, -0.5, 0.3, 0.4, 0.6

@@ -16,7 +16,7 @@ def driven_log(tmp_path_factory):
     """The left half of a vehicle that drives off at once, with heading 0.6 rad."""
     settings = (
         "run.stop=0.2 s", "drive.ramp_start=0 s", "drive.ramp_time=0.15 s", "drive.speed=6 rad/s", "symmetric=true",
-        "start.heading=0.6", f"track.link_outputs={GROUPS}",
+        "start.heading=0.6", "seats=['driver']", f"track.link_outputs={GROUPS}",
     )  # fmt: skip
     path = tmp_path_factory.mktemp("analyses") / "driven.mcap"
     assert simulate(load("straight", "flexible", settings), path)["message"] == ""

@@ -94,6 +94,6 @@ def test_warnings_of_numbers_do_not_reach_stderr(cotrack, monkeypatch):
         warnings.warn("overflow encountered in multiply", RuntimeWarning, stacklevel=1)
         raise links.Missing("said")
 
-    monkeypatch.setattr("orchestrator.scene.scene.load", warn)
+    monkeypatch.setattr("orchestrator.scene.ssp_scene.load_runnable", warn)
     status, _, err = cotrack("show", "rig")
     assert (status, err) == (2, "cotrack: said\n")

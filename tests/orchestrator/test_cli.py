@@ -23,9 +23,8 @@ from orchestrator.scene.scene import load
 
 KEYS = {
     "scene", "track", "status", "message", "simulated_time", "startup_time", "wall_time", "cpu_time",
-    "real_time_factor",
-    "communication_steps", "rejected_steps", "log", "log_bytes", "seal", "components", "energy", "error", "checks",
-    "observables", "windows", "phases", "warnings", "validity",
+    "real_time_factor", "communication_steps", "rejected_steps", "log", "log_bytes", "seal", "components", "fmus",
+    "energy", "error", "checks", "observables", "windows", "phases", "warnings", "validity",
 }  # fmt: skip
 
 
@@ -255,7 +254,10 @@ def test_turns_of_the_last_second_are_left_to_phases(capsys):
         "kind": "turn", "turning": "right", "start": 3.6, "end": 6.0, "yaw_rate": -0.25, "yaw_rate_most": -0.31,
         "radius": 7.9, "tension": 42e3, "tension_t": 3.743, "tension_track": "right_track", "speed": 1.96, "way": 4.77,
     }  # fmt: skip
-    observables = {"tension_max": 42e3, "weight": 1.5e5, "speed": 0.0, "yaw_rate": -1e-5, "turn_radius": 242.6}
+    observables = {
+        "tension_max": 42e3, "weight": 1.5e5, "speed": 0.0, "yaw_rate": -1e-5, "turn_radius": 242.6,
+        "steering_moment": -7.5e-14, "power_left": 7.5e-4,
+    }  # fmt: skip
     result = summary.empty("turn", "flexible") | {
         "simulated_time": 9.0, "observables": observables, "phases": [turned],
         "windows": summary.windows(observables, load("turn"), 9.0),
@@ -266,7 +268,8 @@ def test_turns_of_the_last_second_are_left_to_phases(capsys):
     assert "largest link tension 42 kN in right track at 3.743 s" in out
     assert "3.6 to 6 s: turn right at 1.96 m/s over 4.77 m; yaw rate -0.25 rad/s, -0.31 at most, radius 7.9 m" in out
     printed.summary(result | {"phases": []})
-    assert "mean of 8 to 9 s: speed 0 m/s, yaw rate -1e-05 rad/s, turn radius 242.6 m" in capsys.readouterr().out
+    means = "speed 0 m/s, yaw rate -1e-05 rad/s, turn radius 242.6 m, steering moment 0 kN m, power left 7.5e-07 kW"
+    assert f"mean of 8 to 9 s: {means}" in capsys.readouterr().out, "rounding is 0"
 
 
 def test_names_of_files_need_not_be_text(cotrack, tmp_path):

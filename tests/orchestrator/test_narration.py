@@ -11,6 +11,8 @@ import pytest
 from orchestrator.cosim import observers
 from orchestrator.cosim.narration import FIRST, KERNELS, PATIENCE, PERIOD, Narration
 from orchestrator.cosim.observers import ProgressBar
+from orchestrator.execution.simulate import OTHER_KERNELS, simulate
+from orchestrator.scene.scene import load
 
 
 class Clock:
@@ -51,6 +53,34 @@ def test_a_task_is_announced_at_once_and_again_before_five_seconds(watched):
     assert watched.after(0.9 * PATIENCE) == []
     assert watched.after(0.2 * PATIENCE) == ["chains are laid out: 9 s so far, 3 of 4"]
     assert PATIENCE + PERIOD < 5.0
+
+
+class Enough(Exception):
+    """Enough was said."""
+
+
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [
+        ({"drive.left.speed": 10}, "the sides are driven differently"),
+        ({"tracks": ["left"]}, "one side alone has a track"),
+        ({"drive.left.speed": 10, "track.model": "rigid"}, ""),
+        ({}, ""),
+    ],
+)
+def test_the_start_says_why_other_kernels_are_needed(tmp_path, settings, reason):
+    """Cables of a vehicle that may leave its plane have turning axes."""
+    lines = []
+
+    def narrate(line):
+        lines.append(line)
+        if line.endswith("components are built and initialised"):
+            raise Enough
+
+    with pytest.raises(Enough):
+        simulate(load("straight", None, settings | {"expect": {}}), tmp_path / "a.mcap", narration=narrate)
+    said = [f"straight: {reason}: {OTHER_KERNELS}"] if reason else []
+    assert lines[:-1] == said
 
 
 def test_the_thread_of_a_narration_reminds():

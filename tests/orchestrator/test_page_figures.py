@@ -164,7 +164,7 @@ def test_the_energy_card_counts_what_was_released():
     """The energy card counts released energy: 62.56 kJ dissipated of 60.53 kJ work need stored energy."""
     stored = {"kinetic": 20.0, "gravity": -3600.0, "strain": 0.0, "spring": 550.0, "contact": 970.0}
     change, work, lost = sum(stored.values()), 60530.0, 62560.0
-    books = Ledger(work, change, lost, 0.0, work - change - lost, 0.0, 0.0, {}, {}, {}, stored)
+    books = Ledger(work, change, lost, 0.0, work - change - lost, 0.0, 0.0, {}, {}, {}, stored, {})
     assert books.supplied == 64130.0
     kept = sum(energy for energy in stored.values() if energy > 0.0)
     assert books.supplied == pytest.approx(kept + lost + books.covered + books.residual)
@@ -178,6 +178,14 @@ def test_the_energy_card_counts_what_was_released():
     assert "5 kJ (39.7 %) went back into the drives" in sentence(back, {})
     still = books._replace(work=0.0, stored=dict.fromkeys(stored, 0.0))
     assert "went back" not in sentence(still, {})
+    outside = books._replace(delivered={"chassis": 1e3, "left_drive": -5e3})
+    assert outside.supplied == 69130.0
+    assert sources(outside) == (
+        "60.53 kJ put in by the drives, 5 kJ delivered by left drive and 3.6 kJ released (height)"
+    )
+    shown = sentence(outside, {})
+    assert "1 kJ (1.45 %) was delivered to chassis, an FMU without energies" in shown
+    assert "delivered to left drive" not in shown
 
 
 def test_card_and_sentence_of_a_run_agree_and_add_up(vehicle):

@@ -15,14 +15,13 @@ from orchestrator.execution import monolithic, truth
 from orchestrator.execution.replay_model import open_replay
 from orchestrator.execution.resume import resume
 from orchestrator.execution.simulate import simulate
+from orchestrator.execution.summary_text import lines
 from orchestrator.log.reader import Log
-from orchestrator.results.energy import ledger
-from orchestrator.results.run_data import Missing, RunData
-from orchestrator.scene.assembly import assemble, system
+from orchestrator.results.run_data import RunData
+from orchestrator.scene.assembly import assemble, system, unfit
 from orchestrator.scene.commented import scene_text
 from orchestrator.scene.placing import placed
 from orchestrator.scene.products import scene_products
-from orchestrator.scene.replacement import require_fit
 from orchestrator.scene.scene import load
 from orchestrator.scene.ssp import write_ssp
 
@@ -143,22 +142,175 @@ def test_foreign_drives_move_a_vehicle_as_ours_do(drive, tmp_path):
 
 
 def test_what_a_foreign_drive_lacks_is_said(driven):
-    """Units, outputs and the energy balance; its other outputs are recorded."""
+    """Units, outputs and energies; its other outputs are recorded."""
     path, summary = driven
     texts = [warning["text"] for warning in summary["warnings"] if warning["component"] == "drive"]
     assert texts == [
         "the FMU has no outputs torque, energy.kinetic, energy.work, energy.dissipated, port.work, power,"
-        " solver.steps, solver.evaluations: results that need them, and the energy balance, are missing"
+        " solver.steps, solver.evaluations: results that need them are missing; it outputs no energies: the energy"
+        " balance takes what passes its ports as delivered to it"
     ]
-    assert summary["energy"] is None
     assert summary["components"]["drive"]["steps"] == 100
     with Log(path) as log:
         _, fast = log.signal("stats.drive.fast")
         _, speed = log.signal("drive.speed")
         assert set(fast) == {0.0, 1.0}
         assert fast[-1] == (speed[-1] > 1.0)
-        with pytest.raises(Missing, match="the log holds no energies of 'drive'"):
-            ledger(RunData(log))
+
+
+def test_work_of_a_foreign_drive_is_what_its_ports_delivered(driven):
+    """Its motor's work less its energy of motion; that of 1 % less torque is told from it."""
+    path, summary = driven
+    assert summary["energy"]["work"] == 0.0
+    assert "drive" not in summary["energy"]["integration"]
+    assert abs(summary["energy"]["residual_relative"]) < 5e-3
+    with Log(path) as log:
+        run = RunData(log)
+        angle, speed = (run.ends(f"drive.{name}")[1] for name in ("angle", "speed"))
+    delivered = -summary["energy"]["delivered"]["drive"]
+    given = TORQUE * angle - 0.5 * INERTIA * speed**2
+    assert delivered == pytest.approx(given, rel=5e-3)
+    assert delivered != pytest.approx(given - 0.01 * TORQUE * angle, rel=5e-3)
+    assert summary["fmus"]["drive"]["file"] == "MyDrive.fmu"
+    assert "delivered by drive" in "\n".join(lines(summary))
+
+
+def test_a_part_of_the_user_is_no_other_scene(drive, driven, cotrack, tmp_path):
+    """Runs of a scene with different parts are compared, and the parts are named."""
+    simulate(rig(), tmp_path / "own.mcap")
+    simulate(rig(drive, {**PARAMETERS, "torque": 1900.0}), tmp_path / "less.mcap")
+    digits = driven[1]["fmus"]["drive"]["sha256"][:12]
+    for other, said in (
+        ("own.mcap", [f"other part: drive is MyDrive.fmu (sha256 {digits}) and the part of cotrack"]),
+        ("less.mcap", ["other part: drive: torque = 2000.0 and 1900.0"]),
+        (driven[0], []),
+    ):
+        status, out, err = cotrack("compare", driven[0], other)
+        assert status == 0, err
+        assert [line for line in out.splitlines() if line.startswith("other part")] == said
+
+
+LARGE = {"N": "kN", "N.m": "kN.m", "m": "mm", "m/s": "mm/s"}
+LARGE_UNITS = {"kN": ("N", 1e3), "kN.m": ("N.m", 1e3), "mm": ("m", 1e-3), "mm/s": ("m/s", 1e-3)}
+
+
+@pytest.fixture(scope="module")
+def large(drive, tmp_path_factory):
+    """The drive in kN, kN m and mm, with an inertia in t m2: the same equations."""
+    file, units = tmp_path_factory.mktemp("large") / "Large.fmu", dict(UNITS)
+    units |= {name: {**UNITS[base], "factor": factor} for name, (base, factor) in LARGE_UNITS.items()}
+    return changed(drive, file, lambda each: each._replace(unit=LARGE.get(each.unit, each.unit)), units)
+
+
+@pytest.mark.parametrize(
+    "run", [{}, {"run.variable": {"tolerance": 1e-3, "estimate": "power"}}], ids=["fixed", "power"]
+)
+def test_a_drive_in_other_units_drives_as_well(drive, large, tmp_path, run):
+    """Others see its ports in SI; its inputs are recorded as it gets them."""
+    logs, parameters = {}, {"torque": 1e-3 * TORQUE, "inertia": 1e-3 * INERTIA}
+    for name, scene in (("plain", rig(drive, **run)), ("large", rig(large, parameters, **run))):
+        logs[name] = tmp_path / f"{name}.mcap"
+        summary = simulate(scene, logs[name])
+        assert summary["status"] == "ok", summary["message"]
+    with Log(logs["plain"]) as plain, Log(logs["large"]) as log:
+        for instance, topic in (("drive", "out"), ("track", "in"), ("track", "out")):
+            for unit in ("m", "N", "rad/s"):
+                about = log.topics[f"/{instance}/{topic}"]
+                assert about.units == plain.topics[f"/{instance}/{topic}"].units
+                columns = [k for k, each in enumerate(about.units) if each == unit]
+                here, there = (each.read(f"/{instance}/{topic}").values[:, columns] for each in (plain, log))
+                assert np.abs(here - there).max(initial=0.0) <= 1e-6 * np.abs(here).max(initial=0.0), (instance, unit)
+        inputs, si = log.read("/drive/in"), plain.read("/drive/in")
+        column = inputs.names.index("sprocket.torque.y")
+        assert log.topics["/drive/in"].units[column] == "kN.m"
+        torque = si.values[:, column]
+        assert np.abs(1e3 * inputs.values[:, column] - torque).max() < 1e-6 * np.abs(torque).max()
+        conversions = {each["name"]: each.get("conversions", {}) for each in log.table("system.json")["instances"]}
+        assert conversions["drive"]["sprocket.torque.y"] == [1e-3, 0.0]
+        assert conversions["drive"]["sprocket.position.x"] == [1e-3, 0.0]
+        assert conversions["track"] == {}
+    with open_replay(logs["large"], "drive", str(large)) as replay:
+        assert replay.verify().equal
+    with (
+        pytest.raises(BadInput, match="exchanged values in units of its own FMU"),
+        open_replay(logs["large"], "drive", str(drive)),
+    ):
+        pass
+
+
+MORE = (
+    Variable("ticks", "input", 0, "Integer"),
+    Variable("gate", "input", False, "Boolean"),
+    Variable("pull", "input", unit="kN"),
+)
+
+
+@pytest.fixture(scope="module")
+def brake(tmp_path_factory):
+    """The drive at the place of the idler, with further inputs."""
+    units, place = {**UNITS, "kN": {**UNITS["N"], "factor": 1e3}}, -placed(rig()).rig.axle_distance
+    there = [each._replace(start=place) if each.name.endswith("mount.position.x") else each for each in DRIVE]
+    return foreign_fmus.build(tmp_path_factory.mktemp("brake") / "Brake.fmu", "drive", (*there, *MORE), units)
+
+
+def braked(drive, brake, *connections):
+    """The rig with FMUs of the user at both ends, and connections to them."""
+    given = {"file": str(brake), "parameters": {"torque": 0.0, "inertia": INERTIA}}
+    return rig(drive, **{"fmu.idler_drive": given, "connections": connections})
+
+
+def test_further_connections_reach_fmus_of_the_user(drive, brake, tmp_path):
+    """Discrete values of the beginning of the step, Reals as the coupling holds them; parts of ours may be sources."""
+    texts = ("drive.steps -> idler_drive.ticks", "drive.fast -> idler_drive.gate")
+    real = "2 * track.tension.mean + 1 -> idler_drive.pull"
+    scene = braked(drive, brake, *texts, real)
+    summary = simulate(scene, tmp_path / "rig.mcap")
+    assert summary["status"] == "ok", summary["message"]
+    with Log(tmp_path / "rig.mcap") as log:
+        given = {name: log.signal(f"idler_drive.{name}")[1] for name in ("ticks", "gate", "pull")}
+        fast, speed, tension = (log.signal(each)[1] for each in ("drive.fast", "drive.speed", "track.tension.mean"))
+        assert given["ticks"].tolist() == [*range(100)]
+        assert given["gate"].tolist() == fast[:-1].tolist() == (np.abs(speed[:-1]) > 1.0).tolist()
+        assert np.array_equal(given["pull"], 2e-3 * (0.5 * (tension[:-1] + tension[1:])) + 1.0)
+        assert log.unit("idler_drive.pull") == "kN"
+        assert "fast" not in log.topics["/idler_drive/out"].names
+    with open_replay(tmp_path / "rig.mcap", "idler_drive", str(brake)) as replay:
+        assert replay.verify().equal
+
+
+def test_a_further_connection_begins_in_the_unit_of_the_part(large, brake):
+    scene = braked(large, brake, "drive.mount.force.x -> idler_drive.pull")
+    instances = {each.name: each for each in system(assemble(placed(scene))).instances}
+    assert instances["drive"].conversions["mount.force.x"] == (1e3, 0.0)
+    assert instances["idler_drive"].conversions["pull"] == (1e-3, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("connection", "said"),
+    [
+        ("drive.steps -> track.slip", "'track' is no FMU of the user, and no other part gets"),
+        ("drve.steps -> idler_drive.ticks", "no component 'drve': did you mean 'drive'?"),
+        ("track.slip -> drive.sprocket.force.x", "the input has another connection"),
+        ("track.link[1].tension -> idler_drive.pull", "track: it has no output 'link[1].tension', which goes to"),
+        ("track.travel -> idler_drive.pull", "'pull' has the unit 'kN', and 'm' is needed (track.travel)"),
+        ("track.solver.steps -> idler_drive.gate", "is of type Boolean, and track.solver.steps of type Integer"),
+        ("track.status, idler_drive.ticks", "must be 'instance.output -> instance.input'"),
+    ],
+)
+def test_further_connections_that_cannot_be(drive, brake, tmp_path, connection, said):
+    with pytest.raises(BadInput) as caught:
+        simulate(braked(drive, brake, connection), tmp_path / "rig.mcap")
+    assert said in str(caught.value)
+    assert str(caught.value).startswith("rig.toml: ")
+
+
+def test_parameters_of_the_part_are_converted(tmp_path):
+    brake = Variable("brake.torque", "parameter", 0.0, unit="kN.m")
+    units = {**UNITS, "kN.m": {**UNITS["N.m"], "factor": 1e3}}
+    fmu = foreign_fmus.build(tmp_path / "more.fmu", "drive", (*DRIVE, brake), units)
+    scene = rig(**{"fmu.idler_drive.file": str(fmu), "idler_drive.brake": 500.0})
+    given = {i.name: i.parameters for i in system(assemble(placed(scene))).instances}["idler_drive"]
+    assert given == {"brake.torque": 0.5}
 
 
 def test_that_an_fmu_runs_its_code_is_said_once(drive, tmp_path):
@@ -226,7 +378,7 @@ def test_a_step_that_is_not_done(drive, tmp_path, monkeypatch, manner, status, m
 
 def test_what_does_not_fit_is_refused(drive, tmp_path):
     """Scene, key, file and variable are named."""
-    whole = {**UNITS, "deg/s": {"rad": 1, "s": -1, "factor": 0.0174532925199433}, "Nm": UNITS["N.m"]}
+    whole = {**UNITS, "Nm": UNITS["N.m"]}
     output, out = "sprocket.velocity.x", "output 'sprocket.velocity.x'"
     cases = (
         (without(output), f"it has no {out}, which goes to track.{output}: did you mean 'sprocket.velocity.z'?"),
@@ -236,14 +388,9 @@ def test_what_does_not_fit_is_refused(drive, tmp_path):
         ),
         (
             lambda each: each._replace(kind="Integer", start=0) if each.name == output else each,
-            f"{out} is of type Integer: only Reals are connected",
+            f"{out} is of type Integer, and a Real is needed",
         ),
         (with_unit("sprocket.torque.y", "N"), "'sprocket.torque.y' has the unit 'N', and 'N.m' is needed"),
-        (
-            with_unit("sprocket.angular_velocity.y", "deg/s"),
-            "'sprocket.angular_velocity.y' has the unit 'deg/s', which is 0.0174532925 'rad/s': values are not"
-            " converted",
-        ),
         (
             with_unit("sprocket.force.x", "kip"),
             "'sprocket.force.x' has the unit 'kip', which the FMU does not define, and 'N' is needed",
@@ -257,10 +404,10 @@ def test_what_does_not_fit_is_refused(drive, tmp_path):
         assert str(caught.value).startswith("rig.toml: fmu.drive.file = '")
         assert "other.fmu'" in str(caught.value)
         assert not (tmp_path / "rig.mcap").exists()
-    assembly = assemble(rig(changed(drive, tmp_path / "other.fmu", with_unit("sprocket.torque.y", "Nm"), whole)))
-    assert len(require_fit("rig.toml", *assembly, variable_steps=True)) == 1
-    assembly = assemble(rig(changed(drive, tmp_path / "other.fmu", with_unit("sprocket.torque.y", ""), whole)))
-    assert require_fit("rig.toml", *assembly, variable_steps=True)[0] == (
+    scene = rig(changed(drive, tmp_path / "other.fmu", with_unit("sprocket.torque.y", "Nm"), whole))
+    assert len(unfit(scene, assemble(scene))) == 1
+    scene = rig(changed(drive, tmp_path / "other.fmu", with_unit("sprocket.torque.y", ""), whole))
+    assert unfit(scene, assemble(scene))[0] == (
         "drive",
         "the FMU declares no unit of sprocket.torque.y: it is taken to be that of the part",
     )

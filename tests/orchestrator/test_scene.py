@@ -142,6 +142,7 @@ def test_a_vehicle_is_found_from_the_folder_of_its_scene(named, tmp_path, monkey
             "vehicle.section.torsion=2e-4",
             "section.torsion = 0.0002 m^4 must not exceed the polar moment bending + lateral_bending = 0.000182 m^4",
         ),
+        ("vehicle.seat.A.position=[0, 0, 0]", "seat.A: a name has small letters, digits and _ alone"),
         ("expect.sag.measure=sagg", "no measure 'sagg'"),
         ("chain.links.first=1", "'links' is a value, not a table"),
         ("vehicle.road_wheel.x.9=0", "must be an index below 5"),
@@ -264,6 +265,20 @@ def test_scenes_are_frozen():
         scene.run.stop = 1.0
 
 
+def test_soil_has_a_name_or_numbers_and_needs_both_tracks():
+    """A key of the scene counts before that of the named soil; tracks get all numbers in SI units."""
+    scene = load("straight", None, ['ground.soil={name="dry_sand", cohesion="2 kPa"}'])
+    soil = next(part.config["track"]["soil"] for part in assemble(scene).parts if "track" in part.config)
+    assert (soil["cohesion"], soil["kphi"], soil["friction_angle"]) == (2e3, 1528.43e3, pytest.approx(0.4886921906))
+    for changes, words in (
+        (["ground.soil.name=moon"], "name = 'moon': must be one of dry_sand"),
+        (['ground.soil={name="snow", k0=0}'], "nearly elastic"),
+        (['ground.soil={name="snow"}', "tracks=['left']"], "needs both tracks and ground.hull = false"),
+    ):
+        with pytest.raises(BadInput, match=words):
+            load("straight", None, changes)
+
+
 def test_half_a_turn_of_roll():
     """The parts get the pose R_z(heading) R_y(pitch) R_x(180 deg) for half a turn of roll."""
     scene = load("settle", None, ["start.heading=0.3", "start.pitch=0.2", "start.roll=180 deg"])
@@ -341,12 +356,41 @@ def test_scene_and_vehicle_files_of_any_content_are_one_sentence(tmp_path, repla
             load(scene_file(tmp_path, f'vehicle = "{vehicle}"'))
 
 
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [
+        ("hitch.force=1 m", "hitch.force = '1 m': must be a quantity in N"),
+        ("hitch.drag_points=[[1, 2], [1, 3]]", "drag_points: needs at least one point, and speeds that rise"),
+        ("hitch.drag_points=none.csv", "hitch.drag_points = 'none.csv': cannot be read"),
+        ("seats=['gunner']", "seats names 'gunner': the vehicle has driver"),
+        ("seats=['driver', 'driver']", "seats names a seat twice"),
+    ],
+)
+def test_bad_loads_and_seats_are_one_sentence(setting, said):
+    with pytest.raises(BadInput) as error:
+        load("straight", None, [setting])
+    assert said in str(error.value)
+
+
+def test_a_vehicle_without_hitch_and_seats_tows_nothing_and_seats_nobody():
+    own = {key: table for key, table in vehicle.read_table("m113")[0].items() if key not in ("hitch", "seat")}
+    scene = from_table({**load("straight").resolved(), "vehicle": own}, "straight.toml")
+    with pytest.raises(BadInput, match=r"hitch: needs vehicle\.hitch"):
+        scene.changed(["hitch.force=1"])
+    with pytest.raises(BadInput, match="--for ride: m113 has no table"):
+        scene.recording_for(["ride"])
+    with pytest.raises(BadInput, match="--for ride: assembly = 'rig' has no seats"):
+        load("rig").recording_for(["ride"])
+    assert load("straight").recording_for(["ride"]).seats == ("driver",)
+
+
 def test_runs_of_one_scene():
-    """Runs of one scene may differ in computation, recording, name and checks, in nothing else."""
+    """Runs of one scene may differ in computation, recording, name, checks and FMUs of the user, in nothing else."""
     whole = load("straight").resolved()
     for change in (
         "track=rigid", "track.element=beam", "track.step=1 ms", "run.stop=1 s", "run.step=2 ms", "run.links=1",
-        "run.coupling=jacobi", "name=other", "title=other", "symmetric=true", "expect={}",
+        "run.coupling=jacobi", "name=other", "title=other", "symmetric=true", "expect={}", "fmu.chassis.file=a.fmu",
+        "seats=['driver']", "vehicle.seat.driver.position=[0, 0, 0]",
     ):  # fmt: skip
         require_same_scene(("a", load("straight", None, [change]).resolved()), ("b", whole))
     for change, said in (
@@ -355,12 +399,19 @@ def test_runs_of_one_scene():
         ("start.heading=1", "start.heading = 1.0 and 0.0"),
         ("track.start=polygon", "track.start = 'polygon' and not given"),
         ("ground.hull=true", "ground.hull = True and False"),
+        ("vehicle.hitch.x=-4", "vehicle.hitch.x = -4.0 and -4.41"),
+        ("hitch.force=1", "hitch = {"),
     ):
         with pytest.raises(BadInput) as caught:
             require_same_scene(("a", load("straight", None, [change]).resolved()), ("b", whole))
         assert str(caught.value).startswith(f"a ('straight') and b ('straight') are runs of different scenes: {said}")
     with pytest.raises(BadInput, match="b does not say of which scene it is"):
         require_same_scene(("a", whole), ("b", {}))
+    older = {
+        **whole,
+        "vehicle": {key: table for key, table in whole["vehicle"].items() if key not in ("hitch", "seat")},
+    }
+    require_same_scene(("a", whole), ("b", older))
     for name in ("rig", "settle"):
         flexible, rigid = (placed(load(name, model)).resolved() for model in ("flexible", "rigid"))
         require_same_scene(("a", flexible), ("b", rigid))

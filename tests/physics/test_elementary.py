@@ -13,7 +13,7 @@ mpmath.mp.prec = 160
 INF, NAN = math.inf, math.nan
 PI = math.pi
 KERNELS = {**vars(elementary), **vars(exponential)}
-ONE = "sin", "cos", "exp", "log", "atan", "asin", "acos", "sinh"
+ONE = "sin", "cos", "exp", "expm1", "log", "atan", "asin", "acos", "sinh"
 
 
 def spread(rng, n, low, high):
@@ -37,6 +37,7 @@ def arguments(name, n, seed=1):
         "atan": lambda k: rng.uniform(-4.0, 4.0, k),
         "asin": lambda k: rng.uniform(-1.0, 1.0, k),
         "sinh": lambda k: rng.uniform(-5.0, 5.0, k),
+        "expm1": lambda k: rng.uniform(-3.0, 3.0, k),
     }
     near = {
         "sin": lambda k: multiples(rng, k),
@@ -45,6 +46,7 @@ def arguments(name, n, seed=1):
         "atan": lambda k: spread(rng, k, -60.0, 60.0),
         "asin": lambda k: np.sign(rng.uniform(-1.0, 1.0, k)) * (1.0 - np.exp2(rng.uniform(-53.0, -1.0, k))),
         "sinh": lambda k: spread(rng, k, -40.0, 9.0),
+        "expm1": lambda k: spread(rng, k, -60.0, 3.0),
     }
     small = {"sin": lambda k: spread(rng, k, -40.0, 2.0), "asin": lambda k: spread(rng, k, -40.0, 0.0)}
     name = {"cos": "sin", "acos": "asin"}.get(name, name)
@@ -79,7 +81,7 @@ def largest_errors_of_two(n, seed=2):
     return {"atan2": angle, "hypot": length, "root": root}
 
 
-BOUNDS = {"sinh": 2.0, "root": 2.0}  # of all others 1 ulp
+BOUNDS = {"sinh": 2.0, "root": 2.0, "expm1": 2.0}  # of all others 1 ulp
 
 
 @pytest.mark.parametrize("name", ONE)
@@ -90,6 +92,18 @@ def test_errors_are_below_one_ulp(name):
 def test_errors_of_functions_of_two_numbers_are_below_one_ulp():
     for name, error in largest_errors_of_two(1500).items():
         assert 0.4 < error < BOUNDS.get(name, 1.0), name
+
+
+def test_the_error_of_a_power_grows_with_its_logarithm():
+    """Below 1.5 ulp and as much more as the logarithm of the power is above 1."""
+    rng = np.random.default_rng(6)
+    numbers, exponents = np.abs(spread(rng, 1500, -40.0, 5.0)).tolist(), rng.uniform(0.05, 3.0, 1500).tolist()
+    for x, y in zip(numbers, exponents, strict=True):
+        exact = mpmath.mpf(x) ** mpmath.mpf(y)
+        assert ulps(exponential.power(x, y), exact) < 1.5 + 1.5 * abs(mpmath.log(exact)), (x, y)
+        assert ulps(exponential.power(x, y * (1.0 + 1e-14)), exact) > 10.0 * abs(mpmath.log(exact)) - 2.0
+    assert [exponential.power(0.0, y) for y in (1.1, 0.0, -1.0)] == [0.0, 1.0, INF]
+    assert exponential.power(1.0, 0.7) == 1.0
 
 
 @pytest.mark.study
@@ -132,10 +146,10 @@ def test_special_values_are_those_of_c():
             assert math.isclose(elementary.hypot(y, x), math.hypot(y, x), rel_tol=3e-16) or same(
                 elementary.hypot(y, x), math.hypot(y, x)
             ), (y, x)
-    for name in ("atan", "sinh", "exp"):
+    for name in ("atan", "sinh", "exp", "expm1"):
         for x in (0.0, -0.0, INF, -INF, NAN):
             assert same(KERNELS[name](x), getattr(math, name)(x)), (name, x)
-    for name in ("sin", "asin", "sinh", "atan"):
+    for name in ("sin", "asin", "sinh", "atan", "expm1"):
         for x in (0.0, -0.0, 5e-324, -5e-324):
             assert same(KERNELS[name](x), x), (name, x)
     for x in (1.0000000000000002, -1.0000000000000002, INF, NAN):
@@ -176,6 +190,7 @@ def test_symmetry(name, odd):
         ("exp", [0.5 * math.log(2.0) * k for k in (-3, -1, 1, 3, 501)]),
         ("log", [math.sqrt(2.0), math.sqrt(0.5), 1.0, 2.0]),
         ("sinh", [1.0, -1.0]),
+        ("expm1", [0.5, -0.5]),
     ],
 )
 def test_pieces_join(name, seams):

@@ -18,6 +18,7 @@ from fmus.physics.chain.outcome import DONE, IntegrationOutcome
 from fmus.physics.chain.report import REJECTED, STEPS, TRAVEL, WORK, accumulate
 from fmus.physics.chain.short_steps import is_short, keep_auxiliary_values, set_length
 from fmus.physics.chain.state import copy, store_evaluation
+from fmus.physics.chain.touch import commit_contacts
 from fmus.physics.integrate.generalized_alpha import WITHOUT_MEMORY, GeneralizedAlpha, auxiliary
 from fmus.physics.wheels import move
 
@@ -92,6 +93,8 @@ def advance(
             continue
         done += dt
         counters[STEPS] += 1
+        if contacts is not None:
+            commit_contacts(links, contacts, s, w, report)
         newton_joints(links, env, s, w)
         add_step_mean(c, dt / h, s.wrench, w.wrench, s.aux, s.mean)
         add_step_mean(c, dt, s.on_links, w.on_links, s.on_links_aux, s.on_links_sum)

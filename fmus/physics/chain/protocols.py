@@ -96,6 +96,14 @@ class ChainState(Motion, Protocol):
     def sums(self) -> Floats:
         """Sums (SUMS) of the last evaluation, see ``sums``."""
 
+    @property
+    def soil(self) -> Floats:
+        """Memory of the ground (points, k) at the contact points; (0, 0) on hard ground."""
+
+    @property
+    def rut(self) -> Floats:
+        """Rut of the chain (k), see ``contact.soil.rut``; (0) on hard ground."""
+
 
 class ChainWork(Protocol):
     """Work arrays of a chain with n links and m wheels, allocated once."""
@@ -127,6 +135,10 @@ class ChainWork(Protocol):
     @property
     def near(self) -> Near:
         """Distances of the links from a wheel."""
+
+    @property
+    def soil(self) -> Floats:
+        """Memory (points, k) that the ground would have after the evaluation; (0, 0) on hard ground."""
 
 
 class Contacts(Protocol):

@@ -65,3 +65,11 @@ def accumulate(report: Floats, share: float, sums_now: Floats) -> None:
         report[LOST + k] += energy
         report[DISSIPATED] += energy
     report[PATCH_DEFECT] += share * sums_now[sums.PATCH_POWER]
+
+
+@kernel
+def add_loss(report: Floats, cause: int, energy: float) -> None:
+    """Add an ``energy``, J, lost by a ``cause`` (an index of ``sums``)."""
+    if energy != 0.0:
+        report[LOST + cause - sums.LOSSES] += energy
+        report[DISSIPATED] += energy

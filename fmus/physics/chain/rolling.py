@@ -43,6 +43,7 @@ from fmus.physics.chain.near import (
     wheel_distances,
 )
 from fmus.physics.chain.on_links import GROUND, WHEELS, add_link_force, add_sliding, average_sliding, clear
+from fmus.physics.chain.report import add_loss
 from fmus.physics.chain.sums import (
     CONTACT,
     GROUND_DAMPING,
@@ -58,6 +59,7 @@ from fmus.physics.chain.sums import (
     add_contact,
 )
 from fmus.physics.contact.face import NOT_SINKING, Penetration, Sinking, contact_force, point_contact_force
+from fmus.physics.contact.ground_laws import GroundPoint, begin_ground, commit_ground, ground_force, penetration
 from fmus.physics.contact.grounds import ground_face, ground_law, is_above
 from fmus.physics.contact.teeth import tooth_face
 from fmus.physics.contact.wheel import (
@@ -70,11 +72,11 @@ from fmus.physics.contact.wheel import (
     sink_rate,
 )
 from fmus.physics.contact.wheel_kinematics import add_reaction
-from fmus.physics.point import PINS, POINTS
+from fmus.physics.point import ON_FACE, PINS, POINTS
 from fmus.physics.vector import add, dot, scale
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.protocols import ChainWork, Contacts, FacedLinks, Motion
+    from fmus.physics.chain.protocols import ChainState, ChainWork, Contacts, FacedLinks, Motion
 
 
 @kernel
@@ -194,6 +196,7 @@ def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_r
     """Contact of the ground with the outer faces."""
     (n, nodes), (points_across, lateral) = count(links, x), lateral_points(links)
     ground, shape = len(contacts.teeth), contacts.shape
+    begin_ground(contacts.soil, w)
     first = POINTS * ground * nodes
     for i in range(n):
         a, b = pin_positions(links, x, w, i)
@@ -214,9 +217,18 @@ def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_r
                 depth, face = ground_face(shape, p, v)
                 if depth <= 0.0:
                     continue
-                point, law = first + POINTS * i + points_across * g + m, ground_law(shape, contacts.soil, p)
-                force = point_contact_force(law, 0.5 / points_across, depth, face, by_rate, tangent, w.contact, point)
-                add_contact(w.sums, GROUND_FRICTION, GROUND_DAMPING, depth, force)
+                k = points_across * g + m
+                point = GroundPoint(
+                    0.5 / points_across,
+                    depth,
+                    p,
+                    add(last_pin, scale(-1.0, first_pin)),
+                    (1.0 - 2.0 * g) * (GAUSS - 0.25),
+                    first + POINTS * i + k,
+                    ON_FACE * i + k,
+                )
+                force = ground_force(ground_law(shape, contacts.soil, p), point, face, by_rate, tangent, w)
+                add_contact(w.sums, GROUND_FRICTION, GROUND_DAMPING, penetration(contacts.soil, depth), force)
                 w.sums[LOAD] += force.normal
                 w.sums[SLIP] -= force.normal * v[0]
                 w.sums[SIDESLIP] -= force.normal * v[1]
@@ -232,3 +244,12 @@ def _ground(links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, by_r
                     record_point(links, w, ContactPoint(ground, i, i, 0, place, along_axes[0]), force, NOT_SINKING)
             finish_section(links, w, i, tangent)
         average_sliding(w.on_links, i, hits)
+
+
+@kernel
+def commit_contacts(links: FacedLinks, contacts: Contacts, s: ChainState, w: ChainWork, report: Floats) -> None:
+    """Let the ground remember an accepted step, whose last evaluation is in ``w``; its losses go to the ``report``."""
+    points_across, _ = lateral_points(links)
+    compacted, sheared = commit_ground(contacts.soil, 0.5 / points_across, s, w)
+    add_loss(report, GROUND_DAMPING, compacted)
+    add_loss(report, GROUND_FRICTION, sheared)

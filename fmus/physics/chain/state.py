@@ -5,7 +5,7 @@ Every kind of link has its own State and Work (arrays allocated once); ``protoco
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,24 @@ if TYPE_CHECKING:
     from fmus.physics.chain.protocols import ChainState, ChainWork
 
 Shapes = dict[str, tuple[int, ...]]  # shapes of the views, in order
+
+
+class GroundMemory(NamedTuple):
+    """Sizes of what the ground remembers under a chain; all 0 on hard ground."""
+
+    points: int  # rows, of the contact points
+    memory: int  # width of a row
+    pending: int  # width of a row that an evaluation writes
+    rut: int  # length of the rut
+
+    @property
+    def shapes(self) -> Shapes:
+        """Shapes of the views that hold it."""
+        return {"soil": (self.points, self.memory), "rut": (self.rut,)}
+
+
+HARD = GroundMemory(0, 0, 0, 0)
+FORGOTTEN = 1  # entry of a rut: 1 if a part of it was forgotten, 2 once that is reported
 
 
 def size(shapes: Shapes) -> int:

@@ -11,7 +11,7 @@ from fmus.jit import dispatch, implementation
 from fmus.physics.arrays import Floats
 
 if TYPE_CHECKING:
-    from fmus.physics.chain.protocols import ChainWork, Contacts, FacedLinks, Motion
+    from fmus.physics.chain.protocols import ChainState, ChainWork, Contacts, FacedLinks, Motion
 
 
 def _rolling(links: type) -> Any:
@@ -25,6 +25,11 @@ def evaluate_contacts(
     links: FacedLinks, contacts: Contacts, x: Motion, w: ChainWork, rows: Floats, by_rate: float, tangent: bool
 ) -> None:
     """See ``rolling.evaluate_contacts``."""
+
+
+@dispatch(_rolling)
+def commit_contacts(links: FacedLinks, contacts: Contacts, s: ChainState, w: ChainWork, report: Floats) -> None:
+    """See ``rolling.commit_contacts``."""
 
 
 @dispatch(implementation("faces"))

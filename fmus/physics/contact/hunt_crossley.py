@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from fmus.jit import kernel
+from fmus.jit import implemented_in, kernel
 from fmus.physics.arrays import Four
 
 
+@implemented_in(ground=".hard_ground")
 class HuntCrossley(NamedTuple):
     """Constants of one contact pair; friction is regularised Coulomb friction (``face``)."""
 

@@ -45,8 +45,7 @@ class EnergyCorrected(GaussSeidel):
         """Do the step and compute the defect of each feed."""
         super().exchange(t, h, now)
         self.defects = {
-            id(feed): self.defects.get(id(feed), 0.0)
-            + h * (input_hold.mean(feed, now) - member.component.u[feed.inputs])
+            id(feed): self.defects.get(id(feed), 0.0) + h * (input_hold.mean(feed, now) - member.received[feed.inputs])
             for member, feed in self._corrected
         }
 

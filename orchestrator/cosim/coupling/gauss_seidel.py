@@ -22,4 +22,4 @@ class GaussSeidel(Scheme):
         """Mean or latest value of a source that has stepped; else the value at t, or extrapolation."""
         if source_stepped:
             return input_hold.interpolated(feed) if self.linear else input_hold.at_end(feed)
-        return None if self.linear and feed.carries != "state" else "start"
+        return None if self.linear and not feed.held else "start"

@@ -8,6 +8,7 @@ A constant input at the value of the middle has no error in the mean, which make
 | mean | y | y + (y - y_past) (h + h_1) / (h_1 + h_2) | y_after |
 | state | y | y: the receiver extrapolates with the rate | y |
 | rate | y | as a value | (y + y_after) / 2 |
+| discrete | y | y | y |
 
 h_1 and h_2 are the lengths of the last two steps: a mean belongs to the middle of its step. The first step has no
 past and holds values at t. The means of the start are instantaneous, so h_2 = 0 in the second step.
@@ -40,7 +41,7 @@ def constant(feed: Feed, now: Outputs) -> Floats:
 def extrapolated(feed: Feed, now: Outputs, past: Past, h: float) -> Floats:
     """Extrapolate the outputs of the source to the middle of the step."""
     y = constant(feed, now)
-    if feed.carries == "state":
+    if feed.held:
         return y
     if feed.rates is not None:
         return y + 0.5 * h * now[feed.source.name][feed.rates]
@@ -51,13 +52,13 @@ def extrapolated(feed: Feed, now: Outputs, past: Past, h: float) -> Floats:
 
 
 def at_end(feed: Feed) -> Rule:
-    """Rule for the output at t + h of a source that has stepped; a state always belongs to t."""
-    return "start" if feed.carries == "state" else "end"
+    """Rule for the output at t + h of a source that has stepped; what is held always belongs to t."""
+    return "start" if feed.held else "end"
 
 
 def interpolated(feed: Feed) -> Rule:
     """Rule for the middle of the step of a source that has stepped."""
-    return at_end(feed) if feed.carries in ("state", "mean") else "middle"
+    return at_end(feed) if feed.held or feed.carries == "mean" else "middle"
 
 
 def mean(feed: Feed, now: Outputs) -> Floats:

@@ -40,7 +40,7 @@ class Iterative(Scheme):
             (member.component.name, feed)
             for member in self.members
             for feed in member.feeds
-            if feed.carries != "state" and feed.source.name not in self.stepped_before(member)
+            if not feed.held and feed.source.name not in self.stepped_before(member)
         ]
         ends = np.cumsum([0, *(len(feed.inputs) for _, feed in feeds)])
         self._feeds = feeds

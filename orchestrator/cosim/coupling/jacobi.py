@@ -27,4 +27,4 @@ class Jacobi(Scheme):
 
     def rule(self, feed: Feed, source_stepped: bool) -> Rule | None:
         """Return the rule for the value at t, or None for extrapolation."""
-        return None if self.linear and feed.carries != "state" else "start"
+        return None if self.linear and not feed.held else "start"

@@ -80,8 +80,8 @@ def check_bonds(connections: Sequence[Connection], dimension: Callable[[str, str
 
 def transferred_energies(bond: Bond, now: Outputs, h: float) -> tuple[float, float]:
     """Energy, J, from a to b over the last step, by the balances of a and b; ``now``: y at its start."""
-    output_a, input_b = input_hold.mean(bond.forward, now), bond.b.component.u[bond.forward.inputs]
-    output_b, input_a = input_hold.mean(bond.backward, now), bond.a.component.u[bond.backward.inputs]
+    output_a, input_b = input_hold.mean(bond.forward, now), bond.b.received[bond.forward.inputs]
+    output_b, input_a = input_hold.mean(bond.backward, now), bond.a.received[bond.backward.inputs]
     return h * float(output_a @ input_a), h * float(input_b @ output_b)
 
 

@@ -95,7 +95,7 @@ class Scheme:
             (
                 group,
                 [
-                    (member.component.u, feed, self.rule(feed, feed.source.name in self.stepped_before(member)))
+                    (member.received, feed, self.rule(feed, feed.source.name in self.stepped_before(member)))
                     for member in group
                     for feed in member.feeds
                 ],
@@ -224,4 +224,4 @@ def require_states(scheme: Scheme, what: str) -> None:
 def copy_inputs(member: Member) -> None:
     """Copy the present outputs of the sources into a member's inputs."""
     for feed in member.feeds:
-        member.component.u[feed.inputs] = feed.source.y[feed.outputs]
+        member.received[feed.inputs] = feed.source.y[feed.outputs]

@@ -37,7 +37,7 @@ class VariableStep:
     :param stop: end, s.
     :param step: length of the first step, s.
     :param tolerance: of the error of a step over the largest value that a connection has carried; poses and rates of
-        one motion share a scale, means are left out because they are errors of motion over h.
+        one motion share a scale, means are left out because they are errors of motion over h; discrete values too.
     :param shortest: s; a step of this length is kept whatever its error is.
     :param longest: s.
     """
@@ -135,7 +135,7 @@ class VariableStep:
 def _compared_feeds(scheme: Scheme) -> Iterator[tuple[Motion, Feed]]:
     for member in scheme.members:
         for place, feed in enumerate(member.feeds):
-            if feed.carries != "mean":
+            if feed.carries not in ("mean", "discrete"):
                 yield _motion(member.component.name, feed, place), feed
 
 

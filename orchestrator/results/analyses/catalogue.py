@@ -43,6 +43,7 @@ class Analysis(NamedTuple):
     picture_options: tuple[Option, ...] = ()  # options of ``picture``
     records: tuple[str, ...] = ()  # groups of link outputs that it needs beside the standard ones
     stress: bool = False  # rigid links have none, so a run of them is not recorded for it
+    seats: bool = False  # it needs the motion of a seat
     library: str = ""  # of the extra analysis, which it needs
     all_tracks: bool = False  # without a given track it is of all, else of the first
     full_series: bool = False  # a file gets all numbers over time, frequency or length instead of the table
@@ -70,6 +71,7 @@ SN = Option("sn", str, "--sn", "RANGE,CYCLES,SLOPE", SN_HELP)
 TEETH = Option("teeth", bool, "--teeth", None, "events: each tooth that passes")
 AT = Option("at", list[float], "--at", "T", "deformation: an instant, s; repeatable; default last")
 LINK = Option("link", int, "--link", "N", "deformation: the link of a picture, default 1")
+SEAT = Option("seat", str, "--seat", "NAME", "ride: the seat, default all")
 
 FORMER = {"line": "sn"}  # names of options in older versions
 
@@ -96,6 +98,7 @@ ANALYSES = {
     "deformation": Analysis(
         "of links along their length, in their tangent frames", (TRACK, AT), (LINK,), ("slopes",), full_series=True
     ),
+    "ride": Analysis("vibration of seats by ISO 2631-1, absorbed power, peaks", (SEAT,), seats=True, full_series=True),
     "events": Analysis("wheels that lift off, brakes that hold, steps taken back, warnings", (TEETH,)),
     "phases": Analysis("rest, acceleration, steady motion, turns, braking: speed, yaw rate, power, slip, tension"),
     "validity": Analysis("where the run stops being valid: penetration, tooth jumps, travel of idlers, ..."),

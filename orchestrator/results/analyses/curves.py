@@ -16,7 +16,7 @@ from orchestrator.results.run_data import Missing, RunData
 from orchestrator.results.thinned import PARTS, Curve, Peak, TimeEnvelope
 from orchestrator.results.units import number
 
-ENERGIES = {"work": ("work",), "stored": STORED, "lost": ("dissipated", "covered")}
+ENERGIES = {"work": ("work",), "stored": STORED, "lost": ("dissipated", "covered", "towed")}
 TURNS = 1e-3  # rad/s: a slower sprocket stands
 _DRIVEN = re.compile(r"((?:\w+\.)?)torque")
 

@@ -27,7 +27,7 @@ from orchestrator.results.energy import without_energies
 from orchestrator.results.ground_axes import pose_signals, split
 from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, record_durations
-from orchestrator.results.table import Table
+from orchestrator.results.table import Table, without_rounding
 
 PRECISION = 0.02  # of the largest speed or yaw rate: tolerance of the pieces, RMS
 LEAST_SPEED, LEAST_YAW_RATE = 0.05, 0.01  # m/s, rad/s: lower bounds of the tolerance
@@ -124,7 +124,7 @@ def _load_clause(p: Phase) -> str:
     alike = len(slips) < 2 or abs(slips[0] - slips[1]) < ALIKE
     shown = [f"{slip:.3f}" for slip in (slips[:1] if alike else slips)]
     parts = [
-        f"power {p.power / 1e3:.3g} kW" if p.power == p.power else "",
+        f"power {without_rounding(p.power / 1e3, 'kW'):.3g} kW" if p.power == p.power else "",
         f"slip {' and '.join(shown)} m/s{'' if alike else ' left and right'}" if slips else "",
         f"largest tension {p.tension / 1e3:.4g} kN in {p.tension_track.replace('_', ' ')} at {p.tension_t:.4g} s"
         if p.tension_track
@@ -168,8 +168,8 @@ def _read(run: RunData, window: Window) -> _Motion:
     if on_terrain(run.scene):
         names += ["chassis.chassis.velocity.z", *pose_signals(run)[1:]]
     moving = len(names)
-    if not all(map(run.has, names)):
-        raise Missing(f"{run.log.path} holds no motion of a hull: there are no phases")
+    if lacking := [name for name in names if not run.has(name)]:
+        raise Missing(f"{run.log.path} holds no '{lacking[0]}': there are no phases without the motion of a hull")
     names += [f"{track}.{name}" for track in run.tracks for name in ("slip", "tension.max")]
     names = [name for name in names if run.has(name)]
     work_copies = {f"{name}.energy.work": run.copies(name) for name in run.instances if run.has(f"{name}.energy.work")}
@@ -184,7 +184,7 @@ def _read(run: RunData, window: Window) -> _Motion:
         raise Missing(f"{run.log.path} holds too few steps for phases")
     values["work"] = (
         np.sum([n * values[name] for name, n in work_copies.items()], axis=0)
-        if work_copies and not without_energies(run)
+        if work_copies and not {*without_energies(run)} - {"chassis"}  # a hull puts no energy in
         else np.full_like(t, np.nan)
     )
     return _Motion(t[:steps], {name: column[:steps] for name, column in values.items()})

@@ -133,6 +133,8 @@ def blocks(run: RunData, window: Window = EVER) -> Iterator[Power]:
     if not wrench_ports:
         raise Missing(f"{run.log.path} holds no port of a wheel")
     hull = run.has("chassis.chassis.velocity.x")
+    if "chassis" in run.instances and not hull:
+        raise Missing(f"{run.log.path} holds no 'chassis.chassis.velocity.x': power is relative to the hull")
     names = [
         f"{port.giver}.{port.giver_connector}.{part}.{axis}"
         for port in wrench_ports

@@ -57,8 +57,10 @@ class Slip(NamedTuple):
 
 def of(run: RunData, window: Window = EVER) -> Slip:
     """Slip of every track; raises Missing without a ground."""
-    if run.scene.get("assembly") != "vehicle" or not run.has("chassis.yaw"):
+    if run.scene.get("assembly") != "vehicle":
         raise Missing(f"{run.log.path} holds no vehicle on the ground")
+    if not run.has("chassis.yaw"):
+        raise Missing(f"{run.log.path} holds no 'chassis.yaw': slip is along the vehicle")
     names = hull.tracks(run)
     parts = ("ground.force.x", "ground.force.y", "ground.force.z", "slip", "speed")
     signals = [*(f"{name}.{part}" for part in parts for name in names), *pose_signals(run)]

@@ -68,6 +68,11 @@ def supply(ledger: Ledger) -> str:
 def _sources(ledger: Ledger) -> list[str]:
     released = {kind: -energy for kind, energy in ledger.stored.items() if -energy > SHARE * ledger.supplied}
     parts = [f"{quantity(ledger.work, 'J')} put in by the drives"] if ledger.work > 0.0 else []
+    parts += [
+        f"{quantity(-energy, 'J')} delivered by {instance(name)}"
+        for name, energy in ledger.delivered.items()
+        if -energy > SHARE * ledger.supplied
+    ]
     if released:
         kinds = and_list([KINDS[kind] for kind in sorted(released, key=lambda kind: -released[kind])])
         parts.append(f"{quantity(sum(released.values()), 'J')} released ({kinds})")
@@ -89,6 +94,12 @@ def sentence(ledger: Ledger, component_losses: dict[str, Loss]) -> str:
         named = [f"{KINDS[kind]} {quantity(energy, 'J')}" for kind, energy in kinds if energy > SMALL * supplied]
         parts = f": {and_list(named)}" if named else ""
         sentences.append(f"{quantity(stored, 'J')}{_share(stored, supplied)} is stored at the end{parts}.")
+    sentences += [
+        f"{quantity(energy, 'J')}{_share(energy, supplied)} was delivered to {instance(name)}, an FMU without energies:"
+        " what became of it there is unknown."
+        for name, energy in ledger.delivered.items()
+        if energy > 0.0
+    ]
     losers = sorted(
         ((name, loss.dissipated) for name, loss in component_losses.items()), key=lambda item: -abs(item[1])
     )[:3]
@@ -139,7 +150,12 @@ def _bars(run: RunData, ledger: Ledger, component_losses: dict[str, Loss]) -> li
         for name, loss in component_losses.items()
         if loss.dissipated
     ]
+    rows += [
+        (f"delivered {'by' if energy < 0.0 else 'to'} {plain(name)}", energy, "stored")
+        for name, energy in ledger.delivered.items()
+    ]
     rows.append(("lost: contacts moving along links", ledger.covered, "lost"))
+    rows.append(("done on the towed load", ledger.towed, "lost"))
     least = 1e-5 * max(abs(amount) for _, amount, _ in rows)
     return [*(row for row in rows if abs(row[1]) > least), ("unaccounted for", ledger.residual, "open")]
 

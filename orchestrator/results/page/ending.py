@@ -57,7 +57,9 @@ def ending(pair: Pair) -> PageSection | None:
 
 def _read(run: RunData, window: Window) -> int:
     """Read all outputs of the section in one pass; return the largest number of their samples."""
-    outputs = {f"energy.{kind}" for kind in ("work", "dissipated", "covered", *STORED)} | {data[0] for data in MEANS}
+    outputs = {f"energy.{kind}" for kind in ("work", "dissipated", "covered", "towed", *STORED)} | {
+        data[0] for data in MEANS
+    }
     names = [f"{name}.{output}" for name in run.instances for output in outputs if run.has(f"{name}.{output}")]
     run.prefetch(names, window)
     return max((len(run.signal(name, window)[0]) for name in names), default=0)
@@ -93,6 +95,7 @@ def flows(run: RunData, window: Window) -> list[Flow]:
         all_flows.append(Flow(f"put in by the {place}", power.get("work", 0.0)))
         all_flows.append(Flow(f"dissipated in the {place}", -power.get("dissipated", 0.0)))
         all_flows.append(Flow(f"lost as contacts move along links, {place}", -power.get("covered", 0.0)))
+        all_flows.append(Flow(f"put into what the {place} tows", -power.get("towed", 0.0)))
         for kind in STORED:
             stored[kind] += power.get(kind, 0.0)
     how = {kind: "stored in" if power > 0.0 else "given back by" for kind, power in stored.items()}

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from fmus.ground_keys import SHAPES, SLOPES
+from orchestrator.results.given_parts import GivenPart, given_parts
 from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.page.checks import skipped_checks
 from orchestrator.results.page.evaluation import Evaluation
-from orchestrator.results.page.words import text
+from orchestrator.results.page.words import instance, text
 from orchestrator.results.units import number, percent
 from orchestrator.results.validity.ledger import validity
 
@@ -46,6 +47,7 @@ def setting(evaluation: Evaluation) -> list[tuple[str, str]]:
         ("step inside the tracks", _inner(evaluation)),
         ("duration", f"{number(end - start)} s"),
         ("components", "FMUs of machine code (native)" if about.get("fmus") == "native" else "Python FMUs"),
+        *((f"{instance(name)}, an FMU of yours", _given(part)) for name, part in given_parts(evaluation.run).items()),
         ("recorded", text(origin.get("created", ""))),
         ("machine", text(", ".join(filter(None, (origin.get("processor"), origin.get("system")))))),
         ("cotrack", text(" ".join(filter(None, (versions.get("cotrack"), _commit(origin)))))),
@@ -53,6 +55,10 @@ def setting(evaluation: Evaluation) -> list[tuple[str, str]]:
     if evaluation.run.scene.get("symmetric"):
         pairs.append(("symmetry", "the left half ran for both; energies and weights are those of the whole"))
     return [(name, value) for name, value in pairs if value]
+
+
+def _given(part: GivenPart) -> str:
+    return f"{text(part.file)}, sha256 {text(part.sha256)}"
 
 
 def _of_vehicle(evaluation: Evaluation) -> list[tuple[str, str]]:

@@ -6,10 +6,11 @@ from orchestrator.log.container_reader import LogUnreadable
 from orchestrator.log.reader import Log
 from orchestrator.results.difference import differences, worst
 from orchestrator.results.divergence import divergence
+from orchestrator.results.given_parts import given_parts
 from orchestrator.results.page.evaluation import Evaluation, attempt
 from orchestrator.results.page.exactness import SENSITIVE
 from orchestrator.results.page.section import PageSection, Pair, table
-from orchestrator.results.page.words import quantity, text
+from orchestrator.results.page.words import instance, quantity, text
 from orchestrator.results.run_data import RunData
 from orchestrator.results.thinned import BINS
 from orchestrator.results.units import number, percent
@@ -70,6 +71,10 @@ def _settings(run: RunData, reference: RunData) -> list[tuple[str, str, str]]:
         if key in settings or key in reference_settings:
             default = "python" if key == "fmus" else ""
             rows.append((key, text(settings.get(key, default)), text(reference_settings.get(key, default))))
+    pair = given_parts(run), given_parts(reference)
+    for name in dict.fromkeys([*pair[0], *pair[1]]):
+        first, second = (text(parts.get(name, "part of cotrack")) for parts in pair)
+        rows.append((instance(name), first, second))
     return rows
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 from typing import Any
 
-from orchestrator.results.table import ROUNDING
+from orchestrator.results.table import without_rounding
 from orchestrator.results.units import number, scaled
 
 MOST = 300  # characters of a text from a log
@@ -19,7 +19,7 @@ def text(value: Any) -> str:
 
 def quantity(value: float, unit: str, digits: int = 4) -> str:
     """Value with its unit, "27.78 kN", escaped for HTML; rounding is 0."""
-    value = 0.0 if abs(value) < ROUNDING.get(unit, 0.0) else value
+    value = without_rounding(value, unit)
     factor, name = scaled(value, unit)
     return f"{number(value / factor, digits)} {text(name)}".strip()
 

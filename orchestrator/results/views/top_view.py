@@ -53,8 +53,10 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
     with Log(path) as log:
         run = RunData(log)
         linked = run.tracks and all(f"/{name}/links" in log.topics for name in run.tracks)
-        if not run.has("chassis.yaw") or not linked:
+        if not linked:
             raise BadInput(f"{path} holds no vehicle with the links of its tracks to draw from above")
+        if not run.has("chassis.yaw"):
+            raise BadInput(f"{path} holds no 'chassis.yaw': a view from above needs the motion of the hull")
         try:
             bodies = Bodies(run, EVERY)
         except NoInstant:

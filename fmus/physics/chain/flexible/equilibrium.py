@@ -43,6 +43,8 @@ def settle(
     """
     x = Motion(s.q, w.still, w.change[0], s.axes)
     move(rows, 0.0, w.wheels)
+    s.soil[:] = 0.0
+    s.rut[:] = 0.0
     pseudo, worst, where, rest = 2e-3, 0.0, 0, np.inf
     for _ in range(400):
         copy(s.flat, w.before.flat)

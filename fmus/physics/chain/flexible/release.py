@@ -21,6 +21,7 @@ from fmus.physics.chain.flexible.state import Motion
 from fmus.physics.chain.outcome import DONE, SINGULAR, IntegrationOutcome
 from fmus.physics.chain.report import SUMMED
 from fmus.physics.chain.state import copy_rows, store_first_evaluation
+from fmus.physics.chain.touch import commit_contacts
 
 if TYPE_CHECKING:
     from fmus.physics.chain.environment import Environment
@@ -89,6 +90,8 @@ def start_released(
         for k in range(s.vdot.shape[1]):
             s.vdot[i, k] = s.a[i, k] = w.change[0, i, k]
     evaluate(links, contacts, env, Motion(s.q, s.v, s.vdot, s.axes), NOTHING, w, False)
+    if contacts is not None:
+        commit_contacts(links, contacts, s, w, report)
     newton_joints(links, env, s, w)
     store_first_evaluation(s, w)
     observe(links, env, s, w, report)

@@ -33,6 +33,8 @@ class State(NamedTuple):
     span: np.ndarray  # (2) time since then, s, and steps left of the interval
     lengths: np.ndarray  # (2) of the steps of the auxiliary values, see ``short_steps``
     sums: np.ndarray  # (SUMS) of the last evaluation, see ``sums``
+    soil: np.ndarray  # (points, k) memory of the ground at the contact points; (0, 0) on hard ground
+    rut: np.ndarray  # (k) rut of the chain, see ``contact.soil.rut``; (0) on hard ground
 
 
 class Motion(NamedTuple):
@@ -51,16 +53,18 @@ def shapes(
     axes: int = 0,
     forces: LinkForcesShape = NONE,
     cholesky: bool = False,
+    ground: state.GroundMemory = state.HARD,
 ) -> state.Shapes:
     """Shapes of the views; ``width``: coordinates of a pin.
 
-    ``axes``: size of the axes' state; ``forces``: shape of the forces on each link; ``cholesky``: with its coordinates.
+    ``axes``: size of the axes' state; ``forces``: shape of the forces on each link; ``cholesky``: with its coordinates;
+    ``ground``: its memory.
     """
     pins, on = (nodes, width), (wheels + 1, 6)
     return {
         "p": (2 * cholesky, *pins), "q": pins, "v": pins, "axes": (axes,), "a": pins, "vdot": pins,
         "wrench": on, "aux": on, "mean": on, "on_links": forces, "on_links_aux": forces, "on_links_sum": forces,
-        "span": (2,), "lengths": (2,), "sums": (SUMS,),
+        "span": (2,), "lengths": (2,), "sums": (SUMS,), **ground.shapes,
     }  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from fmus.physics.chain.flexible.axes_state import AxesArrays, axes_arrays
 from fmus.physics.chain.flexible.state import State, shapes, views
 from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.on_links import NONE, LinkForcesShape
-from fmus.physics.chain.state import size
+from fmus.physics.chain.state import HARD, GroundMemory, size
 from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
 
@@ -66,6 +66,7 @@ class Work(NamedTuple):
     joints: Any  # ``ConstrainedJoints`` of links that share no pins, else None
     still: np.ndarray  # (nodes, width) zeros
     change: np.ndarray  # (2, nodes, width) accelerations; unused by-products
+    soil: np.ndarray  # (points, k) memory that the ground would have after the evaluation; (0, 0) on hard ground
 
 
 if TYPE_CHECKING:
@@ -77,16 +78,22 @@ if TYPE_CHECKING:
 
 
 def work(
-    kit: ModuleType, links: int, nodes: int, wheels: int, forces: LinkForcesShape = NONE, contacts: bool = False
+    kit: ModuleType,
+    links: int,
+    nodes: int,
+    wheels: int,
+    forces: LinkForcesShape = NONE,
+    contacts: bool = False,
+    ground: GroundMemory = HARD,
 ) -> Work:
     """Return zeroed arrays; ``kit``: module of the links; ``forces``: shape of the forces on each link.
 
-    ``contacts``: the chain may touch something.
+    ``contacts``: the chain may touch something; ``ground``: its memory.
     """
     rows, dims = kit.ELEMENT
     at = kit.LAYOUT
     m, n, outer, whole = len(at.shared), len(at.own), len(at.outer), rows * dims + len(at.common)
-    sizes = shapes(kit.NODE, nodes, wheels, kit.FREE, forces)
+    sizes = shapes(kit.NODE, nodes, wheels, kit.FREE, forces, ground=ground)
     block, vectors, z = (nodes, m, m), (rows, dims), np.zeros
     wheel_rows = z((wheels, 15))
     return Work(
@@ -106,6 +113,7 @@ def work(
         axes=axes_arrays(nodes, m, whole) if kit.FREE else None,
         joints=_joints(links, m) if len(at.pins) == 2 else None,
         still=z((nodes, kit.NODE)), change=z((2, nodes, kit.NODE)),
+        soil=z((ground.points, ground.pending)),
     )  # fmt: skip
 
 

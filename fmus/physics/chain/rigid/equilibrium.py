@@ -44,6 +44,8 @@ def settle(
     """
     move(rows, 0.0, w.wheels)
     w.wheels[:, 3:9] = 0.0
+    s.soil[:] = 0.0
+    s.rut[:] = 0.0
     h, failure, link, worst = 1e-3, DONE, 0, 0.0
     for _ in range(400):
         s.v[:] = 0.0

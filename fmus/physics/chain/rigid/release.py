@@ -11,6 +11,7 @@ from fmus.physics.chain.rigid.dynamics import newton_joints, observe
 from fmus.physics.chain.rigid.explicit import CORRECTIONS, accelerations, displace, project
 from fmus.physics.chain.rigid.links import pins
 from fmus.physics.chain.state import store_first_evaluation
+from fmus.physics.chain.touch import commit_contacts
 from fmus.physics.rigid import augmented
 
 if TYPE_CHECKING:
@@ -22,8 +23,12 @@ if TYPE_CHECKING:
 
 
 @kernel
-def write_outputs(links: RigidLinks, env: Environment, s: State, w: Work, report: Floats) -> None:
-    """Write wrenches and report of the state from its last evaluation."""
+def write_outputs(
+    links: RigidLinks, contacts: Contacts | None, env: Environment, s: State, w: Work, report: Floats
+) -> None:
+    """Write wrenches and report of the state from its last evaluation, which the ground remembers."""
+    if contacts is not None:
+        commit_contacts(links, contacts, s, w, report)
     newton_joints(links, env, s, w)
     store_first_evaluation(s, w)
     observe(links, env, s, w, report)
@@ -69,5 +74,5 @@ def start_released(
     failed = accelerations(links, contacts, env, s, w)
     if failed >= 0:
         return failed
-    write_outputs(links, env, s, w, report)
+    write_outputs(links, contacts, env, s, w, report)
     return -1

@@ -33,12 +33,22 @@ class State(NamedTuple):
     lam: np.ndarray  # (p, 5) multipliers of the pins, N and N m
     load: np.ndarray  # (p, 3) present force of teeth and damping on each pin, N: half on either link
     along: np.ndarray  # (n, 1) tension of a link due to contacts between its pins, N
+    soil: np.ndarray  # (points, k) memory of the ground at the contact points; (0, 0) on hard ground
+    rut: np.ndarray  # (k) rut of the chain, see ``contact.soil.rut``; (0) on hard ground
 
 
-def shapes(links: int, closed: bool, wheels: int, forces: LinkForcesShape = NONE, joints: int = 0) -> state.Shapes:
+def shapes(
+    links: int,
+    closed: bool,
+    wheels: int,
+    forces: LinkForcesShape = NONE,
+    joints: int = 0,
+    ground: state.GroundMemory = state.HARD,
+) -> state.Shapes:
     """Shapes of the views.
 
-    ``forces``: shape of the forces on each link; ``joints``: number of joint coordinates with rates.
+    ``forces``: shape of the forces on each link; ``joints``: number of joint coordinates with rates; ``ground``: its
+    memory.
     """
     pins, on = (links if closed else links + 1), (wheels + 1, 6)
     motion = links, 6
@@ -47,6 +57,7 @@ def shapes(links: int, closed: bool, wheels: int, forces: LinkForcesShape = NONE
         "q": (links, 7), "v": motion, "a": motion, "vdot": motion, "wrench": on, "aux": on, "mean": on,
         "on_links": forces, "on_links_aux": forces, "on_links_sum": forces, "span": (2,), "lengths": (2,),
         "sums": (SUMS,), "lam": (pins, 5), "load": (pins, 3), "along": (links, 1),
+        **ground.shapes,
     }  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.on_links import NONE, LinkForcesShape
 from fmus.physics.chain.rigid.state import State, shapes, views
-from fmus.physics.chain.state import size
+from fmus.physics.chain.state import HARD, GroundMemory, size
 from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
 from fmus.physics.rigid import augmented, recursive
@@ -41,19 +41,26 @@ class Work(NamedTuple):
     N: np.ndarray  # (3, 3) derivative of the contact point by the link's rotation, m
     ground: np.ndarray  # (2, 7) poses of the supports of the first and the last pin
     still: np.ndarray  # (3, 3) rotation matrix of the supports, the identity
+    soil: np.ndarray  # (points, k) memory that the ground would have after the evaluation; (0, 0) on hard ground
 
 
 def work(
-    links: int, closed: bool, wheels: int, forces: LinkForcesShape = NONE, joints: int = 0, contacts: bool = False
+    links: int,
+    closed: bool,
+    wheels: int,
+    forces: LinkForcesShape = NONE,
+    joints: int = 0,
+    contacts: bool = False,
+    ground: GroundMemory = HARD,
 ) -> Work:
     """Return zeroed arrays.
 
     ``forces``: shape of the forces on each link; ``joints``: number of joint coordinates with rates; ``contacts``: the
-    chain may touch something.
+    chain may touch something; ``ground``: its memory.
     """
     z, pins = np.zeros, links if closed else links + 1
-    sizes, ground = shapes(links, closed, wheels, forces, joints), z((2, 7))
-    ground[:, 3] = 1.0
+    sizes, supports = shapes(links, closed, wheels, forces, joints, ground), z((2, 7))
+    supports[:, 3] = 1.0
     return Work(
         before=views(z(size(sizes)), sizes),
         system=augmented.system(links, closed),
@@ -70,8 +77,9 @@ def work(
         pins=z((2, pins, 3)),
         lever=z(3),
         N=z((3, 3)),
-        ground=ground,
+        ground=supports,
         still=np.eye(3),
+        soil=z((ground.points, ground.pending)),
     )
 
 

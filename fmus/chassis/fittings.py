@@ -1,0 +1,109 @@
+"""Hitch and seats as a chassis has them: its ports, states and parts, and dispatch of its kernels.
+
+A chassis without them imports neither module. A dispatch is resolved when a chassis that has them is compiled; where
+``hitch`` or ``seats`` is None numba removes the calls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from fmus.jit import dispatch
+from fmus.model import InvalidParameter
+from fmus.ports import Port
+
+
+class Fittings:
+    """Hitch and seats of a chassis with a ``config``, see ``chassis.model.Model``.
+
+    ``first_input``, ``first_state``: indices of the first input and the first state that belong to them. Raises
+    InvalidParameter where the vehicle table has no hitch or not these seats.
+    """
+
+    def __init__(
+        self, vehicle: Mapping[str, Any], config: Mapping[str, Any], first_input: int, first_state: int
+    ) -> None:
+        self._origin = vehicle["chassis"]["centre"]
+        self._place: Mapping[str, Any] | None = vehicle.get("hitch") if config.get("hitch") else None
+        self._table, self._names = vehicle.get("seat", {}), tuple(config.get("seats", ()))
+        self._first_input, self._first_state = first_input, first_state
+        self.inputs: list[Port] = []
+        self.outputs: list[Port] = []
+        self.parameters: list[Port] = []
+        self.free: Mapping[str, str] = {}  # of ``fmus.model.FreeParameters``
+        self.end = first_state  # index after their states
+        if config.get("hitch"):
+            from fmus.chassis import hitch
+
+            if self._place is None:
+                raise InvalidParameter("chassis.hitch: the vehicle has no table hitch")
+            self.inputs, self.outputs = hitch.input_ports(), hitch.output_ports()
+            self.parameters, self.free = hitch.parameter_ports(), hitch.FREE
+            self.end += hitch.STATES
+        self._first_seat = self.end
+        if self._names:
+            from fmus.chassis import seats
+
+            self.outputs = [*self.outputs, *seats.output_ports(self._names)]
+            self.end += seats.STATES * len(self._names)
+
+    def hitch(self, parameters: Mapping[str, Any]) -> Any:
+        """Hitch with the load of the checked parameters, None without one; raises InvalidParameter."""
+        if self._place is None:
+            return None
+        from fmus.chassis.hitch import hitch
+
+        x, y, z = self._origin
+        place = self._place["x"] - x, 0.0 - y, self._place["z"] - z
+        return hitch(place, self._first_input, self._first_state, parameters)
+
+    def seats(self) -> Any:
+        """Seats, None without any; raises InvalidParameter."""
+        if not self._names:
+            return None
+        from fmus.chassis.seats import seats
+
+        return seats(self._table, self._names, self._origin, self._first_seat)
+
+
+def _hitch(kind: type) -> Any:
+    from fmus.chassis import hitch as kernels
+
+    return kernels
+
+
+def _seats(kind: type) -> Any:
+    from fmus.chassis import seats as kernels
+
+    return kernels
+
+
+@dispatch(_hitch)
+def pull(hitch, x, A, u, out):
+    """See ``hitch.pull``."""
+
+
+@dispatch(_hitch)
+def set_time(hitch, x, t):
+    """See ``hitch.set_time``."""
+
+
+@dispatch(_hitch)
+def put_hitch(hitch, x, A, y, i):
+    """See ``hitch.put_hitch``."""
+
+
+@dispatch(_seats)
+def keep_velocities(seats, x, A):
+    """See ``seats.keep_velocities``."""
+
+
+@dispatch(_seats)
+def put_accelerations(seats, x, A, h):
+    """See ``seats.put_accelerations``."""
+
+
+@dispatch(_seats)
+def put_seats(seats, x, A, y, i):
+    """See ``seats.put_seats``."""

@@ -1,0 +1,1 @@
+"""Soil that gives way under a contact point, and keeps the rut."""

@@ -1,0 +1,122 @@
+"""Connections that the user makes: of a free system, or further ones to FMUs in place of parts of a scene.
+
+Both ends have one type, and Reals one dimension. Integers, Enumerations, Booleans and Strings are held over a step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from fmus.loaded import component_ports
+from fmus.vehicle import BadInput
+from orchestrator.cosim.base_units import BaseUnit, base_unit, difference, unit_of
+from orchestrator.cosim.component import LINK_FAMILIES
+from orchestrator.cosim.graph import Connection
+from orchestrator.scene.parts import Part
+from orchestrator.scene.replacement import Replacement, connected_variable, port_unit
+
+TYPES = {float: "Real", int: "Integer", str: "String"}  # by the start value of a port
+Ends = Mapping[str, Mapping[str, "End"]]  # by component and variable
+
+
+class End(NamedTuple):
+    """Variable of a component, as others see it."""
+
+    type: str  # of FMI
+    causality: str
+    unit: str  # empty: none
+    base: BaseUnit | None  # None: unknown
+    items: Mapping[int, str]  # of an Enumeration: names by values
+
+
+def ends_of(parts: Sequence[Part], fmus: Mapping[str, Replacement]) -> Ends:
+    """Variables that can be connected, of parts and of the FMUs in place of some of them."""
+    return {part.name: _of_part(part, fmus.get(part.name)) for part in parts}
+
+
+def _of_part(part: Part, fmu: Replacement | None) -> dict[str, End]:
+    """Variables of a part, or of the FMU in its place, whose ports have the units of the part."""
+    ends = {
+        port.name: End(TYPES[type(port.start)], port.causality, port.unit, port_unit(port), {})
+        for port in (component_ports(part.kind, part.config) if part.kind else ())
+    }
+    if fmu is not None:
+        ends = {name: _seen(own_end(fmu, name), ends.get(name)) for name in fmu.variables}
+    return {name: end for name, end in ends.items() if not name.startswith(LINK_FAMILIES)}
+
+
+def own_end(fmu: Replacement, name: str) -> End:
+    """Variable of an FMU in its own unit."""
+    variable: Any = fmu.variables[name]
+    items = variable.declaredType.items if variable.type == "Enumeration" and variable.declaredType else ()
+    names = {int(item.value): item.name for item in items}
+    return End(variable.type, variable.causality, unit_of(variable), base_unit(fmu.description, variable), names)
+
+
+def _seen(own: End, port: End | None) -> End:
+    """Variable of an FMU, in the unit of its part's port if its values are converted to that."""
+    if port is None or own.base is None or _difference(own, port):
+        return own
+    return own._replace(unit=port.unit, base=port.base)
+
+
+def require_pairs(
+    where: str, parts: Sequence[Part], fmus: Mapping[str, Replacement], connections: Sequence[Connection]
+) -> Iterator[tuple[str, str]]:
+    """Warnings about connections of the user, as part and sentence; raises BadInput if the ends do not fit."""
+    ends = ends_of(parts, fmus)
+    places = {part.name: f"{where}: {part.name}" for part in parts} | {name: fmu.where for name, fmu in fmus.items()}
+    for connection in connections:
+        source, target = connection.source, connection.target
+        transformed = dict(connection.transformations)
+        for output, into in zip(connection.outputs, connection.inputs, strict=True):
+            peers = f"{source}.{output}", f"{target}.{into}"
+            given = connected_variable(places[source], ends[source], output, "output", peers[1])
+            connected_variable(places[target], ends[target], into, "input", peers[0])
+            own = own_end(fmus[target], into)
+            if sentence := _misfit(own, given, into in transformed, into, peers[0]):
+                raise BadInput(f"{places[target]}: {sentence}")
+            units = [end.unit.replace("1", "") if end.unit == "1" else end.unit for end in (own, given)]
+            if any(units) and not all(units):
+                yield target, f"'{into}' has the unit {units[0] or 'none'}, and {peers[0]} {units[1] or 'none'}"
+
+
+def _misfit(own: End, given: End, transformed: bool, name: str, peer: str) -> str:
+    """Words on why an input cannot get the values of an output; empty if it can."""
+    if given.type != own.type:
+        return f"input '{name}' is of type {own.type}, and {peer} of type {given.type}: only equal types are connected"
+    if own.type == "Real":
+        differs = _difference(own, given) if own.unit and given.unit else ""
+        return f"'{name}' {differs} ({peer})" if differs else ""
+    if transformed:
+        return f"input '{name}' is of type {own.type}: only Reals have a factor or an offset ({peer})"
+    if not given.items.items() <= own.items.items():
+        return f"input '{name}' has the items {_words(own)}, and {peer} {_words(given)}: it needs those of its source"
+    return ""
+
+
+def _words(end: End) -> str:
+    return ", ".join(f"{value} {name}" for value, name in end.items.items())
+
+
+def _difference(one: End, other: End) -> str:
+    return difference(one.unit, one.base, other.unit, other.base)
+
+
+def typed(connections: Sequence[Connection], ends: Ends) -> tuple[Connection, ...]:
+    """Connections of Reals apart from those of other types, which are held."""
+    return tuple(part for connection in connections for part in _by_type(connection, ends[connection.source]))
+
+
+def _by_type(connection: Connection, ends: Mapping[str, End]) -> Iterator[Connection]:
+    for is_real in (True, False):
+        pairs = [
+            pair
+            for pair in zip(connection.outputs, connection.inputs, strict=True)
+            if (ends[pair[0]].type == "Real") == is_real
+        ]
+        if pairs:
+            outputs, inputs = zip(*pairs, strict=True)
+            carries = connection.carries if is_real else "discrete"
+            yield connection._replace(outputs=outputs, inputs=inputs, carries=carries)

@@ -1,0 +1,188 @@
+"""Chains on soil: links that sink, slide and hop; memory and rut in the state of the track."""
+
+from __future__ import annotations
+
+from math import exp, radians, tan
+
+import numpy as np
+import pytest
+from m113 import MASS, VEHICLE, P
+
+from fmus.model import InvalidParameter
+from fmus.physics.chain import sums
+from fmus.physics.chain.report import CONTACT, DISSIPATED, GRAVITY, KINETIC, LOST, REJECTED, STRAIN
+from fmus.physics.contact.soil.memory import DEEPEST, INSIDE, PRESSURE
+from fmus.physics.contact.soil.pressure import compaction
+from fmus.physics.contact.soil.rut import CELL, FIRST, MADE, TILE, TILES
+from fmus.track_flexible.model import Model as Flexible
+from fmus.track_rigid.model import Model as Rigid
+
+COMPACTED, SHEARED = (LOST + cause - sums.LOSSES for cause in (sums.GROUND_DAMPING, sums.GROUND_FRICTION))
+WIDTH, FACE, G = VEHICLE["track"]["width"], VEHICLE["track"]["face"], 9.81
+AREA, N = P * WIDTH, 4
+SAND = {
+    "kc": 0.99e3, "kphi": 1528.43e3, "n": 1.1, "cohesion": 1040.0, "friction_angle": radians(28.0),
+    "shear_deformation_modulus": 0.025, "Au": 503e6,
+}  # fmt: skip
+STRENGTH = N * (AREA * SAND["cohesion"] + MASS * G * tan(SAND["friction_angle"]))
+SINKAGE = (MASS * G / (AREA * (SAND["kc"] / WIDTH + SAND["kphi"]))) ** (1.0 / SAND["n"])
+LEVEL = VEHICLE["road_wheel"]["z"] - VEHICLE["road_wheel"]["radius"] - 2.0 * FACE
+KINDS = ["rigid", *(pytest.param(kind, marks=pytest.mark.long) for kind in ("planar", "cable", "beam"))]
+
+
+def lying(kind="rigid", soil=SAND, **parameters):
+    """A free chain of N links in equilibrium on soil."""
+    config = {
+        "links": N, "closed": False, "wheels": [], "ground": True, "gravity": G, "soil": soil,
+        "ends": {"kind": "pulled", "first": [0.0, 0.0], "last": [0.0, 0.0]},
+    }  # fmt: skip
+    model = (Rigid if kind == "rigid" else Flexible)({"vehicle": VEHICLE, "track": config, "link_outputs": False})
+    model.read(parameters if kind == "rigid" else {"element": kind, **parameters})
+    model.settle(np.stack([-P * np.arange(N + 1), np.full(N + 1, LEVEL + FACE)], axis=1), rest=True)
+    model.begin_run()
+    return model
+
+
+def push(model, along, up):
+    """Add a velocity, m/s, to all of the chain."""
+    model.s.v[:, 0] += along
+    model.s.v[:, 1 if getattr(model, "element", "") == "planar" else 2] += up
+
+
+def energy(model):
+    return model.report[[KINETIC, STRAIN, GRAVITY, CONTACT, DISSIPATED]].sum()
+
+
+def run(model, steps, h=1e-3, start=0):
+    for k in range(start, start + steps):
+        model.advance(h * k, h)
+    return model
+
+
+@pytest.fixture(scope="module", params=KINDS)
+def chain(request):
+    model = lying(request.param)
+    return model, model.state.copy()
+
+
+def test_links_sink_as_a_plate(chain):
+    model, start = chain
+    model.state[:] = start
+    memory = model.s.soil[model.s.soil[:, INSIDE] > 0.0]
+    assert len(memory) in (2 * N, 4 * N)
+    assert memory[:, DEEPEST] == pytest.approx(SINKAGE, rel=1e-6)
+    assert memory[:, DEEPEST] != pytest.approx((1.0 / 1.01) * SINKAGE, rel=1e-6)
+    assert memory[:, PRESSURE] == pytest.approx(MASS * G / AREA, rel=1e-6)
+    assert model.pins()[:, 2] == pytest.approx(LEVEL + FACE - SINKAGE, rel=1e-6)
+    assert model.report[[DISSIPATED, COMPACTED, SHEARED]] == pytest.approx(0.0)
+
+
+def test_links_that_slide_stop_where_shear_has_taken_their_energy(chain):
+    """Within 0.5 %: shear acts below the pins, so links lean forward a little and press the soil."""
+    model, start = chain
+    model.state[:] = start
+    push(model, 0.1, 0.0)
+    first, place, before = model.pins()[:, 0].mean(), 0.0, None
+    for k in range(200):
+        run(model, 1, 5e-4, k)
+        if before is None:
+            before = energy(model)
+        assert energy(model) == pytest.approx(before, abs=1e-4 * 0.5 * N * MASS * 0.1**2)
+        if model.pins()[:, 0].mean() - first < place:
+            break
+        place = model.pins()[:, 0].mean() - first
+    low, high, K = 0.0, 0.1, SAND["shear_deformation_modulus"]
+    for _ in range(60):
+        way = 0.5 * (low + high)
+        work = STRENGTH * (way - K * (1.0 - exp(-way / K)))
+        low, high = (way, high) if work < 0.5 * N * MASS * 0.1**2 else (low, way)
+    assert place == pytest.approx(way, rel=5e-3)
+    assert place != pytest.approx(1.02 * way, rel=5e-3)
+    assert model.report[SHEARED] > 0.0
+    assert model.report[DISSIPATED] == pytest.approx(model.report[[COMPACTED, SHEARED]].sum(), rel=1e-3)
+
+
+def hop(model, forget=False):
+    """Throw the chain up by 2 cm and let it land; return the sinkage of its points."""
+    push(model, 0.0, 0.8)
+    run(model, 80)
+    assert model.s.rut[MADE] > 0.0
+    assert not model.s.soil.any()
+    cells = np.count_nonzero(model.s.rut[FIRST:].reshape(TILES, TILE)[:, 2:])
+    assert cells == pytest.approx(N * AREA / CELL**2, rel=0.1)
+    if forget:
+        model.s.rut[FIRST:] = 0.0
+    run(model, 160, start=80)
+    return model.s.soil[model.s.soil[:, INSIDE] > 0.0, DEEPEST]
+
+
+def test_links_land_in_their_rut(chain):
+    """The loss by compaction is that of the deepest sinkage, hop after hop; without the rut, ground is new again."""
+    model, start = chain
+    model.state[:] = start
+    last = hop(model).mean()
+    landed = model.state.copy()
+    for forget in (False, True):
+        model.state[:] = landed
+        deepest = hop(model, forget)
+        soil = model.contacts.soil
+        expected = N * AREA * (compaction(soil, deepest.mean()) - compaction(soil, SINKAGE))
+        assert (deepest.min() > last) != forget
+        assert (model.report[COMPACTED] == pytest.approx(expected, rel=1e-3)) != forget
+        last = deepest.mean()
+
+
+def test_a_saved_state_goes_on_to_the_bit(chain):
+    """In the air over the rut and on the ground: memory and rut are in the state."""
+    model, start = chain
+    for k in (0, 100, 215):  # on the ground, in the air, after landing
+        model.state[:] = start
+        push(model, 0.2, 1.0)
+        run(model, k)
+        saved = model.state.copy()
+        ends = []
+        for _ in range(2):
+            model.state[:] = saved
+            run(model, 60, start=k)
+            ends.append(model.state.copy())
+        assert (ends[0] == ends[1]).all()
+        if k == 100:
+            assert model.s.rut[MADE] > 0.0
+            assert not model.s.soil.any()
+            model.state[:] = saved
+            model.s.rut[FIRST:] = 0.0
+            run(model, 60, start=k)
+            assert (model.state != ends[0]).any()
+
+
+def test_halved_steps_commit_once():
+    """Newton's iteration fails until the step is halved ten times: soil remembers what equal short steps leave."""
+    model, ends = lying(), []
+    push(model, 0.1, -0.5)
+    run(model, 3)
+    saved, longest, model.method = model.state.copy(), model.max_step, model.method._replace(tolerance=-1.0)
+    for step, rejected in ((longest, 10), (1e-3 / 1024, 0)):
+        model.state[:], model.max_step = saved, step
+        model.begin_run()
+        before = model.counters[REJECTED]
+        run(model, 1, start=3)
+        assert model.counters[REJECTED] == before + rejected
+        ends.append(np.append(model.s.flat, model.report))
+    assert (ends[0] == ends[1]).all()
+    assert model.report[COMPACTED] > saved[len(model.s.flat) + COMPACTED]
+
+
+def test_what_soil_needs_is_said():
+    with pytest.raises(InvalidParameter, match="soil remembers accepted steps and needs an implicit integrator"):
+        lying(integrator="runge_kutta")
+    with pytest.raises(InvalidParameter, match=r"ground\.soil\.k0 = 0 and Au = 0"):
+        lying(soil=SAND | {"Au": 0.0})
+
+
+def test_hard_ground_remembers_nothing():
+    config = {"links": N, "closed": False, "wheels": [], "ground": True, "gravity": G}
+    config["ends"] = {"kind": "pulled", "first": [0.0, 0.0], "last": [0.0, 0.0]}
+    model = Rigid({"vehicle": VEHICLE, "track": config, "link_outputs": False})
+    assert model.s.soil.size == model.s.rut.size == 0
+    assert len(model.warning_sentences) == 2
+    assert any(port.name == "contact.ground.friction" for port in model.ports)

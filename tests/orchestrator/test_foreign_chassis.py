@@ -1,0 +1,188 @@
+"""A chassis that is not ours carries our tracks: one rigid body of the whole mass, with wheels that spin in it."""
+
+import foreign_chassis
+import foreign_fmus
+import numpy as np
+import pytest
+from foreign_fmus import CHASSIS, PLACES
+
+from orchestrator.execution import summary
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.results.analyses import phases, power, slip
+from orchestrator.results.energy import ledger
+from orchestrator.results.measures import ground_force, speed_excess, third_law
+from orchestrator.results.run_data import Missing, RunData, Window
+from orchestrator.scene.assembly import assemble, system
+from orchestrator.scene.placing import placed
+from orchestrator.scene.scene import load
+
+H, REST, STOP = 1.25e-3, 0.1, 1.5
+DRIVEN = Window(1.0, STOP)  # at 2 rad/s
+SHORT = {
+    "run.stop": STOP, "run.step": H, "track.link_outputs": False, "expect": {}, "drive.speed": 2.0,
+    "drive.ramp_start": REST, "drive.ramp_time": 0.5,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """The straight run, short; its chassis is to be replaced."""
+    return placed(load("straight", "rigid", SHORT))
+
+
+@pytest.fixture(scope="module")
+def parameters(scene):
+    return foreign_chassis.parameters(system(assemble(scene)), scene.vehicle.model_dump())
+
+
+@pytest.fixture(scope="module")
+def variables(parameters):
+    """Variables of the chassis, whose defaults are the parameters."""
+    return [each._replace(start=parameters.get(each.name, each.start)) for each in CHASSIS]
+
+
+@pytest.fixture(scope="module")
+def chassis(variables, tmp_path_factory):
+    return foreign_fmus.build(tmp_path_factory.mktemp("foreign") / "TheirChassis.fmu", "chassis", variables)
+
+
+@pytest.fixture(scope="module")
+def bare(variables, tmp_path_factory):
+    """The same chassis with nothing but the motions that tracks and drives need."""
+    needed = tuple(f"{place}." for place in PLACES)
+    less = [
+        each._replace(causality="local") if each.causality == "output" and not each.name.startswith(needed) else each
+        for each in variables
+    ]
+    return foreign_fmus.build(tmp_path_factory.mktemp("bare") / "Bare.fmu", "chassis", less)
+
+
+def run(scene, fmu, path, **changes):
+    return simulate(scene.changed({"fmu.chassis.file": str(fmu), **changes}), path)
+
+
+@pytest.fixture(scope="module")
+def driven(scene, chassis, tmp_path_factory):
+    path = tmp_path_factory.mktemp("driven") / "theirs.mcap"
+    return path, run(scene, chassis, path)
+
+
+@pytest.fixture(scope="module")
+def unbalanced(scene, bare, tmp_path_factory):
+    path = tmp_path_factory.mktemp("bare") / "bare.mcap"
+    return path, run(scene, bare, path, **{"track.link_outputs": True})
+
+
+def test_it_stands_on_its_tracks(driven, scene):
+    path, result = driven
+    assert result["status"] == "ok", result["message"]
+    with Log(path) as log:
+        data = RunData(log)
+        carried = ground_force(data, "", Window(0.0, REST))
+        _, height = data.signal("chassis.chassis.position.z", Window(0.0, REST))
+        assert carried == pytest.approx(summary.weight(scene), rel=1e-3)
+        assert np.ptp(height) < 1e-5
+
+
+def test_another_mass_does_not_stand(scene, chassis, parameters, tmp_path):
+    """Twin of the test above: a mass of 1 % more is noticed."""
+    heavier = {"run.stop": REST, "fmu.chassis.parameters.mass": 1.01 * parameters["mass"]}
+    run(scene, chassis, tmp_path / "heavy.mcap", **heavier)
+    with Log(tmp_path / "heavy.mcap") as log:
+        _, height = RunData(log).signal("chassis.chassis.position.z")
+        assert np.ptp(height) > 1e-4
+
+
+def test_forces_balance(driven, parameters):
+    """Its momentum is the impulse of wrenches and gravity, to rounding; they are the tracks' wrenches."""
+    path, _ = driven
+    with Log(path) as log:
+        data = RunData(log)
+        velocity = data.vectors("chassis", "out", "chassis.velocity")[1]
+        force = sum(data.vectors("chassis", "in", f"{place}.force")[1] for place in PLACES)
+        impulse = H * (force - parameters["mass"] * np.array([0.0, 0.0, parameters["gravity"]]))
+        size = H * parameters["mass"] * parameters["gravity"]
+        assert np.abs(parameters["mass"] * np.diff(velocity, axis=0) - impulse).max() < 1e-9 * size
+        assert third_law(data, "", Window(0.0, STOP)) < 1e-12
+
+
+def test_it_drives_at_the_speed_of_its_sprockets(driven, scene):
+    """Within the slip that the shipped scene allows."""
+    path, _ = driven
+    allowed = load("straight").expect["speed_excess"]
+    with Log(path) as log:
+        data = RunData(log)
+        assert speed_excess(data, "", DRIVEN) == pytest.approx(allowed.expected, abs=allowed.tolerance)
+        assert data.ends("chassis.distance")[1] > 0.25
+        assert data.mean("chassis.left.road_wheel[1].angular_velocity.y", DRIVEN) == pytest.approx(
+            data.mean("left_track.speed", DRIVEN) / (scene.vehicle.road_wheel.radius + scene.vehicle.track.face),
+            rel=0.2,
+        )
+
+
+@pytest.mark.long
+def test_it_meets_the_checks_of_the_shipped_scene(chassis, tmp_path):
+    result = simulate(load("straight", "rigid", {"fmu.chassis.file": str(chassis)}), tmp_path / "whole.mcap")
+    assert len(result["checks"]) == 8
+    assert summary.verdict(result) == "ok", result["checks"]
+
+
+def test_its_energies_are_in_the_ledger(driven, scaled):
+    path, result = driven
+    energy = result["energy"]
+    assert energy["delivered"] == {}
+    assert abs(energy["residual_relative"]) < 1e-3
+    assert abs(energy["integration_relative"]["chassis"]) < 1e-3
+    assert summary.energy_warning(energy) == ""
+    with Log(path) as log:
+        scaled(log, "/chassis/in", "left.sprocket.force.x", 0.95)
+        broken = ledger(RunData(log))
+    assert abs(broken.integration["chassis"]) > 100.0 * abs(energy["integration"]["chassis"])
+
+
+def test_without_energies_it_is_outside_of_the_ledger(driven, unbalanced):
+    """The ports delivered what its own energies say; the balance is that of tracks and drives."""
+    whole, energy = driven[1]["energy"], unbalanced[1]["energy"]
+    with Log(driven[0]) as log:
+        data = RunData(log)
+        gained = sum(np.subtract(*data.ends(f"chassis.energy.{kind}")[::-1]) for kind in ("kinetic", "gravity"))
+    assert energy["delivered"]["chassis"] == pytest.approx(gained, rel=1e-3)
+    assert energy["delivered"]["chassis"] != pytest.approx(whole["work"], rel=1e-2)
+    assert abs(energy["residual_relative"]) < 1e-3
+    assert "chassis" not in energy["integration"]
+    (text,) = [each["text"] for each in unbalanced[1]["warnings"] if each["component"] == "chassis"]
+    assert text.endswith("it outputs no energies: the energy balance takes what passes its ports as delivered to it")
+
+
+def test_results_that_lack_its_outputs_name_them(unbalanced, cotrack, tmp_path):
+    path, result = unbalanced
+    assert result["status"] == "ok", result["message"]
+    assert {"ground_force", "tension_max", "slip"} <= {k for k, v in result["observables"].items() if v == v}
+    with Log(path) as log:
+        data = RunData(log)
+        for analysis, lacking in (
+            (phases, "chassis.speed"),
+            (slip, "chassis.yaw"),
+            (power, "chassis.chassis.velocity.x"),
+        ):
+            with pytest.raises(Missing, match=f"holds no '{lacking}'"):
+                analysis.of(data)
+    assert cotrack("view", path, "-o", "side.png")[0] == 0
+    status, _, err = cotrack("view", path, "--above", "-o", "above.png")
+    assert (status, "holds no 'chassis.yaw'" in err) == (2, True), err
+
+
+def test_report_and_comparison_name_it(driven, unbalanced, cotrack, tmp_path):
+    hashed = {path: result["fmus"]["chassis"]["sha256"] for path, result in (driven, unbalanced)}
+    assert cotrack("report", unbalanced[0], driven[0], "-o", "page.html")[0] == 0
+    page = (tmp_path / "page.html").read_text()
+    assert f"Bare.fmu, sha256 {hashed[unbalanced[0]]}" in page
+    assert "was delivered to chassis, an FMU without energies" in page
+    status, out, err = cotrack("compare", driven[0], unbalanced[0])
+    assert status == 0, err
+    files = [
+        f"{name}.fmu (sha256 {hashed[path][:12]})"
+        for name, path in (("TheirChassis", driven[0]), ("Bare", unbalanced[0]))
+    ]
+    assert f"other part: chassis is {files[0]} and {files[1]}" in out.splitlines()

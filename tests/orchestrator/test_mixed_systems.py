@@ -1,0 +1,452 @@
+"""Connections of all FMI types and of different units between FMUs of the user, against a loop of fmpy alone."""
+
+import zipfile
+from types import SimpleNamespace
+
+import foreign_fmus
+import numpy as np
+import pytest
+from fmpy import extract, read_model_description
+from fmpy.fmi2 import FMU2Slave
+from foreign_fmus import Variable, library_of
+from numpy.testing import assert_array_equal
+
+from fmus.vehicle import BadInput
+from orchestrator.cosim.base_units import QUANTITIES, UNCHANGED, Conversion, base_unit, conversion, unit_of
+from orchestrator.execution.replay_model import open_replay
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.log.tools import verify
+from orchestrator.scene.free_scene import FreeScene
+from orchestrator.scene.scene import any_from_table
+
+H, STEPS = 0.01, 60
+GEARS = ("low", "high", "road")
+MIXED = (
+    Variable("u", "input", 0.5, unit="N"),
+    Variable("x", "output", unit="N"),
+    Variable("warmth_in", "input", 300.0, unit="K"),
+    Variable("warmth", "output", unit="K"),
+    Variable("T", "parameter", 0.1, unit="s"),
+    Variable("start", "parameter", 2000.0, unit="N"),
+    Variable("warmth_start", "parameter", 290.0, unit="K"),
+    Variable("limit", "parameter", 1000.0, unit="N"),
+    Variable("longest", "parameter", 1e9, unit="s"),
+    Variable("end", "parameter", 1e9, unit="s"),
+    Variable("gear_in", "input", 1, "Enumeration", items=GEARS),
+    Variable("count_in", "input", 3, "Integer"),
+    Variable("forward_in", "input", True, "Boolean"),
+    Variable("word_in", "input", "go", "String"),
+    Variable("word", "output", "", "String"),
+    Variable("forward", "output", False, "Boolean"),
+    Variable("count", "output", 0, "Integer"),
+    Variable("gear", "output", 1, "Enumeration", items=GEARS),
+)
+UNITS = {
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "kN": {"kg": 1, "m": 1, "s": -2, "factor": 1000.0},
+    "K": {"K": 1},
+    "degC": {"K": 1, "offset": 273.15},
+    "s": {"s": 1},
+    "mm": {"m": 1, "factor": 1e-3},
+}
+OTHER_UNITS = {"N": "kN", "K": "degC"}
+COLD = {"start": 1.5, "warmth_start": 40.0, "limit": 0.8, "T": 0.05}  # of b, in kN and degC
+PAIRS = {"u": "x", "warmth_in": "warmth", "count_in": "count", "gear_in": "gear", "forward_in": "forward"}
+PAIRS |= {"word_in": "word"}
+# value in the unit of the receiver = factor * value + offset
+CONVERSIONS = {
+    "a": {"u": (1000.0, 0.0), "warmth_in": (1.0, 273.15)},
+    "b": {"u": (1.0 / 1000.0, 0.0), "warmth_in": (1.0, -273.15)},
+}
+REALS = ("u", "warmth_in")
+KINDS = {variable.name: variable.kind.replace("Enumeration", "Integer") for variable in MIXED}
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """The model in N and K, and in kN and degC."""
+    folder = tmp_path_factory.mktemp("mixed")
+    one = foreign_fmus.build(folder / "a.fmu", "mixed", MIXED, UNITS, states=True)
+    return {"a": one, "b": changed(one, folder / "b.fmu", lambda each: each)}
+
+
+def changed(fmu, file, change, other_units=OTHER_UNITS):
+    """The model with other variables in its description."""
+    variables = [change(each._replace(unit=other_units.get(each.unit, each.unit))) for each in MIXED]
+    return foreign_fmus.build(file, "mixed", variables, UNITS, library_of(fmu), states=True)
+
+
+def scene(files, connections=None, stage=0, parameters=(), **run):
+    every = [f"{a}.{out} -> {b}.{into}" for a, b in ("ab", "ba") for into, out in PAIRS.items()]
+    table = {
+        "name": "mixed",
+        "title": "All types",
+        "assembly": "fmus",
+        "run": {"stop": H * STEPS, "step": H, **run},
+        "fmu": {
+            "a": {"file": str(files["a"]), "parameters": dict(parameters)},
+            "b": {"file": str(files["b"]), "stage": stage, "parameters": COLD},
+        },
+        "connections": every if connections is None else connections,
+    }
+    made = any_from_table(table, "mixed.toml")
+    assert isinstance(made, FreeScene)
+    return made
+
+
+class Own:
+    """An FMU by fmpy alone."""
+
+    def __init__(self, file, name, parameters, folder):
+        described = read_model_description(str(file))
+        self._fmu = FMU2Slave(
+            guid=described.guid,
+            modelIdentifier="mixed",
+            unzipDirectory=extract(str(file), unzipdir=str(folder / name)),
+            instanceName=name,
+        )
+        self._references = {variable.name: variable.valueReference for variable in described.modelVariables}
+        self._fmu.instantiate()
+        self._fmu.setupExperiment(startTime=0.0, stopTime=H * STEPS)
+        for parameter, value in parameters.items():
+            self._fmu.setReal([self._references[parameter]], [value])
+        self._fmu.enterInitializationMode()
+        self.step = self._fmu.doStep
+        self.y = {}
+
+    def start(self):
+        self._fmu.exitInitializationMode()
+        self.read()
+
+    def set(self, values):
+        for name, value in values.items():
+            getattr(self._fmu, f"set{KINDS[name]}")([self._references[name]], [value])
+
+    def read(self):
+        found = {out: getattr(self._fmu, f"get{KINDS[out]}")([self._references[out]])[0] for out in PAIRS.values()}
+        self.y = {out: value.decode() if isinstance(value, bytes) else value for out, value in found.items()}
+
+    def close(self):
+        self._fmu.terminate()
+        self._fmu.freeInstance()
+
+
+def own_loop(files, folder, coupling, stage):
+    """Values of all inputs of each step, and of all outputs at its ends, by instance and variable."""
+    fmus = {"a": Own(files["a"], "a", {}, folder), "b": Own(files["b"], "b", COLD, folder)}
+    peers, groups = {"a": "b", "b": "a"}, ("a", "b") if stage and coupling != "jacobi" else ("ab",)
+
+    def given(name, values):
+        converted = {into: values[out] for into, out in PAIRS.items()}
+        for into, (factor, offset) in CONVERSIONS[name].items():
+            converted[into] = factor * converted[into] + offset
+        return converted
+
+    first, second = "ba" if stage else "ab"  # the last stage is initialised first
+    fmus[first].start()
+    fmus[second].set(given(second, fmus[first].y))
+    fmus[second].start()
+    inputs = {name: {into: [] for into in PAIRS} for name in fmus}
+    outputs = {name: {out: [fmus[name].y[out]] for out in PAIRS.values()} for name in fmus}
+    past = None
+    for k in range(STEPS):
+        now = {name: fmu.y for name, fmu in fmus.items()}
+        for group in groups:
+            for name in group:
+                values = dict(now[peers[name]])  # discrete values are those of the communication point
+                for out in ("x", "warmth"):
+                    if len(groups) == 2 and name == "b":
+                        after = fmus["a"].y[out]
+                        values[out] = after if coupling == "gauss_seidel" else 0.5 * (values[out] + after)
+                    elif coupling != "gauss_seidel" and past is not None:
+                        values[out] += 0.5 * H / H * (values[out] - past[peers[name]][out])
+                fmus[name].set(chosen := given(name, values))
+                for into, value in chosen.items():
+                    inputs[name][into].append(value)
+            for name in group:
+                fmus[name].step(k * H, H)
+                fmus[name].read()
+                for out, value in fmus[name].y.items():
+                    outputs[name][out].append(value)
+        past = now
+    for fmu in fmus.values():
+        fmu.close()
+    return inputs, outputs
+
+
+def recorded(log, topic, texts):
+    """Values of a topic by variable, Strings as texts."""
+    series = log.read(topic)
+    instance = topic.split("/")[1]
+    values = dict(zip(series.names, series.values.T.tolist(), strict=True))
+    return {
+        name: [texts[f"{instance}.{name}"][int(x)] for x in row] if f"{instance}.{name}" in texts else row
+        for name, row in values.items()
+    }
+
+
+COUPLINGS = {
+    "jacobi": {"scheme": "jacobi"},
+    "tracks_first": {"scheme": "tracks_first"},
+    "gauss_seidel": {"scheme": "gauss_seidel", "hold": "constant"},
+}
+
+
+@pytest.mark.parametrize("way", ["kernels", "threads", "Python"])
+@pytest.mark.parametrize(("coupling", "stage"), [("jacobi", 0), ("tracks_first", 1), ("gauss_seidel", 1)])
+def test_a_mixed_system_has_the_bits_of_an_own_loop(files, tmp_path, monkeypatch, coupling, stage, way):
+    """All inputs and outputs of all types in every step, and the log can be replayed."""
+    monkeypatch.setattr("orchestrator.cosim.coupling.scheme.CAN_STEP", way != "Python")
+    if way == "threads":
+        monkeypatch.setattr("orchestrator.cosim.program.WORTHWHILE", 0.0)
+        monkeypatch.setattr("orchestrator.cosim.program.spare_processors", lambda: True)
+    path = tmp_path / "mixed.mcap"
+    summary = simulate(scene(files, stage=stage, coupling=COUPLINGS[coupling]), path)
+    assert (summary["status"], summary["message"]) == ("ok", "")
+    assert [warning["text"] for warning in summary["warnings"]] == []
+    inputs, outputs = own_loop(files, tmp_path, coupling, stage)
+    with Log(path) as log:
+        texts = log.table("texts.json")
+        for name in "ab":
+            assert recorded(log, f"/{name}/in", texts) == inputs[name]
+            assert recorded(log, f"/{name}/out", texts) == outputs[name]
+        assert (log.unit("a.u"), log.unit("b.u")) == ("N", "kN")
+    assert len(set(outputs["a"]["word"])) > 5
+    assert {*outputs["b"]["forward"]} == {False, True}
+    assert verify(path).code == 0
+    with open_replay(path, "b", str(files["b"])) as replay:
+        assert replay.verify().equal
+
+
+@pytest.mark.parametrize(
+    "run",
+    [
+        {"coupling": {"scheme": "iterative"}},
+        {"coupling": {"scheme": "energy_corrected"}},
+        {"variable": {"tolerance": 1e-3, "shortest": 1e-3}},
+    ],
+    ids=["iterative", "energy_corrected", "variable"],
+)
+def test_discrete_inputs_are_held_in_steps_that_are_repeated(files, tmp_path, run):
+    """They are the outputs at the beginning of each step, whatever happens to Reals."""
+    path = tmp_path / "mixed.mcap"
+    summary = simulate(scene(files, **run), path)
+    assert summary["status"] == "ok", summary["message"]
+    with Log(path) as log:
+        texts = log.table("texts.json")
+        for name, peer in ("ab", "ba"):
+            inputs, outputs = recorded(log, f"/{name}/in", texts), recorded(log, f"/{peer}/out", texts)
+            for into, out in PAIRS.items():
+                if into not in REALS:
+                    assert inputs[into] == outputs[out][:-1], into
+        assert outputs["count"] == [*range(len(outputs["count"]))]  # each step counts once
+        assert log.read("/a/in").h.max() > 4e-3, "only Reals decide on a step"
+    for name in "ab":
+        with open_replay(path, name, str(files[name])) as replay:
+            assert replay.verify().equal
+
+
+@pytest.mark.parametrize(("scheme", "tolerance"), [("energy_corrected", 1e-12), ("iterative", 1e-5)])
+def test_units_change_nothing_but_rounding(files, tmp_path, scheme, tolerance):
+    """The same system with b in N and K; an iteration ends within its tolerance."""
+    values = {}
+    for name, b, factor, offset in (("kilo", files["b"], 1.0, 0.0), ("plain", files["a"], 1e3, 273.15)):
+        made = scene({"a": files["a"], "b": b}, coupling={"scheme": scheme})
+        cold = {"start": factor * 1.5, "limit": factor * 0.8, "warmth_start": 40.0 + offset, "T": 0.05}
+        made = made.model_copy(update={"fmu": made.fmu | {"b": made.fmu["b"].model_copy(update={"parameters": cold})}})
+        assert simulate(made, tmp_path / "mixed.mcap")["status"] == "ok"
+        with Log(tmp_path / "mixed.mcap") as log:
+            values[name] = [log.signal(signal)[1] for signal in ("a.x", "a.warmth", "b.x", "b.warmth")]
+            values[name][2] /= factor
+            values[name][3] -= offset
+    for kilo, plain in zip(*values.values(), strict=True):
+        assert np.abs(kilo - plain).max() < tolerance * np.abs(plain).max()
+
+
+def test_values_at_the_start_are_those_of_the_fmu(files, tmp_path):
+    """Strings without a connection are not recorded; an FMU without one gets none of its inputs."""
+    path = tmp_path / "mixed.mcap"
+    assert simulate(scene(files, ["b.x -> a.u", "a.word -> b.word_in"]), path)["status"] == "ok"
+    with Log(path) as log:
+        assert log.topics["/a/in"].names == ("u", "warmth_in")
+        assert log.topics["/b/out"].names == ("x", "warmth")
+        assert set(log.read("/a/in").values[:, 1]) == {300.0}
+        texts = log.table("texts.json")
+        assert list(texts) == ["a.word", "b.word_in"]
+        assert texts["a.word"][:2] == ["ago", "bgo"]  # "go" is the start value of a.word_in
+        assert recorded(log, "/b/in", texts)["word_in"] == recorded(log, "/a/out", texts)["word"][:-1]
+
+
+# --- units and transformations ---------------------------------------------------------------------
+
+
+def test_a_factor_and_an_offset_follow_the_conversion_of_units(files, tmp_path, cotrack):
+    """By the text of a connection, and by the LinearTransformation of an archive."""
+    runs = {}
+    text = "-2.5 * b.x + 30.0 -> a.u"
+    simulate(scene(files, [text]), tmp_path / "scene.mcap")
+    connection = (
+        '<ssd:Connection startElement="b" startConnector="x" endElement="a" endConnector="u">'
+        '<ssc:LinearTransformation factor="-2.5" offset="30"/></ssd:Connection>'
+    )
+    archive(tmp_path / "mixed.ssp", files, connection)
+    status, _, err = cotrack("run", "mixed.ssp", "--step", f"{H} s", "-o", "archive.mcap")
+    assert status == 0, err
+    for name in ("scene", "archive"):
+        with Log(tmp_path / f"{name}.mcap") as log:
+            x, u = log.signal("b.x")[1], log.signal("a.u")[1]
+            runs[name] = log.digest()
+            assert log.table("system.json")["instances"][0]["conversions"] == {"u": [-2500.0, 30.0]}
+            if name == "scene":
+                connections = log.table("scene.json")["connections"]
+        now = np.append(x[:1], x[1:-1] + 0.5 * H / H * np.diff(x[:-1]))
+        assert_array_equal(u, -2500.0 * now + 30.0)
+    assert connections == [text]
+    assert runs["scene"] == runs["archive"]
+
+
+def archive(file, files, connections):
+    space = "http://ssp-standard.org/SSP1/SystemStructure"
+    parameters = "".join(f'<ssv:Parameter name="{k}"><ssv:Real value="{v}"/></ssv:Parameter>' for k, v in COLD.items())
+    bindings = (
+        "<ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues>"
+        f'<ssv:ParameterSet version="1.0" name="b"><ssv:Parameters>{parameters}</ssv:Parameters></ssv:ParameterSet>'
+        "</ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings>"
+    )
+    components = "".join(
+        f'<ssd:Component name="{name}" source="{name}.fmu">{bindings if name == "b" else ""}</ssd:Component>'
+        for name in files
+    )
+    with zipfile.ZipFile(file, "w") as packed:
+        packed.writestr(
+            "SystemStructure.ssd",
+            f'<ssd:SystemStructureDescription xmlns:ssd="{space}Description" xmlns:ssc="{space}Common"'
+            f' xmlns:ssv="{space}ParameterValues" version="1.0" name="mixed"><ssd:System name="All types">'
+            f"<ssd:Elements>{components}</ssd:Elements><ssd:Connections>{connections}</ssd:Connections></ssd:System>"
+            f'<ssd:DefaultExperiment stopTime="{H * STEPS}"/></ssd:SystemStructureDescription>',
+        )
+        for name, fmu in files.items():
+            packed.write(fmu, f"{name}.fmu")
+
+
+@pytest.mark.parametrize(
+    ("attributes", "inner", "said"),
+    [
+        (' suppressUnitConversion="true"', "", "'b.x -> a.u' with suppressUnitConversion, from 'kN' to 'N'"),
+        ("", '<ssc:LinearTransformation factor="two"/>', "a.u: its LinearTransformation must have numbers"),
+        ("", '<ssc:LinearTransformation factor="0"/>', "the factor not 0"),
+        ("", "<ssc:BooleanMappingTransformation/>", "not supported (BooleanMappingTransformation)"),
+        ("", "<ssc:IntegerMappingTransformation/>", "not supported (IntegerMappingTransformation)"),
+        ("", "<ssc:EnumerationMappingTransformation/>", "not supported (EnumerationMappingTransformation)"),
+    ],
+)
+def test_other_conversions_of_archives_are_refused(files, cotrack, tmp_path, attributes, inner, said):
+    connection = '<ssd:Connection startElement="b" startConnector="x" endElement="a" endConnector="u"'
+    archive(tmp_path / "mixed.ssp", files, f"{connection}{attributes}>{inner}</ssd:Connection>")
+    status, _, err = cotrack("run", "mixed.ssp")
+    assert (status, said in err, len(err.splitlines())) == (2, True, 1), err
+
+
+def test_what_cannot_be_connected_is_refused(files, tmp_path):
+    def renamed(each):
+        return each._replace(items=("low", "high", "reverse")) if each.name == "gear_in" else each
+
+    other = {
+        "gears": changed(files["a"], tmp_path / "gears.fmu", renamed),
+        "lengths": changed(files["a"], tmp_path / "lengths.fmu", lambda each: each, {"N": "mm"}),
+        "unknown": changed(files["a"], tmp_path / "unknown.fmu", lambda each: each, {"N": "kip"}),
+    }
+    cases = (
+        (files["b"], "a.count -> b.u", "input 'u' is of type Real, and a.count of type Integer: only equal types"),
+        (files["b"], "a.gear -> b.count_in", "input 'count_in' is of type Integer, and a.gear of type Enumeration"),
+        (files["b"], "a.word -> b.forward_in", "input 'forward_in' is of type Boolean, and a.word of type String"),
+        (files["b"], "2 * a.count -> b.count_in", "input 'count_in' is of type Integer: only Reals have a factor"),
+        (files["b"], "a.count + 1 -> b.count_in", "only Reals have a factor or an offset (a.count)"),
+        (
+            other["gears"],
+            "a.gear -> b.gear_in",
+            "input 'gear_in' has the items 1 low, 2 high, 3 reverse, and",
+        ),
+        (other["lengths"], "a.x -> b.u", "'u' has the unit 'mm', and 'N' is needed (a.x)"),
+        (other["unknown"], "a.x -> b.u", "'u' has the unit 'kip', which the FMU does not define, and 'N' is needed"),
+        (files["b"], "1e999 * a.x -> b.u", "factor and offset must be finite, and the factor not 0"),
+    )
+    for fmu, connection, said in cases:
+        with pytest.raises(BadInput) as caught:
+            simulate(scene({"a": files["a"], "b": fmu}, [connection]), tmp_path / "mixed.mcap")
+        assert said in str(caught.value)
+        assert "\n" not in str(caught.value)
+    assert not (tmp_path / "mixed.mcap").exists()
+    simulate(scene({"a": other["gears"], "b": files["b"]}, ["a.gear -> b.gear_in"]), tmp_path / "mixed.mcap")
+
+
+def described(unit, offset=0.0, factor=1.0, relative=None, declared=None):
+    """A description with one variable, as fmpy makes it."""
+    base = SimpleNamespace(**dict.fromkeys(QUANTITIES, 0), factor=factor, offset=offset)
+    base.K = 1
+    definition = SimpleNamespace(name=unit, baseUnit=base)
+    own = None if declared else unit
+    return SimpleNamespace(unitDefinitions=[definition]), SimpleNamespace(
+        unit=own, relativeQuantity=relative, declaredType=declared
+    )
+
+
+def test_units_of_declared_types_and_of_differences():
+    kelvin, celsius = base_unit(*described("K")), base_unit(*described("degC", 273.15))
+    assert conversion(celsius, kelvin) == Conversion(1.0, 273.15)
+    assert conversion(kelvin, celsius) == Conversion(1.0, -273.15)
+    rankine = base_unit(*described("degR", factor=5.0 / 9.0))
+    assert conversion(celsius, rankine) == (pytest.approx(1.8), pytest.approx(491.67))
+    assert conversion(celsius, kelvin).then(Conversion(2.0, 1.0)) == (2.0, 547.3)
+    declared = SimpleNamespace(unit="degC", relativeQuantity=True)
+    description, variable = described("degC", 273.15, declared=declared)
+    assert unit_of(variable) == "degC"
+    difference = base_unit(description, variable)
+    assert conversion(difference, kelvin) == UNCHANGED
+    assert conversion(base_unit(*described("degC", 273.15, relative=False, declared=declared)), kelvin) != UNCHANGED
+    assert conversion(None, kelvin) == conversion(kelvin, None) == UNCHANGED
+
+
+# --- steps that are not done -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("parameters", "run", "status", "message", "reached"),
+    [
+        ({"end": 0.205}, {}, 0, "a has ended the run at t = 0.205 s", 0.2),
+        ({"longest": 0.004}, {}, 1, "ended at t = 0.004 s: a shorter one may help", 0.0),
+        ({"longest": 0.004}, {"variable": {"tolerance": 0.5, "shortest": 1e-3}}, 0, "", STEPS * H),
+        ({"end": 0.205}, {"variable": {"tolerance": 0.5, "shortest": 1e-3}}, 0, "a has ended the run at", 0.204),
+    ],
+    ids=["terminated", "discarded", "shortened", "shortened and terminated"],
+)
+def test_steps_that_an_fmu_does_not_do(files, tmp_path, cotrack, parameters, run, status, message, reached):
+    """The run ends at the last complete step with its exit status, or takes shorter steps, and its log is whole."""
+    summary = simulate(scene(files, parameters=parameters.items(), **run), tmp_path / "mixed.mcap")
+    assert message in summary["message"]
+    assert (summary["status"] == "failed") == status
+    with Log(tmp_path / "mixed.mcap") as log:
+        assert message in log.closing["message"]
+        assert log.closing["status"] == summary["status"]
+        t, h = log.signal("a.x")[0], log.read("/a/in").h
+        assert t[-1] == pytest.approx(reached, abs=1e-3)
+        assert not len(h) or h.max() <= parameters.get("longest", H) * (1.0 + 1e-12) or "end" in parameters
+        assert log.complete
+    assert verify(tmp_path / "mixed.mcap").code == 0
+
+
+@pytest.mark.parametrize(
+    ("parameters", "status", "said"),
+    [("end = 0.055", 0, "a has ended the run at t = 0.055 s"), ("longest = 0.004", 1, "a shorter one may help")],
+)
+def test_exit_status_of_steps_that_are_not_done(files, tmp_path, cotrack, parameters, status, said):
+    text = f"""title = "One FMU"
+assembly = "fmus"
+run = {{ stop = "0.1 s", step = "10 ms" }}
+fmu.a = {{ file = "{files["a"]}", parameters = {{ {parameters} }} }}
+"""
+    (tmp_path / "one.toml").write_text(text)
+    given, out, err = cotrack("run", "one.toml", "-o", "one.mcap")
+    assert (given, said in out + err) == (status, True), out + err
+    assert cotrack("log", "verify", "one.mcap")[0] == 0

@@ -1,0 +1,186 @@
+"""A vehicle on a terrain: slopes and maps against the plane, waves, half rounds, steps and gaps against their geometry."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from vehicle_in_process import InProcess
+
+from fmus.ground import heights
+from orchestrator.execution.simulate import simulate
+from orchestrator.scene.scene import load
+
+STEPS = ("run.step=1 ms", "track.step=1 ms", "track.link_outputs=false")
+HALF = (*STEPS, "symmetric=true")
+MOVES = ("drive.ramp_start=0", "drive.ramp_time=0.3 s", "drive.speed=2")
+SAME_FRICTION = "ground.friction=[{x=[-100, 100], factor=1}]"  # makes a slope a terrain
+STATE = [f"chassis.{vector}.{axis}" for vector in ("position", "velocity", "angular_velocity") for axis in "xyz"]
+
+
+def vehicle(*settings, model="rigid"):
+    return InProcess(load("straight", model, settings))
+
+
+def history(moving, names, duration, every=0.01):
+    """Outputs ``part.name`` (rows, names) after every so many seconds."""
+    parts = [name.split(".", 1) for name in names]
+    rows = []
+    for _ in range(round(duration / every)):
+        moving.run(every)
+        rows.append([moving[part][name] for part, name in parts])
+    return np.array(rows)
+
+
+def moved(*settings, steps=HALF, duration=0.3):
+    chassis = vehicle(*steps, *MOVES, *settings).run(duration)["chassis"]
+    return np.array([chassis[name] for name in STATE])
+
+
+def test_a_plane_of_the_terrain_is_level_ground_with_tilted_gravity():
+    """A slope everywhere is level in the frame of the start; as a terrain it has normals, distances and gradients."""
+    tilted, terrain = moved("ground.grade=0.1"), moved("ground.grade=0.1", SAME_FRICTION)
+    np.testing.assert_allclose(terrain, tilted, atol=1e-9)
+    assert abs(moved("ground.grade=0.1001", SAME_FRICTION) - tilted).max() > 1e-6
+
+
+def test_a_height_map_of_a_plane_is_the_plane():
+    x, grade = np.linspace(-12.0, 12.0, 13), 0.1
+    table = {"heights": np.outer(grade * x, [1, 1, 1]).tolist(), "corner": [-12.0, -4.0], "spacing": [2.0, 4.0]}
+    written = f"ground.heightmap={{heights={json.dumps(table['heights'])}, corner=[-12, -4], spacing=[2, 4]}}"
+    mapped = moved(written, steps=STEPS, duration=0.1)
+    np.testing.assert_allclose(mapped, moved(f"ground.grade={grade}", steps=STEPS, duration=0.1), atol=1e-9)
+
+
+def test_a_crawling_vehicle_follows_waves():
+    """Five equal springs follow the line of least squares through the ground under their wheels."""
+    waves = "ground.washboard={amplitude=0.02, wavelength=4, start=-20}"
+    moving = vehicle(*HALF, waves, "start.position=[6, 0, 0]", "drive.speed=2", "drive.ramp_time=0.5")
+    table, count = moving.scene.ground.model_dump(), len(moving.scene.vehicle.road_wheel.x)
+    wheels = [f"chassis.left.road_wheel[{i}].position.x" for i in range(1, count + 1)]
+    moving.run(1.2)
+    rows = history(moving, ["chassis.pitch", "chassis.chassis.position.z", *wheels], 8.25)  # one wave
+
+    def gains(table):
+        """Motion of the hull over that of the line."""
+        x = rows[:, 2:]
+        h, arm = heights(table, x, 0.0), x - x.mean(axis=1, keepdims=True)
+        slope = (arm * h).sum(axis=1) / (arm * arm).sum(axis=1)
+        return -np.polyfit(slope, rows[:, 0], 1)[0], np.polyfit(h.mean(axis=1), rows[:, 1], 1)[0]
+
+    assert gains(table) == pytest.approx((1.0, 1.0), abs=0.08)  # tracks carry a little; links that pass shake the hull
+    shifted = table | {"washboard": table["washboard"] | {"start": -19.5}}
+    assert max(gains(shifted)) < 0.9
+
+
+def test_the_centre_of_a_bare_wheel_follows_an_arc_over_a_half_round():
+    """Pushed without friction, the front wheels rise on it and slide back: less what their weight presses them in."""
+    a, place, stiffness = 0.05, -0.4, 2e7
+    moving = vehicle(
+        "run.step=1 ms", "tracks=[]", f"ground.half_round={{x=[{place}], radius={a}}}",
+        "vehicle.contact.ground.friction=0", f"vehicle.contact.ground.stiffness={stiffness}",
+    )  # fmt: skip
+    wheel, chassis = moving.scene.vehicle.road_wheel, moving["chassis"]
+    level = wheel.z - wheel.radius - 2.0 * moving.scene.vehicle.track.face
+    for side in ("left", "right"):
+        chassis.u[chassis.inputs.index(f"{side}.sprocket.force.x")] = 4e3
+    x, z = history(moving, [f"chassis.left.road_wheel[1].position.{axis}" for axis in "xz"], 1.5).T
+    reach = wheel.radius + a
+    over = abs(x - place) < 0.5 * reach
+    assert over.sum() > 50
+    assert np.ptp(z[over]) > 0.01
+    gap = np.hypot(x[over] - place, z[over] - level) - reach
+    assert (-35e3 / stiffness < gap).all()  # its largest load
+    assert (gap < -3e3 / stiffness).all()
+
+
+def test_a_seed_is_one_ground():
+    rough = "ground.rough={iso_class='F', correlated=true, start=-8, seed=%d}"
+    first, again, other = (moved(rough % seed, duration=0.1) for seed in (1, 1, 2))
+    assert first.tobytes() == again.tobytes()
+    assert abs(other - first).max() > 1e-4
+
+
+# Limits at a friction of 1, crawling. The centre of mass, 0.578 m over the ground, is over the edge of a step before the
+# vehicle tips: up to 0.543 m while it stands on its last wheels, up to 1.04 m while it stands on its idlers. A gap is crossed
+# without tipping up to 1.33 m, from the last wheels to the centre of mass, and not beyond 1.99 m, from the idlers.
+STEP, GAP = (0.543, 1.04), (1.33, 1.99)
+SLOWLY = ("vehicle.contact.ground.friction=1", "drive.speed=3", "run.stop=10 s", "track.link_outputs=false")
+BEYOND = 3.5  # m: the hull's place when it has passed
+PLACE, PITCH, BELLY = "chassis.chassis.position.x", "chassis.pitch", "chassis.ground.force.z"
+
+
+def crossing(scene, setting, duration=9.0):
+    """Place at the end, and least and largest pitch and force on the belly, of a vehicle that tries to cross."""
+    moving = InProcess(load(scene, "rigid", (*SLOWLY, setting)))
+    rows = history(moving, [PLACE, PITCH, BELLY], duration, 0.02)
+    return rows[-1, 0], rows[:, 1], rows[:, 2].max()
+
+
+@pytest.mark.study
+@pytest.mark.parametrize(("rise", "passes"), [(0.9 * STEP[0], True), (0.9 * STEP[1], True), (1.1 * STEP[1], False)])
+def test_the_largest_step(rise, passes):
+    place, pitch, _ = crossing("step", f"ground.step={{x=[1], rise={rise}}}")
+    assert (place > BEYOND) == passes
+    assert place > BEYOND or place < -1.0  # on it, or standing before it
+    assert (pitch.min() < -0.5 * rise) == passes
+    assert abs(pitch[-1]) < 0.05
+
+
+@pytest.mark.study
+@pytest.mark.parametrize(("width", "tips"), [(0.9 * GAP[0], False), (1.1 * GAP[0], False), (1.1 * GAP[1], True)])
+def test_the_largest_gap(width, tips):
+    """Beyond the limit the vehicle tips until its belly is on the edge; friction and its long tracks still pull it out."""
+    place, pitch, belly = crossing("trench", f"ground.trench={{start=1, width={width}, depth=1}}")
+    assert place > BEYOND
+    assert (belly > 0.0) == tips
+    assert (pitch.max() > 0.15) == tips
+
+
+@pytest.mark.study
+def test_a_gap_that_is_too_wide():
+    place, pitch, _ = crossing("trench", "ground.trench={start=1, width=3.4, depth=1}")
+    assert place < BEYOND
+    assert pitch.max() > 0.4
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("ground", ["half_round", "step"])
+def test_energy_over_obstacles_closes_as_the_steps_fall(ground, tmp_path):
+    residuals = []
+    for h in ("1 ms", "0.5 ms"):
+        settings = ("run.stop=4 s", f"run.step={h}", f"track.step={h}")
+        result = simulate(load(ground, "rigid", settings), tmp_path / f"{h}.mcap")
+        residuals.append(abs(result["energy"]["residual_relative"]))
+    assert residuals[0] < 0.004
+    assert 1.5 < residuals[0] / residuals[1] < 4.0
+
+
+@pytest.mark.long
+def test_a_step_that_is_too_high_ends_standing(tmp_path):
+    """The run is well: status ok, closed energy, the vehicle before the wall on spinning tracks."""
+    result = simulate(load("step", "rigid", ("ground.step={x=[1], rise=1.2}", "run.stop=5 s")), tmp_path / "log.mcap")
+    assert (result["status"], result["message"]) == ("ok", "")
+    assert result["observables"]["speed"] < 0.05
+    assert abs(result["energy"]["residual_relative"]) < 0.01
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("grade", "friction"), [(0.2, 0.3), (0.4, 0.7)])
+def test_a_climb_takes_the_weight_along_the_slope(grade, friction, tmp_path):
+    settings = (f"ground.grade={grade}", f"vehicle.contact.ground.friction={friction}")
+    result = simulate(load("climb", "rigid", settings), tmp_path / "log.mcap")
+    weight, sine = result["observables"]["weight"], grade / np.hypot(1.0, grade)
+    measured = result["checks"]["uphill"]["value"]
+    assert measured == pytest.approx(weight * sine, rel=0.005)
+    assert measured != pytest.approx(weight * grade, rel=0.005)  # twin
+    losses = result["checks"]["torque"]["value"] - 0.5 * weight * sine * 0.242552
+    assert 200.0 < losses < 450.0
+
+
+@pytest.mark.long
+def test_a_grade_too_steep_for_the_friction_is_not_climbed(tmp_path):
+    result = simulate(load("climb", "rigid", ("ground.grade=0.32", "run.stop=4 s")), tmp_path / "log.mcap")
+    assert result["status"] == "ok"
+    assert result["observables"]["distance"] < -0.5
