@@ -27,16 +27,10 @@ from fmus.physics.contact.terrain.washboard import Washboard
 from fmus.roughness import rough_ground
 from fmus.start import FRAME, StartPose, lay_frame
 
-KEYS = ("grade", "bank", "step", "half_round", "washboard", "rough", "heightmap", "trench", "kerb", "friction")
 HERE = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)  # frame of a component that is that of the ground
 BLEND = 0.5  # m: between the tracks of a vehicle
 
 Table = Mapping[str, Any]
-
-
-def needs_terrain(ground: Table) -> bool:
-    """Whether a ground has more than a level and a bump."""
-    return any(ground.get(key) for key in KEYS)
 
 
 def terrain(ground: Table) -> Terrain:

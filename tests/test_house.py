@@ -56,9 +56,9 @@ GENERIC = [
     "execution/replays.py",
 ]
 DOORS = {
-    "fmus.ahead", "fmus.build", "fmus.cache", "fmus.defaults", "fmus.equilibrium", "fmus.ground", "fmus.link_outputs",
-    "fmus.loaded", "fmus.vehicle", "fmus.ports", "fmus.ranges", "fmus.saved", "fmus.sides", "fmus.soils",
-    "fmus.stance", "fmus.standing", "fmus.tensioning", "fmus.track_choices", "fmus.monolith.model",
+    "fmus.ahead", "fmus.build", "fmus.cache", "fmus.defaults", "fmus.equilibrium", "fmus.ground", "fmus.ground_keys",
+    "fmus.link_outputs", "fmus.loaded", "fmus.vehicle", "fmus.ports", "fmus.ranges", "fmus.saved", "fmus.sides",
+    "fmus.soils", "fmus.stance", "fmus.standing", "fmus.tensioning", "fmus.track_choices", "fmus.monolith.model",
     "fmus.native.pack",
 }  # fmt: skip
 PROOF = ROOT / "tests"

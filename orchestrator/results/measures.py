@@ -9,9 +9,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from fmus.ground_keys import is_plane
 from fmus.sides import of_side
 from orchestrator.results import turning
 from orchestrator.results.energy import drift, ledger, ports
+from orchestrator.results.ground_axes import component, ground_axes, pose_signals
+from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.run_data import (
     BLOCK,
     EVER,
@@ -245,22 +248,28 @@ def speed_excess(run: RunData, of: str, window: Window) -> float:
 def settlement_of_springs(run: RunData, of: str, window: Window) -> float:
     """Share of the springs in the settlement: mean rise of the road wheels in the hull, m.
 
-    The rise counts from the drawn position.
+    The rise counts from the drawn position, along the normal of the ground under the vehicle.
     """
     wheels = [
-        f"chassis.{side}.road_wheel[{i}].position.z"
+        f"chassis.{side}.road_wheel[{i}].position"
         for side in run.sides
         for i in range(1, len(run.scene["vehicle"]["road_wheel"]["x"]) + 1)
     ]
-    hull = "chassis.chassis.position.z"
-    t, height = run.signal(hull, window)
-    rise = np.mean([run.signal(wheel, window)[1] - height for wheel in wheels], axis=0)
+    t, _ = run.signal("chassis.yaw", window)
+    place, *above = (_vector(run, name, window) for name in ("chassis.chassis.position", *wheels))
+    up = ground_axes(run, np.stack([run.signal(name, window)[1] for name in pose_signals(run)], axis=1)).up
+    rise = np.mean([component(wheel - place, up) for wheel in above], axis=0)
     vehicle = run.scene["vehicle"]
     return mean(t, rise) - (vehicle["road_wheel"]["z"] - vehicle["chassis"]["centre"][2])
 
 
 def settlement_of_contacts(run: RunData, of: str, window: Window) -> float:
-    """Share of the contacts in the settlement: wheels into the chain, chain into the ground, m."""
+    """Share of the contacts in the settlement: wheels into the chain, chain into the ground, m.
+
+    Raises Missing on uneven ground: settlement counts from the ground at the start.
+    """
+    if on_terrain(run.scene) and not is_plane(run.scene["ground"]):
+        raise Missing("settlement_of_contacts is not known on uneven ground: settlement counts from that of the start")
     return run.mean("chassis.settlement", window) - settlement_of_springs(run, of, window)
 
 
@@ -322,6 +331,10 @@ def energy_drift(run: RunData, of: str, window: Window) -> float:
 
 
 # --- helpers ---------------------------------------------------------------------------------------
+
+
+def _vector(run: RunData, name: str, window: Window) -> Floats:
+    return np.stack([run.signal(f"{name}.{axis}", window)[1] for axis in "xyz"], axis=1)
 
 
 def _run_tension(run: RunData, of: str, window: Window, where: str) -> float:

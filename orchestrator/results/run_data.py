@@ -13,6 +13,7 @@ from orchestrator.log.reader import Log
 from orchestrator.log.recorded_system import system_of
 from orchestrator.log.time_series import Floats, Series
 from orchestrator.results import link_columns
+from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.link_columns import POSITION, TENSION
 from orchestrator.results.rotation import body_axis
 
@@ -42,7 +43,7 @@ class Links(NamedTuple):
 
     t: Floats  # (m,)
     forward: Floats  # (m, pins) m, from the sprocket axle towards the front of the vehicle
-    up: Floats  # (m, pins) m, upwards from the sprocket axle
+    up: Floats  # (m, pins) m, upwards from the sprocket axle; on a terrain along the hull's own upward axis
     tension: Floats  # (m, links) N
 
 
@@ -198,9 +199,19 @@ class RunData:
                 raise Missing(f"the log has no '{track}.{signal}'")
         series = self._read(topic, [*pins.flat, *links], window)
         position, tension = np.split(series.values, [pins.size], axis=1)
-        origin, ahead = self.sprocket_axle(track, series.t, window)
+        upright = self._upright(series.t, window)
+        origin, ahead = self.sprocket_axle(track, series.t, window, upright)
         offset = position.reshape(-1, *pins.shape) - origin[:, None, :]
-        return Links(series.t, np.einsum("mpi,mi->mp", offset, ahead), offset[..., 2], tension)
+        up = offset[..., 2] if upright is None else np.einsum("mpi,mi->mp", offset, upright)
+        return Links(series.t, np.einsum("mpi,mi->mp", offset, ahead), up, tension)
+
+    def _upright(self, t: Floats, window: Window | None) -> Floats | None:
+        """Upward axis (m, 3) of the hull on a terrain; None elsewhere, where the vertical takes its place."""
+        if not (on_terrain(self.scene) and self.has("chassis.chassis.orientation.w")):
+            return None
+        early_window = window and window._replace(start=window.start - LONGEST_STEP)
+        times, q = self.vectors("chassis", "out", "chassis.orientation", "wxyz", early_window)
+        return body_axis(q[np.clip(np.searchsorted(times, t + 1e-9) - 1, 0, len(times) - 1)], 2)
 
     def vector_at(self, instance: str, topic: str, prefix: str, t: float, parts: str = "xyz") -> Floats:
         """Values of ``prefix.{parts}`` in the last message by time t, or in the first one; raises Missing."""
@@ -210,13 +221,15 @@ class RunData:
                 return values[max(int(np.searchsorted(times, t + 1e-9)) - 1, 0)]
         raise Missing(f"the log holds no step of '{instance}'")
 
-    def sprocket_axle(self, track: str, t: Floats, window: Window | None = None) -> tuple[Floats, Floats]:
-        """Position of the sprocket axle and horizontal unit vector ahead, (m, 3) each."""
+    def sprocket_axle(
+        self, track: str, t: Floats, window: Window | None = None, upright: Floats | None = None
+    ) -> tuple[Floats, Floats]:
+        """Position of the sprocket axle and unit vector ahead, (m, 3) each, horizontal or normal to ``upright``."""
         early_window = window and window._replace(start=window.start - LONGEST_STEP)
         try:
             times, position = self.vectors(track, "in", "sprocket.position", window=early_window)
             if early_window and window != EVER and len(t) and not (len(times) and times[0] <= t[0] + 1e-9):
-                return self.sprocket_axle(track, t, EVER)
+                return self.sprocket_axle(track, t, EVER, upright)
             _, q = self.vectors(track, "in", "sprocket.orientation", "wxyz", early_window)
         except LookupError:
             start = self.scene["start"]
@@ -226,8 +239,11 @@ class RunData:
             raise Missing(f"the log holds no step of '{track}'")
         rows = np.searchsorted(times, t + 1e-9) - 1  # input at t; at the end of the run, the last one
         rows = np.clip(rows, 0, len(times) - 1)
-        axis_x, axis_y, _ = body_axis(q[rows], 1).T  # spin axis, body y in world
-        ahead = np.stack([axis_y, -axis_x, np.zeros_like(axis_x)], axis=-1)  # spin axis x vertical
+        axle = body_axis(q[rows], 1)  # spin axis, body y in world
+        if upright is None:
+            ahead = np.stack([axle[:, 1], -axle[:, 0], np.zeros(len(axle))], axis=-1)  # spin axis x vertical
+        else:
+            ahead = np.cross(axle, upright)
         return position[rows], ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
 
 

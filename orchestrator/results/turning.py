@@ -1,13 +1,15 @@
 """Measures of turns: rates, path, forces and power by side, means over a window.
 
 Left turns and vectors to the left are positive. The vehicle's position is the centre of mass of its hull; its axes
-are ahead and left in the horizontal plane. ``of`` is a side ("left", "right"), or empty.
+are ahead and left along the ground under it (``ground_axes.py``). ``of`` is a side ("left", "right"), or empty.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from orchestrator.results.ground_axes import component, ground_axes, pose_signals
+from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.run_data import Floats, Missing, RunData, Window, mean
 
 SIGN = {"left": -1.0, "right": 1.0}  # of the yaw moment of a forward force
@@ -15,12 +17,12 @@ SLOWEST = 1e-4  # rad/s: a slower turn has no radius
 
 
 def yaw_rate(run: RunData, of: str, window: Window) -> float:
-    """Mean rate of the heading, rad/s; its signal, chassis.chassis.angular_velocity.z, has every step."""
+    """Mean rate about the vertical, rad/s; its signal, chassis.chassis.angular_velocity.z, has every step."""
     return run.mean("chassis.chassis.angular_velocity.z", window)
 
 
 def turn_radius(run: RunData, of: str, window: Window) -> float:
-    """Horizontal speed over the rate of the heading, m."""
+    """Speed along the ground over the rate of turning about its normal, m."""
     t, ahead, left = _velocity(run, window)
     return mean(t, np.hypot(ahead, left)) / abs(_turning(run, window))
 
@@ -44,7 +46,7 @@ def track_slip(run: RunData, of: str, window: Window) -> float:
 def propulsion(run: RunData, of: str, window: Window) -> float:
     """Force of the ground on a side's track, along the vehicle, N."""
     track = _track(run, of)
-    t, forward, _ = _ahead(run, (f"{track}.ground.force.x", f"{track}.ground.force.y"), window)
+    t, forward, _ = _ahead(run, f"{track}.ground.force", window)
     return mean(t, forward)
 
 
@@ -84,8 +86,11 @@ def path_error(run: RunData, of: str, window: Window) -> float:
 
 
 def _turning(run: RunData, window: Window) -> float:
-    """Yaw rate; raises Missing if it is too small to divide by."""
+    """Rate of turning about the normal of the ground; raises Missing if it is too small to divide by."""
     rate = yaw_rate(run, "", window)
+    if on_terrain(run.scene):
+        t, turning, pose = _vectors(run, "chassis.chassis.angular_velocity", window)
+        rate = mean(t, component(turning, ground_axes(run, pose).up))
     if abs(rate) < SLOWEST:
         raise Missing("the vehicle does not turn")
     return rate
@@ -93,13 +98,22 @@ def _turning(run: RunData, window: Window) -> float:
 
 def _velocity(run: RunData, window: Window) -> tuple[Floats, Floats, Floats]:
     """Times, and velocity ahead and to the left."""
-    return _ahead(run, ("chassis.chassis.velocity.x", "chassis.chassis.velocity.y"), window)
+    return _ahead(run, "chassis.chassis.velocity", window)
 
 
-def _ahead(run: RunData, names: tuple[str, str], window: Window) -> tuple[Floats, Floats, Floats]:
-    """Times, and components ahead and to the left of a horizontal vector in world axes."""
-    (t, x), (_, y), (_, yaw) = (run.signal(name, window) for name in (*names, "chassis.yaw"))
-    return t, x * np.cos(yaw) + y * np.sin(yaw), y * np.cos(yaw) - x * np.sin(yaw)
+def _ahead(run: RunData, name: str, window: Window) -> tuple[Floats, Floats, Floats]:
+    """Times, and components ahead and to the left, along the ground, of a vector in world axes."""
+    t, vectors, pose = _vectors(run, name, window)
+    axes = ground_axes(run, pose)
+    return t, component(vectors, axes.ahead), component(vectors, axes.left)
+
+
+def _vectors(run: RunData, name: str, window: Window) -> tuple[Floats, Floats, Floats]:
+    """Times, a vector (m, 3) in world axes, and the values of ``pose_signals``."""
+    names = [*(f"{name}.{axis}" for axis in "xyz"), *pose_signals(run)]
+    t, _ = run.signal(names[0], window)
+    values = np.stack([run.signal(each, window)[1] for each in names], axis=1)
+    return t, values[:, :3], values[:, 3:]
 
 
 def _track(run: RunData, of: str) -> str:

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fmus.ground_keys import is_plane, is_terrain
+
 NOTHING = 1e-12  # rounding errors of heights and slopes, m
 EVEN = 1e-9  # largest distance of the ground from a plane that counts as one, m
-SLOPES = ("grade", "bank")
-SHAPES = ("step", "half_round", "washboard", "rough", "heightmap", "trench", "kerb", "friction")
 
 
 class Footing(NamedTuple):
@@ -48,13 +48,3 @@ def footing(
     plane[abs(plane) < NOTHING] = 0.0
     rise, ahead, left = plane.tolist()
     return Footing(rise, ahead, left, bool(abs(h - design @ plane).max() > EVEN), False)
-
-
-def is_terrain(ground: Mapping[str, Any]) -> bool:
-    """Whether the ground is neither level nor level with a bump."""
-    return any(ground.get(key) for key in (*SLOPES, *SHAPES))
-
-
-def is_plane(ground: Mapping[str, Any]) -> bool:
-    """Whether the ground is a slope everywhere, and nothing else."""
-    return ground.get("incline_start") is None and not any(ground.get(key) for key in (*SHAPES, "bump"))

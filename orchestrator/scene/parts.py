@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from fmus.equilibrium import upright_stance
+from fmus.ground_keys import is_plane, is_terrain
 from fmus.link_outputs import INTERVAL
 from fmus.ports import motion_ports, wrench_ports
 from fmus.stance import Stance
@@ -15,7 +16,7 @@ from fmus.vehicle import ReturnRollerTable, RoadWheelTable
 from orchestrator.cosim.graph import Connection
 from orchestrator.scene.drive_tables import DriverTable, DriveTable
 from orchestrator.scene.fmu_table import FmuTable
-from orchestrator.scene.footing import Footing, footing, is_plane, is_terrain
+from orchestrator.scene.footing import Footing, footing
 from orchestrator.scene.scene import RigScene, Scene, VehicleScene
 from orchestrator.scene.start_tables import VehicleStartTable
 from orchestrator.scene.values import Side

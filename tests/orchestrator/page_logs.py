@@ -9,7 +9,7 @@ from orchestrator.execution.reported import _judge
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
-from orchestrator.results.ground_profile import ground
+from orchestrator.results.ground_surface import ground
 from orchestrator.results.page.document import document
 from orchestrator.results.page.evaluation import evaluate
 from orchestrator.results.run_data import RunData

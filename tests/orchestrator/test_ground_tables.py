@@ -9,7 +9,8 @@ import pytest
 from matplotlib import image
 from PIL import Image
 
-from fmus.ground import heights, needs_terrain, terrain
+from fmus.ground import heights, terrain
+from fmus.ground_keys import is_terrain
 from fmus.vehicle import BadInput
 from orchestrator.scene.ground_tables import GroundTable
 from orchestrator.scene.height_files import read
@@ -32,13 +33,13 @@ def test_units_and_defaults_and_the_way_to_a_terrain():
     scene = load("straight", "rigid", ALL)
     ground = scene.ground.model_dump()
     assert (ground["grade"], ground["bank"], ground["step"]["rise"]) == (pytest.approx(0.2), -0.1, pytest.approx(0.2))
-    assert needs_terrain(ground)
+    assert is_terrain(ground)
     assert heights(ground, [-4.0, 0.0, 0.9], [0.0, 1.0, -1.2]) == pytest.approx(np.zeros(3))
     shape = terrain(ground)
     assert shape.plane[:3] == (pytest.approx(0.2), -0.1, 2.0)
     assert shape.washboard.phase == pytest.approx(np.pi / 2.0)
     assert (shape.kerb.start, shape.rough.start, shape.heightmap.start) == (2.0, 1.0, 1.0)
-    assert not needs_terrain(GroundTable().model_dump())
+    assert not is_terrain(GroundTable().model_dump())
     assert load("straight", "rigid").resolved()["ground"] == {"hull": False}
 
 

@@ -7,12 +7,12 @@ import pytest
 from packed import unpacked
 from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
-from view_logs import STEP, bodies_of, driven_log, hanging_log, stretched
+from view_logs import STEP, bodies_of, decoded, driven_log, hanging_log, stretched
 
 from fmus.physics.contact.guide import HORN
 from fmus.vehicle import BadInput, read_table, vehicle
 from orchestrator.log.reader import Log
-from orchestrator.results.ground_profile import ground
+from orchestrator.results.ground_surface import ground
 from orchestrator.results.page import player
 from orchestrator.results.rotation import matrices, quaternions
 from orchestrator.results.run_data import RunData
@@ -378,23 +378,6 @@ def test_foxglove_places_a_link_and_a_tooth_where_they_were(driven, marked, tmp_
     shape = next(each for each in messages["/shapes"][0].entities if each.id == "left_track/sprocket").triangles[0]
     turn = Rotation.from_quat(numbers(frame.rotation, "xyzw"))
     assert missed(marked[2:], numbers(frame.translation) + turn.apply([numbers(p) for p in shape.points])) < 1e-9
-
-
-def decoded(path, topic):
-    """Messages of a topic, decoded by the schema in the file."""
-    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
-    from mcap.reader import make_reader
-
-    messages = []
-    with path.open("rb") as file:
-        for schema, _, message in make_reader(file).iter_messages(topic):
-            files = descriptor_pb2.FileDescriptorSet.FromString(schema.data)
-            pool = descriptor_pool.DescriptorPool()
-            for each in files.file:
-                pool.Add(each)
-            kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
-            messages.append(kind.FromString(message.data))
-    return messages
 
 
 def test_the_outline_of_a_sprocket_has_its_teeth_and_a_seat_ahead():

@@ -1,4 +1,4 @@
-"""Two short runs for tests of views: a vehicle on a bump, and an open chain."""
+"""Short runs for tests of views: a vehicle on a bump, one on a terrain, and an open chain; files of Foxglove."""
 
 import numpy as np
 
@@ -22,6 +22,18 @@ def driven_log(tmp_path_factory):
         "ground.bump={start=-2.4, rise=0.01, slope=0.1, length=0.5, radius=0.02}",
     )  # fmt: skip
     simulate(load("straight", "flexible", settings), path)
+    return path
+
+
+def terrain_log(tmp_path_factory):
+    """Log of a vehicle of rigid links that falls on a slope, banked, with a half round under its wheels."""
+    path = tmp_path_factory.mktemp("views") / "terrain.mcap"
+    settings = (
+        "run.stop=0.02", f"run.step={STEP}", "run.links=1", "expect={}", f"track.link_outputs={SHOWN}",
+        "start.state=drawn", "start.heading=0.4", "start.position=[1.0, -2.0, 0.3]", "ground.grade=0.2",
+        "ground.bank=-0.1", "ground.half_round={x=[-1.0], radius=0.05}",
+    )  # fmt: skip
+    simulate(load("straight", "rigid", settings), path)
     return path
 
 
@@ -56,3 +68,20 @@ def stretched(log, path, times, blown=None):
                 recorder.write("/chain/links", k, float(t), 0.1, links.values[0] + way * x)
             recorder.close("ok", "", len(times))
     return path
+
+
+def decoded(path, topic):
+    """Messages of a topic, decoded by the schema in the file."""
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+    from mcap.reader import make_reader
+
+    messages = []
+    with path.open("rb") as file:
+        for schema, _, message in make_reader(file).iter_messages(topic):
+            files = descriptor_pb2.FileDescriptorSet.FromString(schema.data)
+            pool = descriptor_pool.DescriptorPool()
+            for each in files.file:
+                pool.Add(each)
+            kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
+            messages.append(kind.FromString(message.data))
+    return messages

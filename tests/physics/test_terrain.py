@@ -8,7 +8,8 @@ from contact_parts import LAW
 from pressed import PointContact, soil
 from scipy.optimize import minimize
 
-from fmus.ground import heights, needs_terrain, terrain
+from fmus.ground import heights, terrain
+from fmus.ground_keys import is_terrain
 from fmus.physics.contact import grounds
 from fmus.physics.contact.ground import bumpy_ground
 from fmus.physics.contact.hunt_crossley import HuntCrossley
@@ -317,8 +318,8 @@ def test_profiles_are_smooth_chains():
 
 
 def test_a_level_or_a_bump_needs_no_terrain():
-    assert not needs_terrain({"hull": True, "bump": PRIMITIVES["bump"]["bump"], "grade": 0.0, "friction": None})
-    assert all(needs_terrain(ground) for name, ground in GROUNDS.items() if name != "bump")
+    assert not is_terrain({"hull": True, "bump": PRIMITIVES["bump"]["bump"], "grade": 0.0, "friction": None})
+    assert all(is_terrain(ground) for name, ground in GROUNDS.items() if name != "bump")
 
 
 def grid(function, n=41, m=31, dx=0.1, dy=0.08, corner=(1.0, -1.2)):

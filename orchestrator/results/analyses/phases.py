@@ -24,6 +24,8 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.broken_line import LineFitter, breaks
 from orchestrator.results.energy import without_energies
+from orchestrator.results.ground_axes import pose_signals, split
+from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, record_durations
 from orchestrator.results.table import Table, without_rounding
 
@@ -50,7 +52,7 @@ class Phase(NamedTuple):
     turning: str  # "left", "right" or ""
     start: float  # s
     end: float  # s
-    way: float  # m, of the hull's centre of mass, horizontal
+    way: float  # m, of the hull's centre of mass, along the ground
     speed: float  # m/s, forward, mean
     speed_start: float  # m/s
     speed_end: float  # m/s
@@ -163,6 +165,9 @@ def _found(run: RunData, window: Window) -> Phases:
 def _read(run: RunData, window: Window) -> _Motion:
     """Read the motion up to the last common step or the first non-finite value; raises Missing."""
     names = [f"chassis.{name}" for name in MOTION]
+    if on_terrain(run.scene):
+        names += ["chassis.chassis.velocity.z", *pose_signals(run)[1:]]
+    moving = len(names)
     if lacking := [name for name in names if not run.has(name)]:
         raise Missing(f"{run.log.path} holds no '{lacking[0]}': there are no phases without the motion of a hull")
     names += [f"{track}.{name}" for track in run.tracks for name in ("slip", "tension.max")]
@@ -173,7 +178,7 @@ def _read(run: RunData, window: Window) -> _Motion:
     steps = min(len(t) for t, _ in samples.values())
     t = samples[names[0]][0][:steps]
     values = {name: column[:steps] for name, (_, column) in samples.items()}
-    finite = np.isfinite(t) & np.all([np.isfinite(values[name]) for name in names[: len(MOTION)]], axis=0)
+    finite = np.isfinite(t) & np.all([np.isfinite(values[name]) for name in names[:moving]], axis=0)
     steps = steps if finite.all() else int(finite.argmin())
     if steps < 3:
         raise Missing(f"{run.log.path} holds too few steps for phases")
@@ -326,7 +331,9 @@ def _figures(run: RunData, motion: _Motion, a: int, b: int, speed: str, turn: in
     """Figures of the phase from record a to record b."""
     t, columns = motion.t[a : b + 1], {name: values[a : b + 1] for name, values in motion.columns.items()}
     time, yaw, v = float(t[-1] - t[0]), np.unwrap(columns["chassis.yaw"]), columns["chassis.speed"]
-    way = float(np.trapezoid(np.hypot(columns["chassis.chassis.velocity.x"], columns["chassis.chassis.velocity.y"]), t))
+    velocity = np.stack([columns.get(f"chassis.chassis.velocity.{axis}", np.zeros(len(t))) for axis in "xyz"], axis=1)
+    pose = np.stack([columns[name] for name in pose_signals(run)], axis=1)
+    way = float(np.trapezoid(split(run, velocity, pose)[0], t))
     turned = float(yaw[-1] - yaw[0])
     slip_left, slip_right = (_slip(columns.get(f"{side}_track.slip"), t) for side in ("left", "right"))
     tension, tension_t, tension_track = _largest_tension(run, motion, a + (a > 0), b + 1)

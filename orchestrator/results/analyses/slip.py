@@ -9,6 +9,7 @@ import numpy as np
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull
 from orchestrator.results.analyses.common_steps import common_values
+from orchestrator.results.ground_axes import component, ground_axes, pose_signals
 from orchestrator.results.run_data import EVER, Missing, RunData, Window, mean
 from orchestrator.results.table import Table
 
@@ -16,7 +17,7 @@ SLOWEST = 0.05  # m/s of the chain: at lower speed the slip ratio is meaningless
 
 
 class Slip(NamedTuple):
-    """Slip and forces of each track over time; ground forces in horizontal hull axes."""
+    """Slip and forces of each track over time; ground forces in the axes of the ground under the vehicle."""
 
     tracks: tuple[str, ...]
     t: Floats  # (m,) s
@@ -24,7 +25,7 @@ class Slip(NamedTuple):
     ratio: Floats  # (m, tracks) slip over chain speed; NaN below SLOWEST
     thrust: Floats  # (m, tracks) N, forward ground force
     lateral: Floats  # (m, tracks) N, to the left
-    load: Floats  # (m, tracks) N, up
+    load: Floats  # (m, tracks) N, along the normal of the ground
 
     def series(self) -> Table:
         """Table of all values over time."""
@@ -62,9 +63,14 @@ def of(run: RunData, window: Window = EVER) -> Slip:
         raise Missing(f"{run.log.path} holds no 'chassis.yaw': slip is along the vehicle")
     names = hull.tracks(run)
     parts = ("ground.force.x", "ground.force.y", "ground.force.z", "slip", "speed")
-    signals = ["chassis.yaw", *(f"{name}.{part}" for part in parts for name in names)]
+    signals = [*(f"{name}.{part}" for part in parts for name in names), *pose_signals(run)]
     t, values = common_values(run, signals, window)
-    c, s = np.cos(values[:, :1]), np.sin(values[:, :1])
-    x, y, load, slip, speed = np.split(values[:, 1:], len(parts), axis=1)
+    count = len(parts) * len(names)
+    x, y, z, slip, speed = np.split(values[:, :count], len(parts), axis=1)
+    axes = ground_axes(run, values[:, count:])
+    forces = np.stack([x, y, z], axis=-1)
+    thrust, lateral, load = (
+        np.stack([component(forces[:, k], axis) for k in range(len(names))], axis=1) for axis in axes
+    )
     ratio = np.where(np.abs(speed) > SLOWEST, slip / np.where(speed, speed, 1.0), np.nan)
-    return Slip(names, t, slip, ratio, x * c + y * s, y * c - x * s, load)
+    return Slip(names, t, slip, ratio, thrust, lateral, load)

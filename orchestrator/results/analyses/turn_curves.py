@@ -8,6 +8,7 @@ from orchestrator.results.analyses import hull, slip
 from orchestrator.results.analyses.common_steps import common_values
 from orchestrator.results.analyses.curves import CurveCollector, SignalCurve
 from orchestrator.results.analyses.phases import TURNS
+from orchestrator.results.ground_axes import pose_signals, split
 from orchestrator.results.run_data import EVER, RunData
 from orchestrator.results.thinned import Curve
 from orchestrator.results.turning import SIGN
@@ -16,14 +17,15 @@ YAW_RATE, GROUND_SPEED, MOMENT = "chassis.chassis.angular_velocity.z", "chassis.
 
 
 def of(run: RunData) -> dict[str, SignalCurve]:
-    """Horizontal speed of the hull, thrust of each track, "left_track.thrust", and the steering moment of both.
+    """Speed of the hull along the ground, thrust of each track, "left_track.thrust", and the steering moment of both.
 
     Left turns are positive (``results/turning.py``). Raises Missing without a vehicle on the ground.
     """
     forces = slip.of(run)
-    t, velocity = common_values(run, [f"chassis.chassis.velocity.{axis}" for axis in "xy"], EVER)
+    t, values = common_values(run, [*(f"chassis.chassis.velocity.{axis}" for axis in "xyz"), *pose_signals(run)], EVER)
+    speed, _ = split(run, values[:, :3], values[:, 3:])
     units = {GROUND_SPEED: "m/s", **{f"{track}.thrust": "N" for track in forces.tracks}}
-    columns = [np.hypot(*velocity.T), *forces.thrust.T]
+    columns = [speed, *forces.thrust.T]
     if {f"{side}_track" for side in SIGN} == {*forces.tracks}:
         units[MOMENT] = "N.m"
         signs = [SIGN[track.removesuffix("_track")] for track in forces.tracks]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from fmus.ground_keys import SHAPES, SLOPES
 from orchestrator.results.given_parts import GivenPart, given_parts
+from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.page.checks import skipped_checks
 from orchestrator.results.page.evaluation import Evaluation
 from orchestrator.results.page.words import instance, text
@@ -39,6 +41,7 @@ def setting(evaluation: Evaluation) -> list[tuple[str, str]]:
         ("scene", text(about["scene"]) if "scene" in about else ""),
         *_of_vehicle(evaluation),
         ("links", f"{text(about['track'])} links" if about.get("track") else ""),
+        ("ground", _ground(evaluation.run.scene)),
         ("coupling", text(about.get("coupling", ""))),
         ("step", _step(about)),
         ("step inside the tracks", _inner(evaluation)),
@@ -83,6 +86,15 @@ def _of_vehicle(evaluation: Evaluation) -> list[tuple[str, str]]:
             number(friction) if friction is not None and "ground" in evaluation.run.scene else "",
         ),
     ]
+
+
+def _ground(scene: dict[str, Any]) -> str:
+    """Slopes and names of the shapes of a terrain; HTML."""
+    if not on_terrain(scene):
+        return ""
+    table = scene["ground"]
+    slopes = [f"{key} {percent(table[key])}" for key in SLOPES if isinstance(table.get(key), float) and table[key]]
+    return ", ".join([*slopes, *(key.replace("_", " ") for key in SHAPES if table.get(key))])
 
 
 def _commit(origin: dict[str, str]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orchestrator.results.analyses.curves import SignalCurve
+from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.page.charts import Chart, Trace, lines
 from orchestrator.results.page.evaluation import attempt
 from orchestrator.results.page.section import Content, PageSection, Pair
@@ -24,6 +25,10 @@ SLIP = (
     "Rearward speed of the pads over the ground, weighted by their load. It may be below zero under a driven"
     " vehicle: wheels rock the loaded links forward about their pads, and the hull outruns the pin line."
 )
+SETTLEMENT = {
+    False: "The hull's centre of mass below its drawn place.",
+    True: "The hull's centre of mass below its drawn place, along the normal of the ground at the start.",
+}
 LEAST_WAY = 0.5  # m beside the straight line: a straighter way is not drawn from above
 
 
@@ -40,7 +45,7 @@ def motion(pair: Pair) -> PageSection | None:
         content.add_figure("pitch", chart, "Pitch and roll", "Nose down and right side down are positive.")
     if settled := pair.lines([("chassis.settlement", "settlement")]):
         chart = pair.over_time("down", "mm", [line.scaled_by(1e3) for line in settled])
-        content.add_figure("settlement", chart, "Settlement", "The hull's centre of mass below its drawn place.")
+        content.add_figure("settlement", chart, "Settlement", SETTLEMENT[on_terrain(evaluation.run.scene)])
     if way := _way(pair):
         content.add_figure("way", way, "Way from above", "World axes; the centre of mass of the hull.")
     drawn = pair.lines([(f"{track}.speed", side(track)) for track in evaluation.run.tracks])

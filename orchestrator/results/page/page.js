@@ -233,6 +233,8 @@
     const hull = view.hull && shorts(view.hull), corners = hull ? hull.length / 2 / view.pictures : 0;
     const reference = view.reference && shorts(view.reference.pins);
     const along = view.ground && floats(view.ground.along), speed = view.speed && floats(view.speed);
+    const sections = view.ground?.sections && floats(view.ground.sections), firstOfSection = [0];
+    if (sections) view.ground.counts.forEach((count) => firstOfSection.push(firstOfSection.at(-1) + count));
     const [left, bottom] = view.low, [right, top] = view.high;
     let now = 0, playing = false, began = 0, from = 0, scale = 1, ox = 0, oy = 0, width = 0, height = 0;
     slider.max = view.pictures - 1;
@@ -261,12 +263,23 @@
     };
     const X = (x) => ox + scale * x, Y = (y) => oy - scale * y;
 
+    const sectionAt = (k) => { // of a terrain, in the picture
+      const points = [];
+      for (let i = firstOfSection[k]; i < firstOfSection[k + 1]; i++) points.push([X(sections[2 * i]), Y(sections[2 * i + 1])]);
+      return points;
+    };
+
+    const heightOf = (points, x) => {
+      const k = Math.min(Math.max(points.findIndex(([px]) => px >= x), 1), points.length - 1);
+      const [[ax, ay], [bx, by]] = [points[k - 1], points[k]];
+      return ay + (by - ay) * (x - ax) / (bx - ax);
+    };
+
     const soil = (k) => {
-      const shift = along[k], points = view.ground.corners.map(([a, z]) => [X(a - shift), Y(z)]);
+      const shift = along[k], corners = () => view.ground.corners.map(([a, z]) => [X(a - shift), Y(z)]);
+      const points = sections ? sectionAt(k) : [[0, Y(0)], ...corners(), [width, Y(0)]];
       pen.beginPath();
-      pen.moveTo(0, Y(0));
       points.forEach(([x, y]) => pen.lineTo(x, y));
-      pen.lineTo(width, Y(0));
       pen.lineTo(width, height);
       pen.lineTo(0, height);
       pen.closePath();
@@ -276,15 +289,14 @@
       pen.lineWidth = 1;
       const first = Math.ceil((0 - ox) / scale + shift), last = Math.floor((width - ox) / scale + shift);
       for (let mark = first; mark <= last; mark++) {
+        const x = X(mark - shift), y = sections ? heightOf(points, x) + 0.02 * scale : Y(-0.02);
         pen.beginPath();
-        pen.moveTo(X(mark - shift), Y(-0.02));
-        pen.lineTo(X(mark - shift), Y(-0.02) + 8);
+        pen.moveTo(x, y);
+        pen.lineTo(x, y + 8);
         pen.stroke();
       }
       pen.beginPath();
-      pen.moveTo(0, Y(0));
       points.forEach(([x, y]) => pen.lineTo(x, y));
-      pen.lineTo(width, Y(0));
       pen.stroke();
     };
 

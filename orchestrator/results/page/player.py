@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.log.time_series import Floats
+from orchestrator.results.ground_surface import GroundSurface
 from orchestrator.results.page.above import above
 from orchestrator.results.page.embedded import floats, shorts
 from orchestrator.results.rotation import body_axis, matrices
@@ -14,13 +15,15 @@ from orchestrator.results.run_data import RunData
 from orchestrator.results.views.bodies import EVERY, Bodies, BodyPose, Poses
 from orchestrator.results.views.colours import PART
 from orchestrator.results.views.pose_columns import nearest
-from orchestrator.results.views.projected import Camera, side_camera
+from orchestrator.results.views.projected import Camera, section, side_camera
 from orchestrator.results.views.shapes import DRAWN, HullBody, LinkPart, in_world
 
 RATE = 25.0  # pictures a second at most
 MOST = 500  # pictures in all
 UNIT = 5e-4  # m: unit of places, which are integers of two bytes, up to 16 m
 MARGIN = 0.15  # m round the drawn bodies
+CORNERS = 200  # of the section of a terrain in a picture at most
+WIDEST = 4.0  # width over height of a picture at most
 ABOVE = 0.4  # m over the chain at most: hulls are high
 
 
@@ -73,7 +76,7 @@ def player(run: RunData, track: str, reference: RunData | None = None, turns: bo
             for wheel in bodies.wheels
         ],
         "hull": None if hull is None else shorts(hull, UNIT),
-        "ground": _ground(bodies, cameras),
+        "ground": _ground(bodies, cameras, low, high),
         "speed": None if speeds is None else floats(np.interp(poses.t, bodies.t, speeds)),
         "above": above(run, poses.t) if turns else None,
         "reference": _chain(reference, track, poses.t) if reference else None,
@@ -99,10 +102,14 @@ def _chain(run: RunData, track: str, t: Floats) -> dict[str, Any]:
 
 
 def _cameras(bodies: Bodies, poses: Poses, track: str) -> list[Camera]:
-    """Cameras to the right of the track at each instant, at the level of the ground or of the first axle."""
+    """Cameras to the right of the track at each instant, at the height of the ground or of the first axle."""
     cameras = [side_camera(bodies, poses, k, track) for k in range(len(poses.t))]
-    level = float(cameras[0].centre[2]) if bodies.ground is None else bodies.ground.level
-    return [camera._replace(centre=np.array([*camera.centre[:2], level])) for camera in cameras]
+    first = float(cameras[0].centre[2])
+    levels = [first if bodies.ground is None else bodies.height_of_ground(poses, k) for k in range(len(poses.t))]
+    return [
+        camera._replace(centre=np.array([*camera.centre[:2], level]))
+        for camera, level in zip(cameras, levels, strict=True)
+    ]
 
 
 def _projected(cameras: list[Camera], places: Floats) -> Floats:
@@ -126,8 +133,11 @@ def _hull(cameras: list[Camera], hull: HullBody, pose: BodyPose) -> Floats:
     return _projected(cameras, in_world(outline, pose.position, matrices(pose.orientation)))
 
 
-def _ground(bodies: Bodies, cameras: list[Camera]) -> dict[str, Any] | None:
-    """Corners of a bump above the level, and way of the middle of each picture along it, m; None without ground."""
+def _ground(bodies: Bodies, cameras: list[Camera], low: Floats, high: Floats) -> dict[str, Any] | None:
+    """Corners of a bump above the level, and way of the middle of each picture along it, m; None without ground.
+
+    A terrain has its section in each picture instead, beyond the limits ``low`` and ``high`` (2,) of the bodies.
+    """
     profile = bodies.ground
     if profile is None:
         return None
@@ -140,4 +150,13 @@ def _ground(bodies: Bodies, cameras: list[Camera]) -> dict[str, Any] | None:
         )
         along = np.concatenate([[0.0], np.cumsum(way)])
     corners = np.stack([profile.along, profile.height - profile.level], axis=1)
-    return {"corners": corners.tolist(), "along": floats(along)}
+    sections = _sections(profile, cameras, low, high) if profile.terrain else {}
+    return {"corners": corners.tolist(), "along": floats(along), **sections}
+
+
+def _sections(profile: GroundSurface, cameras: list[Camera], low: Floats, high: Floats) -> dict[str, Any]:
+    """Sections of a terrain, in one table of corners (n, 2), m, with the number of corners in each picture."""
+    room = 0.5 * max(high[0] - low[0], WIDEST * (high[1] - low[1]))
+    at = 0.5 * (low[0] + high[0])
+    lines = [section(camera, profile, at - room, at + room, most=CORNERS)[0] for camera in cameras]
+    return {"sections": floats(np.concatenate(lines)), "counts": [len(line) for line in lines]}

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from orchestrator.results.analyses import hull
+from orchestrator.results.ground_axes import POSE, split
+from orchestrator.results.ground_surface import on_terrain
 from orchestrator.results.run_data import Missing, RunData, mean
 from orchestrator.results.validity import limits
 from orchestrator.results.validity.exceedance import WARNING, Exceedance
@@ -19,8 +21,9 @@ YAW = "chassis.chassis.angular_velocity.z"
 
 
 def signals(run: RunData) -> Iterator[str]:
-    """Signals: slip and ground force, sprocket speeds, yaw rate of the hull."""
+    """Signals: slip and ground force, sprocket speeds, yaw rate and place of the hull."""
     yield YAW
+    yield from POSE if on_terrain(run.scene) else ()
     for track in tracks_on_sprockets(run):
         yield f"{shaft(run, track)}speed"
         yield f"{track}.slip"
@@ -32,15 +35,17 @@ def find(piece: Piece) -> Iterator[Exceedance]:
 
     The vehicle must stand for STANDING seconds.
     """
-    friction = hull.vehicle_number(piece.run, "contact", "ground", "friction")
+    friction = least_friction(piece.run)
     _, yaw = piece.signal(YAW)
+    pose = piece.columns([*POSE])[1] if on_terrain(piece.run.scene) else np.empty((len(yaw), 0))
     for track in tracks_on_sprockets(piece.run):
         t, slip = piece.signal(f"{track}.slip")
         _, speed = piece.signal(f"{shaft(piece.run, track)}speed")
         _, force = piece.vector(f"{track}.ground.force")
         if not len(t) == len(yaw) == len(speed) == len(force):
             raise Missing("the log holds different steps of its components")
-        below_limit = np.hypot(force[:, 0], force[:, 1]) < limits.STICKS * friction * force[:, 2]
+        sideways, load = split(piece.run, force, pose)
+        below_limit = sideways < limits.STICKS * friction * load
         still = below_limit & (np.abs(speed) < STANDS) & (np.abs(yaw) < TURNS)
         begin = 0
         while len(t) - begin > 1:
@@ -55,3 +60,13 @@ def find(piece: Piece) -> Iterator[Exceedance]:
             if speed_of_creep > limits.CREEP:
                 yield Exceedance("creep", track, float(t[begin]), "", speed_of_creep, limits.CREEP, WARNING)
             begin = end
+
+
+def least_friction(run: RunData) -> float:
+    """Least coefficient of friction of the ground: that of the vehicle's contacts, or of a region; raises Missing."""
+    friction = hull.vehicle_number(run, "contact", "ground", "friction")
+    regions = (run.scene.get("ground") or {}).get("friction") or ()
+    return min(
+        [friction]
+        + [region["coefficient"] if region["factor"] is None else friction * region["factor"] for region in regions]
+    )

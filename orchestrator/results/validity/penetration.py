@@ -8,13 +8,14 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, link_records
-from orchestrator.results.ground_profile import ground
+from orchestrator.results.ground_surface import ground
 from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.results.validity import limits
 from orchestrator.results.validity.exceedance import Exceedance, exceedances
 from orchestrator.results.validity.piece import Piece
 
 NEAR = 0.25  # s: longest interval between records of pins
+ALONG = (0.0, 0.2, 0.4, 0.6, 0.8)  # of the way from pin to pin
 EXPLAINS = 0.85  # of a depth: a rim or the ground this deep at the nearest record of pins is its cause
 
 
@@ -59,8 +60,13 @@ def depths(run: RunData, track: str, t: float) -> dict[str, float]:
         centre = run.vector_at(track, "in", f"{name}.position", float(times[nearest]))
         radius = hull.vehicle_number(run, name.partition("[")[0], "radius")
         depth_by_name[name] = radius + face - _distance((pins - centre) @ axes)
-    if (floor := ground(run.scene)) is not None:
-        under = floor.height_at((pins - floor.start) @ floor.ahead) - pins[:, 2]
+    if (floor := run.compute_once("ground", lambda _: ground(run.scene))) is not None:
+        places = pins
+        if floor.terrain:  # it may rise between pins
+            places = np.concatenate([pins + share * (np.roll(pins, -1, axis=0) - pins) for share in ALONG])
+        under = floor.height_under(places) - places[:, 2]
+        if floor.terrain:
+            under = under * floor.normals(places)[:, 2]
         depth_by_name["ground"] = float(under.max()) + face
     return depth_by_name
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from fmus.vehicle import BadInput
 from orchestrator.log.time_series import EVER, Floats
-from orchestrator.results.ground_profile import GroundProfile, ground
+from orchestrator.results.ground_surface import GroundSurface, ground
 from orchestrator.results.link_axes import link_axes
 from orchestrator.results.link_columns import POSITION, columns
 from orchestrator.results.rotation import body_axis
@@ -64,11 +64,15 @@ class Poses(NamedTuple):
     wheels: dict[str, BodyPose]  # by name
     hull: BodyPose | None
 
-    def positions(self) -> Floats:
-        """Positions (n, 3), m, world, of all links; without links of wheels, without wheels of the hull."""
-        parts = [links.centres.reshape(-1, 3) for links in self.links.values()]
-        parts = parts or [pose.position for pose in self.wheels.values()]
-        return np.concatenate(parts or [self.hull.position if self.hull else np.zeros((1, 3))])
+    def positions(self, k: int | None = None) -> Floats:
+        """Positions (n, 3), m, world, of all links; without links of wheels, without wheels of the hull.
+
+        ``k``: at the k-th instant alone.
+        """
+        rows = slice(None) if k is None else slice(k, k + 1)
+        parts = [links.centres[rows].reshape(-1, 3) for links in self.links.values()]
+        parts = parts or [pose.position[rows] for pose in self.wheels.values()]
+        return np.concatenate(parts or [self.hull.position[rows] if self.hull else np.zeros((1, 3))])
 
 
 class LinkSlots(NamedTuple):
@@ -93,7 +97,10 @@ class Bodies:
         self.run = run
         self._log = log = run.log
         self.scene: dict[str, Any] = drawn_scene(run)
-        self.ground: GroundProfile | None = ground(self.scene)
+        try:
+            self.ground: GroundSurface | None = ground(self.scene)
+        except (LookupError, TypeError, ValueError) as problem:
+            raise BadInput(f"{log.path}: scene.json: ground: {problem}") from None
         self._columns = PoseColumns(log)
         linked = [name for name in run.instances if f"/{name}/links" in log.topics and track in ("", name)]
         columns_by_track = {name: _link_columns(log.topics[f"/{name}/links"].names) for name in linked}
@@ -134,6 +141,14 @@ class Bodies:
     def select_instants(self, times: ArrayLike) -> None:
         """Keep only the instants nearest to some times (k,), s."""
         self.t = self.t[np.unique(nearest(self.t, np.asarray(times, float)))]
+
+    def height_of_ground(self, poses: Poses, k: int) -> float:
+        """Height of the ground under a vehicle at the k-th instant, mean over its bodies, m; 0 without ground."""
+        if self.ground is None:
+            return 0.0
+        if not self.ground.terrain:
+            return self.ground.level
+        return float(self.ground.height_under(poses.positions(k)).mean())
 
     def speeds(self) -> Floats | None:
         """Speed of the hull at the instants (m,), m/s; None if it was not recorded."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from fmus.vehicle import BadInput
 from orchestrator.log.extra import library
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
+from orchestrator.results.ground_mesh import GroundMesh
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.views import colours
 from orchestrator.results.views.arrows import force_of_a_metre, ground_arrows, has_forces, scale_arrow, with_heads
@@ -27,10 +29,12 @@ from orchestrator.results.views.projected import (
     hull_faces,
     layers,
     make_camera,
+    patch,
     plane,
     polygons,
     section,
 )
+from orchestrator.results.views.solids import Reach
 from orchestrator.results.whole_file import atomic_write
 
 if TYPE_CHECKING:
@@ -44,6 +48,8 @@ LONGEST = 3600.0  # s
 TOP, BESIDE, EDGE = 64, 130, 12  # pixels of title, colour scale and border
 MARGIN = 0.3  # m round the bodies
 ARROW, HEAD = 0.15, 0.009  # longest scale arrow, and heads of arrows, over the width of the picture
+QUADS = 6000  # of a terrain under the whole way
+FAR = 1.1  # brightness of the ground under the far track, where it is higher
 OPACITY = 0.85  # of the hull: what it hides shines through
 SEEN_FROM = {"right": "from the right", "top": "from the top", "corner": "from a corner ahead"}
 
@@ -219,7 +225,7 @@ class FilmPicture:
 
     def _draw(self, poses: Poses, k: int) -> NDArray[np.uint8]:
         bodies, camera, scale = self._bodies, self._camera(poses, k), self._scale
-        self._ground(camera)
+        self._ground(camera, poses, k)
         if self._viewpoint == "top":  # the hull would cover the tracks
             hull, links = hull_faces(camera, bodies, poses, k), polygons(camera, bodies, poses, k, scale, self._lower)
             shown = Layers(NOTHING, hull, links)
@@ -245,17 +251,19 @@ class FilmPicture:
         return np.array(self._canvas.buffer_rgba())
 
     def _camera(self, poses: Poses, k: int) -> Camera:
-        """Camera above the hull, at the height of the first instant; from the right it turns with the hull."""
+        """Camera above the hull, as high over the ground as at the first instant; from the right it turns with it."""
         start = self._bodies.scene["start"]["heading"]
         ahead = heading(poses, k, start) if self._viewpoint == "right" else start
         centre = self._middle.copy()
         if poses.hull:
             centre[:2] = poses.hull.position[k, :2]
+        centre[2] += self._bodies.height_of_ground(poses, k) - self._level
         return make_camera(self._viewpoint, ahead, centre)
 
     def _extent(self) -> tuple[Floats, Floats]:
         """Return the lower left and upper right corner of the visible area, m from its middle."""
-        first = next(self._bodies.blocks(1)).positions()
+        poses = next(self._bodies.blocks(1))
+        first, self._level = poses.positions(), self._bodies.height_of_ground(poses, 0)
         self._middle = 0.5 * (first.min(axis=0) + first.max(axis=0))
         low, high = np.full(2, np.inf), np.full(2, -np.inf)
         for poses in self._bodies.blocks():
@@ -274,23 +282,42 @@ class FilmPicture:
         padding = np.maximum(np.array([size[1], 0.25 * size[0]]) - size, 0.0)
         return low - 0.5 * padding, high + 0.5 * padding
 
-    def _ground(self, camera: Camera) -> None:
+    def _ground(self, camera: Camera, poses: Poses, k: int) -> None:
         profile = self._bodies.ground
         if profile is None:
             return
         earth = np.array(colours.to_unit_range(colours.EARTH))
         if self._viewpoint == "right":
-            line, metres = section(camera, profile, -self._half, self._half)
             bottom = [[self._half, -2 * self._half], [-self._half, -2 * self._half]]
-            self._earth.set_verts([np.concatenate([line, bottom])])
-            self._earth.set_facecolor([tuple(earth)])
+            planes = self._planes(camera, poses, k) if profile.terrain else [0.0]
+            sections = [section(camera, profile, -self._half, self._half, nearer) for nearer in planes]
+            self._earth.set_verts([np.concatenate([line, bottom]) for line, _ in sections])
+            self._earth.set_facecolor([*([tuple(np.minimum(FAR * earth, 1.0))] * (len(sections) - 1)), tuple(earth)])
+            _, metres = sections[-1]
             self._metres.set_segments(list(np.stack([metres[:, :2], metres[:, :2] - [0.0, 0.08]], axis=1)))
             self._number_metres(metres)
             return
-        quads, brightness, lines = plane(camera, profile, 2.0 * self._half)
+        if profile.terrain:
+            quads, brightness, lines = patch(camera, self._mesh.around(camera.centre[:2], 2.0 * self._half))
+        else:
+            quads, brightness, lines = plane(camera, profile, 2.0 * self._half)
         self._earth.set_verts(list(quads))
         self._earth.set_facecolor(list(map(tuple, np.clip(brightness[:, None] * earth, 0.0, 1.0))))
         self._metres.set_segments(list(lines))
+
+    @cached_property
+    def _mesh(self) -> GroundMesh:
+        """Mesh of a terrain under the whole way."""
+        assert self._bodies.ground
+        return Reach().with_bodies(self._bodies).mesh(self._bodies.ground, 2.0 * self._half, QUADS)
+
+    def _planes(self, camera: Camera, poses: Poses, k: int) -> list[float]:
+        """Distances of the near faces of the tracks from the middle, towards the viewer, m, the nearest last."""
+        tracks = self._bodies.tracks
+        middles = [poses.links[track.name].centres[k].mean(axis=0) - camera.centre for track in tracks]
+        halves = [track.half[1] for track in tracks]
+        near = [float(middle @ camera.toward + half) for middle, half in zip(middles, halves, strict=True)]
+        return sorted(near) or [0.0]
 
     def _number_metres(self, metres: Floats) -> None:
         """Write the distance, m, under metre marks (m, 3), or under every fifth if there are many."""

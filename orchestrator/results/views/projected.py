@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.ground_profile import UP, GroundProfile, whole_metres
+from orchestrator.results.ground_mesh import GroundMesh, bends
+from orchestrator.results.ground_surface import UP, GroundSurface, whole_metres
 from orchestrator.results.rotation import body_axis, matrices
 from orchestrator.results.views import colours
 from orchestrator.results.views.bodies import Bodies, BodyPose, Poses
@@ -23,6 +24,8 @@ SPOKE_WIDTH = 0.08  # of its length
 ON_DISC = 1e-3  # m: spokes are drawn next after their disc
 SEEN = 1e-6  # cosine to the viewer of a face that is seen
 IN_FRONT = 0.05  # m: links are drawn over the wheels under them
+MOST_IN_LINE = 2000  # corners of the section of a terrain
+DARK, BRIGHT = 0.4, 1.6  # limits of the brightness of the ground
 
 
 class Camera(NamedTuple):
@@ -224,14 +227,29 @@ def hull_faces(camera: Camera, bodies: Bodies, poses: Poses, k: int) -> Polygons
     return faces.sorted()
 
 
-def section(camera: Camera, profile: GroundProfile, low: float, high: float) -> tuple[Floats, Floats]:
+def section(
+    camera: Camera, profile: GroundSurface, low: float, high: float, nearer: float = 0.0, most: int = MOST_IN_LINE
+) -> tuple[Floats, Floats]:
     """Section of the ground under a side view, from one place in the picture to another, m.
 
     Returns points (n, 2) of its line, and its metre marks (m, 3): x, y and distance along the initial heading. The
-    section plane is vertical and contains the middle of the picture.
+    section plane is vertical and contains the middle of the picture; that of a terrain is ``nearer`` to the viewer, m,
+    and its line has at most ``most`` corners.
     """
     middle, slant = float(profile.station(camera.centre)), float(camera.right @ profile.ahead)
+
+    def heights(x: Floats) -> Floats:
+        """Heights of the ground at places in the picture, m from its middle."""
+        at = camera.centre + nearer * camera.toward + x[:, None] * camera.right
+        return np.asarray(profile.height_under(at) - camera.centre[2])
+
     x = np.linspace(low, high, 400)
+    if profile.terrain:
+        x = bends(lambda x: heights(x)[:, None], low, high, most)
+        line = np.stack([x, heights(x)], axis=1)
+        marks = np.array([]) if abs(slant) < 0.05 else whole_metres(*sorted(middle + slant * x[[0, -1]]))
+        at = (marks - middle) / slant
+        return line, np.stack([at, heights(at), marks], axis=1)
     if abs(slant) > SEEN:
         corners = (profile.along - middle) / slant
         x = np.sort(np.concatenate([x, corners[(corners > low) & (corners < high)]]))
@@ -242,7 +260,7 @@ def section(camera: Camera, profile: GroundProfile, low: float, high: float) -> 
     return line, np.stack([(marks - middle) / slant, profile.height_at(marks) - camera.centre[2], marks], axis=1)
 
 
-def plane(camera: Camera, profile: GroundProfile, half: float) -> tuple[Floats, Floats, Floats]:
+def plane(camera: Camera, profile: GroundSurface, half: float) -> tuple[Floats, Floats, Floats]:
     """Return the ground round the middle: quadrangles (n, 4, 2), brightness, and metre lines (m, 2, 2)."""
     middle, aside = float(profile.station(camera.centre)), float(profile.offset(camera.centre))
     along = profile.corners_between(middle - half, middle + half)
@@ -254,3 +272,13 @@ def plane(camera: Camera, profile: GroundProfile, half: float) -> tuple[Floats, 
         row = camera.project(profile.points(along, offset))
         lines.append(np.stack([row[:-1], row[1:]], axis=1))
     return quads, 1.0 + 0.6 * np.diff(profile.height_at(along)) / np.diff(along), np.concatenate(lines)
+
+
+def patch(camera: Camera, mesh: GroundMesh) -> tuple[Floats, Floats, Floats]:
+    """Return a terrain as quadrangles (n, 4, 2), the nearest last, brightness, and metre lines (m, 2, 2)."""
+    quads = mesh.quads()
+    normal = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
+    slope = normal[:, :2] / normal[:, 2:]
+    brightness = np.clip(1.0 - 0.6 * slope @ [0.8, -0.6], DARK, BRIGHT)
+    order = np.argsort(quads.mean(axis=1) @ camera.toward, kind="stable")
+    return camera.project(quads[order]), brightness[order], camera.project(mesh.metre_lines())

@@ -92,8 +92,8 @@ class DrawnBump(BaseModel):
     start: Number
 
 
-class DrawnGround(BaseModel):
-    """Ground table."""
+class DrawnGround(BaseModel, extra="allow"):
+    """Ground table; other keys make it a terrain."""
 
     bump: DrawnBump | None = None
 

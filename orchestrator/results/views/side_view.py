@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from orchestrator.results.ground_profile import GroundProfile
+    from orchestrator.results.ground_surface import GroundSurface
 
 INSTANTS = 3  # of the part of a run with motion, besides its start
 MOVES = 0.05  # of the largest speed: a faster vehicle counts as moving
@@ -47,6 +47,7 @@ class SideView(NamedTuple):
     links: dict[str, Floats]  # (links, 4, 2) corners of their bodies, pads and horns
     colour: Floats | None  # (links,)
     wheels: list[tuple[str, Floats, Floats]]  # kind, centre (2,) and outline (k, 2)
+    near: float  # m, from the middle to the near faces of links
 
 
 def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None:
@@ -80,7 +81,9 @@ def side_view(bodies: Bodies, poses: Poses, k: int = 0) -> SideView:
         outline = in_world(rim(wheel, -0.5 * wheel.width), position, matrices(orientation))
         wheels.append((wheel.kind, camera.project(position), camera.project(outline)))
     colour = None if links.colour is None else links.colour[k]
-    return SideView(float(poses.t[k]), camera, camera.project(links.pins[k]), parts, colour, wheels)
+    return SideView(
+        float(poses.t[k]), camera, camera.project(links.pins[k]), parts, colour, wheels, float(track.half[1])
+    )
 
 
 def extent(views: Sequence[SideView]) -> Extent:
@@ -90,7 +93,7 @@ def extent(views: Sequence[SideView]) -> Extent:
     return (left, right), (low, high)
 
 
-def draw_view(pane: Axes, view: SideView, ground: GroundProfile | None, scale: Scale, limits: Extent) -> None:
+def draw_view(pane: Axes, view: SideView, ground: GroundSurface | None, scale: Scale, limits: Extent) -> None:
     """Draw a track and the ground under it; horns are behind the discs of wheels."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Polygon
@@ -110,7 +113,7 @@ def draw_view(pane: Axes, view: SideView, ground: GroundProfile | None, scale: S
     draw_links("body", 1.0)
     draw_links("pad", 1.0)
     if ground is not None:
-        line, _ = section(view.camera, ground, *limits[0])
+        line, _ = section(view.camera, ground, *limits[0], view.near)
         pane.fill_between(line[:, 0], line[:, 1], limits[1][0], color="0.8", zorder=0)
     pane.set_aspect("equal")
     pane.set_xlim(limits[0])

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.ground_profile import GroundProfile, whole_metres
+from orchestrator.results.ground_mesh import MOST, GroundMesh, ground_mesh
+from orchestrator.results.ground_surface import GroundSurface, whole_metres
 from orchestrator.results.views.bodies import Bodies
 from orchestrator.results.views.shapes import HullBody, LinkPart, WheelBody, boxes, rim
 
@@ -45,14 +46,38 @@ class Reach(NamedTuple):
             far = max(far, float(np.abs(profile.offset(places)).max()))
         return Reach(low, high, far)
 
-    def ground(self, profile: GroundProfile) -> tuple[Triangles, Floats]:
-        """Return the ground within the extent and ROOM beyond, and lines (n, 2, 3) across it at whole metres."""
+    def ground(self, profile: GroundSurface) -> tuple[Triangles, Floats]:
+        """Return the ground within the extent and ROOM beyond, and lines (n, 2, 3) across it at whole metres.
+
+        The metres are those along the initial heading, on a terrain those of x.
+        """
+        if profile.terrain:
+            mesh = self.mesh(profile)
+            return draped(mesh), mesh.metre_lines() + np.array([0.0, 0.0, OVER])
         low, high, far = self.low - ROOM, self.high + ROOM, self.far + ROOM
         lines = across(profile, whole_metres(low, high), far) + np.array([0.0, 0.0, OVER])
         return strip(across(profile, profile.corners_between(low, high), far)), lines
 
+    def mesh(self, profile: GroundSurface, room: float = ROOM, most: int = MOST) -> GroundMesh:
+        """Return a mesh of a terrain within the extent and ``room``, m, beyond, of at most ``most`` quadrangles."""
+        far = self.far + room
+        ends = np.array([self.low - room, self.low - room, self.high + room, self.high + room])
+        corners = profile.points(ends, np.array([-far, far, -far, far]))[:, :2]
+        return ground_mesh(profile, corners.min(axis=0), corners.max(axis=0), most)
 
-def across(profile: GroundProfile, along: Floats, far: float) -> Floats:
+
+def draped(mesh: GroundMesh) -> Triangles:
+    """Return the triangles of a mesh of the ground, with their outside up."""
+    rows, columns = mesh.z.shape
+    number = np.arange(rows * columns).reshape(rows, columns)
+    first, ahead, left, both = (
+        part.ravel() for part in (number[:-1, :-1], number[1:, :-1], number[:-1, 1:], number[1:, 1:])
+    )
+    numbers = np.concatenate([np.stack([first, ahead, left], axis=1), np.stack([left, ahead, both], axis=1)])
+    return Triangles(mesh.corners().reshape(-1, 3), numbers)
+
+
+def across(profile: GroundSurface, along: Floats, far: float) -> Floats:
     """Right and left ends (k, 2, 3), m, world, of ground lines across the initial heading."""
     return np.stack([profile.points(along, -far), profile.points(along, far)], axis=1)
 

@@ -14,6 +14,7 @@ import numpy as np
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
+from orchestrator.results.ground_surface import GroundSurface
 from orchestrator.results.picture import save_figure
 from orchestrator.results.run_data import EVER, RunData, Window, within
 from orchestrator.results.views.arrows import scale_arrow
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 INSTANTS = 5
 ROOM = 5.0  # m: margin beside the path of the vehicle
 LONGEST, OF_LINKS = 0.1, 0.045  # share of the picture: arrow of the largest force on a track, on a link
+SHADES = 300  # places along each side at which the height of a terrain is shown
 SHORTEST = 0.03  # of the longest arrow: shorter ones are not drawn
 CAMERA = make_camera("top", 0.0, np.zeros(3))  # the picture's axes are those of the world
 
@@ -67,6 +69,8 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
         pane.plot(*way.T, color="0.6", linewidth=1.0, zorder=1, label="centre of mass of the hull")
         views = [top_view(bodies, poses) for poses in bodies.blocks(1)]
         _draw_views(pane, views, float(np.ptp(way, axis=0).max()) + ROOM)
+        if bodies.ground is not None and bodies.ground.terrain:
+            _draw_heights(pane, bodies.ground, way.min(axis=0) - ROOM, way.max(axis=0) + ROOM)
         pane.set_aspect("equal", adjustable="datalim")
         pane.set_xlabel("x, m")
         pane.set_ylabel("y, m")
@@ -113,6 +117,18 @@ def _draw_views(pane: Axes, views: Sequence[TopView], size: float) -> None:
     pane.quiverkey(drawn, 0.92, 0.04, scale.length, scale.label, color="C3", fontproperties={"size": 8})
     what = "link" if by_link else "track"
     pane.plot([], [], color="C3", label=f"force of the ground on a {what}, up to {largest / 1e3:.3g} kN")
+
+
+def _draw_heights(pane: Axes, ground: GroundSurface, low: Floats, high: Floats) -> None:
+    """Shade the ground between two corners (2,), m, by its height over the level part."""
+    axes = (np.linspace(begin, end, SHADES) for begin, end in zip(low, high, strict=True))
+    across = np.stack([*np.meshgrid(*axes), np.zeros((SHADES, SHADES))], axis=-1)
+    shades = pane.imshow(
+        ground.height_under(across) - ground.level, cmap="Greys_r", alpha=0.4, zorder=0, origin="lower",
+        extent=(low[0], high[0], low[1], high[1]), aspect="auto", interpolation="bilinear",
+    )  # fmt: skip
+    assert pane.figure is not None
+    pane.figure.colorbar(shades, ax=pane, label="height of the ground, m", shrink=0.6)
 
 
 def _instants(t: Floats, times: Sequence[float] | None) -> Sequence[float]:

@@ -16,7 +16,7 @@ import numpy as np
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import circuit, deformation, hull
-from orchestrator.results.ground_profile import GroundProfile
+from orchestrator.results.ground_surface import GroundSurface
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.views import side_view
 from orchestrator.results.views.bodies import EVERY, Bodies
@@ -217,7 +217,7 @@ def _configuration(logs: dict[Model, Path]) -> Any:
     return _panes(views)
 
 
-def _panes(views: dict[Model, tuple[SideView, GroundProfile | None]]) -> Any:
+def _panes(views: dict[Model, tuple[SideView, GroundSurface | None]]) -> Any:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure as Page

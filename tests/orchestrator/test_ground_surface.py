@@ -5,7 +5,7 @@ import pytest
 
 from fmus.contacts import ground_shape
 from fmus.physics.contact.ground import surface_depth
-from orchestrator.results.ground_profile import ground
+from orchestrator.results.ground_surface import ground
 from orchestrator.results.link_axes import link_axes
 from orchestrator.scene.scene import load
 

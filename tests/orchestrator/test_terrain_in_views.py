@@ -1,0 +1,233 @@
+"""Terrain as it is drawn and as links touch it, against the heights of the ground."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from packed import unpacked
+from view_logs import bodies_of, decoded, terrain_log
+
+from fmus.ground import heights
+from fmus.vehicle import BadInput
+from orchestrator.log.reader import Log
+from orchestrator.results.ground_mesh import MOST, PRECISION, bends, ground_mesh
+from orchestrator.results.ground_surface import ground
+from orchestrator.results.page import player
+from orchestrator.results.run_data import RunData
+from orchestrator.results.validity import penetration
+from orchestrator.results.views import film, foxglove_scene, projected, side_view
+from orchestrator.results.views.bodies import Bodies
+from orchestrator.results.views.solids import Reach
+from orchestrator.scene.scene import load
+
+driven = pytest.fixture(scope="module")(terrain_log)
+shown = pytest.fixture(bodies_of)
+
+ACROSS, ALONG = 0.25, 0.5 / np.sqrt(3.0)  # of the width and the pitch: contact points of rigid links, from the middle
+GROUNDS = {
+    "inclined": {"grade": 0.2, "bank": -0.1, "incline_start": 1.0},
+    "stairs": {"step": {"x": [1.0, 2.5], "rise": 0.3, "radius": 0.02}},
+    "half round": {"half_round": {"x": [0.5, 2.0], "radius": 0.2, "fillet": 0.02}, "grade": 0.2},
+    "trench": {"trench": {"start": 1.0, "width": 1.2, "depth": 0.8, "radius": 0.02}, "bank": 0.1},
+    "kerb": {"kerb": {"y": -0.8, "rise": 0.2, "radius": 0.02}},
+    "washboard": {"washboard": {"amplitude": 0.05, "wavelength": 1.0, "phase": 1.0, "start": -2.0}},
+    "rough": {"rough": {"iso_class": "F", "start": -3.0, "period": 50.0, "band": [0.02, 1.0]}},
+    "map": {
+        "heightmap": {
+            "heights": [[0.0, 0.1, 0.0], [0.3, 0.2, 0.1], [0.0, 0.3, 0.2]], "corner": [-2, -2], "spacing": [2, 2],
+        }
+    },
+}  # fmt: skip
+
+
+def surface_of(name, **start):
+    """Ground of a scene of that name, and the heights at places in world by its table alone."""
+    settings = [f"ground.{key}={written(value)}" for key, value in GROUNDS[name].items()]
+    scene = load(
+        "straight", "rigid", (*settings, *(f"start.{key}={value}" for key, value in start.items()))
+    ).model_dump()
+    vehicle = scene["vehicle"]
+    level = scene["start"]["position"][2] + vehicle["road_wheel"]["z"] - vehicle["road_wheel"]["radius"]
+    level -= 2.0 * vehicle["track"]["face"]
+    return ground(scene), lambda x, y: level + heights(scene["ground"], x, y)
+
+
+def written(value):
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {written(each)}" for key, each in value.items()) + "}"
+    return f'"{value}"' if isinstance(value, str) else str(value)
+
+
+def off(drawn, true, steep):
+    """Largest distance of drawn heights from true ones, m, where the ground is not nearly a wall."""
+    return float(np.abs(drawn - true)[~steep].max())
+
+
+def interpolated(triangles, x, y):
+    """Heights of a triangulated surface at places (n,), m."""
+    a, b, c = np.moveaxis(triangles.corners[triangles.numbers], 1, 0)
+    found = np.full(len(x), np.nan)
+    for k, place in enumerate(np.stack([x, y], axis=1)):
+        u, v, w = b[:, :2] - a[:, :2], c[:, :2] - a[:, :2], place - a[:, :2]
+        area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+        s, t = (w[:, 0] * v[:, 1] - w[:, 1] * v[:, 0]) / area, (u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]) / area
+        inside = np.flatnonzero((s > -1e-9) & (t > -1e-9) & (s + t < 1.0 + 1e-9))[0]
+        found[k] = a[inside, 2] + s[inside] * (b - a)[inside, 2] + t[inside] * (c - a)[inside, 2]
+    return found
+
+
+@pytest.mark.parametrize("name", GROUNDS)
+def test_mesh_and_sections_are_the_heights_of_the_ground(name):
+    """Mesh and sections at random places; the direction of the start plays no part."""
+    surface, true = surface_of(name, heading=0.4, position="[1.0, -2.0, 0.3]")
+    draw = np.random.default_rng(1)
+    x, y = draw.uniform(-4.0, 4.0, (2, 150))
+    places = np.stack([x, y, np.zeros(150)], axis=1)
+    np.testing.assert_allclose(surface.height_under(places), true(x, y), atol=1e-12)
+    steep = surface.normals(places)[:, 2] < 0.3
+    triangles, lines = Reach(-4.0, 4.0, 4.0).ground(surface)
+    assert (np.diff(triangles.corners[triangles.numbers][..., :2], axis=1) != 0.0).any(axis=2).all()
+    assert len(triangles.numbers) <= 2 * MOST
+    a, b, c = np.moveaxis(triangles.corners[triangles.numbers], 1, 0)
+    assert (np.cross(b - a, c - a)[:, 2] > 0.0).all()  # the outside is up
+    assert off(interpolated(triangles, x, y), true(x, y), steep) < PRECISION
+    ends = lines.reshape(-1, 3)
+    rising = surface.normals(ends)[:, 2] < 0.3
+    assert off(ends[:, 2] - 0.003, true(*ends[:, :2].T), rising) < PRECISION
+    camera = projected.make_camera("right", 0.7, np.array([0.5, 0.3, 1.0]))
+    line, metres = projected.section(camera, surface, -5.0, 5.0)
+    along = draw.uniform(-5.0, 5.0, 300)
+    at = camera.centre + along[:, None] * camera.right
+    walls = surface.normals(at)[:, 2] < 0.3
+    assert off(np.interp(along, *line.T), true(*at.T[:2]) - 1.0, walls) < PRECISION
+    marks = camera.centre + metres[:, :1] * camera.right
+    np.testing.assert_allclose(metres[:, 1], true(*marks.T[:2]) - 1.0, atol=1e-9)
+    np.testing.assert_allclose(surface.station(marks), metres[:, 2], atol=1e-9)
+    # twins: the ground a little aside, and one that is a little higher
+    if name != "rough":
+        assert off(interpolated(triangles, x, y), true(x + 0.05, y + 0.05), steep) > PRECISION
+    assert off(interpolated(triangles, x, y), 1.02 * true(x, y) + 2e-3, steep) > PRECISION
+
+
+def test_normals_of_a_terrain():
+    surface, _ = surface_of("half round")
+    x = np.array([-2.0, 2.0 - 0.1, 2.0 + 0.1])
+    normals = surface.normals(np.stack([x, x, x], axis=1))
+    slope = 0.2 + np.array([0.0, 1.0, -1.0]) * 0.1 / np.sqrt(0.2**2 - 0.1**2)
+    expected = np.stack([-slope, 0.0 * slope, 1.0 + 0.0 * slope], axis=1) / np.sqrt(1.0 + slope**2)[:, None]
+    np.testing.assert_allclose(normals, expected, atol=1e-5)
+
+
+def test_a_plane_needs_one_quadrangle_and_a_long_way_no_more_than_allowed():
+    surface, _ = surface_of("inclined")
+    assert ground_mesh(surface, np.array([-9.0, -9.0]), np.array([0.0, 9.0])).z.shape == (2, 2)
+    rough, _ = surface_of("rough")
+    mesh = ground_mesh(rough, np.array([0.0, -5.0]), np.array([45.0, 5.0]), most=200)
+    assert len(mesh.quads()) <= 200
+    part = mesh.around(np.array([20.0, 0.0]), 3.0)
+    assert part.x[0] <= 17.0 < part.x[1]
+    assert part.x[-2] < 23.0 <= part.x[-1]
+    assert len(bends(lambda x: np.sin(3.0 * x)[:, None], 0.0, 50.0, 30)) == 30
+
+
+def test_links_touch_the_drawn_ground(shown):
+    """Links lie as deep in the drawn ground as recorded, on the slope and on the half round; means over a step."""
+    log, bodies, poses = shown
+    smooth, curved = depths_apart(log, bodies, poses, bodies.ground)
+    assert (smooth < 1e-5).all()
+    assert (curved < 2e-5).all()
+    assert (len(smooth), len(curved)) > (200, 10)
+    higher = bodies.ground._replace(level=bodies.ground.level + 1e-3)
+    assert np.median(depths_apart(log, bodies, poses, higher)[0]) > 5e-4
+
+
+def depths_apart(log, bodies, poses, surface):
+    """Errors of depths on the plane and elsewhere, m; distances from the half round are sought along x."""
+    apart, even = [], []
+    vehicle, plane = bodies.scene["vehicle"]["track"], np.array([-0.2, 0.1, 1.0]) / np.sqrt(1.05)
+    aside = np.linspace(-0.03, 0.03, 601)
+    for track in bodies.tracks:
+        links = poses.links[track.name]
+        recorded = log.sample([f"{track.name}.link[{i + 1}].ground.depth" for i in range(track.links)], poses.t)
+        points = np.stack([
+            links.centres + side * ALONG * vehicle["pitch"] * links.axes[..., 0]
+            + left * ACROSS * vehicle["width"] * links.axes[..., 1] + track.half[2] * links.axes[..., 2]
+            for side in (-1, 1) for left in (-1, 1)
+        ])  # fmt: skip
+        above = points[..., 2] - surface.height_under(points)
+        deep = np.full(above.shape, -1.0)
+        for k in zip(*np.nonzero(above < 0.0), strict=True):
+            line = points[k] + aside[:, None] * [1.0, 0.0, 0.0]
+            deep[k] = np.sqrt((aside**2 + (surface.height_under(line) - line[:, 2]) ** 2 / 1.01).min())
+        level = (surface.normals(points) @ plane > 1.0 - 1e-9) | (above > 0.0)
+        deep, level = deep.max(axis=0), level.all(axis=0)
+        steady = (deep[1:] > 1e-4) & (deep[:-1] > 1e-4) & (recorded[1:] > 1e-4)
+        apart.append(np.abs(0.5 * (deep[1:] + deep[:-1]) - recorded[1:])[steady])
+        even.append((level[1:] & level[:-1])[steady])
+    apart, even = np.concatenate(apart), np.concatenate(even)
+    return apart[even], apart[~even]
+
+
+def test_the_deepest_place_is_the_ground_where_it_is(shown):
+    log, _, _ = shown
+    depth = penetration.depths(RunData(log), "left_track", 0.02)["ground"]
+    recorded = max(log.sample([f"left_track.link[{i + 1}].ground.depth" for i in range(64)], np.array([0.02]))[0])
+    assert recorded > 0.01
+    assert depth == pytest.approx(recorded, abs=3e-3)
+
+
+def test_renderers_draw_that_ground(shown, tmp_path, monkeypatch):
+    pytest.importorskip("foxglove")
+    log, bodies, poses = shown
+    surface = bodies.ground
+    foxglove_scene.write(log.path, tmp_path / "x.mcap")
+    entity = next(each for each in decoded(tmp_path / "x.mcap", "/shapes")[0].entities if each.id == "ground")
+    points = np.array([[p.x, p.y, p.z] for p in entity.triangles[0].points])
+    steep = surface.normals(points)[:, 2] < 0.3
+    assert off(points[:, 2], surface.height_under(points), steep) < 1e-5  # numbers of the file are float32
+    assert np.ptp(points[:, 0]) > 10.0
+    # film: sections under both tracks from the right, the patch from a corner
+    for eye in ("right", "corner"):
+        picture = film.FilmPicture(bodies, eye, 400)
+        camera = picture._camera(poses, 0)
+        picture._ground(camera, poses, 0)
+        outlines = [path.vertices for path in picture._earth.get_paths()]
+        if eye == "right":
+            for outline, track in zip(outlines, ("left_track", "right_track"), strict=True):
+                middle = poses.links[track].centres[0].mean(axis=0)
+                nearer = (middle - camera.centre) @ camera.toward + bodies.tracks[0].half[1]
+                line = outline[:-3][np.abs(outline[:-3, 0]) < 3.0]
+                at = camera.centre + nearer * camera.toward + line[:, :1] * camera.right
+                assert (
+                    off(line[:, 1], surface.height_under(at) - camera.centre[2], surface.normals(at)[:, 2] < 0.3) < 1e-9
+                )
+        else:
+            mesh = picture._mesh.around(camera.centre[:2], 2.0 * picture._half)
+            corners = camera.project(mesh.corners().reshape(-1, 3))
+            drawn = np.concatenate([outline[:4] for outline in outlines])
+            assert max(np.abs(corners - point).sum(axis=1).min() for point in drawn[::40]) < 1e-9
+    # side view and player: the section under the track
+    view = side_view.side_view(bodies, poses)
+    pane = Figure().subplots()
+    side_view.draw_view(pane, view, surface, (0.0, 1.0), side_view.extent([view]))
+    line = next(each for each in pane.collections if each.get_zorder() == 0).get_paths()[0].vertices
+    line = line[np.abs(line[:, 1] - line[:, 1].min()) > 1e-9]  # without the lower edge
+    at = view.camera.centre + view.near * view.camera.toward + line[:, :1] * view.camera.right
+    over = surface.height_under(at) - view.camera.centre[2]
+    assert off(line[:, 1], over, surface.normals(at)[:, 2] < 0.3) < 1e-9
+    monkeypatch.setattr(player, "RATE", 100.0)
+    table = player.player(RunData(log), "left_track")["ground"]
+    assert len(table["counts"]) == 3
+    first = unpacked(table["sections"]).reshape(-1, 2)[: table["counts"][0]]
+    camera = projected.side_camera(bodies, poses, 0, "left_track")
+    at = camera.centre + first[:, :1] * camera.right
+    one = Bodies(RunData(log), 1e4, track="left_track")
+    over = surface.height_under(at) - one.height_of_ground(next(one.blocks()), 0)
+    assert off(first[:, 1], over, surface.normals(at)[:, 2] < 0.3) < 1e-5
+
+
+def test_a_ground_that_is_no_ground_is_refused(driven, monkeypatch):
+    with Log(driven) as log:
+        run = RunData(log)
+        run.scene["ground"]["half_round"] = {"x": [1.0], "radius": "much"}
+        with pytest.raises(BadInput, match=r"terrain.mcap: scene.json: ground: "):
+            Bodies(run, 25.0)
