@@ -27,7 +27,7 @@ SAND = {
 STRENGTH = N * (AREA * SAND["cohesion"] + MASS * G * tan(SAND["friction_angle"]))
 SINKAGE = (MASS * G / (AREA * (SAND["kc"] / WIDTH + SAND["kphi"]))) ** (1.0 / SAND["n"])
 LEVEL = VEHICLE["road_wheel"]["z"] - VEHICLE["road_wheel"]["radius"] - 2.0 * FACE
-KINDS = ["rigid", *(pytest.param(kind, marks=pytest.mark.long) for kind in ("planar", "cable", "beam"))]
+pytestmark = pytest.mark.long
 
 
 def lying(kind="rigid", soil=SAND, **parameters):
@@ -59,7 +59,7 @@ def run(model, steps, h=1e-3, start=0):
     return model
 
 
-@pytest.fixture(scope="module", params=KINDS)
+@pytest.fixture(scope="module", params=["rigid", "planar", "cable", "beam"])
 def chain(request):
     model = lying(request.param)
     return model, model.state.copy()

@@ -34,7 +34,12 @@ def first_loading(soil: Soil, z: float) -> tuple[float, float]:
 @kernel
 def unloading_slope(soil: Soil, deepest: float) -> float:
     """Slope k_u of unloading from the sinkage ``deepest`` > 0, m, Pa/m."""
-    p, _ = first_loading(soil, deepest)
+    return _unloading(soil, deepest, first_loading(soil, deepest)[0])
+
+
+@kernel
+def _unloading(soil: Soil, deepest: float, p: float) -> float:
+    """``unloading_slope`` where the pressure at the deepest sinkage is ``p``, Pa."""
     return max(soil.k0 + soil.Au * deepest, soil.secant * p / deepest)
 
 
@@ -44,12 +49,11 @@ def pressure(soil: Soil, deepest: float, z: float) -> tuple[float, float, float]
 
     ``deepest``, m, is the deepest sinkage so far; all are 0 where the soil is not touched.
     """
-    if z >= deepest:
-        p, slope = first_loading(soil, z)
-        k = unloading_slope(soil, z)
-    else:
-        k = unloading_slope(soil, deepest)
-        p, slope = first_loading(soil, deepest)[0] - k * (deepest - z), k
+    reached = max(z, deepest)
+    p, slope = first_loading(soil, reached)
+    k = _unloading(soil, reached, p)
+    if z < deepest:
+        p, slope = p - k * (deepest - z), k
     if p <= 0.0:
         return 0.0, 0.0, 0.0
     return p, slope, 0.5 * p * p / k
@@ -76,4 +80,4 @@ def compaction(soil: Soil, deepest: float) -> float:
     if deepest <= 0.0:
         return 0.0
     p, _ = first_loading(soil, deepest)
-    return first_work(soil, deepest) - 0.5 * p * p / unloading_slope(soil, deepest)
+    return first_work(soil, deepest) - 0.5 * p * p / _unloading(soil, deepest, p)
