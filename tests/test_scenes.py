@@ -23,13 +23,7 @@ MODELS = tuple(TRACKS)
 STEERED = "pivot", "serpentine", "brake_turn", "differential"  # in full only as studies: ``turn`` represents them
 OTHERS = "marder", "robot", "rear_drive"  # in full only as studies: ``test_vehicle_layouts`` represents them
 SLOW = "settle", "turn", "rig", "sprocket_bench"  # seconds of run time
-UNEVEN = (
-    "half_round",
-    "washboard",
-    "rough",
-    "step",
-    "trench",
-)  # rigid links: ``test_obstacles`` compiles their kernels too
+UNEVEN = "half_round", "washboard", "rough", "step", "trench", "soft_ground"  # rigid: others compile their kernels too
 SLOPES = "climb", "side_slope", "hold"
 WARNED = {"half_round": {"penetration", "lift"}, "step": {"penetration", "lift"}}  # wheels that hang, or carry it all
 
@@ -227,6 +221,8 @@ TWINS = [
     ("climb", "uphill", ("ground.grade=0.202",)),
     ("climb", "torque", ("ground.grade=0.21",)),
     ("hold", "creep", ("vehicle.contact.ground.friction=0.301",)),
+    ("soft_ground", "thrust", ("hitch.force=15.4 kN",)),
+    ("soft_ground", "sinkage", ("ground.soil.kphi=1.2e6",)),
     ("released_chain", "tip_of_steel", ("vehicle.gravity=9.82",)),
     ("released_chain", "energy", ("run.step=10 ms", "track.step=10 ms", "run.links=1")),
     ("spinning_loop", "joint_force", ("chain.spin=5.05",)),
