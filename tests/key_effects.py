@@ -72,6 +72,23 @@ CASES = {
             "ground.bump.length=0.12", "ground.bump.radius=0.05",
         ),
     ),
+    "over obstacles": Case(  # wide edges, so that pads touch them
+        "straight",
+        (
+            *VEHICLE, "start.height=-0.03", "ground.step={x=[-3.1, -1.5], rise=0.015, radius=0.4}",
+            "ground.trench={start=-2.6, width=0.5, depth=0.006, radius=0.4}",
+            "ground.half_round={x=[-1.0], radius=0.015, fillet=0.4}",
+        ),
+    ),
+    "on uneven ground": Case(
+        "straight",
+        (
+            *VEHICLE, "ground.grade=0.05", "ground.bank=0.03", "ground.incline_start=-10", "ground.incline_length=9",
+            "ground.washboard={amplitude=0.01, wavelength=1, phase=0.5, start=-4.5, end=0.2}",
+            "ground.rough={iso_class='E', seed=3, band=[0.05, 2.83], start=-4.5, length=3}",
+            "ground.heightmap={heights=[[0, 0.01], [0.02, 0.01]], corner=[-3, -1], spacing=[2, 2], start=-4, length=3}",
+        ),
+    ),
     "follows an error": Case(
         "sprocket_bench",
         (
@@ -178,6 +195,10 @@ KEYS: dict[str, Acts] = {
     "driver.ramp_*": Acts("driven", ("rigid",), 0.03),
     "driver.*": Acts("driven", ("rigid",)),
     "ground.bump.*": Acts("over a bump", ALL),
+    "ground.step.*": Acts("over obstacles", ("rigid",)),
+    "ground.trench.*": Acts("over obstacles", ("rigid",)),
+    "ground.half_round.*": Acts("over obstacles", ("rigid",)),
+    "ground.*": Acts("on uneven ground", ("rigid",)),
     "track.closure_*": Acts("sprung", ("rigid",)),
     "track.spectral_radius": Acts("damped", ("cable", "rigid")),
     "track.?tol": Acts("adaptive", ("rigid",), 1e-5),

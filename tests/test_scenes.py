@@ -23,7 +23,7 @@ MODELS = tuple(TRACKS)
 STEERED = "pivot", "serpentine", "brake_turn", "differential"  # in full only as studies: ``turn`` represents them
 OTHERS = "marder", "robot", "rear_drive"  # in full only as studies: ``test_vehicle_layouts`` represents them
 SLOW = "settle", "turn", "rig", "sprocket_bench"  # seconds of run time
-UNEVEN = "half_round", "washboard", "rough", "step", "trench"  # rigid links: ``test_obstacles`` compiles their kernels too
+UNEVEN = "half_round", "washboard", "rough", "step", "trench"  # their kernels of rigid links compile in a minute
 SLOPES = "climb", "side_slope", "hold"
 WARNED = {"half_round": {"penetration", "lift"}, "step": {"penetration", "lift"}}  # wheels that hang, or carry it all
 
