@@ -1,4 +1,4 @@
-"""A vehicle on a terrain: slopes and maps against the plane, waves, half rounds, steps and gaps against their geometry."""
+"""A vehicle on a terrain: slopes and maps beside the plane; waves, half rounds, steps and gaps beside geometry."""
 
 from __future__ import annotations
 
@@ -102,8 +102,8 @@ def test_a_seed_is_one_ground():
     assert abs(other - first).max() > 1e-4
 
 
-# Limits at a friction of 1, crawling. The centre of mass, 0.578 m over the ground, is over the edge of a step before the
-# vehicle tips: up to 0.543 m while it stands on its last wheels, up to 1.04 m while it stands on its idlers. A gap is crossed
+# Limits at a friction of 1, crawling. The centre of mass, 0.578 m over the ground, passes the edge of a step of up to
+# 0.543 m while the vehicle stands on its last wheels, up to 1.04 m while it stands on its idlers. A gap is crossed
 # without tipping up to 1.33 m, from the last wheels to the centre of mass, and not beyond 1.99 m, from the idlers.
 STEP, GAP = (0.543, 1.04), (1.33, 1.99)
 SLOWLY = ("vehicle.contact.ground.friction=1", "drive.speed=3", "run.stop=10 s", "track.link_outputs=false")
@@ -131,7 +131,7 @@ def test_the_largest_step(rise, passes):
 @pytest.mark.study
 @pytest.mark.parametrize(("width", "tips"), [(0.9 * GAP[0], False), (1.1 * GAP[0], False), (1.1 * GAP[1], True)])
 def test_the_largest_gap(width, tips):
-    """Beyond the limit the vehicle tips until its belly is on the edge; friction and its long tracks still pull it out."""
+    """Beyond the limit the vehicle tips until its belly is on the edge; friction still pulls it out."""
     place, pitch, belly = crossing("trench", f"ground.trench={{start=1, width={width}, depth=1}}")
     assert place > BEYOND
     assert (belly > 0.0) == tips

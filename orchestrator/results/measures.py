@@ -216,10 +216,10 @@ def uphill_force(run: RunData, of: str, window: Window) -> float:
     if steepness == 0.0:
         raise Missing("the ground is not inclined: it has neither grade nor bank")
     uphill = np.array([grade, bank, steepness**2]) / (steepness * np.hypot(1.0, steepness))
-    forces = [[run.mean(f"{name}.ground.force.{axis}", window) for axis in "xyz"] for name in run.tracks]
-    return float(
-        sum(run.copies(name) * force @ uphill for name, force in zip(run.tracks, np.array(forces), strict=True))
-    )
+    force = np.zeros(3)
+    for name in run.tracks:
+        force += run.copies(name) * np.array([run.mean(f"{name}.ground.force.{axis}", window) for axis in "xyz"])
+    return float(force @ uphill)
 
 
 def slip(run: RunData, of: str, window: Window) -> float:

@@ -20,6 +20,8 @@ JOINTED = "track.formulation=recursive", "track.integrator=runge_kutta"
 CHOLESKY = "track.coordinates=cholesky", "track.integrator=runge_kutta"
 ROUND = "drive.ramp_start=0", "drive.ramp_time=0.05", "drive.left.speed=4", "drive.right.speed=12"
 
+WAVES = "ground.washboard={amplitude=0.02, wavelength=2, start=-20}", "ground.half_round={x=[-1], radius=0.02}"
+BELLY = "ground.hull=true", "vehicle.chassis.hull=[[-2.0, 0.0, -0.9]]"
 SLOPE = "ground.grade=0.1", "ground.bank=0.05", "start.heading=0.4"
 
 
@@ -67,7 +69,9 @@ MANY = [
         "chassis",
         (*MOVING, "hitch.force=1e4", "hitch.drag_points=[[-1, -1e4], [1, 1e4]]", "seats=['driver']"),
     ),
-    Case("straight", "rigid", "chassis", (*MOVING, "ground.hull=true", "vehicle.chassis.hull=[[-2.0, 0.0, -0.9]]")),
+    Case("straight", "rigid", "chassis", (*MOVING, *BELLY)),
+    Case("straight", "rigid", "right_track", (*MOVING, *WAVES)),
+    Case("straight", "rigid", "chassis", (*MOVING, *WAVES, *BELLY)),
 ]
 
 

@@ -26,6 +26,7 @@ from orchestrator.scene.scene import load
 SCENES = gallery.names()
 VARIANTS = {**dict.fromkeys(TRACKS, ()), "beam": ("track.element=beam",)}
 OTHERS = ("marder", "robot", "rear_drive")  # other vehicles, whose equilibria take seconds
+OTHERS += ("climb", "side_slope", "hold", "half_round", "washboard", "rough", "step", "trench")  # or other ground
 CASES = [
     pytest.param(name, kind, marks=[pytest.mark.long] * (name in OTHERS and kind != "flexible"))
     for name in SCENES
