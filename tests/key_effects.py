@@ -94,7 +94,8 @@ CASES = {
         "straight",
         (
             *VEHICLE, "start.height=-0.03",
-            "ground.friction=[{x=[-3, -1.6], y=[-1.2, 1.2], factor=2}, {x=[-1.5, -0.5], y=[-1.2, 1.2], coefficient=0.5}]",
+            "ground.friction=[{x=[-3, -1.6], y=[-1.2, 1.2], factor=2},"
+            " {x=[-1.5, -0.5], y=[-1.2, 1.2], coefficient=0.5}]",
         ),
     ),
     "on a bank": Case(
