@@ -299,6 +299,7 @@ class FilmPicture:
             return
         if profile.terrain:
             quads, brightness, lines = patch(camera, self._mesh.around(camera.centre[:2], 2.0 * self._half))
+            self._earth.set_edgecolor("face")  # lines of quadrangles would hide those of metres
         else:
             quads, brightness, lines = plane(camera, profile, 2.0 * self._half)
         self._earth.set_verts(list(quads))
