@@ -36,7 +36,8 @@ def test_events_come_in_order_with_what_they_are_of(tmp_path):
         "/stats/track": (t[::100], np.array([0, 0, 0, 0, 0, 0, 0, 0, 0, 2.0])[:, None]),
     }
     connection = {
-        "source": "track", "outputs": ["sprocket.force.x"], "target": "drive", "inputs": ["sprocket.force.x"]
+        "source": "track", "outputs": ["sprocket.force.x", "sprocket.torque.x"],
+        "target": "drive", "inputs": ["sprocket.force.x", "sprocket.torque.x"],
     }  # fmt: skip
     warning = {"component": "track", "text": "it slips", "time": 0.5, "count": 3}
     scene = {"vehicle": {"sprocket": {"teeth": 10}}}

@@ -60,7 +60,8 @@ def entries_of(path):
 # tooth jumps
 
 SPROCKET = {
-    "source": "left_track", "target": "left_drive", "outputs": ["sprocket.force.x"], "inputs": ["sprocket.force.x"],
+    "source": "left_track", "outputs": ["sprocket.force.x", "sprocket.torque.x"],
+    "target": "left_drive", "inputs": ["sprocket.force.x", "sprocket.torque.x"],
 }  # fmt: skip
 
 
