@@ -220,6 +220,8 @@ def test_renderers_draw_that_ground(shown, tmp_path, monkeypatch):
     first = unpacked(table["sections"]).reshape(-1, 2)[: table["counts"][0]]
     camera = projected.side_camera(bodies, poses, 0, "left_track")
     at = camera.centre + first[:, :1] * camera.right
+    under = np.interp(np.linspace(-4.0, 0.0, 50), *first.T)
+    assert abs(under.mean()) < 0.1  # the pictures follow the ground
     one = Bodies(RunData(log), 1e4, track="left_track")
     over = surface.height_under(at) - one.height_of_ground(next(one.blocks()), 0)
     assert off(first[:, 1], over, surface.normals(at)[:, 2] < 0.3) < 1e-5
