@@ -126,12 +126,14 @@ def without_friction(partners: Contacts) -> Contacts:
     )
 
 
-def held_on_slope(partners: Contacts, gravity: Vector) -> Contacts:
-    """Copy of the partners with the friction of the ground that balances ``gravity``, m/s2, along the slope.
+def at_rest(partners: Contacts, gravity: Vector) -> Contacts:
+    """Copy of the partners for the static equilibrium of a chain in its plane under ``gravity``, m/s2.
 
-    Regularised friction holds a vehicle only while it creeps, all its points at one velocity. Here the ground moves
-    instead and friction is sharp, so that each point at rest carries its share: the slope times its normal force.
+    The ground is that in the plane, and its friction balances gravity along the slope. Regularised friction holds a
+    vehicle only while it creeps, all its points at one velocity. Here the ground moves instead and friction is sharp:
+    each point at rest carries its share, the slope times its normal force.
     """
+    partners = partners._replace(shape=partners.shape.section())
     slope = -gravity[0] / gravity[2] if gravity[2] else 0.0
     if slope == 0.0:
         return partners

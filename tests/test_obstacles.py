@@ -10,7 +10,8 @@ from vehicle_in_process import InProcess
 
 from fmus.ground import heights
 from orchestrator.execution.simulate import simulate
-from orchestrator.scene.scene import load
+from orchestrator.scene.placing import placed
+from orchestrator.scene.scene import from_table, load
 
 STEPS = ("run.step=1 ms", "track.step=1 ms", "track.link_outputs=false")
 HALF = (*STEPS, "symmetric=true")
@@ -184,3 +185,26 @@ def test_a_grade_too_steep_for_the_friction_is_not_climbed(tmp_path):
     result = simulate(load("climb", "rigid", ("ground.grade=0.32", "run.stop=4 s")), tmp_path / "log.mcap")
     assert result["status"] == "ok"
     assert result["observables"]["distance"] < -0.5
+
+
+UNDER_IT = {
+    "rough": "ground.rough={iso_class='D', start=-20}",
+    "waves": "ground.washboard={amplitude=0.02, wavelength=0.9, phase=1, start=-20}",
+    "half round": "ground.half_round={x=[-2.0], radius=0.05}",
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("ground", UNDER_IT)
+def test_a_vehicle_starts_at_rest_on_uneven_ground(ground):
+    """The start is an equilibrium on the ground under the tracks; that of level ground is not (twin)."""
+    scene = placed(load("straight", "rigid", [*STEPS, UNDER_IT[ground], "drive.speed=0"]))
+    other = scene.resolved()
+    other["start"]["equilibrium"] = placed(load("straight", "rigid")).start.equilibrium.model_dump(mode="json")
+    far = []
+    for begun in (scene, from_table(other, "other")):
+        moving = InProcess(begun)
+        start = moving["chassis"]["settlement"]
+        far.append(abs(history(moving, ["chassis.settlement"], 0.3) - start).max())
+    assert far[0] < 5e-4
+    assert far[1] > 5.0 * far[0]

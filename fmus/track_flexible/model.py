@@ -403,9 +403,9 @@ class Model(TrackModel):
         motion = motion or Motion(self.s.q, self.s.v, self.s.vdot, self.s.axes)
         partners, least = self.contacts, self._rest_tolerance()
         if partners is not None:
-            from fmus.contacts import held_on_slope, without_friction
+            from fmus.contacts import at_rest, without_friction
 
-            partners = held_on_slope(without_friction(partners), self.environment.gravity)
+            partners = at_rest(without_friction(partners), self.environment.gravity)
         longest = LAST_PSEUDO_STEP if self.ends_kind == PINNED else 0.0
         outcome: IntegrationOutcome = release(
             *self.system(), task, Evaluation(motion, by, fresh),

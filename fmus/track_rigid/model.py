@@ -72,9 +72,9 @@ class Model(TrackModel):
         }
         self._vehicle_partners = self.contact_partners({**p, **table_values})
         if self._vehicle_partners is not None:
-            from fmus.contacts import held_on_slope
+            from fmus.contacts import at_rest
 
-            self._vehicle_partners = held_on_slope(self._vehicle_partners, self.environment.gravity)
+            self._vehicle_partners = at_rest(self._vehicle_partners, self.environment.gravity)
         spring = PIN
         if p.get("closure") == SPRING:
             spring = ClosingSpring(p["closure.stiffness"], p["closure.damping"])

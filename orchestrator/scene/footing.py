@@ -1,4 +1,4 @@
-"""Footing of a vehicle: the ground under it at the start, as the plane on which its equilibrium is solved."""
+"""Footing of a vehicle: the ground under its tracks at the start, as the plane on which its equilibrium is solved."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ import numpy as np
 from fmus.ground_keys import is_plane, is_terrain
 
 NOTHING = 1e-12  # rounding errors of heights and slopes, m
+PLACES = 50  # along each track, between its first and its last road wheel
 EVEN = 1e-9  # largest distance of the ground from a plane that counts as one, m
 
 
 class Footing(NamedTuple):
-    """Plane through the ground under the wheels, and whether the ground differs from it."""
+    """Plane of least squares through the ground under the tracks, and whether the ground differs from it."""
 
     rise: float  # height under the middle of the sprocket axle line over the level part, m
     ahead: float  # gradient along x, world
     left: float  # gradient along y
-    uneven: bool  # the ground under the wheels is not that plane
+    uneven: bool  # the ground under the tracks is not that plane
     plane: bool  # the whole ground is that plane
 
 
@@ -38,7 +39,8 @@ def footing(
         return Footing(ahead * x + left * y, ahead, left, False, True)
     from fmus.ground import heights  # loads the terrain's kernels
 
-    along = np.array([0.0, *vehicle["road_wheel"]["x"], vehicle["idler"]["x"]])
+    wheels = vehicle["road_wheel"]["x"]
+    along = np.linspace(min(wheels), max(wheels), PLACES)
     lateral = vehicle["track"]["lateral"]
     a, b = (part.ravel() for part in np.meshgrid(along, [lateral, -lateral]))
     c, s = np.cos(heading), np.sin(heading)

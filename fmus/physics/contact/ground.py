@@ -35,6 +35,10 @@ class GroundShape(NamedTuple):
         """The shape itself: it has no friction of its own."""
         return self
 
+    def section(self) -> GroundShape:
+        """The shape itself: it is the same at every y."""
+        return self
+
 
 def bumpy_ground(height: float, start: float, rise: float, slope: float, length: float, radius: float) -> GroundShape:
     """Return a GroundShape with a bump that starts at x = ``start``; lengths in m.

@@ -42,3 +42,9 @@ class Terrain(NamedTuple):
     def without_friction(self) -> Terrain:
         """Copy whose regions have no friction of their own."""
         return self._replace(regions=self.regions[:0])
+
+    def section(self) -> Terrain:
+        """Copy that is everywhere as in the plane y = 0 of the component, for a chain that stays in it."""
+        frame = self.frame.copy()
+        frame[[4, 7, 10]] = 0.0  # a point's y has no influence, and forces have none
+        return self._replace(frame=frame)
