@@ -135,7 +135,7 @@ def fastest_rate(tree: VehicleTree) -> float:
             (x, z), end = tree.arm[k], tree.on_arm[k]
             mass = mass * tree.fraction[k] ** 2 * (x * x + z * z) + tree.across[k]
             slope_squared = float((end * end).sum())  # a spring across the line to its end has the largest lever
-        stiffness, damping = (slope_squared * constant[k] / mass for constant in (tree.stiffness, tree.damping))
+        stiffness, damping = (float(slope_squared * each[k] / mass) for each in (tree.stiffness, tree.damping))
         fastest = max(fastest, damping, float(np.sqrt(stiffness)))
     return fastest
 

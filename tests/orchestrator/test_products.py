@@ -11,6 +11,7 @@ from conftest import messages
 
 from fmus.build import KINDS
 from fmus.link_outputs import INTERVAL
+from fmus.loaded import component_ports
 from fmus.sources import source_hash
 from fmus.track_choices import TRACKS
 from orchestrator.cli import main
@@ -70,6 +71,8 @@ def test_every_parameter_of_a_scene_is_a_start_value(name, kind, tmp_path):
     descriptions = [(product, described(*product[:2], tmp_path)) for product in scene_products([scene])]
     parts = {part.name: part for part in assemble(scene).parts}
     for part in parts.values():
+        types = {type(port.start) for port in component_ports(part.kind, part.config)}
+        assert types <= {float, int, str}, part.name  # exactly: they are the types of FMI
         wanted = {key: text(value) for key, value in part.parameters.items()}
         lateral = float(wanted.pop("start.lateral", 0.0))
         over = wanted.pop(INTERVAL, "1.0")
