@@ -147,7 +147,7 @@ def test_sideways_a_chain_of_pins_is_one_beam():
     n, aside = 16, 1e-3
     model = hanging(links=n, element="beam", start="polygon")
     model.settle_pins(np.column_stack([PITCH * np.arange(n + 1), np.zeros(n + 1)]))
-    model.environment = model.environment._replace(gravity=0.0)
+    model.environment = model.environment._replace(gravity=(0.0, 0.0, 0.0))
     model.s.q[-1, 1] += aside
     newton(model, 12, mass=1.0)  # a little mass stabilises the straight chain, which can fold up and down
     force = model.work.R[-1, 4, 1]

@@ -221,7 +221,7 @@ def test_tension_and_stress_of_a_stretched_chain(elasticity):
     """
     stretch = 1.2
     model = hanging(links=8, elasticity=elasticity, start="polygon", **SOFT)
-    model.environment = model.environment._replace(gravity=0.0)
+    model.environment = model.environment._replace(gravity=(0.0, 0.0, 0.0))
     model.s.q[:] = 0.0
     model.s.q[:, 0] = stretch * PITCH * np.arange(9)
     model.s.q[:, [3, 5]] = stretch

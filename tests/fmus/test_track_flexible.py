@@ -65,7 +65,7 @@ def at_rest(model: Model, lift: float = 0.0) -> np.ndarray:
     """Inputs of wheels at rest at the places of the layout, raised by ``lift``, m."""
     u = np.zeros(13 * len(model.wheel_list))
     for k, wheel in enumerate(model.wheel_list):
-        c, s = model.frame[3:]
+        c, s = model.frame[3], model.frame[6]
         x, z = wheel["position"]
         u[13 * k : 13 * k + 3] = model.frame[0] + c * x, model.frame[1] + s * x, model.frame[2] + z + lift
         u[13 * k + 3], u[13 * k + 6] = np.cos(np.arctan2(s, c) / 2), np.sin(np.arctan2(s, c) / 2)

@@ -50,7 +50,8 @@ def test_orders_are_multiples_of_the_rate_of_teeth(tmp_path):
     t = np.arange(2000) * STEP
     speed = np.full(2000, 2 * np.pi * 1.25)  # 12.5 teeth a second
     connection = {
-        "source": "track", "outputs": ["sprocket.force.x"], "target": "drive", "inputs": ["sprocket.force.x"]
+        "source": "track", "outputs": ["sprocket.force.x", "sprocket.torque.x"],
+        "target": "drive", "inputs": ["sprocket.force.x", "sprocket.torque.x"],
     }  # fmt: skip
     path = made(
         tmp_path / "s.mcap",
@@ -70,8 +71,8 @@ def test_a_differential_has_a_speed_for_each_side(tmp_path):
     """Orders of the right half shaft and track are those of the right sprocket, twice as fast as the left one."""
     t = np.arange(2000) * STEP
     connections = [
-        {"source": f"{side}_track", "outputs": ["sprocket.force.x"], "target": "drive",
-         "inputs": [f"{side}.sprocket.force.x"]}
+        {"source": f"{side}_track", "outputs": ["sprocket.force.x", "sprocket.torque.x"], "target": "drive",
+         "inputs": [f"{side}.sprocket.force.x", f"{side}.sprocket.torque.x"]}
         for side in ("left", "right")
     ]  # fmt: skip
     drive = [
@@ -93,7 +94,8 @@ def test_a_differential_has_a_speed_for_each_side(tmp_path):
 def test_a_scene_without_teeth_is_told(tmp_path):
     t = np.arange(100) * STEP
     connection = {
-        "source": "track", "outputs": ["sprocket.force.x"], "target": "drive", "inputs": ["sprocket.force.x"]
+        "source": "track", "outputs": ["sprocket.force.x", "sprocket.torque.x"],
+        "target": "drive", "inputs": ["sprocket.force.x", "sprocket.torque.x"],
     }  # fmt: skip
     path = made(
         tmp_path / "s.mcap",
