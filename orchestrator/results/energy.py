@@ -9,9 +9,10 @@ The residual is the sum of all parts: work - change - dissipated - covered - tow
 Covered is the energy defect of the moving contact patch (loss or gain): ``fmus/physics/README.md``. Delivered is the
 work of the ports on components without energies, as FMUs of the user may be: what becomes of it there is unknown.
 
-The relative residual has the largest of these sums, or of the energies held, as its scale. A system at rest exchanges
-nothing, but its contacts hold energy at their loads, on which an error of the exchange acts: 0.7 kJ in each track of a
-standing m113. The first steps of a coupling with old values lose 0.4 J.
+The relative residual has the largest of these sums, or of the changes of stored energies, as its scale, but at least a
+tenth of the energies held. A system at rest exchanges nothing, but its contacts hold energy at their loads, on which an
+error of the exchange acts: 0.7 kJ in each track of a standing m113. The first steps of a coupling with old values lose
+0.4 J.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ LEAST_OWN = 100.0  # J, scale of a component beside others: a link lifted by hal
 CAUSE = "dissipated."  # prefix of a track's dissipated energies by cause
 STORED = ("kinetic", "gravity", "strain", "spring", "contact")
 ABSOLUTE = ("kinetic", "strain", "contact")  # they are 0 at rest and unloaded; the zero of the others is a convention
+HELD = 0.1  # share of such an energy that counts where less is exchanged
 
 
 class WrenchPort(NamedTuple):
@@ -179,7 +181,7 @@ def _largest_kinetic(run: RunData) -> float:
 
 
 def _largest_stored(run: RunData) -> dict[str, float]:
-    """Largest energy of a kind in ABSOLUTE, or change of another one, that each component held, J.
+    """Largest change of an energy, or share HELD of one in ABSOLUTE, that each component held, J.
 
     A hull that sinks into its springs and rises again ends without change, but the steps had to transfer this energy.
     """
@@ -195,9 +197,10 @@ def _largest_stored(run: RunData) -> dict[str, float]:
             if not len(series.t):
                 continue
             absolute = np.array([name.removeprefix("energy.") in ABSOLUTE for name in series.names])
-            first = start.setdefault(topic, np.where(absolute, 0.0, series.values[0]))
+            changes = np.abs(series.values - start.setdefault(topic, series.values[0]))
+            held = np.where(absolute, HELD * np.abs(series.values), 0.0)
             name = topic.split("/")[1]
-            most[name] = max(most[name], float(np.nan_to_num(np.abs(series.values - first), nan=0.0).max()))
+            most[name] = max(most[name], float(np.nan_to_num(np.maximum(changes, held), nan=0.0).max()))
     return most
 
 
