@@ -106,7 +106,7 @@ CHECKS = (
     Check(r"link\[\d+\]\.slope\.(first|last)\.[xyz]", "coordinates", gradients, 1e-12, 1e-15),
     Check(r"stress\.max", "of all links", stress_of_all, 1e-4, 1e-2),
     Check(r"joint\[\d+\]\.force\.[xyz]", "motion of the links", joint_forces, 2e-3, 4.0, applies=implicit),
-    # the iteration of rigid links ends at corrections of 1e-8 m, which change a pin force by some hundredths of a newton
+    # the iteration of rigid links ends at corrections of 1e-8 m: some hundredths of a newton of a pin force
     Check(r"joint\[\d+\]\.force\.[xyz]", "balance of a link's momentum", joints_by_momentum, 1e-6, 2e-2, balance=True,
           applies=in_one_frame),
     Check(r"joint\[\d+\]\.position\.[xyz]", "coordinates", joint_places, 1e-12),
