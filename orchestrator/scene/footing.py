@@ -21,10 +21,9 @@ class Footing(NamedTuple):
     ahead: float  # gradient along x, world
     left: float  # gradient along y
     uneven: bool  # the ground under the tracks is not that plane
-    plane: bool  # the whole ground is that plane
 
 
-LEVEL = Footing(0.0, 0.0, 0.0, False, True)
+LEVEL = Footing(0.0, 0.0, 0.0, False)
 
 
 def footing(
@@ -36,7 +35,7 @@ def footing(
     x, y = position[:2]
     if is_plane(ground):
         ahead, left = ground.get("grade") or 0.0, ground.get("bank") or 0.0
-        return Footing(ahead * x + left * y, ahead, left, False, True)
+        return Footing(ahead * x + left * y, ahead, left, False)
     from fmus.ground import heights  # loads the terrain's kernels
 
     wheels = vehicle["road_wheel"]["x"]
@@ -49,4 +48,4 @@ def footing(
     plane = np.linalg.lstsq(design, h, rcond=None)[0]
     plane[abs(plane) < NOTHING] = 0.0
     rise, ahead, left = plane.tolist()
-    return Footing(rise, ahead, left, bool(abs(h - design @ plane).max() > EVEN), False)
+    return Footing(rise, ahead, left, bool(abs(h - design @ plane).max() > EVEN))
