@@ -115,13 +115,17 @@ def soil_law(numbers: Mapping[str, Any], track: Mapping[str, Any]) -> Any:
         raise InvalidParameter(f"ground.soil.{error}") from None
 
 
+def _is_hard(law: Any) -> bool:
+    """Whether the ground has a contact law with friction, and is not soil."""
+    return type(law) in LAWS.values()
+
+
 def without_friction(partners: Contacts) -> Contacts:
     """Copy of the partners without friction; soil has none before it was touched."""
-    hard = isinstance(partners.soil, tuple(LAWS.values()))
     return partners._replace(
         sprocket=partners.sprocket._replace(mu=0.0),
         wheel=partners.wheel._replace(mu=0.0),
-        soil=partners.soil._replace(mu=0.0) if hard else partners.soil,
+        soil=partners.soil._replace(mu=0.0) if _is_hard(partners.soil) else partners.soil,
         shape=partners.shape.without_friction(),
     )
 
@@ -131,12 +135,14 @@ def at_rest(partners: Contacts, gravity: Vector) -> Contacts:
 
     The ground is that in the plane, and its friction balances gravity along the slope. Regularised friction holds a
     vehicle only while it creeps, all its points at one velocity. Here the ground moves instead and friction is sharp:
-    each point at rest carries its share, the slope times its normal force.
+    each point at rest carries its share, the slope times its normal force. Raises InvalidParameter for soil on a slope.
     """
     partners = partners._replace(shape=partners.shape.section())
     slope = -gravity[0] / gravity[2] if gravity[2] else 0.0
     if slope == 0.0:
         return partners
+    if not _is_hard(partners.soil):
+        raise InvalidParameter("ground.soil needs level ground under the tracks at the start")
     belt = (-1.0 if slope > 0.0 else 1.0, 0.0, 0.0)
     soil, shape = partners.soil._replace(mu=abs(slope), v_reg=0.0), partners.shape.without_friction()
     return partners._replace(belt=belt, soil=soil, shape=shape)

@@ -25,9 +25,8 @@ from fmus.physics.contact.terrain.shape import Kerb, Terrain
 from fmus.physics.contact.terrain.surface import fill_heights
 from fmus.physics.contact.terrain.washboard import Washboard
 from fmus.roughness import rough_ground
-from fmus.start import FRAME, StartPose, lay_frame
+from fmus.start import FRAME, LEVEL, StartPose, lay_frame
 
-HERE = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)  # frame of a component that is that of the ground
 BLEND = 0.5  # m: between the tracks of a vehicle
 
 Table = Mapping[str, Any]
@@ -40,7 +39,7 @@ def terrain(ground: Table) -> Terrain:
     """
     waves = ground.get("washboard")
     return Terrain(
-        np.array(HERE),
+        LEVEL.copy(),
         _plane(ground),
         obstacles_profile(ground),
         _kerb(ground.get("kerb")),

@@ -179,3 +179,9 @@ def test_half_a_vehicle_climbs_as_a_whole_one():
         assert half["chassis"][name] == pytest.approx(whole["chassis"][name], rel=1e-9)
     assert half["left_track"]["ground.force.x"] == pytest.approx(whole["right_track"]["ground.force.x"], rel=1e-9)
     assert abs(whole["chassis"]["chassis.velocity.x"]) > 1e-3
+
+
+def test_soil_on_a_slope_under_the_start_is_a_sentence():
+    ramp = "ground.heightmap={heights=[[0, 0], [1, 1]], corner=[-10, -5], spacing=[20, 10]}"
+    with pytest.raises(BadInput, match=r"ground\.soil needs level ground under the tracks"):
+        placed(load("straight", "rigid", ["ground.soil.name=dry_sand", ramp]))

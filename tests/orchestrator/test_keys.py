@@ -94,7 +94,7 @@ def test_keys_command(cotrack):
     found = json.loads(cotrack("keys", "--json")[1].splitlines()[-1])
     assert len(found["keys"]) == len(KEYS)
     assert {"key": "sag", "unit": "m"}.items() <= found["measures"][0].items()
-    assert "yaw_rate: rad/s\n    Mean rate" in cotrack("keys", "yaw_rate")[1]
+    assert "yaw_rate: rad/s\n    Mean rate about the vertical" in cotrack("keys", "the vertical")[1]
     status, _, err = cotrack("keys", "zzz")
     assert (status, err) == (2, "cotrack: no key and no measure has 'zzz' in its name or meaning\n")
 

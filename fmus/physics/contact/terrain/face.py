@@ -20,7 +20,8 @@ from fmus.physics.contact.terrain.friction import friction_at
 from fmus.physics.contact.terrain.profile import height
 from fmus.physics.contact.terrain.shape import Terrain
 from fmus.physics.contact.terrain.surface import smooth_height, surface, top
-from fmus.physics.vector import add, cross, dot, scale
+from fmus.physics.vector import add, cross, dot, scale, vector
+from fmus.physics.wheels import from_frame, into_frame
 
 if TYPE_CHECKING:
     from fmus.physics.contact.laws import Law
@@ -31,34 +32,13 @@ SAMPLES = 8  # places on each side of a wheel's centre from which its foot point
 @kernel
 def _to_ground(shape: Terrain, p: VectorLike) -> Vector:
     """Point ``p`` of the component's frame in the ground's, m."""
-    f = shape.frame
-    return (
-        f[0] + (f[3] * p[0] + f[4] * p[1] + f[5] * p[2]),
-        f[1] + (f[6] * p[0] + f[7] * p[1] + f[8] * p[2]),
-        f[2] + (f[9] * p[0] + f[10] * p[1] + f[11] * p[2]),
-    )
+    return add(vector(shape.frame, 0), from_frame(shape.frame, p))
 
 
 @kernel
-def _turn_to_ground(shape: Terrain, v: VectorLike) -> Vector:
-    """Direction ``v`` of the component's frame in the ground's."""
-    f = shape.frame
-    return (
-        f[3] * v[0] + f[4] * v[1] + f[5] * v[2],
-        f[6] * v[0] + f[7] * v[1] + f[8] * v[2],
-        f[9] * v[0] + f[10] * v[1] + f[11] * v[2],
-    )
-
-
-@kernel
-def _to_component(shape: Terrain, v: VectorLike) -> Vector:
+def _to_component(shape: Terrain, v: Vector) -> Vector:
     """Direction ``v`` of the ground's frame in the component's."""
-    f = shape.frame
-    return (
-        f[3] * v[0] + f[6] * v[1] + f[9] * v[2],
-        f[4] * v[0] + f[7] * v[1] + f[10] * v[2],
-        f[5] * v[0] + f[8] * v[1] + f[11] * v[2],
-    )
+    return into_frame(shape.frame, v[0], v[1], v[2])
 
 
 @kernel
@@ -135,7 +115,7 @@ def ground_law(shape: Terrain, law: Law, x: VectorLike) -> Law:
 @kernel
 def wheel_normal(shape: Terrain, centre: Vector, axle: Vector, radius: float) -> Vector:
     """See ``grounds``: the nearest of the foot points that Newton's method finds from places below the wheel."""
-    p, a = _to_ground(shape, centre), _turn_to_ground(shape, axle)
+    p, a = _to_ground(shape, centre), from_frame(shape.frame, axle)
     size = np.sqrt(a[0] * a[0] + a[1] * a[1])
     ahead = (-a[1] / size, a[0] / size) if size > 0.0 else (1.0, 0.0)
     best, from_place = 1e300, p
