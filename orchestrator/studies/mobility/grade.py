@@ -18,6 +18,7 @@ from orchestrator.studies.mobility import theory
 from orchestrator.studies.mobility.bisection import Limit, bisect
 from orchestrator.studies.mobility.drawbar import SOILS
 from orchestrator.studies.mobility.finding import Finding
+from orchestrator.studies.mobility.limit_bars import draw_limits
 from orchestrator.studies.mobility.trial import Vehicle, recorded, trial, vehicle_of
 from orchestrator.studies.row import Row
 
@@ -118,20 +119,8 @@ def _row(limit: Limit, bracket: theory.Bracket) -> Row:
 
 
 def draw(rows: Sequence[Row]) -> files.Picture:
-    """Bars of the slopes that are climbed, with theory's brackets."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.0, 3.6), layout="constrained", dpi=110)
-    pane = figure.subplots()
-    names = [row.case for row in rows]
-    pane.bar(names, [row["climbed"] for row in rows], color="C0", width=0.6)
-    low, high = ([row[key] for row in rows] for key in ("low", "high"))
-    middles = [0.5 * (a + b) for a, b in zip(low, high, strict=True)]
-    halves = [0.5 * (b - a) for a, b in zip(low, high, strict=True)]
-    pane.errorbar(names, middles, yerr=halves, fmt="none", ecolor="0.2", capsize=6, label="theory")
-    pane.set(ylabel="slope, %")
-    pane.legend(fontsize=8)
-    return figure
+    """Steepest slope by ground."""
+    return draw_limits(rows, "climbed", "slope, %")
 
 
 def find(rows: Sequence[Row]) -> list[Finding]:

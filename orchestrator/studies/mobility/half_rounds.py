@@ -5,7 +5,6 @@ The limit of 2.5 g and the sizes of 4 to 12 inches are those of mobility models;
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from itertools import groupby
 
@@ -13,9 +12,8 @@ from orchestrator.results.analyses import ride
 from orchestrator.results.run_data import Window
 from orchestrator.results.table import Column
 from orchestrator.studies import Case, files
-from orchestrator.studies.mobility.crossing import first_crossing
 from orchestrator.studies.mobility.finding import Finding
-from orchestrator.studies.mobility.roughness import _told
+from orchestrator.studies.mobility.limit_speed import limit_speed
 from orchestrator.studies.mobility.trial import FIRM, recorded, run_up, trial, vehicle_of
 from orchestrator.studies.row import Row
 
@@ -102,12 +100,12 @@ def draw(rows: Sequence[Row]) -> files.Picture:
 
 def find(rows: Sequence[Row]) -> list[Finding]:
     """Speed at which the peak reaches its limit, by radius."""
-    findings = []
-    for radius, own in _by_radius(rows):
-        speeds = [row["speed"] for row in own]
-        limit = first_crossing(speeds, [row["peak"] for row in own], LIMIT)
-        if not math.isinf(limit) or own:
-            findings.append(
-                Finding(f"speed at {LIMIT:g} g, half round of {1e3 * radius:.0f} mm", *_told(limit, speeds))
-            )
-    return findings
+    return [
+        limit_speed(
+            f"speed at {LIMIT:g} g, half round of {1e3 * radius:.0f} mm",
+            [row["speed"] for row in own],
+            [row["peak"] for row in own],
+            LIMIT,
+        )
+        for radius, own in _by_radius(rows)
+    ]

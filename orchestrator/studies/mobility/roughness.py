@@ -5,7 +5,6 @@ Both tracks run over one profile. The limit of 6 W of absorbed power is that of 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from itertools import groupby
 from typing import Any
@@ -18,8 +17,8 @@ from orchestrator.results.run_data import Window
 from orchestrator.results.table import Column
 from orchestrator.scene.scene import Scene
 from orchestrator.studies import Case, files
-from orchestrator.studies.mobility.crossing import first_crossing
 from orchestrator.studies.mobility.finding import Finding
+from orchestrator.studies.mobility.limit_speed import limit_speed
 from orchestrator.studies.mobility.trial import FIRM, Vehicle, recorded, run_up, trial, vehicle_of
 from orchestrator.studies.row import Row
 
@@ -121,15 +120,12 @@ def draw(rows: Sequence[Row]) -> files.Picture:
 
 def find(rows: Sequence[Row]) -> list[Finding]:
     """Speed at which absorbed power reaches its limit, by class."""
-    findings = []
-    for name, own in by_class(rows):
-        speeds, powers = [row["speed"] for row in own], [math.log(row["power"]) for row in own]
-        limit = first_crossing(speeds, powers, math.log(LIMIT))
-        findings.append(Finding(f"speed at {LIMIT:g} W, class {name}", *_told(limit, speeds)))
-    return findings
-
-
-def _told(limit: float, speeds: Sequence[float]) -> tuple[float, str, float, float, str]:
-    """Value, unit, no bracket and note of a speed limit that was looked for at ``speeds``."""
-    note = f"not up to {speeds[-1]:g} m/s" if math.isinf(limit) else "at the least speed" if limit == speeds[0] else ""
-    return (math.nan if math.isinf(limit) else limit), "m/s", math.nan, math.nan, note
+    return [
+        limit_speed(
+            f"speed at {LIMIT:g} W, class {name}",
+            [row["speed"] for row in own],
+            [row["power"] for row in own],
+            LIMIT,
+        )
+        for name, own in by_class(rows)
+    ]

@@ -16,6 +16,7 @@ from orchestrator.studies import Case, files
 from orchestrator.studies.mobility import theory
 from orchestrator.studies.mobility.bisection import bisect
 from orchestrator.studies.mobility.finding import Finding
+from orchestrator.studies.mobility.limit_bars import draw_limits
 from orchestrator.studies.mobility.trial import Vehicle, recorded, trial, vehicle_of
 from orchestrator.studies.row import Row
 
@@ -110,17 +111,8 @@ def _last(run: RunData, signal: str) -> float:
 
 
 def draw(rows: Sequence[Row]) -> files.Picture:
-    """Bars of the limits, with theory's brackets."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.0, 3.6), layout="constrained", dpi=110)
-    pane = figure.subplots()
-    pane.bar([row.case for row in rows], [row["passed"] for row in rows], color="C0", width=0.5)
-    for k, row in enumerate(rows):
-        pane.plot([k, k], [row["low"], row["high"]], color="0.2", marker="_", ms=14, label="theory" if k == 0 else None)
-    pane.set(ylabel="largest that is crossed, m")
-    pane.legend(fontsize=8)
-    return figure
+    """Largest step and gap."""
+    return draw_limits(rows, "passed", "largest that is crossed, m", width=6.0)
 
 
 def find(rows: Sequence[Row]) -> list[Finding]:
