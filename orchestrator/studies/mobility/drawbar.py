@@ -33,19 +33,19 @@ USUAL = 0.2  # slip at which pulls are compared
 COLUMNS = (
     Column("case", "soil and aim"),
     Column("slip", "slip", ".4f"),
-    Column("pull", "drawbar pull, kN", ".2f"),
-    Column("low", "theory from, kN", ".2f"),
-    Column("high", "to, kN", ".2f"),
-    Column("resistance", "resistance, kN", ".2f"),
-    Column("length", "shear length, m", ".3f"),
+    Column("pull", "drawbar pull, kN", ".4g"),
+    Column("low", "theory from, kN", ".4g"),
+    Column("high", "to, kN", ".4g"),
+    Column("resistance", "resistance, kN", ".4g"),
+    Column("length", "shear length, m", ".3g"),
     Column("efficiency", "tractive efficiency", ".3f"),
-    Column("settlement", "settlement, m", ".3f"),
+    Column("settlement", "settlement, m", ".3g"),
     Column("ok", "ok"),
     Column("note", "note"),
 )
 NOTES = (
-    "Slip is 1 - v/V, V a pitch a tooth. Theory: (A c + W tan phi)(1 - K/(i L) (1 - exp(-i L/K))) less compaction, with"
-    " L of a link and one loaded link under each wheel, to L between the outer wheels and uniform pressure.",
+    "Slip is 1 - v/V, V a pitch a tooth. Theory: (A c + W tan phi)(1 - K/(i L) (1 - exp(-i L/K))) less compaction, for"
+    " L and A of one link under each wheel, to those between the outer wheels.",
     "Shear length: the L with which the thrust is pull and resistance. Shear begins anew under each wheel.",
 )
 

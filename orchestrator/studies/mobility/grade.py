@@ -14,10 +14,10 @@ from orchestrator.results.run_data import Window
 from orchestrator.results.table import Column
 from orchestrator.studies import Case, files
 from orchestrator.studies.mobility import theory
+from orchestrator.studies.mobility.bisected import draw_limits, limit_found
 from orchestrator.studies.mobility.bisection import Limit, bisect
 from orchestrator.studies.mobility.drawbar import SOILS
 from orchestrator.studies.mobility.finding import Finding
-from orchestrator.studies.mobility.limit_bars import draw_limits
 from orchestrator.studies.mobility.trial import Vehicle, recorded, trial, vehicle_of
 from orchestrator.studies.row import Row
 
@@ -78,7 +78,7 @@ def on_soil(scene: str, soil: str, halvings: int) -> list[Row]:
     vehicle = vehicle_of(scene)
     unit, speed, length = vehicle.time, vehicle.pace, vehicle.length
     bracket = _bracket(vehicle, soil)
-    start, ramp = 0.3 * length, 4.0 * unit
+    start, ramp = vehicle.front + 0.1 * length, 4.0 * unit
     end = ramp + 10.0 * length / speed
 
     def passes(slope: float) -> str:
@@ -124,7 +124,4 @@ def draw(rows: Sequence[Row]) -> files.Picture:
 
 def find(rows: Sequence[Row]) -> list[Finding]:
     """Steepest slope by ground."""
-    return [
-        Finding(f"gradeability, {row.case}", row["climbed"], "%", row["low"], row["high"], f"not {row['failed']:.1f} %")
-        for row in rows
-    ]
+    return [limit_found(f"gradeability, {row.case}", row, "climbed", "%") for row in rows]

@@ -30,7 +30,7 @@ COLUMNS = (
     Column("speed", "speed, m/s", ".3g"),
     Column("peak", "largest upward, g", ".2f"),
     Column("down", "largest downward, g", ".2f"),
-    Column("belly", "force on the belly, kN", ".1f"),
+    Column("belly", "force on the belly, kN", ".3g"),
     Column("note", "note"),
 )
 NOTES = (f"First seat of the vehicle, after a low pass of {ride.SHOCK_POLES} poles at {ride.SHOCK_CORNER:g} Hz.",)
@@ -53,7 +53,7 @@ def shock(scene: str, radius: float, factor: float) -> list[Row]:
         radius *= vehicle.length / FULL_SIZE
     speed, ramp = factor * vehicle.pace, run_up(vehicle, factor * vehicle.pace)
     begin = ramp + vehicle.time
-    place = speed * (0.5 * ramp + 2.0 * vehicle.time)
+    place = vehicle.front + speed * (0.5 * ramp + 2.0 * vehicle.time)
     end = begin + 3.0 * vehicle.length / speed + 4.0 * vehicle.time
     drive = {"mode": "speed", "speed": vehicle.sprocket(speed), "ramp_start": 0.0, "ramp_time": ramp}
     ground = {"hull": True, "half_round": {"x": [place], "radius": radius}}

@@ -29,10 +29,10 @@ RAMP, SETTLED, END = 4.0, 6.0, 10.0  # of the time scale
 EVERY = 8  # steps over which forces on links are averaged
 COLUMNS = (
     Column("case", "ground"),
-    Column("mean_maximum", "mean maximum pressure, kPa", ".1f"),
-    Column("nominal", "nominal pressure, kPa", ".1f"),
-    Column("single", "one link under each wheel, kPa", ".1f"),
-    Column("peak", "largest pressure, kPa", ".1f"),
+    Column("mean_maximum", "mean maximum pressure, kPa", ".4g"),
+    Column("nominal", "nominal pressure, kPa", ".4g"),
+    Column("single", "one link under each wheel, kPa", ".4g"),
+    Column("peak", "largest pressure, kPa", ".4g"),
     Column("wheels", "under each wheel from the front, kPa"),
     Column("ok", "ok"),
 )
@@ -77,7 +77,7 @@ def _row(vehicle: Vehicle, run: RunData, window: Window) -> Row:
         "nominal": 1e-3 * nominal,
         "single": 1e-3 * single,
         "peak": 1e-3 * peak,
-        "wheels": ", ".join(f"{1e-3 * p:.0f}" for p in by_wheel),
+        "wheels": ", ".join(f"{1e-3 * p:.3g}" for p in by_wheel),
     }
     return Row("", "", figures, nominal <= float(by_wheel.mean()) <= 1.05 * single)
 

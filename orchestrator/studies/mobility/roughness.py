@@ -61,7 +61,7 @@ def vibration(scene: str, iso_class: str, factor: float) -> list[Row]:
     speed = factor * vehicle.pace
     begin = run_up(vehicle, speed) + 2.0 * vehicle.time
     window = Window(begin, begin + MEASURED * vehicle.time)
-    rough = {"iso_class": iso_class, "seed": SEED, "correlated": True, "start": 0.4 * vehicle.length}
+    rough = {"iso_class": iso_class, "seed": SEED, "correlated": True, "start": vehicle.front + 0.2 * vehicle.length}
     figures: dict[str, Any] = {"iso_class": iso_class, "speed": speed}
     try:
         with recorded(_trial(vehicle, speed, window.end, rough)) as run:

@@ -25,8 +25,9 @@ class Bracket(NamedTuple):
     high: float
 
     def holds(self, value: float) -> bool:
-        """True if the value is in the bracket."""
-        return bool(self.low <= value <= self.high)
+        """True if the value is in the bracket, or beyond it by a tenth of its width."""
+        beyond = 0.1 * (self.high - self.low)
+        return bool(self.low - beyond <= value <= self.high + beyond)
 
 
 def shear_fraction(slip: float, length: float, modulus: float) -> float:
@@ -65,7 +66,7 @@ def centre_of_mass(vehicle: VehicleTable) -> tuple[float, float]:
     return float(x), float(z)
 
 
-def _ends(vehicle: VehicleTable) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+def ends(vehicle: VehicleTable) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Place x, z and radius, m, of the hindmost wheel of the chain and of its foremost one."""
     ends = sorted([(0.0, 0.0, _sprocket_radius(vehicle)), (vehicle.idler.x, vehicle.idler.z, vehicle.idler.radius)])
     return ends[0], ends[1]
@@ -96,7 +97,7 @@ def largest_step(vehicle: VehicleTable) -> Bracket:
     wheels = vehicle.road_wheel
     limits = (
         _passed_step(vehicle, (min(wheels.x), wheels.z, wheels.radius)),
-        _passed_step(vehicle, _ends(vehicle)[0]),
+        _passed_step(vehicle, ends(vehicle)[0]),
     )
     return Bracket(min(limits), max(limits))
 
@@ -104,7 +105,7 @@ def largest_step(vehicle: VehicleTable) -> Bracket:
 def largest_gap(vehicle: VehicleTable) -> Bracket:
     """Widest gap, m: from the centre of mass to the outer road wheels, and to the axles of the chain's ends."""
     x, _ = centre_of_mass(vehicle)
-    hind, front = _ends(vehicle)
+    hind, front = ends(vehicle)
     wheels = vehicle.road_wheel.x
     return Bracket(min(x - min(wheels), max(wheels) - x), min(x - hind[0], front[0] - x))
 
@@ -112,16 +113,15 @@ def largest_gap(vehicle: VehicleTable) -> Bracket:
 def drawbar(vehicle: VehicleTable, soil: Soil, weight: float, slip: float) -> Bracket:
     """Bracket of the drawbar pull at a slip, N.
 
-    Least: shear begins anew at each link, and one link under each road wheel bears; largest: both tracks bear and shear
-    evenly between the outer wheels.
+    Least: one link under each road wheel bears, and shear begins anew at it; largest: both tracks bear and shear evenly
+    between the outer wheels.
     """
     wheels, track = vehicle.road_wheel.x, vehicle.track
     length = max(wheels) - min(wheels)
-    area = 2.0 * track.width * length
-    by_link = weight / (2.0 * len(wheels) * track.width * track.pitch)
-    resistances = [2.0 * compaction_resistance(soil, p) for p in (weight / area, by_link)]
-    thrusts = [traction(soil, weight, area, part, slip) for part in (track.pitch, length)]
-    return Bracket(thrusts[0] - resistances[1], thrusts[1] - resistances[0])
+    areas = [2.0 * track.width * part for part in (len(wheels) * track.pitch, length)]
+    resistances = [2.0 * compaction_resistance(soil, weight / area) for area in areas]
+    thrusts = [traction(soil, weight, *part, slip) for part in zip(areas, (track.pitch, length), strict=True)]
+    return Bracket(thrusts[0] - resistances[0], thrusts[1] - resistances[1])
 
 
 def clearance(vehicle: VehicleTable) -> float:

@@ -11,6 +11,7 @@ from fmus.vehicle import BadInput, VehicleTable
 from orchestrator.log.reader import Log
 from orchestrator.results.run_data import RunData
 from orchestrator.scene.scene import Scene, VehicleScene, from_table, load
+from orchestrator.studies.mobility.theory import ends
 from orchestrator.studies.runs import logged
 
 FITTINGS = ("hitch", "seat")  # tables of a vehicle that trials need
@@ -30,6 +31,12 @@ class Vehicle(NamedTuple):
     def mirrored(self) -> bool:
         """True if both sides are alike."""
         return self.table.right is None
+
+    @property
+    def front(self) -> float:
+        """Foremost place of the tracks, m ahead of the sprocket axle."""
+        x, _, radius = ends(self.table)[1]
+        return x + radius + 2.0 * self.table.track.face
 
     @property
     def time(self) -> float:

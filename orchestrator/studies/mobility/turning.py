@@ -24,9 +24,9 @@ COLUMNS = (
     Column("rate", "yaw rate, rad/s", ".4f"),
     Column("radius", "radius, m", ".2f"),
     Column("kinematic", "radius without slip, m", ".2f"),
-    Column("moment", "steering moment, kN m", ".2f"),
-    Column("inner", "inner sprocket, kW", ".2f"),
-    Column("outer", "outer sprocket, kW", ".2f"),
+    Column("moment", "steering moment, kN m", ".4g"),
+    Column("inner", "inner sprocket, kW", ".4g"),
+    Column("outer", "outer sprocket, kW", ".4g"),
     Column("ok", "ok"),
     Column("note", "note"),
 )

@@ -1,10 +1,12 @@
-"""Bars of limits that were found, with the brackets of theory."""
+"""Limits that were bisected, as bars and as findings, with the brackets of theory."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from orchestrator.studies import files
+from orchestrator.studies.mobility.finding import Finding
 from orchestrator.studies.row import Row
 
 
@@ -21,3 +23,9 @@ def draw_limits(rows: Sequence[Row], key: str, label: str, width: float = 8.0) -
     pane.tick_params(axis="x", labelsize=8)
     pane.legend(fontsize=8)
     return figure
+
+
+def limit_found(measure: str, row: Row, key: str, unit: str) -> Finding:
+    """Finding of the figure ``key`` of a row, with the least value that failed."""
+    note = "all that were tried are passed" if math.isnan(row["failed"]) else f"not {row['failed']:.3g} {unit}"
+    return Finding(measure, row[key], unit, row["low"], row["high"], note)
