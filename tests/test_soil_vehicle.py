@@ -11,6 +11,8 @@ from fmus.physics.chain.sums import GROUND_DAMPING, LOSSES
 from fmus.physics.contact.soil import pressure
 from fmus.physics.contact.soil.memory import DEEPEST, INSIDE, PRESSURE, SHEAR
 from fmus.physics.contact.soil.rut import FIRST, MADE, TILE, TILES
+from fmus.vehicle import BadInput
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
 pytestmark = pytest.mark.long
@@ -53,6 +55,26 @@ def test_it_stands_in_its_own_rut(ride):
     still = rows[0]
     assert abs(still[1] - -2.006) < 1e-4
     assert still[2] < 5.0
+
+
+@pytest.mark.parametrize("links", ["rigid", "flexible"])
+def test_it_stands_in_soil_that_gives_way_by_a_third_of_a_metre(links):
+    """Links of each kind carry the load for which the equilibrium was found; the hull is 23 mm over the ground."""
+    vehicle = InProcess(load("soft_ground", links, ['ground.soil={name="snow", kphi=4e5}']))
+    track = vehicle["left_track"].model
+    assert track.s.soil[:, DEEPEST].max() == pytest.approx(0.325, abs=5e-3)
+    vehicle.run(0.02)
+    assert vehicle["left_track"]["ground.force.z"] == pytest.approx(77948.2, rel=1e-3)
+
+
+def test_a_hull_that_would_rest_in_the_soil_is_refused():
+    """Snow: uniform pressure says 538 mm, which is more than the 410 mm under the belly."""
+    snow = 'ground.soil.name="snow"'
+    with pytest.raises(
+        BadInput, match=r"soft_ground\.toml: ground\.soil: at rest the hull is 102 mm in the soil, which"
+    ):
+        placed(load("soft_ground", "rigid", [snow]))
+    assert placed(load("soft_ground", "rigid", [snow, 'run.allow=["belly"]'])).start.equilibrium.height < -0.41
 
 
 def test_it_is_held_back_by_compaction(ride):

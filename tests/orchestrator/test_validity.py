@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from fmus.standing import ground_level
 from fmus.vehicle import BadInput
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
@@ -181,6 +182,8 @@ def test_a_rim_is_named_by_the_geometry_of_the_pins(settled):
         assert max(maxima.values()) == pytest.approx(depth.max(), rel=0.15), "the points are near the deepest place"
         assert deepest(run, "left_track", at, float(depth.max())).startswith("road_wheel[")
         assert deepest(run, "left_track", at, 2.0 * float(depth.max())) == "sprocket"
+        run.scene["ground"]["soil"] = {"n": 1.0}  # links in soil penetrate nothing
+        assert maxima.keys() - depths(run, "left_track", at).keys() == {"ground"}
 
 
 def test_an_idler_beyond_its_travel(settled, scaled):
@@ -255,6 +258,30 @@ def test_a_track_that_leaves_the_ground(tmp_path, time, off):
     load_ = np.where((t > 0.999) & (t < 0.999 + time), 0.0, 2e4)
     entries = standing(tmp_path, left_track__ground__force__z=load_)
     assert [(e.what, e.component) for e in entries] == [("lift", "left_track")] * off
+
+
+@pytest.mark.parametrize(("ground", "allow", "severity"), [
+    ({"soil": {"n": 1.0}}, [], "failure"), ({"soil": {"n": 1.0}}, ["belly"], "warning"), ({}, [], None),
+    ({"soil": {"n": 1.0}, "incline_start": 1e3, "grade": 0.1}, [], "failure"),  # a terrain
+])  # fmt: skip
+def test_a_hull_that_soil_does_not_bear(tmp_path, ground, allow, severity):
+    """A hull of two corners that goes down at 0.1 m/s, from 0.1 m over the ground on, pitched about the first one."""
+    t = 1e-2 * np.arange(301)
+    table = load("straight").vehicle.model_dump()
+    level, (x, y, z) = ground_level(table), table["chassis"]["centre"]
+    table["chassis"]["hull"] = [[x, y, z], [x - 2.0, y, z]]
+    turn, z = 0.5 * np.arcsin(0.01), level + 0.1 - 0.1 * t
+    numbers = dict(zip("wxyz", (np.cos(turn), 0.0, -np.sin(turn), 0.0), strict=True))
+    columns = {f"chassis.chassis.orientation.{part}": number + 0.0 * t for part, number in numbers.items()}
+    columns |= {f"chassis.chassis.position.{axis}": place for axis, place in zip("xyz", (0 * t, 0 * t, z), strict=True)}
+    scene = {"assembly": "vehicle", "vehicle": table, "run": {"step": 1e-2, "allow": allow}, "ground": ground}
+    scene["start"] = {"position": [0.0, 0.0, 0.0], "heading": 0.0}
+    entries = [e for e in entries_of(write(tmp_path / "log.mcap", columns, t, scene)) if e.what == "belly"]
+    assert [entry.severity for entry in entries] == [severity] * bool(severity)
+    for entry in entries:  # the rear corner is 20 mm lower
+        assert entry.time == pytest.approx(0.8, abs=0.011)
+        assert entry.value == pytest.approx(0.22, rel=1e-9)
+        assert "bears tracks only: 220 mm, limit 0 mm" in entry.sentence
 
 
 # known before the run
