@@ -208,6 +208,7 @@ class Model(TrackModel):
             self.on_links_shape,
             touching,
             self.ground_memory,
+            self.s.rut,
         )
 
     def _cables(self, element: str, elasticity: str, turning: str, young: float, tau: float) -> Any:
