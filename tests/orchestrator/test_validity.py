@@ -284,6 +284,31 @@ def test_a_hull_that_soil_does_not_bear(tmp_path, ground, allow, severity):
         assert "bears tracks only: 220 mm, limit 0 mm" in entry.sentence
 
 
+@pytest.mark.parametrize(("ground", "until", "lift", "crosses"), [
+    ({"soil": {"n": 1.0}}, 12.0, 0.0, True), ({}, 12.0, 0.0, False),
+    ({"soil": {"n": 1.0}}, 7.9, 0.0, False), ({"soil": {"n": 1.0}}, 12.0, 0.11, False),
+])  # fmt: skip
+def test_a_track_in_the_rut_of_the_other_one(tmp_path, ground, until, lift, crosses):
+    """Three links on the right go left at 0.2 m/s into the rut of those on the left, which have left it by a metre."""
+    t, table = 1e-2 * np.arange(round(100.0 * until) + 1), load("straight").vehicle.model_dump()
+    pitch, width = table["track"]["pitch"], table["track"]["width"]
+    low = ground_level(table) + table["track"]["face"]
+    columns = {}
+    for side, x, y, depth in (("left", 0.125 * t, 1.0, 0.08), ("right", 0.0 * t, 0.2 * t - 1.0, 0.1 - lift)):
+        columns[f"{side}_track.travel"] = 0.0 * t
+        for j in range(3):
+            z = low - depth if j < 2 else low + pitch  # the last link goes up, the third one back
+            place = x + min(j, 1) * pitch, y + 0.0 * t, z + 0.0 * t
+            columns |= {f"{side}_track.joint[{j + 1}].position.{axis}": p for axis, p in zip("xyz", place, strict=True)}
+    scene = {"assembly": "vehicle", "vehicle": table, "run": {"step": 1e-2}, "ground": ground}
+    scene["start"] = {"position": [0.0, 0.0, 0.0], "heading": 0.0}
+    entries = [e for e in entries_of(write(tmp_path / "log.mcap", columns, t, scene)) if e.what == "crossed_rut"]
+    assert [(entry.component, entry.severity) for entry in entries] == [("right_track", "warning")] * crosses
+    for entry in entries:  # cells are half a link wide
+        assert entry.time == pytest.approx((2.0 - 0.8 * width) / 0.2, abs=0.5 * pitch / 0.2)
+        assert entry.value == pytest.approx(0.08, rel=1e-9)
+
+
 # known before the run
 
 
