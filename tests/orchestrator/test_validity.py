@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from fmus.soils import named
 from fmus.standing import ground_level
 from fmus.vehicle import BadInput
 from orchestrator.execution.simulate import simulate
@@ -469,3 +470,13 @@ def test_wheels_that_overlap_are_told(settings, said):
 @pytest.mark.parametrize("name", gallery.names())
 def test_the_gallery_is_plausible(name):
     assert implausible_numbers(load(name).resolved(), name) == []
+
+
+def test_named_soils_are_plausible_and_forgotten_kilonewtons_are_not():
+    for name in named():
+        assert implausible_numbers(load("soft_ground", None, [f"ground.soil.name='{name}'"]).resolved(), name) == []
+    kilo = load("soft_ground", None, ["ground.soil.kphi=1528.43"])
+    said = "own.toml: ground.soil.kphi = 1528.43 N/m^(n+2): plausible is 10000 to 1e+08 N/m^(n+2) (tables in kN say"
+    assert [each[: len(said)] for each in implausible_numbers(kilo.resolved(), "own.toml")] == [said]
+    with pytest.raises(BadInput, match=r"soft_ground\.toml: ground\.soil\.k0 = 1e\+16 Pa/m: must be 0 to 1e\+15 Pa/m"):
+        load("soft_ground", None, ["ground.soil.k0=1e16"])
