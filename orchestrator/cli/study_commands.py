@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from inspect import signature
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -50,10 +51,10 @@ def study(
         return
     module = studies.find(name)
     folder = folder_of(name, output)
-    timed = hasattr(module, "WORKERS")  # studies of one scene measure run times, so one run at a time
-    if scene is not None and not timed:
+    if scene is not None and "scene" not in signature(module.cases).parameters:
         raise BadInput(f"study {name} takes no scene")
     cases = module.cases(quick, scene) if scene is not None else module.cases(quick)
+    timed = hasattr(module, "WORKERS")  # one run at a time
     conduct(name, module, cases, folder, workers or (1 if timed else 2), scheduler)
 
 

@@ -3,7 +3,8 @@
 A study is a module of this folder with
 
     TITLE
-    cases(quick) -> list[Case]      of one scene: cases(quick, scene), WORKERS
+    cases(quick) -> list[Case]      of one scene: cases(quick, scene)
+    WORKERS                         if runs are timed
     table(rows) -> Table
     write(folder, name, rows, title) -> list[Path]      the written files
 
@@ -24,6 +25,7 @@ from orchestrator.studies.row import Row
 
 STUDIES = {
     "error-runtime": "error against run time of a scene, over steps, integrators and couplings",
+    "mobility": "pull on soil, slopes, steps, gaps, ride and turns of a vehicle: limits, tables, pictures, a page",
     "leaving-out": "what each thing that a scene leaves out saves, at results that do not change",
     "stability": "stiff and extreme cases: what becomes of them, the margin to the limit, and a map",
 }

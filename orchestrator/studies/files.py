@@ -12,8 +12,10 @@ from orchestrator.results.whole_file import atomic_write
 Picture = Any  # figure of matplotlib, which is imported late because it is slow
 
 
-def save(folder: Path, stem: str, table: Table, picture: Picture, more: Mapping[str, str] | None = None) -> list[Path]:
-    """Write a table as CSV and Markdown, ``more`` texts by file name, and the picture as PNG and SVG.
+def save(
+    folder: Path, stem: str, table: Table, picture: Picture = None, more: Mapping[str, str] | None = None
+) -> list[Path]:
+    """Write a table as CSV and Markdown, ``more`` texts by file name, and a picture as PNG and SVG.
 
     Each is written whole or not at all. Returns the paths. Raises OSError, BadInput if the folder cannot be written.
     """
@@ -22,7 +24,7 @@ def save(folder: Path, stem: str, table: Table, picture: Picture, more: Mapping[
     for file, text in texts.items():
         with atomic_write(folder / file) as temporary:
             temporary.write_text(text, encoding="utf-8")
-    pictures = [folder / f"{stem}.png", folder / f"{stem}.svg"]
+    pictures = [folder / f"{stem}.png", folder / f"{stem}.svg"] if picture else []
     for path in pictures:
         with atomic_write(path) as temporary:
             picture.savefig(temporary)

@@ -36,6 +36,6 @@ def normal(law: HuntCrossley, share: float, depth: float, rate: float) -> Four:
 
 
 @kernel
-def with_friction(law: HuntCrossley, mu: float) -> HuntCrossley:
+def with_friction(law: HuntCrossley, factor: float, value: float) -> HuntCrossley:
     """See ``laws``."""
-    return HuntCrossley(law.k, law.c, mu, law.v_reg, law.deep)
+    return HuntCrossley(law.k, law.c, factor * law.mu + value, law.v_reg, law.deep)

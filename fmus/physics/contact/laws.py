@@ -37,5 +37,5 @@ def normal(law: Law, share: float, depth: float, rate: float) -> Four:
 
 
 @dispatch(_of)
-def with_friction(law: Law, mu: float) -> Law:
-    """Copy of the ``law`` with another coefficient of friction."""
+def with_friction(law: Law, factor: float, value: float) -> Law:
+    """Copy of the ``law`` with the coefficient of friction ``factor`` mu + ``value``; mu is that of the law."""

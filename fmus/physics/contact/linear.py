@@ -40,6 +40,6 @@ def normal(law: Linear, share: float, depth: float, rate: float) -> Four:
 
 
 @kernel
-def with_friction(law: Linear, mu: float) -> Linear:
+def with_friction(law: Linear, factor: float, value: float) -> Linear:
     """See ``laws``."""
-    return Linear(law.k, law.c, mu, law.v_reg, law.ramp)
+    return Linear(law.k, law.c, factor * law.mu + value, law.v_reg, law.ramp)

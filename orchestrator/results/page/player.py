@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.ground_surface import GroundSurface
 from orchestrator.results.page.above import above
 from orchestrator.results.page.embedded import floats, shorts
 from orchestrator.results.rotation import body_axis, matrices
@@ -16,6 +15,7 @@ from orchestrator.results.views.bodies import EVERY, Bodies, BodyPose, Poses
 from orchestrator.results.views.colours import PART
 from orchestrator.results.views.pose_columns import nearest
 from orchestrator.results.views.projected import Camera, section, side_camera
+from orchestrator.results.views.ruts import ground_at, on_soil
 from orchestrator.results.views.shapes import DRAWN, HullBody, LinkPart, in_world
 
 RATE = 25.0  # pictures a second at most
@@ -76,7 +76,7 @@ def player(run: RunData, track: str, reference: RunData | None = None, turns: bo
             for wheel in bodies.wheels
         ],
         "hull": None if hull is None else shorts(hull, UNIT),
-        "ground": _ground(bodies, cameras, low, high),
+        "ground": _ground(bodies, cameras, poses.t, low, high),
         "speed": None if speeds is None else floats(np.interp(poses.t, bodies.t, speeds)),
         "above": above(run, poses.t) if turns else None,
         "reference": _chain(reference, track, poses.t) if reference else None,
@@ -133,10 +133,11 @@ def _hull(cameras: list[Camera], hull: HullBody, pose: BodyPose) -> Floats:
     return _projected(cameras, in_world(outline, pose.position, matrices(pose.orientation)))
 
 
-def _ground(bodies: Bodies, cameras: list[Camera], low: Floats, high: Floats) -> dict[str, Any] | None:
+def _ground(bodies: Bodies, cameras: list[Camera], t: Floats, low: Floats, high: Floats) -> dict[str, Any] | None:
     """Corners of a bump above the level, and way of the middle of each picture along it, m; None without ground.
 
-    A terrain has its section in each picture instead, beyond the limits ``low`` and ``high`` (2,) of the bodies.
+    A terrain, and soil with its ruts at the times ``t`` (m,), s, has its section in each picture instead, beyond the
+    limits ``low`` and ``high`` (2,) of the bodies.
     """
     profile = bodies.ground
     if profile is None:
@@ -150,13 +151,17 @@ def _ground(bodies: Bodies, cameras: list[Camera], low: Floats, high: Floats) ->
         )
         along = np.concatenate([[0.0], np.cumsum(way)])
     corners = np.stack([profile.along, profile.height - profile.level], axis=1)
-    sections = _sections(profile, cameras, low, high) if profile.terrain else {}
+    sections = _sections(bodies, cameras, t, low, high) if profile.terrain or on_soil(bodies) else {}
     return {"corners": corners.tolist(), "along": floats(along), **sections}
 
 
-def _sections(profile: GroundSurface, cameras: list[Camera], low: Floats, high: Floats) -> dict[str, Any]:
+def _sections(bodies: Bodies, cameras: list[Camera], t: Floats, low: Floats, high: Floats) -> dict[str, Any]:
     """Sections of a terrain, in one table of corners (n, 2), m, with the number of corners in each picture."""
     room = 0.5 * max(high[0] - low[0], WIDEST * (high[1] - low[1]))
     at = 0.5 * (low[0] + high[0])
-    lines = [section(camera, profile, at - room, at + room, most=CORNERS)[0] for camera in cameras]
+    lines = []
+    for camera, instant in zip(cameras, t.tolist(), strict=True):
+        profile = ground_at(bodies, instant)
+        assert profile is not None
+        lines.append(section(camera, profile, at - room, at + room, most=CORNERS)[0])
     return {"sections": floats(np.concatenate(lines)), "counts": [len(line) for line in lines]}

@@ -17,6 +17,7 @@ PART = {"pad": (58, 58, 60), "horn": STEEL}  # of links; bodies show a signal
 SPOKE = (225, 225, 225)
 HULL, HULL_EDGE = (70, 95, 70), (40, 56, 40)
 EARTH = (176, 160, 136)
+RUT = (128, 112, 90)  # earth that is pressed
 METRE = (120, 105, 85)  # lines on the ground
 FORCE = (200, 40, 40)
 

@@ -34,6 +34,7 @@ from orchestrator.results.views.projected import (
     polygons,
     section,
 )
+from orchestrator.results.views.ruts import ground_at, inside, on_soil, ruts_of
 from orchestrator.results.views.solids import Reach
 from orchestrator.results.whole_file import atomic_write
 
@@ -283,7 +284,7 @@ class FilmPicture:
         return low - 0.5 * padding, high + 0.5 * padding
 
     def _ground(self, camera: Camera, poses: Poses, k: int) -> None:
-        profile = self._bodies.ground
+        profile = ground_at(self._bodies, float(poses.t[k])) if self._viewpoint == "right" else self._bodies.ground
         if profile is None:
             return
         earth = np.array(colours.to_unit_range(colours.EARTH))
@@ -302,8 +303,14 @@ class FilmPicture:
             self._earth.set_edgecolor("face")  # lines of quadrangles would hide those of metres
         else:
             quads, brightness, lines = plane(camera, profile, 2.0 * self._half)
+        shades = np.clip(brightness[:, None] * earth, 0.0, 1.0)
+        if on_soil(self._bodies):
+            pressed = camera.project(ruts_of(self._bodies.run).tiles(float(poses.t[k]))[0])
+            quads = np.concatenate([quads, pressed])
+            shades = np.concatenate([shades, np.tile(colours.to_unit_range(colours.RUT), (len(pressed), 1))])
+            self._earth.set_edgecolor("face")
         self._earth.set_verts(list(quads))
-        self._earth.set_facecolor(list(map(tuple, np.clip(brightness[:, None] * earth, 0.0, 1.0))))
+        self._earth.set_facecolor(list(map(tuple, shades)))
         self._metres.set_segments(list(lines))
 
     @cached_property
@@ -317,7 +324,8 @@ class FilmPicture:
         tracks = self._bodies.tracks
         middles = [poses.links[track.name].centres[k].mean(axis=0) - camera.centre for track in tracks]
         halves = [track.half[1] for track in tracks]
-        near = [float(middle @ camera.toward + half) for middle, half in zip(middles, halves, strict=True)]
+        edge = inside(self._bodies)
+        near = [float(middle @ camera.toward + half - edge) for middle, half in zip(middles, halves, strict=True)]
         return sorted(near) or [0.0]
 
     def _number_metres(self, metres: Floats) -> None:

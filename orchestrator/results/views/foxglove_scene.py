@@ -31,8 +31,9 @@ from orchestrator.results.views.chain_profile import ChainProfile, chain_profile
 from orchestrator.results.views.colours import Scale
 from orchestrator.results.views.files import check_name
 from orchestrator.results.views.plots import LOADS, MOTION, Plot, curves, plots
+from orchestrator.results.views.ruts import bands
 from orchestrator.results.views.shapes import HullBody, WheelBody, spokes
-from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, convex, prism
+from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, convex, prism, sheet
 from orchestrator.results.whole_file import atomic_write
 
 RATE = 50.0  # instants a second
@@ -85,6 +86,10 @@ def _write(bodies: Bodies, side_plots: list[Plot], chains: list[ChainProfile], s
         if bodies.hull:
             hull = channels.SceneUpdateChannel("/hull", context=context)
             hull.log(kinds.SceneUpdate(entities=[_hull(kinds, bodies.hull, begin)]), log_time=_nanoseconds(begin))
+        for t, quads in bands(bodies):
+            pressed = _triangles(kinds, sheet(quads), colours.RUT)
+            rut = kinds.SceneEntity(timestamp=_stamp(kinds, t), frame_id=WORLD, id="ruts", triangles=[pressed])
+            shapes.log(kinds.SceneUpdate(entities=[rut]), log_time=_nanoseconds(t))
         after = -np.inf
         for poses in bodies.blocks():
             for k, t in enumerate(poses.t):

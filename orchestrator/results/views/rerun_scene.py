@@ -27,8 +27,9 @@ from orchestrator.results.views.chain_profile import ChainProfile, chain_profile
 from orchestrator.results.views.colours import Scale
 from orchestrator.results.views.files import check_name
 from orchestrator.results.views.plots import LOADS, MOTION, Plot, curves, plots
+from orchestrator.results.views.ruts import bands
 from orchestrator.results.views.shapes import TrackBody, WheelBody, spokes
-from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, block, convex, faceted, prism
+from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, block, convex, faceted, prism, sheet
 from orchestrator.results.whole_file import atomic_write
 
 RATE = 50.0  # instants a second
@@ -49,6 +50,7 @@ def show(path: Path, output: Path | None = None, colour: str | None = None) -> N
         scene.start(bodies, side_plots, scale, bool(run_events))
         scene.send_shapes(bodies, Reach().with_bodies(bodies))
         scene.send_poses(bodies, scale)
+        scene.send_ruts(bodies)
         scene.send_curves(run, side_plots)
         scene.send_events(run_events)
 
@@ -119,6 +121,12 @@ class RerunRecording:
                 height, along = tension.astype(np.float32), place.astype(np.float32)
                 bars = self._rerun.BarChart(height, abscissa=along, widths=np.full(len(place), pitch))
                 self._recording.log(path_of("chain", chain.track), bars)
+
+    def send_ruts(self, bodies: Bodies) -> None:
+        """Send the ruts in soil as they grow; none on hard ground."""
+        for t, quads in bands(bodies):
+            self._recording.set_time(TIMELINE, duration=t)
+            self._recording.log("world/ruts", _mesh(self._rerun, sheet(quads), colours.RUT))
 
     def send_curves(self, run: RunData, side_plots: list[Plot], window: tuple[float, float] = EVER) -> None:
         """Send all records of the plots' signals in a window, s."""

@@ -19,6 +19,7 @@ from orchestrator.results.views.colours import MAP, PART, Scale, map_colours, to
 from orchestrator.results.views.files import PICTURES, check_name
 from orchestrator.results.views.pose_columns import nearest
 from orchestrator.results.views.projected import Camera, section, side_camera
+from orchestrator.results.views.ruts import ground_at, inside
 from orchestrator.results.views.shapes import RIGHT, boxes, in_world, rim
 
 if TYPE_CHECKING:
@@ -80,10 +81,8 @@ def side_view(bodies: Bodies, poses: Poses, k: int = 0) -> SideView:
         position, orientation = (part[k] for part in poses.wheels[wheel.name])
         outline = in_world(rim(wheel, -0.5 * wheel.width), position, matrices(orientation))
         wheels.append((wheel.kind, camera.project(position), camera.project(outline)))
-    colour = None if links.colour is None else links.colour[k]
-    return SideView(
-        float(poses.t[k]), camera, camera.project(links.pins[k]), parts, colour, wheels, float(track.half[1])
-    )
+    colour, near = None if links.colour is None else links.colour[k], float(track.half[1]) - inside(bodies)
+    return SideView(float(poses.t[k]), camera, camera.project(links.pins[k]), parts, colour, wheels, near)
 
 
 def extent(views: Sequence[SideView]) -> Extent:
@@ -139,7 +138,7 @@ def _figure(bodies: Bodies) -> Figure:
     shape = (1, len(views)) if upright else (len(views), 1)
     panes = figure.subplots(*shape, sharex=True, sharey=True, squeeze=False).ravel()
     for pane, view in zip(panes, views, strict=True):
-        draw_view(pane, view, bodies.ground, scale, limits)
+        draw_view(pane, view, ground_at(bodies, view.t), scale, limits)
         motion = "" if speeds is None else f", {np.interp(view.t, bodies.t, speeds):z.2f} m/s"
         pane.set_title(f"t = {view.t:.2f} s{motion}", fontsize=9, loc="left")
         if upright:

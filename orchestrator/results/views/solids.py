@@ -91,6 +91,12 @@ def strip(pairs: Floats) -> Triangles:
     return Triangles(pairs.reshape(-1, 3), numbers)
 
 
+def sheet(quads: Floats) -> Triangles:
+    """Return separate quadrangles (n, 4, 3), m, anticlockwise from outside."""
+    numbers = np.arange(4 * len(quads)).reshape(-1, 4)
+    return Triangles(quads.reshape(-1, 3), np.concatenate([numbers[:, [0, 1, 2]], numbers[:, [0, 2, 3]]]))
+
+
 def prism(wheel: WheelBody) -> Triangles:
     """Return a toothed wheel in its body frame."""
     discs = [_disc(rim(wheel, right), rim(wheel, left)) for right, left in wheel.discs]

@@ -21,6 +21,7 @@ from orchestrator.results.views.arrows import scale_arrow
 from orchestrator.results.views.bodies import EVERY, Bodies, NoInstant, Poses
 from orchestrator.results.views.files import PICTURES, check_name
 from orchestrator.results.views.projected import make_camera, polygons
+from orchestrator.results.views.ruts import on_soil, ruts_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,6 +72,8 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
         _draw_views(pane, views, float(np.ptp(way, axis=0).max()) + ROOM)
         if bodies.ground is not None and bodies.ground.terrain:
             _draw_heights(pane, bodies.ground, way.min(axis=0) - ROOM, way.max(axis=0) + ROOM)
+        if on_soil(bodies):
+            _draw_ruts(pane, *ruts_of(run).tiles(float(bodies.t[-1])))
         pane.set_aspect("equal", adjustable="datalim")
         pane.set_xlabel("x, m")
         pane.set_ylabel("y, m")
@@ -129,6 +132,17 @@ def _draw_heights(pane: Axes, ground: GroundSurface, low: Floats, high: Floats) 
     )  # fmt: skip
     assert pane.figure is not None
     pane.figure.colorbar(shades, ax=pane, label="height of the ground, m", shrink=0.6)
+
+
+def _draw_ruts(pane: Axes, corners: Floats, depth: Floats) -> None:
+    """Shade the cells with these corners (n, 4, 3), m, by their depth (n,), m."""
+    from matplotlib.collections import PolyCollection
+
+    shades = PolyCollection(list(corners[..., :2]), array=1e3 * depth, cmap="YlOrBr", edgecolors="face", zorder=0.5)
+    shades.set_clim(0.0)
+    pane.add_collection(shades)
+    assert pane.figure is not None
+    pane.figure.colorbar(shades, ax=pane, label="depth of the rut, mm", shrink=0.6)
 
 
 def _instants(t: Floats, times: Sequence[float] | None) -> Sequence[float]:

@@ -32,7 +32,7 @@ class Soil(NamedTuple):
 
 
 @kernel
-def with_friction(law: Soil, mu: float) -> Soil:
+def with_friction(law: Soil, factor: float, value: float) -> Soil:
     """See ``laws``: the strength of soil is its own; regions of friction are refused on it."""
     return law
 

@@ -109,7 +109,8 @@ def ground_law(shape: Terrain, law: Law, x: VectorLike) -> Law:
     if shape.regions.shape[0] == 0:
         return law
     p = _to_ground(shape, x)
-    return with_friction(law, friction_at(shape.regions, law.mu, p[0], p[1]))
+    factor, value = friction_at(shape.regions, p[0], p[1])
+    return with_friction(law, factor, value)
 
 
 @kernel

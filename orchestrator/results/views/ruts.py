@@ -1,0 +1,125 @@
+"""Ruts in soil as drawings show them: the deepest place of all pads that passed, from the recorded poses of links.
+
+A log has no rut: it is in the state of each track (``fmus/physics/contact/soil/rut.py``), without the little
+that soil springs back behind it. Both tracks press one picture of the ground; each feels its own rut alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestrator.log.time_series import Floats
+from orchestrator.results.ground_surface import GroundSurface
+from orchestrator.results.run_data import RunData
+from orchestrator.results.views.bodies import Bodies, LinkPoses
+from orchestrator.results.views.shapes import TrackBody
+
+CELLS = 3  # along a link: the rut is known to a third of a pitch
+ROOM = 2  # cells around all that is pressed
+PACE, OVER = 0.5, 0.002  # s between ruts of scenes in space, and their height over the ground, m
+RATE = 200.0  # instants a second: a link at 30 m/s moves on by its length
+
+
+def on_soil(bodies: Bodies) -> bool:
+    """True if the ground gives way."""
+    return bool((bodies.scene.get("ground") or {}).get("soil"))
+
+
+def ruts_of(run: RunData) -> Ruts:
+    """Ruts of all tracks of a run; raises BadInput if no links can be drawn."""
+    return run.compute_once("ruts", lambda run: Ruts(Bodies(run, RATE)))
+
+
+def ground_at(bodies: Bodies, t: float) -> GroundSurface | None:
+    """Ground at the time ``t``, s, on soil with its ruts; None without one."""
+    return ruts_of(bodies.run).surface(t) if bodies.ground is not None and on_soil(bodies) else bodies.ground
+
+
+def bands(bodies: Bodies) -> Iterator[tuple[float, Floats]]:
+    """Times, s, PACE apart, and the ruts then: quadrangles (n, 4, 3), m, world, OVER the ground."""
+    if bodies.ground is None or not on_soil(bodies):
+        return
+    for t in np.arange(float(bodies.t[0]), float(bodies.t[-1]) + PACE, PACE).tolist():
+        corners, _ = ruts_of(bodies.run).tiles(t)
+        if len(corners):
+            corners[..., 2] = bodies.ground.height_under(corners) + OVER
+            yield min(t, float(bodies.t[-1])), corners
+
+
+def inside(bodies: Bodies) -> float:
+    """Distance from the edge of a rut, m, at which it has its full depth; 0 on hard ground."""
+    return ruts_of(bodies.run).cell if bodies.ground is not None and on_soil(bodies) else 0.0
+
+
+class Ruts:
+    """Sinkage of the ground by cell, m, as far as the run has come; instants are asked for in any order."""
+
+    def __init__(self, bodies: Bodies) -> None:
+        """Read the poses of all links; raises BadInput if none can be drawn."""
+        assert bodies.ground is not None
+        self._surface, self.cell = bodies.ground, 2.0 * float(bodies.tracks[0].half[0]) / CELLS
+        times, cells, depths = [], [], []
+        for poses in bodies.blocks():
+            for track in bodies.tracks:
+                rows, cell, depth = self._pressed(track, poses.links[track.name])
+                times.append(poses.t[rows])
+                cells.append(cell)
+                depths.append(depth)
+        self._t = np.concatenate(times)
+        order = np.argsort(self._t, kind="stable")
+        self._t, pressed = self._t[order], np.concatenate(cells)[order]
+        self._depth = np.concatenate(depths)[order]
+        self._corner = (pressed.min(axis=0) if len(pressed) else np.zeros(2, int)) - ROOM
+        size = (pressed.max(axis=0) if len(pressed) else np.zeros(2, int)) - self._corner + ROOM + 1
+        self._index = (pressed - self._corner) @ [size[1], 1]
+        self._sinkage, self._done = np.zeros(size), 0
+
+    def _pressed(self, track: TrackBody, links: LinkPoses) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
+        """Instants (n,), cells (n, 2) and depths (n,), m, of places on pads that are below the ground."""
+        along, across = (np.linspace(-half, half, 2 + int(2.0 * half / self.cell)) for half in track.half[:2].tolist())
+        x, y = (part.ravel() for part in np.meshgrid(along, across, indexing="ij"))
+        places = np.stack([x, y, np.full_like(x, track.half[2])], axis=-1)  # on the outer face
+        low = np.argwhere(links.axes[..., 2, 2] < -0.5)  # instant and link: pads look down
+        at = links.centres[tuple(low.T)][:, None] + np.einsum("nij,kj->nki", links.axes[tuple(low.T)], places)
+        depth = self._surface.height_under(at) - at[..., 2]
+        row, place = np.nonzero(depth > 0.0)
+        return low[row, 0], np.floor(at[row, place, :2] / self.cell).astype(int), depth[row, place]
+
+    def sinkage(self, t: float) -> Floats:
+        """Deepest sinkage (n, m), m, of each cell up to the time ``t``, s."""
+        end = int(np.searchsorted(self._t, t, side="right"))
+        if end < self._done:
+            self._sinkage, self._done = np.zeros_like(self._sinkage), 0
+        new = slice(self._done, end)
+        np.maximum.at(self._sinkage.reshape(-1), self._index[new], self._depth[new])
+        self._done = end
+        return self._sinkage
+
+    def surface(self, t: float) -> GroundSurface:
+        """The ground with its ruts at the time ``t``, s; straight between the middles of cells."""
+        from scipy.ndimage import map_coordinates
+
+        sinkage, base = self.sinkage(t).copy(), self._surface
+
+        def heights(x: Floats, y: Floats) -> Floats:
+            places = np.stack([np.asarray(x), np.asarray(y)]) / self.cell
+            at = places - 0.5 - self._corner.reshape(2, *[1] * (places.ndim - 1))
+            level = base.height_under(np.stack([x, y, np.zeros_like(x)], axis=-1)) - base.level
+            return np.asarray(level - map_coordinates(sinkage, at, order=1, mode="constant"))
+
+        return base._replace(terrain=heights)
+
+    def tiles(self, t: float) -> tuple[Floats, Floats]:
+        """Corners (n, 4, 3), m, world, of the cells that are pressed at the time ``t``, s, and sinkages (n,), m."""
+        sinkage = self.sinkage(t)
+        cells = np.argwhere(sinkage > 0.0)
+        depth = sinkage[tuple(cells.T)]
+        ring = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+        flat = (cells[:, None] + ring + self._corner) * self.cell
+        corners = np.concatenate([flat, np.zeros((*flat.shape[:2], 1))], axis=2)
+        middle = corners.mean(axis=1)
+        corners[..., 2] = (self._surface.height_under(middle) - depth)[:, None]
+        return corners, depth

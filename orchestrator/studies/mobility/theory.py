@@ -1,0 +1,128 @@
+"""Limits of mobility by statics and by terrain theory, as brackets of what trials find.
+
+Thrust of a track on soil: Wong, Theory of Ground Vehicles, chapter 2, of Janosi and Hanamoto's shear under uniform
+pressure. Steps and gaps: statics of a rigid body.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.physics.contact.soil.parameters import Soil
+from fmus.physics.contact.soil.pressure import first_work
+from fmus.vehicle import VehicleTable
+
+
+class Bracket(NamedTuple):
+    """Least and largest value."""
+
+    low: float
+    high: float
+
+    def holds(self, value: float) -> bool:
+        """True if the value is in the bracket."""
+        return bool(self.low <= value <= self.high)
+
+
+def shear_fraction(slip: float, length: float, modulus: float) -> float:
+    """Mean of 1 - exp(-j/K) under a track of ``length``, m, whose shear j grows by slip x way."""
+    if slip <= 0.0:
+        return 0.0
+    x = slip * length / modulus
+    return 1.0 + math.expm1(-x) / x
+
+
+def traction(soil: Soil, load: float, area: float, length: float, slip: float) -> float:
+    """Thrust of tracks, N: strength of the soil under ``load``, N, on ``area``, m2, by the mobilised part."""
+    return (soil.cohesion * area + load * soil.tan) * shear_fraction(slip, length, soil.K)
+
+
+def compaction_resistance(soil: Soil, pressure: float) -> float:
+    """Resistance of a track with uniform ``pressure``, Pa, by compaction, N: work of the first loading by its width."""
+    return soil.width * first_work(soil, (pressure / soil.stiffness) ** (1.0 / soil.n))
+
+
+def centre_of_mass(vehicle: VehicleTable) -> tuple[float, float]:
+    """Place x, z, m, of the centre of mass as drawn; tracks count in the middle between sprocket, idler and wheels."""
+    v, wheels = vehicle, vehicle.road_wheel
+    sprocket, idler = np.zeros(2), np.array([v.idler.x, v.idler.z])
+    road = [np.array([x, wheels.z]) for x in wheels.x]
+    arm = np.array(v.road_arm.pivot) / 2.0
+    parts = [(v.chassis.mass, np.array([v.chassis.centre[0], v.chassis.centre[2]]))]
+    parts += [(2.0 * v.sprocket.mass, sprocket), (2.0 * v.idler.mass, idler)]
+    parts += [(2.0 * wheels.mass, place) for place in road]
+    parts += [(2.0 * v.road_arm.mass, place + arm) for place in road]
+    if v.return_roller:
+        parts += [(2.0 * v.return_roller.mass, np.array([x, v.return_roller.z])) for x in v.return_roller.x]
+    loop = (sprocket + idler + np.mean(road, axis=0)) / 3.0
+    parts.append((2.0 * v.track.links * v.track.mass, loop))
+    x, z = np.average([place for _, place in parts], axis=0, weights=[mass for mass, _ in parts])
+    return float(x), float(z)
+
+
+def _ends(vehicle: VehicleTable) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Place x, z and radius, m, of the hindmost wheel of the chain and of its foremost one."""
+    ends = sorted([(0.0, 0.0, _sprocket_radius(vehicle)), (vehicle.idler.x, vehicle.idler.z, vehicle.idler.radius)])
+    return ends[0], ends[1]
+
+
+def _sprocket_radius(vehicle: VehicleTable) -> float:
+    """Pitch radius less the chain's half thickness, m: as if a smooth wheel bore the links' faces."""
+    return vehicle.track.pitch / (2.0 * math.sin(math.pi / vehicle.sprocket.teeth)) - vehicle.track.face
+
+
+def _passed_step(vehicle: VehicleTable, wheel: tuple[float, float, float]) -> float:
+    """Highest step, m, whose edge the centre of mass passes while the vehicle stands on a hind ``wheel`` x, z, radius.
+
+    The lower run of the chain lies on the edge; its line is below the road wheels.
+    """
+    x, z = centre_of_mass(vehicle)
+    thick = 2.0 * vehicle.track.face
+    h = z - vehicle.road_wheel.z + vehicle.road_wheel.radius + thick
+    back, up, radius = x - wheel[0], wheel[1] - z, wheel[2] + thick
+    pitch = np.linspace(0.0, 1.4, 2000)
+    edge = -h / np.cos(pitch)
+    ground = -back * np.sin(pitch) + up * np.cos(pitch) - radius
+    return float((edge - ground).max())
+
+
+def largest_step(vehicle: VehicleTable) -> Bracket:
+    """Highest step, m, without slip: standing on the hindmost road wheels, and on the hindmost wheel of the chain."""
+    wheels = vehicle.road_wheel
+    limits = (
+        _passed_step(vehicle, (min(wheels.x), wheels.z, wheels.radius)),
+        _passed_step(vehicle, _ends(vehicle)[0]),
+    )
+    return Bracket(min(limits), max(limits))
+
+
+def largest_gap(vehicle: VehicleTable) -> Bracket:
+    """Widest gap, m: from the centre of mass to the outer road wheels, and to the axles of the chain's ends."""
+    x, _ = centre_of_mass(vehicle)
+    hind, front = _ends(vehicle)
+    wheels = vehicle.road_wheel.x
+    return Bracket(min(x - min(wheels), max(wheels) - x), min(x - hind[0], front[0] - x))
+
+
+def drawbar(vehicle: VehicleTable, soil: Soil, weight: float, slip: float) -> Bracket:
+    """Bracket of the drawbar pull at a slip, N.
+
+    Least: shear begins anew at each link, and one link under each road wheel bears; largest: both tracks bear and shear
+    evenly between the outer wheels.
+    """
+    wheels, track = vehicle.road_wheel.x, vehicle.track
+    length = max(wheels) - min(wheels)
+    area = 2.0 * track.width * length
+    by_link = weight / (2.0 * len(wheels) * track.width * track.pitch)
+    resistances = [2.0 * compaction_resistance(soil, p) for p in (weight / area, by_link)]
+    thrusts = [traction(soil, weight, area, part, slip) for part in (track.pitch, length)]
+    return Bracket(thrusts[0] - resistances[1], thrusts[1] - resistances[0])
+
+
+def clearance(vehicle: VehicleTable) -> float:
+    """Height of the hull's lowest corner over the ground as drawn, m; infinite without corners."""
+    ground = vehicle.road_wheel.z - vehicle.road_wheel.radius - 2.0 * vehicle.track.face
+    return min((corner[2] for corner in vehicle.chassis.hull or ()), default=math.inf) - ground

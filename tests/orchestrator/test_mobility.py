@@ -1,0 +1,218 @@
+"""The study of mobility: theory beside numbers of terrain theory and statics, limits, files and page, trials."""
+
+from __future__ import annotations
+
+import math
+import re
+from importlib import resources
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+from fmus.physics.contact.soil.parameters import soil as soil_of
+from fmus.soils import SoilTable
+from fmus.vehicle import BadInput
+from orchestrator.studies import mobility
+from orchestrator.studies.mobility import bisection, drawbar, grade, pressure, step_and_gap, theory, turning
+from orchestrator.studies.mobility.limit_speed import first_crossing, limit_speed
+from orchestrator.studies.mobility.trial import run_up, trial, vehicle_of
+from orchestrator.studies.row import Row
+
+
+@pytest.fixture(scope="module")
+def m113():
+    return vehicle_of("straight")
+
+
+def soil(name, vehicle):
+    track = vehicle.table.track
+    return soil_of(SoilTable(name=name).model_dump(), track.pitch, track.width)
+
+
+# --- theory ---
+
+
+@pytest.mark.parametrize(("slip", "length", "modulus"), [(0.05, 2.667, 0.025), (0.9, 0.1524, 0.012)])
+def test_shear_under_a_track_is_its_mean(slip, length, modulus):
+    mean = quad(lambda x: -math.expm1(-slip * x / modulus), 0.0, length)[0] / length
+    assert theory.shear_fraction(slip, length, modulus) == pytest.approx(mean, rel=1e-10)
+    assert theory.shear_fraction(1.03 * slip, length, modulus) != pytest.approx(mean, rel=1e-3)
+
+
+# Wong's integral and Bekker's resistance by hand, uniform pressure, both tracks: pull in kN at a slip
+PULLS = [("dry_sand", 0.05, 67.29), ("dry_sand", 0.2, 79.16), ("dry_sand", 1.0, 82.35), ("sandy_loam_15", 0.2, 85.19)]
+
+
+@pytest.mark.parametrize(("name", "slip", "pull"), PULLS)
+def test_pull_under_uniform_pressure(m113, name, slip, pull):
+    assert theory.drawbar(m113.table, soil(name, m113), m113.weight, slip).high == pytest.approx(1e3 * pull, rel=2e-4)
+    assert theory.drawbar(m113.table, soil(name, m113), 1.03 * m113.weight, slip).high > 1.01e3 * pull
+
+
+def test_resistance_of_a_link_under_each_wheel(m113):
+    law, table = soil("dry_sand", m113), m113.table
+    uniform, single = (
+        m113.weight / (2.0 * table.track.width * part) for part in (m113.length, 5.0 * table.track.pitch)
+    )
+    assert theory.compaction_resistance(law, uniform) == pytest.approx(922.0, rel=2e-3)
+    assert theory.compaction_resistance(law, single) == pytest.approx(10079.0, rel=2e-3)
+
+
+def test_centre_of_mass(m113):
+    """Beside that of all bodies of a run at its start."""
+    assert theory.centre_of_mass(m113.table) == pytest.approx((-1.9924, 0.0303), abs=0.006)
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.305])
+def test_a_step_that_the_centre_of_mass_passes(m113, radius):
+    """On hind wheels whose tread is on the chain's line: a sin(t) - h (1/cos(t) - cos(t)) + r (1 - cos(t)) at most."""
+    wheels = m113.table.road_wheel.model_copy(update={"radius": radius})
+    table = m113.table.model_copy(update={"road_wheel": wheels})
+    (x, z), r, t = theory.centre_of_mass(table), radius + 2.0 * table.track.face, np.linspace(0.0, 1.2, 5000)
+    a, h, c = x - min(wheels.x), z - wheels.z + r, np.cos(t)
+    height = (a * np.sin(t) - h * (1.0 / c - c) + r * (1.0 - c)).max()
+    assert theory._passed_step(table, (min(wheels.x), wheels.z, radius)) == pytest.approx(height, rel=1e-5)
+    assert theory._passed_step(table, (min(wheels.x) - 0.05, wheels.z, radius)) > 1.02 * height
+
+
+def test_steps_and_gaps_of_the_m113(m113):
+    """The road wheels' limits are those that are published of the vehicle, 0.61 and 1.68 m, to 2 % and within."""
+    step, gap = theory.largest_step(m113.table), theory.largest_gap(m113.table)
+    assert step.low == pytest.approx(0.61, rel=0.02)
+    assert gap.low < 1.68 < gap.high
+    assert gap == pytest.approx((1.333, 1.988), abs=1e-3)
+
+
+def test_the_steepest_slope_of_a_soil(m113):
+    """The pull at full slip is the weight's component."""
+    law, weight = soil("dry_sand", m113), m113.weight
+    angle = brentq(
+        lambda a: theory.drawbar(m113.table, law, weight * math.cos(a), 1.0).high - weight * math.sin(a), 0.0, 1.0
+    )
+    assert grade._bracket(m113, "dry_sand").high == pytest.approx(math.tan(angle), rel=1e-9)
+    assert math.tan(angle) < law.tan
+
+
+# --- limits ---
+
+
+def test_bisection_closes_in_on_a_limit():
+    limit = bisection.bisect(lambda x: "too much" if x > 0.637 else "", 0.0, 1.0, 10)
+    assert limit.passed <= 0.637 < limit.failed
+    assert limit.failed - limit.passed == pytest.approx(2.0**-10)
+    assert (limit.runs, limit.reason) == (12, "too much")
+
+
+@pytest.mark.parametrize(("passes", "passed"), [("", 1.0), ("no", math.nan)])
+def test_bisection_without_a_limit(passes, passed):
+    limit = bisection.bisect(lambda x: passes, 0.0, 1.0, 10)
+    assert limit.passed == pytest.approx(passed, nan_ok=True)
+
+
+def test_the_first_crossing():
+    assert first_crossing([1, 2, 3], [0.0, 2.0, 6.0], 3.0) == pytest.approx(2.25)
+    assert first_crossing([1, 2], [5.0, 2.0], 3.0) == 1
+    assert limit_speed("v", [1, 2], [0.0, 1.0], 3.0).note == "not up to 2 m/s"
+
+
+# --- scenes ---
+
+
+def test_trials_are_of_the_scenes_vehicle(m113):
+    scene = trial(m113, "a trial", 1.0003, friction=0.7, ground={"grade": 0.1}, drive={"mode": "speed"})
+    assert scene.vehicle.contact.ground.friction == 0.7
+    assert scene.vehicle.track == m113.table.track
+    assert scene.symmetric
+    assert scene.run.stop == pytest.approx(1.00125)
+    robot = vehicle_of("robot")
+    assert robot.pace < 0.5 * m113.pace
+    ramp, speed = run_up(m113, 10.0), 10.0
+    assert 0.5 * math.pi * speed / ramp == pytest.approx(0.2 * 9.81)
+
+
+@pytest.mark.parametrize(
+    ("scene", "sentence"),
+    [
+        ("hanging_chain", "assembly = 'chain': must be 'vehicle'"),
+        ("nowhere", "no scene"),
+    ],
+)
+def test_scenes_that_have_no_vehicle(scene, sentence):
+    with pytest.raises(BadInput, match=sentence):
+        mobility.cases(True, scene)
+
+
+def test_a_vehicle_without_a_seat(tmp_path):
+    table = (resources.files("fmus") / "vehicles" / "m113.toml").read_text(encoding="utf-8")
+    (tmp_path / "seatless.toml").write_text(re.sub(r"\[seat\.driver\].*?\n\n", "", table, flags=re.DOTALL))
+    (tmp_path / "own.toml").write_text(
+        'title = "x"\nassembly = "vehicle"\nvehicle = "seatless.toml"\n[track]\nmodel = "rigid"\n'
+        '[drive]\nmode = "speed"\n[run]\nstop = "1 s"\nstep = "1 ms"\n[expect]\n'
+    )
+    with pytest.raises(BadInput, match=r"own\.toml: vehicle\.seat: m113 has none"):
+        mobility.cases(True, str(tmp_path / "own.toml"))
+
+
+def test_a_quick_study_has_a_case_of_every_trial():
+    cases = mobility.cases(True)
+    assert {case.item for case in cases} == {module.NAME for module in mobility.TRIALS}
+    assert len(cases) < len(mobility.cases(False)) / 2
+
+
+# --- files ---
+
+PULL = {
+    "soil": "dry_sand", "low": -6.0, "high": 70.0, "resistance": 14.0, "length": 0.3, "efficiency": 0.4,
+    "settlement": 0.1, "weight": 150.0,
+}  # fmt: skip
+ROWS = [
+    Row(drawbar.NAME, "dry_sand, slip 0.1", {**PULL, "slip": 0.1, "pull": 20.0}, True),
+    Row(drawbar.NAME, "dry_sand, slip 0.4", {**PULL, "slip": 0.4, "pull": 50.0}, True),
+    Row(drawbar.NAME, "dry_sand, slip 0.9", {}, False, "took longer than <1800> s"),
+    Row(step_and_gap.NAME, "step", {"passed": 0.9, "failed": 0.92, "low": 0.6, "high": 1.0, "runs": 7}, True, "stands"),
+]
+
+
+def test_files_and_page(tmp_path):
+    written = {path.name: path for path in mobility.write(tmp_path, "mobility", ROWS, mobility.TITLE)}
+    assert {"mobility.md", "mobility.html", "mobility-drawbar.csv", "mobility-drawbar.png"} <= set(written)
+    text = written["mobility.html"].read_text()
+    assert text.count("<section") == 2
+    assert text.count('src="data:image/png;base64,') == 2
+    assert "longer than &lt;1800&gt; s" in text
+    assert "<script" not in text
+
+
+def test_the_summary_interpolates():
+    table = {row["measure"]: row for row in mobility.table(ROWS).records()}
+    pull = table["pull at slip 0.2, dry_sand"]
+    assert pull["value"] == pytest.approx(30.0)
+    assert pull["note"] == "0.20 of the weight"
+    assert table["largest step"]["value"] == 0.9
+
+
+# --- trials ---
+
+
+@pytest.mark.study
+def test_trials_on_soil():
+    """Pull inside its bracket and from shear that begins anew under each wheel; wheels carry the weight."""
+    (row,) = drawbar.pull("straight", "dry_sand", 0.05)
+    assert row.ok
+    assert row["slip"] == pytest.approx(0.06, abs=0.01)
+    assert 0.25 < row["length"] < 0.45
+    assert not drawbar.pull("straight", "clayey_soil_38", 0.9)[0]["pull"] > row["high"]
+    (under,) = pressure.maxima("straight", "dry_sand")
+    assert under.ok
+    assert under["peak"] > under["mean_maximum"] > 1.5 * under["nominal"]
+
+
+@pytest.mark.study
+def test_trials_of_limits():
+    (row,) = grade.on_hard_ground("straight", 0.3, 3)
+    assert row.ok
+    assert 28.0 < row["climbed"] < 30.0
+    (row,) = turning.turn("straight", "dry_sand")
+    assert row.ok

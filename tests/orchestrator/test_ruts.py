@@ -1,0 +1,102 @@
+"""Ruts that drawings show: a pad that presses, grows the rut with time and leaves it; beside the rut of the track."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fmus.physics.contact.soil.rut import deepest_at
+from orchestrator.results.ground_surface import GroundSurface, ground
+from orchestrator.results.link_axes import link_axes
+from orchestrator.results.views import ruts
+from orchestrator.results.views.bodies import LinkPoses, Poses
+from orchestrator.results.views.shapes import track_body
+from orchestrator.scene.scene import load
+
+LEVEL, DEPTH = -0.6, 0.05
+
+
+@pytest.fixture(scope="module")
+def vehicle():
+    return load("soft_ground").vehicle.model_dump()
+
+
+def bodies(surface, track, t, centres, axes):
+    """Bodies of one track whose links have these centres (m, n, 3) and axes (m, n, 3, 3)."""
+    links = LinkPoses(centres, centres, axes, None, None)
+    return SimpleNamespace(ground=surface, tracks=(track,), blocks=lambda: [Poses(t, {track.name: links}, {}, None)])
+
+
+@pytest.fixture
+def pressed(vehicle):
+    """A pad that lies level at x = 0 from 1 s on, and half as deep one length ahead from 2 s on."""
+    track = track_body("left_track", 1, False, vehicle)
+    length, half = 2.0 * float(track.half[0]), float(track.half[2])
+    places = [[0.0, 0.0, LEVEL - DEPTH + half], [length, 0.0, LEVEL - 0.5 * DEPTH + half]]
+    down = np.diag([1.0, -1.0, -1.0])
+    surface = GroundSurface(np.zeros(3), np.array([1.0, 0.0, 0.0]), LEVEL, np.zeros(0), np.zeros(0))
+    at = bodies(surface, track, np.array([1.0, 2.0]), np.array(places)[:, None], np.tile(down, (2, 1, 1, 1)))
+    return ruts.Ruts(at), length, 2.0 * float(track.half[1])
+
+
+def test_a_pad_leaves_its_rectangle(pressed):
+    rut, length, width = pressed
+    corners, depth = rut.tiles(1.5)
+    assert depth == pytest.approx(DEPTH)
+    area = len(depth) * rut.cell**2
+    assert length * width < area < (length + 2.0 * rut.cell) * (width + 2.0 * rut.cell)
+    assert corners[..., 2] == pytest.approx(LEVEL - DEPTH)
+    assert abs(corners[..., 1]).max() < 0.5 * width + 2.0 * rut.cell
+
+
+def test_a_rut_grows_with_time_and_stays(pressed):
+    rut, length, _ = pressed
+    x = np.array([0.0, length, -1.0])
+
+    def heights(t):
+        return rut.surface(t).height_under(np.stack([x, 0.0 * x, 0.0 * x], axis=-1))
+
+    late = [LEVEL - DEPTH, LEVEL - 0.5 * DEPTH, LEVEL]
+    assert heights(3.0) == pytest.approx(late)
+    assert heights(0.5) == pytest.approx(LEVEL)  # also after a later time
+    assert heights(1.0) == pytest.approx([LEVEL - DEPTH, LEVEL, LEVEL])
+    assert heights(2.0) == pytest.approx(late)
+    assert heights(2.0) != pytest.approx([1.03 * h for h in late])
+
+
+def test_links_in_the_air_press_nothing(pressed, vehicle):
+    track = track_body("left_track", 1, False, vehicle)
+    surface = GroundSurface(np.zeros(3), np.array([1.0, 0.0, 0.0]), LEVEL, np.zeros(0), np.zeros(0))
+    at = np.array([[[0.0, 0.0, LEVEL + 0.2]]])
+    assert not len(ruts.Ruts(bodies(surface, track, np.array([0.0]), at, np.eye(3)[None, None])).tiles(1.0)[1])
+
+
+@pytest.mark.long
+def test_drawn_ruts_are_those_of_the_track():
+    """But for what soil springs back, and for the edges of cells; in the frame of the track."""
+    from vehicle_in_process import InProcess
+
+    moving = InProcess(load("soft_ground", "rigid", ["drive.ramp_time=0.5 s"]))
+    track, pins = moving["left_track"].model, []
+    for _ in range(100):
+        moving.run(0.02)
+        pins.append(track.pins())
+    pins = np.array(pins)
+    scene = moving.scene.model_dump()
+    count = pins.shape[1]
+    body, axes = (
+        track_body("left_track", count, True, scene["vehicle"]),
+        link_axes(pins, np.array([0.0, 1.0, 0.0]), count),
+    )
+    centres, t = 0.5 * (pins + np.roll(pins, -1, axis=1)), 0.02 * np.arange(1, 101)
+    rut = ruts.Ruts(bodies(ground(scene), body, t, centres, axes))
+    x = np.arange(-4.0, -3.0, 0.1)  # behind the last wheel
+    x = x[np.array([deepest_at(track.s.rut, place, 0.0) for place in x]) > 0.02]
+    own = np.array([deepest_at(track.s.rut, place, 0.0) for place in x])
+    surface = rut.surface(2.0)
+    drawn = surface.level - surface.height_under(np.stack([x, 0.0 * x, 0.0 * x], axis=-1))
+    assert len(x) > 3
+    assert np.median(abs(drawn - own)) < 5e-3
+    assert np.median(abs(1.1 * drawn - own)) > 5e-3
