@@ -14,10 +14,11 @@ from fmus.vehicle import BadInput
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
+from orchestrator.results import measures
 from orchestrator.results.analyses.catalogue import analyse
 from orchestrator.results.page import heading
 from orchestrator.results.page.evaluation import RunSummary, evaluate
-from orchestrator.results.run_data import RunData
+from orchestrator.results.run_data import EVER, RunData
 from orchestrator.results.validity import contact_step, ledger, limits
 from orchestrator.results.validity.exceedance import recorded_entries
 from orchestrator.results.validity.piece import LENGTH
@@ -303,7 +304,12 @@ def test_a_track_in_the_rut_of_the_other_one(tmp_path, ground, until, lift, cros
             columns |= {f"{side}_track.joint[{j + 1}].position.{axis}": p for axis, p in zip("xyz", place, strict=True)}
     scene = {"assembly": "vehicle", "vehicle": table, "run": {"step": 1e-2}, "ground": ground}
     scene["start"] = {"position": [0.0, 0.0, 0.0], "heading": 0.0}
-    entries = [e for e in entries_of(write(tmp_path / "log.mcap", columns, t, scene)) if e.what == "crossed_rut"]
+    path = write(tmp_path / "log.mcap", columns, t, scene)
+    if ground:
+        with Log(path) as log:
+            for side, deepest in (("", max(0.08, 0.1 - lift)), ("left", 0.08)):
+                assert measures.rut_depth(RunData(log), side, EVER) == pytest.approx(deepest, rel=1e-9)
+    entries = [e for e in entries_of(path) if e.what == "crossed_rut"]
     assert [(entry.component, entry.severity) for entry in entries] == [("right_track", "warning")] * crosses
     for entry in entries:  # cells are half a link wide
         assert entry.time == pytest.approx((2.0 - 0.8 * width) / 0.2, abs=0.5 * pitch / 0.2)

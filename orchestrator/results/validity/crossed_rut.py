@@ -3,29 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
-from orchestrator.log.time_series import Floats
-from orchestrator.results.analyses import hull, link_records
-from orchestrator.results.ground_surface import GroundSurface, gives_way, ground
-from orchestrator.results.link_columns import POSITION
-from orchestrator.results.run_data import EVER, Missing, RunData
+from orchestrator.results.ground_surface import gives_way
+from orchestrator.results.pressed_ground import pressed_by
+from orchestrator.results.run_data import RunData
 from orchestrator.results.validity import limits
 from orchestrator.results.validity.exceedance import WARNING, Exceedance
 from orchestrator.results.validity.piece import Piece
-
-ALONG, ACROSS = np.array([0.25, 0.75]), np.linspace(-0.4, 0.4, 5)  # points of a link, over its length and its width
-COLUMN = 1 << 20  # cells are numbered along x first; fewer lie along y
-
-
-class Pressed(NamedTuple):
-    """Cells of the ground that a track has pressed, with a side of half a link."""
-
-    cell: np.ndarray  # (k,) int, numbers, in order
-    first: Floats  # (k,) time of the first record with a link there, s
-    depth: Floats  # (k,) largest depth of a link, m
 
 
 def signals(run: RunData) -> Iterator[str]:
@@ -45,7 +31,7 @@ def find(piece: Piece) -> Iterator[Exceedance]:
 
 def _crossing(run: RunData) -> Exceedance | None:
     """Entry for the track that comes second, with the depth of the other's rut; None where the ways are apart."""
-    one, other = (_pressed(run, track) for track in run.tracks)
+    one, other = (pressed_by(run, track) for track in run.tracks)
     _, i, j = np.intersect1d(one.cell, other.cell, assume_unique=True, return_indices=True)
     if not i.size:
         return None
@@ -55,34 +41,3 @@ def _crossing(run: RunData) -> Exceedance | None:
     return Exceedance(
         "crossed_rut", run.tracks[0 if after[k] else 1], float(times[k]), "", float(depth.max()), limits.RUT, WARNING
     )
-
-
-def _pressed(run: RunData, track: str) -> Pressed:
-    """Cells pressed by a track; raises Missing."""
-    surface, sizes = ground(run.scene), [hull.vehicle_number(run, "track", key) for key in ("pitch", "width", "face")]
-    if surface is None:
-        raise Missing("the scene has no ground")
-    pressed = Pressed(np.zeros(0, int), np.zeros(0), np.zeros(0))
-    for block in link_records.records(run, track, EVER, POSITION):
-        cell, first, depth = _in_ground(surface, sizes, block.t, block.values[0])
-        cell, index, inverse = np.unique(np.append(pressed.cell, cell), return_index=True, return_inverse=True)
-        deepest = np.zeros(len(cell))
-        np.maximum.at(deepest, inverse, np.append(pressed.depth, depth))
-        pressed = Pressed(cell, np.append(pressed.first, first)[index], deepest)
-    return pressed
-
-
-def _in_ground(
-    surface: GroundSurface, sizes: list[float], t: Floats, pins: Floats
-) -> tuple[np.ndarray, Floats, Floats]:
-    """Cells, times and depths of the points of links in the ground, in order of time; ``pins`` (m, n, 3), m."""
-    pitch, width, face = sizes
-    link = np.roll(pins, -1, axis=1) - pins
-    places = pins[:, :, None] + ALONG[:, None] * link[:, :, None]
-    depth = surface.height_under(places) - places[..., 2] + face
-    left = np.stack([-link[..., 1], link[..., 0]], axis=-1)
-    left *= width / np.maximum(np.linalg.norm(left, axis=-1), 1e-3 * pitch)[..., None]
-    points = places[..., None, :2] + ACROSS[:, None] * left[:, :, None, None]
-    cells = np.floor(points / (0.5 * pitch)).astype(int) @ [COLUMN, 1]
-    at = np.nonzero(np.broadcast_to((depth > 0.0)[..., None], cells.shape))
-    return cells[at], t[at[0]], depth[at[:3]]
