@@ -6,11 +6,14 @@ import tomllib
 from collections.abc import Mapping
 from functools import cache
 from importlib import resources
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import model_validator
 
 from fmus.vehicle import Distance, FrozenTable, In, ratio
+
+if TYPE_CHECKING:
+    from fmus.physics.contact.soil.parameters import Soil
 
 Slope = Annotated[float, In("Pa/m", ge=0)]
 
@@ -65,6 +68,21 @@ class SoilTable(FrozenTable):
 
         soil(self.model_dump(), 1.0, 1.0)
         return self
+
+
+def law_of(name: str, pitch: float, track_width: float) -> Soil:
+    """Law of a packaged soil under links of ``pitch`` and ``track_width``, m."""
+    from fmus.physics.contact.soil.parameters import soil
+
+    return soil(SoilTable(name=name).model_dump(), pitch, track_width)  # type: ignore[call-arg]
+
+
+def work_of_pressure(soil: Soil, pressure: float) -> float:
+    """Work of the first loading of a soil up to a ``pressure``, Pa, on an area of 1 m2, J."""
+    from fmus.physics.contact.soil.pressure import first_work
+    from fmus.physics.exponential import power
+
+    return float(first_work(soil, power(pressure / soil.stiffness, 1.0 / soil.n)))
 
 
 @cache

@@ -20,14 +20,14 @@ from orchestrator.scene.scene import Scene
 
 
 @contextmanager
-def logged(scene: Scene, name: str) -> Iterator[tuple[Path, str]]:
-    """Log of a run, deleted with the context, and its message; raises RuntimeError if the run fails."""
+def logged(scene: Scene, name: str) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Log of a run, deleted with the context, and its summary; raises RuntimeError if the run fails."""
     with tempfile.TemporaryDirectory(prefix="cotrack-") as folder:
         path = Path(folder) / "run.mcap"
         summary = simulate(scene, path)
         if summary["status"] != "ok":
             raise RuntimeError(f"{name}: {summary['message']}")
-        yield path, summary["message"]
+        yield path, summary
 
 
 def sampled(scene: Scene) -> Scene:

@@ -11,8 +11,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from fmus.physics.contact.soil.parameters import soil as soil_of
-from fmus.soils import SoilTable
+from fmus.soils import law_of
 from fmus.vehicle import BadInput
 from orchestrator.studies import mobility
 from orchestrator.studies.mobility import bisection, drawbar, grade, pressure, step_and_gap, theory, turning
@@ -28,7 +27,7 @@ def m113():
 
 def soil(name, vehicle):
     track = vehicle.table.track
-    return soil_of(SoilTable(name=name).model_dump(), track.pitch, track.width)
+    return law_of(name, track.pitch, track.width)
 
 
 # --- theory ---

@@ -23,6 +23,7 @@ READ = {
     "first visit": ["README.md", "orchestrator/recipes.md"],
     "analyses": ["orchestrator/analyses.md"],
     "accuracy": ["orchestrator/accuracy.md"],
+    "mobility": ["orchestrator/mobility.md"],
     "formulas": ["orchestrator/how_it_works.md"],
 }
 PAGES = [page for pages in READ.values() for page in pages]
@@ -123,7 +124,7 @@ def command_lines(page):
 def test_listed_commands_are_known():
     """Every command of the list exists, with its options."""
     listed = command_lines("orchestrator/commands.md")
-    assert len(listed) == 46
+    assert len(listed) == 47
     for line in listed:
         refusal(line[1:])
     with pytest.raises(Exception, match="no-such-option"):

@@ -13,8 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import brentq
 
-from fmus.physics.contact.soil.parameters import soil as soil_of
-from fmus.soils import SoilTable, named
+from fmus.soils import law_of, named
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.table import Column
 from orchestrator.studies import Case, files
@@ -78,8 +77,7 @@ def pull(scene: str, soil: str, aim: float) -> list[Row]:
 
 def _row(vehicle: Vehicle, name: str, run: RunData, window: Window, speed: float) -> Row:
     track = vehicle.table.track
-    numbers = SoilTable(name=name).model_dump()  # type: ignore[call-arg]
-    soil = soil_of(numbers, track.pitch, track.width)
+    soil = law_of(name, track.pitch, track.width)
     slip, towed = 1.0 - run.mean("chassis.speed", window) / speed, run.mean("chassis.hitch.pull", window)
     compacted = sum(
         run.copies(part) * _rate(run, f"{part}.energy.dissipated.ground_damping", window) for part in run.tracks

@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from fmus.physics.contact.soil.parameters import soil as soil_of
-from fmus.soils import SoilTable
+from fmus.soils import law_of
 from orchestrator.results.run_data import Window
 from orchestrator.results.table import Column
 from orchestrator.studies import Case, files
@@ -95,7 +94,7 @@ def on_soil(scene: str, soil: str, halvings: int) -> list[Row]:
 def _bracket(vehicle: Vehicle, soil: str) -> theory.Bracket:
     """Slopes at which theory's least and largest pull at full slip equal the weight's component."""
     track = vehicle.table.track
-    law = soil_of(SoilTable(name=soil).model_dump(), track.pitch, track.width)  # type: ignore[call-arg]
+    law = law_of(soil, track.pitch, track.width)
 
     def slope(slip: float, largest: bool) -> float:
         angle = 0.0

@@ -22,8 +22,8 @@ TITLE = "Shock of half rounds"
 INCH = 0.0254  # m
 RADII = tuple(inches * INCH for inches in (4, 6, 8, 10, 12))
 FULL_SIZE = 1.5  # m of contact length; a shorter vehicle meets half rounds in proportion to its length
-SPEEDS = (1, 2, 3, 4, 5, 6)  # of the pace
-QUICK_RADII, QUICK_SPEEDS = RADII[:3:2], SPEEDS[1::2]
+SPEEDS = (0.5, 1, 2, 3, 4, 5, 6)  # of the pace
+QUICK_RADII, QUICK_SPEEDS = RADII[:3:2], SPEEDS[2::2]
 LIMIT = 2.5  # g
 COLUMNS = (
     Column("radius", "radius, m", ".3f"),
@@ -71,7 +71,7 @@ def shock(scene: str, radius: float, factor: float) -> list[Row]:
     try:
         with recorded(run_scene) as run:
             (seat,) = ride.of(run, vehicle.seat, Window(begin, end)).seats
-            figures["belly"], note = 1e-3 * float(run.signal("chassis.ground.force.z")[1].max()), run.message
+            figures["belly"], note = 1e-3 * float(run.signal("chassis.ground.force.z")[1].max()), run.doubts
     except RuntimeError as failure:
         return [Row("", "", figures, note=str(failure))]
     up = seat.low_passed[:, ride.UP] / ride.G

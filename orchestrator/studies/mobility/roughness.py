@@ -25,8 +25,8 @@ from orchestrator.studies.row import Row
 NAME = "roughness"
 TITLE = "Ride on rough ground"
 CLASSES = ("B", "C", "D", "E")
-SPEEDS = (1, 2, 3, 4, 5, 6)  # of the pace
-QUICK_CLASSES, QUICK_SPEEDS = ("C", "D"), SPEEDS[1::2]
+SPEEDS = (0.5, 1, 2, 3, 4, 5, 6)  # of the pace
+QUICK_CLASSES, QUICK_SPEEDS = ("C", "D"), SPEEDS[2::2]
 MEASURED = 16.0  # of the time scale: length of the window
 SEED = 1
 COLUMNS = (
@@ -65,7 +65,7 @@ def vibration(scene: str, iso_class: str, factor: float) -> list[Row]:
     figures: dict[str, Any] = {"iso_class": iso_class, "speed": speed}
     try:
         with recorded(_trial(vehicle, speed, window.end, rough)) as run:
-            (seat,), note = ride.of(run, vehicle.seat, window).seats, run.message
+            (seat,), note = ride.of(run, vehicle.seat, window).seats, run.doubts
     except RuntimeError as failure:
         return [Row("", "", figures, note=str(failure))]
     up = ride.UP

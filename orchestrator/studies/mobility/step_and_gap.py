@@ -59,7 +59,7 @@ def largest(scene: str, obstacle: str, halvings: int) -> list[Row]:
     def passes(size: float) -> str:
         try:
             with recorded(_crossing(vehicle, obstacle, size)) as run:
-                warned[size] = run.message
+                warned[size] = run.doubts
                 return _failure(run, vehicle, obstacle, size)
         except RuntimeError as failure:
             return str(failure)

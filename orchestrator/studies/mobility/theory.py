@@ -7,13 +7,15 @@ pressure. Steps and gaps: statics of a rigid body.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fmus.physics.contact.soil.parameters import Soil
-from fmus.physics.contact.soil.pressure import first_work
+from fmus.soils import work_of_pressure
 from fmus.vehicle import VehicleTable
+
+if TYPE_CHECKING:
+    from fmus.soils import Soil
 
 
 class Bracket(NamedTuple):
@@ -42,7 +44,7 @@ def traction(soil: Soil, load: float, area: float, length: float, slip: float) -
 
 def compaction_resistance(soil: Soil, pressure: float) -> float:
     """Resistance of a track with uniform ``pressure``, Pa, by compaction, N: work of the first loading by its width."""
-    return soil.width * first_work(soil, (pressure / soil.stiffness) ** (1.0 / soil.n))
+    return soil.width * work_of_pressure(soil, pressure)
 
 
 def centre_of_mass(vehicle: VehicleTable) -> tuple[float, float]:

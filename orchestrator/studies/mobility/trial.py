@@ -93,18 +93,19 @@ def trial(
 
 
 class Trial(RunData):
-    """Run of a trial, with what its summary warns of."""
+    """Run of a trial; ``doubts`` names the ranges of validity that it left, empty if none."""
 
-    def __init__(self, log: Log, message: str) -> None:
+    def __init__(self, log: Log, summary: Mapping[str, Any]) -> None:
         super().__init__(log)
-        self.message = message
+        left = dict.fromkeys(entry["what"] for entry in summary["validity"])
+        self.doubts = f"beyond validity: {', '.join(left)}" if left else ""
 
 
 @contextmanager
 def recorded(scene: Scene) -> Iterator[Trial]:
     """Run of a trial; its log is deleted with the context. Raises RuntimeError if it fails."""
-    with logged(scene, scene.title) as (path, message), Log(path) as log:
-        yield Trial(log, message)
+    with logged(scene, scene.title) as (path, summary), Log(path) as log:
+        yield Trial(log, summary)
 
 
 def run_up(vehicle: Vehicle, speed: float) -> float:
