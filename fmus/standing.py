@@ -16,6 +16,17 @@ def ground_level(vehicle: Mapping[str, Any]) -> float:
     return float(wheel["z"] - wheel["radius"] - 2.0 * face)
 
 
+def hull_clearance(vehicle: Mapping[str, Any], height: float, roll: float, pitch: float) -> float:
+    """Height of the lowest corner of a hull over level ground, m; infinite without corners.
+
+    ``height``, m, by which its centre of mass is above the drawn place; ``roll`` and ``pitch``, rad, about it.
+    """
+    chassis = vehicle["chassis"]
+    x, y, z = np.reshape(chassis["hull"], (-1, 3)).T - np.reshape(chassis["centre"], (3, 1))
+    up = cos(pitch) * (sin(roll) * y + cos(roll) * z) - sin(pitch) * x
+    return float(np.min(chassis["centre"][2] + height + up, initial=np.inf) - ground_level(vehicle))
+
+
 def standing_pose(
     vehicle: Mapping[str, Any], position: Sequence[float], heading: float, ground: tuple[float, float, float]
 ) -> dict[str, float]:

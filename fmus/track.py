@@ -9,6 +9,7 @@ The module is long because ports, layout and start of all chains are methods of 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -184,6 +185,7 @@ def integrator_coefficients(p: Mapping[str, Any]) -> GeneralizedAlpha:
     return coefficients
 
 
+LOWERED = 0.05  # m, by which wheels go into soil at a time as a chain comes to rest
 KINDS = {"pinned": PINNED, "pulled": PULLED, "held": HELD}
 STARTS = {
     "rest": "static equilibrium, of a loop that spins relative to its turning",
@@ -491,7 +493,26 @@ class TrackModel(ComponentModel):
         else:
             rest = layout == "rest"
             pins = np.stack(self.pose.pitch_point(*self.polygon(rest).T), axis=1)
-            self.settle(pins, rest, spin)
+            if rest and self.wheel_list and self.config.get("soil"):
+                self._sink(pins)
+            else:
+                self.settle(pins, rest, spin)
+
+    def _sink(self, pins: Floats) -> None:
+        """Bring the chain that was laid round the wheels as drawn to rest in soil, in stages, see ``settle``.
+
+        Soil would hold up a chain over wheels that are far below, and they would come to rest past its links.
+        """
+        wheels, drawn = self.start_rows.copy(), self.start_rows.copy()
+        drawn[:, [0, 2]] = [self.pose.pitch_point(*wheel["position"]) for wheel in self.wheel_list]
+        stages = max(ceil(abs(wheels - drawn).max() / LOWERED), 1)
+        way = [drawn + k / stages * (wheels - drawn) for k in range(1, stages)]
+        for k, rows in enumerate([*way, wheels]):
+            self.start_rows[:] = rows
+            if k == 0:
+                self.settle(pins, rest=True)
+            else:
+                self.find_equilibrium(self.start_rows)
 
     def _released(self, layout: str) -> Floats:
         """Pins (nodes, 2), m, of a chain that is released and held at its first pin."""

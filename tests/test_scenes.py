@@ -223,6 +223,7 @@ TWINS = [
     ("hold", "creep", ("vehicle.contact.ground.friction=0.301",)),
     ("soft_ground", "thrust", ("hitch.force=15.4 kN",)),
     ("soft_ground", "sinkage", ("ground.soil.kphi=1.2e6",)),
+    ("soft_ground", "rut", ("ground.soil.kphi=1.2e6",)),
     ("released_chain", "tip_of_steel", ("vehicle.gravity=9.82",)),
     ("released_chain", "energy", ("run.step=10 ms", "track.step=10 ms", "run.links=1")),
     ("spinning_loop", "joint_force", ("chain.spin=5.05",)),

@@ -11,6 +11,12 @@ from fmus.physics.chain.sums import GROUND_DAMPING, LOSSES
 from fmus.physics.contact.soil import pressure
 from fmus.physics.contact.soil.memory import DEEPEST, INSIDE, PRESSURE, SHEAR
 from fmus.physics.contact.soil.rut import FIRST, MADE, TILE, TILES
+from fmus.vehicle import BadInput
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
+from orchestrator.results import turning
+from orchestrator.results.run_data import RunData, Window
+from orchestrator.scene.placing import placed
 from orchestrator.scene.scene import load
 
 pytestmark = pytest.mark.long
@@ -55,6 +61,26 @@ def test_it_stands_in_its_own_rut(ride):
     assert still[2] < 5.0
 
 
+@pytest.mark.parametrize("links", ["rigid", "flexible"])
+def test_it_stands_in_soil_that_gives_way_by_a_third_of_a_metre(links):
+    """Links of each kind carry the load for which the equilibrium was found; the hull is 23 mm over the ground."""
+    vehicle = InProcess(load("soft_ground", links, ['ground.soil={name="snow", kphi=4e5}']))
+    track = vehicle["left_track"].model
+    assert track.s.soil[:, DEEPEST].max() == pytest.approx(0.325, abs=5e-3)
+    vehicle.run(0.02)
+    assert vehicle["left_track"]["ground.force.z"] == pytest.approx(77948.2, rel=1e-3)
+
+
+def test_a_hull_that_would_rest_in_the_soil_is_refused():
+    """Snow: uniform pressure says 538 mm, which is more than the 410 mm under the belly."""
+    snow = 'ground.soil.name="snow"'
+    with pytest.raises(
+        BadInput, match=r"soft_ground\.toml: ground\.soil: at rest the hull is 102 mm in the soil, which"
+    ):
+        placed(load("soft_ground", "rigid", [snow]))
+    assert placed(load("soft_ground", "rigid", [snow, 'run.allow=["belly"]'])).start.equilibrium.height < -0.41
+
+
 def test_it_is_held_back_by_compaction(ride):
     """Between the bracket of terrain theory, 0.92 kN and 10.08 kN a track; of a rut as deep as the links."""
     vehicle, _, rows, _ = ride
@@ -87,3 +113,46 @@ def test_a_state_saved_in_the_rut_goes_on_to_the_bit(ride):
         ends.append(track.state.copy())
     assert (ends[0] == ends[1]).all()
     assert (ends[0] != ends[2]).any()
+
+
+def turn(speeds, path, settings):
+    """Yaw rate, steering moment, power of the slower and the faster side, settlement: of 1 to 1.4 s and of 2 to 3 s.
+
+    Besides, the part of the energy that is unaccounted for.
+    """
+    given = [f"drive.{side}.speed={speed}" for side, speed in zip(("left", "right"), speeds, strict=True)]
+    given += ["symmetric=false", "hitch=false", "expect={}", "drive.ramp_time=1", "run.stop=3", *settings]
+    result, measures = simulate(load("soft_ground", None, given), path), []
+    assert result["status"] == "ok", result["message"]
+    with Log(path) as log:
+        run = RunData(log)
+        for window in (Window(1.0, 1.4), Window(2.0, 3.0)):
+            power = sorted(turning.drive_power(run, side, window) for side in ("left", "right"))
+            steering = turning.yaw_rate(run, "", window), turning.steering_moment(run, "", window)
+            measures.append([*steering, *power, run.mean("chassis.settlement", window)])
+    return np.array(measures), result["energy"]["residual_relative"]
+
+
+@pytest.mark.parametrize("settings", [
+    ["track.model=rigid"],
+    pytest.param(["track.model=flexible"], marks=pytest.mark.study),  # cables with axes that turn
+    pytest.param(["track.model=flexible", "track.element=beam"], marks=pytest.mark.study),
+])  # fmt: skip
+def test_turns_on_sand_mirror_each_other(tmp_path, settings):
+    """A vehicle that is thrown to either side; it amplifies rounding errors, to 1e-5 after 3 s.
+
+    Steady, the inner track is dragged along. The moment is up to that of equal loads on five wheels a side, under each
+    of which shear across begins anew over 0.33 m, the effective length of ``soft_ground``; shear along takes a part.
+    """
+    left, left_open = turn((5, 9), tmp_path / "left.mcap", settings)
+    right, right_open = turn((9, 5), tmp_path / "right.mcap", settings)
+    mirrored = np.array([-1.0, -1.0, 1.0, 1.0, 1.0])
+    np.testing.assert_allclose(right[0], mirrored * left[0], rtol=1e-7)
+    assert max(abs(left_open), abs(right_open)) < 1e-3
+    rate, moment, inner, outer, _ = left[1]
+    assert rate == pytest.approx(0.244, abs=0.005)
+    lever = np.array([1.333, 0.667])  # of the wheels before and behind the middle one, m
+    across = lever * rate / 1.7 * 0.33 / 0.025  # shear displacement at the end of such a length over K
+    most = 0.4 * 155.9e3 * 0.54 * np.sum(lever * (1.0 - (1.0 - np.exp(-across)) / across))
+    assert 0.75 * most < moment < most
+    assert inner < 0.0 < outer

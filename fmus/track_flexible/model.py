@@ -208,6 +208,7 @@ class Model(TrackModel):
             self.on_links_shape,
             touching,
             self.ground_memory,
+            self.s.rut,
         )
 
     def _cables(self, element: str, elasticity: str, turning: str, young: float, tau: float) -> Any:
@@ -315,6 +316,7 @@ class Model(TrackModel):
     def find_equilibrium(self, rows: Floats) -> None:
         """See ``TrackModel``."""
         self.start_rows[:] = rows
+        self._lay_axes()
         self._evaluate_start(rest=True)
 
     def add_rates(self, turning: Floats, velocity: Floats) -> None:
@@ -364,6 +366,10 @@ class Model(TrackModel):
         """Set the state to straight links at rest between the ``pins`` (nodes, 2), m."""
         self.state[:] = 0.0
         straight(self.kit, self.link, pins[np.arange(self.mesh) % self.nodes], self.s.q)
+        self._lay_axes()
+
+    def _lay_axes(self) -> None:
+        """Set axes that turn to those at rest at the start, with the wheels at ``start_rows``."""
         if self.axes == "free":
             from fmus.physics.chain.flexible.axes_state import begin as lay
 

@@ -94,6 +94,7 @@ class Model(TrackModel):
             self.joints,
             touching,
             self.ground_memory,
+            self.s.rut,
         )
 
     @property

@@ -121,6 +121,12 @@ def on_terrain(scene: Mapping[str, Any]) -> bool:
     return isinstance(table, Mapping) and is_terrain(table)
 
 
+def gives_way(scene: Mapping[str, Any]) -> bool:
+    """Whether the ground of a scene, which may hold anything, is soil."""
+    table = scene.get("ground")
+    return isinstance(table, Mapping) and bool(table.get("soil"))
+
+
 def level_of(scene: Mapping[str, Any]) -> float:
     """Height of the level part of the ground, world, m: the pads as drawn just touch it. Raises KeyError."""
     return float(scene["start"]["position"][2] + ground_level(scene["vehicle"]))

@@ -12,9 +12,11 @@ import numpy as np
 from fmus.ground_keys import is_plane
 from fmus.sides import of_side
 from orchestrator.results import turning
+from orchestrator.results.analyses import hull
 from orchestrator.results.energy import drift, ledger, ports
 from orchestrator.results.ground_axes import component, ground_axes, pose_signals
 from orchestrator.results.ground_surface import on_terrain
+from orchestrator.results.pressed_ground import pressed_by
 from orchestrator.results.run_data import (
     BLOCK,
     EVER,
@@ -273,6 +275,11 @@ def settlement_of_contacts(run: RunData, of: str, window: Window) -> float:
     return run.mean("chassis.settlement", window) - settlement_of_springs(run, of, window)
 
 
+def rut_depth(run: RunData, of: str, window: Window) -> float:
+    """Depth of the deepest link of a track, or of all, in the soil, m; raises Missing on hard ground."""
+    return max(float(pressed_by(run, track, window).depth.max(initial=0.0)) for track in hull.tracks(run, of))
+
+
 def tension_top(run: RunData, of: str, window: Window) -> float:
     """Mean tension of the upper run, N; of one side or of all tracks."""
     return _run_tension(run, of, window, "top")
@@ -416,6 +423,7 @@ UNITS: dict[Measure, str] = {
     speed_excess: "1",
     settlement_of_springs: "m",
     settlement_of_contacts: "m",
+    rut_depth: "m",
     tension_top: "N",
     tension_rear: "N",
     tension_front: "N",

@@ -7,8 +7,10 @@ from functools import cache
 from typing import Any
 
 from fmus.equilibrium import FlexibleTrack, equilibrium
+from fmus.standing import hull_clearance
 from fmus.tensioning import tension_wheel
 from fmus.vehicle import BadInput, RightIdlerTable, RightTensionerTable
+from orchestrator.results.validity.limits import BELLY
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.parts import Parameters, Part, footing_of, rig_track_config, vehicle_track_config
 from orchestrator.scene.scene import RigScene, Scene, VehicleScene
@@ -66,7 +68,19 @@ def _scene_at_rest(scene: VehicleScene) -> VehicleScene:
     slope = pose.get("start.slope.pitch", 0.0), pose.get("start.slope.roll", 0.0)
     problem = json.dumps([hull, tracks, slope])
     solution = EquilibriumTable(**_solved_equilibrium(problem)._asdict())
+    if scene.ground.soil is not None and "belly" not in scene.run.allow:
+        _refuse_belly(scene, solution)
     return scene.model_copy(update={"start": scene.start.model_copy(update={"equilibrium": solution})})
+
+
+def _refuse_belly(scene: VehicleScene, rest: EquilibriumTable) -> None:
+    """Raise BadInput for a hull that is in the soil at rest, see ``results.validity.limits.BELLY``."""
+    depth = -hull_clearance(scene.vehicle.model_dump(), rest.height, rest.roll, rest.pitch)
+    if depth > BELLY:
+        raise BadInput(
+            f"{scene.name}.toml: ground.soil: at rest the hull is {1e3 * depth:.0f} mm in the soil, which bears tracks"
+            ' only; run.allow = ["belly"] runs it all the same'
+        )
 
 
 def _standing_chassis(scene: VehicleScene, chassis: dict[str, Any]) -> dict[str, Any]:

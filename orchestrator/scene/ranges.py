@@ -10,6 +10,7 @@ from orchestrator.scene.wheel_gaps import overlapping_wheels
 
 TURNING = "a sprocket of 0.25 m makes 180 km/h at 200 rad/s"
 CLIMBED = "no vehicle climbs more"
+UNLOADED = "more is rock: a micrometre under a tank"
 SCENE = (
     PlausibleRange("run.stop", "s", (1e-4, 1e4), (1e-9, 1e9), "an hour is ten times as long as a test drive"),
     PlausibleRange(
@@ -43,6 +44,22 @@ SCENE = (
     PlausibleRange("ground.bump.rise", "m", (0.0, 2.0), (0.0, 1e3), CLIMBED),
     PlausibleRange("ground.trench.depth", "m", (0.0, 10.0), (0.0, 1e3), "a tank ditch is 3 m deep"),
     PlausibleRange("ground.trench.width", "m", (0.0, 20.0), (0.0, 1e6), "no vehicle crosses more"),
+    *(
+        PlausibleRange(f"ground.soil.{key}", unit, plausible, possible, reason)
+        for key, unit, plausible, possible, reason in (
+            ("n", "1", (0.05, 2.0), (1e-3, 5.0), "heavy clay has 0.13, snow 1.6"),
+            ("kc", "N/m^(n+1)", (0.0, 1e6), (0.0, 1e12), "tables in kN say 0 to 110"),
+            ("kphi", "N/m^(n+2)", (1e4, 1e8), (0.0, 1e15), "tables in kN say 100 to 5500"),
+            ("cohesion", "Pa", (0.0, 2e5), (0.0, 1e9), "stiff clay has 100 kPa"),
+            ("friction_angle", "rad", (0.0, 0.87), (0.0, 1.5), "dense gravel has 50 degrees"),
+            ("shear_deformation_modulus", "m", (1e-3, 0.2), (1e-6, 10.0), "clay has 6 mm, snow 50, peat 100"),
+            ("k0", "Pa/m", (0.0, 1e11), (0.0, 1e15), UNLOADED),
+            ("Au", "Pa/m^2", (0.0, 1e13), (0.0, 1e17), UNLOADED),
+            ("elastic", "Pa/m", (0.0, 1e11), (0.0, 1e15), UNLOADED),
+            ("damping", "Pa s/m", (0.0, 1e6), (0.0, 1e11), "more bears a tank that sinks by 0.1 m/s"),
+            ("width", "m", (5e-3, 3.0), (1e-4, 100.0), "links of toys and of crawlers"),
+        )
+    ),
 )
 
 

@@ -233,7 +233,7 @@ class VehicleScene(Scene):
             raise ValueError(f"ground.{one_sided} rolls the vehicle: track.axes = 'fixed' keeps cables in their plane")
         if self.ground.soil and (self.ground.hull or len(self.tracks) < 2):
             raise ValueError(
-                "ground.soil needs both tracks and ground.hull = false: hull and bare wheels would touch hard ground"
+                "ground.soil needs both tracks and ground.hull = false: soil has no law for hull and bare wheels"
             )
         if self.planar and not self.symmetric:
             raise ValueError("planar = true needs symmetric = true: a vehicle on two tracks may roll and yaw")

@@ -23,6 +23,7 @@ ROUND = "drive.ramp_start=0", "drive.ramp_time=0.05", "drive.left.speed=4", "dri
 WAVES = "ground.washboard={amplitude=0.02, wavelength=2, start=-20}", "ground.half_round={x=[-1], radius=0.02}"
 BELLY = "ground.hull=true", "vehicle.chassis.hull=[[-2.0, 0.0, -0.9]]"
 SLOPE = "ground.grade=0.1", "ground.bank=0.05", "start.heading=0.4"
+THERE_AND_BACK = "drive.speed_points=[[0, 0], [0.1, 8], [0.25, 8], [0.35, -8], [1, -8]]"
 
 
 class Case(NamedTuple):
@@ -72,7 +73,9 @@ MANY = [
     Case("straight", "rigid", "chassis", (*MOVING, *BELLY)),
     Case("straight", "rigid", "right_track", (*MOVING, *WAVES)),
     Case("straight", "rigid", "chassis", (*MOVING, *WAVES, *BELLY)),
+    Case("soft_ground", "flexible", "left_track", MOVING),
 ]
+SOIL = Case("soft_ground", "rigid", "left_track", (*QUICK, THERE_AND_BACK), 600)
 
 
 class Run(NamedTuple):

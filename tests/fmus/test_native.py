@@ -15,13 +15,14 @@ import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
-from native_cases import CHAIN, CHASSIS, DRIVE, FEW, MANY, STEPS, H, begun, follow, native, ran
+from native_cases import CHAIN, CHASSIS, DRIVE, FEW, MANY, SOIL, STEPS, H, begun, follow, native, ran
 
 from fmus.build import BuildFailed
 from fmus.model import StepFailed
 from fmus.native import link, pack
 from fmus.native.pack import build_native, with_constants
 from fmus.native.platform import LINUX, WINDOWS
+from fmus.physics.contact.soil.rut import MADE
 from orchestrator.cosim.component import Component, ComponentFailed, unpack
 
 # functions of libm, which chooses their code by processor; compilers make some of them of operators
@@ -155,6 +156,20 @@ def test_states_go_on_to_the_bit_also_in_another_instance():
         other.restore(other.load(content))
         elsewhere, _ = follow(other, run, range(40, 80))
         np.testing.assert_array_equal(elsewhere, y)
+
+
+@pytest.mark.long
+def test_a_track_in_its_rut_has_the_same_bits_and_goes_on_from_saved_states():
+    assert_same(SOIL)
+    run = ran(SOIL)
+    assert run.member.model.s.rut[MADE] > 0.0
+    with begun(SOIL) as one, begun(SOIL) as other:
+        follow(one, run, range(400))  # on its way back
+        other.load(one.dump(one.save()))
+        for component in (one, other):
+            y, links = follow(component, run, range(400, 600))
+            np.testing.assert_array_equal(y, run.y[400:])
+            np.testing.assert_array_equal(links, run.links[400:])
 
 
 def test_threads_disturb_nothing():

@@ -8,14 +8,17 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from fmus.soils import named
+from fmus.standing import ground_level
 from fmus.vehicle import BadInput
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.reader import Log
 from orchestrator.log.recorder import Recorder
+from orchestrator.results import measures
 from orchestrator.results.analyses.catalogue import analyse
 from orchestrator.results.page import heading
 from orchestrator.results.page.evaluation import RunSummary, evaluate
-from orchestrator.results.run_data import RunData
+from orchestrator.results.run_data import EVER, RunData
 from orchestrator.results.validity import contact_step, ledger, limits
 from orchestrator.results.validity.exceedance import recorded_entries
 from orchestrator.results.validity.piece import LENGTH
@@ -181,6 +184,8 @@ def test_a_rim_is_named_by_the_geometry_of_the_pins(settled):
         assert max(maxima.values()) == pytest.approx(depth.max(), rel=0.15), "the points are near the deepest place"
         assert deepest(run, "left_track", at, float(depth.max())).startswith("road_wheel[")
         assert deepest(run, "left_track", at, 2.0 * float(depth.max())) == "sprocket"
+        run.scene["ground"]["soil"] = {"n": 1.0}  # links in soil penetrate nothing
+        assert maxima.keys() - depths(run, "left_track", at).keys() == {"ground"}
 
 
 def test_an_idler_beyond_its_travel(settled, scaled):
@@ -255,6 +260,60 @@ def test_a_track_that_leaves_the_ground(tmp_path, time, off):
     load_ = np.where((t > 0.999) & (t < 0.999 + time), 0.0, 2e4)
     entries = standing(tmp_path, left_track__ground__force__z=load_)
     assert [(e.what, e.component) for e in entries] == [("lift", "left_track")] * off
+
+
+@pytest.mark.parametrize(("ground", "allow", "severity"), [
+    ({"soil": {"n": 1.0}}, [], "failure"), ({"soil": {"n": 1.0}}, ["belly"], "warning"), ({}, [], None),
+    ({"soil": {"n": 1.0}, "incline_start": 1e3, "grade": 0.1}, [], "failure"),  # a terrain
+])  # fmt: skip
+def test_a_hull_that_soil_does_not_bear(tmp_path, ground, allow, severity):
+    """A hull of two corners that goes down at 0.1 m/s, from 0.1 m over the ground on, pitched about the first one."""
+    t = 1e-2 * np.arange(301)
+    table = load("straight").vehicle.model_dump()
+    level, (x, y, z) = ground_level(table), table["chassis"]["centre"]
+    table["chassis"]["hull"] = [[x, y, z], [x - 2.0, y, z]]
+    turn, z = 0.5 * np.arcsin(0.01), level + 0.1 - 0.1 * t
+    numbers = dict(zip("wxyz", (np.cos(turn), 0.0, -np.sin(turn), 0.0), strict=True))
+    columns = {f"chassis.chassis.orientation.{part}": number + 0.0 * t for part, number in numbers.items()}
+    columns |= {f"chassis.chassis.position.{axis}": place for axis, place in zip("xyz", (0 * t, 0 * t, z), strict=True)}
+    scene = {"assembly": "vehicle", "vehicle": table, "run": {"step": 1e-2, "allow": allow}, "ground": ground}
+    scene["start"] = {"position": [0.0, 0.0, 0.0], "heading": 0.0}
+    entries = [e for e in entries_of(write(tmp_path / "log.mcap", columns, t, scene)) if e.what == "belly"]
+    assert [entry.severity for entry in entries] == [severity] * bool(severity)
+    for entry in entries:  # the rear corner is 20 mm lower
+        assert entry.time == pytest.approx(0.8, abs=0.011)
+        assert entry.value == pytest.approx(0.22, rel=1e-9)
+        assert "bears tracks only: 220 mm, limit 0 mm" in entry.sentence
+
+
+@pytest.mark.parametrize(("ground", "until", "lift", "crosses"), [
+    ({"soil": {"n": 1.0}}, 12.0, 0.0, True), ({}, 12.0, 0.0, False),
+    ({"soil": {"n": 1.0}}, 7.9, 0.0, False), ({"soil": {"n": 1.0}}, 12.0, 0.11, False),
+])  # fmt: skip
+def test_a_track_in_the_rut_of_the_other_one(tmp_path, ground, until, lift, crosses):
+    """Three links on the right go left at 0.2 m/s into the rut of those on the left, which have left it by a metre."""
+    t, table = 1e-2 * np.arange(round(100.0 * until) + 1), load("straight").vehicle.model_dump()
+    pitch, width = table["track"]["pitch"], table["track"]["width"]
+    low = ground_level(table) + table["track"]["face"]
+    columns = {}
+    for side, x, y, depth in (("left", 0.125 * t, 1.0, 0.08), ("right", 0.0 * t, 0.2 * t - 1.0, 0.1 - lift)):
+        columns[f"{side}_track.travel"] = 0.0 * t
+        for j in range(3):
+            z = low - depth if j < 2 else low + pitch  # the last link goes up, the third one back
+            place = x + min(j, 1) * pitch, y + 0.0 * t, z + 0.0 * t
+            columns |= {f"{side}_track.joint[{j + 1}].position.{axis}": p for axis, p in zip("xyz", place, strict=True)}
+    scene = {"assembly": "vehicle", "vehicle": table, "run": {"step": 1e-2}, "ground": ground}
+    scene["start"] = {"position": [0.0, 0.0, 0.0], "heading": 0.0}
+    path = write(tmp_path / "log.mcap", columns, t, scene)
+    if ground:
+        with Log(path) as log:
+            for side, deepest in (("", max(0.08, 0.1 - lift)), ("left", 0.08)):
+                assert measures.rut_depth(RunData(log), side, EVER) == pytest.approx(deepest, rel=1e-9)
+    entries = [e for e in entries_of(path) if e.what == "crossed_rut"]
+    assert [(entry.component, entry.severity) for entry in entries] == [("right_track", "warning")] * crosses
+    for entry in entries:  # cells are half a link wide
+        assert entry.time == pytest.approx((2.0 - 0.8 * width) / 0.2, abs=0.5 * pitch / 0.2)
+        assert entry.value == pytest.approx(0.08, rel=1e-9)
 
 
 # known before the run
@@ -417,3 +476,13 @@ def test_wheels_that_overlap_are_told(settings, said):
 @pytest.mark.parametrize("name", gallery.names())
 def test_the_gallery_is_plausible(name):
     assert implausible_numbers(load(name).resolved(), name) == []
+
+
+def test_named_soils_are_plausible_and_forgotten_kilonewtons_are_not():
+    for name in named():
+        assert implausible_numbers(load("soft_ground", None, [f"ground.soil.name='{name}'"]).resolved(), name) == []
+    kilo = load("soft_ground", None, ["ground.soil.kphi=1528.43"])
+    said = "own.toml: ground.soil.kphi = 1528.43 N/m^(n+2): plausible is 10000 to 1e+08 N/m^(n+2) (tables in kN say"
+    assert [each[: len(said)] for each in implausible_numbers(kilo.resolved(), "own.toml")] == [said]
+    with pytest.raises(BadInput, match=r"soft_ground\.toml: ground\.soil\.k0 = 1e\+16 Pa/m: must be 0 to 1e\+15 Pa/m"):
+        load("soft_ground", None, ["ground.soil.k0=1e16"])

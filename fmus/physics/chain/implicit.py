@@ -85,7 +85,7 @@ def advance(
         this = ImplicitMethod(c, method.tolerance, method.sharp_friction)
         failure, link, residual = newton(links, contacts, env, this, dt, s, w, counters)
         if failure:
-            copy(w.before.flat, s.flat)
+            copy(w.before.flat, s.flat[: w.before.flat.size])
             counters[REJECTED] += 1
             dt *= 0.5
             if dt < LEAST * min(h, longest):

@@ -110,7 +110,7 @@ class ChainWork(Protocol):
 
     @property
     def before(self) -> ChainState:
-        """State at the beginning of a step."""
+        """State at the beginning of a step, without a rut."""
 
     @property
     def wheels(self) -> Floats:
@@ -139,6 +139,10 @@ class ChainWork(Protocol):
     @property
     def soil(self) -> Floats:
         """Memory (points, k) that the ground would have after the evaluation; (0, 0) on hard ground."""
+
+    @property
+    def rut(self) -> Floats:
+        """Rut of the chain's state (k), which changes with accepted steps only; (0) on hard ground."""
 
 
 class Contacts(Protocol):

@@ -28,11 +28,12 @@ class GroundMemory(NamedTuple):
 
     @property
     def shapes(self) -> Shapes:
-        """Shapes of the views that hold it."""
+        """Shapes of the views that hold it, the rut last: the state is restored without it."""
         return {"soil": (self.points, self.memory), "rut": (self.rut,)}
 
 
 HARD = GroundMemory(0, 0, 0, 0)
+NO_RUT = np.zeros(0)
 FORGOTTEN = 1  # entry of a rut: 1 if a part of it was forgotten, 2 once that is reported
 
 

@@ -9,9 +9,11 @@ from typing import NamedTuple
 from orchestrator.results.run_data import EVER, Missing, RunData, Window
 from orchestrator.results.table import Table
 from orchestrator.results.validity import (
+    belly,
     compression,
     contact_step,
     creep,
+    crossed_rut,
     idler_travel,
     lift,
     penetration,
@@ -21,7 +23,7 @@ from orchestrator.results.validity import (
 from orchestrator.results.validity.exceedance import FAILURE, WARNING, Exceedance
 from orchestrator.results.validity.piece import pieces
 
-KINDS = (contact_step, penetration, seats, tooth_jump, idler_travel, compression, creep, lift)
+KINDS = (contact_step, penetration, seats, tooth_jump, idler_travel, compression, creep, lift, belly, crossed_rut)
 
 # errors of logs that lack signals, and of scenes of another kind or origin
 UNFIT = (Missing, LookupError, TypeError, ValueError, AttributeError, ArithmeticError)

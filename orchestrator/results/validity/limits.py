@@ -25,6 +25,8 @@ KINDS = {
     "compression": LimitKind("links push more than a chain can carry", "kN"),
     "creep": LimitKind("the standing vehicle creeps where it should stick", "mm/s"),
     "lift": LimitKind("is off what bears it", "s"),
+    "belly": LimitKind("the hull is in the soil, which bears tracks only", "mm", fails=True),
+    "crossed_rut": LimitKind("the track is in the rut of the other one, which counts as untouched", "mm"),
     "contact_step": LimitKind("the step is long for the contacts: frequency times step", "rad"),
 }
 ALLOWED = tuple(name for name, kind in KINDS.items() if kind.fails)
@@ -52,6 +54,12 @@ CREEP, STICKS, STANDING = 0.01, 0.9, 1.0
 # Time without load, s. A bouncing wheel leaves its track for a tenth of a second. After LIFT a track has dropped by g
 # t^2 / 2 = 20 mm below its wheels, the height of real guide horns; those of the model have no end.
 LIFT = 0.2
+# Depth of a corner of the hull below the undeformed soil, m. Soil has no law for the hull: a belly that touches carries
+# a part of the weight and holds the vehicle back; on dry sand 30 mm of it would carry all. So touching is the limit.
+BELLY = 0.0
+# Depth of the other track's rut where a track comes through it, m. No port carries a rut, so soil bears and resists as
+# if it were pressed for the first time.
+RUT = 0.0
 # Angular frequency of the stiffest contact times the step, rad. The implicit integrators are stable at any step, but at
 # 1 the contact's period has 6 steps and is off by a tenth ((w h)^2 / 12 and numerical damping). For the communication
 # step, an explicit exchange is stable up to 2.

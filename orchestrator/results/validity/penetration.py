@@ -8,7 +8,7 @@ import numpy as np
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.analyses import hull, link_records
-from orchestrator.results.ground_surface import ground
+from orchestrator.results.ground_surface import gives_way, ground
 from orchestrator.results.run_data import Missing, RunData, Window
 from orchestrator.results.validity import limits
 from orchestrator.results.validity.exceedance import Exceedance, exceedances
@@ -60,7 +60,8 @@ def depths(run: RunData, track: str, t: float) -> dict[str, float]:
         centre = run.vector_at(track, "in", f"{name}.position", float(times[nearest]))
         radius = hull.vehicle_number(run, name.partition("[")[0], "radius")
         depth_by_name[name] = radius + face - _distance((pins - centre) @ axes)
-    if (floor := run.compute_once("ground", lambda _: ground(run.scene))) is not None:
+    floor = None if gives_way(run.scene) else run.compute_once("ground", lambda _: ground(run.scene))
+    if floor is not None:
         places = pins
         if floor.terrain:  # it may rise between pins
             places = np.concatenate([pins + share * (np.roll(pins, -1, axis=0) - pins) for share in ALONG])

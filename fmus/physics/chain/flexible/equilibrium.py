@@ -63,7 +63,7 @@ def settle(
                 converged = True
                 break
         if not converged:
-            copy(w.before.flat, s.flat)
+            copy(w.before.flat, s.flat[: w.before.flat.size])
             if rest < tolerance:
                 return IntegrationOutcome(DONE, 0.0, where, rest)
             pseudo *= 0.25

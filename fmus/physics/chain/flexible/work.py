@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fmus.physics.arrays import Floats
 from fmus.physics.block_cyclic import Factors, workspace
 from fmus.physics.chain.flexible.axes_state import AxesArrays, axes_arrays
 from fmus.physics.chain.flexible.state import State, shapes, views
 from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.on_links import NONE, LinkForcesShape
-from fmus.physics.chain.state import HARD, GroundMemory, size
+from fmus.physics.chain.state import HARD, NO_RUT, GroundMemory, size
 from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
 
@@ -28,7 +29,7 @@ class Work(NamedTuple):
     m coordinates are shared a pin, n are a link's own.
     """
 
-    before: State  # state at the beginning of a step
+    before: State  # state at the beginning of a step, without a rut
     A: np.ndarray  # (nodes, m, m) diagonal blocks of the condensed matrix
     U: np.ndarray  # (nodes, m, m) blocks to the next pin
     L: np.ndarray  # (nodes, m, m) blocks to the previous pin
@@ -67,6 +68,7 @@ class Work(NamedTuple):
     still: np.ndarray  # (nodes, width) zeros
     change: np.ndarray  # (2, nodes, width) accelerations; unused by-products
     soil: np.ndarray  # (points, k) memory that the ground would have after the evaluation; (0, 0) on hard ground
+    rut: np.ndarray  # (k) rut of the state, which changes with accepted steps only; (0) on hard ground
 
 
 if TYPE_CHECKING:
@@ -85,15 +87,16 @@ def work(
     forces: LinkForcesShape = NONE,
     contacts: bool = False,
     ground: GroundMemory = HARD,
+    rut: Floats = NO_RUT,
 ) -> Work:
     """Return zeroed arrays; ``kit``: module of the links; ``forces``: shape of the forces on each link.
 
-    ``contacts``: the chain may touch something; ``ground``: its memory.
+    ``contacts``: the chain may touch something; ``ground``: its memory, ``rut``: that part of it in the state.
     """
     rows, dims = kit.ELEMENT
     at = kit.LAYOUT
     m, n, outer, whole = len(at.shared), len(at.own), len(at.outer), rows * dims + len(at.common)
-    sizes = shapes(kit.NODE, nodes, wheels, kit.FREE, forces, ground=ground)
+    sizes = shapes(kit.NODE, nodes, wheels, kit.FREE, forces, ground=ground._replace(rut=0))
     block, vectors, z = (nodes, m, m), (rows, dims), np.zeros
     wheel_rows = z((wheels, 15))
     return Work(
@@ -114,6 +117,7 @@ def work(
         joints=_joints(links, m) if len(at.pins) == 2 else None,
         still=z((nodes, kit.NODE)), change=z((2, nodes, kit.NODE)),
         soil=z((ground.points, ground.pending)),
+        rut=rut,
     )  # fmt: skip
 
 

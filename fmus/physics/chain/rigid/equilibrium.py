@@ -54,7 +54,7 @@ def settle(
         copy(s.flat, w.before.flat)
         failure, link, worst = newton(links, contacts, env, method, h, s, w, counters)
         if failure:
-            copy(w.before.flat, s.flat)
+            copy(w.before.flat, s.flat[: w.before.flat.size])
             h *= 0.25
             if h < 1e-7:
                 return IntegrationOutcome(STALLED, 0.0, link, worst)

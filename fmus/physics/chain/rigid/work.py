@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fmus.physics.arrays import Floats
 from fmus.physics.chain.near import Near, near
 from fmus.physics.chain.on_links import NONE, LinkForcesShape
 from fmus.physics.chain.rigid.state import State, shapes, views
-from fmus.physics.chain.state import HARD, GroundMemory, size
+from fmus.physics.chain.state import HARD, NO_RUT, GroundMemory, size
 from fmus.physics.chain.sums import SUMS
 from fmus.physics.point import Memory, memory, points
 from fmus.physics.rigid import augmented, recursive
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 class Work(NamedTuple):
     """Arrays for n links, p pins, m wheels."""
 
-    before: State  # state at the beginning of a step
+    before: State  # state at the beginning of a step, without a rut
     system: AugmentedSystem  # linear system
     articulated: ArticulatedBodies  # arrays of the recursive formulation; without links in the augmented one
     contact: Memory  # memory of sharp friction
@@ -42,6 +43,7 @@ class Work(NamedTuple):
     ground: np.ndarray  # (2, 7) poses of the supports of the first and the last pin
     still: np.ndarray  # (3, 3) rotation matrix of the supports, the identity
     soil: np.ndarray  # (points, k) memory that the ground would have after the evaluation; (0, 0) on hard ground
+    rut: np.ndarray  # (k) rut of the state, which changes with accepted steps only; (0) on hard ground
 
 
 def work(
@@ -52,14 +54,15 @@ def work(
     joints: int = 0,
     contacts: bool = False,
     ground: GroundMemory = HARD,
+    rut: Floats = NO_RUT,
 ) -> Work:
     """Return zeroed arrays.
 
     ``forces``: shape of the forces on each link; ``joints``: number of joint coordinates with rates; ``contacts``: the
-    chain may touch something; ``ground``: its memory.
+    chain may touch something; ``ground``: its memory, ``rut``: that part of it in the state.
     """
     z, pins = np.zeros, links if closed else links + 1
-    sizes, supports = shapes(links, closed, wheels, forces, joints, ground), z((2, 7))
+    sizes, supports = shapes(links, closed, wheels, forces, joints, ground._replace(rut=0)), z((2, 7))
     supports[:, 3] = 1.0
     return Work(
         before=views(z(size(sizes)), sizes),
@@ -80,6 +83,7 @@ def work(
         ground=supports,
         still=np.eye(3),
         soil=z((ground.points, ground.pending)),
+        rut=rut,
     )
 
 

@@ -22,12 +22,13 @@ from fmus.physics.contact.soil.memory import (
     INSIDE,
     MEMORY,
     MIDDLE,
+    MOST,
     PLACE,
     PRESSURE,
     SHEAR,
     WORK,
 )
-from fmus.physics.contact.soil.pressure import pressure
+from fmus.physics.contact.soil.pressure import first_loading, pressure, reloading
 from fmus.physics.contact.soil.rut import deepest_at
 from fmus.physics.vector import add, dot, put, scale, vector
 
@@ -57,11 +58,16 @@ def soil_force(
     n, p, inside = face.n, point.position, old[INSIDE] > 0.0
     held = inside and old[PRESSURE] > 0.0
     before = old[DEEPEST] if inside else deepest_at(rut, p[0], p[1])
-    pressed, slope, elastic = pressure(law, before, point.depth)
+    most = old[MOST] if inside else first_loading(law, before)[0]
+    if point.depth < before:
+        pressed, slope, elastic = reloading(law, before, most, point.depth)
+    else:
+        pressed, slope, elastic = pressure(law, before, point.depth)
+        most = pressed
     for k in range(MEMORY):
         pending[k] = old[k]
     pending[INSIDE], pending[DEEPEST], pending[PRESSURE] = 1.0, max(before, point.depth), pressed
-    pending[BEFORE] = before
+    pending[MOST], pending[BEFORE] = most, before
     if pressed <= 0.0:
         put(pending, SHEAR, NOTHING)
         pending[WORK] = 0.0
@@ -113,7 +119,7 @@ def ground_force(
 ) -> ContactForce:
     """See ``ground_laws``."""
     row = point.row
-    return soil_force(law, point, face, by_rate, tangent, w.before.soil[row], w.before.rut, w.soil[row])
+    return soil_force(law, point, face, by_rate, tangent, w.before.soil[row], w.rut, w.soil[row])
 
 
 @kernel

@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 
 # 1 below the undeformed surface, else 0 and the rest is 0; deepest sinkage of this place, m; pressure, Pa; mobilised
 # shear (3); where it pressed last: place, m (3), horizontal vector from the first to the last pin of the link, m (2),
-# fraction of that from the point to the middle of its part of the link
-INSIDE, DEEPEST, PRESSURE, SHEAR, PLACE, ALONG, MIDDLE = 0, 1, 2, 3, 6, 9, 11
-MEMORY = 12  # width of a row
-BEFORE, WORK = 12, 13  # more of a pending row: deepest sinkage before the step, m; work of shear over the strength, m
-PENDING = 14
+# fraction of that from the point to the middle of its part of the link; pressure at the deepest sinkage, Pa
+INSIDE, DEEPEST, PRESSURE, SHEAR, PLACE, ALONG, MIDDLE, MOST = 0, 1, 2, 3, 6, 9, 11, 12
+MEMORY = 13  # width of a row
+BEFORE, WORK = 13, 14  # more of a pending row: deepest sinkage before the step, m; work of shear over the strength, m
+PENDING = 15
 
 
 @kernel

@@ -49,14 +49,20 @@ def pressure(soil: Soil, deepest: float, z: float) -> tuple[float, float, float]
 
     ``deepest``, m, is the deepest sinkage so far; all are 0 where the soil is not touched.
     """
-    reached = max(z, deepest)
-    p, slope = first_loading(soil, reached)
-    k = _unloading(soil, reached, p)
     if z < deepest:
-        p, slope = p - k * (deepest - z), k
+        return reloading(soil, deepest, first_loading(soil, deepest)[0], z)
+    p, slope = first_loading(soil, z)
+    return p, slope, 0.5 * p * p / _unloading(soil, z, p)
+
+
+@kernel
+def reloading(soil: Soil, deepest: float, most: float, z: float) -> tuple[float, float, float]:
+    """``pressure`` below the sinkage ``deepest``, m, where the pressure was ``most``, Pa."""
+    k = _unloading(soil, deepest, most)
+    p = most - k * (deepest - z)
     if p <= 0.0:
         return 0.0, 0.0, 0.0
-    return p, slope, 0.5 * p * p / k
+    return p, k, 0.5 * p * p / k
 
 
 @kernel
