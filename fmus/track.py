@@ -56,6 +56,7 @@ from fmus.ports import (
 )
 from fmus.sentences import Sentence
 from fmus.stance import Stance, part_at_rest, stance
+from fmus.standing import ground_level
 from fmus.start import FRAME, HEIGHT, KEYS, LEVEL, StartPose, start_pose
 from fmus.track_choices import ADAMS, EXPLICIT, HHT, IMPLICIT, INTEGRATORS
 
@@ -474,6 +475,9 @@ class TrackModel(ComponentModel):
             if self.ends_kind == PINNED:
                 first, last = (np.array(self.config["ends"][end], dtype=float) for end in ("first", "last"))
                 return (catenary if rest else hanging_arc)(first, last, self.pitch, self.links_count)
+            if not self.wheel_list:
+                level = ground_level(self.vehicle) + self.vehicle["track"]["face"]
+                return np.stack([-self.pitch * np.arange(self.nodes), np.full(self.nodes, level)], axis=1)
             centre = np.array(self.wheel_list[0]["position"], dtype=float)
             return over_sprocket(centre, self.pitch, self.vehicle["sprocket"]["teeth"], self.links_count)
         except ValueError as error:
@@ -495,8 +499,18 @@ class TrackModel(ComponentModel):
             pins = np.stack(self.pose.pitch_point(*self.polygon(rest).T), axis=1)
             if rest and self.wheel_list and self.config.get("soil"):
                 self._sink(pins)
+            elif self.ends_kind == PULLED and not self.wheel_list:
+                self._lie(pins, rest)
             else:
                 self.settle(pins, rest, spin)
+
+    def _lie(self, pins: Floats, rest: bool) -> None:
+        """Lay the chain on the ground; its ends are pulled from then on, because friction holds nothing at rest."""
+        pull = self.environment.pull.copy()
+        self.environment.pull[:] = self.in_plane.pull[:] = 0.0
+        self.settle(pins, rest)
+        self.environment.pull[:] = pull
+        self._evaluate_start()
 
     def _sink(self, pins: Floats) -> None:
         """Bring the chain that was laid round the wheels as drawn to rest in soil, in stages, see ``settle``.
@@ -539,6 +553,10 @@ class TrackModel(ComponentModel):
         return self.link, self.contacts, self.environment
 
     # Implemented by subclasses ---------------------------------------------------------------------------------
+
+    def _evaluate_start(self) -> None:
+        """Evaluate accelerations and outputs of the start; raises StepFailed."""
+        raise NotImplementedError
 
     def shapes(self) -> state.Shapes:
         """Shapes of the views into the chain's state, by name."""

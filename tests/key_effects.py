@@ -154,6 +154,7 @@ CASES = {
         "hanging_chain",
         ("chain.links=8", "track.start=displaced", "track.integrator=adams", "track.rtol=1e-8", "track.atol=1e-8"),
     ),
+    "sled": Case("shear_sled", (), 0.02, "chain.pull"),
     "released": Case("released_chain", ("chain.links=8",)),
     "ovalling": Case("spinning_loop", ("chain.links=16", "chain.ovalling=1"), ulp="chain.spin"),
     "sprung": Case(
@@ -275,6 +276,7 @@ KEYS: dict[str, Acts] = {
     "run.variable.shortest": Acts("follows an error", value=1.9e-3),
     "run.variable.*": Acts("follows an error"),
     "run.step": Acts("vehicle", value=0.5e-3),
+    "chain.pull": Acts("sled"),
     "chain.spin": Acts("spinning"),
     "chain.ovalling": Acts("ovalling"),
     "chain.span": Acts("hanging", value=0.79),

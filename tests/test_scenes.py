@@ -25,6 +25,7 @@ OTHERS = "marder", "robot", "rear_drive"  # in full only as studies: ``test_vehi
 SLOW = "settle", "turn", "rig", "sprocket_bench"  # seconds of run time
 UNEVEN = "half_round", "washboard", "rough", "step", "trench", "soft_ground"  # rigid: others compile their kernels too
 SLOPES = "climb", "side_slope", "hold"
+ON_SOIL = "plate_press", "shear_sled"  # kernels of their own
 WARNED = {"half_round": {"penetration", "lift"}, "step": {"penetration", "lift"}}  # wheels that hang, or carry it all
 
 
@@ -34,7 +35,7 @@ def marks(name, model):
         return [pytest.mark.study]
     if name in UNEVEN:
         return [pytest.mark.study if model == "flexible" else pytest.mark.long]
-    return [] if model == "flexible" and name not in (*SLOW, *SLOPES) else [pytest.mark.long]
+    return [] if model == "flexible" and name not in (*SLOW, *SLOPES, *ON_SOIL) else [pytest.mark.long]
 
 
 CASES = [
@@ -224,6 +225,11 @@ TWINS = [
     ("soft_ground", "thrust", ("hitch.force=15.4 kN",)),
     ("soft_ground", "sinkage", ("ground.soil.kphi=1.2e6",)),
     ("soft_ground", "rut", ("ground.soil.kphi=1.2e6",)),
+    ("plate_press", "sinkage", ("ground.soil.kphi=1.56e6",)),
+    ("plate_press", "compaction", ("vehicle.gravity=9.83",)),
+    ("shear_sled", "resistance", ("ground.soil.cohesion=1.06 kPa",)),
+    ("shear_sled", "way", ("ground.soil.shear_deformation_modulus=25.5 mm",)),
+    ("shear_sled", "shear", ("ground.soil.friction_angle=28.3 deg",)),
     ("released_chain", "tip_of_steel", ("vehicle.gravity=9.82",)),
     ("released_chain", "energy", ("run.step=10 ms", "track.step=10 ms", "run.links=1")),
     ("spinning_loop", "joint_force", ("chain.spin=5.05",)),

@@ -160,7 +160,14 @@ def _chain(scene: ChainScene) -> Assembly:
         part = track_part(scene, "chain", config)
         moving: Parameters = {"start.spin": chain.spin, "start.ovalling": chain.ovalling}
         return Assembly((part._replace(parameters={**part.parameters, **moving}),), ())
-    ends: dict[str, Any] = {"kind": chain.ends, "first": [0.0, 0.0]}
+    if chain.ends == "lying":
+        pull = [0.5 * chain.pull, 0.0]
+        ends: dict[str, Any] = {"kind": "pulled", "first": pull, "last": pull}
+        config = track_config(scene, links=chain.links, closed=False, wheels=[], ground=True, ends=ends)
+        if scene.ground and scene.ground.soil:
+            config["track"]["soil"] = scene.ground.soil.model_dump()
+        return Assembly((track_part(scene, "chain", config),), ())
+    ends = {"kind": chain.ends, "first": [0.0, 0.0]}
     if chain.span is not None:
         ends["last"] = [chain.span * chain.links * scene.vehicle.track.pitch, 0.0]
     config = track_config(scene, links=chain.links, closed=False, wheels=[], ends=ends)

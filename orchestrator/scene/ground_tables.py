@@ -202,6 +202,13 @@ class FrictionTable(FrozenTable):
         return self
 
 
+class LevelGroundTable(FrozenTable):
+    """Level ground under a chain."""
+
+    soil: SoilTable | None = None
+    """soil under the tracks that gives way; without it the ground is hard"""
+
+
 class GroundTable(FrozenTable):
     """Ground beyond its level, and contacts beyond those of the tracks."""
 

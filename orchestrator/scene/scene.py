@@ -20,7 +20,7 @@ from orchestrator.scene import gallery, points
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriveTable
 from orchestrator.scene.fmu_table import FmuTable, set_folder
 from orchestrator.scene.free_scene import FreeScene
-from orchestrator.scene.ground_tables import GroundTable
+from orchestrator.scene.ground_tables import GroundTable, LevelGroundTable
 from orchestrator.scene.hitch_table import HitchTable
 from orchestrator.scene.pair import pair_of
 from orchestrator.scene.recording import ASSUMED_SPEED
@@ -133,9 +133,13 @@ class ChainScene(Scene):
     assembly: Literal["chain"]
     chain: ChainTable
     """chain without wheels"""
+    ground: LevelGroundTable | None = None
+    """ground under a lying chain"""
 
     @model_validator(mode="after")
     def _check_chain(self) -> ChainScene:
+        if self.ground is not None and self.chain.ends != "lying":
+            raise ValueError(f"ground needs chain.ends = 'lying', not '{self.chain.ends}'")
         if self.track.axes == "free":
             raise ValueError("track.axes = 'free' needs wheels, which a chain alone has not")
         if self.chain.ends != "loop":

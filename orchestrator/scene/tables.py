@@ -63,14 +63,16 @@ def refuse_reduced_measures(checks: object, where: str) -> None:
 
 
 class ChainTable(FrozenTable):
-    """Open chain between two pins at equal height, or fixed at the first pin only, or a free loop."""
+    """Open chain between two pins at equal height, fixed at the first pin only, or lying; or a free loop."""
 
     links: Annotated[int, Field(ge=2, le=4096)]
     """number of links"""
-    ends: Literal["pinned", "held", "loop"] = "pinned"
-    """chain between two pins, held at its first pin only, or closed and free without gravity"""
+    ends: Literal["pinned", "held", "lying", "loop"] = "pinned"
+    """chain between two pins, held at its first pin only, free on the ground, or closed and free without gravity"""
     span: Annotated[float, ratio(gt=0, lt=1)] | None = None
     """of a pinned chain, which needs it: distance of the pins over the length of the chain"""
+    pull: Force = 0.0
+    """of a lying chain: force ahead, half on each of its ends"""
     spin: Annotated[float, In("rad/s")] = 0.0
     """of a loop: initial speed about y"""
     ovalling: Annotated[float, In("rad/s")] = 0.0
@@ -80,6 +82,8 @@ class ChainTable(FrozenTable):
     def _check_ends(self) -> ChainTable:
         if (self.span is None) == (self.ends == "pinned"):
             raise ValueError(f"ends = '{self.ends}' {'needs' if self.span is None else 'has no'} span")
+        if self.pull and self.ends != "lying":
+            raise ValueError(f"ends = '{self.ends}' has no pull")
         for key in ("spin", "ovalling"):
             if getattr(self, key) and self.ends != "loop":
                 raise ValueError(f"ends = '{self.ends}' has no {key}")

@@ -190,7 +190,7 @@ def test_common_units_are_those_of_pint():
         ("hanging_chain", "chain.spin=1", "ends = 'pinned' has no spin"),
         ("hanging_chain", "chain.ovalling=1", "ends = 'pinned' has no ovalling"),
         ("released_chain", "chain.ends=pinned", "ends = 'pinned' needs span"),
-        ("released_chain", "chain.ends=hung", "'pinned', 'held' or 'loop'"),
+        ("released_chain", "chain.ends=hung", "'pinned', 'held', 'lying' or 'loop'"),
         ("released_chain", "track.start=crooked", "track.start = 'crooked'"),
         ("spinning_loop", "chain.links=2", "a loop needs 3 links, not 2"),
         ("spinning_loop", "chain.spinn=5", "unknown key 'chain.spinn': did you mean 'chain.spin'?"),
