@@ -89,7 +89,7 @@ def ground(scene: Mapping[str, Any]) -> GroundSurface | None:
 
     Raises KeyError, TypeError or ValueError for incomplete scenes.
     """
-    if scene.get("assembly") != "vehicle":
+    if scene.get("assembly") != "vehicle" and (scene.get("chain") or {}).get("ends") != "lying":
         return None
     start = scene["start"]
     ahead = np.array([np.cos(start["heading"]), np.sin(start["heading"]), 0.0])

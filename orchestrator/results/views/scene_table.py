@@ -98,6 +98,12 @@ class DrawnGround(BaseModel, extra="allow"):
     bump: DrawnBump | None = None
 
 
+class DrawnChain(BaseModel):
+    """Chain without wheels."""
+
+    ends: str | None = None
+
+
 class DrawnScene(BaseModel):
     """Scene."""
 
@@ -107,6 +113,7 @@ class DrawnScene(BaseModel):
     start: DrawnStart
     vehicle: DrawnVehicle
     ground: DrawnGround | None = None
+    chain: DrawnChain | None = None
 
 
 def drawn_scene(run: RunData) -> dict[str, Any]:
