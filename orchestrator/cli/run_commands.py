@@ -151,7 +151,7 @@ def truth(
     """
     from orchestrator.execution import truth as module
     from orchestrator.log.reader import Log
-    from orchestrator.results.difference import differences_of_logs
+    from orchestrator.results.difference import SAME_END, differences_of_logs
     from orchestrator.results.given_parts import given_parts
     from orchestrator.results.run_data import RunData
     from orchestrator.scene.placing import placed
@@ -166,6 +166,12 @@ def truth(
             require_same_scene((f"{against}", run_data.scene), (f"the truth of {scene}", placed(resolved).resolved()))
             for name, part in given_parts(run_data).items():
                 print_message(f"{against}: {name} is {part}, not the part of cotrack", 0)
+            if abs((end := run_data.span[1]) - resolved.run.stop) > SAME_END:
+                print_message(
+                    f"{against} ends at t = {end:g} s, the truth at {resolved.run.stop:g} s: they are compared up to"
+                    f" {min(end, resolved.run.stop):g} s, without the averages over windows that one does not fill",
+                    0,
+                )
     try:
         converged = module.truth(resolved, narration)
     except module.TruthFailed as failure:

@@ -22,6 +22,7 @@ from orchestrator.results.run_data import EVER, Floats, Missing, RunData, Window
 
 WINDOW = 1.0  # s
 INTERVAL = 0.01  # s: joint forces are compared as means over this time; sparser logs as they are
+SAME_END = 1e-6  # s: runs whose ends differ by less have one length
 POINTWISE = 4.0  # s: sensitive observables are compared instant by instant up to here
 EARLY = Window(-np.inf, POINTWISE)
 
@@ -57,8 +58,13 @@ class ObservableDifference(NamedTuple):
 def differences(
     run: RunData, reference: RunData, window: Window = EVER, alignment: Alignment = TIME
 ) -> dict[str, ObservableDifference]:
-    """Differences of all common observables over a window of the axis; raises Missing for none."""
+    """Differences of all common observables over a window of the axis; raises Missing for none.
+
+    Of runs of different lengths, averages over windows of time that the shorter one does not fill are left out.
+    """
     found = {}
+    ends = run.span[1], reference.span[1]
+    filled = window if abs(ends[0] - ends[1]) < SAME_END else Window(window.start, min(window.end, *ends))
     clocks = alignment.clock(run), alignment.clock(reference)
     for name, observable in observables(reference):
         if observable.windowed and alignment is not TIME:
@@ -68,8 +74,9 @@ def differences(
             if alignment is not TIME:
                 pair = _on_axis(pair[0], clocks[0]), _on_axis(pair[1], clocks[1])
             if pair[0].values.shape[1:] == pair[1].values.shape[1:]:  # half a vehicle has fewer links
+                a, b = (_within(each, filled if observable.windowed else window) for each in pair)
                 with np.errstate(all="ignore"):  # runs that blew up overflow; their result shows it
-                    found[name] = difference(_within(pair[0], window), _within(pair[1], window), observable)
+                    found[name] = difference(a, b, observable)
         except (Missing, LookupError):
             continue
     if not found:

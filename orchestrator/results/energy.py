@@ -8,6 +8,8 @@ after the jump works on it.
 The residual is the sum of all parts: work - change - dissipated - covered - towed - delivered.
 Covered is the energy defect of the moving contact patch (loss or gain): ``fmus/physics/README.md``. Delivered is the
 work of the ports on components without energies, as FMUs of the user may be: what becomes of it there is unknown.
+Towed is the work of the hitch on its load and on FMUs of the user that feed its force; those that have energies stand
+in the ledger themselves.
 
 The relative residual has the largest of these sums, or of the changes of stored energies, as its scale, but at least a
 tenth of the energies held. A system at rest exchanges nothing, but its contacts hold energy at their loads, on which an
@@ -106,6 +108,9 @@ def _ledger(run: RunData) -> Ledger:
         received[port.giver] -= given
         received[port.taker] += run.copies(port.giver) / run.copies(port.taker) * taken
         port_loss += run.copies(port.giver) * (given - taken)
+    fed = hitch_works(run, accounts)
+    for name, done in fed.items():
+        received[name] += done
     copies = [run.copies(name) for name in accounts]
 
     def total(*parts: str) -> float:
@@ -114,7 +119,7 @@ def _ledger(run: RunData) -> Ledger:
         )
 
     work, change, dissipated = total("work"), total(*STORED), total("dissipated")
-    covered, towed = total("covered"), total("towed")
+    covered, towed = total("covered"), total("towed") - sum(fed.values())
     delivered = {name: run.copies(name) * received[name] for name in without_energies(run)}
     residual = work - change - dissipated - covered - towed - sum(delivered.values())
     largest_stored = _largest_stored(run)
@@ -227,6 +232,28 @@ def without_energies(run: RunData) -> list[str]:
         name for name, topic in topics.items()
         if topic is not None and not any(variable.startswith("energy.") for variable in topic.names)
     ]  # fmt: skip
+
+
+def hitch_works(run: RunData, accounts: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+    """Work of the hitch on each component with energies that feeds its force, J: the force is held over each step."""
+    feeders = {
+        into: connection["source"]
+        for connection in run.system["connections"]
+        for into in connection["inputs"]
+        if connection["target"] == "chassis" and into.startswith("hitch.force.") and accounts[connection["source"]]
+    }
+    works = dict.fromkeys(feeders.values(), 0.0)
+    if works:
+        forces, positions = (
+            run.vectors("chassis", "in", "hitch.force")[1],
+            run.vectors("chassis", "out", "hitch.position")[1],
+        )
+        if len(positions) != len(forces) + 1:
+            raise Missing("the work of the hitch needs outputs of every step: run.outputs = 1")
+        done = -np.sum(forces * np.diff(positions, axis=0), axis=0)
+        for into, source in feeders.items():
+            works[source] += float(done["xyz".index(into[-1])])
+    return works
 
 
 def _energy_changes(run: RunData, instance: str) -> dict[str, float]:

@@ -21,6 +21,7 @@ Made = TypeVar("Made")
 Mask = NDArray[np.bool_] | bool
 BLOCK = 1000  # steps in memory at once
 CACHED = 4  # cached link records: measures of a scene share windows
+MIRRORED = ("left_track", "left_drive")  # instances that stand for both sides of a symmetric vehicle
 LONGEST_STEP = 1.0  # s: longest step that may end in a window
 
 
@@ -99,7 +100,7 @@ class RunData:
 
     def copies(self, instance: str) -> int:
         """Number of copies of an instance in the vehicle: 2 if the other side mirrors it."""
-        return 2 if self.scene.get("symmetric") and instance != "chassis" else 1
+        return 2 if self.scene.get("symmetric") and instance in MIRRORED else 1
 
     @cached_property
     def tracks(self) -> tuple[str, ...]:

@@ -10,13 +10,14 @@ from fmus.build import Product, build_all
 from fmus.equilibrium import stances
 from fmus.vehicle import BadInput
 from orchestrator.cosim.graph import Connection, Instance, System
-from orchestrator.scene.conversions import user_instance
+from orchestrator.scene.conversions import input_conversions, user_instance
 from orchestrator.scene.free_scene import FreeScene
 from orchestrator.scene.gallery import hint
-from orchestrator.scene.pair import joined, pair_of, require_free_inputs
+from orchestrator.scene.pair import Pair, joined, pair_of, require_free_inputs
 from orchestrator.scene.parts import (
     AXLE,
     CHASSIS,
+    DRIVE,
     DRIVER,
     SIDES,
     Parameters,
@@ -42,13 +43,15 @@ from orchestrator.scene.scene import BenchScene, ChainScene, RigScene, Scene, Ve
 from orchestrator.scene.system_scene import SystemScene
 from orchestrator.scene.user_connections import ends_of, require_pairs, typed
 
+HITCH_FORCE = [("chassis", f"hitch.force.{axis}") for axis in "xyz"]  # input of a part that an FMU of the user may feed
+
 
 class Assembly(NamedTuple):
     """Parts and connections of a scene."""
 
     parts: tuple[Part, ...]
     connections: tuple[Connection, ...]  # of our own parts, or of FMUs in their places
-    user_connections: tuple[Connection, ...] = ()  # those that the scene adds to FMUs of the user
+    user_connections: tuple[Connection, ...] = ()  # those that the scene adds from or to FMUs of the user
 
 
 def assemble(scene: SystemScene) -> Assembly:
@@ -62,26 +65,40 @@ def assemble(scene: SystemScene) -> Assembly:
     scene = with_track(scene)
     assembly, fmus = _assembled(scene), scene.fmu or {}
     names = [part.name for part in assembly.parts]
+    pairs = [pair_of(text) for text in scene.connections or ()]
+    connected = {name for pair in pairs for name in (pair.source, pair.target)}
     for name in fmus:
-        if name not in names:
+        if name not in names and name not in connected:
             raise BadInput(f"{scene.where}: fmu.{name}: no such part: {hint(name, names, 'the parts are')}")
-    parts = tuple(part._replace(fmu=fmus.get(part.name)) for part in assembly.parts)
-    return assembly._replace(parts=parts, user_connections=_user_connections(scene, assembly))
+    own = tuple(part._replace(fmu=fmus.get(part.name)) for part in assembly.parts)
+    # A further FMU steps before the chassis, as what acts on it does.
+    further = tuple(Part(name, "", {}, {}, DRIVE, table) for name, table in fmus.items() if name not in names)
+    assembly = assembly._replace(parts=(*own, *further))
+    return assembly._replace(user_connections=_user_connections(scene, assembly, pairs))
 
 
-def _user_connections(scene: Scene, assembly: Assembly) -> tuple[Connection, ...]:
-    """Connections that a scene adds; raises BadInput if one is not to an FMU of the user, or its input has another."""
+def _user_connections(scene: Scene, assembly: Assembly, pairs: Sequence[Pair]) -> tuple[Connection, ...]:
+    """Connections that a scene adds; raises BadInput if an input is not free, or not one that gets a connection."""
     names = [part.name for part in assembly.parts]
     taken = {(connection.target, into) for connection in assembly.connections for into in connection.inputs}
-    pairs = [pair_of(text) for text in scene.connections or ()]
     try:
         require_free_inputs(pairs, names, taken)
     except ValueError as error:
         raise BadInput(f"{scene.where}: {error}") from None
+    fmus = scene.fmu or {}
     for pair in pairs:
-        if pair.target not in (scene.fmu or {}):
-            about = f"{scene.where}: connections: '{pair}'"
-            raise BadInput(f"{about}: '{pair.target}' is no FMU of the user, and no other part gets further inputs")
+        about = f"{scene.where}: connections: '{pair}'"
+        if pair.target in fmus:
+            continue
+        if pair.source not in fmus or (pair.target, pair.into) not in HITCH_FORCE:
+            raise BadInput(
+                f"{about}: '{pair.target}' is no FMU of the user; of our parts, only chassis.hitch.force.{{x,y,z}} get"
+                " a connection, and from an FMU of the user"
+            )
+        if isinstance(scene, VehicleScene) and scene.symmetric and pair.into == "hitch.force.y":
+            raise BadInput(f"{about}: symmetric = true has no lateral force: the right half mirrors the left")
+        if isinstance(scene, VehicleScene) and scene.hitch is None:
+            raise BadInput(f"{about}: the chassis has a hitch only with the table [hitch], which may be empty")
     return joined(pairs)
 
 
@@ -121,7 +138,9 @@ def system(assembly: Assembly, native: bool = False) -> System:
     instances = tuple(
         user_instance(fmus[part.name], ends, added)
         if part.name in fmus
-        else Instance(part.name, files[part.name], part.parameters, part.stage)
+        else Instance(
+            part.name, files[part.name], part.parameters, part.stage, input_conversions(part.name, ends, added)
+        )
         for part in assembly.parts
     )
     return System(instances, (*assembly.connections, *typed(added, ends)))

@@ -7,13 +7,13 @@ not converted.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from orchestrator.cosim.base_units import UNCHANGED, Conversion, base_unit, conversion
 from orchestrator.cosim.graph import Connection, Instance
 from orchestrator.scene.replacement import Replacement, port_unit, shared_parameters
-from orchestrator.scene.user_connections import Ends, own_end
+from orchestrator.scene.user_connections import End, Ends, own_end
 
 
 def user_instance(each: Replacement, ends: Ends, connections: Sequence[Connection]) -> Instance:
@@ -24,10 +24,17 @@ def user_instance(each: Replacement, ends: Ends, connections: Sequence[Connectio
         name: _parameter(each, name, value) if each.variables[name].type == "Real" else value
         for name, value in shared_parameters(each).items()
     }
-    conversions = dict(_of_ports(each)) | dict(_of_inputs(each, ends, connections))
+    own = {name: own_end(each, name) for name in each.variables}
+    conversions = dict(_of_ports(each)) | dict(_of_inputs(part.name, own, ends, connections))
     conversions = {name: one for name, one in conversions.items() if one != UNCHANGED}
     units = {name: each.ports[name].unit for name in conversions if each.variables[name].causality == "output"}
     return Instance(part.name, Path(table.file), {**parameters, **table.parameters}, part.stage, conversions, units)
+
+
+def input_conversions(part: str, ends: Ends, connections: Sequence[Connection]) -> dict[str, Conversion]:
+    """Conversions of the inputs that a part of ours gets by connections of the user."""
+    found = _of_inputs(part, ends.get(part, {}), ends, connections)
+    return {name: one for name, one in found if one != UNCHANGED}
 
 
 def _parameter(each: Replacement, name: str, value: float | int | str) -> float | int | str:
@@ -49,12 +56,14 @@ def _of_ports(each: Replacement) -> Iterator[tuple[str, Conversion]]:
                     yield name, conversion(needed, own)
 
 
-def _of_inputs(each: Replacement, ends: Ends, connections: Sequence[Connection]) -> Iterator[tuple[str, Conversion]]:
-    """Conversions of the inputs that an FMU gets by connections of the user."""
+def _of_inputs(
+    target: str, own: Mapping[str, End], ends: Ends, connections: Sequence[Connection]
+) -> Iterator[tuple[str, Conversion]]:
+    """Conversions of the inputs that a component gets by connections of the user; ``own``: in its own units."""
     for connection in connections:
-        if connection.target == each.part.name:
+        if connection.target == target:
             transformations = dict(connection.transformations)
             for output, name in zip(connection.outputs, connection.inputs, strict=True):
-                given, own = ends[connection.source][output], own_end(each, name)
-                if own.type == "Real":
-                    yield name, conversion(given.base, own.base).then(transformations.get(name, UNCHANGED))
+                if own[name].type == "Real":
+                    unit = conversion(ends[connection.source][output].base, own[name].base)
+                    yield name, unit.then(transformations.get(name, UNCHANGED))

@@ -1,4 +1,4 @@
-"""Table ``[fmu.NAME]``: an FMU of the user in place of the part NAME of a scene."""
+"""Table ``[fmu.NAME]``: an FMU of the user in place of the part NAME of a scene, or a further one."""
 
 from __future__ import annotations
 
@@ -23,12 +23,18 @@ def _absolute(file: str) -> str:
 
 
 class FmuTable(FrozenTable):
-    """FMU of the user in place of the part NAME, with the connections of that part."""
+    """FMU of the user in place of the part NAME, with its connections; else a further one, with those of the scene."""
 
     file: Annotated[str, Field(pattern=r"^[^\x00]+$"), AfterValidator(_absolute)]
     """FMU for co-simulation (FMI 2.0); its path is relative to the scene file"""
     parameters: dict[str, Value] = Field(default_factory=dict)
     """parameters of the FMU by their names; it gets those of the part too, if it has them"""
+
+
+def require_instance_name(name: str) -> None:
+    """Raise ValueError for a name that no connection or topic can have."""
+    if not name or set(name) & set("./\\") or not name.isprintable():
+        raise ValueError(f"fmu.'{name}': the name of an instance must have no dot and no slash")
 
 
 def set_folder(table: Mapping[str, Any], folder: Path) -> None:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from orchestrator.scene.fmu_table import FmuTable
+from orchestrator.scene.fmu_table import FmuTable, require_instance_name
 from orchestrator.scene.pair import Pair, pair_of, require_free_inputs
 from orchestrator.scene.system_scene import SystemScene
 
@@ -30,8 +30,7 @@ class FreeScene(SystemScene):
     @model_validator(mode="after")
     def _check_connections(self) -> FreeScene:
         for name in self.fmu:
-            if not name or set(name) & set("./\\") or not name.isprintable():
-                raise ValueError(f"fmu.'{name}': the name of an instance must have no dot and no slash")
+            require_instance_name(name)
         require_free_inputs(self.pairs(), self.fmu, ())
         return self
 

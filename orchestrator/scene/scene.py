@@ -18,7 +18,7 @@ from fmus.vehicle import BadInput, Force, Vehicle, first_error, foremost, path_t
 from orchestrator.results.analyses.catalogue import UNSTRESSED, described
 from orchestrator.scene import gallery, points
 from orchestrator.scene.drive_tables import DriverTable, DriveTable, VehicleDriveTable
-from orchestrator.scene.fmu_table import FmuTable, set_folder
+from orchestrator.scene.fmu_table import FmuTable, require_instance_name, set_folder
 from orchestrator.scene.free_scene import FreeScene
 from orchestrator.scene.ground_tables import GroundTable, LevelGroundTable
 from orchestrator.scene.hitch_table import HitchTable
@@ -54,9 +54,10 @@ class Scene(SystemScene):
     planar: bool = False
     """cable chains without lateral dofs: all motion is in the plane of the track"""
     fmu: dict[str, FmuTable] | None = None
-    """FMUs of the user by the names of the parts in whose place they run"""
+    """FMUs of the user by the names of the parts in whose place they run, or by names of their own"""
     connections: tuple[str, ...] | None = None
-    """connections to FMUs of the user: "part.output -> part.input", or "2 * part.output + 1 -> part.input" """
+    """connections to FMUs of the user, and from them to chassis.hitch.force.{x,y,z}: "part.output -> part.input", or
+    "2 * part.output + 1 -> part.input" """
 
     def changed(self, settings: Sequence[str] | Mapping[str, Any]) -> Scene:
         """The scene with other values, as of ``load``; its defaults are kept. Raises BadInput."""
@@ -91,6 +92,8 @@ class Scene(SystemScene):
 
     @model_validator(mode="after")
     def _check_connections(self) -> Scene:
+        for name in self.fmu or {}:
+            require_instance_name(name)
         for text in self.connections or ():
             pair_of(text)
         return self

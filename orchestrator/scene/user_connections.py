@@ -1,4 +1,4 @@
-"""Connections that the user makes: of a free system, or further ones to FMUs in place of parts of a scene.
+"""Connections that the user makes: of a free system, or further ones from and to FMUs of the user in a scene.
 
 Both ends have one type, and Reals one dimension. Integers, Enumerations, Booleans and Strings are held over a step.
 """
@@ -74,7 +74,7 @@ def require_pairs(
             peers = f"{source}.{output}", f"{target}.{into}"
             given = connected_variable(places[source], ends[source], output, "output", peers[1])
             connected_variable(places[target], ends[target], into, "input", peers[0])
-            own = own_end(fmus[target], into)
+            own = own_end(fmus[target], into) if target in fmus else ends[target][into]
             if sentence := _misfit(own, given, into in transformed, into, peers[0]):
                 raise BadInput(f"{places[target]}: {sentence}")
             units = [end.unit.replace("1", "") if end.unit == "1" else end.unit for end in (own, given)]

@@ -107,6 +107,12 @@ def sloping(model: str, *settings: str, duration: float = 0.3) -> Record:
                    overrides={"left_drive": {"speed.end": 18.0}, **fine}, duration=duration)  # fmt: skip
 
 
+def sinking(model: str, *settings: str, duration: float = 0.3) -> Record:
+    """A vehicle that drives off on firm sand, its left side faster; links leave its ruts and come down again."""
+    return vehicle(model, "ground.soil.name=lete_sand", "drive.ramp_time=0.1 s", "drive.speed=16 rad/s", *settings,
+                   overrides={"left_drive": {"speed.end": 22.0}}, duration=duration)  # fmt: skip
+
+
 def waving() -> Record:
     """A vehicle on waves that end beneath it, other ones on its right side."""
     waves = 'ground.washboard={amplitude=0.005, wavelength=0.9, phase="70 deg", start=7.0, end=11.6}'
@@ -152,6 +158,9 @@ RUNS = {
     "sloping": Run(partial(sloping, "rigid"), ("left_track",)),
     "sloping turning": Run(partial(sloping, "flexible", "track.axes=free", duration=0.65), ("left_track", "chassis")),
     "waving": Run(waving, ("left_track", "left_drive", "right_drive", "chassis")),
+    "sinking": Run(partial(sinking, "rigid"), ("left_track", "left_drive", "right_drive", "chassis")),
+    "sinking turning": Run(partial(sinking, "flexible", "track.axes=free"),
+                           ("left_track", "left_drive", "right_drive", "chassis")),
     "joined": Run(joined, ("left_track", "right_track", "chassis")),
     "driven": Run(  # without friction, slip follows from the width alone
         partial(driven, "driver.friction=0"), ("left_track", "right_track", "left_drive", "right_drive", "chassis")

@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mirror import soft
 from mirror.ground import Ground
-from mirror.links import Chain
-from mirror.motion import Wheels
+from mirror.links import UP, Chain
+from mirror.motion import Wheels, ground_frame, start_frame
 from mirror.record import Floats
 
 SPREAD = 0.5 / np.sqrt(3.0)  # distance of two Gauss points from the middle of the unit interval
@@ -81,6 +82,7 @@ class Touch(NamedTuple):
     slide: Floats  # (T, 3) N m/s: load times velocity of the points on the ground
     sliding: Floats  # (T, n, 3) m/s, mean velocity of the points on the ground
     link_depth: Floats  # (T, n) m, depth of the deepest point
+    lost: Floats  # (T, causes) J, lost besides ``losses`` in the step that ends here
 
 
 class _ContactSums:
@@ -90,7 +92,7 @@ class _ContactSums:
         self.chain, self.wheels = chain, wheels
         self.t = Touch(z((T, m, 6)), z((T, chain.n, 3)), z((T, chain.n, 3)), z((T, chain.n, 3)), z((T, chain.nodes, 3)),
                        z(T), z((T, len(CAUSES))), z((T, chain.n)), z(T), z(T), z(T), z((T, 3)), z((T, chain.n, 3)),
-                       z((T, chain.n)))  # fmt: skip
+                       z((T, chain.n)), z((T, len(CAUSES))))  # fmt: skip
 
     def add(self, t, index, x: Floats, w: Floats, depth: Floats, push: Push, m: int | None, kind: tuple) -> None:
         """Add forces at points ``x`` (p, 3) and instants ``t`` on links (or pins) ``at`` by wheel ``m``."""
@@ -183,7 +185,7 @@ def guides(sums: _ContactSums, law: Law, m: int, radius: float, play: float) -> 
         sums.add(t[on], i[on], x[on], w[on], depth[on], push, m, GUIDE)
 
 
-def soil(sums: _ContactSums, law: Law, ground: Ground) -> None:
+def hard_ground(sums: _ContactSums, law: Law, ground: Ground) -> None:
     chain = sums.chain
     heights = [end[..., 2] - ground.height(end[..., 0], end[..., 1]) for end in chain.ends[:2]]
     near = np.minimum(*heights) < 2.0 * chain.pitch
@@ -201,6 +203,44 @@ def soil(sums: _ContactSums, law: Law, ground: Ground) -> None:
             np.add.at(sums.t.sliding, (t[on], i[on]), u[on])
             np.add.at(lie, (t[on], i[on]), 1.0)
             np.maximum.at(sums.t.link_depth, (t[on], i[on]), depth[on])
+    sums.t.sliding[:] /= np.maximum(lie, 1.0)[..., None]
+
+
+def soft_ground(sums: _ContactSums, law: soft.Law, ground: Ground) -> None:
+    """Soil; cells of its rut are counted from the start, along its axes."""
+    chain = sums.chain
+    T = len(chain.part.t)
+    t, i = (each.ravel() for each in np.indices((T, chain.n)))
+    axes = ground_frame(chain.part.parameters).inv()
+    ahead = axes.apply((chain.ends[1] - chain.ends[0])[t, i])[:, :2].reshape(T, chain.n, 2)
+    share = 0.5 / len(chain.lateral)
+    x, u, depth, part = [], [], [], []
+    for side in (-1.0, 1.0):
+        for y in chain.lateral:
+            place, velocity = chain.point(t, i, 0.5 + side * SPREAD, y, chain.face)
+            x.append(place.reshape(T, chain.n, 3))
+            u.append(velocity.reshape(T, chain.n, 3))
+            depth.append(ground.under(place)[0].reshape(T, chain.n))
+            part += [side * (0.25 - SPREAD)] * chain.n
+    x, u, depth = (np.concatenate(each, axis=1) for each in (x, u, depth))
+    start, _ = start_frame(chain.part.parameters)
+    local = axes.apply(x.reshape(-1, 3) - start).reshape(x.shape)
+    rows = len(part) // chain.n
+    along, link = np.concatenate([ahead] * rows, axis=1), np.tile(np.arange(chain.n), rows)
+    points = soft.Points(local, depth, along, part, share, chain.pitch, chain.vehicle["track"]["width"])
+    found = soft.march(law, points)
+    t, k = np.nonzero(depth > 0.0)
+    force = axes.inv().apply(found.shear[t, k] + found.normal[t, k][:, None] * UP)
+    none = np.zeros(len(t))
+    push = Push(force, found.normal[t, k], found.stored[t, k], none, none)
+    sums.add(t, link[k], x[t, k], u[t, k], none, push, None, GROUND)
+    sums.t.lost[:, GROUND] += np.stack([found.sheared, found.compacted], axis=1)
+    np.add.at(sums.t.load, t, push.normal)
+    np.add.at(sums.t.slide, t, push.normal[:, None] * u[t, k])
+    lie = np.zeros((T, chain.n))
+    np.add.at(sums.t.sliding, (t, link[k]), u[t, k])
+    np.add.at(lie, (t, link[k]), 1.0)
+    np.maximum.at(sums.t.link_depth, (t, link[k]), depth[t, k])
     sums.t.sliding[:] /= np.maximum(lie, 1.0)[..., None]
 
 
@@ -286,5 +326,8 @@ def touch(chain: Chain, wheels: Wheels, covering: bool = False) -> Touch:
             disc = outline.top if toothed else wheel["radius"] + HORN
             guides(sums, laws["wheel"], m, disc, vehicle["guide"]["clearance"])
     if part.config["track"]["ground"] and not covering:
-        soil(sums, laws["ground"], Ground(part.scene))
+        if soil := part.config["track"].get("soil"):
+            soft_ground(sums, soft.Law(soil, vehicle["track"]["width"]), Ground(part.scene))
+        else:
+            hard_ground(sums, laws["ground"], Ground(part.scene))
     return sums.t

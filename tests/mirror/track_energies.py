@@ -41,8 +41,11 @@ def losses(view: View, names: Sequence[str]) -> Floats:
     powers = {cause: view.touch.losses[:, k] for k, cause in enumerate(CAUSES)}
     powers["material"] = np.zeros(len(view.part.t)) if isinstance(c, Rigid) else c.material_loss
     powers["joints"] = across(c)[1]
-    powers["dissipated"] = sum(powers.values())
-    return np.stack([integrated(view, powers[name.rpartition(".")[2]]) for name in names], axis=1)
+    energies = {cause: integrated(view, power) for cause, power in powers.items()}
+    for k, cause in enumerate(CAUSES):
+        energies[cause] = energies[cause] + np.cumsum(view.touch.lost[:, k])
+    energies["dissipated"] = sum(energies.values())
+    return np.stack([energies[name.rpartition(".")[2]] for name in names], axis=1)
 
 
 def causes_together(view: View, names: Sequence[str]) -> Floats:

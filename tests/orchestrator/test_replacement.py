@@ -288,7 +288,7 @@ def test_a_further_connection_begins_in_the_unit_of_the_part(large, brake):
 @pytest.mark.parametrize(
     ("connection", "said"),
     [
-        ("drive.steps -> track.slip", "'track' is no FMU of the user, and no other part gets"),
+        ("drive.steps -> track.slip", "'track' is no FMU of the user; of our parts, only chassis.hitch.force"),
         ("drve.steps -> idler_drive.ticks", "no component 'drve': did you mean 'drive'?"),
         ("track.slip -> drive.sprocket.force.x", "the input has another connection"),
         ("track.link[1].tension -> idler_drive.pull", "track: it has no output 'link[1].tension', which goes to"),

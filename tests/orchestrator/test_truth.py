@@ -170,6 +170,10 @@ def test_command_says_where_and_how_good(empty, tmp_path):
     again = CliRunner().invoke(app, [*arguments, "--against", said["coarse_log"]])
     assert "found" in again.stdout
     assert "is off by" in again.stdout
+    assert "ends at" not in again.stderr
+    shorter = CliRunner().invoke(app, [*arguments, "--stop", "0.01", "--against", said["coarse_log"]])
+    assert shorter.exit_code == 0, shorter.output
+    assert "coarse.mcap ends at t = 0.02 s, the truth at 0.01 s: they are compared up to 0.01 s" in shorter.stderr
 
 
 @pytest.mark.long

@@ -100,12 +100,12 @@ def trial(
 
 
 class Trial(RunData):
-    """Run of a trial; ``doubts`` names the ranges of validity that it left, empty if none."""
+    """Run of a trial; ``doubts`` names its warnings of validity, empty if there are none."""
 
     def __init__(self, log: Log, summary: Mapping[str, Any]) -> None:
         super().__init__(log)
         left = dict.fromkeys(entry["what"] for entry in summary["validity"])
-        self.doubts = f"beyond validity: {', '.join(left)}" if left else ""
+        self.doubts = f"warnings: {', '.join(left)}" if left else ""
 
 
 @contextmanager
