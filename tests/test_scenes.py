@@ -227,6 +227,8 @@ TWINS = [
     ("soft_ground", "rut", ("ground.soil.kphi=1.2e6",)),
     ("plate_press", "sinkage", ("ground.soil.kphi=1.56e6",)),
     ("plate_press", "compaction", ("vehicle.gravity=9.83",)),
+    ("plate_press", "energy", ("run.step=2 ms", "track.step=2 ms", "run.links=1")),
+    ("shear_sled", "energy", ("run.step=1 ms", "track.step=1 ms", "run.links=1")),
     ("shear_sled", "sinkage", ("ground.soil.kphi=1.53e6",)),
     ("shear_sled", "resistance", ("ground.soil.cohesion=1.06 kPa",)),
     ("shear_sled", "way", ("ground.soil.shear_deformation_modulus=25.5 mm",)),
