@@ -13,6 +13,7 @@ from orchestrator.results.link_axes import link_axes
 from orchestrator.results.views import ruts
 from orchestrator.results.views.bodies import LinkPoses, Poses
 from orchestrator.results.views.shapes import track_body
+from orchestrator.results.views.solids import Reach
 from orchestrator.scene.scene import load
 
 LEVEL, DEPTH = -0.6, 0.05
@@ -64,6 +65,32 @@ def test_a_rut_grows_with_time_and_stays(pressed):
     assert heights(1.0) == pytest.approx([LEVEL - DEPTH, LEVEL, LEVEL])
     assert heights(2.0) == pytest.approx(late)
     assert heights(2.0) != pytest.approx([1.03 * h for h in late])
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.4])
+def test_the_ground_in_space_is_whole(pressed, heading):
+    """Around the hole and in it: each place once, level at the seam; the rut grows in the hole."""
+    rut, _, _ = pressed
+    surface = rut.surface(0.0)._replace(terrain=None, ahead=np.array([np.cos(heading), np.sin(heading), 0.0]))
+    around, _ = Reach(-1.0, 1.0, 1.0).ground(surface, rut.hole)
+    whole = Reach(-1.0, 1.0, 1.0).mesh(surface)
+    floor, touched = rut.floor(0.5)
+    a, b, c = np.moveaxis(around.corners[around.numbers][..., :2], 1, 0)
+    u, v = b - a, c - a
+    area = 0.5 * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+    assert area.min() > 0.0
+    assert area.sum() + len(floor) * rut.cell**2 == pytest.approx(np.ptp(whole.x) * np.ptp(whole.y))
+    middles = np.round(floor.mean(axis=1)[:, :2] / rut.cell, 6)
+    inside = np.abs((a + b + c)[:, None] / 3.0 - rut.cell * middles).max(axis=2) < 0.49 * rut.cell
+    assert not inside.any()
+    assert not touched.any()
+    assert floor[..., 2] == pytest.approx(LEVEL)
+    late, touched = rut.floor(3.0)
+    assert late[..., 2].min() == pytest.approx(LEVEL - DEPTH)
+    assert touched.sum() == len(rut.tiles(3.0)[1]) < len(floor)
+    corners, count = np.unique(np.round(late.reshape(-1, 3) / [rut.cell, rut.cell, 1.0], 6), axis=0, return_counts=True)
+    assert corners[count < 4, 2] == pytest.approx(LEVEL)  # along the seam
+    assert rut.floor(3.0)[0][..., 2].min() != pytest.approx(LEVEL - 1.03 * DEPTH)
 
 
 def test_links_in_the_air_press_nothing(pressed, vehicle):

@@ -47,7 +47,7 @@ def untouched(bodies: Bodies) -> GroundSurface | None:
 
 
 def floors(bodies: Bodies) -> Iterator[tuple[float, Floats, NDArray[np.bool_]]]:
-    """Times, s, PACE apart, and the ground then in the hole of ``hole``: quadrangles (n, 4, 3), m, world, pressed (n)."""
+    """Times, s, PACE apart, and the ground then in the ``hole``: quadrangles (n, 4, 3), m, world, pressed (n)."""
     if hole(bodies) is None:
         return
     for t in np.arange(float(bodies.t[0]), float(bodies.t[-1]) + PACE, PACE).clip(max=bodies.t[-1]).tolist():
