@@ -171,6 +171,7 @@ def _sections(bodies: Bodies, cameras: list[Camera], t: Floats, low: Floats, hig
             for camera, profile in zip(cameras, profiles, strict=True)
             if profile is not None
         ]
+        lines = [line if np.ptp(line[:, 1]) else line[[0, -1]] for line in lines]  # level
         return {"sections": floats(np.concatenate(lines)), "counts": [len(line) for line in lines]}
 
     before = untouched(bodies)

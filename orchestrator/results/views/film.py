@@ -349,7 +349,7 @@ class FilmPicture:
             text.set_text("")
         for text, (x, y, metre) in zip(self._numbers, labelled, strict=False):
             text.set_position((x, y - 0.1))
-            text.set_text(f"{metre:.0f} m")
+            text.set_text(f"{metre:z.0f} m")
 
     def _arrows_of(self, camera: Camera, poses: Poses, k: int) -> Floats:
         """Return the arrows of ground forces (n, 2, 2), m in the picture."""
