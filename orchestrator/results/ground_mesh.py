@@ -8,6 +8,7 @@ from math import isqrt
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.ground_surface import GroundSurface, whole_metres
@@ -18,6 +19,14 @@ FINEST = 1e-4  # m: a steeper wall is drawn as wide as this
 MOST_PLACES = 50_000
 MOST = 20_000  # quadrangles of a mesh
 PROBES = 101  # places along a line that look for bends across it
+
+
+class GroundHole(NamedTuple):
+    """Square cells of the plan that a mesh leaves out, in a grid along x and y of the world."""
+
+    cell: float  # side, m
+    corner: NDArray[np.int64]  # (2,) first cell along x and y, from the origin
+    cells: NDArray[np.bool_]  # (n, m) True: left out; False along the border
 
 
 class GroundMesh(NamedTuple):
@@ -43,6 +52,25 @@ class GroundMesh(NamedTuple):
         """Quadrangles (k, 4, 3), m, world, anticlockwise from above."""
         at = self.corners()
         return np.stack([at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]], axis=2).reshape(-1, 4, 3)
+
+    def quads_around(self, hole: GroundHole, surface: GroundSurface) -> Floats:
+        """Quadrangles (k, 4, 3), m, world, of the mesh without a hole, which lies within it."""
+        edges = [(hole.corner[k] + np.arange(count + 1)) * hole.cell for k, count in enumerate(hole.cells.shape)]
+        outside = [self._between(self.x[0], edges[0][0], surface), self._between(edges[0][-1], self.x[-1], surface)]
+        rows = []
+        for low, high, out in zip(edges[0][:-1], edges[0][1:], hole.cells, strict=True):
+            first, last = (edges[1][np.nonzero(np.diff(out.astype(int)) == turn)[0] + 1] for turn in (1, -1))
+            y = np.unique(np.concatenate([self.y, first, last]))
+            middle = 0.5 * (y[:-1] + y[1:])
+            kept = np.searchsorted(first, middle) == np.searchsorted(last, middle)
+            x = np.array([low, high])
+            rows.append(GroundMesh(x, y, _heights(surface, x, y)).quads()[kept])
+        return np.concatenate([*outside, *rows])
+
+    def _between(self, low: float, high: float, surface: GroundSurface) -> Floats:
+        """Quadrangles of the part between two places along x, m."""
+        x = np.unique([low, *self.x[(self.x > low) & (self.x < high)], high])
+        return GroundMesh(x, self.y, _heights(surface, x, self.y)).quads()
 
     def metre_lines(self) -> Floats:
         """Pieces (k, 2, 3), m, world, of lines on the mesh at whole metres of x."""

@@ -6,13 +6,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from packed import unpacked
+from view_logs import decoded
 
 from fmus.physics.contact.soil.rut import deepest_at
+from orchestrator.execution.simulate import simulate
+from orchestrator.log.reader import Log
 from orchestrator.results.ground_surface import GroundSurface, ground
 from orchestrator.results.link_axes import link_axes
-from orchestrator.results.views import ruts
-from orchestrator.results.views.bodies import LinkPoses, Poses
+from orchestrator.results.page import player
+from orchestrator.results.run_data import RunData
+from orchestrator.results.views import film, foxglove_scene, ruts
+from orchestrator.results.views.bodies import Bodies, LinkPoses, Poses
 from orchestrator.results.views.shapes import track_body
+from orchestrator.results.views.solids import Reach
 from orchestrator.scene.scene import load
 
 LEVEL, DEPTH = -0.6, 0.05
@@ -66,6 +73,32 @@ def test_a_rut_grows_with_time_and_stays(pressed):
     assert heights(2.0) != pytest.approx([1.03 * h for h in late])
 
 
+@pytest.mark.parametrize("heading", [0.0, 0.4])
+def test_the_ground_in_space_is_whole(pressed, heading):
+    """Around the hole and in it: each place once, level at the seam; the rut grows in the hole."""
+    rut, _, _ = pressed
+    surface = rut.surface(0.0)._replace(terrain=None, ahead=np.array([np.cos(heading), np.sin(heading), 0.0]))
+    around, _ = Reach(-1.0, 1.0, 1.0).ground(surface, rut.hole)
+    whole = Reach(-1.0, 1.0, 1.0).mesh(surface)
+    floor, touched = rut.floor(0.5)
+    a, b, c = np.moveaxis(around.corners[around.numbers][..., :2], 1, 0)
+    u, v = b - a, c - a
+    area = 0.5 * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+    assert area.min() > 0.0
+    assert area.sum() + len(floor) * rut.cell**2 == pytest.approx(np.ptp(whole.x) * np.ptp(whole.y))
+    middles = np.round(floor.mean(axis=1)[:, :2] / rut.cell, 6)
+    inside = np.abs((a + b + c)[:, None] / 3.0 - rut.cell * middles).max(axis=2) < 0.49 * rut.cell
+    assert not inside.any()
+    assert not touched.any()
+    assert floor[..., 2] == pytest.approx(LEVEL)
+    late, touched = rut.floor(3.0)
+    assert late[..., 2].min() == pytest.approx(LEVEL - DEPTH)
+    assert touched.sum() == len(rut.tiles(3.0)[1]) < len(floor)
+    corners, count = np.unique(np.round(late.reshape(-1, 3) / [rut.cell, rut.cell, 1.0], 6), axis=0, return_counts=True)
+    assert corners[count < 4, 2] == pytest.approx(LEVEL)  # along the seam
+    assert rut.floor(3.0)[0][..., 2].min() != pytest.approx(LEVEL - 1.03 * DEPTH)
+
+
 def test_links_in_the_air_press_nothing(pressed, vehicle):
     track = track_body("left_track", 1, False, vehicle)
     surface = GroundSurface(np.zeros(3), np.array([1.0, 0.0, 0.0]), LEVEL, np.zeros(0), np.zeros(0))
@@ -100,3 +133,41 @@ def test_drawn_ruts_are_those_of_the_track():
     assert len(x) > 3
     assert np.median(abs(drawn - own)) < 5e-3
     assert np.median(abs(1.1 * drawn - own)) > 5e-3
+
+
+def test_hard_ground_has_no_ruts():
+    hard = SimpleNamespace(scene={"ground": {"grade": 0.1}}, ground=object())
+    assert ruts.untouched(hard) is None
+    assert ruts.hole(hard) is None
+    assert not [*ruts.floors(hard)]
+    assert ruts.ground_at(hard, 1.0) is hard.ground
+    assert ruts.inside(hard) == 0.0
+
+
+@pytest.mark.long
+def test_renderers_draw_the_same_rut(tmp_path):
+    """Of a vehicle that rests in the sand; the ground before it came is level."""
+    pytest.importorskip("foxglove")
+    path = tmp_path / "sand.mcap"
+    simulate(load("soft_ground", "rigid", ("run.stop=0.05", "run.links=10", "expect={}")), path)
+    with Log(path) as log:
+        at = Bodies(RunData(log), 1e4)
+        level, deepest = at.ground.level, ruts.ruts_of(at.run).sinkage(np.inf).max()
+        assert 0.05 < deepest < 0.2
+        foxglove_scene.write(path, tmp_path / "x.mcap")
+        entities = [each for message in decoded(tmp_path / "x.mcap", "/shapes") for each in message.entities]
+        rut = [each for each in entities if each.id == "ruts"][-1].triangles
+        lowest, highest = (f(p.z for part in rut for p in part.points) for f in (min, max))
+        assert highest == pytest.approx(level, abs=1e-6)
+        assert level - deepest - 1e-6 < lowest < level - 0.8 * deepest  # corners are means of four cells
+        around = next(each for each in entities if each.id == "ground").triangles[0]
+        assert {round(p.z - level, 6) for p in around.points} == {0.0}
+        picture = film.FilmPicture(at, "right", 400)
+        [*picture.frames(25.0)]
+        (dashed,) = picture._untouched.get_segments()
+        assert np.ptp(dashed[:, 1]) == pytest.approx(0.0, abs=1e-9)
+        table = player.player(RunData(log), "left_track")["ground"]
+        before, after = (unpacked(each["sections"]).reshape(-1, 2) for each in (table["untouched"], table))
+        assert table["untouched"]["counts"] == [2] * len(table["counts"])
+        assert before[:, 1].max() - after[:, 1].min() == pytest.approx(deepest, abs=5e-3)
+        assert abs(before[:, 1] - after[:, 1].max()).max() < 1e-5

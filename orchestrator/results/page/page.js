@@ -233,8 +233,13 @@
     const hull = view.hull && shorts(view.hull), corners = hull ? hull.length / 2 / view.pictures : 0;
     const reference = view.reference && shorts(view.reference.pins);
     const along = view.ground && floats(view.ground.along), speed = view.speed && floats(view.speed);
-    const sections = view.ground?.sections && floats(view.ground.sections), firstOfSection = [0];
-    if (sections) view.ground.counts.forEach((count) => firstOfSection.push(firstOfSection.at(-1) + count));
+    const linesOf = (table) => { // sections of the ground, one for each picture
+      if (!table?.sections) return null;
+      const first = [0];
+      table.counts.forEach((count) => first.push(first.at(-1) + count));
+      return { places: floats(table.sections), first };
+    };
+    const sections = linesOf(view.ground), untouched = linesOf(view.ground?.untouched);
     const [left, bottom] = view.low, [right, top] = view.high;
     let now = 0, playing = false, began = 0, from = 0, scale = 1, ox = 0, oy = 0, width = 0, height = 0;
     slider.max = view.pictures - 1;
@@ -246,6 +251,7 @@
       `The ${view.track.replaceAll("_", " ")} seen from the vehicle's right; ahead is to the right. ${view.pictures} pictures` +
       (view.pictures > 1 ? `, one every ${number((t[t.length - 1] - t[0]) / (view.pictures - 1), 2)} s.` : ".") +
       (view.ground ? " Marks on the ground are 1 m apart." : "") +
+      (untouched ? " Dashed: the ground before the track came." : "") +
       (view.above ? " From above: both tracks about the hull's centre of mass and its way; the squares are 1 m wide." : "") +
       (reference ? " The thin line is the chain of the reference at the same time; each is seen from its own sprocket." : "");
 
@@ -263,9 +269,9 @@
     };
     const X = (x) => ox + scale * x, Y = (y) => oy - scale * y;
 
-    const sectionAt = (k) => { // of a terrain, in the picture
+    const lineAt = ({ places, first }, k) => { // in the picture
       const points = [];
-      for (let i = firstOfSection[k]; i < firstOfSection[k + 1]; i++) points.push([X(sections[2 * i]), Y(sections[2 * i + 1])]);
+      for (let i = first[k]; i < first[k + 1]; i++) points.push([X(places[2 * i]), Y(places[2 * i + 1])]);
       return points;
     };
 
@@ -277,7 +283,7 @@
 
     const soil = (k) => {
       const shift = along[k], corners = () => view.ground.corners.map(([a, z]) => [X(a - shift), Y(z)]);
-      const points = sections ? sectionAt(k) : [[0, Y(0)], ...corners(), [width, Y(0)]];
+      const points = sections ? lineAt(sections, k) : [[0, Y(0)], ...corners(), [width, Y(0)]];
       pen.beginPath();
       points.forEach(([x, y]) => pen.lineTo(x, y));
       pen.lineTo(width, height);
@@ -298,6 +304,12 @@
       pen.beginPath();
       points.forEach(([x, y]) => pen.lineTo(x, y));
       pen.stroke();
+      if (!untouched) return;
+      pen.setLineDash([6, 4]);
+      pen.beginPath();
+      lineAt(untouched, k).forEach(([x, y]) => pen.lineTo(x, y));
+      pen.stroke();
+      pen.setLineDash([]);
     };
 
     const outline = (wheel, k, x, y) => {

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from orchestrator.log.time_series import Floats
+from orchestrator.results.ground_surface import GroundSurface
 from orchestrator.results.page.above import above
 from orchestrator.results.page.embedded import floats, shorts
 from orchestrator.results.rotation import body_axis, matrices
@@ -15,7 +17,7 @@ from orchestrator.results.views.bodies import EVERY, Bodies, BodyPose, Poses
 from orchestrator.results.views.colours import PART
 from orchestrator.results.views.pose_columns import nearest
 from orchestrator.results.views.projected import Camera, section, side_camera
-from orchestrator.results.views.ruts import ground_at, on_soil
+from orchestrator.results.views.ruts import ground_at, on_soil, untouched
 from orchestrator.results.views.shapes import DRAWN, HullBody, LinkPart, in_world
 
 RATE = 25.0  # pictures a second at most
@@ -156,12 +158,24 @@ def _ground(bodies: Bodies, cameras: list[Camera], t: Floats, low: Floats, high:
 
 
 def _sections(bodies: Bodies, cameras: list[Camera], t: Floats, low: Floats, high: Floats) -> dict[str, Any]:
-    """Sections of a terrain, in one table of corners (n, 2), m, with the number of corners in each picture."""
+    """Sections of a terrain, in one table of corners (n, 2), m, with the number of corners in each picture.
+
+    On soil also ``untouched``, a table of the same form: the ground before the track came.
+    """
     room = 0.5 * max(high[0] - low[0], WIDEST * (high[1] - low[1]))
     at = 0.5 * (low[0] + high[0])
-    lines = []
-    for camera, instant in zip(cameras, t.tolist(), strict=True):
-        profile = ground_at(bodies, instant)
-        assert profile is not None
-        lines.append(section(camera, profile, at - room, at + room, most=CORNERS)[0])
-    return {"sections": floats(np.concatenate(lines)), "counts": [len(line) for line in lines]}
+
+    def table(profiles: Iterable[GroundSurface | None]) -> dict[str, Any]:
+        lines = [
+            section(camera, profile, at - room, at + room, most=CORNERS)[0]
+            for camera, profile in zip(cameras, profiles, strict=True)
+            if profile is not None
+        ]
+        lines = [line if np.ptp(line[:, 1]) else line[[0, -1]] for line in lines]  # level
+        return {"sections": floats(np.concatenate(lines)), "counts": [len(line) for line in lines]}
+
+    before = untouched(bodies)
+    return {
+        **table(ground_at(bodies, instant) for instant in t.tolist()),
+        **({} if before is None else {"untouched": table([before] * len(cameras))}),
+    }

@@ -34,7 +34,7 @@ from orchestrator.results.views.projected import (
     polygons,
     section,
 )
-from orchestrator.results.views.ruts import ground_at, inside, on_soil, ruts_of
+from orchestrator.results.views.ruts import ground_at, inside, on_soil, ruts_of, untouched
 from orchestrator.results.views.solids import Reach
 from orchestrator.results.whole_file import atomic_write
 
@@ -183,13 +183,22 @@ class FilmPicture:
 
         self._earth = PolyCollection([], facecolors=[], edgecolors="0.5", linewidths=0.4)
         self._metres = lines("0.45", 0.7)
+        self._untouched = LineCollection([], colors="0.5", linewidths=0.8, linestyles=[(0, (6, 4))])
         self._hidden, self._solid = (
             PolyCollection([], facecolors=[], edgecolors="0.2", linewidths=0.3) for _ in range(2)
         )
         edge = colours.to_unit_range(colours.HULL_EDGE)
         self._hull = PolyCollection([], facecolors=[], edgecolors=edge, linewidths=1.0)
         self._forces = lines(colours.to_unit_range(colours.FORCE), 1.2)
-        self._artists = [self._earth, self._metres, self._hidden, self._hull, self._solid, self._forces]
+        self._artists = [
+            self._earth,
+            self._untouched,
+            self._metres,
+            self._hidden,
+            self._hull,
+            self._solid,
+            self._forces,
+        ]
         if self._arrows:
             self._artists.append(self._add_scale_of_forces(lines(colours.to_unit_range(colours.FORCE), 1.6)))
         for collection in self._artists:
@@ -297,6 +306,8 @@ class FilmPicture:
             _, metres = sections[-1]
             self._metres.set_segments(list(np.stack([metres[:, :2], metres[:, :2] - [0.0, 0.08]], axis=1)))
             self._number_metres(metres)
+            if before := untouched(self._bodies):
+                self._untouched.set_segments([section(camera, before, -self._half, self._half, planes[-1])[0]])
             return
         if profile.terrain:
             quads, brightness, lines = patch(camera, self._mesh.around(camera.centre[:2], 2.0 * self._half))
@@ -338,7 +349,7 @@ class FilmPicture:
             text.set_text("")
         for text, (x, y, metre) in zip(self._numbers, labelled, strict=False):
             text.set_position((x, y - 0.1))
-            text.set_text(f"{metre:.0f} m")
+            text.set_text(f"{metre:z.0f} m")
 
     def _arrows_of(self, camera: Camera, poses: Poses, k: int) -> Floats:
         """Return the arrows of ground forces (n, 2, 2), m in the picture."""

@@ -31,7 +31,7 @@ from orchestrator.results.views.chain_profile import ChainProfile, chain_profile
 from orchestrator.results.views.colours import Scale
 from orchestrator.results.views.files import check_name
 from orchestrator.results.views.plots import LOADS, MOTION, Plot, curves, plots
-from orchestrator.results.views.ruts import bands
+from orchestrator.results.views.ruts import floors, hole
 from orchestrator.results.views.shapes import HullBody, WheelBody, spokes
 from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, convex, prism, sheet
 from orchestrator.results.whole_file import atomic_write
@@ -86,9 +86,10 @@ def _write(bodies: Bodies, side_plots: list[Plot], chains: list[ChainProfile], s
         if bodies.hull:
             hull = channels.SceneUpdateChannel("/hull", context=context)
             hull.log(kinds.SceneUpdate(entities=[_hull(kinds, bodies.hull, begin)]), log_time=_nanoseconds(begin))
-        for t, quads in bands(bodies):
-            pressed = _triangles(kinds, sheet(quads), colours.RUT)
-            rut = kinds.SceneEntity(timestamp=_stamp(kinds, t), frame_id=WORLD, id="ruts", triangles=[pressed])
+        for t, quads, pressed in floors(bodies):
+            parts = ((quads[pressed], colours.RUT), (quads[~pressed], colours.EARTH))
+            triangles = [_triangles(kinds, sheet(part), colour) for part, colour in parts]
+            rut = kinds.SceneEntity(timestamp=_stamp(kinds, t), frame_id=WORLD, id="ruts", triangles=triangles)
             shapes.log(kinds.SceneUpdate(entities=[rut]), log_time=_nanoseconds(t))
         after = -np.inf
         for poses in bodies.blocks():
@@ -191,7 +192,7 @@ def _shapes(kinds: ModuleType, bodies: Bodies, t: float) -> Iterator[Any]:
             timestamp=stamp, frame_id="hull", id="scale of forces", frame_locked=True, lines=lines, texts=[text]
         )
     if bodies.ground:
-        surface, metres = Reach().with_bodies(bodies).ground(bodies.ground)
+        surface, metres = Reach().with_bodies(bodies).ground(bodies.ground, hole(bodies))
         mesh = _triangles(kinds, surface, colours.EARTH)
         marks = _lines(kinds, metres, 0.01, colours.METRE)
         yield kinds.SceneEntity(

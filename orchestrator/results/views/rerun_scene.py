@@ -18,6 +18,7 @@ from orchestrator.log.extra import library
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import EVER, Floats
 from orchestrator.results.analyses import events
+from orchestrator.results.ground_mesh import GroundHole
 from orchestrator.results.rotation import quaternions
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views import colours
@@ -27,7 +28,7 @@ from orchestrator.results.views.chain_profile import ChainProfile, chain_profile
 from orchestrator.results.views.colours import Scale
 from orchestrator.results.views.files import check_name
 from orchestrator.results.views.plots import LOADS, MOTION, Plot, curves, plots
-from orchestrator.results.views.ruts import bands
+from orchestrator.results.views.ruts import floors, hole
 from orchestrator.results.views.shapes import TrackBody, WheelBody, spokes
 from orchestrator.results.views.solids import UPRIGHT, Reach, Triangles, block, convex, faceted, prism, sheet
 from orchestrator.results.whole_file import atomic_write
@@ -48,7 +49,7 @@ def show(path: Path, output: Path | None = None, colour: str | None = None) -> N
         bodies, side_plots, run_events = Bodies(run, RATE, colour), plots(run), events.of(run).events
         scale = bodies.colour_range()
         scene.start(bodies, side_plots, scale, bool(run_events))
-        scene.send_shapes(bodies, Reach().with_bodies(bodies))
+        scene.send_shapes(bodies, Reach().with_bodies(bodies), without=hole(bodies))
         scene.send_poses(bodies, scale)
         scene.send_ruts(bodies)
         scene.send_curves(run, side_plots)
@@ -100,12 +101,14 @@ class RerunRecording:
                 line = self._rerun.SeriesLines(names=signal)
                 self._recording.log(path_of("plots", plot.name, signal), line, static=True)
 
-    def send_shapes(self, bodies: Bodies, reach: Reach, before: Reach | None = None) -> None:
-        """Send the shapes of bodies and the ground; with ``before`` only the ground, if it has grown."""
+    def send_shapes(
+        self, bodies: Bodies, reach: Reach, before: Reach | None = None, without: GroundHole | None = None
+    ) -> None:
+        """Send the shapes of bodies and the ground but for a hole; with ``before`` only the ground, if it has grown."""
         if before is None:
             _send_shapes(self._rerun, self._recording, bodies)
         if bodies.ground and reach != before:
-            surface, lines = reach.ground(bodies.ground)
+            surface, lines = reach.ground(bodies.ground, without)
             self._recording.log("world/ground", _mesh(self._rerun, surface, colours.EARTH), static=True)
             marks = self._rerun.LineStrips3D(lines, colors=[colours.METRE], radii=0.004)
             self._recording.log("world/ground/metres", marks, static=True)
@@ -124,9 +127,10 @@ class RerunRecording:
 
     def send_ruts(self, bodies: Bodies) -> None:
         """Send the ruts in soil as they grow; none on hard ground."""
-        for t, quads in bands(bodies):
+        for t, quads, pressed in floors(bodies):
             self._recording.set_time(TIMELINE, duration=t)
-            self._recording.log("world/ruts", _mesh(self._rerun, sheet(quads), colours.RUT))
+            self._recording.log("world/ruts/pressed", _mesh(self._rerun, sheet(quads[pressed]), colours.RUT))
+            self._recording.log("world/ruts/untouched", _mesh(self._rerun, sheet(quads[~pressed]), colours.EARTH))
 
     def send_curves(self, run: RunData, side_plots: list[Plot], window: tuple[float, float] = EVER) -> None:
         """Send all records of the plots' signals in a window, s."""

@@ -7,11 +7,13 @@ that soil springs back behind it. Both tracks press one picture of the ground; e
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
+from orchestrator.results.ground_mesh import GroundHole
 from orchestrator.results.ground_surface import GroundSurface
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views.bodies import Bodies, LinkPoses
@@ -19,7 +21,8 @@ from orchestrator.results.views.shapes import TrackBody
 
 CELLS = 3  # along a link: the rut is known to a third of a pitch
 ROOM = 2  # cells around all that is pressed
-PACE, OVER = 0.5, 0.002  # s between ruts of scenes in space, and their height over the ground, m
+PACE = 0.5  # s between ruts of scenes in space
+RING = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # corners of a cell, anticlockwise from above
 RATE = 200.0  # instants a second: a link at 30 m/s moves on by its length
 
 
@@ -38,15 +41,25 @@ def ground_at(bodies: Bodies, t: float) -> GroundSurface | None:
     return ruts_of(bodies.run).surface(t) if bodies.ground is not None and on_soil(bodies) else bodies.ground
 
 
-def bands(bodies: Bodies) -> Iterator[tuple[float, Floats]]:
-    """Times, s, PACE apart, and the ruts then: quadrangles (n, 4, 3), m, world, OVER the ground."""
-    if bodies.ground is None or not on_soil(bodies):
+def untouched(bodies: Bodies) -> GroundSurface | None:
+    """Ground before any track came, for a line beside the ruts; None on hard ground."""
+    return bodies.ground if on_soil(bodies) else None
+
+
+def floors(bodies: Bodies) -> Iterator[tuple[float, Floats, NDArray[np.bool_]]]:
+    """Times, s, PACE apart, and the ground then in the ``hole``: quadrangles (n, 4, 3), m, world, pressed (n)."""
+    if hole(bodies) is None:
         return
-    for t in np.arange(float(bodies.t[0]), float(bodies.t[-1]) + PACE, PACE).tolist():
-        corners, _ = ruts_of(bodies.run).tiles(t)
-        if len(corners):
-            corners[..., 2] = bodies.ground.height_under(corners) + OVER
-            yield min(t, float(bodies.t[-1])), corners
+    for t in np.arange(float(bodies.t[0]), float(bodies.t[-1]) + PACE, PACE).clip(max=bodies.t[-1]).tolist():
+        yield t, *ruts_of(bodies.run).floor(t)
+
+
+def hole(bodies: Bodies) -> GroundHole | None:
+    """Cells that the whole run presses, and those beside them, for ``floors`` instead; None if there are none."""
+    if bodies.ground is None or not on_soil(bodies):
+        return None
+    found = ruts_of(bodies.run).hole
+    return found if found.cells.any() else None
 
 
 def inside(bodies: Bodies) -> float:
@@ -112,13 +125,27 @@ class Ruts:
 
         return base._replace(terrain=heights)
 
+    @cached_property
+    def hole(self) -> GroundHole:
+        """Cells that are pressed by the end, and those beside them, whose outer edges stay as they are."""
+        from scipy.ndimage import binary_dilation
+
+        return GroundHole(self.cell, self._corner, binary_dilation(self.sinkage(np.inf) > 0.0, np.ones((3, 3))))
+
+    def floor(self, t: float) -> tuple[Floats, NDArray[np.bool_]]:
+        """Quadrangles (n, 4, 3), m, world, of the cells of the hole at the time ``t``, s; pressed (n)."""
+        cells = np.argwhere(self.hole.cells)
+        flat = (cells[:, None] + RING + self._corner) * self.cell
+        corners = np.concatenate([flat, np.zeros((*flat.shape[:2], 1))], axis=2)
+        corners[..., 2] = self.surface(t).height_under(corners)
+        return corners, self._sinkage[tuple(cells.T)] > 0.0
+
     def tiles(self, t: float) -> tuple[Floats, Floats]:
         """Corners (n, 4, 3), m, world, of the cells that are pressed at the time ``t``, s, and sinkages (n,), m."""
         sinkage = self.sinkage(t)
         cells = np.argwhere(sinkage > 0.0)
         depth = sinkage[tuple(cells.T)]
-        ring = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-        flat = (cells[:, None] + ring + self._corner) * self.cell
+        flat = (cells[:, None] + RING + self._corner) * self.cell
         corners = np.concatenate([flat, np.zeros((*flat.shape[:2], 1))], axis=2)
         middle = corners.mean(axis=1)
         corners[..., 2] = (self._surface.height_under(middle) - depth)[:, None]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from orchestrator.results.views.colours import MAP, PART, Scale, map_colours, to
 from orchestrator.results.views.files import PICTURES, check_name
 from orchestrator.results.views.pose_columns import nearest
 from orchestrator.results.views.projected import Camera, section, side_camera
-from orchestrator.results.views.ruts import ground_at, inside
+from orchestrator.results.views.ruts import ground_at, inside, untouched
 from orchestrator.results.views.shapes import RIGHT, boxes, in_world, rim
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ MOVES = 0.05  # of the largest speed: a faster vehicle counts as moving
 UPRIGHT = 0.7  # height over width beyond which panes are side by side
 MARGIN = 0.25  # m around the pins
 HIGH, NUMBER = 4.2, 0.6  # inches: height of a pane, and of the number under it
+UNTOUCHED: dict[str, Any] = {"color": "0.5", "linewidth": 0.8, "linestyle": (0, (6, 4)), "zorder": 0.4}
 # Face and edge of wheels.
 SHADES = {"sprocket": ("0.85", "0.5"), **dict.fromkeys(("road_wheel", "idler", "return_roller"), ("0.92", "0.6"))}
 
@@ -92,8 +93,15 @@ def extent(views: Sequence[SideView]) -> Extent:
     return (left, right), (low, high)
 
 
-def draw_view(pane: Axes, view: SideView, ground: GroundSurface | None, scale: Scale, limits: Extent) -> None:
-    """Draw a track and the ground under it; horns are behind the discs of wheels."""
+def draw_view(
+    pane: Axes,
+    view: SideView,
+    ground: GroundSurface | None,
+    scale: Scale,
+    limits: Extent,
+    before: GroundSurface | None = None,
+) -> None:
+    """Draw a track and the ground under it, and that before the track came dashed; horns are behind discs of wheels."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Polygon
 
@@ -114,6 +122,9 @@ def draw_view(pane: Axes, view: SideView, ground: GroundSurface | None, scale: S
     if ground is not None:
         line, _ = section(view.camera, ground, *limits[0], view.near)
         pane.fill_between(line[:, 0], line[:, 1], limits[1][0], color="0.8", zorder=0)
+    if before is not None:
+        line, _ = section(view.camera, before, *limits[0], view.near)
+        pane.plot(*line.T, **UNTOUCHED)
     pane.set_aspect("equal")
     pane.set_xlim(limits[0])
     pane.set_ylim(limits[1])
@@ -138,7 +149,7 @@ def _figure(bodies: Bodies) -> Figure:
     shape = (1, len(views)) if upright else (len(views), 1)
     panes = figure.subplots(*shape, sharex=True, sharey=True, squeeze=False).ravel()
     for pane, view in zip(panes, views, strict=True):
-        draw_view(pane, view, ground_at(bodies, view.t), scale, limits)
+        draw_view(pane, view, ground_at(bodies, view.t), scale, limits, untouched(bodies))
         motion = "" if speeds is None else f", {np.interp(view.t, bodies.t, speeds):z.2f} m/s"
         pane.set_title(f"t = {view.t:.2f} s{motion}", fontsize=9, loc="left")
         if upright:

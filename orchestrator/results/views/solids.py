@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.ground_mesh import MOST, GroundMesh, ground_mesh
+from orchestrator.results.ground_mesh import MOST, GroundHole, GroundMesh, ground_mesh
 from orchestrator.results.ground_surface import GroundSurface, whole_metres
 from orchestrator.results.views.bodies import Bodies
 from orchestrator.results.views.shapes import HullBody, LinkPart, WheelBody, boxes, rim
@@ -46,11 +46,14 @@ class Reach(NamedTuple):
             far = max(far, float(np.abs(profile.offset(places)).max()))
         return Reach(low, high, far)
 
-    def ground(self, profile: GroundSurface) -> tuple[Triangles, Floats]:
+    def ground(self, profile: GroundSurface, hole: GroundHole | None = None) -> tuple[Triangles, Floats]:
         """Return the ground within the extent and ROOM beyond, and lines (n, 2, 3) across it at whole metres.
 
-        The metres are those along the initial heading, on a terrain those of x.
+        The metres are those along the initial heading, on a terrain and around a hole those of x.
         """
+        if hole is not None:
+            mesh = self.mesh(profile)
+            return sheet(mesh.quads_around(hole, profile)), mesh.metre_lines() + np.array([0.0, 0.0, OVER])
         if profile.terrain:
             mesh = self.mesh(profile)
             return draped(mesh), mesh.metre_lines() + np.array([0.0, 0.0, OVER])
