@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from fmus.ground_keys import SLOPES, is_plane
 from fmus.saved import SlaveState, from_bytes, to_bytes
 from fmus.vehicle import BadInput
 from orchestrator.cosim.component import Component
@@ -23,12 +24,27 @@ def branched_scene(scene: Scene, settings: Sequence[str], where: str) -> Scene:
     options = "; ".join(settings)
     before = scene.resolved()
     branch = with_track(changed_scene(scene.resolved(), settings, where))
+    for key in _start_changes(scene, branch):
+        raise BadInput(
+            f"--set {options}: where a run branches off, {key} stays as it is: the states of the parts count from the"
+            " place and the slope of the start"
+        )
     for key in _structural_changes(before, branch.resolved()):
         if not key.startswith("expect") and key not in MAY_CHANGE:
             raise BadInput(
                 f"--set {options}: where a run branches off, {key} stays as it is: only numbers of parts change"
             )
     return branch
+
+
+def _start_changes(scene: Scene, branch: Scene) -> Iterator[str]:
+    """Yield keys that would move the axes in which the states of parts are: the start, a slope everywhere."""
+    old, new = scene.resolved(), branch.resolved()
+    tables = {"start": [*old["start"]]}
+    if "ground" in old and is_plane(old["ground"]):
+        tables["ground"] = [*SLOPES]
+    for table, keys in tables.items():
+        yield from (f"{table}.{key}" for key in keys if old[table].get(key) != new[table].get(key))
 
 
 def _structural_changes(old: Mapping[str, Any], new: Mapping[str, Any], above: str = "") -> Iterator[str]:

@@ -51,6 +51,13 @@ def sliding(run: RunData, scene: VehicleScene) -> Expectation:
     return float(-np.polyfit(t[moving], v[moving], 1)[0]), expected, 0.1 * expected
 
 
+def uphill(run: RunData, scene: VehicleScene) -> Expectation:
+    """Force of the ground up the slope, mean of the last second, N: W sin(slope); the hull still surges."""
+    assert scene.ground.grade
+    expected = summary.weight(scene) * math.sin(math.atan(scene.ground.grade))
+    return measures.uphill_force(run, "", _last(run)), expected, 0.02 * expected
+
+
 def climbs(run: RunData, scene: VehicleScene) -> Expectation:
     """Rise of the hull over an obstacle, m, against the obstacle's height; 0 if it does not get across.
 
@@ -103,6 +110,7 @@ EXPECTATIONS: dict[str, tuple[Callable[[RunData, Any], Expectation], str]] = {  
     "speed": (speed, "speed over that of the sprocket, less 1, last 0.5 s"),
     "stays": (stays, "mean speed of the last second, m/s: 0"),
     "sliding": (sliding, "deceleration of the locked vehicle, m/s2: friction x gravity, 10 %"),
+    "uphill": (uphill, "ground force up the slope, last second, N: W sin(slope), 2 %"),
     "climbs": (climbs, "rise of the centre of mass, m: that of the obstacle, 35 %"),
     "at_rest": (at_rest, "ground reaction, last second, N: the weight, 6 %"),
     "sag": (sag, "sag, m: that of the discrete catenary, 0.2 %"),

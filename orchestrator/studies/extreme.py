@@ -77,6 +77,16 @@ def _obstacle(rise: float) -> list[str]:
     return [*HALF, *drive, "ground.hull=true", bump]
 
 
+def _steep(percent: float) -> list[str]:
+    drive = ("drive.speed=6", "drive.ramp_start=0.1", "drive.ramp_time=2", "run.stop=4 s")
+    return [*HALF, *drive, f"ground.grade={percent} %", "vehicle.contact.ground.friction=1"]
+
+
+def _sandy(kphi: float) -> list[str]:
+    drive = ("drive.speed=4", "drive.ramp_start=0.1", "drive.ramp_time=1", "run.stop=3 s", "hitch=false")
+    return [*HALF, *drive, "ground.soil.name=dry_sand", f"ground.soil.kphi={kphi}"]
+
+
 def _stepped(ms: float) -> list[str]:
     return [*HALF, f"run.stop={2.0 if ms >= 0.2 else 0.5}", f"run.step={ms} ms"]
 
@@ -164,6 +174,12 @@ FAMILIES = (
            lambda z: [*HALF, "run.stop=8 s", f"start.height={0.7 + z}", 'start.roll=180 deg', "ground.hull=true"],
            "at_rest", quick=(1.0,), seconds=30.0),
     Family("obstacle, m", "straight", "flexible", (0.3, 0.65, 1.0), _obstacle, "climbs", quick=(0.65,), seconds=30.0),
+    Family("grade, %", "climb", "flexible", (10.0, 30.0, 60.0), _steep, "uphill", quick=(60.0,), seconds=30.0),
+    Family("grade, %, rigid", "climb", "rigid", (10.0, 30.0, 60.0), _steep, "uphill", quick=(), seconds=30.0),
+    Family("stiffness of soil kphi, N/m^(n+2)", "soft_ground", "flexible", tuple(10.0**k for k in range(5, 11)),
+           _sandy, sensible=(3e5, 1e8), quick=(1e6, 1e10)),
+    Family("stiffness of soil kphi, N/m^(n+2), rigid", "soft_ground", "rigid", tuple(10.0**k for k in range(5, 11)),
+           _sandy, sensible=(3e5, 1e8), quick=()),
     Family("tracks there are", "settle", "flexible", (0.0, 1.0, 2.0),
            lambda n: ["run.stop=2 s", "track.link_outputs=false",
                       f"tracks={['left', 'right'][: int(n)]}".replace("'", '"')], quick=(0.0, 1.0)),

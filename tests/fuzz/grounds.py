@@ -1,4 +1,4 @@
-"""Grounds under a vehicle: random tables ``[ground]`` and starts, through the start and a few steps."""
+"""Grounds under a vehicle: random tables ``[ground]``, soils, links and starts, through the start and some steps."""
 
 from __future__ import annotations
 
@@ -9,18 +9,25 @@ from typing import Any
 
 import numpy as np
 
+from fmus import soils
 from fmus.model import InvalidParameter, StepFailed
 from fmus.vehicle import BadInput
 from orchestrator.scene.scene import load
 from tests.fuzz import values
 from tests.vehicle_in_process import InProcess
 
-STEPS = 3
+STEPS = (3, 3, 40)
 BASE = (
     "track.start=polygon", "track.link_outputs=false", "drive.ramp_start=0", "drive.ramp_time=0.01", "drive.speed=5",
     "start.state=drawn",
 )  # fmt: skip
 SETTLED = ("track.link_outputs=false",)
+LINKS: dict[str, tuple[str, ...]] = {
+    "rigid": (),
+    "cable": ("track.model=flexible", "track.axes=fixed"),
+    "turning": ("track.model=flexible", "track.axes=free"),
+    "beam": ("track.model=flexible", "track.element=beam"),
+}
 
 
 def _place(chance: random.Random) -> float:
@@ -59,6 +66,23 @@ def _friction(chance: random.Random) -> list[dict[str, Any]]:
         how = chance.choice(("factor", "coefficient"))
         regions.append({"x": x, "y": y, how: chance.choice((0.0, 0.3, 1.0, 5.0))})
     return regions
+
+
+def _soil(chance: random.Random) -> dict[str, Any]:
+    """A named soil, one with changes, or one of numbers alone."""
+    name = {"name": chance.choice((*soils.named(), "no_soil"))} if chance.random() < 0.6 else {}
+    if name and chance.random() < 0.4:
+        return name
+    slope = chance.choice(({"k0": _length(chance, 1e8)}, {"Au": _length(chance, 1e9)}, {"rebound": chance.random()}))
+    numbers = {
+        "n": chance.choice((0.1, 0.5, 0.8, 1.0, 1.1, 2.0, 5.0)), "kc": _length(chance, 1e4),
+        "kphi": _length(chance, 1e6),
+        "cohesion": _length(chance, 1e3), "friction_angle": chance.uniform(0.0, 1.5),
+        "shear_deformation_modulus": _length(chance, 0.02), "elastic": _length(chance, 1e8),
+        "damping": chance.choice((0.0, _length(chance, 1e4))), "width": _length(chance, 0.4),
+        **slope,
+    }  # fmt: skip
+    return {**name, **{key: each for key, each in numbers.items() if not name or chance.random() < 0.4}}
 
 
 TABLES: dict[str, Callable[[random.Random], Any]] = {
@@ -100,6 +124,9 @@ def draw(chance: random.Random) -> dict[str, Any]:
     """A case: settings of a vehicle on a ground."""
     chosen = chance.sample(sorted(TABLES), chance.choice((1, 1, 1, 2, 2, 3)))
     ground = {key: TABLES[key](chance) for key in chosen}
+    soft = chance.random() < 0.4
+    if soft:
+        ground = {"soil": _soil(chance), **(ground if chance.random() < 0.4 else {})}
     if {"grade", "bank"} & ground.keys() and chance.random() < 0.3:
         ground |= {"incline_start": _place(chance), "incline_length": _length(chance, 1.0)}
     if chance.random() < 0.3:
@@ -109,17 +136,24 @@ def draw(chance: random.Random) -> dict[str, Any]:
     if chance.random() < 0.5:
         position = [_place(chance), _place(chance), round(chance.uniform(-3.0, 3.0), 2)]
         settings += [f"start.heading={chance.uniform(-4.0, 4.0)!r}", f"start.position={position}"]
-    if chance.random() < 0.3:
+    settings += LINKS[chance.choice((*LINKS, "rigid", "rigid"))]
+    if chance.random() < (0.05 if soft else 0.3):
         settings.append("ground.hull=true")
-    if chance.random() < 0.2:
+    if chance.random() < (0.05 if soft else 0.2):
         settings.append(f"tracks={chance.choice(('[]', '[' + chr(34) + 'left' + chr(34) + ']'))}")
     elif chance.random() < 0.2:
         settings.append("symmetric=true")
-    return {"settings": settings}
+    return {"settings": settings, "steps": chance.choice(STEPS)}
 
 
 def prepare() -> None:
-    """Load what cases load: kernels with and without a terrain, of tracks and of bare wheels."""
+    """Load what cases load: kernels with and without a terrain and soil, of all links and of bare wheels."""
+    on_rigid_links = LINKS["rigid"]
+    for links in LINKS.values():
+        soil, step = "ground.soil.name=dry_sand", "ground.step={x=[-2], rise=0.01}"
+        for settings in ([], [soil], [step], [soil, "ground.step={x=[3], rise=0.01}"]):
+            if links == on_rigid_links or settings:
+                InProcess(load("straight", "rigid", [*BASE, *settings, *links])).step()
     for settings in (["ground.grade=0.1"], ["ground.step={x=[-2], rise=0.01}"]):
         for tracks in ([], ["tracks=['left']", "ground.hull=true"]):
             vehicle = InProcess(load("straight", "rigid", [*BASE, *settings, *tracks]))
@@ -132,7 +166,7 @@ def act(case: dict[str, Any]) -> Callable[[], None]:
     def play() -> None:
         try:
             vehicle = InProcess(load("straight", "rigid", case["settings"]))
-            for _ in range(STEPS):
+            for _ in range(case["steps"]):
                 vehicle.step()
         except (BadInput, InvalidParameter) as error:
             print(f"cotrack: {error}", file=sys.stderr)

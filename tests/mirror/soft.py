@@ -79,7 +79,7 @@ class Points(NamedTuple):
 
 
 class Soft(NamedTuple):
-    """What the soil does at the points."""
+    """Response of the soil at the points."""
 
     normal: Floats  # (T, p) N
     shear: Floats  # (T, p, 3) N on the link

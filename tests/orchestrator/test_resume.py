@@ -20,6 +20,7 @@ from orchestrator.cosim.coupling.power_residual import PowerResidual
 from orchestrator.cosim.coupling.variable_step import VariableStep
 from orchestrator.cosim.observers import TimedCheckpoints
 from orchestrator.execution import replay_model
+from orchestrator.execution.branch import branched_scene
 from orchestrator.execution.resume import resume
 from orchestrator.execution.simulate import simulate
 from orchestrator.log.log_format import CHECKPOINT, checkpoint_step
@@ -181,6 +182,26 @@ def test_what_does_not_branch_off_is_a_sentence(rig, cotrack, tmp_path):
     said = "with --set chain.links=9 the state of 'chain' has another size"
     with pytest.raises(UnusableCheckpoint, match=said):
         resume(chain, tmp_path / "new.mcap", 0.01, settings=["chain.links=9"])
+
+
+@pytest.mark.parametrize(
+    ("name", "setting", "kept"),
+    [
+        ("climb", "ground.grade=0.3", "ground.grade"),
+        ("soft_ground", "start.position=[1, 0, 0]", "start.position"),
+        ("half_round", "ground.half_round.radius=0.21", ""),
+        ("soft_ground", "ground.soil.n=1.2", ""),
+        ("soft_ground", "hitch.force=2e4", ""),
+    ],
+)
+def test_a_branch_keeps_the_axes_of_the_start(name, setting, kept):
+    """A slope everywhere is another frame of the start; obstacles, soil and loads are numbers of parts."""
+    scene = load(name)
+    if not kept:
+        branched_scene(scene, [setting], "scene.json")
+        return
+    with pytest.raises(BadInput, match=f"{kept} stays as it is: the states of the parts count from the place"):
+        branched_scene(scene, [setting], "scene.json")
 
 
 def test_a_longer_run_is_that_of_a_longer_scene(rig, tmp_path):
