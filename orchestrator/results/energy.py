@@ -242,17 +242,14 @@ def hitch_works(run: RunData, accounts: Mapping[str, Mapping[str, float]]) -> di
         for into in connection["inputs"]
         if connection["target"] == "chassis" and into.startswith("hitch.force.") and accounts[connection["source"]]
     }
-    works = dict.fromkeys(feeders.values(), 0.0)
+    works, axes = dict.fromkeys(feeders.values(), 0.0), "".join(into[-1] for into in feeders)
     if works:
-        forces, positions = (
-            run.vectors("chassis", "in", "hitch.force")[1],
-            run.vectors("chassis", "out", "hitch.position")[1],
-        )
+        forces = run.vectors("chassis", "in", "hitch.force", axes)[1]
+        positions = run.vectors("chassis", "out", "hitch.position", axes)[1]
         if len(positions) != len(forces) + 1:
             raise Missing("the work of the hitch needs outputs of every step: run.outputs = 1")
-        done = -np.sum(forces * np.diff(positions, axis=0), axis=0)
-        for into, source in feeders.items():
-            works[source] += float(done["xyz".index(into[-1])])
+        for source, done in zip(feeders.values(), -np.sum(forces * np.diff(positions, axis=0), axis=0), strict=True):
+            works[source] += float(done)
     return works
 
 

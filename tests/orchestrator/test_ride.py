@@ -169,10 +169,12 @@ def test_what_a_log_lacks_is_said(tmp_path):
 def test_what_is_towed_is_in_the_ledger(tmp_path, towed, residual):
     """Work of the drive is what is stored, lost and done on the load; a force alone is no port."""
     t = np.arange(3) * STEP
-    outputs = {"/chassis/out": [("energy.kinetic", "J"), ("energy.dissipated", "J"), ("energy.towed", "J")],
+    outputs = {"/chassis/out": [("energy.kinetic", "J"), ("energy.dissipated", "J"), ("energy.towed", "J"),
+                                ("hitch.position.x", "m")],
                "/drive/out": [("energy.work", "J")]}  # fmt: skip
     rows = {
-        "/chassis/out": (t, np.outer(t / t[-1], [50.0, 20.0, towed])), "/drive/out": (t, np.outer(t / t[-1], [100.0])),
+        "/chassis/out": (t, np.outer(t / t[-1], [50.0, 20.0, towed, 1.0])),
+        "/drive/out": (t, np.outer(t / t[-1], [100.0])),
         "/chassis/in": (t[:2], np.zeros((2, 1))), "/drive/in": (t[:2], np.zeros((2, 1))),
     }  # fmt: skip
     inputs = {"/chassis/in": [("hitch.force.x", "N")], "/drive/in": [("demand", "1")]}

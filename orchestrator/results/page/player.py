@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.log.time_series import Floats
-from orchestrator.results.ground_surface import GroundSurface
+from orchestrator.results.ground_surface import GroundSurface, gives_way
 from orchestrator.results.page.above import above
 from orchestrator.results.page.embedded import floats, shorts
 from orchestrator.results.rotation import body_axis, matrices
@@ -17,7 +17,7 @@ from orchestrator.results.views.bodies import EVERY, Bodies, BodyPose, Poses
 from orchestrator.results.views.colours import PART
 from orchestrator.results.views.pose_columns import nearest
 from orchestrator.results.views.projected import Camera, section, side_camera
-from orchestrator.results.views.ruts import ground_at, on_soil, untouched
+from orchestrator.results.views.ruts import ground_at, untouched
 from orchestrator.results.views.shapes import DRAWN, HullBody, LinkPart, in_world
 
 RATE = 25.0  # pictures a second at most
@@ -153,7 +153,7 @@ def _ground(bodies: Bodies, cameras: list[Camera], t: Floats, low: Floats, high:
         )
         along = np.concatenate([[0.0], np.cumsum(way)])
     corners = np.stack([profile.along, profile.height - profile.level], axis=1)
-    sections = _sections(bodies, cameras, t, low, high) if profile.terrain or on_soil(bodies) else {}
+    sections = _sections(bodies, cameras, t, low, high) if profile.terrain or gives_way(bodies.scene) else {}
     return {"corners": corners.tolist(), "along": floats(along), **sections}
 
 

@@ -15,6 +15,7 @@ from orchestrator.log.extra import library
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
 from orchestrator.results.ground_mesh import GroundMesh
+from orchestrator.results.ground_surface import gives_way
 from orchestrator.results.run_data import EVER, RunData, Window
 from orchestrator.results.views import colours
 from orchestrator.results.views.arrows import force_of_a_metre, ground_arrows, has_forces, scale_arrow, with_heads
@@ -34,7 +35,7 @@ from orchestrator.results.views.projected import (
     polygons,
     section,
 )
-from orchestrator.results.views.ruts import ground_at, inside, on_soil, ruts_of, untouched
+from orchestrator.results.views.ruts import ground_at, inside, ruts_of, untouched
 from orchestrator.results.views.solids import Reach
 from orchestrator.results.whole_file import atomic_write
 
@@ -315,7 +316,7 @@ class FilmPicture:
         else:
             quads, brightness, lines = plane(camera, profile, 2.0 * self._half)
         shades = np.clip(brightness[:, None] * earth, 0.0, 1.0)
-        if on_soil(self._bodies):
+        if gives_way(self._bodies.scene):
             pressed = camera.project(ruts_of(self._bodies.run).tiles(float(poses.t[k]))[0])
             quads = np.concatenate([quads, pressed])
             shades = np.concatenate([shades, np.tile(colours.to_unit_range(colours.RUT), (len(pressed), 1))])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from orchestrator.log.time_series import Floats
 from orchestrator.results.ground_mesh import GroundHole
-from orchestrator.results.ground_surface import GroundSurface
+from orchestrator.results.ground_surface import GroundSurface, gives_way
 from orchestrator.results.run_data import RunData
 from orchestrator.results.views.bodies import Bodies, LinkPoses
 from orchestrator.results.views.shapes import TrackBody
@@ -26,11 +26,6 @@ RING = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # corners of a cell, anticloc
 RATE = 200.0  # instants a second: a link at 30 m/s moves on by its length
 
 
-def on_soil(bodies: Bodies) -> bool:
-    """True if the ground gives way."""
-    return bool((bodies.scene.get("ground") or {}).get("soil"))
-
-
 def ruts_of(run: RunData) -> Ruts:
     """Ruts of all tracks of a run; raises BadInput if no links can be drawn."""
     return run.compute_once("ruts", lambda run: Ruts(Bodies(run, RATE)))
@@ -38,12 +33,12 @@ def ruts_of(run: RunData) -> Ruts:
 
 def ground_at(bodies: Bodies, t: float) -> GroundSurface | None:
     """Ground at the time ``t``, s, on soil with its ruts; None without one."""
-    return ruts_of(bodies.run).surface(t) if bodies.ground is not None and on_soil(bodies) else bodies.ground
+    return ruts_of(bodies.run).surface(t) if bodies.ground is not None and gives_way(bodies.scene) else bodies.ground
 
 
 def untouched(bodies: Bodies) -> GroundSurface | None:
     """Ground before any track came, for a line beside the ruts; None on hard ground."""
-    return bodies.ground if on_soil(bodies) else None
+    return bodies.ground if gives_way(bodies.scene) else None
 
 
 def floors(bodies: Bodies) -> Iterator[tuple[float, Floats, NDArray[np.bool_]]]:
@@ -56,7 +51,7 @@ def floors(bodies: Bodies) -> Iterator[tuple[float, Floats, NDArray[np.bool_]]]:
 
 def hole(bodies: Bodies) -> GroundHole | None:
     """Cells that the whole run presses, and those beside them, for ``floors`` instead; None if there are none."""
-    if bodies.ground is None or not on_soil(bodies):
+    if bodies.ground is None or not gives_way(bodies.scene):
         return None
     found = ruts_of(bodies.run).hole
     return found if found.cells.any() else None
@@ -64,7 +59,7 @@ def hole(bodies: Bodies) -> GroundHole | None:
 
 def inside(bodies: Bodies) -> float:
     """Distance from the edge of a rut, m, at which it has its full depth; 0 on hard ground."""
-    return ruts_of(bodies.run).cell if bodies.ground is not None and on_soil(bodies) else 0.0
+    return ruts_of(bodies.run).cell if bodies.ground is not None and gives_way(bodies.scene) else 0.0
 
 
 class Ruts:

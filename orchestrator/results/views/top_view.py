@@ -14,14 +14,14 @@ import numpy as np
 from fmus.vehicle import BadInput
 from orchestrator.log.reader import Log
 from orchestrator.log.time_series import Floats
-from orchestrator.results.ground_surface import GroundSurface
+from orchestrator.results.ground_surface import GroundSurface, gives_way
 from orchestrator.results.picture import save_figure
 from orchestrator.results.run_data import EVER, RunData, Window, within
 from orchestrator.results.views.arrows import scale_arrow
 from orchestrator.results.views.bodies import EVERY, Bodies, NoInstant, Poses
 from orchestrator.results.views.files import PICTURES, check_name
 from orchestrator.results.views.projected import make_camera, polygons
-from orchestrator.results.views.ruts import on_soil, ruts_of
+from orchestrator.results.views.ruts import ruts_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,7 +72,7 @@ def draw(path: Path, output: Path, times: Sequence[float] | None = None) -> None
         _draw_views(pane, views, float(np.ptp(way, axis=0).max()) + ROOM)
         if bodies.ground is not None and bodies.ground.terrain:
             _draw_heights(pane, bodies.ground, way.min(axis=0) - ROOM, way.max(axis=0) + ROOM)
-        if on_soil(bodies):
+        if gives_way(bodies.scene):
             _draw_ruts(pane, *ruts_of(run).tiles(float(bodies.t[-1])))
         pane.set_aspect("equal", adjustable="datalim")
         pane.set_xlabel("x, m")
