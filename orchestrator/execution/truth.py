@@ -62,9 +62,7 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
     components' integrators. Two processes that want the same truth build it once; a damaged one is built again.
     Raises TruthFailed, BadInput (also if it cannot be stored), LogFailed or ComponentFailed.
     """
-    scene.require_own_parts("a truth has")
-    if scene.track.element == "beam":
-        raise BadInput("truth: track.element = 'beam': the monolith knows chains of cables and rigid links only")
+    require_known(scene)
     scene = physical_scene(scene)
     folder = cache_folder() / "truth" / key(scene)
     try:
@@ -82,6 +80,19 @@ def truth(scene: Scene, narration: Narration | None = None) -> Truth:
     figures = {name: value for name, value in stored.items() if name != "sha256"}
     figures["difference"] = {name: ObservableDifference(**fields) for name, fields in figures["difference"].items()}
     return Truth(folder / LOGS[0], folder / LOGS[1], **figures, built=built)
+
+
+def require_known(scene: Scene) -> None:
+    """Raise BadInput for what the monolith, by which a truth is computed, does not know."""
+    scene.require_own_parts("a truth has")
+    if scene.track.element == "beam":
+        raise BadInput("truth: track.element = 'beam': the monolith knows chains of cables and rigid links only")
+    table = scene.resolved()
+    ground = table.get("ground") or {}
+    given = {"ground.soil": ground.get("soil"), "ground.hull": ground.get("hull")}
+    for key, value in {**given, "hitch": table.get("hitch"), "seats": table.get("seats")}.items():
+        if value:
+            raise BadInput(f"truth: {scene.where}: {key}: the monolith has tracks on hard ground, no hitch, no seats")
 
 
 def _stored_figures(folder: Path) -> dict[str, Any] | None:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from fmus.track_choices import TRACKS
 from orchestrator.execution.estimate import estimate
-from orchestrator.execution.truth import ORDER, truth
+from orchestrator.execution.truth import ORDER, require_known, truth
 from orchestrator.results.difference import differences_of_logs, worst
 from orchestrator.scene.scene import ChainScene, load
 from orchestrator.studies import Case
@@ -96,6 +96,7 @@ PACED: Sequence[MethodCurve] = (  # for scenes with a variable step
 def cases(quick: bool, scene: str = "straight") -> list[Case]:
     """Cases: the truth of each track model, then all methods."""
     loaded = load(scene)
+    require_known(loaded)
     base = (QUICK[loaded.assembly],) if quick else ()
     if isinstance(loaded, ChainScene) and loaded.chain.ends == "pinned" and loaded.track.start in (None, "rest"):
         base = (*base, "track.start=displaced")  # a scene at rest has no error

@@ -19,6 +19,7 @@ from orchestrator.execution.states import states_at
 from orchestrator.log.reader import Log
 from orchestrator.scene.assembly import assemble
 from orchestrator.scene.scene import load
+from orchestrator.studies import error_runtime
 
 SOFT = ("track.start=displaced", "vehicle.material.youngs_modulus=2e7", "chain.links=16")
 
@@ -174,6 +175,22 @@ def test_command_says_where_and_how_good(empty, tmp_path):
     shorter = CliRunner().invoke(app, [*arguments, "--stop", "0.01", "--against", said["coarse_log"]])
     assert shorter.exit_code == 0, shorter.output
     assert "coarse.mcap ends at t = 0.02 s, the truth at 0.01 s: they are compared up to 0.01 s" in shorter.stderr
+
+
+@pytest.mark.parametrize(
+    ("scene", "setting", "key"),
+    [
+        ("soft_ground", "hitch=false", "ground.soil"),
+        ("step", "run.stop=1", "ground.hull"),
+        ("straight", "hitch.force=1", "hitch"),
+        ("straight", "seats=['driver']", "seats"),
+    ],
+)
+def test_what_the_monolith_does_not_know_has_no_truth(scene, setting, key):
+    with pytest.raises(BadInput, match=rf"^truth: {scene}\.toml: {key}: the monolith has tracks on hard ground"):
+        module.truth(load(scene, "rigid", (setting,)))
+    with pytest.raises(BadInput, match="the monolith"):
+        error_runtime.cases(True, "soft_ground")
 
 
 @pytest.mark.long
