@@ -14,7 +14,16 @@ from scipy.optimize import brentq
 from fmus.soils import law_of
 from fmus.vehicle import BadInput
 from orchestrator.studies import mobility
-from orchestrator.studies.mobility import bisection, drawbar, grade, pressure, step_and_gap, theory, turning
+from orchestrator.studies.mobility import (
+    bisection,
+    drawbar,
+    grade,
+    half_rounds,
+    pressure,
+    step_and_gap,
+    theory,
+    turning,
+)
 from orchestrator.studies.mobility.limit_speed import first_crossing, limit_speed
 from orchestrator.studies.mobility.trial import run_up, trial, vehicle_of
 from orchestrator.studies.row import Row
@@ -190,6 +199,18 @@ def test_the_summary_interpolates():
     assert pull["value"] == pytest.approx(30.0)
     assert pull["note"] == "0.20 of the weight"
     assert table["largest step"]["value"] == 0.9
+
+
+def test_speed_limits_are_those_of_each_ground():
+    """Rows in any order; those without a figure, of runs that failed, count as not there."""
+    rows = [
+        Row(half_rounds.NAME, "", {"radius": radius, "speed": speed, "peak": radius * speed * 10.0})
+        for radius in (0.2, 0.1)
+        for speed in (4.0, 1.0, 2.0)
+    ]
+    rows.append(Row(half_rounds.NAME, "", {"radius": 0.1, "speed": 3.0}, note="the chain jumps"))
+    found = {finding.measure[-6:]: finding.value for finding in half_rounds.find(rows)}
+    assert found == {"200 mm": pytest.approx(1.25), "100 mm": pytest.approx(2.5)}
 
 
 # --- trials ---

@@ -6,24 +6,22 @@ The limit of 2.5 g and the sizes of 4 to 12 inches are those of mobility models;
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import groupby
 
 from orchestrator.results.analyses import ride
 from orchestrator.results.run_data import Window
 from orchestrator.results.table import Column
 from orchestrator.studies import Case, files
+from orchestrator.studies.mobility import riding
 from orchestrator.studies.mobility.finding import Finding
-from orchestrator.studies.mobility.limit_speed import limit_speed
-from orchestrator.studies.mobility.trial import FIRM, recorded, run_up, trial, vehicle_of
+from orchestrator.studies.mobility.trial import run_up, vehicle_of
 from orchestrator.studies.row import Row
 
 NAME = "half_rounds"
 TITLE = "Shock of half rounds"
 INCH = 0.0254  # m
 RADII = tuple(inches * INCH for inches in (4, 6, 8, 10, 12))
+QUICK_RADII = RADII[:3:2]
 FULL_SIZE = 1.5  # m of contact length; a shorter vehicle meets half rounds in proportion to its length
-SPEEDS = (0.5, 1, 2, 3, 4, 5, 6)  # of the pace
-QUICK_RADII, QUICK_SPEEDS = RADII[:3:2], SPEEDS[2::2]
 LIMIT = 2.5  # g
 COLUMNS = (
     Column("radius", "radius, m", ".3f"),
@@ -38,12 +36,8 @@ NOTES = (f"First seat of the vehicle, after a low pass of {ride.SHOCK_POLES} pol
 
 def cases(scene: str, quick: bool) -> list[Case]:
     """Cases: every radius at every speed."""
-    radii, speeds = (QUICK_RADII, QUICK_SPEEDS) if quick else (RADII, SPEEDS)
-    return [
-        Case(NAME, f"radius {radius:g} m, {factor} x pace", shock, (scene, radius, factor), 8.0 + factor)
-        for radius in radii
-        for factor in speeds
-    ]
+    radii = {f"radius {radius:g} m": radius for radius in (QUICK_RADII if quick else RADII)}
+    return riding.cases(NAME, shock, scene, radii, quick)
 
 
 def shock(scene: str, radius: float, factor: float) -> list[Row]:
@@ -51,36 +45,17 @@ def shock(scene: str, radius: float, factor: float) -> list[Row]:
     vehicle = vehicle_of(scene)
     if vehicle.length < FULL_SIZE:
         radius *= vehicle.length / FULL_SIZE
-    speed, ramp = factor * vehicle.pace, run_up(vehicle, factor * vehicle.pace)
-    begin = ramp + vehicle.time
-    place = vehicle.front + speed * (0.5 * ramp + 2.0 * vehicle.time)
-    end = begin + 3.0 * vehicle.length / speed + 4.0 * vehicle.time
-    drive = {"mode": "speed", "speed": vehicle.sprocket(speed), "ramp_start": 0.0, "ramp_time": ramp}
-    ground = {"hull": True, "half_round": {"x": [place], "radius": radius}}
-    run_scene = trial(
-        vehicle,
-        "half round",
-        end,
-        friction=FIRM,
-        ground=ground,
-        drive=drive,
-        seats=[vehicle.seat],
-        run={"allow": ["penetration"]},
-    )
-    figures: dict[str, float] = {"radius": radius, "speed": speed}
-    try:
-        with recorded(run_scene) as run:
-            (seat,) = ride.of(run, vehicle.seat, Window(begin, end)).seats
-            figures["belly"], note = 1e-3 * float(run.signal("chassis.ground.force.z")[1].max()), run.doubts
-    except RuntimeError as failure:
-        return [Row("", "", figures, note=str(failure))]
+    speed, unit = factor * vehicle.pace, vehicle.time
+    ramp = run_up(vehicle, speed)
+    place, begin = vehicle.front + speed * (0.5 * ramp + 2.0 * unit), ramp + unit
+    window = Window(begin, begin + 3.0 * vehicle.length / speed + 4.0 * unit)
+    half_round = {"half_round": {"x": [place], "radius": radius}}
+    return riding.ridden(vehicle, "half round", speed, half_round, window, {"radius": radius, "speed": speed}, _peaks)
+
+
+def _peaks(seat: ride.SeatRide) -> riding.Figures:
     up = seat.low_passed[:, ride.UP] / ride.G
-    return [Row("", "", {**figures, "peak": float(up.max()), "down": float(-up.min())}, note=note)]
-
-
-def _by_radius(rows: Sequence[Row]) -> list[tuple[float, list[Row]]]:
-    valid = sorted((row for row in rows if "peak" in row.figures), key=lambda row: (row["radius"], row["speed"]))
-    return [(radius, list(own)) for radius, own in groupby(valid, key=lambda row: row["radius"])]
+    return {"peak": float(up.max()), "down": float(-up.min())}
 
 
 def draw(rows: Sequence[Row]) -> files.Picture:
@@ -89,8 +64,8 @@ def draw(rows: Sequence[Row]) -> files.Picture:
 
     figure = Figure(figsize=(7.0, 3.8), layout="constrained", dpi=110)
     pane = figure.subplots()
-    for radius, own in _by_radius(rows):
-        pane.plot([row["speed"] for row in own], [row["peak"] for row in own], "o-", label=f"{1e3 * radius:.0f} mm")
+    for radius, *curve in riding.curves(rows, "radius", "peak"):
+        pane.plot(*curve, "o-", label=f"{1e3 * radius:.0f} mm")
     pane.axhline(LIMIT, color="0.3", ls="--")
     pane.set(xlabel="speed, m/s", ylabel="largest upward acceleration, g")
     pane.grid(alpha=0.3)
@@ -100,12 +75,6 @@ def draw(rows: Sequence[Row]) -> files.Picture:
 
 def find(rows: Sequence[Row]) -> list[Finding]:
     """Speed at which the peak reaches its limit, by radius."""
-    return [
-        limit_speed(
-            f"speed at {LIMIT:g} g, half round of {1e3 * radius:.0f} mm",
-            [row["speed"] for row in own],
-            [row["peak"] for row in own],
-            LIMIT,
-        )
-        for radius, own in _by_radius(rows)
-    ]
+    return riding.limits(
+        rows, "radius", "peak", LIMIT, lambda radius: f"speed at {LIMIT:g} g, half round of {1e3 * radius:.0f} mm"
+    )

@@ -6,8 +6,6 @@ Both tracks run over one profile. The limit of 6 W of absorbed power is that of 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import groupby
-from typing import Any
 
 import numpy as np
 
@@ -15,18 +13,16 @@ from orchestrator.results.analyses import ride
 from orchestrator.results.analyses.absorbed_power import LIMIT
 from orchestrator.results.run_data import Window
 from orchestrator.results.table import Column
-from orchestrator.scene.scene import Scene
 from orchestrator.studies import Case, files
+from orchestrator.studies.mobility import riding
 from orchestrator.studies.mobility.finding import Finding
-from orchestrator.studies.mobility.limit_speed import limit_speed
-from orchestrator.studies.mobility.trial import FIRM, Vehicle, recorded, run_up, trial, vehicle_of
+from orchestrator.studies.mobility.trial import run_up, vehicle_of
 from orchestrator.studies.row import Row
 
 NAME = "roughness"
 TITLE = "Ride on rough ground"
 CLASSES = ("B", "C", "D", "E")
-SPEEDS = (0.5, 1, 2, 3, 4, 5, 6)  # of the pace
-QUICK_CLASSES, QUICK_SPEEDS = ("C", "D"), SPEEDS[2::2]
+QUICK_CLASSES = ("C", "D")
 MEASURED = 16.0  # of the time scale: length of the window
 SEED = 1
 COLUMNS = (
@@ -47,57 +43,30 @@ NOTES = (
 
 def cases(scene: str, quick: bool) -> list[Case]:
     """Cases: every class at every speed."""
-    classes, speeds = (QUICK_CLASSES, QUICK_SPEEDS) if quick else (CLASSES, SPEEDS)
-    return [
-        Case(NAME, f"class {iso_class}, {factor} x pace", vibration, (scene, iso_class, factor), 10.0 + factor)
-        for iso_class in classes
-        for factor in speeds
-    ]
+    classes = {f"class {name}": name for name in (QUICK_CLASSES if quick else CLASSES)}
+    return riding.cases(NAME, vibration, scene, classes, quick)
 
 
 def vibration(scene: str, iso_class: str, factor: float) -> list[Row]:
     """Row of a run at constant speed."""
     vehicle = vehicle_of(scene)
-    speed = factor * vehicle.pace
-    begin = run_up(vehicle, speed) + 2.0 * vehicle.time
-    window = Window(begin, begin + MEASURED * vehicle.time)
-    rough = {"iso_class": iso_class, "seed": SEED, "correlated": True, "start": vehicle.front + 0.2 * vehicle.length}
-    figures: dict[str, Any] = {"iso_class": iso_class, "speed": speed}
-    try:
-        with recorded(_trial(vehicle, speed, window.end, rough)) as run:
-            (seat,), note = ride.of(run, vehicle.seat, window).seats, run.doubts
-    except RuntimeError as failure:
-        return [Row("", "", figures, note=str(failure))]
+    speed, unit = factor * vehicle.pace, vehicle.time
+    begin = run_up(vehicle, speed) + 2.0 * unit
+    start = vehicle.front + 0.2 * vehicle.length
+    rough = {"rough": {"iso_class": iso_class, "seed": SEED, "correlated": True, "start": start}}
+    window, about = Window(begin, begin + MEASURED * unit), {"iso_class": iso_class, "speed": speed}
+    return riding.ridden(vehicle, "rough ground", speed, rough, window, about, _vibration)
+
+
+def _vibration(seat: ride.SeatRide) -> riding.Figures:
     up = ride.UP
-    figures |= {
+    return {
         "rms": float(ride.rms(seat.acceleration)[up]),
         "weighted": float(seat.weighted_rms[up]),
         "total": seat.total,
         "power": seat.absorbed_power,
         "peak": float(np.abs(seat.low_passed[:, up]).max()) / ride.G,
     }
-    return [Row("", "", figures, note=note)]
-
-
-def _trial(vehicle: Vehicle, speed: float, end: float, rough: dict[str, object]) -> Scene:
-    drive = {"mode": "speed", "speed": vehicle.sprocket(speed), "ramp_start": 0.0, "ramp_time": run_up(vehicle, speed)}
-    ground = {"hull": True, "rough": rough}
-    return trial(
-        vehicle,
-        "rough ground",
-        end,
-        friction=FIRM,
-        ground=ground,
-        drive=drive,
-        seats=[vehicle.seat],
-        run={"allow": ["penetration"]},
-    )
-
-
-def by_class(rows: Sequence[Row]) -> list[tuple[str, list[Row]]]:
-    """Rows with a ride, by class, in order of speed."""
-    valid = sorted((row for row in rows if "power" in row.figures), key=lambda row: (row["iso_class"], row["speed"]))
-    return [(name, list(own)) for name, own in groupby(valid, key=lambda row: row["iso_class"])]
 
 
 def draw(rows: Sequence[Row]) -> files.Picture:
@@ -106,26 +75,17 @@ def draw(rows: Sequence[Row]) -> files.Picture:
 
     figure = Figure(figsize=(10.0, 3.8), layout="constrained", dpi=110)
     panes = figure.subplots(1, 2)
-    for name, own in by_class(rows):
-        for pane, key in zip(panes, ("weighted", "power"), strict=True):
-            pane.semilogy([row["speed"] for row in own], [row[key] for row in own], "o-", label=f"class {name}")
+    for pane, key in zip(panes, ("weighted", "power"), strict=True):
+        for name, *curve in riding.curves(rows, "iso_class", key):
+            pane.semilogy(*curve, "o-", label=f"class {name}")
+        pane.grid(alpha=0.3)
     panes[0].set(xlabel="speed, m/s", ylabel="vertical acceleration weighted by Wk, m/s2")
     panes[1].set(xlabel="speed, m/s", ylabel="absorbed power, W")
     panes[1].axhline(LIMIT, color="0.3", ls="--")
-    for pane in panes:
-        pane.grid(alpha=0.3)
     panes[0].legend(fontsize=8)
     return figure
 
 
 def find(rows: Sequence[Row]) -> list[Finding]:
     """Speed at which absorbed power reaches its limit, by class."""
-    return [
-        limit_speed(
-            f"speed at {LIMIT:g} W, class {name}",
-            [row["speed"] for row in own],
-            [row["power"] for row in own],
-            LIMIT,
-        )
-        for name, own in by_class(rows)
-    ]
+    return riding.limits(rows, "iso_class", "power", LIMIT, lambda name: f"speed at {LIMIT:g} W, class {name}")
