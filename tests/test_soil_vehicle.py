@@ -156,3 +156,31 @@ def test_turns_on_sand_mirror_each_other(tmp_path, settings):
     most = 0.4 * 155.9e3 * 0.54 * np.sum(lever * (1.0 - (1.0 - np.exp(-across)) / across))
     assert 0.75 * most < moment < most
     assert inner < 0.0 < outer
+
+
+# --- soil on a terrain ---
+
+
+def test_soil_under_a_terrain_that_is_level_is_soil():
+    """An obstacle out of reach changes nothing."""
+    level, far = (
+        InProcess(load("soft_ground", "rigid", ["drive.ramp_time=0.2 s", *settings])).run(0.3)["left_track"].model
+        for settings in ((), ("ground.half_round={x=[60], radius=0.1}",))
+    )
+    np.testing.assert_allclose(far.pins(), level.pins(), atol=1e-9)
+    np.testing.assert_allclose(far.s.soil[:, PRESSURE], level.s.soil[:, PRESSURE], rtol=1e-6, atol=1.0)
+
+
+def test_brakes_hold_on_a_slope_of_soil():
+    """Mobilised shear holds without creep: on hard ground of a friction of 0.3 it would be 8.9 mm/s."""
+    there = "drive.speed_points=[[0.2, 0], [1.2, 8], [5.5, 8], [6.5, 0]]"
+    slope = ("ground.grade=0.2", "ground.incline_start=0.6", "ground.incline_length=2.7")
+    vehicle = InProcess(load("soft_ground", "rigid", ["hitch=false", there, *slope]))
+    chassis, places = vehicle["chassis"], []
+    vehicle.run(8.5)
+    for _ in range(2):
+        places.append([chassis[f"chassis.position.{axis}"] for axis in "xyz"])
+        vehicle.run(1.0)
+    assert places[0][0] > 3.0
+    assert chassis["pitch"] == pytest.approx(-np.arctan(0.2), abs=0.05)
+    assert np.linalg.norm(np.subtract(*places)) < 1e-3
