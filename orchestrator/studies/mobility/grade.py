@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 
 from fmus.soils import law_of
-from orchestrator.results.run_data import Window
+from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.table import Column
 from orchestrator.studies import Case, files
 from orchestrator.studies.mobility import theory
@@ -18,7 +18,7 @@ from orchestrator.studies.mobility.bisected import draw_limits, limit_found
 from orchestrator.studies.mobility.bisection import Limit, bisect
 from orchestrator.studies.mobility.drawbar import SOILS
 from orchestrator.studies.mobility.finding import Finding
-from orchestrator.studies.mobility.trial import Vehicle, recorded, trial, vehicle_of
+from orchestrator.studies.mobility.trial import Vehicle, failure_of, trial, vehicle_of
 from orchestrator.studies.row import Row
 
 NAME = "grade"
@@ -63,12 +63,13 @@ def on_hard_ground(scene: str, friction: float, halvings: int) -> list[Row]:
         run_scene = trial(
             vehicle, f"grade of {slope:.4g}", end, friction=friction, ground={"grade": slope}, drive=drive
         )
-        with recorded(run_scene) as run:
+
+        def judged(run: RunData) -> str:
             t, x = run.signal("chassis.distance", Window(end - 2.0 * unit, end))
-        climbed = float((x[-1] - x[0]) / (t[-1] - t[0]))
-        return (
-            "" if climbed > MOVES * speed else f"at the end it moves at {climbed:.2g} m/s, its chain at {speed:.2g} m/s"
-        )
+            climbed, chain = float((x[-1] - x[0]) / (t[-1] - t[0])), f"its chain at {speed:.2g} m/s"
+            return "" if climbed > MOVES * speed else f"at the end it moves at {climbed:.2g} m/s, {chain}"
+
+        return failure_of(run_scene, judged)
 
     return [_row(bisect(passes, 0.7 * friction, 1.06 * friction, halvings), theory.Bracket(0.9 * friction, friction))]
 
@@ -84,9 +85,12 @@ def on_soil(scene: str, soil: str, halvings: int) -> list[Row]:
     def passes(slope: float) -> str:
         ground = {"soil": {"name": soil}, "grade": slope, "incline_start": start, "incline_length": length}
         drive = {"mode": "speed", "speed": vehicle.sprocket(speed), "ramp_time": ramp}
-        with recorded(trial(vehicle, f"grade of {slope:.4g} on {soil}", end, ground=ground, drive=drive)) as run:
+
+        def judged(run: RunData) -> str:
             short = start + 1.5 * length - float(run.signal("chassis.chassis.position.x")[1][-1])
             return f"at the end its middle is {short:.2f} m short of the slope" if short > 0.0 else ""
+
+        return failure_of(trial(vehicle, f"grade of {slope:.4g} on {soil}", end, ground=ground, drive=drive), judged)
 
     return [_row(bisect(passes, 0.25 * bracket.high, 1.1 * bracket.high, halvings), bracket)]
 

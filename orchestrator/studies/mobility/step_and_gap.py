@@ -17,7 +17,7 @@ from orchestrator.studies.mobility import theory
 from orchestrator.studies.mobility.bisected import draw_limits, limit_found
 from orchestrator.studies.mobility.bisection import bisect
 from orchestrator.studies.mobility.finding import Finding
-from orchestrator.studies.mobility.trial import Vehicle, recorded, trial, vehicle_of
+from orchestrator.studies.mobility.trial import Trial, Vehicle, failure_of, trial, vehicle_of
 from orchestrator.studies.row import Row
 
 NAME = "step_and_gap"
@@ -58,12 +58,11 @@ def largest(scene: str, obstacle: str, halvings: int) -> list[Row]:
     warned: dict[float, str] = {}
 
     def passes(size: float) -> str:
-        try:
-            with recorded(_crossing(vehicle, obstacle, size)) as run:
-                warned[size] = run.doubts
-                return _failure(run, vehicle, obstacle, size)
-        except RuntimeError as failure:
-            return str(failure)
+        def judged(run: Trial) -> str:
+            warned[size] = run.doubts
+            return _failure(run, vehicle, obstacle, size)
+
+        return failure_of(_crossing(vehicle, obstacle, size), judged)
 
     limit = bisect(passes, 0.7 * bracket.low, 2.0 * bracket.high, halvings)
     figures = {
@@ -74,7 +73,7 @@ def largest(scene: str, obstacle: str, halvings: int) -> list[Row]:
         "runs": limit.runs,
     }
     crossed = f"crossed: {warned[limit.passed]}" if warned.get(limit.passed) else ""
-    reached = limit.passed >= 0.9 * bracket.low
+    reached = not limit.failed < 0.9 * bracket.low  # the limit is between the value that passed and that which failed
     return [Row("", "", figures, reached, "; ".join(filter(None, [limit.reason, crossed])))]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
@@ -113,6 +113,15 @@ def recorded(scene: Scene) -> Iterator[Trial]:
     """Run of a trial; its log is deleted with the context. Raises RuntimeError if it fails."""
     with logged(scene, scene.title) as (path, summary), Log(path) as log:
         yield Trial(log, summary)
+
+
+def failure_of(scene: Scene, judged: Callable[[Trial], str]) -> str:
+    """Reason why a vehicle does not pass a trial, of the run itself or as ``judged``; empty if it passes."""
+    try:
+        with recorded(scene) as run:
+            return judged(run)
+    except RuntimeError as failure:
+        return str(failure)
 
 
 def run_up(vehicle: Vehicle, speed: float) -> float:
