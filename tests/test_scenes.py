@@ -23,7 +23,8 @@ MODELS = tuple(TRACKS)
 STEERED = "pivot", "serpentine", "brake_turn", "differential"  # in full only as studies: ``turn`` represents them
 OTHERS = "marder", "robot", "rear_drive"  # in full only as studies: ``test_vehicle_layouts`` represents them
 SLOW = "settle", "turn", "rig", "sprocket_bench"  # seconds of run time
-UNEVEN = "half_round", "washboard", "rough", "step", "trench", "soft_ground"  # rigid: others compile their kernels too
+# rigid: others compile their kernels too
+UNEVEN = "half_round", "washboard", "rough", "step", "trench", "soft_ground", "treadmill"
 SLOPES = "climb", "side_slope", "hold"
 ON_SOIL = "plate_press", "shear_sled"  # kernels of their own
 WARNED = {"half_round": {"penetration", "lift"}, "step": {"penetration", "lift"}}  # wheels that hang, or carry it all
@@ -225,6 +226,8 @@ TWINS = [
     ("soft_ground", "thrust", ("hitch.force=15.4 kN",)),
     ("soft_ground", "sinkage", ("ground.soil.kphi=1.2e6",)),
     ("soft_ground", "rut", ("ground.soil.kphi=1.2e6",)),
+    ("treadmill", "pull", ("ground.soil.shear_deformation_modulus=27 mm",)),
+    ("treadmill", "speed", ("hitch.drag_points=[[1.6, 0], [1.8, 155896]]",)),
     ("plate_press", "sinkage", ("ground.soil.kphi=1.56e6",)),
     ("plate_press", "compaction", ("vehicle.gravity=9.83",)),
     ("plate_press", "energy", ("run.step=2 ms", "track.step=2 ms", "run.links=1")),

@@ -28,7 +28,7 @@ SCENES = gallery.names()
 VARIANTS = {**dict.fromkeys(TRACKS, ()), "beam": ("track.element=beam",)}
 OTHERS = ("marder", "robot", "rear_drive")  # other vehicles, whose equilibria take seconds
 OTHERS += ("climb", "side_slope", "hold", "half_round", "washboard", "rough", "step", "trench")  # or other ground
-ON_SOIL = ("soft_ground", "plate_press", "shear_sled")  # whose kernels nothing else compiles
+ON_SOIL = ("soft_ground", "treadmill", "plate_press", "shear_sled")  # whose kernels nothing else compiles
 CASES = [
     pytest.param(name, kind, marks=[pytest.mark.long] * (name in ON_SOIL or (name in OTHERS and kind != "flexible")))
     for name in SCENES
