@@ -86,7 +86,7 @@ def _row(vehicle: Vehicle, name: str, run: RunData, window: Window, speed: float
         run.copies(run.tracks[k]) * _rate(run, f"{run.drive(side)}.energy.work", window)
         for k, side in enumerate(run.sides)
     )
-    resistance, settlement = compacted / speed, run.mean("chassis.settlement", window)
+    resistance = compacted / speed
     area = 2.0 * vehicle.length * soil.width
     thrust, bracket = towed + resistance, theory.drawbar(vehicle.table, soil, vehicle.weight, slip)
     limit = soil.cohesion * area + vehicle.weight * soil.tan
@@ -99,11 +99,10 @@ def _row(vehicle: Vehicle, name: str, run: RunData, window: Window, speed: float
         "resistance": 1e-3 * resistance,
         "length": _shear_length(thrust / limit, slip, soil.K),
         "efficiency": towed * run.mean("chassis.speed", window) / driven,
-        "settlement": settlement,
+        "settlement": run.mean("chassis.settlement", window),
         "weight": 1e-3 * vehicle.weight,
     }
-    note = "the belly would touch the soil" if settlement > theory.clearance(vehicle.table) else ""
-    return Row("", "", figures, bracket.holds(towed), note)
+    return Row("", "", figures, bracket.holds(towed))
 
 
 def _rate(run: RunData, signal: str, window: Window) -> float:
@@ -139,7 +138,7 @@ def draw(rows: Sequence[Row]) -> files.Picture:
 
 
 def find(rows: Sequence[Row]) -> list[Finding]:
-    """Pull at the usual slip, and the largest one, over the weight."""
+    """Pull at the usual slip, also over the weight, and the mean resistance."""
     findings = []
     for soil in dict.fromkeys(row["soil"] for row in rows):
         own = sorted((row for row in rows if row["soil"] == soil), key=lambda row: row["slip"])

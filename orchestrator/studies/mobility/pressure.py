@@ -17,6 +17,7 @@ from orchestrator.results.analyses.contact import SIGNAL, pad_area, pressure
 from orchestrator.results.run_data import RunData, Window
 from orchestrator.results.table import Column
 from orchestrator.studies import Case, files
+from orchestrator.studies.mobility.drawbar import SOILS
 from orchestrator.studies.mobility.finding import Finding
 from orchestrator.studies.mobility.trial import Vehicle, recorded, trial, vehicle_of
 from orchestrator.studies.row import Row
@@ -24,7 +25,7 @@ from orchestrator.studies.row import Row
 NAME = "pressure"
 TITLE = "Mean maximum pressure on the ground"
 HARD = "hard ground"
-GROUNDS = (HARD, "dry_sand", "lete_sand", "sandy_loam_15", "clayey_soil_38")
+GROUNDS = (HARD, *SOILS)
 RAMP, SETTLED, END = 4.0, 6.0, 10.0  # of the time scale
 EVERY = 8  # steps over which forces on links are averaged
 COLUMNS = (

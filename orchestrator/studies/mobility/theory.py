@@ -122,9 +122,3 @@ def drawbar(vehicle: VehicleTable, soil: Soil, weight: float, slip: float) -> Br
     resistances = [2.0 * compaction_resistance(soil, weight / area) for area in areas]
     thrusts = [traction(soil, weight, *part, slip) for part in zip(areas, (track.pitch, length), strict=True)]
     return Bracket(thrusts[0] - resistances[0], thrusts[1] - resistances[1])
-
-
-def clearance(vehicle: VehicleTable) -> float:
-    """Height of the hull's lowest corner over the ground as drawn, m; infinite without corners."""
-    ground = vehicle.road_wheel.z - vehicle.road_wheel.radius - 2.0 * vehicle.track.face
-    return min((corner[2] for corner in vehicle.chassis.hull or ()), default=math.inf) - ground

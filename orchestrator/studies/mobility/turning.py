@@ -8,15 +8,13 @@ from orchestrator.results import turning
 from orchestrator.results.run_data import Window
 from orchestrator.results.table import Column
 from orchestrator.studies import Case, files
-from orchestrator.studies.mobility.drawbar import SOILS
 from orchestrator.studies.mobility.finding import Finding
-from orchestrator.studies.mobility.pressure import HARD
+from orchestrator.studies.mobility.pressure import GROUNDS, HARD
 from orchestrator.studies.mobility.trial import recorded, trial, vehicle_of
 from orchestrator.studies.row import Row
 
 NAME = "turning"
 TITLE = "Turning on soil"
-GROUNDS = (HARD, *SOILS)
 DIFFERENCE = 0.2  # of the speed, either way
 RAMP, SETTLED, END = 4.0, 8.0, 14.0  # of the time scale
 COLUMNS = (
