@@ -59,9 +59,14 @@ class MeasuredRecord(NamedTuple):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on what was assumed."""
+        """Sentences on what was assumed and left out."""
         units = (f"'{each.column}' has no unit and is taken in {each.unit}" for each in self.signals if each.assumed)
-        return *units, *filter(None, [self.doubt])
+        marks = (
+            f"'{each.column}': {count} samples are {mark:.7g}, a mark of no data, and left out"
+            for each in self.signals
+            for mark, count in each.marks.items()
+        )
+        return *units, *marks, *filter(None, [self.doubt])
 
 
 class MeasuredComparison(NamedTuple):
@@ -82,7 +87,7 @@ class MeasuredComparison(NamedTuple):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on what was assumed."""
+        """Sentences on what was assumed and left out."""
         return self.record.notes
 
     def table(self) -> Table:

@@ -1,7 +1,7 @@
 """Measured signals from the CSV file of a test: columns by their names, in the units of a run's signals.
 
-The first line holds names with units: "v [km/h]", "v (km/h)" or "v, km/h". A cell that is empty, NaN or infinite is a
-gap. The clock must increase from line to line.
+The first line holds names with units: "v [km/h]", "v (km/h)" or "v, km/h". A cell that is empty, NaN, infinite or a
+mark of no data (``file_columns``) is a gap. The clock must increase from line to line.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from fmus.vehicle import BadInput, to_si
 from orchestrator.files.budget import MEASURED, MEASURED_ROWS
 from orchestrator.files.csv_lines import csv_lines
 from orchestrator.log.time_series import Floats
+from orchestrator.results.file_columns import head, no_data, unit_size
 
 CLOCKS = ("t", "time")
 FIND = "find"
@@ -45,6 +46,7 @@ class MeasuredSignal(NamedTuple):
     t: Floats  # (m,) s, increasing
     values: Floats  # (m,) in the unit; NaN in gaps
     assumed: bool  # neither file nor map gives a unit: the column has that of the signal
+    marks: Mapping[float, int]  # how often marks of no data stand in the column
 
     def shifted(self, shift: float) -> MeasuredSignal:
         """Signal with ``shift``, s, added to its times."""
@@ -73,7 +75,7 @@ def read(
     lines = csv_lines(path, MEASURED, MEASURED_ROWS, ";\t,")
     try:
         _, header = next(lines, (0, []))
-        heads = [_head(cell) for cell in header]
+        heads = [head(cell) for cell in header]
         asked = {"": clock or _clock(path, heads), **columns}
         found = [
             _column(path, header, heads, text, unit_of(signal) if signal else "s") for signal, text in asked.items()
@@ -89,25 +91,17 @@ def read(
         raise BadInput(f"{path} cannot be read: {reason}") from None
     line_of, *values = np.array(numbers).reshape(-1, 1 + len(found)).T
     factors = [_factor(path, column, signal) for column, signal in zip(found, asked, strict=True)]
-    t, *series = (np.where(np.isfinite(v), v * factor, np.nan) for v, factor in zip(values, factors, strict=True))
+    missing = [no_data(v) for v in values]
+    t, *series = (np.where(gap, np.nan, v * factor) for v, gap, factor in zip(values, missing, factors, strict=True))
     _check_clock(path, found[0].name, line_of, t)
     for column, row in zip(found[1:], series, strict=True):
         if np.isnan(row).all():
             raise BadInput(f"{path}: column '{column.name}' holds no number")
+    marks = [np.unique(v[gap & np.isfinite(v)], return_counts=True) for v, gap in zip(values, missing, strict=True)]
     return [
-        MeasuredSignal(signal, column.name, column.unit, t, row, not column.given_unit)
-        for signal, column, row in zip(columns, found[1:], series, strict=True)
+        MeasuredSignal(signal, column.name, column.unit, t, row, not column.given_unit, dict(zip(*mark, strict=True)))
+        for signal, column, row, mark in zip(columns, found[1:], series, marks[1:], strict=True)
     ]
-
-
-def _head(cell: str) -> tuple[str, str]:
-    """Name and unit in a cell of the header; "" without a unit."""
-    text = cell.strip()
-    for opening, closing in ("[]", "()", (",", "")):
-        name, bracket, unit = text.removesuffix(closing).rpartition(opening)
-        if bracket and text.endswith(closing):
-            return name.strip(), unit.strip()
-    return text, ""
 
 
 def _clock(path: Path, heads: Sequence[tuple[str, str]]) -> str:
@@ -133,12 +127,10 @@ def _column(path: Path, header: Sequence[str], heads: Sequence[tuple[str, str]],
 
 def _factor(path: Path, column: _Column, signal: str) -> float:
     """Size of the column's unit in the unit of the signal; raises BadInput for another dimension."""
-    given = {"-": "1"}.get(column.given_unit, column.given_unit)
     try:
-        return 1.0 if given in ("", column.unit) else to_si(column.unit)(f"1 {given}")
-    except ValueError:
-        wanted = f"{column.unit}, the unit of {signal}" if signal else column.unit
-        raise BadInput(f"{path}: column '{column.name}' is in {given}, which does not convert to {wanted}") from None
+        return unit_size(column.given_unit, column.unit)
+    except ValueError as error:
+        raise BadInput(f"{path}: column '{column.name}' {error}{f', the unit of {signal}' if signal else ''}") from None
 
 
 def _number(path: Path, line: int, cells: Sequence[str], column: _Column) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from fmus.soils import SoilTable
@@ -20,6 +21,7 @@ Radius = Annotated[float, In("m", ge=1e-3)]  # below, a link's penetration is la
 Places = Annotated[tuple[Place, ...], Field(min_length=1, max_length=100)]
 Height = Annotated[float, Field(allow_inf_nan=False, ge=-1e4, le=1e4, json_schema_extra={"unit": "m"})]
 MOST_HEIGHTS = 200_000  # of a map: a log holds them as text
+STEEPEST = 10.0  # 84 degrees, between neighbours of a map: beyond is no ground, but a gap in the data or another unit
 MOST_WAVES = 6000  # of a rough profile: the time to add them grows with the square
 
 
@@ -155,7 +157,7 @@ class HeightMapTable(FrozenTable):
     """Heights on a grid, with bicubic interpolation (Catmull-Rom); beyond the grid, those of its edges."""
 
     heights: Annotated[tuple[Annotated[tuple[Height, ...], Field(min_length=2)], ...], Field(min_length=2)]
-    """heights, m, or a file of them: lines follow x, columns y (.csv, .npy of floats); or a grey image of 16 bits
+    """heights, m, or a file of them: lines follow x, columns y (.csv, .npy of numbers); or a grey image of 16 bits
     (.png), seen from above with x up and y to the left"""
     range: tuple[Length, Length] | None = None
     """heights of black and white of an image"""
@@ -175,6 +177,15 @@ class HeightMapTable(FrozenTable):
             raise ValueError(f"heights: all lines must have as many columns, not {min(columns)} and {max(columns)}")
         if len(self.heights) * max(columns) > MOST_HEIGHTS:
             raise ValueError(f"heights: {len(self.heights)} x {max(columns)} are more than {MOST_HEIGHTS}: take fewer")
+        for axis, spacing in enumerate(self.spacing):
+            steps = np.abs(np.diff(self.heights, axis=axis))
+            i, j = np.unravel_index(steps.argmax(), steps.shape)
+            if steps[i, j] > STEEPEST * spacing:
+                raise ValueError(
+                    f"heights: from line {i + 1}, column {j + 1} to the next {'column' if axis else 'line'} they change"
+                    f" by {steps[i, j]:g} m over {spacing:g} m, no ground is steeper than {STEEPEST:g} (84 degrees):"
+                    " fill gaps in the data, check units and spacing, make walls by step or kerb"
+                )
         if self.range is not None:
             raise ValueError("range: the heights are numbers already, only an image needs those of black and white")
         return self

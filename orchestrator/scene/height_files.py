@@ -1,4 +1,4 @@
-"""Heights of ``[ground.heightmap]`` from CSV files, float arrays and 16-bit images, read with the scene."""
+"""Heights of ``[ground.heightmap]`` from CSV files, arrays and 16-bit images, read with the scene."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from fmus.vehicle import BadInput
 from orchestrator.files.budget import MEASURED, read_file
 from orchestrator.files.csv_lines import csv_lines
 from orchestrator.log.time_series import Floats
+from orchestrator.results.file_columns import no_data
 from orchestrator.scene.ground_tables import MOST_HEIGHTS
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -41,6 +42,12 @@ def read(table: dict[str, Any], folder: Path, where: str) -> None:
             heights = _read_image(path, heightmap.pop("range", None))
         else:
             raise ValueError("must be a file .csv, .npy or .png; write an OpenCRG road as .csv first")
+        missing = np.argwhere(no_data(heights))
+        if len(missing):
+            (i, j), more = missing[0], f", and so are {len(missing) - 1} more" if len(missing) > 1 else ""
+            raise ValueError(
+                f"line {i + 1}, column {j + 1} is {heights[i, j]:.7g}, a mark of no data{more}: fill or cut the gaps"
+            )
     except (OSError, ValueError, csv.Error) as error:
         reason = f"cannot be read: {error.strerror}" if isinstance(error, OSError) else error
         raise BadInput(f"{where}: ground.heightmap.heights = '{path}': {reason}") from None
@@ -64,8 +71,8 @@ def _read_array(path: Path) -> Floats:
         array = np.load(io.BytesIO(read_file(path, MEASURED)), allow_pickle=False)
     except Exception:  # zip archives, pickles, damaged headers
         raise ValueError("is no array of numpy") from None
-    if not isinstance(array, np.ndarray) or array.ndim != 2 or not np.issubdtype(array.dtype, np.floating):
-        raise ValueError("must be a two-dimensional array of floats")
+    if not isinstance(array, np.ndarray) or array.ndim != 2 or array.dtype.kind not in "fiu":
+        raise ValueError("must be a two-dimensional array of numbers")
     return array.astype(float)
 
 

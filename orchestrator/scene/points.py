@@ -7,13 +7,25 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fmus.vehicle import BadInput
 from orchestrator.files.budget import CSV, ROWS
 from orchestrator.files.csv_lines import csv_lines
+from orchestrator.results.file_columns import head, no_data, unit_size
 from orchestrator.scene import height_files
 
 Tables = dict[str, Any]  # raw scene
-POINTS = ("speed_points", "torque_points", "brake_points", "engine_points", "drag_points", "points", "arcs")
+UNITS = {  # of both columns of the keys that may name a file, where its head gives none
+    "speed_points": ("s", "rad/s"),
+    "torque_points": ("s", "N m"),
+    "brake_points": ("s", "N m"),
+    "engine_points": ("rad/s", "N m"),
+    "drag_points": ("m/s", "N"),
+    "points": ("m", "m"),
+    "arcs": ("m", "rad/m"),
+}
+OF_DRIVER = UNITS | {"speed_points": ("s", "m/s")}
 TABLES = ("drive", "idler_drive", "driver", "hitch")
 
 
@@ -24,9 +36,10 @@ def read(table: Tables, folder: Path, where: str) -> None:
     cannot be read.
     """
     for name, drive in _drives(table):
-        for key in POINTS:
+        for key, units in (OF_DRIVER if name == "driver" else UNITS).items():
             if isinstance(drive.get(key), str):
-                drive[key] = _read_pairs(folder / drive[key], f"{where}: {name}.{key}")
+                path = folder / drive[key]
+                drive[key] = _read_pairs(path, f"{where}: {name}.{key} = '{path}'", units)
     height_files.read(table, folder, where)
 
 
@@ -40,22 +53,36 @@ def _drives(table: Tables) -> Iterator[tuple[str, dict[str, Any]]]:
                     yield f"{name}.{side}", drive[side]
 
 
-def _read_pairs(path: Path, key: str) -> list[list[float]]:
-    """Pairs of numbers, SI, from a file with two columns; a first line of words is skipped."""
+def _read_pairs(path: Path, key: str, units: tuple[str, str]) -> list[list[float]]:
+    """Pairs of numbers, SI, from a file with two columns, whose first line may hold names with units."""
     try:
         rows = [*csv_lines(path, CSV, ROWS)]
     except (OSError, ValueError, csv.Error) as error:
         reason = error.strerror if isinstance(error, OSError) else error
-        raise BadInput(f"{key} = '{path}': cannot be read: {reason}") from None
-    pairs = []
+        raise BadInput(f"{key}: cannot be read: {reason}") from None
+    pairs, sizes = [], [1.0, 1.0]
     for number, row in rows:
         try:
             first, second = (float(cell) for cell in row)
-            pairs.append([first, second])
         except ValueError:
             if number > 1 or any(_is_number(cell) for cell in row):
-                raise BadInput(f"{key} = '{path}', line {number}: must be two numbers") from None
+                raise BadInput(f"{key}, line {number}: must be two numbers") from None
+            sizes = [*_sizes(key, row, units)]
+            continue
+        for value in (first, second):
+            if no_data(np.array(value)):
+                raise BadInput(f"{key}, line {number}: {value:.7g} is a mark of no data: leave the line out")
+        pairs.append([first * sizes[0], second * sizes[1]])
     return pairs
+
+
+def _sizes(key: str, row: list[str], units: tuple[str, str]) -> Iterator[float]:
+    """Sizes of the units in a head; raises BadInput for those of another quantity."""
+    for cell, unit in zip(row, units, strict=False):
+        try:
+            yield unit_size(head(cell)[1], unit)
+        except ValueError as error:
+            raise BadInput(f"{key}: column '{head(cell)[0]}' {error}") from None
 
 
 def _is_number(cell: str) -> bool:

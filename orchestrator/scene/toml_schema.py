@@ -9,7 +9,7 @@ from pydantic.json_schema import GenerateJsonSchema, models_json_schema
 
 from fmus.ranges import VEHICLE, PlausibleRange
 from fmus.vehicle import VehicleTable
-from orchestrator.scene.points import POINTS
+from orchestrator.scene.points import UNITS
 from orchestrator.scene.ranges import SCENE
 from orchestrator.scene.scene import KINDS
 from orchestrator.scene.settings import Schema, entries
@@ -53,7 +53,7 @@ def scene_schema() -> Schema:
         tables[name].pop("required", None)  # the base may have the key
     tables["SoilTable"].pop("required")  # the named soil may have it
     for table in tables.values():
-        for key in {*POINTS} & {*table["properties"]}:
+        for key in {*UNITS} & {*table["properties"]}:
             table["properties"][key]["anyOf"].append({"type": "string"})  # the name of a CSV file
     heights = tables["HeightMapTable"]["properties"]["heights"]
     described = {key: heights.pop(key) for key in ("description",) if key in heights}

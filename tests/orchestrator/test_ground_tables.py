@@ -82,6 +82,38 @@ def test_heights_from_a_csv_file_and_an_array(tmp_path):
     np.save(tmp_path / "a.npy", heights)
     for name in ("a.csv", "a.npy"):
         assert read_file(tmp_path / name)["heights"] == heights.tolist()
+    whole = np.array([[0, -3], [12, 40]], dtype=np.int16)  # m, as elevation models have them
+    np.save(tmp_path / "b.npy", whole)
+    assert read_file(tmp_path / "b.npy")["heights"] == whole.tolist()
+
+
+@pytest.mark.parametrize(("mark", "kind"), [
+    (-9999, "<f8"), (-9999, "<i2"), (-32768, "<i2"), (1e20, "<f4"), (-3.4028235e38, "<f4"), (np.nan, "<f8"),
+])  # fmt: skip
+def test_marks_of_no_data_in_heights_are_refused(tmp_path, mark, kind):
+    heights = np.zeros((3, 4), dtype=kind)
+    heights[1, 2] = heights[2, 2] = mark
+    np.save(tmp_path / "a.npy", heights)
+    np.savetxt(tmp_path / "a.csv", heights, delimiter=",", fmt="%.9g")
+    for name in ("a.csv", "a.npy"):
+        with pytest.raises(BadInput, match=rf"{name}': line 2, column 3 is .*, a mark of no data, and so are 1 more: "):
+            read_file(tmp_path / name)
+    heights[1, 2] = heights[2, 2] = -998
+    np.save(tmp_path / "a.npy", heights)
+    assert read_file(tmp_path / "a.npy")["heights"][1][2] == -998.0
+
+
+def test_slopes_that_no_ground_has_are_refused():
+    """Ten on one is the limit, along x and y, with the spacing of that way."""
+    for steep in ([[0, 0], [0, 0], [0, -9999]], [[0, 0], [0, 10.1]]):
+        given = MAP.replace("[[0, 0.1], [0, 0.1], [0.2, 0]]", str(steep))
+        with pytest.raises(BadInput, match=r"column 2 to the next line they change by .* m over 1 m, no ground"):
+            load("straight", "rigid", [given])
+    given = MAP.replace("[[0, 0.1], [0, 0.1], [0.2, 0]]", "[[0, 40.1], [9.9, 49]]")
+    with pytest.raises(BadInput, match=r"line 1, column 1 to the next column they change by 40\.1 m over 4 m"):
+        load("straight", "rigid", [given])
+    given = MAP.replace("[[0, 0.1], [0, 0.1], [0.2, 0]]", "[[0, 39.9], [9.9, 49]]")
+    assert load("straight", "rigid", [given]).ground.heightmap.heights[0][1] == 39.9
 
 
 def test_heights_from_a_grey_image_of_16_bits(tmp_path):
@@ -99,7 +131,7 @@ def test_files_of_heights_that_are_refused(tmp_path):
     (tmp_path / "ragged.csv").write_text("1,2\n3\n")
     (tmp_path / "no.png").write_text("no image")
     (tmp_path / "cut.npy").write_bytes(b"\x93NUMPY")
-    np.save(tmp_path / "whole.npy", np.zeros((3, 3), dtype=int))
+    np.save(tmp_path / "flags.npy", np.zeros((3, 3), dtype=bool))
     for name, keys, sentence in [
         ("colour.png", {"range": [0, 51]}, "8 bits of colour, must be grey of 16: 8 bits make steps of 0.2 m"),
         ("colour.png", {}, r"an image needs ground\.heightmap\.range = \[black, white\]"),
@@ -107,7 +139,7 @@ def test_files_of_heights_that_are_refused(tmp_path):
         ("text.csv", {}, "line 2: must be numbers"),
         ("ragged.csv", {}, "line 2: has 1 numbers, the first line 2"),
         ("cut.npy", {}, "is no array of numpy"),
-        ("whole.npy", {}, "two-dimensional array of floats"),
+        ("flags.npy", {}, "two-dimensional array of numbers"),
         ("missing.csv", {}, "cannot be read: No such file"),
     ]:
         with pytest.raises(BadInput, match=sentence) as refused:

@@ -105,6 +105,19 @@ def test_gaps_are_left_out_and_counted(run, write):
     assert (d.rms, d.mean) == pytest.approx((0.5, -0.5), abs=1e-12)
 
 
+@pytest.mark.parametrize("mark", [-9999.0, -32768.0, 1e20, float(np.finfo(np.float32).min)])
+def test_marks_of_no_data_are_gaps_and_named(run, write, mark):
+    v = SPEED + 0.5
+    v[[700, 701]] = mark
+    comparison = run.compare_measured(write("t,v [m/s]", T, v), {"chassis.speed": "v"})
+    assert comparison.notes == (f"'v': 2 samples are {mark:.7g}, a mark of no data, and left out",)
+    assert (only(comparison).instants, only(comparison).left_out) == (1999, 2)
+    assert only(comparison).largest == pytest.approx(-0.5, abs=1e-12)
+    v[[700, 701]] = -9998.0  # a value
+    comparison = run.compare_measured(write("t,v [m/s]", T, v), {"chassis.speed": "v"})
+    assert (comparison.notes, only(comparison).left_out) == ((), 0)
+
+
 def test_windows_and_phases(run, write, tmp_path):
     file = write("t,v", T, SPEED + (T > 1.0))
     d = only(run.compare_measured(file, {"chassis.speed": "v"}, start=0.5, end=1.0))

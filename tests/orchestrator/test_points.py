@@ -1,9 +1,14 @@
 """CSV files of points in a scene: columns, headings, places of files, refusals."""
 
+import re
+from math import pi
+
 import pytest
 
 from fmus.vehicle import BadInput
-from orchestrator.scene.points import read
+from orchestrator.scene.drive_tables import DriverTable, VehicleDriveTable
+from orchestrator.scene.hitch_table import HitchTable
+from orchestrator.scene.points import OF_DRIVER, UNITS, read
 
 PAIRS = [[0.0, 0.0], [2.0, -8.5], [3e1, 4.0]]
 
@@ -37,6 +42,68 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
         BadInput, match=r"^here: drive\.left\.speed_points = '.*none\.csv': cannot be read: No such file"
     ):
         read({"drive": {"left": {"speed_points": "none.csv"}}}, tmp_path, "here")
+
+
+@pytest.mark.parametrize(
+    ("place", "key", "heading", "sizes"),
+    [
+        ("drive", "speed_points", "Time [s],n [rpm]", (1.0, 2.0 * pi / 60.0)),
+        ("drive", "speed_points", "t (ms),w (deg/s)", (1e-3, pi / 180.0)),
+        ("drive", "torque_points", '"t, min","M, kNm"', (60.0, 1e3)),
+        ("idler_drive", "brake_points", "t,M [N m]", (1.0, 1.0)),
+        ("drive", "engine_points", "n [rpm],M [Nm]", (2.0 * pi / 60.0, 1.0)),
+        ("hitch", "drag_points", "v [km/h],F [kN]", (1.0 / 3.6, 1e3)),
+        ("driver", "speed_points", "t [s],v [km/h]", (1.0, 1.0 / 3.6)),
+        ("driver", "points", "x [km],y [cm]", (1e3, 1e-2)),
+        ("driver", "arcs", "length [m],curvature [1/m]", (1.0, 1.0)),
+        ("driver", "arcs", "length [m],curvature [deg/m]", (1.0, pi / 180.0)),
+    ],
+)
+def test_a_heading_names_the_units(tmp_path, place, key, heading, sizes):
+    (tmp_path / "a.csv").write_text(f"{heading}\n0,0\n4,96\n")
+    table = {place: {key: "a.csv"}}
+    read(table, tmp_path, "mine.toml")
+    assert table[place][key] == [[0.0, 0.0], pytest.approx([4.0 * sizes[0], 96.0 * sizes[1]], rel=1e-14)]
+
+
+@pytest.mark.parametrize(
+    ("key", "heading", "reason"),
+    [
+        (
+            "speed_points",
+            "Time [s],n [Hz]",
+            "column 'n' is in Hz, which is no angle over time: must be rad/s, deg/s or",
+        ),
+        ("speed_points", "n [rpm],Time [s]", "column 'n' is in rpm, which does not convert to s"),
+        ("speed_points", "t,speed (left)", "column 'speed' is in left, which is no angle over time"),
+        ("torque_points", "t,M [kN]", "column 'M' is in kN, which does not convert to N m"),
+    ],
+)
+def test_a_heading_with_another_quantity_is_refused(tmp_path, key, heading, reason):
+    (tmp_path / "a.csv").write_text(f"{heading}\n0,0\n4,96\n")
+    with pytest.raises(BadInput, match=rf"^mine\.toml: drive\.{key} = '.*a\.csv': {reason}"):
+        read({"drive": {key: "a.csv"}}, tmp_path, "mine.toml")
+
+
+def test_units_of_columns_are_those_of_the_keys():
+    """The unit of a column without one is the unit in which the table reads the numbers."""
+    tables = {VehicleDriveTable: UNITS, HitchTable: UNITS, DriverTable: OF_DRIVER}
+    found = {}
+    for table, units in tables.items():
+        schema = table.model_json_schema()["properties"]
+        for key in units.keys() & schema.keys():
+            found[table, key] = units[key]
+            points = next(one for one in schema[key]["anyOf"] if one.get("type") == "array")
+            assert tuple(one["unit"] for one in points["items"]["prefixItems"]) == units[key], key
+    assert {key for _, key in found} == UNITS.keys()
+
+
+@pytest.mark.parametrize("mark", ["-9999", "-32768.0", "1e20", "-3.4028235e38", "nan"])
+def test_marks_of_no_data_are_refused(tmp_path, mark):
+    shown = f"{float(mark):.7g}"
+    with pytest.raises(BadInput, match=rf"way\.csv', line 2: {re.escape(shown)} is a mark of no data: leave the line"):
+        read_text(tmp_path, f"0,0\n1,{mark}\n")
+    assert read_text(tmp_path, "0,0\n1,-9998\n")[1] == [1.0, -9998.0]
 
 
 @pytest.mark.parametrize("place", [("drive",), ("idler_drive",), ("driver",), ("drive", "left"), ("drive", "steering")])

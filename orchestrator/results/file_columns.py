@@ -1,0 +1,45 @@
+"""Columns of numbers in files of others: name and unit in a head, size of the unit, marks of no data."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.vehicle import to_si
+from orchestrator.log.time_series import Floats
+
+# Numbers that stand for a missing one: those of GDAL, ESRI and int16 and int32 rasters; beyond HUGE, fill values of
+# floats (1e20 of CF, 9.97e36 of netCDF, the largest of float32).
+MARKS = (-9999.0, -99999.0, -32767.0, -32768.0, -2147483648.0)
+HUGE = 1e19
+
+
+def head(cell: str) -> tuple[str, str]:
+    """Name and unit in a head, "v [km/h]", "v (km/h)" or "v, km/h"; "" without a unit."""
+    text = cell.strip()
+    for opening, closing in ("[]", "()", (",", "")):
+        name, bracket, unit = text.removesuffix(closing).rpartition(opening)
+        if bracket and text.endswith(closing):
+            return name.strip(), unit.strip()
+    return text, ""
+
+
+def unit_size(given: str, unit: str) -> float:
+    """Size of the unit of a column in ``unit``, SI, which it has without one; raises ValueError with the reason."""
+    given = {"-": "1"}.get(given, given)
+    parsed = re.sub(r"^1/([a-z]+)$", r"\1^-1", given.replace("Nm", "N m"))
+    if given in ("", unit):
+        return 1.0
+    if unit == "rad/s" and not re.search("rad|deg|rev|turn|rpm", given):
+        raise ValueError(f"is in {given}, which is no angle over time: must be rad/s, deg/s or rpm")
+    try:
+        return to_si(unit)(f"1 {parsed}")
+    except ValueError:
+        raise ValueError(f"is in {given}, which does not convert to {unit}") from None
+
+
+def no_data(values: Floats) -> NDArray[np.bool_]:
+    """Which values, as in the file, are no numbers or marks of no data."""
+    return np.isin(values, MARKS) | ~(np.abs(values) < HUGE)
