@@ -49,7 +49,7 @@ def test_cotrack_runs_from_the_wheel(unpacked, tmp_path):
     assert "straight" in listed.stdout
     ran = cotrack(unpacked, tmp_path, "run", "hanging_chain", "--stop", "0.01", "--json")
     assert ran.returncode == 0, ran.stderr
-    assert (tmp_path / "logs" / "hanging_chain-flexible.mcap").is_file()
+    assert (tmp_path / "logs" / "hanging_chain-flexible-run.stop=0.01.mcap").is_file()
     built = cotrack(unpacked, tmp_path, "build", "hanging_chain", "-o", "out")
     assert built.returncode == 0, built.stderr
     assert (tmp_path / "out" / "TrackFlexible-hanging_chain.fmu").is_file()

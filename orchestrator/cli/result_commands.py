@@ -60,7 +60,7 @@ def replay(
     for name in names:
         with replay_model.open_replay(log, name, other, log_warning, settings or ()) as opened:
             if changes and not (opened.model.as_recorded and output is None):
-                path = output or log.with_name(_answer_name(log, name, other or "set"))
+                path = output or log.with_name(_answer_name(log, name, other, settings or ()))
                 _write_answer(log, opened, path, picture, (start, end))
                 return
             verdicts[name] = opened.verify((start, end))
@@ -79,11 +79,13 @@ def _verdict_as_json(verdict: Any) -> dict[str, Any]:
     return {**verdict._asdict(), "difference": difference, "equal": verdict.equal}
 
 
-def _answer_name(log: Path, component: str, other: str) -> str:
-    """Return the default name of another model's log; ``other``: track model, FMU file or "set"."""
+def _answer_name(log: Path, component: str, other: str | None, settings: Sequence[str]) -> str:
+    """Return the default name of another model's log; ``other``: track model or FMU file."""
     from orchestrator.log.export import file_name
+    from orchestrator.scene.settings import file_part, pairs
 
-    return f"{log.stem}-{file_name(component)}-{Path(other).stem}.mcap"
+    model = f"-{Path(other).stem}" if other else ""
+    return f"{log.stem}-{file_name(component)}{model}{file_part(dict(pairs(settings)))}.mcap"
 
 
 def _write_answer(log: Path, opened: Any, path: Path, picture: Path | None, window: tuple[float, float]) -> None:

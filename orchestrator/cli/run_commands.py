@@ -51,7 +51,13 @@ def run(
     ] = None,
     log: Annotated[
         Path | None,
-        typer.Option("-o", "--output", "--log", metavar="PATH", help="the log, default logs/SCENE-TRACK.mcap"),
+        typer.Option(
+            "-o",
+            "--output",
+            "--log",
+            metavar="PATH",
+            help="the log, default logs/SCENE-TRACK.mcap, with settings behind",
+        ),
     ] = None,
     native: Annotated[bool, typer.Option("--native", help="use native FMUs; results have the same bits")] = False,
     replaced: Annotated[
@@ -111,7 +117,7 @@ def resume(
     settings: Settings = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="PATH", help="default LOG-resumed.mcap, with --set LOG-branch.mcap"),
+        typer.Option("-o", "--output", metavar="PATH", help="default LOG-resumed.mcap, LOG-branch-SETTINGS.mcap"),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="the last line on stdout is one JSON object")] = False,
 ) -> None:
@@ -123,8 +129,11 @@ def resume(
     """
     from orchestrator.execution import summary
     from orchestrator.execution.resume import resume as go_on
+    from orchestrator.scene.settings import file_part, pairs
 
-    path = output or beside(log, f"-{'branch' if settings else 'resumed'}.mcap")
+    window = {"at": at, "stop": stop}
+    branch = {key: value for key, value in window.items() if value is not None} | dict(pairs(settings or ()))
+    path = output or beside(log, f"-branch{file_part(branch)}.mcap" if settings else "-resumed.mcap")
     result = go_on(log, path, at, stop, log_warning, narration, settings or ())
     print_message(result["message"], 0)
     if as_json:

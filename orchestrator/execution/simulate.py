@@ -130,7 +130,7 @@ def _simulate(
                 status, message = _verdict(outcome, result["validity"])
                 recorder.close(status, message, outcome.steps, recorded_results.encode(result), result["warnings"])
                 result["seal"] = recorder.seal
-                file = path
+                file = recorder.file if recorder.replaces else path
         except LogFailed as failure:
             outcome = master.RunOutcome("failed", f"{failure}, at t = {reached.t:.6g} s", reached.k, reached.t)
             result |= outcome_entries(outcome, result["wall_time"]) | {

@@ -13,7 +13,7 @@ from fmus.vehicle import BadInput
 from orchestrator.cosim.narration import Narration
 from orchestrator.execution.simulate import simulate
 from orchestrator.interface.recorded_run import Run
-from orchestrator.scene.scene import changed_scene
+from orchestrator.scene.scene import with_settings
 from orchestrator.scene.settings import pairs
 from orchestrator.scene.ssp_scene import load_runnable
 from orchestrator.scene.system_scene import SystemScene
@@ -41,7 +41,8 @@ def run(
     :param step: communication step, s.
     :param estimate: estimate the error by two coarser runs, in twice the run's time.
     :param native: use native FMUs; results have the same bits.
-    :param log: path of the log, by default logs/SCENE-TRACK.mcap; an older log there is replaced.
+    :param log: path of the log, by default logs/SCENE-TRACK.mcap, with the settings behind TRACK; an older log there is
+        replaced, unless it is of a run that ended well and this one fails.
     :param progress: print progress on stderr.
     :returns: the run, also if it failed: see ``Run.ok`` and ``Run.summary``.
     :raises BadInput: before the first step, as BuildFailed, ComponentFailed, CouplingFailed, LogFailed; no log then.
@@ -51,7 +52,7 @@ def run(
     if not isinstance(scene, SystemScene):
         resolved: SystemScene = load_runnable(os.fspath(scene), track, changes)
     elif track is None:
-        resolved = changed_scene(scene.resolved(), changes, scene.where) if changes else scene
+        resolved = with_settings(scene, changes) if changes else scene
     else:
         raise BadInput(f"track = '{track}': a scene that is loaded has its track model; cotrack.load takes another one")
     path = Path(log) if log is not None else Path("logs") / resolved.log_name

@@ -34,9 +34,11 @@ from orchestrator.log.container_writer import (
 )
 from orchestrator.log.message_records import LONGEST
 from orchestrator.log.page import CHUNK, Block, Channel, Page, WireViolated
+from orchestrator.log.reader import Log, LogUnreadable
 from orchestrator.log.time_series import Topic
 from orchestrator.log.wire import Wire
 
+FAILED = "-failed"  # ending of the log of a failed run beside that of one that ended well
 BACKLOG = 4  # chunks that may wait for the disk before the run waits too
 
 
@@ -44,7 +46,8 @@ class Recorder(AbstractContextManager["Recorder"]):
     """Log open for writing; leaving the context closes it, as "failed" unless ``close`` was called.
 
     :param path: the file, or a link to it; its folder is created, any other file than a log is refused. While there is
-        an older log, ``file`` is a new one beside it, which replaces it when this log is closed.
+        an older log, ``file`` is a new one beside it, which replaces it when this log is closed; that of a failed run
+        does not replace one of a run that ended well: it stays beside it, with the ending FAILED.
     :param topics: topic -> (variable, unit) in the order of the arrays given to ``write``. By convention
         "/<instance>/in", "/<instance>/out", "/<instance>/links" and "/stats/<instance>".
     :param attachments: name -> content of files that belong to the run.
@@ -120,7 +123,7 @@ class Recorder(AbstractContextManager["Recorder"]):
 
     @property
     def replaces(self) -> bool:
-        """Whether ``file`` is to replace an older log."""
+        """Whether ``file`` is to replace an older log, or has not done so because its run failed."""
         return self.file != self._target
 
     def join_topics(self, inputs: Sequence[str], outputs: Sequence[str]) -> str:
@@ -287,11 +290,19 @@ class Recorder(AbstractContextManager["Recorder"]):
             self._file.close()
         if self._failure is None and self.replaces:
             try:
-                self.file = self.file.replace(self._target)  # a reader of the older file keeps it
+                self.file = self.file.replace(self._place_of(status))  # a reader of the older file keeps it
             except OSError as error:
                 self._failure = self._failed(error)
         if self._failure is not None and self._failure is not earlier:
             raise self._failure
+
+    def _place_of(self, status: str) -> Path:
+        """Return the file that this log of a run with a status replaces."""
+        with suppress(LogUnreadable), Log(self._target, unfinished=True) as earlier:
+            if status != "ok" and (earlier.closing or {}).get("status") == "ok":
+                notices.notice(f"{self._target} is kept: its run ended well, and this one did not")
+                return self._target.with_name(f"{self._target.stem}{FAILED}{self._target.suffix}")
+        return self._target
 
     def _write_header(
         self,

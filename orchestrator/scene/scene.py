@@ -61,7 +61,7 @@ class Scene(SystemScene):
 
     def changed(self, settings: Sequence[str] | Mapping[str, Any]) -> Scene:
         """The scene with other values, as of ``load``; its defaults are kept. Raises BadInput."""
-        return with_track(changed_scene(self.resolved(), settings, self.where)).read_from(self._archive)
+        return with_track(with_settings(self, settings))
 
     def require_own_parts(self, what: str) -> None:
         """Raise BadInput if an FMU of the user is in place of a part; ``what``: subject of the sentence."""
@@ -79,7 +79,8 @@ class Scene(SystemScene):
         needed = [group for name in analyses for group in described(name).records]
         groups = dict.fromkeys([*self.track.link_outputs, *needed])
         seated = next((name for name in analyses if described(name).seats), None)
-        return self.changed({"track.link_outputs": [*groups], **(self._all_seats(seated) if seated else {})})
+        changed = self.changed({"track.link_outputs": [*groups], **(self._all_seats(seated) if seated else {})})
+        return changed.read_from(self._archive, self._settings)  # it is the same run, with more in its log
 
     def _all_seats(self, analysis: str) -> dict[str, Any]:
         """Setting with which seats are recorded for an analysis; raises BadInput."""
@@ -375,7 +376,7 @@ def load_any(scene: str, track: str | None = None, settings: Sequence[str] | Map
         set_key(table, key, value)
     points.read(table, Path(), f"{name}.toml")
     refuse_reduced_measures(table.get("expect"), f"{name}.toml")
-    return any_from_table({"name": name, **table}, f"{name}.toml", vehicle_file)
+    return any_from_table({"name": name, **table}, f"{name}.toml", vehicle_file).read_from("", dict(pairs(settings)))
 
 
 def _kind(table: Mapping[str, Any], where: str) -> type[SystemScene]:
@@ -430,6 +431,12 @@ def any_from_table(table: Mapping[str, Any], where: str, vehicle_file: str = "")
         in_vehicle = vehicle_file and foremost(error)["loc"][:1] == ("vehicle",)
         where = f"{where} with vehicle {path_text(vehicle_file)}" if in_vehicle else where
         raise BadInput(_validation_sentence(error, where, kind)) from None
+
+
+def with_settings(scene: SystemScene, settings: Sequence[str] | Mapping[str, Any]) -> SystemScene:
+    """The scene with other values, as of ``load``; its defaults are kept. Raises BadInput."""
+    changed = changed_scene(scene.resolved(), settings, scene.where)
+    return changed.read_from(scene._archive, {**scene._settings, **dict(pairs(settings))})
 
 
 def changed_scene(resolved: dict[str, Any], settings: Sequence[str] | Mapping[str, Any], where: str) -> SystemScene:

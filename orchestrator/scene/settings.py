@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
@@ -11,10 +13,12 @@ from typing import Any
 from pydantic import BaseModel
 
 from fmus.vehicle import BadInput
+from orchestrator.scene.toml_text import toml_text
 
 Schema = dict[str, Any]  # JSON schema
 CHOSEN = "NAME"  # in place of a part of a key that a file chooses: the names of checks, of parts with an FMU
 NAMED = "expect.", "fmu."  # tables whose tables have such names
+LONGEST = 80  # characters of settings in the name of a file
 
 
 def setting(text: str) -> tuple[str, Any]:
@@ -38,6 +42,15 @@ def pairs(settings: Sequence[str] | Mapping[str, Any]) -> list[tuple[str, Any]]:
     if isinstance(settings, Mapping):
         return [(key, getattr(value, "tolist", lambda value=value: value)()) for key, value in settings.items()]
     return [setting(text) for text in settings]
+
+
+def file_part(settings: Mapping[str, Any]) -> str:
+    """Settings in a file's name, ``-run.stop=3s``; a digest ends them if they are long or need other characters."""
+    texts = (f"-{key}={v if isinstance(v, str) else toml_text(v)}" for key, v in sorted(settings.items()))
+    text = re.sub(r"(?<=\d) (?=[^\W\d])", "", "".join(texts))  # of "3 s"
+    plain = re.sub(r"[^\w.=+%,-]", "_", text, flags=re.ASCII)[:LONGEST]
+    digest = hashlib.sha256(text.encode(errors="backslashreplace")).hexdigest()
+    return plain if plain == text else f"{plain}-{digest[:8]}"
 
 
 def set_key(table: dict[str, Any], key: str, value: Any) -> None:

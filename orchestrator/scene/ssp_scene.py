@@ -52,7 +52,7 @@ def load_ssp(file: Path, track: str | None, settings: Sequence[str] | Mapping[st
     if isinstance(changed, FreeScene) and (more := changed.fmu.keys() - structure.fmus.keys()):
         name = min(more)
         raise BadInput(f"{where}: fmu.{name}: no such component: {hint(name, structure.fmus, 'the components are')}")
-    return changed.read_from(where)
+    return changed.read_from(where, dict(pairs(settings)))
 
 
 def _require_units(structure: Structure, where: str) -> None:

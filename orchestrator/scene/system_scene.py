@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Self
 
 from pydantic import Field, PrivateAttr, field_validator, model_validator
@@ -11,6 +12,7 @@ from fmus.vehicle import FrozenTable
 from orchestrator.scene.ranges import SCENE
 from orchestrator.scene.recording import aliasing_warning, links_every
 from orchestrator.scene.run_tables import RunTable
+from orchestrator.scene.settings import file_part
 from orchestrator.scene.tables import Check
 
 
@@ -29,16 +31,21 @@ class SystemScene(FrozenTable):
     """checks by their names: expected values of signals, or of measures"""
 
     _archive: str = PrivateAttr("")  # SSP archive that it comes from
+    _settings: Mapping[str, Any] = PrivateAttr(default_factory=dict)  # by which it differs from its file, by dotted key
+
+    def __eq__(self, other: object) -> bool:
+        """True for equal numbers, whatever settings made them."""
+        return type(self) is type(other) and self.__dict__ == other.__dict__
 
     @property
     def where(self) -> str:
         """Beginning of messages about it: its archive, or the file of its name."""
         return self._archive or f"{self.name}.toml"
 
-    def read_from(self, archive: str) -> Self:
-        """The scene as one that comes from an SSP archive, for messages; empty for none."""
+    def read_from(self, archive: str, settings: Mapping[str, Any]) -> Self:
+        """The scene as one of an SSP archive (empty for none) with settings: for messages and the name of its log."""
         read = self.model_copy()
-        read._archive = archive
+        read._archive, read._settings = archive, settings
         return read
 
     @model_validator(mode="after")
@@ -87,8 +94,9 @@ class SystemScene(FrozenTable):
 
     @property
     def log_name(self) -> str:
-        """File name of the log of a run, by default."""
-        return f"{self.name}-{self.variant}.mcap" if self.variant else f"{self.name}.mcap"
+        """File name of the log of a run, by default; it names the settings, so that variants have own logs."""
+        settings = {key: value for key, value in self._settings.items() if key not in ("name", "track.model")}
+        return f"{'-'.join(filter(None, (self.name, self.variant)))}{file_part(settings)}.mcap"
 
     def resolved(self) -> dict[str, Any]:
         """The scene as plain SI numbers; ``scene.any_from_table`` is the inverse."""

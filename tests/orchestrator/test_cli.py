@@ -86,8 +86,8 @@ def test_run_ends_with_one_json_object(cotrack, tmp_path):
         "iterations",
         "rejected",
     }
-    log = tmp_path / "logs" / "hanging_chain-flexible.mcap"
-    assert result["log"] == os.path.join("logs", "hanging_chain-flexible.mcap")
+    log = tmp_path / "logs" / "hanging_chain-flexible-run.stop=0.02.mcap"
+    assert result["log"] == os.path.join("logs", log.name)
     assert result["log_bytes"] == log.stat().st_size
     assert verify(log).code == WHOLE
 

@@ -68,7 +68,7 @@ def test_a_full_disk_fails_the_run(cotrack, monkeypatch):
 def test_a_run_that_fails_before_it_writes_names_no_log(cotrack, monkeypatch, tmp_path):
     """A run that fails before it writes reports no log, although an earlier log has the same name."""
     assert cotrack(*SHORT)[0] == 0
-    earlier = tmp_path / "logs" / "hanging_chain-flexible.mcap"
+    earlier = tmp_path / "logs" / "hanging_chain-flexible-run.stop=0.02.mcap"
     assert earlier.is_file()
 
     def refused(*arguments):
@@ -85,16 +85,51 @@ def test_a_run_that_fails_before_it_writes_names_no_log(cotrack, monkeypatch, tm
     assert "None" not in out
 
 
-def test_a_component_that_fails_ends_the_run_and_closes_the_log(cotrack, monkeypatch, tmp_path):
-    run = Program.run
+@pytest.fixture
+def failing(monkeypatch):
+    """Times after which the component fails, one for each run, in a list that a test fills."""
+    run, instants = Program.run, []
 
-    def failing(self, t, h):
-        if t > 0.0105:
+    def step(self, t, h):
+        if instants and t > instants[0]:
+            instants.pop(0)
             raise ComponentFailed("chain: no convergence at t = 0.011 s, link 7")
         run(self, t, h)
 
-    monkeypatch.setattr(Program, "run", failing)
+    monkeypatch.setattr(Program, "run", step)
     monkeypatch.setattr(scheme, "LONGEST_BATCH", 0.0)  # calls one by one
+    return instants
+
+
+def test_a_failed_run_keeps_the_log_of_one_that_ended_well(cotrack, failing, tmp_path):
+    """The log of a failed run is replaced by any later one, and has a name of its own beside one that ended well."""
+    own = "hanging_chain-flexible-run.stop=0.02.mcap"
+    beside = own.replace(".mcap", "-failed.mcap")
+    runs = (
+        (0.0055, own, 6),
+        (0.0105, own, 11),
+        (1.0, own, 20),
+        (0.0055, beside, 6),
+        (0.0105, beside, 11),
+        (1.0, own, 20),
+    )
+    for instant, name, steps in runs:
+        failing[:] = [instant]
+        status, out, err = cotrack(*SHORT, "--no-estimate")
+        failed, result = instant < 0.02, last(out)
+        assert (status, result["log"]) == (int(failed), os.path.join("logs", name))
+        assert (f"{own} is kept: its run ended well" in err) == (name == beside)
+        with Log(tmp_path / "logs" / name) as log:
+            assert (log.closing["status"], log.closing["steps"]) == ("failed" if failed else "ok", steps)
+            assert result["log_bytes"] == log.size
+        if name == beside:
+            with Log(tmp_path / "logs" / own) as log:
+                assert (log.closing["status"], log.closing["steps"]) == ("ok", 20)
+    assert {file.name for file in (tmp_path / "logs").iterdir()} == {own, beside}
+
+
+def test_a_component_that_fails_ends_the_run_and_closes_the_log(cotrack, failing, tmp_path):
+    failing.append(0.0105)
     status, out, err = cotrack(*SHORT)
     assert status == 1
     assert "link 7" in err

@@ -48,7 +48,7 @@ def test_replay_with_other_numbers(cotrack, tmp_path):
     assert cotrack(*SHORT, "--log", "a.mcap")[0] == 0
     replay = ("replay", "a.mcap", "--component", "chain")
     status, out, _ = cotrack(*replay, "--set", "vehicle.gravity=10")
-    assert (status, out.splitlines()[-1]) == (0, "log a-chain-set.mcap")
+    assert (status, out.splitlines()[-1]) == (0, "log a-chain-vehicle.gravity=10.mcap")
     assert next(line for line in out.splitlines() if line.startswith("tension.max")).split()[-1] == "0.0000"
     status, out, _ = cotrack(*replay, "--set", "vehicle.gravity=9.81")
     assert (status, out[:7]) == (0, "equal: ")

@@ -16,7 +16,7 @@ from orchestrator.scene.assembly import assemble
 from orchestrator.scene.placing import placed
 from orchestrator.scene.same_scene import require_same_scene
 from orchestrator.scene.scene import Scene, from_table, load
-from orchestrator.scene.settings import keys
+from orchestrator.scene.settings import file_part, keys
 from orchestrator.scene.toml_text import toml_text
 
 BARE = """
@@ -52,6 +52,34 @@ def test_gallery_resolves_and_reads_back(name, track):
 
 def test_gallery_has_its_scenes():
     assert gallery.names()[:5] == ["hanging_chain", "sprocket_bench", "rig", "settle", "straight"]
+
+
+def test_a_variant_has_a_log_of_its_own():
+    """Named by its settings, in any order, as texts or numbers; the log of a run with more in it has the same name."""
+    settings = ["vehicle.track.mass=20", "run.stop=3 s", "symmetric=true"]
+    named = load("hold", "rigid", settings[:2])
+    assert load("hold", "rigid").log_name == "hold-rigid.mcap"
+    assert named.log_name == "hold-rigid-run.stop=3s-vehicle.track.mass=20.mcap"
+    assert load("hold", "rigid", settings[1::-1]).log_name == named.log_name
+    assert load("hold", "rigid", {"run.stop": "3 s"}).changed({"vehicle.track.mass": 20}).log_name == named.log_name
+    assert named.recording_for(["slip"]).log_name == named.log_name
+    assert named.changed({"run.stop": "3 s"}).log_name == named.log_name
+    assert load("hold", "flexible", ["track.model=rigid", "name=own"]).log_name == "own-rigid.mcap"
+    others = (*(settings[:n] for n in range(4)), ["run.stop=3.1 s"], ["vehicle=marder"], ["run.links=1"])
+    masses = [[f"vehicle.track.mass={mass}"] for mass in ("20 kg", "20.1 kg", "2e1")]
+    assert len({load("straight", "rigid", one).log_name for one in (*others, *masses)}) == len(others) + len(masses)
+
+
+def test_settings_in_a_file_name_are_told_apart_and_short():
+    """Characters that shells or systems read otherwise are replaced: a digest tells such settings apart."""
+    assert file_part({}) == ""
+    odd = [
+        {"fmu.a.file": file} for file in ("a/b.fmu", "a_b.fmu", "a b.fmu", "ab.fmu", "a*b.fmu", "ä.fmu", "\udc80.fmu")
+    ]
+    texts = [file_part(settings) for settings in (*odd, {"run.x": [1, 2]}, {"run.x": [12]}, {"key": "9" * 300})]
+    assert len(set(texts)) == len(texts)
+    assert all(text.isascii() and len(text) <= 90 and not set(text) & set("/\\*?[]\"' ") for text in texts)
+    assert texts[1] == "-fmu.a.file=a_b.fmu"
 
 
 @pytest.mark.parametrize("name", gallery.MOVED)

@@ -147,7 +147,7 @@ def test_commands_on_a_free_system(lag, cotrack, tmp_path):
     assert (
         sum(line.endswith("/resources/lag.fmu; 1 values in, 1 out a step, stage 0") for line in out.splitlines()) == 2
     )
-    status, out, _ = cotrack("run", "lags.ssp", "--stop", "0.2 s", "--step", "2 ms")
+    status, out, _ = cotrack("run", "lags.ssp", "--stop", "0.2 s", "--step", "2 ms", "-o", "logs/lags.mcap")
     assert status == 0
     assert out.startswith("lags: ok\n  0.2 s simulated in ")
     assert cotrack("plot", "logs/lags.mcap", "a.x", "-o", "a.png")[0] == 0
