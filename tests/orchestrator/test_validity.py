@@ -262,13 +262,11 @@ def test_a_track_that_leaves_the_ground(tmp_path, time, off):
     assert [(e.what, e.component) for e in entries] == [("lift", "left_track")] * off
 
 
-@pytest.mark.parametrize(("ground", "allow", "severity"), [
-    ({"soil": {"n": 1.0}}, [], "failure"), ({"soil": {"n": 1.0}}, ["belly"], "warning"), ({}, [], None),
-    ({"soil": {"n": 1.0}, "incline_start": 1e3, "grade": 0.1}, [], "failure"),  # a terrain
-])  # fmt: skip
-def test_a_hull_that_soil_does_not_bear(tmp_path, ground, allow, severity):
-    """A hull of two corners that goes down at 0.1 m/s, from 0.1 m over the ground on, pitched about the first one."""
-    t = 1e-2 * np.arange(301)
+def sinking(tmp_path, ground, allow=(), force=None, until=3.0):
+    """Entries for a hull of two corners that goes down at 0.1 m/s, from 0.1 m over the ground on, pitched about the
+    first one; the rear one is 20 mm lower. ``force`` of the ground on it, by default that of a link's spring at the
+    rear corner."""
+    t = 1e-2 * np.arange(round(100.0 * until) + 1)
     table = load("straight").vehicle.model_dump()
     level, (x, y, z) = ground_level(table), table["chassis"]["centre"]
     table["chassis"]["hull"] = [[x, y, z], [x - 2.0, y, z]]
@@ -276,14 +274,47 @@ def test_a_hull_that_soil_does_not_bear(tmp_path, ground, allow, severity):
     numbers = dict(zip("wxyz", (np.cos(turn), 0.0, -np.sin(turn), 0.0), strict=True))
     columns = {f"chassis.chassis.orientation.{part}": number + 0.0 * t for part, number in numbers.items()}
     columns |= {f"chassis.chassis.position.{axis}": place for axis, place in zip("xyz", (0 * t, 0 * t, z), strict=True)}
-    scene = {"assembly": "vehicle", "vehicle": table, "run": {"step": 1e-2, "allow": allow}, "ground": ground}
+    if ground.get("hull"):
+        spring = table["contact"]["ground"]["stiffness"] * np.maximum(level + 0.02 - z, 0.0)
+        forces = 0.0 * t, 0.0 * t, spring if force is None else force + 0.0 * t
+        columns |= {f"chassis.ground.force.{axis}": each for axis, each in zip("xyz", forces, strict=True)}
+    scene = {"assembly": "vehicle", "vehicle": table, "run": {"step": 1e-2, "allow": list(allow)}, "ground": ground}
     scene["start"] = {"position": [0.0, 0.0, 0.0], "heading": 0.0}
-    entries = [e for e in entries_of(write(tmp_path / "log.mcap", columns, t, scene)) if e.what == "belly"]
-    assert [entry.severity for entry in entries] == [severity] * bool(severity)
-    for entry in entries:  # the rear corner is 20 mm lower
-        assert entry.time == pytest.approx(0.8, abs=0.011)
-        assert entry.value == pytest.approx(0.22, rel=1e-9)
-        assert "bears tracks only: 220 mm, limit 0 mm" in entry.sentence
+    return [e for e in entries_of(write(tmp_path / "log.mcap", columns, t, scene)) if e.what in ("belly", "hull")]
+
+
+@pytest.mark.parametrize(("ground", "allow", "severity"), [
+    ({"soil": {"n": 1.0}}, [], "failure"), ({"soil": {"n": 1.0}}, ["belly"], "warning"),
+    ({"soil": {"n": 1.0}, "incline_start": 1e3, "grade": 0.1}, [], "failure"),  # a terrain
+])  # fmt: skip
+def test_a_hull_that_soil_does_not_bear(tmp_path, ground, allow, severity):
+    (entry,) = sinking(tmp_path, ground, allow)
+    assert (entry.what, entry.severity) == ("belly", severity)
+    assert entry.time == pytest.approx(0.8, abs=0.011)
+    assert entry.value == pytest.approx(0.22, rel=1e-9)
+    assert "bears tracks only: 220 mm, limit 0 mm" in entry.sentence
+
+
+@pytest.mark.parametrize("more", [{}, {"incline_start": 1e3, "grade": 0.1}])
+def test_a_hull_in_hard_ground(tmp_path, more):
+    """The limit is that of a link, 29 mm, where springs hold the hull; nothing, where none does."""
+    (entry,) = sinking(tmp_path, {"hull": True, **more})
+    assert (entry.what, entry.component, entry.severity) == ("hull", "chassis", "warning")
+    assert (entry.value, entry.limit) == (pytest.approx(0.22, rel=1e-9), pytest.approx(0.029))
+    assert entry.time == pytest.approx(1.1, abs=0.011)
+    assert entry.sentence.endswith("220 mm, limit 29 mm")
+    assert sinking(tmp_path, {"hull": True, **more}, until=1.08) == []  # 28 mm
+    (entry,) = sinking(tmp_path, more)
+    assert (entry.what, entry.limit) == ("hull", 0.0)
+    assert entry.time == pytest.approx(0.8, abs=0.011)
+    assert sinking(tmp_path, more, until=0.79) == []
+
+
+def test_a_corner_beside_a_wall_is_no_deeper_than_its_force(tmp_path):
+    """A bow that touches a wall is under the height of its top; a spring of 2e6 N/m pushes by 58 kN at 29 mm."""
+    assert sinking(tmp_path, {"hull": True}, force=57e3) == []
+    (entry,) = sinking(tmp_path, {"hull": True}, force=60e3)
+    assert entry.value == pytest.approx(0.03, rel=1e-9)
 
 
 @pytest.mark.parametrize(("ground", "until", "lift", "crosses"), [

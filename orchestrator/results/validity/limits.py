@@ -26,6 +26,7 @@ KINDS = {
     "creep": LimitKind("the standing vehicle creeps where it should stick", "mm/s"),
     "lift": LimitKind("is off what bears it", "s"),
     "belly": LimitKind("the hull is in the soil, which bears tracks only", "mm", fails=True),
+    "hull": LimitKind("the hull is in hard ground, held by springs of a link, or by none without ground.hull", "mm"),
     "crossed_rut": LimitKind("the track is in the rut of the other one, which counts as untouched", "mm"),
     "contact_step": LimitKind("the step is long for the contacts: frequency times step", "rad"),
 }
@@ -57,6 +58,11 @@ LIFT = 0.2
 # Depth of a corner of the hull below the undeformed soil, m. Soil has no law for the hull: a belly that touches carries
 # a part of the weight and holds the vehicle back; on dry sand 30 mm of it would carry all. So touching is the limit.
 BELLY = 0.0
+# Depth of a corner of the hull in hard ground with ``ground.hull``, over ``track.face``. The ground holds a corner by
+# the spring of one link, 20 mm deep under each of four corners at rest; plates and edges yield by less. Deeper than a
+# link may be, the force is too small, by an unmeasured law. Without ``ground.hull`` nothing holds the hull: touching is
+# the limit.
+HULL = 1.0
 # Depth of the other track's rut where a track comes through it, m. No port carries a rut, so soil bears and resists as
 # if it were pressed for the first time.
 RUT = 0.0
