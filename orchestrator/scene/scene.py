@@ -69,7 +69,7 @@ class Scene(SystemScene):
             raise BadInput(f"{self.where}: fmu.{name}.file = {path_text(fmu.file)}: {what} parts of cotrack alone")
 
     def recording_for(self, analyses: Sequence[str]) -> Scene:
-        """The scene with the link outputs that analyses need besides its own.
+        """The scene with the link outputs that analyses need besides its own, as often as they need them.
 
         Raises BadInput for an unknown name, and for an analysis of stress that the links do not have.
         """
@@ -79,7 +79,10 @@ class Scene(SystemScene):
         needed = [group for name in analyses for group in described(name).records]
         groups = dict.fromkeys([*self.track.link_outputs, *needed])
         seated = next((name for name in analyses if described(name).seats), None)
-        changed = self.changed({"track.link_outputs": [*groups], **(self._all_seats(seated) if seated else {})})
+        every_step = any(described(name).every_step for name in analyses) and "run.links" not in self._settings
+        often = {"run.links": 1} if every_step else {}
+        seats = self._all_seats(seated) if seated else {}
+        changed = self.changed({"track.link_outputs": [*groups], **often, **seats})
         return changed.read_from(self._archive, self._settings)  # it is the same run, with more in its log
 
     def _all_seats(self, analysis: str) -> dict[str, Any]:

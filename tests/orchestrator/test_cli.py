@@ -339,8 +339,11 @@ def test_a_run_for_an_analysis_records_what_it_needs(cotrack, tmp_path, monkeypa
     assert cotrack(*SHORT, "--no-estimate", "--for", "fatigue", "--for", "deformation", "-o", made)[0] == 0
     for analysis in ("fatigue", "deformation"):
         assert cotrack("analyse", made, analysis)[0] == 0
-    with Log(plain) as before, Log(made) as after:
+    assert cotrack(*SHORT, "--no-estimate", "--for", "fatigue", "--set", "run.links=5", "-o", "fifth.mcap")[0] == 0
+    with Log(plain) as before, Log(made) as after, Log(Path("fifth.mcap")) as fifth:
         assert set(before.signals) < set(after.signals)
+        second = [log.signal("chain.link[1].tension")[0][1] for log in (after, fifth, before)]  # time of that record
+        assert second == pytest.approx(after.signal("chain.tension.max")[0][1] * np.array([1, 5, 10]))
         assert (before.signal("chain.tension.max")[1] == after.signal("chain.tension.max")[1]).all()
     status, _, err = cotrack(*SHORT, "--for", "fatig")
     assert status == 2

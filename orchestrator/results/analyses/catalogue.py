@@ -42,6 +42,7 @@ class Analysis(NamedTuple):
     options: tuple[Option, ...] = ()
     picture_options: tuple[Option, ...] = ()  # options of ``picture``
     records: tuple[str, ...] = ()  # groups of link outputs that it needs beside the standard ones
+    every_step: bool = False  # it needs links at every step: peaks between two records are lost
     stress: bool = False  # rigid links have none, so a run of them is not recorded for it
     seats: bool = False  # it needs the motion of a seat
     library: str = ""  # of the extra analysis, which it needs
@@ -85,6 +86,7 @@ ANALYSES = {
         "rainflow cycles of links: damage, equivalent ranges of stress or of a force",
         (TRACK, SN, SIGNAL),
         records=("fibres",),
+        every_step=True,
         stress=True,
         library="rainflow",
         all_tracks=True,

@@ -17,8 +17,8 @@ from orchestrator.results.thinned import Curve
 from orchestrator.results.units import hours, number
 
 HEAD = (
-    "Track", "First link to break", "Fibre", "After", "Damage in the run", "Cycles", "Largest range",
-    "Equivalent range",
+    "Track", "First link to break", "Fibre", "After", "Damage, run repeated", "Damage, run once", "Cycles",
+    "Largest range", "Equivalent range",
 )  # fmt: skip
 
 
@@ -32,13 +32,14 @@ def fatigue(pair: Pair) -> PageSection | None:
         return None
     found = result.tracks
     drawn = [
-        Trace(f"{fibre} fibre, {plain(each.track)}", _by_link(each.damage[:, column]), 2 * k + column)
+        Trace(f"{fibre} fibre, {plain(each.track)}", _by_link(each.damage_repeated[:, column]), 2 * k + column)
         for k, each in enumerate(found)
         for column, fibre in enumerate(FIBRES)
     ]
-    line, *_, same, along, recorded = result.notes()
-    note = f"Miner's sum of each link over the run. {line}. {along[0].upper()}{along[1:]}. Stress is {recorded}."
-    note += f" {same[0].upper()}{same[1:]}. Notches and mean stress are left out."
+    line, *_, counts, same, along, recorded = result.notes()
+    counts, along, same = (f"{sentence[0].upper()}{sentence[1:]}." for sentence in (counts, along, same))
+    note = f"Miner's sum of each link over each repeat of the run. {line}. {counts} {along} Stress is {recorded}."
+    note += f" {same} Notches and mean stress are left out."
     content.add_figure("damage", lines("damage", "", drawn, x="link", timed=False), "Damage", note, "wide")
     content.html = table(HEAD, [_row(each) for each in found]) + content.html
     return PageSection("fatigue", "Fatigue", "How long do the links last?", content.html, content.charts)
@@ -56,7 +57,8 @@ def _row(found: TrackFatigue) -> tuple[str, ...]:
     link, fibre = found.worst
     return (
         instance(found.track), f"link {link + 1}", FIBRES[fibre],
-        f"{hours(found.life)} of this" if np.isfinite(found.life) else "none breaks",
-        number(float(found.damage[link, fibre]), 3), number(float(found.cycles[link, fibre])),
+        f"{hours(found.life)} of this, repeated" if np.isfinite(found.life) else "none breaks",
+        number(float(found.damage_repeated[link, fibre]), 3), number(float(found.damage_once[link, fibre]), 3),
+        number(float(found.cycles[link, fibre])),
         quantity(float(found.largest[link, fibre]), "Pa"), quantity(float(found.equivalent[link, fibre]), "Pa"),
     )  # fmt: skip
