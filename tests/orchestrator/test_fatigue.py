@@ -124,14 +124,14 @@ def test_the_cost_of_the_interval_is_that_of_every_second_record(tmp_path, monke
     with Log(path) as log:
         found = fatigue.of(RunData(log))
     missed = 1.0 - (1 + 3**3) / (3**3 + 4**3 + 7**3 + 9**3)
-    assert found.tracks[0].cost == pytest.approx(missed, rel=1e-12)
+    np.testing.assert_allclose(found.tracks[0].cost, missed, rtol=1e-12)
     assert found.notes()[-1] == (
-        "recorded every 1 ms; with every second record alone the most damaged link of track would have 98 % less"
-        " damage; run.links = 1 records every step"
+        "recorded every 1 ms; with every second record alone the most damaged link would have 98 % less damage, others"
+        " up to 98 % less; run.links = 1 records every step"
     )
     fine = np.interp(np.arange(0.0, 8.01, 0.25), np.arange(9), E1049)  # every second record has all turning points
     with Log(stressed(tmp_path / "g.mcap", 1e7 * fine[:, None] * np.ones(4))) as log:
-        assert fatigue.of(RunData(log)).tracks[0].cost == pytest.approx(0.0, abs=1e-12)
+        np.testing.assert_allclose(fatigue.of(RunData(log)).tracks[0].cost, 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("text", ["90e6,1e6,5", "90 MPa,1e6,5", " 90000 kPa , 1e6 , 5"])

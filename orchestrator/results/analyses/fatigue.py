@@ -90,10 +90,10 @@ class TrackFatigue(NamedTuple):
         return (self.window.end - self.window.start) / 3600.0 / most if most else float("inf")
 
     @property
-    def cost(self) -> float:
-        """Share of the damage of the most damaged link that every second record alone would miss."""
-        most, sparse = self.equivalent[self.worst], self.sparse[self.worst]
-        return float(1.0 - (sparse / most) ** self.line.slope) if most else 0.0
+    def cost(self) -> Floats:
+        """Share of each link's damage that every second record alone would miss, (links, n)."""
+        whole = np.where(self.equivalent > 0.0, self.equivalent, 1.0)
+        return np.where(self.equivalent > 0.0, 1.0 - (self.sparse / whole) ** self.line.slope, 0.0)
 
     @property
     def worst(self) -> tuple[int, int]:
@@ -149,11 +149,12 @@ class Fatigue(NamedTuple):
         first = self.tracks[0]
         line = first.line
         same = f"equivalent range: {line.cycles:g} cycles of it do the damage of a repeat at a slope of {line.slope:g}"
-        most = max(self.tracks, key=lambda each: each.cost)
-        advice = "" if most.every_step else "; run.links = 1 records every step"
+        worst = max(float(each.cost[each.worst]) for each in self.tracks)
+        most = max(float(each.cost.max()) for each in self.tracks)
+        advice = "" if first.every_step else "; run.links = 1 records every step"
         recorded = (
-            f"recorded every {1e3 * most.interval:.4g} ms; with every second record alone the most damaged link of"
-            f" {most.track} would have {100.0 * most.cost:.2g} % less damage{advice}"
+            f"recorded every {1e3 * first.interval:.4g} ms; with every second record alone the most damaged link would"
+            f" have {100.0 * worst:.2g} % less damage, others up to {100.0 * most:.2g} % less{advice}"
         )
         if first.signal:
             return same, recorded
