@@ -28,7 +28,7 @@ def trapezoid(t, top=TOP, corners=CORNERS):
     return np.interp(t, corners[:4], (0.0, top, top, 0.0))
 
 
-def made(path, t, v, yaw_rate=None, slip=None, tension=None, work=None, tracks=TRACKS):
+def made(path, t, v, yaw_rate=None, slip=None, tension=None, work=None, tracks=TRACKS, scene=b"{}"):
     """Log of a vehicle with this motion; its heading is the integral of the yaw rate."""
     zero = np.zeros(len(t))
     yaw_rate = zero if yaw_rate is None else yaw_rate
@@ -43,7 +43,7 @@ def made(path, t, v, yaw_rate=None, slip=None, tension=None, work=None, tracks=T
         rows[f"/{track}/out"] = np.stack([zero, shown, zero if tension is None else tension - side], axis=1)
     names = [topic.split("/")[1] for topic in topics]
     system = {"instances": [{"name": name} for name in names], "connections": []}
-    files = {"scene.json": b"{}", "system.json": json.dumps(system).encode()}
+    files = {"scene.json": scene, "system.json": json.dumps(system).encode()}
     with Recorder(path, topics, files, {}) as recorder:
         for k, moment in enumerate(t):
             for topic, values in rows.items():
@@ -157,6 +157,52 @@ def test_a_pivot_is_a_turn_and_a_crawl_is_no_rest(tmp_path):
     assert of[1].radius == 0.0
     assert [one.kind for one in phases_of(made(tmp_path / "c.mcap", t, 0.05 + 0.0 * t))] == ["steady"]
     assert [one.kind for one in phases_of(made(tmp_path / "r.mcap", t, 0.02 + 0.0 * t))] == ["rest"]
+
+
+def stairs(t, size=1.0):
+    """Speed of a vehicle on stairs: 0.42 m/s, with ramps of 0.1 m/s in 0.2 s and 0.084 m each, of one size."""
+    ramps = np.arange(1.5, 3.6, 0.2)
+    return size * np.interp(t, [1.0, *ramps, 4.0], [0.0, *(0.42 + 0.05 * (-1.0) ** np.arange(len(ramps))), 0.42])
+
+
+def test_short_pieces_of_one_way_are_no_rest(tmp_path):
+    """A vehicle whose speed changes before it has gone 0.1 m drives on; one that rocks to and fro rests."""
+    t = times(4.0)
+    of = phases_of(made(tmp_path / "s.mcap", t, stairs(t)))
+    assert [one.kind for one in of] == ["rest", "acceleration", "steady"]
+    assert of[2].speed == pytest.approx(0.42, rel=0.02)
+    assert of[2].way == pytest.approx(0.42 * 2.5, rel=0.03)
+    turning = np.where((t > 2.0) & (t < 2.8), 0.3 * np.sign(np.sin(5 * np.pi * t)), 0.0)  # yaw rate cuts pieces, too
+    assert {one.kind for one in phases_of(made(tmp_path / "y.mcap", t, stairs(t), turning))[2:]} <= {"steady", "turn"}
+    rocking = np.interp(t, np.arange(1.0, 4.01, 0.2), 0.05 * (-1.0) ** np.arange(16))
+    rocking[t < 1.0] = 0.0
+    assert [one.kind for one in phases_of(made(tmp_path / "r.mcap", t, rocking))] == ["rest"], "the twin"
+
+
+def test_a_short_stretch_at_top_speed_is_no_rest(tmp_path):
+    """Over 0.095 m: it has gained its speed before, so it moves; a wait of the same length is a rest."""
+    t = times(4.5)
+    over = np.interp(t, [1.0, 1.4, 1.78, 2.18], [0.0, 0.25, 0.25, 0.0])
+    of = phases_of(made(tmp_path / "o.mcap", t, over))
+    assert [one.kind for one in of] == KINDS
+    assert of[2].speed == pytest.approx(0.25, rel=0.02)
+    assert of[2].way < phases.STAYS
+    between = np.interp(t, [1.0, 1.4, 1.78, 2.18], [0.25, 0.0, 0.0, 0.25])
+    kinds = [one.kind for one in phases_of(made(tmp_path / "b.mcap", t, between))]
+    assert kinds == ["steady", "braking", "rest", "acceleration", "steady"], "the twin"
+
+
+@pytest.mark.parametrize(("size", "kind"), [(1.0, "rest"), (0.18, "steady"), (0.3, "rest")])
+def test_thresholds_scale_with_the_vehicle(tmp_path, size, kind):
+    """A crawl of 10 mm/s: rest for a track of 9.8 m, motion for one of 1.8 m, whose limit is 8.5 mm/s (Froude)."""
+    t = times(4.0)
+    track = {"pitch": size * phases.TRACK / 64, "links": 64}
+    scene = json.dumps({"vehicle": {"track": track}}).encode()
+    (of,) = phases_of(made(tmp_path / "c.mcap", t, 0.01 + 0.0 * t, scene=scene))
+    assert of.kind == kind
+    assert (phases.STANDS * size**0.5 < 0.01) == (kind == "steady")
+    again = phases_of(made(tmp_path / "d.mcap", t, stairs(t, size**0.5), scene=scene))
+    assert [one.kind for one in again] == ["rest", "acceleration", "steady"], "the same motion of another size"
 
 
 def test_both_at_once(tmp_path):

@@ -11,17 +11,22 @@ oscillation of the hull, which decays within a few half seconds. A piece through
 interval in which both states are constant: ``steady`` at constant speed; ``turn`` at constant speed with a yaw rate;
 ``acceleration`` and ``braking`` give their turn in ``turning``. An interval shorter than SHORTEST joins its
 neighbour.
+
+Parts of constant speed that follow each other and move the same way rest or move on as one, before and after they
+are joined. Thresholds of length and speed are those of a vehicle with tracks of TRACK; others scale with the length
+of the track and, at equal Froude numbers, with its root.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from orchestrator.log.time_series import Floats
+from orchestrator.results.analyses import hull
 from orchestrator.results.broken_line import LineFitter, breaks
 from orchestrator.results.energy import without_energies
 from orchestrator.results.ground_axes import pose_signals, split
@@ -36,6 +41,7 @@ CHANGE, LARGE = 0.1, 0.25  # of the largest speed: least change of an accelerati
 QUICK = 1.0  # s
 SWING = 0.5  # ratio of the end values: pieces through zero with a larger one are ringing
 STANDS, STAYS = 0.02, 0.1  # m/s, m: rest is slower, or covers less distance
+TRACK = 64 * 0.1524  # m, length of a track of the M113
 TURNS, TURNED = 0.02, 0.05  # rad/s, rad
 SHORTEST = 0.25  # s
 ALIKE = 1e-3  # m/s: one figure for slips of both sides that differ by less
@@ -155,11 +161,21 @@ def of(run: RunData, window: Window = EVER) -> Phases:
 def _found(run: RunData, window: Window) -> Phases:
     motion = _read(run, window)
     t, v, yaw_rate = motion.t, motion.columns["chassis.speed"], motion.columns["chassis.chassis.angular_velocity.z"]
-    speeds, turns = _speed_states(t, v), _yaw_states(t, yaw_rate)
+    size = _size(run)
+    speeds, turns = _speed_states(t, v, size), _yaw_states(t, yaw_rate)
     edges = sorted({*speeds, *turns, len(t)})
-    parts = [(a, b, (_latest(speeds, a) or _rest_or_steady(t, v, a, b), _latest(turns, a))) for a, b in pairwise(edges)]
-    parts = _really_turning(t, np.unwrap(motion.columns["chassis.yaw"]), _without_slivers(t, parts))
+    parts = [(a, b, (_latest(speeds, a), _latest(turns, a))) for a, b in pairwise(edges)]
+    parts = _judged(t, v, _without_slivers(t, _judged(t, v, parts, size)), size)
+    parts = _really_turning(t, np.unwrap(motion.columns["chassis.yaw"]), parts)
     return Phases(tuple(_figures(run, motion, a, min(b, len(t) - 1), *state) for a, b, state in parts))
+
+
+def _size(run: RunData) -> float:
+    """Length of a track over TRACK; 1 for a log without it."""
+    try:
+        return hull.vehicle_number(run, "track", "pitch") * hull.vehicle_number(run, "track", "links") / TRACK
+    except Missing:
+        return 1.0
 
 
 def _read(run: RunData, window: Window) -> _Motion:
@@ -191,6 +207,9 @@ def _read(run: RunData, window: Window) -> _Motion:
 
 
 # --- states ----------------------------------------------------------------------------------------
+
+
+_Part = tuple[int, int, tuple[str, int]]  # first and last record, and both states
 
 
 class _Piece(NamedTuple):
@@ -228,27 +247,46 @@ def _piece(lines: LineFitter, a: int, b: int) -> _Piece:
     return _Piece(a, b, time, float(line.middle) - half, float(line.middle) + half)
 
 
-def _speed_states(t: Floats, v: Floats) -> dict[int, str]:
+def _speed_states(t: Floats, v: Floats, size: float) -> dict[int, str]:
     """States by their first record: "acceleration", "braking" or, at constant speed, ""."""
-    top = float(np.abs(v).max())
-    parts = [(p, _trend(p)) for p in _pieces(t, v, LEAST_SPEED, CHANGE * top)]
+    top, least = float(np.abs(v).max()), LEAST_SPEED * size**0.5
+    parts = [(p, _trend(p)) for p in _pieces(t, v, least, CHANGE * top)]
     states: dict[int, str] = {}
     for group in _grouped(parts):
         first, last, trend = group[0][0], group[-1][0], group[0][1]
         time, change = sum(p.time for p, _ in group), abs(abs(last.last) - abs(first.first))
-        if trend and change >= max((LARGE if time < QUICK else CHANGE) * top, 2.0 * LEAST_SPEED):
+        if trend and change >= max((LARGE if time < QUICK else CHANGE) * top, 2.0 * least):
             states[first.start] = "acceleration" if trend > 0 else "braking"
         else:
             states[first.start] = ""
     return states
 
 
-def _rest_or_steady(t: Floats, v: Floats, a: int, b: int) -> str:
-    """State "rest" or "steady" of records a to b - 1."""
-    durations, top = record_durations(t)[a:b], float(np.abs(v).max())
-    time, way = float(durations.sum()), abs(float(durations @ v[a:b]))
-    still = way < STAYS or way < STANDS * time or (time < QUICK and way < CHANGE * top * time)
-    return "rest" if still else "steady"
+def _judged(t: Floats, v: Floats, parts: list[_Part], size: float) -> list[_Part]:
+    """Parts at constant speed as "rest" or "steady": neighbours that move the same way count as one."""
+    durations, top = record_durations(t), float(np.abs(v).max())
+
+    def motion(part: _Part) -> tuple[float, float]:
+        """Time, s, and way, m."""
+        inside = slice(part[0], part[1])
+        return float(durations[inside].sum()), float(durations[inside] @ v[inside])
+
+    def direction(part: _Part) -> int | str:
+        """Direction of motion, 0 of a part that stands, or the state of one at another than constant speed."""
+        (time, way), state = motion(part), part[2][0]
+        stands = abs(way) < STANDS * size**0.5 * time
+        return state if state in ("acceleration", "braking") else 0 if stands else int(np.sign(way))
+
+    judged: list[_Part] = []
+    groups = [(state, list(group)) for state, group in groupby(parts, key=direction)]
+    states = ["", *(state for state, _ in groups), ""]
+    for (state, members), before, after in zip(groups, states[:-2], states[2:], strict=True):
+        time, way = np.abs(np.sum([motion(part) for part in members], axis=0))
+        little = way < STAYS * size or (time < QUICK and way < CHANGE * top * time)
+        moves = before == "acceleration" or after == "braking"  # it has gained the speed, or has it to lose
+        kind = state if isinstance(state, str) else "rest" if not state or (little and not moves) else "steady"
+        judged += [(a, b, (kind, turn)) for a, b, (_, turn) in members]
+    return _merged(judged)
 
 
 def _trend(piece: _Piece) -> int:
@@ -279,9 +317,6 @@ def _grouped(parts: list[tuple[_Piece, int]]) -> list[list[tuple[_Piece, int]]]:
         else:
             groups.append([part])
     return groups
-
-
-_Part = tuple[int, int, tuple[str, int]]  # first and last record, and both states
 
 
 def _latest(states: Mapping[int, Any], record: int) -> Any:
