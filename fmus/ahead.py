@@ -18,7 +18,7 @@ from typing import Any
 
 from fmus.cache import cache_folder, private_folder, read_checked, write_checked
 from fmus.jit import COMPILED
-from fmus.sources import ROOT, source_hash
+from fmus.sources import ROOT, search_path, source_hash
 
 Recipe = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, its config, its parameters
 
@@ -36,7 +36,7 @@ def start_compilation(parts: Sequence[Recipe], patience: int = 0) -> subprocess.
         [sys.executable, "-m", "fmus.ahead", str(patience)],
         stdin=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
-        env={**os.environ, "PYTHONPATH": str(ROOT.parent)},
+        env={**os.environ, "PYTHONPATH": search_path(ROOT.parent)},
         text=True,
     )
     assert child.stdin is not None

@@ -34,7 +34,7 @@ from fmus.cache import (
 )
 from fmus.components import KINDS
 from fmus.documentation import documentation, key_parts, readme_beside
-from fmus.sources import ROOT, source_hash, sources
+from fmus.sources import ROOT, search_path, source_hash, sources
 
 INCLUDED = ("pythonfmu",)  # distribution of which an FMU has the wrapper and the sources
 CONFIG = "config.json"  # file of an FMU's resources with the argument of its model
@@ -186,7 +186,7 @@ def _pack(stage: Path, shells: Sequence[Shell], packages: Sequence[Path]) -> Ite
         text=True,
         capture_output=True,
         cwd=tree,
-        env={**os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"},
+        env={**os.environ, "PYTHONPATH": search_path(tree), "PYTHONDONTWRITEBYTECODE": "1"},
     )
     if child.returncode:
         stems = dict.fromkeys(shell.script.stem for shell in shells)

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from fmus.cache import cached_result
 from fmus.components import KINDS, model_of
 from fmus.ports import Port
-from fmus.sources import ROOT, source_hash, sources
+from fmus.sources import ROOT, search_path, source_hash, sources
 
 SHORT = 5  # links of a shortened chain
 Recipe = tuple[str, Mapping[str, Any], Mapping[str, Any]]  # kind of component, its config, its parameters
@@ -56,7 +56,7 @@ def _started(parts: Sequence[Recipe]) -> Contents:
         input=json.dumps(parts),
         text=True,
         capture_output=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT.parent), "NUMBA_DISABLE_JIT": "1"},
+        env={**os.environ, "PYTHONPATH": search_path(ROOT.parent), "NUMBA_DISABLE_JIT": "1"},
     )
     if child.returncode:
         message = (child.stderr.strip() or "no message").splitlines()[-1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import os
 import sys
 from collections.abc import Iterator
 from functools import cache, lru_cache
@@ -18,6 +19,11 @@ PARSING = Lock()  # Python 3.11 counts the depth of a tree for all threads toget
 def sources(root: Path = ROOT) -> list[Path]:
     """Python sources below ``root``, in a fixed order."""
     return sorted(root.rglob("*.py"), key=lambda path: path.relative_to(root).as_posix())
+
+
+def search_path(first: Path) -> str:
+    """PYTHONPATH with which a child process finds what is in ``first``, and else what this process finds."""
+    return os.pathsep.join([str(first), *sys.path])
 
 
 def source_hash(root: Path = ROOT) -> str:

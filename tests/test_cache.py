@@ -299,6 +299,16 @@ def test_without_a_cache_fmus_are_built_and_unpacked_for_this_process(full, capl
     assert record.getMessage().endswith("/toy_fmu.fmu: No space left on device")
 
 
+def test_a_home_that_is_not_there_is_one_sentence(tmp_path, environment):
+    command = [sys.executable, "-m", "orchestrator", "scenes"]
+    env = {**environment, "COTRACK_CACHE": "~nouser/x"}
+    done = subprocess.run(command, env=env, cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, len(done.stderr.splitlines())) == (0, 1), done.stderr
+    assert done.stderr.startswith("the cache folder ~nouser/x cannot be found")
+    assert "straight" in done.stdout
+    assert [*tmp_path.iterdir()] == []
+
+
 def test_a_truth_needs_a_cache(full, monkeypatch):
     monkeypatch.setattr("orchestrator.execution.truth._build", built_of(Counter()))
     with pytest.raises(BadInput, match=r"^truth: it cannot be kept in the cache: .*/truth.json: No space left"):

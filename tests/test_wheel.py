@@ -39,7 +39,7 @@ def test_wheel_has_scenes_vehicles_and_pages_only(unpacked):
     assert top == {"cotrack", "fmus", "orchestrator"}
     assert sum(path.stat().st_size for path in unpacked.parent.glob("*.whl")) < 2_000_000
     (entries,) = unpacked.glob("*.dist-info/entry_points.txt")
-    assert "cotrack = orchestrator.cli:main" in entries.read_text()
+    assert "cotrack = orchestrator.__main__:main" in entries.read_text()
 
 
 @pytest.mark.long

@@ -20,6 +20,7 @@ from fmus.track_choices import TRACKS
 from fmus.vehicle import BadInput, path_text
 from orchestrator.cli import printed
 from orchestrator.cosim.narration import Narration
+from orchestrator.log.extra import lacking
 from orchestrator.log.notices import LogNotice
 
 FMI_WARNING = 1
@@ -77,6 +78,8 @@ def message_and_status(error: Exception) -> tuple[str, int]:
         traceback.print_exception(error)
     if isinstance(error, refusals()):
         return shortened(str(error)), 2
+    if isinstance(error, ImportError) and not (error.name or "").startswith(("fmus", "orchestrator")):
+        return shortened(lacking(error)), 2
     if isinstance(error, BrokenPipeError):  # the reader of the pipe has closed it
         return "", 1
     if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:

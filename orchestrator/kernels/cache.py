@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import hashlib
+import logging
 import os
 import shutil
 import sys
@@ -22,17 +23,27 @@ class UntrustedFolder(PermissionError):
 
 
 def cache_folder() -> Path:
-    """The cache: ``$COTRACK_CACHE``, else in the user's cache folder."""
+    """The cache: ``$COTRACK_CACHE``, else in the user's cache folder; a temporary one if there is no such home."""
     chosen = os.environ.get("COTRACK_CACHE")
     if chosen:
-        return Path(chosen).expanduser().absolute()
-    if sys.platform == "win32":
+        base = chosen
+    elif sys.platform == "win32":
         base = os.environ.get("LOCALAPPDATA") or "~/AppData/Local"
     elif sys.platform == "darwin":
         base = "~/Library/Caches"
     else:
         base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    return Path(base).expanduser() / "cotrack"
+    place = Path(base) if chosen else Path(base, "cotrack")
+    try:
+        return place.expanduser().absolute()
+    except (OSError, RuntimeError):  # no such user, a user without a home, a working folder that is gone
+        os.environ["COTRACK_CACHE"] = str(temporary_folder())  # also for child processes
+        logging.getLogger("cotrack").warning(
+            "the cache folder %s cannot be found, so every command compiles and builds anew, in a temporary folder:"
+            " name another one in COTRACK_CACHE",
+            place,
+        )
+        return temporary_folder()
 
 
 def make_folder(folder: Path) -> None:

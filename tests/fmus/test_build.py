@@ -1,6 +1,7 @@
 """An FMU depends on its sources and configuration alone and is built once, by one process."""
 
 import json
+import os
 import subprocess
 import sys
 import zipfile
@@ -9,8 +10,10 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from conftest import TOY, build_toy
 
+from fmus import ahead, loaded
 from fmus.build import KINDS, BuildFailed, Shell, build, build_shell, build_shells
 from fmus.sources import ROOT, source_hash, sources
+from orchestrator.fmu_check import runner
 
 
 def test_fmu_holds_the_whole_tree_and_sources_only(toy):
@@ -50,6 +53,48 @@ def test_fmus_built_together_are_those_built_alone(tmp_path, monkeypatch):
     assert [len(json.loads(child["input"])["shells"]) for child in children] == [1, 2]
     monkeypatch.setenv("COTRACK_CACHE", str(tmp_path / "alone"))
     assert build_toy(start=0.4).read_bytes() == built[2].read_bytes()
+
+
+@pytest.mark.parametrize("module", ["fmus.build", "fmus.loaded", "fmus.ahead", "orchestrator.fmu_check.runner"])
+def test_a_child_finds_what_its_parent_finds(tmp_path, monkeypatch, module):
+    """Packages that came by PYTHONPATH, or that the program put on its path, are on that of every child."""
+    monkeypatch.setenv("COTRACK_CACHE", str(tmp_path))
+    monkeypatch.delenv("PYTHONPATH", raising=False)
+    monkeypatch.syspath_prepend(tmp_path / "packages")
+    paths = []
+
+    def started(command, **how):
+        paths.append(how["env"]["PYTHONPATH"].split(os.pathsep))
+        raise OSError("no child here")
+
+    for name in ("run", "Popen"):
+        monkeypatch.setattr(f"{module}.subprocess.{name}", started)
+    part = ("SprocketDrive", {}, {})
+    calls = {
+        "fmus.build": lambda: build_toy(start=0.77),
+        "fmus.loaded": lambda: loaded.loaded_contents([part]),
+        "fmus.ahead": lambda: ahead.start_compilation([part]),
+        "orchestrator.fmu_check.runner": lambda: runner.in_child("units", tmp_path / "a.fmu", None, 1.0),
+    }
+    with pytest.raises((OSError, BuildFailed), match="no child here"):
+        calls[module]()
+    path = paths[0]
+    assert path[1:] == sys.path
+    assert str(tmp_path / "packages") in path
+
+
+@pytest.mark.long
+def test_packages_may_come_by_pythonpath(tmp_path):
+    """A Python without packages builds an FMU with those in PYTHONPATH, as ``pip install --target`` puts them."""
+    env = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(TOY.parents[1]), *sys.path]),
+        "COTRACK_CACHE": str(tmp_path),
+    }
+    command = [getattr(sys, "_base_executable", sys.executable), "-P", "-m", "orchestrator", "build", "hanging_chain"]
+    done = subprocess.run([*command, "-o", "built"], env=env, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert [file.name for file in (tmp_path / "built").iterdir()] == ["TrackFlexible-hanging_chain.fmu"]
 
 
 def test_of_fmus_built_together_the_one_that_fails_is_named(tmp_path, monkeypatch):

@@ -1,5 +1,6 @@
 """Kernels are found by content: at any path, and not after an edit of a function that they call."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from fmus import jit, sources
+from fmus.cache import temporary_folder
 
 MODULES = {
     "__init__.py": "",
@@ -190,6 +192,26 @@ def test_cache_folder_is_the_chosen_one_or_the_users(monkeypatch):
     assert jit.cache_folder() == Path("/somewhere/else")
     monkeypatch.delenv("COTRACK_CACHE")
     assert jit.cache_folder().name == "cotrack"
+
+
+@pytest.mark.parametrize("chosen", ["~nouser/x", "", "gone"])
+def test_a_cache_folder_that_cannot_be_found_is_a_temporary_one(monkeypatch, tmp_path, caplog, chosen):
+    """A user who does not exist or has no home, a working folder that is gone; children use the same folder."""
+    monkeypatch.setenv("COTRACK_CACHE", chosen)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    if chosen == "":
+        assert jit.cache_folder() == tmp_path / "home" / ".cache" / "cotrack"
+        monkeypatch.delenv("HOME")
+        monkeypatch.setattr("pwd.getpwuid", {}.__getitem__)
+    if chosen == "gone":
+        (tmp_path / "gone").mkdir()
+        monkeypatch.chdir(tmp_path / "gone")
+        (tmp_path / "gone").rmdir()
+    assert jit.cache_folder() == temporary_folder() == Path(os.environ["COTRACK_CACHE"]) == jit.cache_folder()
+    (record,) = caplog.records
+    named = chosen or "~/.cache/cotrack"
+    assert record.getMessage().startswith(f"the cache folder {named} cannot be found, so every command compiles")
 
 
 ANNOUNCED = """
